@@ -1,0 +1,85 @@
+# What a fresh machine needs: Python 3.11 or newer, make and a C compiler. The rest comes from requirements.lock.
+#
+#   make demo        the main job on an embedded default, into build/demo
+#   make test        the tests, but for those that take minutes
+#   make check       ruff, mypy --strict, the import order
+#   make bench       the benchmarks            make check-long   the tests that take minutes
+#   make wheel       a wheel, into dist        make lock         renew requirements.lock (asks the registry)
+
+PYTHON ?= python3
+VENV   := .venv
+BIN    := $(VENV)/bin
+RUN    := $(BIN)/python
+# Two workers: limits in the tests are on CPU time, which a neighbour does not lengthen as it does the clock.
+PYTEST_ARGS ?= -n 2
+
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+
+# What the extension and the installed metadata are made of; a change in Python needs no rebuild.
+COMPILED := pyproject.toml CMakeLists.txt $(shell find src -name '*.[ch]' 2>/dev/null)
+
+.DELETE_ON_ERROR:
+.PHONY: help install demo test check check-long bench lock wheel clean
+
+help:
+	@sed -n 's/^#   //p' Makefile
+
+# ------------------------------------------------------------------------------------------------ install
+
+$(VENV)/.made:
+	@command -v $(PYTHON) >/dev/null 2>&1 || { \
+	  echo "mrdamper needs Python 3.11 or newer, and '$(PYTHON)' is not there; name one: make PYTHON=python3.12 ..." >&2; exit 1; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+	  echo "mrdamper needs Python 3.11 or newer, and '$(PYTHON)' is $$($(PYTHON) -V 2>&1); name one: make PYTHON=python3.12 ..." >&2; exit 1; }
+	@$(RUN) -c 'import sys, pip; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || { \
+	  echo "making $(VENV) with $$($(PYTHON) -V 2>&1)"; $(PYTHON) -m venv --clear $(VENV); }
+	@touch $@
+
+$(VENV)/.locked: requirements.lock $(VENV)/.made
+	@echo "installing from requirements.lock"
+	@$(RUN) -m pip install --quiet --require-hashes -r requirements.lock
+	@touch $@
+
+$(VENV)/.built: $(COMPILED) $(VENV)/.locked
+	@for each in "$(CC)" cc gcc clang; do command -v "$$each" >/dev/null 2>&1 && exit 0; done; \
+	  echo "mrdamper needs a C compiler (cc, gcc or clang; or set CC), and none was found" >&2; exit 1
+	@echo "building the extension"
+	@PATH="$(CURDIR)/$(BIN):$$PATH" $(RUN) -m pip install --quiet --no-build-isolation --no-deps \
+	  --config-settings=build-dir=$(VENV)/cmake --editable .
+	@touch $@
+
+install: $(VENV)/.built
+
+# ------------------------------------------------------------------------------------------------ jobs
+
+demo: install
+	$(BIN)/mrdamper demo --out build/demo
+
+test: install
+	$(RUN) -m pytest $(PYTEST_ARGS)
+
+check-long: install
+	$(RUN) -m pytest $(PYTEST_ARGS) -m long
+
+bench: install
+	$(RUN) -m bench
+
+check: install
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+# Names, versions and hashes: no address, so that whatever registry or mirror a machine has will do.
+lock: $(VENV)/.made
+	$(RUN) -m pip install --quiet uv
+	$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --fork-strategy fewest --generate-hashes \
+	  --no-emit-index-url --no-emit-find-links --no-annotate --custom-compile-command "make lock" \
+	  --extra all --extra test --group build --output-file requirements.lock $(LOCK_ARGS) pyproject.toml
+
+wheel: $(VENV)/.made
+	$(RUN) -m pip wheel --no-deps --wheel-dir dist .
+
+clean:
+	rm -rf build dist .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis
+	find src tests bench examples -name __pycache__ -type d -prune -exec rm -rf {} +

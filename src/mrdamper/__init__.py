@@ -1,0 +1,80 @@
+"""Magnetorheological dampers: from measured rig runs to a model card.
+
+>>> import mrdamper
+>>> runs = mrdamper.read_runs(["runs/sine_10mm2Hz_1.00A.csv"])  # doctest: +SKIP
+
+Names are loaded from their rooms on first use, so that importing the package (and answering
+``mrdamper --help``) does not load NumPy.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from mrdamper.errors import ConvergenceError, EnvelopeError, InputError, MissingExtraError, MrdamperError
+
+if TYPE_CHECKING:
+    from mrdamper.app.api import assess, fit, predict
+    from mrdamper.data.prepare import prepare_run
+    from mrdamper.data.readers import read_runs
+    from mrdamper.data.records import Dataset, RigRun
+    from mrdamper.models.card import ModelCard, read_card
+    from mrdamper.models.damper import Damper
+    from mrdamper.models.simulate import simulate
+
+    __version__: str
+
+__all__ = [
+    "ConvergenceError",
+    "Damper",
+    "Dataset",
+    "EnvelopeError",
+    "InputError",
+    "MissingExtraError",
+    "ModelCard",
+    "MrdamperError",
+    "RigRun",
+    "__version__",
+    "assess",
+    "fit",
+    "predict",
+    "prepare_run",
+    "read_card",
+    "read_runs",
+    "simulate",
+]
+
+_ROOM_OF = {
+    "Damper": "mrdamper.models.damper",
+    "Dataset": "mrdamper.data.records",
+    "ModelCard": "mrdamper.models.card",
+    "RigRun": "mrdamper.data.records",
+    "assess": "mrdamper.app.api",
+    "fit": "mrdamper.app.api",
+    "predict": "mrdamper.app.api",
+    "prepare_run": "mrdamper.data.prepare",
+    "read_card": "mrdamper.models.card",
+    "read_runs": "mrdamper.data.readers",
+    "simulate": "mrdamper.models.simulate",
+}
+
+if not TYPE_CHECKING:  # a type checker sees the imports above, and a misspelt name as an error
+
+    def __getattr__(name: str) -> object:
+        """Load a public name on first use and keep it (PEP 562)."""
+        value: object
+        if name == "__version__":
+            from importlib.metadata import version
+
+            value = version("mrdamper")
+        elif name in _ROOM_OF:
+            from importlib import import_module
+
+            value = getattr(import_module(_ROOM_OF[name]), name)
+        else:
+            raise AttributeError(f"module 'mrdamper' has no attribute {name!r}")
+        globals()[name] = value
+        return value
+
+    def __dir__() -> list[str]:
+        return sorted({*globals(), *__all__})

@@ -1,0 +1,1 @@
+"""The jobs end to end, their reports, and the command line."""

@@ -1,0 +1,130 @@
+"""The compiled kernel behind a NumPy face: shapes in, shapes out, nothing decided here.
+
+The arithmetic is ``kernel/`` (C99, one translation unit, compiled once per instruction set with equal
+bits); ``binding/`` hands it buffers and releases the GIL around it. Law numbers and the order of their
+coefficients are those of ``models.laws``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrdamper.core import _kernel
+from mrdamper.core._kernel import Record
+from mrdamper.excitation import Trajectory
+
+__all__ = [
+    "LONGEST_STEP",
+    "MOST_DIRECTIONS",
+    "Record",
+    "causal",
+    "curve",
+    "gram",
+    "lagged",
+    "open_record",
+    "run",
+    "squared_errors",
+]
+
+FloatArray = NDArray[np.float64]
+
+LONGEST_STEP = 2.5e-3
+"""Longest step [s] of the implicit laws; a longer sample interval is divided."""
+
+MOST_DIRECTIONS = 48
+"""Most tangent columns of one call (MRD_DIRECTIONS in kernel.h)."""
+
+
+def open_record(trajectory: Trajectory, *, longest_step: float = LONGEST_STEP) -> Record:
+    """Return the kernel's view of a trajectory: its turning points, and the stages of implicit steps."""
+    return Record(
+        trajectory.step,
+        trajectory.displacement,
+        trajectory.velocity,
+        trajectory.acceleration,
+        trajectory.dead_band,
+        longest_step,
+    )
+
+
+def run(
+    law: int,
+    record: Record,
+    coefficients: FloatArray,
+    directions: Sequence[int] = (),
+    seeds: FloatArray | None = None,
+    *,
+    columns: FloatArray | None = None,
+) -> tuple[FloatArray, FloatArray]:
+    """Return the force [N], shape (n,), and its tangent columns, shape (len(directions), n).
+
+    Parameters
+    ----------
+    coefficients : in the law's order and units, shape (m,) when constant over the run, else (m, n)
+    directions : coefficients to differentiate by, by their place in the law
+    seeds : how fast each direction's coefficient moves, shape (d,) or (d, n); None: unit rate
+    columns : where to put the tangent columns, shape (len(directions), n)
+
+    Raises
+    ------
+    ValueError
+        Wrong shapes, an unknown law, or kappa or n that vary over the run.
+    """
+    force = np.empty(record.samples)
+    if columns is None:
+        columns = np.empty((len(directions), record.samples))
+    _kernel.run(law, record, coefficients, directions, seeds, force, columns)
+    return force, columns
+
+
+def causal(law: int, record: Record, coefficients: FloatArray) -> FloatArray:
+    """Return the force [N] of the per-sample map, as a controller on the target computes it."""
+    force = np.empty(record.samples)
+    _kernel.causal(law, record, coefficients, force)
+    return force
+
+
+def gram(columns: FloatArray, start: int = 0) -> FloatArray:
+    """Return the sums of products of the rows of ``columns`` from sample ``start`` on, shape (rows, rows)."""
+    out = np.empty((len(columns), len(columns)))
+    _kernel.gram(columns, len(columns), start, out)
+    return out
+
+
+def squared_errors(
+    law: int,
+    records: Sequence[Record],
+    measured: Sequence[FloatArray],
+    starts: Sequence[int],
+    coefficients: FloatArray,
+) -> FloatArray:
+    """Return the sum of squared errors [N^2] of every candidate on every run, shape (candidates, runs).
+
+    Parameters
+    ----------
+    coefficients : constant over each run, shape (candidates, runs, m)
+    starts : first scored sample of each run
+    """
+    errors = np.empty(coefficients.shape[:2])
+    _kernel.squared_errors(law, tuple(records), tuple(measured), tuple(starts), coefficients, errors)
+    return errors
+
+
+def lagged(command: FloatArray, step: float, lag: float) -> tuple[FloatArray, FloatArray]:
+    """Return a command after a first-order lag [s], and its derivative by the lag.
+
+    Exact for a command that is linear between samples; it starts settled.
+    """
+    applied, by_lag = np.empty_like(command), np.empty_like(command)
+    _kernel.lag(step, lag, command, applied, by_lag)
+    return applied, by_lag
+
+
+def curve(kappa: float, n: float, tau: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the universal curve Y(tau), dY/dtau, dY/dkappa and dY/dn as the kernel tabulates them."""
+    out = [np.empty_like(tau) for _ in range(4)]
+    _kernel.curve(kappa, n, tau, *out)
+    return out[0], out[1], out[2], out[3]

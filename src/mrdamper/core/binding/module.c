@@ -1,0 +1,500 @@
+/* The extension mrdamper.core._kernel: buffers in, buffers out, the GIL released around the arithmetic.
+ *
+ * Built against the stable ABI (CPython 3.11). No NumPy here: anything that exports a contiguous buffer
+ * of C doubles will do. Shapes are checked here once; the kernel trusts them.
+ */
+#define PY_SSIZE_T_CLEAN
+#define Py_LIMITED_API 0x030b0000
+#include <Python.h>
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "../kernel/kernel.h"
+
+const mrd_api *mrd_api_baseline(void);
+#ifdef MRD_HAVE_X86_LEVELS
+const mrd_api *mrd_api_v3(void);
+const mrd_api *mrd_api_v4(void);
+#endif
+
+static const mrd_api *levels[3];
+static int level_count = 0;
+static const mrd_api *kernel = NULL;
+
+static void find_levels(void)
+{
+    level_count = 0;
+    levels[level_count++] = mrd_api_baseline();
+#ifdef MRD_HAVE_X86_LEVELS
+    __builtin_cpu_init();
+    if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("bmi2") && __builtin_cpu_supports("fma")) {
+        levels[level_count++] = mrd_api_v3();
+        if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl")
+            && __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512cd"))
+            levels[level_count++] = mrd_api_v4();
+    }
+#endif
+    kernel = levels[level_count - 1];
+}
+
+/* A contiguous buffer of doubles; `count` is its length. Returns 0 with an exception set on failure. */
+static int open_doubles(PyObject *object, Py_buffer *view, int writable, const char *what)
+{
+    if (PyObject_GetBuffer(object, view, PyBUF_C_CONTIGUOUS | PyBUF_FORMAT | (writable ? PyBUF_WRITABLE : 0)) < 0) return 0;
+    if (view->itemsize != (Py_ssize_t)sizeof(double) || !view->format || strcmp(view->format, "d") != 0) {
+        PyErr_Format(PyExc_TypeError, "%s must be contiguous float64", what);
+        PyBuffer_Release(view);
+        return 0;
+    }
+    return 1;
+}
+
+static size_t count_of(const Py_buffer *view) { return (size_t)view->len / sizeof(double); }
+
+static PyObject *fail(mrd_status status)
+{
+    if (status == MRD_NO_MEMORY) return PyErr_NoMemory();
+    if (status == MRD_SHAPE_VARIES)
+        PyErr_SetString(PyExc_ValueError, "kappa and n must be constant over a run whose command varies");
+    else
+        PyErr_SetString(PyExc_ValueError, "the kernel has no such law");
+    return NULL;
+}
+
+/* ---- Record: one run's kinematics, its turning points and stages ------------------------------------ */
+
+typedef struct {
+    PyObject_HEAD
+    mrd_record record;
+    double *store;
+} RecordObject;
+
+static PyTypeObject *record_type = NULL;
+
+static PyObject *record_new(PyTypeObject *type, PyObject *args, PyObject *kwargs)
+{
+    PyObject *ox, *ov, *oa;
+    double step, dead_band, longest_step;
+    static char *names[] = {"step", "displacement", "velocity", "acceleration", "dead_band", "longest_step", NULL};
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "dOOOdd", names, &step, &ox, &ov, &oa, &dead_band, &longest_step))
+        return NULL;
+    Py_buffer x, v, a;
+    if (!open_doubles(ox, &x, 0, "displacement")) return NULL;
+    if (!open_doubles(ov, &v, 0, "velocity")) { PyBuffer_Release(&x); return NULL; }
+    if (!open_doubles(oa, &a, 0, "acceleration")) { PyBuffer_Release(&x); PyBuffer_Release(&v); return NULL; }
+    RecordObject *self = NULL;
+    const size_t n = count_of(&x);
+    if (count_of(&v) != n || count_of(&a) != n || n == 0) {
+        PyErr_SetString(PyExc_ValueError, "displacement, velocity and acceleration must have one, nonzero length");
+        goto done;
+    }
+    if (!(step > 0.0) || !(dead_band >= 0.0) || !(longest_step > 0.0) || step / longest_step > 1e6) {
+        PyErr_SetString(PyExc_ValueError, "step and longest_step must be positive, dead_band not negative");
+        goto done;
+    }
+    allocfunc alloc = (allocfunc)PyType_GetSlot(type, Py_tp_alloc);
+    self = (RecordObject *)alloc(type, 0);
+    if (!self) goto done;
+    self->store = malloc(3 * n * sizeof(double));
+    if (!self->store) {
+        Py_CLEAR(self);
+        PyErr_NoMemory();
+        goto done;
+    }
+    memcpy(self->store, x.buf, n * sizeof(double));
+    memcpy(self->store + n, v.buf, n * sizeof(double));
+    memcpy(self->store + 2 * n, a.buf, n * sizeof(double));
+    {
+        mrd_status status;
+        Py_BEGIN_ALLOW_THREADS
+        status = kernel->record_open(&self->record, n, step, self->store, self->store + n, self->store + 2 * n, dead_band,
+                                     longest_step);
+        Py_END_ALLOW_THREADS
+        if (status != MRD_OK) {
+            Py_CLEAR(self);
+            fail(status);
+        }
+    }
+done:
+    PyBuffer_Release(&x);
+    PyBuffer_Release(&v);
+    PyBuffer_Release(&a);
+    return (PyObject *)self;
+}
+
+static void record_dealloc(PyObject *object)
+{
+    RecordObject *self = (RecordObject *)object;
+    PyTypeObject *type = Py_TYPE(object);
+    levels[0]->record_close(&self->record);
+    free(self->store);
+    freefunc release = (freefunc)PyType_GetSlot(type, Py_tp_free);
+    release(object);
+    Py_DECREF(type);
+}
+
+static PyObject *record_get_n(PyObject *self, void *unused)
+{
+    (void)unused;
+    return PyLong_FromSize_t(((RecordObject *)self)->record.n);
+}
+
+static PyObject *record_get_substeps(PyObject *self, void *unused)
+{
+    (void)unused;
+    return PyLong_FromSize_t(((RecordObject *)self)->record.substeps);
+}
+
+static PyObject *record_get_pieces(PyObject *self, void *unused)
+{
+    (void)unused;
+    const mrd_record *r = &((RecordObject *)self)->record;
+    PyObject *out = PyTuple_New((Py_ssize_t)r->pieces);
+    for (size_t p = 0; out && p < r->pieces; p++) {
+        PyObject *row = Py_BuildValue("(ndi)", (Py_ssize_t)r->first[p], r->turn[p], r->side[p] > 0.0 ? 1 : -1);
+        if (!row || PyTuple_SetItem(out, (Py_ssize_t)p, row) < 0) Py_CLEAR(out);
+    }
+    return out;
+}
+
+static PyGetSetDef record_getset[] = {
+    {"samples", record_get_n, NULL, "Number of samples.", NULL},
+    {"substeps", record_get_substeps, NULL, "Steps of the implicit laws per sample.", NULL},
+    {"pieces", record_get_pieces, NULL, "Monotone pieces: (first sample, displacement where it starts, direction).", NULL},
+    {NULL, NULL, NULL, NULL, NULL}};
+
+static PyType_Slot record_slots[] = {{Py_tp_new, record_new},
+                                     {Py_tp_dealloc, record_dealloc},
+                                     {Py_tp_getset, record_getset},
+                                     {Py_tp_doc, "One run's kinematics with its turning points."},
+                                     {0, NULL}};
+
+static PyType_Spec record_spec = {"mrdamper.core._kernel.Record", (int)sizeof(RecordObject), 0, Py_TPFLAGS_DEFAULT,
+                                  record_slots};
+
+static mrd_record *as_record(PyObject *object)
+{
+    if (!PyObject_TypeCheck(object, record_type)) {
+        PyErr_SetString(PyExc_TypeError, "expected a Record");
+        return NULL;
+    }
+    return &((RecordObject *)object)->record;
+}
+
+/* ---- functions -------------------------------------------------------------------------------------- */
+
+static int open_model(int law, PyObject *object, size_t n, Py_buffer *view, mrd_model *model)
+{
+    const size_t count = (size_t)kernel->coefficient_count(law);
+    if (!count) {
+        fail(MRD_NOT_A_LAW);
+        return 0;
+    }
+    if (!open_doubles(object, view, 0, "coefficients")) return 0;
+    if (count_of(view) != count && count_of(view) != count * n) {
+        PyErr_Format(PyExc_ValueError, "law %d takes %zu coefficients (or %zu rows of %zu samples), got %zu numbers", law,
+                     count, count, n, count_of(view));
+        PyBuffer_Release(view);
+        return 0;
+    }
+    model->law = (mrd_law)law;
+    model->coefficient = view->buf;
+    model->stride = count_of(view) == count ? 0 : n;
+    return 1;
+}
+
+static PyObject *py_run(PyObject *module, PyObject *args)
+{
+    (void)module;
+    int law;
+    PyObject *orecord, *ocoef, *odirections, *oseeds, *oforce, *ocolumns, *result = NULL;
+    if (!PyArg_ParseTuple(args, "iOOOOOO", &law, &orecord, &ocoef, &odirections, &oseeds, &oforce, &ocolumns)) return NULL;
+    const mrd_record *r = as_record(orecord);
+    if (!r) return NULL;
+    mrd_direction direction[MRD_DIRECTIONS];
+    const Py_ssize_t wanted = PySequence_Size(odirections);
+    if (wanted < 0) return NULL;
+    if (wanted > MRD_DIRECTIONS) {
+        PyErr_Format(PyExc_ValueError, "at most %d directions, got %zd", MRD_DIRECTIONS, wanted);
+        return NULL;
+    }
+    const size_t directions = (size_t)wanted;
+    Py_buffer coef, seeds, force, columns;
+    mrd_model model;
+    if (!open_model(law, ocoef, r->n, &coef, &model)) return NULL;
+    const int have_seeds = oseeds != Py_None, have_force = oforce != Py_None, have_columns = directions > 0;
+    int open = 0;
+    if (have_seeds && !open_doubles(oseeds, &seeds, 0, "seeds")) goto close;
+    open = 1;
+    if (have_force && !open_doubles(oforce, &force, 1, "force")) goto close;
+    open = 2;
+    if (have_columns && !open_doubles(ocolumns, &columns, 1, "columns")) goto close;
+    open = 3;
+    if ((have_force && count_of(&force) != r->n) || (have_columns && count_of(&columns) != directions * r->n)
+        || (have_seeds && count_of(&seeds) != directions && count_of(&seeds) != directions * r->n)) {
+        PyErr_SetString(PyExc_ValueError, "force, columns or seeds do not have the record's length");
+        goto close;
+    }
+    for (size_t d = 0; d < directions; d++) {
+        PyObject *item = PySequence_GetItem(odirections, (Py_ssize_t)d);
+        const long k = item ? PyLong_AsLong(item) : -1;
+        Py_XDECREF(item);
+        if (PyErr_Occurred()) goto close;
+        if (k < 0 || k >= kernel->coefficient_count(law)) {
+            PyErr_Format(PyExc_ValueError, "the law has no coefficient number %ld", k);
+            goto close;
+        }
+        direction[d].coefficient = (int)k;
+        direction[d].stride = have_seeds && count_of(&seeds) == directions * r->n && r->n != 1;
+        direction[d].seed = have_seeds ? (const double *)seeds.buf + (direction[d].stride ? d * r->n : d) : NULL;
+    }
+    {
+        mrd_status status;
+        Py_BEGIN_ALLOW_THREADS
+        status = kernel->run(&model, r, directions, direction, have_force ? force.buf : NULL,
+                             have_columns ? columns.buf : NULL);
+        Py_END_ALLOW_THREADS
+        result = status == MRD_OK ? Py_NewRef(Py_None) : fail(status);
+    }
+close:
+    if (open >= 3 && have_columns) PyBuffer_Release(&columns);
+    if (open >= 2 && have_force) PyBuffer_Release(&force);
+    if (open >= 1 && have_seeds) PyBuffer_Release(&seeds);
+    PyBuffer_Release(&coef);
+    return result;
+}
+
+static PyObject *py_causal(PyObject *module, PyObject *args)
+{
+    (void)module;
+    int law;
+    PyObject *orecord, *ocoef, *oforce, *result = NULL;
+    if (!PyArg_ParseTuple(args, "iOOO", &law, &orecord, &ocoef, &oforce)) return NULL;
+    const mrd_record *r = as_record(orecord);
+    if (!r) return NULL;
+    Py_buffer coef, force;
+    mrd_model model;
+    if (!open_model(law, ocoef, r->n, &coef, &model)) return NULL;
+    if (open_doubles(oforce, &force, 1, "force")) {
+        if (count_of(&force) != r->n) {
+            PyErr_SetString(PyExc_ValueError, "force does not have the record's length");
+        } else {
+            mrd_status status;
+            Py_BEGIN_ALLOW_THREADS
+            status = kernel->causal(&model, r, force.buf);
+            Py_END_ALLOW_THREADS
+            result = status == MRD_OK ? Py_NewRef(Py_None) : fail(status);
+        }
+        PyBuffer_Release(&force);
+    }
+    PyBuffer_Release(&coef);
+    return result;
+}
+
+static PyObject *py_squared_errors(PyObject *module, PyObject *args)
+{
+    (void)module;
+    int law;
+    PyObject *orecords, *omeasured, *ofrom, *ocoef, *oerrors, *result = NULL;
+    if (!PyArg_ParseTuple(args, "iOOOOO", &law, &orecords, &omeasured, &ofrom, &ocoef, &oerrors)) return NULL;
+    const Py_ssize_t wanted = PySequence_Size(orecords);
+    if (wanted < 0) return NULL;
+    if (PySequence_Size(omeasured) != wanted || PySequence_Size(ofrom) != wanted || wanted == 0) {
+        PyErr_SetString(PyExc_ValueError, "records, measured and from must have one, nonzero length");
+        return NULL;
+    }
+    const size_t runs = (size_t)wanted, count = (size_t)kernel->coefficient_count(law);
+    if (!count) return fail(MRD_NOT_A_LAW);
+    const mrd_record **record = calloc(runs, sizeof *record);
+    const double **measured = calloc(runs, sizeof *measured);
+    size_t *from = calloc(runs, sizeof *from);
+    Py_buffer *view = calloc(runs, sizeof *view), coef, errors;
+    size_t opened = 0;
+    if (!record || !measured || !from || !view) {
+        PyErr_NoMemory();
+        goto release;
+    }
+    for (; opened < runs; opened++) {
+        const Py_ssize_t k = (Py_ssize_t)opened;
+        PyObject *orecord = PySequence_GetItem(orecords, k), *oforce = PySequence_GetItem(omeasured, k);
+        PyObject *ostart = PySequence_GetItem(ofrom, k);
+        record[opened] = orecord ? as_record(orecord) : NULL;
+        from[opened] = ostart ? PyLong_AsSize_t(ostart) : 0;
+        const int fine = record[opened] && oforce && !PyErr_Occurred() && open_doubles(oforce, view + opened, 0, "measured force");
+        Py_XDECREF(orecord); /* the caller's sequence keeps it alive */
+        Py_XDECREF(oforce);
+        Py_XDECREF(ostart);
+        if (!fine) goto release;
+        if (count_of(view + opened) != record[opened]->n) {
+            opened++;
+            PyErr_SetString(PyExc_ValueError, "measured force does not have its record's length");
+            goto release;
+        }
+        measured[opened] = view[opened].buf;
+    }
+    if (!open_doubles(ocoef, &coef, 0, "coefficients")) goto release;
+    if (open_doubles(oerrors, &errors, 1, "errors")) {
+        const size_t candidates = count_of(&errors) / runs;
+        if (candidates * runs != count_of(&errors) || candidates * runs * count != count_of(&coef)) {
+            PyErr_SetString(PyExc_ValueError, "coefficients must be [candidate][run][coefficient], errors [candidate][run]");
+        } else {
+            mrd_status status;
+            Py_BEGIN_ALLOW_THREADS
+            status = kernel->squared_errors((mrd_law)law, runs, record, measured, from, candidates, coef.buf, errors.buf);
+            Py_END_ALLOW_THREADS
+            result = status == MRD_OK ? Py_NewRef(Py_None) : fail(status);
+        }
+        PyBuffer_Release(&errors);
+    }
+    PyBuffer_Release(&coef);
+release:
+    for (size_t k = 0; view && k < opened; k++) PyBuffer_Release(view + k);
+    free(record);
+    free(measured);
+    free(from);
+    free(view);
+    return result;
+}
+
+static PyObject *py_gram(PyObject *module, PyObject *args)
+{
+    (void)module;
+    PyObject *ocolumns, *oout, *result = NULL;
+    Py_ssize_t rows, from;
+    if (!PyArg_ParseTuple(args, "OnnO", &ocolumns, &rows, &from, &oout)) return NULL;
+    Py_buffer columns, out;
+    if (!open_doubles(ocolumns, &columns, 0, "columns")) return NULL;
+    if (open_doubles(oout, &out, 1, "out")) {
+        const size_t m = rows > 0 ? (size_t)rows : 0, n = m ? count_of(&columns) / m : 0;
+        if (!m || m * n != count_of(&columns) || count_of(&out) != m * m || from < 0 || (size_t)from > n) {
+            PyErr_SetString(PyExc_ValueError, "columns must be rows x samples, out rows x rows");
+        } else {
+            Py_BEGIN_ALLOW_THREADS
+            kernel->gram(m, n, columns.buf, (size_t)from, out.buf);
+            Py_END_ALLOW_THREADS
+            result = Py_NewRef(Py_None);
+        }
+        PyBuffer_Release(&out);
+    }
+    PyBuffer_Release(&columns);
+    return result;
+}
+
+static PyObject *py_curve(PyObject *module, PyObject *args)
+{
+    (void)module;
+    double kappa, n;
+    PyObject *object[5], *result = NULL;
+    Py_buffer view[5];
+    if (!PyArg_ParseTuple(args, "ddOOOOO", &kappa, &n, &object[0], &object[1], &object[2], &object[3], &object[4])) return NULL;
+    if (!(kappa >= -1.0 && kappa <= 1.0 && n >= 0.2 && n <= 20.0)) {
+        PyErr_SetString(PyExc_ValueError, "the curve is tabulated for -1 <= kappa <= 1 and 0.2 <= n <= 20");
+        return NULL;
+    }
+    int opened = 0;
+    for (; opened < 5; opened++) {
+        if (!open_doubles(object[opened], view + opened, opened > 0, "curve array")) goto release;
+        if (count_of(view + opened) != count_of(view)) {
+            opened++;
+            PyErr_SetString(PyExc_ValueError, "the arrays must have one length");
+            goto release;
+        }
+    }
+    Py_BEGIN_ALLOW_THREADS
+    kernel->curve(kappa, n, count_of(view), view[0].buf, view[1].buf, view[2].buf, view[3].buf, view[4].buf);
+    Py_END_ALLOW_THREADS
+    result = Py_NewRef(Py_None);
+release:
+    for (int k = 0; k < opened; k++) PyBuffer_Release(view + k);
+    return result;
+}
+
+static PyObject *py_lag(PyObject *module, PyObject *args)
+{
+    (void)module;
+    double step, lag;
+    PyObject *object[3], *result = NULL;
+    Py_buffer view[3];
+    if (!PyArg_ParseTuple(args, "ddOOO", &step, &lag, &object[0], &object[1], &object[2])) return NULL;
+    int opened = 0;
+    for (; opened < 3; opened++) {
+        if (!open_doubles(object[opened], view + opened, opened > 0, "lag array")) goto release;
+        if (count_of(view + opened) != count_of(view)) {
+            opened++;
+            PyErr_SetString(PyExc_ValueError, "the arrays must have one length");
+            goto release;
+        }
+    }
+    Py_BEGIN_ALLOW_THREADS
+    kernel->lag(count_of(view), step, lag, view[0].buf, view[1].buf, view[2].buf);
+    Py_END_ALLOW_THREADS
+    result = Py_NewRef(Py_None);
+release:
+    for (int k = 0; k < opened; k++) PyBuffer_Release(view + k);
+    return result;
+}
+
+static PyObject *py_levels(PyObject *module, PyObject *unused)
+{
+    (void)module;
+    (void)unused;
+    PyObject *out = PyTuple_New(level_count);
+    for (int k = 0; out && k < level_count; k++)
+        if (PyTuple_SetItem(out, k, PyUnicode_FromString(levels[k]->name)) < 0) Py_CLEAR(out);
+    return out;
+}
+
+static PyObject *py_level(PyObject *module, PyObject *unused)
+{
+    (void)module;
+    (void)unused;
+    return PyUnicode_FromString(kernel->name);
+}
+
+static PyObject *py_use_level(PyObject *module, PyObject *args)
+{
+    (void)module;
+    const char *name;
+    if (!PyArg_ParseTuple(args, "s", &name)) return NULL;
+    for (int k = 0; k < level_count; k++) {
+        if (strcmp(levels[k]->name, name) == 0) {
+            kernel = levels[k];
+            Py_RETURN_NONE;
+        }
+    }
+    PyErr_Format(PyExc_ValueError, "this machine or build has no instruction set level '%s'", name);
+    return NULL;
+}
+
+static PyMethodDef methods[] = {
+    {"run", py_run, METH_VARARGS,
+     "run(law, record, coefficients, directions, seeds, force, columns): force and tangent columns along a record."},
+    {"causal", py_causal, METH_VARARGS, "causal(law, record, coefficients, force): the per-sample map."},
+    {"squared_errors", py_squared_errors, METH_VARARGS,
+     "squared_errors(law, records, measured, from, coefficients, errors): ensemble over candidates and runs."},
+    {"gram", py_gram, METH_VARARGS, "gram(columns, rows, from, out): Gram matrix of the rows."},
+    {"curve", py_curve, METH_VARARGS, "curve(kappa, n, tau, w, slope, by_kappa, by_n): the universal curve."},
+    {"lag", py_lag, METH_VARARGS, "lag(step, lag, command, applied, by_lag): first-order lag of a command."},
+    {"levels", py_levels, METH_NOARGS, "Instruction set levels that this machine can run, slowest first."},
+    {"level", py_level, METH_NOARGS, "The level in use."},
+    {"use_level", py_use_level, METH_VARARGS, "use_level(name): choose a level (for tests and the bench)."},
+    {NULL, NULL, 0, NULL}};
+
+static struct PyModuleDef definition = {PyModuleDef_HEAD_INIT, "_kernel", "The C kernel of mrdamper.", -1, methods,
+                                        NULL, NULL, NULL, NULL};
+
+PyMODINIT_FUNC PyInit__kernel(void)
+{
+    find_levels();
+    PyObject *module = PyModule_Create(&definition);
+    if (!module) return NULL;
+    PyObject *type = PyType_FromSpec(&record_spec);
+    if (!type || PyModule_AddObjectRef(module, "Record", type) < 0) {
+        Py_XDECREF(type);
+        Py_DECREF(module);
+        return NULL;
+    }
+    record_type = (PyTypeObject *)type;
+    return module;
+}

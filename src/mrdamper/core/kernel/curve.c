@@ -1,0 +1,295 @@
+/* The universal curve of the Bouc-Wen law.
+ *
+ * On a monotone piece of motion, with w counted positive in the direction of motion and
+ * tau = rho |x - x_turn|,
+ *
+ *     dw/dtau = 1 - w^n             w >= 0   (the "rise")
+ *     dw/dtau = 1 - kappa |w|^n     w <  0   (the "fall" towards zero)
+ *
+ * so one curve Y(tau) through Y(0) = 0 serves a whole record. Both branches are u' = 1 - k u^n from
+ * u(0) = 0 in their own coordinates (u = |w|, k = 1 or kappa, tau counted away from zero), tabulated
+ * as cubics on cells whose width doubles with every octave of tau + offset: fine where u^n bends,
+ * wide where the curve is flat. The cell index is read off the floating-point bits.
+ *
+ * The knots come from Taylor series (no pow per knot); the derivatives by n and by kappa are
+ * tabulated on the same knots by the same series, differentiated, so that the tangents of the table
+ * are exact for the table.
+ */
+#include <math.h>
+#include <string.h>
+
+#define ORDER 6      /* of the Taylor step between knots */
+#define SERIES 6     /* terms in tau^n near zero */
+
+typedef struct {
+    double offset;      /* power of two added to tau before the look-up */
+    double top;         /* largest tau + offset inside the table */
+    double step_scale;  /* 2^bits: a cell of the octave [2^e, 2^(e+1)) is 2^e / step_scale wide */
+    uint64_t base;      /* bits of offset, shifted */
+    int shift;          /* 52 - log2(cells per octave) */
+    size_t cells;
+    double cell[4 * MRD_CELLS];
+    double by_n[4 * MRD_CELLS];
+    double by_k[4 * MRD_CELLS];
+} branch;
+
+typedef struct {
+    double kappa, n;
+    int tangents;
+    branch rise, fall;
+} curve;
+
+static inline uint64_t bits_of(double t)
+{
+    uint64_t u;
+    memcpy(&u, &t, sizeof u);
+    return u;
+}
+
+static inline double from_bits(uint64_t u)
+{
+    double t;
+    memcpy(&t, &u, sizeof t);
+    return t;
+}
+
+/* Position inside its cell, 0 to 1, of t = tau + offset. */
+static inline double local_of(uint64_t bits, int shift)
+{
+    return from_bits(((bits << (52 - shift)) & UINT64_C(0x000fffffffffffff)) | UINT64_C(0x3ff0000000000000)) - 1.0;
+}
+
+static inline double cubic_at(const double *restrict cell, uint64_t base, int shift, double t)
+{
+    const uint64_t bits = bits_of(t);
+    const double *c = cell + 4 * ((bits >> shift) - base);
+    const double l = local_of(bits, shift);
+    return c[0] + l * (c[1] + l * (c[2] + l * c[3]));
+}
+
+/* Derivative of the same cubic by tau. */
+static inline double slope_at(const double *restrict cell, uint64_t base, int shift, double t)
+{
+    const uint64_t bits = bits_of(t);
+    const double *c = cell + 4 * ((bits >> shift) - base);
+    const double l = local_of(bits, shift);
+    const double width = from_bits(bits & UINT64_C(0x7ff0000000000000)) * from_bits((uint64_t)(1023 + shift - 52) << 52);
+    return (c[1] + l * (2.0 * c[2] + l * 3.0 * c[3])) / width;
+}
+
+static inline double clamp_to(const branch *b, double tau)
+{
+    const double t = tau + b->offset;
+    return t < b->top ? t : b->top;
+}
+
+static void hermite(double *c, double f0, double d0, double f1, double d1, double width)
+{
+    const double rise = f1 - f0;
+    c[0] = f0;
+    c[1] = d0 * width;
+    c[2] = 3.0 * rise - (2.0 * d0 + d1) * width;
+    c[3] = (d0 + d1) * width - 2.0 * rise;
+}
+
+/* A knot of the table: u, p = u^n, and their derivatives by n and by k. */
+typedef struct {
+    double u, p, un, pn, uk, pk;
+} knot;
+
+/* The knot at tau by the series u = tau sum b_j q^j, q = k tau^n, p = tau^n sum c_j q^j. */
+static knot knot_near_zero(double tau, double k, double n, int tangents)
+{
+    double b[SERIES + 1], c[SERIES], bn[SERIES + 1], cn[SERIES];
+    knot out = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
+    if (tau <= 0.0) return out;
+    b[0] = 1.0;
+    bn[0] = 0.0;
+    for (int j = 0; j < SERIES; j++) {
+        double sum = 0.0, sum_n = 0.0;
+        for (int i = 1; i <= j; i++) {
+            const double g = n * i - (j - i);
+            sum += g * b[i] * c[j - i];
+            sum_n += i * b[i] * c[j - i] + g * (bn[i] * c[j - i] + b[i] * cn[j - i]);
+        }
+        c[j] = j ? sum / j : 1.0;
+        cn[j] = j ? sum_n / j : 0.0;
+        const double d = (j + 1) * n + 1.0;
+        b[j + 1] = -c[j] / d;
+        bn[j + 1] = -cn[j] / d + c[j] * (j + 1) / (d * d);
+    }
+    const double power = pow(tau, n), log_tau = log(tau);
+    double q = 1.0;
+    for (int j = 0; j <= SERIES; j++) {
+        out.u += tau * b[j] * q;
+        if (tangents) {
+            out.un += tau * q * (bn[j] + b[j] * j * log_tau);
+            if (j) out.uk += tau * b[j] * j * pow(k, j - 1) * pow(power, j);
+        }
+        q *= k * power;
+    }
+    out.p = pow(out.u, n);
+    if (tangents) {
+        out.pn = out.p * (log(out.u) + n * out.un / out.u);
+        out.pk = out.p * n * out.uk / out.u;
+    }
+    return out;
+}
+
+/* Advance a knot by h with the Taylor series of u' = 1 - k p, u p' = n p u'. */
+static knot knot_step(knot a, double h, double k, double n, int tangents)
+{
+    static const double inverse[] = {0.0, 1.0, 1.0 / 2, 1.0 / 3, 1.0 / 4, 1.0 / 5, 1.0 / 6, 1.0 / 7};
+    double u[ORDER + 1], p[ORDER + 1];
+    const double reciprocal = 1.0 / a.u;
+    u[0] = a.u;
+    p[0] = a.p;
+    u[1] = 1.0 - k * a.p;
+    for (int j = 1; j <= ORDER; j++) {
+        double sum = 0.0;
+        for (int i = 1; i <= j; i++) sum += (n * i - (j - i)) * u[i] * p[j - i];
+        p[j] = sum * inverse[j] * reciprocal;
+        if (j < ORDER) u[j + 1] = -k * p[j] * inverse[j + 1];
+    }
+    knot out = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
+    for (int j = ORDER; j >= 0; j--) {
+        out.u = out.u * h + u[j];
+        out.p = out.p * h + p[j];
+    }
+    if (!tangents) return out;
+
+    double un[ORDER + 1], pn[ORDER + 1], uk[ORDER + 1], pk[ORDER + 1];
+    un[0] = a.un;
+    pn[0] = a.pn;
+    uk[0] = a.uk;
+    pk[0] = a.pk;
+    un[1] = -k * a.pn;
+    uk[1] = -a.p - k * a.pk;
+    for (int j = 1; j <= ORDER; j++) {
+        double sum_n = 0.0, sum_k = 0.0;
+        for (int i = 1; i <= j; i++) {
+            const double g = n * i - (j - i);
+            sum_n += i * u[i] * p[j - i] + g * (un[i] * p[j - i] + u[i] * pn[j - i]);
+            sum_k += g * (uk[i] * p[j - i] + u[i] * pk[j - i]);
+        }
+        pn[j] = (sum_n * inverse[j] - a.un * p[j]) * reciprocal;
+        pk[j] = (sum_k * inverse[j] - a.uk * p[j]) * reciprocal;
+        if (j < ORDER) {
+            un[j + 1] = -k * pn[j] * inverse[j + 1];
+            uk[j + 1] = (-p[j] - k * pk[j]) * inverse[j + 1];
+        }
+    }
+    for (int j = ORDER; j >= 0; j--) {
+        out.un = out.un * h + un[j];
+        out.pn = out.pn * h + pn[j];
+        out.uk = out.uk * h + uk[j];
+        out.pk = out.pk * h + pk[j];
+    }
+    return out;
+}
+
+static void branch_build(branch *b, double k, double n, int tangents, int to_one)
+{
+    /* Cells per octave and first octave: a cubic errs by less than 5e-7 on every cell. */
+    const int rise_bits = n <= 1.5 ? 4 : n < 6.0 ? 5 : n < 12.0 ? 6 : 7;
+    const int bits = rise_bits + (to_one ? (n > 12.0 ? 1 : n > 3.5 ? 2 : n > 2.0 ? 1 : 0) : 0);
+    const double per_octave = (double)(1 << bits);
+    const double smallest = per_octave * pow(4e-8, 1.0 / (n + 1.0));
+    int exponent;
+    (void)frexp(smallest, &exponent);
+    exponent = exponent < -1 ? exponent : -1;
+    b->offset = ldexp(1.0, exponent - 1);
+    b->shift = 52 - bits;
+    b->base = bits_of(b->offset) >> b->shift;
+    b->step_scale = per_octave;
+
+    const double end = 26.0 / n + 2.0;
+    double octave = b->offset, tau = 0.0;
+    knot here = knot_near_zero(0.0, k, n, tangents), next;
+    size_t cells = 0;
+    int done = 0;
+    while (!done && cells + (size_t)per_octave <= MRD_CELLS) {
+        const double width = octave / per_octave;
+        for (int i = 0; i < (int)per_octave; i++) {
+            const double tau_next = tau + width;
+            next = tau_next <= b->offset ? knot_near_zero(tau_next, k, n, tangents)
+                                         : knot_step(here, width, k, n, tangents);
+            if (!(next.u < 1.0) && k >= 1.0) { next.u = 1.0; next.p = 1.0; }
+            hermite(b->cell + 4 * cells, here.u, 1.0 - k * here.p, next.u, 1.0 - k * next.p, width);
+            if (tangents) {
+                hermite(b->by_n + 4 * cells, here.un, -k * here.pn, next.un, -k * next.pn, width);
+                hermite(b->by_k + 4 * cells, here.uk, -here.p - k * here.pk, next.uk, -next.p - k * next.pk, width);
+            }
+            cells++;
+            tau = tau_next;
+            here = next;
+            if ((to_one && here.u >= 1.0) || tau >= end) { done = 1; break; }
+        }
+        octave *= 2.0;
+    }
+    b->cells = cells;
+    b->top = (tau + b->offset) * (1.0 - 1e-15);
+}
+
+static void curve_build(curve *c, double kappa, double n, int tangents)
+{
+    c->kappa = kappa;
+    c->n = n;
+    c->tangents = tangents;
+    branch_build(&c->rise, 1.0, n, tangents, 0);
+    branch_build(&c->fall, kappa, n, tangents, 1);
+}
+
+/* tau of u on one branch: the cell by bisection on its knots, the place in it by Newton. */
+static double branch_inverse(const branch *b, double u)
+{
+    size_t low = 0, high = b->cells;
+    while (high - low > 1) {
+        const size_t middle = (low + high) / 2;
+        if (b->cell[4 * middle] <= u) low = middle;
+        else high = middle;
+    }
+    const double *c = b->cell + 4 * low;
+    double l = 0.5;
+    for (int i = 0; i < 60; i++) {
+        const double slope = c[1] + l * (2.0 * c[2] + l * 3.0 * c[3]);
+        const double excess = c[0] + l * (c[1] + l * (c[2] + l * c[3])) - u;
+        if (!(slope > 0.0)) break;
+        double moved = l - excess / slope;
+        if (moved < 0.0) moved = 0.0;
+        if (moved > 1.0) moved = 1.0;
+        const double change = fabs(moved - l);
+        l = moved;
+        if (change < 1e-15) break;
+    }
+    const uint64_t start = (b->base + low) << b->shift;
+    const double t = from_bits(start);
+    const double width = from_bits(start & UINT64_C(0x7ff0000000000000)) / b->step_scale;
+    return t + l * width - b->offset;
+}
+
+typedef struct {
+    double w, slope, by_n, by_kappa;
+} curve_point;
+
+static curve_point curve_at(const curve *c, double tau)
+{
+    curve_point out = {0.0, 0.0, 0.0, 0.0};
+    const int rising = tau >= 0.0;
+    const branch *b = rising ? &c->rise : &c->fall;
+    const double t = clamp_to(b, fabs(tau));
+    const double sign = rising ? 1.0 : -1.0;
+    out.w = sign * cubic_at(b->cell, b->base, b->shift, t);
+    if (c->tangents) {
+        out.slope = fabs(tau) + b->offset < b->top ? slope_at(b->cell, b->base, b->shift, t) : 0.0;
+        out.by_n = sign * cubic_at(b->by_n, b->base, b->shift, t);
+        if (!rising) out.by_kappa = -cubic_at(b->by_k, b->base, b->shift, t);
+    }
+    return out;
+}
+
+/* tau of w in the coordinates of the motion. */
+static double curve_inverse(const curve *c, double w)
+{
+    return w >= 0.0 ? branch_inverse(&c->rise, w) : -branch_inverse(&c->fall, -w);
+}

@@ -1,0 +1,26 @@
+/* One translation unit for one instruction set; see kernel.h. */
+#include "kernel.h"
+
+#include "curve.c"
+#include "record.c"
+#include "hysteresis.c"
+#include "series_valve.c"
+#include "laws.c"
+
+#ifndef MRD_ISA
+#define MRD_ISA baseline
+#endif
+#define MRD_JOIN_(a, b) a##b
+#define MRD_JOIN(a, b) MRD_JOIN_(a, b)
+#define MRD_TEXT_(a) #a
+#define MRD_TEXT(a) MRD_TEXT_(a)
+#define MRD_API MRD_JOIN(mrd_api_, MRD_ISA)
+
+const mrd_api *MRD_API(void);
+
+const mrd_api *MRD_API(void)
+{
+    static const mrd_api api = {MRD_TEXT(MRD_ISA), record_open, record_close, coefficient_count, run, causal,
+                                squared_errors, gram, curve_values, first_order_lag};
+    return &api;
+}

@@ -1,0 +1,91 @@
+/* The kernel of mrdamper: hysteresis laws, their exact flow, tangents and Gram sums.
+ *
+ * C99, no allocation inside the arithmetic, no global state, no fused multiply-add (compile with
+ * -ffp-contract=off): every build gives the same bits. One translation unit, kernel.c, includes the
+ * others; it is compiled once per instruction set, and MRD_API() is its only external name.
+ *
+ * SI throughout. Extension is positive; a force that resists extension is positive.
+ */
+#ifndef MRD_KERNEL_H
+#define MRD_KERNEL_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#define MRD_CELLS 1024   /* most cells of one branch of the universal curve */
+#define MRD_COMMON 8     /* coefficients that every law has */
+#define MRD_COEFFICIENTS 18
+#define MRD_DIRECTIONS 48
+
+typedef enum {
+    MRD_BOUC_WEN = 0,
+    MRD_DAHL = 1,
+    MRD_SATURATING = 2,
+    MRD_BINGHAM = 3,
+    MRD_TANH = 4,
+    MRD_LUGRE = 5,   /* reserved */
+    MRD_SPENCER = 6, /* reserved */
+    MRD_SERIES_VALVE = 7
+} mrd_law;
+
+typedef enum { MRD_OK = 0, MRD_NO_MEMORY = 1, MRD_NOT_A_LAW = 2, MRD_SHAPE_VARIES = 3 } mrd_status;
+
+/* Order of the coefficients; laws.py has the same order. The first eight are common to all laws. */
+enum { C_VISCOSITY, C_STIFFNESS, C_OFFSET, C_MASS, C_COULOMB, C_BREAKAWAY, C_STRIBECK, C_TRANSITION };
+enum { BW_YIELD = 8, BW_RHO, BW_KAPPA, BW_N };
+enum { SAT_YIELD = 8, SAT_RATE, SAT_VELOCITY, SAT_RHO, SAT_KAPPA, SAT_N };
+enum { BH_YIELD = 8, BH_VELOCITY };
+enum { TH_YIELD = 8, TH_SLOPE, TH_SHIFT };
+enum { SV_YIELD = 8, SV_THINNING, SV_EXPONENT, SV_VELOCITY, SV_POSITION, SV_SPRING, SV_GAP, SV_CORNER, SV_LEAK,
+       SV_LEAK_EXPONENT };
+
+/* One measured or prescribed run: kinematics at a uniform step, and its monotone pieces. */
+typedef struct {
+    size_t n;            /* samples */
+    double step;         /* [s] */
+    const double *x;     /* displacement [m] */
+    const double *v;     /* velocity [m/s] */
+    const double *a;     /* acceleration [m/s2] */
+    size_t pieces;       /* monotone pieces of motion */
+    size_t *first;       /* [pieces + 1] first sample of each piece */
+    double *turn;        /* [pieces + 1] displacement where each piece starts [m] */
+    double *side;        /* [pieces] +1 extending, -1 retracting */
+    double *path;        /* [n] travel since the last turning point [m], never falling inside a piece */
+    size_t substeps;     /* steps of the implicit laws per sample */
+    double *stage_x;     /* [2 n substeps] displacement at the stages of those steps */
+    double *stage_v;     /* [2 n substeps] velocity there */
+} mrd_record;
+
+/* A direction to differentiate in: a coefficient, and how fast it moves at each sample (NULL: 1). */
+typedef struct {
+    int coefficient;
+    const double *seed;
+    size_t stride;       /* 0: one value for the whole run; 1: one per sample */
+} mrd_direction;
+
+/* One law with its coefficients along one run. */
+typedef struct {
+    mrd_law law;
+    const double *coefficient; /* [count x stride-or-1] row by row */
+    size_t stride;             /* 0: constant over the run; otherwise the length of a row */
+} mrd_model;
+
+typedef struct {
+    const char *name;
+    mrd_status (*record_open)(mrd_record *record, size_t n, double step, const double *x, const double *v,
+                              const double *a, double dead_band, double longest_step);
+    void (*record_close)(mrd_record *record);
+    int (*coefficient_count)(int law);
+    mrd_status (*run)(const mrd_model *model, const mrd_record *record, size_t directions,
+                      const mrd_direction *direction, double *force, double *columns);
+    mrd_status (*causal)(const mrd_model *model, const mrd_record *record, double *force);
+    mrd_status (*squared_errors)(mrd_law law, size_t runs, const mrd_record *const *records,
+                                 const double *const *measured, const size_t *from, size_t candidates,
+                                 const double *coefficients, double *errors);
+    void (*gram)(size_t rows, size_t n, const double *columns, size_t from, double *out);
+    void (*curve)(double kappa, double n, size_t count, const double *tau, double *w, double *slope, double *by_kappa,
+                  double *by_n);
+    void (*lag)(size_t n, double step, double lag, const double *command, double *applied, double *by_lag);
+} mrd_api;
+
+#endif

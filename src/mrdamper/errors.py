@@ -1,0 +1,37 @@
+"""Errors a caller can act on, each with the exit code of the command line.
+
+Messages say the place, what was found, what was expected and the remedy. A plain ``Exception`` that
+escapes from this package is a fault of ours (exit code 1), never a way of reporting bad input.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+__all__ = ["ConvergenceError", "EnvelopeError", "InputError", "MissingExtraError", "MrdamperError"]
+
+
+class MrdamperError(Exception):
+    """Base of all errors that mrdamper raises on purpose."""
+
+    exit_code: ClassVar[int] = 1
+
+
+class InputError(MrdamperError, ValueError):
+    """Data, a file, a unit or an option that cannot be used as given."""
+
+    exit_code: ClassVar[int] = 3
+
+
+class EnvelopeError(InputError):
+    """A value outside the range in which a law or correlation holds."""
+
+
+class MissingExtraError(InputError):
+    """An optional library is not installed; the message names the install command."""
+
+
+class ConvergenceError(MrdamperError):
+    """A fit or solve that did not reach its tolerance; the message says how far it came."""
+
+    exit_code: ClassVar[int] = 4

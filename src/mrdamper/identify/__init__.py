@@ -1,0 +1,1 @@
+"""Identification: from prepared runs to coefficients with errors that can be believed."""

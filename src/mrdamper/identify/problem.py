@@ -1,0 +1,222 @@
+"""The fitting problem: a damper as template, the numbers that may move, the runs to reproduce.
+
+The cost is the mean over runs of the squared error in percent of the run's own force spread (squared
+``nrmse_percent``), so that a run at 0 A weighs as much as one at full current.
+
+What comes out is a value too: ``FitResult`` holds no solver and no data.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrdamper import core
+from mrdamper.data.prepare import PreparedRun, decimate
+from mrdamper.errors import InputError
+from mrdamper.models.damper import Damper, OperatingEnvelope
+from mrdamper.models.simulate import LAG, Drive, open_drive
+
+__all__ = [
+    "Estimate",
+    "FitProblem",
+    "FitResult",
+    "Free",
+    "PreparedFit",
+    "Start",
+    "envelope_of",
+    "move",
+]
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Free:
+    """One number of the template that a fit may move, and how far.
+
+    ``linear`` says that the force is linear in it: a fit then eliminates it, and the bounds of the
+    coefficient that it belongs to are kept instead of its own. ``scale`` is the coordinate of search.
+    """
+
+    name: str
+    lower: float
+    upper: float
+    scale: Literal["linear", "log"] = "linear"
+    linear: bool = False
+
+    def __post_init__(self) -> None:
+        if not self.lower < self.upper or (self.scale == "log" and not self.lower > 0.0):
+            raise InputError(
+                f"free number {self.name}: bounds {self.lower:g} to {self.upper:g} on a {self.scale} scale; "
+                "expected lower < upper, and lower > 0 on a log scale"
+            )
+
+    def inward(self, value: float | FloatArray) -> FloatArray:
+        """Return the search coordinate of a value."""
+        return np.log(value) if self.scale == "log" else np.asarray(value, dtype=np.float64)
+
+    def outward(self, coordinate: float) -> float:
+        """Return the value at a search coordinate."""
+        return math.exp(coordinate) if self.scale == "log" else float(coordinate)
+
+
+@dataclass(frozen=True)
+class FitProblem:
+    """What is to be fitted. Scaling lives in ``Free`` and is applied in one place, the search.
+
+    ``session_offsets`` lets each session have its own constant force (a tare that shifted); it is
+    reported and never applied to runs of another session. ``rate_Hz`` is the sampling inside the fit,
+    not below 200 Hz where the data have it; scoring is at full rate.
+    """
+
+    template: Damper
+    free: tuple[Free, ...]
+    runs: tuple[PreparedRun, ...]
+    session_offsets: bool = False
+    rate_Hz: float = 200.0
+
+    def __post_init__(self) -> None:
+        if not self.runs:
+            raise InputError("no training runs: nothing to fit (is everything held out?)")
+        known = {*self.template.numbers, LAG}
+        for free in self.free:
+            if free.name not in known:
+                raise InputError(f"{self.template.law.name} has no number {free.name!r} to set free")
+        if len({free.name for free in self.free}) != len(self.free):
+            raise InputError("a number is set free twice")
+
+    @cached_property
+    def nonlinear(self) -> tuple[Free, ...]:
+        """The numbers that are searched for."""
+        return tuple(free for free in self.free if not free.linear)
+
+    @cached_property
+    def linear(self) -> tuple[Free, ...]:
+        """The numbers that are eliminated by least squares."""
+        return tuple(free for free in self.free if free.linear)
+
+    def prepare(self, *, excerpt: bool = False) -> tuple[PreparedFit, ...]:
+        """Return the runs decimated and opened for the kernel; ``excerpt`` keeps about a period of each."""
+        return tuple(PreparedFit.of(run, self.rate_Hz, len(self.runs), excerpt=excerpt) for run in self.runs)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PreparedFit:
+    """One training run inside a fit: its drive, its force, and its weight in the cost."""
+
+    drive: Drive
+    force: FloatArray  # [N], raw
+    start: int  # first scored sample
+    weight: float  # of a squared newton in the cost [%^2 / N^2]
+    session: str
+
+    @classmethod
+    def of(cls, run: PreparedRun, rate: float, runs: int, *, excerpt: bool = False) -> PreparedFit:
+        """Return a run at the fit's rate; an excerpt ends a period after the first scored sample and
+        takes twice as long implicit steps."""
+        spread = float(np.std(run.force[run.scored_from :]))
+        if not spread > 0.0:
+            raise InputError(f"{run.run.name}: the force does not change after the motion starts")
+        coarse = decimate(run, rate)
+        trajectory, force, start = coarse.trajectory, coarse.force, coarse.scored_from
+        longest = core.LONGEST_STEP
+        if excerpt:
+            seconds = run.period_s or 0.1 * trajectory.step * len(force)
+            stop = min(len(force), start + max(int(seconds / trajectory.step), 32))
+            trajectory = replace(
+                trajectory,
+                displacement=trajectory.displacement[:stop],
+                velocity=trajectory.velocity[:stop],
+                acceleration=trajectory.acceleration[:stop],
+                command=trajectory.command[:stop],
+                temperature=None if trajectory.temperature is None else trajectory.temperature[:stop],
+            )
+            force = force[:stop]
+            longest *= 2.0
+        weight = 1e4 / (spread**2 * (len(force) - start) * runs)
+        drive = open_drive(trajectory, longest_step=longest)
+        return cls(drive, np.ascontiguousarray(force), start, weight, run.run.session)
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """One fitted number with what the data say about it.
+
+    ``standard_error`` allows for errors that hang together in time (blocks of half a cycle); it is NaN
+    where the number sits on a bound. ``design_error_percent`` is the relative standard error that
+    independent noise of the residual's size would leave: the design's own share, known before a fit.
+    """
+
+    name: str
+    unit: str
+    value: float
+    standard_error: float
+    design_error_percent: float
+    lower: float
+    upper: float
+    at_bound: Literal["", "lower", "upper"]
+    linear: bool
+
+    @property
+    def identifiable(self) -> bool:
+        """Whether the design pins the number down to better than 30 %."""
+        return self.design_error_percent < 30.0
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """The outcome of one start of the search; the cost is in percent (root of the mean squared error)."""
+
+    index: int
+    cost_percent: float
+    evaluations: int
+    converged: bool
+
+
+@dataclass(frozen=True)
+class FitResult:
+    """A fitted damper and how the fit went."""
+
+    damper: Damper
+    method: str
+    cost_percent: float
+    estimates: tuple[Estimate, ...]
+    correlation: FloatArray
+    starts: tuple[Start, ...]
+    offsets_N: Mapping[str, float]
+    history: tuple[float, ...]
+    seed: int
+    cpu_s: float
+    cancelled: bool
+    notes: tuple[str, ...] = ()
+
+
+def move(damper: Damper, numbers: Mapping[str, float]) -> Damper:
+    """Return the damper with numbers replaced, the command lag among them."""
+    if LAG in numbers:
+        damper = replace(damper, command_lag_s=numbers[LAG])
+        numbers = {name: value for name, value in numbers.items() if name != LAG}
+    return damper.with_numbers(numbers) if numbers else damper
+
+
+def envelope_of(runs: Sequence[PreparedRun]) -> OperatingEnvelope:
+    """Return the range of command, displacement, velocity and temperature that the runs cover."""
+
+    def span(values: Sequence[FloatArray]) -> tuple[float, float]:
+        return min(float(v.min()) for v in values), max(float(v.max()) for v in values)
+
+    tracks = [run.trajectory for run in runs]
+    warm = [t.temperature for t in tracks if t.temperature is not None]
+    return OperatingEnvelope(
+        command=span([t.command for t in tracks]),
+        displacement=span([t.displacement for t in tracks]),
+        velocity=span([t.velocity for t in tracks]),
+        temperature=span(warm) if len(warm) == len(tracks) else None,
+    )

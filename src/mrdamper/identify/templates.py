@@ -1,0 +1,189 @@
+"""Templates: for each law, how its coefficients depend on the command, and how far a fit may look.
+
+The bounds follow from the runs by stated rules (force, stroke, speed and command of the data), never
+from one damper: they are wide on purpose, two to six decades. A coefficient that has no entry stays at
+its default.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from mrdamper.data.prepare import PreparedRun
+from mrdamper.errors import InputError
+from mrdamper.identify.problem import Free
+from mrdamper.models.damper import Damper
+from mrdamper.models.dependence import Constant, Exponential, Hill, ParameterLaw, Polynomial
+from mrdamper.models.laws import HysteresisLaw, find_law
+
+__all__ = ["Scale", "scale_of", "template"]
+
+Form = Literal["constant", "polynomial", "exponential", "hill"]
+
+
+@dataclass(frozen=True, slots=True)
+class Scale:
+    """The size of the data: what the search bounds are measured in."""
+
+    force: float  # 99.5th percentile of |F| over all runs [N]
+    stroke: float  # largest |x| [m]
+    speed: float  # 99.5th percentile of |v| of the fastest run [m/s]
+    command: float  # largest |command| [A or V]
+    levels: int  # distinct commands; a command that varies counts as four
+
+
+def scale_of(runs: Sequence[PreparedRun]) -> Scale:
+    """Return the size of the data."""
+    constants = [run.run.constant_command for run in runs]
+    varying = any(constant is None for constant in constants)
+    return Scale(
+        force=max(float(np.quantile(np.abs(run.force), 0.995)) for run in runs),
+        stroke=max(float(np.abs(run.trajectory.displacement).max()) for run in runs),
+        speed=max(float(np.quantile(np.abs(run.trajectory.velocity), 0.995)) for run in runs),
+        command=max(float(np.abs(run.trajectory.command).max()) for run in runs) or 1.0,
+        levels=4 if varying else len({round(c, 6) for c in constants if c is not None}),
+    )
+
+
+def template(
+    law_name: str | HysteresisLaw, runs: Sequence[PreparedRun], *, one_command: bool = False
+) -> tuple[Damper, tuple[Free, ...]]:
+    """Return a law's damper with its usual dependence on the command, and its free numbers.
+
+    Three or more commands carry the usual forms (quadratic, exponential, Hill with a fixed exponent for
+    exactly three); two carry straight lines; one carries constants, and must be asked for.
+
+    Raises
+    ------
+    InputError
+        All runs at one command and ``one_command`` not set; or runs whose commands have two units.
+    """
+    law = find_law(law_name) if isinstance(law_name, str) else law_name
+    units = {run.run.command_unit for run in runs}
+    if len(units) != 1:
+        raise InputError(
+            f"the runs' commands have units {', '.join(sorted(units)) or 'none'}; one fit needs one unit "
+            "(map the channel to current or to voltage in all of them)"
+        )
+    scale = scale_of(runs)
+    if scale.levels < 2 and not one_command:
+        raise InputError(
+            f"all {len(runs)} training runs have one command ({runs[0].trajectory.command[0]:g} "
+            f"{runs[0].run.command_unit}); {law.name} as a function of the command needs at least two. Add runs "
+            "at other commands, or say --one-command for a model of this command alone"
+        )
+    forms: dict[str, ParameterLaw] = {}
+    free: list[Free] = []
+    for name, form, lower, upper, how in _entries(law, scale):
+        dependence, moved = _dependence(law, name, form, lower, upper, how, scale)
+        forms[name] = dependence
+        free += moved
+    return Damper(law, forms, units.pop()), tuple(free)
+
+
+Entry = tuple[str, Form, float, float, Literal["linear", "log"]]
+
+
+def _entries(law: HysteresisLaw, s: Scale) -> list[Entry]:
+    """Return the coefficients that move: name, form, lower and upper bound of its size, search scale."""
+    any_force = (-s.force, s.force)
+    parallel: list[Entry] = [
+        ("viscosity", "polynomial", 0.0, 10.0 * s.force / s.speed, "linear"),
+        ("stiffness", "constant", 0.0, s.force / s.stroke, "linear"),
+        ("offset", "constant", *any_force, "linear"),
+        ("yield_force", "polynomial", 0.0, 3.0 * s.force, "linear"),
+    ]
+    hysteresis: list[Entry] = [
+        ("rho", "constant", 0.5 / s.stroke, 1e4 / s.stroke, "log"),
+        ("kappa", "constant", -1.0, 0.95, "linear"),
+        ("n", "constant", 0.2, 8.0, "log"),
+    ]
+    if law.name == "bouc-wen":
+        return parallel + hysteresis
+    if law.name == "dahl":
+        return parallel + hysteresis[:1]
+    if law.name == "bouc-wen-saturating":
+        parallel[2] = ("offset", "polynomial", *any_force, "linear")
+        rate: list[Entry] = [
+            ("rate_force", "polynomial", 0.0, 10.0 * s.force, "linear"),
+            ("saturation_velocity", "constant", 1e-3 * s.speed, 3.0 * s.speed, "log"),
+            ("rho", "exponential", *hysteresis[0][2:4], "log"),
+        ]
+        return parallel + rate + hysteresis[1:]
+    if law.name == "bingham":
+        return [*parallel, ("yield_velocity", "constant", 1e-4 * s.speed, 3.0 * s.speed, "log")]
+    if law.name == "tanh":
+        return [
+            *parallel,
+            ("slope", "constant", 0.1 / s.speed, 1e3 / s.speed, "log"),
+            ("shift", "constant", -10.0, 10.0, "linear"),
+        ]
+    if law.name == "series-valve":
+        return [
+            ("yield_force", "hill", 1e-4 * s.force, 2.0 * s.force, "log"),
+            ("thinning", "constant", 1e-3 * s.speed**-0.5, 30.0 * s.speed**-0.5, "log"),
+            ("thinning_exponent", "constant", 0.1, 1.2, "linear"),
+            ("yield_velocity", "constant", 1e-4 * s.speed, 2.0 * s.speed, "log"),
+            ("position_gain", "constant", -0.5 / s.stroke, 0.5 / s.stroke, "linear"),
+            ("gap_stiffness", "constant", 3.0 * s.force / s.stroke, 3e5 * s.force / s.stroke, "log"),
+            ("gap", "constant", 1e-5 * s.stroke, 0.2 * s.stroke, "log"),
+            ("gap_corner", "constant", 1e-5 * s.stroke, 0.1 * s.stroke, "log"),
+            ("leak_damping", "constant", 1e-3 * s.force / s.speed, 1e3 * s.force / s.speed, "log"),
+            ("leak_exponent", "constant", 0.5, 1.5, "linear"),
+            ("offset", "constant", -0.5 * s.force, 0.5 * s.force, "linear"),
+            ("stiffness", "constant", 0.0, s.force / s.stroke, "linear"),
+        ]
+    return _entries_of_python_law(law, s)
+
+
+def _entries_of_python_law(law: HysteresisLaw, s: Scale) -> list[Entry]:
+    """A user's law: constants between the bounds that its coefficients state."""
+    entries: list[Entry] = []
+    for c in law.coefficients:
+        if not (np.isfinite(c.lower) and np.isfinite(c.upper)):
+            raise InputError(f"{law.name}: coefficient {c.name} needs finite lower and upper bounds to be fitted")
+        wide = c.lower > 0.0 and c.upper / c.lower > 50.0
+        entries.append((c.name, "polynomial" if c.linear else "constant", c.lower, c.upper, "log" if wide else "linear"))
+    return entries
+
+
+def _dependence(
+    law: HysteresisLaw, name: str, form: Form, lower: float, upper: float, how: Literal["linear", "log"], s: Scale
+) -> tuple[ParameterLaw, list[Free]]:
+    """Return one coefficient's parameter law, as rich as the commands allow, and its free numbers."""
+    linear = law[name].linear
+    start = float(np.sqrt(lower * upper)) if how == "log" else 0.5 * (lower + upper)
+    if s.levels < 2:
+        form = "constant"
+    if form == "constant":
+        return Constant(start), [Free(f"{name}.value", lower, upper, how, linear)]
+    if form == "exponential":
+        rate = np.log(1e3) / s.command
+        return Exponential(start, 0.0), [
+            Free(f"{name}.at_zero", lower, upper, how),
+            Free(f"{name}.rate", -rate, rate),
+        ]
+    if form == "hill" and s.levels >= 3:
+        numbers = [
+            Free(f"{name}.base", lower, upper, how),
+            Free(f"{name}.gain", 10.0 * lower, 2.0 * upper, how),
+            Free(f"{name}.half_command", 0.05 * s.command, 10.0 * s.command, "log"),
+            Free(f"{name}.exponent", 0.6, 6.0, "log"),
+        ]
+        return Hill(0.1 * start, start, s.command, 1.5, s.command), numbers[: min(s.levels, 4)]
+    if not linear:  # two commands: a straight line that stays positive at both ends
+        rate = np.log(1e3) / s.command
+        return Exponential(start, 0.0), [
+            Free(f"{name}.at_zero", lower, upper, how),
+            Free(f"{name}.rate", -rate, rate),
+        ]
+    degree = min(s.levels - 1, 2) if (law.name, name) != ("bouc-wen-saturating", "offset") else 1
+    size = max(abs(lower), abs(upper))
+    return Polynomial((start, *([0.0] * degree))), [
+        Free(f"{name}.c{power}", -size / s.command**power, size / s.command**power, "linear", linear)
+        for power in range(degree + 1)
+    ]

@@ -1,0 +1,101 @@
+"""How well the data pin the numbers down: standard errors, correlations, bounds that were reached.
+
+Residuals of a real run hang together in time, so the usual covariance (independent noise) is far too
+small. The reported standard error is the larger of that and of a sandwich over blocks of half a cycle
+(between two reversals), inside which anything may be correlated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrdamper.identify.problem import Estimate, FitProblem, Free, PreparedFit
+from mrdamper.models.damper import Damper
+from mrdamper.models.simulate import LAG, sensitivities
+
+__all__ = ["covariances", "estimates_of"]
+
+FloatArray = NDArray[np.float64]
+
+
+def estimates_of(
+    problem: FitProblem, runs: Sequence[PreparedFit], damper: Damper, offsets: Mapping[str, float]
+) -> tuple[tuple[Estimate, ...], FloatArray]:
+    """Return every free number with its errors, and their correlation matrix (NaN on a bound)."""
+    values = {**damper.numbers, LAG: damper.command_lag_s}
+    units = {**damper.units, LAG: "s"}
+    sides = [_side(free, values[free.name]) for free in problem.free]
+    moving = [i for i, side in enumerate(sides) if not side]
+    names = [problem.free[i].name for i in moving]
+    count = len(problem.free)
+    design = np.full(count, np.nan)
+    error = np.full(count, np.nan)
+    correlation = np.full((count, count), np.nan)
+    if names:
+        independent, blocks = covariances(runs, damper, names, offsets)
+        design[moving] = np.sqrt(np.maximum(np.diag(independent), 0.0))
+        chosen = blocks if np.trace(blocks) > np.trace(independent) else independent
+        error[moving] = np.sqrt(np.maximum(np.maximum(np.diag(independent), np.diag(blocks)), 0.0))
+        scale = np.sqrt(np.maximum(np.diag(chosen), 1e-300))
+        correlation[np.ix_(moving, moving)] = chosen / np.outer(scale, scale)
+    estimates = tuple(
+        Estimate(
+            name=free.name,
+            unit=units[free.name],
+            value=values[free.name],
+            standard_error=float(error[i]),
+            design_error_percent=_percent(design[i], values[free.name]),
+            lower=free.lower,
+            upper=free.upper,
+            at_bound=sides[i],
+            linear=free.linear,
+        )
+        for i, free in enumerate(problem.free)
+    )
+    return estimates, correlation
+
+
+def covariances(
+    runs: Sequence[PreparedFit], damper: Damper, names: Sequence[str], offsets: Mapping[str, float]
+) -> tuple[FloatArray, FloatArray]:
+    """Return the covariance of the numbers for independent residuals, and by blocks of half a cycle."""
+    size = len(names)
+    curvature = np.zeros((size, size))
+    noise = np.zeros((size, size))
+    blocks = np.zeros((size, size))
+    count = 0
+    for run in runs:
+        s = sensitivities(damper, run.drive, names)
+        columns = (s.combine @ s.columns)[:, run.start :]
+        residual = (run.force - s.force - offsets.get(run.session, 0.0))[run.start :]
+        squares = columns @ columns.T
+        curvature += run.weight * squares
+        noise += run.weight**2 * float(np.mean(residual**2)) * squares
+        cuts = np.array([first for first, _, _ in run.drive.record.pieces])
+        cuts = np.unique(np.concatenate([[0], cuts[cuts > run.start] - run.start])).astype(np.intp)
+        scores = run.weight * np.add.reduceat(columns * residual, cuts, axis=1)
+        blocks += scores @ scores.T
+        count += len(cuts)
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(curvature), 1e-300))
+    inverse = np.linalg.pinv(curvature * np.outer(scale, scale), rcond=1e-13, hermitian=True) * np.outer(scale, scale)
+    small_sample = count / max(count - size, 1)
+    return inverse @ noise @ inverse, small_sample * (inverse @ blocks @ inverse)
+
+
+def _side(free: Free, value: float) -> Literal["", "lower", "upper"]:
+    """Say which bound a searched number sits on; eliminated numbers have the law's conditions instead."""
+    if free.linear:
+        return ""
+    low, high, at = (float(free.inward(v)) for v in (free.lower, free.upper, value))
+    margin = 1e-6 * (high - low)
+    if at <= low + margin:
+        return "lower"
+    return "upper" if at >= high - margin else ""
+
+
+def _percent(error: float, value: float) -> float:
+    return 100.0 * float(error) / abs(value) if value else float("inf")

@@ -1,0 +1,421 @@
+"""Variable projection with Levenberg-Marquardt: the usual way to fit a damper.
+
+The force is linear in most of its numbers; those are eliminated by least squares at every step, kept
+inside the law's conditions (a yield force that is nowhere negative), and only the rest is searched for:
+
+    minimise over theta   min over c   | y - F(theta, c) |^2,   F affine in c.
+
+The derivative of the eliminated problem is taken in Kaufman's approximation: the tangents of theta,
+projected off the space of the linear columns. All sums are Gram sums over the runs, so a step costs one
+or two passes of the kernel however many numbers there are. A law without linear numbers (the series
+valve) is the same algorithm with nothing to eliminate.
+
+Golub & Pereyra (1973), Kaufman (1975): cited from memory, not re-read.
+"""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve, null_space
+from scipy.optimize import nnls
+from scipy.stats import qmc
+
+from mrdamper import core
+from mrdamper.errors import ConvergenceError, InputError
+from mrdamper.identify.problem import FitProblem, FitResult, Free, PreparedFit, Start, move
+from mrdamper.identify.uncertainty import estimates_of
+from mrdamper.models.damper import Damper
+from mrdamper.models.simulate import LAG, sensitivities
+
+__all__ = ["Objective", "Progress", "Report", "fit_variable_projection", "latin_hypercube"]
+
+FloatArray = NDArray[np.float64]
+
+_COMMANDS = 9  # commands over the data's range at which linear coefficients are kept admissible
+_LONGEST = 1.5  # longest step of a search coordinate per iteration, in e-folds on a log scale
+_MOST_ITERATIONS = 150
+_DRAWN = 60  # points looked at for each start
+_DESCENDING = 4  # of which so many descend on short stretches
+_SHORT_ITERATIONS = 40
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """How far a fit is: told to the caller after every step."""
+
+    method: str
+    start: int
+    starts: int
+    iteration: int
+    cost_percent: float
+    best_percent: float
+
+
+Report = Callable[[Progress], None]
+
+
+class Objective:
+    """The cost of a problem, its Gram sums, and the elimination of the linear numbers.
+
+    Order of the rows of every Gram matrix: the numbers asked for, the session offsets, the residual.
+    """
+
+    def __init__(self, problem: FitProblem, runs: Sequence[PreparedFit]) -> None:
+        self.problem = problem
+        self.runs = tuple(runs)
+        self.nonlinear = tuple(free.name for free in problem.nonlinear)
+        self.linear = tuple(free.name for free in problem.linear)
+        self.sessions = tuple(sorted({run.session for run in runs})) if problem.session_offsets else ()
+        self.evaluations = 0
+        self._widest = max(len(run.force) for run in runs)
+        self._store = np.empty((core.MOST_DIRECTIONS + 2) * self._widest)
+        self._rows, self._floor = self._conditions()
+
+    def gram(self, damper: Damper, numbers: Sequence[str], offsets: Mapping[str, float]) -> FloatArray:
+        """Return the weighted Gram matrix of the tangents, session offsets and residual at a damper."""
+        self.evaluations += 1
+        size = len(numbers) + len(self.sessions) + 1
+        total = np.zeros((size, size))
+        kernel = damper.law.kernel is not None
+        for run in self.runs:
+            n = len(run.force)
+            most = core.MOST_DIRECTIONS + 2
+            store = self._store[: most * n].reshape(most, n)
+            s = sensitivities(damper, run.drive, numbers, columns=store)
+            d = len(s.columns)
+            rows = store[: d + 2] if kernel and run.drive.constant is not None else np.empty((d + 2, n))
+            if rows.base is not self._store and not np.shares_memory(rows, s.columns):
+                rows[:d] = s.columns
+            rows[d] = 1.0
+            np.subtract(run.force, s.force, out=rows[d + 1])
+            if run.session in offsets:
+                rows[d + 1] -= offsets[run.session]
+            spread = np.zeros((size, d + 2))
+            spread[: len(numbers), :d] = s.combine
+            if self.sessions:
+                spread[len(numbers) + self.sessions.index(run.session), d] = 1.0
+            spread[-1, d + 1] = 1.0
+            total += run.weight * (spread @ core.gram(rows, run.start) @ spread.T)
+        return total
+
+    def eliminate(
+        self, damper: Damper, offsets: Mapping[str, float]
+    ) -> tuple[float, Damper, dict[str, float], FloatArray | None]:
+        """Return the cost [%^2] with the best linear numbers and offsets, the damper that has them,
+        and, when there is nothing to eliminate, the Gram matrix of the nonlinear numbers as well.
+        """
+        if not self.linear and not self.sessions:
+            g = self.gram(damper, self.nonlinear, offsets)
+            return float(g[-1, -1]), damper, {}, g
+        g = self.gram(damper, self.linear, offsets)
+        values = damper.numbers
+        present = np.array([values[name] for name in self.linear])
+        moved = _bounded_least_squares(
+            g[:-1, :-1], g[:-1, -1], self._rows, self._floor - self._rows[:, : len(present)] @ present
+        )
+        cost = float(g[-1, -1] - 2.0 * moved @ g[:-1, -1] + moved @ g[:-1, :-1] @ moved)
+        change = dict(zip(self.linear, (present + moved[: len(present)]).tolist(), strict=True))
+        shifts = moved[len(present) :].tolist()
+        tares = {s: offsets.get(s, 0.0) + d for s, d in zip(self.sessions, shifts, strict=True)}
+        return max(cost, 0.0), move(damper, change), tares, None
+
+    def projected(
+        self, damper: Damper, offsets: Mapping[str, float], g: FloatArray | None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the Gauss-Newton matrix and gradient of the nonlinear numbers, linear ones projected out."""
+        names = (*self.nonlinear, *self.linear)
+        if g is None:
+            g = self.gram(damper, names, offsets)
+        n = len(self.nonlinear)
+        hessian, gradient = g[:n, :n], g[:n, -1]
+        if len(names) + len(self.sessions) == n:
+            return hessian, gradient
+        inner, cross, right = g[n:-1, n:-1], g[n:-1, :n], g[n:-1, -1]
+        values = damper.numbers
+        present = np.array([values[name] for name in self.linear])
+        slack = self._rows[:, : len(present)] @ present - self._floor
+        active = self._rows[slack <= 1e-9 * (1.0 + np.abs(self._floor))]
+        if len(active):
+            basis = null_space(active / np.linalg.norm(active, axis=1, keepdims=True))
+            inner, cross, right = basis.T @ inner @ basis, basis.T @ cross, basis.T @ right
+        if not len(inner):
+            return hessian, gradient
+        solved = _solve_scaled(inner, np.column_stack([cross, right]))
+        return hessian - cross.T @ solved[:, :n], gradient - cross.T @ solved[:, n]
+
+    def _conditions(self) -> tuple[FloatArray, FloatArray]:
+        """Return rows A and floor b of A c >= b: every linear coefficient admissible over the commands."""
+        template = self.problem.template
+        commands = [run.drive.trajectory.command for run in self.runs]
+        low, high = min(float(c.min()) for c in commands), max(float(c.max()) for c in commands)
+        grid = np.unique(np.linspace(low, high, _COMMANDS))
+        width = len(self.linear) + len(self.sessions)
+        rows: list[FloatArray] = []
+        floor: list[float] = []
+        for name, law in template.coefficients.items():
+            members = [i for i, number in enumerate(self.linear) if number.partition(".")[0] == name]
+            least = template.law[name].lower
+            if not members or not np.isfinite(least):
+                continue
+            at = np.array([law.number_names.index(self.linear[i].partition(".")[2]) for i in members])
+            for gradient in law.gradient(grid if law.kind != "constant" else grid[:1]).T:
+                row = np.zeros(width)
+                row[members] = gradient[at]
+                rows.append(row)
+                floor.append(least)
+        return np.array(rows).reshape(len(rows), width), np.array(floor)
+
+
+def fit_variable_projection(
+    problem: FitProblem,
+    *,
+    starts: int = 5,
+    seed: int = 0,
+    report: Report | None = None,
+    first: Damper | None = None,
+) -> FitResult:
+    """Fit by variable projection from ``starts`` Latin-hypercube starts; the best one is returned.
+
+    Parameters
+    ----------
+    first : a damper to start from as well, before the drawn ones (a former fit)
+    report : told of every accepted step; an interrupt (Ctrl-C) keeps the best so far
+
+    Raises
+    ------
+    ConvergenceError
+        No start found a finite cost.
+    """
+    clock = time.process_time()
+    full = problem.prepare()
+    objective = Objective(problem, full)
+    count = starts if problem.nonlinear else 1
+    origins: Iterator[_State] = _screened(problem, count, seed)
+    if first is not None:
+        origins = itertools.chain([_opening(objective, first)], origins)
+        count += 1
+    outcomes: list[Start] = []
+    history: list[float] = []
+    best: _State | None = None
+    cancelled = False
+    try:
+        for index, origin in enumerate(origins):
+            for state in _descend(objective, origin.point, origin.damper, _MOST_ITERATIONS):
+                if best is None or state.cost < best.cost:
+                    best = state
+                history.append(float(np.sqrt(best.cost)))
+                if report:
+                    now = float(np.sqrt(state.cost))
+                    report(Progress("varpro", index, count, state.iteration, now, history[-1]))
+            spent = origin.evaluations + state.evaluations
+            outcomes.append(Start(index, float(np.sqrt(state.cost)), spent, state.converged))
+    except KeyboardInterrupt:
+        if best is None:
+            raise
+        cancelled = True
+    if best is None or not np.isfinite(best.cost):
+        raise ConvergenceError(
+            f"{problem.template.law.name}: no start reached a finite cost in {count} tries; check the runs "
+            "(mrdamper predict shows them) or give more --starts"
+        )
+    numbers, correlation = estimates_of(problem, full, best.damper, best.offsets)
+    return FitResult(
+        damper=best.damper,
+        method="varpro",
+        cost_percent=float(np.sqrt(best.cost)),
+        estimates=numbers,
+        correlation=correlation,
+        starts=tuple(outcomes),
+        offsets_N=best.offsets,
+        history=tuple(history),
+        seed=seed,
+        cpu_s=time.process_time() - clock,
+        cancelled=cancelled,
+    )
+
+
+def latin_hypercube(free: Sequence[Free], count: int, seed: int) -> FloatArray:
+    """Return ``count`` starts in search coordinates, spread over the inner four fifths of the bounds."""
+    unit = qmc.LatinHypercube(len(free), rng=np.random.default_rng(seed)).random(count)
+    low = np.array([float(f.inward(f.lower)) for f in free])
+    high = np.array([float(f.inward(f.upper)) for f in free])
+    return np.asarray(low + (0.1 + 0.8 * unit) * (high - low))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _State:
+    """Where a descent stands."""
+
+    point: FloatArray
+    damper: Damper
+    offsets: dict[str, float]
+    cost: float
+    gram: FloatArray | None
+    iteration: int
+    evaluations: int
+    converged: bool
+
+
+def _opening(objective: Objective, damper: Damper) -> _State:
+    """Return the state at a given damper, its numbers brought inside the bounds."""
+    values = {**damper.numbers, LAG: damper.command_lag_s}
+    free = objective.problem.nonlinear
+    point = np.array([float(f.inward(min(max(values[f.name], f.lower), f.upper))) for f in free])
+    cost, damper, offsets, g = objective.eliminate(_at(objective.problem, point), {})
+    return _State(point, damper, offsets, cost, g, 0, 1, not free)
+
+
+def _at(problem: FitProblem, point: FloatArray) -> Damper:
+    """Return the template at a point in search coordinates."""
+    return move(
+        problem.template, {f.name: f.outward(u) for f, u in zip(problem.nonlinear, point, strict=True)}
+    )
+
+
+def _screened(problem: FitProblem, starts: int, seed: int) -> Iterator[_State]:
+    """Yield one promising place for each start.
+
+    Wide bounds hold regions from which no descent finds home (a valve that never moves). Each start
+    draws many Latin-hypercube points, looks at them on a short stretch of every run, lets the best few
+    descend there, and hands on the one that came furthest.
+    """
+    if not problem.nonlinear:
+        yield _State(np.empty(0), problem.template, {}, np.inf, None, 0, 0, True)
+        return
+    objective = Objective(problem, problem.prepare(excerpt=True))
+    for index in range(starts):
+        before = objective.evaluations
+        costs: list[tuple[float, int]] = []
+        drawn = latin_hypercube(problem.nonlinear, _DRAWN, seed + 7919 * index)
+        for place, point in enumerate(drawn):
+            cost = objective.eliminate(_at(problem, point), {})[0]
+            costs.append((cost if np.isfinite(cost) else np.inf, place))
+        best: _State | None = None
+        for _, place in sorted(costs)[:_DESCENDING]:
+            for state in _descend(objective, drawn[place], _at(problem, drawn[place]), _SHORT_ITERATIONS):
+                pass
+            if best is None or state.cost < best.cost:
+                best = state
+        if best is not None:
+            yield replace(best, evaluations=objective.evaluations - before)
+
+
+def _descend(objective: Objective, point: FloatArray, damper: Damper, most: int) -> Iterator[_State]:
+    """Yield the states of one Levenberg-Marquardt descent, the first and every accepted one."""
+    free = objective.problem.nonlinear
+    low = np.array([float(f.inward(f.lower)) for f in free])
+    high = np.array([float(f.inward(f.upper)) for f in free])
+    width = high - low
+    log = np.array([f.scale == "log" for f in free])
+    longest = np.where(log, _LONGEST, 0.3 * width)
+    before = objective.evaluations
+
+    cost, damper, offsets, g = objective.eliminate(damper, {})
+    state = _State(point, damper, offsets, cost, g, 0, 1, not len(free))
+    yield state
+    if not len(free):
+        return
+    damping, growth = 1e-2, 2.0
+    quiet = 0
+    for iteration in range(1, most + 1):
+        hessian, gradient = objective.projected(state.damper, state.offsets, state.gram)
+        chain = np.where(log, np.array([f.outward(u) for f, u in zip(free, state.point, strict=True)]), 1.0)
+        hessian, gradient = hessian * np.outer(chain, chain), gradient * chain
+        inside = ~(((state.point <= low) & (gradient < 0.0)) | ((state.point >= high) & (gradient > 0.0)))
+        accepted = None
+        while damping < 1e12:
+            step = _damped_step(hessian, gradient, inside, damping)
+            step *= min(1.0, float(np.min(longest / np.maximum(np.abs(step), 1e-300))))
+            trial = np.clip(state.point + step, low, high)
+            step = trial - state.point
+            promised = float(2.0 * step @ gradient - step @ hessian @ step)
+            if not np.any(step) or 0.0 <= promised <= 1e-9 * state.cost:
+                break
+            if promised < 0.0:  # a bound bent the step uphill
+                damping *= growth
+                growth *= 2.0
+                continue
+            values = {f.name: f.outward(u) for f, u in zip(free, trial, strict=True)}
+            new, damper, offsets, g = objective.eliminate(move(state.damper, values), state.offsets)
+            if np.isfinite(new) and new < state.cost:
+                kept = (state.cost - new) / promised
+                damping *= max(0.1, 1.0 - (2.0 * kept - 1.0) ** 3)
+                growth = 2.0
+                accepted = (trial, damper, offsets, new, g)
+                break
+            damping *= growth
+            growth *= 2.0
+        spent = objective.evaluations - before
+        if accepted is None:
+            yield _State(
+                state.point, state.damper, state.offsets, state.cost, state.gram, iteration, spent, True
+            )
+            return
+        quiet = quiet + 1 if state.cost - accepted[3] < 1e-6 * state.cost else 0
+        state = _State(*accepted, iteration, spent, quiet >= 3)
+        yield state
+        if state.converged:
+            return
+
+
+def _damped_step(hessian: FloatArray, gradient: FloatArray, inside: NDArray[np.bool_], damping: float) -> FloatArray:
+    """Return the Marquardt step of the coordinates that are free to move."""
+    step = np.zeros(len(gradient))
+    if not inside.any():
+        return step
+    h = hessian[np.ix_(inside, inside)]
+    scale = np.diag(h).copy()
+    scale[scale <= 0.0] = 1e-300
+    h = h + np.diag(damping * scale + 1e-14 * scale.max())
+    step[inside] = _solve_scaled(h, gradient[inside])
+    return step
+
+
+def _solve_scaled(matrix: FloatArray, right: FloatArray) -> FloatArray:
+    """Solve a positive semi-definite system, rows scaled to a unit diagonal, lightly regularised."""
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    scaled = matrix * np.outer(scale, scale)
+    scaled[np.diag_indices_from(scaled)] += 1e-12
+    shaped = scale if right.ndim == 1 else scale[:, None]
+    try:
+        return np.asarray(shaped * cho_solve(cho_factor(scaled), shaped * right))
+    except np.linalg.LinAlgError:
+        return np.asarray(shaped * np.linalg.lstsq(scaled, shaped * right, rcond=1e-12)[0])
+
+
+def _bounded_least_squares(
+    matrix: FloatArray, right: FloatArray, rows: FloatArray, floor: FloatArray
+) -> FloatArray:
+    """Minimise x'Mx/2 - r'x subject to rows x >= floor.
+
+    Unconstrained where that is admissible; otherwise the least-distance form of Lawson & Hanson, one
+    non-negative least squares.
+    """
+    solution = _solve_scaled(matrix, right)
+    size = np.abs(rows) @ np.abs(solution) + np.abs(floor) if len(rows) else floor
+    if not len(rows) or np.all(rows @ solution - floor >= -1e-9 * size):
+        return solution
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    scaled = matrix * np.outer(scale, scale)
+    scaled[np.diag_indices_from(scaled)] += 1e-10
+    factor = np.linalg.cholesky(scaled).T
+    # z = R (x / scale) - d, d = R x_free / scale: minimise |z| subject to G z >= h.
+    g = np.linalg.solve(factor.T, (rows * scale).T).T
+    h = floor - rows @ solution
+    norm = np.linalg.norm(g, axis=1)
+    g, h = g / norm[:, None], h / norm
+    size_h = float(np.abs(h).max())
+    target = np.zeros(len(g[0]) + 1)
+    target[-1] = 1.0
+    u, _ = nnls(np.vstack([g.T, (h / size_h)[None, :]]), target)
+    residual = np.vstack([g.T, (h / size_h)[None, :]]) @ u - target
+    if abs(residual[-1]) < 1e-14:
+        raise InputError("the law's conditions leave no admissible linear coefficients")
+    z = -residual[:-1] / residual[-1] * size_h
+    return np.asarray(solution + scale * np.linalg.solve(factor, z))

@@ -1,0 +1,273 @@
+"""The model card: what identification hands on, as one JSON file that never carries code.
+
+A card holds the damper (law, dependence of each coefficient, numbers with units and standard errors), its
+operating envelope, how its data were prepared, the evidence (errors run by run), and a short excerpt of
+one run on which it must reproduce its own stated error. docs/card.md describes the file key by key.
+
+The same card gives the same bytes. A file is checked whole before anything is made of it: all its problems
+are reported at once, each with its place.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import statistics
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from mrdamper.errors import InputError
+from mrdamper.excitation import Trajectory
+from mrdamper.models.damper import Damper, OperatingEnvelope
+from mrdamper.models.dependence import ParameterLaw, dependence_from_json, dependence_to_json, did_you_mean
+from mrdamper.models.laws import LAWS, HysteresisLaw
+from mrdamper.quantities import FloatArray
+
+__all__ = [
+    "SCHEMA_VERSION",
+    "Evidence",
+    "Excerpt",
+    "ModelCard",
+    "card_from_json",
+    "card_to_json",
+    "cut_excerpt",
+    "read_card",
+    "verify_excerpt",
+    "write_card",
+]
+
+SCHEMA_VERSION = 1
+
+Document = dict[str, Any]
+Simulate = Callable[[Damper, Trajectory], FloatArray]
+
+UPGRADES: dict[int, Callable[[Document], Document]] = {}
+"""Schema version -> the function that turns a document of that version into one of the next."""
+
+_SIGNALS = ("displacement_m", "velocity_m_s", "acceleration_m_s2", "command", "force_N")
+_SPLITS = ("training", "held_out")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Evidence:
+    """Why a card may be believed: the errors of every run, and where its numbers come from.
+
+    Each run has at least ``name``, ``split`` ("training" or "held_out"), ``rmse_N`` and ``nrmse_percent``.
+    """
+
+    runs: tuple[Mapping[str, Any], ...]
+    method: str
+    cost: float
+    dataset_fingerprint: str
+    seed: int | None = None
+    versions: Mapping[str, str] = field(default_factory=dict)
+    session_offsets_N: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name in ("runs", "versions", "session_offsets_N"):
+            object.__setattr__(self, name, _freeze(getattr(self, name), f"evidence.{name}"))
+        object.__setattr__(self, "cost", float(self.cost))
+
+    def errors(self, split: str) -> dict[str, float | int | None]:
+        """Return the number of runs of a split and their median and worst ``nrmse_percent``."""
+        found = [run["nrmse_percent"] for run in self.runs if run["split"] == split]
+        return {
+            "runs": len(found),
+            "median_nrmse_percent": statistics.median(found) if found else None,
+            "worst_nrmse_percent": max(found, default=None),
+        }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Excerpt:
+    """A short stretch of one training run, and the card's error on it when simulated from rest."""
+
+    run: str
+    step_s: float
+    displacement_m: tuple[float, ...]
+    velocity_m_s: tuple[float, ...]
+    acceleration_m_s2: tuple[float, ...]
+    command: tuple[float, ...]
+    force_N: tuple[float, ...]
+    rmse_N: float  # from sample `scored_from` on
+    scored_from: int = 0
+    dead_band_m: float = 0.0
+
+    def __post_init__(self) -> None:
+        lengths = {name: len(getattr(self, name)) for name in _SIGNALS}
+        if len(set(lengths.values())) != 1 or not 0 <= self.scored_from < len(self.force_N):
+            raise InputError(
+                f"excerpt: lengths are {lengths} and scored_from is {self.scored_from}; expected equal lengths "
+                f"and a sample of them"
+            )
+
+    def trajectory(self) -> Trajectory:
+        motion = (np.array(getattr(self, name)) for name in _SIGNALS[:4])
+        return Trajectory(self.step_s, *motion, dead_band=self.dead_band_m)
+
+    def error(self, damper: Damper, simulate: Simulate) -> float:
+        """Return the RMS force error [N] of a damper on the excerpt."""
+        residual = simulate(damper, self.trajectory()) - np.array(self.force_N)
+        return float(np.sqrt(np.mean(residual[self.scored_from :] ** 2)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModelCard:
+    """A damper with its evidence. ``python_law`` is ``file.py:Class`` when the law is a user's own."""
+
+    title: str
+    damper: Damper
+    envelope: OperatingEnvelope
+    evidence: Evidence
+    standard_errors: Mapping[str, float | None] = field(default_factory=dict)  # by flat number name
+    preparation: Mapping[str, Any] = field(default_factory=dict)
+    excerpt: Excerpt | None = None
+    sources: tuple[str, ...] = ()
+    notes: Mapping[str, Any] = field(default_factory=dict)
+    python_law: str | None = None
+
+    def __post_init__(self) -> None:
+        numbers = self.damper.numbers
+        for name in self.standard_errors:
+            if name not in numbers:
+                raise InputError(f"standard_errors: no number {name!r}; {did_you_mean(name, numbers)}")
+        if (self.damper.law.python is None) != (self.python_law is None):
+            raise InputError(f"card: law {self.damper.law.name!r} and python_law {self.python_law!r} disagree")
+        self.damper.check(self.envelope)
+        complete = {name: self.standard_errors.get(name) for name in numbers}
+        object.__setattr__(self, "standard_errors", _freeze(complete, "standard_errors", ordered=True))
+        object.__setattr__(self, "preparation", _freeze(self.preparation, "preparation"))
+        object.__setattr__(self, "notes", _freeze(self.notes, "notes"))
+        object.__setattr__(self, "sources", tuple(self.sources))
+
+
+def cut_excerpt(
+    damper: Damper,
+    trajectory: Trajectory,
+    force: FloatArray,
+    simulate: Simulate,
+    *,
+    run: str,
+    samples: slice,
+    scored_from: int = 0,
+) -> Excerpt:
+    """Return a stretch of a run with the damper's error on it, numbers rounded to nine digits.
+
+    ``force`` is the measured one [N]. Pass the simulation by which the card will be verified.
+    """
+    columns = (trajectory.displacement, trajectory.velocity, trajectory.acceleration, trajectory.command, force)
+    rounded = {
+        name: tuple(float(f"{value:.9g}") for value in column[samples])
+        for name, column in zip(_SIGNALS, columns, strict=True)
+    }
+    unscored = Excerpt(
+        run=run,
+        step_s=float(trajectory.step),
+        rmse_N=0.0,
+        scored_from=scored_from,
+        dead_band_m=float(trajectory.dead_band),
+        **rounded,
+    )
+    return Excerpt(**{**_as_dict(unscored), "rmse_N": unscored.error(damper, simulate)})
+
+
+def verify_excerpt(card: ModelCard, simulate: Simulate) -> float:
+    """Return the re-simulated error [N] on the card's excerpt.
+
+    Raises
+    ------
+    InputError
+        No excerpt, or an error that differs from the stated one by more than 1e-4 of the peak force.
+    """
+    if card.excerpt is None:
+        raise InputError(f"card {card.title!r} carries no excerpt to verify; identify again to have one")
+    found = card.excerpt.error(card.damper, simulate)
+    allowed = 1e-4 * max(map(abs, card.excerpt.force_N))
+    if not abs(found - card.excerpt.rmse_N) <= allowed:
+        raise InputError(
+            f"card {card.title!r}: its error on the excerpt of {card.excerpt.run} is {found:.6g} N, and it "
+            f"states {card.excerpt.rmse_N:.6g} N; its numbers were changed, or the simulation was"
+        )
+    return found
+
+
+# ------------------------------------------------------------------------------------------------ writing
+
+
+def write_card(card: ModelCard, path: str | Path) -> None:
+    """Write the card; the file appears whole or not at all."""
+    target = Path(path)
+    beside = target.with_name(f".{target.name}.{os.getpid()}.part")
+    try:
+        beside.write_text(_layout(card_to_json(card)) + "\n", encoding="utf-8", newline="\n")
+        beside.replace(target)
+    except OSError as fault:
+        beside.unlink(missing_ok=True)
+        raise InputError(f"{target}: cannot write the card: {fault.strerror}; choose another folder") from fault
+
+
+def card_to_json(card: ModelCard) -> Document:
+    """Return the card as a JSON document in the order of docs/card.md."""
+    damper, evidence = card.damper, card.evidence
+    units = damper.units
+    coefficients = {}
+    for name, form in damper.coefficients.items():
+        data = dependence_to_json(form)
+        numbers = {
+            number: {
+                "value": value,
+                "unit": units[f"{name}.{number}"],
+                "standard_error": card.standard_errors[f"{name}.{number}"],
+            }
+            for number, value in zip(form.number_names, form.numbers, strict=True)
+        }
+        coefficients[name] = {**data, "unit": damper.law[name].unit, "numbers": numbers}
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "title": card.title,
+        "law": damper.law.name,
+        "python_law": card.python_law,
+        "command_unit": damper.command_unit,
+        "command_lag_s": damper.command_lag_s,
+        "coefficients": coefficients,
+        "envelope": {
+            "command": card.envelope.command,
+            "displacement_m": card.envelope.displacement,
+            "velocity_m_s": card.envelope.velocity,
+            "temperature_K": card.envelope.temperature,
+        },
+        "preparation": card.preparation,
+        "evidence": {
+            "method": evidence.method,
+            "seed": evidence.seed,
+            "cost": evidence.cost,
+            "dataset_fingerprint": evidence.dataset_fingerprint,
+            **{split: evidence.errors(split) for split in _SPLITS},
+            "runs": [{"name": run["name"], "split": run["split"], **run} for run in evidence.runs],
+            "session_offsets_N": evidence.session_offsets_N,
+            "versions": evidence.versions,
+        },
+        "excerpt": None if card.excerpt is None else _as_dict(card.excerpt),
+        "sources": list(card.sources),
+        "notes": card.notes,
+    }
+
+
+def _layout(value: Any, indent: int = 0) -> str:
+    """Return JSON text: short tables and rows of numbers on one line, the rest one entry per line."""
+    line = json.dumps(value, default=dict, ensure_ascii=False, allow_nan=False)
+    nested = isinstance(value, Mapping) or any(isinstance(part, Mapping) for part in _parts(value))
+    if not _parts(value) or not nested or (indent > 2 and len(line) + indent <= 110):
+        return line
+    inner = " " * (indent + 2)
+    if isinstance(value, Mapping):
+        rows = [f"{json.dumps(key, ensure_ascii=False)}: {_layout(value[key], indent + 2)}" for key in value]
+        return "{\n" + ",\n".join(inner + row for row in rows) + f"\n{' ' * indent}}}"
+    rows = [_layout(part, indent + 2) for part in value]
+    return "[\n" + ",\n".join(inner + row for row in rows) + f"\n{' ' * indent}]"

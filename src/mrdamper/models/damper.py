@@ -1,0 +1,189 @@
+"""A damper: a hysteresis law with each coefficient as a function of the command.
+
+The damper is a value: it holds no runs and no solver. Its numbers have flat names, ``coefficient.number``
+(``yield_force.gain``), in the law's order; a fit moves those and calls ``with_numbers``. Simulating it is
+the business of ``simulate`` (the kernel) and ``reference`` (slow and obvious).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mrdamper.errors import InputError
+from mrdamper.models.dependence import Constant, ParameterLaw, did_you_mean
+from mrdamper.models.laws import HysteresisLaw
+from mrdamper.quantities import FloatArray
+
+__all__ = ["CommandUnit", "Damper", "OperatingEnvelope"]
+
+CommandUnit = Literal["A", "V"]
+Range = tuple[float, float]
+
+_GRID = 201  # commands over the envelope at which the law's conditions are checked
+
+
+@dataclass(frozen=True, slots=True)
+class OperatingEnvelope:
+    """The range that the data behind a damper cover, as (low, high) pairs."""
+
+    command: Range  # [A or V]
+    displacement: Range  # [m]
+    velocity: Range  # [m/s]
+    temperature: Range | None = None  # [K]; None: not known
+
+    def __post_init__(self) -> None:
+        for name in ("command", "displacement", "velocity", "temperature"):
+            given = getattr(self, name)
+            if given is None and name == "temperature":
+                continue
+            pair = tuple(float(end) for end in given)
+            if len(pair) != 2 or not all(map(math.isfinite, pair)) or not pair[0] <= pair[1]:
+                raise InputError(f"envelope: {name} is {pair}; expected two finite numbers, low and high")
+            object.__setattr__(self, name, pair)
+
+    def commands(self) -> FloatArray:
+        """Return the commands [A or V] at which conditions over the envelope are checked."""
+        return np.linspace(*self.command, _GRID)
+
+
+@dataclass(frozen=True)
+class Damper:
+    """A hysteresis law and the parameter law of each of its coefficients.
+
+    Coefficients that are not given take their default, constant. The applied command follows the given
+    one with a first-order lag of ``command_lag_s`` (0: at once).
+
+    Raises
+    ------
+    InputError
+        A coefficient that the law does not have, or one without a default that is not given.
+    """
+
+    law: HysteresisLaw
+    coefficients: Mapping[str, ParameterLaw]
+    command_unit: CommandUnit = "A"
+    command_lag_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        law, given = self.law, self.coefficients
+        for name in given:
+            if name not in law.names:
+                raise InputError(f"{law.name}: no coefficient {name!r}; {did_you_mean(name, law.names)}")
+        missing = [c.name for c in law.coefficients if c.name not in given and c.default is None]
+        if missing:
+            raise InputError(f"{law.name}: {', '.join(missing)} not given, and there is no default")
+        if self.command_unit not in ("A", "V"):
+            raise InputError(f"command_unit is {self.command_unit!r}; expected 'A' or 'V'")
+        if not 0.0 <= self.command_lag_s < math.inf:
+            raise InputError(f"command_lag_s is {self.command_lag_s}; expected 0 s or more")
+        complete = {
+            c.name: given[c.name] if c.name in given else Constant(_default(c.default))
+            for c in law.coefficients
+        }
+        object.__setattr__(self, "coefficients", MappingProxyType(complete))
+        object.__setattr__(self, "command_lag_s", float(self.command_lag_s))
+
+    def __reduce__(self) -> tuple[type[Damper], tuple[object, ...]]:
+        """Pickle through the constructor: the read-only mapping cannot be pickled."""
+        return Damper, (self.law, dict(self.coefficients), self.command_unit, self.command_lag_s)
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """Every number by its flat name (``yield_force.gain``), in the law's order."""
+        return {
+            f"{coefficient}.{name}": number
+            for coefficient, form in self.coefficients.items()
+            for name, number in zip(form.number_names, form.numbers, strict=True)
+        }
+
+    @property
+    def units(self) -> dict[str, str]:
+        """The unit of every number, under the same names as ``numbers``."""
+        return {
+            f"{coefficient}.{name}": unit
+            for coefficient, form in self.coefficients.items()
+            for name, unit in zip(
+                form.number_names, form.units(self.law[coefficient].unit, self.command_unit), strict=True
+            )
+        }
+
+    def with_numbers(self, numbers: Mapping[str, float]) -> Damper:
+        """Return the damper with some numbers replaced (flat names)."""
+        present = self.numbers
+        for name in numbers:
+            if name not in present:
+                raise InputError(f"{self.law.name}: no number {name!r}; {did_you_mean(name, present)}")
+        changed = {
+            coefficient: form.with_numbers(
+                [
+                    numbers.get(f"{coefficient}.{n}", v)
+                    for n, v in zip(form.number_names, form.numbers, strict=True)
+                ]
+            )
+            for coefficient, form in self.coefficients.items()
+        }
+        return replace(self, coefficients=changed)
+
+    def coefficients_at(self, command: ArrayLike) -> FloatArray:
+        """Return the coefficients [their units] at the commands, shape (m, n), rows in the law's order."""
+        at = np.atleast_1d(np.asarray(command, dtype=np.float64))
+        return np.stack([form.value(at) for form in self.coefficients.values()])
+
+    def violations(self, commands: ArrayLike) -> tuple[str, ...]:
+        """Return where the law's conditions do not hold at these commands, one sentence each."""
+        at = np.atleast_1d(np.asarray(commands, dtype=np.float64))
+        found = []
+        for name, form in self.coefficients.items():
+            values = form.value(at)
+            if not self.law.violations({name: values}) and np.isfinite(values).all():
+                continue
+            for command, value in zip(at.tolist(), values.tolist(), strict=True):
+                said = self.law.violations({name: value})
+                if not math.isfinite(value):
+                    said = (f"{self.law.name}: {name} is {value}; it must be finite",)
+                if said:
+                    found.append(f"{said[0]} (at {command:g} {self.command_unit})")
+                    break
+        return tuple(found)
+
+    def problems(self, envelope: OperatingEnvelope) -> tuple[str, ...]:
+        """Return why the law is not well posed inside the envelope, one sentence each."""
+        found = list(self.violations(envelope.commands()))
+        if self.law.name == "series-valve":
+            found += self._reversed_valve(envelope)
+        return tuple(found)
+
+    def check(self, envelope: OperatingEnvelope) -> None:
+        """Raise ``InputError`` when the law is not well posed somewhere inside the envelope."""
+        problems = self.problems(envelope)
+        if problems:
+            raise InputError(_as_list(problems))
+
+    def _reversed_valve(self, envelope: OperatingEnvelope) -> list[str]:
+        """Say where 1 + position_gain x > 0 fails: the valve force must keep its sign over the stroke."""
+        commands = envelope.commands()
+        gain = self.coefficients["position_gain"].value(commands)
+        for x in envelope.displacement:
+            bad = np.flatnonzero(~(1.0 + gain * x > 0.0))
+            if bad.size:
+                return [
+                    f"{self.law.name}: 1 + position_gain x is {1.0 + gain[bad[0]] * x:g} at x = {x:g} m and "
+                    f"{commands[bad[0]]:g} {self.command_unit}; it must be positive over the stroke (bring "
+                    f"position_gain nearer to 0, or narrow the envelope)"
+                ]
+        return []
+
+
+def _default(value: float | None) -> float:
+    return 0.0 if value is None else value
+
+
+def _as_list(problems: Sequence[str]) -> str:
+    return problems[0] if len(problems) == 1 else "\n".join(f"- {problem}" for problem in problems)

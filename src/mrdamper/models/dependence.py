@@ -1,0 +1,360 @@
+"""Parameter laws: a coefficient as a function of the command (current or voltage).
+
+A parameter law is a named form with numbers, never code: the card stores ``kind`` and ``numbers``, and
+``KINDS`` is the list of forms there are. Which numbers a fit may move is the business of
+``identify.problem``; whether the coefficient's values suit its law, of ``damper``.
+
+Every form gives its value, its gradient with respect to its numbers and its slope with respect to the
+command in closed form. A form that also depends on temperature will be a further kind here; nothing
+outside this module asks a parameter law for more than the protocol says.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import ClassVar, Protocol, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mrdamper.errors import InputError
+from mrdamper.quantities import FloatArray
+
+__all__ = [
+    "KINDS",
+    "Constant",
+    "Exponential",
+    "Hill",
+    "ParameterLaw",
+    "Polynomial",
+    "dependence_from_json",
+    "dependence_to_json",
+    "did_you_mean",
+]
+
+
+class ParameterLaw(Protocol):
+    """A coefficient's value as a function of the command, with named numbers.
+
+    ``linear[k]`` says that the value is linear in number ``k`` with the others fixed. ``settings`` are
+    fixed choices of the form (a reference current) that no fit moves.
+    """
+
+    kind: ClassVar[str]
+
+    @property
+    def numbers(self) -> tuple[float, ...]: ...
+
+    @property
+    def number_names(self) -> tuple[str, ...]: ...
+
+    @property
+    def linear(self) -> tuple[bool, ...]: ...
+
+    @property
+    def settings(self) -> Mapping[str, float]: ...
+
+    def units(self, coefficient_unit: str, command_unit: str) -> tuple[str, ...]:
+        """Return the unit of each number."""
+        ...
+
+    def value(self, command: ArrayLike) -> FloatArray:
+        """Return the coefficient [its unit] at the command, in the command's shape."""
+        ...
+
+    def gradient(self, command: ArrayLike) -> FloatArray:
+        """Return d value / d number, shape (numbers, *shape of command)."""
+        ...
+
+    def slope(self, command: ArrayLike) -> FloatArray:
+        """Return d value / d command, in the command's shape."""
+        ...
+
+    def with_numbers(self, numbers: Sequence[float]) -> Self:
+        """Return the same form with other numbers."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Constant:
+    """value = number, whatever the command."""
+
+    number: float
+
+    kind: ClassVar[str] = "constant"
+    number_names: ClassVar[tuple[str, ...]] = ("value",)
+    linear: ClassVar[tuple[bool, ...]] = (True,)
+    settings: ClassVar[Mapping[str, float]] = MappingProxyType({})
+
+    def __post_init__(self) -> None:
+        _require_finite(self)
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        return (self.number,)
+
+    def units(self, coefficient_unit: str, command_unit: str) -> tuple[str, ...]:
+        return (coefficient_unit,)
+
+    def value(self, command: ArrayLike) -> FloatArray:
+        return np.full(np.shape(command), self.number)
+
+    def gradient(self, command: ArrayLike) -> FloatArray:
+        return np.ones((1, *np.shape(command)))
+
+    def slope(self, command: ArrayLike) -> FloatArray:
+        return np.zeros(np.shape(command))
+
+    def with_numbers(self, numbers: Sequence[float]) -> Self:
+        return type(self)(*_as_many(self, numbers))
+
+
+@dataclass(frozen=True, slots=True)
+class Polynomial:
+    """value = c0 + c1 I + c2 I^2 + ..., ascending powers of the command."""
+
+    numbers: tuple[float, ...]
+
+    kind: ClassVar[str] = "polynomial"
+    settings: ClassVar[Mapping[str, float]] = MappingProxyType({})
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "numbers", tuple(float(number) for number in self.numbers))
+        if not self.numbers:
+            raise InputError("a polynomial needs at least one number (c0)")
+        _require_finite(self)
+
+    @property
+    def number_names(self) -> tuple[str, ...]:
+        return tuple(f"c{power}" for power in range(len(self.numbers)))
+
+    @property
+    def linear(self) -> tuple[bool, ...]:
+        return (True,) * len(self.numbers)
+
+    def units(self, coefficient_unit: str, command_unit: str) -> tuple[str, ...]:
+        return tuple(_per(coefficient_unit, command_unit, power) for power in range(len(self.numbers)))
+
+    def value(self, command: ArrayLike) -> FloatArray:
+        return np.asarray(np.polynomial.polynomial.polyval(_array(command), self.numbers), dtype=np.float64)
+
+    def gradient(self, command: ArrayLike) -> FloatArray:
+        return np.stack([_array(command) ** power for power in range(len(self.numbers))])
+
+    def slope(self, command: ArrayLike) -> FloatArray:
+        derivative = np.polynomial.polynomial.polyder(self.numbers)
+        return np.asarray(np.polynomial.polynomial.polyval(_array(command), derivative), dtype=np.float64)
+
+    def with_numbers(self, numbers: Sequence[float]) -> Self:
+        return type(self)(_as_many(self, numbers))
+
+
+@dataclass(frozen=True, slots=True)
+class Hill:
+    """value = base + gain s(I), an S-shaped rise with s(0) = 0 and s(reference) = 1.
+
+    .. math:: s = (1 + h^q) u^q / (u^q + h^q),  u = |I| / reference,  h = half_command / reference
+
+    The slope at zero command is 0 for q > 1, finite for q = 1 and infinite for q < 1 (``slope`` then
+    returns infinity with the gain's sign; the value itself stays finite). At zero it is the slope
+    towards positive command.
+    """
+
+    base: float  # at zero command [coefficient unit]
+    gain: float  # from zero to the reference command [coefficient unit]
+    half_command: float  # command of half the saturated rise [command unit]
+    exponent: float  # q [-]; above 1 the rise starts flat
+    reference: float = 1.0  # command at which the rise is `gain` [command unit]
+
+    kind: ClassVar[str] = "hill"
+    number_names: ClassVar[tuple[str, ...]] = ("base", "gain", "half_command", "exponent")
+    linear: ClassVar[tuple[bool, ...]] = (True, True, False, False)
+
+    def __post_init__(self) -> None:
+        _require_finite(self)
+        for name in ("half_command", "exponent", "reference"):
+            if not 0.0 < getattr(self, name) < math.inf:
+                raise InputError(f"hill: {name} is {getattr(self, name):g}; it must be positive and finite")
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        return (self.base, self.gain, self.half_command, self.exponent)
+
+    @property
+    def settings(self) -> Mapping[str, float]:
+        return {"reference": self.reference}
+
+    def units(self, coefficient_unit: str, command_unit: str) -> tuple[str, ...]:
+        return (coefficient_unit, coefficient_unit, command_unit, "-")
+
+    def value(self, command: ArrayLike) -> FloatArray:
+        return np.asarray(self.base + self.gain * self._rise(command)[0], dtype=np.float64)
+
+    def gradient(self, command: ArrayLike) -> FloatArray:
+        rise, log_u, free, free_at_reference = self._rise(command)
+        log_h = math.log(self.half_command / self.reference)
+        by_half = rise * (self.exponent / self.half_command) * (free_at_reference - free)
+        # At zero command the rise (0) outweighs log u (-inf): the limit is 0.
+        by_exponent = rise * (free * (np.where(rise > 0.0, log_u, 0.0) - log_h) + free_at_reference * log_h)
+        return np.stack([np.ones_like(rise), rise, self.gain * by_half, self.gain * by_exponent])
+
+    def slope(self, command: ArrayLike) -> FloatArray:
+        if self.gain == 0.0:
+            return np.zeros(np.shape(command))
+        signed = _array(command)
+        rise, _, free, _ = self._rise(signed)
+        h, q = self.half_command / self.reference, self.exponent
+        at_zero = 0.0 if q > 1.0 else math.inf if q < 1.0 else 1.0 + 1.0 / h
+        away = signed != 0.0
+        steepness = np.where(away, rise * free * q, at_zero)
+        steepness = np.divide(steepness, np.abs(signed) / self.reference, out=steepness, where=away)
+        return np.asarray(self.gain / self.reference * np.where(signed < 0.0, -1.0, 1.0) * steepness)
+
+    def _rise(self, command: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray, float]:
+        """Return s, log u, and h^q / (u^q + h^q) at the command and at the reference (u = 1).
+
+        Through logarithms, so that a large exponent neither overflows nor loses a limit.
+        """
+        with np.errstate(divide="ignore"):  # log 0 = -inf is the right limit
+            log_u = np.log(np.abs(_array(command)) / self.reference)
+        log_h = math.log(self.half_command / self.reference)
+        beyond = self.exponent * (log_u - log_h)
+        rise = np.exp(np.logaddexp(0.0, self.exponent * log_h) - np.logaddexp(0.0, -beyond))
+        free = np.exp(-np.logaddexp(0.0, beyond))
+        return rise, log_u, free, float(np.exp(-np.logaddexp(0.0, -self.exponent * log_h)))
+
+    def with_numbers(self, numbers: Sequence[float]) -> Self:
+        return replace(self, **dict(zip(self.number_names, _as_many(self, numbers), strict=True)))
+
+
+@dataclass(frozen=True, slots=True)
+class Exponential:
+    """value = at_zero exp(rate I)."""
+
+    at_zero: float  # [coefficient unit]
+    rate: float  # [1 / command unit]
+
+    kind: ClassVar[str] = "exponential"
+    number_names: ClassVar[tuple[str, ...]] = ("at_zero", "rate")
+    linear: ClassVar[tuple[bool, ...]] = (True, False)
+    settings: ClassVar[Mapping[str, float]] = MappingProxyType({})
+
+    def __post_init__(self) -> None:
+        _require_finite(self)
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        return (self.at_zero, self.rate)
+
+    def units(self, coefficient_unit: str, command_unit: str) -> tuple[str, ...]:
+        return (coefficient_unit, f"1/{command_unit}")
+
+    def value(self, command: ArrayLike) -> FloatArray:
+        return np.asarray(self.at_zero * self._growth(command))
+
+    def gradient(self, command: ArrayLike) -> FloatArray:
+        growth = self._growth(command)
+        return np.stack([growth, self.at_zero * _array(command) * growth])
+
+    def _growth(self, command: ArrayLike) -> FloatArray:
+        with np.errstate(over="ignore"):  # infinity is reported by Damper.violations, with the coefficient
+            return np.asarray(np.exp(self.rate * _array(command)))
+
+    def slope(self, command: ArrayLike) -> FloatArray:
+        return self.rate * self.value(command)
+
+    def with_numbers(self, numbers: Sequence[float]) -> Self:
+        return type(self)(*_as_many(self, numbers))
+
+
+KINDS: Mapping[str, type[ParameterLaw]] = MappingProxyType(
+    {kind.kind: kind for kind in (Constant, Polynomial, Hill, Exponential)}
+)
+"""The forms there are, by the name that a card stores."""
+
+
+def dependence_to_json(law: ParameterLaw) -> dict[str, object]:
+    """Return kind, numbers by name and settings (where there are any), all of them JSON."""
+    data: dict[str, object] = {"kind": law.kind}
+    data["numbers"] = dict(zip(law.number_names, law.numbers, strict=True))
+    if law.settings:
+        data["settings"] = dict(law.settings)
+    return data
+
+
+def dependence_from_json(data: Mapping[str, object]) -> ParameterLaw:
+    """Return the parameter law that ``dependence_to_json`` wrote.
+
+    Raises
+    ------
+    InputError
+        Unknown kind, number names that do not belong to it, values that are no finite numbers.
+    """
+    for key in data:
+        if key not in ("kind", "numbers", "settings"):
+            raise InputError(f"unknown key {key!r}; a dependence has kind, numbers and settings")
+    kind, numbers, settings = data.get("kind"), data.get("numbers"), data.get("settings", {})
+    if not isinstance(kind, str) or kind not in KINDS:
+        raise InputError(f"there is no dependence of kind {kind!r}; there are {', '.join(KINDS)}")
+    if not isinstance(numbers, Mapping) or not isinstance(settings, Mapping):
+        raise InputError(f"{kind}: numbers and settings must be tables of name and value")
+    if kind == Hill.kind:
+        values = _by_name("hill", "number", numbers, Hill.number_names)
+        return Hill(*values, *_by_name("hill", "setting", settings, ("reference",)))
+    _by_name(kind, "setting", settings, ())
+    if kind == Polynomial.kind:
+        powers = tuple(f"c{power}" for power in range(max(len(numbers), 1)))
+        return Polynomial(tuple(_by_name(kind, "number", numbers, powers)))
+    form = Constant if kind == Constant.kind else Exponential
+    return form(*_by_name(kind, "number", numbers, form.number_names))
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Return the end of a message about an unknown name: the nearest known ones, or all of them."""
+    names = list(known)
+    near = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
+    if near:
+        return f"did you mean {' or '.join(near)}?"
+    return f"expected one of: {', '.join(names)}" if names else "expected none"
+
+
+def _array(command: ArrayLike) -> FloatArray:
+    return np.asarray(command, dtype=np.float64)
+
+
+def _per(coefficient_unit: str, command_unit: str, power: int) -> str:
+    if power == 0:
+        return coefficient_unit
+    above = "1" if coefficient_unit == "-" else coefficient_unit
+    return f"{above}/{command_unit}" if power == 1 else f"{above}/{command_unit}^{power}"
+
+
+def _require_finite(law: ParameterLaw) -> None:
+    for name, number in zip(law.number_names, law.numbers, strict=True):
+        if not math.isfinite(number):
+            raise InputError(f"{law.kind}: {name} is {number}; it must be a finite number")
+
+
+def _as_many(law: ParameterLaw, numbers: Sequence[float]) -> tuple[float, ...]:
+    if len(numbers) != len(law.numbers):
+        raise InputError(f"{law.kind}: {len(numbers)} numbers given; it has {', '.join(law.number_names)}")
+    return tuple(float(number) for number in numbers)
+
+
+def _by_name(kind: str, role: str, given: Mapping[str, object], names: Sequence[str]) -> list[float]:
+    """Return the given values in the order of ``names``; every name once, nothing else."""
+    for name in given:
+        if name not in names:
+            raise InputError(f"{kind} has no {role} {name!r}; {did_you_mean(name, names)}")
+    values = []
+    for name in names:
+        value = given.get(name)
+        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            found = f"is {value!r}" if name in given else "is missing"
+            raise InputError(f"{kind}: {role} {name} {found}; it must be a finite number")
+        values.append(float(value))
+    return values

@@ -1,0 +1,222 @@
+"""Hysteresis laws: which coefficients a law has, what they mean, and where the law is well posed.
+
+The arithmetic lives once, in ``core/kernel`` (C99); this module is the table that says what its numbers
+are. How coefficients vary with the command is the business of ``dependence``; which of them a fit may
+move, and how far, of ``identify.problem``.
+
+Sign convention: extension positive, a force that resists extension is positive. Every law is
+
+    F = law(x, v, state) + mass a + [coulomb + breakaway exp(-(v / v_s)^2)] tanh(v / v_t)
+
+with the Stribeck friction and the mass at zero unless they are asked for.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrdamper.errors import InputError
+
+__all__ = ["COMMON", "LAWS", "Coefficient", "HysteresisLaw", "PythonLaw", "find_law"]
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Coefficient:
+    """One coefficient of a law: what it is, and the range in which the law is well posed with it.
+
+    ``linear`` says that the force is linear in it (a fit then eliminates it by least squares).
+    ``default`` is the value taken when nobody sets it; ``None`` means that it must be given.
+    """
+
+    name: str
+    unit: str
+    description: str
+    linear: bool
+    lower: float = -math.inf
+    upper: float = math.inf
+    default: float | None = None
+
+
+@runtime_checkable
+class PythonLaw(Protocol):
+    """A user's own law in Python: one internal state, advanced by ``rate`` and read by ``force``.
+
+    It runs through the reference integrator (slow, adaptive) in every job but export. ``values`` maps
+    coefficient names to their values at the present command.
+    """
+
+    name: str
+    coefficients: tuple[Coefficient, ...]
+
+    def rate(
+        self, state: float, displacement: float, velocity: float, values: Mapping[str, float]
+    ) -> float:
+        """Return the time derivative of the internal state [state unit / s]."""
+        ...
+
+    def force(
+        self, state: float, displacement: float, velocity: float, values: Mapping[str, float]
+    ) -> float:
+        """Return the damper force [N]."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class HysteresisLaw:
+    """A hysteresis law: its name, its coefficients in kernel order, and its conditions in words.
+
+    ``kernel`` is the law's number in the C kernel, or ``None`` for a law in Python (then ``python``
+    holds it).
+    """
+
+    name: str
+    title: str
+    coefficients: tuple[Coefficient, ...]
+    conditions: str
+    kernel: int | None
+    python: PythonLaw | None = None
+    names: tuple[str, ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "names", tuple(c.name for c in self.coefficients))
+        if (self.kernel is None) == (self.python is None):
+            raise InputError(f"law {self.name!r}: give either a kernel number or a Python law")
+
+    def __getitem__(self, name: str) -> Coefficient:
+        for coefficient in self.coefficients:
+            if coefficient.name == name:
+                return coefficient
+        raise InputError(f"law {self.name!r} has no coefficient {name!r}; it has {', '.join(self.names)}")
+
+    def violations(self, values: Mapping[str, FloatArray | float]) -> tuple[str, ...]:
+        """Return what is out of the admissible range, one sentence each (empty: well posed)."""
+        found = []
+        for name, value in values.items():
+            coefficient = self[name]
+            array = np.atleast_1d(np.asarray(value, dtype=np.float64))
+            bad = ~((array >= coefficient.lower) & (array <= coefficient.upper))
+            if bad.any():
+                found.append(
+                    f"{self.name}: {name} is {array[bad][0]:g} {coefficient.unit}; the law is well posed for "
+                    f"{coefficient.lower:g} to {coefficient.upper:g} {coefficient.unit}"
+                )
+        return tuple(found)
+
+
+_RHO = Coefficient("rho", "1/m", "inverse yield displacement of the hysteresis", False, 1e-2, 1e8)
+_KAPPA = Coefficient("kappa", "-", "shape on the unloading side: (gamma - beta)/(gamma + beta)", False, -1.0, 1.0)
+_EXPONENT = Coefficient("n", "-", "sharpness of the yield knee", False, 0.2, 20.0)
+_YIELD = Coefficient("yield_force", "N", "force of the yielding (hysteretic) part", True, 0.0)
+
+COMMON: tuple[Coefficient, ...] = (
+    Coefficient("viscosity", "N s/m", "viscous damping in parallel", True, 0.0, default=0.0),
+    Coefficient("stiffness", "N/m", "spring rate (gas, seals)", True, 0.0, default=0.0),
+    Coefficient("offset", "N", "constant force (gas preload)", True, default=0.0),
+    Coefficient("mass", "kg", "moving mass between damper and force cell", True, 0.0, default=0.0),
+    Coefficient("coulomb_friction", "N", "kinetic friction of seals and guides", True, 0.0, default=0.0),
+    Coefficient("breakaway_friction", "N", "static minus kinetic friction (Stribeck)", True, 0.0, default=0.0),
+    Coefficient("stribeck_velocity", "m/s", "velocity over which breakaway fades", False, 1e-6, 10.0, 3e-3),
+    Coefficient("transition_velocity", "m/s", "velocity over which friction changes sign", False, 1e-7, 10.0, 5e-4),
+)
+"""Terms that every kernel law has, in kernel order. In ``series-valve`` stiffness and offset sit inside the chain."""
+
+_LAWS = (
+    HysteresisLaw(
+        "bouc-wen",
+        "Bouc-Wen, normalised",
+        (*COMMON, _YIELD, _RHO, _KAPPA, _EXPONENT),
+        "rho > 0, -1 <= kappa <= 1, n >= 0.2: bounded (|w| <= 1) and unique; kappa <= 0 keeps the loop's "
+        "unloading at least as steep as its loading; passive for yield_force, viscosity >= 0",
+        0,
+    ),
+    HysteresisLaw(
+        "dahl",
+        "viscous and Dahl",
+        (*COMMON, _YIELD, _RHO),
+        "rho > 0; the Bouc-Wen law with kappa = -1 and n = 1; passive for yield_force, viscosity >= 0",
+        1,
+    ),
+    HysteresisLaw(
+        "bouc-wen-saturating",
+        "Bouc-Wen with a force that saturates in velocity",
+        (
+            *COMMON,
+            _YIELD,
+            Coefficient("rate_force", "N", "hysteretic force that builds up with speed", True, 0.0),
+            Coefficient("saturation_velocity", "m/s", "speed at which half of rate_force is there", False, 1e-6, 1e2),
+            _RHO,
+            _KAPPA,
+            _EXPONENT,
+        ),
+        "as bouc-wen, saturation_velocity > 0; passive for yield_force + rate_force >= 0 and viscosity >= 0",
+        2,
+    ),
+    HysteresisLaw(
+        "bingham",
+        "Bingham, regularised",
+        (
+            *COMMON,
+            _YIELD,
+            Coefficient("yield_velocity", "m/s", "velocity over which the yield force changes sign", False, 1e-7, 10.0),
+        ),
+        "yield_velocity > 0; passive for yield_force, viscosity >= 0; no hysteresis",
+        3,
+    ),
+    HysteresisLaw(
+        "tanh",
+        "hyperbolic tangent (Kwok)",
+        (
+            *COMMON,
+            _YIELD,
+            Coefficient("slope", "s/m", "steepness of the yield force in velocity", False, 1e-3, 1e6),
+            Coefficient("shift", "-", "shift of the curve with the sign of displacement", False, -20.0, 20.0),
+        ),
+        "slope > 0; not passive for shift != 0 (it pushes near zero velocity): see the passivity check of a fit",
+        4,
+    ),
+    HysteresisLaw(
+        "series-valve",
+        "MR valve in series with free play and compliance",
+        (
+            *COMMON,
+            Coefficient("yield_force", "N", "yield force of the valve", False, 0.0),
+            Coefficient("thinning", "(s/m)^m", "shear-thinning force over yield force at 1 m/s", False, 0.0, 1e4),
+            Coefficient("thinning_exponent", "-", "power of velocity in the shear-thinning part", False, 0.05, 1.5),
+            Coefficient("yield_velocity", "m/s", "velocity over which the yield force changes sign", False, 1e-7, 10.0),
+            Coefficient("position_gain", "1/m", "relative growth of the valve force with position", False),
+            Coefficient("gap_stiffness", "N/m", "stiffness once the free play is closed", False, 1.0, 1e12),
+            Coefficient("gap", "m", "half width of the free play", False, 0.0, 1.0),
+            Coefficient("gap_corner", "m", "rounding radius of the free play's corners", False, 1e-9, 1.0),
+            Coefficient("leak_damping", "N (s/m)^mB", "dashpot across the free play", False, 0.0, 1e12),
+            Coefficient("leak_exponent", "-", "power of velocity in that dashpot", False, 0.2, 2.0, 1.0),
+        ),
+        "yield_force, thinning, leak_damping >= 0 and 1 + position_gain x > 0 over the stroke: then passive by "
+        "construction (a potential, a dashpot and a valve that opposes its own velocity)",
+        7,
+    ),
+)
+
+LAWS: Mapping[str, HysteresisLaw] = MappingProxyType({law.name: law for law in _LAWS})
+"""The laws of the kernel, by name. Kernel numbers 5 (lugre) and 6 (spencer) are kept free for those laws."""
+
+
+def find_law(name: str) -> HysteresisLaw:
+    """Return the law called ``name``.
+
+    Raises
+    ------
+    InputError
+        When there is no such law; the message lists those there are.
+    """
+    if name in LAWS:
+        return LAWS[name]
+    raise InputError(f"no hysteresis law is called {name!r}; there are {', '.join(LAWS)}")

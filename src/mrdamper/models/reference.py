@@ -1,0 +1,414 @@
+"""The reference: every hysteresis law simulated slowly and obviously, and the Bouc-Wen state in closed form.
+
+The kernel (``core``) is fast; this module is what it is tested against, and what runs a user's own law in
+Python. The equations stand here as one writes them on paper; SciPy's adaptive LSODA integrates them along
+the trajectory's cubic Hermite interpolant, anew from each reversal and never with a step longer than the
+sampling. The trajectory's dead band is not applied: every reversal counts.
+
+The closed form shares nothing with the integrator: it inverts the hypergeometric function along each
+monotone stretch of motion.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+from scipy.special import digamma, hyp2f1
+
+from mrdamper.errors import ConvergenceError, InputError
+from mrdamper.excitation import Trajectory
+from mrdamper.models.damper import Damper
+from mrdamper.models.laws import LAWS, Coefficient, HysteresisLaw, PythonLaw
+from mrdamper.quantities import FloatArray
+
+__all__ = [
+    "bouc_wen_closed_form",
+    "bouc_wen_distance",
+    "bouc_wen_state",
+    "law_from_python",
+    "load_python_law",
+    "simulate_reference",
+    "turning_points",
+]
+
+Values = Mapping[str, float]
+Equation = Callable[[float, float, float, Values], float]  # of state, displacement, velocity, coefficients
+
+
+def simulate_reference(damper: Damper, trajectory: Trajectory, *, tolerance: float = 1e-10) -> FloatArray:
+    """Return the damper force [N] at the samples, shape (n,).
+
+    The internal state starts at zero, the applied command at the first sample's. Errors of the state stay
+    near ``tolerance`` times its scale; the time taken grows as it is made smaller.
+
+    Raises
+    ------
+    ConvergenceError
+        The integrator gave up, or a user's law returned something that is not finite.
+    """
+    path = _Path(damper, trajectory)
+    law = damper.law
+    rate, force = (law.python.rate, law.python.force) if law.python is not None else _EQUATIONS[law.name]
+    state = np.zeros(path.count) if rate is None else _integrate(rate, path, damper, tolerance)
+    samples = [path.at(k, 0.0) for k in range(path.count - 1)] + [path.at(path.count - 2, 1.0)]
+    result = np.array([force(z, x, v, c) for z, (x, v, c) in zip(state.tolist(), samples, strict=True)])
+    if law.python is None:
+        parallel = [_parallel(v, a, c) for (_, v, c), a in zip(samples, path.acceleration, strict=True)]
+        result += parallel
+    if not np.isfinite(result).all():
+        first = int(np.flatnonzero(~np.isfinite(result))[0])
+        raise ConvergenceError(f"law {law.name!r}: the force is {result[first]} at sample {first}")
+    return result
+
+
+# ------------------------------------------------------------------------------------------ the equations
+
+
+def _parallel(v: float, a: float, c: Values) -> float:
+    """Return what acts beside every law: viscosity, inertia and Stribeck friction [N]."""
+    stribeck = c["coulomb_friction"] + c["breakaway_friction"] * math.exp(
+        -((v / c["stribeck_velocity"]) ** 2)
+    )
+    return c["viscosity"] * v + c["mass"] * a + stribeck * math.tanh(v / c["transition_velocity"])
+
+
+def _spring(x: float, c: Values) -> float:
+    return c["stiffness"] * x + c["offset"]
+
+
+def _bouc_wen_rate(w: float, v: float, rho: float, kappa: float, n: float) -> float:
+    u = w if v > 0.0 else -w  # positive while loading
+    resistance = math.pow(u, n) if u >= 0.0 else kappa * math.pow(-u, n)
+    return rho * v * (1.0 - resistance)
+
+
+def _bouc_wen(w: float, _x: float, v: float, c: Values) -> float:
+    return _bouc_wen_rate(w, v, c["rho"], c["kappa"], c["n"])
+
+
+def _bouc_wen_force(w: float, x: float, _v: float, c: Values) -> float:
+    return _spring(x, c) + c["yield_force"] * w
+
+
+def _dahl(w: float, _x: float, v: float, c: Values) -> float:
+    return _bouc_wen_rate(w, v, c["rho"], -1.0, 1.0)
+
+
+def _saturating_force(w: float, x: float, v: float, c: Values) -> float:
+    share = abs(v) / (abs(v) + c["saturation_velocity"])
+    return _spring(x, c) + (c["yield_force"] + c["rate_force"] * share) * w
+
+
+def _bingham_force(_w: float, x: float, v: float, c: Values) -> float:
+    return _spring(x, c) + c["yield_force"] * math.tanh(v / c["yield_velocity"])
+
+
+def _tanh_force(_w: float, x: float, v: float, c: Values) -> float:
+    side = (x > 0.0) - (x < 0.0)
+    return _spring(x, c) + c["yield_force"] * math.tanh(c["slope"] * v + c["shift"] * side)
+
+
+def _compliance_force(e: float, e_rate: float, c: Values) -> float:
+    """Return the force of free play, spring and leak at travel e [m] and its rate [m/s]."""
+    k, d, r = c["gap_stiffness"], c["gap"], c["gap_corner"]
+    spring = k / 2 * (2 * e + math.hypot(e - d, r) - math.hypot(e + d, r))
+    return spring + c["leak_damping"] * math.copysign(abs(e_rate) ** c["leak_exponent"], e_rate)
+
+
+def _valve_force(y_rate: float, y: float, x: float, c: Values) -> float:
+    """Return the force of the MR valve at its travel y [m] and velocity [m/s]."""
+    thinning = c["thinning"] * math.copysign(abs(y_rate) ** c["thinning_exponent"], y_rate)
+    shape = math.tanh(y_rate / c["yield_velocity"]) + thinning
+    return c["offset"] + c["stiffness"] * y + c["yield_force"] * (1.0 + c["position_gain"] * x) * shape
+
+
+def _valve_velocity(e: float, x: float, v: float, c: Values) -> float:
+    """Return the valve velocity at which valve and compliance carry the same force [m/s]."""
+
+    def surplus(y_rate: float) -> float:  # rises with y_rate
+        return _valve_force(y_rate, x - e, x, c) - _compliance_force(e, v - y_rate, c)
+
+    at_rest = surplus(0.0)
+    if at_rest == 0.0:
+        return 0.0
+    near, far = 0.0, math.copysign(c["yield_velocity"], -at_rest)
+    while surplus(far) * at_rest > 0.0:
+        near, far = far, 4.0 * far
+        if abs(far) > 1e6:
+            raise ConvergenceError(
+                "series-valve: the valve cannot carry the compliance's force at any speed; "
+                "give it thinning, or the compliance leak_damping"
+            )
+    return float(brentq(surplus, near, far, xtol=1e-30, rtol=1e-15, maxiter=500))
+
+
+def _series_valve(e: float, x: float, v: float, c: Values) -> float:
+    return v - _valve_velocity(e, x, v, c)
+
+
+def _series_valve_force(e: float, x: float, v: float, c: Values) -> float:
+    return _valve_force(_valve_velocity(e, x, v, c), x - e, x, c)
+
+
+_EQUATIONS: Mapping[str, tuple[Equation | None, Equation]] = {
+    "bouc-wen": (_bouc_wen, _bouc_wen_force),
+    "dahl": (_dahl, _bouc_wen_force),
+    "bouc-wen-saturating": (_bouc_wen, _saturating_force),
+    "bingham": (None, _bingham_force),
+    "tanh": (None, _tanh_force),
+    "series-valve": (_series_valve, _series_valve_force),
+}
+
+
+# -------------------------------------------------------------------------------- path and integration
+
+
+class _Path:
+    """Motion and coefficients between the samples: cubic Hermite of (x, v), command linear then lagged."""
+
+    def __init__(self, damper: Damper, trajectory: Trajectory) -> None:
+        self.step, self.count = trajectory.step, trajectory.displacement.size
+        self.acceleration: list[float] = trajectory.acceleration.tolist()
+        self.cubics: list[list[float]] = _hermite(trajectory).tolist()
+        self._damper, self._names = damper, damper.law.names
+        self._command: list[float] = trajectory.command.tolist()
+        self._applied = [self._command[0]]
+        for k in range(self.count - 1):
+            self._applied.append(self._lagged(k, self._applied[k], 1.0))
+        constant = len({*self._command}) == 1
+        self._constant = self._values(self._command[0]) if constant else None
+
+    def at(self, k: int, theta: float) -> tuple[float, float, Values]:
+        """Return displacement, velocity and coefficients at the share theta of interval k."""
+        x0, x1, x2, x3 = self.cubics[k]
+        x = x0 + theta * (x1 + theta * (x2 + theta * x3))
+        v = (x1 + theta * (2 * x2 + theta * 3 * x3)) / self.step
+        values = self._constant or self._values(self._lagged(k, self._applied[k], theta))
+        return x, v, values
+
+    def _lagged(self, k: int, applied: float, theta: float) -> float:
+        """Solve applied' = (command - applied)/lag from the interval's start, the command being linear."""
+        start, end, lag = self._command[k], self._command[k + 1], self._damper.command_lag_s
+        command = start + theta * (end - start)
+        if lag == 0.0:
+            return command
+        behind = (end - start) / self.step * lag
+        return command - behind + (applied - start + behind) * math.exp(-theta * self.step / lag)
+
+    def _values(self, applied: float) -> dict[str, float]:
+        at = self._damper.coefficients_at(applied)[:, 0]
+        return dict(zip(self._names, at.tolist(), strict=True))
+
+
+def _integrate(rate: Equation, path: _Path, damper: Damper, tolerance: float) -> FloatArray:
+    """Return the state at the samples, integrated anew from each reversal."""
+    last = path.count - 1
+
+    def slope(time: float, state: FloatArray) -> list[float]:  # time in samples
+        k = min(int(time), last - 1)
+        return [path.step * rate(float(state[0]), *path.at(k, time - k))]
+
+    samples = np.arange(path.count, dtype=np.float64)
+    turns = [k + theta for k, cubic in enumerate(path.cubics) for theta in _turns(cubic)]
+    local = tolerance / 30  # the errors of many steps add up
+    state, z = np.zeros(path.count), 0.0
+    rests = [k for k, cubic in enumerate(path.cubics) if cubic[1] == 0.0]
+    for start, end in pairwise(np.unique([0.0, *rests, *turns, float(last)]).tolist()):
+        inside = np.flatnonzero((samples > start) & (samples <= end))
+        solution = solve_ivp(
+            slope,
+            (start, end),
+            [z],
+            method="LSODA",
+            t_eval=np.union1d(samples[inside], end),
+            max_step=1.0,
+            rtol=max(local, 1e-13),
+            atol=local * _state_scale(damper, path),
+        )
+        if not solution.success:
+            raise ConvergenceError(f"law {damper.law.name!r}: the integrator stopped: {solution.message}")
+        state[inside] = solution.y[0, : inside.size]
+        z = float(solution.y[0, -1])
+    return state
+
+
+def _state_scale(damper: Damper, path: _Path) -> float:
+    """Return the state's size for which ``tolerance`` is meant: 1, or the travel under the yield force."""
+    if damper.law.name != "series-valve":
+        return 1.0
+    _, _, c = path.at(0, 0.0)
+    return max(c["yield_force"], 1.0) / c["gap_stiffness"]
+
+
+def _hermite(trajectory: Trajectory) -> FloatArray:
+    """Return x(theta) = x0 + x1 theta + x2 theta^2 + x3 theta^3 on each interval, shape (n - 1, 4)."""
+    x, v = trajectory.displacement, trajectory.step * trajectory.velocity
+    rise = np.diff(x)
+    return np.stack([x[:-1], v[:-1], 3 * rise - 2 * v[:-1] - v[1:], v[:-1] + v[1:] - 2 * rise], axis=1)
+
+
+def _turns(cubic: Sequence[float]) -> list[float]:
+    """Return where the cubic's slope changes sign inside 0..1."""
+    c, b, a = cubic[1], 2 * cubic[2], 3 * cubic[3]
+    discriminant = b * b - 4 * a * c
+    if discriminant <= 0.0:
+        return []
+    q = -0.5 * (b + math.copysign(math.sqrt(discriminant), b))
+    roots = [q / a if a else math.inf, c / q if q else math.inf]
+    return sorted(theta for theta in roots if 0.0 < theta < 1.0)
+
+
+# ------------------------------------------------------------------------------ Bouc-Wen in closed form
+
+
+def turning_points(trajectory: Trajectory) -> tuple[tuple[int, float], ...]:
+    """Return the reversals between samples as (interval, displacement [m]), from the cubic Hermite."""
+    cubics = _hermite(trajectory)
+    return tuple(
+        (k, float(np.polynomial.polynomial.polyval(theta, cubic)))
+        for k, cubic in enumerate(cubics)
+        for theta in _turns(cubic.tolist())
+    )
+
+
+def bouc_wen_distance(w: float, kappa: float, n: float) -> float:
+    """Return the normalised travel tau from w = 0 to w along one direction of motion [-].
+
+    .. math:: tau(w) = w F(1, 1/n; 1 + 1/n; w^n),  with kappa |w|^n in place of w^n for w < 0
+
+    F is Gauss's hypergeometric function; dtau/dw = 1/(1 - w^n), or 1/(1 - kappa |w|^n) for w < 0.
+
+    Notes
+    -----
+    ``hyp2f1`` loses all digits near 1 when c - a - b is a rounding error instead of 0, and returns
+    infinity from 1 - 1e-13 on: hence b from c, and the leading terms of its logarithmic series there.
+    """
+    c = 1.0 + 1.0 / n
+    b = c - 1.0
+    argument = w**n if w >= 0.0 else kappa * (-w) ** n
+    if argument > 1.0 - 1e-12:
+        distance_to_one = -math.expm1(n * math.log(abs(w)))
+        if w < 0.0:
+            distance_to_one += (1.0 - kappa) * (-w) ** n
+        if distance_to_one <= 0.0:
+            return math.copysign(math.inf, w)
+        return w * -b * (math.log(distance_to_one) + float(digamma(b)) + float(np.euler_gamma))
+    return w * float(hyp2f1(1.0, b, c, argument))
+
+
+def bouc_wen_state(distance: float, kappa: float, n: float) -> float:
+    """Return w in [-1, 1] at the normalised travel tau [-]: the inverse of ``bouc_wen_distance``."""
+    low, high = math.nextafter(-1.0, 0.0), math.nextafter(1.0, 0.0)
+    if distance >= bouc_wen_distance(high, kappa, n):
+        return 1.0
+    if distance <= bouc_wen_distance(low, kappa, n):
+        return -1.0
+    return float(
+        brentq(lambda w: bouc_wen_distance(w, kappa, n) - distance, low, high, xtol=1e-16, rtol=1e-15)
+    )
+
+
+def bouc_wen_closed_form(
+    displacement: Sequence[float] | FloatArray,
+    turning: Sequence[tuple[int, float]] = (),
+    *,
+    rho: float,
+    kappa: float,
+    n: float,
+) -> FloatArray:
+    """Return the Bouc-Wen state w at the samples, exact to rounding, from w = 0 at the first.
+
+    Parameters
+    ----------
+    displacement : at the samples [m], shape (n,)
+    turning : reversals between samples, in order, as (k, displacement [m]) for interval k to k + 1
+    rho, kappa, n : inverse yield displacement [1/m], unloading shape [-], sharpness [-]
+    """
+    between: dict[int, list[float]] = {}
+    for k, x in turning:
+        between.setdefault(k, []).append(x)
+    here = origin = float(displacement[0])
+    direction, start, w = 0.0, 0.0, 0.0
+    states = [w]
+    for k in range(len(displacement) - 1):
+        for there in [*between.get(k, []), float(displacement[k + 1])]:
+            towards = float(np.sign(there - here))
+            if towards not in (0.0, direction):
+                direction, origin = towards, here
+                start = bouc_wen_distance(towards * w, kappa, n)
+            if direction:
+                w = direction * bouc_wen_state(start + rho * abs(there - origin), kappa, n)
+            here = there
+        states.append(w)
+    return np.array(states)
+
+
+# ------------------------------------------------------------------------------------ a user's own law
+
+
+def law_from_python(law: PythonLaw) -> HysteresisLaw:
+    """Return a user's own law as a ``HysteresisLaw``.
+
+    Raises
+    ------
+    InputError
+        ``name``, ``coefficients``, ``rate`` or ``force`` missing, or a name that is taken or not usable.
+    """
+    what = f"law of class {type(law).__name__}"
+    lacking = [part for part in ("name", "coefficients", "rate", "force") if not hasattr(law, part)]
+    if lacking:
+        raise InputError(
+            f"{what}: no {' or '.join(lacking)}; a law has name, coefficients, rate() and force()"
+        )
+    given: tuple[object, Sequence[object]] = (law.name, law.coefficients)
+    name, coefficients = given
+    if not isinstance(name, str) or not name or name in LAWS:
+        raise InputError(f"{what}: name is {name!r}; choose one that is not {', '.join(LAWS)}")
+    names = [c.name for c in coefficients if isinstance(c, Coefficient)]
+    if len(set(names)) < len(coefficients) or not all(each.isidentifier() for each in names):
+        raise InputError(
+            f"{what}: coefficients must be Coefficient(...) with different names like yield_force"
+        )
+    title = (type(law).__doc__ or law.name).strip().splitlines()[0]
+    return HysteresisLaw(
+        name, title, tuple(law.coefficients), "a user's own law: no conditions known", None, law
+    )
+
+
+def load_python_law(reference: str) -> HysteresisLaw:
+    """Return the law in ``path/to/file.py:ClassName``. This runs the file.
+
+    Raises
+    ------
+    InputError
+        The file or class is not there, or does not run.
+    """
+    file, colon, name = reference.rpartition(":")
+    path = Path(file)
+    if not colon or not name.isidentifier() or path.suffix != ".py":
+        raise InputError(f"law {reference!r}: expected path/to/file.py:ClassName")
+    if not path.is_file():
+        raise InputError(f"law {reference!r}: there is no file {path}; give its path from {Path.cwd()}")
+    spec = importlib.util.spec_from_file_location(f"mrdamper_user_law_{path.stem}", path)
+    if spec is None or spec.loader is None:
+        raise InputError(f"law {reference!r}: Python cannot import {path}")
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+        made = getattr(module, name, None)
+        law = made() if made is not None else None
+    except Exception as fault:  # whatever the user's file raises is bad input
+        raise InputError(f"law {reference!r}: {type(fault).__name__}: {fault}; correct {path}") from fault
+    if law is None:
+        defined = [key for key, value in vars(module).items() if isinstance(value, type)]
+        raise InputError(
+            f"law {reference!r}: {path} has no class {name}; it has {', '.join(defined) or 'none'}"
+        )
+    return law_from_python(law)

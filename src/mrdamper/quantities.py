@@ -1,0 +1,146 @@
+"""Quantities at the door: roles of rig channels, their SI units, plausible ranges and header names.
+
+This is the one table. Readers convert with :func:`to_si`; below them everything is SI and kelvin.
+Which column holds which role is the business of ``data.channels``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mrdamper.errors import InputError
+
+__all__ = ["QUANTITIES", "FloatArray", "Quantity", "find_quantity", "read_only", "spell_unit", "to_si"]
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """What a channel of a rig file can hold.
+
+    ``low`` and ``high`` are the plausible range [SI] of a damper on a rig: outside it, a unit is wrong or
+    a sensor has failed. ``headers`` are the words (lower case) that name the role in a file's header.
+    """
+
+    role: str
+    symbol: str
+    unit: str  # SI, as to_si returns it
+    low: float
+    high: float
+    headers: tuple[str, ...]
+    units: tuple[str, ...]  # units to offer in a message
+
+
+_TABLE = (
+    Quantity("time", "t", "s", -np.inf, np.inf, ("time", "t", "zeit", "tempo"), ("s", "ms", "min")),
+    Quantity(
+        "displacement",
+        "x",
+        "m",
+        -2.0,
+        2.0,
+        ("displacement", "disp", "position", "stroke", "x", "weg"),
+        ("m", "mm", "in"),
+    ),
+    Quantity("velocity", "v", "m/s", -10.0, 10.0, ("velocity", "speed", "vel", "v"), ("m/s", "mm/s", "in/s")),
+    Quantity("force", "F", "N", -1e6, 1e6, ("force", "load", "f", "kraft"), ("N", "kN", "kgf", "lbf")),
+    Quantity("current", "I", "A", -100.0, 100.0, ("current", "i", "strom"), ("A", "mA")),
+    Quantity("voltage", "U", "V", -1000.0, 1000.0, ("voltage", "u", "spannung"), ("V", "mV")),
+    Quantity("temperature", "T", "K", 200.0, 500.0, ("temperature", "temp"), ("K", "degC", "degF")),
+)
+
+QUANTITIES: Mapping[str, Quantity] = MappingProxyType({quantity.role: quantity for quantity in _TABLE})
+
+# How rigs spell units: lower case, without blanks, dots or parentheses. Pint's own names need no entry.
+_SPELLINGS: Mapping[str, str] = MappingProxyType(
+    {
+        "sec": "s", "secs": "s", "second": "s", "seconds": "s", "msec": "ms", "msecs": "ms",
+        "metre": "m", "meter": "m", "metres": "m", "meters": "m", "millimetre": "mm", "millimeter": "mm",
+        "millimetres": "mm", "millimeters": "mm", "inch": "in", "inches": "in", "micron": "um",
+        "m_s": "m/s", "mm_s": "mm/s", "in_s": "in/s", "m/sec": "m/s", "mm/sec": "mm/s", "in/sec": "in/s",
+        "m_per_s": "m/s", "mm_per_s": "mm/s", "ms-1": "m/s", "mms-1": "mm/s",
+        "newton": "N", "newtons": "N", "kilonewton": "kN", "kp": "kgf", "lbf": "lbf", "lbsf": "lbf",
+        "kip": "kip", "kips": "kip", "klbf": "kip",
+        "amp": "A", "amps": "A", "ampere": "A", "amperes": "A", "milliamp": "mA", "milliamps": "mA",
+        "volt": "V", "volts": "V", "millivolt": "mV", "millivolts": "mV",
+        "deg_c": "degC", "degc": "degC", "°c": "degC", "℃": "degC", "celsius": "degC", "deg.c": "degC",
+        "deg_f": "degF", "degf": "degF", "°f": "degF", "fahrenheit": "degF", "kelvin": "K", "deg_k": "K",
+    }
+)  # fmt: skip
+# Letters that mean something else where there is no temperature.
+_TEMPERATURE_LETTERS: Mapping[str, str] = MappingProxyType({"C": "degC", "F": "degF", "c": "degC", "k": "K"})
+
+
+def read_only(values: ArrayLike) -> FloatArray:
+    """Return the values as a read-only, C-contiguous float64 array that nobody else can write to."""
+    given = values if isinstance(values, np.ndarray) else None
+    safe = given is not None and given.base is None and not given.flags.writeable
+    if given is not None and safe and given.dtype == np.float64 and given.flags.c_contiguous:
+        return given
+    array = np.array(values, dtype=np.float64, order="C")
+    array.setflags(write=False)
+    return array
+
+
+def find_quantity(role: str) -> Quantity:
+    """Return the quantity of a role; an unknown role is an error that names the known ones."""
+    if role not in QUANTITIES:
+        raise InputError(f"{role!r} is not a role of a channel; use one of: {', '.join(QUANTITIES)}")
+    return QUANTITIES[role]
+
+
+def spell_unit(unit: str, role: str) -> str:
+    """Return a rig's spelling of a unit (``deg_C``, ``Sec``, ``Newtons``) as the one Pint knows."""
+    text = unit.strip().strip("[]()").strip()
+    if role == "temperature" and text in _TEMPERATURE_LETTERS:
+        return _TEMPERATURE_LETTERS[text]
+    bare = re.sub(r"[\s·*^]", "", text).lower()
+    return _SPELLINGS.get(bare, text)
+
+
+def to_si(values: ArrayLike, unit: str, role: str) -> FloatArray:
+    """Return the values of a role in its SI unit, as float64.
+
+    Raises
+    ------
+    InputError
+        The unit is not known, or is not one of the role.
+    """
+    array = np.asarray(values, dtype=np.float64)
+    quantity = find_quantity(role)
+    spelled = spell_unit(unit, role)
+    if spelled == quantity.unit:  # without loading Pint
+        return array
+    scale, zero = _line_to_si(spelled, role, unit)
+    return array * scale if zero == 0.0 else array * scale + zero
+
+
+@cache
+def _line_to_si(spelled: str, role: str, found: str) -> tuple[float, float]:
+    """Return (scale, zero) of the straight line from a unit to the role's SI unit."""
+    import tokenize
+
+    import pint
+
+    quantity = QUANTITIES[role]
+    choices = ", ".join(quantity.units)
+    if not spelled:
+        raise InputError(f"{role} has no unit; give one of: {choices}")
+    try:
+        unit = pint.application_registry.Unit(spelled)
+        zero, one = (
+            float(pint.application_registry.Quantity(x, unit).to(quantity.unit).magnitude) for x in (0.0, 1.0)
+        )
+    # what Pint's parser lets through on a garbled unit is part of what it has to say
+    except (pint.errors.PintError, tokenize.TokenError, AssertionError, ValueError, TypeError) as error:
+        stored = "" if role == "time" else f" (stored in {quantity.unit})"
+        raise InputError(f"unit {found!r} is not a unit of {role}{stored}; use one of: {choices}") from error
+    return one - zero, zero

@@ -1,0 +1,86 @@
+"""What every test may ask for: a program, the real runs; and the habits they all keep.
+
+A test that lacks a tool or the data is a visible skip, and with ``MRDAMPER_REQUIRE_TOOLS=1`` (as in
+``.ci/run``) a failure.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import shutil
+from collections.abc import Callable, Generator
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+
+os.environ["MPLBACKEND"] = "Agg"
+
+# Same examples on every run and machine; a loaded machine is not a fault of the code.
+settings.register_profile("mrdamper", derandomize=True, deadline=None)
+settings.load_profile("mrdamper")
+
+_MARK_OF_FIXTURE = {"tool": "tool", "real_data": "data"}
+
+
+def _tools_are_required() -> bool:
+    return os.environ.get("MRDAMPER_REQUIRE_TOOLS") == "1"
+
+
+def _do_without(reason: str) -> None:
+    if _tools_are_required():
+        pytest.fail(f"{reason} (MRDAMPER_REQUIRE_TOOLS=1)", pytrace=False)
+    pytest.skip(reason)
+
+
+@pytest.fixture(scope="session")
+def tool() -> Callable[[str], Path]:
+    """Return a function that finds a program, or skips the test (fails where tools are required)."""
+
+    def find(name: str) -> Path:
+        found = shutil.which(name)
+        if found is None:
+            _do_without(f"the program {name!r} is not installed")
+        return Path(str(found))
+
+    return find
+
+
+@pytest.fixture(scope="session")
+def real_data() -> Path:
+    """Return the folder of real runs (``dev/``, ``raw/``), or skip (fail where tools are required)."""
+    named = os.environ.get("MRDAMPER_DATA", "")
+    if not named:
+        _do_without("MRDAMPER_DATA does not name the folder of real runs")
+    folder = Path(named)
+    for part in ("dev", "raw"):
+        if not (folder / part).is_dir():
+            _do_without(f"MRDAMPER_DATA={named} has no folder {part}/")
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def _seeds() -> None:
+    """Give third-party code that draws from Python's own generator the same draws in every test."""
+    random.seed(0)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark tests by what they ask for, so that ``-m data`` and ``-m tool`` select them."""
+    for item in items:
+        for fixture in getattr(item, "fixturenames", ()):
+            if fixture in _MARK_OF_FIXTURE:
+                item.add_marker(_MARK_OF_FIXTURE[fixture])
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Turn any other skip of a test that needs a tool or data into a failure where tools are required."""
+    report = yield
+    needs_something = any(item.get_closest_marker(mark) for mark in _MARK_OF_FIXTURE.values())
+    if report.skipped and not hasattr(report, "wasxfail") and needs_something and _tools_are_required():
+        reason = report.longrepr[2] if isinstance(report.longrepr, tuple) else report.longrepr
+        report.outcome = "failed"
+        report.longrepr = f"{item.nodeid}: {reason} (MRDAMPER_REQUIRE_TOOLS=1)"
+    return report

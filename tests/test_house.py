@@ -1,0 +1,145 @@
+"""Facts about the tree itself: what no file may hold, what every file must begin with."""
+
+from __future__ import annotations
+
+import ast
+import re
+import subprocess
+import tomllib
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+# Written in pieces, so that this file does not hold what it looks for.
+REGISTRY_HOSTS = re.compile(
+    "|".join(
+        rf"\b{host}\.{domain}\b"
+        for host, domain in [
+            ("pypi", "org"),
+            ("pythonhosted", "org"),
+            ("npmjs", "(org|com)"),
+            ("debian", "org"),
+            ("crates", "io"),
+            ("golang", "org"),
+            ("anaconda", "(org|com)"),
+        ]
+    )
+)
+MACHINE_PATHS = re.compile(r"(?<![\w.~*}/)-])/(?:home|root|work|opt|mnt|Users)/\w")
+
+
+@pytest.fixture(scope="module")
+def files(tool: Callable[[str], Path]) -> list[Path]:
+    """Return the files in git, and those that would be at the next ``git add``."""
+    listing = [str(tool("git")), "ls-files", "--cached", "--others", "--exclude-standard", "-z"]
+    run = subprocess.run(listing, cwd=ROOT, capture_output=True, text=True, check=False)
+    if run.returncode:
+        pytest.skip("not a git checkout")
+    return [path for name in run.stdout.split("\0") if name and (path := ROOT / name).is_file()]
+
+
+def text_of(path: Path) -> str:
+    return path.read_text(encoding="utf-8", errors="replace")
+
+
+def lines_with(pattern: re.Pattern[str], files: list[Path]) -> list[str]:
+    return [
+        f"{path.relative_to(ROOT)}:{number}: {line.strip()[:100]}"
+        for path in files
+        for number, line in enumerate(text_of(path).splitlines(), start=1)
+        if pattern.search(line)
+    ]
+
+
+def test_no_file_names_a_registry_host(files):
+    assert lines_with(REGISTRY_HOSTS, files) == []
+
+
+def test_no_file_names_a_path_of_one_machine(files):
+    assert lines_with(MACHINE_PATHS, files) == []
+
+
+def test_no_built_file_is_in_git(files):
+    built = {".so", ".pyd", ".o", ".pyc", ".whl"}
+    assert [path.name for path in files if path.suffix in built] == []
+
+
+def test_every_python_module_begins_by_saying_what_it_is(files):
+    silent = [
+        str(path.relative_to(ROOT))
+        for path in files
+        if path.suffix == ".py" and not ast.get_docstring(ast.parse(text_of(path)))
+    ]
+    assert silent == []
+
+
+def test_every_c_file_begins_by_saying_what_it_is(files):
+    silent = [
+        str(path.relative_to(ROOT))
+        for path in files
+        if path.suffix in {".c", ".h"} and not text_of(path).startswith("/*")
+    ]
+    assert silent == []
+
+
+# --------------------------------------------------------------------------------------------- lock file
+
+
+def normalised(name: str) -> str:
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+def lock_entries() -> dict[str, str]:
+    """Return the lock's entries: distribution -> its whole entry, continuation lines joined."""
+    joined = re.sub(r"\\\n", " ", text_of(ROOT / "requirements.lock"))
+    entries = [line for line in joined.splitlines() if line.strip() and not line.lstrip().startswith("#")]
+    return {normalised(re.split(r"[=\s]", entry, maxsplit=1)[0]): entry for entry in entries}
+
+
+def test_every_lock_entry_is_one_version_with_its_hashes():
+    entry_shape = re.compile(r"[\w.-]+==[\w.]+( ; [^#]+?)?(\s+--hash=sha256:[0-9a-f]{64})+\s*")
+    assert [entry for entry in lock_entries().values() if not entry_shape.fullmatch(entry)] == []
+
+
+def test_the_lock_names_no_address_and_no_option():
+    text = text_of(ROOT / "requirements.lock")
+    assert re.findall(r"\w+://|^\s*-(?!-hash=)\S+|@ *file", text, re.MULTILINE) == []
+
+
+def test_the_lock_covers_every_requirement_of_the_project():
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        project = tomllib.load(file)
+    extras = project["project"]["optional-dependencies"]
+    wanted = [
+        *project["project"]["dependencies"],
+        *(requirement for each in extras.values() for requirement in each),
+        *project["dependency-groups"]["build"],
+        *project["build-system"]["requires"],
+    ]
+    names = {normalised(re.split(r"[\[<>=!~; ]", requirement, maxsplit=1)[0]) for requirement in wanted}
+    assert names - {"mrdamper"} - lock_entries().keys() == set()
+
+
+# --------------------------------------------------------------------------------------------- rooms
+
+
+def test_no_room_reaches_a_name_through_the_package_s_own_face(files):
+    """What ``mrdamper`` itself names is loaded from every room: an import the contracts cannot see."""
+    package = ROOT / "src" / "mrdamper"
+    rooms = {path.stem for path in package.iterdir()} | {"__version__"}
+    through_the_face = [
+        f"{path.relative_to(ROOT)}:{node.lineno}"
+        for path in files
+        if path.suffix == ".py" and package in path.parents and path.parent != package
+        for node in ast.walk(ast.parse(text_of(path)))
+        if (isinstance(node, ast.Import) and any(alias.name == "mrdamper" for alias in node.names))
+        or (
+            isinstance(node, ast.ImportFrom)
+            and node.module == "mrdamper"
+            and not {alias.name for alias in node.names} <= rooms
+        )
+    ]
+    assert through_the_face == []

@@ -1,0 +1,73 @@
+"""The package's own face: what it names, and how little it costs to import."""
+
+from __future__ import annotations
+
+import re
+import resource
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import mrdamper
+
+
+def cpu_ms(*command: str, repeats: int = 5) -> float:
+    """Return the least CPU time of a command over some runs [ms]: what it needs, without the noise."""
+
+    def once() -> float:
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        subprocess.run(command, check=True, capture_output=True)
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        return 1e3 * (after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
+
+    return min(once() for _ in range(repeats))
+
+
+def modules_after(statement: str) -> set[str]:
+    code = f"import sys\n{statement}\nprint(*sys.modules)"
+    run = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    return set(run.stdout.split())
+
+
+def script() -> str:
+    return str(Path(sys.executable).with_name("mrdamper"))
+
+
+HEAVY = {"numpy", "scipy", "polars", "matplotlib", "pint", "jinja2", "pooch", "pymoo", "cma"}
+
+
+def test_importing_the_package_loads_none_of_the_heavy_libraries():
+    assert modules_after("import mrdamper") & HEAVY == set()
+
+
+def test_the_command_line_loads_none_of_the_heavy_libraries_before_a_job_starts():
+    assert modules_after("import mrdamper.app.cli") & HEAVY == set()
+
+
+def test_importing_the_package_takes_at_most_30_ms_of_cpu():
+    bare = cpu_ms(sys.executable, "-c", "pass")
+    assert cpu_ms(sys.executable, "-c", "import mrdamper") - bare <= 30.0
+
+
+def test_help_takes_at_most_200_ms_of_cpu():
+    assert cpu_ms(script(), "--help") <= 200.0
+
+
+@pytest.mark.parametrize("name", mrdamper.__all__)
+def test_every_public_name_resolves(name):
+    assert getattr(mrdamper, name) is not None
+    assert name in dir(mrdamper)
+
+
+def test_a_misspelt_name_is_an_attribute_error():
+    with pytest.raises(AttributeError, match="no attribute 'reed_runs'"):
+        _ = mrdamper.reed_runs  # type: ignore[attr-defined]
+
+
+def test_the_version_is_the_one_in_the_project_file():
+    project = (Path(__file__).parents[1] / "pyproject.toml").read_text(encoding="utf-8")
+    written = re.search(r'^version = "(.+)"$', project, re.MULTILINE)
+    assert written is not None
+    assert mrdamper.__version__ == written[1]
