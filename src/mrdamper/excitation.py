@@ -151,9 +151,7 @@ class Harmonics:
         if len(set(counts.values())) != 1 or not self.amplitudes:
             raise InputError(f"harmonics: {counts} numbers; expected the same count of each, at least one")
         if not np.isfinite([self.amplitudes, self.frequencies, self.phases]).all():
-            raise InputError(
-                "harmonics: a number is not finite; expected amplitudes, frequencies, phases"
-            )
+            raise InputError("harmonics: a number is not finite; expected amplitudes, frequencies, phases")
 
     def _sum(self, t: ArrayLike, order: int) -> FloatArray:
         time = np.asarray(t, dtype=np.float64)
@@ -227,9 +225,7 @@ def drive(
     def per_sample(value: ArrayLike, name: str) -> FloatArray:
         array = np.asarray(value, dtype=np.float64)
         if array.shape not in {(), time.shape}:
-            raise InputError(
-                f"drive: {name} has shape {array.shape}; expected one number or {len(time)}"
-            )
+            raise InputError(f"drive: {name} has shape {array.shape}; expected one number or {len(time)}")
         return np.broadcast_to(array, time.shape)
 
     return Trajectory(

@@ -16,6 +16,7 @@ from mrdamper.quantities import FloatArray
 __all__ = ["Spectrum", "differentiate", "low_pass", "measure_spectrum", "quantum_of", "turning_points"]
 
 _ROLL_OFF = 1.5  # the low-pass falls from 1 at the cut-off to 0 at this multiple of it
+_MAINS_Hz = tuple(multiple * mains for mains in (50.0, 60.0) for multiple in (1, 2, 3, 4, 5))
 _NEGLIGIBLE = 1e-3  # noise in velocity below this share of the rms velocity is left alone
 
 # First derivative by sixth-order differences: centred, and for the three samples nearest an end.
@@ -51,15 +52,18 @@ class Spectrum:
 
         With power P and noise level N of the displacement, velocity has f^2 P and f^2 N. Passing a
         frequency costs its noise f^2 N, dropping it costs its signal f^2 (P - N); the cut-off minimises
-        the sum of both. It is the Nyquist frequency (nothing removed) when noise would be less than
-        0.1 % of the rms velocity anyway.
+        the sum of both. What lies within 1 % of the mains (50 and 60 Hz) and their first harmonics counts
+        as noise. The cut-off is the Nyquist frequency (nothing removed) when noise would be less than 0.1 %
+        of the rms velocity anyway.
         """
         square = self.frequency**2
         velocity_rms = 2 * np.pi * np.sqrt(np.mean(square * self.power))
         if self.noise * _GAIN_ON_WHITE_NOISE / self.step <= _NEGLIGIBLE * velocity_rms:
             return self.nyquist_Hz
-        cost = np.cumsum(square * (2 * self.noise**2 - self.power))
-        best = float(self.frequency[int(np.argmin(cost))])
+        gain = self.power - 2 * self.noise**2
+        for low, high in np.searchsorted(self.frequency, np.outer(_MAINS_Hz, (0.99, 1.01))):
+            gain[low:high] = -(self.noise**2)
+        best = float(self.frequency[int(np.argmax(np.cumsum(square * gain)))])
         return best if best * _ROLL_OFF < self.nyquist_Hz else self.nyquist_Hz
 
     def noise_passed(self, cutoff_Hz: float) -> float:
@@ -89,8 +93,8 @@ def low_pass(displacement: FloatArray, step: float, cutoff_Hz: float) -> FloatAr
     """Return the displacement without what is above the cut-off; zero phase, nothing lost at the ends.
 
     The response is 1 to the cut-off, then half a cosine to 0 at 1.5 times the cut-off. A cubic that takes
-    value and curvature at both ends (of a parabola fitted over half a period of the cut-off) is removed before
-    and added after, so that a record may begin and end in mid-motion.
+    value and curvature at both ends (of a parabola fitted over half a period of the cut-off) is taken off
+    before and added after, so that a record may begin and end in mid-motion.
     """
     n = len(displacement)
     if cutoff_Hz >= 0.5 / step:
@@ -104,9 +108,7 @@ def low_pass(displacement: FloatArray, step: float, cutoff_Hz: float) -> FloatAr
 
 
 def differentiate(values: FloatArray, step: float) -> FloatArray:
-    """Return the derivative by sixth-order differences, one-sided in the three samples at each end."""
-    if len(values) < 7:
-        return np.gradient(values, step, edge_order=min(2, len(values) - 1))
+    """Return the derivative by sixth-order differences, one-sided at the ends; at least 7 values."""
     derivative = np.empty_like(values)
     derivative[3:-3] = np.correlate(values, _CENTRED, mode="valid")
     derivative[:3] = _ENDS @ values[:7]
@@ -170,7 +172,8 @@ def _cubic_between(values: FloatArray, width: int) -> FloatArray:
     s = np.arange(n, dtype=np.float64)
     span = n - 1.0
     bend = first_bend * s**2 + (last_bend - first_bend) * s**3 / (3.0 * span)
-    return first + bend + (last - first - bend[-1]) * s / span
+    cubic: FloatArray = first + bend + (last - first - bend[-1]) * s / span
+    return cubic
 
 
 def _sine_transform(values: FloatArray, step: float, *, taper: int) -> tuple[FloatArray, FloatArray]:

@@ -103,7 +103,7 @@ class FitProblem:
         return tuple(free for free in self.free if free.linear)
 
     def prepare(self, *, excerpt: bool = False) -> tuple[PreparedFit, ...]:
-        """Return the runs decimated and opened for the kernel; ``excerpt`` keeps about a period of each."""
+        """Return the runs decimated and opened for the kernel; ``excerpt`` keeps the first period of each."""
         return tuple(PreparedFit.of(run, self.rate_Hz, len(self.runs), excerpt=excerpt) for run in self.runs)
 
 
@@ -119,7 +119,7 @@ class PreparedFit:
 
     @classmethod
     def of(cls, run: PreparedRun, rate: float, runs: int, *, excerpt: bool = False) -> PreparedFit:
-        """Return a run at the fit's rate; an excerpt ends a period after the first scored sample and
+        """Return a run at the fit's rate; an excerpt ends half a period after the first scored sample and
         takes twice as long implicit steps."""
         spread = float(np.std(run.force[run.scored_from :]))
         if not spread > 0.0:
@@ -128,7 +128,7 @@ class PreparedFit:
         trajectory, force, start = coarse.trajectory, coarse.force, coarse.scored_from
         longest = core.LONGEST_STEP
         if excerpt:
-            seconds = run.period_s or 0.1 * trajectory.step * len(force)
+            seconds = 0.5 * run.period_s if run.period_s else 0.1 * trajectory.step * len(force)
             stop = min(len(force), start + max(int(seconds / trajectory.step), 32))
             trajectory = replace(
                 trajectory,

@@ -31,7 +31,7 @@ from mrdamper.errors import ConvergenceError, InputError
 from mrdamper.identify.problem import FitProblem, FitResult, Free, PreparedFit, Start, move
 from mrdamper.identify.uncertainty import estimates_of
 from mrdamper.models.damper import Damper
-from mrdamper.models.simulate import LAG, sensitivities
+from mrdamper.models.simulate import LAG, Tangents
 
 __all__ = ["Objective", "Progress", "Report", "fit_variable_projection", "latin_hypercube"]
 
@@ -75,6 +75,7 @@ class Objective:
         self.evaluations = 0
         self._widest = max(len(run.force) for run in runs)
         self._store = np.empty((core.MOST_DIRECTIONS + 2) * self._widest)
+        self._drives = [run.drive for run in runs]
         self._rows, self._floor = self._conditions()
 
     def gram(self, damper: Damper, numbers: Sequence[str], offsets: Mapping[str, float]) -> FloatArray:
@@ -82,37 +83,37 @@ class Objective:
         self.evaluations += 1
         size = len(numbers) + len(self.sessions) + 1
         total = np.zeros((size, size))
-        kernel = damper.law.kernel is not None
-        for run in self.runs:
+        tangents = Tangents(damper, numbers, self._drives)
+        for index, run in enumerate(self.runs):
             n = len(run.force)
-            most = core.MOST_DIRECTIONS + 2
-            store = self._store[: most * n].reshape(most, n)
-            s = sensitivities(damper, run.drive, numbers, columns=store)
+            store = self._store[: (core.MOST_DIRECTIONS + 2) * n].reshape(-1, n)
+            s = tangents.along(index, store=store)
             d = len(s.columns)
-            rows = store[: d + 2] if kernel and run.drive.constant is not None else np.empty((d + 2, n))
-            if rows.base is not self._store and not np.shares_memory(rows, s.columns):
-                rows[:d] = s.columns
-            rows[d] = 1.0
-            np.subtract(run.force, s.force, out=rows[d + 1])
+            if not np.shares_memory(store, s.columns):
+                store[:d] = s.columns
+            store[d] = 1.0
+            np.subtract(run.force, s.force, out=store[d + 1])
             if run.session in offsets:
-                rows[d + 1] -= offsets[run.session]
+                store[d + 1] -= offsets[run.session]
+            g = core.gram(store[: d + 2], run.start)
             spread = np.zeros((size, d + 2))
             spread[: len(numbers), :d] = s.combine
             if self.sessions:
                 spread[len(numbers) + self.sessions.index(run.session), d] = 1.0
             spread[-1, d + 1] = 1.0
-            total += run.weight * (spread @ core.gram(rows, run.start) @ spread.T)
+            total += run.weight * (spread @ g @ spread.T)
         return total
 
     def eliminate(
-        self, damper: Damper, offsets: Mapping[str, float]
+        self, damper: Damper, offsets: Mapping[str, float], *, tangents: bool = True
     ) -> tuple[float, Damper, dict[str, float], FloatArray | None]:
         """Return the cost [%^2] with the best linear numbers and offsets, the damper that has them,
-        and, when there is nothing to eliminate, the Gram matrix of the nonlinear numbers as well.
+        and, when there is nothing to eliminate, the Gram matrix of the nonlinear numbers as well (unless
+        ``tangents`` are not wanted).
         """
         if not self.linear and not self.sessions:
-            g = self.gram(damper, self.nonlinear, offsets)
-            return float(g[-1, -1]), damper, {}, g
+            g = self.gram(damper, self.nonlinear if tangents else (), offsets)
+            return float(g[-1, -1]), damper, {}, g if tangents else None
         g = self.gram(damper, self.linear, offsets)
         values = damper.numbers
         present = np.array([values[name] for name in self.linear])
@@ -294,7 +295,7 @@ def _screened(problem: FitProblem, starts: int, seed: int) -> Iterator[_State]:
         costs: list[tuple[float, int]] = []
         drawn = latin_hypercube(problem.nonlinear, _DRAWN, seed + 7919 * index)
         for place, point in enumerate(drawn):
-            cost = objective.eliminate(_at(problem, point), {})[0]
+            cost = objective.eliminate(_at(problem, point), {}, tangents=False)[0]
             costs.append((cost if np.isfinite(cost) else np.inf, place))
         best: _State | None = None
         for _, place in sorted(costs)[:_DESCENDING]:
@@ -357,8 +358,8 @@ def _descend(objective: Objective, point: FloatArray, damper: Damper, most: int)
                 state.point, state.damper, state.offsets, state.cost, state.gram, iteration, spent, True
             )
             return
-        quiet = quiet + 1 if state.cost - accepted[3] < 1e-6 * state.cost else 0
-        state = _State(*accepted, iteration, spent, quiet >= 3)
+        quiet = quiet + 1 if state.cost - accepted[3] < 1e-5 * state.cost else 0
+        state = _State(*accepted, iteration, spent, quiet >= 2)
         yield state
         if state.converged:
             return

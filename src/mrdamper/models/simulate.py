@@ -18,7 +18,7 @@ from mrdamper.errors import InputError
 from mrdamper.excitation import Trajectory
 from mrdamper.models.damper import Damper
 
-__all__ = ["LAG", "Drive", "Sensitivity", "open_drive", "sensitivities", "simulate"]
+__all__ = ["LAG", "Drive", "Sensitivity", "Tangents", "open_drive", "sensitivities", "simulate"]
 
 FloatArray = NDArray[np.float64]
 
@@ -93,52 +93,80 @@ def simulate(
     return core.run(damper.law.kernel, drive.record, coefficients)[0]
 
 
-def sensitivities(
-    damper: Damper, drive: Drive, numbers: Sequence[str], *, columns: FloatArray | None = None
-) -> Sensitivity:
+def sensitivities(damper: Damper, drive: Drive, numbers: Sequence[str]) -> Sensitivity:
     """Return force and tangents of a damper along a run with respect to the named numbers.
 
     The conditions of the law are not checked here: a fit keeps inside them.
     """
-    if damper.law.kernel is None:
-        return _by_differences(damper, drive, numbers)
-    command, by_lag = _applied(damper, drive)
-    coefficients = damper.coefficients_at(command)
-    moved: list[tuple[int, int, FloatArray]] = []  # (number, coefficient, seed)
-    for row, number in enumerate(numbers):
-        if number == LAG:
-            for place, name in enumerate(damper.law.names):
-                law = damper.coefficients[name]
-                if drive.constant is None and law.kind != "constant":
-                    moved.append((row, place, law.slope(command) * by_lag))
-            continue
-        name, _, member = number.partition(".")
-        law = damper.coefficients[name]
-        gradient = law.gradient(command)[law.number_names.index(member)]
-        moved.append((row, damper.law.names.index(name), gradient))
+    return Tangents(damper, numbers, [drive]).along(0)
 
-    if len(command) == 1:
-        places = sorted({place for _, place, _ in moved})
-        combine = np.zeros((len(numbers), len(places)))
-        for row, place, seed in moved:
-            combine[row, places.index(place)] = seed[0]
-        force, tangents = core.run(
+
+class Tangents:
+    """The same along many runs: what depends on the command alone is worked out once for all of them."""
+
+    def __init__(self, damper: Damper, numbers: Sequence[str], drives: Sequence[Drive]) -> None:
+        self._damper = damper
+        self._numbers = tuple(numbers)
+        self._drives = tuple(drives)
+        if damper.law.kernel is None:
+            return
+        members = [number.partition(".") for number in self._numbers if number != LAG]
+        self._places = sorted({damper.law.names.index(name) for name, _, _ in members})
+        constant = [drive.constant for drive in drives]
+        levels = np.unique([c for c in constant if c is not None])
+        self._level = [None if c is None else int(np.searchsorted(levels, c)) for c in constant]
+        # One row of coefficients, and one matrix from kernel columns to numbers, for each level.
+        self._coefficients = np.ascontiguousarray(damper.coefficients_at(levels).T)
+        self._combine = np.zeros((len(levels), len(self._numbers), len(self._places)))
+        for row, number in enumerate(self._numbers):
+            if number == LAG:
+                continue
+            name, _, member = number.partition(".")
+            law = damper.coefficients[name]
+            gradient = law.gradient(levels)[law.number_names.index(member)]
+            self._combine[:, row, self._places.index(damper.law.names.index(name))] = gradient
+
+    def along(self, run: int, *, store: FloatArray | None = None) -> Sensitivity:
+        """Return force and tangents along one of the runs; ``store`` is room for columns, shape (.., n)."""
+        damper, drive = self._damper, self._drives[run]
+        if damper.law.kernel is None:
+            return _by_differences(damper, drive, self._numbers)
+        level = self._level[run]
+        if level is None:
+            return self._varying(drive)
+        force, columns = core.run(
             damper.law.kernel,
             drive.record,
-            np.ascontiguousarray(coefficients[:, 0]),
-            places,
-            columns=None if columns is None else columns[: len(places)],
+            self._coefficients[level],
+            self._places,
+            columns=None if store is None else store[: len(self._places)],
         )
-        return Sensitivity(force, tangents, combine)
+        return Sensitivity(force, columns, self._combine[level])
 
-    combine = np.zeros((len(numbers), len(moved)))
-    for column, (row, _, _) in enumerate(moved):
-        combine[row, column] = 1.0
-    seeds = np.array([seed for _, _, seed in moved]).reshape(len(moved), len(command))
-    force, tangents = core.run(
-        damper.law.kernel, drive.record, np.ascontiguousarray(coefficients), [p for _, p, _ in moved], seeds
-    )
-    return Sensitivity(force, tangents, combine)
+    def _varying(self, drive: Drive) -> Sensitivity:
+        """A command that varies: one kernel column per number, its coefficient moving along the run."""
+        damper, law = self._damper, self._damper.law
+        command, by_lag = _applied(damper, drive)
+        moved: list[tuple[int, int, FloatArray]] = []  # (number, place of its coefficient, seed)
+        for row, number in enumerate(self._numbers):
+            if number == LAG:
+                moved += [
+                    (row, place, damper.coefficients[name].slope(command) * by_lag)
+                    for place, name in enumerate(law.names)
+                    if damper.coefficients[name].kind != "constant"
+                ]
+                continue
+            name, _, member = number.partition(".")
+            dependence = damper.coefficients[name]
+            gradient = dependence.gradient(command)[dependence.number_names.index(member)]
+            moved.append((row, law.names.index(name), gradient))
+        seeds = np.array([seed for _, _, seed in moved]).reshape(len(moved), len(command))
+        combine = np.zeros((len(self._numbers), len(moved)))
+        combine[[row for row, _, _ in moved], range(len(moved))] = 1.0
+        coefficients = np.ascontiguousarray(damper.coefficients_at(command))
+        places = [place for _, place, _ in moved]
+        force, columns = core.run(law.kernel or 0, drive.record, coefficients, places, seeds)
+        return Sensitivity(force, columns, combine)
 
 
 def _applied(damper: Damper, drive: Drive) -> tuple[FloatArray, FloatArray]:

@@ -100,7 +100,7 @@ static void valve_solve(const valve *c, double x, double v, double base, double 
         return;
     }
     const double sign = at_rest < 0.0 ? 1.0 : -1.0;
-    const double scale = 1e-5 * (c->fy + fabs(at_rest));
+    const double scale = 1e-7 * (c->fy + fabs(at_rest));
     /* In p = sign q > 0 the residual sign R rises from -|R(0)| through zero. */
     double low = 0.0, high = HUGE_VAL, p = sign * guess;
     if (!(p > 0.0)) p = 0.01 * c->velocity;

@@ -1,0 +1,260 @@
+"""Records: one measured run, and a set of runs.
+
+A ``RigRun`` is what a rig wrote, in SI and kelvin, as it was measured: nothing is smoothed, shifted or
+resampled here (that is ``prepare``). It is checked when built; all faults found are told at once.
+
+Sign convention: extension positive, a force that resists extension is positive.
+"""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from typing import Literal
+
+import numpy as np
+
+from mrdamper.data.signals import turning_points
+from mrdamper.errors import InputError
+from mrdamper.quantities import QUANTITIES, FloatArray, read_only
+
+__all__ = ["CommandUnit", "Dataset", "RigRun", "nearest_names"]
+
+CommandUnit = Literal["A", "V"]
+
+_LEAST_SAMPLES = 16
+_SPEED = 10.0  # faster than any damper's rig [m/s]
+_STROKE = 2.0  # longer than any damper's rig [m]
+_SWING = 0.1  # a reversal comes back by more than this share of the stroke
+_BLOCK = 16  # time steps over which jitter must average out
+_GAP = 5.0  # a time step this many times the usual one is a gap
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RigRun:
+    """One run of one damper on a rig, as measured. Arrays are read-only float64, shape (n,).
+
+    ``session`` names runs that share one tare of the force cell; ``motion`` is a label such as
+    "sine 10 mm 2 Hz" ("" means not known yet: ``prepare_run`` finds it); ``source`` is the file.
+
+    Raises
+    ------
+    InputError
+        One message with every fault found.
+    """
+
+    name: str
+    time: FloatArray  # [s], strictly increasing
+    displacement: FloatArray  # [m]
+    force: FloatArray  # [N]
+    command: FloatArray  # [A or V]
+    command_unit: CommandUnit
+    velocity: FloatArray | None = None  # [m/s]
+    temperature: FloatArray | None = None  # [K]
+    session: str = ""
+    motion: str = ""
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        for channel in ("time", "displacement", "force", "command", "velocity", "temperature"):
+            given = getattr(self, channel)
+            if given is not None:
+                object.__setattr__(self, channel, read_only(given))
+        faults = _faults(self)
+        if faults:
+            place = self.name or self.source or "run"
+            raise InputError("\n".join(f"{place}: {fault}" for fault in faults))
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @property
+    def constant_command(self) -> float | None:
+        """The command [A or V] when it never changes, else None."""
+        first = float(self.command[0])
+        return first if bool((self.command == first).all()) else None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Dataset:
+    """Runs with unique names, in the order given."""
+
+    runs: tuple[RigRun, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "runs", tuple(self.runs))
+        names = self.names
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            sources = ", ".join(run.source or "?" for run in self.runs if run.name == twice[0])
+            raise InputError(f"run name {twice[0]!r} is used more than once ({sources}); rename a file")
+
+    def __len__(self) -> int:
+        return len(self.runs)
+
+    def __iter__(self) -> Iterator[RigRun]:
+        return iter(self.runs)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(run.name for run in self.runs)
+
+    @property
+    def fingerprint(self) -> str:
+        """SHA-256 over names, units and values of all runs, whatever their order."""
+        digest = hashlib.sha256()
+        for run in sorted(self.runs, key=lambda run: run.name):
+            digest.update(f"{run.name}\0{run.command_unit}\0{len(run)}\0".encode())
+            for channel in (
+                run.time,
+                run.displacement,
+                run.force,
+                run.command,
+                run.velocity,
+                run.temperature,
+            ):
+                digest.update(b"\0" if channel is None else np.ascontiguousarray(channel, dtype="<f8").data)
+        return digest.hexdigest()
+
+    def select(self, *globs: str) -> Dataset:
+        """Return the runs whose name matches any of the patterns, in the order they are kept."""
+        for glob in globs:
+            if not any(fnmatchcase(name, glob) for name in self.names):
+                near = ", ".join(nearest_names(glob, self.names)) or "no runs"
+                raise InputError(f"pattern {glob!r} matches no run; the nearest names are: {near}")
+        chosen = (run for run in self.runs if any(fnmatchcase(run.name, glob) for glob in globs))
+        return Dataset(tuple(chosen))
+
+    def split(self, hold_out: Sequence[str]) -> tuple[Dataset, Dataset]:
+        """Return (training, held out): the runs that match a ``hold_out`` pattern are held out."""
+        globs = (hold_out,) if isinstance(hold_out, str) else tuple(hold_out)
+        held_out = self.select(*globs)
+        training = Dataset(tuple(run for run in self.runs if run not in held_out.runs))
+        if self.runs and not training.runs:
+            raise InputError(f"hold-out {', '.join(globs)} leaves no run to train on; hold out fewer runs")
+        return training, held_out
+
+
+def nearest_names(name: str, known: Sequence[str], count: int = 3) -> list[str]:
+    """Return the known names nearest to one that is not known (the first few when none is near)."""
+    lower = {item.lower(): item for item in known}
+    near = difflib.get_close_matches(name.lower(), lower, n=count, cutoff=0.4)
+    return [lower[item] for item in near] or list(known[:count])
+
+
+def _faults(run: RigRun) -> list[str]:
+    """Return what is wrong with a run, each with place, what was found, what was expected, the remedy."""
+    faults: list[str] = []
+    if not run.name:
+        faults.append("has no name; give it one")
+    if run.command_unit not in {"A", "V"}:
+        faults.append(f"command unit is {run.command_unit!r}; expected 'A' or 'V'")
+    channels: dict[str, FloatArray] = {
+        "time": run.time,
+        "displacement": run.displacement,
+        "force": run.force,
+        "command": run.command,
+    }
+    channels |= {"velocity": run.velocity} if run.velocity is not None else {}
+    channels |= {"temperature": run.temperature} if run.temperature is not None else {}
+    shapes = {name: array.shape for name, array in channels.items()}
+    if any(len(shape) != 1 for shape in shapes.values()) or len(set(shapes.values())) != 1:
+        sizes = ", ".join(f"{name} {'x'.join(map(str, shape))}" for name, shape in shapes.items())
+        return [*faults, f"channels differ in length ({sizes}); expected one value of each per sample"]
+    if len(run.time) < _LEAST_SAMPLES:
+        return [*faults, f"has {len(run.time)} samples; expected at least {_LEAST_SAMPLES}"]
+    missing = [_not_finite(name, array) for name, array in channels.items() if not np.isfinite(array).all()]
+    if missing:
+        return [*faults, *missing]
+    faults += _time_faults(run.time)
+    if not faults:
+        faults += _motion_faults(run)
+    if np.ptp(run.force) == 0.0:
+        faults.append(
+            f"force never changes ({run.force[0]:g} N at every sample); expected a load cell's signal. "
+            "Check which column holds the force"
+        )
+    command = "current" if run.command_unit == "A" else "voltage"
+    for role, array in channels.items():
+        if role not in {"time", "displacement"}:
+            faults += _range_faults(command if role == "command" else role, array)
+    return faults
+
+
+def _not_finite(name: str, array: FloatArray) -> str:
+    bad = np.flatnonzero(~np.isfinite(array))
+    return (
+        f"{name} is {array[bad[0]]} at sample {bad[0]} ({len(bad)} such samples); expected finite numbers. "
+        "Fill the empty cells, or cut the stretch out of the file"
+    )
+
+
+def _time_faults(time: FloatArray) -> list[str]:
+    steps = np.diff(time)
+    backward = np.flatnonzero(~(steps > 0.0))
+    if len(backward):
+        k = int(backward[0])
+        return [
+            f"time goes from {time[k]:.6g} s to {time[k + 1]:.6g} s at sample {k + 1} "
+            f"({len(backward)} such places); expected time to increase at every sample. "
+            "Split the file where time restarts, or use a time column of higher resolution"
+        ]
+    usual = float(np.median(steps))
+    gaps = np.flatnonzero(steps > _GAP * usual)
+    blocks = len(steps) // _BLOCK
+    pace = steps[: blocks * _BLOCK].reshape(blocks, _BLOCK).mean(axis=1)  # jitter and rounding average out
+    changed = np.abs(pace / pace[:1] - 1.0) > 0.25
+    if np.any(changed[1:] & changed[:-1]) and np.count_nonzero(changed) > len(gaps):
+        block = int(np.flatnonzero(changed[1:] & changed[:-1])[0])
+        return [
+            f"mixed sampling: the time step is {pace[0]:.4g} s at the start and {pace[block + 1]:.4g} s from "
+            f"about sample {block * _BLOCK}; expected one rate. Split the file there, or resample it"
+        ]
+    if len(gaps):
+        k = int(gaps[0])
+        return [
+            f"time has a gap of {steps[k]:.6g} s after sample {k}, where the step is {usual:.6g} s "
+            f"({len(gaps)} such places); expected one rate. Split the file at the gap"
+        ]
+    return []
+
+
+def _motion_faults(run: RigRun) -> list[str]:
+    stroke = float(np.ptp(run.displacement))
+    if stroke == 0.0:
+        return [
+            f"displacement never changes ({run.displacement[0]:g} m at every sample); expected a motion. "
+            "Check which column holds the displacement"
+        ]
+    speeds = np.abs(np.diff(run.displacement)) / np.diff(run.time)
+    fastest = int(np.argmax(speeds))
+    if speeds[fastest] > _SPEED or stroke > _STROKE:
+        hint = "It looks like mm read as m: give the channel's unit as mm"
+        if stroke <= _STROKE and np.count_nonzero(speeds > _SPEED) < 0.01 * len(speeds):
+            hint = "It looks like a jump of the sensor: cut the stretch out of the file"
+        return [
+            f"displacement moves at {speeds[fastest]:.3g} m/s at sample {fastest}, its stroke is {stroke:.3g} "
+            f"m; expected at most {_SPEED:g} m/s and {_STROKE:g} m. {hint}"
+        ]
+    reversals = len(turning_points(run.displacement, _SWING * stroke))
+    if reversals < 2:
+        return [
+            f"displacement has {reversals} reversal{'' if reversals == 1 else 's'}; expected at least 2. "
+            "Hysteresis shows only when the motion goes to and fro: record at least one cycle"
+        ]
+    return []
+
+
+def _range_faults(role: str, array: FloatArray) -> list[str]:
+    quantity = QUANTITIES[role]
+    outside = np.flatnonzero(~((array >= quantity.low) & (array <= quantity.high)))
+    if not len(outside):
+        return []
+    k = int(outside[0])
+    return [
+        f"{role} is {array[k]:g} {quantity.unit} at sample {k} ({len(outside)} such samples); expected "
+        f"{quantity.low:g} to {quantity.high:g} {quantity.unit}. Check the column's unit in the channel map"
+    ]

@@ -1,0 +1,332 @@
+"""Judging a fit: error per run, what happens on runs that were left out, energy, passivity, plain words.
+
+A run's ``nrmse_percent`` is 100 x RMS error / standard deviation of the measured force, from half a period
+after the motion starts, at full rate, force raw, no offset removed. Beside it the same over the whole run
+and with a free constant offset (force cells are not always zeroed).
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrdamper.data.prepare import PreparedRun
+from mrdamper.errors import InputError
+from mrdamper.identify.problem import FitProblem, FitResult, envelope_of
+from mrdamper.identify.templates import template
+from mrdamper.identify.variable_projection import Report, fit_variable_projection
+from mrdamper.models.damper import Damper
+from mrdamper.models.laws import HysteresisLaw
+from mrdamper.models.simulate import simulate
+
+__all__ = [
+    "Assessment",
+    "LawScore",
+    "LeftOut",
+    "RunError",
+    "assess",
+    "choose_law",
+    "leave_out",
+    "passivity",
+    "score_run",
+    "summary",
+]
+
+FloatArray = NDArray[np.float64]
+Split = Literal["training", "held_out"]
+Kind = Literal["run", "current", "motion"]
+
+_STRONG = 0.95  # correlations beyond this are named
+
+
+@dataclass(frozen=True, slots=True)
+class RunError:
+    """How far a model is from one run. ``command`` is None when it varies over the run."""
+
+    name: str
+    split: Split
+    rmse_N: float
+    nrmse_percent: float
+    nrmse_whole_percent: float
+    nrmse_offset_free_percent: float
+    command: float | None
+    command_unit: str
+    motion: str
+    temperature_degC: float | None
+    energy_measured_J: float  # work per period (or over the whole run), from the first scored sample
+    energy_model_J: float
+    peak_measured_N: float
+    peak_model_N: float
+
+
+@dataclass(frozen=True, slots=True)
+class LeftOut:
+    """The errors on what was left out of a fit to the rest."""
+
+    kind: Kind
+    left_out: str
+    errors: tuple[RunError, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Assessment:
+    """What is known about a fit. ``passivity_min`` is the least work that a closed cycle inside the
+    envelope takes, over 4 x amplitude x peak force: negative means that the model can push.
+    """
+
+    runs: tuple[RunError, ...]
+    left_out: tuple[LeftOut, ...]
+    passivity_min: float
+    words: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class LawScore:
+    """One law in the comparison of laws: medians and worst of ``nrmse_percent``."""
+
+    law: str
+    numbers: int
+    training_median: float
+    held_out_median: float
+    held_out_worst: float
+    cpu_s: float
+
+
+def score_run(damper: Damper, prepared: PreparedRun, split: Split = "held_out") -> RunError:
+    """Return the error of a damper on one prepared run.
+
+    Raises
+    ------
+    InputError
+        When the run's command is in another unit than the damper's.
+    """
+    run, path, start = prepared.run, prepared.trajectory, prepared.scored_from
+    if run.command_unit != damper.command_unit:
+        raise InputError(
+            f"{run.name}: the command is in {run.command_unit}, the model's in {damper.command_unit}; map the "
+            "channel that the model was identified with"
+        )
+    force = simulate(damper, path)
+    error = force - prepared.force
+    spread = float(np.std(prepared.force[start:]))
+    whole = float(np.std(prepared.force))
+    if not spread > 0.0:
+        raise InputError(f"{run.name}: the force does not change after the motion starts; nothing to compare with")
+    count = len(force) - start
+    if prepared.period_s:
+        period = max(round(prepared.period_s / path.step), 1)
+        cycles = max(count // period, 1)
+        count, per = min(cycles * period, count), cycles
+    else:
+        per = 1
+    span = slice(start, start + count)
+    power = path.velocity[span] * path.step / per
+    warm = path.temperature
+    return RunError(
+        name=run.name,
+        split=split,
+        rmse_N=_rms(error[start:]),
+        nrmse_percent=100.0 * _rms(error[start:]) / spread,
+        nrmse_whole_percent=100.0 * _rms(error) / whole,
+        nrmse_offset_free_percent=100.0 * float(np.std(error[start:])) / spread,
+        command=run.constant_command,
+        command_unit=run.command_unit,
+        motion=prepared.motion,
+        temperature_degC=None if warm is None else float(np.mean(warm)) - 273.15,
+        energy_measured_J=float(prepared.force[span] @ power),
+        energy_model_J=float(force[span] @ power),
+        peak_measured_N=float(np.abs(prepared.force[start:]).max()),
+        peak_model_N=float(np.abs(force[start:]).max()),
+    )
+
+
+def summary(errors: Iterable[RunError]) -> dict[str, float]:
+    """Return median, worst and worst above zero command of ``nrmse_percent`` (NaN where there is no run)."""
+    errors = tuple(errors)
+    every = np.array([e.nrmse_percent for e in errors])
+    above = np.array([e.nrmse_percent for e in errors if e.command is None or e.command != 0.0])
+    return {
+        "median": float(np.median(every)) if len(every) else float("nan"),
+        "worst": float(every.max()) if len(every) else float("nan"),
+        "worst_above_zero": float(above.max()) if len(above) else float("nan"),
+    }
+
+
+def assess(
+    result: FitResult,
+    training: Sequence[PreparedRun],
+    held_out: Sequence[PreparedRun] = (),
+    *,
+    problem: FitProblem | None = None,
+    leave_out_kinds: Sequence[Kind] = (),
+    seed: int = 0,
+    report: Report | None = None,
+) -> Assessment:
+    """Return errors by run, errors on what is left out (needs ``problem``), passivity, and all in words."""
+    runs = (
+        *(score_run(result.damper, run, "training") for run in training),
+        *(score_run(result.damper, run, "held_out") for run in held_out),
+    )
+    left: list[LeftOut] = []
+    if leave_out_kinds and problem is None:
+        raise InputError("leaving runs out means fitting again: give the problem that was fitted")
+    for kind in leave_out_kinds:
+        left += leave_out(_fitter(problem, result, seed, report), training, kind)
+    least = passivity(result.damper, training)
+    return Assessment(runs, tuple(left), least, tuple(_words(result, runs, least)))
+
+
+def leave_out(
+    fit: Callable[[Sequence[PreparedRun]], Damper], runs: Sequence[PreparedRun], kind: Kind
+) -> list[LeftOut]:
+    """Return, for each run, current or motion, the errors on it of a fit to all the others.
+
+    A current at the edge of the range is not left out: that would be extrapolation, not a test.
+    """
+    key = {"run": lambda r: r.run.name, "motion": lambda r: r.motion, "current": _command_label}[kind]
+    groups = sorted({key(run) for run in runs})
+    if kind == "current":
+        constant = sorted({c for r in runs if (c := r.run.constant_command) is not None})
+        inner = {f"{c:g} {runs[0].run.command_unit}" for c in constant[1:-1]}
+        groups = [g for g in groups if g in inner]
+    if len({key(run) for run in runs}) < 2:
+        return []
+    out = []
+    for group in groups:
+        damper = fit([run for run in runs if key(run) != group])
+        errors = tuple(score_run(damper, run) for run in runs if key(run) == group)
+        out.append(LeftOut(kind, group, errors))
+    return out
+
+
+def choose_law(
+    runs: Sequence[PreparedRun],
+    laws: Sequence[str | HysteresisLaw],
+    *,
+    seed: int = 0,
+    starts: int = 1,
+    one_command: bool = False,
+    report: Report | None = None,
+) -> tuple[LawScore, ...]:
+    """Compare laws by leaving one motion out (one run, where there is one motion); the best is first.
+
+    The order is by the median error on what was left out, the worst run breaking near ties (1 %).
+    """
+    kind: Kind = "motion" if len({run.motion for run in runs}) > 1 else "run"
+    scores = []
+    for law in laws:
+        clock = time.process_time()
+        damper, free = template(law, runs, one_command=one_command)
+        whole = fit_variable_projection(
+            FitProblem(damper, free, tuple(runs)), starts=starts, seed=seed, report=report
+        )
+
+        def fit(some: Sequence[PreparedRun], law: str | HysteresisLaw = law, start: Damper = whole.damper) -> Damper:
+            damper, free = template(law, some, one_command=one_command)
+            problem = FitProblem(damper, free, tuple(some))
+            first = start if {f.name for f in free} <= set(start.numbers) else None
+            return fit_variable_projection(problem, starts=starts, seed=seed, first=first, report=report).damper
+
+        training = summary(score_run(whole.damper, run, "training") for run in runs)
+        held = summary(error for left in leave_out(fit, runs, kind) for error in left.errors)
+        scores.append(
+            LawScore(
+                law if isinstance(law, str) else law.name,
+                len(free),
+                training["median"],
+                held["median"],
+                held["worst"],
+                time.process_time() - clock,
+            )
+        )
+    best = min(s.held_out_median for s in scores) if scores else 0.0
+    return tuple(
+        sorted(scores, key=lambda s: (s.held_out_worst if s.held_out_median <= 1.01 * best else np.inf, s.held_out_median))
+    )
+
+
+def passivity(damper: Damper, runs: Sequence[PreparedRun], *, commands: int = 5) -> float:
+    """Return the least work of a closed cycle over 4 x amplitude x peak force, over the envelope.
+
+    Sines from a hundredth of the stroke to the whole of it, from a fifth of the top speed to all of it,
+    at commands over the range; the second of two cycles is counted.
+    """
+    from mrdamper.excitation import Sine, drive
+
+    envelope = envelope_of(runs)
+    stroke = max(abs(end) for end in envelope.displacement)
+    speed = max(abs(end) for end in envelope.velocity)
+    least = np.inf
+    for amplitude in (0.01 * stroke, 0.1 * stroke, stroke):
+        for velocity in (0.2 * speed, speed):
+            frequency = velocity / (2.0 * np.pi * amplitude)
+            for command in np.linspace(*envelope.command, commands):
+                path = drive(
+                    Sine(amplitude, frequency), duration=2.0 / frequency, rate_Hz=500.0 * frequency, command=float(command)
+                )
+                force = simulate(damper, path)[len(path.displacement) // 2 :]
+                work = float(force @ path.velocity[len(path.displacement) // 2 :]) * path.step
+                peak = 4.0 * amplitude * float(np.abs(force).max())
+                least = min(least, work / peak if peak > 0.0 else 0.0)
+    return float(least)
+
+
+def _fitter(
+    problem: FitProblem | None, result: FitResult, seed: int, report: Report | None
+) -> Callable[[Sequence[PreparedRun]], Damper]:
+    """Return a function that fits the same problem to other runs, from the fit's own numbers and one draw."""
+
+    def fit(runs: Sequence[PreparedRun]) -> Damper:
+        assert problem is not None
+        again = FitProblem(problem.template, problem.free, tuple(runs), problem.session_offsets, problem.rate_Hz)
+        return fit_variable_projection(again, starts=1, seed=seed, first=result.damper, report=report).damper
+
+    return fit
+
+
+def _command_label(run: PreparedRun) -> str:
+    command = run.run.constant_command
+    return "varying" if command is None else f"{command:g} {run.run.command_unit}"
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _words(result: FitResult, runs: Sequence[RunError], least: float) -> list[str]:
+    """Say what a reader should know before using the numbers."""
+    said = []
+    for estimate in result.estimates:
+        if estimate.at_bound:
+            end = estimate.lower if estimate.at_bound == "lower" else estimate.upper
+            said.append(
+                f"{estimate.name} rests on its {estimate.at_bound} bound ({end:g} {estimate.unit}): the data ask for "
+                "more than the bound or the law allows; read the fit as a fit with this number fixed."
+            )
+        elif not estimate.identifiable:
+            said.append(
+                f"{estimate.name} is not identifiable from these runs (standard error "
+                f"{estimate.design_error_percent:.0f} % by design): its value carries no meaning of its own."
+            )
+    names = [estimate.name for estimate in result.estimates]
+    for i, j in zip(*np.nonzero(np.abs(np.triu(np.nan_to_num(result.correlation), 1)) > _STRONG), strict=True):
+        said.append(
+            f"{names[i]} and {names[j]} are traded against each other (correlation {result.correlation[i, j]:.2f})."
+        )
+    if least < 0.0:
+        said.append(
+            f"The model is not passive inside the envelope: some closed cycle returns work ({100 * least:.1f} % of "
+            "4 x amplitude x peak force)."
+        )
+    for error in runs:
+        if error.energy_measured_J > 0.0 and abs(error.energy_model_J / error.energy_measured_J - 1.0) > 0.15:
+            gap = 100.0 * (error.energy_model_J / error.energy_measured_J - 1.0)
+            said.append(f"{error.name}: energy per cycle is off by {gap:+.0f} %.")
+    if result.cancelled:
+        said.append("The fit was interrupted: these are the best numbers so far, not converged ones.")
+    return said

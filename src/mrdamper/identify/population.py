@@ -1,0 +1,223 @@
+"""Population searches: the paper's genetic algorithm as a baseline, CMA-ES as a cross-check.
+
+Both search all free numbers at once, the linear ones too, as users of a genetic algorithm do; cost and
+kernel are those of variable projection, so that the comparison is fair.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrdamper import core
+from mrdamper.errors import InputError, MissingExtraError
+from mrdamper.identify.problem import FitProblem, FitResult, PreparedFit, Start, move
+from mrdamper.identify.uncertainty import estimates_of
+from mrdamper.identify.variable_projection import Progress, Report
+from mrdamper.models.damper import Damper
+from mrdamper.models.simulate import simulate
+
+__all__ = ["Ensemble", "fit_cma", "fit_genetic"]
+
+FloatArray = NDArray[np.float64]
+
+
+class Ensemble:
+    """The cost of many candidates at once, in search coordinates scaled to 0..1."""
+
+    def __init__(self, problem: FitProblem, *, workers: int = 1) -> None:
+        if problem.session_offsets:
+            raise InputError("session offsets are eliminated by variable projection only: use --method varpro")
+        self.problem = problem
+        self.runs = problem.prepare()
+        self.low = np.array([float(f.inward(f.lower)) for f in problem.free])
+        self.high = np.array([float(f.inward(f.upper)) for f in problem.free])
+        self.evaluations = 0
+        self._workers = workers
+        self._weights = np.array([run.weight for run in self.runs])
+        self._constant = all(run.drive.constant is not None for run in self.runs)
+
+    def damper(self, unit: FloatArray) -> Damper:
+        """Return the damper of one candidate."""
+        point = self.low + unit * (self.high - self.low)
+        values = {f.name: f.outward(u) for f, u in zip(self.problem.free, point, strict=True)}
+        return move(self.problem.template, values)
+
+    def costs(self, unit: FloatArray) -> FloatArray:
+        """Return the cost [%^2] of candidates, shape (count, numbers) -> (count,)."""
+        self.evaluations += len(unit)
+        dampers = [self.damper(row) for row in unit]
+        law = self.problem.template.law
+        if law.kernel is None or not self._constant:
+            return np.array([self._cost(damper) for damper in dampers])
+        commands = np.array([run.drive.constant for run in self.runs])
+        coefficients = np.stack([damper.coefficients_at(commands).T for damper in dampers])
+        bad = np.zeros(len(dampers), dtype=bool)
+        for place, coefficient in enumerate(law.coefficients):
+            values = coefficients[:, :, place]
+            outside = ~((values >= coefficient.lower) & (values <= coefficient.upper))
+            bad |= outside.any(axis=1)
+        errors = np.full((len(dampers), len(self.runs)), np.inf)
+        errors[~bad] = self._squared_errors(law.kernel, np.ascontiguousarray(coefficients[~bad]))
+        costs = errors @ self._weights
+        return np.where(np.isfinite(costs), costs, 1e12)
+
+    def _squared_errors(self, law: int, coefficients: FloatArray) -> FloatArray:
+        if not len(coefficients):
+            return np.empty((0, len(self.runs)))
+        records = [run.drive.record for run in self.runs]
+        forces, starts = [run.force for run in self.runs], [run.start for run in self.runs]
+
+        def part(chunk: FloatArray) -> FloatArray:
+            return core.squared_errors(law, records, forces, starts, np.ascontiguousarray(chunk))
+
+        chunks = np.array_split(coefficients, min(self._workers, len(coefficients)))
+        if len(chunks) == 1:
+            return part(chunks[0])
+        with ThreadPoolExecutor(len(chunks)) as pool:
+            return np.concatenate(list(pool.map(part, chunks)))
+
+    def _cost(self, damper: Damper) -> float:
+        try:
+            return sum(run.weight * _squares(damper, run) for run in self.runs)
+        except InputError:
+            return 1e12
+
+
+def fit_genetic(
+    problem: FitProblem,
+    *,
+    population: int = 200,
+    generations: int = 300,
+    seed: int = 0,
+    report: Report | None = None,
+    workers: int = 1,
+) -> FitResult:
+    """Fit by a genetic algorithm (pymoo): the method of the paper, kept as the baseline.
+
+    Binary tournament, simulated binary crossover (probability 0.9, eta 15), polynomial mutation (eta 20),
+    elitist survival, initial population by Latin hypercube. An interrupt keeps the best so far.
+    """
+    try:
+        from pymoo.algorithms.soo.nonconvex.ga import GA
+        from pymoo.core.problem import Problem
+        from pymoo.operators.crossover.sbx import SBX
+        from pymoo.operators.mutation.pm import PM
+        from pymoo.operators.sampling.lhs import LHS
+    except ImportError as error:
+        raise MissingExtraError(
+            "the genetic algorithm needs pymoo, which is not installed; pip install 'mrdamper[genetic]'"
+        ) from error
+    clock = time.process_time()
+    ensemble = Ensemble(problem, workers=workers)
+    history: list[float] = []
+
+    class Fit(Problem):  # type: ignore[misc]  # pymoo is not typed
+        def _evaluate(self, x: FloatArray, out: dict[str, Any], *_: object, **__: object) -> None:
+            out["F"] = ensemble.costs(x)[:, None]
+
+    size = len(problem.free)
+    algorithm = GA(
+        pop_size=population,
+        sampling=LHS(),
+        crossover=SBX(prob=0.9, eta=15),
+        mutation=PM(eta=20),
+        eliminate_duplicates=True,
+    )
+    algorithm.setup(Fit(n_var=size, n_obj=1, xl=np.zeros(size), xu=np.ones(size)), ("n_gen", generations), seed=seed)
+
+    def steps() -> tuple[FloatArray, bool]:
+        best: FloatArray | None = None
+        try:
+            while algorithm.has_next():
+                algorithm.next()
+                best = np.asarray(algorithm.opt[0].X)
+                _tell(report, "genetic", history, float(algorithm.opt[0].F[0]))
+        except KeyboardInterrupt:
+            if best is None:
+                raise
+            return best, True
+        assert best is not None
+        return best, False
+
+    note = (
+        f"genetic algorithm (pymoo): population {population}, {generations} generations, binary tournament, "
+        "simulated binary crossover (0.9, eta 15), polynomial mutation (eta 20), elitist, Latin-hypercube start"
+    )
+    return _result(problem, ensemble, "genetic", steps(), history, seed, clock, note)
+
+
+def fit_cma(problem: FitProblem, *, seed: int = 0, report: Report | None = None) -> FitResult:
+    """Fit by CMA-ES (package ``cma``) from the middle of the bounds: a cross-check of the optimum."""
+    try:
+        import cma
+    except ImportError as error:
+        raise MissingExtraError(
+            "CMA-ES needs the package cma, which is not installed; pip install 'mrdamper[genetic]'"
+        ) from error
+    clock = time.process_time()
+    ensemble = Ensemble(problem)
+    history: list[float] = []
+    size = len(problem.free)
+    options = {"seed": seed + 1, "bounds": [0.0, 1.0], "verbose": -9, "maxfevals": 4000 * size, "tolfunrel": 1e-7}
+    search = cma.CMAEvolutionStrategy(np.full(size, 0.5), 0.25, options)
+
+    def steps() -> tuple[FloatArray, bool]:
+        try:
+            while not search.stop():
+                candidates = search.ask()
+                search.tell(candidates, ensemble.costs(np.clip(np.array(candidates), 0.0, 1.0)).tolist())
+                _tell(report, "cma", history, float(search.result.fbest))
+        except KeyboardInterrupt:
+            if search.result.xbest is None:
+                raise
+            return np.asarray(search.result.xbest), True
+        return np.asarray(search.result.xbest), False
+
+    return _result(problem, ensemble, "cma", steps(), history, seed, clock, "CMA-ES (cma), defaults, sigma 0.25")
+
+
+def _tell(report: Report | None, method: str, history: list[float], cost: float) -> None:
+    history.append(float(np.sqrt(cost)))
+    if report:
+        report(Progress(method, 0, 1, len(history), history[-1], history[-1]))
+
+
+def _result(
+    problem: FitProblem,
+    ensemble: Ensemble,
+    method: str,
+    outcome: tuple[FloatArray, bool],
+    history: Sequence[float],
+    seed: int,
+    clock: float,
+    note: str,
+) -> FitResult:
+    best, cancelled = outcome
+    damper = ensemble.damper(best)
+    cost = float(np.sqrt(ensemble.costs(best[None, :])[0]))
+    estimates, correlation = estimates_of(problem, ensemble.runs, damper, {})
+    return FitResult(
+        damper=damper,
+        method=method,
+        cost_percent=cost,
+        estimates=estimates,
+        correlation=correlation,
+        starts=(Start(0, cost, ensemble.evaluations, not cancelled),),
+        offsets_N={},
+        history=tuple(history),
+        seed=seed,
+        cpu_s=time.process_time() - clock,
+        cancelled=cancelled,
+        notes=(note,),
+    )
+
+
+def _squares(damper: Damper, run: PreparedFit) -> float:
+    error = (simulate(damper, run.drive) - run.force)[run.start :]
+    return float(error @ error)
