@@ -17,7 +17,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from mrdamper.errors import InputError
 
-__all__ = ["QUANTITIES", "FloatArray", "Quantity", "find_quantity", "read_only", "spell_unit", "to_si"]
+__all__ = [
+    "QUANTITIES",
+    "FloatArray",
+    "Quantity",
+    "find_quantity",
+    "is_unit",
+    "read_only",
+    "spell_unit",
+    "to_si",
+]
 
 FloatArray = NDArray[np.float64]
 
@@ -27,7 +36,8 @@ class Quantity:
     """What a channel of a rig file can hold.
 
     ``low`` and ``high`` are the plausible range [SI] of a damper on a rig: outside it, a unit is wrong or
-    a sensor has failed. ``headers`` are the words (lower case) that name the role in a file's header.
+    a sensor has failed. ``headers`` are the words that name the role in a file's header (a word in any
+    case, a single letter as it stands). ``units`` are offered in messages.
     """
 
     role: str
@@ -36,26 +46,18 @@ class Quantity:
     low: float
     high: float
     headers: tuple[str, ...]
-    units: tuple[str, ...]  # units to offer in a message
+    units: tuple[str, ...]
 
 
 _TABLE = (
     Quantity("time", "t", "s", -np.inf, np.inf, ("time", "t", "zeit", "tempo"), ("s", "ms", "min")),
-    Quantity(
-        "displacement",
-        "x",
-        "m",
-        -2.0,
-        2.0,
-        ("displacement", "disp", "position", "stroke", "x", "weg"),
-        ("m", "mm", "in"),
-    ),
-    Quantity("velocity", "v", "m/s", -10.0, 10.0, ("velocity", "speed", "vel", "v"), ("m/s", "mm/s", "in/s")),
-    Quantity("force", "F", "N", -1e6, 1e6, ("force", "load", "f", "kraft"), ("N", "kN", "kgf", "lbf")),
-    Quantity("current", "I", "A", -100.0, 100.0, ("current", "i", "strom"), ("A", "mA")),
-    Quantity("voltage", "U", "V", -1000.0, 1000.0, ("voltage", "u", "spannung"), ("V", "mV")),
-    Quantity("temperature", "T", "K", 200.0, 500.0, ("temperature", "temp"), ("K", "degC", "degF")),
-)
+    Quantity("displacement", "x", "m", -2, 2, ("displacement", "position", "stroke", "x"), ("m", "mm", "in")),
+    Quantity("velocity", "v", "m/s", -10, 10, ("velocity", "speed", "vel"), ("m/s", "mm/s", "in/s")),
+    Quantity("force", "F", "N", -1e6, 1e6, ("force", "load"), ("N", "kN", "kgf", "lbf")),
+    Quantity("current", "I", "A", -100, 100, ("current",), ("A", "mA")),
+    Quantity("voltage", "U", "V", -1000, 1000, ("voltage",), ("V", "mV")),
+    Quantity("temperature", "T", "K", 200, 500, ("temperature", "temp"), ("K", "degC", "degF")),
+)  # fmt: skip
 
 QUANTITIES: Mapping[str, Quantity] = MappingProxyType({quantity.role: quantity for quantity in _TABLE})
 
@@ -144,3 +146,14 @@ def _line_to_si(spelled: str, role: str, found: str) -> tuple[float, float]:
         stored = "" if role == "time" else f" (stored in {quantity.unit})"
         raise InputError(f"unit {found!r} is not a unit of {role}{stored}; use one of: {choices}") from error
     return one - zero, zero
+
+
+def is_unit(word: str) -> bool:
+    """Tell whether a word is the spelling of a unit of any role (a row of units under a header)."""
+    for quantity in _TABLE:
+        try:
+            to_si(0.0, word, quantity.role)
+        except InputError:
+            continue
+        return True
+    return False

@@ -236,8 +236,8 @@ def _motion_faults(run: RigRun) -> list[str]:
         if stroke <= _STROKE and np.count_nonzero(speeds > _SPEED) < 0.01 * len(speeds):
             hint = "It looks like a jump of the sensor: cut the stretch out of the file"
         return [
-            f"displacement moves at {speeds[fastest]:.3g} m/s at sample {fastest}, its stroke is {stroke:.3g} "
-            f"m; expected at most {_SPEED:g} m/s and {_STROKE:g} m. {hint}"
+            f"displacement moves at {speeds[fastest]:.3g} m/s at sample {fastest}, with a stroke of "
+            f"{stroke:.3g} m; expected at most {_SPEED:g} m/s and {_STROKE:g} m. {hint}"
         ]
     reversals = len(turning_points(run.displacement, _SWING * stroke))
     if reversals < 2:

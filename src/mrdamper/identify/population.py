@@ -26,6 +26,8 @@ __all__ = ["Ensemble", "fit_cma", "fit_genetic"]
 
 FloatArray = NDArray[np.float64]
 
+_PENALTY = 1e6  # [%^2] of a candidate whose law is well posed on no run
+
 
 class Ensemble:
     """The cost of many candidates at once, in search coordinates scaled to 0..1."""
@@ -49,7 +51,11 @@ class Ensemble:
         return move(self.problem.template, values)
 
     def costs(self, unit: FloatArray) -> FloatArray:
-        """Return the cost [%^2] of candidates, shape (count, numbers) -> (count,)."""
+        """Return the cost [%^2] of candidates, shape (count, numbers) -> (count,).
+
+        Where a candidate's coefficients leave the law's range they are brought back to its edge, and the
+        candidate pays for how often and how far: worse than any admissible one, but with a way home.
+        """
         self.evaluations += len(unit)
         dampers = [self.damper(row) for row in unit]
         law = self.problem.template.law
@@ -57,19 +63,18 @@ class Ensemble:
             return np.array([self._cost(damper) for damper in dampers])
         commands = np.array([run.drive.constant for run in self.runs])
         coefficients = np.stack([damper.coefficients_at(commands).T for damper in dampers])
-        bad = np.zeros(len(dampers), dtype=bool)
+        penalty = np.zeros(len(dampers))
         for place, coefficient in enumerate(law.coefficients):
             values = coefficients[:, :, place]
-            outside = ~((values >= coefficient.lower) & (values <= coefficient.upper))
-            bad |= outside.any(axis=1)
-        errors = np.full((len(dampers), len(self.runs)), np.inf)
-        errors[~bad] = self._squared_errors(law.kernel, np.ascontiguousarray(coefficients[~bad]))
-        costs = errors @ self._weights
-        return np.where(np.isfinite(costs), costs, 1e12)
+            inside = np.clip(values, coefficient.lower, coefficient.upper)
+            beyond = np.abs(inside - values)
+            if np.any(beyond):
+                penalty += np.mean((beyond > 0.0) + beyond / np.abs(values).max(), axis=1)
+            coefficients[:, :, place] = inside
+        return np.asarray(self._squared_errors(law.kernel, coefficients) @ self._weights + _PENALTY * penalty)
 
     def _squared_errors(self, law: int, coefficients: FloatArray) -> FloatArray:
-        if not len(coefficients):
-            return np.empty((0, len(self.runs)))
+        coefficients = np.ascontiguousarray(coefficients)
         records = [run.drive.record for run in self.runs]
         forces, starts = [run.force for run in self.runs], [run.start for run in self.runs]
 
@@ -86,7 +91,7 @@ class Ensemble:
         try:
             return sum(run.weight * _squares(damper, run) for run in self.runs)
         except InputError:
-            return 1e12
+            return _PENALTY
 
 
 def fit_genetic(

@@ -92,10 +92,10 @@ def _entries(law: HysteresisLaw, s: Scale) -> list[Entry]:
     """Return the coefficients that move: name, form, lower and upper bound of its size, search scale."""
     any_force = (-s.force, s.force)
     parallel: list[Entry] = [
-        ("viscosity", "polynomial", 0.0, 10.0 * s.force / s.speed, "linear"),
+        ("viscosity", "polynomial", 0.0, 2.0 * s.force / s.speed, "linear"),
         ("stiffness", "constant", 0.0, s.force / s.stroke, "linear"),
         ("offset", "constant", *any_force, "linear"),
-        ("yield_force", "polynomial", 0.0, 3.0 * s.force, "linear"),
+        ("yield_force", "polynomial", 0.0, 2.0 * s.force, "linear"),
     ]
     hysteresis: list[Entry] = [
         ("rho", "constant", 0.5 / s.stroke, 1e4 / s.stroke, "log"),
@@ -109,7 +109,7 @@ def _entries(law: HysteresisLaw, s: Scale) -> list[Entry]:
     if law.name == "bouc-wen-saturating":
         parallel[2] = ("offset", "polynomial", *any_force, "linear")
         rate: list[Entry] = [
-            ("rate_force", "polynomial", 0.0, 10.0 * s.force, "linear"),
+            ("rate_force", "polynomial", 0.0, 2.0 * s.force, "linear"),
             ("saturation_velocity", "constant", 1e-3 * s.speed, 3.0 * s.speed, "log"),
             ("rho", "exponential", *hysteresis[0][2:4], "log"),
         ]
@@ -184,6 +184,8 @@ def _dependence(
     degree = min(s.levels - 1, 2) if (law.name, name) != ("bouc-wen-saturating", "offset") else 1
     size = max(abs(lower), abs(upper))
     return Polynomial((start, *([0.0] * degree))), [
-        Free(f"{name}.c{power}", -size / s.command**power, size / s.command**power, "linear", linear)
+        Free(
+            f"{name}.c{power}", lower if power == 0 else -size / s.command**power, size / s.command**power, "linear", linear
+        )
         for power in range(degree + 1)
     ]

@@ -40,9 +40,11 @@ FloatArray = NDArray[np.float64]
 _COMMANDS = 9  # commands over the data's range at which linear coefficients are kept admissible
 _LONGEST = 1.5  # longest step of a search coordinate per iteration, in e-folds on a log scale
 _MOST_ITERATIONS = 150
-_DRAWN = 60  # points looked at for each start
-_DESCENDING = 4  # of which so many descend on short stretches
-_SHORT_ITERATIONS = 40
+_DRAWN = 80  # points looked at for each start
+_DESCENDING = 5  # of which so many descend on short stretches
+_FEW_ITERATIONS = 10  # of each of those
+_FINALISTS = 2  # of which so many go on
+_SHORT_ITERATIONS = 30  # for so long
 
 
 @dataclass(frozen=True, slots=True)
@@ -297,10 +299,14 @@ def _screened(problem: FitProblem, starts: int, seed: int) -> Iterator[_State]:
         for place, point in enumerate(drawn):
             cost = objective.eliminate(_at(problem, point), {}, tangents=False)[0]
             costs.append((cost if np.isfinite(cost) else np.inf, place))
-        best: _State | None = None
+        tried = []
         for _, place in sorted(costs)[:_DESCENDING]:
-            for state in _descend(objective, drawn[place], _at(problem, drawn[place]), _SHORT_ITERATIONS):
-                pass
+            *_, state = _descend(objective, drawn[place], _at(problem, drawn[place]), _FEW_ITERATIONS)
+            tried.append(state)
+        best: _State | None = None
+        for state in sorted(tried, key=lambda s: s.cost)[:_FINALISTS]:
+            if not state.converged:
+                *_, state = _descend(objective, state.point, state.damper, _SHORT_ITERATIONS)
             if best is None or state.cost < best.cost:
                 best = state
         if best is not None:

@@ -45,7 +45,8 @@ __all__ = [
 
 SCHEMA_VERSION = 1
 
-Document = dict[str, Any]
+Json = Any  # what json.loads returns, or its read-only copy
+Document = dict[str, Json]
 Simulate = Callable[[Damper, Trajectory], FloatArray]
 
 UPGRADES: dict[int, Callable[[Document], Document]] = {}
@@ -87,6 +88,11 @@ class Evidence:
         for name in ("runs", "versions", "session_offsets_N"):
             object.__setattr__(self, name, _freeze(getattr(self, name), f"evidence.{name}"))
         object.__setattr__(self, "cost", float(self.cost))
+        for k, run in enumerate(self.runs):
+            lacking = [key for key in _RUN_KEYS if key not in run]
+            if lacking or run["split"] not in _SPLITS:
+                wrong = f"no {', '.join(lacking)}" if lacking else f"split is {run['split']!r}"
+                raise InputError(f"evidence.runs[{k}]: {wrong}; expected {', '.join(_RUN_KEYS)}")
 
     def errors(self, split: str) -> dict[str, float | int | None]:
         """Return the number of runs of a split and their median and worst ``nrmse_percent``."""
@@ -122,8 +128,8 @@ class Excerpt:
             )
 
     def trajectory(self) -> Trajectory:
-        motion = (np.array(getattr(self, name)) for name in _SIGNALS[:4])
-        return Trajectory(self.step_s, *motion, dead_band=self.dead_band_m)
+        x, v, a, command = (np.array(getattr(self, name)) for name in _SIGNALS[:4])
+        return Trajectory(self.step_s, x, v, a, command, dead_band=self.dead_band_m)
 
     def error(self, damper: Damper, simulate: Simulate) -> float:
         """Return the RMS force error [N] of a damper on the excerpt."""
@@ -275,7 +281,7 @@ def card_to_json(card: ModelCard) -> Document:
     }
 
 
-def _layout(value: Any, indent: int = 0) -> str:
+def _layout(value: Json, indent: int = 0) -> str:
     """Return JSON text: short tables and rows of numbers on one line, the rest one entry per line."""
     line = json.dumps(value, default=dict, ensure_ascii=False, allow_nan=False)
     nested = isinstance(value, Mapping) or any(isinstance(part, Mapping) for part in _parts(value))
@@ -400,7 +406,7 @@ def _read_coefficient(place: _Place, unit: str, command_unit: str) -> ParameterL
     settings = {name: each.number() for name, each in entry["settings"].entries().items()}
     data = {"kind": entry["kind"].text(), "numbers": values, "settings": settings}
     form = place.build(lambda: dependence_from_json(data))
-    if form is not None:
+    if form is not None and command_unit:
         for name, expected in zip(form.number_names, form.units(unit, command_unit), strict=True):
             numbers[name]["unit"].text(expected)
     return form
@@ -417,8 +423,9 @@ def _read_standard_errors(top: Mapping[str, _Place], damper: Damper) -> dict[str
 
 def _read_envelope(place: _Place) -> OperatingEnvelope | None:
     ends = place.table(("command", "displacement_m", "velocity_m_s", "temperature_K"))
-    pairs = [tuple(each.number() for each in end.items()) for end in ends.values() if end.value is not None]
-    return place.build(lambda: OperatingEnvelope(*pairs))
+    command, displacement, velocity = (ends[k].pair() for k in ("command", "displacement_m", "velocity_m_s"))
+    temperature = None if ends["temperature_K"].value is None else ends["temperature_K"].pair()
+    return place.build(lambda: OperatingEnvelope(command, displacement, velocity, temperature))
 
 
 def _read_evidence(place: _Place) -> Evidence | None:
@@ -429,21 +436,22 @@ def _read_evidence(place: _Place) -> Evidence | None:
         run["split"].text(*_SPLITS)
         run["rmse_N"].number(low=0.0)
         run["nrmse_percent"].number(low=0.0)
-    seed = table["seed"].number_or_none()
+    seed = None if table["seed"].value is None else table["seed"].whole()
     made = place.build(
         lambda: Evidence(
             runs=tuple(_plain(run) for run in runs),
             method=table["method"].text(),
             cost=table["cost"].number(),
             dataset_fingerprint=table["dataset_fingerprint"].text(),
-            seed=None if seed is None else int(seed),
+            seed=seed,
             versions={name: each.text() for name, each in table["versions"].entries().items()},
             session_offsets_N={n: each.number() for n, each in table["session_offsets_N"].entries().items()},
         )
     )
-    for split in _SPLITS if made is not None else ():
-        if table[split].value != made.errors(split):
-            table[split].say(f"is {table[split].value}; the runs listed give {made.errors(split)}")
+    if made is not None:
+        for split in _SPLITS:
+            if table[split].value != made.errors(split):
+                table[split].say(f"is {table[split].value}; the runs listed give {made.errors(split)}")
     return made
 
 
@@ -452,20 +460,19 @@ def _read_excerpt(place: _Place) -> Excerpt | None:
         return None
     table = place.table(tuple(each.name for each in fields(Excerpt)))
     signals = {name: tuple(each.number() for each in table[name].items()) for name in _SIGNALS}
-    start = table["scored_from"].number(low=0.0)
     return place.build(
         lambda: Excerpt(
             run=table["run"].text(),
             step_s=table["step_s"].number(low=0.0),
             rmse_N=table["rmse_N"].number(low=0.0),
-            scored_from=int(start),
+            scored_from=table["scored_from"].whole(),
             dead_band_m=table["dead_band_m"].number(low=0.0),
             **signals,
         )
     )
 
 
-_MISSING: Any = object()
+_MISSING: Json = object()
 T = TypeVar("T")
 
 
@@ -476,7 +483,7 @@ class _Place:
     all faults; a missing value is reported once, by the table that it is missing from.
     """
 
-    def __init__(self, value: Any, path: str, problems: list[str]) -> None:
+    def __init__(self, value: Json, path: str, problems: list[str]) -> None:
         self.value, self.path, self.problems = value, path, problems
 
     def say(self, problem: str) -> None:
@@ -490,12 +497,13 @@ class _Place:
     def build(self, make: Callable[[], T]) -> T | None:
         """Return what ``make`` makes of this place, or None when something in it is wrong."""
         before = len(self.problems)
-        if self.value is _MISSING or any(problem.startswith(self.path) for problem in self.problems):
+        here = tuple(self.path + mark for mark in ".[:")
+        if self.value is _MISSING or any(problem.startswith(here) for problem in self.problems):
             return None
         try:
             made = make()
         except InputError as fault:
-            self.say(str(fault))
+            self.say(str(fault).removeprefix(f"{self.path}: "))
         return made if len(self.problems) == before else None
 
     def entries(self) -> dict[str, _Place]:
@@ -542,7 +550,20 @@ class _Place:
         self._refuse("a finite number" if low == -math.inf else f"a finite number, at least {low:g}")
         return max(low, 0.0)
 
+    def whole(self) -> int:
+        if isinstance(self.value, int) and not isinstance(self.value, bool) and self.value >= 0:
+            return self.value
+        self._refuse("a whole number, at least 0")
+        return 0
+
+    def pair(self) -> tuple[float, float]:
+        ends = [each.number() for each in self.items()]
+        if len(ends) != 2 and isinstance(self.value, list):
+            self._refuse("two numbers, low and high")
+        return (ends[0], ends[1]) if len(ends) == 2 else (0.0, 0.0)
+
     def number_or_none(self) -> float | None:
+        """Return the number (0 or more), or None for null."""
         return None if self.value is None else self.number(low=0.0)
 
 
@@ -572,7 +593,7 @@ def _is_finite(value: object) -> bool:
     return abs(value) <= sys.float_info.max
 
 
-def _freeze(value: Any, place: str, *, ordered: bool = False) -> Any:
+def _freeze(value: Json, place: str, *, ordered: bool = False) -> Json:
     """Return a read-only copy, tables in alphabetical order; refuse what JSON cannot hold."""
     if isinstance(value, Mapping):
         keys = list(value) if ordered else sorted(value, key=str)
@@ -588,7 +609,7 @@ def _freeze(value: Any, place: str, *, ordered: bool = False) -> Any:
     raise InputError(f"{place} is {value!r}; expected what JSON holds: text, finite numbers, lists, tables")
 
 
-def _parts(value: Any) -> list[Any]:
+def _parts(value: Json) -> list[Json]:
     """Return what a table or list holds; nothing for a scalar."""
     if isinstance(value, Mapping):
         return list(value.values())

@@ -316,7 +316,7 @@ def dependence_from_json(data: Mapping[str, object]) -> ParameterLaw:
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return the end of a message about an unknown name: the nearest known ones, or all of them."""
     names = list(known)
-    near = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
+    near = difflib.get_close_matches(name, names, n=3, cutoff=0.6)
     if near:
         return f"did you mean {' or '.join(near)}?"
     return f"expected one of: {', '.join(names)}" if names else "expected none"

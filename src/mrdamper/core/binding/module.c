@@ -12,6 +12,12 @@
 
 #include "../kernel/kernel.h"
 
+/* CPython's slot tables hold functions as void pointers, which ISO C has no conversion for; every platform that
+ * runs CPython has. */
+#if defined(__GNUC__)
+#pragma GCC diagnostic ignored "-Wpedantic"
+#endif
+
 const mrd_api *mrd_api_baseline(void);
 #ifdef MRD_HAVE_X86_LEVELS
 const mrd_api *mrd_api_v3(void);

@@ -192,7 +192,7 @@ static void branch_build(branch *b, double k, double n, int tangents, int to_one
 {
     /* Cells per octave and first octave: a cubic errs by less than 5e-7 on every cell. */
     const int rise_bits = n <= 1.5 ? 4 : n < 6.0 ? 5 : n < 12.0 ? 6 : 7;
-    const int bits = rise_bits + (to_one ? (n > 12.0 ? 1 : n > 3.5 ? 2 : n > 2.0 ? 1 : 0) : 0);
+    const int bits = rise_bits + (to_one ? (n >= 12.0 ? 1 : n > 3.5 ? 2 : n > 2.0 ? 1 : 0) : 0);
     const double per_octave = (double)(1 << bits);
     const double smallest = per_octave * pow(4e-8, 1.0 / (n + 1.0));
     int exponent;

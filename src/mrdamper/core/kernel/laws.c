@@ -122,8 +122,8 @@ static mrd_status run_bouc_wen(const mrd_model *m, const mrd_record *r, size_t d
         free(store);
         return MRD_NO_MEMORY;
     }
-    double *w = store, *by_n = NULL, *by_kappa = NULL, *by_rho[MRD_DIRECTIONS];
-    const mrd_direction *way[MRD_DIRECTIONS];
+    double *w = store, *by_n = NULL, *by_kappa = NULL, *by_rho[MRD_DIRECTIONS] = {NULL};
+    const mrd_direction *way[MRD_DIRECTIONS] = {NULL};
     size_t ways = 0;
     for (size_t d = 0; d < directions; d++) {
         if (direction[d].coefficient == shape.rho) {
@@ -191,8 +191,8 @@ static mrd_status run(const mrd_model *m, const mrd_record *r, size_t directions
     if (has_state_w(m->law)) return run_bouc_wen(m, r, directions, direction, force, columns);
 
     if (m->law == MRD_SERIES_VALVE) {
-        const mrd_direction *way[MRD_DIRECTIONS];
-        double *column[MRD_DIRECTIONS];
+        const mrd_direction *way[MRD_DIRECTIONS] = {NULL};
+        double *column[MRD_DIRECTIONS] = {NULL};
         size_t ways = 0;
         for (size_t d = 0; d < directions; d++) {
             const int k = direction[d].coefficient;

@@ -90,42 +90,51 @@ static inline double valve_residual(const valve *c, double x, double v, double b
     return s->force - spring - leak;
 }
 
-/* Solve one stage. `guess` is the valve velocity expected. */
+/* Solve one stage. `guess` is the valve velocity expected.
+ *
+ * The search runs in p = |q| on one side of rest, where R rises through zero: a root found there is the
+ * root, R being monotone. The side is the guess's; only when Newton leaves it is R(0) asked.
+ */
 static void valve_solve(const valve *c, double x, double v, double base, double h, double guess, valve_stage *s)
 {
-    double slope_spring, slope_leak;
-    const double at_rest = c->f0 + c->k0 * base - spring_force(c, x - base, &slope_spring) - leak_force(c, v, &slope_leak);
-    if (at_rest == 0.0) {
-        (void)valve_residual(c, x, v, base, h, 0.0, s);
-        return;
-    }
-    const double sign = at_rest < 0.0 ? 1.0 : -1.0;
-    const double scale = 1e-7 * (c->fy + fabs(at_rest));
-    /* In p = sign q > 0 the residual sign R rises from -|R(0)| through zero. */
-    double low = 0.0, high = HUGE_VAL, p = sign * guess;
+    double sign = guess < 0.0 ? -1.0 : 1.0, low = 0.0, high = HUGE_VAL, p = fabs(guess);
+    int side_known = 0;
     if (!(p > 0.0)) p = 0.01 * c->velocity;
-    for (int i = 0; i < 60; i++) {
+    for (int i = 0; i < 80; i++) {
         const double residual = sign * valve_residual(c, x, v, base, h, sign * p, s);
+        const double next = p - residual / s->slope;
         if (residual > 0.0) high = p;
         else low = p;
-        double next = p - residual / s->slope;
-        if (fabs(residual) <= scale && next > low && next < high) {
+        if (fabs(residual) <= 1e-7 * (c->fy + fabs(s->force)) && next > low && next < high) {
             /* One more Newton step without a new evaluation: the error is the square of this one. */
             const double dq = sign * (next - p);
-            const double amplitude = c->fy * (1.0 + c->position * x);
             const double shape = s->shape_slope * dq;
             s->q += dq;
             s->y += h * dq;
             s->e -= h * dq;
             s->rate -= dq;
             s->shape += shape;
-            s->force += c->k0 * h * dq + amplitude * shape;
+            s->force += c->k0 * h * dq + c->fy * (1.0 + c->position * x) * shape;
             return;
         }
-        if (!(next > low)) next = low > 0.0 ? 0.5 * (low + p) : 0.05 * p;
-        if (!(next < high)) next = high == HUGE_VAL ? 4.0 * p : 0.5 * (low + high);
-        if (next == p) return;
-        p = next;
+        double moved = next;
+        if (!(next > low)) {
+            if (low == 0.0 && !side_known) {
+                const double at_rest = valve_residual(c, x, v, base, h, 0.0, s);
+                if (at_rest == 0.0) return;
+                side_known = 1;
+                if (sign * at_rest > 0.0) {
+                    sign = -sign;
+                    high = HUGE_VAL;
+                    p = 0.01 * c->velocity;
+                    continue;
+                }
+            }
+            moved = low > 0.0 ? 0.5 * (low + p) : 0.05 * p;
+        }
+        if (!(next < high)) moved = high == HUGE_VAL ? 4.0 * p : 0.5 * (low + high);
+        if (moved == p) return;
+        p = moved;
     }
 }
 
@@ -186,7 +195,7 @@ static void series_valve_run(const mrd_model *model, const mrd_record *r, size_t
 {
     const double gamma = 1.0 - sqrt(0.5);
     const double h = r->step / (double)r->substeps;
-    double y = r->n ? r->x[0] : 0.0, q_last = 0.0, q_trend = 0.0;
+    double y = r->n ? r->x[0] : 0.0, q_last = 0.0, q_rate = 0.0;
     double by[MRD_DIRECTIONS], base_by[MRD_DIRECTIONS], df[PARTIALS], dr[PARTIALS];
     int partial[MRD_DIRECTIONS];
     for (size_t d = 0; d < ways; d++) {
@@ -214,10 +223,9 @@ static void series_valve_run(const mrd_model *model, const mrd_record *r, size_t
             for (size_t d = 0; d < ways; d++) base_by[d] = by[d];
             for (int stage = 0; stage < 2; stage++) {
                 const double x = r->stage_x[at + (size_t)stage], v = r->stage_v[at + (size_t)stage];
-                const double guess = stage ? s.q + q_trend : q_last + q_trend;
-                const double before = stage ? s.q : q_last;
-                valve_solve(&c, x, v, base, gamma * h, guess, &s);
-                q_trend = 0.5 * (s.q - before);
+                const double before = stage ? s.q : q_last, ahead = (stage ? 1.0 - gamma : gamma) * h;
+                valve_solve(&c, x, v, base, gamma * h, before + ahead * q_rate, &s);
+                q_rate = (s.q - before) / ahead;
                 if (!ways) goto advance;
                 valve_partials(&c, &s, x, df, dr);
                 const double by_q = -1.0 / s.slope, by_y = c.k0 + s.spring_slope;

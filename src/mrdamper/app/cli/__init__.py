@@ -1,0 +1,183 @@
+"""The command line: options in, one job called, its answer printed.
+
+Only click is imported here; a job's libraries are loaded when it starts, so that help answers at once.
+With ``--json`` standard output holds one JSON object and nothing else. Exit codes: 0 done, 1 internal fault,
+2 usage, 3 bad data or units, 4 did not converge (or interrupted), 5 a check failed.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NoReturn, TypeVar
+
+import click
+
+from mrdamper.errors import MrdamperError
+
+__all__ = ["cli", "main"]
+
+Answer = dict[str, Any]
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+_INTERNAL, _NOT_CONVERGED = 1, 4
+_LAWS = "series-valve, bouc-wen, bouc-wen-saturating, dahl, bingham, tanh"
+
+
+def main() -> NoReturn:
+    """Run the command line; whatever goes wrong ends in one message and an exit code."""
+    try:
+        answer = cli(standalone_mode=False)
+    except click.exceptions.Abort:
+        _leave("interrupted before there was a result; nothing was written", _NOT_CONVERGED)
+    except click.ClickException as fault:
+        fault.show()
+        sys.exit(fault.exit_code)
+    except KeyboardInterrupt:
+        _leave("interrupted before there was a result; nothing was written", _NOT_CONVERGED)
+    except MrdamperError as fault:
+        _leave(str(fault), fault.exit_code)
+    except BrokenPipeError:  # the reader of our output has left
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(0)
+    except Exception as fault:  # the outermost door: nothing behind it
+        if os.environ.get("MRDAMPER_DEBUG") == "1":
+            raise
+        said = f"{type(fault).__name__}: {fault}"
+        _leave(f"internal fault: {said}\nThis is a fault of mrdamper; MRDAMPER_DEBUG=1 shows where", _INTERNAL)
+    sys.exit(answer if isinstance(answer, int) else 0)
+
+
+def _leave(message: str, code: int) -> NoReturn:
+    click.echo(f"mrdamper: {message}", err=True)
+    sys.exit(code)
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.version_option(package_name="mrdamper")
+def cli() -> None:
+    """From a magnetorheological damper's rig files to a model card with honest errors."""
+
+
+_paths = click.argument("paths", nargs=-1, required=True, metavar="PATH...")
+_channels = click.option(
+    "--channels", type=click.Path(path_type=Path), metavar="FILE", help="Channel map (TOML) for headers that do not speak."
+)
+_flip = click.option("--flip-force", is_flag=True, help="Turn the sign of the force (compression-positive load cells).")
+_json = click.option("--json", "as_json", is_flag=True, help="Print one JSON object on standard output, nothing else.")
+_seed = click.option("--seed", type=int, default=0, show_default=True, help="Of every random draw.")
+
+
+@cli.command()
+@_paths
+@click.option("--out", type=click.Path(path_type=Path), required=True, metavar="DIR", help="For card.json, report.html, errors.csv.")
+@click.option(
+    "--law", default="series-valve", show_default=True, metavar="LAW", help=f"{_LAWS}; auto; or path/to/file.py:Class."
+)
+@click.option(
+    "--method", type=click.Choice(["varpro", "genetic", "cma"]), default="varpro", show_default=True, help="How to search."
+)
+@click.option("--hold-out", multiple=True, metavar="GLOB", help="Runs that the fit must not see (by name; may be repeated).")
+@_channels
+@_seed
+@click.option(
+    "--starts", type=click.IntRange(min=1), default=5, show_default=True, help="Starts of the search (varpro)."
+)
+@click.option(
+    "--leave-out",
+    type=click.Choice(["run", "current", "motion"]),
+    multiple=True,
+    help="Fit again without each run, current or motion in turn.",
+)
+@click.option("--session-offsets", is_flag=True, help="Let each session have its own constant force.")
+@click.option("--one-command", is_flag=True, help="Accept runs at a single command; the model holds for it alone.")
+@_flip
+@_json
+def identify(
+    paths: tuple[str, ...], out: Path, *, channels: Path | None, flip_force: bool, as_json: bool, **options: Any
+) -> int:
+    """Fit one hysteresis law to measured runs over all currents at once.
+
+    PATH: files, folders or patterns of runs.
+    """
+    from mrdamper.app.cli import terminal
+    from mrdamper.app.jobs import FitOptions
+    from mrdamper.app.jobs import identify as job
+
+    with terminal.progress() as report:
+        answer = job(paths, out, FitOptions(**options), channels=channels, flip_force=flip_force, report=report)
+    return _finish(answer, terminal.show_identification, as_json=as_json)
+
+
+@cli.command()
+@click.argument("card", type=click.Path(path_type=Path))
+@_paths
+@_channels
+@click.option("--law", metavar="FILE.py:CLASS", help="The user's own law, for a card that was identified with one.")
+@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write errors.csv there.")
+@_flip
+@_json
+def predict(card: Path, paths: tuple[str, ...], *, as_json: bool, **options: Any) -> int:
+    """Score a model card on runs that it has not seen."""
+    from mrdamper.app.cli import terminal
+    from mrdamper.app.jobs import predict as job
+
+    return _finish(job(card, paths, **options), terminal.show_prediction, as_json=as_json)
+
+
+@cli.command()
+@click.option(
+    "--out", type=click.Path(path_type=Path), default=Path("build/demo"), show_default=True, metavar="DIR", help="Where to."
+)
+@click.option("--quick", is_flag=True, help="Fewer and shorter runs.")
+@_seed
+@_json
+def demo(*, as_json: bool, **options: Any) -> int:
+    """Run the whole job on a simulated rig (no measured data needed)."""
+    from mrdamper.app.cli import terminal
+    from mrdamper.app.jobs import demo as job
+
+    with terminal.progress() as report:
+        answer = job(report=report, **options)
+    return _finish(answer, terminal.show_demo, as_json=as_json)
+
+
+@cli.group()
+def data() -> None:
+    """Public data sets: what there is, and fetching it."""
+
+
+@data.command("list")
+@_json
+def list_data(*, as_json: bool) -> int:
+    """List the public data sets."""
+    from mrdamper.app.cli import terminal
+    from mrdamper.app.jobs import data_list
+
+    return _finish({"datasets": data_list()}, terminal.show_datasets, as_json=as_json)
+
+
+@data.command()
+@click.argument("name")
+@_json
+def fetch(name: str, *, as_json: bool) -> int:
+    """Fetch a public data set and print where its files lie."""
+    from mrdamper.app.cli import terminal
+    from mrdamper.app.jobs import data_fetch
+
+    return _finish(data_fetch(name), terminal.show_files, as_json=as_json)
+
+
+def _finish(answer: Answer, show: Callable[[Answer], None], *, as_json: bool) -> int:
+    """Print a job's answer and return the exit code."""
+    if as_json:
+        click.echo(json.dumps(answer, ensure_ascii=False, allow_nan=False))
+    else:
+        show(answer)
+    if answer.get("cancelled"):
+        click.echo("mrdamper: interrupted: what was written is the best so far, marked as cancelled", err=True)
+        return _NOT_CONVERGED
+    return 0

@@ -1,0 +1,192 @@
+"""What a person sees in the terminal: live progress on standard error, tables on standard output."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+from rich.console import Console
+from rich.live import Live
+from rich.markup import escape
+from rich.table import Table
+from rich.text import Text
+
+from mrdamper.identify.variable_projection import Progress, Report
+
+__all__ = ["progress", "show_datasets", "show_demo", "show_files", "show_identification", "show_prediction"]
+
+Answer = Mapping[str, Any]
+
+_LEAST_INTERVAL = 0.1  # between two updates of the progress line [s]
+
+
+@contextmanager
+def progress() -> Iterator[Report | None]:
+    """Give a function that shows how far a fit is; None when standard error is not a terminal."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    shown = [0.0]
+    with Live(Text("reading ..."), console=Console(stderr=True), transient=True, auto_refresh=False) as live:
+
+        def report(now: Progress) -> None:
+            clock = time.monotonic()
+            if clock - shown[0] < _LEAST_INTERVAL:
+                return
+            shown[0] = clock
+            line = (
+                f"{now.method}  start {now.start + 1} of {now.starts}  iteration {now.iteration}  "
+                f"error {now.cost_percent:.3f} %  best {now.best_percent:.3f} %   (Ctrl-C keeps the best so far)"
+            )
+            live.update(Text(line), refresh=True)
+
+        yield report
+
+
+def show_identification(answer: Answer) -> None:
+    """Print errors by run, coefficients with their uncertainty, and what a reader should know."""
+    console = _console()
+    if answer["law_table"]:
+        console.print(_law_table(answer["law_table"]))
+    console.print(_errors(answer["runs"], f"{answer['law']}: error by run"))
+    _print_summary(console, answer["summary"])
+    if answer["left_out_summary"]:
+        console.print(_left_out_table(answer["left_out_summary"]))
+    console.print(_coefficients(answer["coefficients"]))
+    for session, offset in answer["session_offsets_N"].items():
+        console.print(f"force offset of session {escape(session) or '(unnamed)'}: {offset:+.1f} N")
+    for note in answer["notes"]:
+        console.print(f"- {escape(note)}")
+    console.print(f"{answer['cpu_s']:.2f} s of CPU; wrote {escape(answer['card'])} and {escape(answer['report'])}")
+
+
+def show_prediction(answer: Answer) -> None:
+    """Print errors by run."""
+    console = _console()
+    console.print(_errors(answer["runs"], f"{answer['law']}: error by run"))
+    _print_summary(console, answer["summary"])
+    for note in answer["notes"]:
+        console.print(f"- {escape(note)}")
+
+
+def show_demo(answer: Answer) -> None:
+    """Print the identification, then the laws side by side."""
+    console = _console()
+    console.print(escape(f"The runs are {answer['runs_are']}."))
+    show_identification(answer)
+    table = Table(title="Laws side by side: error in % of the force's spread, median (worst)")
+    for name in ("law", "training", "held out"):
+        table.add_column(name, justify="left" if name == "law" else "right")
+    for line in answer["laws"]:
+        cells = [_median_worst(line["summary"].get(split)) for split in ("training", "held_out")]
+        table.add_row(escape(line["law"]), *cells)
+    console.print(table)
+
+
+def show_datasets(answer: Answer) -> None:
+    """Print the data sets, one paragraph each."""
+    console = _console()
+    for entry in answer["datasets"]:
+        console.print(f"[bold]{escape(str(entry.get('name', '')))}[/bold]")
+        for key, value in entry.items():
+            if key != "name":
+                console.print(f"  {key}: {escape(str(value))}")
+
+
+def show_files(answer: Answer) -> None:
+    """Print one path a line."""
+    for path in answer["files"]:
+        print(path)
+
+
+def _console() -> Console:
+    """Return the console of standard output, wide enough for the tables when that is a file."""
+    return Console(highlight=False, width=None if sys.stdout.isatty() else 110)
+
+
+def _errors(rows: Sequence[Answer], title: str) -> Table:
+    table = Table(title=escape(title))
+    table.add_column("run", overflow="fold")
+    table.add_column("split")
+    for name in ("command", "RMS error N", "error %", "whole run %", "offset free %"):
+        table.add_column(name, justify="right")
+    last = None
+    for row in sorted(rows, key=lambda r: (r["split"] != "training", r["command"] == 0.0)):
+        part = (row["split"], row["command"] == 0.0)
+        if last is not None and part != last:
+            table.add_section()
+        last = part
+        command = "varies" if row["command"] is None else f"{row['command']:g} {row['command_unit']}"
+        table.add_row(
+            escape(row["name"]),
+            row["split"].replace("_", " "),
+            command,
+            f"{row['rmse_N']:.1f}",
+            f"{row['nrmse_percent']:.2f}",
+            f"{row['nrmse_whole_percent']:.2f}",
+            f"{row['nrmse_offset_free_percent']:.2f}",
+        )
+    return table
+
+
+def _print_summary(console: Console, summaries: Answer) -> None:
+    for split, values in summaries.items():
+        parts = (
+            ("median", "median"), ("worst above zero command", "worst_above_zero"), ("worst", "worst"),
+        )  # fmt: skip
+        said = [f"{word} {_percent(values[f'{key}_nrmse_percent'])}" for word, key in parts]
+        console.print(f"[bold]{split.replace('_', ' ')}[/bold]: {', '.join(said)}")
+
+
+def _coefficients(coefficients: Answer) -> Table:
+    table = Table(title="Coefficients")
+    table.add_column("number")
+    for name in ("value", "± standard error"):
+        table.add_column(name, justify="right")
+    table.add_column("unit")
+    table.add_column("identifiable")
+    for name, e in coefficients.items():
+        error = "" if e["standard_error"] is None else f"{e['standard_error']:.2g}"
+        table.add_row(escape(name), f"{e['value']:.5g}", error, escape(e["unit"]), _judged(e))
+    return table
+
+
+def _judged(estimate: Answer) -> str:
+    if estimate["at_bound"]:
+        return f"on its {estimate['at_bound']} bound"
+    design = estimate["design_error_percent"]
+    known = "" if design is None else f" ({design:.2g} %)"
+    return ("yes" if estimate["identifiable"] else "no") + known
+
+
+def _left_out_table(summaries: Answer) -> Table:
+    table = Table(title="Left out in turn: error on what the fit did not see")
+    for name in ("left out", "median %", "worst above zero %", "worst %"):
+        table.add_column(name, justify="left" if name == "left out" else "right")
+    for kind, values in summaries.items():
+        keys = ("median", "worst_above_zero", "worst")
+        table.add_row(kind, *(_percent(values[f"{key}_nrmse_percent"]) for key in keys))
+    return table
+
+
+def _law_table(scores: Sequence[Answer]) -> Table:
+    table = Table(title="Laws, each fitted with one motion left out in turn; the first is chosen")
+    for name in ("law", "numbers", "training median", "held-out median", "held-out worst", "CPU s"):
+        table.add_column(name, justify="left" if name == "law" else "right")
+    for s in scores:
+        errors = (s[f"{key}_percent"] for key in ("training_median", "held_out_median", "held_out_worst"))
+        table.add_row(s["law"], str(s["numbers"]), *map(_percent, errors), f"{s['cpu_s']:.2f}")
+    return table
+
+
+def _median_worst(values: Answer | None) -> str:
+    if values is None:
+        return ""
+    return f"{_percent(values['median_nrmse_percent'])} ({_percent(values['worst_nrmse_percent'])})"
+
+
+def _percent(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2f} %"

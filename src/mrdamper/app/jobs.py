@@ -1,0 +1,338 @@
+"""The jobs, end to end: all that the command line calls.
+
+A job reads runs, computes, writes its files all at once or not at all, and returns one JSON-ready object.
+Keys that scripts rely on: docs/architecture.md. Nothing is printed here.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from mrdamper.app.api import Identification, Method, finite, fit, resolve_law, row, versions
+from mrdamper.app.api import assess as assess_fit
+from mrdamper.app.api import predict as predict_runs
+from mrdamper.app.outputs import staged, write_json, write_table
+from mrdamper.data.prepare import Preparation
+from mrdamper.data.readers import read_runs
+from mrdamper.data.records import Dataset
+from mrdamper.errors import InputError
+from mrdamper.identify.assess import Assessment, Kind, LawScore, LeftOut, RunError, choose_law, summary
+from mrdamper.identify.problem import Estimate
+from mrdamper.identify.variable_projection import Report
+from mrdamper.models.card import read_card, write_card
+from mrdamper.models.laws import LAWS
+
+__all__ = ["DEMO_LAWS", "FitOptions", "data_fetch", "data_list", "demo", "identify", "predict"]
+
+Json = dict[str, object]
+
+DEMO_LAWS = ("series-valve", "bouc-wen")
+_CANCELLED = "cancelled"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FitOptions:
+    """What ``mrdamper identify`` can be told about the fit."""
+
+    law: str = "series-valve"  # a name, ``auto``, or ``file.py:Class``
+    method: Method = "varpro"
+    starts: int = 5
+    seed: int = 0
+    hold_out: tuple[str, ...] = ()
+    leave_out: tuple[Kind, ...] = ()
+    session_offsets: bool = False
+    one_command: bool = False
+
+
+def identify(
+    paths: Sequence[str | Path],
+    out: Path,
+    options: FitOptions,
+    *,
+    channels: Path | None = None,
+    flip_force: bool = False,
+    report: Report | None = None,
+) -> Json:
+    """Read runs, fit, assess; write card.json, report.html and errors.csv into ``out``."""
+    dataset = _read(paths, channels, flip_force=flip_force)
+    sources = tuple(dict.fromkeys(Path(run.source).name for run in dataset if run.source))
+    with staged(out) as beside:
+        return _identify(dataset, beside, out, options, sources=sources, report=report)
+
+
+def predict(
+    card: Path,
+    paths: Sequence[str | Path],
+    *,
+    channels: Path | None = None,
+    law: str | None = None,
+    out: Path | None = None,
+    flip_force: bool = False,
+) -> Json:
+    """Score a card on runs, prepared as the card says; with ``out`` write errors.csv there.
+
+    ``law`` is the ``file.py:Class`` of a user's own law, for a card that was identified with one.
+    """
+    model = read_card(card, python_law=None if law is None else resolve_law(law)[0])
+    dataset = _read(paths, channels, flip_force=flip_force)
+    errors = predict_runs(model, dataset)
+    answer: Json = {
+        "card": str(card),
+        "law": model.damper.law.name,
+        "runs": [row(error) for error in errors],
+        "summary": _summaries(errors),
+        "notes": _outside(model.envelope.command, errors),
+    }
+    if out is not None:
+        with staged(out) as beside:
+            write_table(beside / "errors.csv", [row(error) for error in errors])
+    return answer
+
+
+def demo(out: Path, *, quick: bool = False, seed: int = 0, report: Report | None = None) -> Json:
+    """Run the main job on a simulated rig: simulate, write the runs, identify with one motion held out.
+
+    Two laws are fitted, neither of them the rig's own; the first gives the card and the report.
+    """
+    from mrdamper.rig.spencer import SENSORS, campaign, measure
+
+    clock = time.process_time()
+    label = f"simulated: Spencer's modified Bouc-Wen, {SENSORS}; not measured"
+    simulated = measure(campaign(quick=quick), seed=seed)
+    with staged(out) as beside:
+        folder = beside / "runs"
+        folder.mkdir()
+        (folder / "README.txt").write_text(f"{label}\n", encoding="utf-8")
+        for run in simulated:
+            _write_run(folder / f"{run.name}.csv", run, label)
+        dataset = _read([folder / f"{run.name}.csv" for run in simulated], None)
+        options = FitOptions(law=DEMO_LAWS[0], starts=2 if quick else 3, seed=seed, hold_out=("*_random",))
+        first = _identify(
+            dataset, beside, out, options, sources=(label,), simulated=label, report=report, title="Demo on a simulated rig"
+        )
+        laws = [_line(first)]
+        if first[_CANCELLED] is False:
+            other = fit(dataset, DEMO_LAWS[1], starts=options.starts, seed=seed, hold_out=options.hold_out, report=report)
+            judged = assess_fit(other)
+            laws.append(_line(_answer(other, judged, out, ())))
+        answer: Json = {
+            **first,
+            "simulated": True,
+            "runs_are": label,
+            "laws": laws,
+            "claims": [],
+            "cpu_s": round(time.process_time() - clock, 3),
+            "report": str(out / "report.html"),
+            "summary_file": str(out / "summary.json"),
+            "versions": versions(),
+        }
+        write_json(beside / "summary.json", answer)
+    return answer
+
+
+def data_list() -> list[Json]:
+    """Return the public data sets that can be fetched."""
+    from mrdamper.data import catalog
+
+    return [_describe(entry) for entry in catalog.CATALOG.values()]
+
+
+def data_fetch(name: str) -> Json:
+    """Fetch a public data set (or find it in the local mirror ``MRDAMPER_DATA``) and say where it lies."""
+    from mrdamper.data import catalog
+
+    return {"name": name, "files": [str(path) for path in catalog.fetch(name)]}
+
+
+# ------------------------------------------------------------------------------------------- identify
+
+
+def _identify(
+    dataset: Dataset,
+    beside: Path,
+    out: Path,
+    options: FitOptions,
+    *,
+    sources: Sequence[str],
+    simulated: str = "",
+    title: str = "",
+    report: Report | None = None,
+) -> Json:
+    """Fit, assess and write into ``beside`` what will lie in ``out``."""
+    from mrdamper.app.report import write_report
+
+    table: tuple[LawScore, ...] = ()
+    law = options.law
+    if law == "auto":
+        table = _compare(dataset, options, report)
+        law = table[0].law
+    fitted = fit(
+        dataset,
+        law,
+        method=options.method,
+        starts=options.starts,
+        seed=options.seed,
+        hold_out=options.hold_out,
+        session_offsets=options.session_offsets,
+        one_command=options.one_command,
+        report=report,
+    )
+    fitted, judged = _assessed(fitted, options, report)
+    write_card(fitted.card(judged, title=title, sources=sources), beside / "card.json")
+    write_table(beside / "errors.csv", [row(error) for error in judged.runs])
+    write_report(beside / "report.html", fitted, judged, law_table=table, simulated=simulated, title=title)
+    return _answer(fitted, judged, out, table)
+
+
+def _compare(dataset: Dataset, options: FitOptions, report: Report | None) -> tuple[LawScore, ...]:
+    """Compare all laws on the training runs by leaving one motion out; the held-out runs are not looked at."""
+    from mrdamper.app.api import prepare_all
+
+    training = dataset.split(options.hold_out)[0] if options.hold_out else dataset
+    return choose_law(
+        prepare_all(training, Preparation()),
+        tuple(LAWS),
+        seed=options.seed,
+        starts=min(options.starts, 2),
+        one_command=options.one_command,
+        report=report,
+    )
+
+
+def _assessed(
+    fitted: Identification, options: FitOptions, report: Report | None
+) -> tuple[Identification, Assessment]:
+    """Assess a fit; an interrupt while fitting or while leaving runs out keeps the fit and skips the rest."""
+    if not fitted.result.cancelled and options.leave_out:
+        try:
+            return fitted, assess_fit(fitted, leave_out=options.leave_out, report=report)
+        except KeyboardInterrupt:
+            note = "interrupted while leaving runs out: the fit is whole, that table is not there"
+            fitted = replace(fitted, result=replace(fitted.result, notes=(*fitted.result.notes, note)))
+    return fitted, assess_fit(fitted)
+
+
+def _answer(fitted: Identification, judged: Assessment, out: Path, table: Sequence[LawScore]) -> Json:
+    """Return what ``mrdamper identify --json`` prints."""
+    result = fitted.result
+    return {
+        "law": fitted.damper.law.name,
+        "method": result.method,
+        "coefficients": {estimate.name: _estimate(estimate) for estimate in result.estimates},
+        "cpu_s": round(fitted.cpu_s, 4),
+        "card": str(out / "card.json"),
+        "report": str(out / "report.html"),
+        "runs": [row(error) for error in judged.runs],
+        "summary": _summaries(judged.runs),
+        "cost_percent": result.cost_percent,
+        "seed": result.seed,
+        "starts": [
+            {"index": s.index, "cost_percent": finite(s.cost_percent), "evaluations": s.evaluations, "converged": s.converged}
+            for s in result.starts
+        ],
+        "session_offsets_N": dict(result.offsets_N),
+        "passivity_min": finite(judged.passivity_min),
+        _CANCELLED: result.cancelled,
+        "notes": [*result.notes, *judged.words],
+        "left_out": [_left(left) for left in judged.left_out],
+        "left_out_summary": _left_summaries(judged.left_out),
+        "law_table": [
+            {
+                "law": score.law,
+                "numbers": score.numbers,
+                "training_median_percent": finite(score.training_median),
+                "held_out_median_percent": finite(score.held_out_median),
+                "held_out_worst_percent": finite(score.held_out_worst),
+                "cpu_s": round(score.cpu_s, 3),
+            }
+            for score in table
+        ],
+    }
+
+
+def _estimate(estimate: Estimate) -> Json:
+    return {
+        "value": estimate.value,
+        "unit": estimate.unit,
+        "standard_error": finite(estimate.standard_error),
+        "design_error_percent": finite(estimate.design_error_percent),
+        "identifiable": bool(estimate.identifiable),
+        "at_bound": estimate.at_bound or None,
+        "lower": finite(estimate.lower),
+        "upper": finite(estimate.upper),
+    }
+
+
+def _summaries(errors: Iterable[RunError]) -> Json:
+    """Return median and worst of ``nrmse_percent`` by split."""
+    errors = tuple(errors)
+    return {
+        split: _in_percent(summary(e for e in errors if e.split == split))
+        for split in ("training", "held_out")
+        if any(e.split == split for e in errors)
+    }
+
+
+def _in_percent(values: Mapping[str, float]) -> Json:
+    return {f"{name}_nrmse_percent": finite(value) for name, value in values.items()}
+
+
+def _left(left: LeftOut) -> Json:
+    errors = [{**row(error), "split": "held_out"} for error in left.errors]
+    return {"kind": left.kind, "left_out": left.left_out, **_in_percent(summary(left.errors)), "runs": errors}
+
+
+def _left_summaries(left_out: Sequence[LeftOut]) -> Json:
+    kinds = dict.fromkeys(left.kind for left in left_out)
+    return {
+        kind: _in_percent(summary(e for left in left_out if left.kind == kind for e in left.errors)) for kind in kinds
+    }
+
+
+def _line(answer: Json) -> Json:
+    """Return one law's line of the demo's comparison."""
+    return {key: answer[key] for key in ("law", "summary", "cost_percent", "cpu_s", "passivity_min")}
+
+
+# ------------------------------------------------------------------------------------------- files
+
+
+def _read(paths: Sequence[str | Path], channels: Path | None, *, flip_force: bool = False) -> Dataset:
+    dataset = read_runs(list(paths), channels)
+    if not len(dataset):
+        raise InputError(f"{', '.join(map(str, paths))}: no runs found; expected files such as run.csv")
+    if flip_force:
+        dataset = Dataset(tuple(replace(run, force=-run.force) for run in dataset))
+    return dataset
+
+
+def _write_run(path: Path, run: object, label: str) -> None:
+    """Write a simulated run as CSV; the first line says that nobody measured it."""
+    from mrdamper.data.records import RigRun
+
+    assert isinstance(run, RigRun)
+    rows = zip(run.time.tolist(), run.displacement.tolist(), run.force.tolist(), run.command.tolist(), strict=True)
+    lines = [f"{t:.4f},{x:.7f},{f:.2f},{u:.4f}" for t, x, f, u in rows]
+    header = f"time_s,displacement_m,force_N,{'voltage_V' if run.command_unit == 'V' else 'current_A'}"
+    path.write_text("\n".join([f"# {label}", header, *lines, ""]), encoding="utf-8")
+
+
+def _outside(commands: tuple[float, float], errors: Iterable[RunError]) -> list[str]:
+    low, high = commands
+    return [
+        f"{e.name}: command {e.command:g} {e.command_unit} is outside the card's {low:g} to {high:g}"
+        for e in errors
+        if e.command is not None and not low - 1e-9 <= e.command <= high + 1e-9
+    ]
+
+
+def _describe(entry: object) -> Json:
+    """Return a catalogue entry by its plain fields."""
+    from dataclasses import fields, is_dataclass
+
+    assert is_dataclass(entry)
+    values = {each.name: getattr(entry, each.name) for each in fields(entry)}
+    return {name: value for name, value in values.items() if isinstance(value, str | int | float)}

@@ -1,0 +1,2 @@
+def write_report(path, *a, **k):
+    path.write_text("stub")

@@ -1,0 +1,215 @@
+"""Catalogue of public data sets: real dampers, measured by others, at pinned commits.
+
+``fetch`` downloads a set into a cache and checks it; with ``MRDAMPER_DATA`` set it takes files from that
+folder instead and downloads nothing. A SHA-256 that is not known here is recorded at the first download and
+held to afterwards.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+from urllib.parse import quote
+
+from mrdamper.data.records import nearest_names
+from mrdamper.errors import InputError
+
+__all__ = ["DATA_SETS", "DataSet", "RemoteFile", "fetch", "list_sets"]
+
+_RECORD = "sha256.json"  # beside the files: what was found at the first download
+
+
+@dataclass(frozen=True, slots=True)
+class RemoteFile:
+    """A file of a public repository."""
+
+    path: str  # in the repository
+    sha256: str | None = None  # None: not known here
+
+    @property
+    def name(self) -> str:
+        return self.path.rsplit("/", 1)[-1]
+
+
+@dataclass(frozen=True, slots=True)
+class DataSet:
+    """A public data set: whose, under what licence, and which files at which commit."""
+
+    name: str
+    title: str
+    licence: str
+    doi: str  # "" when it has none
+    repository: str  # owner/name on GitHub
+    commit: str
+    channels: str  # the channel map in examples/ that reads it
+    notes: str
+    files: tuple[RemoteFile, ...]
+
+    def url(self, file: RemoteFile) -> str:
+        """Return the address of a file at the pinned commit."""
+        return f"https://raw.githubusercontent.com/{self.repository}/{self.commit}/{quote(file.path)}"
+
+
+_UTFSM_1 = "Cap7_ModeloMR/BoucWen Ajuste 1/Preprocesamiento-sinusoidales/Datos_crudos"
+_UTFSM_2 = "Cap7_ModeloMR/BoucWen Ajuste 2/Preprocesamiento-sinusoidales/Datos_crudos"
+
+DATA_SETS: tuple[DataSet, ...] = (
+    DataSet(
+        name="utfsm",
+        title="MR damper on an MTS press, Universidad Tecnica Federico Santa Maria, Chile, 2022",
+        licence="MIT",
+        doi="",
+        repository="DanielMaurelE/vRTHS_AMBC_MRdamper",
+        commit="08753ffd7abd5b19053f7e79149c3a68f49bf73c",
+        channels="utfsm_logger.toml",
+        notes="Logger text at 1 kHz, sines at 0, 0.25, 0.5, 0.75 and 1 A one after the other in each file.",
+        files=(
+            RemoteFile(
+                f"{_UTFSM_2}/ME5mm3Hz.txt",
+                "b7a896cd893b99806dd473e9ab49ed3ebab487afe0e86171ba80f07928de6e92",
+            ),
+            RemoteFile(f"{_UTFSM_2}/ME10mm2Hz.txt"),
+            RemoteFile(f"{_UTFSM_2}/ME25mm0x5Hz.txt"),
+            RemoteFile(f"{_UTFSM_1}/ME25mm0x25Hz.txt"),
+        ),
+    ),
+    DataSet(
+        name="utfpr",
+        title="LORD MR damper on a shaking table, UTFPR Labcontrol, Brazil, 2020",
+        licence="MIT",
+        doi="10.5281/zenodo.4445334",
+        repository="labcontrol-data/mr-damper",
+        commit="e42439f08b227bb08e9923ee2736bedf2f4fe59a",
+        channels="utfpr_mat.toml",
+        notes="MAT v5 at 100 Hz; the files do not hold the voltage (3.212 V in the two listed here).",
+        files=(
+            RemoteFile(
+                "data/ensaio.A.1.mat",
+                "491b7bb96f9206f98a1428eec3fe7031d6de96151bd035aff5f8a1353488fdf1",
+            ),
+            RemoteFile(
+                "data/ensaio.A.3.mat",
+                "9dda2f2c490afc9577b5266508359e6e44ae9bfaea81a33195c2b05adc31b14d",
+            ),
+        ),
+    ),
+)
+
+
+def list_sets() -> tuple[DataSet, ...]:
+    """Return the public data sets that ``fetch`` knows."""
+    return DATA_SETS
+
+
+def fetch(name: str, *, folder: Path | None = None) -> Path:
+    """Return the folder that holds a set's files, downloading those that are not there yet.
+
+    Parameters
+    ----------
+    name : name of the set
+    folder : where to keep it; by default a folder of the set's name in the user's cache
+
+    Raises
+    ------
+    InputError
+        No such set, no connection, or a file that is not the one pinned.
+    """
+    chosen = next((known for known in DATA_SETS if known.name == name), None)
+    if chosen is None:
+        names = [known.name for known in DATA_SETS]
+        raise InputError(f"no data set {name!r}; the nearest are: {', '.join(nearest_names(name, names))}")
+    target = folder if folder is not None else _cache() / chosen.name
+    target.mkdir(parents=True, exist_ok=True)
+    mirror = os.environ.get("MRDAMPER_DATA", "")
+    recorded = _read_record(target)
+    kept = 0
+    for file in chosen.files:
+        expected = file.sha256 or recorded.get(file.path)
+        here = target / file.name
+        if not (here.is_file() and (expected is None or _sha256(here) == expected)):
+            source = _find_in(Path(mirror), chosen, file) if mirror else _download(chosen, file)
+            if source is None:
+                continue
+            _check(chosen, file, source, expected)
+            _place(source, here)
+        recorded[file.path] = expected or _sha256(here)
+        kept += 1
+    if not kept:
+        looked = ", ".join(file.name for file in chosen.files)
+        raise InputError(f"MRDAMPER_DATA={mirror} holds no file of {name!r}; expected any of: {looked}")
+    _write_record(target, recorded)
+    return target
+
+
+def _cache() -> Path:
+    import pooch
+
+    return Path(pooch.os_cache("mrdamper"))
+
+
+def _find_in(mirror: Path, chosen: DataSet, file: RemoteFile) -> Path | None:
+    """Return the file in a local mirror: as in the repository, or by name in raw/, <set>/ or at the top."""
+    for place in (file.path, f"raw/{file.name}", f"{chosen.name}/{file.name}", file.name):
+        if (mirror / place).is_file():
+            return mirror / place
+    return None
+
+
+def _download(chosen: DataSet, file: RemoteFile) -> Path:
+    """Return the file as downloaded (pooch checks what is pinned)."""
+    import pooch
+    import requests
+
+    url = chosen.url(file)
+    known = f"sha256:{file.sha256}" if file.sha256 else None
+    try:
+        return Path(pooch.retrieve(url, known_hash=known, path=_cache() / "downloads", progressbar=False))
+    except (requests.RequestException, OSError, ValueError) as error:
+        raise InputError(
+            f"{chosen.name}: cannot download {url} ({error}). Check the connection, or name a folder that "
+            "holds the files in MRDAMPER_DATA"
+        ) from error
+
+
+def _check(chosen: DataSet, file: RemoteFile, source: Path, expected: str | None) -> None:
+    if expected is None:
+        return
+    found = _sha256(source)
+    if found != expected:
+        raise InputError(
+            f"{source}: is not {file.name} of {chosen.name} at {chosen.commit[:8]}: SHA-256 {found[:12]}..., "
+            f"expected {expected[:12]}.... Delete it and fetch again"
+        )
+
+
+def _place(source: Path, here: Path) -> None:
+    """Copy beside the place and rename, so that no half-written file is left."""
+    partial = here.with_name(f".{here.name}.partial")
+    shutil.copyfile(source, partial)
+    partial.replace(here)
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def _read_record(target: Path) -> dict[str, str]:
+    record = target / _RECORD
+    if not record.is_file():
+        return {}
+    try:
+        given = json.loads(record.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(f"{record}: not a readable record of hashes; delete it and fetch again") from error
+    return {str(path): str(digest) for path, digest in given.items()}
+
+
+def _write_record(target: Path, recorded: dict[str, str]) -> None:
+    partial = target / f".{_RECORD}.partial"
+    partial.write_text(json.dumps(recorded, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+    partial.replace(target / _RECORD)

@@ -1,0 +1,71 @@
+"""Population searches: the same cost as the plain simulation, slower and no better than projection."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mrdamper.identify.assess import score_run
+from mrdamper.identify.population import Ensemble, fit_cma, fit_genetic
+from mrdamper.identify.problem import FitProblem
+from mrdamper.identify.templates import template
+from mrdamper.identify.variable_projection import fit_variable_projection
+from tests.identify.truths import TRUTHS, measured
+
+
+@pytest.fixture(scope="module")
+def problem() -> FitProblem:
+    runs = measured(TRUTHS["bouc-wen"], noise=0.02, seed=0, duration=2.5)
+    damper, free = template("bouc-wen", runs)
+    return FitProblem(damper, free, runs, rate_Hz=1e4)
+
+
+def test_the_cost_of_a_candidate_is_the_error_of_its_simulation(problem: FitProblem) -> None:
+    ensemble = Ensemble(problem)
+    candidates = 0.3 + 0.4 * np.random.default_rng(0).random((3, len(problem.free)))
+    candidates[:, [f.name.endswith(("c1", "c2")) for f in problem.free]] = 0.5  # no slope with the command
+    candidates[:, [f.name.endswith("c0") for f in problem.free]] = 0.7  # and positive
+    costs = ensemble.costs(candidates)
+    for candidate, cost in zip(candidates, costs, strict=True):
+        errors = [score_run(ensemble.damper(candidate), run) for run in problem.runs]
+        assert cost == pytest.approx(np.mean([e.nrmse_percent**2 for e in errors]), rel=1e-9)
+
+
+def test_workers_do_not_change_the_result(problem: FitProblem) -> None:
+    candidates = np.random.default_rng(1).random((40, len(problem.free)))
+    assert np.array_equal(Ensemble(problem).costs(candidates), Ensemble(problem, workers=2).costs(candidates))
+
+
+def test_an_inadmissible_candidate_costs_more_than_any_other(problem: FitProblem) -> None:
+    ensemble = Ensemble(problem)
+    two = np.full((2, len(problem.free)), 0.5)
+    two[:, [f.name == "yield_force.c0" for f in problem.free]] = [[0.0], [0.2]]
+    worse, bad = ensemble.costs(two)
+    assert worse > bad > 1e5  # 1e4 is an error as large as the signal
+
+
+def test_the_genetic_algorithm_descends_and_projection_is_not_beaten(problem: FitProblem) -> None:
+    told: list[float] = []
+    genetic = fit_genetic(
+        problem, population=40, generations=25, seed=0, report=lambda p: told.append(p.best_percent)
+    )
+    projected = fit_variable_projection(problem, starts=1, seed=0)
+    assert told == sorted(told, reverse=True)
+    assert genetic.cost_percent < 0.7 * told[0]
+    assert projected.cost_percent < genetic.cost_percent
+    assert "tournament" in genetic.notes[0]
+
+
+def test_an_interrupt_keeps_the_best_generation(problem: FitProblem) -> None:
+    def stop(progress: object) -> None:
+        if getattr(progress, "iteration", 0) == 3:
+            raise KeyboardInterrupt
+
+    result = fit_genetic(problem, population=20, generations=50, seed=0, report=stop)
+    assert result.cancelled
+
+
+def test_cma_finds_the_optimum_of_projection(problem: FitProblem) -> None:
+    cma = fit_cma(problem, seed=0)
+    projected = fit_variable_projection(problem, starts=1, seed=0)
+    assert cma.cost_percent == pytest.approx(projected.cost_percent, rel=0.05)

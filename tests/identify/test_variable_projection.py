@@ -1,0 +1,168 @@
+"""The search: same optimum from every start, the law's conditions kept, an interrupt survived."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from mrdamper.errors import InputError
+from mrdamper.identify.problem import FitProblem, Free
+from mrdamper.identify.templates import template
+from mrdamper.identify.variable_projection import (
+    Objective,
+    Progress,
+    _bounded_least_squares,
+    fit_variable_projection,
+    latin_hypercube,
+)
+from mrdamper.models.simulate import simulate
+from tests.identify.truths import TRUTHS, measured
+
+
+def problem_of(law: str, *, noise: float = 0.02, seed: int = 0, session_offsets: bool = False) -> FitProblem:
+    runs = measured(TRUTHS[law], noise=noise, seed=seed)
+    damper, free = template(law, runs)
+    return FitProblem(damper, free, runs, session_offsets)
+
+
+@pytest.mark.parametrize("law", ["bouc-wen", "bouc-wen-saturating", "series-valve"])
+def test_every_seed_finds_the_same_optimum(law: str) -> None:
+    problem = problem_of(law)
+    costs = [fit_variable_projection(problem, starts=2, seed=seed).cost_percent for seed in range(4)]
+    assert max(costs) < 1.001 * min(costs)
+
+
+def test_the_same_seed_gives_the_same_numbers() -> None:
+    problem = problem_of("bouc-wen")
+    one, two = (fit_variable_projection(problem, starts=1, seed=4) for _ in range(2))
+    assert one.damper.numbers == two.damper.numbers
+
+
+def test_the_cost_is_the_mean_squared_error_of_the_runs() -> None:
+    """Computed here from plain simulations, without Gram sums, weights or elimination."""
+    problem = replace(problem_of("bouc-wen"), rate_Hz=1e4)
+    result = fit_variable_projection(problem, starts=1, seed=0)
+    shares = []
+    for run in problem.runs:
+        error = (simulate(result.damper, run.trajectory) - run.force)[run.scored_from :]
+        shares.append(100.0 * np.sqrt(np.mean(error**2)) / np.std(run.force[run.scored_from :]))
+    assert result.cost_percent == pytest.approx(np.sqrt(np.mean(np.square(shares))), rel=1e-9)
+
+
+def test_eliminating_linear_numbers_is_least_squares() -> None:
+    """At given rho, kappa, n no other linear coefficients do better: the gradient by them is zero."""
+    problem = problem_of("bouc-wen")
+    objective = Objective(problem, problem.prepare())
+    damper = problem.template.with_numbers({"rho.value": 1500.0, "kappa.value": -0.2, "n.value": 1.0})
+    cost, best, _, _ = objective.eliminate(damper, {})
+    for name in objective.linear:
+        value = best.numbers[name]
+        for change in (0.99, 1.01):
+            moved = best.with_numbers({name: value * change})
+            assert objective.gram(moved, (), {})[-1, -1] > cost
+
+
+def test_the_projected_gradient_is_the_gradient_of_the_eliminated_cost() -> None:
+    problem = problem_of("bouc-wen")
+    objective = Objective(problem, problem.prepare())
+    values = {"rho.value": 1500.0, "kappa.value": -0.2, "n.value": 1.0}
+    _, best, offsets, _ = objective.eliminate(problem.template.with_numbers(values), {})
+    _, gradient = objective.projected(best, offsets, None)
+    for place, name in enumerate(objective.nonlinear):
+        step = 1e-5 * abs(values[name])
+        above, below = (
+            objective.eliminate(problem.template.with_numbers({**values, name: values[name] + s}), {})[0]
+            for s in (step, -step)
+        )
+        assert -2.0 * gradient[place] == pytest.approx((above - below) / (2.0 * step), rel=1e-4)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_bounded_least_squares_agrees_with_a_general_solver(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    root = rng.standard_normal((9, 5))
+    matrix, right = root.T @ root, rng.standard_normal(5) * 3.0
+    rows, floor = rng.standard_normal((4, 5)), rng.standard_normal(4) * 0.3
+    found = _bounded_least_squares(matrix, right, rows, floor)
+    other = minimize(
+        lambda x: 0.5 * x @ matrix @ x - right @ x,
+        np.zeros(5),
+        jac=lambda x: matrix @ x - right,
+        constraints={"type": "ineq", "fun": lambda x: rows @ x - floor, "jac": lambda x: rows},
+        options={"maxiter": 500, "ftol": 1e-14},
+    )
+    assert np.all(rows @ found - floor >= -1e-7)
+    assert 0.5 * found @ matrix @ found - right @ found <= other.fun + 1e-7
+
+
+def test_no_linear_coefficient_leaves_the_range_of_its_law() -> None:
+    """Data that ask for a negative viscosity get none: the law would push."""
+    problem = problem_of("bouc-wen")
+    pushed = tuple(
+        replace(run, force=np.asarray(run.force) - 1500.0 * run.trajectory.velocity) for run in problem.runs
+    )
+    result = fit_variable_projection(replace(problem, runs=pushed), starts=1, seed=0)
+    viscosity = result.damper.coefficients["viscosity"].value(np.linspace(0.0, 2.0, 9))
+    assert viscosity.min() >= -1e-6 * 1500.0
+    assert viscosity.min() == pytest.approx(0.0, abs=1.0)
+
+
+def test_a_tare_that_shifted_between_sessions_is_found_and_does_not_touch_the_rest() -> None:
+    problem = problem_of("bouc-wen", session_offsets=True)
+    shift = {"a": -60.0, "b": 25.0}
+    runs = tuple(
+        replace(run, run=replace(run.run, session=s), force=np.asarray(run.force) + shift[s])
+        for run, s in zip(problem.runs, "ab" * (len(problem.runs) // 2), strict=True)
+    )
+    result = fit_variable_projection(replace(problem, runs=runs), starts=1, seed=0)
+    assert result.offsets_N["b"] - result.offsets_N["a"] == pytest.approx(85.0, abs=2.0)
+    truth = TRUTHS["bouc-wen"].numbers
+    assert result.damper.numbers["rho.value"] == pytest.approx(truth["rho.value"], rel=0.1)
+
+
+def test_an_interrupt_keeps_the_best_so_far() -> None:
+    told: list[Progress] = []
+
+    def stop_after_three(progress: Progress) -> None:
+        told.append(progress)
+        if len(told) == 3:
+            raise KeyboardInterrupt
+
+    result = fit_variable_projection(problem_of("series-valve"), starts=5, seed=0, report=stop_after_three)
+    assert result.cancelled
+    assert result.cost_percent == pytest.approx(told[-1].best_percent)
+
+
+def test_progress_never_gets_worse() -> None:
+    told: list[Progress] = []
+    fit_variable_projection(problem_of("tanh"), starts=3, seed=1, report=told.append)
+    best = [progress.best_percent for progress in told]
+    assert best == sorted(best, reverse=True)
+
+
+def test_starts_fill_their_box_and_every_seed_draws_others() -> None:
+    free = (Free("a", 1e-3, 1e3, "log"), Free("b", -1.0, 1.0))
+    drawn = latin_hypercube(free, 50, 0)
+    for column, (low, high) in zip(drawn.T, ((np.log(1e-3), np.log(1e3)), (-1.0, 1.0)), strict=True):
+        counts, _ = np.histogram(column, bins=5, range=(low + 0.1 * (high - low), high - 0.1 * (high - low)))
+        assert counts.tolist() == [10] * 5
+    assert not np.allclose(drawn, latin_hypercube(free, 50, 1))
+
+
+def test_one_command_alone_is_refused_unless_it_is_asked_for() -> None:
+    runs = [run for run in measured(TRUTHS["bouc-wen"], noise=0.0, seed=0) if run.run.constant_command == 1.0]
+    with pytest.raises(InputError, match="one command"):
+        template("bouc-wen", runs)
+    damper, free = template("bouc-wen", runs, one_command=True)
+    result = fit_variable_projection(FitProblem(damper, free, tuple(runs)), starts=1, seed=0)
+    assert result.cost_percent < 0.5
+
+
+def test_runs_in_volts_and_in_amperes_do_not_mix() -> None:
+    runs = list(measured(TRUTHS["dahl"], noise=0.0, seed=0))
+    runs[0] = replace(runs[0], run=replace(runs[0].run, command_unit="V"))
+    with pytest.raises(InputError, match="A, V"):
+        template("dahl", runs)

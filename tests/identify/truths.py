@@ -1,0 +1,90 @@
+"""Dampers with known numbers, and runs measured on them: what an identification must find again."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from mrdamper.data.prepare import Preparation, PreparedRun, prepare_run
+from mrdamper.data.records import RigRun
+from mrdamper.excitation import Harmonics, Motion, Sine, drive
+from mrdamper.models.damper import Damper
+from mrdamper.models.dependence import Constant, Exponential, Hill, ParameterLaw, Polynomial
+from mrdamper.models.laws import find_law
+from mrdamper.models.simulate import simulate
+
+MOTIONS: Mapping[str, Motion] = {
+    "sine 5 mm 1 Hz": Sine(5e-3, 1.0),
+    "sine 10 mm 2 Hz": Sine(10e-3, 2.0),
+    "harmonics": Harmonics((2e-3, 3e-3, 1.5e-3), (0.7, 1.9, 4.3), (0.3, 1.9, 4.1)),
+}
+COMMANDS = (0.0, 0.5, 1.0, 2.0)
+
+AS_IT_IS = Preparation(cutoff_Hz=math.inf, reference="none")  # displacement is known exactly
+
+_C = Constant
+_PARALLEL: Mapping[str, ParameterLaw] = {
+    "viscosity": Polynomial((800.0, 600.0, -100.0)),
+    "stiffness": _C(1500.0),
+    "offset": _C(40.0),
+    "yield_force": Polynomial((60.0, 600.0, -80.0)),
+}
+TRUTHS: Mapping[str, Damper] = {
+    name: Damper(find_law(name), forms)
+    for name, forms in {
+        "bouc-wen": {**_PARALLEL, "rho": _C(1800.0), "kappa": _C(-0.5), "n": _C(1.4)},
+        "dahl": {**_PARALLEL, "rho": _C(2500.0)},
+        "bouc-wen-saturating": {
+            **_PARALLEL,
+            "offset": Polynomial((40.0, 10.0)),
+            "rate_force": Polynomial((50.0, 300.0, -30.0)),
+            "saturation_velocity": _C(0.02),
+            "rho": Exponential(2500.0, -0.3),
+            "kappa": _C(-0.4),
+            "n": _C(1.2),
+        },
+        "bingham": {**_PARALLEL, "yield_velocity": _C(0.006)},
+        "tanh": {**_PARALLEL, "slope": _C(90.0), "shift": _C(0.4)},
+        "series-valve": {
+            "yield_force": Hill(90.0, 1100.0, 1.2, 1.6, 2.0),
+            "thinning": _C(2.5),
+            "thinning_exponent": _C(0.5),
+            "yield_velocity": _C(3e-3),
+            "position_gain": _C(-3.0),
+            "gap_stiffness": _C(8e6),
+            "gap": _C(1.5e-4),
+            "gap_corner": _C(5e-5),
+            "leak_damping": _C(2.5e4),
+            "leak_exponent": _C(0.95),
+            "offset": _C(40.0),
+            "stiffness": _C(1500.0),
+        },
+    }.items()
+}
+
+
+def measured(
+    damper: Damper, *, noise: float, seed: int, duration: float = 4.0, rate_Hz: float = 500.0
+) -> tuple[PreparedRun, ...]:
+    """Return prepared runs of a damper: every motion at every command, force noise as a share of its spread."""
+    rng = np.random.default_rng(seed)
+    runs = []
+    for label, motion in MOTIONS.items():
+        for command in COMMANDS:
+            path = drive(motion, duration=duration, rate_Hz=rate_Hz, command=command)
+            force = simulate(damper, path)
+            force = force + noise * np.std(force) * rng.standard_normal(len(force))
+            run = RigRun(
+                name=f"{label} {command:g} A",
+                time=np.arange(len(force)) * path.step,
+                displacement=np.array(path.displacement),
+                force=force,
+                command=np.full(len(force), command),
+                command_unit="A",
+                session="rig",
+                motion=label,
+            )
+            runs.append(prepare_run(run, AS_IT_IS))
+    return tuple(runs)

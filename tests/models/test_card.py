@@ -1,0 +1,520 @@
+"""The model card: written and read back, byte for byte, and every kind of damage answered by its place."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mrdamper.errors import InputError
+from mrdamper.excitation import Sine, drive
+from mrdamper.models import card as card_module
+from mrdamper.models.card import (
+    Evidence,
+    Excerpt,
+    ModelCard,
+    card_from_json,
+    card_to_json,
+    cut_excerpt,
+    read_card,
+    verify_excerpt,
+    write_card,
+)
+from mrdamper.models.damper import Damper, OperatingEnvelope
+from mrdamper.models.dependence import Constant, Exponential, Hill, Polynomial
+from mrdamper.models.laws import LAWS, Coefficient
+from mrdamper.models.reference import law_from_python, simulate_reference
+
+RUNS = (
+    {"name": "sine_10mm2Hz_1.00A", "split": "training", "rmse_N": 31.5, "nrmse_percent": 5.4, "command": 1.0},
+    {
+        "name": "sine_10mm2Hz_0.00A",
+        "split": "training",
+        "rmse_N": 18.25,
+        "nrmse_percent": 15.7,
+        "command": 0.0,
+    },
+    {"name": "sine_5mm3Hz_1.00A", "split": "held_out", "rmse_N": 40.0, "nrmse_percent": 6.0, "motion": ""},
+)
+
+
+def a_damper(**changed):
+    forms = {
+        "viscosity": Polynomial((600.0, 400.0)),
+        "yield_force": Hill(90.5, 629.0, 1.14, 1.466, reference=1.5),
+        "rho": Exponential(1500.0, -0.3),
+        "kappa": Constant(-0.9),
+        "n": Constant(1.2),
+    }
+    return Damper(LAWS["bouc-wen"], {**forms, **changed}, "A", 0.004)
+
+
+def simulate(damper, trajectory):
+    return simulate_reference(damper, trajectory, tolerance=1e-8)
+
+
+def an_excerpt(damper):
+    path = drive(Sine(0.005, 3.0), duration=0.4, rate_Hz=200.0, command=1.0)
+    noise = np.random.default_rng(0).normal(0.0, 20.0, len(path))
+    measured = simulate(damper, path) + noise
+    return cut_excerpt(
+        damper, path, measured, simulate, run="sine_10mm2Hz_1.00A", samples=slice(10, 70), scored_from=20
+    )
+
+
+def a_card(damper=None, **changed):
+    damper = a_damper() if damper is None else damper
+    fields = {
+        "title": "Damper on the small rig",
+        "damper": damper,
+        "envelope": OperatingEnvelope((0.0, 1.0), (-0.025, 0.025), (-0.2, 0.2)),
+        "evidence": Evidence(
+            runs=RUNS,
+            method="varpro",
+            cost=43.25,
+            dataset_fingerprint="sha256:0123",
+            seed=0,
+            versions={"mrdamper": "0.1.0", "numpy": "2.4.6"},
+            session_offsets_N={"monday": -4.5},
+        ),
+        "standard_errors": {"yield_force.gain": 3.5, "rho.rate": 0.02, "command_lag_s": 1e-4},
+        "preparation": {"cutoff_Hz": 30.0, "dead_band_m": None, "reference": "start"},
+        "excerpt": an_excerpt(damper),
+        "sources": ("doi:10.0000/none",),
+        "notes": {"operator": "Zoë", "list": [1, 2.5, None, True, {"deep": []}]},
+    }
+    return ModelCard(**{**fields, **changed})
+
+
+CARD = a_card()
+DOCUMENT = json.loads(json.dumps(card_to_json(CARD), default=dict))
+
+
+def document(*path, value):
+    """Return a copy of the sound document with one place changed; ``value=...`` removes it."""
+    changed = json.loads(json.dumps(DOCUMENT))
+    inside = changed
+    for key in path[:-1]:
+        inside = inside[key]
+    if value is ...:
+        del inside[path[-1]]
+    else:
+        inside[path[-1]] = value
+    return changed
+
+
+# ------------------------------------------------------------------------------------ there and back
+
+
+def test_a_card_written_and_read_is_the_same_card_and_the_same_bytes(tmp_path):
+    first, second = tmp_path / "card.json", tmp_path / "again.json"
+    write_card(CARD, first)
+    assert read_card(first) == CARD
+    write_card(read_card(first), second)
+    assert first.read_bytes() == second.read_bytes()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["again.json", "card.json"]
+
+
+positive = st.floats(1e-3, 1e6)
+forms = {
+    "yield_force": st.one_of(
+        st.builds(Constant, positive),
+        st.builds(Hill, positive, positive, st.floats(0.05, 20.0), st.floats(0.2, 8.0)),
+        st.builds(Exponential, positive, st.floats(-3.0, 3.0)),
+        st.lists(positive, min_size=1, max_size=4).map(lambda numbers: Polynomial(tuple(numbers))),
+    ),
+    "rho": st.builds(Constant, st.floats(1.0, 1e6)),
+    "kappa": st.builds(Constant, st.floats(-1.0, 1.0)),
+    "n": st.builds(Constant, st.floats(0.2, 20.0)),
+}
+texts = st.text(st.characters(codec="utf-8"), max_size=20)
+json_values = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | texts,
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(texts, inner, max_size=3),
+    max_leaves=8,
+)
+
+
+@settings(max_examples=60)
+@given(
+    forms=st.fixed_dictionaries(forms),
+    lag=st.floats(0.0, 1.0),
+    unit=st.sampled_from(["A", "V"]),
+    title=texts,
+    notes=st.dictionaries(texts, json_values, max_size=4),
+    error=st.floats(0.0, 1e300),
+    temperature=st.none() | st.just((273.15, 393.15)),
+)
+def test_any_card_comes_back_as_it_went(forms, lag, unit, title, notes, error, temperature):
+    damper = Damper(LAWS["bouc-wen"], forms, unit, lag)
+    envelope = OperatingEnvelope((0.0, 2.0), (-0.02, 0.03), (-1.0, 1.0), temperature)
+    card = a_card(
+        damper, title=title, notes=notes, envelope=envelope, standard_errors={"n.value": error}, excerpt=None
+    )
+    text = card_module._layout(card_to_json(card))
+    back = card_from_json(json.loads(text))
+    assert back == card
+    assert card_module._layout(card_to_json(back)) == text
+
+
+def test_the_order_in_which_free_blocks_were_filled_does_not_change_the_bytes():
+    one = a_card(notes={"a": 1, "b": {"x": 1, "y": 2}}, excerpt=None)
+    other = a_card(notes={"b": {"y": 2, "x": 1}, "a": 1}, excerpt=None)
+    assert card_module._layout(card_to_json(one)) == card_module._layout(card_to_json(other))
+
+
+def test_every_number_stands_beside_its_unit_and_standard_error():
+    assert DOCUMENT["coefficients"]["yield_force"]["numbers"]["half_command"] == {
+        "value": 1.14,
+        "unit": "A",
+        "standard_error": None,
+    }
+    assert DOCUMENT["coefficients"]["viscosity"]["numbers"]["c1"]["unit"] == "N s/m/A"
+    assert DOCUMENT["command_lag_standard_error_s"] == 1e-4
+    assert DOCUMENT["evidence"]["training"] == {
+        "runs": 2,
+        "median_nrmse_percent": pytest.approx(10.55),
+        "worst_nrmse_percent": 15.7,
+    }
+    assert DOCUMENT["evidence"]["held_out"]["median_nrmse_percent"] == 6.0
+
+
+def test_a_card_cannot_be_changed():
+    with pytest.raises(TypeError):
+        CARD.notes["operator"] = "someone else"
+    with pytest.raises(AttributeError):
+        CARD.title = "another"
+
+
+# -------------------------------------------------------------------------------------- the excerpt
+
+
+def test_a_card_reproduces_its_own_error_on_its_excerpt(tmp_path):
+    write_card(CARD, tmp_path / "card.json")
+    found = verify_excerpt(read_card(tmp_path / "card.json"), simulate)
+    assert found == CARD.excerpt.rmse_N
+    assert found > 10.0  # the noise that was added, and the start from rest
+
+
+def test_a_card_whose_numbers_were_changed_does_not():
+    stiffer = replace(CARD, damper=CARD.damper.with_numbers({"yield_force.gain": 600.0}))
+    with pytest.raises(
+        InputError, match=r"error on the excerpt of sine_10mm2Hz_1\.00A is .* numbers were changed"
+    ):
+        verify_excerpt(stiffer, simulate)
+
+
+def test_a_card_without_excerpt_says_so():
+    with pytest.raises(InputError, match="carries no excerpt"):
+        verify_excerpt(replace(CARD, excerpt=None), simulate)
+
+
+# ------------------------------------------------------------------------------------------- damage
+
+COEFFICIENTS, EVIDENCE = "coefficients", "evidence"
+
+
+@pytest.mark.parametrize(
+    ("damaged", "said"),
+    [
+        (document("titel", value="x"), "titel: unknown key; did you mean title?"),
+        (document("title", value=...), "title: missing"),
+        (document("title", value=3), "title: is 3; expected a text"),
+        (document("law", value="bouc-wenn"), "law: there is no law 'bouc-wenn'; did you mean bouc-wen"),
+        (
+            document("python_law", value="laws.py:Own"),
+            "python_law: law 'bouc-wen' is a user's own, and a card",
+        ),
+        (document("command_unit", value="mA"), "command_unit: is \"mA\"; expected 'A' or 'V'"),
+        (
+            document("command_lag_s", value=-1.0),
+            "command_lag_s: is -1.0; expected a finite number, at least 0",
+        ),
+        (document("command_lag_standard_error_s", value="x"), 'command_lag_standard_error_s: is "x"'),
+        (document(COEFFICIENTS, value=[]), "coefficients: is []; expected a table"),
+        (document(COEFFICIENTS, "rho", value=...), "coefficients: bouc-wen: rho not given"),
+        (
+            document(COEFFICIENTS, "kapa", value={}),
+            "coefficients.kapa: bouc-wen has no such coefficient; did you",
+        ),
+        (
+            document(COEFFICIENTS, "rho", "kind", value="exp"),
+            "coefficients.rho: there is no dependence of kind 'exp'",
+        ),
+        (document(COEFFICIENTS, "rho", "kind", value=...), "coefficients.rho.kind: missing"),
+        (
+            document(COEFFICIENTS, "rho", "unit", value="1/mm"),
+            "coefficients.rho.unit: is \"1/mm\"; expected '1/m'",
+        ),
+        (
+            document(
+                COEFFICIENTS,
+                "rho",
+                "numbers",
+                "rates",
+                value={"value": 1, "unit": "1/A", "standard_error": 1},
+            ),
+            "coefficients.rho: exponential has no number 'rates'; did you mean rate?",
+        ),
+        (
+            document(COEFFICIENTS, "rho", "numbers", "rate", value=...),
+            "coefficients.rho: exponential: number rate is missing",
+        ),
+        (
+            document(COEFFICIENTS, "rho", "numbers", "rate", "unit", value="A"),
+            "coefficients.rho.numbers.rate.unit: is \"A\"; expected '1/A'",
+        ),
+        (
+            document(COEFFICIENTS, "rho", "numbers", "rate", "value", value="-0.3"),
+            'coefficients.rho.numbers.rate.value: is "-0.3"; expected a finite number',
+        ),
+        (
+            document(COEFFICIENTS, "rho", "numbers", "rate", "value", value=10**400),
+            "coefficients.rho.numbers.rate.value: is 1000",
+        ),
+        (
+            document(COEFFICIENTS, "rho", "numbers", "rate", "standard_error", value=-1),
+            "coefficients.rho.numbers.rate.standard_error: is -1; expected a finite number, at least 0",
+        ),
+        (
+            document(COEFFICIENTS, "yield_force", "settings", value=...),
+            "coefficients.yield_force: hill: setting reference is missing",
+        ),
+        (
+            document(COEFFICIENTS, "yield_force", "numbers", "half_command", "value", value=0),
+            "coefficients.yield_force: hill: half_command is 0; it must be positive",
+        ),
+        (
+            document(COEFFICIENTS, "yield_force", "numbers", "base", "value", value=-90.5),
+            "coefficients: bouc-wen: yield_force is -90.5 N; the law is well posed for 0 to inf N (at 0 A)",
+        ),
+        (document("envelope", "command", value=[0.0]), "envelope.command: is [0.0]; expected two numbers"),
+        (document("envelope", "command", value=None), "envelope.command: is null; expected a list"),
+        (document("envelope", "command", value=[1, 0]), "envelope: command is (1.0, 0.0)"),
+        (document("envelope", "stroke_m", value=[0, 1]), "envelope.stroke_m: unknown key"),
+        (document("preparation", value=7), "preparation: is 7; expected a table"),
+        (
+            document(EVIDENCE, "runs", 1, "split", value="train"),
+            'evidence.runs[1].split: is "train"; expected',
+        ),
+        (document(EVIDENCE, "runs", 2, "rmse_N", value=...), "evidence.runs[2].rmse_N: missing"),
+        (
+            document(EVIDENCE, "runs", 0, "nrmse_percent", value=1.0),
+            "evidence.training: is {'runs': 2, 'median_nrmse_percent': 10.55, 'worst_nrmse_percent': 15.7}; "
+            "the runs listed give",
+        ),
+        (document(EVIDENCE, "seed", value=1.5), "evidence.seed: is 1.5; expected a whole number"),
+        (
+            document(EVIDENCE, "session_offsets_N", "monday", value="x"),
+            'evidence.session_offsets_N.monday: is "x"',
+        ),
+        (document("excerpt", "force_N", value=[1.0]), "excerpt: lengths are"),
+        (
+            document("excerpt", "command", 3, value=None),
+            "excerpt.command[3]: is null; expected a finite number",
+        ),
+        (document("excerpt", "rmse_N", value=...), "excerpt.rmse_N: missing"),
+        (document("sources", value="x"), 'sources: is "x"; expected a list'),
+        (
+            document("schema_version", value=2),
+            "schema_version is 2, and this mrdamper reads up to 1; upgrade",
+        ),
+        (document("schema_version", value=0), "schema_version is 0, which no longer can be read"),
+        (document("schema_version", value="1"), "schema_version is '1'; a model card has an integer there"),
+        ([1, 2], "a card is a table {...} with schema_version; found list"),
+    ],
+)
+def test_each_kind_of_damage_is_one_problem_named_by_its_place(damaged, said, tmp_path):
+    path = tmp_path / "card.json"
+    path.write_text(json.dumps(damaged), encoding="utf-8")
+    with pytest.raises(InputError) as caught:
+        read_card(path)
+    message = str(caught.value)
+    assert message.startswith(f"{path}: ")
+    assert said in message.removeprefix(f"{path}: ")
+    assert "problems" not in message
+    assert len(message.splitlines()) == 1
+
+
+def test_all_problems_are_reported_at_once():
+    damaged = document("titel", value="x")
+    damaged["coefficients"]["rho"]["numbers"]["rate"]["value"] = None
+    damaged["coefficients"]["yield_force"]["kind"] = "hil"
+    damaged["evidence"]["cost"] = "low"
+    del damaged["envelope"]["command"]
+    with pytest.raises(InputError) as caught:
+        card_from_json(damaged)
+    lines = str(caught.value).splitlines()
+    assert lines[0] == "5 problems"
+    assert [line.strip().split(": ")[0] for line in lines[1:]] == [
+        "titel",
+        "coefficients.yield_force",
+        "coefficients.rho.numbers.rate.value",
+        "envelope.command",
+        "evidence.cost",
+    ]
+
+
+@pytest.mark.parametrize("key", sorted(DOCUMENT))
+def test_each_missing_key_is_named(key):
+    with pytest.raises(InputError, match=key):
+        card_from_json(document(key, value=...))
+
+
+@settings(max_examples=150)
+@given(st.data())
+def test_a_card_with_any_value_replaced_is_read_or_refused_never_a_crash(data):
+    """Whatever stands in the file, the answer is a card or an ``InputError``."""
+    changed = json.loads(json.dumps(DOCUMENT))
+    inside = changed
+    while True:
+        keys = list(inside) if isinstance(inside, dict) else list(range(len(inside)))
+        key = data.draw(st.sampled_from(keys))
+        if isinstance(inside[key], dict | list) and inside[key] and data.draw(st.booleans()):
+            inside = inside[key]
+            continue
+        inside[key] = data.draw(json_values)
+        break
+    with contextlib.suppress(InputError):
+        assert isinstance(card_from_json(changed), ModelCard)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.2, 0.5, 0.9, 0.999])
+def test_a_file_that_was_cut_off_is_reported_with_its_line(share, tmp_path):
+    path = tmp_path / "card.json"
+    write_card(CARD, path)
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text[: int(share * (len(text) - 2))], encoding="utf-8")
+    with pytest.raises(InputError, match=r"card\.json: line \d+, column \d+: .*cut off while copying"):
+        read_card(path)
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (b"\xff\xfe{", "not UTF-8 text at byte 0"),
+        (b'{"schema_version": 1, "title": NaN}', "NaN is not a JSON number"),
+        (b'{"schema_version": 1, "title": "a", "title": "b"}', "the key 'title' stands twice"),
+        (b"[" * 100_000, "not a card: "),
+        (b"null", "a card is a table"),
+    ],
+)
+def test_what_is_no_card_at_all_is_refused(content, said, tmp_path):
+    path = tmp_path / "card.json"
+    path.write_bytes(content)
+    with pytest.raises(InputError, match=said):
+        read_card(path)
+
+
+def test_a_missing_file_and_a_folder_that_is_not_there_are_bad_input(tmp_path):
+    with pytest.raises(InputError, match=r"gone\.json: cannot read the card: No such file"):
+        read_card(tmp_path / "gone.json")
+    with pytest.raises(InputError, match="cannot write: No such file or directory; choose another folder"):
+        write_card(CARD, tmp_path / "nowhere" / "card.json")
+
+
+def test_a_write_that_fails_leaves_the_old_card_and_nothing_else(tmp_path, monkeypatch):
+    path = tmp_path / "card.json"
+    write_card(CARD, path)
+    before = path.read_bytes()
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "replace", full)
+    with pytest.raises(InputError, match="No space left"):
+        write_card(a_card(title="another"), path)
+    assert [each.name for each in tmp_path.iterdir()] == ["card.json"]
+    assert path.read_bytes() == before
+
+
+# ----------------------------------------------------------------------------- older and own
+
+
+def test_an_older_card_is_upgraded_one_step_at_a_time(monkeypatch):
+    """The mechanism: no older schema exists yet, so two are made up here."""
+    monkeypatch.setattr(card_module, "SCHEMA_VERSION", 3)
+    monkeypatch.setitem(card_module.UPGRADES, 1, lambda d: {**d, "heading": d["title"] + "!"})
+    monkeypatch.setitem(card_module.UPGRADES, 2, _rename_heading)
+    assert card_from_json(DOCUMENT) == replace(CARD, title=CARD.title + "!")
+
+
+def _rename_heading(old):
+    kept = {key: value for key, value in old.items() if key != "heading"}
+    return {**kept, "title": old["heading"]}
+
+
+class Dashpot:
+    """A user's dashpot."""
+
+    name = "dashpot"
+    coefficients = (Coefficient("c", "N s/m", "damping", linear=True),)
+
+    def rate(self, state, displacement, velocity, values):
+        return 0.0
+
+    def force(self, state, displacement, velocity, values):
+        return values["c"] * velocity
+
+
+def test_a_card_of_a_users_law_names_its_file_and_needs_the_law_passed(tmp_path):
+    law = law_from_python(Dashpot())
+    path = tmp_path / "card.json"
+    own = a_card(Damper(law, {"c": Constant(200.0)}), python_law="laws.py:Dashpot", standard_errors={})
+    write_card(own, path)
+    assert read_card(path, python_law=law) == own
+    with pytest.raises(InputError, match=r"pass python_law=load_python_law\('laws.py:Dashpot'\)"):
+        read_card(path)
+
+    class Other(Dashpot):
+        name = "other"
+
+    with pytest.raises(InputError, match="the card needs the law 'dashpot'; the one passed is 'other'"):
+        read_card(path, python_law=law_from_python(Other()))
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (
+            lambda: a_card(standard_errors={"rho.rat": 1.0}),
+            "standard_errors: no number 'rho.rat'; did you mean",
+        ),
+        (lambda: a_card(python_law="laws.py:Own"), "law 'bouc-wen' and python_law 'laws.py:Own' disagree"),
+        (lambda: a_card(notes={"x": float("nan")}), "notes.x is nan; expected what JSON holds"),
+        (lambda: a_card(notes={"x": [object()]}), r"notes.x\[0\] is <object"),
+        (lambda: a_card(notes={1: "x"}), r"notes: keys are \[1\]; expected text"),
+        (
+            lambda: a_card(
+                a_damper(yield_force=Polynomial((100.0, -200.0))), excerpt=None, standard_errors={}
+            ),
+            "yield_force is -1 N",
+        ),
+        (
+            lambda: Evidence(runs=({"name": "x"},), method="", cost=0.0, dataset_fingerprint=""),
+            r"evidence.runs\[0\]: no split, rmse_N, nrmse_percent",
+        ),
+        (
+            lambda: Evidence(
+                runs=({**RUNS[0], "split": "test"},), method="", cost=0.0, dataset_fingerprint=""
+            ),
+            r"evidence.runs\[0\]: split is 'test'",
+        ),
+        (lambda: replace(CARD.excerpt, scored_from=60), "scored_from is 60"),
+    ],
+)
+def test_a_card_that_could_not_be_read_back_cannot_be_made(make, said):
+    with pytest.raises(InputError, match=said):
+        make()
+
+
+def test_numbers_from_numpy_are_taken_as_numbers():
+    card = a_card(notes={"x": np.float64(1.5), "y": np.arange(3), "z": np.bool_(1)}, excerpt=None)
+    assert dict(card.notes) == {"x": 1.5, "y": (0, 1, 2), "z": True}
+    assert isinstance(CARD.excerpt, Excerpt)

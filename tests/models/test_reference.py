@@ -1,0 +1,419 @@
+"""The reference integrator against closed forms, limits and laws of nature; a user's own law."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import quad, solve_ivp
+
+from mrdamper.errors import ConvergenceError, InputError
+from mrdamper.excitation import Harmonics, Sine, Trajectory, drive
+from mrdamper.models.damper import Damper
+from mrdamper.models.dependence import Constant, Exponential, Polynomial
+from mrdamper.models.laws import LAWS, Coefficient, PythonLaw
+from mrdamper.models.reference import (
+    bouc_wen_closed_form,
+    bouc_wen_distance,
+    bouc_wen_state,
+    law_from_python,
+    load_python_law,
+    simulate_reference,
+    turning_points,
+)
+
+THREE_TONES = Harmonics((4e-3, 2e-3, 1e-3), (2.0, 5.3, 11.0), (0.0, 1.0, 2.0))
+UNEVEN = drive(THREE_TONES, duration=0.25, rate_Hz=1000.0, command=0.5)  # inner loops, reversals in between
+SINE = drive(Sine(0.01, 2.0), duration=1.0, rate_Hz=400.0, command=0.5)  # two periods
+
+SOUND = {  # each law with coefficients like those of a real damper, odd in the motion
+    "bouc-wen": {"viscosity": 900.0, "yield_force": 500.0, "rho": 1200.0, "kappa": -0.9, "n": 1.3},
+    "dahl": {"viscosity": 900.0, "yield_force": 500.0, "rho": 1200.0},
+    "bouc-wen-saturating": {
+        "yield_force": 300.0,
+        "rate_force": 400.0,
+        "saturation_velocity": 0.02,
+        "rho": 3000.0,
+        "kappa": -0.99,
+        "n": 0.3,
+    },
+    "bingham": {"viscosity": 900.0, "yield_force": 500.0, "yield_velocity": 2e-3},
+    "tanh": {"viscosity": 900.0, "yield_force": 500.0, "slope": 200.0, "shift": 0.0},
+    "series-valve": {
+        "yield_force": 400.0,
+        "thinning": 3.2,
+        "thinning_exponent": 0.43,
+        "yield_velocity": 2.5e-3,
+        "position_gain": 0.0,
+        "gap_stiffness": 1.2e7,
+        "gap": 1.7e-4,
+        "gap_corner": 4.6e-5,
+        "leak_damping": 3e4,
+    },
+}
+
+
+def damper(law, /, **values):
+    numbers = {**SOUND[law], **values}
+    forms = {name: Constant(v) if isinstance(v, float) else v for name, v in numbers.items()}
+    return Damper(LAWS[law], forms)
+
+
+def reversed_motion(t):
+    return Trajectory(t.step, -t.displacement, -t.velocity, -t.acceleration, t.command)
+
+
+shapes = {"kappa": st.floats(-1.0, 0.99), "n": st.floats(0.2, 20.0)}
+
+
+# ------------------------------------------------------------------------------------------ closed form
+
+
+@given(st.floats(0.0, 0.999999))
+def test_the_curve_is_elementary_for_whole_exponents(w):
+    assert bouc_wen_distance(w, 0.3, 1.0) == pytest.approx(-math.log1p(-w), rel=1e-9, abs=1e-300)
+    assert bouc_wen_distance(w, 0.3, 2.0) == pytest.approx(math.atanh(w), rel=1e-9, abs=1e-300)
+    assert bouc_wen_distance(-w, -1.0, 1.0) == pytest.approx(-math.log1p(w), rel=1e-13, abs=1e-300)
+    assert bouc_wen_distance(-w, -1.0, 2.0) == pytest.approx(-math.atan(w), rel=1e-13, abs=1e-300)
+    assert bouc_wen_distance(-w, 0.0, 1.7) == pytest.approx(-w, rel=1e-13)
+
+
+@given(st.floats(0.2, 20.0), st.floats(1e-15, 0.9))
+def test_the_curve_is_the_integral_of_its_equation_up_to_the_yield_force(n, gap):
+    """Quadrature is the second opinion: SciPy's 2F1 by itself is wrong by 20 % at n = 0.3, w = 0.999."""
+    w = 1.0 - gap
+    # u = 1 - exp(-y) turns the logarithmic end into a smooth integrand.
+    far = -math.log(1.0 - w)
+    integral, _ = quad(
+        lambda y: math.exp(-y) / -math.expm1(n * math.log1p(-math.exp(-y))), 0, far, epsabs=1e-13
+    )
+    slope = -1.0 / math.expm1(n * math.log(w))
+    assert bouc_wen_distance(w, 0.0, n) == pytest.approx(integral, rel=1e-10, abs=1e-14 * slope)
+
+
+@given(w=st.floats(-1.0, 1.0), **shapes)
+def test_state_undoes_distance(w, kappa, n):
+    assert bouc_wen_state(bouc_wen_distance(w, kappa, n), kappa, n) == pytest.approx(w, abs=2e-14)
+
+
+@given(distance=st.floats(-50.0, 1e6), **shapes)
+def test_the_state_is_bounded_by_one(distance, kappa, n):
+    assert -1.0 <= bouc_wen_state(distance, kappa, n) <= 1.0
+
+
+def test_turning_points_of_a_sine_lie_at_its_crests():
+    """The cubic Hermite interpolant of a sine puts its crests where they are, to fourth order in the step."""
+    crests = 0.01 * np.array([1.0, -1.0, 1.0, -1.0])
+    errors = []
+    for rate_Hz in (101.0, 202.0):  # no sample on a crest
+        trajectory = drive(Sine(0.01, 2.0), duration=1.0, rate_Hz=rate_Hz, command=0.0)
+        found = [x for _, x in turning_points(trajectory)]
+        errors.append(np.abs(found - crests).max())
+    assert errors[0] < 2e-8
+    assert errors[1] < errors[0] / 12
+
+
+# --------------------------------------------------------------------------- the integrator against it
+
+
+@settings(max_examples=30)
+@given(rho=st.floats(10.0, 1e5), **shapes)
+def test_the_integrator_agrees_with_the_closed_form(rho, kappa, n):
+    values = {"viscosity": 0.0, "yield_force": 1.0, "rho": rho, "kappa": kappa, "n": n}
+    w = simulate_reference(damper("bouc-wen", **values), UNEVEN)
+    exact = bouc_wen_closed_form(UNEVEN.displacement, turning_points(UNEVEN), rho=rho, kappa=kappa, n=n)
+    np.testing.assert_allclose(w, exact, rtol=0, atol=1e-8)
+    assert np.abs(w).max() <= 1.0 + 1e-10
+
+
+def test_the_error_follows_the_tolerance():
+    valve = damper("series-valve", position_gain=-2.3, offset=48.0, stiffness=730.0)
+    best = simulate_reference(valve, UNEVEN, tolerance=1e-12)
+    for tolerance, allowed in ((1e-6, 1e-4), (1e-8, 1e-6), (1e-10, 1e-8)):
+        found = simulate_reference(valve, UNEVEN, tolerance=tolerance)
+        assert np.abs(found - best).max() < allowed * np.abs(best).max()
+
+
+def test_a_pause_and_a_start_from_a_crest_leave_the_state_where_it_was():
+    t = np.arange(0, 0.6, 2e-3)
+    there = np.where(t < 0.2, np.cos(2 * np.pi * 5 * t), 1.0)
+    again = np.where(t >= 0.4, np.cos(2 * np.pi * 5 * (t - 0.4)), there)
+    moving = (t < 0.2) | (t >= 0.4)
+    x = 5e-3 * again
+    v = np.where(moving, -5e-3 * 10 * np.pi * np.sin(10 * np.pi * (t % 0.2)), 0.0)
+    v[np.abs(v) < 1e-12] = 0.0
+    path = Trajectory(2e-3, x, v, np.zeros_like(x), np.zeros_like(x))
+    shape = {"rho": 900.0, "kappa": -0.5, "n": 2.0}
+    w = simulate_reference(damper("bouc-wen", viscosity=0.0, yield_force=1.0, **shape), path)
+    np.testing.assert_allclose(w, bouc_wen_closed_form(x, turning_points(path), **shape), rtol=0, atol=1e-8)
+    assert np.ptp(w[(t > 0.201) & (t < 0.399)]) < 1e-12
+
+
+def test_a_varying_command_moves_the_state_along_the_same_curve():
+    """On a monotone stroke w = Y(integral of rho dx), whatever rho does on the way."""
+    t = np.arange(0, 0.2001, 1e-3)
+    x, v = 0.02 * t + 0.05 * t**2, 0.02 + 0.1 * t
+    command = np.where(t < 0.05, 0.0, np.where(t < 0.1, 1.0, 0.3))
+    path = Trajectory(1e-3, x, v, np.full_like(t, 0.1), command)
+    forms = damper("bouc-wen", viscosity=0.0, yield_force=1.0, rho=Exponential(900.0, -1.5), kappa=0.0, n=1.5)
+    w = simulate_reference(forms, path)
+    travel = [0.0]
+    for k in range(len(t) - 1):
+        part, _ = quad(
+            lambda s, k=k: 900.0 * np.exp(-1.5 * np.interp(s, t, command)) * (0.02 + 0.1 * s), t[k], t[k + 1]
+        )
+        travel.append(travel[-1] + part)
+    np.testing.assert_allclose(w, [bouc_wen_state(each, 0.0, 1.5) for each in travel], rtol=0, atol=1e-8)
+
+
+# ---------------------------------------------------------------------------------- laws of nature
+
+
+@pytest.mark.parametrize("law", SOUND)
+def test_reversing_the_motion_reverses_the_force(law):
+    model = damper(law)
+    forward = simulate_reference(model, UNEVEN)
+    backward = simulate_reference(model, reversed_motion(UNEVEN))
+    np.testing.assert_allclose(backward, -forward, rtol=0, atol=1e-7 * np.abs(forward).max())
+
+
+@settings(max_examples=8)
+@given(law=st.sampled_from(sorted(SOUND)), amplitude=st.floats(1e-4, 0.02), frequency=st.floats(0.2, 8.0))
+def test_a_closed_cycle_dissipates(law, amplitude, frequency):
+    path = drive(Sine(amplitude, frequency), duration=2 / frequency, rate_Hz=200 * frequency, command=0.5)
+    force = simulate_reference(damper(law, stiffness=800.0, mass=2.0), path, tolerance=1e-8)
+    power = (force * path.velocity)[200:]  # the second cycle; one period closes the trapezium rule exactly
+    assert path.step * np.trapezoid(power) > 0.0
+
+
+def test_a_bouc_wen_force_without_viscosity_does_not_know_how_fast_it_is_driven():
+    slow = Trajectory(
+        10 * UNEVEN.step, UNEVEN.displacement, UNEVEN.velocity / 10, UNEVEN.acceleration / 100, UNEVEN.command
+    )
+    model = damper("bouc-wen", viscosity=0.0)
+    np.testing.assert_allclose(simulate_reference(model, slow), simulate_reference(model, UNEVEN), atol=1e-5)
+
+
+# ------------------------------------------------------------------------------------------- limits
+
+
+def test_dahl_is_bouc_wen_with_linear_approach_and_no_difference_of_sides():
+    dahl = simulate_reference(damper("dahl"), SINE)
+    same = simulate_reference(damper("bouc-wen", kappa=-1.0, n=1.0), SINE)
+    np.testing.assert_allclose(dahl, same, atol=1e-9)
+
+
+def test_the_saturating_law_is_bouc_wen_at_either_end_of_its_saturation_velocity():
+    shape = {"rho": 1200.0, "kappa": -0.9, "n": 1.3, "viscosity": 0.0}
+    plain = simulate_reference(damper("bouc-wen", yield_force=300.0, **shape), SINE)
+    full = simulate_reference(damper("bouc-wen", yield_force=700.0, **shape), SINE)
+    late = simulate_reference(damper("bouc-wen-saturating", saturation_velocity=1e2, **shape), SINE)
+    early = simulate_reference(damper("bouc-wen-saturating", saturation_velocity=1e-6, **shape), SINE)
+    np.testing.assert_allclose(late, plain, atol=400.0 * 0.13 / 100)
+    moving = np.abs(SINE.velocity) > 1e-2
+    np.testing.assert_allclose(early[moving], full[moving], atol=400.0 * 1e-4)
+
+
+def test_friction_is_kinetic_when_fast_and_static_when_slow():
+    friction = {
+        "coulomb_friction": 40.0,
+        "breakaway_friction": 25.0,
+        "stribeck_velocity": 3e-3,
+        "transition_velocity": 1e-5,
+    }
+    model = damper("bingham", viscosity=0.0, yield_force=0.0, **friction)
+    for speed, expected in ((0.1, 40.0), (1e-4, 65.0), (-0.1, -40.0), (0.0, 0.0)):
+        t = np.arange(3) * 1e-3
+        path = Trajectory(1e-3, speed * t, np.full(3, speed), np.zeros(3), np.zeros(3))
+        assert simulate_reference(model, path) == pytest.approx([expected] * 3, rel=2e-3)
+
+
+def test_mass_spring_and_offset_add_what_newton_and_hooke_say():
+    plain = damper("bouc-wen")
+    loaded = damper("bouc-wen", mass=3.0, stiffness=700.0, offset=50.0)
+    added = simulate_reference(loaded, SINE) - simulate_reference(plain, SINE)
+    np.testing.assert_allclose(added, 3.0 * SINE.acceleration + 700.0 * SINE.displacement + 50.0, atol=1e-9)
+
+
+def test_the_shift_of_the_tanh_law_follows_the_side_of_the_stroke():
+    model = damper("tanh", viscosity=0.0, shift=0.5)
+    at_rest = Trajectory(1e-3, [-0.01, 0.01], [0.0, 0.0], [0.0, 0.0], [0.0, 0.0])
+    assert simulate_reference(model, at_rest) == pytest.approx([-500 * math.tanh(0.5), 500 * math.tanh(0.5)])
+
+
+def test_a_stiff_compliance_leaves_the_valve_alone():
+    """With gap 0, the force tends to the algebraic valve law as spring and leak harden, to first order."""
+    values = {"position_gain": -2.3, "offset": 48.0, "stiffness": 730.0, "gap": 0.0, "gap_corner": 1e-9}
+    values["thinning_exponent"] = 1.0  # smooth at rest, so that the order is a whole number
+    x, v = SINE.displacement, SINE.velocity
+    shape = np.tanh(v / 2.5e-3) + 3.2 * v
+    alone = 48.0 + 730.0 * x + 400.0 * (1 - 2.3 * x) * shape
+    errors = []
+    for factor in (1.0, 10.0):
+        hard = damper("series-valve", **values, leak_damping=1e8 * factor, gap_stiffness=1e9 * factor)
+        errors.append(np.abs(simulate_reference(hard, SINE) - alone).max())
+    assert errors[1] < 1e-3 * np.abs(alone).max()
+    assert errors[1] == pytest.approx(errors[0] / 10, rel=0.1)
+
+
+def test_a_valve_that_does_not_yield_leaves_the_compliance_alone():
+    x, v = SINE.displacement, SINE.velocity
+    k, d, r = 1.2e7, 1.7e-4, 4.6e-5
+    alone = k / 2 * (2 * x + np.hypot(x - d, r) - np.hypot(x + d, r)) + 3e4 * v
+    locked = simulate_reference(damper("series-valve", yield_force=1e12), SINE)
+    np.testing.assert_allclose(locked, alone, atol=1e-4 * np.abs(alone).max())
+
+
+def test_inside_the_free_play_only_the_leak_carries():
+    """A stroke well inside a wide gap meets the dashpot, whatever the valve could carry."""
+    small = drive(Sine(1e-4, 1.0), duration=1.0, rate_Hz=200.0, command=0.0)
+    wide = damper("series-valve", gap=0.05, gap_corner=1e-6, yield_force=1e7, leak_damping=2e3)
+    np.testing.assert_allclose(simulate_reference(wide, small), 2e3 * small.velocity, atol=1e-3)
+
+
+def test_a_valve_that_nothing_holds_is_refused_with_the_remedy():
+    hopeless = damper("series-valve", thinning=0.0, leak_damping=0.0, yield_force=1.0, offset=50.0)
+    with pytest.raises(ConvergenceError, match="give it thinning, or the compliance leak_damping"):
+        simulate_reference(hopeless, SINE)
+
+
+@pytest.mark.parametrize("lag", [0.0, 2e-3, 0.05])
+def test_the_applied_command_lags_to_first_order(lag):
+    """The offset is set to the command, so that the force is the applied command."""
+    command = np.where(SINE.time < 0.3, 0.2, np.where(SINE.time < 0.6, 1.5, 0.2 + SINE.time))
+    path = Trajectory(SINE.step, SINE.displacement, SINE.velocity, SINE.acceleration, command)
+    forms = damper("bingham", viscosity=0.0, yield_force=0.0, offset=Polynomial((0.0, 1.0))).coefficients
+    found = simulate_reference(Damper(LAWS["bingham"], forms, "A", lag), path)
+    if lag == 0.0:
+        np.testing.assert_allclose(found, command, rtol=1e-15)
+        return
+    independent = solve_ivp(
+        lambda t, applied: (np.interp(t, path.time, command) - applied) / lag,
+        (0.0, path.time[-1]), [command[0]], t_eval=path.time, rtol=1e-10, atol=1e-12, max_step=path.step,
+    )  # fmt: skip
+    np.testing.assert_allclose(found, independent.y[0], rtol=0, atol=1e-8)
+
+
+# -------------------------------------------------------------------------------- a user's own law
+
+
+class OwnBoucWen:
+    """Bouc-Wen as a user would write it, unnormalised."""
+
+    name = "own-bouc-wen"
+    coefficients = (
+        Coefficient("A", "-", "slope", linear=False),
+        Coefficient("beta", "1/m^n", "shape", linear=False),
+        Coefficient("gamma", "1/m^n", "shape", linear=False),
+        Coefficient("n", "-", "sharpness", linear=False, default=2.0),
+        Coefficient("alpha", "N/m", "force per state", linear=True),
+    )
+
+    def rate(self, state, displacement, velocity, values):
+        z, n = state, values["n"]
+        bent = (
+            values["beta"] * abs(velocity) * abs(z) ** (n - 1) * z + values["gamma"] * velocity * abs(z) ** n
+        )
+        return values["A"] * velocity - bent
+
+    def force(self, state, displacement, velocity, values):
+        return values["alpha"] * state
+
+
+def test_a_users_unnormalised_bouc_wen_is_the_normalised_one():
+    """z_m = (A / (beta + gamma))^(1/n), rho = A / z_m, kappa = (gamma - beta) / (gamma + beta)."""
+    law = law_from_python(OwnBoucWen())
+    values = {"A": 10.0, "beta": 3e6, "gamma": 1e6, "alpha": 4e5}
+    own = Damper(law, {name: Constant(value) for name, value in values.items()})
+    z_m = math.sqrt(10.0 / 4e6)
+    same = damper("bouc-wen", viscosity=0.0, yield_force=4e5 * z_m, rho=10.0 / z_m, kappa=-0.5, n=2.0)
+    np.testing.assert_allclose(
+        simulate_reference(own, UNEVEN), simulate_reference(same, UNEVEN), atol=1e-6 * 4e5 * z_m
+    )
+    assert isinstance(law.python, PythonLaw)
+    assert law.title == "Bouc-Wen as a user would write it, unnormalised."
+
+
+def test_a_users_law_that_returns_nan_is_named_with_the_sample():
+    class Broken(OwnBoucWen):
+        def rate(self, state, displacement, velocity, values):
+            return 0.0
+
+        def force(self, state, displacement, velocity, values):
+            return math.nan if displacement > 0.003 else 0.0
+
+    forms = {name: Constant(1.0) for name in ("A", "beta", "gamma", "alpha")}
+    with pytest.raises(ConvergenceError, match=r"law 'own-bouc-wen': the force is nan at sample \d+"):
+        simulate_reference(Damper(law_from_python(Broken()), forms), UNEVEN)
+
+
+LAW_FILE = '''
+from mrdamper.models.laws import Coefficient
+
+class Dashpot:
+    """A dashpot."""
+    name = "dashpot"
+    coefficients = (Coefficient("c", "N s/m", "damping", linear=True),)
+
+    def rate(self, state, displacement, velocity, values):
+        return 0.0
+
+    def force(self, state, displacement, velocity, values):
+        return values["c"] * velocity
+
+class Taken(Dashpot):
+    name = "bingham"
+
+class Bare:
+    name = "bare"
+
+class Twice(Dashpot):
+    coefficients = Dashpot.coefficients * 2
+
+class Raises:
+    def __init__(self):
+        raise RuntimeError("no licence")
+'''
+
+
+@pytest.fixture
+def law_file(tmp_path):
+    path = tmp_path / "my_laws.py"
+    path.write_text(LAW_FILE, encoding="utf-8")
+    return path
+
+
+def test_a_law_is_loaded_from_its_file_and_runs(law_file):
+    law = load_python_law(f"{law_file}:Dashpot")
+    assert (law.name, law.title, law.kernel) == ("dashpot", "A dashpot.", None)
+    model = Damper(law, {"c": Polynomial((100.0, 50.0))})
+    np.testing.assert_allclose(simulate_reference(model, SINE), 125.0 * SINE.velocity)
+
+
+@pytest.mark.parametrize(
+    ("after", "said"),
+    [
+        ("", "expected path/to/file.py:ClassName"),
+        (":", "expected path/to/file.py:ClassName"),
+        (":Dashpt", "has no class Dashpt; it has Coefficient, Dashpot, Taken, Bare, Twice, Raises"),
+        (":Taken", "name is 'bingham'; choose one that is not bouc-wen, dahl"),
+        (":Bare", "no coefficients or rate or force"),
+        (":Twice", r"coefficients must be Coefficient\(...\) with different names"),
+        (":Raises", "RuntimeError: no licence"),
+    ],
+)
+def test_a_law_that_cannot_be_loaded_says_why(law_file, after, said):
+    with pytest.raises(InputError, match=said):
+        load_python_law(f"{law_file}{after}")
+
+
+def test_a_law_file_that_is_missing_or_broken_says_so(tmp_path):
+    with pytest.raises(InputError, match=r"there is no file .*gone\.py"):
+        load_python_law(f"{tmp_path / 'gone.py'}:Law")
+    broken = tmp_path / "broken.py"
+    broken.write_text("class Law(:\n", encoding="utf-8")
+    with pytest.raises(InputError, match="SyntaxError"):
+        load_python_law(f"{broken}:Law")
