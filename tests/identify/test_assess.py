@@ -22,7 +22,9 @@ LAW = "bouc-wen"
 
 def test_the_score_of_the_truth_is_the_noise() -> None:
     runs = measured(TRUTHS[LAW], noise=0.05, seed=1)
-    assert np.median([score_run(TRUTHS[LAW], run).nrmse_percent for run in runs]) == pytest.approx(5.0, rel=0.03)
+    assert np.median([score_run(TRUTHS[LAW], run).nrmse_percent for run in runs]) == pytest.approx(
+        5.0, rel=0.03
+    )
 
 
 def test_a_constant_offset_shows_in_the_score_and_not_in_the_offset_free_one() -> None:
@@ -88,17 +90,13 @@ def test_laws_are_chosen_by_what_they_predict_not_by_what_they_fit() -> None:
 def test_dry_friction_takes_four_times_amplitude_times_force_in_every_cycle() -> None:
     """The closed form behind the passivity figure: a rectangle of 2 A by 2 F has ratio one."""
     runs = measured(TRUTHS["bingham"], noise=0.0, seed=0)
-    dry = Damper(
-        find_law("bingham"), {"yield_force": Constant(500.0), "yield_velocity": Constant(1e-6)}
-    )
+    dry = Damper(find_law("bingham"), {"yield_force": Constant(500.0), "yield_velocity": Constant(1e-6)})
     assert passivity(dry, runs) == pytest.approx(1.0, rel=0.01)
 
 
 def test_numbers_that_the_runs_cannot_tell_are_said_in_words() -> None:
     """Bouc-Wen data in which the yield displacement is passed within a sample: n and kappa show nowhere."""
-    steep = replace(
-        TRUTHS[LAW], coefficients={**TRUTHS[LAW].coefficients, "rho": Constant(5e5)}
-    )
+    steep = replace(TRUTHS[LAW], coefficients={**TRUTHS[LAW].coefficients, "rho": Constant(5e5)})
     runs = measured(steep, noise=0.02, seed=0)
     damper, free = template(LAW, runs)
     problem = FitProblem(damper, free, runs)

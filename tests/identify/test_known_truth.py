@@ -19,7 +19,9 @@ NOISE = 0.02
 def identify(law: str, seed: int) -> FitResult:
     runs = measured(TRUTHS[law], noise=NOISE, seed=seed)
     damper, free = template(law, runs)
-    return fit_variable_projection(FitProblem(damper, free, runs), starts=3 if law == "series-valve" else 1, seed=seed)
+    return fit_variable_projection(
+        FitProblem(damper, free, runs), starts=3 if law == "series-valve" else 1, seed=seed
+    )
 
 
 def share_within_three_errors(law: str, seeds: range) -> dict[str, float]:
@@ -28,7 +30,9 @@ def share_within_three_errors(law: str, seeds: range) -> dict[str, float]:
     hits: dict[str, list[bool]] = {}
     for seed in seeds:
         result = identify(law, seed)
-        assert result.cost_percent == pytest.approx(100 * NOISE, rel=0.04), f"seed {seed}: not the noise floor"
+        assert result.cost_percent == pytest.approx(100 * NOISE, rel=0.04), (
+            f"seed {seed}: not the noise floor"
+        )
         for estimate in result.estimates:
             if estimate.identifiable:
                 off = abs(estimate.value - truth.numbers[estimate.name])
@@ -60,7 +64,9 @@ def test_without_noise_the_numbers_come_back_exactly(law: str) -> None:
     assert result.cost_percent < 0.05
     for estimate in result.estimates:
         truth = TRUTHS[law].numbers[estimate.name]
-        assert estimate.value == pytest.approx(truth, rel=0.02, abs=1e-3 * max(1.0, abs(truth))), estimate.name
+        assert estimate.value == pytest.approx(truth, rel=0.02, abs=1e-3 * max(1.0, abs(truth))), (
+            estimate.name
+        )
 
 
 def test_a_command_that_varies_gives_the_actuation_lag_back() -> None:
@@ -80,7 +86,7 @@ def test_a_command_that_varies_gives_the_actuation_lag_back() -> None:
     rng = np.random.default_rng(3)
     run = RigRun(
         name="steps of current",
-        time=np.arange(len(clean)) * path.step,
+        time=path.time,
         displacement=np.array(path.displacement),
         force=clean + NOISE * np.std(clean) * rng.standard_normal(len(clean)),
         command=np.array(path.command),

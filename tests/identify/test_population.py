@@ -39,7 +39,8 @@ def test_workers_do_not_change_the_result(problem: FitProblem) -> None:
 def test_an_inadmissible_candidate_costs_more_than_any_other(problem: FitProblem) -> None:
     ensemble = Ensemble(problem)
     two = np.full((2, len(problem.free)), 0.5)
-    two[:, [f.name == "yield_force.c0" for f in problem.free]] = [[0.0], [0.2]]
+    two[:, [f.name == "yield_force.c0" for f in problem.free]] = 0.05
+    two[:, [f.name == "yield_force.c1" for f in problem.free]] = [[0.1], [0.3]]
     worse, bad = ensemble.costs(two)
     assert worse > bad > 1e5  # 1e4 is an error as large as the signal
 

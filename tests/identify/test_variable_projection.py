@@ -87,7 +87,7 @@ def test_bounded_least_squares_agrees_with_a_general_solver(seed: int) -> None:
     matrix, right = root.T @ root, rng.standard_normal(5) * 3.0
     rows, floor = rng.standard_normal((4, 5)), rng.standard_normal(4) * 0.3
     found = _bounded_least_squares(matrix, right, rows, floor)
-    other = minimize(
+    other = minimize(  # type: ignore[call-overload]  # the stub asks for more than SLSQP needs
         lambda x: 0.5 * x @ matrix @ x - right @ x,
         np.zeros(5),
         jac=lambda x: matrix @ x - right,

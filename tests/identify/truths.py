@@ -31,44 +31,42 @@ _PARALLEL: Mapping[str, ParameterLaw] = {
     "offset": _C(40.0),
     "yield_force": Polynomial((60.0, 600.0, -80.0)),
 }
-TRUTHS: Mapping[str, Damper] = {
-    name: Damper(find_law(name), forms)
-    for name, forms in {
-        "bouc-wen": {**_PARALLEL, "rho": _C(1800.0), "kappa": _C(-0.5), "n": _C(1.4)},
-        "dahl": {**_PARALLEL, "rho": _C(2500.0)},
-        "bouc-wen-saturating": {
-            **_PARALLEL,
-            "offset": Polynomial((40.0, 10.0)),
-            "rate_force": Polynomial((50.0, 300.0, -30.0)),
-            "saturation_velocity": _C(0.02),
-            "rho": Exponential(2500.0, -0.3),
-            "kappa": _C(-0.4),
-            "n": _C(1.2),
-        },
-        "bingham": {**_PARALLEL, "yield_velocity": _C(0.006)},
-        "tanh": {**_PARALLEL, "slope": _C(90.0), "shift": _C(0.4)},
-        "series-valve": {
-            "yield_force": Hill(90.0, 1100.0, 1.2, 1.6, 2.0),
-            "thinning": _C(2.5),
-            "thinning_exponent": _C(0.5),
-            "yield_velocity": _C(3e-3),
-            "position_gain": _C(-3.0),
-            "gap_stiffness": _C(8e6),
-            "gap": _C(1.5e-4),
-            "gap_corner": _C(5e-5),
-            "leak_damping": _C(2.5e4),
-            "leak_exponent": _C(0.95),
-            "offset": _C(40.0),
-            "stiffness": _C(1500.0),
-        },
-    }.items()
+_FORMS: Mapping[str, Mapping[str, ParameterLaw]] = {
+    "bouc-wen": {**_PARALLEL, "rho": _C(1800.0), "kappa": _C(-0.5), "n": _C(1.4)},
+    "dahl": {**_PARALLEL, "rho": _C(2500.0)},
+    "bouc-wen-saturating": {
+        **_PARALLEL,
+        "offset": Polynomial((40.0, 10.0)),
+        "rate_force": Polynomial((50.0, 300.0, -30.0)),
+        "saturation_velocity": _C(0.02),
+        "rho": Exponential(2500.0, -0.3),
+        "kappa": _C(-0.4),
+        "n": _C(1.2),
+    },
+    "bingham": {**_PARALLEL, "yield_velocity": _C(0.006)},
+    "tanh": {**_PARALLEL, "slope": _C(90.0), "shift": _C(0.4)},
+    "series-valve": {
+        "yield_force": Hill(90.0, 1100.0, 1.2, 1.6, 2.0),
+        "thinning": _C(2.5),
+        "thinning_exponent": _C(0.5),
+        "yield_velocity": _C(3e-3),
+        "position_gain": _C(-3.0),
+        "gap_stiffness": _C(8e6),
+        "gap": _C(1.5e-4),
+        "gap_corner": _C(5e-5),
+        "leak_damping": _C(2.5e4),
+        "leak_exponent": _C(0.95),
+        "offset": _C(40.0),
+        "stiffness": _C(1500.0),
+    },
 }
+TRUTHS: Mapping[str, Damper] = {name: Damper(find_law(name), forms) for name, forms in _FORMS.items()}
 
 
 def measured(
     damper: Damper, *, noise: float, seed: int, duration: float = 4.0, rate_Hz: float = 500.0
 ) -> tuple[PreparedRun, ...]:
-    """Return prepared runs of a damper: every motion at every command, force noise as a share of its spread."""
+    """Return prepared runs of a damper: every motion at every command, noise as a share of force spread."""
     rng = np.random.default_rng(seed)
     runs = []
     for label, motion in MOTIONS.items():
@@ -78,7 +76,7 @@ def measured(
             force = force + noise * np.std(force) * rng.standard_normal(len(force))
             run = RigRun(
                 name=f"{label} {command:g} A",
-                time=np.arange(len(force)) * path.step,
+                time=path.time,
                 displacement=np.array(path.displacement),
                 force=force,
                 command=np.full(len(force), command),

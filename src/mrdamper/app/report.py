@@ -1,2 +1,309 @@
-def write_report(path, *a, **k):
-    path.write_text("stub")
+"""The report: one HTML file that opens offline, prints well, and says what an engineer asks first.
+
+Everything it shows follows from the fit and its assessment; the same input gives the same bytes. Names that
+users chose are text and never markup.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mrdamper.app import plots
+from mrdamper.app.api import Identification, versions
+from mrdamper.data.prepare import PreparedRun, decimate
+from mrdamper.identify.assess import Assessment, LawScore, LeftOut, RunError, summary
+from mrdamper.identify.problem import Estimate, envelope_of
+from mrdamper.models.damper import Damper
+from mrdamper.models.simulate import simulate
+from mrdamper.quantities import FloatArray
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+__all__ = ["render_report", "write_report"]
+
+_MOST_LOOPS = 48  # runs whose loops are drawn
+_POINTS = 240  # of a drawn loop
+_WITHOUT_PERIOD_s = 3.0  # of a motion without a period that is drawn
+_PYTHON_RATE_Hz = 200.0  # a law in Python is slow: what is drawn is simulated at this rate
+_MOST_GROUPS = 6  # motions whose residuals have a figure of their own
+
+
+@dataclass(frozen=True, slots=True)
+class _Group:
+    """The loops of one motion."""
+
+    motion: str
+    loops: tuple[tuple[plots.Trace, str], ...]  # with the SVG
+
+
+def write_report(
+    path: Path,
+    fitted: Identification,
+    judged: Assessment,
+    *,
+    law_table: Sequence[LawScore] = (),
+    simulated: str = "",
+    title: str = "",
+) -> None:
+    """Write the report as one HTML file."""
+    page = render_report(fitted, judged, law_table=law_table, simulated=simulated, title=title)
+    path.write_text(page, encoding="utf-8")
+
+
+def render_report(
+    fitted: Identification,
+    judged: Assessment,
+    *,
+    law_table: Sequence[LawScore] = (),
+    simulated: str = "",
+    title: str = "",
+) -> str:
+    """Return the report's HTML.
+
+    Parameters
+    ----------
+    law_table : the laws that were compared, when there was a choice
+    simulated : what the runs are when nobody measured them; said at the top
+    """
+    traces = _traces(fitted, judged.runs)
+    unit = fitted.damper.command_unit
+    highest = max((abs(e.command) for e in judged.runs if e.command is not None), default=0.0)
+    ordered = sorted(judged.runs, key=_order)
+    training = [e for e in ordered if e.split == "training"]
+    held_out = [e for e in ordered if e.split == "held_out"]
+    curves = _coefficient_curves(fitted)
+    moving = [k for k, e in enumerate(fitted.estimates) if not e.at_bound]
+    return (
+        _environment()
+        .get_template("report.html.j2")
+        .render(
+            title=title or "MR damper identification",
+            simulated=simulated,
+            law=fitted.damper.law,
+            method=_METHODS.get(fitted.result.method, fitted.result.method),
+            result=fitted.result,
+            commands=_range(envelope_of(fitted.training).command, unit),
+            envelope=_envelope_rows(fitted),
+            splits=[
+                (word, len(errors), summary(errors), summary(e for e in errors if e.command == 0.0))
+                for word, errors in (("training", training), ("held out", held_out))
+                if errors
+            ],
+            zero=f"0 {unit}",
+            runs=ordered,
+            error_bars=plots.errors([(e.name, e.split, e.nrmse_percent) for e in (*training, *held_out)]),
+            groups=_groups(traces, highest),
+            left_out_of_figures=len(judged.runs) - len(traces),
+            residuals=_residuals(traces, highest),
+            energies=plots.energies(
+                [(e.command, e.split, e.energy_measured_J, e.energy_model_J) for e in judged.runs], highest
+            ),
+            estimates=[(e, _in_words(e)) for e in fitted.estimates],
+            curves=plots.curves(curves, unit) if curves else "",
+            correlations=plots.correlations(
+                [fitted.estimates[k].name for k in moving], fitted.result.correlation[np.ix_(moving, moving)]
+            )
+            if len(moving) > 1
+            else "",
+            words=(*fitted.result.notes, *judged.words),
+            left_out=_left_out_tables(judged.left_out),
+            law_table=law_table,
+            passivity=judged.passivity_min,
+            preparation=_preparation_rows(fitted),
+            fingerprint=fitted.fingerprint,
+            versions=versions(),
+        )
+    )
+
+
+_METHODS: Mapping[str, str] = {
+    "varpro": "variable projection",
+    "genetic": "genetic algorithm",
+    "cma": "covariance matrix adaptation",
+}
+
+
+# ------------------------------------------------------------------------------------------- traces
+
+
+def _traces(fitted: Identification, errors: Sequence[RunError]) -> list[plots.Trace]:
+    """Return what is drawn of each run, by motion and command; the worst ones when there are too many."""
+    prepared = {run.name: run for run in (*fitted.training, *fitted.held_out)}
+    chosen = sorted(errors, key=lambda e: -e.nrmse_percent)[:_MOST_LOOPS]
+    return [_trace(fitted.damper, prepared[e.name], e) for e in sorted(chosen, key=_order)]
+
+
+def _trace(damper: Damper, run: PreparedRun, error: RunError) -> plots.Trace:
+    if damper.law.kernel is None:
+        run = decimate(run, _PYTHON_RATE_Hz)
+    path = run.trajectory
+    force = simulate(damper, path)
+    length = round((run.period_s or _WITHOUT_PERIOD_s) / path.step) + 1
+    start = run.scored_from
+    if run.period_s and start + 2 * length <= len(path):
+        start += length  # the second cycle: the start has died away
+    stop = min(start + length, len(path))
+    drawn = np.unique(np.linspace(start, stop - 1, min(_POINTS, stop - start)).round().astype(np.intp))
+    return plots.Trace(
+        name=error.name,
+        motion=error.motion,
+        command=error.command,
+        command_unit=error.command_unit,
+        split=error.split,
+        error_percent=error.nrmse_percent,
+        displacement_mm=1e3 * path.displacement[drawn],
+        velocity_mm_s=1e3 * path.velocity[drawn],
+        measured_N=run.force[drawn],
+        modelled_N=force[drawn],
+    )
+
+
+def _groups(traces: Sequence[plots.Trace], highest: float) -> list[_Group]:
+    """Return the loops by motion, with the same axes within a motion."""
+    groups = []
+    for motion in dict.fromkeys(trace.motion for trace in traces):
+        members = [trace for trace in traces if trace.motion == motion]
+        stroke, speed, force = (
+            max(float(np.abs(getattr(trace, name)).max()) for trace in members for name in names)
+            for names in (("displacement_mm",), ("velocity_mm_s",), ("measured_N", "modelled_N"))
+        )
+        drawn = tuple(
+            (t, plots.loops(t, half_stroke=stroke, top_speed=speed, top_force=force, highest=highest)) for t in members
+        )
+        groups.append(_Group(motion, drawn))
+    return groups
+
+
+def _residuals(traces: Sequence[plots.Trace], highest: float) -> list[tuple[str, str]]:
+    motions = list(dict.fromkeys(trace.motion for trace in traces))
+    if len(motions) > _MOST_GROUPS:
+        return [("all motions", plots.residuals(traces, "all motions", highest))]
+    of_motion = {motion: [trace for trace in traces if trace.motion == motion] for motion in motions}
+    return [(motion, plots.residuals(members, motion, highest)) for motion, members in of_motion.items()]
+
+
+def _order(error: RunError) -> tuple[list[tuple[str, float]], float, str]:
+    """Sort by motion (numbers in its label as numbers), then command, then name."""
+    parts = re.findall(r"([^\d]*)(\d+(?:\.\d+)?)?", error.motion)
+    motion = [(text, float(number or 0.0)) for text, number in parts]
+    return motion, np.inf if error.command is None else error.command, error.name
+
+
+# ------------------------------------------------------------------------------------------- numbers
+
+
+def _coefficient_curves(fitted: Identification) -> list[plots.CoefficientCurve]:
+    """Return the coefficients that depend on the command, with their standard error by first order."""
+    envelope = envelope_of(fitted.training)
+    low, high = envelope.command
+    grid = np.linspace(low, high, 81)
+    trained = [np.unique(run.trajectory.command[:: max(len(run) // 50, 1)]) for run in fitted.training]
+    places = {estimate.name: k for k, estimate in enumerate(fitted.estimates)}
+    found = []
+    for name, form in fitted.damper.coefficients.items():
+        if form.kind == "constant" or high == low:
+            continue
+        members = [places.get(f"{name}.{number}") for number in form.number_names]
+        rows = [row for row, place in enumerate(members) if place is not None]
+        chosen = [place for place in members if place is not None]
+        error = _band(fitted, form.gradient(grid)[rows], chosen)
+        found.append(
+            plots.CoefficientCurve(
+                name, fitted.damper.law[name].unit, grid, form.value(grid), error, np.unique(np.concatenate(trained))
+            )
+        )
+    return found
+
+
+def _band(fitted: Identification, gradient: FloatArray, places: Sequence[int]) -> FloatArray | None:
+    """Return the standard error along a curve; numbers on a bound count as known."""
+    if not places:
+        return None
+    spread = np.nan_to_num(np.array([fitted.estimates[k].standard_error for k in places]))
+    correlation = np.nan_to_num(fitted.result.correlation[np.ix_(places, places)])
+    covariance = correlation * np.outer(spread, spread)
+    return np.sqrt(np.maximum(np.einsum("ik,ij,jk->k", gradient, covariance, gradient), 0.0))
+
+
+def _in_words(estimate: Estimate) -> str:
+    if estimate.at_bound:
+        bound = estimate.lower if estimate.at_bound == "lower" else estimate.upper
+        return f"rests on its {estimate.at_bound} bound, {bound:.3g}"
+    if not estimate.identifiable:
+        return "not identifiable from these runs"
+    return "well determined" if estimate.design_error_percent < 10.0 else "determined"
+
+
+def _left_out_tables(left_out: Sequence[LeftOut]) -> list[tuple[str, dict[str, float], list[tuple[str, int, dict[str, float]]]]]:
+    tables = []
+    for kind in dict.fromkeys(left.kind for left in left_out):
+        members = [left for left in left_out if left.kind == kind]
+        whole = summary(error for left in members for error in left.errors)
+        rows = [(left.left_out, len(left.errors), summary(left.errors)) for left in members]
+        tables.append((str(kind), whole, rows))
+    return tables
+
+
+def _range(pair: tuple[float, float], unit: str, scale: float = 1.0) -> str:
+    low, high = (scale * end for end in pair)
+    return f"{low:.4g} {unit}" if low == high else f"{low:.4g} to {high:.4g} {unit}"
+
+
+def _envelope_rows(fitted: Identification) -> list[tuple[str, str]]:
+    envelope = envelope_of(fitted.training)
+    unit = fitted.damper.command_unit
+    rows = [
+        ("current" if unit == "A" else "voltage", _range(envelope.command, unit)),
+        ("displacement", _range(envelope.displacement, "mm", 1e3)),
+        ("velocity", _range(envelope.velocity, "mm/s", 1e3)),
+    ]
+    if envelope.temperature is None:
+        return [*rows, ("temperature", "not recorded")]
+    low, high = envelope.temperature
+    return [*rows, ("temperature", _range((low - 273.15, high - 273.15), "°C"))]
+
+
+def _preparation_rows(fitted: Identification) -> list[tuple[str, str]]:
+    chosen = fitted.preparation
+    cut = sorted(run.cutoff_Hz for run in fitted.training)
+    dead = sorted(1e6 * run.dead_band_m for run in fitted.training)
+    by_rule = "chosen from each run: "
+    return [
+        (
+            "low-pass of the displacement",
+            ("" if chosen.cutoff_Hz is not None else by_rule) + f"{cut[0]:.3g} to {cut[-1]:.3g} Hz, zero phase",
+        ),
+        (
+            "reversal dead band",
+            ("" if chosen.dead_band_m is not None else by_rule) + f"{dead[0]:.3g} to {dead[-1]:.3g} µm",
+        ),
+        ("zero of displacement", {"start": "rest before the motion", "mean": "mean", "none": "as measured"}[chosen.reference]),
+        ("velocity", "from the smoothed displacement" if chosen.velocity == "displacement" else "measured channel"),
+        ("force", "as measured" if not chosen.force_offset_N else f"tare of {chosen.force_offset_N:g} N taken off"),
+        ("rate inside the fit", f"{fitted.problem.rate_Hz:g} Hz or the file's; errors are taken at the file's full rate"),
+    ]
+
+
+def _environment() -> Environment:
+    import jinja2
+    from markupsafe import Markup
+
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("mrdamper.app", "templates"),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    environment.filters["svg"] = Markup  # our own figures, whose texts Matplotlib has escaped
+    environment.filters["number"] = lambda value, digits=4: "" if value is None or value != value else f"{value:.{digits}g}"
+    environment.filters["percent"] = lambda value: "-" if value != value else f"{value:.1f} %"
+    environment.filters["command"] = lambda e: "varying" if e.command is None else f"{e.command:g} {e.command_unit}"
+    return environment

@@ -1,14 +1,17 @@
 from collections.abc import Sequence
 
-from typing_extensions import Buffer
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]  # any contiguous buffer of C doubles will do; NumPy's is what we pass
 
 class Record:
     def __new__(
         cls,
         step: float,
-        displacement: Buffer,
-        velocity: Buffer,
-        acceleration: Buffer,
+        displacement: FloatArray,
+        velocity: FloatArray,
+        acceleration: FloatArray,
         dead_band: float,
         longest_step: float,
     ) -> Record: ...
@@ -22,28 +25,35 @@ class Record:
 def run(
     law: int,
     record: Record,
-    coefficients: Buffer,
+    coefficients: FloatArray,
     directions: Sequence[int],
-    seeds: Buffer | None,
-    force: Buffer | None,
-    columns: Buffer | None,
+    seeds: FloatArray | None,
+    force: FloatArray | None,
+    columns: FloatArray | None,
     /,
 ) -> None: ...
-def causal(law: int, record: Record, coefficients: Buffer, force: Buffer, /) -> None: ...
+def causal(law: int, record: Record, coefficients: FloatArray, force: FloatArray, /) -> None: ...
 def squared_errors(
     law: int,
     records: Sequence[Record],
-    measured: Sequence[Buffer],
+    measured: Sequence[FloatArray],
     starts: Sequence[int],
-    coefficients: Buffer,
-    errors: Buffer,
+    coefficients: FloatArray,
+    errors: FloatArray,
     /,
 ) -> None: ...
-def gram(columns: Buffer, rows: int, start: int, out: Buffer, /) -> None: ...
+def gram(columns: FloatArray, rows: int, start: int, out: FloatArray, /) -> None: ...
 def curve(
-    kappa: float, n: float, tau: Buffer, w: Buffer, slope: Buffer, by_kappa: Buffer, by_n: Buffer, /
+    kappa: float,
+    n: float,
+    tau: FloatArray,
+    w: FloatArray,
+    slope: FloatArray,
+    by_kappa: FloatArray,
+    by_n: FloatArray,
+    /,
 ) -> None: ...
-def lag(step: float, lag: float, command: Buffer, applied: Buffer, by_lag: Buffer, /) -> None: ...
+def lag(step: float, lag: float, command: FloatArray, applied: FloatArray, by_lag: FloatArray, /) -> None: ...
 def levels() -> tuple[str, ...]: ...
 def level() -> str: ...
 def use_level(name: str, /) -> None: ...

@@ -93,8 +93,12 @@ def _period_by_autocorrelation(displacement: FloatArray, step: float) -> float |
     below = np.flatnonzero(echo < 0.5)
     if not len(below):
         return None
-    best = int(below[0]) + int(np.argmax(echo[below[0] :]))
-    return best * step if echo[best] > _ECHO else None
+    rest = echo[below[0] :]
+    if not rest.max() > _ECHO:
+        return None
+    near = np.flatnonzero(rest > 0.98 * rest.max())  # the first echo, not one of its multiples
+    first = near[: int(np.argmax(np.diff(near, append=len(echo)) > 1)) + 1]
+    return float(below[0] + first[np.argmax(rest[first])]) * step
 
 
 def _velocity_band(displacement: FloatArray, step: float) -> tuple[float, float]:

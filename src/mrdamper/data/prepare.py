@@ -17,7 +17,7 @@ import numpy as np
 
 from mrdamper.data.motion import describe_motion
 from mrdamper.data.records import RigRun, nearest_names
-from mrdamper.data.signals import differentiate, low_pass, measure_spectrum, quantum_of
+from mrdamper.data.signals import differentiate, knot_spacing, measure_spectrum, smallest_step, smooth
 from mrdamper.errors import InputError
 from mrdamper.excitation import Trajectory
 from mrdamper.quantities import FloatArray, read_only
@@ -37,7 +37,7 @@ _AGREE = 0.1  # a velocity channel agrees when it differs by less than this shar
 class Preparation:
     """How runs are prepared; ``None`` means chosen from each run by the rule in ``prepare_run``."""
 
-    cutoff_Hz: float | None = None  # of the low-pass of the displacement; math.inf: no smoothing
+    cutoff_Hz: float | None = None  # of the smoothing of displacement; math.inf: none
     dead_band_m: float | None = None  # reversals smaller than this are not reversals
     reference: Reference = "start"  # where displacement is zero
     velocity: VelocitySource = "displacement"  # derived from displacement, or the measured channel
@@ -93,7 +93,7 @@ class PreparedRun:
     force: FloatArray  # [N], as measured, on the trajectory's samples
     scored_from: int  # first sample that counts in an error
     period_s: float | None  # None: not periodic
-    cutoff_Hz: float  # of the low-pass; the Nyquist frequency of the run when nothing was removed
+    cutoff_Hz: float  # of the smoothing; the Nyquist frequency of the run when nothing was removed
     dead_band_m: float
     motion: str
 
@@ -125,13 +125,15 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
     are taken as that grid. Others are resampled to the median step: displacement by a cubic spline, the
     rest linearly.
 
-    *Smoothing.* Noise is the median level of the upper quarter of the displacement's spectrum. The cut-off is
-    where the velocity loses as much signal as it is rid of noise (``Spectrum.cut_off``); no smoothing when
-    noise would be below 0.1 % of the rms velocity. The filter has zero phase. Velocity and acceleration
-    are sixth-order differences of the smoothed displacement; a measured velocity is taken only when asked
-    for and when it agrees within 10 % of its rms.
+    *Smoothing.* Noise is the median level of the upper quarter of the displacement's spectrum (at least its
+    rounding). The cut-off is where the velocity loses as much signal as it is rid of noise, and at least
+    five times the motion's mean frequency; there is no smoothing when noise would be below 0.1 % of the rms
+    velocity (``Spectrum.cut_off``). The smoothing is a least-squares quintic spline with a knot every half
+    period of the cut-off, in whole samples (``signals.smooth``): zero phase, free ends; velocity and
+    acceleration are its derivatives. A measured velocity is taken only when asked for and when it agrees
+    within 10 % of its rms.
 
-    *Dead band.* Three times the noise that the low-pass lets through, at least the resolution of the
+    *Dead band.* Three times the noise that the smoothing lets through, at least the resolution of the
     displacement.
 
     *Reference.* "start": zero is the median of the first half of the rest before the motion starts (the
@@ -151,30 +153,34 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
     run = _trim(run, chosen)
     step, displacement, channels = _on_uniform_grid(run)
     spectrum = measure_spectrum(displacement, step)
-    cutoff = spectrum.cut_off() if chosen.cutoff_Hz is None else min(chosen.cutoff_Hz, spectrum.nyquist_Hz)
-    smooth = low_pass(displacement, step, cutoff)
+    spacing = knot_spacing(step, chosen.cutoff_Hz or spectrum.cut_off())
+    cutoff = 0.5 / (spacing * step)
+    moved = smooth(displacement, step, cutoff)
     dead_band = chosen.dead_band_m
     if dead_band is None:
-        dead_band = max(3.0 * spectrum.noise_passed(cutoff), quantum_of(displacement))
+        resolution = min(smallest_step(displacement), math.sqrt(12.0) * spectrum.noise)
+        dead_band = max(3.0 * spectrum.noise / math.sqrt(spacing), resolution)
 
-    started = int(np.argmax(np.abs(smooth - smooth[0]) > _MOVED * np.ptp(smooth)))
+    x = moved.displacement
+    started = int(np.argmax(np.abs(x - x[0]) > _MOVED * np.ptp(x)))
     if chosen.reference == "start":
-        smooth = smooth - float(np.median(displacement[: max(1, started // 2)]))
+        x = x - float(np.median(displacement[: max(1, started // 2)]))
     elif chosen.reference == "mean":
-        smooth = smooth - float(np.mean(smooth))
+        x = x - float(np.mean(x))
 
-    velocity = differentiate(smooth, step)
+    velocity, acceleration = moved.velocity, moved.acceleration
     if chosen.velocity == "channel":
         velocity = _measured_velocity(run, channels.get("velocity"), velocity)
+        acceleration = differentiate(velocity, step)
     force = channels["force"] - chosen.force_offset_N if chosen.force_offset_N else channels["force"]
-    found = describe_motion(smooth, step)
-    scored_from = min(started + round(found.half_period_s / step), len(smooth) - 1)
+    found = describe_motion(x, step)
+    scored_from = min(started + round(found.half_period_s / step), len(x) - 1)
     _check_sign(run, force[scored_from:], velocity[scored_from:])
     trajectory = Trajectory(
         step=step,
-        displacement=smooth,
+        displacement=x,
         velocity=velocity,
-        acceleration=differentiate(velocity, step),
+        acceleration=acceleration,
         command=channels["command"],
         dead_band=dead_band,
         temperature=channels.get("temperature"),

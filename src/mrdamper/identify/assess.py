@@ -75,8 +75,10 @@ class LeftOut:
 
 @dataclass(frozen=True, slots=True)
 class Assessment:
-    """What is known about a fit. ``passivity_min`` is the least work that a closed cycle inside the
-    envelope takes, over 4 x amplitude x peak force: negative means that the model can push.
+    """What is known about a fit.
+
+    ``passivity_min`` is the least work that a closed cycle inside the envelope takes, over 4 x amplitude x
+    peak force: negative means that the model can push.
     """
 
     runs: tuple[RunError, ...]
@@ -108,15 +110,15 @@ def score_run(damper: Damper, prepared: PreparedRun, split: Split = "held_out") 
     run, path, start = prepared.run, prepared.trajectory, prepared.scored_from
     if run.command_unit != damper.command_unit:
         raise InputError(
-            f"{run.name}: the command is in {run.command_unit}, the model's in {damper.command_unit}; map the "
-            "channel that the model was identified with"
+            f"{run.name}: the command is in {run.command_unit}, the model's in {damper.command_unit}; "
+            "map the channel that the model was identified with"
         )
     force = simulate(damper, path)
     error = force - prepared.force
     spread = float(np.std(prepared.force[start:]))
     whole = float(np.std(prepared.force))
     if not spread > 0.0:
-        raise InputError(f"{run.name}: the force does not change after the motion starts; nothing to compare with")
+        raise InputError(f"{run.name}: the force does not change after the motion starts")
     count = len(force) - start
     if prepared.period_s:
         period = max(round(prepared.period_s / path.step), 1)
@@ -226,11 +228,15 @@ def choose_law(
             FitProblem(damper, free, tuple(runs)), starts=starts, seed=seed, report=report
         )
 
-        def fit(some: Sequence[PreparedRun], law: str | HysteresisLaw = law, start: Damper = whole.damper) -> Damper:
+        def fit(
+            some: Sequence[PreparedRun], law: str | HysteresisLaw = law, start: Damper = whole.damper
+        ) -> Damper:
             damper, free = template(law, some, one_command=one_command)
             problem = FitProblem(damper, free, tuple(some))
             first = start if {f.name for f in free} <= set(start.numbers) else None
-            return fit_variable_projection(problem, starts=starts, seed=seed, first=first, report=report).damper
+            return fit_variable_projection(
+                problem, starts=starts, seed=seed, first=first, report=report
+            ).damper
 
         training = summary(score_run(whole.damper, run, "training") for run in runs)
         held = summary(error for left in leave_out(fit, runs, kind) for error in left.errors)
@@ -246,7 +252,13 @@ def choose_law(
         )
     best = min(s.held_out_median for s in scores) if scores else 0.0
     return tuple(
-        sorted(scores, key=lambda s: (s.held_out_worst if s.held_out_median <= 1.01 * best else np.inf, s.held_out_median))
+        sorted(
+            scores,
+            key=lambda s: (
+                s.held_out_worst if s.held_out_median <= 1.01 * best else np.inf,
+                s.held_out_median,
+            ),
+        )
     )
 
 
@@ -267,7 +279,10 @@ def passivity(damper: Damper, runs: Sequence[PreparedRun], *, commands: int = 5)
             frequency = velocity / (2.0 * np.pi * amplitude)
             for command in np.linspace(*envelope.command, commands):
                 path = drive(
-                    Sine(amplitude, frequency), duration=2.0 / frequency, rate_Hz=500.0 * frequency, command=float(command)
+                    Sine(amplitude, frequency),
+                    duration=2.0 / frequency,
+                    rate_Hz=500.0 * frequency,
+                    command=float(command),
                 )
                 force = simulate(damper, path)[len(path.displacement) // 2 :]
                 work = float(force @ path.velocity[len(path.displacement) // 2 :]) * path.step
@@ -283,7 +298,9 @@ def _fitter(
 
     def fit(runs: Sequence[PreparedRun]) -> Damper:
         assert problem is not None
-        again = FitProblem(problem.template, problem.free, tuple(runs), problem.session_offsets, problem.rate_Hz)
+        again = FitProblem(
+            problem.template, problem.free, tuple(runs), problem.session_offsets, problem.rate_Hz
+        )
         return fit_variable_projection(again, starts=1, seed=seed, first=result.damper, report=report).damper
 
     return fit
@@ -305,8 +322,8 @@ def _words(result: FitResult, runs: Sequence[RunError], least: float) -> list[st
         if estimate.at_bound:
             end = estimate.lower if estimate.at_bound == "lower" else estimate.upper
             said.append(
-                f"{estimate.name} rests on its {estimate.at_bound} bound ({end:g} {estimate.unit}): the data ask for "
-                "more than the bound or the law allows; read the fit as a fit with this number fixed."
+                f"{estimate.name} rests on its {estimate.at_bound} bound ({end:g} {estimate.unit}): the data ask "
+                "for more than the bound or the law allows; read the fit as one with this number fixed."
             )
         elif not estimate.identifiable:
             said.append(
@@ -314,14 +331,17 @@ def _words(result: FitResult, runs: Sequence[RunError], least: float) -> list[st
                 f"{estimate.design_error_percent:.0f} % by design): its value carries no meaning of its own."
             )
     names = [estimate.name for estimate in result.estimates]
-    for i, j in zip(*np.nonzero(np.abs(np.triu(np.nan_to_num(result.correlation), 1)) > _STRONG), strict=True):
+    for i, j in zip(
+        *np.nonzero(np.abs(np.triu(np.nan_to_num(result.correlation), 1)) > _STRONG), strict=True
+    ):
         said.append(
-            f"{names[i]} and {names[j]} are traded against each other (correlation {result.correlation[i, j]:.2f})."
+            f"{names[i]} and {names[j]} are traded against each other "
+            f"(correlation {result.correlation[i, j]:.2f})."
         )
     if least < 0.0:
         said.append(
-            f"The model is not passive inside the envelope: some closed cycle returns work ({100 * least:.1f} % of "
-            "4 x amplitude x peak force)."
+            "The model is not passive inside the envelope: some closed cycle returns work "
+            f"({100 * least:.1f} % of 4 x amplitude x peak force)."
         )
     for error in runs:
         if error.energy_measured_J > 0.0 and abs(error.energy_model_J / error.energy_measured_J - 1.0) > 0.15:

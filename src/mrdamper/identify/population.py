@@ -34,7 +34,9 @@ class Ensemble:
 
     def __init__(self, problem: FitProblem, *, workers: int = 1) -> None:
         if problem.session_offsets:
-            raise InputError("session offsets are eliminated by variable projection only: use --method varpro")
+            raise InputError(
+                "session offsets are eliminated by variable projection only: use --method varpro"
+            )
         self.problem = problem
         self.runs = problem.prepare()
         self.low = np.array([float(f.inward(f.lower)) for f in problem.free])
@@ -134,7 +136,9 @@ def fit_genetic(
         mutation=PM(eta=20),
         eliminate_duplicates=True,
     )
-    algorithm.setup(Fit(n_var=size, n_obj=1, xl=np.zeros(size), xu=np.ones(size)), ("n_gen", generations), seed=seed)
+    algorithm.setup(
+        Fit(n_var=size, n_obj=1, xl=np.zeros(size), xu=np.ones(size)), ("n_gen", generations), seed=seed
+    )
 
     def steps() -> tuple[FloatArray, bool]:
         best: FloatArray | None = None
@@ -152,7 +156,7 @@ def fit_genetic(
 
     note = (
         f"genetic algorithm (pymoo): population {population}, {generations} generations, binary tournament, "
-        "simulated binary crossover (0.9, eta 15), polynomial mutation (eta 20), elitist, Latin-hypercube start"
+        "simulated binary crossover (0.9, eta 15), polynomial mutation (eta 20), elitist, Latin hypercube"
     )
     return _result(problem, ensemble, "genetic", steps(), history, seed, clock, note)
 
@@ -169,7 +173,13 @@ def fit_cma(problem: FitProblem, *, seed: int = 0, report: Report | None = None)
     ensemble = Ensemble(problem)
     history: list[float] = []
     size = len(problem.free)
-    options = {"seed": seed + 1, "bounds": [0.0, 1.0], "verbose": -9, "maxfevals": 4000 * size, "tolfunrel": 1e-7}
+    options = {
+        "seed": seed + 1,
+        "bounds": [0.0, 1.0],
+        "verbose": -9,
+        "maxfevals": 4000 * size,
+        "tolfunrel": 1e-7,
+    }
     search = cma.CMAEvolutionStrategy(np.full(size, 0.5), 0.25, options)
 
     def steps() -> tuple[FloatArray, bool]:
@@ -184,7 +194,9 @@ def fit_cma(problem: FitProblem, *, seed: int = 0, report: Report | None = None)
             return np.asarray(search.result.xbest), True
         return np.asarray(search.result.xbest), False
 
-    return _result(problem, ensemble, "cma", steps(), history, seed, clock, "CMA-ES (cma), defaults, sigma 0.25")
+    return _result(
+        problem, ensemble, "cma", steps(), history, seed, clock, "CMA-ES (cma), defaults, sigma 0.25"
+    )
 
 
 def _tell(report: Report | None, method: str, history: list[float], cost: float) -> None:

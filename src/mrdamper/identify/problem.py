@@ -119,8 +119,10 @@ class PreparedFit:
 
     @classmethod
     def of(cls, run: PreparedRun, rate: float, runs: int, *, excerpt: bool = False) -> PreparedFit:
-        """Return a run at the fit's rate; an excerpt ends half a period after the first scored sample and
-        takes twice as long implicit steps."""
+        """Return a run at the fit's rate.
+
+        An excerpt ends half a period after the first scored sample and takes implicit steps twice as long.
+        """
         spread = float(np.std(run.force[run.scored_from :]))
         if not spread > 0.0:
             raise InputError(f"{run.run.name}: the force does not change after the motion starts")

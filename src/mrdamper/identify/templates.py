@@ -73,7 +73,7 @@ def template(
     if scale.levels < 2 and not one_command:
         raise InputError(
             f"all {len(runs)} training runs have one command ({runs[0].trajectory.command[0]:g} "
-            f"{runs[0].run.command_unit}); {law.name} as a function of the command needs at least two. Add runs "
+            f"{runs[0].run.command_unit}); {law.name} as a function of the command needs two or more. Add runs "
             "at other commands, or say --one-command for a model of this command alone"
         )
     forms: dict[str, ParameterLaw] = {}
@@ -141,18 +141,28 @@ def _entries(law: HysteresisLaw, s: Scale) -> list[Entry]:
 
 
 def _entries_of_python_law(law: HysteresisLaw, s: Scale) -> list[Entry]:
-    """A user's law: constants between the bounds that its coefficients state."""
+    """Return the entries of a user's law: constants between the bounds that its coefficients state."""
     entries: list[Entry] = []
     for c in law.coefficients:
         if not (np.isfinite(c.lower) and np.isfinite(c.upper)):
-            raise InputError(f"{law.name}: coefficient {c.name} needs finite lower and upper bounds to be fitted")
+            raise InputError(
+                f"{law.name}: coefficient {c.name} needs finite lower and upper bounds to be fitted"
+            )
         wide = c.lower > 0.0 and c.upper / c.lower > 50.0
-        entries.append((c.name, "polynomial" if c.linear else "constant", c.lower, c.upper, "log" if wide else "linear"))
+        entries.append(
+            (c.name, "polynomial" if c.linear else "constant", c.lower, c.upper, "log" if wide else "linear")
+        )
     return entries
 
 
 def _dependence(
-    law: HysteresisLaw, name: str, form: Form, lower: float, upper: float, how: Literal["linear", "log"], s: Scale
+    law: HysteresisLaw,
+    name: str,
+    form: Form,
+    lower: float,
+    upper: float,
+    how: Literal["linear", "log"],
+    s: Scale,
 ) -> tuple[ParameterLaw, list[Free]]:
     """Return one coefficient's parameter law, as rich as the commands allow, and its free numbers."""
     linear = law[name].linear
@@ -185,7 +195,11 @@ def _dependence(
     size = max(abs(lower), abs(upper))
     return Polynomial((start, *([0.0] * degree))), [
         Free(
-            f"{name}.c{power}", lower if power == 0 else -size / s.command**power, size / s.command**power, "linear", linear
+            f"{name}.c{power}",
+            lower if power == 0 else -size / s.command**power,
+            size / s.command**power,
+            "linear",
+            linear,
         )
         for power in range(degree + 1)
     ]

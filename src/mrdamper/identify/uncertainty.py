@@ -81,7 +81,9 @@ def covariances(
         blocks += scores @ scores.T
         count += len(cuts)
     scale = 1.0 / np.sqrt(np.maximum(np.diag(curvature), 1e-300))
-    inverse = np.linalg.pinv(curvature * np.outer(scale, scale), rcond=1e-13, hermitian=True) * np.outer(scale, scale)
+    inverse = np.linalg.pinv(curvature * np.outer(scale, scale), rcond=1e-13, hermitian=True) * np.outer(
+        scale, scale
+    )
     small_sample = count / max(count - size, 1)
     return inverse @ noise @ inverse, small_sample * (inverse @ blocks @ inverse)
 

@@ -109,8 +109,9 @@ class Objective:
     def eliminate(
         self, damper: Damper, offsets: Mapping[str, float], *, tangents: bool = True
     ) -> tuple[float, Damper, dict[str, float], FloatArray | None]:
-        """Return the cost [%^2] with the best linear numbers and offsets, the damper that has them,
-        and, when there is nothing to eliminate, the Gram matrix of the nonlinear numbers as well (unless
+        """Return the cost [%^2] with the best linear numbers, the damper that has them, and the offsets.
+
+        When there is nothing to eliminate, the Gram matrix of the nonlinear numbers comes as well (unless
         ``tangents`` are not wanted).
         """
         if not self.linear and not self.sessions:
@@ -289,7 +290,7 @@ def _screened(problem: FitProblem, starts: int, seed: int) -> Iterator[_State]:
     descend there, and hands on the one that came furthest.
     """
     if not problem.nonlinear:
-        yield _State(np.empty(0), problem.template, {}, np.inf, None, 0, 0, True)
+        yield _State(np.empty(0), problem.template, {}, np.inf, None, 0, 0, converged=True)
         return
     objective = Objective(problem, problem.prepare(excerpt=True))
     for index in range(starts):
@@ -304,9 +305,8 @@ def _screened(problem: FitProblem, starts: int, seed: int) -> Iterator[_State]:
             *_, state = _descend(objective, drawn[place], _at(problem, drawn[place]), _FEW_ITERATIONS)
             tried.append(state)
         best: _State | None = None
-        for state in sorted(tried, key=lambda s: s.cost)[:_FINALISTS]:
-            if not state.converged:
-                *_, state = _descend(objective, state.point, state.damper, _SHORT_ITERATIONS)
+        for finalist in sorted(tried, key=lambda s: s.cost)[:_FINALISTS]:
+            *_, state = _descend(objective, finalist.point, finalist.damper, _SHORT_ITERATIONS)
             if best is None or state.cost < best.cost:
                 best = state
         if best is not None:
@@ -360,9 +360,7 @@ def _descend(objective: Objective, point: FloatArray, damper: Damper, most: int)
             growth *= 2.0
         spent = objective.evaluations - before
         if accepted is None:
-            yield _State(
-                state.point, state.damper, state.offsets, state.cost, state.gram, iteration, spent, True
-            )
+            yield replace(state, iteration=iteration, evaluations=spent, converged=True)
             return
         quiet = quiet + 1 if state.cost - accepted[3] < 1e-5 * state.cost else 0
         state = _State(*accepted, iteration, spent, quiet >= 2)
@@ -371,7 +369,9 @@ def _descend(objective: Objective, point: FloatArray, damper: Damper, most: int)
             return
 
 
-def _damped_step(hessian: FloatArray, gradient: FloatArray, inside: NDArray[np.bool_], damping: float) -> FloatArray:
+def _damped_step(
+    hessian: FloatArray, gradient: FloatArray, inside: NDArray[np.bool_], damping: float
+) -> FloatArray:
     """Return the Marquardt step of the coordinates that are free to move."""
     step = np.zeros(len(gradient))
     if not inside.any():

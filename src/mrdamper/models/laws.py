@@ -57,15 +57,11 @@ class PythonLaw(Protocol):
     name: str
     coefficients: tuple[Coefficient, ...]
 
-    def rate(
-        self, state: float, displacement: float, velocity: float, values: Mapping[str, float]
-    ) -> float:
+    def rate(self, state: float, displacement: float, velocity: float, values: Mapping[str, float]) -> float:
         """Return the time derivative of the internal state [state unit / s]."""
         ...
 
-    def force(
-        self, state: float, displacement: float, velocity: float, values: Mapping[str, float]
-    ) -> float:
+    def force(self, state: float, displacement: float, velocity: float, values: Mapping[str, float]) -> float:
         """Return the damper force [N]."""
         ...
 
@@ -113,7 +109,9 @@ class HysteresisLaw:
 
 
 _RHO = Coefficient("rho", "1/m", "inverse yield displacement of the hysteresis", False, 1e-2, 1e8)
-_KAPPA = Coefficient("kappa", "-", "shape on the unloading side: (gamma - beta)/(gamma + beta)", False, -1.0, 1.0)
+_KAPPA = Coefficient(
+    "kappa", "-", "shape on the unloading side: (gamma - beta)/(gamma + beta)", False, -1.0, 1.0
+)
 _EXPONENT = Coefficient("n", "-", "sharpness of the yield knee", False, 0.2, 20.0)
 _YIELD = Coefficient("yield_force", "N", "force of the yielding (hysteretic) part", True, 0.0)
 
@@ -123,11 +121,15 @@ COMMON: tuple[Coefficient, ...] = (
     Coefficient("offset", "N", "constant force (gas preload)", True, default=0.0),
     Coefficient("mass", "kg", "moving mass between damper and force cell", True, 0.0, default=0.0),
     Coefficient("coulomb_friction", "N", "kinetic friction of seals and guides", True, 0.0, default=0.0),
-    Coefficient("breakaway_friction", "N", "static minus kinetic friction (Stribeck)", True, 0.0, default=0.0),
+    Coefficient(
+        "breakaway_friction", "N", "static minus kinetic friction (Stribeck)", True, 0.0, default=0.0
+    ),
     Coefficient("stribeck_velocity", "m/s", "velocity over which breakaway fades", False, 1e-6, 10.0, 3e-3),
-    Coefficient("transition_velocity", "m/s", "velocity over which friction changes sign", False, 1e-7, 10.0, 5e-4),
+    Coefficient(
+        "transition_velocity", "m/s", "velocity over which friction changes sign", False, 1e-7, 10.0, 5e-4
+    ),
 )
-"""Terms that every kernel law has, in kernel order. In ``series-valve`` stiffness and offset sit inside the chain."""
+"""Terms that every kernel law has, in kernel order (``series-valve``: stiffness and offset in the chain)."""
 
 _LAWS = (
     HysteresisLaw(
@@ -152,7 +154,9 @@ _LAWS = (
             *COMMON,
             _YIELD,
             Coefficient("rate_force", "N", "hysteretic force that builds up with speed", True, 0.0),
-            Coefficient("saturation_velocity", "m/s", "speed at which half of rate_force is there", False, 1e-6, 1e2),
+            Coefficient(
+                "saturation_velocity", "m/s", "speed at which half of rate_force is there", False, 1e-6, 1e2
+            ),
             _RHO,
             _KAPPA,
             _EXPONENT,
@@ -166,7 +170,9 @@ _LAWS = (
         (
             *COMMON,
             _YIELD,
-            Coefficient("yield_velocity", "m/s", "velocity over which the yield force changes sign", False, 1e-7, 10.0),
+            Coefficient(
+                "yield_velocity", "m/s", "velocity over which the yield force changes sign", False, 1e-7, 10.0
+            ),
         ),
         "yield_velocity > 0; passive for yield_force, viscosity >= 0; no hysteresis",
         3,
@@ -180,7 +186,8 @@ _LAWS = (
             Coefficient("slope", "s/m", "steepness of the yield force in velocity", False, 1e-3, 1e6),
             Coefficient("shift", "-", "shift of the curve with the sign of displacement", False, -20.0, 20.0),
         ),
-        "slope > 0; not passive for shift != 0 (it pushes near zero velocity): see the passivity check of a fit",
+        "slope > 0, yield_force, viscosity >= 0; with shift != 0 it can push for a moment near zero velocity, "
+        "though a closed cycle about x = 0 takes work",
         4,
     ),
     HysteresisLaw(
@@ -189,9 +196,15 @@ _LAWS = (
         (
             *COMMON,
             Coefficient("yield_force", "N", "yield force of the valve", False, 0.0),
-            Coefficient("thinning", "(s/m)^m", "shear-thinning force over yield force at 1 m/s", False, 0.0, 1e4),
-            Coefficient("thinning_exponent", "-", "power of velocity in the shear-thinning part", False, 0.05, 1.5),
-            Coefficient("yield_velocity", "m/s", "velocity over which the yield force changes sign", False, 1e-7, 10.0),
+            Coefficient(
+                "thinning", "(s/m)^m", "shear-thinning force over yield force at 1 m/s", False, 0.0, 1e4
+            ),
+            Coefficient(
+                "thinning_exponent", "-", "power of velocity in the shear-thinning part", False, 0.05, 1.5
+            ),
+            Coefficient(
+                "yield_velocity", "m/s", "velocity over which the yield force changes sign", False, 1e-7, 10.0
+            ),
             Coefficient("position_gain", "1/m", "relative growth of the valve force with position", False),
             Coefficient("gap_stiffness", "N/m", "stiffness once the free play is closed", False, 1.0, 1e12),
             Coefficient("gap", "m", "half width of the free play", False, 0.0, 1.0),
@@ -199,7 +212,7 @@ _LAWS = (
             Coefficient("leak_damping", "N (s/m)^mB", "dashpot across the free play", False, 0.0, 1e12),
             Coefficient("leak_exponent", "-", "power of velocity in that dashpot", False, 0.2, 2.0, 1.0),
         ),
-        "yield_force, thinning, leak_damping >= 0 and 1 + position_gain x > 0 over the stroke: then passive by "
+        "yield_force, thinning, leak_damping >= 0, 1 + position_gain x > 0 over the stroke: then passive by "
         "construction (a potential, a dashpot and a valve that opposes its own velocity)",
         7,
     ),

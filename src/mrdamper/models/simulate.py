@@ -144,7 +144,7 @@ class Tangents:
         return Sensitivity(force, columns, self._combine[level])
 
     def _varying(self, drive: Drive) -> Sensitivity:
-        """A command that varies: one kernel column per number, its coefficient moving along the run."""
+        """Return tangents where the command varies: a kernel column per number, its coefficient moving."""
         damper, law = self._damper, self._damper.law
         command, by_lag = _applied(damper, drive)
         moved: list[tuple[int, int, FloatArray]] = []  # (number, place of its coefficient, seed)

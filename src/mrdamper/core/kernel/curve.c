@@ -92,6 +92,14 @@ static void hermite(double *c, double f0, double d0, double f1, double d1, doubl
     c[3] = (d0 + d1) * width - 2.0 * rise;
 }
 
+/* The same for a curve that rises: slopes no steeper than three times the chord keep the cubic between its knots
+ * (Fritsch & Carlson), so that the curve nowhere falls and never passes 1. */
+static void hermite_rising(double *c, double f0, double d0, double f1, double d1, double width)
+{
+    const double steepest = 3.0 * (f1 > f0 ? f1 - f0 : 0.0) / width;
+    hermite(c, f0, d0 < steepest ? d0 : steepest, f1, d1 < steepest ? d1 : steepest, width);
+}
+
 /* A knot of the table: u, p = u^n, and their derivatives by n and by k. */
 typedef struct {
     double u, p, un, pn, uk, pk;
@@ -215,7 +223,7 @@ static void branch_build(branch *b, double k, double n, int tangents, int to_one
             next = tau_next <= b->offset ? knot_near_zero(tau_next, k, n, tangents)
                                          : knot_step(here, width, k, n, tangents);
             if (!(next.u < 1.0) && k >= 1.0) { next.u = 1.0; next.p = 1.0; }
-            hermite(b->cell + 4 * cells, here.u, 1.0 - k * here.p, next.u, 1.0 - k * next.p, width);
+            hermite_rising(b->cell + 4 * cells, here.u, 1.0 - k * here.p, next.u, 1.0 - k * next.p, width);
             if (tangents) {
                 hermite(b->by_n + 4 * cells, here.un, -k * here.pn, next.un, -k * next.pn, width);
                 hermite(b->by_k + 4 * cells, here.uk, -here.p - k * here.pk, next.uk, -next.p - k * next.pk, width);

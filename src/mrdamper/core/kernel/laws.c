@@ -221,6 +221,14 @@ static mrd_status run(const mrd_model *m, const mrd_record *r, size_t directions
     return MRD_OK;
 }
 
+/* w after a signed scaled travel rho dx in one direction: bounded by the curve at any travel. */
+static double moved_state(const curve *c, double w, double travel)
+{
+    if (travel == 0.0) return w;
+    const double side = travel > 0.0 ? 1.0 : -1.0;
+    return side * curve_at(c, curve_inverse(c, side * w) + fabs(travel)).w;
+}
+
 /* The per-sample map, as a controller on the target runs it: no look at what comes next. */
 static mrd_status causal(const mrd_model *m, const mrd_record *r, double *force)
 {
@@ -233,16 +241,20 @@ static mrd_status causal(const mrd_model *m, const mrd_record *r, double *force)
     double w = 0.0;
     for (size_t i = 0; i < r->n; i++) {
         if (i > 0) {
-            const double moved = r->x[i] - r->x[i - 1];
             if (shape.n >= 0) {
                 const double kappa = coefficient_at(m, shape.kappa, i), n = coefficient_at(m, shape.n, i);
                 if (kappa != c->kappa || n != c->n) curve_build(c, kappa, n, 0);
             }
-            if (moved != 0.0) {
-                const double side = moved > 0.0 ? 1.0 : -1.0;
-                const double tau = curve_inverse(c, side * w) + coefficient_at(m, shape.rho, i) * fabs(moved);
-                w = side * curve_at(c, tau).w;
+            const double rho = coefficient_at(m, shape.rho, i);
+            double here = r->x[i - 1];
+            /* A reversal inside the interval just passed: first to the turning point, then back from it. */
+            if (r->v[i - 1] * r->v[i] < 0.0) {
+                const double side = r->v[i] < 0.0 ? 1.0 : -1.0;
+                const double turn = hermite_extremum(here, r->v[i - 1], r->x[i], r->v[i], r->step, side);
+                w = moved_state(c, w, rho * (turn - here));
+                here = turn;
             }
+            w = moved_state(c, w, rho * (r->x[i] - here));
         }
         double amplitude = coefficient_at(m, BW_YIELD, i);
         if (m->law == MRD_SATURATING) {
