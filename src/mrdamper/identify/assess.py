@@ -322,8 +322,8 @@ def _words(result: FitResult, runs: Sequence[RunError], least: float) -> list[st
         if estimate.at_bound:
             end = estimate.lower if estimate.at_bound == "lower" else estimate.upper
             said.append(
-                f"{estimate.name} rests on its {estimate.at_bound} bound ({end:g} {estimate.unit}): the data ask "
-                "for more than the bound or the law allows; read the fit as one with this number fixed."
+                f"{estimate.name} rests on its {estimate.at_bound} bound ({end:g} {estimate.unit}): the data "
+                "ask for more than the bound or the law allows; read the fit as one with this number fixed."
             )
         elif not estimate.identifiable:
             said.append(

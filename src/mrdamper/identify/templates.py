@@ -73,8 +73,8 @@ def template(
     if scale.levels < 2 and not one_command:
         raise InputError(
             f"all {len(runs)} training runs have one command ({runs[0].trajectory.command[0]:g} "
-            f"{runs[0].run.command_unit}); {law.name} as a function of the command needs two or more. Add runs "
-            "at other commands, or say --one-command for a model of this command alone"
+            f"{runs[0].run.command_unit}); {law.name} as a function of the command needs two or more. Add "
+            "runs at other commands, or say --one-command for a model of this command alone"
         )
     forms: dict[str, ParameterLaw] = {}
     free: list[Free] = []

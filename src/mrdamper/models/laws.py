@@ -186,8 +186,8 @@ _LAWS = (
             Coefficient("slope", "s/m", "steepness of the yield force in velocity", False, 1e-3, 1e6),
             Coefficient("shift", "-", "shift of the curve with the sign of displacement", False, -20.0, 20.0),
         ),
-        "slope > 0, yield_force, viscosity >= 0; with shift != 0 it can push for a moment near zero velocity, "
-        "though a closed cycle about x = 0 takes work",
+        "slope > 0, yield_force, viscosity >= 0; with shift != 0 it can push for a moment near zero "
+        "velocity, though a closed cycle about x = 0 takes work",
         4,
     ),
     HysteresisLaw(
