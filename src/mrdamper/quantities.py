@@ -101,7 +101,9 @@ def find_quantity(role: str) -> Quantity:
 
 def spell_unit(unit: str, role: str) -> str:
     """Return a rig's spelling of a unit (``deg_C``, ``Sec``, ``Newtons``) as the one Pint knows."""
-    text = unit.strip().strip("[]()").strip()
+    text = unit.strip()
+    if text[:1] + text[-1:] in {"[]", "()"}:
+        text = text[1:-1].strip()
     if role == "temperature" and text in _TEMPERATURE_LETTERS:
         return _TEMPERATURE_LETTERS[text]
     bare = re.sub(r"[\s·*^]", "", text).lower()

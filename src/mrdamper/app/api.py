@@ -70,7 +70,9 @@ class Identification:
         """Root of the mean over the training runs of squared ``nrmse_percent``."""
         return self.result.cost_percent
 
-    def card(self, assessment: Assessment | None = None, *, title: str = "", sources: Iterable[str] = ()) -> ModelCard:
+    def card(
+        self, assessment: Assessment | None = None, *, title: str = "", sources: Iterable[str] = ()
+    ) -> ModelCard:
         """Return the model card; without an assessment the plain one (no runs left out) is made."""
         judged = assessment or assess(self)
         result = self.result
@@ -101,7 +103,7 @@ class Identification:
         )
 
 
-def fit(
+def fit(  # noqa: PLR0913 - the options of a fit, by keyword
     runs: Dataset | Iterable[RigRun],
     law: Law = "series-valve",
     *,
@@ -157,7 +159,11 @@ def fit(
 
 
 def assess(
-    fitted: Identification, *, leave_out: Sequence[Kind] = (), seed: int | None = None, report: Report | None = None
+    fitted: Identification,
+    *,
+    leave_out: Sequence[Kind] = (),
+    seed: int | None = None,
+    report: Report | None = None,
 ) -> Assessment:
     """Judge a fit: error by run, passivity, plain words; ``leave_out`` fits again without each part in turn."""
     return assess_fit(
@@ -212,7 +218,9 @@ def resolve_law(law: Law) -> tuple[HysteresisLaw, str | None]:
         if ".py:" in law:
             return load_python_law(law), law
         if law not in LAWS and law == "auto":
-            raise InputError("law 'auto' compares laws: use identify.assess.choose_law, or mrdamper identify --law auto")
+            raise InputError(
+                "law 'auto' compares laws: use identify.assess.choose_law, or mrdamper identify --law auto"
+            )
         return find_law(law), None
     own = law() if isinstance(law, type) else law
     return law_from_python(own), _place_of(own)

@@ -17,7 +17,7 @@ from mrdamper.app.api import predict as predict_runs
 from mrdamper.app.outputs import staged, write_json, write_table
 from mrdamper.data.prepare import Preparation
 from mrdamper.data.readers import read_runs
-from mrdamper.data.records import Dataset
+from mrdamper.data.records import Dataset, RigRun
 from mrdamper.errors import InputError
 from mrdamper.identify.assess import Assessment, Kind, LawScore, LeftOut, RunError, choose_law, summary
 from mrdamper.identify.problem import Estimate
@@ -111,11 +111,25 @@ def demo(out: Path, *, quick: bool = False, seed: int = 0, report: Report | None
         dataset = _read([folder / f"{run.name}.csv" for run in simulated], None)
         options = FitOptions(law=DEMO_LAWS[0], starts=2 if quick else 3, seed=seed, hold_out=("*_random",))
         first = _identify(
-            dataset, beside, out, options, sources=(label,), simulated=label, report=report, title="Demo on a simulated rig"
+            dataset,
+            beside,
+            out,
+            options,
+            sources=(label,),
+            simulated=label,
+            report=report,
+            title="Demo on a simulated rig",
         )
         laws = [_line(first)]
         if first[_CANCELLED] is False:
-            other = fit(dataset, DEMO_LAWS[1], starts=options.starts, seed=seed, hold_out=options.hold_out, report=report)
+            other = fit(
+                dataset,
+                DEMO_LAWS[1],
+                starts=options.starts,
+                seed=seed,
+                hold_out=options.hold_out,
+                report=report,
+            )
             judged = assess_fit(other)
             laws.append(_line(_answer(other, judged, out, ())))
         answer: Json = {
@@ -135,16 +149,30 @@ def demo(out: Path, *, quick: bool = False, seed: int = 0, report: Report | None
 
 def data_list() -> list[Json]:
     """Return the public data sets that can be fetched."""
-    from mrdamper.data import catalog
+    from mrdamper.data.catalog import list_sets
 
-    return [_describe(entry) for entry in catalog.CATALOG.values()]
+    return [
+        {
+            "name": each.name,
+            "title": each.title,
+            "files": len(each.files),
+            "licence": each.licence,
+            "doi": each.doi or None,
+            "repository": each.repository,
+            "commit": each.commit,
+            "channels": each.channels,
+            "notes": each.notes,
+        }
+        for each in list_sets()
+    ]
 
 
 def data_fetch(name: str) -> Json:
     """Fetch a public data set (or find it in the local mirror ``MRDAMPER_DATA``) and say where it lies."""
-    from mrdamper.data import catalog
+    from mrdamper.data.catalog import fetch
 
-    return {"name": name, "files": [str(path) for path in catalog.fetch(name)]}
+    folder = fetch(name)
+    return {"name": name, "folder": str(folder), "files": [str(path) for path in sorted(folder.iterdir())]}
 
 
 # ------------------------------------------------------------------------------------------- identify
@@ -230,7 +258,12 @@ def _answer(fitted: Identification, judged: Assessment, out: Path, table: Sequen
         "cost_percent": result.cost_percent,
         "seed": result.seed,
         "starts": [
-            {"index": s.index, "cost_percent": finite(s.cost_percent), "evaluations": s.evaluations, "converged": s.converged}
+            {
+                "index": s.index,
+                "cost_percent": finite(s.cost_percent),
+                "evaluations": s.evaluations,
+                "converged": s.converged,
+            }
             for s in result.starts
         ],
         "session_offsets_N": dict(result.offsets_N),
@@ -288,7 +321,8 @@ def _left(left: LeftOut) -> Json:
 def _left_summaries(left_out: Sequence[LeftOut]) -> Json:
     kinds = dict.fromkeys(left.kind for left in left_out)
     return {
-        kind: _in_percent(summary(e for left in left_out if left.kind == kind for e in left.errors)) for kind in kinds
+        kind: _in_percent(summary(e for left in left_out if left.kind == kind for e in left.errors))
+        for kind in kinds
     }
 
 
@@ -309,12 +343,11 @@ def _read(paths: Sequence[str | Path], channels: Path | None, *, flip_force: boo
     return dataset
 
 
-def _write_run(path: Path, run: object, label: str) -> None:
+def _write_run(path: Path, run: RigRun, label: str) -> None:
     """Write a simulated run as CSV; the first line says that nobody measured it."""
-    from mrdamper.data.records import RigRun
-
-    assert isinstance(run, RigRun)
-    rows = zip(run.time.tolist(), run.displacement.tolist(), run.force.tolist(), run.command.tolist(), strict=True)
+    rows = zip(
+        run.time.tolist(), run.displacement.tolist(), run.force.tolist(), run.command.tolist(), strict=True
+    )
     lines = [f"{t:.4f},{x:.7f},{f:.2f},{u:.4f}" for t, x, f, u in rows]
     header = f"time_s,displacement_m,force_N,{'voltage_V' if run.command_unit == 'V' else 'current_A'}"
     path.write_text("\n".join([f"# {label}", header, *lines, ""]), encoding="utf-8")
@@ -327,12 +360,3 @@ def _outside(commands: tuple[float, float], errors: Iterable[RunError]) -> list[
         for e in errors
         if e.command is not None and not low - 1e-9 <= e.command <= high + 1e-9
     ]
-
-
-def _describe(entry: object) -> Json:
-    """Return a catalogue entry by its plain fields."""
-    from dataclasses import fields, is_dataclass
-
-    assert is_dataclass(entry)
-    values = {each.name: getattr(entry, each.name) for each in fields(entry)}
-    return {name: value for name, value in values.items() if isinstance(value, str | int | float)}

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import csv
 import json
-import os
 import shutil
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
@@ -45,7 +44,7 @@ def staged(out: Path) -> Iterator[Path]:
                 if path.is_dir():
                     continue
                 target.parent.mkdir(parents=True, exist_ok=True)
-                os.replace(path, target)
+                path.replace(target)
         except OSError as fault:
             raise InputError(f"{out}: cannot write there: {fault.strerror}; choose another folder") from fault
     finally:

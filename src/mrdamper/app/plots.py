@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -22,9 +22,21 @@ from matplotlib.figure import Figure
 from mrdamper.quantities import FloatArray
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
 
-__all__ = ["CoefficientCurve", "Trace", "colour_of", "correlations", "curves", "energies", "errors", "loops", "residuals"]
+__all__ = [
+    "CoefficientCurve",
+    "Limits",
+    "Trace",
+    "colour_of",
+    "correlations",
+    "curves",
+    "energies",
+    "errors",
+    "loops",
+    "residuals",
+]
 
 MEASURED = "#b3b3b3"
 HELD_OUT = "#c8553d"
@@ -33,7 +45,7 @@ INK = "#333333"
 
 _WIDE = 10.6  # inches; the page is 1130 px wide, paper shrinks it
 
-_STYLE: Mapping[str, object] = {
+_STYLE: dict[str, object] = {
     "svg.fonttype": "none",
     "svg.hashsalt": "mrdamper",
     "font.family": ["sans-serif"],
@@ -86,6 +98,27 @@ class Trace:
         return "varying" if self.command is None else f"{self.command:g} {self.command_unit}"
 
 
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Low and high end of the axes that several runs share."""
+
+    displacement_mm: tuple[float, float]
+    velocity_mm_s: tuple[float, float]
+    force_N: tuple[float, float]
+
+    @classmethod
+    def of(cls, traces: Sequence[Trace]) -> Limits:
+        """Return the limits that show all of these."""
+
+        def span(arrays: Sequence[FloatArray]) -> tuple[float, float]:
+            return min(float(a.min()) for a in arrays), max(float(a.max()) for a in arrays)
+
+        forces = [force for t in traces for force in (t.measured_N, t.modelled_N)]
+        return cls(
+            span([t.displacement_mm for t in traces]), span([t.velocity_mm_s for t in traces]), span(forces)
+        )
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class CoefficientCurve:
     """A coefficient over the command, with its standard error where that is known."""
@@ -104,22 +137,22 @@ def colour_of(command: float | None, highest: float) -> str:
     return to_hex(mpl.colormaps["viridis"](0.08 + 0.70 * share))
 
 
-def loops(trace: Trace, *, half_stroke: float, top_speed: float, top_force: float, highest: float) -> str:
+def loops(trace: Trace, limits: Limits, highest: float) -> str:
     """Return force over displacement and over velocity of one run; limits are shared within a motion."""
     with _style():
         figure = Figure(figsize=(2.15, 3.35))
         colour = colour_of(trace.command, highest)
-        for place, (x, edge, label) in enumerate(
+        for place, (x, ends, label) in enumerate(
             (
-                (trace.displacement_mm, half_stroke, "displacement, mm"),
-                (trace.velocity_mm_s, top_speed, "velocity, mm/s"),
+                (trace.displacement_mm, limits.displacement_mm, "displacement, mm"),
+                (trace.velocity_mm_s, limits.velocity_mm_s, "velocity, mm/s"),
             )
         ):
             axes = figure.add_subplot(2, 1, place + 1)
             axes.plot(x, trace.measured_N, color=MEASURED, linewidth=2.0, solid_joinstyle="round")
             axes.plot(x, trace.modelled_N, color=colour, linewidth=0.9)
-            axes.set_xlim(-1.06 * edge, 1.06 * edge)
-            axes.set_ylim(-1.08 * top_force, 1.08 * top_force)
+            axes.set_xlim(*_widened(ends))
+            axes.set_ylim(*_widened(limits.force_N))
             axes.locator_params(nbins=5)
             axes.set_xlabel(label, labelpad=1.5)
             axes.set_ylabel("force, N", labelpad=1.0)
@@ -132,7 +165,7 @@ def residuals(traces: Sequence[Trace], title: str, highest: float) -> str:
     with _style():
         figure = Figure(figsize=(_WIDE, 2.4))
         top = max(float(np.abs(t.measured_N - t.modelled_N).max()) for t in traces)
-        shown: dict[str, object] = {}
+        shown: dict[str, Artist] = {}
         for place, label in enumerate(("velocity, mm/s", "displacement, mm")):
             axes = figure.add_subplot(1, 2, place + 1)
             axes.axhline(0.0, color="#888888", linewidth=0.6)
@@ -140,7 +173,11 @@ def residuals(traces: Sequence[Trace], title: str, highest: float) -> str:
                 x = trace.displacement_mm if place else trace.velocity_mm_s
                 style = "-" if trace.split == "training" else "--"
                 (line,) = axes.plot(
-                    x, trace.measured_N - trace.modelled_N, style, color=colour_of(trace.command, highest), linewidth=0.8
+                    x,
+                    trace.measured_N - trace.modelled_N,
+                    style,
+                    color=colour_of(trace.command, highest),
+                    linewidth=0.8,
                 )
                 shown.setdefault(trace.command_label, line)
             axes.set_ylim(-1.08 * top, 1.08 * top)
@@ -164,8 +201,14 @@ def errors(rows: Sequence[tuple[str, str, float]]) -> str:
         axes.barh(places, values, height=0.66, color=colours)
         for place, value in enumerate(values):
             axes.annotate(
-                f"{value:.1f}", (value, place), (3, 0), textcoords="offset points", va="center", fontsize=6.5,
-                color="#555555", bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.4},
+                f"{value:.1f}",
+                (value, place),
+                (3, 0),
+                textcoords="offset points",
+                va="center",
+                fontsize=6.5,
+                color="#555555",
+                bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.4},
             )
         axes.set_yticks(places, [_shortened(name) for name, _, _ in rows])
         axes.set_ylim(len(rows) - 0.4, -0.6)
@@ -251,7 +294,9 @@ def correlations(names: Sequence[str], matrix: FloatArray, strong: float = 0.8) 
             np.ma.masked_invalid(shown), cmap="RdBu_r", vmin=-1.0, vmax=1.0, edgecolors="white", linewidth=0.5
         )
         for i, j in zip(*np.nonzero(np.abs(np.nan_to_num(shown)) >= strong), strict=True):
-            axes.text(j + 0.5, i + 0.5, f"{shown[i, j]:.2f}", ha="center", va="center", fontsize=5.2, color="white")
+            axes.text(
+                j + 0.5, i + 0.5, f"{shown[i, j]:.2f}", ha="center", va="center", fontsize=5.2, color="white"
+            )
         labels = [name.removesuffix(".value") for name in names]
         axes.set_xticks(np.arange(count) + 0.5, labels, rotation=90)
         axes.set_yticks(np.arange(count) + 0.5, labels)
@@ -268,13 +313,20 @@ def correlations(names: Sequence[str], matrix: FloatArray, strong: float = 0.8) 
 
 
 def _style() -> AbstractContextManager[None]:
-    return mpl.rc_context(dict(_STYLE))
+    return mpl.rc_context(_STYLE)  # type: ignore[arg-type]  # the stubs list every key there is
+
+
+def _widened(ends: tuple[float, float]) -> tuple[float, float]:
+    margin = 0.05 * (ends[1] - ends[0])
+    return ends[0] - margin, ends[1] + margin
 
 
 def _svg(figure: Figure, label: str) -> str:
     """Return the figure as an SVG element without header, dates and ids that nothing refers to."""
     buffer = io.StringIO()
-    FigureCanvasSVG(figure).print_svg(buffer, metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
+    FigureCanvasSVG(figure).print_svg(  # type: ignore[no-untyped-call]
+        buffer, metadata={"Date": None, "Creator": None, "Format": None, "Type": None}
+    )
     text = buffer.getvalue()
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)

@@ -6,6 +6,7 @@ users chose are text and never markup.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -170,13 +171,8 @@ def _groups(traces: Sequence[plots.Trace], highest: float) -> list[_Group]:
     groups = []
     for motion in dict.fromkeys(trace.motion for trace in traces):
         members = [trace for trace in traces if trace.motion == motion]
-        stroke, speed, force = (
-            max(float(np.abs(getattr(trace, name)).max()) for trace in members for name in names)
-            for names in (("displacement_mm",), ("velocity_mm_s",), ("measured_N", "modelled_N"))
-        )
-        drawn = tuple(
-            (t, plots.loops(t, half_stroke=stroke, top_speed=speed, top_force=force, highest=highest)) for t in members
-        )
+        limits = plots.Limits.of(members)
+        drawn = tuple((trace, plots.loops(trace, limits, highest)) for trace in members)
         groups.append(_Group(motion, drawn))
     return groups
 
@@ -216,7 +212,12 @@ def _coefficient_curves(fitted: Identification) -> list[plots.CoefficientCurve]:
         error = _band(fitted, form.gradient(grid)[rows], chosen)
         found.append(
             plots.CoefficientCurve(
-                name, fitted.damper.law[name].unit, grid, form.value(grid), error, np.unique(np.concatenate(trained))
+                name,
+                fitted.damper.law[name].unit,
+                grid,
+                form.value(grid),
+                error,
+                np.unique(np.concatenate(trained)),
             )
         )
     return found
@@ -241,7 +242,9 @@ def _in_words(estimate: Estimate) -> str:
     return "well determined" if estimate.design_error_percent < 10.0 else "determined"
 
 
-def _left_out_tables(left_out: Sequence[LeftOut]) -> list[tuple[str, dict[str, float], list[tuple[str, int, dict[str, float]]]]]:
+def _left_out_tables(
+    left_out: Sequence[LeftOut],
+) -> list[tuple[str, dict[str, float], list[tuple[str, int, dict[str, float]]]]]:
     tables = []
     for kind in dict.fromkeys(left.kind for left in left_out):
         members = [left for left in left_out if left.kind == kind]
@@ -278,16 +281,29 @@ def _preparation_rows(fitted: Identification) -> list[tuple[str, str]]:
     return [
         (
             "low-pass of the displacement",
-            ("" if chosen.cutoff_Hz is not None else by_rule) + f"{cut[0]:.3g} to {cut[-1]:.3g} Hz, zero phase",
+            ("" if chosen.cutoff_Hz is not None else by_rule)
+            + f"{cut[0]:.3g} to {cut[-1]:.3g} Hz, zero phase",
         ),
         (
             "reversal dead band",
             ("" if chosen.dead_band_m is not None else by_rule) + f"{dead[0]:.3g} to {dead[-1]:.3g} µm",
         ),
-        ("zero of displacement", {"start": "rest before the motion", "mean": "mean", "none": "as measured"}[chosen.reference]),
-        ("velocity", "from the smoothed displacement" if chosen.velocity == "displacement" else "measured channel"),
-        ("force", "as measured" if not chosen.force_offset_N else f"tare of {chosen.force_offset_N:g} N taken off"),
-        ("rate inside the fit", f"{fitted.problem.rate_Hz:g} Hz or the file's; errors are taken at the file's full rate"),
+        (
+            "zero of displacement",
+            {"start": "rest before the motion", "mean": "mean", "none": "as measured"}[chosen.reference],
+        ),
+        (
+            "velocity",
+            "from the smoothed displacement" if chosen.velocity == "displacement" else "measured channel",
+        ),
+        (
+            "force",
+            "as measured" if not chosen.force_offset_N else f"tare of {chosen.force_offset_N:g} N taken off",
+        ),
+        (
+            "rate inside the fit",
+            f"{fitted.problem.rate_Hz:g} Hz or the file's; errors are taken at the file's full rate",
+        ),
     ]
 
 
@@ -303,7 +319,11 @@ def _environment() -> Environment:
         undefined=jinja2.StrictUndefined,
     )
     environment.filters["svg"] = Markup  # our own figures, whose texts Matplotlib has escaped
-    environment.filters["number"] = lambda value, digits=4: "" if value is None or value != value else f"{value:.{digits}g}"
-    environment.filters["percent"] = lambda value: "-" if value != value else f"{value:.1f} %"
-    environment.filters["command"] = lambda e: "varying" if e.command is None else f"{e.command:g} {e.command_unit}"
+    environment.filters["number"] = lambda value, digits=4: (
+        "" if value is None or math.isnan(value) else f"{value:.{digits}g}"
+    )
+    environment.filters["percent"] = lambda value: "-" if math.isnan(value) else f"{value:.1f} %"
+    environment.filters["command"] = lambda e: (
+        "varying" if e.command is None else f"{e.command:g} {e.command_unit}"
+    )
     return environment

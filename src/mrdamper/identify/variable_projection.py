@@ -37,7 +37,7 @@ __all__ = ["Objective", "Progress", "Report", "fit_variable_projection", "latin_
 
 FloatArray = NDArray[np.float64]
 
-_COMMANDS = 9  # commands over the data's range at which linear coefficients are kept admissible
+_COMMANDS = 17  # commands over the data's range at which linear coefficients are kept admissible
 _LONGEST = 1.5  # longest step of a search coordinate per iteration, in e-folds on a log scale
 _MOST_ITERATIONS = 150
 _DRAWN = 80  # points looked at for each start
@@ -78,7 +78,7 @@ class Objective:
         self._widest = max(len(run.force) for run in runs)
         self._store = np.empty((core.MOST_DIRECTIONS + 2) * self._widest)
         self._drives = [run.drive for run in runs]
-        self._rows, self._floor = self._conditions()
+        self._rows, self._floor, self._margin = self._conditions()
 
     def gram(self, damper: Damper, numbers: Sequence[str], offsets: Mapping[str, float]) -> FloatArray:
         """Return the weighted Gram matrix of the tangents, session offsets and residual at a damper."""
@@ -120,9 +120,9 @@ class Objective:
         g = self.gram(damper, self.linear, offsets)
         values = damper.numbers
         present = np.array([values[name] for name in self.linear])
-        moved = _bounded_least_squares(
-            g[:-1, :-1], g[:-1, -1], self._rows, self._floor - self._rows[:, : len(present)] @ present
-        )
+        size = np.abs(self._rows[:, : len(present)]) @ np.abs(present)
+        floor = self._floor + self._margin * size - self._rows[:, : len(present)] @ present
+        moved = _bounded_least_squares(g[:-1, :-1], g[:-1, -1], self._rows, floor)
         cost = float(g[-1, -1] - 2.0 * moved @ g[:-1, -1] + moved @ g[:-1, :-1] @ moved)
         change = dict(zip(self.linear, (present + moved[: len(present)]).tolist(), strict=True))
         shifts = moved[len(present) :].tolist()
@@ -144,7 +144,8 @@ class Objective:
         values = damper.numbers
         present = np.array([values[name] for name in self.linear])
         slack = self._rows[:, : len(present)] @ present - self._floor
-        active = self._rows[slack <= 1e-9 * (1.0 + np.abs(self._floor))]
+        size = np.abs(self._rows[:, : len(present)]) @ np.abs(present)
+        active = self._rows[slack <= 2.0 * self._margin * size]
         if len(active):
             basis = null_space(active / np.linalg.norm(active, axis=1, keepdims=True))
             inner, cross, right = basis.T @ inner @ basis, basis.T @ cross, basis.T @ right
@@ -153,8 +154,12 @@ class Objective:
         solved = _solve_scaled(inner, np.column_stack([cross, right]))
         return hessian - cross.T @ solved[:, :n], gradient - cross.T @ solved[:, n]
 
-    def _conditions(self) -> tuple[FloatArray, FloatArray]:
-        """Return rows A and floor b of A c >= b: every linear coefficient admissible over the commands."""
+    def _conditions(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return rows A and floor b of A c >= b, and the margin kept to it, as a share of |A| |c|.
+
+        Every linear coefficient is to be admissible over the commands; the margin covers what a parabola
+        can dip between two of the commands looked at.
+        """
         template = self.problem.template
         commands = [run.drive.trajectory.command for run in self.runs]
         low, high = min(float(c.min()) for c in commands), max(float(c.max()) for c in commands)
@@ -162,6 +167,7 @@ class Objective:
         width = len(self.linear) + len(self.sessions)
         rows: list[FloatArray] = []
         floor: list[float] = []
+        margin: list[float] = []
         for name, law in template.coefficients.items():
             members = [i for i, number in enumerate(self.linear) if number.partition(".")[0] == name]
             least = template.law[name].lower
@@ -173,7 +179,8 @@ class Objective:
                 row[members] = gradient[at]
                 rows.append(row)
                 floor.append(least)
-        return np.array(rows).reshape(len(rows), width), np.array(floor)
+                margin.append(1e-9 if law.kind == "constant" else 1e-3)
+        return np.array(rows).reshape(len(rows), width), np.array(floor), np.array(margin)
 
 
 def fit_variable_projection(
@@ -405,8 +412,7 @@ def _bounded_least_squares(
     non-negative least squares.
     """
     solution = _solve_scaled(matrix, right)
-    size = np.abs(rows) @ np.abs(solution) + np.abs(floor) if len(rows) else floor
-    if not len(rows) or np.all(rows @ solution - floor >= -1e-9 * size):
+    if not len(rows) or np.all(rows @ solution >= floor):
         return solution
     scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     scaled = matrix * np.outer(scale, scale)

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Protocol, runtime_checkable
 
@@ -129,7 +129,12 @@ COMMON: tuple[Coefficient, ...] = (
         "transition_velocity", "m/s", "velocity over which friction changes sign", False, 1e-7, 10.0, 5e-4
     ),
 )
-"""Terms that every kernel law has, in kernel order (``series-valve``: stiffness and offset in the chain)."""
+"""Terms that every kernel law has, in kernel order."""
+
+# In the series valve the spring and the preload sit inside the chain, where the force is not linear in them.
+_IN_CHAIN: tuple[Coefficient, ...] = tuple(
+    replace(c, linear=False) if c.name in ("stiffness", "offset") else c for c in COMMON
+)
 
 _LAWS = (
     HysteresisLaw(
@@ -194,7 +199,7 @@ _LAWS = (
         "series-valve",
         "MR valve in series with free play and compliance",
         (
-            *COMMON,
+            *_IN_CHAIN,
             Coefficient("yield_force", "N", "yield force of the valve", False, 0.0),
             Coefficient(
                 "thinning", "(s/m)^m", "shear-thinning force over yield force at 1 m/s", False, 0.0, 1e4

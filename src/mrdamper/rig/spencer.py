@@ -81,7 +81,9 @@ class Campaign:
 def campaign(*, quick: bool = False) -> Campaign:
     """Return the demo's campaign: three sines and a motion without a period; ``quick`` leaves some out."""
     tones = (0.41, 0.67, 1.03, 1.37, 1.81, 2.29, 2.93)
-    random = Harmonics(tuple(3.2e-3 / (1.0 + f) * 1.6 for f in tones), tones, (0.3, 4.1, 2.2, 5.6, 1.1, 3.3, 0.7))
+    random = Harmonics(
+        tuple(3.2e-3 / (1.0 + f) * 1.6 for f in tones), tones, (0.3, 4.1, 2.2, 5.6, 1.1, 3.3, 0.7)
+    )
     sines: tuple[tuple[str, Motion], ...] = (
         ("sine5mm1Hz", Sine(5e-3, 1.0)),
         ("sine10mm2Hz", Sine(10e-3, 2.0)),
@@ -162,7 +164,9 @@ def measure(
     for row, (label, _, voltage) in enumerate(pairs):
         x = displacement[row, ::every]
         f = force[row, ::every]
-        x = _quantised(x + sensors.displacement_noise_m * noise.standard_normal(len(x)), sensors.displacement_step_m)
+        x = _quantised(
+            x + sensors.displacement_noise_m * noise.standard_normal(len(x)), sensors.displacement_step_m
+        )
         f = _quantised(f + sensors.force_noise_N * noise.standard_normal(len(f)), sensors.force_step_N)
         runs.append(
             RigRun(
@@ -180,7 +184,7 @@ def measure(
 
 
 def _soft_start(motion: Motion, time: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return displacement and velocity of a motion that begins after a rest, its amplitude coming up smoothly."""
+    """Return displacement and velocity of a motion that follows a rest, its amplitude coming up smoothly."""
     t = np.maximum(time - _REST, 0.0)
     s = np.clip(t / _SOFT_START, 0.0, 1.0)
     share = s**3 * (10.0 - 15.0 * s + 6.0 * s * s)

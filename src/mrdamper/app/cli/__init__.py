@@ -47,7 +47,9 @@ def main() -> NoReturn:
         if os.environ.get("MRDAMPER_DEBUG") == "1":
             raise
         said = f"{type(fault).__name__}: {fault}"
-        _leave(f"internal fault: {said}\nThis is a fault of mrdamper; MRDAMPER_DEBUG=1 shows where", _INTERNAL)
+        _leave(
+            f"internal fault: {said}\nThis is a fault of mrdamper; MRDAMPER_DEBUG=1 shows where", _INTERNAL
+        )
     sys.exit(answer if isinstance(answer, int) else 0)
 
 
@@ -64,27 +66,57 @@ def cli() -> None:
 
 _paths = click.argument("paths", nargs=-1, required=True, metavar="PATH...")
 _channels = click.option(
-    "--channels", type=click.Path(path_type=Path), metavar="FILE", help="Channel map (TOML) for headers that do not speak."
+    "--channels",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Channel map (TOML) for headers that do not speak.",
 )
-_flip = click.option("--flip-force", is_flag=True, help="Turn the sign of the force (compression-positive load cells).")
-_json = click.option("--json", "as_json", is_flag=True, help="Print one JSON object on standard output, nothing else.")
+_flip = click.option(
+    "--flip-force", is_flag=True, help="Turn the sign of the force (compression-positive load cells)."
+)
+_json = click.option(
+    "--json", "as_json", is_flag=True, help="Print one JSON object on standard output, nothing else."
+)
 _seed = click.option("--seed", type=int, default=0, show_default=True, help="Of every random draw.")
 
 
 @cli.command()
 @_paths
-@click.option("--out", type=click.Path(path_type=Path), required=True, metavar="DIR", help="For card.json, report.html, errors.csv.")
 @click.option(
-    "--law", default="series-valve", show_default=True, metavar="LAW", help=f"{_LAWS}; auto; or path/to/file.py:Class."
+    "--out",
+    type=click.Path(path_type=Path),
+    required=True,
+    metavar="DIR",
+    help="For card.json, report.html, errors.csv.",
 )
 @click.option(
-    "--method", type=click.Choice(["varpro", "genetic", "cma"]), default="varpro", show_default=True, help="How to search."
+    "--law",
+    default="series-valve",
+    show_default=True,
+    metavar="LAW",
+    help=f"{_LAWS}; auto; or path/to/file.py:Class.",
 )
-@click.option("--hold-out", multiple=True, metavar="GLOB", help="Runs that the fit must not see (by name; may be repeated).")
+@click.option(
+    "--method",
+    type=click.Choice(["varpro", "genetic", "cma"]),
+    default="varpro",
+    show_default=True,
+    help="How to search.",
+)
+@click.option(
+    "--hold-out",
+    multiple=True,
+    metavar="GLOB",
+    help="Runs that the fit must not see (by name; may be repeated).",
+)
 @_channels
 @_seed
 @click.option(
-    "--starts", type=click.IntRange(min=1), default=5, show_default=True, help="Starts of the search (varpro)."
+    "--starts",
+    type=click.IntRange(min=1),
+    default=5,
+    show_default=True,
+    help="Starts of the search (varpro).",
 )
 @click.option(
     "--leave-out",
@@ -93,11 +125,19 @@ _seed = click.option("--seed", type=int, default=0, show_default=True, help="Of 
     help="Fit again without each run, current or motion in turn.",
 )
 @click.option("--session-offsets", is_flag=True, help="Let each session have its own constant force.")
-@click.option("--one-command", is_flag=True, help="Accept runs at a single command; the model holds for it alone.")
+@click.option(
+    "--one-command", is_flag=True, help="Accept runs at a single command; the model holds for it alone."
+)
 @_flip
 @_json
 def identify(
-    paths: tuple[str, ...], out: Path, *, channels: Path | None, flip_force: bool, as_json: bool, **options: Any
+    paths: tuple[str, ...],
+    out: Path,
+    *,
+    channels: Path | None,
+    flip_force: bool,
+    as_json: bool,
+    **options: Any,
 ) -> int:
     """Fit one hysteresis law to measured runs over all currents at once.
 
@@ -108,7 +148,9 @@ def identify(
     from mrdamper.app.jobs import identify as job
 
     with terminal.progress() as report:
-        answer = job(paths, out, FitOptions(**options), channels=channels, flip_force=flip_force, report=report)
+        answer = job(
+            paths, out, FitOptions(**options), channels=channels, flip_force=flip_force, report=report
+        )
     return _finish(answer, terminal.show_identification, as_json=as_json)
 
 
@@ -116,7 +158,9 @@ def identify(
 @click.argument("card", type=click.Path(path_type=Path))
 @_paths
 @_channels
-@click.option("--law", metavar="FILE.py:CLASS", help="The user's own law, for a card that was identified with one.")
+@click.option(
+    "--law", metavar="FILE.py:CLASS", help="The user's own law, for a card that was identified with one."
+)
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write errors.csv there.")
 @_flip
 @_json
@@ -130,7 +174,12 @@ def predict(card: Path, paths: tuple[str, ...], *, as_json: bool, **options: Any
 
 @cli.command()
 @click.option(
-    "--out", type=click.Path(path_type=Path), default=Path("build/demo"), show_default=True, metavar="DIR", help="Where to."
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("build/demo"),
+    show_default=True,
+    metavar="DIR",
+    help="Where to.",
 )
 @click.option("--quick", is_flag=True, help="Fewer and shorter runs.")
 @_seed
@@ -178,6 +227,8 @@ def _finish(answer: Answer, show: Callable[[Answer], None], *, as_json: bool) ->
     else:
         show(answer)
     if answer.get("cancelled"):
-        click.echo("mrdamper: interrupted: what was written is the best so far, marked as cancelled", err=True)
+        click.echo(
+            "mrdamper: interrupted: what was written is the best so far, marked as cancelled", err=True
+        )
         return _NOT_CONVERGED
     return 0

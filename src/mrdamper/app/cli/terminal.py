@@ -25,7 +25,7 @@ _LEAST_INTERVAL = 0.1  # between two updates of the progress line [s]
 
 @contextmanager
 def progress() -> Iterator[Report | None]:
-    """Give a function that shows how far a fit is; None when standard error is not a terminal."""
+    """Give a function that shows how far a fit is; None when standard error is no terminal."""
     if not sys.stderr.isatty():
         yield None
         return
@@ -60,7 +60,9 @@ def show_identification(answer: Answer) -> None:
         console.print(f"force offset of session {escape(session) or '(unnamed)'}: {offset:+.1f} N")
     for note in answer["notes"]:
         console.print(f"- {escape(note)}")
-    console.print(f"{answer['cpu_s']:.2f} s of CPU; wrote {escape(answer['card'])} and {escape(answer['report'])}")
+    console.print(
+        f"{answer['cpu_s']:.2f} s of CPU; wrote {escape(answer['card'])} and {escape(answer['report'])}"
+    )
 
 
 def show_prediction(answer: Answer) -> None:
@@ -158,7 +160,7 @@ def _judged(estimate: Answer) -> str:
     if estimate["at_bound"]:
         return f"on its {estimate['at_bound']} bound"
     design = estimate["design_error_percent"]
-    known = "" if design is None else f" ({design:.2g} %)"
+    known = "" if design is None else " (over 1000 %)" if design > 1e3 else f" ({design:.2g} %)"
     return ("yes" if estimate["identifiable"] else "no") + known
 
 

@@ -1,0 +1,259 @@
+"""The rules of preparation, one by one, on runs with known truth."""
+
+import json
+import math
+from time import process_time
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mrdamper.data.prepare import Preparation, decimate, prepare_run
+from mrdamper.errors import InputError
+from mrdamper.excitation import Chirp, Harmonics, Sine, Triangle
+from tests.data.example_runs import SINE, fields_of_run, make_run
+
+NOISY = {"noise": 1.5e-6, "quantum": 3e-6}
+
+
+def test_a_clean_run_is_driven_as_it_moved():
+    prepared = prepare_run(make_run(SINE))
+    path = prepared.trajectory
+    assert prepared.cutoff_Hz == pytest.approx(500.0)
+    assert path.step == pytest.approx(1e-3)
+    assert path.displacement == pytest.approx(SINE.displacement(path.time), abs=1e-9)
+    assert path.velocity == pytest.approx(SINE.velocity(path.time), abs=1e-4 * 0.126)
+    assert path.acceleration == pytest.approx(SINE.acceleration(path.time), abs=1e-3 * 1.6)
+    assert set(path.command) == {0.5}
+
+
+def test_the_force_is_as_measured():
+    run = make_run(SINE, **NOISY)
+    assert np.array_equal(prepare_run(run).force, run.force)
+    tared = prepare_run(run, Preparation(force_offset_N=40.0))
+    assert tared.force == pytest.approx(run.force - 40.0)
+
+
+def test_a_noisy_run_is_smoothed_and_nothing_of_the_motion_is_lost():
+    prepared = prepare_run(make_run(SINE, rest=0.3, **NOISY))
+    since = np.maximum(prepared.trajectory.time - 0.3, 0.0)
+    moving = prepared.trajectory.time > 0.35  # the jump in velocity at the start is rounded
+    assert 10.0 < prepared.cutoff_Hz < 250.0
+    assert np.std(prepared.trajectory.velocity[moving] - SINE.velocity(since)[moving]) < 0.3e-3
+    assert np.std(prepared.trajectory.velocity[:250]) < 0.2e-3
+
+
+def test_what_is_asked_for_is_done():
+    run = make_run(SINE, **NOISY)
+    prepared = prepare_run(run, Preparation(cutoff_Hz=50.0, dead_band_m=1e-5))
+    assert prepared.cutoff_Hz == pytest.approx(50.0)
+    assert prepared.dead_band_m == 1e-5
+    assert prepared.trajectory.dead_band == 1e-5
+    raw = prepare_run(run, Preparation(cutoff_Hz=math.inf, reference="none"))
+    assert np.array_equal(raw.trajectory.displacement, run.displacement)
+
+
+@given(start=st.floats(-0.5, 0.5), rest=st.floats(0.1, 1.0))
+def test_the_reference_is_the_rest_before_the_motion(start, rest):
+    fields = fields_of_run(SINE, rest=rest, duration=2.0, noise=2e-6)
+    fields["displacement"] = fields["displacement"] + start
+    run = make_run(changed=fields)
+    at_start = prepare_run(run).trajectory.displacement
+    assert np.mean(at_start[: int(500 * rest)]) == pytest.approx(0.0, abs=2e-6)
+    as_measured = prepare_run(run, Preparation(reference="none")).trajectory.displacement
+    assert at_start - as_measured == pytest.approx(-start, abs=2e-6)
+    centred = prepare_run(run, Preparation(reference="mean")).trajectory.displacement
+    assert np.mean(centred) == pytest.approx(0.0, abs=1e-12)
+
+
+@given(rest=st.floats(0.05, 2.0))
+def test_the_score_begins_half_a_period_after_the_motion(rest):
+    prepared = prepare_run(make_run(SINE, rest=rest, duration=3.0))
+    left_rest = np.arcsin(0.02 * 0.02 / 0.010) / (2 * np.pi * 2.0)  # 2 % of the range of 20 mm
+    expected = rest + left_rest + 0.25
+    assert prepared.scored_from * 1e-3 == pytest.approx(expected, abs=3e-3)
+
+
+def test_the_period_is_measured():
+    assert prepare_run(make_run(SINE, **NOISY)).period_s == pytest.approx(0.5, rel=1e-3)
+    chirp = prepare_run(make_run(Chirp(0.002, 1.0, 15.0, 10.0), duration=10.0))
+    assert chirp.period_s is None
+    half = 0.5 / 8.0  # the median stroke of a linear sweep from 1 to 15 Hz is near its middle frequency
+    assert chirp.scored_from * 1e-3 < 2 * half
+
+
+@pytest.mark.parametrize(
+    ("motion", "label"),
+    [
+        (Sine(0.010, 2.0), "sine 10 mm 2 Hz"),
+        (Sine(0.025, 0.25), "sine 25 mm 0.25 Hz"),
+        (Triangle(0.005, 0.02), "triangle 5 mm 1 Hz"),
+        (Chirp(0.002, 0.5, 15.0, 20.0), "chirp 2 mm 1-15 Hz"),
+        (Harmonics((0.010, 0.006), (1.0, 3.0), (0.0, 0.4)), "periodic 13 mm 1 Hz"),
+    ],
+)
+@pytest.mark.parametrize("how", [{}, {"noise": 1.5e-6, "quantum": 3e-6}, {"noise": 2e-5}])
+def test_a_motion_is_named_by_what_it_is(motion, label, how):
+    assert prepare_run(make_run(motion, duration=20.0, **how)).motion == label
+
+
+def test_a_random_motion_is_named_by_its_band():
+    rng = np.random.default_rng(0)
+    frequencies = 1.0 + 4.0 * rng.random(40)
+    tones = Harmonics(tuple(0.002 * rng.random(40)), tuple(frequencies), tuple(6.28 * rng.random(40)))
+    kind, size, unit, band, _ = prepare_run(make_run(tones, duration=30.0)).motion.split()
+    assert (kind, unit) == ("random", "mm")
+    low, high = map(float, band.split("-"))
+    assert float(size) > 1.0
+    assert 0.9 <= low < high <= 5.5
+
+
+@given(wobble=st.floats(-0.01, 0.01))
+def test_a_frequency_near_a_plain_number_takes_it(wobble):
+    label = prepare_run(make_run(Sine(0.010, 0.255 * (1 + wobble)), duration=30.0, rate_Hz=100.0)).motion
+    assert label == "sine 10 mm 0.25 Hz"
+
+
+def test_a_label_that_is_known_is_kept():
+    assert (
+        prepare_run(make_run(changed={"motion": "sine 10 mm 2 Hz, warm"})).motion == "sine 10 mm 2 Hz, warm"
+    )
+
+
+def test_the_dead_band_covers_the_noise_that_is_left():
+    for noise in (1e-6, 1e-5, 1e-4):
+        prepared = prepare_run(make_run(SINE, noise=noise))
+        clean = SINE.displacement(prepared.trajectory.time)
+        left = np.std((prepared.trajectory.displacement - clean)[20:-20])
+        assert 2.5 * left < prepared.dead_band_m < 15 * left
+    assert prepare_run(make_run(SINE, **NOISY)).dead_band_m >= 3e-6 * (1 - 1e-9)
+
+
+def test_jittered_time_is_resampled_to_its_median_step():
+    fields = fields_of_run(SINE)
+    shaken = np.random.default_rng(8).uniform(-0.2e-3, 0.2e-3, len(fields["time"]))
+    fields["time"] = fields["time"] + shaken
+    fields["displacement"] = SINE.displacement(fields["time"])
+    fields["force"] = 1000.0 * np.tanh(SINE.velocity(fields["time"]) / 0.01)
+    fields["temperature"] = 300.0 + fields["time"]
+    run = make_run(changed=fields)
+    prepared = prepare_run(run, Preparation(reference="none", cutoff_Hz=math.inf))
+    at = run.time[0] + prepared.trajectory.time
+    assert prepared.trajectory.step == pytest.approx(float(np.median(np.diff(run.time))))
+    assert prepared.trajectory.displacement == pytest.approx(SINE.displacement(at), abs=1e-8)
+    assert prepared.trajectory.temperature == pytest.approx(300.0 + at)
+    assert prepared.force == pytest.approx(1000.0 * np.tanh(SINE.velocity(at) / 0.01), abs=5.0)
+
+
+def test_rounded_time_stamps_are_not_jitter():
+    """512 Hz written to the millisecond: the samples were uniform, the stamps are not."""
+    fields = fields_of_run(SINE, rate_Hz=512.0)
+    exact = prepare_run(make_run(changed=fields))
+    fields["time"] = np.round(fields["time"], 3)
+    prepared = prepare_run(make_run(changed=fields))
+    assert prepared.trajectory.step == pytest.approx(1 / 512.0, rel=1e-6)
+    assert np.array_equal(prepared.trajectory.displacement, exact.trajectory.displacement)
+
+
+def test_a_run_can_be_cut():
+    run = make_run(SINE)
+    prepared = prepare_run(run, Preparation(from_s=1.0, to_s=4.0, reference="none"))
+    assert len(prepared) == 3001
+    assert prepared.run.time[0] == 1.0
+    assert prepared.trajectory.displacement == pytest.approx(SINE.displacement(prepared.run.time), abs=1e-9)
+    with pytest.raises(InputError, match="run: has 1 samples; expected at least 16"):
+        prepare_run(run, Preparation(from_s=5.0))
+
+
+def test_a_force_with_the_other_sign_is_refused_with_the_flip():
+    run = make_run(SINE)
+    flipped = make_run(SINE, changed={"force": 50.0 - run.force})
+    with pytest.raises(
+        InputError, match=r"opposite signs \(correlation -0\.\d\d\).*put `sign = -1` at \[channel\.force\]"
+    ):
+        prepare_run(flipped)
+
+
+@given(preload=st.floats(-500.0, 500.0), stiffness=st.floats(-2e4, 2e4))
+def test_neither_preload_nor_spring_decides_the_sign(preload, stiffness):
+    run = make_run(SINE, duration=2.0)
+    prepare_run(
+        make_run(SINE, duration=2.0, changed={"force": run.force + preload + stiffness * run.displacement})
+    )
+
+
+def test_a_measured_velocity_is_used_only_when_it_agrees():
+    fields = fields_of_run(SINE, **NOISY)
+    measured = SINE.velocity(fields["time"]) * 1.01
+    run = make_run(changed=fields | {"velocity": measured})
+    assert not np.array_equal(prepare_run(run).trajectory.velocity, measured)
+    assert np.array_equal(prepare_run(run, Preparation(velocity="channel")).trajectory.velocity, measured)
+    wrong = make_run(changed=fields | {"velocity": 1.5 * measured})
+    with pytest.raises(InputError, match=r"differs from the displacement's rate by 5\d\.?\d* % of its rms"):
+        prepare_run(wrong, Preparation(velocity="channel"))
+    with pytest.raises(InputError, match="no velocity channel"):
+        prepare_run(make_run(SINE), Preparation(velocity="channel"))
+
+
+@given(rate=st.floats(50.0, 1500.0))
+def test_decimating_keeps_samples_and_never_goes_below_the_rate(rate):
+    full = prepare_run(make_run(SINE, duration=2.0, **NOISY))
+    fewer = decimate(full, rate)
+    factor = round(fewer.trajectory.step / full.trajectory.step)
+    assert fewer.trajectory.rate_Hz >= min(rate, 1000.0) * (1 - 1e-6)
+    assert full.trajectory.rate_Hz / (factor + 1) < rate
+    assert np.array_equal(fewer.trajectory.velocity, full.trajectory.velocity[::factor])
+    assert np.array_equal(fewer.force, full.force[::factor])
+    assert full.scored_from <= fewer.scored_from * factor < full.scored_from + factor
+
+
+def test_decimating_to_a_whole_share_of_the_rate_is_exact():
+    full = prepare_run(make_run(SINE))
+    assert decimate(full, 200.0).trajectory.step == pytest.approx(5e-3)
+    assert decimate(full, 1000.0) is full
+    assert decimate(full, 5000.0) is full
+    with pytest.raises(InputError, match="rate is 0 Hz"):
+        decimate(full, 0)
+
+
+@pytest.mark.parametrize(
+    "preparation",
+    [
+        Preparation(),
+        Preparation(cutoff_Hz=40.0, dead_band_m=1e-5, reference="mean", velocity="channel"),
+        Preparation(cutoff_Hz=math.inf, from_s=1.0, to_s=2.0, force_offset_N=-3.0),
+    ],
+)
+def test_a_preparation_survives_json(preparation):
+    text = json.dumps(preparation.to_dict(), allow_nan=False)
+    assert Preparation.from_dict(json.loads(text)) == preparation
+
+
+@pytest.mark.parametrize(
+    ("given_fields", "message"),
+    [
+        ({"cutoff_hz": 10.0}, "'cutoff_hz' is not known; the nearest are: cutoff_Hz"),
+        ({"cutoff_Hz": -1.0}, "cutoff_Hz is -1.0; expected a positive number"),
+        ({"cutoff_Hz": "high"}, "does not hold numbers where they belong"),
+        ({"dead_band_m": -1.0}, "dead_band_m is -1.0"),
+        ({"reference": "end"}, "reference is 'end'; use one of: start, mean, none"),
+        ({"velocity": "sensor"}, "velocity is 'sensor'; use one of: displacement, channel"),
+        ({"force_offset_N": float("nan")}, "force_offset_N is nan"),
+    ],
+)
+def test_a_preparation_without_sense_is_refused(given_fields, message):
+    with pytest.raises(InputError, match=message):
+        Preparation.from_dict(given_fields)
+
+
+def test_preparing_a_run_of_7000_samples_takes_less_than_two_milliseconds():
+    """Part of the fit's CPU budget. The best of several rounds: a loaded machine is not a fault."""
+    run = make_run(SINE, duration=7.0, **NOISY)
+    rounds = []
+    for _ in range(10):
+        began = process_time()
+        for _ in range(5):
+            prepare_run(run)
+        rounds.append((process_time() - began) / 5)
+    assert min(rounds) < 2e-3

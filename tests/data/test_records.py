@@ -1,0 +1,172 @@
+"""What a measured run must be, and what is said when it is not."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mrdamper.data.records import Dataset, RigRun, nearest_names
+from mrdamper.errors import InputError
+from mrdamper.excitation import Sine
+from tests.data.example_runs import fields_of_run, make_run
+
+
+def _with(field, change):
+    fields = fields_of_run()
+    values = fields[field].copy()
+    fields[field] = change(values)
+    return fields
+
+
+def _set(sample, value):
+    def change(values):
+        values[sample] = value
+        return values
+
+    return change
+
+
+def test_a_good_run_is_kept_as_it_is():
+    fields = fields_of_run()
+    run = RigRun(**fields)
+    assert np.array_equal(run.displacement, fields["displacement"])
+    assert len(run) == len(fields["time"])
+    with pytest.raises(ValueError, match="read-only"):
+        run.force[0] = 0.0
+
+
+@pytest.mark.parametrize(
+    ("field", "change", "message"),
+    [
+        (
+            "time",
+            _set(100, 0.099),
+            r"run: time goes from 0\.099 s to 0\.099 s at sample 100 \(1 such",
+        ),
+        ("force", _set(7, np.nan), r"run: force is nan at sample 7 \(1 such samples\); expected finite"),
+        ("displacement", _set(9, np.inf), r"run: displacement is inf at sample 9"),
+        ("force", lambda f: 0 * f + 3.0, r"run: force never changes \(3 N at every sample\)"),
+        (
+            "displacement",
+            lambda x: 0 * x + 0.1,
+            r"run: displacement never changes \(0\.1 m at every",
+        ),
+        (
+            "displacement",
+            lambda x: np.linspace(0.0, 0.1, len(x)),
+            r"displacement has 0 reversals; expected",
+        ),
+        ("displacement", lambda x: 1e3 * x, r"with a stroke of 20 m; .* It looks like mm read as m"),
+        ("displacement", _set(50, 0.2), r"It looks like a jump of the sensor"),
+        (
+            "time",
+            lambda t: np.where(t < 2.0, t, 2.0 + 5 * (t - 2.0)),
+            r"mixed sampling: the time step is 0\.001",
+        ),
+        ("time", lambda t: np.where(t < 2.0, t, t + 0.3), r"time has a gap of 0\.301 s after sample 1999"),
+        ("force", lambda f: f[:-1], r"channels differ in length \(time 5001, displacement 5001, force 5000"),
+        ("force", lambda f: 1e4 * f, r"force is 1e\+07 N at sample \d+ .* expected -1e\+06 to 1e\+06 N"),
+    ],
+)
+def test_a_fault_is_told_with_place_and_remedy(field, change, message):
+    with pytest.raises(InputError, match=message):
+        RigRun(**_with(field, change))
+
+
+def test_one_reversal_is_not_enough():
+    there_and_back = np.sin(np.pi * np.linspace(0.0, 1.0, 5001))
+    with pytest.raises(InputError, match="displacement has 1 reversal; expected at least 2"):
+        make_run(changed={"displacement": 0.01 * there_and_back})
+
+
+def test_celsius_passed_as_kelvin_is_refused_with_the_remedy():
+    with pytest.raises(InputError, match=r"run: temperature is 25 K at sample 0 .* expected 200 to 500 K"):
+        make_run(changed={"temperature": np.full(5001, 25.0)})
+
+
+def test_all_faults_are_told_at_once():
+    fields = _with("force", lambda f: 0 * f)
+    fields |= {"displacement": 1e3 * fields["displacement"], "temperature": np.full(5001, 20.0)}
+    with pytest.raises(InputError) as error:
+        RigRun(**fields)
+    told = str(error.value).splitlines()
+    assert len(told) == 3
+    assert all(line.startswith("run: ") for line in told)
+
+
+def test_mixed_sampling_says_where():
+    time = np.concatenate((0.001 * np.arange(2500), 2.5 + 0.004 * np.arange(2501)))
+    with pytest.raises(
+        InputError, match=r"0\.004 s from about sample 249\d|0\.004 s from about sample 25\d\d"
+    ):
+        make_run(changed={"time": time})
+
+
+@given(seed=st.integers(0, 1000), share=st.floats(0.0, 0.3))
+def test_jitter_is_not_mixed_sampling(seed, share):
+    fields = fields_of_run(duration=1.0)
+    shaken = np.random.default_rng(seed).uniform(-share, share, len(fields["time"]))
+    fields["time"] = fields["time"] + 0.001 * shaken
+    RigRun(**fields)
+
+
+def test_time_stamps_rounded_to_milliseconds_are_one_rate():
+    fields = fields_of_run(rate_Hz=512.0)
+    fields["time"] = np.round(fields["time"], 3)
+    RigRun(**fields)
+
+
+def test_a_command_is_constant_or_it_is_not():
+    assert make_run().constant_command == 0.5
+    assert make_run(changed={"command": np.linspace(0.0, 1.0, 5001)}).constant_command is None
+
+
+def test_names_in_a_set_are_unique():
+    with pytest.raises(InputError, match="run name 'run' is used more than once"):
+        Dataset((make_run(), make_run()))
+
+
+def _set_of(*names):
+    return Dataset(tuple(make_run(changed={"name": name}, duration=1.0) for name in names))
+
+
+def test_selecting_keeps_the_order_of_the_set():
+    runs = _set_of("sine_2Hz_1A", "sine_2Hz_0A", "chirp_1A")
+    assert runs.select("*1A").names == ("sine_2Hz_1A", "chirp_1A")
+    assert runs.select("chirp*", "*0A").names == ("sine_2Hz_0A", "chirp_1A")
+    with pytest.raises(InputError, match=r"'sine_2hz_1A' matches no run; the nearest names are: sine_2Hz_1A"):
+        runs.select("sine_2hz_1A")
+
+
+def test_a_split_shares_no_run_and_loses_none():
+    runs = _set_of("a_0A", "a_1A", "b_0A", "b_1A")
+    training, held_out = runs.split(["b_*"])
+    assert training.names == ("a_0A", "a_1A")
+    assert held_out.names == ("b_0A", "b_1A")
+    assert runs.split([])[0].names == runs.names
+    with pytest.raises(InputError, match=r"hold-out \* leaves no run to train on"):
+        runs.split(["*"])
+
+
+def test_a_fingerprint_is_of_the_data_not_of_their_order():
+    runs = _set_of("a", "b")
+    assert runs.fingerprint == Dataset(runs.runs[::-1]).fingerprint
+    assert len(runs.fingerprint) == 64
+    other = Dataset((runs.runs[0], make_run(changed={"name": "b"}, duration=1.0, noise=1e-9)))
+    assert other.fingerprint != runs.fingerprint
+    assert _set_of("a", "c").fingerprint != runs.fingerprint
+
+
+def test_the_nearest_names_forgive_case():
+    assert nearest_names("FORCE_n", ["time_s", "force_N"])[0] == "force_N"
+
+
+def test_a_run_in_volts_knows_its_range():
+    run = make_run(changed={"command_unit": "V", "command": np.full(5001, 150.0)})
+    assert run.constant_command == 150.0
+    with pytest.raises(InputError, match="current is 150 A at sample 0"):
+        make_run(changed={"command": np.full(5001, 150.0)})
+
+
+def test_a_slow_run_is_a_run():
+    make_run(Sine(0.05, 0.01), duration=300.0, rate_Hz=10.0)

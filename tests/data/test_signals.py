@@ -1,0 +1,174 @@
+"""Smoothing and derivatives against closed forms and against known noise."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mrdamper.data.signals import (
+    differentiate,
+    knot_spacing,
+    measure_spectrum,
+    smallest_step,
+    smooth,
+    turning_points,
+)
+from mrdamper.excitation import Chirp, Harmonics, Sine, Triangle
+
+
+@given(power=st.integers(0, 6), at=st.integers(0, 29))
+def test_differences_are_exact_on_polynomials_of_their_order(power, at):
+    t = np.linspace(0.0, 1.0, 30)
+    slope = power * t[at] ** max(power - 1, 0)
+    assert differentiate(t**power, t[1])[at] == pytest.approx(slope, abs=1e-9)
+
+
+def test_differences_converge_with_the_sixth_order():
+    errors = []
+    for rate in (40.0, 80.0, 160.0):
+        t = np.arange(4 * rate + 1) / rate
+        errors.append(np.max(np.abs(differentiate(np.sin(7.0 * t), 1 / rate) - 7.0 * np.cos(7.0 * t))))
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert orders == pytest.approx([6.0, 6.0], abs=0.5)
+
+
+@pytest.mark.parametrize("rate", [200.0, 1000.0])
+@pytest.mark.parametrize("sigma", [2e-6, 2e-5])
+def test_known_noise_is_measured(rate, sigma):
+    """5 % is two standard errors of a median over a quarter of the frequencies of 4001 samples or more."""
+    t = np.arange(20 * rate + 1) / rate
+    noise = sigma * np.random.default_rng(1).standard_normal(len(t))
+    x = Chirp(0.002, 0.5, 15.0, 20.0).displacement(t) + noise
+    assert measure_spectrum(x, 1 / rate).noise == pytest.approx(sigma, rel=0.05)
+
+
+def test_white_noise_is_white():
+    x = 1e-6 * np.random.default_rng(2).standard_normal(20_001)
+    spectrum = measure_spectrum(x, 1e-3)
+    low, high = np.array_split(spectrum.power, 2)
+    assert np.mean(low) == pytest.approx(1e-12, rel=0.05)
+    assert np.mean(high) == pytest.approx(1e-12, rel=0.05)
+
+
+def test_rounding_is_noise_where_it_hides_between_spectral_lines():
+    """A sine of 500 samples per period rounds the same way in every period."""
+    x = np.round(0.01 * np.sin(4 * np.pi * np.arange(7001) / 1000.0), 6)
+    assert measure_spectrum(x, 1e-3).noise == pytest.approx(1e-6 / np.sqrt(12.0), rel=0.1)
+
+
+@pytest.mark.parametrize("rate", [200.0, 1000.0])
+def test_a_clean_sine_is_left_alone_and_its_velocity_is_right(rate):
+    """39 samples per cycle and 195: velocity to 1e-4 of its amplitude, with no smoothing chosen."""
+    sine = Sine(0.002, 200.0 / 39)
+    t = np.arange(5 * rate + 1) / rate
+    x = sine.displacement(t)
+    cutoff = measure_spectrum(x, 1 / rate).cut_off()
+    moved = smooth(x, 1 / rate, cutoff)
+    assert cutoff == pytest.approx(rate / 2)
+    assert np.array_equal(moved.displacement, x)
+    peak = np.max(np.abs(sine.velocity(t)))
+    assert np.max(np.abs(moved.velocity - sine.velocity(t))) < 1e-4 * peak
+    assert np.max(np.abs(moved.acceleration - sine.acceleration(t))) < 1e-3 * np.max(
+        np.abs(sine.acceleration(t))
+    )
+
+
+@pytest.mark.parametrize(
+    ("motion", "velocity_noise"),
+    [
+        (Sine(0.010, 2.0), 0.1e-3),
+        (Sine(0.005, 3.0), 0.1e-3),
+        (Chirp(0.002, 0.5, 15.0, 10.0), 0.2e-3),
+        (Harmonics((0.004, 0.002, 0.001), (0.7, 2.3, 5.1), (0.1, 1.0, 2.0)), 0.2e-3),
+    ],
+)
+def test_noise_and_steps_of_3_um_at_1_kHz_leave_little_noise_in_the_velocity(motion, velocity_noise):
+    """Raw differences have 2 mm/s rms; the ends (20 ms, the spline is free there) apart."""
+    t = np.arange(10_001) / 1000.0
+    rng = np.random.default_rng(3)
+    measured = 3e-6 * np.round((motion.displacement(t) + 1.5e-6 * rng.standard_normal(len(t))) / 3e-6)
+    moved = smooth(measured, 1e-3, measure_spectrum(measured, 1e-3).cut_off())
+    error = moved.velocity - motion.velocity(t)
+    assert np.std(differentiate(measured, 1e-3) - motion.velocity(t)) > 1.5e-3
+    assert np.std(error[20:-20]) < velocity_noise
+    assert np.max(np.abs(error)) < 100 * velocity_noise
+
+
+@given(
+    start=st.floats(-3.0, 3.0),
+    slope=st.floats(-3.0, 3.0),
+    bend=st.floats(-3.0, 3.0),
+    spacing=st.integers(2, 40),
+)
+def test_smoothing_keeps_cubics_ends_included(start, slope, bend, spacing):
+    """The penalty is on fourth differences: a cubic has none."""
+    t = np.linspace(-1.0, 1.0, 401)
+    x = start + slope * t + bend * t**3
+    moved = smooth(x, t[1] - t[0], 0.5 / (spacing * (t[1] - t[0])))
+    assert moved.displacement == pytest.approx(x, abs=1e-7)
+    assert moved.velocity == pytest.approx(slope + 3 * bend * t**2, abs=1e-5)
+    assert moved.acceleration == pytest.approx(6 * bend * t, abs=1e-3)
+
+
+@given(shift=st.floats(-0.1, 0.1), scale=st.floats(0.1, 10.0))
+def test_smoothing_is_linear_and_has_no_direction(shift, scale):
+    x = np.random.default_rng(4).standard_normal(500)
+    once = smooth(x, 1e-3, 60.0)
+    moved = smooth(scale * x + shift, 1e-3, 60.0)
+    assert moved.displacement == pytest.approx(scale * once.displacement + shift, abs=1e-9)
+    assert moved.velocity == pytest.approx(scale * once.velocity, abs=1e-6)
+    knots = knot_spacing(1e-3, 60.0)
+    whole = x[: knots * 60 + 1]  # knots at both ends: the same fit forwards and backwards
+    forwards, backwards = smooth(whole, 1e-3, 60.0), smooth(whole[::-1], 1e-3, 60.0)
+    assert backwards.displacement[::-1] == pytest.approx(forwards.displacement, abs=0.2)
+
+
+def test_the_derivatives_of_the_smoothed_displacement_are_its_velocity_and_acceleration():
+    x = np.cumsum(np.random.default_rng(5).standard_normal(2000)) * 1e-4
+    moved = smooth(x, 1e-3, 25.0)
+    assert differentiate(moved.displacement, 1e-3) == pytest.approx(
+        moved.velocity, abs=1e-4 * np.std(moved.velocity)
+    )
+    assert differentiate(moved.velocity, 1e-3) == pytest.approx(
+        moved.acceleration, abs=1e-2 * np.std(moved.acceleration)
+    )
+
+
+def test_mains_pick_up_does_not_open_the_cut_off():
+    t = np.arange(40_001) / 1000.0
+    rng = np.random.default_rng(6)
+    clean = Chirp(0.002, 0.5, 10.0, 40.0).displacement(t) + 2e-6 * rng.standard_normal(len(t))
+    hum = 1e-6 * np.sin(2 * np.pi * 150.3 * t)
+    without, with_hum = (measure_spectrum(x, 1e-3).cut_off() for x in (clean, clean + hum))
+    assert with_hum == pytest.approx(without, rel=0.2)
+    assert with_hum < 100.0
+
+
+def test_turning_points_of_a_sine_are_its_extremes():
+    t = np.arange(4001) / 1000.0
+    turns = turning_points(Sine(0.01, 1.0).displacement(t), 1e-3)
+    assert t[turns] == pytest.approx([0.25, 0.75, 1.25, 1.75, 2.25, 2.75, 3.25, 3.75])
+
+
+@given(seed=st.integers(0, 500), dead_band=st.floats(0.01, 3.0))
+def test_turning_points_are_the_reversals_beyond_the_dead_band(seed, dead_band):
+    """They alternate, each leg is longer than the dead band, and no leg holds a reversal beyond it."""
+    x = np.cumsum(np.random.default_rng(seed).standard_normal(200))
+    turns = turning_points(x, dead_band)
+    legs = np.diff(x[turns])
+    assert np.all(np.abs(legs) > dead_band)
+    assert np.all(legs[1:] * legs[:-1] < 0.0)
+    for a, b in zip(turns[:-1], turns[1:], strict=True):
+        leg = x[a : b + 1] * np.sign(x[b] - x[a])
+        assert np.max(np.maximum.accumulate(leg) - leg) <= dead_band
+
+
+def test_noise_at_rest_is_no_reversal():
+    t = np.arange(2001) / 1000.0
+    x = Triangle(0.01, 0.04).displacement(t) + 1e-5 * np.random.default_rng(7).standard_normal(len(t))
+    assert t[turning_points(x, 1e-4)] == pytest.approx([0.25, 0.75, 1.25, 1.75], abs=0.005)
+
+
+def test_the_resolution_is_the_smallest_step():
+    assert smallest_step(np.array([0.0, 3e-6, 3e-6, 9e-6, 1.2e-5])) == pytest.approx(3e-6)
+    assert smallest_step(np.ones(5)) == 0.0
