@@ -46,7 +46,7 @@ def fields_of_run(
     }
 
 
-def make_run(motion: Motion = SINE, changed: Mapping[str, Any] | None = None, **how: float) -> RigRun:
+def make_run(motion: Motion = SINE, changed: Mapping[str, Any] | None = None, **how: Any) -> RigRun:
     """Return a run; ``changed`` replaces fields, ``how`` goes to ``fields_of_run``."""
-    fields = fields_of_run(motion, **how)  # type: ignore[arg-type]  # seed is a whole number
+    fields = fields_of_run(motion, **how)
     return RigRun(**{**fields, **(changed or {})})

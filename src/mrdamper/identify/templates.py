@@ -19,6 +19,7 @@ from mrdamper.identify.problem import Free
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant, Exponential, Hill, ParameterLaw, Polynomial
 from mrdamper.models.laws import HysteresisLaw, find_law
+from mrdamper.models.simulate import LAG
 
 __all__ = ["Scale", "scale_of", "template"]
 
@@ -55,7 +56,8 @@ def template(
     """Return a law's damper with its usual dependence on the command, and its free numbers.
 
     Three or more commands carry the usual forms (quadratic, exponential, Hill with a fixed exponent for
-    exactly three); two carry straight lines; one carries constants, and must be asked for.
+    exactly three); two carry straight lines; one carries constants, and must be asked for. Where a command
+    varies over a run, the first-order lag [s] between command and force is free as well.
 
     Raises
     ------
@@ -82,7 +84,11 @@ def template(
         dependence, moved = _dependence(law, name, form, lower, upper, how, scale)
         forms[name] = dependence
         free += moved
-    return Damper(law, forms, units.pop()), tuple(free)
+    lag = 0.0
+    if any(run.run.constant_command is None for run in runs):
+        lag = 0.01
+        free.append(Free(LAG, 1e-4, 0.3, "log"))
+    return Damper(law, forms, units.pop(), lag), tuple(free)
 
 
 Entry = tuple[str, Form, float, float, Literal["linear", "log"]]
