@@ -105,6 +105,19 @@ def test_numbers_that_the_runs_cannot_tell_are_said_in_words() -> None:
     assert "n.value" in words or "kappa.value" in words
 
 
+def test_a_coefficient_held_at_its_limit_is_named() -> None:
+    """Data that ask for a negative spring: the fit stops at none and says so."""
+    runs = [
+        replace(run, force=np.asarray(run.force) - 9000.0 * run.trajectory.displacement)
+        for run in measured(TRUTHS[LAW], noise=0.02, seed=0)
+    ]
+    damper, free = template(LAW, runs)
+    result = fit_variable_projection(FitProblem(damper, free, tuple(runs)), starts=1, seed=0)
+    words = assess(result, runs).words
+    assert any(word.startswith("stiffness is held at the law's limit (0)") for word in words)
+    assert result.damper.numbers["stiffness.value"] >= 0.0
+
+
 def test_a_model_in_amperes_is_not_scored_on_a_run_in_volts() -> None:
     run = measured(TRUTHS[LAW], noise=0.0, seed=0)[0]
     with pytest.raises(InputError, match="the command is in V"):

@@ -11,6 +11,7 @@ from mrdamper.identify.problem import FitProblem, FitResult
 from mrdamper.identify.templates import template
 from mrdamper.identify.variable_projection import fit_variable_projection
 from mrdamper.models.damper import Damper
+from mrdamper.models.dependence import Constant
 from tests.identify.truths import TRUTHS, measured
 
 NOISE = 0.02
@@ -98,3 +99,17 @@ def test_a_command_that_varies_gives_the_actuation_lag_back() -> None:
     lag = next(e for e in result.estimates if e.name == LAG)
     assert abs(result.damper.command_lag_s - 0.012) < 3.0 * lag.standard_error
     assert lag.standard_error < 0.05 * 0.012
+
+
+def test_friction_and_mass_added_to_a_law_come_back() -> None:
+    added = {"coulomb_friction": 60.0, "breakaway_friction": 40.0, "mass": 6.0}
+    added |= {"stribeck_velocity": 8e-3, "transition_velocity": 1e-3}
+    forms = {**TRUTHS["dahl"].coefficients, **{name: Constant(value) for name, value in added.items()}}
+    runs = measured(replace(TRUTHS["dahl"], coefficients=forms), noise=NOISE, seed=5)
+    damper, free = template("dahl", runs, terms=("friction", "mass"))
+    result = fit_variable_projection(FitProblem(damper, free, runs), starts=2, seed=0)
+    assert result.cost_percent == pytest.approx(100 * NOISE, rel=0.04)
+    for estimate in result.estimates:
+        name = estimate.name.removesuffix(".value")
+        if name in added and estimate.identifiable:
+            assert abs(estimate.value - added[name]) < 3.0 * estimate.standard_error, name

@@ -165,7 +165,7 @@ def assess(
     seed: int | None = None,
     report: Report | None = None,
 ) -> Assessment:
-    """Judge a fit: error by run, passivity, plain words; ``leave_out`` fits again without each part in turn."""
+    """Judge a fit: error by run, passivity, words; ``leave_out`` fits again without each part."""
     return assess_fit(
         fitted.result,
         fitted.training,
@@ -278,7 +278,7 @@ def _place_of(law: PythonLaw) -> str:
 
 
 def _excerpt(damper: Damper, training: Sequence[PreparedRun]) -> Excerpt:
-    """Cut the shortest first period among the runs of the highest command: it starts at rest, as the run does."""
+    """Cut the shortest first period among the runs of the highest command: it starts at rest."""
 
     def ends_at(run: PreparedRun) -> int:
         return run.scored_from + round((run.period_s or 1.0) / run.trajectory.step)

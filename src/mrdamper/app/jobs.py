@@ -216,7 +216,7 @@ def _identify(
 
 
 def _compare(dataset: Dataset, options: FitOptions, report: Report | None) -> tuple[LawScore, ...]:
-    """Compare all laws on the training runs by leaving one motion out; the held-out runs are not looked at."""
+    """Compare all laws on the training runs, one motion left out; held-out runs are not looked at."""
     from mrdamper.app.api import prepare_all
 
     training = dataset.split(options.hold_out)[0] if options.hold_out else dataset

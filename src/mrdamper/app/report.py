@@ -230,7 +230,8 @@ def _band(fitted: Identification, gradient: FloatArray, places: Sequence[int]) -
     spread = np.nan_to_num(np.array([fitted.estimates[k].standard_error for k in places]))
     correlation = np.nan_to_num(fitted.result.correlation[np.ix_(places, places)])
     covariance = correlation * np.outer(spread, spread)
-    return np.sqrt(np.maximum(np.einsum("ik,ij,jk->k", gradient, covariance, gradient), 0.0))
+    variance = np.asarray(np.einsum("ik,ij,jk->k", gradient, covariance, gradient))
+    return np.sqrt(np.maximum(variance, 0.0))
 
 
 def _in_words(estimate: Estimate) -> str:

@@ -180,7 +180,7 @@ def assess(
     for kind in leave_out_kinds:
         left += leave_out(_fitter(problem, result, seed, report), training, kind)
     least = passivity(result.damper, training)
-    return Assessment(runs, tuple(left), least, tuple(_words(result, runs, least)))
+    return Assessment(runs, tuple(left), least, (*_words(result, runs, least), *_edges(result, training)))
 
 
 def leave_out(
@@ -313,6 +313,22 @@ def _command_label(run: PreparedRun) -> str:
 
 def _rms(values: FloatArray) -> float:
     return float(np.sqrt(np.mean(values**2)))
+
+
+def _edges(result: FitResult, training: Sequence[PreparedRun]) -> list[str]:
+    """Say where an eliminated coefficient lies on the edge of its law's range."""
+    commands = np.linspace(*envelope_of(training).command, 41)
+    unit = result.damper.command_unit
+    said = []
+    for name in dict.fromkeys(e.name.partition(".")[0] for e in result.estimates if e.linear):
+        values = result.damper.coefficients[name].value(commands)
+        least = result.damper.law[name].lower
+        if values.min() <= least + 3e-3 * np.abs(values).max():
+            said.append(
+                f"{name} is held at the law's limit ({least:g}) near {commands[values.argmin()]:g} {unit}: "
+                "left alone, the data would take it beyond."
+            )
+    return said
 
 
 def _words(result: FitResult, runs: Sequence[RunError], least: float) -> list[str]:

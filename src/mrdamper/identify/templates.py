@@ -33,6 +33,7 @@ class Scale:
     force: float  # 99.5th percentile of |F| over all runs [N]
     stroke: float  # largest |x| [m]
     speed: float  # 99.5th percentile of |v| of the fastest run [m/s]
+    acceleration: float  # 99.5th percentile of |a| of the liveliest run [m/s^2]
     command: float  # largest |command| [A or V]
     levels: int  # distinct commands; a command that varies counts as four
 
@@ -45,19 +46,25 @@ def scale_of(runs: Sequence[PreparedRun]) -> Scale:
         force=max(float(np.quantile(np.abs(run.force), 0.995)) for run in runs),
         stroke=max(float(np.abs(run.trajectory.displacement).max()) for run in runs),
         speed=max(float(np.quantile(np.abs(run.trajectory.velocity), 0.995)) for run in runs),
+        acceleration=max(float(np.quantile(np.abs(run.trajectory.acceleration), 0.995)) for run in runs),
         command=max(float(np.abs(run.trajectory.command).max()) for run in runs) or 1.0,
         levels=4 if varying else len({round(c, 6) for c in constants if c is not None}),
     )
 
 
 def template(
-    law_name: str | HysteresisLaw, runs: Sequence[PreparedRun], *, one_command: bool = False
+    law_name: str | HysteresisLaw,
+    runs: Sequence[PreparedRun],
+    *,
+    one_command: bool = False,
+    terms: Sequence[str] = (),
 ) -> tuple[Damper, tuple[Free, ...]]:
     """Return a law's damper with its usual dependence on the command, and its free numbers.
 
     Three or more commands carry the usual forms (quadratic, exponential, Hill with a fixed exponent for
     exactly three); two carry straight lines; one carries constants, and must be asked for. Where a command
-    varies over a run, the first-order lag [s] between command and force is free as well.
+    varies over a run, the first-order lag [s] between command and force is free as well. ``terms`` adds
+    parallel terms to any law: ``friction`` (Stribeck), ``mass``, ``viscosity``.
 
     Raises
     ------
@@ -80,7 +87,13 @@ def template(
         )
     forms: dict[str, ParameterLaw] = {}
     free: list[Free] = []
-    for name, form, lower, upper, how in _entries(law, scale):
+    entries = _entries(law, scale)
+    for term in terms:
+        known = _terms(scale)
+        if term not in known:
+            raise InputError(f"no term is called {term!r}; there are {', '.join(known)}")
+        entries += [entry for entry in known[term] if entry[0] not in {name for name, *_ in entries}]
+    for name, form, lower, upper, how in entries:
         dependence, moved = _dependence(law, name, form, lower, upper, how, scale)
         forms[name] = dependence
         free += moved
@@ -144,6 +157,20 @@ def _entries(law: HysteresisLaw, s: Scale) -> list[Entry]:
             ("stiffness", "constant", 0.0, s.force / s.stroke, "linear"),
         ]
     return _entries_of_python_law(law, s)
+
+
+def _terms(s: Scale) -> dict[str, list[Entry]]:
+    """Return the parallel terms that any law can be given."""
+    return {
+        "friction": [
+            ("coulomb_friction", "constant", 0.0, s.force, "linear"),
+            ("breakaway_friction", "constant", 0.0, s.force, "linear"),
+            ("stribeck_velocity", "constant", 1e-3 * s.speed, s.speed, "log"),
+            ("transition_velocity", "constant", 1e-4 * s.speed, 0.1 * s.speed, "log"),
+        ],
+        "mass": [("mass", "constant", 0.0, s.force / s.acceleration, "linear")],
+        "viscosity": [("viscosity", "constant", 0.0, 2.0 * s.force / s.speed, "linear")],
+    }
 
 
 def _entries_of_python_law(law: HysteresisLaw, s: Scale) -> list[Entry]:

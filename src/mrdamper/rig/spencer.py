@@ -111,7 +111,7 @@ def simulate(
         raise InputError(f"{len(motions)} motions and {len(voltages)} voltages; expected as many")
     steps = round(duration_s * rate_Hz)
     step = 1.0 / rate_Hz
-    halves = 0.5 * step * np.arange(2 * steps + 1)  # Runge-Kutta looks at mid-steps too
+    halves = 0.5 * step * np.arange(2 * steps + 1, dtype=np.float64)  # Runge-Kutta looks at mid-steps too
     paths = [_soft_start(motion, halves) for motion in motions]
     x, v = (np.array([path[k] for path in paths]).T.copy() for k in (0, 1))
     u = np.asarray(voltages, dtype=np.float64)

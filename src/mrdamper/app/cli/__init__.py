@@ -137,7 +137,7 @@ def identify(
     channels: Path | None,
     flip_force: bool,
     as_json: bool,
-    **options: Any,
+    **options: Any,  # noqa: ANN401 - click checks them, FitOptions names them
 ) -> int:
     """Fit one hysteresis law to measured runs over all currents at once.
 
@@ -164,7 +164,7 @@ def identify(
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write errors.csv there.")
 @_flip
 @_json
-def predict(card: Path, paths: tuple[str, ...], *, as_json: bool, **options: Any) -> int:
+def predict(card: Path, paths: tuple[str, ...], *, as_json: bool, **options: Any) -> int:  # noqa: ANN401 - click checks them
     """Score a model card on runs that it has not seen."""
     from mrdamper.app.cli import terminal
     from mrdamper.app.jobs import predict as job
@@ -184,7 +184,7 @@ def predict(card: Path, paths: tuple[str, ...], *, as_json: bool, **options: Any
 @click.option("--quick", is_flag=True, help="Fewer and shorter runs.")
 @_seed
 @_json
-def demo(*, as_json: bool, **options: Any) -> int:
+def demo(*, as_json: bool, **options: Any) -> int:  # noqa: ANN401 - click checks them
     """Run the whole job on a simulated rig (no measured data needed)."""
     from mrdamper.app.cli import terminal
     from mrdamper.app.jobs import demo as job

@@ -39,7 +39,7 @@ def progress() -> Iterator[Report | None]:
             shown[0] = clock
             line = (
                 f"{now.method}  start {now.start + 1} of {now.starts}  iteration {now.iteration}  "
-                f"error {now.cost_percent:.3f} %  best {now.best_percent:.3f} %   (Ctrl-C keeps the best so far)"
+                f"error {now.cost_percent:.3f} %  best {now.best_percent:.3f} %  (Ctrl-C keeps the best)"
             )
             live.update(Text(line), refresh=True)
 

@@ -1,0 +1,82 @@
+"""Runs and files for the tests of this room: short simulated runs, and ways of spoiling a file."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from mrdamper.data.records import RigRun
+from mrdamper.excitation import Sine
+from mrdamper.quantities import FloatArray
+from mrdamper.rig.spencer import Campaign, measure
+
+SHORT = Campaign(
+    (("sine5mm1Hz", Sine(5e-3, 1.0)), ("sine10mm2Hz", Sine(10e-3, 2.0))), voltages=(0.0, 0.75, 1.5), duration_s=2.6
+)
+
+PYTHON_LAW = '''
+"""A law of a user's own: Maxwell-like viscous force behind a spring."""
+from mrdamper.models.laws import Coefficient
+
+class Relaxing:
+    """A damper with one relaxing state."""
+    name = "relaxing"
+    coefficients = (
+        Coefficient("strength", "N", "force of the state", True, 0.0, 5e3),
+        Coefficient("length", "m", "motion over which the state turns", False, 1e-4, 1e-2),
+    )
+    def rate(self, state, displacement, velocity, values):
+        return (velocity - abs(velocity) * state) / values["length"]
+    def force(self, state, displacement, velocity, values):
+        return values["strength"] * state
+'''
+
+
+def short_runs() -> tuple[RigRun, ...]:
+    return measure(SHORT, seed=1)
+
+
+def columns_of(run: RigRun) -> dict[str, FloatArray]:
+    """Return a run's columns, every second sample, under headers that speak for themselves."""
+    chosen = {
+        "time_s": run.time,
+        "displacement_m": run.displacement,
+        "force_N": run.force,
+        "voltage_V": run.command,
+    }
+    return {name: np.array(values[::2]) for name, values in chosen.items()}
+
+
+def write_csv(path: Path, columns: Mapping[str, FloatArray]) -> Path:
+    table = np.column_stack(list(columns.values()))
+    np.savetxt(path, table, delimiter=",", header=",".join(columns), comments="", fmt="%.9g")
+    return path
+
+
+def write_runs(folder: Path, runs: Sequence[RigRun]) -> list[Path]:
+    folder.mkdir(exist_ok=True)
+    return [write_csv(folder / f"{run.name}.csv", columns_of(run)) for run in runs]
+
+
+def command(*arguments: object) -> list[str]:
+    code = "from mrdamper.app.cli import main; main()"
+    return [sys.executable, "-c", code, *map(str, arguments)]
+
+
+def mrdamper(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(command(*arguments), capture_output=True, text=True, check=False, cwd=cwd)
+
+
+def answer_of(run: subprocess.CompletedProcess[str]) -> dict[str, object]:
+    """Return the JSON object on standard output; it must be all that is there."""
+    assert run.returncode == 0, run.stderr
+    lines = run.stdout.strip().splitlines()
+    assert len(lines) == 1
+    answer = json.loads(lines[0])
+    assert isinstance(answer, dict)
+    return answer

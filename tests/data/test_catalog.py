@@ -1,0 +1,104 @@
+"""The catalogue, against a local mirror: nothing is downloaded here."""
+
+import hashlib
+import json
+import re
+from pathlib import Path
+
+import pytest
+
+from mrdamper.data import catalog
+from mrdamper.data.catalog import DataSet, RemoteFile, fetch, list_sets
+from mrdamper.errors import InputError
+
+CONTENT = b"time_s,force_N\n0,1\n"
+
+
+@pytest.fixture
+def small_set(monkeypatch, tmp_path):
+    """Return a set of two files, one with its hash known, and a mirror that holds both."""
+    mirror = tmp_path / "mirror"
+    (mirror / "raw").mkdir(parents=True)
+    (mirror / "raw" / "a.csv").write_bytes(CONTENT)
+    (mirror / "raw" / "b.csv").write_bytes(CONTENT * 2)
+    files = (RemoteFile("data/a.csv", hashlib.sha256(CONTENT).hexdigest()), RemoteFile("data/b.csv"))
+    chosen = DataSet("small", "", "MIT", "", "owner/name", "0" * 40, "", "", files)
+    monkeypatch.setattr(catalog, "DATA_SETS", (chosen,))
+    monkeypatch.setenv("MRDAMPER_DATA", str(mirror))
+    return mirror
+
+
+def test_every_set_is_pinned_and_licensed():
+    assert {known.name for known in list_sets()} == {"utfsm", "utfpr"}
+    for known in list_sets():
+        assert re.fullmatch(r"[0-9a-f]{40}", known.commit)
+        assert known.licence == "MIT"
+        assert known.files
+        for file in known.files:
+            assert file.sha256 is None or re.fullmatch(r"[0-9a-f]{64}", file.sha256)
+            assert known.url(file).startswith(
+                f"https://raw.githubusercontent.com/{known.repository}/{known.commit}/"
+            )
+            assert " " not in known.url(file)
+        assert (Path(__file__).parents[2] / "examples" / known.channels).is_file()
+
+
+def test_files_come_from_the_mirror_and_are_recorded(small_set, tmp_path):
+    target = fetch("small", folder=tmp_path / "kept")
+    assert (target / "a.csv").read_bytes() == CONTENT
+    assert (target / "b.csv").read_bytes() == CONTENT * 2
+    record = json.loads((target / "sha256.json").read_text())
+    assert record["data/b.csv"] == hashlib.sha256(CONTENT * 2).hexdigest()
+    assert sorted(file.name for file in target.iterdir()) == ["a.csv", "b.csv", "sha256.json"]
+
+
+def test_a_file_that_is_not_the_pinned_one_is_refused(small_set, tmp_path):
+    (small_set / "raw" / "a.csv").write_bytes(b"other")
+    with pytest.raises(InputError, match=r"is not a\.csv of small at 00000000: SHA-256 .*expected"):
+        fetch("small", folder=tmp_path / "kept")
+    assert not (tmp_path / "kept" / "a.csv").exists()
+
+
+def test_what_was_recorded_at_first_is_held_to(small_set, tmp_path):
+    target = fetch("small", folder=tmp_path / "kept")
+    (target / "b.csv").write_bytes(b"damaged")
+    fetch("small", folder=target)
+    assert (target / "b.csv").read_bytes() == CONTENT * 2
+    (target / "b.csv").unlink()
+    (small_set / "raw" / "b.csv").write_bytes(b"other")
+    with pytest.raises(InputError, match=r"is not b\.csv of small"):
+        fetch("small", folder=target)
+
+
+def test_a_mirror_may_hold_a_part_but_not_nothing(small_set, tmp_path):
+    (small_set / "raw" / "b.csv").unlink()
+    target = fetch("small", folder=tmp_path / "kept")
+    assert not (target / "b.csv").exists()
+    (small_set / "raw" / "a.csv").unlink()
+    with pytest.raises(InputError, match=r"holds no file of 'small'; expected any of: a\.csv, b\.csv"):
+        fetch("small", folder=tmp_path / "other")
+
+
+def test_an_unknown_set_names_the_nearest():
+    with pytest.raises(InputError, match="no data set 'utfms'; the nearest are: utfsm"):
+        fetch("utfms")
+
+
+def test_without_a_connection_the_mirror_is_named(small_set, tmp_path, monkeypatch):
+    import pooch
+
+    def refuse(*_args, **_kwargs):
+        raise OSError("no route to host")
+
+    monkeypatch.delenv("MRDAMPER_DATA")
+    monkeypatch.setattr(pooch, "retrieve", refuse)
+    monkeypatch.setattr(catalog, "_cache", lambda: tmp_path / "cache")
+    with pytest.raises(InputError, match=r"cannot download https://raw\..*no route to host.*MRDAMPER_DATA"):
+        fetch("small", folder=tmp_path / "kept")
+    assert not list((tmp_path / "kept").iterdir())
+
+
+def test_the_public_files_here_are_the_pinned_ones(real_data, tmp_path):
+    for name, expected in (("utfsm", {"ME5mm3Hz.txt"}), ("utfpr", {"ensaio.A.1.mat", "ensaio.A.3.mat"})):
+        target = fetch(name, folder=tmp_path / name)
+        assert expected <= {file.name for file in target.iterdir()}

@@ -1,0 +1,169 @@
+"""Channel maps: what they say, and what is said about a map that makes no sense."""
+
+import numpy as np
+import pytest
+
+from mrdamper.data.channels import Channel, ChannelMap, parse_header, read_channel_map
+from mrdamper.errors import InputError
+
+
+@pytest.mark.parametrize(
+    ("header", "said"),
+    [
+        ("force_N", ("force", "N")),
+        ("displacement_mm", ("displacement", "mm")),
+        ("temperature_degC", ("temperature", "degC")),
+        ("velocity_m_s", ("velocity", "m_s")),
+        ("Force (N)", ("force", "N")),
+        ("Displacement [mm]", ("displacement", "mm")),
+        ("TIME {s}", ("time", "s")),
+        ("Load / kN", ("force", "kN")),
+        (" Current [A] ", ("current", "A")),
+        ("Force", ("force", "")),
+        ("t", ("time", "")),
+        ("T", None),
+        ("CHANNEL1", None),
+        ("filtered_force_N", None),
+        ("", None),
+    ],
+)
+def test_a_header_speaks_for_itself_or_it_does_not(header, said):
+    assert parse_header(header) == said
+
+
+def test_a_gain_leads_from_the_files_unit_to_si():
+    volts = np.array([0.0, 1.0, -0.5])
+    cell = Channel("force", name="CHANNEL1", unit="V", gain=980.665, offset=10.0)
+    assert cell.to_si(volts, "", "f") == pytest.approx([10.0, 990.665, -480.3325])
+    turned = Channel("force", name="CHANNEL1", unit="V", gain=980.665, sign=-1)
+    assert turned.to_si(volts, "", "f") == pytest.approx([0.0, -980.665, 490.3325])
+
+
+def test_without_a_gain_the_unit_leads_to_si():
+    millimetres = np.array([0.0, 10.0])
+    assert Channel("displacement", unit="mm").to_si(millimetres, "", "f") == pytest.approx([0.0, 0.010])
+    shifted = Channel("displacement", unit="mm", offset=0.002, sign=-1)
+    assert shifted.to_si(millimetres, "", "f") == pytest.approx([-0.002, -0.012])
+    assert Channel("displacement").to_si(millimetres, "mm", "f") == pytest.approx([0.0, 0.010])
+
+
+def test_a_gain_beside_a_unit_of_the_role_is_ambiguous():
+    """Is it 2 kN per kN, or 2 N per kN? Nobody guesses."""
+    with pytest.raises(
+        InputError, match=r"channel\.force: a gain stands beside 'kN', which is a unit of force"
+    ):
+        Channel("force", unit="kN", gain=2.0)
+    assert Channel("force", unit="N", gain=1.02).to_si(np.array([100.0]), "", "f") == pytest.approx([102.0])
+
+
+def test_a_role_without_a_unit_is_asked_for():
+    with pytest.raises(
+        InputError, match=r"run\.csv: force has no unit; expected one in the header .*force_N.*N, kN"
+    ):
+        Channel("force").to_si(np.zeros(3), "", "run.csv")
+
+
+def test_a_column_is_found_by_name_pattern_or_index():
+    names = ["Time", "Axial Load", "LVDT"]
+    assert Channel("force", name="Axial Load").find(names, "f") == 1
+    assert Channel("force", pattern="*Load*").find(names, "f") == 1
+    assert Channel("force", index=2).find(names, "f") == 1
+    assert Channel("force", unit="N").find(names, "f") is None
+
+
+@pytest.mark.parametrize(
+    ("channel", "message"),
+    [
+        (
+            Channel("force", name="Axial load"),
+            "f: channel.force: no column 'Axial load'; the nearest are: 'Axial Load'",
+        ),
+        (
+            Channel("force", pattern="*o*"),
+            "f: channel.force: '\\*o\\*' is 2 columns; expected one. Give its index",
+        ),
+        (Channel("force", index=0), "f: channel.force: index is 0; expected 1 to 3, counted from 1"),
+        (Channel("force", index=4), "index is 4; expected 1 to 3"),
+    ],
+)
+def test_a_column_that_is_not_there_names_the_nearest(channel, message):
+    with pytest.raises(InputError, match=message):
+        channel.find(["Force", "Axial Load", "LVDT"], "f")
+
+
+def test_a_whole_map():
+    text = """
+        [channel.force]
+        name = "CHANNEL1"
+        unit = "V"
+        gain = 980.665
+        [constant]
+        voltage_mV = 3212
+        temperature_degC = 25
+        [segments]
+        split = "Resume"
+        current_mA = [0, 250]
+        [session]
+        name = "13 May"
+    """
+    import tomllib
+
+    found = ChannelMap.from_dict(tomllib.loads(text))
+    assert found.channels["force"] == Channel("force", name="CHANNEL1", unit="V", gain=980.665)
+    assert found.constant == pytest.approx({"voltage": 3.212, "temperature": 298.15})
+    assert found.segments is not None
+    assert found.segments.split == "Resume"
+    assert found.segments.role == "current"
+    assert found.segments.commands == pytest.approx((0.0, 0.25))
+    assert found.session == "13 May"
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"chanel": {}}, "map: 'chanel' is not known; the nearest are: channel"),
+        ({"channel": {"forse": {}}}, "map: channel: 'forse' is not known; the nearest are: force"),
+        (
+            {"channel": {"force": {"units": "N"}}},
+            "channel.force: 'units' is not known; the nearest are: unit",
+        ),
+        ({"channel": {"force": "CH1"}}, "channel.force is 'CH1'; expected a table"),
+        ({"channel": {"force": {"name": 1}}}, "channel.force.name is 1; expected a text"),
+        ({"channel": {"force": {"gain": "2"}}}, "channel.force.gain is '2'; expected a finite number"),
+        (
+            {"channel": {"force": {"gain": 0.0}}},
+            "channel.force: gain is 0.0; expected a finite number, not zero",
+        ),
+        ({"channel": {"force": {"sign": 2}}}, "channel.force: sign is 2; expected 1 or -1"),
+        ({"channel": {"force": {"index": 1.5}}}, "channel.force.index is 1.5; expected a whole number"),
+        ({"channel": {"force": {"index": 1, "name": "F"}}}, "name and index are given; give one of them"),
+        ({"constant": {"voltage": 3.2}}, "constant: 'voltage' is not known; the nearest are: voltage_V"),
+        ({"constant": {"voltage_N": 3.2}}, "constant.voltage_N: unit 'N' is not a unit of voltage"),
+        ({"constant": {"voltage_V": True}}, "constant.voltage_V is True; expected a finite number"),
+        ({"constant": {"rate_Hz": 0}}, "constant.rate_Hz is 0; expected a positive number"),
+        (
+            {"segments": {"current_A": [1]}},
+            "segments.split is None; expected the text that begins a new test",
+        ),
+        (
+            {"segments": {"split": "Resume"}},
+            "segments: no command; expected one list, current_A or voltage_V",
+        ),
+        ({"segments": {"split": "R", "current_A": 1}}, "segments.current_A is 1; expected a list"),
+        ({"session": {"nam": "x"}}, "session: 'nam' is not known; the nearest are: name"),
+    ],
+)
+def test_a_map_without_sense_is_refused(given, message):
+    with pytest.raises(InputError, match=message):
+        ChannelMap.from_dict(given, "map")
+
+
+def test_a_map_that_cannot_be_read_is_a_message(tmp_path):
+    with pytest.raises(InputError, match="cannot read the channel map"):
+        read_channel_map(tmp_path / "missing.toml")
+    (tmp_path / "bad.toml").write_text("[channel\n")
+    with pytest.raises(InputError, match="bad.toml: not a TOML file"):
+        read_channel_map(tmp_path / "bad.toml")
+    (tmp_path / "latin.toml").write_bytes(b"x = '\xe9'\n")
+    with pytest.raises(InputError, match="latin.toml: not a TOML file"):
+        read_channel_map(tmp_path / "latin.toml")

@@ -1,0 +1,290 @@
+"""The same run in every format and spelling reads the same; what cannot be read says so."""
+
+import numpy as np
+import polars as pl
+import pytest
+from scipy.io import savemat
+
+from mrdamper.data.channels import ChannelMap
+from mrdamper.data.readers import read_run, read_runs
+from mrdamper.errors import InputError
+from tests.data.example_runs import make_run
+
+RUN = make_run(duration=2.0, rate_Hz=200.0)
+ROWS = list(zip(RUN.time, RUN.displacement, RUN.force, RUN.command, strict=True))
+SELF_DESCRIBING = "time_s,displacement_m,force_N,current_A"
+
+
+def _text(header, delimiter=",", scales=(1.0, 1.0, 1.0, 1.0), comma=False):
+    rows = (delimiter.join(repr(float(v * s)) for v, s in zip(row, scales, strict=True)) for row in ROWS)
+    body = "\n".join(rows)
+    return header + "\n" + (body.replace(".", ",") if comma else body) + "\n"
+
+
+def _read(tmp_path, text, channels=None, name="run.csv"):
+    file = tmp_path / name
+    file.write_text(text, encoding="utf-8")
+    (run,) = read_run(file, channels)
+    return run
+
+
+def _assert_same(run, *, exactly=False):
+    tolerance = 0.0 if exactly else 1e-12
+    for channel in ("time", "displacement", "force", "command"):
+        expected = getattr(RUN, channel)
+        assert np.max(np.abs(getattr(run, channel) - expected)) <= tolerance * np.max(np.abs(expected))
+    assert run.command_unit == "A"
+
+
+def test_a_self_describing_file_needs_no_map(tmp_path):
+    run = _read(tmp_path, _text(SELF_DESCRIBING), name="sine_2Hz_0.5A.csv")
+    _assert_same(run, exactly=True)
+    assert run.name == "sine_2Hz_0.5A"
+    assert run.session == "sine_2Hz_0.5A"
+    assert run.source.endswith("sine_2Hz_0.5A.csv")
+    assert run.motion == ""
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        _text("time_s;displacement_m;force_N;current_A", ";"),
+        _text("time_s\tdisplacement_m\tforce_N\tcurrent_A", "\t"),
+        _text("time_s displacement_m force_N current_A", " "),
+        _text("time_s;displacement_m;force_N;current_A", ";", comma=True),
+        _text("time_s\tdisplacement_m\tforce_N\tcurrent_A", "\t", comma=True),
+        _text("time_ms,displacement_mm,force_kN,current_mA", scales=(1e3, 1e3, 1e-3, 1e3)),
+        _text("Time (Sec),Displacement [mm],Force (N),Current [A]", scales=(1.0, 1e3, 1.0, 1.0)),
+        _text("Time,Displacement,Load,Current\nSec,mm,kN,A", scales=(1.0, 1e3, 1e-3, 1.0)),
+        _text("Time [s]   Stroke [mm]   Force [N]   Current [A]", " ", scales=(1.0, 1e3, 1.0, 1.0)),
+        _text("# rig 3, 13 May\n# operator: K.\n" + SELF_DESCRIBING),
+        _text("# " + SELF_DESCRIBING),
+        _text("Test report\nDate: 2022-05-13\n\n" + SELF_DESCRIBING),
+        _text('"time_s","displacement_m","force_N","current_A"'),
+        "\ufeff" + _text(SELF_DESCRIBING),
+        _text(SELF_DESCRIBING).replace("\n", "\r\n"),
+        _text(SELF_DESCRIBING) + "\n\n",
+    ],
+    ids=[
+        "semicolon", "tab", "blanks", "decimal comma", "tab and decimal comma", "other units", "units in brackets",
+        "row of units", "blanks in headers", "comments", "header in a comment", "preamble", "quotes",
+        "byte order mark", "Windows lines", "blank lines at the end",
+    ],
+)  # fmt: skip
+def test_delimited_text_in_any_dialect_is_the_same_run(tmp_path, text):
+    _assert_same(_read(tmp_path, text))
+
+
+def test_parquet_and_csv_hold_the_same_run(tmp_path):
+    names = SELF_DESCRIBING.split(",")
+    frame = pl.DataFrame(dict(zip(names, map(list, zip(*ROWS, strict=True)), strict=True)))
+    frame.with_columns(pl.lit("note").alias("remark")).write_parquet(tmp_path / "run.parquet")
+    (run,) = read_run(tmp_path / "run.parquet")
+    _assert_same(run, exactly=True)
+    assert read_runs(tmp_path / "run.parquet").fingerprint == read_runs_of_csv(tmp_path).fingerprint
+
+
+def read_runs_of_csv(folder):
+    (folder / "csv").mkdir()
+    (folder / "csv" / "run.csv").write_text(_text(SELF_DESCRIBING), encoding="utf-8")
+    return read_runs(folder / "csv")
+
+
+def test_a_mat_file_with_bare_names_needs_a_map(tmp_path):
+    millimetres = 1e3 * RUN.displacement[:, None]
+    savemat(
+        tmp_path / "run.mat", {"dist": millimetres, "forc": RUN.force, "Ts": 0.005, "x_F": np.zeros((5, 3))}
+    )
+    channels = ChannelMap.from_dict(
+        {
+            "channel": {
+                "time": {"name": "Ts", "unit": "s"},
+                "displacement": {"name": "dist", "unit": "mm"},
+                "force": {"name": "forc", "unit": "N"},
+            },
+            "constant": {"current_A": 0.5},
+        }
+    )
+    (run,) = read_run(tmp_path / "run.mat", channels)
+    _assert_same(run)
+    with pytest.raises(
+        InputError, match=r"run\.mat: no displacement column; the columns are: dist, forc, Ts"
+    ):
+        read_run(tmp_path / "run.mat")
+
+
+LOGGER_HEADER = """Header Size:  7
+Version:  2
+Sampling Interval:  0.005
+Sampling Rate:  200
+Sample Count:  {count}
+Device Serial Number:  0
+Sample Number, Date/Time, CHANNEL0, CHANNEL1, Events
+"""
+
+
+def _logger_text(tests):
+    lines = []
+    for test in range(tests):
+        for k, (_, x, force, _) in enumerate(ROWS):
+            event = ", DAQ Start" if not lines else ", DAQ Resume" if k == 0 else ""
+            stamp = "05/13/2022 05:04:23.839 PM"
+            lines.append(f"{len(lines) + 1:10d},   {stamp}, {x / 0.01:.9f}, {force / 980.665:.9f}{event}")
+    return LOGGER_HEADER.format(count=len(lines)) + "\n".join(lines) + "\n"
+
+
+LOGGER_MAP = {
+    "channel": {
+        "displacement": {"name": "CHANNEL0", "unit": "V", "gain": 0.01},
+        "force": {"name": "CHANNEL1", "unit": "V", "gain": 980.665},
+    },
+    "segments": {"split": "Resume", "current_A": [0.0, 0.5, 0.5]},
+}
+
+
+def test_a_loggers_text_holds_several_tests(tmp_path):
+    (tmp_path / "ME10mm.txt").write_text(_logger_text(3))
+    runs = read_run(tmp_path / "ME10mm.txt", ChannelMap.from_dict(LOGGER_MAP))
+    assert [run.name for run in runs] == ["ME10mm_0.00A", "ME10mm_0.50A", "ME10mm_0.50A_2"]
+    assert [run.constant_command for run in runs] == [0.0, 0.5, 0.5]
+    assert {run.session for run in runs} == {"ME10mm"}
+    for run in runs:
+        assert run.time == pytest.approx(RUN.time)
+        assert run.displacement == pytest.approx(RUN.displacement, abs=1e-10)
+        assert run.force == pytest.approx(RUN.force, abs=1e-5)
+
+
+def test_events_and_commands_must_be_as_many(tmp_path):
+    (tmp_path / "log.txt").write_text(_logger_text(2))
+    with pytest.raises(
+        InputError, match=r"'Resume' splits the file into 2 tests and \[segments\].* gives 3 comm"
+    ):
+        read_run(tmp_path / "log.txt", ChannelMap.from_dict(LOGGER_MAP))
+
+
+def test_a_map_and_headers_may_share_the_work(tmp_path):
+    """The map needs to say only what the header does not."""
+    text = _text("time_s,CH1,Force,current_A", scales=(1.0, 1e3, 1.0, 1.0))
+    channels = ChannelMap.from_dict(
+        {"channel": {"displacement": {"name": "CH1", "unit": "mm"}, "force": {"unit": "N"}}}
+    )
+    _assert_same(_read(tmp_path, text, channels))
+
+
+def test_a_file_without_header_is_read_by_index(tmp_path):
+    text = _text(SELF_DESCRIBING).split("\n", 1)[1]
+    roles = (("time", "s"), ("displacement", "m"), ("force", "N"), ("current", "A"))
+    channels = {role: {"index": k, "unit": unit} for k, (role, unit) in enumerate(roles, 1)}
+    _assert_same(_read(tmp_path, text, ChannelMap.from_dict({"channel": channels})))
+
+
+def test_a_rate_may_stand_for_the_time(tmp_path):
+    text = _text("sample,displacement_m,force_N,current_A")
+    _assert_same(_read(tmp_path, text, ChannelMap.from_dict({"constant": {"rate_Hz": 200.0}})))
+    with pytest.raises(
+        InputError, match=r"no time column; the columns are: sample, disp.*rate_Hz at its \[const"
+    ):
+        _read(tmp_path, text)
+
+
+def test_a_constant_temperature_is_taken_from_the_map(tmp_path):
+    channels = ChannelMap.from_dict({"constant": {"temperature_degC": 25.0}})
+    run = _read(tmp_path, _text(SELF_DESCRIBING), channels)
+    assert run.temperature is not None
+    assert set(run.temperature) == {298.15}
+
+
+def test_a_session_may_be_named(tmp_path):
+    run = _read(tmp_path, _text(SELF_DESCRIBING), ChannelMap.from_dict({"session": {"name": "13 May"}}))
+    assert run.session == "13 May"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "the file is empty; expected columns of numbers"),
+        (" \n\n", "the file is empty"),
+        ("what a day\nit was\n", "no rows of numbers in the first 2 lines"),
+        (SELF_DESCRIBING + "\n", "no rows of numbers"),
+        (_text("time_s,displacement_m,load,current_A"), r"force has no unit; expected one in the header"),
+        (_text("time_s,displacement_m,force_mm,current_A"), r"unit 'mm' is not a unit of force .*use one of: N, kN"),
+        (_text("time_s,displacement_m,F,current_A"), r"no force column; the columns are: time_s, displacement_m, F"),
+        (_text("time_s,displacement_m,force_N,I"), r"no current or voltage; expected a column such as current_A"),
+        (_text("time_s,force_N,force_kN,current_A"), r"columns 'force_N', 'force_kN' all hold force; expected one"),
+        (_text(SELF_DESCRIBING).replace("\n0.5,", "\n0.5x,"), r"line 102: column 'time_s' holds '0.5x' \(1 such"),
+        (_text(SELF_DESCRIBING) + "2.005,,3.0,0.5\n", r"displacement is nan at sample 401 \(1 such samples\)"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_read_says_why(tmp_path, text, message):
+    with pytest.raises(InputError, match=message) as error:
+        _read(tmp_path, text)
+    assert "run" in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("latin.csv", _text("Time [s];Weg é").encode("latin-1"), r"byte 14 is not UTF-8 text \(0xe9\); save"),
+        ("old.bin", b"\x00\x01\x02\x03" * 100, "not a format that is read here"),
+        ("broken.parquet", b"PAR1 and nothing", "not a readable Parquet file"),
+        ("broken.mat", b"MATLAB 5.0 MAT-file, and nothing", "not a readable MAT file"),
+        (
+            "new.mat",
+            b"MATLAB 7.3 MAT-file, Platform: x\0",
+            r"MAT v7\.3 \(HDF5\) is not read here; save it again",
+        ),
+        ("hdf.mat", b"\x89HDF\r\n\x1a\n\0\0\0\0", r"MAT v7\.3 \(HDF5\)"),
+        ("log.txt", b"Header Size:  7\nVersion: 2\n", "the logger's header lacks"),
+    ],
+)
+def test_a_broken_file_is_a_message_not_a_traceback(tmp_path, name, content, message):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(InputError, match=message):
+        read_run(tmp_path / name)
+
+
+def test_a_folder_gives_its_files_once(tmp_path):
+    for name in ("b.csv", "a.csv"):
+        (tmp_path / name).write_text(_text(SELF_DESCRIBING))
+    (tmp_path / "notes.md").write_text("not a run")
+    assert read_runs(tmp_path).names == ("a", "b")
+    assert read_runs([tmp_path / "b.csv", tmp_path]).names == ("b", "a")
+    assert read_runs(str(tmp_path / "*.csv")).names == ("a", "b")
+    with pytest.raises(InputError, match="is a folder; expected a file"):
+        read_run(tmp_path)
+
+
+def test_paths_that_lead_nowhere_are_told(tmp_path):
+    with pytest.raises(InputError, match=r"missing\.csv: no such file or folder"):
+        read_runs(tmp_path / "missing.csv")
+    with pytest.raises(InputError, match="the pattern matches no file"):
+        read_runs(f"{tmp_path}/*.csv")
+    with pytest.raises(InputError, match="no runs in this folder"):
+        read_runs(tmp_path)
+    with pytest.raises(InputError, match="no paths given"):
+        read_runs([])
+    with pytest.raises(InputError, match="cannot read the file"):
+        read_run(tmp_path / "missing.csv")
+
+
+def test_the_faults_of_all_files_are_told_at_once(tmp_path):
+    (tmp_path / "a.csv").write_text("")
+    (tmp_path / "b.csv").write_text(_text("time_s,displacement_m,load,current_A"))
+    (tmp_path / "c.csv").write_text(_text(SELF_DESCRIBING))
+    with pytest.raises(InputError) as error:
+        read_runs(tmp_path)
+    assert len(str(error.value).splitlines()) == 2
+
+
+def test_a_column_and_a_constant_of_one_command_are_one_too_many(tmp_path):
+    with pytest.raises(
+        InputError, match="current is a column and a constant of the channel map; leave one out"
+    ):
+        _read(tmp_path, _text(SELF_DESCRIBING), ChannelMap.from_dict({"constant": {"current_A": 1.0}}))
+
+
+def test_text_where_numbers_are_expected_is_told(tmp_path):
+    (tmp_path / "log.txt").write_text(_logger_text(1))
+    channels = ChannelMap.from_dict({**LOGGER_MAP, "channel": {"force": {"name": "Date/Time", "unit": "N"}}})
+    with pytest.raises(InputError, match=r"channel\.force: column 'Date/Time' holds text; expected numbers"):
+        read_run(tmp_path / "log.txt", channels)

@@ -1,0 +1,97 @@
+"""The laboratories' own files: raw and trimmed agree, and are prepared as their rigs deserve."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mrdamper.data.cycles import repeatability
+from mrdamper.data.prepare import decimate, prepare_run
+from mrdamper.data.readers import read_run, read_runs
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+@pytest.fixture(scope="module")
+def dev(real_data):
+    return read_runs(real_data / "dev")
+
+
+def _position(short, long):
+    """Return where a stretch of force begins in a longer one; both are rounded to 0.1 N."""
+    starts = [
+        k
+        for k in range(len(long) - len(short) + 1)
+        if abs(long[k] - short[0]) < 0.06 and np.all(np.abs(long[k : k + len(short)] - short) < 0.06)
+    ]
+    assert len(starts) == 1
+    return starts[0]
+
+
+def test_the_loggers_five_tests_are_the_trimmed_runs(real_data, dev):
+    """0, 0.25, 0.5, 0.75, 1 A one after the other; trimmed, and the displacement set to zero at the start."""
+    runs = read_run(real_data / "raw" / "ME5mm3Hz.txt", EXAMPLES / "utfsm_logger.toml")
+    assert [run.constant_command for run in runs] == [0.0, 0.25, 0.5, 0.75, 1.0]
+    assert len({run.session for run in runs}) == 1
+    for run in runs:
+        (trimmed,) = dev.select(f"utfsm_sine_5mm3Hz_{run.constant_command:.2f}A")
+        k = _position(trimmed.force, run.force)
+        moved = run.displacement[k : k + len(trimmed)] - run.displacement[k]
+        assert moved == pytest.approx(trimmed.displacement - trimmed.displacement[0], abs=0.6e-6)
+        assert np.median(run.displacement) == pytest.approx(-0.0299, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("raw", "trimmed"), [("ensaio.A.1.mat", "utfpr_3p21V_01"), ("ensaio.A.3.mat", "utfpr_3p21V_03")]
+)
+def test_a_mat_file_and_its_csv_are_the_same_run(real_data, dev, raw, trimmed):
+    (run,) = read_run(real_data / "raw" / raw, EXAMPLES / "utfpr_mat.toml")
+    (other,) = dev.select(trimmed)
+    assert run.command_unit == other.command_unit == "V"
+    assert run.constant_command == other.constant_command == 3.212
+    assert run.time == pytest.approx(other.time, abs=1e-9)
+    assert run.displacement == pytest.approx(other.displacement, abs=1e-9)
+    assert run.force == pytest.approx(other.force, abs=0.006)
+
+
+def test_runs_at_other_currents_share_the_label_of_their_motion(dev):
+    labels = {run.name: prepare_run(run).motion for run in dev.select("utfsm_*")}
+    sines = {label for name, label in labels.items() if "sine" in name}
+    assert sines == {"sine 25 mm 0.25 Hz", "sine 25 mm 0.5 Hz", "sine 9.6 mm 2 Hz", "sine 4.6 mm 3 Hz"}
+    chirps = {label for name, label in labels.items() if "chirp" in name}
+    assert chirps == {"chirp 2 mm 0.4-15 Hz"}
+
+
+def test_smoothing_takes_away_the_sensors_steps_and_nothing_else(dev):
+    """What is taken from the displacement is white: its steps of 3 um and 1.5 to 2 um rms of noise."""
+    for run in dev.select("utfsm_*"):
+        prepared = prepare_run(run)
+        taken = run.displacement - prepared.trajectory.displacement
+        taken = taken - np.mean(taken)
+        assert 1.2e-6 < np.std(taken) < 2.2e-6
+        following = np.mean(taken[1:] * taken[:-1]) / np.var(taken)
+        assert abs(following) < 0.25
+        assert prepared.dead_band_m < 5e-6
+
+
+def test_the_velocity_at_rest_is_quiet(dev):
+    """Below 0.3 mm/s rms before the press starts, from about 2 mm/s in raw differences at 1 kHz."""
+    for run in dev.select("utfsm_sine_10mm2Hz_*", "utfsm_sine_5mm3Hz_*"):
+        velocity = prepare_run(run).trajectory.velocity
+        assert np.std(velocity[:150]) < 0.3e-3
+
+
+def test_repeatability_is_that_of_the_rigs(dev):
+    """UTFSM about 0.5 to 4 % (the 25 mm 0.25 Hz 1 A run grows by 6 %), UTFPR about 1 to 12 %."""
+    for pattern, low, high in (("utfsm_sine_*", 0.5, 4.2), ("utfpr_*", 1.0, 12.0)):
+        for run in dev.select(pattern):
+            found = repeatability(prepare_run(run))
+            assert found is not None
+            assert low < found < high
+
+
+def test_the_fit_may_have_runs_at_200_hertz(dev):
+    for run in dev.select("utfsm_*"):
+        assert decimate(prepare_run(run), 200.0).trajectory.rate_Hz == pytest.approx(200.0)
+    (run,) = dev.select("utfpr_0V_01")
+    assert decimate(prepare_run(run), 200.0).trajectory.rate_Hz == pytest.approx(100.0)

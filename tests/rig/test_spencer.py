@@ -1,0 +1,86 @@
+"""The simulated rig: facts that any damper keeps, and the order of its integrator."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mrdamper.data.prepare import prepare_run
+from mrdamper.excitation import Sine
+from mrdamper.rig.spencer import SENSORS, SpencerDamper, campaign, measure, simulate
+
+DAMPER = SpencerDamper()
+SINE = Sine(10e-3, 2.0)
+
+
+@pytest.fixture(scope="module")
+def runs():
+    return measure(campaign(quick=True), seed=3)
+
+
+def test_the_integrator_is_of_fourth_order():
+    """Halving the step divides the error by about 16, away from the switching of |z|."""
+
+    def force(rate_Hz):
+        return simulate(DAMPER, [Sine(2e-3, 2.0)], [1.5], duration_s=0.42, rate_Hz=rate_Hz)[2][0]
+
+    finest = force(320_000.0)
+    error = [
+        float(np.abs(force(rate)[:: round(rate / 10_000)] - finest[::32]).max()) for rate in (20_000.0, 40_000.0)
+    ]
+    assert 8.0 < error[0] / error[1] < 32.0
+
+
+def test_the_hysteretic_force_stays_bounded():
+    """z is bounded by (A / (beta + gamma))^(1/2), so that force is bounded by the parts that are linear."""
+    _, x, force = simulate(DAMPER, [SINE] * 2, [0.0, 2.25], duration_s=2.0)
+    bound = np.sqrt(DAMPER.a / (DAMPER.beta + DAMPER.gamma))
+    speed = 2 * np.pi * SINE.frequency * SINE.amplitude * 1.6
+    for voltage, row in zip((0.0, 2.25), force, strict=True):
+        alpha, c0 = DAMPER.alpha + DAMPER.alpha_per_V * voltage, DAMPER.c0 + DAMPER.c0_per_V * voltage
+        springs = DAMPER.k0 * 2 * 0.01 + DAMPER.k1 * (DAMPER.x0 + 0.01)
+        assert np.abs(row).max() < alpha * bound + c0 * speed + springs
+    assert np.isfinite(x).all()
+
+
+@pytest.mark.parametrize("voltage", [0.0, 0.75, 2.25])
+def test_every_closed_cycle_takes_power(voltage):
+    time, x, force = simulate(DAMPER, [SINE], [voltage], duration_s=2.3)
+    cycle = (time >= 1.3) & (time <= 1.8)
+    work = np.trapezoid(force[0, cycle], x[0, cycle])
+    assert work > 0.0
+
+
+def test_the_force_grows_with_the_voltage():
+    voltages = [0.0, 0.75, 1.5, 2.25]
+    force = simulate(DAMPER, [SINE] * 4, voltages, duration_s=1.5)[2]
+    spread = np.ptp(force, axis=1)
+    assert (np.diff(spread) > 100.0).all()
+
+
+def test_the_damper_pushes_with_its_accumulator_alone_while_at_rest():
+    force = simulate(DAMPER, [SINE], [1.5], duration_s=0.2)[2]
+    assert force[0] == pytest.approx(-DAMPER.k1 * DAMPER.x0)
+
+
+def test_the_sensors_add_the_noise_they_state(runs):
+    at_rest = runs[0].force[:250]
+    expected = np.hypot(SENSORS.force_noise_N, SENSORS.force_step_N / np.sqrt(12.0))
+    assert np.std(at_rest) == pytest.approx(expected, rel=0.15)
+
+
+def test_the_same_seed_gives_the_same_runs(runs):
+    again = measure(campaign(quick=True), seed=3)
+    other = measure(campaign(quick=True), seed=4)
+    assert all((a.force == b.force).all() for a, b in zip(runs, again, strict=True))
+    assert any((a.force != b.force).any() for a, b in zip(runs, other, strict=True))
+
+
+def test_names_and_source_say_that_the_runs_are_simulated(runs):
+    assert runs[0].name == "spencer_0.00V_sine5mm1Hz"
+    assert all(run.name.startswith("spencer_") and "simulated" in run.source for run in runs)
+
+
+def test_the_runs_are_prepared_without_complaint_and_recognised(runs):
+    motions = {prepare_run(run).motion.split()[0] for run in runs}
+    assert motions == {"sine", "random"}
