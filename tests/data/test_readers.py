@@ -224,7 +224,7 @@ def test_what_cannot_be_read_says_why(tmp_path, text, message):
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        ("latin.csv", _text("Time [s];Weg é").encode("latin-1"), r"byte 14 is not UTF-8 text \(0xe9\); save"),
+        ("latin.csv", _text("Time [s];Weg é").encode("latin-1"), r"byte 13 is not UTF-8 text \(0xe9\); save"),
         ("old.bin", b"\x00\x01\x02\x03" * 100, "not a format that is read here"),
         ("broken.parquet", b"PAR1 and nothing", "not a readable Parquet file"),
         ("broken.mat", b"MATLAB 5.0 MAT-file, and nothing", "not a readable MAT file"),

@@ -124,7 +124,8 @@ def estimate_lag(prepared: PreparedRun) -> float:
         found = cycles(prepared)
         period = float(np.median([c.duration_s for c in found])) if found else n * path.step
     reach = max(1, min(n // 2 - 1, round(0.25 * period / path.step)))
-    near = np.concatenate((correlation[-reach:], correlation[: reach + 1]))  # lags -reach to reach
+    lags = np.arange(-reach, reach + 1)
+    near = correlation[lags] / (n - np.abs(lags))  # as many products stand behind each
     top = int(np.argmax(near))
     shift = 0.0
     if 0 < top < len(near) - 1:

@@ -162,6 +162,8 @@ def _head(path: Path, content: bytes) -> tuple[list[str], list[int]]:
             f"{path}: byte {error.start} is not UTF-8 text (0x{content[error.start]:02x}); "
             "save the file as UTF-8"
         ) from error
+    if len(pieces) > 1 and not pieces[-1]:
+        pieces.pop()
     return [piece.decode("utf-8-sig").rstrip("\r\n") for piece in pieces], starts
 
 

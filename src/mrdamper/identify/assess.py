@@ -320,10 +320,14 @@ def _edges(result: FitResult, training: Sequence[PreparedRun]) -> list[str]:
     commands = np.linspace(*envelope_of(training).command, 41)
     unit = result.damper.command_unit
     said = []
-    for name in dict.fromkeys(e.name.partition(".")[0] for e in result.estimates if e.linear):
+    sizes: dict[str, float] = {}
+    for e in result.estimates:
+        if e.linear:
+            sizes.setdefault(e.name.partition(".")[0], 1e-6 * abs(e.upper))
+    for name, size in sizes.items():
         values = result.damper.coefficients[name].value(commands)
         least = result.damper.law[name].lower
-        if values.min() <= least + 3e-3 * np.abs(values).max():
+        if values.min() <= least + max(size, 3e-3 * float(np.ptp(values))):
             said.append(
                 f"{name} is held at the law's limit ({least:g}) near {commands[values.argmin()]:g} {unit}: "
                 "left alone, the data would take it beyond."
