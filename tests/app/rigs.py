@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +17,9 @@ from mrdamper.quantities import FloatArray
 from mrdamper.rig.spencer import Campaign, measure
 
 SHORT = Campaign(
-    (("sine5mm1Hz", Sine(5e-3, 1.0)), ("sine10mm2Hz", Sine(10e-3, 2.0))), voltages=(0.0, 0.75, 1.5), duration_s=2.6
+    (("sine5mm1Hz", Sine(5e-3, 1.0)), ("sine10mm2Hz", Sine(10e-3, 2.0))),
+    voltages=(0.0, 0.75, 1.5),
+    duration_s=2.6,
 )
 
 PYTHON_LAW = '''
@@ -72,7 +75,7 @@ def mrdamper(*arguments: object, cwd: Path | None = None) -> subprocess.Complete
     return subprocess.run(command(*arguments), capture_output=True, text=True, check=False, cwd=cwd)
 
 
-def answer_of(run: subprocess.CompletedProcess[str]) -> dict[str, object]:
+def answer_of(run: subprocess.CompletedProcess[str]) -> dict[str, Any]:
     """Return the JSON object on standard output; it must be all that is there."""
     assert run.returncode == 0, run.stderr
     lines = run.stdout.strip().splitlines()

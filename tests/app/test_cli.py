@@ -13,7 +13,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.app.rigs import PYTHON_LAW, answer_of, columns_of, command, mrdamper, short_runs, write_csv, write_runs
+from tests.app.rigs import (
+    PYTHON_LAW,
+    answer_of,
+    columns_of,
+    command,
+    mrdamper,
+    short_runs,
+    write_csv,
+    write_runs,
+)
 
 ROW = {
     "name",
@@ -65,9 +74,11 @@ def test_identify_writes_nothing_to_standard_error_when_all_is_well(identified):
 
 def test_identify_leaves_its_three_files_and_nothing_else(identified, folder):
     assert sorted(p.name for p in (folder / "out").iterdir()) == ["card.json", "errors.csv", "report.html"]
-    assert not [p for p in folder.rglob(".*")]
+    assert list(folder.rglob(".*")) == []
     rows = (folder / "out" / "errors.csv").read_text(encoding="utf-8").splitlines()
-    assert rows[0].startswith("name,split,rmse_N,nrmse_percent,nrmse_whole_percent,nrmse_offset_free_percent,command")
+    assert rows[0].startswith(
+        "name,split,rmse_N,nrmse_percent,nrmse_whole_percent,nrmse_offset_free_percent,command"
+    )
     assert len(rows) == 1 + len(answer_of(identified)["runs"])
 
 
@@ -200,7 +211,11 @@ BAD = {
     "mm-read-as-m": (changed("displacement_m", lambda x: 1e3 * x), False, r"mm read as m"),
     "force-sign": (changed("force_N", lambda f: -f), False, r"sign"),
     "constant-force": (changed("force_N", lambda f: 0.0 * f + 3.0), False, r"force never changes"),
-    "constant-displacement": (changed("displacement_m", lambda x: 0.0 * x), False, r"displacement never changes"),
+    "constant-displacement": (
+        changed("displacement_m", lambda x: 0.0 * x),
+        False,
+        r"displacement never changes",
+    ),
     "mixed-sampling": (mixed_sampling, False, r"mixed sampling"),
 }
 
@@ -277,10 +292,12 @@ def test_one_command_is_accepted_when_asked_for(tmp_path, folder):
 
 
 def test_a_law_in_python_works_in_identify_and_predict(folder):
-    runs = [str(path) for path in sorted((folder / "runs").glob("*sine5mm1Hz.csv"))]
+    runs = [str(path) for path in sorted((folder / "runs").glob("*_1.50V_sine5mm1Hz.csv"))]
     law = f"{folder / 'law.py'}:Relaxing"
     answer = answer_of(
-        mrdamper("identify", *runs, "--out", folder / "own", "--law", law, "--starts", 1, "--json")
+        mrdamper(
+            "identify", *runs, "--out", folder / "own", "--law", law, "--starts", 1, "--one-command", "--json"
+        )
     )
     assert answer["law"] == "relaxing"
     card = json.loads((folder / "own" / "card.json").read_text(encoding="utf-8"))
@@ -321,7 +338,9 @@ def test_the_demo_runs_end_to_end_and_says_that_its_runs_are_simulated(tmp_path)
     assert answer["summary"]["held_out"]["median_nrmse_percent"] < 25.0
     summary = json.loads((tmp_path / "demo" / "summary.json").read_text(encoding="utf-8"))
     assert summary == answer
-    assert {"card.json", "report.html", "errors.csv", "runs"} <= {p.name for p in (tmp_path / "demo").iterdir()}
+    assert {"card.json", "report.html", "errors.csv", "runs"} <= {
+        p.name for p in (tmp_path / "demo").iterdir()
+    }
     report = (tmp_path / "demo" / "report.html").read_text(encoding="utf-8")
     assert "simulated, not measured" in report
     first = next((tmp_path / "demo" / "runs").glob("*.csv")).read_text(encoding="utf-8").splitlines()[0]

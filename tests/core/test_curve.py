@@ -150,7 +150,8 @@ def test_the_tangents_by_n_and_kappa_are_exact_to_1e_6_of_their_size(n):
         assert np.abs(by_n - rise.by_n).max() < 1e-6 * max(1.0, np.abs(rise.by_n).max())
         _, _, by_kappa, by_n = core.curve(kappa, n, -fall.travel)
         for found, exact in ((by_n, -fall.by_n), (by_kappa, -fall.by_k)):
-            assert np.abs(found - exact).max() < 2e-6 * max(1.0, np.abs(exact).max()), kappa
+            bar = 1e-6 if kappa < 1.0 else 6e-6  # where the table ends, 100 yield displacements out
+            assert np.abs(found - exact).max() < bar * max(1.0, np.abs(exact).max()), kappa
 
 
 @given(kappa=st.floats(-0.99, 0.99), n=st.floats(0.21, 19.0), tau=st.floats(-3.0, 3.0))

@@ -111,7 +111,7 @@ def test_a_law_is_what_an_adaptive_integrator_makes_of_its_equation(name, tolera
 
 @pytest.mark.parametrize("name", ["bouc-wen", "bouc-wen-saturating", "tanh"])
 def test_a_command_that_varies_gives_what_the_integrator_gives(name):
-    """rho exponential in the current; the kernel holds rho over a sample, measured 2e-5 at 1 kHz."""
+    """rho exponential in the current; the kernel takes its mean over a sample interval, XX at 1 kHz."""
     trajectory = with_command(random_drive(3))
     forms: dict[str, ParameterLaw] = {key: Constant(value) for key, value in TYPICAL[name].items()}
     forms["yield_force"] = Polynomial((100.0, 700.0, -80.0))
@@ -324,6 +324,7 @@ def test_a_steep_bouc_wen_is_dry_friction():
     trajectory = random_drive(7)
     force = simulate(bare("bouc-wen", yield_force=500.0, rho=1e8, kappa=0.0, n=2.0), trajectory)
     moving = np.abs(trajectory.velocity) > 1e-3
+    moving[0] = False  # it starts at w = 0
     np.testing.assert_allclose(force[moving], 500.0 * np.sign(trajectory.velocity[moving]), atol=1e-3)
 
 
@@ -348,6 +349,7 @@ def test_with_a_rigid_compliance_the_series_law_is_its_valve(rigid):
     expected = algebraic_valve(trajectory, values)
     found = simulate(damper("series-valve", **rigid), trajectory)
     moving = np.abs(trajectory.velocity) > 1e-3  # at rest the valve's slope amplifies the last nanometre per second
+    moving[:5] = False  # the spring starts unstretched
     assert np.abs(found - expected)[moving].max() < 2e-3 * np.abs(expected).max()
 
 
@@ -389,7 +391,7 @@ def test_sample_by_sample_follows_a_command_that_varies(name):
 def differences(force_at, value: float) -> Iterator[np.ndarray]:
     """Central differences of fourth order at three steps: which one is best depends on the curvature."""
     for share in (1e-4, 1e-5, 1e-6):
-        h = share * max(abs(value), 1e-2)
+        h = share * (abs(value) or 1.0)
         first = force_at(value + h) - force_at(value - h)
         yield (8.0 * first - (force_at(value + 2.0 * h) - force_at(value - 2.0 * h))) / (12.0 * h)
 
@@ -611,7 +613,7 @@ def test_wrong_shapes_and_laws_are_refused():
     with pytest.raises(ValueError, match=r"\[candidate\]\[run\]\[coefficient\]"):
         core.squared_errors(0, [record], [np.zeros(n)], [0], np.ones((1, 1, 3)))
     with pytest.raises(TypeError, match="expected a Record"):
-        core.run(0, trajectory, good)  # type: ignore[arg-type]
+        _kernel.run(0, trajectory, good, (), None, None, None)  # type: ignore[arg-type]
 
 
 def test_a_record_needs_one_length_and_a_positive_step():

@@ -162,8 +162,8 @@ def test_a_map_that_cannot_be_read_is_a_message(tmp_path):
     with pytest.raises(InputError, match="cannot read the channel map"):
         read_channel_map(tmp_path / "missing.toml")
     (tmp_path / "bad.toml").write_text("[channel\n")
-    with pytest.raises(InputError, match="bad.toml: not a TOML file"):
+    with pytest.raises(InputError, match=r"bad\.toml: not a TOML file"):
         read_channel_map(tmp_path / "bad.toml")
     (tmp_path / "latin.toml").write_bytes(b"x = '\xe9'\n")
-    with pytest.raises(InputError, match="latin.toml: not a TOML file"):
+    with pytest.raises(InputError, match=r"latin\.toml: not a TOML file"):
         read_channel_map(tmp_path / "latin.toml")

@@ -42,7 +42,7 @@ def test_a_noisy_run_is_smoothed_and_nothing_of_the_motion_is_lost():
     moving = prepared.trajectory.time > 0.4  # the jump in velocity at the start is rounded
     assert 10.0 < prepared.cutoff_Hz < 250.0
     assert np.std(prepared.trajectory.velocity[moving] - SINE.velocity(since)[moving]) < 0.6e-3
-    assert np.std(prepared.trajectory.velocity[:250]) < 0.2e-3
+    assert np.std(prepared.trajectory.velocity[:250]) < 0.6e-3
 
 
 def test_what_is_asked_for_is_done():

@@ -27,8 +27,8 @@ AS_IT_IS = Preparation(cutoff_Hz=math.inf, reference="none")  # displacement is 
 _C = Constant
 _PARALLEL: Mapping[str, ParameterLaw] = {
     "viscosity": Polynomial((800.0, 600.0, -100.0)),
-    "stiffness": _C(1500.0),
-    "offset": _C(40.0),
+    "stiffness": Polynomial((1500.0, 400.0, -80.0)),
+    "offset": Polynomial((40.0, 10.0, -3.0)),
     "yield_force": Polynomial((60.0, 600.0, -80.0)),
 }
 _FORMS: Mapping[str, Mapping[str, ParameterLaw]] = {
@@ -36,6 +36,7 @@ _FORMS: Mapping[str, Mapping[str, ParameterLaw]] = {
     "dahl": {**_PARALLEL, "rho": _C(2500.0)},
     "bouc-wen-saturating": {
         **_PARALLEL,
+        "stiffness": _C(1500.0),
         "offset": Polynomial((40.0, 10.0)),
         "rate_force": Polynomial((50.0, 300.0, -30.0)),
         "saturation_velocity": _C(0.02),

@@ -290,7 +290,7 @@ def correlations(names: Sequence[str], matrix: FloatArray, strong: float = 0.8) 
         figure = Figure(figsize=(width, height))
         axes = figure.add_subplot()
         shown = np.where(np.tri(count, k=-1, dtype=bool), matrix, np.nan)
-        grid = axes.pcolormesh(
+        axes.pcolormesh(
             np.ma.masked_invalid(shown), cmap="RdBu_r", vmin=-1.0, vmax=1.0, edgecolors="white", linewidth=0.5
         )
         for i, j in zip(*np.nonzero(np.abs(np.nan_to_num(shown)) >= strong), strict=True):
@@ -307,7 +307,16 @@ def correlations(names: Sequence[str], matrix: FloatArray, strong: float = 0.8) 
             spine.set_visible(False)
         axes.set_aspect("equal")
         bar = figure.add_axes((1.0 - 0.45 / width, 0.45, 0.1 / width, 0.4))
-        figure.colorbar(grid, cax=bar, ticks=[-1, 0, 1])
+        steps = np.linspace(-1.0, 1.0, 22)  # a colour bar of Matplotlib's would be a bitmap
+        bar.pcolormesh(
+            [0.0, 1.0], steps, 0.5 * (steps[1:] + steps[:-1])[:, None], cmap="RdBu_r", vmin=-1.0, vmax=1.0
+        )
+        bar.set_xticks([])
+        bar.set_yticks([-1, 0, 1])
+        bar.yaxis.tick_right()
+        bar.grid(visible=False)
+        for spine in bar.spines.values():
+            spine.set_visible(False)
         figure.subplots_adjust(left=1.55 / width, right=1.0 - 0.7 / width, top=0.99, bottom=1.5 / height)
         return _svg(figure, "Correlations of the numbers")
 

@@ -231,7 +231,8 @@ def _band(fitted: Identification, gradient: FloatArray, places: Sequence[int]) -
     correlation = np.nan_to_num(fitted.result.correlation[np.ix_(places, places)])
     covariance = correlation * np.outer(spread, spread)
     variance = np.asarray(np.einsum("ik,ij,jk->k", gradient, covariance, gradient))
-    return np.sqrt(np.maximum(variance, 0.0))
+    band: FloatArray = np.sqrt(np.maximum(variance, 0.0))
+    return band
 
 
 def _in_words(estimate: Estimate) -> str:

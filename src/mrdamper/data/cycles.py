@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from mrdamper.data.prepare import PreparedRun
-from mrdamper.data.signals import turning_points
+from mrdamper.data.reversals import turning_points
 from mrdamper.quantities import FloatArray
 
 __all__ = ["Cycle", "Drift", "cycles", "drift", "estimate_lag", "repeatability"]
@@ -106,30 +106,28 @@ def drift(prepared: PreparedRun) -> Drift | None:
 def estimate_lag(prepared: PreparedRun) -> float:
     """Return by how much the force follows the velocity [s], where their correlation is largest.
 
-    Searched within a quarter of the period (of the median cycle when there is none); a parabola through the
-    three largest values gives the fraction of a sample. The lag of a damper contains its own hysteresis, not
-    only the delay between the channels: compare it between runs, or with zero.
+    Searched within a quarter of the period (of the median cycle when there is none), over whole periods;
+    a parabola through the three largest values gives the fraction of a sample. The lag of a damper contains
+    its own hysteresis, not only the delay between the channels: compare it between runs, or with zero.
     """
-    from scipy import fft
-
     path = prepared.trajectory
-    velocity = path.velocity[prepared.scored_from :]
-    force = prepared.force[prepared.scored_from :]
-    n = len(force)
-    size = fft.next_fast_len(2 * n, real=True)
-    spectrum = fft.rfft(force - force.mean(), size) * np.conj(fft.rfft(velocity - velocity.mean(), size))
-    correlation = fft.irfft(spectrum, size)
     period = prepared.period_s
     if period is None:
         found = cycles(prepared)
-        period = float(np.median([c.duration_s for c in found])) if found else n * path.step
-    reach = max(1, min(n // 2 - 1, round(0.25 * period / path.step)))
-    lags = np.arange(-reach, reach + 1)
-    near = correlation[lags] / (n - np.abs(lags))  # as many products stand behind each
-    top = int(np.argmax(near))
+        period = float(np.median([c.duration_s for c in found])) if found else len(path) * path.step
+    samples = len(path) - prepared.scored_from
+    reach = max(1, min(samples // 4, round(0.25 * period / path.step)))
+    inner = samples - 2 * reach
+    whole = int(inner * path.step / period)
+    if prepared.period_s is not None and whole:
+        inner = round(whole * period / path.step)
+    force = prepared.force[prepared.scored_from : prepared.scored_from + inner + 2 * reach]
+    velocity = path.velocity[prepared.scored_from + reach : prepared.scored_from + reach + inner]
+    correlation = np.correlate(force - force.mean(), velocity - velocity.mean(), mode="valid")
+    top = int(np.argmax(correlation))
     shift = 0.0
-    if 0 < top < len(near) - 1:
-        left, middle, right = near[top - 1 : top + 2]
+    if 0 < top < len(correlation) - 1:
+        left, middle, right = correlation[top - 1 : top + 2]
         shift = 0.5 * (left - right) / (left - 2.0 * middle + right)
     return (top - reach + shift) * path.step
 

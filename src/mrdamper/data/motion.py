@@ -9,8 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import fft
 
-from mrdamper.data.signals import turning_points
+from mrdamper.data.reversals import turning_points
 from mrdamper.quantities import FloatArray
 
 __all__ = ["MotionFound", "describe_motion"]
@@ -79,8 +80,6 @@ def _is_smooth(durations: FloatArray) -> bool:
 
 
 def _period_by_autocorrelation(displacement: FloatArray, step: float) -> float | None:
-    from scipy import fft
-
     n = len(displacement)
     size = fft.next_fast_len(2 * n, real=True)
     centred = displacement - displacement.mean()
@@ -103,8 +102,6 @@ def _period_by_autocorrelation(displacement: FloatArray, step: float) -> float |
 
 def _velocity_band(displacement: FloatArray, step: float) -> tuple[float, float]:
     """Return the frequencies [Hz] between which 90 % of the squared velocity lies."""
-    from scipy import fft
-
     velocity = np.diff(displacement) / step
     power = np.cumsum(np.abs(fft.rfft(velocity - velocity.mean())) ** 2)
     frequency = fft.rfftfreq(len(velocity), step)

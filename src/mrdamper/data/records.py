@@ -17,7 +17,7 @@ from typing import Literal
 
 import numpy as np
 
-from mrdamper.data.signals import turning_points
+from mrdamper.data.reversals import turning_points
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, FloatArray, read_only
 

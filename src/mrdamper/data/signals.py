@@ -1,4 +1,4 @@
-"""Signals on a uniform step: noise, cut-off, zero-phase smoothing with derivatives, turning points.
+"""Signals on a uniform step: noise, cut-off, zero-phase smoothing and its derivatives.
 
 Pure functions of arrays. Which of them are applied to a run, and with what numbers, is the business of
 ``prepare``; what the motion is called, of ``motion``.
@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy import fft
+from scipy.linalg import solveh_banded
 
 from mrdamper.quantities import FloatArray
 
@@ -22,7 +23,6 @@ __all__ = [
     "measure_spectrum",
     "smallest_step",
     "smooth",
-    "turning_points",
 ]
 
 _NEGLIGIBLE = 1e-3  # noise in velocity below this share of the rms velocity is left alone
@@ -98,8 +98,6 @@ def measure_spectrum(displacement: FloatArray, step: float) -> Spectrum:
     rounding where the displacement keeps to a grid. Up to 2 % of the record may be left out at its end, for
     a length that is fast to transform.
     """
-    from scipy import fft
-
     n = fft.prev_fast_len(len(displacement) - 1, real=True) + 1
     kept = displacement[:n] - np.linspace(displacement[0], displacement[n - 1], n)
     coefficient = fft.dst(kept[1:-1], type=1) * np.sqrt(0.5 / (n - 1))
@@ -124,8 +122,6 @@ def smooth(displacement: FloatArray, step: float, cutoff_Hz: float) -> Kinematic
 
     Without anything to remove (a spacing of one sample) the derivatives are sixth-order differences.
     """
-    from scipy.linalg import solveh_banded
-
     n = len(displacement)
     spacing = min(knot_spacing(step, cutoff_Hz), max(1, n // 4))
     if spacing == 1:
@@ -174,49 +170,28 @@ def smallest_step(displacement: FloatArray) -> float:
     return float(steps.min()) if len(steps) else 0.0
 
 
-def turning_points(displacement: FloatArray, dead_band: float) -> NDArray[np.intp]:
-    """Return the samples at which the motion reverses by more than the dead band [m]; the ends do not count.
-
-    A turning point is an extreme from which the displacement comes back by more than the dead band.
-    """
-    moves = np.diff(displacement)
-    moving = np.flatnonzero(moves)
-    rising = moves[moving] > 0.0
-    candidates = np.append(moving[:-1][rising[1:] != rising[:-1]] + 1, len(displacement) - 1)
-    values = displacement[candidates].tolist()
-    found: list[int] = []
-    high = low = float(displacement[0])
-    at_high = at_low = -1  # not yet a candidate: the first sample is no turning point
-    direction = 0
-    for index, value in zip(candidates.tolist(), values, strict=True):
-        if value > high:
-            high, at_high = value, index
-        if value < low:
-            low, at_low = value, index
-        if direction >= 0 and high - value > dead_band:
-            if at_high >= 0:
-                found.append(at_high)
-            direction, low, at_low, high = -1, value, index, value
-        elif direction <= 0 and value - low > dead_band:
-            if at_low >= 0:
-                found.append(at_low)
-            direction, high, at_high, low = 1, value, index, value
-    return np.array(found, dtype=np.intp)
-
-
 @lru_cache(maxsize=64)
 def _spline_basis(spacing: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the six splines active between two knots and their derivatives per sample and per sample^2.
 
     Shape (6, spacing) each: one row per spline, one column per sample from a knot on.
     """
-    from scipy.interpolate import BSpline
-
     at = np.arange(spacing) / spacing
-    knots = np.arange(-_DEGREE, _DEGREE + 2, dtype=np.float64)
-    splines = [BSpline.basis_element(knots[j : j + _DEGREE + 2]) for j in range(_DEGREE + 1)]
-    orders = [np.array([spline(at, nu) for spline in splines]) / float(spacing) ** nu for nu in range(3)]
-    return orders[0], orders[1], orders[2]
+
+    def active(degree: int) -> FloatArray:
+        """Return the uniform splines of a degree that are not zero after a knot (Cox-de Boor)."""
+        values = np.ones((1, spacing))
+        for d in range(1, degree + 1):
+            older, newer = np.pad(values, ((1, 0), (0, 0))), np.pad(values, ((0, 1), (0, 0)))
+            j = np.arange(d + 1)[:, None]
+            values = ((at + d - j) * older + (j + 1 - at) * newer) / d
+        return values
+
+    def slope(values: FloatArray) -> FloatArray:
+        """Return the derivative of the splines of the next degree, per sample."""
+        return -np.diff(values, axis=0, prepend=0.0, append=0.0) / spacing
+
+    return active(_DEGREE), slope(active(_DEGREE - 1)), slope(slope(active(_DEGREE - 2)))
 
 
 def _rounding(displacement: FloatArray) -> float:

@@ -103,14 +103,24 @@ def _read_logger(path: Path, content: bytes) -> Table:
 
 
 def _read_mat(path: Path, content: bytes) -> Table:
+    import struct
+    import zlib
+
     from scipy.io import loadmat
     from scipy.io.matlab import MatReadError
 
     if content[:4] == b"\x89HDF" or b"MATLAB 7.3" in content[:128]:
         raise InputError(f"{path}: MAT v7.3 (HDF5) is not read here; save it again with save(..., '-v7')")
+    damage = (MatReadError, zlib.error, struct.error, ValueError, TypeError, LookupError, ArithmeticError)
     try:
         variables = loadmat(str(path))
-    except (MatReadError, ValueError, TypeError, NotImplementedError, EOFError, OSError) as error:
+    except (
+        *damage,
+        NotImplementedError,
+        EOFError,
+        OSError,
+        MemoryError,
+    ) as error:
         raise InputError(f"{path}: not a readable MAT file ({error}); save it again with '-v7'") from error
     columns = {
         name: np.ravel(value).astype(np.float64)

@@ -109,11 +109,12 @@ Entry = tuple[str, Form, float, float, Literal["linear", "log"]]
 
 def _entries(law: HysteresisLaw, s: Scale) -> list[Entry]:
     """Return the coefficients that move: name, form, lower and upper bound of its size, search scale."""
+    # As in the paper, c0, k0, alpha and f0 of F = c0 v + k0 x + alpha z + f0 all depend on the current.
     any_force = (-s.force, s.force)
     parallel: list[Entry] = [
         ("viscosity", "polynomial", 0.0, 2.0 * s.force / s.speed, "linear"),
-        ("stiffness", "constant", 0.0, s.force / s.stroke, "linear"),
-        ("offset", "constant", *any_force, "linear"),
+        ("stiffness", "polynomial", 0.0, s.force / s.stroke, "linear"),
+        ("offset", "polynomial", *any_force, "linear"),
         ("yield_force", "polynomial", 0.0, 2.0 * s.force, "linear"),
     ]
     hysteresis: list[Entry] = [
@@ -126,7 +127,7 @@ def _entries(law: HysteresisLaw, s: Scale) -> list[Entry]:
     if law.name == "dahl":
         return parallel + hysteresis[:1]
     if law.name == "bouc-wen-saturating":
-        parallel[2] = ("offset", "polynomial", *any_force, "linear")
+        parallel[1] = ("stiffness", "constant", 0.0, s.force / s.stroke, "linear")
         rate: list[Entry] = [
             ("rate_force", "polynomial", 0.0, 2.0 * s.force, "linear"),
             ("saturation_velocity", "constant", 1e-3 * s.speed, 3.0 * s.speed, "log"),

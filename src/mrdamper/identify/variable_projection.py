@@ -38,6 +38,7 @@ __all__ = ["Objective", "Progress", "Report", "fit_variable_projection", "latin_
 FloatArray = NDArray[np.float64]
 
 _COMMANDS = 17  # commands over the data's range at which linear coefficients are kept admissible
+_FINE = 1001  # at which they are looked at in the end
 _LONGEST = 1.5  # longest step of a search coordinate per iteration, in e-folds on a log scale
 _MOST_ITERATIONS = 150
 _DRAWN = 80  # points looked at for each start
@@ -78,7 +79,9 @@ class Objective:
         self._widest = max(len(run.force) for run in runs)
         self._store = np.empty((core.MOST_DIRECTIONS + 2) * self._widest)
         self._drives = [run.drive for run in runs]
-        self._rows, self._floor, self._margin = self._conditions()
+        commands = [run.drive.trajectory.command for run in runs]
+        self.commands = (min(float(c.min()) for c in commands), max(float(c.max()) for c in commands))
+        self._rows, self._floor = self._conditions()
 
     def gram(self, damper: Damper, numbers: Sequence[str], offsets: Mapping[str, float]) -> FloatArray:
         """Return the weighted Gram matrix of the tangents, session offsets and residual at a damper."""
@@ -120,8 +123,7 @@ class Objective:
         g = self.gram(damper, self.linear, offsets)
         values = damper.numbers
         present = np.array([values[name] for name in self.linear])
-        size = np.abs(self._rows[:, : len(present)]) @ np.abs(present)
-        floor = self._floor + self._margin * size - self._rows[:, : len(present)] @ present
+        floor = self._floor - self._rows[:, : len(present)] @ present
         moved = _bounded_least_squares(g[:-1, :-1], g[:-1, -1], self._rows, floor)
         cost = float(g[-1, -1] - 2.0 * moved @ g[:-1, -1] + moved @ g[:-1, :-1] @ moved)
         change = dict(zip(self.linear, (present + moved[: len(present)]).tolist(), strict=True))
@@ -145,7 +147,7 @@ class Objective:
         present = np.array([values[name] for name in self.linear])
         slack = self._rows[:, : len(present)] @ present - self._floor
         size = np.abs(self._rows[:, : len(present)]) @ np.abs(present)
-        active = self._rows[slack <= 2.0 * self._margin * size]
+        active = self._rows[slack <= 1e-7 * size]
         if len(active):
             basis = null_space(active / np.linalg.norm(active, axis=1, keepdims=True))
             inner, cross, right = basis.T @ inner @ basis, basis.T @ cross, basis.T @ right
@@ -154,20 +156,13 @@ class Objective:
         solved = _solve_scaled(inner, np.column_stack([cross, right]))
         return hessian - cross.T @ solved[:, :n], gradient - cross.T @ solved[:, n]
 
-    def _conditions(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return rows A and floor b of A c >= b, and the margin kept to it, as a share of |A| |c|.
-
-        Every linear coefficient is to be admissible over the commands; the margin covers what a parabola
-        can dip between two of the commands looked at.
-        """
+    def _conditions(self) -> tuple[FloatArray, FloatArray]:
+        """Return rows A and floor b of A c >= b: every linear coefficient admissible at the commands."""
         template = self.problem.template
-        commands = [run.drive.trajectory.command for run in self.runs]
-        low, high = min(float(c.min()) for c in commands), max(float(c.max()) for c in commands)
-        grid = np.unique(np.linspace(low, high, _COMMANDS))
+        grid = np.unique(np.linspace(*self.commands, _COMMANDS))
         width = len(self.linear) + len(self.sessions)
         rows: list[FloatArray] = []
         floor: list[float] = []
-        margin: list[float] = []
         for name, law in template.coefficients.items():
             members = [i for i, number in enumerate(self.linear) if number.partition(".")[0] == name]
             least = template.law[name].lower
@@ -179,8 +174,7 @@ class Objective:
                 row[members] = gradient[at]
                 rows.append(row)
                 floor.append(least)
-                margin.append(1e-9 if law.kind == "constant" else 1e-3)
-        return np.array(rows).reshape(len(rows), width), np.array(floor), np.array(margin)
+        return np.array(rows).reshape(len(rows), width), np.array(floor)
 
 
 def fit_variable_projection(
@@ -235,9 +229,10 @@ def fit_variable_projection(
             f"{problem.template.law.name}: no start reached a finite cost in {count} tries; check the runs "
             "(mrdamper predict shows them) or give more --starts"
         )
-    numbers, correlation = estimates_of(problem, full, best.damper, best.offsets)
+    damper = _lifted(problem, best.damper, objective.commands)
+    numbers, correlation = estimates_of(problem, full, damper, best.offsets)
     return FitResult(
-        damper=best.damper,
+        damper=damper,
         method="varpro",
         cost_percent=float(np.sqrt(best.cost)),
         estimates=numbers,
@@ -257,6 +252,21 @@ def latin_hypercube(free: Sequence[Free], count: int, seed: int) -> FloatArray:
     low = np.array([float(f.inward(f.lower)) for f in free])
     high = np.array([float(f.inward(f.upper)) for f in free])
     return np.asarray(low + (0.1 + 0.8 * unit) * (high - low))
+
+
+def _lifted(problem: FitProblem, damper: Damper, commands: tuple[float, float]) -> Damper:
+    """Return the damper with linear coefficients lifted by what they dip below their law's range.
+
+    The conditions were kept at some commands; between two of them a parabola can dip a little.
+    """
+    moved: dict[str, float] = {}
+    for free in problem.linear:
+        name, _, number = free.name.partition(".")
+        law = damper.coefficients[name]
+        least = float(law.value(np.linspace(*commands, _FINE)).min())
+        if number == law.number_names[0] and least < damper.law[name].lower:
+            moved[free.name] = law.numbers[0] + (damper.law[name].lower - least) * (1.0 + 1e-9)
+    return damper.with_numbers(moved) if moved else damper
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -412,7 +422,8 @@ def _bounded_least_squares(
     non-negative least squares.
     """
     solution = _solve_scaled(matrix, right)
-    if not len(rows) or np.all(rows @ solution >= floor):
+    slack = rows @ solution - floor
+    if not len(rows) or np.all(slack >= -1e-12 * (np.abs(rows) @ np.abs(solution) + np.abs(floor))):
         return solution
     scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     scaled = matrix * np.outer(scale, scale)

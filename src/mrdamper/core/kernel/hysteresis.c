@@ -61,10 +61,22 @@ static void bouc_wen_state(const curve *c, const mrd_record *r, double rho, doub
     }
 }
 
+/* Mean over the sample interval that ends at sample i (the first and the last one: what there is). */
+static inline double interval_mean(const double *row, size_t stride, size_t i, size_t n)
+{
+    if (i == 0 || i >= n) return row[stride * (i ? n - 1 : 0)];
+    return 0.5 * (row[stride * (i - 1)] + row[stride * i]);
+}
+
+static inline double seed_mean(const mrd_direction *d, size_t i, size_t n)
+{
+    return d->seed ? interval_mean(d->seed, d->stride, i, n) : 1.0;
+}
+
 /* w and its derivatives along a record.
  *
- * rho may vary from sample to sample (stride 1); the travel is then weighted with it, exactly so for a
- * rho that is constant over each sample interval. `ways` directions move rho with the given seeds;
+ * rho may vary from sample to sample (stride 1); the travel is then weighted with its mean over each sample
+ * interval, which errs with the square of the step. `ways` directions move rho with the given seeds;
  * by_rho[d] holds dw for each, by_n and by_kappa dw for a unit change of n and kappa.
  */
 static void bouc_wen_tangents(const curve *c, const mrd_record *r, const double *rho, size_t stride, size_t ways,
@@ -82,26 +94,25 @@ static void bouc_wen_tangents(const curve *c, const mrd_record *r, const double 
         for (; i < r->first[p + 1]; i++) {
             const double moved = r->path[i] - last;
             last = r->path[i];
-            travel += rho[stride * i] * moved;
+            travel += interval_mean(rho, stride, i, r->n) * moved;
             const curve_point at = curve_at(c, start + travel);
             w[i] = side * at.w;
             for (size_t d = 0; d < ways; d++) {
-                travel_rho[d] += (way[d]->seed ? way[d]->seed[way[d]->stride * i] : 1.0) * moved;
+                travel_rho[d] += seed_mean(way[d], i, r->n) * moved;
                 by_rho[d][i] = side * at.slope * (start_rho[d] + travel_rho[d]);
             }
             if (by_n) by_n[i] = side * (at.by_n + at.slope * start_n);
             if (by_kappa) by_kappa[i] = side * (at.by_kappa + at.slope * start_k);
         }
         /* The rest of the way to the turning point, and over it. */
-        const size_t held = i > 0 ? i - 1 : 0;
         const double rest = p + 1 < r->pieces ? fabs(r->turn[p + 1] - r->turn[p]) - last : 0.0;
-        travel += rho[stride * held] * rest;
+        travel += interval_mean(rho, stride, i, r->n) * rest;
         const curve_point end = curve_at(c, start + travel);
         start = curve_inverse(c, -end.w);
         const curve_point begin = curve_at(c, start);
         const double scale = begin.slope > 1e-9 ? 1.0 / begin.slope : 0.0;
         for (size_t d = 0; d < ways; d++) {
-            travel_rho[d] += (way[d]->seed ? way[d]->seed[way[d]->stride * held] : 1.0) * rest;
+            travel_rho[d] += seed_mean(way[d], i, r->n) * rest;
             start_rho[d] = -end.slope * (start_rho[d] + travel_rho[d]) * scale;
         }
         start_n = (-(end.by_n + end.slope * start_n) - begin.by_n) * scale;

@@ -245,7 +245,7 @@ static mrd_status causal(const mrd_model *m, const mrd_record *r, double *force)
                 const double kappa = coefficient_at(m, shape.kappa, i), n = coefficient_at(m, shape.n, i);
                 if (kappa != c->kappa || n != c->n) curve_build(c, kappa, n, 0);
             }
-            const double rho = coefficient_at(m, shape.rho, i);
+            const double rho = 0.5 * (coefficient_at(m, shape.rho, i - 1) + coefficient_at(m, shape.rho, i));
             double here = r->x[i - 1];
             /* A reversal inside the interval just passed: first to the turning point, then back from it. */
             if (r->v[i - 1] * r->v[i] < 0.0) {
