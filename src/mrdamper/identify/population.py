@@ -177,8 +177,7 @@ def fit_cma(problem: FitProblem, *, seed: int = 0, report: Report | None = None)
         "seed": seed + 1,
         "bounds": [0.0, 1.0],
         "verbose": -9,
-        "maxfevals": 4000 * size,
-        "tolfunrel": 1e-7,
+        "maxfevals": 6000 * size,
     }
     search = cma.CMAEvolutionStrategy(np.full(size, 0.5), 0.25, options)
 
