@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+from dataclasses import replace
 
 import pytest
 
@@ -39,8 +40,6 @@ def test_held_out_runs_do_not_move_the_fit(fitted, runs):
 
 
 def test_a_changed_run_of_a_training_run_s_name_counts_as_held_out(fitted, runs):
-    from dataclasses import replace
-
     other = replace(runs[0], force=1.01 * runs[0].force)
     assert mrdamper.predict(fitted.card(), [other])[0].split == "held_out"
 
@@ -53,10 +52,10 @@ def test_a_law_given_as_class_or_object_is_fitted(runs, tmp_path):
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    few = [run for run in runs if "1.50V" in run.name]
+    few = [_beginning(run) for run in runs if "1.50V_sine10mm2Hz" in run.name]
     by_class = mrdamper.fit(few[:1], module.Relaxing, starts=1, one_command=True)
     assert by_class.damper.law.name == "relaxing"
-    assert mrdamper.predict(by_class, few[1:])[0].split == "held_out"
+    assert mrdamper.predict(by_class, [replace(few[0], name="other")])[0].split == "held_out"
     assert mrdamper.assess(by_class).runs[0].nrmse_percent < 60.0
 
 
@@ -69,8 +68,6 @@ def test_an_option_that_is_not_there_is_refused(runs, option):
 
 
 def test_all_runs_that_are_unfit_are_named_at_once(runs):
-    from dataclasses import replace
-
     wrong = [replace(run, force=-run.force) for run in runs[:2]]
     with pytest.raises(mrdamper.InputError) as fault:
         mrdamper.fit([*wrong, *runs[2:]], "dahl")
@@ -92,6 +89,14 @@ def test_files_appear_together_or_not_at_all(tmp_path):
         (beside / "card.json").write_text("whole", encoding="utf-8")
     assert [p.name for p in out.iterdir()] == ["card.json"]
     assert [p.name for p in tmp_path.iterdir()] == ["new"]
+
+
+def _beginning(run, samples=1200):
+    """Cut a run short: a law in Python is slow."""
+    return replace(
+        run,
+        **{name: getattr(run, name)[:samples] for name in ("time", "displacement", "force", "command")},
+    )
 
 
 def _as_read(document):

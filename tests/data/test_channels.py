@@ -35,8 +35,8 @@ def test_a_gain_leads_from_the_files_unit_to_si():
     volts = np.array([0.0, 1.0, -0.5])
     cell = Channel("force", name="CHANNEL1", unit="V", gain=980.665, offset=10.0)
     assert cell.to_si(volts, "", "f") == pytest.approx([10.0, 990.665, -480.3325])
-    turned = Channel("force", name="CHANNEL1", unit="V", gain=980.665, sign=-1)
-    assert turned.to_si(volts, "", "f") == pytest.approx([0.0, -980.665, 490.3325])
+    turned = Channel("force", name="CHANNEL1", unit="V", gain=980.665, offset=10.0, sign=-1)
+    assert turned.to_si(volts, "", "f") == pytest.approx([-10.0, -990.665, 480.3325])
 
 
 def test_without_a_gain_the_unit_leads_to_si():

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from mrdamper.data.cycles import cycles, drift, estimate_lag, repeatability
 from mrdamper.data.prepare import prepare_run
-from mrdamper.excitation import Chirp, Sine
+from mrdamper.excitation import Chirp, Harmonics, Sine
 from tests.data.example_runs import make_run
 
 SINE = Sine(0.010, 1.0)
@@ -29,6 +29,18 @@ def test_a_dashpot_takes_pi_c_omega_amplitude_squared_per_cycle(dashpot, spring,
         assert cycle.energy_J == pytest.approx(expected, rel=1e-4, abs=1e-6 * abs(preload))
         assert cycle.duration_s == pytest.approx(1.0)
         assert cycle.stroke_m == pytest.approx(0.020)
+
+
+def test_a_preload_takes_nothing_even_where_a_cycle_does_not_close():
+    """The middle of the motion moves by up to 2 mm in a cycle."""
+    moving = Harmonics((0.010, 0.008), (1.0, 0.04), (0.0, 0.0))
+    found = [
+        cycles(_prepared(lambda t, preload=preload: 100.0 * moving.velocity(t) + preload, moving))
+        for preload in (0.0, 500.0)
+    ]
+    assert len(found[0]) == len(found[1]) == 9
+    for without, with_preload in zip(*found, strict=True):
+        assert with_preload.energy_J == pytest.approx(without.energy_J, rel=1e-9)
 
 
 def test_dry_friction_takes_four_strokes_of_its_force():

@@ -47,10 +47,12 @@ def test_an_inadmissible_candidate_costs_more_than_any_other(problem: FitProblem
 
 def test_the_genetic_algorithm_descends_and_projection_is_not_beaten(problem: FitProblem) -> None:
     told: list[float] = []
+    generations = 25
     genetic = fit_genetic(
-        problem, population=40, generations=25, seed=0, report=lambda p: told.append(p.best_percent)
+        problem, population=40, generations=generations, seed=0, report=lambda p: told.append(p.best_percent)
     )
     projected = fit_variable_projection(problem, starts=1, seed=0)
+    assert len(told) == generations
     assert told == sorted(told, reverse=True)
     assert genetic.cost_percent < 0.7 * told[0]
     assert projected.cost_percent < genetic.cost_percent

@@ -7,30 +7,29 @@ Keys that scripts rely on: docs/architecture.md. Nothing is printed here.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from mrdamper.app.api import Identification, Method, finite, fit, resolve_law, row, versions
+from mrdamper.app import answers
+from mrdamper.app.answers import Json
+from mrdamper.app.api import Identification, Method, fit, resolve_law, row, versions
 from mrdamper.app.api import assess as assess_fit
 from mrdamper.app.api import predict as predict_runs
+from mrdamper.app.interrupts import Interrupted, interrupt_ends_all
 from mrdamper.app.outputs import staged, write_json, write_table
 from mrdamper.data.prepare import Preparation
 from mrdamper.data.readers import read_runs
 from mrdamper.data.records import Dataset, RigRun
 from mrdamper.errors import InputError
-from mrdamper.identify.assess import Assessment, Kind, LawScore, LeftOut, RunError, choose_law, summary
-from mrdamper.identify.problem import Estimate
+from mrdamper.identify.assess import Assessment, Kind, LawScore, RunError, choose_law
 from mrdamper.identify.variable_projection import Report
 from mrdamper.models.card import read_card, write_card
 from mrdamper.models.laws import LAWS
 
 __all__ = ["DEMO_LAWS", "FitOptions", "data_fetch", "data_list", "demo", "identify", "predict"]
 
-Json = dict[str, object]
-
 DEMO_LAWS = ("series-valve", "bouc-wen")
-_CANCELLED = "cancelled"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,7 +82,7 @@ def predict(
         "card": str(card),
         "law": model.damper.law.name,
         "runs": [row(error) for error in errors],
-        "summary": _summaries(errors),
+        "summary": answers.summaries(errors),
         "notes": _outside(model.envelope.command, errors),
     }
     if out is not None:
@@ -120,8 +119,8 @@ def demo(out: Path, *, quick: bool = False, seed: int = 0, report: Report | None
             report=report,
             title="Demo on a simulated rig",
         )
-        laws = [_line(first)]
-        if first[_CANCELLED] is False:
+        laws = [answers.line(first)]
+        if not first["cancelled"]:
             other = fit(
                 dataset,
                 DEMO_LAWS[1],
@@ -130,8 +129,8 @@ def demo(out: Path, *, quick: bool = False, seed: int = 0, report: Report | None
                 hold_out=options.hold_out,
                 report=report,
             )
-            judged = assess_fit(other)
-            laws.append(_line(_answer(other, judged, out, ())))
+            if not other.result.cancelled:
+                laws.append(answers.line(answers.identification(other, assess_fit(other), out, ())))
         answer: Json = {
             **first,
             "simulated": True,
@@ -212,7 +211,7 @@ def _identify(
     write_card(fitted.card(judged, title=title, sources=sources), beside / "card.json")
     write_table(beside / "errors.csv", [row(error) for error in judged.runs])
     write_report(beside / "report.html", fitted, judged, law_table=table, simulated=simulated, title=title)
-    return _answer(fitted, judged, out, table)
+    return answers.identification(fitted, judged, out, table)
 
 
 def _compare(dataset: Dataset, options: FitOptions, report: Report | None) -> tuple[LawScore, ...]:
@@ -220,14 +219,15 @@ def _compare(dataset: Dataset, options: FitOptions, report: Report | None) -> tu
     from mrdamper.app.api import prepare_all
 
     training = dataset.split(options.hold_out)[0] if options.hold_out else dataset
-    return choose_law(
-        prepare_all(training, Preparation()),
-        tuple(LAWS),
-        seed=options.seed,
-        starts=min(options.starts, 2),
-        one_command=options.one_command,
-        report=report,
-    )
+    with interrupt_ends_all():
+        return choose_law(
+            prepare_all(training, Preparation()),
+            tuple(LAWS),
+            seed=options.seed,
+            starts=min(options.starts, 2),
+            one_command=options.one_command,
+            report=report,
+        )
 
 
 def _assessed(
@@ -236,99 +236,12 @@ def _assessed(
     """Assess a fit; an interrupt while fitting or while leaving runs out keeps the fit and skips the rest."""
     if not fitted.result.cancelled and options.leave_out:
         try:
-            return fitted, assess_fit(fitted, leave_out=options.leave_out, report=report)
-        except KeyboardInterrupt:
+            with interrupt_ends_all():
+                return fitted, assess_fit(fitted, leave_out=options.leave_out, report=report)
+        except Interrupted:
             note = "interrupted while leaving runs out: the fit is whole, that table is not there"
             fitted = replace(fitted, result=replace(fitted.result, notes=(*fitted.result.notes, note)))
     return fitted, assess_fit(fitted)
-
-
-def _answer(fitted: Identification, judged: Assessment, out: Path, table: Sequence[LawScore]) -> Json:
-    """Return what ``mrdamper identify --json`` prints."""
-    result = fitted.result
-    return {
-        "law": fitted.damper.law.name,
-        "method": result.method,
-        "coefficients": {estimate.name: _estimate(estimate) for estimate in result.estimates},
-        "cpu_s": round(fitted.cpu_s, 4),
-        "card": str(out / "card.json"),
-        "report": str(out / "report.html"),
-        "runs": [row(error) for error in judged.runs],
-        "summary": _summaries(judged.runs),
-        "cost_percent": result.cost_percent,
-        "seed": result.seed,
-        "starts": [
-            {
-                "index": s.index,
-                "cost_percent": finite(s.cost_percent),
-                "evaluations": s.evaluations,
-                "converged": s.converged,
-            }
-            for s in result.starts
-        ],
-        "session_offsets_N": dict(result.offsets_N),
-        "passivity_min": finite(judged.passivity_min),
-        _CANCELLED: result.cancelled,
-        "notes": [*result.notes, *judged.words],
-        "left_out": [_left(left) for left in judged.left_out],
-        "left_out_summary": _left_summaries(judged.left_out),
-        "law_table": [
-            {
-                "law": score.law,
-                "numbers": score.numbers,
-                "training_median_percent": finite(score.training_median),
-                "held_out_median_percent": finite(score.held_out_median),
-                "held_out_worst_percent": finite(score.held_out_worst),
-                "cpu_s": round(score.cpu_s, 3),
-            }
-            for score in table
-        ],
-    }
-
-
-def _estimate(estimate: Estimate) -> Json:
-    return {
-        "value": estimate.value,
-        "unit": estimate.unit,
-        "standard_error": finite(estimate.standard_error),
-        "design_error_percent": finite(estimate.design_error_percent),
-        "identifiable": bool(estimate.identifiable),
-        "at_bound": estimate.at_bound or None,
-        "lower": finite(estimate.lower),
-        "upper": finite(estimate.upper),
-    }
-
-
-def _summaries(errors: Iterable[RunError]) -> Json:
-    """Return median and worst of ``nrmse_percent`` by split."""
-    errors = tuple(errors)
-    return {
-        split: _in_percent(summary(e for e in errors if e.split == split))
-        for split in ("training", "held_out")
-        if any(e.split == split for e in errors)
-    }
-
-
-def _in_percent(values: Mapping[str, float]) -> Json:
-    return {f"{name}_nrmse_percent": finite(value) for name, value in values.items()}
-
-
-def _left(left: LeftOut) -> Json:
-    errors = [{**row(error), "split": "held_out"} for error in left.errors]
-    return {"kind": left.kind, "left_out": left.left_out, **_in_percent(summary(left.errors)), "runs": errors}
-
-
-def _left_summaries(left_out: Sequence[LeftOut]) -> Json:
-    kinds = dict.fromkeys(left.kind for left in left_out)
-    return {
-        kind: _in_percent(summary(e for left in left_out if left.kind == kind for e in left.errors))
-        for kind in kinds
-    }
-
-
-def _line(answer: Json) -> Json:
-    """Return one law's line of the demo's comparison."""
-    return {key: answer[key] for key in ("law", "summary", "cost_percent", "cpu_s", "passivity_min")}
 
 
 # ------------------------------------------------------------------------------------------- files

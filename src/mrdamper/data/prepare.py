@@ -136,9 +136,9 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
     *Dead band.* Three times the noise that the smoothing lets through, at least the resolution of the
     displacement.
 
-    *Reference.* "start": zero is the median of the first half of the rest before the motion starts (where the
-    run begins, when that is not at rest within the dead band); "mean": the mean over the run; "none": as
-    measured.
+    *Reference.* "start": zero is the median of the first half of the rest before the motion starts, or where
+    the run begins when it does not keep still there (within three dead bands); "mean": the mean over the
+    run; "none": as measured.
 
     *Score.* The motion starts where displacement is 2 % of its range from where it began; errors count
     from half a period later. Without a period, half a period is the median time between reversals.
@@ -166,7 +166,7 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
     started = int(np.argmax(np.abs(x - x[0]) > _MOVED * np.ptp(x)))
     if chosen.reference == "start":
         rest = displacement[: max(1, started // 2)]
-        x = x - float(np.median(rest) if np.ptp(x[: len(rest)]) <= dead_band else x[0])
+        x = x - float(np.median(rest) if np.ptp(x[: len(rest)]) <= 3.0 * dead_band else x[0])
     elif chosen.reference == "mean":
         x = x - float(np.mean(x))
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from mrdamper import core
 from mrdamper.errors import InputError, MissingExtraError
-from mrdamper.identify.problem import FitProblem, FitResult, PreparedFit, Start, move
+from mrdamper.identify.problem import FitProblem, FitResult, PreparedFit, Start, lifted, move
 from mrdamper.identify.uncertainty import estimates_of
 from mrdamper.identify.variable_projection import Progress, Report
 from mrdamper.models.damper import Damper
@@ -136,9 +136,8 @@ def fit_genetic(
         mutation=PM(eta=20),
         eliminate_duplicates=True,
     )
-    algorithm.setup(
-        Fit(n_var=size, n_obj=1, xl=np.zeros(size), xu=np.ones(size)), ("n_gen", generations), seed=seed
-    )
+    fit = Fit(n_var=size, n_obj=1, xl=np.zeros(size), xu=np.ones(size))
+    algorithm.setup(fit, termination=("n_gen", generations), seed=seed)
 
     def steps() -> tuple[FloatArray, bool]:
         best: FloatArray | None = None
@@ -215,8 +214,8 @@ def _result(
     note: str,
 ) -> FitResult:
     best, cancelled = outcome
-    damper = ensemble.damper(best)
-    cost = float(np.sqrt(ensemble.costs(best[None, :])[0]))
+    damper = lifted(problem, ensemble.damper(best))
+    cost = float(np.sqrt(sum(run.weight * _squares(damper, run) for run in ensemble.runs)))
     estimates, correlation = estimates_of(problem, ensemble.runs, damper, {})
     return FitResult(
         damper=damper,

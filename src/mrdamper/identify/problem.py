@@ -31,10 +31,13 @@ __all__ = [
     "PreparedFit",
     "Start",
     "envelope_of",
+    "lifted",
     "move",
 ]
 
 FloatArray = NDArray[np.float64]
+
+_FINE = 1001  # commands at which a fitted damper is checked against its law's range
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,6 +209,22 @@ def move(damper: Damper, numbers: Mapping[str, float]) -> Damper:
         damper = replace(damper, command_lag_s=numbers[LAG])
         numbers = {name: value for name, value in numbers.items() if name != LAG}
     return damper.with_numbers(numbers) if numbers else damper
+
+
+def lifted(problem: FitProblem, damper: Damper) -> Damper:
+    """Return the damper with linear coefficients lifted by what they dip below their law's range.
+
+    A search keeps the law's conditions at some commands; between two of them a parabola can dip a little.
+    """
+    commands = np.linspace(*envelope_of(problem.runs).command, _FINE)
+    moved: dict[str, float] = {}
+    for free in problem.linear:
+        name, _, number = free.name.partition(".")
+        law, floor = damper.coefficients[name], damper.law[name].lower
+        least = float(law.value(commands).min())
+        if number == law.number_names[0] and least < floor:
+            moved[free.name] = law.numbers[0] + (floor - least) * (1.0 + 1e-9)
+    return damper.with_numbers(moved) if moved else damper
 
 
 def envelope_of(runs: Sequence[PreparedRun]) -> OperatingEnvelope:

@@ -28,7 +28,16 @@ from scipy.stats import qmc
 
 from mrdamper import core
 from mrdamper.errors import ConvergenceError, InputError
-from mrdamper.identify.problem import FitProblem, FitResult, Free, PreparedFit, Start, move
+from mrdamper.identify.problem import (
+    FitProblem,
+    FitResult,
+    Free,
+    PreparedFit,
+    Start,
+    envelope_of,
+    lifted,
+    move,
+)
 from mrdamper.identify.uncertainty import estimates_of
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import LAG, Tangents
@@ -38,7 +47,6 @@ __all__ = ["Objective", "Progress", "Report", "fit_variable_projection", "latin_
 FloatArray = NDArray[np.float64]
 
 _COMMANDS = 17  # commands over the data's range at which linear coefficients are kept admissible
-_FINE = 1001  # at which they are looked at in the end
 _LONGEST = 1.5  # longest step of a search coordinate per iteration, in e-folds on a log scale
 _MOST_ITERATIONS = 150
 _DRAWN = 80  # points looked at for each start
@@ -79,8 +87,6 @@ class Objective:
         self._widest = max(len(run.force) for run in runs)
         self._store = np.empty((core.MOST_DIRECTIONS + 2) * self._widest)
         self._drives = [run.drive for run in runs]
-        commands = [run.drive.trajectory.command for run in runs]
-        self.commands = (min(float(c.min()) for c in commands), max(float(c.max()) for c in commands))
         self._rows, self._floor = self._conditions()
 
     def gram(self, damper: Damper, numbers: Sequence[str], offsets: Mapping[str, float]) -> FloatArray:
@@ -159,7 +165,7 @@ class Objective:
     def _conditions(self) -> tuple[FloatArray, FloatArray]:
         """Return rows A and floor b of A c >= b: every linear coefficient admissible at the commands."""
         template = self.problem.template
-        grid = np.unique(np.linspace(*self.commands, _COMMANDS))
+        grid = np.unique(np.linspace(*envelope_of(self.problem.runs).command, _COMMANDS))
         width = len(self.linear) + len(self.sessions)
         rows: list[FloatArray] = []
         floor: list[float] = []
@@ -229,7 +235,7 @@ def fit_variable_projection(
             f"{problem.template.law.name}: no start reached a finite cost in {count} tries; check the runs "
             "(mrdamper predict shows them) or give more --starts"
         )
-    damper = _lifted(problem, best.damper, objective.commands)
+    damper = lifted(problem, best.damper)
     numbers, correlation = estimates_of(problem, full, damper, best.offsets)
     return FitResult(
         damper=damper,
@@ -252,21 +258,6 @@ def latin_hypercube(free: Sequence[Free], count: int, seed: int) -> FloatArray:
     low = np.array([float(f.inward(f.lower)) for f in free])
     high = np.array([float(f.inward(f.upper)) for f in free])
     return np.asarray(low + (0.1 + 0.8 * unit) * (high - low))
-
-
-def _lifted(problem: FitProblem, damper: Damper, commands: tuple[float, float]) -> Damper:
-    """Return the damper with linear coefficients lifted by what they dip below their law's range.
-
-    The conditions were kept at some commands; between two of them a parabola can dip a little.
-    """
-    moved: dict[str, float] = {}
-    for free in problem.linear:
-        name, _, number = free.name.partition(".")
-        law = damper.coefficients[name]
-        least = float(law.value(np.linspace(*commands, _FINE)).min())
-        if number == law.number_names[0] and least < damper.law[name].lower:
-            moved[free.name] = law.numbers[0] + (damper.law[name].lower - least) * (1.0 + 1e-9)
-    return damper.with_numbers(moved) if moved else damper
 
 
 @dataclass(frozen=True, slots=True, eq=False)

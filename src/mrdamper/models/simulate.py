@@ -85,6 +85,7 @@ def simulate(
     command = _applied(damper, drive)[0]
     coefficients = damper.coefficients_at(command)
     violations = damper.law.violations(dict(zip(damper.law.names, coefficients, strict=True)))
+    violations += _reversed_valve(damper, coefficients, drive.trajectory.displacement)
     if violations:
         raise InputError("; ".join(violations))
     coefficients = np.ascontiguousarray(coefficients[:, 0] if len(command) == 1 else coefficients)
@@ -174,6 +175,20 @@ def _applied(damper: Damper, drive: Drive) -> tuple[FloatArray, FloatArray]:
     if drive.constant is not None:
         return np.array([drive.constant]), np.zeros(1)
     return core.lagged(drive.trajectory.command, drive.trajectory.step, damper.command_lag_s)
+
+
+def _reversed_valve(damper: Damper, coefficients: FloatArray, displacement: FloatArray) -> tuple[str, ...]:
+    """Say where along the run the series valve would push: its equation has no bounded solution there."""
+    if damper.law.name != "series-valve":
+        return ()
+    share = 1.0 + coefficients[damper.law.names.index("position_gain")] * displacement
+    worst = int(np.argmin(share))
+    if share[worst] > 0.0:
+        return ()
+    return (
+        f"series-valve: 1 + position_gain x is {share[worst]:g} at x = {displacement[worst]:g} m; the law is well "
+        "posed while it is positive (shorten the stroke, or bring position_gain nearer to 0)",
+    )
 
 
 def _by_differences(damper: Damper, drive: Drive, numbers: Sequence[str]) -> Sensitivity:

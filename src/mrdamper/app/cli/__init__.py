@@ -16,6 +16,7 @@ from typing import Any, NoReturn, TypeVar
 
 import click
 
+from mrdamper.app.interrupts import Interrupted
 from mrdamper.errors import MrdamperError
 
 __all__ = ["cli", "main"]
@@ -38,6 +39,8 @@ def main() -> NoReturn:
         sys.exit(fault.exit_code)
     except KeyboardInterrupt:
         _leave("interrupted before there was a result; nothing was written", _NOT_CONVERGED)
+    except Interrupted:
+        _leave("interrupted while comparing; nothing was written", _NOT_CONVERGED)
     except MrdamperError as fault:
         _leave(str(fault), fault.exit_code)
     except BrokenPipeError:  # the reader of our output has left

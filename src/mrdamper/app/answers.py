@@ -1,0 +1,102 @@
+"""What the jobs answer: values as JSON takes them, every error with its unit in its key."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+
+from mrdamper.app.api import Identification, finite, row
+from mrdamper.identify.assess import Assessment, LawScore, LeftOut, RunError, summary
+from mrdamper.identify.problem import Estimate
+
+__all__ = ["Json", "identification", "line", "summaries"]
+
+Json = dict[str, object]
+
+
+def identification(fitted: Identification, judged: Assessment, out: Path, table: Sequence[LawScore]) -> Json:
+    """Return what ``mrdamper identify --json`` prints."""
+    result = fitted.result
+    return {
+        "law": fitted.damper.law.name,
+        "method": result.method,
+        "coefficients": {estimate.name: _estimate(estimate) for estimate in result.estimates},
+        "cpu_s": round(fitted.cpu_s, 4),
+        "card": str(out / "card.json"),
+        "report": str(out / "report.html"),
+        "runs": [row(error) for error in judged.runs],
+        "summary": summaries(judged.runs),
+        "cost_percent": result.cost_percent,
+        "seed": result.seed,
+        "starts": [
+            {
+                "index": s.index,
+                "cost_percent": finite(s.cost_percent),
+                "evaluations": s.evaluations,
+                "converged": s.converged,
+            }
+            for s in result.starts
+        ],
+        "session_offsets_N": dict(result.offsets_N),
+        "passivity_min": finite(judged.passivity_min),
+        "cancelled": result.cancelled,
+        "notes": [*result.notes, *judged.words],
+        "left_out": [_left(left) for left in judged.left_out],
+        "left_out_summary": _left_summaries(judged.left_out),
+        "law_table": [
+            {
+                "law": score.law,
+                "numbers": score.numbers,
+                "training_median_percent": finite(score.training_median),
+                "held_out_median_percent": finite(score.held_out_median),
+                "held_out_worst_percent": finite(score.held_out_worst),
+                "cpu_s": round(score.cpu_s, 3),
+            }
+            for score in table
+        ],
+    }
+
+
+def _estimate(estimate: Estimate) -> Json:
+    return {
+        "value": estimate.value,
+        "unit": estimate.unit,
+        "standard_error": finite(estimate.standard_error),
+        "design_error_percent": finite(estimate.design_error_percent),
+        "identifiable": bool(estimate.identifiable),
+        "at_bound": estimate.at_bound or None,
+        "lower": finite(estimate.lower),
+        "upper": finite(estimate.upper),
+    }
+
+
+def summaries(errors: Iterable[RunError]) -> Json:
+    """Return median and worst of ``nrmse_percent`` by split."""
+    errors = tuple(errors)
+    return {
+        split: _in_percent(summary(e for e in errors if e.split == split))
+        for split in ("training", "held_out")
+        if any(e.split == split for e in errors)
+    }
+
+
+def _in_percent(values: Mapping[str, float]) -> Json:
+    return {f"{name}_nrmse_percent": finite(value) for name, value in values.items()}
+
+
+def _left(left: LeftOut) -> Json:
+    errors = [{**row(error), "split": "held_out"} for error in left.errors]
+    return {"kind": left.kind, "left_out": left.left_out, **_in_percent(summary(left.errors)), "runs": errors}
+
+
+def _left_summaries(left_out: Sequence[LeftOut]) -> Json:
+    kinds = dict.fromkeys(left.kind for left in left_out)
+    return {
+        kind: _in_percent(summary(e for left in left_out if left.kind == kind for e in left.errors))
+        for kind in kinds
+    }
+
+
+def line(answer: Json) -> Json:
+    """Return one law's line of the demo's comparison."""
+    return {key: answer[key] for key in ("law", "summary", "cost_percent", "cpu_s", "passivity_min")}
