@@ -1,13 +1,12 @@
-"""Identification on the real runs of MRDAMPER_DATA: errors beside their bars, agreement of starts, CPU time."""
+"""Identification on the real runs of MRDAMPER_DATA: errors beside their bars, agreement of starts, CPU."""
 
 from __future__ import annotations
 
 import os
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-
-import numpy as np
 
 from bench.measure import Row
 from mrdamper.data.prepare import PreparedRun, prepare_run
@@ -33,13 +32,14 @@ def _prepared(folder: Path, pattern: str) -> tuple[list[PreparedRun], float]:
 
 
 def _said(errors: dict[str, float]) -> str:
-    return f"median {errors['median']:.2f} %, worst above 0 {errors['worst_above_zero']:.2f} %, worst {errors['worst']:.2f} %"
+    above, worst = errors["worst_above_zero"], errors["worst"]
+    return f"median {errors['median']:.2f} %, worst above 0 {above:.2f} %, worst {worst:.2f} %"
 
 
 def _whole(result: FitResult, law: str, runs: Sequence[PreparedRun], prepare_s: float, bar: str) -> Row:
     errors = [score_run(result.damper, run, "training") for run in runs]
-    whole = [e.nrmse_whole_percent for e in errors]
-    said = f"{_said(summary(errors))}; whole run median {np.median(whole):.2f} %, worst {max(whole):.2f} %"
+    whole = summary(replace(e, nrmse_percent=e.nrmse_whole_percent) for e in errors)
+    said = f"{_said(summary(errors))}; whole run {_said(whole)}"
     return Row(
         f"{law}, {len(runs)} runs, {len(result.starts)} starts",
         result.cpu_s + prepare_s,
@@ -60,7 +60,8 @@ def run() -> list[Row]:
     near = sum(fit.cost_percent <= 1.001 * best.cost_percent for fit in fits)
     rows = []
     for seed, fit in enumerate(fits):
-        said = f"cost {fit.cost_percent:.4f} %, {100.0 * (fit.cost_percent / best.cost_percent - 1.0):.3f} % above the best"
+        above = 100.0 * (fit.cost_percent / best.cost_percent - 1.0)
+        said = f"cost {fit.cost_percent:.4f} %, {above:.3f} % above the best"
         rows.append(
             Row(
                 f"series-valve, UTFSM, one start, seed {seed}",
@@ -76,7 +77,7 @@ def run() -> list[Row]:
             bar="8 of 8",
         )
     )
-    rows.append(_whole(best, "series-valve, UTFSM", sines, prepare_s, "6.5 / 8.5 / 17; whole run 7 / 18"))
+    rows.append(_whole(best, "series-valve, UTFSM", sines, prepare_s, "6.5 / 8.5 / 17; whole run 7 / 9 / 18"))
 
     begin = time.process_time()
     left = leave_out(lambda kept: _fit("series-valve", kept, starts=2).damper, sines, "motion")

@@ -15,7 +15,10 @@ __all__ = ["run"]
 JOBS = {
     "python -c pass": ["-c", "pass"],
     "import mrdamper": ["-c", "import mrdamper"],
-    "mrdamper --help": ["-c", "from mrdamper.app.cli import main; main(['--help'])"],
+    "mrdamper --help": [
+        "-c",
+        "import sys; sys.argv = ['mrdamper', '--help']; from mrdamper.app.cli import main; main()",
+    ],
 }
 BARS = {"import mrdamper": "30 ms beside the interpreter", "mrdamper --help": "200 ms"}
 

@@ -120,6 +120,9 @@ def test_a_tare_that_shifted_between_sessions_is_found_and_does_not_touch_the_re
     result = fit_variable_projection(replace(problem, runs=runs), starts=1, seed=0)
     assert result.offsets_N["b"] - result.offsets_N["a"] == pytest.approx(85.0, abs=2.0)
     truth = TRUTHS["bouc-wen"].numbers
+    assert result.offsets_N["a"] + result.offsets_N["b"] == pytest.approx(0.0, abs=2.0), (
+        "the rest is the law's"
+    )
     assert result.damper.numbers["rho.value"] == pytest.approx(truth["rho.value"], rel=0.1)
 
 

@@ -350,6 +350,23 @@ def test_a_users_law_that_returns_nan_is_named_with_the_sample():
         simulate_reference(Damper(law_from_python(Broken()), forms), UNEVEN)
 
 
+def test_a_users_law_that_runs_away_is_stopped_and_not_waited_for():
+    class RunsAway(OwnBoucWen):
+        def rate(self, state, displacement, velocity, values):
+            return 1e3 * (1.0 + state**2)  # reaches infinity after 1.6 ms
+
+    forms = {name: Constant(1.0) for name in ("A", "beta", "gamma", "alpha")}
+    with pytest.raises(ConvergenceError, match=r"law 'own-bouc-wen': no progress at sample 1\.57"):
+        simulate_reference(Damper(law_from_python(RunsAway()), forms), UNEVEN)
+
+
+def test_a_saturated_state_stays_bounded_where_unloading_is_slowest():
+    """With kappa = 1 the bound is a fixed point, unstable to what is past it: rounding must not run away."""
+    for rho, n in ((2e4, 2.0), (600.0, 20.0)):
+        values = {"viscosity": 0.0, "yield_force": 1.0, "rho": rho, "kappa": 1.0, "n": n}
+        assert np.abs(simulate_reference(damper("bouc-wen", **values), SINE)).max() <= 1.0 + 1e-10
+
+
 LAW_FILE = '''
 from mrdamper.models.laws import Coefficient
 

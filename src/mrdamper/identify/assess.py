@@ -41,6 +41,7 @@ FloatArray = NDArray[np.float64]
 Split = Literal["training", "held_out"]
 Kind = Literal["run", "current", "motion"]
 
+_FOLDS = 5  # most fits per law when laws are compared
 _STRONG = 0.95  # correlations beyond this are named
 
 
@@ -184,11 +185,16 @@ def assess(
 
 
 def leave_out(
-    fit: Callable[[Sequence[PreparedRun]], Damper], runs: Sequence[PreparedRun], kind: Kind
+    fit: Callable[[Sequence[PreparedRun]], Damper],
+    runs: Sequence[PreparedRun],
+    kind: Kind,
+    *,
+    folds: int | None = None,
 ) -> list[LeftOut]:
     """Return, for each run, current or motion, the errors on it of a fit to all the others.
 
-    A current at the edge of the range is not left out: that would be extrapolation, not a test.
+    ``folds`` leaves out neighbours together where there would be more fits than that. A current at the
+    edge of the range is not left out: that would be extrapolation, not a test.
     """
     key = {"run": lambda r: r.run.name, "motion": lambda r: r.motion, "current": _command_label}[kind]
     groups = sorted({key(run) for run in runs})
@@ -199,10 +205,11 @@ def leave_out(
     if len({key(run) for run in runs}) < 2:
         return []
     out = []
-    for group in groups:
-        damper = fit([run for run in runs if key(run) != group])
-        errors = tuple(score_run(damper, run) for run in runs if key(run) == group)
-        out.append(LeftOut(kind, group, errors))
+    for fold in np.array_split(np.array(groups, dtype=object), min(folds or len(groups), len(groups))):
+        left = set(fold.tolist())
+        damper = fit([run for run in runs if key(run) not in left])
+        errors = tuple(score_run(damper, run) for run in runs if key(run) in left)
+        out.append(LeftOut(kind, ", ".join(sorted(left)), errors))
     return out
 
 
@@ -239,7 +246,7 @@ def choose_law(
             ).damper
 
         training = summary(score_run(whole.damper, run, "training") for run in runs)
-        held = summary(error for left in leave_out(fit, runs, kind) for error in left.errors)
+        held = summary(error for left in leave_out(fit, runs, kind, folds=_FOLDS) for error in left.errors)
         scores.append(
             LawScore(
                 law if isinstance(law, str) else law.name,

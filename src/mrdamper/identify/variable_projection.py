@@ -47,9 +47,11 @@ __all__ = ["Objective", "Progress", "Report", "fit_variable_projection", "latin_
 FloatArray = NDArray[np.float64]
 
 _COMMANDS = 17  # commands over the data's range at which linear coefficients are kept admissible
+_PULL = 1e-3  # of session offsets towards zero, as a share of what the data say
 _LONGEST = 1.5  # longest step of a search coordinate per iteration, in e-folds on a log scale
 _MOST_ITERATIONS = 150
 _DRAWN = 80  # points looked at for each start
+_DRAWN_PYTHON = 8  # the same for a law in Python, which is slow
 _DESCENDING = 5  # of which so many descend on short stretches
 _FEW_ITERATIONS = 10  # of each of those
 _FINALISTS = 2  # of which so many go on
@@ -113,6 +115,14 @@ class Objective:
                 spread[len(numbers) + self.sessions.index(run.session), d] = 1.0
             spread[-1, d + 1] = 1.0
             total += run.weight * (spread @ g @ spread.T)
+        # What all sessions share is the law's own offset: a light pull of each tare towards zero.
+        pull = _PULL * float(np.mean(np.diag(total)[len(numbers) : -1])) if self.sessions else 0.0
+        for place, session in enumerate(self.sessions, len(numbers)):
+            tare = offsets.get(session, 0.0)
+            total[place, place] += pull
+            total[place, -1] -= pull * tare
+            total[-1, place] -= pull * tare
+            total[-1, -1] += pull * tare**2
         return total
 
     def eliminate(
@@ -301,15 +311,16 @@ def _screened(problem: FitProblem, starts: int, seed: int) -> Iterator[_State]:
         yield _State(np.empty(0), problem.template, {}, np.inf, None, 0, 0, converged=True)
         return
     objective = Objective(problem, problem.prepare(excerpt=True))
+    count = _DRAWN if problem.template.law.kernel is not None else _DRAWN_PYTHON
     for index in range(starts):
         before = objective.evaluations
         costs: list[tuple[float, int]] = []
-        drawn = latin_hypercube(problem.nonlinear, _DRAWN, seed + 7919 * index)
+        drawn = latin_hypercube(problem.nonlinear, count, seed + 7919 * index)
         for place, point in enumerate(drawn):
             cost = objective.eliminate(_at(problem, point), {}, tangents=False)[0]
             costs.append((cost if np.isfinite(cost) else np.inf, place))
         tried = []
-        for _, place in sorted(costs)[:_DESCENDING]:
+        for _, place in sorted(costs)[: min(_DESCENDING, count // 8)]:
             *_, state = _descend(objective, drawn[place], _at(problem, drawn[place]), _FEW_ITERATIONS)
             tried.append(state)
         best: _State | None = None

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import importlib.util
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 
@@ -37,6 +37,8 @@ __all__ = [
     "simulate_reference",
     "turning_points",
 ]
+
+_MOST_CALLS = 20_000  # of a law's rate, per sample; some tens are usual
 
 Values = Mapping[str, float]
 Equation = Callable[[float, float, float, Values], float]  # of state, displacement, velocity, coefficients
@@ -85,8 +87,9 @@ def _spring(x: float, c: Values) -> float:
 
 def _bouc_wen_rate(w: float, v: float, rho: float, kappa: float, n: float) -> float:
     u = w if v > 0.0 else -w  # positive while loading
-    resistance = math.pow(u, n) if u >= 0.0 else kappa * math.pow(-u, n)
-    return rho * v * (1.0 - resistance)
+    if u >= 0.0:
+        return rho * v * (1.0 - math.pow(u, n))
+    return rho * v * (1.0 - kappa * math.pow(min(-u, 1.0), n))  # past 1 by rounding, kappa = 1 would run away
 
 
 def _bouc_wen(w: float, _x: float, v: float, c: Values) -> float:
@@ -210,17 +213,22 @@ class _Path:
 def _integrate(rate: Equation, path: _Path, damper: Damper, tolerance: float) -> FloatArray:
     """Return the state at the samples, integrated anew from each reversal."""
     last = path.count - 1
-
-    def slope(time: float, state: FloatArray) -> list[float]:  # time in samples
-        k = min(int(time), last - 1)
-        return [path.step * rate(float(state[0]), *path.at(k, time - k))]
-
-    samples = np.arange(path.count, dtype=np.float64)
     turns = [k + theta for k, cubic in enumerate(path.cubics) for theta in _turns(cubic)]
-    local = tolerance / 30  # the errors of many steps add up
-    state, z = np.zeros(path.count), 0.0
     rests = [k for k, cubic in enumerate(path.cubics) if cubic[1] == 0.0]
+    local = tolerance / 30  # the errors of many steps add up
+    scale = _state_scale(damper, path)
+    samples, state, z = np.arange(path.count, dtype=np.float64), np.zeros(path.count), 0.0
     for start, end in pairwise(np.unique([0.0, *rests, *turns, float(last)]).tolist()):
+        left = iter(range(int(_MOST_CALLS * (end - start + 1.0))))
+
+        def slope(time: float, at: FloatArray, left: Iterator[int] = left) -> list[float]:  # time in samples
+            if next(left, None) is None:  # LSODA itself would go on for ever
+                raise ConvergenceError(
+                    f"law {damper.law.name!r}: no progress at sample {time:.3f}, where its state is {at[0]:g}"
+                )
+            k = min(int(time), last - 1)
+            return [path.step * rate(float(at[0]), *path.at(k, time - k))]
+
         inside = np.flatnonzero((samples > start) & (samples <= end))
         solution = solve_ivp(
             slope,
@@ -230,7 +238,7 @@ def _integrate(rate: Equation, path: _Path, damper: Damper, tolerance: float) ->
             t_eval=np.union1d(samples[inside], end),
             max_step=1.0,
             rtol=max(local, 1e-13),
-            atol=local * _state_scale(damper, path),
+            atol=local * scale,
         )
         if not solution.success:
             raise ConvergenceError(f"law {damper.law.name!r}: the integrator stopped: {solution.message}")

@@ -186,8 +186,8 @@ def _reversed_valve(damper: Damper, coefficients: FloatArray, displacement: Floa
     if share[worst] > 0.0:
         return ()
     return (
-        f"series-valve: 1 + position_gain x is {share[worst]:g} at x = {displacement[worst]:g} m; the law is well "
-        "posed while it is positive (shorten the stroke, or bring position_gain nearer to 0)",
+        f"series-valve: 1 + position_gain x is {share[worst]:g} at x = {displacement[worst]:g} m; the law is "
+        "well posed while it is positive (shorten the stroke, or bring position_gain nearer to 0)",
     )
 
 
