@@ -120,8 +120,9 @@ def test_turning_points_of_a_sine_lie_at_its_crests():
 
 
 @settings(max_examples=30)
-@given(rho=st.floats(10.0, 1e5), **shapes)
+@given(rho=st.floats(10.0, 1e5), kappa=st.floats(-1.0, 0.9), n=shapes["n"])
 def test_the_integrator_agrees_with_the_closed_form(rho, kappa, n):
+    """Up to kappa = 0.9: nearer to 1 the curve leaves its bound ever more slowly and magnifies any error."""
     values = {"viscosity": 0.0, "yield_force": 1.0, "rho": rho, "kappa": kappa, "n": n}
     w = simulate_reference(damper("bouc-wen", **values), UNEVEN)
     exact = bouc_wen_closed_form(UNEVEN.displacement, turning_points(UNEVEN), rho=rho, kappa=kappa, n=n)

@@ -300,6 +300,18 @@ def _at(problem: FitProblem, point: FloatArray) -> Damper:
     )
 
 
+def _off_the_bounds(problem: FitProblem, point: FloatArray) -> FloatArray | None:
+    """Return the point with every number that sits on a bound put back to mid-range; None when none does.
+
+    A term that has died (a yield velocity beyond all speeds) leaves its numbers on bounds; from mid-range
+    it may come to life again.
+    """
+    low = np.array([float(f.inward(f.lower)) for f in problem.nonlinear])
+    high = np.array([float(f.inward(f.upper)) for f in problem.nonlinear])
+    stuck = (point <= low) | (point >= high)
+    return np.where(stuck, 0.5 * (low + high), point) if stuck.any() else None
+
+
 def _screened(problem: FitProblem, starts: int, seed: int) -> Iterator[_State]:
     """Yield one promising place for each start.
 
@@ -326,6 +338,10 @@ def _screened(problem: FitProblem, starts: int, seed: int) -> Iterator[_State]:
         best: _State | None = None
         for finalist in sorted(tried, key=lambda s: s.cost)[:_FINALISTS]:
             *_, state = _descend(objective, finalist.point, finalist.damper, _SHORT_ITERATIONS)
+            freed = _off_the_bounds(problem, state.point)
+            if freed is not None:
+                *_, other = _descend(objective, freed, _at(problem, freed), _SHORT_ITERATIONS)
+                state = min(state, other, key=lambda s: s.cost)
             if best is None or state.cost < best.cost:
                 best = state
         if best is not None:

@@ -1,1 +1,1 @@
-"""Models: hysteresis laws, their coefficients' dependence on the command, the damper, simulation, the card."""
+"""Models: laws, their coefficients as functions of the command, the damper, simulation, the card."""

@@ -1,1 +1,1 @@
-"""Virtual test rigs: physics that is never the identified law, so that a fit can be judged against a truth."""
+"""Virtual test rigs: physics that is never the identified law, so that a fit is judged against a truth."""
