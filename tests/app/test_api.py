@@ -103,3 +103,12 @@ def _as_read(document):
     import json
 
     return json.loads(json.dumps(document, default=dict))
+
+
+def test_a_term_can_be_added_to_any_law(runs):
+    """The mass of a simulated damper without any is small against what its force would show."""
+    fitted = mrdamper.fit(runs, "bouc-wen", terms=["mass", "friction"])
+    names = {estimate.name for estimate in fitted.result.estimates}
+    assert {"mass.value", "coulomb_friction.value", "stribeck_velocity.value"} <= names
+    plain = mrdamper.fit(runs, "bouc-wen")
+    assert fitted.result.cost_percent <= plain.result.cost_percent * (1.0 + 1e-6)

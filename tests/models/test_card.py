@@ -27,7 +27,7 @@ from mrdamper.models.card import (
     write_card,
 )
 from mrdamper.models.damper import Damper, OperatingEnvelope
-from mrdamper.models.dependence import Constant, Exponential, Hill, Polynomial
+from mrdamper.models.dependence import Constant, Exponential, Hill, ParameterLaw, Polynomial
 from mrdamper.models.laws import LAWS, Coefficient
 from mrdamper.models.reference import law_from_python, simulate_reference
 
@@ -45,7 +45,7 @@ RUNS = (
 
 
 def a_damper(**changed):
-    forms = {
+    forms: dict[str, ParameterLaw] = {
         "viscosity": Polynomial((600.0, 400.0)),
         "yield_force": Hill(90.5, 629.0, 1.14, 1.466, reference=1.5),
         "rho": Exponential(1500.0, -0.3),

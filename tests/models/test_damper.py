@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import pickle
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,14 +13,16 @@ from hypothesis import strategies as st
 
 from mrdamper.errors import InputError
 from mrdamper.models.damper import Damper, OperatingEnvelope
-from mrdamper.models.dependence import Constant, Exponential, Hill, Polynomial
+from mrdamper.models.dependence import Constant, Exponential, Hill, ParameterLaw, Polynomial
 from mrdamper.models.laws import LAWS
 
+MILLIAMPERE: Any = "mA"  # what a caller without a type checker may write
+ONE_END: Any = (0.0,)
 ENVELOPE = OperatingEnvelope((0.0, 1.0), (-0.025, 0.025), (-0.2, 0.2))
 
 
 def bouc_wen(**changed):
-    given_coefficients = {
+    given_coefficients: dict[str, ParameterLaw] = {
         "viscosity": Polynomial((600.0, 400.0)),
         "yield_force": Hill(90.0, 629.0, 1.14, 1.466),
         "rho": Exponential(1500.0, -0.3),
@@ -101,11 +104,11 @@ def test_a_damper_cannot_be_changed_but_can_be_sent_to_another_process():
             "no number 'rho.at_zer'; did you mean rho.at_zero",
         ),
         (lambda: Damper(LAWS["dahl"], series_valve().coefficients), "dahl: no coefficient 'thinning'"),
-        (lambda: Damper(LAWS["bouc-wen"], bouc_wen().coefficients, "mA"), "command_unit is 'mA'"),
+        (lambda: Damper(LAWS["bouc-wen"], bouc_wen().coefficients, MILLIAMPERE), "command_unit is 'mA'"),
         (lambda: Damper(LAWS["bouc-wen"], bouc_wen().coefficients, "A", -1.0), "command_lag_s is -1.0"),
         (lambda: OperatingEnvelope((1.0, 0.0), (0.0, 1.0), (0.0, 1.0)), r"envelope: command is \(1.0, 0.0\)"),
         (lambda: OperatingEnvelope((0.0, 1.0), (0.0, math.nan), (0.0, 1.0)), "envelope: displacement"),
-        (lambda: OperatingEnvelope((0.0, 1.0), (0.0,), (0.0, 1.0)), "two finite numbers"),
+        (lambda: OperatingEnvelope((0.0, 1.0), ONE_END, (0.0, 1.0)), "two finite numbers"),
     ],
 )
 def test_what_no_damper_can_be_is_refused_by_name(make, said):

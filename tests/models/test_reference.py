@@ -198,6 +198,21 @@ def test_a_bouc_wen_force_without_viscosity_does_not_know_how_fast_it_is_driven(
     np.testing.assert_allclose(simulate_reference(model, slow), simulate_reference(model, UNEVEN), atol=1e-5)
 
 
+@pytest.mark.parametrize("law", SOUND)
+def test_the_force_is_linear_in_the_coefficients_that_say_so(law):
+    """A fit eliminates these by least squares: one that is not linear would be fitted wrongly."""
+    base = damper(law, coulomb_friction=10.0, stiffness=100.0)
+    names = [c.name for c in LAWS[law].coefficients if c.linear]
+    force = simulate_reference(base, UNEVEN)
+    for name in names:
+        number = f"{name}.value"
+        once, twice = (
+            simulate_reference(base.with_numbers({number: base.numbers[number] + step}), UNEVEN) - force
+            for step in (50.0, 100.0)
+        )
+        np.testing.assert_allclose(twice, 2 * once, rtol=0, atol=1e-6 * np.abs(twice).max())
+
+
 # ------------------------------------------------------------------------------------------- limits
 
 
@@ -228,7 +243,7 @@ def test_friction_is_kinetic_when_fast_and_static_when_slow():
     model = damper("bingham", viscosity=0.0, yield_force=0.0, **friction)
     for speed, expected in ((0.1, 40.0), (1e-4, 65.0), (-0.1, -40.0), (0.0, 0.0)):
         t = np.arange(3) * 1e-3
-        path = Trajectory(1e-3, speed * t, np.full(3, speed), np.zeros(3), np.zeros(3))
+        path = Trajectory(1e-3, np.array(speed * t), np.full(3, speed), np.zeros(3), np.zeros(3))
         assert simulate_reference(model, path) == pytest.approx([expected] * 3, rel=2e-3)
 
 
@@ -241,7 +256,8 @@ def test_mass_spring_and_offset_add_what_newton_and_hooke_say():
 
 def test_the_shift_of_the_tanh_law_follows_the_side_of_the_stroke():
     model = damper("tanh", viscosity=0.0, shift=0.5)
-    at_rest = Trajectory(1e-3, [-0.01, 0.01], [0.0, 0.0], [0.0, 0.0], [0.0, 0.0])
+    still = np.zeros(2)
+    at_rest = Trajectory(1e-3, np.array([-0.01, 0.01]), still, still, still)
     assert simulate_reference(model, at_rest) == pytest.approx([-500 * math.tanh(0.5), 500 * math.tanh(0.5)])
 
 

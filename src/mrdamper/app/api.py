@@ -108,11 +108,12 @@ def fit(  # noqa: PLR0913 - the options of a fit, by keyword
     law: Law = "series-valve",
     *,
     method: Method = "varpro",
-    starts: int = 5,
+    starts: int = 1,
     seed: int = 0,
     hold_out: Sequence[str] = (),
     session_offsets: bool = False,
     one_command: bool = False,
+    terms: Sequence[str] = (),
     preparation: Preparation | None = None,
     report: Report | None = None,
 ) -> Identification:
@@ -126,6 +127,7 @@ def fit(  # noqa: PLR0913 - the options of a fit, by keyword
     hold_out : patterns of the names of runs that the fit must not see
     session_offsets : let each session have its own constant force
     one_command : allow runs at a single command (the model then holds for it alone)
+    terms : parallel terms to add to the law: ``friction`` (Stribeck), ``mass``, ``viscosity``
     report : told of every step
 
     Raises
@@ -144,7 +146,7 @@ def fit(  # noqa: PLR0913 - the options of a fit, by keyword
     how = preparation or Preparation()
     prepared = prepare_all(training, how)
     unseen = prepare_all(held_out, how)
-    damper, free = template(chosen, prepared, one_command=one_command)
+    damper, free = template(chosen, prepared, one_command=one_command, terms=terms)
     problem = FitProblem(damper, free, prepared, session_offsets)
     prepared_in = time.process_time() - clock
     if method == "varpro":

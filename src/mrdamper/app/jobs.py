@@ -38,12 +38,13 @@ class FitOptions:
 
     law: str = "series-valve"  # a name, ``auto``, or ``file.py:Class``
     method: Method = "varpro"
-    starts: int = 5
+    starts: int = 1
     seed: int = 0
     hold_out: tuple[str, ...] = ()
     leave_out: tuple[Kind, ...] = ()
     session_offsets: bool = False
     one_command: bool = False
+    terms: tuple[str, ...] = ()
 
 
 def identify(
@@ -205,6 +206,7 @@ def _identify(
         hold_out=options.hold_out,
         session_offsets=options.session_offsets,
         one_command=options.one_command,
+        terms=options.terms,
         report=report,
     )
     fitted, judged = _assessed(fitted, options, report)

@@ -54,8 +54,10 @@ class PythonLaw(Protocol):
     coefficient names to their values at the present command.
     """
 
-    name: str
-    coefficients: tuple[Coefficient, ...]
+    @property
+    def name(self) -> str: ...
+    @property
+    def coefficients(self) -> tuple[Coefficient, ...]: ...
 
     def rate(self, state: float, displacement: float, velocity: float, values: Mapping[str, float]) -> float:
         """Return the time derivative of the internal state [state unit / s]."""

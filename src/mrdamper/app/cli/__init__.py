@@ -117,9 +117,9 @@ _seed = click.option("--seed", type=int, default=0, show_default=True, help="Of 
 @click.option(
     "--starts",
     type=click.IntRange(min=1),
-    default=5,
+    default=1,
     show_default=True,
-    help="Starts of the search (varpro).",
+    help="Starts of the search (varpro); each draws many points.",
 )
 @click.option(
     "--leave-out",
@@ -130,6 +130,13 @@ _seed = click.option("--seed", type=int, default=0, show_default=True, help="Of 
 @click.option("--session-offsets", is_flag=True, help="Let each session have its own constant force.")
 @click.option(
     "--one-command", is_flag=True, help="Accept runs at a single command; the model holds for it alone."
+)
+@click.option(
+    "--term",
+    "terms",
+    type=click.Choice(["friction", "mass", "viscosity"]),
+    multiple=True,
+    help="Add a parallel term to the law (may be repeated).",
 )
 @_flip
 @_json
