@@ -1,0 +1,90 @@
+"""Identification on two public rigs: the errors that the project promises, one law over all commands."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mrdamper
+from mrdamper.app.api import Identification
+from mrdamper.identify.assess import Assessment, summary
+
+
+@pytest.fixture(scope="module")
+def sines(real_data: Path) -> mrdamper.Dataset:
+    return mrdamper.read_runs([str(real_data / "dev" / "utfsm_sine_*.csv")])
+
+
+@pytest.fixture(scope="module")
+def series_valve(sines: mrdamper.Dataset) -> Identification:
+    return mrdamper.fit(sines, "series-valve")
+
+
+@pytest.fixture(scope="module")
+def judged(series_valve: Identification) -> Assessment:
+    return mrdamper.assess(series_valve, leave_out=["motion"])
+
+
+@pytest.mark.data
+def test_the_series_valve_law_reproduces_twenty_sines_at_five_currents(judged: Assessment) -> None:
+    errors = summary(judged.runs)
+    assert len(judged.runs) == 20
+    assert errors["median"] <= 5.5
+    assert errors["worst_above_zero"] <= 8.0
+    assert errors["worst"] <= 16.0
+    whole = [error.nrmse_whole_percent for error in judged.runs]
+    assert np.median(whole) <= 7.0
+    assert max(whole) <= 18.0
+
+
+@pytest.mark.data
+def test_it_predicts_a_motion_that_it_has_not_seen(judged: Assessment) -> None:
+    left_out = [error for left in judged.left_out for error in left.errors]
+    assert len({left.left_out for left in judged.left_out}) == 4
+    errors = summary(left_out)
+    assert errors["median"] <= 6.5
+    assert errors["worst_above_zero"] <= 11.0
+
+
+@pytest.mark.data
+def test_it_predicts_a_chirp_that_it_has_not_seen(series_valve: Identification, real_data: Path) -> None:
+    """Ten times the frequency of the slowest training run; the 0 A chirp carries a shifted tare."""
+    chirps = mrdamper.read_runs([str(real_data / "dev" / "utfsm_chirp_*.csv")])
+    errors = {error.command: error for error in mrdamper.predict(series_valve.damper, chirps)}
+    assert errors[1.0].nrmse_percent <= 18.0
+    assert errors[0.0].nrmse_offset_free_percent <= 23.0
+
+
+@pytest.mark.data
+def test_its_energy_per_cycle_is_that_of_the_loops(judged: Assessment) -> None:
+    """At 1 A, where it heats the damper."""
+    for error in judged.runs:
+        if error.command == 1.0:
+            assert error.energy_model_J == pytest.approx(error.energy_measured_J, rel=0.08), error.name
+
+
+@pytest.mark.data
+@pytest.mark.parametrize("seed", range(8))
+def test_every_seed_comes_to_the_same_optimum(
+    sines: mrdamper.Dataset, series_valve: Identification, seed: int
+) -> None:
+    other = mrdamper.fit(sines, "series-valve", seed=seed)
+    assert other.result.cost_percent == pytest.approx(series_valve.result.cost_percent, rel=1e-3)
+
+
+@pytest.mark.data
+def test_plain_bouc_wen_is_the_comparator_and_is_not_hidden(sines: mrdamper.Dataset) -> None:
+    fitted = mrdamper.fit(sines, "bouc-wen")
+    errors = summary(mrdamper.assess(fitted).runs)
+    assert 10.0 < errors["median"] <= 13.5
+
+
+@pytest.mark.data
+def test_the_saturating_law_reproduces_a_second_rig_in_volts(real_data: Path) -> None:
+    runs = mrdamper.read_runs([str(real_data / "dev" / "utfpr_*.csv")])
+    errors = summary(mrdamper.assess(mrdamper.fit(runs, "bouc-wen-saturating")).runs)
+    assert len(runs) == 26
+    assert errors["median"] <= 9.0
+    assert errors["worst"] <= 13.0
