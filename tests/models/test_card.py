@@ -202,6 +202,12 @@ def test_a_card_reproduces_its_own_error_on_its_excerpt(tmp_path):
     assert found > 10.0  # the noise that was added, and the start from rest
 
 
+def test_the_error_on_the_excerpt_is_counted_from_where_scoring_starts():
+    excerpt = CARD.excerpt
+    residual = (simulate(CARD.damper, excerpt.trajectory()) - np.array(excerpt.force_N))[20:]
+    assert excerpt.rmse_N == pytest.approx(float(np.sqrt(np.mean(residual**2))), rel=1e-12)
+
+
 def test_a_card_whose_numbers_were_changed_does_not():
     stiffer = replace(CARD, damper=CARD.damper.with_numbers({"yield_force.gain": 600.0}))
     with pytest.raises(
