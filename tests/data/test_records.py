@@ -170,3 +170,9 @@ def test_a_run_in_volts_knows_its_range():
 
 def test_a_slow_run_is_a_run():
     make_run(Sine(0.05, 0.01), duration=300.0, rate_Hz=10.0)
+
+
+def test_a_sensor_that_flickers_at_rest_is_not_a_motion() -> None:
+    flicker = 3e-6 * np.random.default_rng(0).integers(-1, 2, 5001)
+    with pytest.raises(InputError, match="takes only 3 values"):
+        make_run(changed={"displacement": flicker.astype(np.float64)})

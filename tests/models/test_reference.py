@@ -241,8 +241,8 @@ def test_friction_is_kinetic_when_fast_and_static_when_slow():
         "transition_velocity": 1e-5,
     }
     model = damper("bingham", viscosity=0.0, yield_force=0.0, **friction)
-    knee = 40.0 + 25.0 / math.e
-    for speed, expected in ((0.1, 40.0), (1e-4, 65.0), (3e-3, knee), (-0.1, -40.0), (0.0, 0.0)):
+    fading = 40.0 + 25.0 * math.exp(-4.0)
+    for speed, expected in ((0.1, 40.0), (1e-4, 65.0), (6e-3, fading), (-0.1, -40.0), (0.0, 0.0)):
         t = np.arange(3) * 1e-3
         path = Trajectory(1e-3, np.array(speed * t), np.full(3, speed), np.zeros(3), np.zeros(3))
         assert simulate_reference(model, path) == pytest.approx([expected] * 3, rel=2e-3)

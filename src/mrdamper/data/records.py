@@ -28,6 +28,7 @@ CommandUnit = Literal["A", "V"]
 _LEAST_SAMPLES = 16
 _SPEED = 10.0  # faster than any damper's rig [m/s]
 _STROKE = 2.0  # longer than any damper's rig [m]
+_FEWEST_VALUES = 8  # of a displacement: fewer are the flicker of a sensor at rest
 _SWING = 0.1  # a reversal comes back by more than this share of the stroke
 _BLOCK = 16  # time steps over which jitter must average out
 _GAP = 5.0  # a time step this many times the usual one is a gap
@@ -238,6 +239,12 @@ def _motion_faults(run: RigRun) -> list[str]:
         return [
             f"displacement moves at {speeds[fastest]:.3g} m/s at sample {fastest}, with a stroke of "
             f"{stroke:.3g} m; expected at most {_SPEED:g} m/s and {_STROKE:g} m. {hint}"
+        ]
+    values = len(np.unique(run.displacement))
+    if values < _FEWEST_VALUES:
+        return [
+            f"displacement takes only {values} values, {stroke:.2g} m apart at most; expected a motion far "
+            "above the sensor's resolution. Cut the run where the rig moves, or record a larger stroke"
         ]
     reversals = len(turning_points(run.displacement, _SWING * stroke))
     if reversals < 2:
