@@ -258,3 +258,12 @@ def test_preparing_a_run_of_7000_samples_takes_less_than_two_milliseconds():
             prepare_run(run)
         rounds.append((process_time() - began) / 5)
     assert min(rounds) < 2e-3
+
+
+def test_a_run_cut_out_of_a_motion_counts_from_its_mean():
+    """Runs of one campaign that begin at different phases agree on where zero is."""
+    for phase in (0.3, 1.2, 0.5 * math.pi, 2.0):
+        run = make_run(Harmonics((0.01,), (2.0,), (phase,)), duration=5.0)
+        x = prepare_run(run).trajectory.displacement
+        assert np.max(x) == pytest.approx(0.01, rel=1e-3)
+        assert np.min(x) == pytest.approx(-0.01, rel=1e-3)

@@ -154,6 +154,7 @@ def loops(trace: Trace, limits: Limits, highest: float) -> str:
             axes.set_xlim(*_widened(ends))
             axes.set_ylim(*_widened(limits.force_N))
             axes.locator_params(nbins=5)
+            axes.locator_params(axis="x", nbins=5, prune="both")
             axes.set_xlabel(label, labelpad=1.5)
             axes.set_ylabel("force, N", labelpad=1.0)
         figure.subplots_adjust(left=0.25, right=0.98, top=0.985, bottom=0.105, hspace=0.36)

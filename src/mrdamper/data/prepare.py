@@ -17,7 +17,14 @@ import numpy as np
 
 from mrdamper.data.motion import describe_motion
 from mrdamper.data.records import RigRun, nearest_names
-from mrdamper.data.signals import differentiate, knot_spacing, measure_spectrum, smallest_step, smooth
+from mrdamper.data.signals import (
+    Kinematics,
+    differentiate,
+    knot_spacing,
+    measure_spectrum,
+    smallest_step,
+    smooth,
+)
 from mrdamper.errors import InputError
 from mrdamper.excitation import Trajectory
 from mrdamper.quantities import FloatArray, read_only
@@ -28,6 +35,7 @@ Reference = Literal["start", "mean", "none"]
 VelocitySource = Literal["displacement", "channel"]
 
 _MOVED = 0.02  # a motion has started when it is this share of its range from where it began
+_SLOWLY = 0.1  # of top speed and acceleration: a run that begins livelier was cut out of a motion
 _JITTER = 1e-3  # of a step: time stamps further from a uniform grid are resampled
 _AGAINST = -0.05  # correlation of force and velocity below which the sign is wrong
 _AGREE = 0.1  # a velocity channel agrees when it differs by less than this share of its rms
@@ -136,9 +144,10 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
     *Dead band.* Three times the noise that the smoothing lets through, at least the resolution of the
     displacement.
 
-    *Reference.* "start": zero is the median of the first half of the rest before the motion starts, or where
-    the run begins when it does not keep still there (within three dead bands); "mean": the mean over the
-    run; "none": as measured.
+    *Reference.* "start": zero is the median of the first half of the rest before the motion starts; where the
+    run begins, when it does not keep still there (within three dead bands) but sets out slowly; the mean over
+    the run, when it begins in full motion (beyond a tenth of the top speed or of the top acceleration).
+    "mean": the mean over the run. "none": as measured.
 
     *Score.* The motion starts where displacement is 2 % of its range from where it began; errors count
     from half a period later. Without a period, half a period is the median time between reversals.
@@ -165,8 +174,7 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
     x = moved.displacement
     started = int(np.argmax(np.abs(x - x[0]) > _MOVED * np.ptp(x)))
     if chosen.reference == "start":
-        rest = displacement[: max(1, started // 2)]
-        x = x - float(np.median(rest) if np.ptp(x[: len(rest)]) <= 3.0 * dead_band else x[0])
+        x = x - _where_it_rests(displacement[: max(1, started // 2)], moved, dead_band)
     elif chosen.reference == "mean":
         x = x - float(np.mean(x))
 
@@ -218,6 +226,15 @@ def decimate(prepared: PreparedRun, rate_Hz: float) -> PreparedRun:
         force=prepared.force[::factor],
         scored_from=min(-(-prepared.scored_from // factor), (len(path) - 1) // factor),
     )
+
+
+def _where_it_rests(rest: FloatArray, moved: Kinematics, dead_band: float) -> float:
+    """Return the displacement [m] that counts as zero by the rule "start" of ``prepare_run``."""
+    x = moved.displacement
+    if np.ptp(x[: len(rest)]) <= 3.0 * dead_band:
+        return float(np.median(rest))
+    shares = [abs(a[0]) / np.abs(a).max() for a in (moved.velocity, moved.acceleration)]
+    return float(x[0] if max(shares) <= _SLOWLY else np.mean(x))
 
 
 def _trim(run: RigRun, chosen: Preparation) -> RigRun:

@@ -151,8 +151,9 @@ class Tangents:
         moved: list[tuple[int, int, FloatArray]] = []  # (number, place of its coefficient, seed)
         for row, number in enumerate(self._numbers):
             if number == LAG:
+                # A Hill form with an exponent below one is vertical at zero command: that point is left out.
                 moved += [
-                    (row, place, damper.coefficients[name].slope(command) * by_lag)
+                    (row, place, np.nan_to_num(damper.coefficients[name].slope(command), posinf=0.0) * by_lag)
                     for place, name in enumerate(law.names)
                     if damper.coefficients[name].kind != "constant"
                 ]
