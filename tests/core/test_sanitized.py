@@ -37,8 +37,6 @@ def test_the_kernel_compiles_without_a_warning(tool, tmp_path, optimised):
 
 def test_the_binding_compiles_without_a_warning(tool, tmp_path):
     include = sysconfig.get_paths()["include"]
-    if not (Path(include) / "Python.h").is_file():
-        pytest.skip("the headers of Python are not installed")
     source = CORE / "binding" / "module.c"
     compile_with(
         tool("gcc"),
