@@ -50,7 +50,8 @@ _COMMANDS = 17  # commands over the data's range at which linear coefficients ar
 _PULL = 1e-3  # of session offsets towards zero, as a share of what the data say
 _LONGEST = 1.5  # longest step of a search coordinate per iteration, in e-folds on a log scale
 _MOST_ITERATIONS = 150
-_DRAWN = 80  # points looked at for each start
+_DRAWN_PER_NUMBER = 8  # points looked at for each start, per nonlinear number,
+_DRAWN = 80  # but no more
 _DRAWN_PYTHON = 8  # the same for a law in Python, which is slow
 _DESCENDING = 5  # of which so many descend on short stretches
 _FEW_ITERATIONS = 10  # of each of those
@@ -323,7 +324,9 @@ def _screened(problem: FitProblem, starts: int, seed: int) -> Iterator[_State]:
         yield _State(np.empty(0), problem.template, {}, np.inf, None, 0, 0, converged=True)
         return
     objective = Objective(problem, problem.prepare(excerpt=True))
-    count = _DRAWN if problem.template.law.kernel is not None else _DRAWN_PYTHON
+    count = min(_DRAWN, _DRAWN_PER_NUMBER * max(len(problem.nonlinear), 2))
+    if problem.template.law.kernel is None:
+        count = _DRAWN_PYTHON
     for index in range(starts):
         before = objective.evaluations
         costs: list[tuple[float, int]] = []

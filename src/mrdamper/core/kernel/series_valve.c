@@ -55,7 +55,7 @@ static inline double leak_force(const valve *c, double rate, double *slope)
     }
     /* Regular at rest: |rate| is not let below 1 um/s in the slope. */
     const double size = fabs(rate) > 1e-6 ? fabs(rate) : 1e-6;
-    const double power = c->leak * pow(size, c->mb - 1.0);
+    const double power = c->leak * exp((c->mb - 1.0) * log(size));
     *slope = fabs(rate) > 1e-6 ? c->mb * power : power;
     return power * rate;
 }
@@ -183,7 +183,7 @@ static inline void valve_partials(const valve *c, const valve_stage *s, double x
         residual[P_LEAK] = -s->rate;
     } else {
         const double size = fabs(s->rate) > 1e-6 ? fabs(s->rate) : 1e-6;
-        residual[P_LEAK] = -pow(size, c->mb - 1.0) * s->rate;
+        residual[P_LEAK] = -exp((c->mb - 1.0) * log(size)) * s->rate;
     }
     const double size = fabs(s->rate) > 1e-6 ? fabs(s->rate) : 1e-6;
     residual[P_LEAK_EXPONENT] = c->leak * residual[P_LEAK] * log(size);
