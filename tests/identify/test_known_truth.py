@@ -117,7 +117,7 @@ def test_friction_and_mass_added_to_a_law_come_back() -> None:
 def test_noise_on_the_displacement_does_not_bias_the_knee(noise: float) -> None:
     """White noise makes false reversals; smoothed and with a dead band, n = 1.6 is found again.
 
-    Without both, the same runs give about 1.4 at 0.02 mm and 3.3 at 0.1 mm.
+    Without both, 0.1 mm takes n far off, and 0.02 mm leaves it loose.
     """
     truth = replace(TRUTHS["bouc-wen"], coefficients={**TRUTHS["bouc-wen"].coefficients, "n": Constant(1.6)})
     rough = Preparation(cutoff_Hz=np.inf, dead_band_m=0.0)
@@ -129,7 +129,9 @@ def test_noise_on_the_displacement_does_not_bias_the_knee(noise: float) -> None:
         found[label] = next(e for e in result.estimates if e.name == "n.value")
     assert abs(found["prepared"].value - 1.6) < 3.0 * found["prepared"].standard_error
     assert found["prepared"].standard_error < 0.05
-    assert abs(found["rough"].value - 1.6) > abs(found["prepared"].value - 1.6)
+    assert found["rough"].standard_error > 3.0 * found["prepared"].standard_error
+    if noise == 1e-4:
+        assert found["rough"].value > 2.5
 
 
 def noisy_displacement(

@@ -47,7 +47,7 @@ __all__ = ["Objective", "Progress", "Report", "fit_variable_projection", "latin_
 FloatArray = NDArray[np.float64]
 
 _COMMANDS = 17  # commands over the data's range at which linear coefficients are kept admissible
-_PULL = 1e-3  # of session offsets towards zero, as a share of what the data say
+_PULL = 1e-6  # of session offsets towards zero, as a share of what the data say
 _LONGEST = 1.5  # longest step of a search coordinate per iteration, in e-folds on a log scale
 _MOST_ITERATIONS = 150
 _DRAWN_PER_NUMBER = 8  # points looked at for each start, per nonlinear number,
@@ -197,7 +197,7 @@ class Objective:
 def fit_variable_projection(
     problem: FitProblem,
     *,
-    starts: int = 5,
+    starts: int = 1,
     seed: int = 0,
     report: Report | None = None,
     first: Damper | None = None,
