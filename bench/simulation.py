@@ -1,7 +1,8 @@
-"""Simulation: Bouc-Wen ensembles and the series valve, and the everyday way to do it beside them."""
+"""Simulation: Bouc-Wen ensembles and the stepped laws, and the everyday way to do it beside them."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
 
 import numpy as np
@@ -12,7 +13,7 @@ from mrdamper.core import _kernel
 from mrdamper.excitation import Sine, drive
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant
-from mrdamper.models.laws import LAWS
+from mrdamper.models.laws import COMMON, LAWS
 from mrdamper.models.reference import bouc_wen_closed_form
 
 __all__ = ["run"]
@@ -27,11 +28,28 @@ SERIES = {
 }
 
 
-def _series(**changed: float) -> np.ndarray:
-    damper = Damper(
-        LAWS["series-valve"], {name: Constant(value) for name, value in {**SERIES, **changed}.items()}
-    )
+STEPPED = {
+    "lugre": {
+        "yield_force": 500.0,
+        "rho": 1500.0,
+        "static_excess": 0.4,
+        "fade_velocity": 0.01,
+        "bristle_damping": 600.0,
+    },
+    "spencer": {
+        **{"yield_force": 800.0, "series_damping": 3e4, "inner_viscosity": 2500.0, "inner_stiffness": 5000.0},
+        **{"rho": 1500.0, "kappa": -0.4, "n": 1.6},
+    },
+}
+
+
+def _values(law: str, numbers: Mapping[str, float]) -> np.ndarray:
+    damper = Damper(LAWS[law], {name: Constant(value) for name, value in numbers.items()})
     return np.ascontiguousarray(damper.coefficients_at(0.0)[:, 0])
+
+
+def _series(**changed: float) -> np.ndarray:
+    return _values("series-valve", {**SERIES, **changed})
 
 
 def run() -> list[Row]:
@@ -42,10 +60,10 @@ def run() -> list[Row]:
     turning = [(int(t * RATE_Hz), float(MOTION.displacement(t))) for t in times]
     exact = bouc_wen_closed_form(trajectory.displacement, turning, **shape)
     number = LAWS["bouc-wen"].kernel or 0
-    values = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 3e-3, 5e-4, 1.0, *shape.values()])
+    values = _values("bouc-wen", {"yield_force": 1.0, **shape})
     draw = np.random.default_rng(0)
     candidates = np.tile(values, (CANDIDATES, 1, 1))
-    candidates[:, 0, 8:] *= draw.uniform(0.8, 1.2, (CANDIDATES, 4))
+    candidates[:, 0, len(COMMON) :] *= draw.uniform(0.8, 1.2, (CANDIDATES, 4))
     measured = [np.ascontiguousarray(exact)]
     record = core.open_record(trajectory)
 
@@ -71,6 +89,7 @@ def run() -> list[Row]:
         *rows,
         *_tangents(record, values, number),
         *_series_valve(record),
+        *_stepped(record),
         _solve_ivp(exact, shape, rows[0]),
     ]
 
@@ -80,7 +99,7 @@ def _tangents(record: core.Record, values: np.ndarray, number: int) -> list[Row]
     spent = interleaved(
         {
             "force": lambda: core.run(number, record, values),
-            "tangents": lambda: core.run(number, record, values, range(8, 12)),
+            "tangents": lambda: core.run(number, record, values, range(len(COMMON), len(values))),
         },
         repeats=51,
     )
@@ -92,7 +111,7 @@ def _tangents(record: core.Record, values: np.ndarray, number: int) -> list[Row]
 
 def _series_valve(record: core.Record) -> list[Row]:
     number, values = LAWS["series-valve"].kernel or 0, _series()
-    chain = [1, 2, *range(8, len(values))]
+    chain = [1, 2, *range(len(COMMON), len(values))]
     spent = interleaved(
         {
             "tangents off": lambda: core.run(number, record, values),
@@ -112,6 +131,33 @@ def _series_valve(record: core.Record) -> list[Row]:
         )
         for name, cpu in spent.items()
     ]
+
+
+def _stepped(record: core.Record) -> list[Row]:
+    """Time the other laws that are stepped along the record: the force, and with all their own tangents."""
+    rows = []
+    for law, numbers in STEPPED.items():
+        number, values = LAWS[law].kernel or 0, _values(law, numbers)
+        own = range(len(COMMON), len(values))
+        tangents = f"{len(own)} tangents"
+        spent = interleaved(
+            {
+                "tangents off": partial(core.run, number, record, values),
+                tangents: partial(core.run, number, record, values, own),
+            },
+            repeats=31,
+        )
+        rows += [
+            Row(
+                f"{law}, 1 kHz, {name}",
+                cpu,
+                1e9 * cpu / SAMPLES,
+                cpu / spent["tangents off"],
+                "order 2, see docs/laws.md",
+            )
+            for name, cpu in spent.items()
+        ]
+    return rows
 
 
 def _solve_ivp(exact: np.ndarray, shape: dict[str, float], best: Row) -> Row:

@@ -6,7 +6,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrdamper.errors import InputError
-from mrdamper.excitation import Chirp, Harmonics, Sine, Trajectory, Triangle, drive
+from mrdamper.excitation import (
+    CURRENT_STEPS,
+    MOTIONS,
+    ROAD_ROUGHNESS,
+    Chirp,
+    CurrentSteps,
+    Harmonics,
+    Road,
+    Sine,
+    Trajectory,
+    Triangle,
+    drive,
+    motion_from_text,
+)
 
 amplitudes = st.floats(1e-4, 0.1)
 frequencies = st.floats(0.05, 20.0)
@@ -139,4 +152,180 @@ def test_a_trajectory_never_changes():
 )
 def test_motions_without_sense_are_refused(build):
     with pytest.raises(InputError):
+        build()
+
+
+# ------------------------------------------------------------------------------------------- by name
+
+
+@pytest.mark.parametrize(
+    ("name", "amplitude", "speed"),
+    [
+        ("sine5mm1Hz", 5e-3, 2 * np.pi * 5e-3),
+        ("sine3mm2Hz", 3e-3, 2 * np.pi * 6e-3),
+        ("sine15mm1Hz", 15e-3, 2 * np.pi * 15e-3),
+        ("chirp3mm", 3e-3, 2 * np.pi * 24e-3),
+        ("steps", 12e-3, 30e-3),
+    ],
+)
+def test_named_motions_reach_what_their_names_say(name, amplitude, speed):
+    t = np.linspace(0.0, 8.0, 80_001)
+    assert np.abs(MOTIONS[name].displacement(t)).max() == pytest.approx(amplitude, rel=1e-3)
+    assert np.abs(MOTIONS[name].velocity(t)).max() == pytest.approx(speed, rel=2e-3)
+
+
+def test_the_nonperiodic_motion_does_not_come_back_within_a_minute():
+    """The tones have no common period below 100 s: no shift by 1 to 60 s brings the motion back."""
+    t = np.arange(0.0, 120.0, 0.01)
+    x = MOTIONS["nonperiodic"].displacement(t)
+    echoes = [np.corrcoef(x[:-shift], x[shift:])[0, 1] for shift in range(100, 6000, 5)]
+    assert max(echoes) < 0.95
+
+
+@pytest.mark.parametrize(("motion", "period"), [(Sine(5e-3, 4.0), 0.25), (Triangle(12e-3, 30e-3), 1.6)])
+def test_a_motion_repeats_after_its_period(motion, period):
+    assert motion.period == pytest.approx(period)
+    t = np.linspace(0.0, 3.0, 100)
+    assert motion.displacement(t + motion.period) == pytest.approx(motion.displacement(t), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("text", "motion"),
+    [
+        ("chirp3mm", Chirp(3e-3, 0.5, 8.0, 8.0)),
+        ("sine:5mm:1Hz", Sine(5e-3, 1.0)),
+        ("sine:0.2in:1.5Hz", Sine(0.2 * 0.0254, 1.5)),
+        ("triangle:12mm:30mm/s", Triangle(12e-3, 30e-3)),
+        ("chirp:3mm:0.5-8Hz:8s", Chirp(3e-3, 0.5, 8.0, 8.0)),
+        ("chirp:3mm:8Hz-0.5Hz:8s", Chirp(3e-3, 8.0, 0.5, 8.0)),
+        ("road:C:20m/s:5", Road("C", 20.0, 5)),
+    ],
+)
+def test_a_motion_is_read_from_its_name_or_form(text, motion):
+    read = motion_from_text(text)
+    assert type(read) is type(motion)
+    t = np.linspace(0.0, 3.0, 50)
+    assert read.displacement(t) == pytest.approx(motion.displacement(t), rel=1e-12, abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("sine5mm2Hz", "'sine5mm2Hz' is not known; .*; the nearest are: sine5mm1Hz"),
+        ("sine:5mm", "'sine:5mm' is not known"),
+        ("", "'' is not known; expected a name"),
+        ("sine:5:1Hz", "displacement is '5'; expected a number and its unit; expected such as sine:5mm:1Hz"),
+        ("sine:5kg:1Hz", "'kg' is not a unit of displacement"),
+        ("sine:5mm:1", "frequency is '1'; expected a number in Hz"),
+        ("sine:-5mm:1Hz", "displacement is '-5mm'"),
+        ("sine:0mm:1Hz", "amplitude is 0.0; expected a positive"),
+        ("chirp:3mm:8Hz:8s", "frequency is ''"),
+        ("road:K:20m/s:5", "class is 'K'; expected one of: A, B"),
+        ("road:C:20m/s:five", "seed is 'five'"),
+    ],
+)
+def test_a_motion_without_sense_is_refused_with_a_form_that_has_it(text, message):
+    with pytest.raises(InputError, match=message):
+        motion_from_text(text)
+
+
+# ------------------------------------------------------------------------------------------- current steps
+
+
+def test_current_steps_hold_each_level_and_switch_at_once():
+    steps = CurrentSteps((0.5, 2.0, 1.0), hold=0.8)
+    assert steps.current([-5.0, 0.0, 0.79, 0.8, 1.59, 1.6, 99.0]).tolist() == [0.5, 0.5, 0.5, 2, 2, 1, 1]
+    assert steps.duration == pytest.approx(2.4)
+    assert steps.switches == pytest.approx([0.8, 1.6])
+
+
+@given(samples=st.integers(1, 400), rate=st.sampled_from([500.0, 1000.0, 10_000.0]), count=st.integers(1, 30))
+def test_a_sample_on_a_switch_belongs_to_the_level_that_begins(samples, rate, count):
+    """However the time of a sample is rounded: here levels of whole samples, counted."""
+    steps = CurrentSteps(tuple(range(count)), hold=samples / rate)
+    expected = np.repeat(np.arange(count), samples)
+    assert np.array_equal(steps.current(np.arange(count * samples) / rate), expected)
+
+
+def test_the_rig_s_current_steps_come_at_mid_stroke():
+    motion = MOTIONS["steps"]
+    assert motion.displacement(CURRENT_STEPS.switches) == pytest.approx(0.0, abs=1e-12)
+    assert np.diff(CURRENT_STEPS.levels).tolist() == [1, 1, -1, -1, 1, 1, -1, -1]
+
+
+@pytest.mark.parametrize("given", [((), 1.0), ((1.0,), 0.0), ((np.nan,), 1.0), ((1.0,), np.inf)])
+def test_current_steps_without_sense_are_refused(given):
+    with pytest.raises(InputError, match="current steps"):
+        CurrentSteps(*given)
+
+
+# ------------------------------------------------------------------------------------------- roads
+
+
+def test_a_road_has_the_spectrum_of_its_class():
+    """Octave by octave, a periodogram's power against Gd(n0) (n / n0)^-2, far above the corner."""
+    from scipy.signal import periodogram
+
+    road = Road("C", speed=20.0, seed=5)
+    rate = 250.0
+    t = np.arange(0.0, 400.0, 1.0 / rate)
+    frequency, density = periodogram(road.displacement(t), rate, window="hann")
+    wavenumber = frequency / 20.0
+    for low in (0.05, 0.1, 0.2, 0.4, 0.8):
+        band = (wavenumber >= low) & (wavenumber < 2 * low)
+        power = density[band].sum() * frequency[1]
+        stated = 256e-6 * 0.1**2 * (1.0 / low - 0.5 / low)
+        corner = 1.0 / (1.0 + (0.01 / low) ** 2)
+        assert power == pytest.approx(stated * corner, rel=0.06), low
+
+
+def test_a_road_is_flat_below_its_corner():
+    tones = Road("C", corner=0.1).tones
+    density = 0.5 * np.square(tones.amplitudes) / np.gradient(np.asarray(tones.frequencies) / 20.0)
+    at = np.interp([0.02, 1.0], np.asarray(tones.frequencies) / 20.0, density)
+    assert at[0] == pytest.approx(256e-6 * 0.1**2 / (0.02**2 + 0.1**2), rel=0.01)
+    assert at[1] == pytest.approx(256e-6 * (1.0 / 0.1) ** -2, rel=0.02)
+
+
+@pytest.mark.parametrize(("smooth", "rough"), list(zip("ABCDEFG", "BCDEFGH", strict=True)))
+def test_each_road_class_is_twice_as_high_as_the_one_before(smooth, rough):
+    t = np.linspace(0.0, 2.0, 20)
+    assert Road(rough).displacement(t) == pytest.approx(2.0 * Road(smooth).displacement(t), rel=1e-12)
+
+
+def test_class_c_is_256e_6_at_the_reference_wavenumber():
+    assert ROAD_ROUGHNESS["C"] == pytest.approx(256e-6)
+
+
+def test_twice_as_fast_is_the_same_road_in_half_the_time():
+    t = np.linspace(0.0, 5.0, 40)
+    assert Road(speed=30.0).displacement(t / 2) == pytest.approx(Road(speed=15.0).displacement(t), abs=1e-12)
+
+
+def test_a_road_s_velocity_and_acceleration_are_its_slopes():
+    road, h = Road("E", 10.0, 1), 1e-5
+    t = np.linspace(0.0, 5.0, 60)
+    for of, slope in ((road.displacement, road.velocity), (road.velocity, road.acceleration)):
+        assert slope(t) == pytest.approx((of(t + h) - of(t - h)) / (2 * h), rel=1e-4, abs=1e-4)
+
+
+def test_the_seed_is_the_road():
+    t = np.linspace(0.0, 5.0, 40)
+    assert np.array_equal(Road(seed=1).displacement(t), Road(seed=1).displacement(t))
+    assert not np.allclose(Road(seed=1).displacement(t), Road(seed=2).displacement(t))
+
+
+@pytest.mark.parametrize(
+    "build",
+    [
+        lambda: Road("I"),
+        lambda: Road(speed=0.0),
+        lambda: Road(speed=float("nan")),
+        lambda: Road(seed=-1),
+        lambda: Road(corner=0.0),
+        lambda: Road(corner=3.0),
+    ],
+)
+def test_roads_without_sense_are_refused(build):
+    with pytest.raises(InputError, match="road"):
         build()

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from mrdamper.data.prepare import prepare_run
     from mrdamper.data.readers import read_runs
     from mrdamper.data.records import Dataset, RigRun
-    from mrdamper.models.card import ModelCard, read_card
+    from mrdamper.models.card import ModelCard
+    from mrdamper.models.card_reading import read_card
     from mrdamper.models.damper import Damper
     from mrdamper.models.simulate import simulate
 
@@ -53,7 +54,7 @@ _ROOM_OF = {
     "fit": "mrdamper.app.api",
     "predict": "mrdamper.app.api",
     "prepare_run": "mrdamper.data.prepare",
-    "read_card": "mrdamper.models.card",
+    "read_card": "mrdamper.models.card_reading",
     "read_runs": "mrdamper.data.readers",
     "simulate": "mrdamper.models.simulate",
 }

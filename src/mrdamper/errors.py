@@ -8,7 +8,14 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-__all__ = ["ConvergenceError", "EnvelopeError", "InputError", "MissingExtraError", "MrdamperError"]
+__all__ = [
+    "ConvergenceError",
+    "EnvelopeError",
+    "EnvelopeWarning",
+    "InputError",
+    "MissingExtraError",
+    "MrdamperError",
+]
 
 
 class MrdamperError(Exception):
@@ -25,6 +32,13 @@ class InputError(MrdamperError, ValueError):
 
 class EnvelopeError(InputError):
     """A value outside the range in which a law or correlation holds."""
+
+
+class EnvelopeWarning(UserWarning):
+    """A card or a fluid is used outside the range it was identified in; the value is given all the same.
+
+    Issued once per use, with the numbers, by ``warnings.warn``.
+    """
 
 
 class MissingExtraError(InputError):

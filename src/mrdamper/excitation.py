@@ -1,23 +1,51 @@
-"""Excitations: motions as values, and the trajectory that a damper is driven through.
+"""Excitations: motions and commands as values, and the trajectory that a damper is driven through.
 
 A motion knows its displacement, velocity and acceleration in closed form; :func:`drive` samples one into
-a :class:`Trajectory`. Trajectories from measured runs come from ``data.prepare``.
+a :class:`Trajectory`. Trajectories from measured runs come from ``data.prepare``. Motions that go by a name
+are in ``MOTIONS``; :func:`motion_from_text` reads a name or a form such as ``sine:5mm:1Hz``.
 
 Sign convention: extension positive.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+import difflib
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from types import MappingProxyType
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from mrdamper.errors import InputError
-from mrdamper.quantities import FloatArray, read_only
+from mrdamper.quantities import FloatArray, read_only, to_si
 
-__all__ = ["Chirp", "Harmonics", "Motion", "Sine", "Trajectory", "Triangle", "drive"]
+__all__ = [
+    "CURRENT_STEPS",
+    "MOTIONS",
+    "ROAD_ROUGHNESS",
+    "Chirp",
+    "CurrentSteps",
+    "Harmonics",
+    "Motion",
+    "Road",
+    "Sine",
+    "Trajectory",
+    "Triangle",
+    "drive",
+    "motion_from_text",
+]
+
+ROAD_ROUGHNESS: Mapping[str, float] = MappingProxyType(
+    {letter: 16e-6 * 4.0**k for k, letter in enumerate("ABCDEFGH")}
+)
+"""Gd(n0) of the ISO 8608 classes at n0 = 0.1 cycles/m [m^3], geometric means (from memory, not re-read)."""
+
+_REFERENCE_WAVENUMBER = 0.1  # n0 [cycles/m]
+_FINEST_WAVENUMBER = 2.83  # the end of ISO 8608's range [cycles/m]
+_TONES = 480
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,11 +107,11 @@ class Motion(Protocol):
 
 def _require_positive(motion: object) -> None:
     """Refuse a motion with a number that is not positive and finite."""
-    for field in fields(motion):  # type: ignore[arg-type]  # every motion is a dataclass
-        value = getattr(motion, field.name)
+    for each in fields(motion):  # type: ignore[arg-type]  # every motion is a dataclass
+        value = getattr(motion, each.name)
         if not (np.isfinite(value) and value > 0.0):
             kind = type(motion).__name__.lower()
-            raise InputError(f"{kind}: {field.name} is {value}; expected a positive, finite number")
+            raise InputError(f"{kind}: {each.name} is {value}; expected a positive, finite number")
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,6 +123,11 @@ class Sine:
 
     def __post_init__(self) -> None:
         _require_positive(self)
+
+    @property
+    def period(self) -> float:
+        """Time after which the motion repeats [s]."""
+        return 1.0 / self.frequency
 
     def displacement(self, t: ArrayLike) -> FloatArray:
         return self.amplitude * np.sin(2 * np.pi * self.frequency * np.asarray(t, dtype=np.float64))
@@ -185,6 +218,11 @@ class Triangle:
     def __post_init__(self) -> None:
         _require_positive(self)
 
+    @property
+    def period(self) -> float:
+        """Time after which the motion repeats [s]."""
+        return 4.0 * self.amplitude / self.speed
+
     def _quarter(self, t: ArrayLike) -> FloatArray:
         """Return the time in quarter periods since the last turning point at -A, 0 to 4."""
         return np.mod(np.asarray(t, dtype=np.float64) * (self.speed / self.amplitude) + 1.0, 4.0)
@@ -197,6 +235,171 @@ class Triangle:
 
     def acceleration(self, t: ArrayLike) -> FloatArray:
         return np.zeros_like(np.asarray(t, dtype=np.float64))
+
+
+@dataclass(frozen=True, slots=True)
+class Road:
+    """The height of an ISO 8608 road under a vehicle at constant speed: a sum of tones with random phases.
+
+    Gd(n) = Gd(n0) n0^2 / (n^2 + corner^2): the standard's Gd(n0) (n / n0)^-2 well above the corner, flat
+    below it. 480 tones, each with the power of its band, lie evenly on a logarithmic axis from a tenth of the
+    corner to 2.83 cycles/m; they have no common period. The same seed gives the same road at any speed.
+    """
+
+    road_class: str = "C"  # A (smooth) to H
+    speed: float = 20.0  # [m/s]
+    seed: int = 5
+    corner: float = 0.01  # [cycles/m]
+    tones: Harmonics = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        if self.road_class not in ROAD_ROUGHNESS:
+            raise InputError(
+                f"road: class is {self.road_class!r}; expected one of: {', '.join(ROAD_ROUGHNESS)}"
+            )
+        if not (np.isfinite(self.speed) and self.speed > 0.0):
+            raise InputError(f"road: speed is {self.speed}; expected a positive, finite number")
+        if not 0.0 < self.corner < _FINEST_WAVENUMBER:
+            raise InputError(
+                f"road: corner is {self.corner} cycles/m; expected 0 to {_FINEST_WAVENUMBER}, both excluded"
+            )
+        if self.seed < 0:
+            raise InputError(f"road: seed is {self.seed!r}; expected a whole number, zero or more")
+        edges = np.geomspace(0.1 * self.corner, _FINEST_WAVENUMBER, _TONES + 1)
+        power = np.diff(np.arctan(edges / self.corner)) / self.corner  # of each band of 1 / (n^2 + corner^2)
+        amplitudes = np.sqrt(2.0 * ROAD_ROUGHNESS[self.road_class] * _REFERENCE_WAVENUMBER**2 * power)
+        phases = np.random.default_rng(self.seed).uniform(0.0, 2 * np.pi, _TONES)
+        tones = (amplitudes, self.speed * np.sqrt(edges[1:] * edges[:-1]), phases)
+        object.__setattr__(self, "tones", Harmonics(*(tuple(map(float, values)) for values in tones)))
+
+    def displacement(self, t: ArrayLike) -> FloatArray:
+        return self.tones.displacement(t)
+
+    def velocity(self, t: ArrayLike) -> FloatArray:
+        return self.tones.velocity(t)
+
+    def acceleration(self, t: ArrayLike) -> FloatArray:
+        return self.tones.acceleration(t)
+
+
+@dataclass(frozen=True, slots=True)
+class CurrentSteps:
+    """A commanded current that is held at each of its levels in turn; the first before, the last after."""
+
+    levels: tuple[float, ...]  # [A]
+    hold: float  # [s]
+
+    def __post_init__(self) -> None:
+        if not self.levels or not np.isfinite(self.levels).all():
+            raise InputError(
+                f"current steps: levels are {self.levels}; expected finite numbers, at least one"
+            )
+        if not (np.isfinite(self.hold) and self.hold > 0.0):
+            raise InputError(f"current steps: hold is {self.hold} s; expected a positive, finite number")
+
+    @property
+    def duration(self) -> float:
+        """Time of all levels together [s]."""
+        return self.hold * len(self.levels)
+
+    @property
+    def switches(self) -> FloatArray:
+        """Times at which a level ends and the next begins [s], one less than there are levels."""
+        return self.hold * np.arange(1.0, len(self.levels))
+
+    def current(self, t: ArrayLike) -> FloatArray:
+        """Return the commanded current [A]; at a switch it is that of the level which begins there."""
+        # a sample that should lie on a switch may miss it by rounding
+        position = np.asarray(t, dtype=np.float64) / self.hold + 1e-9
+        level = np.clip(np.floor(position), 0, len(self.levels) - 1).astype(np.intp)
+        return np.asarray(self.levels, dtype=np.float64)[level]
+
+
+MOTIONS: Mapping[str, Motion] = MappingProxyType(
+    {
+        "sine5mm1Hz": Sine(5e-3, 1.0),
+        "sine3mm2Hz": Sine(3e-3, 2.0),
+        "sine15mm1Hz": Sine(15e-3, 1.0),
+        "chirp3mm": Chirp(3e-3, 0.5, 8.0, 8.0),
+        "nonperiodic": Harmonics(
+            (1.1e-3, 1.3e-3, 0.9e-3, 0.6e-3, 0.35e-3),
+            (0.43, 0.91, 1.37, 2.11, 2.83),
+            (0.3, 1.9, 4.1, 2.7, 5.2),
+        ),
+        "steps": Triangle(12e-3, 30e-3),
+    }
+)
+"""The motions that go by a name. ``steps`` is driven with ``CURRENT_STEPS``."""
+
+CURRENT_STEPS = CurrentSteps((0.0, 1.0, 2.0, 1.0, 0.0, 1.0, 2.0, 1.0, 0.0), hold=0.8)
+"""0-1-2-1-0 A twice; on the motion ``steps`` each switch comes at mid-stroke, at 30 mm/s."""
+
+_FORMS: Mapping[str, str] = MappingProxyType(
+    {
+        "sine": "sine:5mm:1Hz",
+        "triangle": "triangle:12mm:30mm/s",
+        "chirp": "chirp:3mm:0.5-8Hz:8s",
+        "road": "road:C:20m/s:5",
+    }
+)
+
+
+def motion_from_text(text: str) -> Motion:
+    """Return the motion that a text names, or describes as one of these forms.
+
+    ``sine:AMPLITUDE:FREQUENCY``, ``triangle:AMPLITUDE:SPEED``, ``chirp:AMPLITUDE:FROM-TO:DURATION`` or
+    ``road:CLASS:SPEED:SEED``, each number with its unit, such as ``chirp:3mm:0.5-8Hz:8s``.
+
+    Raises
+    ------
+    InputError
+        Neither a name nor a form, or a number without sense.
+    """
+    if text in MOTIONS:
+        return MOTIONS[text]
+    kind, *parts = text.split(":")
+    if kind not in _FORMS or len(parts) != _FORMS[kind].count(":"):
+        near = difflib.get_close_matches(text, [*MOTIONS, *_FORMS.values()], n=3, cutoff=0.4)
+        raise InputError(
+            f"motion {text!r} is not known; expected a name ({', '.join(MOTIONS)}) or a form "
+            f"({', '.join(_FORMS.values())})" + (f"; the nearest are: {', '.join(near)}" if near else "")
+        )
+    try:
+        if kind == "road":
+            if not parts[2].isdecimal():
+                raise InputError(f"seed is {parts[2]!r}; expected a whole number")
+            return Road(parts[0], _measure(parts[1], "velocity"), int(parts[2]))
+        amplitude = _measure(parts[0], "displacement")
+        if kind == "sine":
+            return Sine(amplitude, _hertz(parts[1]))
+        if kind == "triangle":
+            return Triangle(amplitude, _measure(parts[1], "velocity"))
+        start, _, stop = parts[1].partition("-")
+        low, high = _hertz(f"{start.removesuffix('Hz')}Hz"), _hertz(stop)
+        return Chirp(amplitude, low, high, _measure(parts[2], "time"))
+    except InputError as error:
+        raise InputError(f"motion {text!r}: {error}; expected such as {_FORMS[kind]}") from error
+
+
+def _measure(text: str, role: str) -> float:
+    """Return a number with its unit in the SI unit of a role."""
+    number, unit = _number_and_unit(text)
+    if not unit:
+        raise InputError(f"{role} is {text!r}; expected a number and its unit")
+    return float(to_si(number, unit, role))
+
+
+def _hertz(text: str) -> float:
+    number, unit = _number_and_unit(text)
+    if unit != "Hz":
+        raise InputError(f"frequency is {text!r}; expected a number in Hz")
+    return number
+
+
+def _number_and_unit(text: str) -> tuple[float, str]:
+    """Return the two parts of a text such as 5mm; not a number and "" when it has no such parts."""
+    found = re.fullmatch(r"\s*([0-9]+\.?[0-9]*(?:e[-+]?[0-9]+)?|\.[0-9]+)\s*([A-Za-z].*?)\s*", text)
+    return (float(found[1]), found[2]) if found else (float("nan"), "")
 
 
 def drive(

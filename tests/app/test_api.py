@@ -9,7 +9,8 @@ import pytest
 
 import mrdamper
 from mrdamper.app.outputs import staged
-from mrdamper.models.card import card_from_json, card_to_json, verify_excerpt
+from mrdamper.models.card import card_to_json, verify_excerpt
+from mrdamper.models.card_reading import card_from_json
 from mrdamper.models.simulate import simulate
 from tests.app.rigs import PYTHON_LAW, short_runs
 

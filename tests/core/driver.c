@@ -30,6 +30,7 @@ static void draw(mrd_law law, double *c)
     const double n = uniform(0.0, 1.0) < 0.5 ? one_of(exponents, 6) : uniform(0.2, 20.0);
     const double rho = decades(1e-2, 1e8), yield = uniform(0.0, 1.0) < 0.2 ? 0.0 : decades(1.0, 1e4);
     c[C_VISCOSITY] = uniform(0.0, 1e3);
+    c[C_VISCOUS_EXPONENT] = uniform(0.3, 1.5);
     c[C_STIFFNESS] = uniform(0.0, 1e3);
     c[C_OFFSET] = uniform(-100.0, 100.0);
     c[C_MASS] = uniform(0.0, 5.0);
@@ -56,6 +57,20 @@ static void draw(mrd_law law, double *c)
     case MRD_TANH:
         c[TH_SLOPE] = decades(1e-3, 1e6);
         c[TH_SHIFT] = uniform(-20.0, 20.0);
+        break;
+    case MRD_LUGRE:
+        c[LG_RHO] = rho;
+        c[LG_EXCESS] = uniform(0.0, 1.0) < 0.3 ? 0.0 : decades(1e-3, 1e2);
+        c[LG_FADE] = decades(1e-6, 10.0);
+        c[LG_DAMPING] = uniform(0.0, 1.0) < 0.3 ? 0.0 : decades(1.0, 1e6);
+        break;
+    case MRD_SPENCER:
+        c[SP_SERIES] = decades(1e-3, 1e12);
+        c[SP_VISCOSITY] = uniform(0.0, 1.0) < 0.3 ? 0.0 : decades(1.0, 1e12);
+        c[SP_STIFFNESS] = uniform(0.0, 1.0) < 0.3 ? 0.0 : decades(1.0, 1e12);
+        c[SP_RHO] = rho;
+        c[SP_KAPPA] = kappa;
+        c[SP_N] = n;
         break;
     default:
         c[SV_THINNING] = uniform(0.0, 1.0) < 0.2 ? 0.0 : decades(1e-3, 1e4);
@@ -85,7 +100,8 @@ static void move(int kind, double size, double step, size_t n, double *x, double
 
 int main(void)
 {
-    static const int laws[] = {MRD_BOUC_WEN, MRD_DAHL, MRD_SATURATING, MRD_BINGHAM, MRD_TANH, MRD_SERIES_VALVE};
+    static const int laws[] = {MRD_BOUC_WEN, MRD_DAHL,  MRD_SATURATING, MRD_BINGHAM,
+                               MRD_TANH,     MRD_LUGRE, MRD_SPENCER,    MRD_SERIES_VALVE};
     static const double sizes[] = {0.0, 1e-9, 1e-4, 0.01, 1.0, 1e4};
     const mrd_api *api = MRD_API();
     size_t runs = 0, unfinished = 0;
@@ -116,7 +132,7 @@ int main(void)
                 direction[k].stride = 0;
             }
             mrd_model constant = {law, c, 0}, varying = {law, coefficient, n};
-            if (api->run(&constant, &record, count, direction, force, columns) != MRD_OK) return 4;
+            if (api->run(&constant, &record, count, direction, force, columns, NULL) != MRD_OK) return 4;
             for (size_t i = 0; i < n; i++) unfinished += !(fabs(force[i]) < HUGE_VAL);
             api->gram(count, n, columns, n / 2, sums);
             if (api->causal(&constant, &record, force) != MRD_OK) return 5;
@@ -126,7 +142,8 @@ int main(void)
             if (api->squared_errors(law, 1, records, measured, from, 1, c, &error) != MRD_OK) return 6;
 
             for (size_t k = 0; k < count; k++) {
-                const int shape = (law == MRD_BOUC_WEN && k >= BW_KAPPA) || (law == MRD_SATURATING && k >= SAT_KAPPA);
+                const int shape = (law == MRD_BOUC_WEN && k >= BW_KAPPA) || (law == MRD_SATURATING && k >= SAT_KAPPA)
+                               || (law == MRD_SPENCER && k >= SP_KAPPA);
                 for (size_t i = 0; i < n; i++) coefficient[k * n + i] = c[k] * (shape ? 1.0 : 1.0 - 0.1 * fabs(seed[i]));
                 direction[k].seed = seed;
                 direction[k].stride = 1;
@@ -137,9 +154,9 @@ int main(void)
                     coefficient[(size_t)SV_LEAK_EXPONENT * n + i] = c[SV_LEAK_EXPONENT];
                     coefficient[(size_t)SV_CORNER * n + i] = c[SV_CORNER];
                 }
-            if (api->run(&varying, &record, count, direction, force, columns) != MRD_OK) return 7;
+            if (api->run(&varying, &record, count, direction, force, columns, NULL) != MRD_OK) return 7;
             if (api->causal(&varying, &record, force) != MRD_OK) return 8;
-            api->lag(n, step, round % 2 ? 0.0 : 0.05, seed, force, x);
+            api->lag(n, step, round % 2 ? 0.0 : 0.05, 0.02, seed, force, x);
             runs++;
 
             api->record_close(&record);

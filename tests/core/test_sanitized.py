@@ -26,7 +26,7 @@ def test_every_law_runs_clean_under_the_address_and_undefined_sanitizers(tool, t
     compile_with(compiler, *flags, *sanitizers, f"-I{CORE / 'kernel'}", source, "-o", program, "-lm")
     done = subprocess.run([program], capture_output=True, text=True, check=False, timeout=120)
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "360 runs, 0 forces that are not finite" in done.stdout
+    assert "480 runs, 0 forces that are not finite" in done.stdout
 
 
 @pytest.mark.parametrize("optimised", ["-O1", "-O3"])

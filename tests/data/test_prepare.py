@@ -143,7 +143,7 @@ def test_jittered_time_is_resampled_to_its_median_step():
     at = run.time[0] + prepared.trajectory.time
     assert prepared.trajectory.step == pytest.approx(float(np.median(np.diff(run.time))))
     assert prepared.trajectory.displacement == pytest.approx(SINE.displacement(at), abs=1e-8)
-    assert prepared.trajectory.temperature == pytest.approx(300.0 + at)
+    assert prepared.trajectory.temperature == pytest.approx(300.0 + at, abs=1e-3)
     assert prepared.force == pytest.approx(1000.0 * np.tanh(SINE.velocity(at) / 0.01), abs=5.0)
 
 
@@ -223,7 +223,7 @@ def test_decimating_to_a_whole_share_of_the_rate_is_exact():
     [
         Preparation(),
         Preparation(cutoff_Hz=40.0, dead_band_m=1e-5, reference="mean", velocity="channel"),
-        Preparation(cutoff_Hz=math.inf, from_s=1.0, to_s=2.0, force_offset_N=-3.0),
+        Preparation(cutoff_Hz=math.inf, from_s=1.0, to_s=2.0, force_offset_N=-3.0, thermocouple_lag_s=4.0),
     ],
 )
 def test_a_preparation_survives_json(preparation):
@@ -241,11 +241,64 @@ def test_a_preparation_survives_json(preparation):
         ({"reference": "end"}, "reference is 'end'; use one of: start, mean, none"),
         ({"velocity": "sensor"}, "velocity is 'sensor'; use one of: displacement, channel"),
         ({"force_offset_N": float("nan")}, "force_offset_N is nan"),
+        ({"thermocouple_lag_s": -1.0}, "thermocouple_lag_s is -1.0; expected zero or more"),
+        ({"thermocouple_lag_s": float("inf")}, "thermocouple_lag_s is inf"),
+        ({"thermocouple_lag_s": "slow"}, "does not hold numbers where they belong"),
     ],
 )
 def test_a_preparation_without_sense_is_refused(given_fields, message):
     with pytest.raises(InputError, match=message):
         Preparation.from_dict(given_fields)
+
+
+def warming_fields(duration: float = 40.0, rate_Hz: float = 500.0, **how: Any) -> dict[str, Any]:
+    """Return the fields of a run that warms by 0.5 K/s under a sensor with 0.3 K of noise."""
+    fields = fields_of_run(SINE, duration=duration, rate_Hz=rate_Hz, **how)
+    noise = 0.3 * np.random.default_rng(5).standard_normal(len(fields["time"]))
+    return fields | {"temperature": 300.0 + 0.5 * fields["time"] + noise}
+
+
+def test_a_run_without_temperature_has_none():
+    assert prepare_run(make_run(SINE)).trajectory.temperature is None
+
+
+def test_a_noisy_temperature_that_keeps_still_is_one_number():
+    fields = fields_of_run(SINE)
+    noise = 0.3 * np.random.default_rng(1).standard_normal(len(fields["time"]))
+    warm = prepare_run(make_run(changed=fields | {"temperature": 330.0 + noise})).trajectory.temperature
+    assert warm is not None
+    assert np.ptp(warm) == 0.0
+    assert warm[0] == pytest.approx(330.0, abs=5 * 0.3 / math.sqrt(len(warm)))
+
+
+def test_the_temperature_of_a_run_that_warms_up_is_smooth_and_true():
+    fields = warming_fields()
+    path = prepare_run(make_run(changed=fields)).trajectory
+    assert path.temperature is not None
+    assert np.abs(path.temperature - (300.0 + 0.5 * path.time)).max() < 0.3
+    assert np.abs(np.diff(path.temperature)).max() < 0.01  # the noise stepped by a kelvin
+
+
+def test_a_thermocouple_s_lag_is_taken_back_where_the_run_warms_up():
+    """What it shows is T - lag dT/dt: 2.5 K too little at 0.5 K/s and 5 s."""
+    run = make_run(changed=warming_fields())
+    shown = prepare_run(run).trajectory.temperature
+    true = prepare_run(run, Preparation(thermocouple_lag_s=5.0)).trajectory.temperature
+    assert shown is not None
+    assert true is not None
+    assert true - shown == pytest.approx(np.full(len(true), 2.5), abs=0.5)
+    assert np.mean(true - shown) == pytest.approx(2.5, abs=0.05)
+
+
+def test_temperature_is_trimmed_and_decimated_with_the_run():
+    run = make_run(changed=warming_fields())
+    cut = prepare_run(run, Preparation(from_s=10.0, to_s=30.0))
+    assert cut.trajectory.temperature is not None
+    assert cut.trajectory.temperature[0] == pytest.approx(305.0, abs=0.3)
+    assert cut.trajectory.temperature[-1] == pytest.approx(315.0, abs=0.3)
+    fewer = decimate(cut, 50.0)
+    assert fewer.trajectory.temperature is not None
+    assert np.array_equal(fewer.trajectory.temperature, cut.trajectory.temperature[::10])
 
 
 def test_preparing_a_run_of_7000_samples_takes_less_than_two_milliseconds():

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from mrdamper.data.prepare import Preparation, PreparedRun, prepare_run
 from mrdamper.data.records import RigRun
@@ -29,26 +30,31 @@ def identify(law: str, seed: int) -> FitResult:
     )
 
 
-def share_within_three_errors(law: str, seeds: range) -> dict[str, float]:
-    """Return, for each identifiable number, in which share of seeds it lies within 3 standard errors."""
+def errors_from_the_truth(law: str, seeds: range) -> dict[str, NDArray[np.float64]]:
+    """Return, for each identifiable number, how far it is off in every seed, in its standard errors.
+
+    Identifiable is what is so in most of the seeds: judged draw by draw, a number on the edge would count
+    just where noise has made it large.
+    """
     truth: Damper = TRUTHS[law]
-    hits: dict[str, list[bool]] = {}
+    off: dict[str, list[float]] = {}
+    identifiable: dict[str, int] = {}
     for seed in seeds:
         result = identify(law, seed)
         assert result.cost_percent == pytest.approx(100 * NOISE, rel=0.04), (
             f"seed {seed}: not the noise floor"
         )
-        for estimate in result.estimates:
-            if estimate.identifiable:
-                off = abs(estimate.value - truth.numbers[estimate.name])
-                hits.setdefault(estimate.name, []).append(off < 3.0 * estimate.standard_error)
-    return {name: float(np.mean(within)) for name, within in hits.items()}
+        for e in result.estimates:
+            off.setdefault(e.name, []).append(abs(e.value - truth.numbers[e.name]) / e.standard_error)
+            identifiable[e.name] = identifiable.get(e.name, 0) + e.identifiable
+    return {name: np.array(off[name]) for name, count in identifiable.items() if count > len(seeds) / 2}
 
 
 @pytest.mark.parametrize("law", TRUTHS)
 def test_twenty_noisy_campaigns_give_the_numbers_back(law: str) -> None:
     """One miss of twenty is 5 %: allowed for one draw, not for two."""
-    shares = share_within_three_errors(law, range(20))
+    off = errors_from_the_truth(law, range(20))
+    shares = {name: float(np.mean(z < 3.0)) for name, z in off.items()}
     assert len(shares) >= len(TRUTHS[law].numbers) // 3
     assert min(shares.values()) >= 0.95, shares
     assert np.mean(list(shares.values())) >= 0.97
@@ -57,8 +63,12 @@ def test_twenty_noisy_campaigns_give_the_numbers_back(law: str) -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("law", TRUTHS)
 def test_two_hundred_noisy_campaigns_give_the_numbers_back(law: str) -> None:
-    shares = share_within_three_errors(law, range(200))
+    """Each number within 3 of its standard errors, and these neither too small nor too large."""
+    off = errors_from_the_truth(law, range(200))
+    shares = {name: float(np.mean(z < 3.0)) for name, z in off.items()}
     assert min(shares.values()) >= 0.97, shares
+    scatter = {name: float(np.sqrt(np.mean(z**2))) for name, z in off.items()}
+    assert all(0.8 < size < 1.2 for size in scatter.values()), scatter
 
 
 @pytest.mark.parametrize("law", TRUTHS)

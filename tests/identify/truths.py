@@ -34,6 +34,16 @@ _PARALLEL: Mapping[str, ParameterLaw] = {
 _FORMS: Mapping[str, Mapping[str, ParameterLaw]] = {
     "bouc-wen": {**_PARALLEL, "rho": _C(1800.0), "kappa": _C(-0.5), "n": _C(1.4)},
     "dahl": {**_PARALLEL, "rho": _C(2500.0)},
+    "double-bouc-wen": {
+        **_PARALLEL,
+        "stiffness": _C(1500.0),
+        "offset": Polynomial((40.0, 10.0)),
+        "second_force": Polynomial((30.0, 250.0, -30.0)),
+        "rho": Exponential(9000.0, -0.3),
+        "second_rho": Exponential(1200.0, 0.2),
+        "kappa": _C(-0.5),
+        "n": _C(1.2),
+    },
     "bouc-wen-saturating": {
         **_PARALLEL,
         "stiffness": _C(1500.0),
@@ -46,6 +56,24 @@ _FORMS: Mapping[str, Mapping[str, ParameterLaw]] = {
     },
     "bingham": {**_PARALLEL, "yield_velocity": _C(0.006)},
     "tanh": {**_PARALLEL, "slope": _C(90.0), "shift": _C(0.4)},
+    "lugre": {
+        **_PARALLEL,
+        "rho": _C(1800.0),
+        "static_excess": _C(0.5),
+        "fade_velocity": _C(0.02),
+        "bristle_damping": _C(900.0),
+    },
+    "spencer": {
+        "yield_force": Hill(90.0, 1100.0, 1.2, 1.6, 2.0),
+        "series_damping": Exponential(2.5e4, 0.15),
+        "inner_viscosity": Exponential(1800.0, 0.3),
+        "inner_stiffness": _C(4000.0),
+        "rho": _C(2500.0),
+        "kappa": _C(-0.3),
+        "n": _C(1.5),
+        "offset": _C(-60.0),
+        "stiffness": _C(600.0),
+    },
     "series-valve": {
         "yield_force": Hill(90.0, 1100.0, 1.2, 1.6, 2.0),
         "thinning": _C(2.5),

@@ -5,7 +5,9 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,22 +16,37 @@ from hypothesis import strategies as st
 
 from mrdamper.errors import InputError
 from mrdamper.excitation import Sine, drive
-from mrdamper.models import card as card_module
+from mrdamper.models import card_reading
+from mrdamper.models.actuation import Actuation
 from mrdamper.models.card import (
+    SCHEMA_VERSION,
     Evidence,
     Excerpt,
     ModelCard,
-    card_from_json,
+    _layout,
     card_to_json,
     cut_excerpt,
-    read_card,
     verify_excerpt,
     write_card,
 )
+from mrdamper.models.card_reading import card_from_json, read_card
 from mrdamper.models.damper import Damper, OperatingEnvelope
-from mrdamper.models.dependence import Constant, Exponential, Hill, ParameterLaw, Polynomial
+from mrdamper.models.dependence import (
+    KINDS,
+    Bipolynomial,
+    Constant,
+    Exponential,
+    Hill,
+    ParameterLaw,
+    Polynomial,
+    Tempered,
+)
 from mrdamper.models.laws import LAWS, Coefficient
 from mrdamper.models.reference import law_from_python, simulate_reference
+from mrdamper.models.simulate import simulate as simulate_in_kernel
+from mrdamper.models.temperature import FACTORS, Arrhenius, Linear, PolynomialFactor, Reynolds, Vft
+
+KEPT = Path(__file__).parent / "card_version_1.json"  # written by the last release of schema version 1
 
 RUNS = (
     {"name": "sine_10mm2Hz_1.00A", "split": "training", "rmse_N": 31.5, "nrmse_percent": 5.4, "command": 1.0},
@@ -55,12 +72,32 @@ def a_damper(**changed):
     return Damper(LAWS["bouc-wen"], {**forms, **changed}, "A", 0.004)
 
 
+def a_tempered_damper(**changed):
+    forms: dict[str, ParameterLaw] = {
+        "viscosity": Tempered(Polynomial((600.0, 400.0)), Arrhenius(1435.5)),
+        "stiffness": Tempered(Constant(900.0), PolynomialFactor((-1e-3, 2e-6)), assumed=True),
+        "coulomb_friction": Tempered(Constant(20.0), Reynolds(0.012)),
+        "breakaway_friction": Tempered(Constant(5.0), Vft(600.0, 150.0)),
+        "yield_force": Tempered(Hill(90.5, 629.0, 1.14, 1.466, reference=1.5), Linear(1.2e-3), assumed=True),
+        "offset": Bipolynomial((40.0, -0.1, 5.0, 0.02), 1),
+        "rho": Exponential(1500.0, -0.3),
+        "kappa": Constant(-0.9),
+        "n": Constant(1.2),
+    }
+    actuation = Actuation(0.012, 0.02, 0.003, 0.001, resistance_20_ohm=1.1, largest_command=2.0)
+    return Damper(
+        LAWS["bouc-wen"], {**forms, **changed}, actuation=actuation, temperature_range=(288.15, 398.15)
+    )
+
+
 def simulate(damper, trajectory):
     return simulate_reference(damper, trajectory, tolerance=1e-8)
 
 
 def an_excerpt(damper):
     path = drive(Sine(0.005, 3.0), duration=0.4, rate_Hz=200.0, command=1.0)
+    if damper.tempered:
+        path = replace(path, temperature=np.full(len(path), 325.0))
     noise = np.random.default_rng(0).normal(0.0, 20.0, len(path))
     measured = simulate(damper, path) + noise
     return cut_excerpt(
@@ -94,11 +131,17 @@ def a_card(damper=None, **changed):
 
 CARD = a_card()
 DOCUMENT = json.loads(json.dumps(card_to_json(CARD), default=dict))
+WARM = a_card(
+    a_tempered_damper(),
+    envelope=OperatingEnvelope((0.0, 1.0), (-0.025, 0.025), (-0.2, 0.2), (293.15, 393.15)),
+    standard_errors={"viscosity.activation_K": 60.0, "offset.c11": 0.001},
+)
+WARM_DOCUMENT = json.loads(json.dumps(card_to_json(WARM), default=dict))
 
 
-def document(*path, value):
-    """Return a copy of the sound document with one place changed; ``value=...`` removes it."""
-    changed = json.loads(json.dumps(DOCUMENT))
+def document(*path, value, of=DOCUMENT):
+    """Return a copy of a sound document with one place changed; ``value=...`` removes it."""
+    changed = json.loads(json.dumps(of))
     inside = changed
     for key in path[:-1]:
         inside = inside[key]
@@ -112,10 +155,11 @@ def document(*path, value):
 # ------------------------------------------------------------------------------------ there and back
 
 
-def test_a_card_written_and_read_is_the_same_card_and_the_same_bytes(tmp_path):
+@pytest.mark.parametrize("card", [CARD, WARM], ids=["command alone", "tempered"])
+def test_a_card_written_and_read_is_the_same_card_and_the_same_bytes(card, tmp_path):
     first, second = tmp_path / "card.json", tmp_path / "again.json"
-    write_card(CARD, first)
-    assert read_card(first) == CARD
+    write_card(card, first)
+    assert read_card(first) == card
     write_card(read_card(first), second)
     assert first.read_bytes() == second.read_bytes()
     assert sorted(path.name for path in tmp_path.iterdir()) == ["again.json", "card.json"]
@@ -128,6 +172,23 @@ forms = {
         st.builds(Hill, positive, positive, st.floats(0.05, 20.0), st.floats(0.2, 8.0)),
         st.builds(Exponential, positive, st.floats(-3.0, 3.0)),
         st.lists(positive, min_size=1, max_size=4).map(lambda numbers: Polynomial(tuple(numbers))),
+        st.lists(positive, min_size=1, max_size=3).map(
+            lambda numbers: Bipolynomial(tuple(x for c in numbers for x in (c, -1e-3 * c, 2e-6 * c)), 2)
+        ),
+    ),
+    "viscosity": st.builds(
+        Tempered,
+        st.one_of(st.builds(Constant, positive), st.builds(Exponential, positive, st.floats(-3.0, 3.0))),
+        st.one_of(
+            st.builds(Linear, st.floats(-0.005, 0.005)),
+            st.builds(Arrhenius, st.floats(-1000.0, 4000.0)),
+            st.builds(Reynolds, st.floats(-0.01, 0.05)),
+            st.builds(Vft, st.floats(100.0, 2000.0), st.floats(20.0, 250.0)),
+            st.lists(st.floats(-1e-7, 1e-7), min_size=1, max_size=3).map(
+                lambda numbers: PolynomialFactor(tuple(numbers))
+            ),
+        ),
+        st.booleans(),
     ),
     "rho": st.builds(Constant, st.floats(1.0, 1e6)),
     "kappa": st.builds(Constant, st.floats(-1.0, 1.0)),
@@ -150,23 +211,27 @@ json_values = st.recursive(
     notes=st.dictionaries(texts, json_values, max_size=4),
     error=st.floats(0.0, 1e300),
     temperature=st.none() | st.just((273.15, 393.15)),
+    beyond=st.none() | st.tuples(st.floats(200.0, 273.0), st.floats(393.0, 500.0)),
+    actuation=st.none() | st.builds(Actuation, *[st.floats(0.0, 1.0)] * 4, st.none() | positive),
 )
-def test_any_card_comes_back_as_it_went(forms, lag, unit, title, notes, error, temperature):
-    damper = Damper(LAWS["bouc-wen"], forms, unit, lag)
+def test_any_card_comes_back_as_it_went(
+    forms, lag, unit, title, notes, error, temperature, beyond, actuation
+):
+    damper = Damper(LAWS["bouc-wen"], forms, unit, 0.0 if actuation else lag, actuation, beyond)
     envelope = OperatingEnvelope((0.0, 2.0), (-0.02, 0.03), (-1.0, 1.0), temperature)
     card = a_card(
         damper, title=title, notes=notes, envelope=envelope, standard_errors={"n.value": error}, excerpt=None
     )
-    text = card_module._layout(card_to_json(card))
+    text = _layout(card_to_json(card))
     back = card_from_json(json.loads(text))
     assert back == card
-    assert card_module._layout(card_to_json(back)) == text
+    assert _layout(card_to_json(back)) == text
 
 
 def test_the_order_in_which_free_blocks_were_filled_does_not_change_the_bytes():
     one = a_card(notes={"a": 1, "b": {"x": 1, "y": 2}}, excerpt=None)
     other = a_card(notes={"b": {"y": 2, "x": 1}, "a": 1}, excerpt=None)
-    assert card_module._layout(card_to_json(one)) == card_module._layout(card_to_json(other))
+    assert _layout(card_to_json(one)) == _layout(card_to_json(other))
 
 
 def test_every_number_stands_beside_its_unit_and_standard_error():
@@ -185,6 +250,46 @@ def test_every_number_stands_beside_its_unit_and_standard_error():
     assert DOCUMENT["evidence"]["held_out"]["median_nrmse_percent"] == 6.0
 
 
+def test_a_tempered_coefficient_says_its_factor_and_who_vouches_for_it():
+    viscosity = WARM_DOCUMENT["coefficients"]["viscosity"]
+    assert viscosity["temperature"] == {"kind": "arrhenius", "assumed": False}
+    assert viscosity["numbers"]["activation_K"] == {"value": 1435.5, "unit": "K", "standard_error": 60.0}
+    assert WARM_DOCUMENT["coefficients"]["yield_force"]["temperature"] == {"kind": "linear", "assumed": True}
+    assert WARM_DOCUMENT["coefficients"]["stiffness"]["numbers"]["t2"]["unit"] == "1/K^2"
+    assert WARM_DOCUMENT["coefficients"]["offset"]["numbers"]["c11"]["unit"] == "N/A/K"
+    assert "temperature" not in WARM_DOCUMENT["coefficients"]["rho"]
+    assert WARM_DOCUMENT["temperature_range_K"] == [288.15, 398.15]
+    assert WARM_DOCUMENT["excerpt"]["temperature_K"] == 325.0
+
+
+def test_a_temperature_range_of_whole_numbers_gives_the_bytes_of_the_same_range():
+    whole = replace(WARM, damper=replace(WARM.damper, temperature_range=(288, 398)))
+    text = _layout(card_to_json(whole))
+    assert _layout(card_to_json(card_from_json(json.loads(text)))) == text
+
+
+PAGE = (Path(__file__).parents[2] / "docs" / "card.md").read_text(encoding="utf-8")
+
+
+def test_the_page_of_the_card_names_every_key_kind_and_number():
+    assert f"(schema version {SCHEMA_VERSION})" in PAGE
+    keys = [*DOCUMENT, *DOCUMENT["evidence"], *WARM_DOCUMENT["actuation"], *DOCUMENT["excerpt"]]
+    kinds = [*KINDS, *FACTORS]
+    numbers = [n for c in WARM_DOCUMENT["coefficients"].values() for n in c["numbers"]]
+    assert [word for word in (*keys, *kinds, *numbers) if f"`{word}`" not in PAGE] == []
+
+
+def test_the_coefficients_that_the_page_shows_are_read():
+    shown = re.findall(r'(?m)^    "\w+": \{\n(?:     .*\n)+    \}', PAGE)
+    coefficients = json.loads("{" + ",".join(shown) + "}")
+    assert list(coefficients) == ["yield_force", "viscosity"]
+    damaged = json.loads(json.dumps(WARM_DOCUMENT))
+    damaged["coefficients"] |= coefficients
+    damper = card_from_json(damaged).damper
+    assert damper.numbers["viscosity.activation_K"] == 1435.5
+    assert damper.numbers["yield_force.gain"] == 629.0
+
+
 def test_a_card_cannot_be_changed():
     with pytest.raises(TypeError):
         CARD.notes["operator"] = "someone else"
@@ -195,11 +300,30 @@ def test_a_card_cannot_be_changed():
 # -------------------------------------------------------------------------------------- the excerpt
 
 
-def test_a_card_reproduces_its_own_error_on_its_excerpt(tmp_path):
-    write_card(CARD, tmp_path / "card.json")
+@pytest.mark.parametrize("card", [CARD, WARM], ids=["command alone", "tempered"])
+def test_a_card_reproduces_its_own_error_on_its_excerpt(card, tmp_path):
+    write_card(card, tmp_path / "card.json")
     found = verify_excerpt(read_card(tmp_path / "card.json"), simulate)
-    assert found == CARD.excerpt.rmse_N
+    assert found == card.excerpt.rmse_N
     assert found > 10.0  # the noise that was added, and the start from rest
+
+
+def test_the_excerpt_is_simulated_at_its_own_temperature():
+    """At another one the force is another: the stated error cannot be met."""
+    elsewhere = replace(WARM, excerpt=replace(WARM.excerpt, temperature_K=375.0))
+    with pytest.raises(InputError, match="its error on the excerpt"):
+        verify_excerpt(elsewhere, simulate)
+    nowhere = replace(WARM, excerpt=replace(WARM.excerpt, temperature_K=None))
+    with pytest.raises(InputError, match="the run has no temperature channel"):
+        verify_excerpt(nowhere, simulate_in_kernel)
+
+
+def test_an_excerpt_that_warms_up_is_kept_at_its_mean():
+    damper = a_tempered_damper()
+    path = drive(Sine(0.005, 3.0), duration=0.4, rate_Hz=200.0, command=1.0)
+    path = replace(path, temperature=320.0 + 10.0 * path.time)
+    cut = cut_excerpt(damper, path, np.zeros(len(path)), simulate, run="warming", samples=slice(20, 61))
+    assert cut.temperature_K == pytest.approx(320.0 + 10.0 * 0.2, abs=1e-6)
 
 
 def test_the_error_on_the_excerpt_is_counted_from_where_scoring_starts():
@@ -328,8 +452,106 @@ COEFFICIENTS, EVIDENCE = "coefficients", "evidence"
         (document("excerpt", "rmse_N", value=...), "excerpt.rmse_N: missing"),
         (document("sources", value="x"), 'sources: is "x"; expected a list'),
         (
-            document("schema_version", value=2),
-            "schema_version is 2, and this mrdamper reads up to 1; upgrade",
+            document("schema_version", value=SCHEMA_VERSION + 1),
+            "schema_version is 3, and this mrdamper reads up to 2; upgrade",
+        ),
+        (
+            document("temperature_range_K", value=[400, 300]),
+            "temperature_range_K: is [400, 300]; expected two temperatures, low and high",
+        ),
+        (document("temperature_range_K", value=[0, 300]), "temperature_range_K: is [0, 300]; expected two"),
+        (document("temperature_range_K", value=["cold", 300]), 'temperature_range_K[0]: is "cold"; expected'),
+        (document("temperature_range_K", value=[300]), "temperature_range_K: is [300]; expected two numbers"),
+        (document("actuation", value=0.02), "actuation: is 0.02; expected a table"),
+        (
+            document("actuation", value={**WARM_DOCUMENT["actuation"], "rise": 0.01}),
+            "actuation.rise: unknown key; did you mean rise_s?",
+        ),
+        (
+            document("actuation", value=WARM_DOCUMENT["actuation"]),
+            "actuation: command_lag_s is 0.004 beside it; expected one of them",
+        ),
+        (
+            document("actuation", "rise_s", value=None, of=WARM_DOCUMENT),
+            "actuation: rise_s is None; expected",
+        ),
+        (document("actuation", "fall_s", value=-1, of=WARM_DOCUMENT), "actuation.fall_s: is -1; expected a"),
+        (document("actuation", "delay_s", value=..., of=WARM_DOCUMENT), "actuation.delay_s: missing"),
+        (
+            document(COEFFICIENTS, "viscosity", "temperature", value="arrhenius", of=WARM_DOCUMENT),
+            "coefficients.viscosity: temperature must be a table of kind and assumed",
+        ),
+        (
+            document(COEFFICIENTS, "viscosity", "temperature", "kind", value="arhenius", of=WARM_DOCUMENT),
+            "coefficients.viscosity: there is no temperature factor of kind 'arhenius'; there are linear, "
+            "arrhenius, reynolds, vft, polynomial",
+        ),
+        (
+            document(COEFFICIENTS, "viscosity", "temperature", "kind", value="reynolds", of=WARM_DOCUMENT),
+            "coefficients.viscosity: reynolds: number temperature_rate is missing",
+        ),
+        (
+            document(COEFFICIENTS, "viscosity", "temperature", "assumed", value="yes", of=WARM_DOCUMENT),
+            "coefficients.viscosity: temperature holds kind and assumed (true or false), nothing else",
+        ),
+        (
+            document(COEFFICIENTS, "viscosity", "temperature", "by", value="me", of=WARM_DOCUMENT),
+            "coefficients.viscosity: temperature holds kind and assumed (true or false), nothing else",
+        ),
+        (
+            document(COEFFICIENTS, "viscosity", "temperature", value=..., of=WARM_DOCUMENT),
+            "coefficients.viscosity: polynomial has no number 'activation_K'",
+        ),
+        (
+            document(COEFFICIENTS, "offset", "temperature", value={"kind": "linear"}, of=WARM_DOCUMENT),
+            "coefficients.offset: linear: number temperature_slope is missing",
+        ),
+        (
+            document(COEFFICIENTS, "stiffness", "numbers", "t1", value=..., of=WARM_DOCUMENT),
+            "coefficients.stiffness: polynomial: number t1 is missing",
+        ),
+        (
+            document(
+                COEFFICIENTS, "viscosity", "numbers", "activation_K", "unit", value="1/K", of=WARM_DOCUMENT
+            ),
+            "coefficients.viscosity.numbers.activation_K.unit: is \"1/K\"; expected 'K'",
+        ),
+        (
+            document(
+                COEFFICIENTS,
+                "breakaway_friction",
+                "numbers",
+                "vft_pole_K",
+                "value",
+                value=400,
+                of=WARM_DOCUMENT,
+            ),
+            "coefficients.breakaway_friction: temperature factor: vft_pole_K is 400 K; it must be below",
+        ),
+        (
+            document(
+                COEFFICIENTS,
+                "yield_force",
+                "numbers",
+                "temperature_slope",
+                "value",
+                value=0.02,
+                of=WARM_DOCUMENT,
+            ),
+            "coefficients: bouc-wen: yield_force is -22.625 N; the law is well posed for 0 to inf N (at 0 A, "
+            "82.5 degC)",
+        ),
+        (
+            document(COEFFICIENTS, "offset", "settings", "temperature_degree", value=1e300, of=WARM_DOCUMENT),
+            "coefficients.offset: bipolynomial: temperature_degree is 1e+300; it must be a whole number",
+        ),
+        (
+            document("excerpt", "temperature_K", value="warm", of=WARM_DOCUMENT),
+            'excerpt.temperature_K: is "warm"; expected a finite number',
+        ),
+        (
+            document("envelope", "temperature_K", value=[300], of=WARM_DOCUMENT),
+            "envelope.temperature_K: is [300]",
         ),
         (document("schema_version", value=0), "schema_version is 0, which no longer can be read"),
         (document("schema_version", value="1"), "schema_version is '1'; a model card has an integer there"),
@@ -368,16 +590,20 @@ def test_all_problems_are_reported_at_once():
 
 
 @pytest.mark.parametrize("key", sorted(DOCUMENT))
-def test_each_missing_key_is_named(key):
-    with pytest.raises(InputError, match=key):
+def test_each_missing_key_is_one_problem_and_is_named(key):
+    with pytest.raises(InputError) as caught:
         card_from_json(document(key, value=...))
+    assert str(caught.value).startswith(
+        "schema_version is None" if key == "schema_version" else f"{key}: missing"
+    )
+    assert len(str(caught.value).splitlines()) == 1
 
 
 @settings(max_examples=150)
-@given(st.data())
-def test_a_card_with_any_value_replaced_is_read_or_refused_never_a_crash(data):
+@given(st.data(), st.sampled_from([DOCUMENT, WARM_DOCUMENT]))
+def test_a_card_with_any_value_replaced_is_read_or_refused_never_a_crash(data, sound):
     """Whatever stands in the file, the answer is a card or an ``InputError``."""
-    changed = json.loads(json.dumps(DOCUMENT))
+    changed = json.loads(json.dumps(sound))
     inside = changed
     while True:
         keys = list(inside) if isinstance(inside, dict) else list(range(len(inside)))
@@ -443,11 +669,42 @@ def test_a_write_that_fails_leaves_the_old_card_and_nothing_else(tmp_path, monke
 # ----------------------------------------------------------------------------- older and own
 
 
+def test_a_card_of_schema_version_1_gives_the_forces_that_it_gave():
+    """The file was written by that version, from its own fit, and keeps its forces on the excerpt."""
+    card = read_card(KEPT)
+    assert card.excerpt is not None
+    assert json.loads(KEPT.read_text(encoding="utf-8"))["schema_version"] == 1
+    gave = np.array(card.notes["force_of_this_card_on_its_excerpt_N"])
+    found = simulate_in_kernel(card.damper, card.excerpt.trajectory())
+    np.testing.assert_allclose(found, gave, rtol=0.0, atol=1e-9 * np.abs(gave).max())
+    assert verify_excerpt(card, simulate_in_kernel) == pytest.approx(card.excerpt.rmse_N, rel=1e-9)
+    assert not card.damper.tempered
+    assert card.damper.actuation is None
+    assert card.damper.command_lag_s == 0.0125
+
+
+def test_an_upgraded_card_is_written_in_the_present_version_and_is_the_same_card(tmp_path):
+    card = read_card(KEPT)
+    write_card(card, tmp_path / "card.json")
+    assert (
+        json.loads((tmp_path / "card.json").read_text(encoding="utf-8"))["schema_version"] == SCHEMA_VERSION
+    )
+    assert read_card(tmp_path / "card.json") == card
+
+
+def test_a_damaged_card_of_an_older_version_is_refused_by_place():
+    old = json.loads(KEPT.read_text(encoding="utf-8"))
+    with pytest.raises(InputError, match=r'^excerpt: is "none"; expected a table'):
+        card_from_json({**old, "excerpt": "none"})
+    with pytest.raises(InputError, match=r"^coefficients\.rho\.unit: is \"1/mm\""):
+        card_from_json(document("coefficients", "rho", "unit", value="1/mm", of=old))
+
+
 def test_an_older_card_is_upgraded_one_step_at_a_time(monkeypatch):
-    """The mechanism: no older schema exists yet, so two are made up here."""
-    monkeypatch.setattr(card_module, "SCHEMA_VERSION", 3)
-    monkeypatch.setitem(card_module.UPGRADES, 1, lambda d: {**d, "heading": d["title"] + "!"})
-    monkeypatch.setitem(card_module.UPGRADES, 2, _rename_heading)
+    """The mechanism: two schemas after the present one are made up here."""
+    monkeypatch.setattr(card_reading, "SCHEMA_VERSION", SCHEMA_VERSION + 2)
+    monkeypatch.setitem(card_reading.UPGRADES, SCHEMA_VERSION, lambda d: {**d, "heading": d["title"] + "!"})
+    monkeypatch.setitem(card_reading.UPGRADES, SCHEMA_VERSION + 1, _rename_heading)
     assert card_from_json(DOCUMENT) == replace(CARD, title=CARD.title + "!")
 
 

@@ -12,13 +12,25 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrdamper.errors import InputError
+from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper, OperatingEnvelope
-from mrdamper.models.dependence import Constant, Exponential, Hill, ParameterLaw, Polynomial
+from mrdamper.models.dependence import (
+    Bipolynomial,
+    Constant,
+    Exponential,
+    Hill,
+    ParameterLaw,
+    Polynomial,
+    Tempered,
+)
 from mrdamper.models.laws import LAWS
+from mrdamper.models.temperature import Arrhenius, Linear, Vft
 
 MILLIAMPERE: Any = "mA"  # what a caller without a type checker may write
 ONE_END: Any = (0.0,)
 ENVELOPE = OperatingEnvelope((0.0, 1.0), (-0.025, 0.025), (-0.2, 0.2))
+WARM_ENVELOPE = OperatingEnvelope((0.0, 1.0), (-0.025, 0.025), (-0.2, 0.2), (293.15, 393.15))
+RANGE = (288.15, 398.15)
 
 
 def bouc_wen(**changed):
@@ -30,6 +42,16 @@ def bouc_wen(**changed):
         "n": Constant(1.2),
     }
     return Damper(LAWS["bouc-wen"], {**given_coefficients, **changed})
+
+
+def warm(*, held=RANGE, actuation=None, **changed):
+    forms: dict[str, ParameterLaw] = {
+        "viscosity": Tempered(Polynomial((600.0, 400.0)), Arrhenius(1435.5)),
+        "yield_force": Tempered(Hill(90.0, 629.0, 1.14, 1.466), Linear(1e-3), assumed=True),
+        "offset": Bipolynomial((40.0, -0.1), 1),
+    }
+    cold = bouc_wen(**{**forms, **changed})
+    return Damper(cold.law, cold.coefficients, actuation=actuation, temperature_range=held)
 
 
 def series_valve(**changed):
@@ -106,6 +128,22 @@ def test_a_damper_cannot_be_changed_but_can_be_sent_to_another_process():
         (lambda: Damper(LAWS["dahl"], series_valve().coefficients), "dahl: no coefficient 'thinning'"),
         (lambda: Damper(LAWS["bouc-wen"], bouc_wen().coefficients, MILLIAMPERE), "command_unit is 'mA'"),
         (lambda: Damper(LAWS["bouc-wen"], bouc_wen().coefficients, "A", -1.0), "command_lag_s is -1.0"),
+        (
+            lambda: warm(held=(400.0, 300.0)),
+            r"temperature_range is \(400.0, 300.0\) K; expected low and high",
+        ),
+        (lambda: warm(held=(0.0, 300.0)), r"temperature_range is \(0.0, 300.0\) K"),
+        (lambda: warm(held=(280.0, math.nan)), r"temperature_range is \(280.0, nan\) K"),
+        (
+            lambda: Damper(
+                LAWS["bouc-wen"], bouc_wen().coefficients, "A", 0.01, actuation=Actuation(0.01, 0.02)
+            ),
+            "command_lag_s and an actuation are both given; expected one of them",
+        ),
+        (
+            lambda: warm().coefficients_at(np.zeros(3), np.full(2, 300.0)),
+            r"temperature has shape \(2,\), the command \(3,\); expected one number or the same",
+        ),
         (lambda: OperatingEnvelope((1.0, 0.0), (0.0, 1.0), (0.0, 1.0)), r"envelope: command is \(1.0, 0.0\)"),
         (lambda: OperatingEnvelope((0.0, 1.0), (0.0, math.nan), (0.0, 1.0)), "envelope: displacement"),
         (lambda: OperatingEnvelope((0.0, 1.0), ONE_END, (0.0, 1.0)), "two finite numbers"),
@@ -153,3 +191,106 @@ def test_the_valve_must_not_turn_round_inside_the_stroke(gain, fine):
     if not fine:
         with pytest.raises(InputError, match=r"1 \+ position_gain x is .* at x = -?0\.025 m and 0 A"):
             damper.check(ENVELOPE)
+
+
+# ----------------------------------------------------------------------------------------- temperature
+
+
+def test_a_damper_says_whether_it_knows_temperature_and_what_of_it_is_assumed():
+    assert not bouc_wen().tempered
+    assert bouc_wen().assumed == ()
+    assert warm().tempered
+    assert warm().assumed == ("yield_force",)
+    assert not bouc_wen(offset=Bipolynomial((40.0, 1.0), 0)).tempered
+
+
+def test_numbers_of_a_temperature_factor_are_numbers_like_any_other():
+    damper = warm()
+    assert damper.numbers["viscosity.activation_K"] == 1435.5
+    assert damper.units["viscosity.activation_K"] == "K"
+    assert damper.units["yield_force.temperature_slope"] == "1/K"
+    assert damper.units["offset.c01"] == "N/K"
+    assert damper.with_numbers(damper.numbers) == damper
+    changed = damper.with_numbers({"viscosity.activation_K": 900.0})
+    assert changed.numbers == {**damper.numbers, "viscosity.activation_K": 900.0}
+    assert changed.temperature_range == RANGE
+    assert changed.assumed == ("yield_force",)
+
+
+def test_a_tempered_and_actuated_damper_can_be_sent_to_another_process():
+    damper = warm(actuation=Actuation(0.012, 0.02, 0.003, 0.001, 1.1, 2.0))
+    back = pickle.loads(pickle.dumps(damper))
+    assert back == damper
+    assert back.actuation == damper.actuation
+    assert back.temperature_range == RANGE
+    np.testing.assert_array_equal(back.coefficients_at(0.5, 350.0), damper.coefficients_at(0.5, 350.0))
+
+
+@given(command=st.floats(0.0, 2.0), kelvin=st.floats(200.0, 500.0))
+def test_beyond_its_range_a_damper_holds_the_value_at_the_edge(command, kelvin):
+    nearest = min(max(kelvin, RANGE[0]), RANGE[1])
+    damper = warm()
+    found = damper.coefficients_at(command, kelvin)
+    np.testing.assert_array_equal(found, damper.coefficients_at(command, nearest))
+    np.testing.assert_array_equal(found, warm(held=None).coefficients_at(command, nearest))
+    if abs(nearest - kelvin) > 1e-6:
+        assert not np.array_equal(found, warm(held=None).coefficients_at(command, kelvin))
+
+
+def test_held_brings_temperatures_inside_and_leaves_those_that_are():
+    given_K = np.array([200.0, 288.15, 300.0, 398.15, 473.15])
+    np.testing.assert_array_equal(warm().held(given_K), [288.15, 288.15, 300.0, 398.15, 398.15])
+    np.testing.assert_array_equal(warm(held=None).held(given_K), given_K)
+
+
+def test_without_a_temperature_the_coefficients_are_those_at_20_degrees():
+    commands = np.linspace(0.0, 1.0, 5)
+    np.testing.assert_array_equal(warm().coefficients_at(commands), warm().coefficients_at(commands, 293.15))
+    each = warm().coefficients_at(commands, np.full(5, 350.0))
+    np.testing.assert_array_equal(each, warm().coefficients_at(commands, 350.0))
+
+
+def test_from_20_to_100_degrees_the_viscosity_falls_as_arrhenius_says():
+    """The printed example of an activation of 1435.5 K: a fall of 65 %."""
+    row = LAWS["bouc-wen"].names.index("viscosity")
+    cold, hot = (warm().coefficients_at(0.0, kelvin)[row, 0] for kelvin in (293.15, 373.15))
+    assert 1.0 - hot / cold == pytest.approx(0.65, abs=5e-4)
+
+
+def test_a_coefficient_that_leaves_its_range_when_warm_is_named_with_the_temperature():
+    fading = warm(yield_force=Tempered(Constant(100.0), Linear(0.015)))
+    commands, kelvins = np.array([0.0, 0.0, 0.5]), np.array([293.15, 353.15, 373.15])
+    (said,) = fading.violations(commands, kelvins)
+    assert said.startswith("bouc-wen: yield_force is -20 N; ")
+    assert said.endswith("(at 0.5 A, 100.0 degC)")
+    assert fading.violations(commands) == ()
+    with pytest.raises(InputError, match=r"yield_force is -\d.* N; .*\(at 0 A, 95\.0 degC\)"):
+        fading.check(WARM_ENVELOPE)
+    fading.check(ENVELOPE)  # no temperature is known there: at 20 degC
+
+
+def test_a_temperature_stands_only_beside_a_coefficient_that_depends_on_it():
+    (said,) = warm(n=Constant(0.1)).violations([0.0], [350.0])
+    assert said.endswith("(at 0 A)")
+
+
+def test_what_is_held_at_the_edge_does_no_harm_beyond_it():
+    """Held at 80 degC the yield force never comes to the 86.7 degC at which it would be gone."""
+    fading = warm(held=(288.15, 353.15), yield_force=Tempered(Constant(100.0), Linear(0.015)))
+    fading.check(WARM_ENVELOPE)
+    assert fading.violations([0.0], [473.15]) == ()
+
+
+def test_a_pole_inside_the_temperatures_is_refused():
+    frozen = warm(held=None, viscosity=Tempered(Constant(600.0), Vft(50.0, 280.0)))
+    (said,) = frozen.violations([0.0, 0.0], [300.0, 275.0])
+    assert said == "bouc-wen: viscosity is inf; it must be finite (at 0 A, 1.9 degC)"
+
+
+def test_an_envelope_spreads_its_temperatures_from_edge_to_edge():
+    assert ENVELOPE.temperatures() is None
+    found = WARM_ENVELOPE.temperatures()
+    assert found is not None
+    assert (found[0], found[-1]) == (293.15, 393.15)
+    with pytest.raises(InputError, match=r"envelope: temperature is \(393.15, 293.15\)"):
+        OperatingEnvelope((0.0, 1.0), (0.0, 1.0), (0.0, 1.0), (393.15, 293.15))

@@ -13,14 +13,19 @@ from hypothesis import strategies as st
 from mrdamper.errors import InputError
 from mrdamper.models.dependence import (
     KINDS,
+    Bipolynomial,
     Constant,
     Exponential,
     Hill,
+    ParameterLaw,
     Polynomial,
+    Tempered,
     dependence_from_json,
     dependence_to_json,
     did_you_mean,
+    separable_polynomial,
 )
+from mrdamper.models.temperature import FACTORS, Arrhenius, Linear, PolynomialFactor, Reynolds, Vft
 
 amounts = st.floats(-1e3, 1e3).filter(lambda x: x == 0.0 or abs(x) > 1e-6)
 constants = st.builds(Constant, amounts)
@@ -34,13 +39,60 @@ hills = st.builds(
     reference=st.sampled_from([1.0, 0.5, 3.0]),
 )
 exponentials = st.builds(Exponential, amounts, st.floats(-3.0, 3.0))
-laws = st.one_of(constants, polynomials, hills, exponentials)
+bipolynomials = st.integers(0, 3).flatmap(
+    lambda degree: st.integers(1, 4).flatmap(
+        lambda rows: st.lists(amounts, min_size=rows * (degree + 1), max_size=rows * (degree + 1)).map(
+            lambda numbers: Bipolynomial(tuple(numbers), degree)
+        )
+    )
+)
+FORMS = {"constant": constants, "polynomial": polynomials, "hill": hills, "exponential": exponentials}
+FACTORS_DRAWN = {
+    "linear": st.builds(Linear, st.floats(-0.01, 0.01)),
+    "arrhenius": st.builds(Arrhenius, st.floats(-1000.0, 6000.0)),
+    "reynolds": st.builds(Reynolds, st.floats(-0.02, 0.08)),
+    "vft": st.builds(Vft, st.floats(20.0, 3000.0), st.floats(20.0, 200.0)),
+    "polynomial": st.lists(st.floats(-0.01, 0.01), min_size=1, max_size=3).map(
+        lambda numbers: PolynomialFactor(tuple(numbers))
+    ),
+}
+tempered = st.builds(Tempered, st.one_of(*FORMS.values()), st.one_of(*FACTORS_DRAWN.values()), st.booleans())
+cold_laws = st.one_of(*FORMS.values())
+laws = st.one_of(cold_laws, bipolynomials, tempered)
 commands = st.floats(-5.0, 5.0).filter(lambda x: x == 0.0 or abs(x) > 1e-3)
+kelvins = st.floats(233.15, 423.15)  # -40 to 150 degC
+every_form = pytest.mark.parametrize("form", FORMS)
+every_factor = pytest.mark.parametrize("factor", FACTORS_DRAWN)
 
 
-def on_paper(law, numbers, command):
+def factor_on_paper(kind, numbers, kelvin):
+    """Return a temperature factor as one writes it down; numbers may be complex."""
+    above = kelvin - 293.15
+    match kind:
+        case "linear":
+            return 1 - numbers[0] * above
+        case "arrhenius":
+            return np.exp(numbers[0] * (1 / kelvin - 1 / 293.15))
+        case "reynolds":
+            return np.exp(-numbers[0] * above)
+        case "vft":
+            strength, pole = numbers
+            return np.exp(strength * (1 / (kelvin - pole) - 1 / (293.15 - pole)))
+        case "polynomial":
+            return 1 + sum(t * above**power for power, t in enumerate(numbers, start=1))
+
+
+def on_paper(law, numbers, command, kelvin=293.15):
     """Return the form as one writes it down; numbers or command may be complex."""
+    if isinstance(law, Tempered):
+        split = len(law.form.numbers)
+        factor = factor_on_paper(law.factor.kind, numbers[split:], kelvin)
+        return on_paper(law.form, numbers[:split], command) * factor
     match law.kind:
+        case "bipolynomial":
+            columns = law.temperature_degree + 1
+            above = kelvin - 293.15
+            return sum(c * command ** (k // columns) * above ** (k % columns) for k, c in enumerate(numbers))
         case "constant":
             return numbers[0] + 0 * command
         case "polynomial":
@@ -54,53 +106,181 @@ def on_paper(law, numbers, command):
             return numbers[0] * np.exp(numbers[1] * command)
 
 
-@given(laws, commands)
-def test_the_value_is_the_form_on_paper(law, command):
-    expected = on_paper(law, law.numbers, command)
-    scale = abs(law.numbers[0]) + abs(expected)
-    assert float(law.value(command)) == pytest.approx(expected, rel=1e-12, abs=1e-12 * scale + 1e-300)
+def scale_of(law, command, kelvin):
+    """Return the size of the terms that a value is summed from: what rounding is measured against."""
+    if isinstance(law, Tempered):
+        factor = abs(float(law.factor.value(kelvin)))
+        if isinstance(law.factor, PolynomialFactor):
+            factor += sum(
+                abs(t) * abs(kelvin - 293.15) ** k for k, t in enumerate(law.factor.numbers, start=1)
+            )
+        return scale_of(law.form, command, kelvin) * (1.0 + factor)
+    if isinstance(law, Bipolynomial):
+        return float(np.abs(law.gradient(command, kelvin)) @ np.abs(law.numbers))
+    return sum(map(abs, law.numbers)) + abs(float(law.value(command)))
 
 
-@given(laws, commands.filter(bool))
-def test_the_gradient_is_the_complex_step(law, command):
-    """The complex step has no difference of nearly equal numbers in it: agreement to rounding."""
+@given(laws, commands, kelvins)
+def test_the_value_is_the_form_on_paper(law, command, kelvin):
+    expected = on_paper(law, law.numbers, command, kelvin)
+    scale = scale_of(law, command, kelvin)
+    found = float(law.value(command, kelvin))
+    assert found == pytest.approx(expected, rel=1e-12, abs=1e-12 * scale + 1e-300)
+
+
+def assert_gradient(law, command, kelvin):
+    """Compare with the complex step: it has no difference of nearly equal numbers in it."""
     for k in range(len(law.numbers)):
         step = 1e-30
         moved = [complex(x, step if i == k else 0.0) for i, x in enumerate(law.numbers)]
-        expected = on_paper(law, moved, complex(command)).imag / step
-        scale = 1e-12 * sum(map(abs, law.numbers)) + 1e-300
-        assert law.gradient(command)[k] == pytest.approx(expected, rel=1e-10, abs=scale)
+        expected = on_paper(law, moved, complex(command), kelvin).imag / step
+        scale = 1e-12 * scale_of(law, command, kelvin) + 1e-300
+        assert law.gradient(command, kelvin)[k] == pytest.approx(expected, rel=1e-10, abs=scale)
 
 
-@given(laws, commands.filter(bool))
-def test_the_slope_is_the_complex_step(law, command):
-    expected = on_paper(law, [complex(x) for x in law.numbers], complex(command, 1e-30)).imag / 1e-30
-    scale = 1e-12 * sum(map(abs, law.numbers)) + 1e-300
-    assert float(law.slope(command)) == pytest.approx(expected, rel=1e-10, abs=scale)
+def assert_slope(law, command, kelvin):
+    numbers = [complex(x) for x in law.numbers]
+    expected = on_paper(law, numbers, complex(command, 1e-30), kelvin).imag / 1e-30
+    scale = 1e-12 * scale_of(law, command, kelvin) + 1e-300
+    assert float(law.slope(command, kelvin)) == pytest.approx(expected, rel=1e-10, abs=scale)
 
 
-@given(laws, commands, st.integers(0, 4), st.floats(-10.0, 10.0))
-def test_the_value_is_linear_in_the_numbers_that_say_so(law, command, k, change):
-    k %= len(law.numbers)
-    if not law.linear[k]:
-        return
+@given(st.one_of(cold_laws, bipolynomials), commands.filter(bool), kelvins)
+def test_gradient_and_slope_are_the_complex_step(law, command, kelvin):
+    assert_gradient(law, command, kelvin)
+    assert_slope(law, command, kelvin)
+
+
+@every_form
+@every_factor
+@given(data=st.data(), command=commands.filter(bool), kelvin=kelvins)
+def test_gradient_and_slope_of_every_form_times_every_factor_are_the_complex_step(
+    form, factor, data, command, kelvin
+):
+    law = Tempered(data.draw(FORMS[form]), data.draw(FACTORS_DRAWN[factor]))
+    assert_gradient(law, command, kelvin)
+    assert_slope(law, command, kelvin)
+
+
+@given(laws, commands, kelvins, st.integers(0, 15), st.floats(-10.0, 10.0))
+def test_the_value_is_linear_in_the_numbers_that_say_so(law, command, kelvin, k, change):
+    """Affine to the definition, whatever the change: equal changes of the number, equal of the value."""
+    linear = [place for place, says_so in enumerate(law.linear) if says_so]
+    k = linear[k % len(linear)]
     numbers = list(law.numbers)
     numbers[k] += change
-    moved = law.with_numbers(numbers).value(command) - law.value(command)
-    allowed = 1e-11 * (1 + float(np.abs(law.gradient(command)) @ np.abs(law.numbers)))
-    assert moved == pytest.approx(law.gradient(command)[k] * change, abs=allowed)
+    moved = law.with_numbers(numbers).value(command, kelvin) - law.value(command, kelvin)
+    share = float(law.gradient(command, kelvin)[k])
+    allowed = 1e-11 * (1.0 + scale_of(law, command, kelvin) + abs(share) * (1.0 + abs(change)))
+    assert moved == pytest.approx(share * change, abs=allowed)
 
 
-@pytest.mark.parametrize(
-    "law", [Constant(2.0), Polynomial((1.0, 2.0, 3.0)), Hill(1.0, 2.0, 0.7, 1.5), Exponential(2.0, -0.5)]
-)
+@given(st.one_of(bipolynomials, tempered), commands, kelvins)
+def test_the_linear_numbers_are_linear_together(law, command, kelvin):
+    """What least squares needs: the gradient by one of them does not hold another."""
+    twice = [2.0 * x if linear else x for x, linear in zip(law.numbers, law.linear, strict=True)]
+    both = law.with_numbers(twice)
+    for k, linear in enumerate(law.linear):
+        if linear:
+            np.testing.assert_array_equal(both.gradient(command, kelvin)[k], law.gradient(command, kelvin)[k])
+
+
+SOME: list[ParameterLaw] = [
+    Constant(2.0),
+    Polynomial((1.0, 2.0, 3.0)),
+    Hill(1.0, 2.0, 0.7, 1.5),
+    Exponential(2.0, -0.5),
+    Bipolynomial((1.0, 2.0, 3.0, 4.0), 1),
+    Tempered(Hill(1.0, 2.0, 0.7, 1.5), Vft(600.0, 150.0)),
+    Tempered(Polynomial((1.0, 2.0)), PolynomialFactor((1e-3, 1e-6))),
+]
+
+
+@pytest.mark.parametrize("law", SOME, ids=lambda law: f"{type(law).__name__} {law.kind}")
 @pytest.mark.parametrize("shape", [(), (1,), (7,), (2, 3)])
-def test_shapes_follow_the_command(law, shape):
+@pytest.mark.parametrize("kelvin", [None, 330.0, "each"])
+def test_shapes_follow_the_command(law, shape, kelvin):
     command = np.linspace(0.0, 2.0, int(np.prod(shape))).reshape(shape)
-    assert law.value(command).shape == shape
-    assert law.slope(command).shape == shape
-    assert law.gradient(command).shape == (len(law.numbers), *shape)
+    warm = 300.0 + 40.0 * command if kelvin == "each" else kelvin
+    assert law.value(command, warm).shape == shape
+    assert law.slope(command, warm).shape == shape
+    assert law.gradient(command, warm).shape == (len(law.numbers), *shape)
     assert len(law.number_names) == len(law.linear) == len(law.units("N", "A")) == len(law.numbers)
+    assert len(set(law.number_names)) == len(law.numbers)
+
+
+# ----------------------------------------------------------------------------------------- temperature
+
+
+@given(laws, commands)
+def test_without_a_temperature_it_is_20_degrees(law, command):
+    np.testing.assert_array_equal(law.value(command), law.value(command, 293.15))
+    np.testing.assert_array_equal(law.gradient(command), law.gradient(command, 293.15))
+    np.testing.assert_array_equal(law.slope(command), law.slope(command, 293.15))
+
+
+@given(tempered, commands)
+def test_at_20_degrees_a_tempered_coefficient_is_its_form(law, command):
+    np.testing.assert_array_equal(law.value(command, 293.15), law.form.value(command))
+    np.testing.assert_array_equal(law.slope(command, 293.15), law.form.slope(command))
+
+
+@given(cold_laws, commands, kelvins)
+def test_a_form_of_the_command_alone_knows_no_temperature(law, command, kelvin):
+    assert not law.tempered
+    np.testing.assert_array_equal(law.value(command, kelvin), law.value(command))
+    np.testing.assert_array_equal(law.gradient(command, kelvin), law.gradient(command))
+
+
+@given(tempered, commands, commands, kelvins)
+def test_command_and_temperature_separate(law, here, there, kelvin):
+    """The share by which a tempered coefficient changes is one and the same at every command."""
+    one, two = law.value(here, kelvin) * law.value(there), law.value(there, kelvin) * law.value(here)
+    assert one == pytest.approx(two, rel=1e-12, abs=1e-300)
+
+
+@given(polynomials, commands, kelvins)
+def test_a_bipolynomial_of_temperature_degree_zero_is_its_polynomial(law, command, kelvin):
+    flat = Bipolynomial(law.numbers, 0)
+    assert not flat.tempered
+    scale = 1e-13 * scale_of(flat, command, kelvin) + 1e-300
+    np.testing.assert_array_equal(flat.gradient(command, kelvin), law.gradient(command))
+    assert float(flat.value(command, kelvin)) == pytest.approx(float(law.value(command)), abs=scale)
+    slope = float(law.slope(command))
+    assert float(flat.slope(command, kelvin)) == pytest.approx(slope, rel=1e-12, abs=20.0 * scale)
+    assert flat.units("N", "A") == law.units("N", "A")
+
+
+@given(
+    st.lists(amounts, min_size=1, max_size=3),
+    st.lists(st.floats(-0.01, 0.01), min_size=1, max_size=2),
+    commands,
+    kelvins,
+)
+def test_the_separable_polynomial_is_the_bipolynomial_of_products(command, factor, at, kelvin):
+    """(a0 + a1 I + ...)(1 + t1 dT + ...) multiplied out: c_ij = a_i t_j with t_0 = 1."""
+    law = separable_polynomial(command, factor)
+    assert law.kind == "polynomial"
+    assert law.number_names == (
+        *(f"c{i}" for i in range(len(command))),
+        *(f"t{j}" for j in range(1, len(factor) + 1)),
+    )
+    out = Bipolynomial(tuple(a * t for a in command for t in (1.0, *factor)), len(factor))
+    allowed = 1e-12 * scale_of(out, at, kelvin) + 1e-300
+    assert float(law.value(at, kelvin)) == pytest.approx(float(out.value(at, kelvin)), abs=allowed)
+
+
+@given(tempered, st.data())
+def test_numbers_put_into_a_tempered_form_are_read_back_and_the_mark_stays(law, data):
+    k = data.draw(st.integers(0, len(law.numbers) - 1))
+    numbers = list(law.numbers)
+    numbers[k] = numbers[k] * 0.5 or 1e-3
+    changed = law.with_numbers(numbers)
+    assert changed.numbers == tuple(numbers)
+    assert changed.assumed == law.assumed
+    assert changed.settings == law.settings
+    with pytest.raises(InputError, match=f"{len(numbers) + 1} numbers given; it has"):
+        law.with_numbers([*numbers, 1.0])
 
 
 @given(hills)
@@ -148,6 +328,19 @@ def test_units_say_per_what():
     assert Polynomial((1.0, 2.0)).units("-", "V") == ("-", "1/V")
     assert Hill(1.0, 1.0, 1.0, 1.0).units("N", "A") == ("N", "N", "A", "-")
     assert Exponential(1.0, 1.0).units("1/m", "V") == ("1/m", "1/V")
+    assert Bipolynomial((1.0, 2.0, 3.0, 4.0, 5.0, 6.0), 2).units("N", "A") == (
+        *("N", "N/K", "N/K^2"),
+        *("N/A", "N/A/K", "N/A/K^2"),
+    )
+    assert Tempered(Polynomial((1.0, 2.0)), Arrhenius(1000.0)).units("N s/m", "V") == (
+        *("N s/m", "N s/m/V"),
+        "K",
+    )
+
+
+def test_every_form_and_factor_that_a_card_may_name_is_tried_here():
+    assert {*FORMS, "bipolynomial"} == set(KINDS)
+    assert set(FACTORS_DRAWN) == set(FACTORS)
 
 
 @given(laws)
@@ -156,9 +349,41 @@ def test_json_and_back_is_the_same_law(law):
     assert law.with_numbers(law.numbers) == law
 
 
+WARM = {
+    "kind": "constant",
+    "numbers": {"value": 1.0, "activation_K": 1200.0},
+    "temperature": {"kind": "arrhenius", "assumed": False},
+}
+
+
+def test_json_in_another_order_is_the_same_law():
+    """A table has no order: t2 before t1 is still t2."""
+    for law in SOME:
+        data = dependence_to_json(law)
+        numbers = data["numbers"]
+        assert isinstance(numbers, dict)
+        turned = {**data, "numbers": dict(reversed(numbers.items()))}
+        assert dependence_from_json(dict(reversed(turned.items()))) == law
+
+
+def test_an_assumed_factor_stays_assumed_and_is_identified_where_nothing_is_said():
+    law = Tempered(Constant(2.0), Arrhenius(1200.0), assumed=True)
+    data = dependence_to_json(law)
+    assert data["temperature"] == {"kind": "arrhenius", "assumed": True}
+    assert dependence_from_json(data) == law
+    assert dependence_from_json({**data, "temperature": {"kind": "arrhenius"}}) == Tempered(
+        law.form, law.factor
+    )
+
+
 @pytest.mark.parametrize(
     ("make", "said"),
     [
+        (lambda: Bipolynomial((1.0, 2.0, 3.0), 1), "bipolynomial: 3 numbers, temperature degree 1; expected"),
+        (lambda: Bipolynomial((), 1), "bipolynomial: 0 numbers"),
+        (lambda: Bipolynomial((1.0,), -1), "temperature degree -1"),
+        (lambda: Bipolynomial((1.0, math.nan), 1), "bipolynomial: c01 is nan"),
+        (lambda: Linear(math.inf), "temperature factor: temperature_slope is inf"),
         (lambda: Constant(math.nan), "constant: value is nan; it must be a finite number"),
         (lambda: Polynomial(()), r"needs at least one number"),
         (lambda: Polynomial((1.0, math.inf)), "polynomial: c1 is inf"),
@@ -191,6 +416,64 @@ def test_a_number_that_no_law_can_hold_is_refused_by_name(make, said):
         (
             {"kind": "hill", "numbers": {"base": 1, "gain": 1, "half_command": 1, "exponent": 1}},
             "hill: setting reference is missing",
+        ),
+        (
+            {**WARM, "temperature": "arrhenius"},
+            "temperature must be a table of kind and assumed",
+        ),
+        (
+            {**WARM, "temperature": {"kind": "exp"}},
+            "no temperature factor of kind 'exp'; there are " + ", ".join(FACTORS),
+        ),
+        ({**WARM, "temperature": {"kind": "linear"}}, "linear: number temperature_slope is missing"),
+        (
+            {**WARM, "temperature": {"kind": "arrhenius", "assumed": 1}},
+            r"temperature holds kind and assumed \(true or false\), nothing else",
+        ),
+        (
+            {"kind": "constant", "numbers": WARM["numbers"]},
+            "constant has no number 'activation_K'; expected one of: value",
+        ),
+        (
+            {
+                "kind": "constant",
+                "numbers": {"value": 1.0, "t1": 1e-3, "t3": 1e-6},
+                "temperature": {"kind": "polynomial"},
+            },
+            "polynomial: number t2 is missing",
+        ),
+        (
+            {"kind": "constant", "numbers": {"value": 1.0}, "temperature": {"kind": "polynomial"}},
+            "polynomial: number t1 is missing",
+        ),
+        (
+            {
+                "kind": "bipolynomial",
+                "numbers": {"c00": 1.0, "c01": 0.1, "temperature_slope": 1e-3},
+                "settings": {"temperature_degree": 1},
+                "temperature": {"kind": "linear"},
+            },
+            "bipolynomial depends on temperature itself; it takes no temperature factor",
+        ),
+        (
+            {"kind": "bipolynomial", "numbers": {"c00": 1.0}},
+            "bipolynomial: setting temperature_degree is missing",
+        ),
+        (
+            {"kind": "bipolynomial", "numbers": {"c00": 1.0}, "settings": {"temperature_degree": 0.5}},
+            "temperature_degree is 0.5; it must be a whole number",
+        ),
+        (
+            {"kind": "bipolynomial", "numbers": {"c00": 1.0}, "settings": {"temperature_degree": 1e9}},
+            r"temperature_degree is 1e\+09; it must be a whole number",
+        ),
+        (
+            {
+                "kind": "bipolynomial",
+                "numbers": {"c00": 1.0, "c01": 1.0, "c10": 1.0},
+                "settings": {"temperature_degree": 1},
+            },
+            "bipolynomial has no number 'c10'",
         ),
     ],
 )

@@ -40,8 +40,20 @@ SOUND = {  # each law with coefficients like those of a real damper, odd in the 
         "kappa": -0.99,
         "n": 0.3,
     },
+    "double-bouc-wen": {
+        **{"viscosity": 900.0, "yield_force": 300.0, "second_force": 200.0, "rho": 3000.0, "second_rho": 500.0},
+        **{"kappa": -0.9, "n": 1.3},
+    },
     "bingham": {"viscosity": 900.0, "yield_force": 500.0, "yield_velocity": 2e-3},
     "tanh": {"viscosity": 900.0, "yield_force": 500.0, "slope": 200.0, "shift": 0.0},
+    "lugre": {
+        **{"viscosity": 900.0, "yield_force": 500.0, "rho": 1200.0},
+        **{"static_excess": 0.5, "fade_velocity": 0.01, "bristle_damping": 1500.0},
+    },
+    "spencer": {
+        **{"yield_force": 500.0, "series_damping": 3e4, "inner_viscosity": 900.0, "inner_stiffness": 4e3},
+        **{"rho": 1200.0, "kappa": -0.9, "n": 1.3},
+    },
     "series-valve": {
         "yield_force": 400.0,
         "thinning": 3.2,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -13,10 +15,23 @@ from numpy.typing import ArrayLike
 from mrdamper import core
 from mrdamper.errors import InputError
 from mrdamper.excitation import Sine, drive
+from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper
-from mrdamper.models.dependence import Constant, Exponential, ParameterLaw, Polynomial
-from mrdamper.models.laws import LAWS
+from mrdamper.models.dependence import (
+    Bipolynomial,
+    Constant,
+    Exponential,
+    Hill,
+    ParameterLaw,
+    Polynomial,
+    Tempered,
+)
+from mrdamper.models.laws import LAWS, Coefficient
+from mrdamper.models.reference import law_from_python, simulate_reference
 from mrdamper.models.simulate import LAG, Tangents, open_drive, sensitivities, simulate
+from mrdamper.models.temperature import Arrhenius, Linear, PolynomialFactor, Reynolds, TemperatureFactor, Vft
+from mrdamper.quantities import FloatArray
+from tests.identify.truths import TRUTHS
 
 MOTION = Sine(0.010, 2.0)
 BOUC_WEN: dict[str, ParameterLaw] = {
@@ -165,3 +180,326 @@ def test_a_command_that_drifts_slowly_gives_nearly_the_constant_one():
     moving = replace(DAMPER, coefficients={**DAMPER.coefficients, "rho": Exponential(3000.0, -1.3)})
     drifting = simulate(moving, path(0.5 + 1e-9 * np.arange(501)))
     np.testing.assert_allclose(drifting, simulate(moving, path(0.5)), atol=1e-3)
+
+
+# ----------------------------------------------------------------------------------------- temperature
+
+FRICTION = {
+    **{"mass": 3.0, "coulomb_friction": 20.0, "breakaway_friction": 10.0},
+    **{"stribeck_velocity": 5e-3, "transition_velocity": 2e-3, "viscous_exponent": 0.8},
+}
+FACTOR_OF: dict[str, TemperatureFactor] = {
+    "viscosity": Arrhenius(1435.5),
+    "thinning": Reynolds(0.012),
+    "leak_damping": Vft(600.0, 150.0),
+    "series_damping": Arrhenius(1200.0),
+    "inner_viscosity": Reynolds(0.01),
+    "bristle_damping": Arrhenius(1000.0),
+    "yield_force": Linear(1.2e-3),
+    "rate_force": PolynomialFactor((-1e-3, 1e-6)),
+    "coulomb_friction": Linear(2e-3),
+    "rho": Linear(1e-3),
+}
+
+
+def warm_damper(name: str, **changed) -> Damper:
+    """Return a law's damper in which all that can follow temperature does, with nothing at a bound."""
+    forms = dict(TRUTHS[name].coefficients)
+    forms |= {key: Constant(value) for key, value in FRICTION.items()}
+    for key, value in {"viscosity": 300.0, "stiffness": 600.0, "offset": 40.0}.items():
+        if forms[key] == Constant(0.0):
+            forms[key] = Constant(value)
+    for key, form in forms.items():
+        if key in FACTOR_OF:
+            assert isinstance(form, Constant | Polynomial | Hill | Exponential)
+            forms[key] = Tempered(form, FACTOR_OF[key])
+    forms["offset"] = Bipolynomial((40.0, -0.1, 5.0, 0.02), 1)
+    if "n" in forms:
+        forms["n"] = Constant(1.47)  # at 1.5 the kernel's table changes its cells: a jump of 1e-7, no tangent
+    return Damper(LAWS[name], {**forms, **changed})
+
+
+def warming(
+    command: ArrayLike = 0.5,
+    *,
+    start: float = 300.0,
+    rise: float = 50.0,
+    rate: float = 500.0,
+    duration: float = 1.0,
+):
+    """Return the motion while the temperature rises smoothly, by ``rise`` [K] over the run."""
+    path = drive(MOTION, duration=duration, rate_Hz=rate, command=0.0)
+    at = np.broadcast_to(np.asarray(command, dtype=np.float64), len(path)).copy()
+    share = path.time / path.time[-1]
+    return replace(path, command=at, temperature=start + rise * share * (2.0 - share))
+
+
+def swinging(path) -> FloatArray:
+    return np.asarray(0.5 + 0.4 * np.sin(2.0 * math.pi * 0.8 * path.time), dtype=np.float64)
+
+
+def relative(found, expected) -> float:
+    return float(np.abs(found - expected).max() / np.abs(expected).max())
+
+
+every_law = pytest.mark.parametrize("name", list(TRUTHS))
+
+
+def test_every_law_of_the_kernel_is_tried_here():
+    assert set(TRUTHS) == set(LAWS)
+
+
+@pytest.mark.parametrize("form", ["record", "causal"])
+def test_a_damper_that_knows_temperature_asks_for_it(form):
+    damper = warm_damper("bouc-wen")
+    said = (
+        r"no temperature channel; expected a column such as temperature_degC\. Map the channel, or state it"
+    )
+    with pytest.raises(InputError, match=said):
+        simulate(damper, path(), form=form)
+    with pytest.raises(InputError, match=said):
+        sensitivities(damper, open_drive(path()), ["rho.value"])
+    with pytest.raises(InputError, match=said):
+        Tangents(damper, ["rho.value"], [open_drive(warming()), open_drive(path())])
+
+
+@every_law
+def test_a_damper_that_does_not_know_temperature_does_not_look_at_it(name):
+    cold = TRUTHS[name]
+    run = warming(np.linspace(0.0, 1.0, 501))
+    np.testing.assert_array_equal(simulate(cold, run), simulate(cold, replace(run, temperature=None)))
+
+
+@every_law
+@pytest.mark.parametrize("kelvin", [293.15, 341.0])
+def test_at_one_temperature_it_is_the_damper_with_its_coefficients_there(name, kelvin):
+    damper, run = warm_damper(name), warming(start=kelvin, rise=0.0)
+    there = dict(zip(damper.law.names, damper.coefficients_at(0.5, kelvin)[:, 0].tolist(), strict=True))
+    cold = Damper(damper.law, {key: Constant(value) for key, value in there.items()})
+    np.testing.assert_array_equal(simulate(damper, run), simulate(cold, replace(run, temperature=None)))
+
+
+@every_law
+@pytest.mark.parametrize("form", ["record", "causal"])
+def test_a_constant_temperature_is_the_same_for_every_sample(name, form):
+    """The short cut of one operating point, and a row per sample: equal up to the order of the additions."""
+    damper, one = warm_damper(name), open_drive(warming(start=341.0, rise=0.0))
+    assert one.temperature == 341.0
+    assert not one.warms
+    each = replace(one, constant=None)
+    short = simulate(damper, one, form=form)
+    np.testing.assert_allclose(simulate(damper, each, form=form), short, rtol=0.0, atol=1e-12 * np.ptp(short))
+
+
+def test_a_temperature_that_drifts_slowly_gives_nearly_the_constant_one():
+    damper = warm_damper("bouc-wen")
+    drifting = simulate(damper, warming(start=341.0, rise=1e-9))
+    np.testing.assert_allclose(drifting, simulate(damper, warming(start=341.0, rise=0.0)), atol=1e-6)
+
+
+@every_law
+def test_force_at_200_degrees_is_the_force_at_the_edge_of_the_range(name):
+    held = replace(warm_damper(name), temperature_range=(288.15, 378.15))
+    hot, edge = (simulate(held, warming(start=kelvin, rise=0.0)) for kelvin in (473.15, 378.15))
+    np.testing.assert_array_equal(hot, edge)
+    run = warming(start=330.0, rise=120.0)
+    capped = replace(run, temperature=np.minimum(run.temperature, 378.15))
+    np.testing.assert_array_equal(simulate(held, run), simulate(held, capped))
+    free = replace(held, temperature_range=None)
+    assert relative(simulate(free, run), simulate(held, run)) > 1e-3
+
+
+def test_a_dashpot_that_warms_up_is_the_closed_form():
+    """F = c exp[B (1/T - 1/293.15)] v, sample by sample: a quarter of the force is gone by 40 degC."""
+    run = warming(start=293.15, rise=20.0)
+    assert run.temperature is not None
+    zero = {"yield_force": Constant(0.0), "yield_velocity": Constant(0.01)}
+    damper = Damper(LAWS["bingham"], {"viscosity": Tempered(Constant(2000.0), Arrhenius(1435.5)), **zero})
+    factor = np.exp(1435.5 * (1.0 / run.temperature - 1.0 / 293.15))
+    np.testing.assert_allclose(simulate(damper, run), 2000.0 * factor * run.velocity, rtol=1e-13, atol=1e-12)
+    assert factor[-1] == pytest.approx(0.731, abs=1e-3)
+
+
+def test_a_coefficient_that_leaves_its_range_as_the_run_warms_is_refused():
+    fading = warm_damper("bingham", yield_force=Tempered(Constant(100.0), Linear(0.015)))
+    simulate(fading, warming(start=300.0, rise=50.0))
+    with pytest.raises(InputError, match="yield_force is -"):
+        simulate(fading, warming(start=300.0, rise=70.0))
+
+
+# Stepped laws at 1 kHz, of the peak force: 3e-5, 8e-5 and 5e-4 on a run that warms up. The valve takes its
+# coefficients at the end of each sample interval (order one): 4e-3 where the command steps.
+WARMING_ERRORS = {"lugre": 1e-4, "spencer": 2e-4, "series-valve": 1e-3}
+ACTUATED_ERRORS = {**WARMING_ERRORS, "spencer": 3e-4, "series-valve": 6e-3}
+
+
+@every_law
+@pytest.mark.parametrize("varying", [False, True], ids=["command held", "command swinging"])
+def test_a_run_that_warms_up_gives_what_the_integrator_gives(name, varying):
+    """50 K in 0.4 s at 1 kHz, of the peak force: the kernel's mean of rho over a sample is of order two."""
+    run = warming(duration=0.4, rate=1000.0)
+    if varying:
+        run = replace(run, command=swinging(run))
+    damper = warm_damper(name)
+    found = relative(simulate(damper, run), simulate_reference(damper, run, tolerance=1e-8))
+    assert found < WARMING_ERRORS.get(name, 2e-5)
+
+
+@every_law
+def test_sample_by_sample_follows_a_run_that_warms_up(name):
+    run = warming()
+    run = replace(run, command=swinging(run))
+    damper = warm_damper(name)
+    assert relative(simulate(damper, run, form="causal"), simulate(damper, run)) < 1e-12
+
+
+def differences(force_at, value: float) -> Iterator[FloatArray]:
+    """Central differences of fourth order at three steps: which one is best depends on the curvature."""
+    for share in (1e-4, 1e-5, 1e-6):
+        h = share * (abs(value) or 1.0)
+        first = force_at(value + h) - force_at(value - h)
+        yield (8.0 * first - (force_at(value + 2.0 * h) - force_at(value - 2.0 * h))) / (12.0 * h)
+
+
+def worst_tangent(column: FloatArray, force_at, value: float) -> float:
+    size = max(float(np.abs(column).max()), 1e-6)
+    return min(float(np.abs(column - found).max() / size) for found in differences(force_at, value))
+
+
+RUNS = {
+    "one point": lambda: warming(start=341.0, rise=0.0),
+    "warming": warming,
+    "command swinging": lambda: replace(warming(start=341.0, rise=0.0), command=swinging(path())),
+    "both": lambda: replace(warming(), command=swinging(path())),
+}
+
+
+@every_law
+@pytest.mark.parametrize("kind", RUNS)
+def test_every_number_s_tangent_is_a_central_difference_at_any_temperature(name, kind):
+    """Numbers of forms and factors and the command lag, held at the range's edge for part of the run."""
+    run = open_drive(RUNS[kind]())
+    damper = replace(warm_damper(name), command_lag_s=0.03, temperature_range=(280.0, 345.0))
+    numbers = [*damper.numbers, LAG]
+    found = sensitivities(damper, run, numbers)
+    np.testing.assert_allclose(found.force, simulate(damper, run), rtol=0.0, atol=1e-9)
+    columns = found.combine @ found.columns
+    for row, number in enumerate(numbers):
+
+        def force_at(value, number=number):
+            moved = (
+                replace(damper, command_lag_s=value)
+                if number == LAG
+                else damper.with_numbers({number: value})
+            )
+            return simulate(moved, run)
+
+        value = damper.command_lag_s if number == LAG else damper.numbers[number]
+        assert worst_tangent(columns[row], force_at, value) < 1e-6, number
+
+
+def test_tangents_of_runs_at_several_temperatures_are_those_of_each():
+    damper = warm_damper("bouc-wen-saturating")
+    runs = [warming(start=kelvin, rise=0.0) for kelvin in (293.15, 330.0, 293.15)]
+    drives = [open_drive(run) for run in (*runs, warming(), warming(0.25, start=330.0, rise=0.0))]
+    numbers = ["viscosity.c0", "viscosity.activation_K", "rho.at_zero", "offset.c01"]
+    together = Tangents(damper, numbers, drives)
+    for index, each in enumerate(drives):
+        alone, of_many = sensitivities(damper, each, numbers), together.along(index)
+        np.testing.assert_array_equal(of_many.force, alone.force)
+        np.testing.assert_array_equal(of_many.combine @ of_many.columns, alone.combine @ alone.columns)
+
+
+class Syrup:
+    """A user's dashpot, thinner when warm."""
+
+    name = "syrup"
+    coefficients = (Coefficient("c", "N s/m", "damping", linear=True),)
+
+    def rate(self, state, displacement, velocity, values):
+        return 0.0
+
+    def force(self, state, displacement, velocity, values):
+        return values["c"] * velocity
+
+
+def test_a_users_law_knows_temperature_as_well():
+    damper = Damper(law_from_python(Syrup()), {"c": Tempered(Constant(500.0), Reynolds(0.01))})
+    run = warming(rate=200.0)
+    assert run.temperature is not None
+    expected = 500.0 * np.exp(-0.01 * (run.temperature - 293.15)) * run.velocity
+    np.testing.assert_allclose(simulate(damper, run), expected, rtol=1e-12, atol=1e-12)
+    columns = sensitivities(damper, open_drive(run), ["c.temperature_rate"]).columns
+    by_rate = -(run.temperature - 293.15) * expected
+    np.testing.assert_allclose(columns[0], by_rate, rtol=1e-5, atol=1e-3)
+    with pytest.raises(InputError, match="no temperature channel"):
+        simulate(damper, replace(run, temperature=None))
+
+
+# ------------------------------------------------------------------------------------------- actuation
+
+ACTUATION = Actuation(rise_s=0.02, fall_s=0.035, second_s=0.006, delay_s=0.004)
+
+
+def stepping(rate: float = 500.0):
+    run = path(rate=rate)
+    return replace(run, command=np.where((run.time > 0.2) & (run.time < 0.6), 0.9, 0.1))
+
+
+def test_an_actuated_command_builds_the_force_up_as_the_closed_form_says():
+    """Bingham, no memory: F = Fy a(t) tanh(v/vr), a(t) the response of two equal lags after the delay."""
+    tau, late, run = 0.03, 0.01, path(rate=2000.0)
+    run = replace(run, command=np.where(run.time > 0.2, 1.0, 0.0))
+    damper = Damper(
+        LAWS["bingham"],
+        {"yield_force": Polynomial((0.0, 1000.0)), "yield_velocity": Constant(0.01)},
+        actuation=Actuation(tau, tau, tau, late),
+    )
+    # The command is a ramp over one sample: its step lies in the middle of it.
+    since = np.maximum(run.time - 0.20025 - late, 0.0) / tau
+    expected = 1000.0 * (1.0 - (1.0 + since) * np.exp(-since)) * np.tanh(run.velocity / 0.01)
+    np.testing.assert_allclose(simulate(damper, run), expected, atol=0.1)
+
+
+@every_law
+def test_an_actuated_damper_is_what_the_integrator_gives(name):
+    """The actuation at the samples, linear between them, in both."""
+    run = replace(stepping(1000.0), temperature=np.linspace(300.0, 340.0, 1001))
+    damper = replace(warm_damper(name), actuation=ACTUATION)
+    found = relative(simulate(damper, run), simulate_reference(damper, run, tolerance=1e-8))
+    assert found < ACTUATED_ERRORS.get(name, 5e-5)
+
+
+def test_an_actuated_damper_is_one_without_driven_by_what_arrives():
+    run = stepping()
+    arrives = ACTUATION.applied(run.command, run.step)
+    assert relative(arrives, run.command) > 0.5
+    expected = simulate(DAMPER, replace(run, command=arrives))
+    np.testing.assert_array_equal(simulate(replace(DAMPER, actuation=ACTUATION), run), expected)
+
+
+def test_one_equal_lag_is_the_command_lag():
+    run = stepping()
+    lag = simulate(replace(DAMPER, command_lag_s=0.02), run)
+    np.testing.assert_array_equal(simulate(replace(DAMPER, actuation=Actuation(0.02, 0.02)), run), lag)
+    none = simulate(replace(DAMPER, actuation=Actuation(0.0, 0.0)), run)
+    np.testing.assert_array_equal(none, simulate(DAMPER, run))
+
+
+def test_a_constant_command_knows_no_actuation():
+    actuated = replace(DAMPER, actuation=ACTUATION)
+    np.testing.assert_array_equal(simulate(actuated, path()), simulate(DAMPER, path()))
+
+
+def test_tangents_under_an_actuation_are_central_differences():
+    run = open_drive(stepping())
+    damper = replace(DAMPER, actuation=ACTUATION)
+    numbers = ["yield_force.c0", "yield_force.c1", "rho.value", "n.value"]
+    found = sensitivities(damper, run, numbers)
+    np.testing.assert_allclose(found.force, simulate(damper, run), rtol=0.0, atol=1e-9)
+    for column, number in zip(found.combine @ found.columns, numbers, strict=True):
+
+        def force_at(value, number=number):
+            return simulate(damper.with_numbers({number: value}), run)
+
+        assert worst_tangent(column, force_at, damper.numbers[number]) < 1e-6, number

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import inspect
 import time
+import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
@@ -22,16 +23,19 @@ import numpy as np
 
 from mrdamper.data.prepare import Preparation, PreparedRun, decimate, prepare_run
 from mrdamper.data.records import Dataset, RigRun
-from mrdamper.errors import InputError
+from mrdamper.errors import EnvelopeWarning, InputError
+from mrdamper.identify.actuation import ActuationFit, fit_actuation
 from mrdamper.identify.assess import Assessment, Kind, RunError, score_run
 from mrdamper.identify.assess import assess as assess_fit
 from mrdamper.identify.problem import Estimate, FitProblem, FitResult, envelope_of
-from mrdamper.identify.templates import template
+from mrdamper.identify.tempering import TEMPERATURES, FluidFactors, Temperature, settled
+from mrdamper.identify.templates import command_levels, template
 from mrdamper.identify.variable_projection import Report, fit_variable_projection
 from mrdamper.models.card import Evidence, Excerpt, ModelCard, cut_excerpt
 from mrdamper.models.damper import Damper
 from mrdamper.models.laws import LAWS, HysteresisLaw, PythonLaw, find_law
 from mrdamper.models.simulate import simulate
+from mrdamper.models.temperature import REFERENCE_K
 
 __all__ = ["METHODS", "Identification", "Law", "Method", "assess", "fit", "predict", "resolve_law", "row"]
 
@@ -56,6 +60,7 @@ class Identification:
     fingerprint: str
     cpu_s: float  # of preparation and fit
     python_law: str | None = None  # where a user's own law comes from, ``file.py:Class``
+    actuation: ActuationFit | None = None  # from the training runs whose command steps
 
     @property
     def damper(self) -> Damper:
@@ -79,6 +84,17 @@ class Identification:
         notes: dict[str, object] = {"words": list(judged.words), "passivity_min": judged.passivity_min}
         if result.notes:
             notes["method"] = list(result.notes)
+        if self.actuation is not None:
+            found = self.actuation
+            notes["actuation"] = {
+                "standard_errors": {name: finite(error) for name, error in found.standard_errors.items()},
+                "t63_s": found.t63_s,
+                "t90_s": found.t90_s,
+                "rmse_N": found.rmse_N,
+                "unlagged_rmse_N": found.unlagged_rmse_N,
+            }
+        if self.damper.assumed:
+            notes["assumed"] = list(self.damper.assumed)
         if result.cancelled:
             notes["cancelled"] = "interrupted: the best numbers so far, not converged ones"
         return ModelCard(
@@ -105,7 +121,7 @@ class Identification:
 
 def fit(  # noqa: PLR0913 - the options of a fit, by keyword
     runs: Dataset | Iterable[RigRun],
-    law: Law = "series-valve",
+    law: Law | None = None,
     *,
     method: Method = "varpro",
     starts: int = 1,
@@ -113,21 +129,32 @@ def fit(  # noqa: PLR0913 - the options of a fit, by keyword
     hold_out: Sequence[str] = (),
     session_offsets: bool = False,
     one_command: bool = False,
-    terms: Sequence[str] = (),
+    terms: Sequence[str] | None = None,
+    temperature: Temperature = "auto",
+    fluid: FluidFactors | None = None,
+    coil_resistance_ohm: float | None = None,
     preparation: Preparation | None = None,
     report: Report | None = None,
 ) -> Identification:
-    """Fit one law to all runs that are not held out, over all their commands at once.
+    """Fit one law to all runs that are not held out, over all their commands and temperatures at once.
+
+    Where some runs hold their command and others step it, the law is fitted to the former, and the actuation
+    (delay and lags) to the latter.
 
     Parameters
     ----------
-    law : a law's name, or a user's own law in Python (object or class)
+    law : a law's name, or a user's own law in Python (object or class); None: ``series-valve``, or
+        ``double-bouc-wen`` for runs at several temperatures
     method : ``varpro`` (variable projection), ``genetic`` (the paper's baseline) or ``cma``
     starts : Latin-hypercube starts of ``varpro``
     hold_out : patterns of the names of runs that the fit must not see
     session_offsets : let each session have its own constant force
     one_command : allow runs at a single command (the model then holds for it alone)
-    terms : parallel terms to add to the law: ``friction`` (Stribeck), ``mass``, ``viscosity``
+    terms : parallel terms to add to the law: ``friction`` (Stribeck), ``mass``, ``viscosity``, ``thinning``;
+        None: what the runs ask for (``templates.template``)
+    temperature : how coefficients follow temperature (``tempering``); "none" leaves it out
+    fluid : its temperature laws are assumed; runs without a temperature channel count as at 20 degC
+    coil_resistance_ohm : at 20 degC, for the card (measured with an ohmmeter)
     report : told of every step
 
     Raises
@@ -139,15 +166,22 @@ def fit(  # noqa: PLR0913 - the options of a fit, by keyword
         raise InputError(f"method is {method!r}; use one of: {', '.join(METHODS)}")
     if starts < 1:
         raise InputError(f"starts is {starts}; expected 1 or more")
-    chosen, python_law = resolve_law(law)
+    if temperature not in TEMPERATURES:
+        raise InputError(f"temperature is {temperature!r}; use one of: {', '.join(TEMPERATURES)}")
     dataset = runs if isinstance(runs, Dataset) else Dataset(tuple(runs))
     training, held_out = dataset.split(hold_out) if hold_out else (dataset, Dataset(()))
     clock = time.process_time()
     how = preparation or Preparation()
     prepared = prepare_all(training, how)
     unseen = prepare_all(held_out, how)
-    damper, free = template(chosen, prepared, one_command=one_command, terms=terms)
-    problem = FitProblem(damper, free, prepared, session_offsets)
+    if fluid is not None:
+        prepared, unseen = (tuple(map(_at_reference, runs)) for runs in (prepared, unseen))
+    chosen, python_law = resolve_law(usual_law(prepared, temperature) if law is None else law)
+    steady, stepping = split_by_command(prepared)
+    damper, free = template(
+        chosen, steady, one_command=one_command, terms=terms, temperature=temperature, fluid=fluid
+    )
+    problem = FitProblem(damper, free, steady, session_offsets)
     prepared_in = time.process_time() - clock
     if method == "varpro":
         result = fit_variable_projection(problem, starts=starts, seed=seed, report=report)
@@ -155,8 +189,15 @@ def fit(  # noqa: PLR0913 - the options of a fit, by keyword
         from mrdamper.identify.population import fit_cma, fit_genetic
 
         result = (fit_genetic if method == "genetic" else fit_cma)(problem, seed=seed, report=report)
+    if fluid is not None:
+        result = replace(result, damper=settled(result.damper))
+    spent, actuation = prepared_in + result.cpu_s, None
+    if stepping and not result.cancelled:
+        actuation = fit_actuation(result.damper, stepping, resistance_20_ohm=coil_resistance_ohm)
+        result = replace(result, damper=replace(result.damper, actuation=actuation.actuation))
+        spent += actuation.cpu_s
     return Identification(
-        result, problem, prepared, unseen, how, training.fingerprint, prepared_in + result.cpu_s, python_law
+        result, problem, prepared, unseen, how, training.fingerprint, spent, python_law, actuation
     )
 
 
@@ -188,7 +229,8 @@ def predict(
     """Return the force error of a model on runs, at full rate, no offset removed.
 
     The runs are prepared as the card says. A run that the card was identified on (same name, same error)
-    is marked ``training``, any other ``held_out``.
+    is marked ``training``, any other ``held_out``. Runs outside the card's envelope are scored all the same,
+    with one ``EnvelopeWarning`` that says how far.
     """
     seen: dict[str, float] = {}
     if isinstance(model, ModelCard):
@@ -198,13 +240,76 @@ def predict(
         preparation = preparation or model.preparation
         seen = {run.name: np.nan for run in model.training}
     damper = model if isinstance(model, Damper) else model.damper
-    errors = (score_run(damper, prepare_run(run, preparation)) for run in runs)
+    prepared = prepare_all(runs, preparation or Preparation())
+    if damper.assumed and len(damper.assumed) == sum(f.tempered for f in damper.coefficients.values()):
+        prepared = tuple(map(_at_reference, prepared))
+    if isinstance(model, ModelCard):
+        outside = outside_envelope(model, prepared)
+        if outside:
+            warnings.warn("; ".join(outside), EnvelopeWarning, stacklevel=2)
+    errors = (score_run(damper, run) for run in prepared)
     return tuple(
         replace(error, split="training")
         if error.name in seen and not abs(error.rmse_N - seen[error.name]) > 1e-6 * error.rmse_N
         else error
         for error in errors
     )
+
+
+def usual_law(runs: Sequence[PreparedRun], temperature: Temperature = "auto") -> str:
+    """Return the law that is fitted when none is asked for."""
+    tempered = temperature != "none" and all(run.trajectory.temperature is not None for run in runs)
+    return "double-bouc-wen" if tempered else "series-valve"
+
+
+def split_by_command(
+    runs: Sequence[PreparedRun],
+) -> tuple[tuple[PreparedRun, ...], tuple[PreparedRun, ...]]:
+    """Return the runs that the law is fitted to, and those that tell the actuation.
+
+    They part where runs of constant command cover two levels or more; else the law takes them all, its lag
+    with it.
+    """
+    steady = tuple(run for run in runs if run.run.constant_command is not None)
+    if len(steady) == len(runs) or command_levels(steady) < 2:
+        return tuple(runs), ()
+    return steady, tuple(run for run in runs if run.run.constant_command is None)
+
+
+def outside_envelope(card: ModelCard, runs: Sequence[PreparedRun]) -> list[str]:
+    """Say where runs leave what the card was identified on, one sentence per quantity, with numbers."""
+    seen = card.envelope
+    said = []
+    for what, unit, scale, shift, allowed in (
+        ("command", card.damper.command_unit, 1.0, 0.0, seen.command),
+        ("displacement", "mm", 1e3, 0.0, seen.displacement),
+        ("velocity", "mm/s", 1e3, 0.0, seen.velocity),
+        ("temperature", "degC", 1.0, -273.15, seen.temperature),
+    ):
+        tracks = {run.name: getattr(run.trajectory, what) for run in runs}
+        known = {name: (float(t.min()), float(t.max())) for name, t in tracks.items() if t is not None}
+        if allowed is None or not known:
+            continue
+        slack = 5.0 if what == "temperature" else 0.05 * max(map(abs, allowed))
+        beyond = {n: e for n, e in known.items() if e[0] < allowed[0] - slack or e[1] > allowed[1] + slack}
+        if not beyond:
+            continue
+        low, high = min(e[0] for e in beyond.values()), max(e[1] for e in beyond.values())
+        told = [f"{scale * end + shift:.4g}" for end in (low, high, *allowed)]
+        held = "; coefficients keep their value at the edge" if what == "temperature" else ""
+        said.append(
+            f"{what} is {told[0]} to {told[1]} {unit} in {len(beyond)} of {len(runs)} runs (the first: "
+            f"{next(iter(beyond))}); the card was identified on {told[2]} to {told[3]} {unit}{held}"
+        )
+    return said
+
+
+def _at_reference(run: PreparedRun) -> PreparedRun:
+    """Return a run without a temperature channel as one at 20 degC."""
+    if run.trajectory.temperature is not None:
+        return run
+    warm = np.full(len(run), REFERENCE_K)
+    return replace(run, trajectory=replace(run.trajectory, temperature=warm))
 
 
 def resolve_law(law: Law) -> tuple[HysteresisLaw, str | None]:
@@ -285,7 +390,8 @@ def _excerpt(damper: Damper, training: Sequence[PreparedRun]) -> Excerpt:
     def ends_at(run: PreparedRun) -> int:
         return run.scored_from + round((run.period_s or 1.0) / run.trajectory.step)
 
-    coarse = [decimate(run, _EXCERPT_RATE_Hz) for run in training]
+    steady = [run for run in training if run.run.constant_command is not None]
+    coarse = [decimate(run, _EXCERPT_RATE_Hz) for run in steady or training]
     highest = max(float(np.abs(run.trajectory.command).max()) for run in coarse)
     strongest = [run for run in coarse if float(np.abs(run.trajectory.command).max()) == highest]
     run = min(strongest, key=ends_at)

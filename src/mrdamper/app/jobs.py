@@ -7,7 +7,8 @@ Keys that scripts rely on: docs/architecture.md. Nothing is printed here.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Sequence
+import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -21,10 +22,13 @@ from mrdamper.app.outputs import staged, write_json, write_table
 from mrdamper.data.prepare import Preparation
 from mrdamper.data.readers import read_runs
 from mrdamper.data.records import Dataset, RigRun
-from mrdamper.errors import InputError
-from mrdamper.identify.assess import Assessment, Kind, LawScore, RunError, choose_law
+from mrdamper.errors import EnvelopeWarning, InputError
+from mrdamper.identify.assess import Assessment, Kind, LawScore, choose_law
+from mrdamper.identify.tempering import Temperature
 from mrdamper.identify.variable_projection import Report
-from mrdamper.models.card import read_card, write_card
+from mrdamper.models.card import write_card
+from mrdamper.models.card_reading import read_card
+from mrdamper.models.fluid import find_fluid
 from mrdamper.models.laws import LAWS
 
 __all__ = ["DEMO_LAWS", "FitOptions", "data_fetch", "data_list", "demo", "identify", "predict"]
@@ -36,7 +40,7 @@ DEMO_LAWS = ("series-valve", "bouc-wen")
 class FitOptions:
     """What ``mrdamper identify`` can be told about the fit."""
 
-    law: str = "series-valve"  # a name, ``auto``, or ``file.py:Class``
+    law: str | None = None  # a name, ``auto``, ``file.py:Class``; None: the usual one for the runs
     method: Method = "varpro"
     starts: int = 1
     seed: int = 0
@@ -44,7 +48,10 @@ class FitOptions:
     leave_out: tuple[Kind, ...] = ()
     session_offsets: bool = False
     one_command: bool = False
-    terms: tuple[str, ...] = ()
+    terms: tuple[str, ...] | None = None
+    temperature: Temperature = "auto"
+    fluid: str | None = None  # a preset's name or a fluid file
+    coil_resistance_ohm: float | None = None
 
 
 def identify(
@@ -78,13 +85,15 @@ def predict(
     """
     model = read_card(card, python_law=None if law is None else resolve_law(law)[0])
     dataset = _read(paths, channels, flip_force=flip_force)
-    errors = predict_runs(model, dataset)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", EnvelopeWarning)
+        errors = predict_runs(model, dataset)
     answer: Json = {
         "card": str(card),
         "law": model.damper.law.name,
         "runs": [row(error) for error in errors],
         "summary": answers.summaries(errors),
-        "notes": _outside(model.envelope.command, errors),
+        "notes": [str(each.message) for each in caught if issubclass(each.category, EnvelopeWarning)],
     }
     if out is not None:
         with staged(out) as beside:
@@ -207,6 +216,9 @@ def _identify(
         session_offsets=options.session_offsets,
         one_command=options.one_command,
         terms=options.terms,
+        temperature=options.temperature,
+        fluid=None if options.fluid is None else find_fluid(options.fluid),
+        coil_resistance_ohm=options.coil_resistance_ohm,
         report=report,
     )
     fitted, judged = _assessed(fitted, options, report)
@@ -218,16 +230,17 @@ def _identify(
 
 def _compare(dataset: Dataset, options: FitOptions, report: Report | None) -> tuple[LawScore, ...]:
     """Compare all laws on the training runs, one motion left out; held-out runs are not looked at."""
-    from mrdamper.app.api import prepare_all
+    from mrdamper.app.api import prepare_all, split_by_command
 
     training = dataset.split(options.hold_out)[0] if options.hold_out else dataset
     with interrupt_ends_all():
         return choose_law(
-            prepare_all(training, Preparation()),
+            split_by_command(prepare_all(training, Preparation()))[0],
             tuple(LAWS),
             seed=options.seed,
             starts=min(options.starts, 2),
             one_command=options.one_command,
+            temperature="none" if options.fluid is not None else options.temperature,
             report=report,
         )
 
@@ -266,12 +279,3 @@ def _write_run(path: Path, run: RigRun, label: str) -> None:
     lines = [f"{t:.4f},{x:.7f},{f:.2f},{u:.4f}" for t, x, f, u in rows]
     header = f"time_s,displacement_m,force_N,{'voltage_V' if run.command_unit == 'V' else 'current_A'}"
     path.write_text("\n".join([f"# {label}", header, *lines, ""]), encoding="utf-8")
-
-
-def _outside(commands: tuple[float, float], errors: Iterable[RunError]) -> list[str]:
-    low, high = commands
-    return [
-        f"{e.name}: command {e.command:g} {e.command_unit} is outside the card's {low:g} to {high:g}"
-        for e in errors
-        if e.command is not None and not low - 1e-9 <= e.command <= high + 1e-9
-    ]

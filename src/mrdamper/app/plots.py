@@ -26,16 +26,23 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 __all__ = [
+    "HELD_OUT",
+    "INK",
+    "MEASURED",
+    "TRAINING",
+    "WIDE",
     "CoefficientCurve",
     "Limits",
     "Trace",
     "colour_of",
     "correlations",
     "curves",
+    "drawing_style",
     "energies",
     "errors",
     "loops",
     "residuals",
+    "svg_of",
 ]
 
 MEASURED = "#b3b3b3"
@@ -43,7 +50,8 @@ HELD_OUT = "#c8553d"
 TRAINING = "#4a6d8c"
 INK = "#333333"
 
-_WIDE = 10.6  # inches; the page is 1130 px wide, paper shrinks it
+_DECIMALS = re.compile(r"(\.\d\d)\d+")
+WIDE = 10.6  # inches; the page is 1130 px wide, paper shrinks it
 
 _STYLE: dict[str, object] = {
     "svg.fonttype": "none",
@@ -88,6 +96,8 @@ class Trace:
     command_unit: str
     split: str
     error_percent: float
+    rmse_N: float
+    time_s: FloatArray  # from the first drawn sample
     displacement_mm: FloatArray
     velocity_mm_s: FloatArray
     measured_N: FloatArray
@@ -139,7 +149,7 @@ def colour_of(command: float | None, highest: float) -> str:
 
 def loops(trace: Trace, limits: Limits, highest: float) -> str:
     """Return force over displacement and over velocity of one run; limits are shared within a motion."""
-    with _style():
+    with drawing_style():
         figure = Figure(figsize=(2.15, 3.35))
         colour = colour_of(trace.command, highest)
         for place, (x, ends, label) in enumerate(
@@ -158,13 +168,13 @@ def loops(trace: Trace, limits: Limits, highest: float) -> str:
             axes.set_xlabel(label, labelpad=1.5)
             axes.set_ylabel("force, N", labelpad=1.0)
         figure.subplots_adjust(left=0.25, right=0.98, top=0.985, bottom=0.105, hspace=0.36)
-        return _svg(figure, f"Force loops of {trace.name}, measured and modelled")
+        return svg_of(figure, f"Force loops of {trace.name}, measured and modelled")
 
 
 def residuals(traces: Sequence[Trace], title: str, highest: float) -> str:
     """Return measured minus modelled force over velocity and over displacement, coloured by command."""
-    with _style():
-        figure = Figure(figsize=(_WIDE, 2.4))
+    with drawing_style():
+        figure = Figure(figsize=(WIDE, 2.4))
         top = max(float(np.abs(t.measured_N - t.modelled_N).max()) for t in traces)
         shown: dict[str, Artist] = {}
         for place, label in enumerate(("velocity, mm/s", "displacement, mm")):
@@ -187,14 +197,14 @@ def residuals(traces: Sequence[Trace], title: str, highest: float) -> str:
                 axes.set_ylabel("measured - modelled, N")
         figure.legend(list(shown.values()), list(shown), loc="center right", bbox_to_anchor=(1.0, 0.55))
         figure.subplots_adjust(left=0.06, right=0.92, top=0.97, bottom=0.175, wspace=0.12)
-        return _svg(figure, f"Residual force, {title}")
+        return svg_of(figure, f"Residual force, {title}")
 
 
 def errors(rows: Sequence[tuple[str, str, float]]) -> str:
     """Return a bar for each (run, split, error in percent), in the order given from the top."""
-    with _style():
+    with drawing_style():
         height = 0.55 + 0.175 * len(rows)
-        figure = Figure(figsize=(_WIDE, height))
+        figure = Figure(figsize=(WIDE, height))
         axes = figure.add_subplot()
         values = [value for _, _, value in rows]
         colours = [TRAINING if split == "training" else HELD_OUT for _, split, _ in rows]
@@ -225,12 +235,12 @@ def errors(rows: Sequence[tuple[str, str, float]]) -> str:
                 axes.plot([], [], color=colour, linewidth=4, label=f"{word} (median {median:.1f} %, dashed)")
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.0)
         figure.subplots_adjust(left=0.23, right=0.985, top=1.0 - 0.19 / height, bottom=0.34 / height)
-        return _svg(figure, "Error by run")
+        return svg_of(figure, "Error by run")
 
 
 def energies(points: Sequence[tuple[float | None, str, float, float]], highest: float) -> str:
     """Return modelled over measured energy per cycle, points (command, split, measured [J], modelled [J])."""
-    with _style():
+    with drawing_style():
         figure = Figure(figsize=(4.0, 3.4))
         axes = figure.add_subplot()
         good = [p for p in points if p[2] > 0.0 and p[3] > 0.0]
@@ -253,15 +263,15 @@ def energies(points: Sequence[tuple[float | None, str, float, float]], highest: 
         axes.set_xlabel("measured, J")
         axes.set_ylabel("modelled, J")
         figure.subplots_adjust(left=0.14, right=0.98, top=0.98, bottom=0.125)
-        return _svg(figure, "Energy per cycle, modelled against measured")
+        return svg_of(figure, "Energy per cycle, modelled against measured")
 
 
 def curves(given: Sequence[CoefficientCurve], command_unit: str) -> str:
     """Return each coefficient over the command, the band one standard error, commands of training marked."""
     columns = 4
     rows = -(-len(given) // columns)
-    with _style():
-        figure = Figure(figsize=(_WIDE, 1.95 * rows))
+    with drawing_style():
+        figure = Figure(figsize=(WIDE, 1.95 * rows))
         for place, curve in enumerate(given):
             axes = figure.add_subplot(rows, columns, place + 1)
             if curve.error is not None:
@@ -279,7 +289,7 @@ def curves(given: Sequence[CoefficientCurve], command_unit: str) -> str:
         figure.subplots_adjust(
             left=0.045, right=0.99, top=1.0 - 0.22 / (1.95 * rows), bottom=bottom, wspace=0.26, hspace=0.42
         )
-        return _svg(figure, "Coefficients over the command")
+        return svg_of(figure, "Coefficients over the command")
 
 
 def correlations(names: Sequence[str], matrix: FloatArray, strong: float = 0.8) -> str:
@@ -287,7 +297,7 @@ def correlations(names: Sequence[str], matrix: FloatArray, strong: float = 0.8) 
     count = len(names)
     side = 0.27 * count
     width, height = side + 2.3, side + 1.55
-    with _style():
+    with drawing_style():
         figure = Figure(figsize=(width, height))
         axes = figure.add_subplot()
         shown = np.where(np.tri(count, k=-1, dtype=bool), matrix, np.nan)
@@ -319,10 +329,11 @@ def correlations(names: Sequence[str], matrix: FloatArray, strong: float = 0.8) 
         for spine in bar.spines.values():
             spine.set_visible(False)
         figure.subplots_adjust(left=1.55 / width, right=1.0 - 0.7 / width, top=0.99, bottom=1.5 / height)
-        return _svg(figure, "Correlations of the numbers")
+        return svg_of(figure, "Correlations of the numbers")
 
 
-def _style() -> AbstractContextManager[None]:
+def drawing_style() -> AbstractContextManager[None]:
+    """Return the context in which every figure is drawn."""
     return mpl.rc_context(_STYLE)  # type: ignore[arg-type]  # the stubs list every key there is
 
 
@@ -331,7 +342,7 @@ def _widened(ends: tuple[float, float]) -> tuple[float, float]:
     return ends[0] - margin, ends[1] + margin
 
 
-def _svg(figure: Figure, label: str) -> str:
+def svg_of(figure: Figure, label: str) -> str:
     """Return the figure as an SVG element without header, dates and ids that nothing refers to."""
     buffer = io.StringIO()
     FigureCanvasSVG(figure).print_svg(  # type: ignore[no-untyped-call]
@@ -343,6 +354,8 @@ def _svg(figure: Figure, label: str) -> str:
     text = re.sub(r'(?<=<g) id="[\w.]+"|(?<=<path) id="[\w.]+_\d+"', "", text)
     text = re.sub(r"<!--.*?-->", "", text, flags=re.DOTALL)
     text = re.sub(r"\n\s*\n+|\n\s+", "\n", text)
+    # a hundredth of a point is less than anyone sees
+    text = re.sub(r'(?<= )(d|x|y)="[^"]*"', lambda found: _DECIMALS.sub(r"\1", found[0]), text)
     said = re.sub(r"[^\w .,+-]", "_", label)  # an attribute: nothing in it may end it
     return text.replace("<svg", f'<svg role="img" aria-label="{said}"', 1)
 

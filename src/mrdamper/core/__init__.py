@@ -13,13 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamper.core import _kernel
-from mrdamper.core._kernel import Record
+from mrdamper.core._kernel import Record, Workspace
 from mrdamper.excitation import Trajectory
 
 __all__ = [
     "LONGEST_STEP",
     "MOST_DIRECTIONS",
     "Record",
+    "Workspace",
     "causal",
     "curve",
     "gram",
@@ -58,6 +59,7 @@ def run(
     seeds: FloatArray | None = None,
     *,
     columns: FloatArray | None = None,
+    workspace: Workspace | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Return the force [N], shape (n,), and its tangent columns, shape (len(directions), n).
 
@@ -67,6 +69,7 @@ def run(
     directions : coefficients to differentiate by, by their place in the law
     seeds : how fast each direction's coefficient moves, shape (d,) or (d, n); None: unit rate
     columns : where to put the tangent columns, shape (len(directions), n)
+    workspace : keeps the curve of a call for the next with the same kappa and n; for one thread at a time
 
     Raises
     ------
@@ -76,7 +79,7 @@ def run(
     force = np.empty(record.samples)
     if columns is None:
         columns = np.empty((len(directions), record.samples))
-    _kernel.run(law, record, coefficients, directions, seeds, force, columns)
+    _kernel.run(law, record, coefficients, directions, seeds, force, columns, workspace)
     return force, columns
 
 
@@ -113,13 +116,16 @@ def squared_errors(
     return errors
 
 
-def lagged(command: FloatArray, step: float, lag: float) -> tuple[FloatArray, FloatArray]:
+def lagged(
+    command: FloatArray, step: float, rise: float, fall: float | None = None
+) -> tuple[FloatArray, FloatArray]:
     """Return a command after a first-order lag [s], and its derivative by the lag.
 
-    Exact for a command that is linear between samples; it starts settled.
+    Exact for a command that is linear between samples; it starts settled. With ``fall`` the lag is ``rise``
+    only while the size of the command is above that of what is applied.
     """
     applied, by_lag = np.empty_like(command), np.empty_like(command)
-    _kernel.lag(step, lag, command, applied, by_lag)
+    _kernel.lag(step, rise, rise if fall is None else fall, command, applied, by_lag)
     return applied, by_lag
 
 

@@ -25,6 +25,7 @@ from mrdamper.data.signals import (
     smallest_step,
     smooth,
 )
+from mrdamper.data.warmth import condition_temperature
 from mrdamper.errors import InputError
 from mrdamper.excitation import Trajectory
 from mrdamper.quantities import FloatArray, read_only
@@ -52,6 +53,7 @@ class Preparation:
     from_s: float | None = None  # time before this is cut off, as in the file
     to_s: float | None = None  # time after this is cut off
     force_offset_N: float = 0.0  # a known tare, taken off the force
+    thermocouple_lag_s: float = 0.0  # of the temperature sensor, taken back where the temperature drifts
 
     def __post_init__(self) -> None:
         if self.cutoff_Hz is not None and not self.cutoff_Hz > 0.0:
@@ -65,6 +67,10 @@ class Preparation:
             if getattr(self, name) not in known:
                 choices = ", ".join(known)
                 raise InputError(f"preparation: {name} is {getattr(self, name)!r}; use one of: {choices}")
+        if not 0.0 <= self.thermocouple_lag_s < math.inf:
+            raise InputError(
+                f"preparation: thermocouple_lag_s is {self.thermocouple_lag_s}; expected zero or more"
+            )
         if not math.isfinite(self.force_offset_N):
             raise InputError(f"preparation: force_offset_N is {self.force_offset_N}; expected a number")
 
@@ -152,6 +158,11 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
     *Score.* The motion starts where displacement is 2 % of its range from where it began; errors count
     from half a period later. Without a period, half a period is the median time between reversals.
 
+    *Command.* One that keeps still but for its sensor's noise is its median (``RigRun.constant_command``).
+
+    *Temperature.* Noise is taken out: one number for a run that drifts by less than 1 K, else a smooth curve
+    (``warmth.condition_temperature``).
+
     *Sign.* A damper takes power. When force and velocity correlate below -0.05 the run is refused.
 
     Raises
@@ -186,14 +197,17 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
     found = describe_motion(x, step)
     scored_from = min(started + round(found.half_period_s / step), len(x) - 1)
     _check_sign(run, force[scored_from:], velocity[scored_from:])
+    held = run.constant_command
     trajectory = Trajectory(
         step=step,
         displacement=x,
         velocity=velocity,
         acceleration=acceleration,
-        command=channels["command"],
+        command=channels["command"] if held is None else np.full(len(x), held),
         dead_band=dead_band,
-        temperature=channels.get("temperature"),
+        temperature=None
+        if "temperature" not in channels
+        else condition_temperature(channels["temperature"], step, chosen.thermocouple_lag_s),
     )
     motion = run.motion or found.label
     return PreparedRun(run, trajectory, force, scored_from, found.period_s, cutoff, dead_band, motion)

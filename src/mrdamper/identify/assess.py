@@ -10,6 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Literal
 
 import numpy as np
@@ -18,11 +19,13 @@ from numpy.typing import NDArray
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import InputError
 from mrdamper.identify.problem import FitProblem, FitResult, envelope_of
+from mrdamper.identify.tempering import Temperature, temperature_levels
 from mrdamper.identify.templates import template
 from mrdamper.identify.variable_projection import Report, fit_variable_projection
 from mrdamper.models.damper import Damper
 from mrdamper.models.laws import HysteresisLaw
 from mrdamper.models.simulate import simulate
+from mrdamper.models.temperature import REFERENCE_K
 
 __all__ = [
     "Assessment",
@@ -39,7 +42,7 @@ __all__ = [
 
 FloatArray = NDArray[np.float64]
 Split = Literal["training", "held_out"]
-Kind = Literal["run", "current", "motion"]
+Kind = Literal["run", "current", "motion", "temperature"]
 
 _FOLDS = 5  # most fits per law when laws are compared
 _STRONG = 0.95  # correlations beyond this are named
@@ -179,7 +182,8 @@ def assess(
     if leave_out_kinds and problem is None:
         raise InputError("leaving runs out means fitting again: give the problem that was fitted")
     for kind in leave_out_kinds:
-        left += leave_out(_fitter(problem, result, seed, report), training, kind)
+        assert problem is not None
+        left += leave_out(_fitter(problem, result, seed, report), problem.runs, kind)
     least = passivity(result.damper, training)
     return Assessment(runs, tuple(left), least, (*_words(result, runs, least), *_edges(result, training)))
 
@@ -191,13 +195,22 @@ def leave_out(
     *,
     folds: int | None = None,
 ) -> list[LeftOut]:
-    """Return, for each run, current or motion, the errors on it of a fit to all the others.
+    """Return, for each run, current, temperature or motion, the errors on it of a fit to all the others.
 
-    ``folds`` leaves out neighbours together where there would be more fits than that. A current at the
-    edge of the range is not left out: that would be extrapolation, not a test.
+    ``folds`` leaves out neighbours together where there would be more fits than that. A current or
+    temperature at the edge of the range is not left out: that would be extrapolation, not a test.
     """
-    key = {"run": lambda r: r.run.name, "motion": lambda r: r.motion, "current": _command_label}[kind]
+    labels = _temperature_labels(runs) if kind == "temperature" else {}
+    keys: dict[Kind, Callable[[PreparedRun], str]] = {
+        "run": lambda r: r.name,
+        "motion": lambda r: r.motion,
+        "current": _command_label,
+        "temperature": lambda r: labels[r.name],
+    }
+    key = keys[kind]
     groups = sorted({key(run) for run in runs})
+    if kind == "temperature":
+        groups = list(dict.fromkeys(labels.values()))[1:-1]
     if kind == "current":
         constant = sorted({c for r in runs if (c := r.run.constant_command) is not None})
         inner = {f"{c:g} {runs[0].run.command_unit}" for c in constant[1:-1]}
@@ -220,6 +233,7 @@ def choose_law(
     seed: int = 0,
     starts: int = 1,
     one_command: bool = False,
+    temperature: Temperature = "auto",
     report: Report | None = None,
 ) -> tuple[LawScore, ...]:
     """Compare laws by leaving one motion out (one run, where there is one motion); the best is first.
@@ -230,7 +244,7 @@ def choose_law(
     scores = []
     for law in laws:
         clock = time.process_time()
-        damper, free = template(law, runs, one_command=one_command)
+        damper, free = template(law, runs, one_command=one_command, temperature=temperature)
         whole = fit_variable_projection(
             FitProblem(damper, free, tuple(runs)), starts=starts, seed=seed, report=report
         )
@@ -238,7 +252,7 @@ def choose_law(
         def fit(
             some: Sequence[PreparedRun], law: str | HysteresisLaw = law, start: Damper = whole.damper
         ) -> Damper:
-            damper, free = template(law, some, one_command=one_command)
+            damper, free = template(law, some, one_command=one_command, temperature=temperature)
             problem = FitProblem(damper, free, tuple(some))
             first = start if {f.name for f in free} <= set(start.numbers) else None
             return fit_variable_projection(
@@ -273,23 +287,25 @@ def passivity(damper: Damper, runs: Sequence[PreparedRun], *, commands: int = 5)
     """Return the least work of a closed cycle over 4 x amplitude x peak force, over the envelope.
 
     Sines from a hundredth of the stroke to the whole of it, from a fifth of the top speed to all of it,
-    at commands over the range; the second of two cycles is counted.
+    at commands over the range, at the coldest and the warmest run; the second of two cycles is counted.
     """
     from mrdamper.excitation import Sine, drive
 
     envelope = envelope_of(runs)
     stroke = max(abs(end) for end in envelope.displacement)
     speed = max(abs(end) for end in envelope.velocity)
+    ends = (None,) if envelope.temperature is None else envelope.temperature
     least = np.inf
     for amplitude in (0.01 * stroke, 0.1 * stroke, stroke):
         for velocity in (0.2 * speed, speed):
             frequency = velocity / (2.0 * np.pi * amplitude)
-            for command in np.linspace(*envelope.command, commands):
+            for command, warm in product(np.linspace(*envelope.command, commands), dict.fromkeys(ends)):
                 path = drive(
                     Sine(amplitude, frequency),
                     duration=2.0 / frequency,
                     rate_Hz=500.0 * frequency,
                     command=float(command),
+                    temperature=warm,
                 )
                 force = simulate(damper, path)[len(path.displacement) // 2 :]
                 work = float(force @ path.velocity[len(path.displacement) // 2 :]) * path.step
@@ -299,12 +315,11 @@ def passivity(damper: Damper, runs: Sequence[PreparedRun], *, commands: int = 5)
 
 
 def _fitter(
-    problem: FitProblem | None, result: FitResult, seed: int, report: Report | None
+    problem: FitProblem, result: FitResult, seed: int, report: Report | None
 ) -> Callable[[Sequence[PreparedRun]], Damper]:
     """Return a function that fits the same problem to other runs, from the fit's own numbers and one draw."""
 
     def fit(runs: Sequence[PreparedRun]) -> Damper:
-        assert problem is not None
         again = FitProblem(
             problem.template, problem.free, tuple(runs), problem.session_offsets, problem.rate_Hz
         )
@@ -318,26 +333,44 @@ def _command_label(run: PreparedRun) -> str:
     return "varying" if command is None else f"{command:g} {run.run.command_unit}"
 
 
+def _temperature_labels(runs: Sequence[PreparedRun]) -> dict[str, str]:
+    """Return each run's temperature level by its name, the coldest first."""
+    levels = temperature_levels(runs)
+    if not levels:
+        raise InputError("leaving temperatures out needs runs with a temperature channel")
+    warm = {run.name: run.trajectory.temperature for run in runs}
+    means = {name: float(np.mean(track)) for name, track in warm.items() if track is not None}
+    return {
+        name: f"{min(levels, key=lambda level: abs(level - mean)) - 273.15:.0f} degC"
+        for name, mean in sorted(means.items(), key=lambda pair: pair[1])
+    }
+
+
 def _rms(values: FloatArray) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
 def _edges(result: FitResult, training: Sequence[PreparedRun]) -> list[str]:
     """Say where an eliminated coefficient lies on the edge of its law's range."""
-    commands = np.linspace(*envelope_of(training).command, 41)
-    unit = result.damper.command_unit
+    envelope, unit = envelope_of(training), result.damper.command_unit
+    warm = np.unique(envelope.temperature or (REFERENCE_K,))
+    commands, temperatures = (g.ravel() for g in np.meshgrid(np.linspace(*envelope.command, 41), warm))
     said = []
     sizes: dict[str, float] = {}
     for e in result.estimates:
         if e.linear:
             sizes.setdefault(e.name.partition(".")[0], 1e-6 * abs(e.upper))
     for name, size in sizes.items():
-        values = result.damper.coefficients[name].value(commands)
+        form = result.damper.coefficients[name]
+        values = form.value(commands, temperatures)
         least = result.damper.law[name].lower
         if values.min() <= least + max(size, 3e-3 * float(np.ptp(values))):
+            where = f"{commands[values.argmin()]:g} {unit}"
+            if form.tempered:
+                where += f" and {temperatures[values.argmin()] - 273.15:.0f} degC"
             said.append(
-                f"{name} is held at the law's limit ({least:g}) near {commands[values.argmin()]:g} {unit}: "
-                "left alone, the data would take it beyond."
+                f"{name} is held at the law's limit ({least:g}) near {where}: left alone, the data would "
+                "take it beyond."
             )
     return said
 

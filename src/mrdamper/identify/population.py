@@ -21,6 +21,7 @@ from mrdamper.identify.uncertainty import estimates_of
 from mrdamper.identify.variable_projection import Progress, Report
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import simulate
+from mrdamper.models.temperature import REFERENCE_K
 
 __all__ = ["Ensemble", "fit_cma", "fit_genetic"]
 
@@ -44,7 +45,10 @@ class Ensemble:
         self.evaluations = 0
         self._workers = workers
         self._weights = np.array([run.weight for run in self.runs])
-        self._constant = all(run.drive.constant is not None for run in self.runs)
+        tempered = problem.template.tempered
+        self._constant = all(
+            run.drive.constant is not None and not (tempered and run.drive.warms) for run in self.runs
+        )
 
     def damper(self, unit: FloatArray) -> Damper:
         """Return the damper of one candidate."""
@@ -64,7 +68,8 @@ class Ensemble:
         if law.kernel is None or not self._constant:
             return np.array([self._cost(damper) for damper in dampers])
         commands = np.array([run.drive.constant for run in self.runs])
-        coefficients = np.stack([damper.coefficients_at(commands).T for damper in dampers])
+        warm = np.array([run.drive.temperature or REFERENCE_K for run in self.runs])
+        coefficients = np.stack([damper.coefficients_at(commands, warm).T for damper in dampers])
         penalty = np.zeros(len(dampers))
         for place, coefficient in enumerate(law.coefficients):
             values = coefficients[:, :, place]

@@ -22,6 +22,7 @@ from mrdamper.data.prepare import PreparedRun, decimate
 from mrdamper.errors import InputError
 from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.simulate import LAG, Drive, open_drive
+from mrdamper.models.temperature import REFERENCE_K
 
 __all__ = [
     "Estimate",
@@ -215,13 +216,17 @@ def lifted(problem: FitProblem, damper: Damper) -> Damper:
     """Return the damper with linear coefficients lifted by what they dip below their law's range.
 
     A search keeps the law's conditions at some commands; between two of them a parabola can dip a little.
+    The first number of a form is its value at zero command and 20 degC.
     """
-    commands = np.linspace(*envelope_of(problem.runs).command, _FINE)
+    commands, warm = np.linspace(*envelope_of(problem.runs).command, _FINE), damper.temperature_range
+    temperatures = np.repeat((REFERENCE_K,) if warm is None else warm, _FINE)
+    commands = np.tile(commands, len(temperatures) // _FINE)
     moved: dict[str, float] = {}
     for free in problem.linear:
         name, _, number = free.name.partition(".")
         law, floor = damper.coefficients[name], damper.law[name].lower
-        least = float(law.value(commands).min())
+        values = law.value(commands, temperatures if law.tempered else None)
+        least = float(values.min()) - 2e-6 * float(np.ptp(values))  # a parabola's dip between two of them
         if number == law.number_names[0] and least < floor:
             moved[free.name] = law.numbers[0] + (floor - least) * (1.0 + 1e-9)
     return damper.with_numbers(moved) if moved else damper

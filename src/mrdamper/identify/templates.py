@@ -1,4 +1,4 @@
-"""Templates: for each law, how its coefficients depend on the command, and how far a fit may look.
+"""Templates: how each law's coefficients depend on command and temperature, and how far a fit may look.
 
 The bounds follow from the runs by stated rules (force, stroke, speed and command of the data), never
 from one damper: they are wide on purpose, two to six decades. A coefficient that has no entry stays at
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -16,14 +17,19 @@ import numpy as np
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import InputError
 from mrdamper.identify.problem import Free
+from mrdamper.identify.tempering import FluidFactors, Temperature, assume, temper, temperature_levels
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant, Exponential, Hill, ParameterLaw, Polynomial
 from mrdamper.models.laws import HysteresisLaw, find_law
 from mrdamper.models.simulate import LAG
 
-__all__ = ["Scale", "scale_of", "template"]
+__all__ = ["HELD_BEYOND_K", "Scale", "command_levels", "scale_of", "template"]
 
-Form = Literal["constant", "polynomial", "exponential", "hill"]
+HELD_BEYOND_K = 5.0
+"""So far beyond the runs' temperatures [K] a damper follows them; further out it holds the edge value."""
+
+Form = Literal["constant", "line", "polynomial", "cubic", "exponential", "hill"]
+_DEGREES = {"line": 1, "polynomial": 2, "cubic": 3}
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +42,7 @@ class Scale:
     acceleration: float  # 99.5th percentile of |a| of the liveliest run [m/s^2]
     command: float  # largest |command| [A or V]
     levels: int  # distinct commands; a command that varies counts as four
+    temperatures: tuple[float, ...]  # distinct temperatures [K]; none when not all runs tell
 
 
 def scale_of(runs: Sequence[PreparedRun]) -> Scale:
@@ -48,8 +55,16 @@ def scale_of(runs: Sequence[PreparedRun]) -> Scale:
         speed=max(float(np.quantile(np.abs(run.trajectory.velocity), 0.995)) for run in runs),
         acceleration=max(float(np.quantile(np.abs(run.trajectory.acceleration), 0.995)) for run in runs),
         command=max(float(np.abs(run.trajectory.command).max()) for run in runs) or 1.0,
-        levels=4 if varying else len({round(c, 6) for c in constants if c is not None}),
+        levels=max(4 if varying else 1, command_levels(runs)),
+        temperatures=temperature_levels(runs),
     )
+
+
+def command_levels(runs: Sequence[PreparedRun]) -> int:
+    """Count the distinct constant commands of runs: those further apart than 3 % of the largest."""
+    commands = sorted(c for run in runs if (c := run.run.constant_command) is not None)
+    apart = 0.03 * max(map(abs, commands), default=0.0)
+    return bool(commands) + sum(b - a > apart for a, b in pairwise(commands))
 
 
 def template(
@@ -57,19 +72,28 @@ def template(
     runs: Sequence[PreparedRun],
     *,
     one_command: bool = False,
-    terms: Sequence[str] = (),
+    terms: Sequence[str] | None = None,
+    temperature: Temperature = "auto",
+    fluid: FluidFactors | None = None,
 ) -> tuple[Damper, tuple[Free, ...]]:
-    """Return a law's damper with its usual dependence on the command, and its free numbers.
+    """Return a law's damper with its usual dependence on command and temperature, and its free numbers.
 
     Three or more commands carry the usual forms (quadratic, exponential, Hill with a fixed exponent for
     exactly three); two carry straight lines; one carries constants, and must be asked for. Where a command
-    varies over a run, the first-order lag [s] between command and force is free as well. ``terms`` adds
-    parallel terms to any law: ``friction`` (Stribeck), ``mass``, ``viscosity``.
+    varies over a run, the first-order lag [s] between command and force is free as well.
+
+    ``terms`` adds parallel terms to any law: ``friction`` (Stribeck), ``mass``, ``viscosity``, ``thinning``
+    (the viscous force is a power of velocity). None: what a tempered campaign asks for (friction and
+    thinning, viscosity beside the series valve), nothing otherwise.
+
+    ``temperature`` says how coefficients follow it (``tempering``); "auto" is "arrhenius" where the runs have
+    a temperature, "none" leaves it out. With a ``fluid`` its laws are assumed instead.
 
     Raises
     ------
     InputError
-        All runs at one command and ``one_command`` not set; or runs whose commands have two units.
+        All runs at one command and ``one_command`` not set; runs whose commands have two units; runs at too
+        few temperatures for the kind asked for.
     """
     law = find_law(law_name) if isinstance(law_name, str) else law_name
     units = {run.run.command_unit for run in runs}
@@ -85,9 +109,14 @@ def template(
             f"{runs[0].run.command_unit}); {law.name} as a function of the command needs two or more. Add "
             "runs at other commands, or say --one-command for a model of this command alone"
         )
+    warm = temperature != "none" and fluid is None and _has_temperature(runs, temperature)
     forms: dict[str, ParameterLaw] = {}
     free: list[Free] = []
     entries = _entries(law, scale)
+    if warm and temperature != "paper":
+        entries = [_as_campaign(entry) for entry in entries]
+    if terms is None:
+        terms = _usual_terms(law) if warm and temperature != "paper" else ()
     for term in terms:
         known = _terms(scale)
         if term not in known:
@@ -97,14 +126,59 @@ def template(
         dependence, moved = _dependence(law, name, form, lower, upper, how, scale)
         forms[name] = dependence
         free += moved
+    if fluid is not None:
+        forms = assume(forms, fluid)
+    elif warm:
+        forms, free = temper(law, forms, free, scale.temperatures, temperature)
     lag = 0.0
     if any(run.run.constant_command is None for run in runs):
         lag = 0.01
         free.append(Free(LAG, 1e-4, 0.3, "log"))
-    return Damper(law, forms, units.pop(), lag), tuple(free)
+    beyond = None if fluid is None else fluid.valid_K
+    if warm:
+        beyond = (scale.temperatures[0] - HELD_BEYOND_K, scale.temperatures[-1] + HELD_BEYOND_K)
+    return Damper(law, forms, units.pop(), lag, temperature_range=beyond), tuple(free)
 
 
 Entry = tuple[str, Form, float, float, Literal["linear", "log"]]
+
+
+def _has_temperature(runs: Sequence[PreparedRun], temperature: Temperature) -> bool:
+    """Say whether the runs carry temperature; all of them, or none."""
+    without = [run.name for run in runs if run.trajectory.temperature is None]
+    if without and (len(without) < len(runs) or temperature != "auto"):
+        raise InputError(
+            f"{len(without)} of {len(runs)} runs have no temperature channel (the first: {without[0]}); "
+            "expected one in every run. Map the channel, state it as a constant in the channel map, or leave "
+            "temperature out (--temperature none)"
+        )
+    return not without
+
+
+_CAMPAIGN: dict[tuple[str, Form], Form] = {
+    ("yield_force", "polynomial"): "cubic",
+    ("second_force", "polynomial"): "cubic",
+    ("viscosity", "polynomial"): "line",
+    ("offset", "polynomial"): "line",
+    ("stiffness", "polynomial"): "constant",
+    ("rho", "constant"): "exponential",
+}
+"""Forms of a tempered campaign where they differ: the yield force carries the current, the rest little of it.
+
+As the paper's Eq. (12) is reconstructed. A viscosity quadratic in current fits the training runs better and
+motions beyond their speeds worse: it makes up for the shape of the loop.
+"""
+
+
+def _as_campaign(entry: Entry) -> Entry:
+    name, form, lower, upper, how = entry
+    return name, _CAMPAIGN.get((name, form), form), lower, upper, how
+
+
+def _usual_terms(law: HysteresisLaw) -> tuple[str, ...]:
+    if law.kernel is None:
+        return ()
+    return ("friction", "viscosity", "thinning") if law.name == "series-valve" else ("friction", "thinning")
 
 
 def _entries(law: HysteresisLaw, s: Scale) -> list[Entry]:
@@ -122,28 +196,49 @@ def _entries(law: HysteresisLaw, s: Scale) -> list[Entry]:
         ("kappa", "constant", -1.0, 0.95, "linear"),
         ("n", "constant", 0.2, 8.0, "log"),
     ]
-    if law.name == "bouc-wen":
-        return parallel + hysteresis
-    if law.name == "dahl":
-        return parallel + hysteresis[:1]
-    if law.name == "bouc-wen-saturating":
-        parallel[1] = ("stiffness", "constant", 0.0, s.force / s.stroke, "linear")
-        rate: list[Entry] = [
+    plain: list[Entry] = [parallel[0], ("stiffness", "constant", 0.0, s.force / s.stroke, "linear")]
+    plain += [("offset", "line", *any_force, "linear"), parallel[3]]
+    damping = s.force / s.speed
+    known: dict[str, list[Entry]] = {
+        "bouc-wen": parallel + hysteresis,
+        "dahl": parallel + hysteresis[:1],
+        "bouc-wen-saturating": [
+            *plain,
             ("rate_force", "polynomial", 0.0, 2.0 * s.force, "linear"),
             ("saturation_velocity", "constant", 1e-3 * s.speed, 3.0 * s.speed, "log"),
             ("rho", "exponential", *hysteresis[0][2:4], "log"),
-        ]
-        return parallel + rate + hysteresis[1:]
-    if law.name == "bingham":
-        return [*parallel, ("yield_velocity", "constant", 1e-4 * s.speed, 3.0 * s.speed, "log")]
-    if law.name == "tanh":
-        return [
+            *hysteresis[1:],
+        ],
+        "double-bouc-wen": [
+            *plain,
+            ("second_force", "polynomial", 0.0, 2.0 * s.force, "linear"),
+            ("rho", "exponential", 5.0 / s.stroke, 1e4 / s.stroke, "log"),
+            ("second_rho", "exponential", 0.5 / s.stroke, 1e3 / s.stroke, "log"),
+            *hysteresis[1:],
+        ],
+        "bingham": [*parallel, ("yield_velocity", "constant", 1e-4 * s.speed, 3.0 * s.speed, "log")],
+        "tanh": [
             *parallel,
             ("slope", "constant", 0.1 / s.speed, 1e3 / s.speed, "log"),
             ("shift", "constant", -10.0, 10.0, "linear"),
-        ]
-    if law.name == "series-valve":
-        return [
+        ],
+        "lugre": [
+            *parallel,
+            hysteresis[0],
+            ("static_excess", "constant", 0.0, 3.0, "linear"),
+            ("fade_velocity", "constant", 1e-3 * s.speed, s.speed, "log"),
+            ("bristle_damping", "constant", 0.0, 2.0 * damping, "linear"),
+        ],
+        "spencer": [
+            ("yield_force", "hill", 1e-4 * s.force, 2.0 * s.force, "log"),
+            ("series_damping", "exponential", 0.1 * damping, 1e3 * damping, "log"),
+            ("inner_viscosity", "exponential", 1e-3 * damping, 10.0 * damping, "log"),
+            ("inner_stiffness", "constant", 0.0, s.force / s.stroke, "linear"),
+            *hysteresis,
+            ("offset", "constant", *any_force, "linear"),
+            ("stiffness", "constant", 0.0, s.force / s.stroke, "linear"),
+        ],
+        "series-valve": [
             ("yield_force", "hill", 1e-4 * s.force, 2.0 * s.force, "log"),
             ("thinning", "constant", 1e-3 * s.speed**-0.5, 30.0 * s.speed**-0.5, "log"),
             ("thinning_exponent", "constant", 0.1, 1.2, "linear"),
@@ -152,12 +247,13 @@ def _entries(law: HysteresisLaw, s: Scale) -> list[Entry]:
             ("gap_stiffness", "constant", 3.0 * s.force / s.stroke, 3e5 * s.force / s.stroke, "log"),
             ("gap", "constant", 1e-5 * s.stroke, 0.2 * s.stroke, "log"),
             ("gap_corner", "constant", 1e-5 * s.stroke, 0.1 * s.stroke, "log"),
-            ("leak_damping", "constant", 1e-3 * s.force / s.speed, 1e3 * s.force / s.speed, "log"),
+            ("leak_damping", "constant", 1e-3 * damping, 1e3 * damping, "log"),
             ("leak_exponent", "constant", 0.5, 1.5, "linear"),
             ("offset", "constant", -0.5 * s.force, 0.5 * s.force, "linear"),
             ("stiffness", "constant", 0.0, s.force / s.stroke, "linear"),
-        ]
-    return _entries_of_python_law(law, s)
+        ],
+    }
+    return known[law.name] if law.name in known else _entries_of_python_law(law, s)
 
 
 def _terms(s: Scale) -> dict[str, list[Entry]]:
@@ -171,6 +267,7 @@ def _terms(s: Scale) -> dict[str, list[Entry]]:
         ],
         "mass": [("mass", "constant", 0.0, s.force / s.acceleration, "linear")],
         "viscosity": [("viscosity", "constant", 0.0, 2.0 * s.force / s.speed, "linear")],
+        "thinning": [("viscous_exponent", "constant", 0.2, 1.5, "linear")],
     }
 
 
@@ -206,7 +303,7 @@ def _dependence(
     if form == "constant":
         return Constant(start), [Free(f"{name}.value", lower, upper, how, linear)]
     if form == "exponential":
-        rate = np.log(1e3) / s.command
+        rate = _steepest(law, name, lower, upper) / s.command
         return Exponential(start, 0.0), [
             Free(f"{name}.at_zero", lower, upper, how),
             Free(f"{name}.rate", -rate, rate),
@@ -220,12 +317,12 @@ def _dependence(
         ]
         return Hill(0.1 * start, start, s.command, 1.5, s.command), numbers[: min(s.levels, 4)]
     if not linear:  # two commands: a straight line that stays positive at both ends
-        rate = np.log(1e3) / s.command
+        rate = _steepest(law, name, lower, upper) / s.command
         return Exponential(start, 0.0), [
             Free(f"{name}.at_zero", lower, upper, how),
             Free(f"{name}.rate", -rate, rate),
         ]
-    degree = min(s.levels - 1, 2) if (law.name, name) != ("bouc-wen-saturating", "offset") else 1
+    degree = min(s.levels - 1, _DEGREES.get(form, 2))
     size = max(abs(lower), abs(upper))
     return Polynomial((start, *([0.0] * degree))), [
         Free(
@@ -237,3 +334,12 @@ def _dependence(
         )
         for power in range(degree + 1)
     ]
+
+
+def _steepest(law: HysteresisLaw, name: str, lower: float, upper: float) -> float:
+    """Return the logarithm by which an exponential may grow or fall: three decades, in the law's range."""
+    admissible = law[name]
+    room = [np.log(1e3), np.log(admissible.upper / upper)]
+    if admissible.lower > 0.0:
+        room.append(np.log(lower / admissible.lower))
+    return float(max(min(room), 0.1))

@@ -13,9 +13,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from mrdamper import core
 from mrdamper.identify.problem import Estimate, FitProblem, Free, PreparedFit
 from mrdamper.models.damper import Damper
-from mrdamper.models.simulate import LAG, sensitivities
+from mrdamper.models.simulate import LAG, Tangents
 
 __all__ = ["covariances", "estimates_of"]
 
@@ -68,16 +69,17 @@ def covariances(
     noise = np.zeros((size, size))
     blocks = np.zeros((size, size))
     count = 0
-    for run in runs:
-        s = sensitivities(damper, run.drive, names)
-        columns = (s.combine @ s.columns)[:, run.start :]
+    tangents = Tangents(damper, names, [run.drive for run in runs])
+    for index, run in enumerate(runs):
+        s = tangents.along(index)
+        columns = s.columns[:, run.start :]
         residual = (run.force - s.force - offsets.get(run.session, 0.0))[run.start :]
-        squares = columns @ columns.T
+        squares = s.combine @ core.gram(s.columns, run.start) @ s.combine.T
         curvature += run.weight * squares
         noise += run.weight**2 * float(np.mean(residual**2)) * squares
         cuts = np.array([first for first, _, _ in run.drive.record.pieces])
         cuts = np.unique(np.concatenate([[0], cuts[cuts > run.start] - run.start])).astype(np.intp)
-        scores = run.weight * np.add.reduceat(columns * residual, cuts, axis=1)
+        scores = run.weight * (s.combine @ np.add.reduceat(columns * residual, cuts, axis=1))
         blocks += scores @ scores.T
         count += len(cuts)
     scale = 1.0 / np.sqrt(np.maximum(np.diag(curvature), 1e-300))

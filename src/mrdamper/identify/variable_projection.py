@@ -40,14 +40,18 @@ from mrdamper.identify.problem import (
 )
 from mrdamper.identify.uncertainty import estimates_of
 from mrdamper.models.damper import Damper
+from mrdamper.models.dependence import Bipolynomial
 from mrdamper.models.simulate import LAG, Tangents
+from mrdamper.models.temperature import REFERENCE_K
 
 __all__ = ["Objective", "Progress", "Report", "fit_variable_projection", "latin_hypercube"]
 
 FloatArray = NDArray[np.float64]
 
-_COMMANDS = 17  # commands over the data's range at which linear coefficients are kept admissible
+_COMMANDS = 17  # commands over the data's range at which linear coefficients are kept admissible,
+_TEMPERATURES = 3  # at so many temperatures where the form itself depends on temperature
 _PULL = 1e-6  # of session offsets towards zero, as a share of what the data say
+_LIGHT = 1e-6  # [%^2] that a linear number at its bound costs: one that moves nothing stays near zero
 _LONGEST = 1.5  # longest step of a search coordinate per iteration, in e-folds on a log scale
 _MOST_ITERATIONS = 150
 _DRAWN_PER_NUMBER = 8  # points looked at for each start, per nonlinear number,
@@ -91,6 +95,8 @@ class Objective:
         self._store = np.empty((core.MOST_DIRECTIONS + 2) * self._widest)
         self._drives = [run.drive for run in runs]
         self._rows, self._floor = self._conditions()
+        size = np.array([max(abs(free.lower), abs(free.upper)) for free in problem.linear])
+        self._light = _LIGHT / size**2
 
     def gram(self, damper: Damper, numbers: Sequence[str], offsets: Mapping[str, float]) -> FloatArray:
         """Return the weighted Gram matrix of the tangents, session offsets and residual at a damper."""
@@ -141,7 +147,11 @@ class Objective:
         values = damper.numbers
         present = np.array([values[name] for name in self.linear])
         floor = self._floor - self._rows[:, : len(present)] @ present
-        moved = _bounded_least_squares(g[:-1, :-1], g[:-1, -1], self._rows, floor)
+        pulled, right = g[:-1, :-1].copy(), g[:-1, -1].copy()
+        places = np.arange(len(present))
+        pulled[places, places] += self._light
+        right[places] -= self._light * present
+        moved = _bounded_least_squares(pulled, right, self._rows, floor)
         cost = float(g[-1, -1] - 2.0 * moved @ g[:-1, -1] + moved @ g[:-1, :-1] @ moved)
         change = dict(zip(self.linear, (present + moved[: len(present)]).tolist(), strict=True))
         shifts = moved[len(present) :].tolist()
@@ -176,7 +186,9 @@ class Objective:
     def _conditions(self) -> tuple[FloatArray, FloatArray]:
         """Return rows A and floor b of A c >= b: every linear coefficient admissible at the commands."""
         template = self.problem.template
-        grid = np.unique(np.linspace(*envelope_of(self.problem.runs).command, _COMMANDS))
+        envelope = envelope_of(self.problem.runs)
+        grid = np.unique(np.linspace(*envelope.command, _COMMANDS))
+        warm = np.unique(np.linspace(*(template.temperature_range or (REFERENCE_K,) * 2), _TEMPERATURES))
         width = len(self.linear) + len(self.sessions)
         rows: list[FloatArray] = []
         floor: list[float] = []
@@ -186,11 +198,22 @@ class Objective:
             if not members or not np.isfinite(least):
                 continue
             at = np.array([law.number_names.index(self.linear[i].partition(".")[2]) for i in members])
-            for gradient in law.gradient(grid if law.kind != "constant" else grid[:1]).T:
-                row = np.zeros(width)
-                row[members] = gradient[at]
-                rows.append(row)
-                floor.append(least)
+            commands, temperatures = (
+                each.ravel()
+                for each in np.meshgrid(
+                    grid if law.kind != "constant" else grid[:1],
+                    warm if isinstance(law, Bipolynomial) else [REFERENCE_K],
+                )
+            )
+            held = [0.0 if i in at else number for i, number in enumerate(law.numbers)]
+            # The share of the numbers that do not move.
+            fixed = law.with_numbers(held).value(commands, temperatures)
+            for gradient, share in zip(law.gradient(commands, temperatures).T, fixed, strict=True):
+                if gradient[at].any():
+                    row = np.zeros(width)
+                    row[members] = gradient[at]
+                    rows.append(row)
+                    floor.append(least - share)
         return np.array(rows).reshape(len(rows), width), np.array(floor)
 
 
@@ -201,12 +224,14 @@ def fit_variable_projection(
     seed: int = 0,
     report: Report | None = None,
     first: Damper | None = None,
+    prepared: Sequence[PreparedFit] | None = None,
 ) -> FitResult:
     """Fit by variable projection from ``starts`` Latin-hypercube starts; the best one is returned.
 
     Parameters
     ----------
-    first : a damper to start from as well, before the drawn ones (a former fit)
+    first : a damper to start from as well, before the drawn ones (a former fit); alone with ``starts=0``
+    prepared : the runs as ``problem.prepare()`` gives them, for many fits of one set of runs
     report : told of every accepted step; an interrupt (Ctrl-C) keeps the best so far
 
     Raises
@@ -215,7 +240,7 @@ def fit_variable_projection(
         No start found a finite cost.
     """
     clock = time.process_time()
-    full = problem.prepare()
+    full = problem.prepare() if prepared is None else tuple(prepared)
     objective = Objective(problem, full)
     count = starts if problem.nonlinear else 1
     origins: Iterator[_State] = _screened(problem, count, seed)

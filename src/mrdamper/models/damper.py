@@ -1,4 +1,4 @@
-"""A damper: a hysteresis law with each coefficient as a function of the command.
+"""A damper: a hysteresis law with each coefficient as a function of command and temperature.
 
 The damper is a value: it holds no runs and no solver. Its numbers have flat names, ``coefficient.number``
 (``yield_force.gain``), in the law's order; a fit moves those and calls ``with_numbers``. Simulating it is
@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mrdamper.errors import InputError
-from mrdamper.models.dependence import Constant, ParameterLaw, did_you_mean
+from mrdamper.models.actuation import Actuation
+from mrdamper.models.dependence import Constant, ParameterLaw, Tempered, did_you_mean
 from mrdamper.models.laws import HysteresisLaw
 from mrdamper.quantities import FloatArray
 
@@ -26,7 +27,8 @@ __all__ = ["CommandUnit", "Damper", "OperatingEnvelope"]
 CommandUnit = Literal["A", "V"]
 Range = tuple[float, float]
 
-_GRID = 201  # commands over the envelope at which the law's conditions are checked
+_GRID = 201  # commands over the envelope at which the law's conditions are checked,
+_WARM_GRID = 9  # at so many temperatures, where the damper knows temperature
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,24 +54,32 @@ class OperatingEnvelope:
         """Return the commands [A or V] at which conditions over the envelope are checked."""
         return np.linspace(*self.command, _GRID)
 
+    def temperatures(self) -> FloatArray | None:
+        """Return the temperatures [K] at which they are checked; None: not known."""
+        return None if self.temperature is None else np.linspace(*self.temperature, _WARM_GRID)
+
 
 @dataclass(frozen=True)
 class Damper:
     """A hysteresis law and the parameter law of each of its coefficients.
 
     Coefficients that are not given take their default, constant. The applied command follows the given
-    one with a first-order lag of ``command_lag_s`` (0: at once).
+    one with a first-order lag of ``command_lag_s`` (0: at once), or through ``actuation``. Beyond
+    ``temperature_range`` [K] coefficients keep their value at its edge (None: nothing is held).
 
     Raises
     ------
     InputError
-        A coefficient that the law does not have, or one without a default that is not given.
+        A coefficient that the law does not have, or one without a default that is not given; a lag beside
+        an actuation.
     """
 
     law: HysteresisLaw
     coefficients: Mapping[str, ParameterLaw]
     command_unit: CommandUnit = "A"
     command_lag_s: float = 0.0
+    actuation: Actuation | None = None
+    temperature_range: Range | None = None
 
     def __post_init__(self) -> None:
         law, given = self.law, self.coefficients
@@ -83,6 +93,13 @@ class Damper:
             raise InputError(f"command_unit is {self.command_unit!r}; expected 'A' or 'V'")
         if not 0.0 <= self.command_lag_s < math.inf:
             raise InputError(f"command_lag_s is {self.command_lag_s}; expected 0 s or more")
+        if self.temperature_range is not None:
+            low, high = self.temperature_range
+            if not (math.isfinite(low) and math.isfinite(high) and 0.0 < low <= high):
+                raise InputError(f"temperature_range is {self.temperature_range} K; expected low and high")
+            object.__setattr__(self, "temperature_range", (float(low), float(high)))
+        if self.actuation is not None and self.command_lag_s > 0.0:
+            raise InputError("command_lag_s and an actuation are both given; expected one of them")
         complete = {
             c.name: given[c.name] if c.name in given else Constant(_default(c.default))
             for c in law.coefficients
@@ -92,7 +109,20 @@ class Damper:
 
     def __reduce__(self) -> tuple[type[Damper], tuple[object, ...]]:
         """Pickle through the constructor: the read-only mapping cannot be pickled."""
-        return Damper, (self.law, dict(self.coefficients), self.command_unit, self.command_lag_s)
+        parts = (self.law, dict(self.coefficients), self.command_unit, self.command_lag_s)
+        return Damper, (*parts, self.actuation, self.temperature_range)
+
+    @property
+    def tempered(self) -> bool:
+        """Whether any coefficient depends on temperature."""
+        return any(form.tempered for form in self.coefficients.values())
+
+    @property
+    def assumed(self) -> tuple[str, ...]:
+        """The coefficients whose temperature factor is assumed (a fluid's), not identified."""
+        return tuple(
+            name for name, form in self.coefficients.items() if isinstance(form, Tempered) and form.assumed
+        )
 
     @property
     def numbers(self) -> dict[str, float]:
@@ -131,31 +161,42 @@ class Damper:
         }
         return replace(self, coefficients=changed)
 
-    def coefficients_at(self, command: ArrayLike) -> FloatArray:
-        """Return the coefficients [their units] at the commands, shape (m, n), rows in the law's order."""
-        at = np.atleast_1d(np.asarray(command, dtype=np.float64))
-        return np.stack([form.value(at) for form in self.coefficients.values()])
+    def coefficients_at(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
+        """Return the coefficients [their units] at the commands, shape (m, n), rows in the law's order.
 
-    def violations(self, commands: ArrayLike) -> tuple[str, ...]:
-        """Return where the law's conditions do not hold at these commands, one sentence each."""
-        at = np.atleast_1d(np.asarray(commands, dtype=np.float64))
+        ``temperature`` [K] is one number or one per command; None: 20 degC.
+        """
+        at, warm = self._grid(command, temperature)
+        return np.stack([form.value(at, warm) for form in self.coefficients.values()])
+
+    def violations(self, commands: ArrayLike, temperatures: ArrayLike | None = None) -> tuple[str, ...]:
+        """Return where the law's conditions do not hold at commands and temperatures, a sentence each."""
+        at, warm = self._grid(commands, temperatures)
         found = []
         for name, form in self.coefficients.items():
-            values = form.value(at)
+            values = form.value(at, warm)
             if not self.law.violations({name: values}) and np.isfinite(values).all():
                 continue
-            for command, value in zip(at.tolist(), values.tolist(), strict=True):
+            for k, value in enumerate(values.tolist()):
                 said = self.law.violations({name: value})
                 if not math.isfinite(value):
                     said = (f"{self.law.name}: {name} is {value}; it must be finite",)
                 if said:
-                    found.append(f"{said[0]} (at {command:g} {self.command_unit})")
+                    where = f"{at[k]:g} {self.command_unit}"
+                    if warm is not None and form.tempered:
+                        where += f", {warm[k] - 273.15:.1f} degC"
+                    found.append(f"{said[0]} (at {where})")
                     break
         return tuple(found)
 
     def problems(self, envelope: OperatingEnvelope) -> tuple[str, ...]:
         """Return why the law is not well posed inside the envelope, one sentence each."""
-        found = list(self.violations(envelope.commands()))
+        commands, temperatures = envelope.commands(), envelope.temperatures()
+        if self.tempered and temperatures is not None:
+            commands, temperatures = (g.ravel() for g in np.meshgrid(commands, temperatures))
+        else:
+            temperatures = None
+        found = list(self.violations(commands, temperatures))
         if self.law.name == "series-valve":
             found += self._reversed_valve(envelope)
         return tuple(found)
@@ -165,6 +206,26 @@ class Damper:
         problems = self.problems(envelope)
         if problems:
             raise InputError(_as_list(problems))
+
+    def held(self, temperature: FloatArray) -> FloatArray:
+        """Return temperatures [K] brought inside the range beyond which coefficients are held."""
+        return (
+            temperature if self.temperature_range is None else np.clip(temperature, *self.temperature_range)
+        )
+
+    def _grid(
+        self, command: ArrayLike, temperature: ArrayLike | None
+    ) -> tuple[FloatArray, FloatArray | None]:
+        """Return commands and temperatures, held, as rows of one length."""
+        at = np.atleast_1d(np.asarray(command, dtype=np.float64))
+        if temperature is None:
+            return at, None
+        warm = np.asarray(temperature, dtype=np.float64)
+        if warm.shape not in {(), at.shape}:
+            raise InputError(
+                f"temperature has shape {warm.shape}, the command {at.shape}; expected one number or the same"
+            )
+        return at, np.broadcast_to(self.held(warm), at.shape)
 
     def _reversed_valve(self, envelope: OperatingEnvelope) -> list[str]:
         """Say where 1 + position_gain x > 0 fails: the valve force must keep its sign over the stroke."""

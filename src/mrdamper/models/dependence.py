@@ -1,12 +1,13 @@
-"""Parameter laws: a coefficient as a function of the command (current or voltage).
+"""Parameter laws: a coefficient as a function of the command (current or voltage) and temperature.
 
 A parameter law is a named form with numbers, never code: the card stores ``kind`` and ``numbers``, and
 ``KINDS`` is the list of forms there are. Which numbers a fit may move is the business of
 ``identify.problem``; whether the coefficient's values suit its law, of ``damper``.
 
 Every form gives its value, its gradient with respect to its numbers and its slope with respect to the
-command in closed form. A form that also depends on temperature will be a further kind here; nothing
-outside this module asks a parameter law for more than the protocol says.
+command in closed form, and says in which of its numbers it is linear. Most forms know the command alone;
+``Tempered`` multiplies one with a temperature factor, ``Bipolynomial`` is a polynomial in both. Where no
+temperature is given, it is 20 degC.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from types import MappingProxyType
 from typing import ClassVar, Protocol, Self
 
@@ -22,29 +23,40 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mrdamper.errors import InputError
+from mrdamper.models.temperature import FACTORS, REFERENCE_K, PolynomialFactor, TemperatureFactor
 from mrdamper.quantities import FloatArray
 
 __all__ = [
     "KINDS",
+    "Bipolynomial",
     "Constant",
     "Exponential",
     "Hill",
     "ParameterLaw",
     "Polynomial",
+    "Tempered",
     "dependence_from_json",
     "dependence_to_json",
     "did_you_mean",
+    "separable_polynomial",
 ]
 
 
 class ParameterLaw(Protocol):
-    """A coefficient's value as a function of the command, with named numbers.
+    """A coefficient's value as a function of command and temperature [K], with named numbers.
 
     ``linear[k]`` says that the value is linear in number ``k`` with the others fixed. ``settings`` are
-    fixed choices of the form (a reference current) that no fit moves.
+    fixed choices of the form (a reference current) that no fit moves. Command and temperature may be
+    arrays of one shape; temperature None is 20 degC.
     """
 
-    kind: ClassVar[str]
+    @property
+    def kind(self) -> str: ...
+
+    @property
+    def tempered(self) -> bool:
+        """Whether the coefficient depends on temperature."""
+        ...
 
     @property
     def numbers(self) -> tuple[float, ...]: ...
@@ -62,15 +74,15 @@ class ParameterLaw(Protocol):
         """Return the unit of each number."""
         ...
 
-    def value(self, command: ArrayLike) -> FloatArray:
-        """Return the coefficient [its unit] at the command, in the command's shape."""
+    def value(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
+        """Return the coefficient [its unit], in the command's shape."""
         ...
 
-    def gradient(self, command: ArrayLike) -> FloatArray:
+    def gradient(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
         """Return d value / d number, shape (numbers, *shape of command)."""
         ...
 
-    def slope(self, command: ArrayLike) -> FloatArray:
+    def slope(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
         """Return d value / d command, in the command's shape."""
         ...
 
@@ -86,6 +98,7 @@ class Constant:
     number: float
 
     kind: ClassVar[str] = "constant"
+    tempered: ClassVar[bool] = False
     number_names: ClassVar[tuple[str, ...]] = ("value",)
     linear: ClassVar[tuple[bool, ...]] = (True,)
     settings: ClassVar[Mapping[str, float]] = MappingProxyType({})
@@ -100,13 +113,13 @@ class Constant:
     def units(self, coefficient_unit: str, command_unit: str) -> tuple[str, ...]:
         return (coefficient_unit,)
 
-    def value(self, command: ArrayLike) -> FloatArray:
+    def value(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
         return np.full(np.shape(command), self.number)
 
-    def gradient(self, command: ArrayLike) -> FloatArray:
+    def gradient(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
         return np.ones((1, *np.shape(command)))
 
-    def slope(self, command: ArrayLike) -> FloatArray:
+    def slope(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
         return np.zeros(np.shape(command))
 
     def with_numbers(self, numbers: Sequence[float]) -> Self:
@@ -120,6 +133,7 @@ class Polynomial:
     numbers: tuple[float, ...]
 
     kind: ClassVar[str] = "polynomial"
+    tempered: ClassVar[bool] = False
     settings: ClassVar[Mapping[str, float]] = MappingProxyType({})
 
     def __post_init__(self) -> None:
@@ -139,13 +153,13 @@ class Polynomial:
     def units(self, coefficient_unit: str, command_unit: str) -> tuple[str, ...]:
         return tuple(_per(coefficient_unit, command_unit, power) for power in range(len(self.numbers)))
 
-    def value(self, command: ArrayLike) -> FloatArray:
+    def value(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
         return np.asarray(np.polynomial.polynomial.polyval(_array(command), self.numbers), dtype=np.float64)
 
-    def gradient(self, command: ArrayLike) -> FloatArray:
+    def gradient(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
         return np.stack([_array(command) ** power for power in range(len(self.numbers))])
 
-    def slope(self, command: ArrayLike) -> FloatArray:
+    def slope(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
         derivative = np.polynomial.polynomial.polyder(self.numbers)
         return np.asarray(np.polynomial.polynomial.polyval(_array(command), derivative), dtype=np.float64)
 
@@ -171,6 +185,7 @@ class Hill:
     reference: float = 1.0  # command at which the rise is `gain` [command unit]
 
     kind: ClassVar[str] = "hill"
+    tempered: ClassVar[bool] = False
     number_names: ClassVar[tuple[str, ...]] = ("base", "gain", "half_command", "exponent")
     linear: ClassVar[tuple[bool, ...]] = (True, True, False, False)
 
@@ -191,10 +206,10 @@ class Hill:
     def units(self, coefficient_unit: str, command_unit: str) -> tuple[str, ...]:
         return (coefficient_unit, coefficient_unit, command_unit, "-")
 
-    def value(self, command: ArrayLike) -> FloatArray:
+    def value(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
         return np.asarray(self.base + self.gain * self._rise(command)[0], dtype=np.float64)
 
-    def gradient(self, command: ArrayLike) -> FloatArray:
+    def gradient(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
         rise, log_u, free, free_at_reference = self._rise(command)
         log_h = math.log(self.half_command / self.reference)
         by_half = rise * (self.exponent / self.half_command) * (free_at_reference - free)
@@ -202,7 +217,7 @@ class Hill:
         by_exponent = rise * (free * (np.where(rise > 0.0, log_u, 0.0) - log_h) + free_at_reference * log_h)
         return np.stack([np.ones_like(rise), rise, self.gain * by_half, self.gain * by_exponent])
 
-    def slope(self, command: ArrayLike) -> FloatArray:
+    def slope(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
         if self.gain == 0.0:
             return np.zeros(np.shape(command))
         signed = _array(command)
@@ -239,6 +254,7 @@ class Exponential:
     rate: float  # [1 / command unit]
 
     kind: ClassVar[str] = "exponential"
+    tempered: ClassVar[bool] = False
     number_names: ClassVar[tuple[str, ...]] = ("at_zero", "rate")
     linear: ClassVar[tuple[bool, ...]] = (True, False)
     settings: ClassVar[Mapping[str, float]] = MappingProxyType({})
@@ -253,10 +269,10 @@ class Exponential:
     def units(self, coefficient_unit: str, command_unit: str) -> tuple[str, ...]:
         return (coefficient_unit, f"1/{command_unit}")
 
-    def value(self, command: ArrayLike) -> FloatArray:
+    def value(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
         return np.asarray(self.at_zero * self._growth(command))
 
-    def gradient(self, command: ArrayLike) -> FloatArray:
+    def gradient(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
         growth = self._growth(command)
         return np.stack([growth, self.at_zero * _array(command) * growth])
 
@@ -264,22 +280,175 @@ class Exponential:
         with np.errstate(over="ignore"):  # infinity is reported by Damper.violations, with the coefficient
             return np.asarray(np.exp(self.rate * _array(command)))
 
-    def slope(self, command: ArrayLike) -> FloatArray:
+    def slope(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
         return self.rate * self.value(command)
 
     def with_numbers(self, numbers: Sequence[float]) -> Self:
         return type(self)(*_as_many(self, numbers))
 
 
-KINDS: Mapping[str, type[ParameterLaw]] = MappingProxyType(
-    {kind.kind: kind for kind in (Constant, Polynomial, Hill, Exponential)}
+@dataclass(frozen=True, slots=True)
+class Bipolynomial:
+    """value = sum of c_ij I^i (T - 293.15)^j, i to the command's degree, j to the temperature's.
+
+    Linear in all its numbers. ``numbers`` run over j first: c00, c01, c10, c11, ...
+    """
+
+    numbers: tuple[float, ...]
+    temperature_degree: int = 1
+
+    kind: ClassVar[str] = "bipolynomial"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "numbers", tuple(float(number) for number in self.numbers))
+        columns = self.temperature_degree + 1
+        if self.temperature_degree < 0 or not self.numbers or len(self.numbers) % columns:
+            raise InputError(
+                f"bipolynomial: {len(self.numbers)} numbers, temperature degree {self.temperature_degree}; "
+                "expected c00, c01, ... with every power of the temperature for every power of the command"
+            )
+        _require_finite(self)
+
+    @property
+    def tempered(self) -> bool:
+        return self.temperature_degree > 0
+
+    @property
+    def settings(self) -> Mapping[str, float]:
+        return {"temperature_degree": float(self.temperature_degree)}
+
+    @property
+    def powers(self) -> tuple[tuple[int, int], ...]:
+        """Powers of command and temperature of each number."""
+        columns = self.temperature_degree + 1
+        return tuple(divmod(k, columns) for k in range(len(self.numbers)))
+
+    @property
+    def number_names(self) -> tuple[str, ...]:
+        return tuple(f"c{i}{j}" for i, j in self.powers)
+
+    @property
+    def linear(self) -> tuple[bool, ...]:
+        return (True,) * len(self.numbers)
+
+    def units(self, coefficient_unit: str, command_unit: str) -> tuple[str, ...]:
+        return tuple(_per(_per(coefficient_unit, command_unit, i), "K", j) for i, j in self.powers)
+
+    def value(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
+        at, above = _array(command), _above(command, temperature)
+        table = np.reshape(self.numbers, (-1, self.temperature_degree + 1))
+        inner = np.polynomial.polynomial.polyval(above, table.T)  # one polynomial in I for each temperature
+        value = np.zeros(above.shape)
+        for row in inner[::-1]:
+            value = value * at + row
+        return value
+
+    def gradient(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
+        at, above = _array(command), _above(command, temperature)
+        rows = len(self.numbers) // (self.temperature_degree + 1)
+        powers = (
+            np.power.outer(at, np.arange(rows)),
+            np.power.outer(above, np.arange(self.temperature_degree + 1)),
+        )
+        product = powers[0][..., :, None] * powers[1][..., None, :]
+        return np.moveaxis(product.reshape(*at.shape, len(self.numbers)), -1, 0)
+
+    def slope(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
+        at, above = _array(command), _above(command, temperature)
+        terms = [
+            c * i * at ** max(i - 1, 0) * above**j
+            for c, (i, j) in zip(self.numbers, self.powers, strict=True)
+        ]
+        return np.asarray(np.sum(terms, axis=0))
+
+    def with_numbers(self, numbers: Sequence[float]) -> Self:
+        return replace(self, numbers=_as_many(self, numbers))
+
+
+CommandForm = Constant | Polynomial | Hill | Exponential
+
+
+@dataclass(frozen=True, slots=True)
+class Tempered:
+    """value = form(command) factor(temperature): a coefficient at 20 degC times its temperature factor.
+
+    Linear in the form's linear numbers. ``assumed`` says that the factor comes from a fluid's data, not
+    from runs of this damper.
+    """
+
+    form: CommandForm
+    factor: TemperatureFactor
+    assumed: bool = False
+
+    tempered: ClassVar[bool] = True
+
+    @property
+    def kind(self) -> str:
+        return self.form.kind
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        return (*self.form.numbers, *self.factor.numbers)
+
+    @property
+    def number_names(self) -> tuple[str, ...]:
+        return (*self.form.number_names, *self.factor.number_names)
+
+    @property
+    def linear(self) -> tuple[bool, ...]:
+        return (*self.form.linear, *(False for _ in self.factor.numbers))
+
+    @property
+    def settings(self) -> Mapping[str, float]:
+        return self.form.settings
+
+    def units(self, coefficient_unit: str, command_unit: str) -> tuple[str, ...]:
+        return (*self.form.units(coefficient_unit, command_unit), *self.factor.units)
+
+    def value(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
+        return self.form.value(command) * self.factor.value(_kelvin(command, temperature))
+
+    def gradient(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
+        at = _kelvin(command, temperature)
+        return np.concatenate(
+            [
+                self.form.gradient(command) * self.factor.value(at),
+                self.factor.gradient(at) * self.form.value(command),
+            ]
+        )
+
+    def slope(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
+        return self.form.slope(command) * self.factor.value(_kelvin(command, temperature))
+
+    def with_numbers(self, numbers: Sequence[float]) -> Self:
+        given = _as_many(self, numbers)
+        split = len(self.form.numbers)
+        return replace(
+            self,
+            form=self.form.with_numbers(given[:split]),
+            factor=self.factor.with_numbers(given[split:]),
+        )
+
+
+def separable_polynomial(command: Sequence[float], temperature: Sequence[float]) -> Tempered:
+    """Return the paper's separable form: (a0 + a1 I + a2 I^2 ...)(1 + t1 dT + t2 dT^2 ...), dT = T - 20 degC.
+
+    Its Eq. (12) as reconstructed; the paper's own is lost.
+    """
+    return Tempered(Polynomial(tuple(command)), PolynomialFactor(tuple(temperature)))
+
+
+KINDS: Mapping[str, type[CommandForm | Bipolynomial]] = MappingProxyType(
+    {kind.kind: kind for kind in (Constant, Polynomial, Hill, Exponential, Bipolynomial)}
 )
 """The forms there are, by the name that a card stores."""
 
 
 def dependence_to_json(law: ParameterLaw) -> dict[str, object]:
-    """Return kind, numbers by name and settings (where there are any), all of them JSON."""
+    """Return kind, numbers by name, settings and temperature factor (where there are any), all JSON."""
     data: dict[str, object] = {"kind": law.kind}
+    if isinstance(law, Tempered):
+        data["temperature"] = {"kind": law.factor.kind, "assumed": law.assumed}
     data["numbers"] = dict(zip(law.number_names, law.numbers, strict=True))
     if law.settings:
         data["settings"] = dict(law.settings)
@@ -294,23 +463,70 @@ def dependence_from_json(data: Mapping[str, object]) -> ParameterLaw:
     InputError
         Unknown kind, number names that do not belong to it, values that are no finite numbers.
     """
+    known = ("kind", "numbers", "settings", "temperature")
     for key in data:
-        if key not in ("kind", "numbers", "settings"):
-            raise InputError(f"unknown key {key!r}; a dependence has kind, numbers and settings")
+        if key not in known:
+            raise InputError(f"unknown key {key!r}; a dependence has {', '.join(known)}")
     kind, numbers, settings = data.get("kind"), data.get("numbers"), data.get("settings", {})
     if not isinstance(kind, str) or kind not in KINDS:
         raise InputError(f"there is no dependence of kind {kind!r}; there are {', '.join(KINDS)}")
     if not isinstance(numbers, Mapping) or not isinstance(settings, Mapping):
         raise InputError(f"{kind}: numbers and settings must be tables of name and value")
+    temperature = data.get("temperature")
+    if temperature is None:
+        return _form_from_json(kind, numbers, settings)
+    factor_kind, assumed = _factor_kind(temperature)
+    degree = sum(name[:1] == "t" and name[1:].isdigit() for name in numbers)
+    powers = tuple(f"t{power}" for power in range(1, max(degree, 1) + 1))
+    names = powers if factor_kind == PolynomialFactor.kind else _names_of(FACTORS[factor_kind])
+    of_factor = _by_name(factor_kind, "number", {k: v for k, v in numbers.items() if k in names}, names)
+    of_form = {name: value for name, value in numbers.items() if name not in names}
+    form = _form_from_json(kind, of_form, settings)
+    if isinstance(form, Bipolynomial):
+        raise InputError("bipolynomial depends on temperature itself; it takes no temperature factor")
+    if factor_kind == PolynomialFactor.kind:
+        return Tempered(form, PolynomialFactor(tuple(of_factor)), assumed)
+    return Tempered(form, FACTORS[factor_kind](*of_factor), assumed)
+
+
+def _form_from_json(
+    kind: str, numbers: Mapping[str, object], settings: Mapping[str, object]
+) -> CommandForm | Bipolynomial:
     if kind == Hill.kind:
         values = _by_name("hill", "number", numbers, Hill.number_names)
         return Hill(*values, *_by_name("hill", "setting", settings, ("reference",)))
+    if kind == Bipolynomial.kind:
+        (degree,) = _by_name(kind, "setting", settings, ("temperature_degree",))
+        if not 0 <= degree <= len(numbers) or degree != int(degree):
+            raise InputError(
+                f"bipolynomial: temperature_degree is {degree:g}; it must be a whole number, and every power "
+                "of the command has a number for each power of the temperature up to it"
+            )
+        rows = max(len(numbers), 1) // (int(degree) + 1)
+        names = tuple(f"c{i}{j}" for i in range(max(rows, 1)) for j in range(int(degree) + 1))
+        return Bipolynomial(tuple(_by_name(kind, "number", numbers, names)), int(degree))
     _by_name(kind, "setting", settings, ())
     if kind == Polynomial.kind:
         powers = tuple(f"c{power}" for power in range(max(len(numbers), 1)))
         return Polynomial(tuple(_by_name(kind, "number", numbers, powers)))
     form = Constant if kind == Constant.kind else Exponential
     return form(*_by_name(kind, "number", numbers, form.number_names))
+
+
+def _factor_kind(given: object) -> tuple[str, bool]:
+    """Return the kind of a temperature factor and whether it is assumed."""
+    if not isinstance(given, Mapping):
+        raise InputError("temperature must be a table of kind and assumed")
+    kind, assumed = given.get("kind"), given.get("assumed", False)
+    if not isinstance(kind, str) or kind not in FACTORS:
+        raise InputError(f"there is no temperature factor of kind {kind!r}; there are {', '.join(FACTORS)}")
+    if not isinstance(assumed, bool) or set(given) - {"kind", "assumed"}:
+        raise InputError("temperature holds kind and assumed (true or false), nothing else")
+    return kind, assumed
+
+
+def _names_of(factor: type[TemperatureFactor]) -> tuple[str, ...]:
+    return tuple(field.name for field in fields(factor))  # type: ignore[arg-type]  # all are dataclasses
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
@@ -324,6 +540,15 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 
 def _array(command: ArrayLike) -> FloatArray:
     return np.asarray(command, dtype=np.float64)
+
+
+def _kelvin(command: ArrayLike, temperature: ArrayLike | None) -> FloatArray:
+    """Return the temperature [K] in the command's shape, 20 degC where none is given."""
+    return np.broadcast_to(_array(REFERENCE_K if temperature is None else temperature), np.shape(command))
+
+
+def _above(command: ArrayLike, temperature: ArrayLike | None) -> FloatArray:
+    return _kelvin(command, temperature) - REFERENCE_K
 
 
 def _per(coefficient_unit: str, command_unit: str, power: int) -> str:

@@ -6,9 +6,11 @@ move, and how far, of ``identify.problem``.
 
 Sign convention: extension positive, a force that resists extension is positive. Every law is
 
-    F = law(x, v, state) + mass a + [coulomb + breakaway exp(-(v / v_s)^2)] tanh(v / v_t)
+    F = law(x, v, state) + mass a + c0 v |v / v0|^(m - 1)
+        + [coulomb + breakaway exp(-(v / v_s)^2)] tanh(v / v_t)
 
-with the Stribeck friction and the mass at zero unless they are asked for.
+with the Stribeck friction and the mass at zero unless they are asked for. The viscous exponent m is 1 unless
+it is asked for; ``viscosity`` c0 is viscous force over speed at v0 = 0.1 m/s.
 """
 
 from __future__ import annotations
@@ -118,7 +120,7 @@ _EXPONENT = Coefficient("n", "-", "sharpness of the yield knee", False, 0.2, 20.
 _YIELD = Coefficient("yield_force", "N", "force of the yielding (hysteretic) part", True, 0.0)
 
 COMMON: tuple[Coefficient, ...] = (
-    Coefficient("viscosity", "N s/m", "viscous damping in parallel", True, 0.0, default=0.0),
+    Coefficient("viscosity", "N s/m", "viscous damping in parallel (at 0.1 m/s)", True, 0.0, default=0.0),
     Coefficient("stiffness", "N/m", "spring rate (gas, seals)", True, 0.0, default=0.0),
     Coefficient("offset", "N", "constant force (gas preload)", True, default=0.0),
     Coefficient("mass", "kg", "moving mass between damper and force cell", True, 0.0, default=0.0),
@@ -130,6 +132,7 @@ COMMON: tuple[Coefficient, ...] = (
     Coefficient(
         "transition_velocity", "m/s", "velocity over which friction changes sign", False, 1e-7, 10.0, 5e-4
     ),
+    Coefficient("viscous_exponent", "-", "power of velocity in the viscous force", False, 0.05, 2.0, 1.0),
 )
 """Terms that every kernel law has, in kernel order."""
 
@@ -172,6 +175,21 @@ _LAWS = (
         2,
     ),
     HysteresisLaw(
+        "double-bouc-wen",
+        "two Bouc-Wen elements in parallel",
+        (
+            *COMMON,
+            _YIELD,
+            Coefficient("second_force", "N", "force of the second, slower hysteretic part", True, 0.0),
+            _RHO,
+            replace(_RHO, name="second_rho", description="inverse yield displacement of the second part"),
+            _KAPPA,
+            _EXPONENT,
+        ),
+        "as bouc-wen, second_rho > 0; passive for yield_force, second_force, viscosity >= 0",
+        8,
+    ),
+    HysteresisLaw(
         "bingham",
         "Bingham, regularised",
         (
@@ -196,6 +214,41 @@ _LAWS = (
         "slope > 0, yield_force, viscosity >= 0; with shift != 0 it can push for a moment near zero "
         "velocity, though a closed cycle about x = 0 takes work",
         4,
+    ),
+    HysteresisLaw(
+        "lugre",
+        "LuGre friction (bristles)",
+        (
+            *COMMON,
+            _YIELD,
+            _RHO,
+            Coefficient(
+                "static_excess", "-", "yield force at rest over that in motion, less one", False, 0.0, 1e2
+            ),
+            Coefficient("fade_velocity", "m/s", "velocity over which that excess fades", False, 1e-6, 10.0),
+            Coefficient("bristle_damping", "N s/m", "damping of the bristles' own velocity", True, 0.0),
+        ),
+        "rho > 0, static_excess >= 0: bounded (|w| <= 1 + static_excess) and unique; passive for "
+        "yield_force, bristle_damping >= 0 and viscosity >= static_excess bristle_damping (enough)",
+        5,
+    ),
+    HysteresisLaw(
+        "spencer",
+        "modified Bouc-Wen (Spencer)",
+        (
+            *COMMON,
+            replace(_YIELD, linear=False),
+            Coefficient(
+                "series_damping", "N s/m", "dashpot in series with the hysteresis", False, 1e-3, 1e12
+            ),
+            Coefficient("inner_viscosity", "N s/m", "dashpot beside the hysteresis", False, 0.0, 1e12),
+            Coefficient("inner_stiffness", "N/m", "spring beside the hysteresis", False, 0.0, 1e12),
+            _RHO,
+            _KAPPA,
+            _EXPONENT,
+        ),
+        "as bouc-wen, series_damping > 0; passive for yield_force, inner_viscosity, inner_stiffness >= 0",
+        6,
     ),
     HysteresisLaw(
         "series-valve",
@@ -226,7 +279,7 @@ _LAWS = (
 )
 
 LAWS: Mapping[str, HysteresisLaw] = MappingProxyType({law.name: law for law in _LAWS})
-"""The laws of the kernel, by name. Kernel numbers 5 (lugre) and 6 (spencer) are kept free for those laws."""
+"""The laws of the kernel, by name."""
 
 
 def find_law(name: str) -> HysteresisLaw:

@@ -26,6 +26,7 @@ from mrdamper.errors import ConvergenceError, InputError
 from mrdamper.excitation import Trajectory
 from mrdamper.models.damper import Damper
 from mrdamper.models.laws import LAWS, Coefficient, HysteresisLaw, PythonLaw
+from mrdamper.models.temperature import REFERENCE_K
 from mrdamper.quantities import FloatArray
 
 __all__ = [
@@ -38,10 +39,14 @@ __all__ = [
     "turning_points",
 ]
 
+_VISCOUS_SPEED = 0.1  # [m/s], where the viscosity is viscous force over speed
 _MOST_CALLS = 20_000  # of a law's rate, per sample; some tens are usual
 
 Values = Mapping[str, float]
 Equation = Callable[[float, float, float, Values], float]  # of state, displacement, velocity, coefficients
+State = Sequence[float]
+Rate = Callable[[State, float, float, Values], State]  # the same for all the states of a law
+Force = Callable[[State, float, float, Values], float]
 
 
 def simulate_reference(damper: Damper, trajectory: Trajectory, *, tolerance: float = 1e-10) -> FloatArray:
@@ -57,8 +62,8 @@ def simulate_reference(damper: Damper, trajectory: Trajectory, *, tolerance: flo
     """
     path = _Path(damper, trajectory)
     law = damper.law
-    rate, force = (law.python.rate, law.python.force) if law.python is not None else _EQUATIONS[law.name]
-    state = np.zeros(path.count) if rate is None else _integrate(rate, path, damper, tolerance)
+    rate, force = _equations(law)
+    state = np.zeros((path.count, 1)) if rate is None else _integrate(rate, path, damper, tolerance)
     samples = [path.at(k, 0.0) for k in range(path.count - 1)] + [path.at(path.count - 2, 1.0)]
     result = np.array([force(z, x, v, c) for z, (x, v, c) in zip(state.tolist(), samples, strict=True)])
     if law.python is None:
@@ -78,7 +83,8 @@ def _parallel(v: float, a: float, c: Values) -> float:
     stribeck = c["coulomb_friction"] + c["breakaway_friction"] * math.exp(
         -((v / c["stribeck_velocity"]) ** 2)
     )
-    return c["viscosity"] * v + c["mass"] * a + stribeck * math.tanh(v / c["transition_velocity"])
+    viscous = math.copysign(math.pow(abs(v) / _VISCOUS_SPEED, c["viscous_exponent"]), v) * _VISCOUS_SPEED
+    return c["viscosity"] * viscous + c["mass"] * a + stribeck * math.tanh(v / c["transition_velocity"])
 
 
 def _spring(x: float, c: Values) -> float:
@@ -160,14 +166,71 @@ def _series_valve_force(e: float, x: float, v: float, c: Values) -> float:
     return _valve_force(_valve_velocity(e, x, v, c), x - e, x, c)
 
 
+def _lugre_slip(w: float, v: float, c: Values) -> float:
+    """Return the velocity of the bristles [m/s]: what they bend less what they slip."""
+    level = 1.0 + c["static_excess"] * math.exp(-((v / c["fade_velocity"]) ** 2))
+    return v - abs(v) * w / level
+
+
+def _lugre(w: float, _x: float, v: float, c: Values) -> float:
+    return c["rho"] * _lugre_slip(w, v, c)
+
+
+def _lugre_force(w: float, x: float, v: float, c: Values) -> float:
+    return _spring(x, c) + c["yield_force"] * w + c["bristle_damping"] * _lugre_slip(w, v, c)
+
+
+def _spencer_inner(state: State, v: float, c: Values) -> float:
+    """Return the velocity y' of the series dashpot [m/s]; the states are e = x - y [m] and w."""
+    e, w = state
+    pull = c["yield_force"] * w + c["inner_viscosity"] * v + c["inner_stiffness"] * e
+    return pull / (c["inner_viscosity"] + c["series_damping"])
+
+
+def _spencer(state: State, _x: float, v: float, c: Values) -> State:
+    e_rate = v - _spencer_inner(state, v, c)
+    return e_rate, _bouc_wen_rate(state[1], e_rate, c["rho"], c["kappa"], c["n"])
+
+
+def _spencer_force(state: State, x: float, v: float, c: Values) -> float:
+    return c["series_damping"] * _spencer_inner(state, v, c) + _spring(x, c)
+
+
+def _double(state: State, _x: float, v: float, c: Values) -> State:
+    first, second = state
+    kappa, n = c["kappa"], c["n"]
+    return _bouc_wen_rate(first, v, c["rho"], kappa, n), _bouc_wen_rate(second, v, c["second_rho"], kappa, n)
+
+
+def _double_force(state: State, x: float, _v: float, c: Values) -> float:
+    return _spring(x, c) + c["yield_force"] * state[0] + c["second_force"] * state[1]
+
+
 _EQUATIONS: Mapping[str, tuple[Equation | None, Equation]] = {
     "bouc-wen": (_bouc_wen, _bouc_wen_force),
     "dahl": (_dahl, _bouc_wen_force),
     "bouc-wen-saturating": (_bouc_wen, _saturating_force),
     "bingham": (None, _bingham_force),
     "tanh": (None, _tanh_force),
+    "lugre": (_lugre, _lugre_force),
     "series-valve": (_series_valve, _series_valve_force),
 }
+
+
+def _equations(law: HysteresisLaw) -> tuple[Rate | None, Force]:
+    """Return rate (None: no memory) and force of a law, of all its states: one, but for two laws."""
+    if law.name == "spencer":
+        return _spencer, _spencer_force
+    if law.name == "double-bouc-wen":
+        return _double, _double_force
+    rate, force = (law.python.rate, law.python.force) if law.python is not None else _EQUATIONS[law.name]
+
+    def force_of_one(state: State, x: float, v: float, c: Values) -> float:
+        return force(state[0], x, v, c)
+
+    if rate is None:
+        return None, force_of_one
+    return lambda state, x, v, c: (rate(state[0], x, v, c),), force_of_one
 
 
 # -------------------------------------------------------------------------------- path and integration
@@ -181,43 +244,53 @@ class _Path:
         self.acceleration: list[float] = trajectory.acceleration.tolist()
         self.cubics: list[list[float]] = _hermite(trajectory).tolist()
         self._damper, self._names = damper, damper.law.names
-        self._command: list[float] = trajectory.command.tolist()
+        command, self._lag = trajectory.command, damper.command_lag_s
+        if damper.actuation is not None:  # worked out at the samples, linear between them
+            command = damper.actuation.applied(command, trajectory.step)
+        self._command: list[float] = command.tolist()
+        warm = trajectory.temperature if damper.tempered else None
+        self._warm: list[float] = [REFERENCE_K] if warm is None else warm.tolist()
         self._applied = [self._command[0]]
         for k in range(self.count - 1):
             self._applied.append(self._lagged(k, self._applied[k], 1.0))
-        constant = len({*self._command}) == 1
-        self._constant = self._values(self._command[0]) if constant else None
+        constant = len({*self._command}) == 1 and len({*self._warm}) == 1
+        self._constant = self._values(self._command[0], self._warm[0]) if constant else None
 
     def at(self, k: int, theta: float) -> tuple[float, float, Values]:
         """Return displacement, velocity and coefficients at the share theta of interval k."""
         x0, x1, x2, x3 = self.cubics[k]
         x = x0 + theta * (x1 + theta * (x2 + theta * x3))
         v = (x1 + theta * (2 * x2 + theta * 3 * x3)) / self.step
-        values = self._constant or self._values(self._lagged(k, self._applied[k], theta))
-        return x, v, values
+        if self._constant is not None:
+            return x, v, self._constant
+        here = self._warm[0]
+        if len(self._warm) > 1:
+            here = self._warm[k] + theta * (self._warm[k + 1] - self._warm[k])
+        return x, v, self._values(self._lagged(k, self._applied[k], theta), here)
 
     def _lagged(self, k: int, applied: float, theta: float) -> float:
         """Solve applied' = (command - applied)/lag from the interval's start, the command being linear."""
-        start, end, lag = self._command[k], self._command[k + 1], self._damper.command_lag_s
+        start, end, lag = self._command[k], self._command[k + 1], self._lag
         command = start + theta * (end - start)
         if lag == 0.0:
             return command
         behind = (end - start) / self.step * lag
         return command - behind + (applied - start + behind) * math.exp(-theta * self.step / lag)
 
-    def _values(self, applied: float) -> dict[str, float]:
-        at = self._damper.coefficients_at(applied)[:, 0]
+    def _values(self, applied: float, temperature: float) -> dict[str, float]:
+        at = self._damper.coefficients_at(applied, temperature)[:, 0]
         return dict(zip(self._names, at.tolist(), strict=True))
 
 
-def _integrate(rate: Equation, path: _Path, damper: Damper, tolerance: float) -> FloatArray:
-    """Return the state at the samples, integrated anew from each reversal."""
+def _integrate(rate: Rate, path: _Path, damper: Damper, tolerance: float) -> FloatArray:
+    """Return the states at the samples, shape (n, states), integrated anew from each reversal."""
     last = path.count - 1
     turns = [k + theta for k, cubic in enumerate(path.cubics) for theta in _turns(cubic)]
     rests = [k for k, cubic in enumerate(path.cubics) if cubic[1] == 0.0]
     local = tolerance / 30  # the errors of many steps add up
     scale = _state_scale(damper, path)
-    samples, state, z = np.arange(path.count, dtype=np.float64), np.zeros(path.count), 0.0
+    samples, state = np.arange(path.count, dtype=np.float64), np.zeros((path.count, len(scale)))
+    z = state[0]
     for start, end in pairwise(np.unique([0.0, *rests, *turns, float(last)]).tolist()):
         left = iter(range(int(_MOST_CALLS * (end - start + 1.0))))
 
@@ -227,32 +300,36 @@ def _integrate(rate: Equation, path: _Path, damper: Damper, tolerance: float) ->
                     f"law {damper.law.name!r}: no progress at sample {time:.3f}, where its state is {at[0]:g}"
                 )
             k = min(int(time), last - 1)
-            return [path.step * rate(float(at[0]), *path.at(k, time - k))]
+            return [path.step * each for each in rate(at.tolist(), *path.at(k, time - k))]
 
         inside = np.flatnonzero((samples > start) & (samples <= end))
         solution = solve_ivp(
             slope,
             (start, end),
-            [z],
+            z,
             method="LSODA",
             t_eval=np.union1d(samples[inside], end),
             max_step=1.0,
             rtol=max(local, 1e-13),
-            atol=local * scale,
+            atol=[local * each for each in scale],
         )
         if not solution.success:
             raise ConvergenceError(f"law {damper.law.name!r}: the integrator stopped: {solution.message}")
-        state[inside] = solution.y[0, : inside.size]
-        z = float(solution.y[0, -1])
+        state[inside] = solution.y[:, : inside.size].T
+        z = solution.y[:, -1]
     return state
 
 
-def _state_scale(damper: Damper, path: _Path) -> float:
-    """Return the state's size for which ``tolerance`` is meant: 1, or the travel under the yield force."""
-    if damper.law.name != "series-valve":
-        return 1.0
+def _state_scale(damper: Damper, path: _Path) -> State:
+    """Return the states' sizes for which ``tolerance`` is meant: 1, or the travel under the yield force."""
     _, _, c = path.at(0, 0.0)
-    return max(c["yield_force"], 1.0) / c["gap_stiffness"]
+    if damper.law.name == "series-valve":
+        return (max(c["yield_force"], 1.0) / c["gap_stiffness"],)
+    if damper.law.name == "spencer":
+        return 1.0 / c["rho"], 1.0
+    if damper.law.name == "double-bouc-wen":
+        return 1.0, 1.0
+    return (1.0,)
 
 
 def _hermite(trajectory: Trajectory) -> FloatArray:

@@ -17,8 +17,18 @@ from mrdamper import core
 from mrdamper.errors import InputError
 from mrdamper.excitation import Trajectory
 from mrdamper.models.damper import Damper
+from mrdamper.models.temperature import REFERENCE_K
 
-__all__ = ["LAG", "Drive", "Sensitivity", "Tangents", "open_drive", "sensitivities", "simulate"]
+__all__ = [
+    "LAG",
+    "Drive",
+    "Sensitivity",
+    "Tangents",
+    "open_drive",
+    "require_temperature",
+    "sensitivities",
+    "simulate",
+]
 
 FloatArray = NDArray[np.float64]
 
@@ -30,14 +40,17 @@ _DIFFERENCE = 1e-5  # relative step of the central differences that serve a law 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Drive:
-    """A trajectory made ready for many simulations: the kernel's record of it, and its command.
+    """A trajectory made ready for many simulations: the kernel's record of it, its command and temperature.
 
-    ``constant`` is the command when it does not vary over the run, else ``None``.
+    ``constant`` is the command when it does not vary over the run, else ``None``; ``temperature`` [K] is the
+    run's when it is known and does not vary; ``warms`` says that it does.
     """
 
     trajectory: Trajectory
     record: core.Record
     constant: float | None
+    temperature: float | None
+    warms: bool
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,9 +69,12 @@ class Sensitivity:
 
 def open_drive(trajectory: Trajectory, *, longest_step: float = core.LONGEST_STEP) -> Drive:
     """Return the trajectory made ready for the kernel."""
-    command = trajectory.command
+    command, warm = trajectory.command, trajectory.temperature
     constant = float(command[0]) if np.ptp(command) == 0.0 else None
-    return Drive(trajectory, core.open_record(trajectory, longest_step=longest_step), constant)
+    warms = warm is not None and bool(np.ptp(warm) > 0.0)
+    temperature = None if warm is None or warms else float(warm[0])
+    record = core.open_record(trajectory, longest_step=longest_step)
+    return Drive(trajectory, record, constant, temperature, warms)
 
 
 def simulate(
@@ -75,15 +91,17 @@ def simulate(
     Raises
     ------
     InputError
-        When the law is not well posed at a command of the trajectory.
+        When the law is not well posed at a command or temperature of the trajectory; a damper that depends
+        on temperature on a trajectory that has none.
     """
     drive = trajectory if isinstance(trajectory, Drive) else open_drive(trajectory)
+    require_temperature(damper, drive.trajectory)
     if damper.law.kernel is None:
         from mrdamper.models.reference import simulate_reference
 
         return simulate_reference(damper, drive.trajectory, tolerance=1e-8)
-    command = _applied(damper, drive)[0]
-    coefficients = damper.coefficients_at(command)
+    command, _, temperature = _applied(damper, drive)
+    coefficients = damper.coefficients_at(command, temperature)
     violations = damper.law.violations(dict(zip(damper.law.names, coefficients, strict=True)))
     violations += _reversed_valve(damper, coefficients, drive.trajectory.displacement)
     if violations:
@@ -109,22 +127,31 @@ class Tangents:
         self._damper = damper
         self._numbers = tuple(numbers)
         self._drives = tuple(drives)
+        self._workspace = core.Workspace()
         if damper.law.kernel is None:
             return
         members = [number.partition(".") for number in self._numbers if number != LAG]
         self._places = sorted({damper.law.names.index(name) for name, _, _ in members})
-        constant = [drive.constant for drive in drives]
-        levels = np.unique([c for c in constant if c is not None])
-        self._level = [None if c is None else int(np.searchsorted(levels, c)) for c in constant]
+        if damper.tempered and any(drive.trajectory.temperature is None for drive in drives):
+            require_temperature(
+                damper, next(d.trajectory for d in drives if d.trajectory.temperature is None)
+            )
+        tempered = damper.tempered
+        points = [_point(drive, tempered=tempered) for drive in drives]
+        levels = {point: k for k, point in enumerate(dict.fromkeys(p for p in points if p is not None))}
+        self._level = [None if point is None else levels[point] for point in points]
         # One row of coefficients, and one matrix from kernel columns to numbers, for each level.
-        self._coefficients = np.ascontiguousarray(damper.coefficients_at(levels).T)
+        at = np.array([point[0] for point in levels], dtype=np.float64)
+        warm = np.array([point[1] for point in levels], dtype=np.float64)
+        self._coefficients = np.ascontiguousarray(damper.coefficients_at(at, warm).T)
         self._combine = np.zeros((len(levels), len(self._numbers), len(self._places)))
+        held = damper.held(warm)
+        gradients = {name: damper.coefficients[name].gradient(at, held) for name, _, _ in members}
         for row, number in enumerate(self._numbers):
             if number == LAG:
                 continue
             name, _, member = number.partition(".")
-            law = damper.coefficients[name]
-            gradient = law.gradient(levels)[law.number_names.index(member)]
+            gradient = gradients[name][damper.coefficients[name].number_names.index(member)]
             self._combine[:, row, self._places.index(damper.law.names.index(name))] = gradient
 
     def along(self, run: int, *, store: FloatArray | None = None) -> Sensitivity:
@@ -141,41 +168,68 @@ class Tangents:
             self._coefficients[level],
             self._places,
             columns=None if store is None else store[: len(self._places)],
+            workspace=self._workspace,
         )
         return Sensitivity(force, columns, self._combine[level])
 
     def _varying(self, drive: Drive) -> Sensitivity:
         """Return tangents where the command varies: a kernel column per number, its coefficient moving."""
         damper, law = self._damper, self._damper.law
-        command, by_lag = _applied(damper, drive)
+        command, by_lag, temperature = _applied(damper, drive)
         moved: list[tuple[int, int, FloatArray]] = []  # (number, place of its coefficient, seed)
         for row, number in enumerate(self._numbers):
             if number == LAG:
                 # A Hill form with an exponent below one is vertical at zero command: that point is left out.
                 moved += [
-                    (row, place, np.nan_to_num(damper.coefficients[name].slope(command), posinf=0.0) * by_lag)
-                    for place, name in enumerate(law.names)
-                    if damper.coefficients[name].kind != "constant"
+                    (row, place, np.nan_to_num(form.slope(command, temperature), posinf=0.0) * by_lag)
+                    for place, form in enumerate(damper.coefficients.values())
+                    if form.kind != "constant"
                 ]
                 continue
             name, _, member = number.partition(".")
             dependence = damper.coefficients[name]
-            gradient = dependence.gradient(command)[dependence.number_names.index(member)]
+            gradient = dependence.gradient(command, temperature)[dependence.number_names.index(member)]
             moved.append((row, law.names.index(name), gradient))
         seeds = np.array([seed for _, _, seed in moved]).reshape(len(moved), len(command))
         combine = np.zeros((len(self._numbers), len(moved)))
         combine[[row for row, _, _ in moved], range(len(moved))] = 1.0
-        coefficients = np.ascontiguousarray(damper.coefficients_at(command))
+        coefficients = np.ascontiguousarray(damper.coefficients_at(command, temperature))
         places = [place for _, place, _ in moved]
         force, columns = core.run(law.kernel or 0, drive.record, coefficients, places, seeds)
         return Sensitivity(force, columns, combine)
 
 
-def _applied(damper: Damper, drive: Drive) -> tuple[FloatArray, FloatArray]:
-    """Return the command after the lag and its derivative by it; one sample when it is constant."""
-    if drive.constant is not None:
-        return np.array([drive.constant]), np.zeros(1)
-    return core.lagged(drive.trajectory.command, drive.trajectory.step, damper.command_lag_s)
+def require_temperature(damper: Damper, trajectory: Trajectory) -> None:
+    """Raise ``InputError`` where a damper that depends on temperature has none to go by."""
+    if damper.tempered and trajectory.temperature is None:
+        raise InputError(
+            "the model depends on temperature, and the run has no temperature channel; expected a column "
+            "such as temperature_degC. Map the channel, or state it as a constant in the channel map "
+            "([constant] temperature_degC = 20)"
+        )
+
+
+def _point(drive: Drive, *, tempered: bool) -> tuple[float, float] | None:
+    """Return command and temperature of a run at one operating point; None where either varies."""
+    if drive.constant is None or (tempered and drive.warms):
+        return None
+    warm = drive.temperature if tempered else None
+    return drive.constant, REFERENCE_K if warm is None else warm
+
+
+def _applied(damper: Damper, drive: Drive) -> tuple[FloatArray, FloatArray, FloatArray | None]:
+    """Return the command at the law, its derivative by the lag, and the temperature [K].
+
+    One sample each where neither varies.
+    """
+    point = _point(drive, tempered=damper.tempered)
+    if point is not None:
+        return np.array([point[0]]), np.zeros(1), np.array([point[1]])
+    path = drive.trajectory
+    warm = damper.held(path.temperature) if damper.tempered and path.temperature is not None else None
+    if damper.actuation is not None:
+        return damper.actuation.applied(path.command, path.step), np.zeros(len(path)), warm
+    return *core.lagged(path.command, path.step, damper.command_lag_s), warm
 
 
 def _reversed_valve(damper: Damper, coefficients: FloatArray, displacement: FloatArray) -> tuple[str, ...]:

@@ -25,7 +25,7 @@ Answer = dict[str, Any]
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 _INTERNAL, _NOT_CONVERGED = 1, 4
-_LAWS = "series-valve, bouc-wen, bouc-wen-saturating, dahl, bingham, tanh"
+_LAWS = "series-valve, double-bouc-wen, bouc-wen, bouc-wen-saturating, spencer, lugre, dahl, bingham, tanh"
 
 
 def main() -> NoReturn:
@@ -94,10 +94,8 @@ _seed = click.option("--seed", type=int, default=0, show_default=True, help="Of 
 )
 @click.option(
     "--law",
-    default="series-valve",
-    show_default=True,
     metavar="LAW",
-    help=f"{_LAWS}; auto; or path/to/file.py:Class.",
+    help=f"{_LAWS}; auto; or file.py:Class.  [default: series-valve; double-bouc-wen for tempered runs]",
 )
 @click.option(
     "--method",
@@ -123,9 +121,9 @@ _seed = click.option("--seed", type=int, default=0, show_default=True, help="Of 
 )
 @click.option(
     "--leave-out",
-    type=click.Choice(["run", "current", "motion"]),
+    type=click.Choice(["run", "current", "motion", "temperature"]),
     multiple=True,
-    help="Fit again without each run, current or motion in turn.",
+    help="Fit again without each run, current, motion or temperature in turn.",
 )
 @click.option("--session-offsets", is_flag=True, help="Let each session have its own constant force.")
 @click.option(
@@ -134,9 +132,28 @@ _seed = click.option("--seed", type=int, default=0, show_default=True, help="Of 
 @click.option(
     "--term",
     "terms",
-    type=click.Choice(["friction", "mass", "viscosity"]),
+    type=click.Choice(["friction", "mass", "viscosity", "thinning", "none"]),
     multiple=True,
-    help="Add a parallel term to the law (may be repeated).",
+    help="Add a parallel term to the law (may be repeated).  [default: friction, thinning for tempered runs]",
+)
+@click.option(
+    "--temperature",
+    type=click.Choice(["auto", "none", "arrhenius", "reynolds", "vft", "paper"]),
+    default="auto",
+    show_default=True,
+    help="How coefficients follow temperature (auto: arrhenius where the runs have one; none: not at all).",
+)
+@click.option(
+    "--fluid",
+    metavar="PRESET|FILE",
+    help="Take temperature laws from a fluid (paper, lord-mrf-132dg, a file), marked as assumed.",
+)
+@click.option(
+    "--coil-resistance",
+    "coil_resistance_ohm",
+    type=click.FloatRange(min=0.0, min_open=True),
+    metavar="OHM",
+    help="Of the coil at 20 degC, for the card.",
 )
 @_flip
 @_json
@@ -149,13 +166,16 @@ def identify(
     as_json: bool,
     **options: Any,  # noqa: ANN401 - click checks them, FitOptions names them
 ) -> int:
-    """Fit one hysteresis law to measured runs over all currents at once.
+    """Fit one hysteresis law to measured runs over all currents and temperatures at once.
 
     PATH: files, folders or patterns of runs.
     """
     from mrdamper.app.cli import terminal
     from mrdamper.app.jobs import FitOptions
     from mrdamper.app.jobs import identify as job
+
+    terms = options.pop("terms")
+    options["terms"] = tuple(t for t in terms if t != "none") if terms else None
 
     with terminal.progress() as report:
         answer = job(
@@ -228,6 +248,78 @@ def fetch(name: str, *, as_json: bool) -> int:
     from mrdamper.app.jobs import data_fetch
 
     return _finish(data_fetch(name), terminal.show_files, as_json=as_json)
+
+
+@cli.command("rig")
+@click.option(
+    "--preset",
+    type=click.Choice(["nominal", "hard", "stiff", "vehicle", "paper"]),
+    help="Whose parameters the virtual damper has.  [default: nominal]",
+)
+@click.option(
+    "--damper",
+    "damper_file",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Own parameters (TOML: preset, and what differs from it).",
+)
+@click.option(
+    "--campaign",
+    "campaign_file",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Motions, currents, temperatures, sensors (TOML).",
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    required=True,
+    metavar="DIR",
+    help="For the runs (CSV); the truth goes to DIR.truth beside it.",
+)
+@_seed
+@_json
+def run_rig(out: Path, *, preset: str | None, as_json: bool, **options: Any) -> int:  # noqa: ANN401 - click checks them
+    """Run a campaign of tests on the virtual rig: a damper whose physics is none of the laws."""
+    if preset is not None and options["damper_file"] is not None:
+        raise click.UsageError(
+            "--preset and --damper exclude each other; name the preset in the damper's file"
+        )
+    from mrdamper.app.cli import terminal
+    from mrdamper.app.rig_job import rig as job
+
+    with terminal.counter() as report:
+        answer = job(out, preset=preset or "nominal", report=report, **options)
+    return _finish(answer, terminal.show_rig, as_json=as_json)
+
+
+@cli.command()
+@click.argument("tables", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="TABLE.csv...")
+@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="For fluid.toml and fluid.svg.")
+@click.option(
+    "--like",
+    default="paper",
+    show_default=True,
+    metavar="PRESET|FILE",
+    help="Fluid that gives what the tables do not hold: paper, lord-mrf-132dg, or a fluid.toml.",
+)
+@click.option(
+    "--particle-fraction",
+    type=float,
+    metavar="SHARE",
+    help="Volume share of iron, which leads from mT to kA/m.  [default: that of --like]",
+)
+@_json
+def fluid(tables: tuple[Path, ...], *, as_json: bool, **options: Any) -> int:  # noqa: ANN401 - click checks them
+    """Fit viscosity and yield-stress laws to rheometer tables.
+
+    TABLE.csv: temperature_degC and viscosity_mPas, or field_mT (field_kA_m), temperature_degC and
+    yield_stress_kPa.
+    """
+    from mrdamper.app.cli import terminal
+    from mrdamper.app.fluid_job import fluid as job
+
+    return _finish(job(tables, **options), terminal.show_fluid, as_json=as_json)
 
 
 def _finish(answer: Answer, show: Callable[[Answer], None], *, as_json: bool) -> int:

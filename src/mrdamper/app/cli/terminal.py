@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -16,7 +16,17 @@ from rich.text import Text
 
 from mrdamper.identify.variable_projection import Progress, Report
 
-__all__ = ["progress", "show_datasets", "show_demo", "show_files", "show_identification", "show_prediction"]
+__all__ = [
+    "counter",
+    "progress",
+    "show_datasets",
+    "show_demo",
+    "show_files",
+    "show_fluid",
+    "show_identification",
+    "show_prediction",
+    "show_rig",
+]
 
 Answer = Mapping[str, Any]
 
@@ -42,6 +52,24 @@ def progress() -> Iterator[Report | None]:
                 f"error {now.cost_percent:.3f} %  best {now.best_percent:.3f} %  (Ctrl-C keeps the best)"
             )
             live.update(Text(line), refresh=True)
+
+        yield report
+
+
+@contextmanager
+def counter() -> Iterator[Callable[[int, int, str], None] | None]:
+    """Give a function that shows which of many runs comes now; None when standard error is no terminal."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    shown = [0.0]
+    with Live(Text(""), console=Console(stderr=True), transient=True, auto_refresh=False) as live:
+
+        def report(done: int, of: int, name: str) -> None:
+            clock = time.monotonic()
+            if clock - shown[0] >= _LEAST_INTERVAL:
+                shown[0] = clock
+                live.update(Text(f"run {done + 1} of {of}  {name}  (Ctrl-C leaves nothing)"), refresh=True)
 
         yield report
 
@@ -88,6 +116,32 @@ def show_demo(answer: Answer) -> None:
     console.print(table)
 
 
+def show_rig(answer: Answer) -> None:
+    """Print what was run, where it lies, and how to identify it."""
+    console = _console()
+    runs = answer["runs"]
+    table = Table(title=escape(f"Virtual damper {answer['damper']}, seed {answer['seed']}: runs by motion"))
+    for name in ("motion", "runs", "held out", "currents A", "temperatures degC"):
+        table.add_column(name, justify="right" if name in {"runs", "held out"} else "left")
+    for motion in dict.fromkeys(run["motion"] for run in runs):
+        each = [run for run in runs if run["motion"] == motion]
+        currents = dict.fromkeys(run["current_A"] for run in each)
+        table.add_row(
+            escape(motion),
+            str(len(each)),
+            str(sum(run["held_out"] for run in each)),
+            ", ".join("stepped" if current is None else f"{current:g}" for current in currents),
+            ", ".join(f"{degrees:g}" for degrees in dict.fromkeys(run["temperature_degC"] for run in each)),
+        )
+    console.print(table)
+    for note in answer["notes"]:
+        console.print(f"- {escape(note)}")
+    held_out = "".join(f" --hold-out '{pattern}'" for pattern in answer["hold_out"])
+    console.print(escape(f"{answer['cpu_s']:.2f} s of CPU; wrote {len(runs)} runs to {answer['folder']}"))
+    console.print(escape(f"the truth, for judging only: {answer['truth']}"))
+    console.print(escape(f"next: mrdamper identify {answer['folder']}{held_out} --out card"), soft_wrap=True)
+
+
 def show_datasets(answer: Answer) -> None:
     """Print the data sets, one paragraph each."""
     console = _console()
@@ -102,6 +156,54 @@ def show_files(answer: Answer) -> None:
     """Print one path a line."""
     for path in answer["files"]:
         print(path)
+
+
+def show_fluid(answer: Answer) -> None:
+    """Print the laws of a fluid, the chosen ones with their numbers, and what a reader should know."""
+    console = _console()
+    for quantity, title in (("viscosity", "Viscosity without field"), ("yield_stress", "Yield stress")):
+        study = answer[quantity]
+        if study is None:
+            continue
+        low, high = study["temperature_degC"]
+        points = f"{study['points']} points at {low:.4g} to {high:.4g} degC"
+        console.print(_fluid_laws(study["laws"], f"{title}: {points}; the first law is taken"))
+        fall, error = study["fall_20_to_100_degC_percent"], study["fall_standard_error_percent"]
+        spread = "" if error is None else f" ± {error:.2g}"
+        console.print(f"[bold]{title.lower()}[/bold] falls by {fall:.1f}{spread} % from 20 to 100 degC")
+        for law in study["laws"]:
+            if law["limit"]:
+                console.print(f"- {law['law']}: {law['limit']}")
+    for note in answer["notes"]:
+        console.print(f"- {escape(note)}")
+    if answer["file"] is not None:
+        console.print(f"wrote {escape(answer['file'])} and {escape(answer['picture'])}")
+
+
+def _fluid_laws(laws: Sequence[Answer], title: str) -> Table:
+    table = Table(title=escape(title))
+    for name in ("law", "number", "value", "± standard error", "unit", "rms %", "AICc", "fall %"):
+        table.add_column(name, justify="left" if name in {"law", "number", "unit"} else "right", no_wrap=True)
+    for law in laws:
+        judged = (f"{law['rms_percent']:.2g}", *(_number_or_dash(law[key]) for key in _FLUID_FIGURES))
+        for row, (name, number) in enumerate(law["numbers"].items()):
+            table.add_row(
+                "" if row else escape(law["law"]),
+                escape(name),
+                f"{number['value']:.5g}",
+                "-" if number["standard_error"] is None else f"{number['standard_error']:.2g}",
+                escape(number["unit"]),
+                *(("", "", "") if row else judged),
+            )
+        table.add_section()
+    return table
+
+
+_FLUID_FIGURES = ("aicc", "fall_20_to_100_degC_percent")
+
+
+def _number_or_dash(value: float | None) -> str:
+    return "-" if value is None else f"{value:.1f}"
 
 
 def _console() -> Console:

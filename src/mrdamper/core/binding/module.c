@@ -179,6 +179,47 @@ static PyType_Slot record_slots[] = {{Py_tp_new, record_new},
 static PyType_Spec record_spec = {"mrdamper.core._kernel.Record", (int)sizeof(RecordObject), 0, Py_TPFLAGS_DEFAULT,
                                   record_slots};
 
+/* ---- Workspace: the curve of the last call, for calls that follow each other on one thread ------------ */
+
+typedef struct {
+    PyObject_HEAD
+    mrd_workspace *workspace;
+} WorkspaceObject;
+
+static PyTypeObject *workspace_type = NULL;
+
+static PyObject *workspace_new(PyTypeObject *type, PyObject *args, PyObject *kwargs)
+{
+    static char *names[] = {NULL};
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "", names)) return NULL;
+    allocfunc alloc = (allocfunc)PyType_GetSlot(type, Py_tp_alloc);
+    WorkspaceObject *self = (WorkspaceObject *)alloc(type, 0);
+    if (!self) return NULL;
+    self->workspace = levels[0]->workspace_open();
+    if (!self->workspace) {
+        Py_CLEAR(self);
+        PyErr_NoMemory();
+    }
+    return (PyObject *)self;
+}
+
+static void workspace_dealloc(PyObject *object)
+{
+    PyTypeObject *type = Py_TYPE(object);
+    levels[0]->workspace_close(((WorkspaceObject *)object)->workspace);
+    freefunc release = (freefunc)PyType_GetSlot(type, Py_tp_free);
+    release(object);
+    Py_DECREF(type);
+}
+
+static PyType_Slot workspace_slots[] = {{Py_tp_new, workspace_new},
+                                        {Py_tp_dealloc, workspace_dealloc},
+                                        {Py_tp_doc, "The universal curve that was tabulated last; for one thread."},
+                                        {0, NULL}};
+
+static PyType_Spec workspace_spec = {"mrdamper.core._kernel.Workspace", (int)sizeof(WorkspaceObject), 0,
+                                     Py_TPFLAGS_DEFAULT, workspace_slots};
+
 static mrd_record *as_record(PyObject *object)
 {
     if (!PyObject_TypeCheck(object, record_type)) {
@@ -214,8 +255,15 @@ static PyObject *py_run(PyObject *module, PyObject *args)
 {
     (void)module;
     int law;
-    PyObject *orecord, *ocoef, *odirections, *oseeds, *oforce, *ocolumns, *result = NULL;
-    if (!PyArg_ParseTuple(args, "iOOOOOO", &law, &orecord, &ocoef, &odirections, &oseeds, &oforce, &ocolumns)) return NULL;
+    PyObject *orecord, *ocoef, *odirections, *oseeds, *oforce, *ocolumns, *oworkspace, *result = NULL;
+    if (!PyArg_ParseTuple(args, "iOOOOOOO", &law, &orecord, &ocoef, &odirections, &oseeds, &oforce, &ocolumns,
+                          &oworkspace))
+        return NULL;
+    if (oworkspace != Py_None && !PyObject_TypeCheck(oworkspace, workspace_type)) {
+        PyErr_SetString(PyExc_TypeError, "expected a Workspace or None");
+        return NULL;
+    }
+    mrd_workspace *workspace = oworkspace == Py_None ? NULL : ((WorkspaceObject *)oworkspace)->workspace;
     const mrd_record *r = as_record(orecord);
     if (!r) return NULL;
     mrd_direction direction[MRD_DIRECTIONS];
@@ -259,7 +307,7 @@ static PyObject *py_run(PyObject *module, PyObject *args)
         mrd_status status;
         Py_BEGIN_ALLOW_THREADS
         status = kernel->run(&model, r, directions, direction, have_force ? force.buf : NULL,
-                             have_columns ? columns.buf : NULL);
+                             have_columns ? columns.buf : NULL, workspace);
         Py_END_ALLOW_THREADS
         result = status == MRD_OK ? Py_NewRef(Py_None) : fail(status);
     }
@@ -419,10 +467,10 @@ release:
 static PyObject *py_lag(PyObject *module, PyObject *args)
 {
     (void)module;
-    double step, lag;
+    double step, rise, fall;
     PyObject *object[3], *result = NULL;
     Py_buffer view[3];
-    if (!PyArg_ParseTuple(args, "ddOOO", &step, &lag, &object[0], &object[1], &object[2])) return NULL;
+    if (!PyArg_ParseTuple(args, "dddOOO", &step, &rise, &fall, &object[0], &object[1], &object[2])) return NULL;
     int opened = 0;
     for (; opened < 3; opened++) {
         if (!open_doubles(object[opened], view + opened, opened > 0, "lag array")) goto release;
@@ -433,7 +481,7 @@ static PyObject *py_lag(PyObject *module, PyObject *args)
         }
     }
     Py_BEGIN_ALLOW_THREADS
-    kernel->lag(count_of(view), step, lag, view[0].buf, view[1].buf, view[2].buf);
+    kernel->lag(count_of(view), step, rise, fall, view[0].buf, view[1].buf, view[2].buf);
     Py_END_ALLOW_THREADS
     result = Py_NewRef(Py_None);
 release:
@@ -475,13 +523,13 @@ static PyObject *py_use_level(PyObject *module, PyObject *args)
 
 static PyMethodDef methods[] = {
     {"run", py_run, METH_VARARGS,
-     "run(law, record, coefficients, directions, seeds, force, columns): force and tangent columns along a record."},
+     "run(law, record, coefficients, directions, seeds, force, columns, workspace): force and tangent columns."},
     {"causal", py_causal, METH_VARARGS, "causal(law, record, coefficients, force): the per-sample map."},
     {"squared_errors", py_squared_errors, METH_VARARGS,
      "squared_errors(law, records, measured, from, coefficients, errors): ensemble over candidates and runs."},
     {"gram", py_gram, METH_VARARGS, "gram(columns, rows, from, out): Gram matrix of the rows."},
     {"curve", py_curve, METH_VARARGS, "curve(kappa, n, tau, w, slope, by_kappa, by_n): the universal curve."},
-    {"lag", py_lag, METH_VARARGS, "lag(step, lag, command, applied, by_lag): first-order lag of a command."},
+    {"lag", py_lag, METH_VARARGS, "lag(step, rise, fall, command, applied, by_lag): first-order lag of a command."},
     {"levels", py_levels, METH_NOARGS, "Instruction set levels that this machine can run, slowest first."},
     {"level", py_level, METH_NOARGS, "The level in use."},
     {"use_level", py_use_level, METH_VARARGS, "use_level(name): choose a level (for tests and the bench)."},
@@ -502,5 +550,12 @@ PyMODINIT_FUNC PyInit__kernel(void)
         return NULL;
     }
     record_type = (PyTypeObject *)type;
+    type = PyType_FromSpec(&workspace_spec);
+    if (!type || PyModule_AddObjectRef(module, "Workspace", type) < 0) {
+        Py_XDECREF(type);
+        Py_DECREF(module);
+        return NULL;
+    }
+    workspace_type = (PyTypeObject *)type;
     return module;
 }

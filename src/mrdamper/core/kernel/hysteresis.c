@@ -61,18 +61,6 @@ static void bouc_wen_state(const curve *c, const mrd_record *r, double rho, doub
     }
 }
 
-/* Mean over the sample interval that ends at sample i (the first and the last one: what there is). */
-static inline double interval_mean(const double *row, size_t stride, size_t i, size_t n)
-{
-    if (i == 0 || i >= n) return row[stride * (i ? n - 1 : 0)];
-    return 0.5 * (row[stride * (i - 1)] + row[stride * i]);
-}
-
-static inline double seed_mean(const mrd_direction *d, size_t i, size_t n)
-{
-    return d->seed ? interval_mean(d->seed, d->stride, i, n) : 1.0;
-}
-
 /* w and its derivatives along a record.
  *
  * rho may vary from sample to sample (stride 1); the travel is then weighted with its mean over each sample

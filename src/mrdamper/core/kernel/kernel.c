@@ -3,9 +3,14 @@
 
 #include "curve.c"
 #include "record.c"
+#include "coefficients.c"
 #include "hysteresis.c"
 #include "series_valve.c"
+#include "lugre.c"
+#include "spencer.c"
+#include "common.c"
 #include "laws.c"
+#include "actuation.c"
 
 #ifndef MRD_ISA
 #define MRD_ISA baseline
@@ -20,7 +25,7 @@ const mrd_api *MRD_API(void);
 
 const mrd_api *MRD_API(void)
 {
-    static const mrd_api api = {MRD_TEXT(MRD_ISA), record_open, record_close, coefficient_count, run, causal,
+    static const mrd_api api = {MRD_TEXT(MRD_ISA), workspace_open, workspace_close, record_open, record_close, coefficient_count, run, causal,
                                 squared_errors, gram, curve_values, first_order_lag};
     return &api;
 }

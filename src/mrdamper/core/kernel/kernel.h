@@ -13,8 +13,9 @@
 #include <stdint.h>
 
 #define MRD_CELLS 1024   /* most cells of one branch of the universal curve */
-#define MRD_COMMON 8     /* coefficients that every law has */
-#define MRD_COEFFICIENTS 18
+#define MRD_COMMON 9     /* coefficients that every law has */
+#define MRD_VISCOUS_SPEED 0.1 /* [m/s] where the viscosity is the ratio of viscous force to speed */
+#define MRD_COEFFICIENTS 19
 #define MRD_DIRECTIONS 48
 
 typedef enum {
@@ -23,20 +24,25 @@ typedef enum {
     MRD_SATURATING = 2,
     MRD_BINGHAM = 3,
     MRD_TANH = 4,
-    MRD_LUGRE = 5,   /* reserved */
-    MRD_SPENCER = 6, /* reserved */
-    MRD_SERIES_VALVE = 7
+    MRD_LUGRE = 5,
+    MRD_SPENCER = 6,
+    MRD_SERIES_VALVE = 7,
+    MRD_DOUBLE = 8
 } mrd_law;
 
 typedef enum { MRD_OK = 0, MRD_NO_MEMORY = 1, MRD_NOT_A_LAW = 2, MRD_SHAPE_VARIES = 3 } mrd_status;
 
-/* Order of the coefficients; laws.py has the same order. The first eight are common to all laws. */
-enum { C_VISCOSITY, C_STIFFNESS, C_OFFSET, C_MASS, C_COULOMB, C_BREAKAWAY, C_STRIBECK, C_TRANSITION };
-enum { BW_YIELD = 8, BW_RHO, BW_KAPPA, BW_N };
-enum { SAT_YIELD = 8, SAT_RATE, SAT_VELOCITY, SAT_RHO, SAT_KAPPA, SAT_N };
-enum { BH_YIELD = 8, BH_VELOCITY };
-enum { TH_YIELD = 8, TH_SLOPE, TH_SHIFT };
-enum { SV_YIELD = 8, SV_THINNING, SV_EXPONENT, SV_VELOCITY, SV_POSITION, SV_SPRING, SV_GAP, SV_CORNER, SV_LEAK,
+/* Order of the coefficients; laws.py has the same order. The first MRD_COMMON are common to all laws. */
+enum { C_VISCOSITY, C_STIFFNESS, C_OFFSET, C_MASS, C_COULOMB, C_BREAKAWAY, C_STRIBECK, C_TRANSITION,
+       C_VISCOUS_EXPONENT };
+enum { BW_YIELD = MRD_COMMON, BW_RHO, BW_KAPPA, BW_N };
+enum { SAT_YIELD = MRD_COMMON, SAT_RATE, SAT_VELOCITY, SAT_RHO, SAT_KAPPA, SAT_N };
+enum { DB_YIELD = MRD_COMMON, DB_SECOND, DB_RHO, DB_SECOND_RHO, DB_KAPPA, DB_N };
+enum { BH_YIELD = MRD_COMMON, BH_VELOCITY };
+enum { TH_YIELD = MRD_COMMON, TH_SLOPE, TH_SHIFT };
+enum { LG_YIELD = MRD_COMMON, LG_RHO, LG_EXCESS, LG_FADE, LG_DAMPING };
+enum { SP_YIELD = MRD_COMMON, SP_SERIES, SP_VISCOSITY, SP_STIFFNESS, SP_RHO, SP_KAPPA, SP_N };
+enum { SV_YIELD = MRD_COMMON, SV_THINNING, SV_EXPONENT, SV_VELOCITY, SV_POSITION, SV_SPRING, SV_GAP, SV_CORNER, SV_LEAK,
        SV_LEAK_EXPONENT };
 
 /* One measured or prescribed run: kinematics at a uniform step, and its monotone pieces. */
@@ -51,7 +57,7 @@ typedef struct {
     double *turn;        /* [pieces + 1] displacement where each piece starts [m] */
     double *side;        /* [pieces] +1 extending, -1 retracting */
     double *path;        /* [n] travel since the last turning point [m], never falling inside a piece */
-    size_t substeps;     /* steps of the implicit laws per sample */
+    size_t substeps;     /* steps of the stepped laws per sample */
     double *stage_x;     /* [2 n substeps] displacement at the stages of those steps */
     double *stage_v;     /* [2 n substeps] velocity there */
 } mrd_record;
@@ -70,14 +76,19 @@ typedef struct {
     size_t stride;             /* 0: constant over the run; otherwise the length of a row */
 } mrd_model;
 
+/* The universal curve that was tabulated last, for calls that follow each other on one thread. */
+typedef struct mrd_workspace mrd_workspace;
+
 typedef struct {
     const char *name;
+    mrd_workspace *(*workspace_open)(void); /* NULL: no memory */
+    void (*workspace_close)(mrd_workspace *workspace);
     mrd_status (*record_open)(mrd_record *record, size_t n, double step, const double *x, const double *v,
                               const double *a, double dead_band, double longest_step);
     void (*record_close)(mrd_record *record);
     int (*coefficient_count)(int law);
     mrd_status (*run)(const mrd_model *model, const mrd_record *record, size_t directions,
-                      const mrd_direction *direction, double *force, double *columns);
+                      const mrd_direction *direction, double *force, double *columns, mrd_workspace *workspace);
     mrd_status (*causal)(const mrd_model *model, const mrd_record *record, double *force);
     mrd_status (*squared_errors)(mrd_law law, size_t runs, const mrd_record *const *records,
                                  const double *const *measured, const size_t *from, size_t candidates,
@@ -85,7 +96,7 @@ typedef struct {
     void (*gram)(size_t rows, size_t n, const double *columns, size_t from, double *out);
     void (*curve)(double kappa, double n, size_t count, const double *tau, double *w, double *slope, double *by_kappa,
                   double *by_n);
-    void (*lag)(size_t n, double step, double lag, const double *command, double *applied, double *by_lag);
+    void (*lag)(size_t n, double step, double rise, double fall, const double *command, double *applied, double *by_lag);
 } mrd_api;
 
 #endif

@@ -8,43 +8,44 @@ static int coefficient_count(int law)
     case MRD_SATURATING: return SAT_N + 1;
     case MRD_BINGHAM: return BH_VELOCITY + 1;
     case MRD_TANH: return TH_SHIFT + 1;
+    case MRD_LUGRE: return LG_DAMPING + 1;
+    case MRD_SPENCER: return SP_N + 1;
     case MRD_SERIES_VALVE: return SV_LEAK_EXPONENT + 1;
+    case MRD_DOUBLE: return DB_N + 1;
     default: return 0;
     }
 }
 
-/* How the Bouc-Wen family's three laws read their coefficients. */
+/* How the laws of the Bouc-Wen family read their coefficients; -1 where a law has none of the kind. */
 typedef struct {
-    int rho, kappa, n;
+    int elements;      /* hysteretic elements in parallel, on one curve */
+    int yield[2], rho[2];
+    int kappa, n;
     double kappa_value, n_value;
 } shape_of_law;
 
-static int has_state_w(mrd_law law) { return law == MRD_BOUC_WEN || law == MRD_DAHL || law == MRD_SATURATING; }
-
-static double coefficient_at(const mrd_model *m, int k, size_t i)
+static int has_state_w(mrd_law law)
 {
-    return m->stride ? m->coefficient[(size_t)k * m->stride + i] : m->coefficient[k];
-}
-
-static int varies(const mrd_model *m, int k, size_t n)
-{
-    if (!m->stride) return 0;
-    const double *row = m->coefficient + (size_t)k * m->stride;
-    for (size_t i = 1; i < n; i++)
-        if (row[i] != row[0]) return 1;
-    return 0;
+    return law == MRD_BOUC_WEN || law == MRD_DAHL || law == MRD_SATURATING || law == MRD_DOUBLE;
 }
 
 static shape_of_law shape_at(const mrd_model *m)
 {
-    shape_of_law s = {BW_RHO, -1, -1, -1.0, 1.0};
+    shape_of_law s = {1, {BW_YIELD, -1}, {BW_RHO, -1}, -1, -1, -1.0, 1.0};
     if (m->law == MRD_BOUC_WEN) {
         s.kappa = BW_KAPPA;
         s.n = BW_N;
     } else if (m->law == MRD_SATURATING) {
-        s.rho = SAT_RHO;
+        s.rho[0] = SAT_RHO;
         s.kappa = SAT_KAPPA;
         s.n = SAT_N;
+    } else if (m->law == MRD_DOUBLE) {
+        s.elements = 2;
+        s.yield[1] = DB_SECOND;
+        s.rho[0] = DB_RHO;
+        s.rho[1] = DB_SECOND_RHO;
+        s.kappa = DB_KAPPA;
+        s.n = DB_N;
     }
     if (s.kappa >= 0) {
         s.kappa_value = coefficient_at(m, s.kappa, 0);
@@ -53,35 +54,18 @@ static shape_of_law shape_at(const mrd_model *m)
     return s;
 }
 
-/* Terms common to all laws at one sample: viscous, spring, offset, inertia, Stribeck friction. */
-static inline double common_force(const mrd_model *m, const mrd_record *r, size_t i)
+/* Share of speed that the saturating law's rate force has built up. */
+static inline double speed_share(const mrd_model *m, double v, size_t i)
 {
-    const int chain = m->law == MRD_SERIES_VALVE;
-    const double v = r->v[i];
-    double f = coefficient_at(m, C_VISCOSITY, i) * v + coefficient_at(m, C_MASS, i) * r->a[i];
-    if (!chain) f += coefficient_at(m, C_STIFFNESS, i) * r->x[i] + coefficient_at(m, C_OFFSET, i);
-    const double coulomb = coefficient_at(m, C_COULOMB, i), breakaway = coefficient_at(m, C_BREAKAWAY, i);
-    if (coulomb != 0.0 || breakaway != 0.0) {
-        const double ratio = v / coefficient_at(m, C_STRIBECK, i);
-        f += (coulomb + breakaway * exp(-ratio * ratio)) * tanh(v / coefficient_at(m, C_TRANSITION, i));
-    }
-    return f;
+    const double speed = fabs(v);
+    return speed / (speed + coefficient_at(m, SAT_VELOCITY, i));
 }
 
-static inline double common_partial(const mrd_model *m, const mrd_record *r, int k, size_t i)
+/* Force of an element at w = 1. */
+static inline double amplitude_at(const mrd_model *m, const shape_of_law *s, int element, double v, size_t i)
 {
-    const double v = r->v[i];
-    if (k == C_VISCOSITY) return v;
-    if (k == C_MASS) return r->a[i];
-    if (k == C_STIFFNESS) return r->x[i];
-    if (k == C_OFFSET) return 1.0;
-    const double vs = coefficient_at(m, C_STRIBECK, i), vt = coefficient_at(m, C_TRANSITION, i);
-    const double th = tanh(v / vt), fade = exp(-(v / vs) * (v / vs));
-    if (k == C_COULOMB) return th;
-    if (k == C_BREAKAWAY) return fade * th;
-    const double breakaway = coefficient_at(m, C_BREAKAWAY, i);
-    if (k == C_STRIBECK) return breakaway * fade * th * 2.0 * v * v / (vs * vs * vs);
-    return -(coefficient_at(m, C_COULOMB, i) + breakaway * fade) * (1.0 - th * th) * v / (vt * vt);
+    const double yield = coefficient_at(m, s->yield[element], i);
+    return m->law == MRD_SATURATING ? yield + coefficient_at(m, SAT_RATE, i) * speed_share(m, v, i) : yield;
 }
 
 static inline double sign_of(double x) { return x > 0.0 ? 1.0 : x < 0.0 ? -1.0 : 0.0; }
@@ -107,117 +91,165 @@ static inline double algebraic_partial(const mrd_model *m, const mrd_record *r, 
     return yield * (1.0 - th * th) * (k == TH_SLOPE ? v : side);
 }
 
-static double seed_at(const mrd_direction *d, size_t i) { return d->seed ? d->seed[d->stride * i] : 1.0; }
+struct mrd_workspace {
+    int built;
+    curve last;
+};
+
+static mrd_workspace *workspace_open(void)
+{
+    mrd_workspace *workspace = malloc(sizeof *workspace);
+    if (workspace) workspace->built = 0;
+    return workspace;
+}
+
+static void workspace_close(mrd_workspace *workspace) { free(workspace); }
+
+/* The curve of a shape, tabulated anew only where the last one was another. */
+static const curve *curve_in(mrd_workspace *workspace, double kappa, double n, int tangents)
+{
+    curve *c = &workspace->last;
+    if (!workspace->built || c->kappa != kappa || c->n != n || (tangents && !c->tangents)) {
+        curve_build(c, kappa, n, tangents);
+        workspace->built = 1;
+    }
+    return c;
+}
 
 static mrd_status run_bouc_wen(const mrd_model *m, const mrd_record *r, size_t directions, const mrd_direction *direction,
-                               double *force, double *columns)
+                               double *force, double *columns, mrd_workspace *workspace)
 {
     const shape_of_law shape = shape_at(m);
     if ((shape.kappa >= 0 && varies(m, shape.kappa, r->n)) || (shape.n >= 0 && varies(m, shape.n, r->n)))
         return MRD_SHAPE_VARIES;
-    curve *c = malloc(sizeof *c);
-    double *store = malloc(3 * (r->n + 1) * sizeof *store);
-    if (!c || !store) {
-        free(c);
+    const size_t n = r->n;
+    double *store = malloc(3 * (n + 1) * sizeof *store);
+    common_rows rows;
+    const mrd_status opened = common_open(m, r, directions, direction, &rows);
+    if (!store || opened != MRD_OK) {
         free(store);
+        if (opened == MRD_OK) common_close(&rows);
         return MRD_NO_MEMORY;
     }
-    double *w = store, *by_n = NULL, *by_kappa = NULL, *by_rho[MRD_DIRECTIONS] = {NULL};
-    const mrd_direction *way[MRD_DIRECTIONS] = {NULL};
-    size_t ways = 0;
-    for (size_t d = 0; d < directions; d++) {
-        if (direction[d].coefficient == shape.rho) {
-            way[ways] = direction + d;
-            by_rho[ways++] = columns + d * r->n;
-        } else if (direction[d].coefficient == shape.n && shape.n >= 0) by_n = store + r->n;
-        else if (direction[d].coefficient == shape.kappa && shape.kappa >= 0) by_kappa = store + 2 * r->n;
-    }
-    const int tangents = ways > 0 || by_n || by_kappa;
-    curve_build(c, shape.kappa_value, shape.n_value, tangents);
-    const double *rho = m->coefficient + (m->stride ? (size_t)shape.rho * m->stride : (size_t)shape.rho);
-    if (tangents || varies(m, shape.rho, r->n))
-        bouc_wen_tangents(c, r, rho, m->stride ? 1 : 0, ways, way, w, by_rho, by_n, by_kappa);
-    else
-        bouc_wen_state(c, r, *rho, w);
-
-    const int saturating = m->law == MRD_SATURATING;
-    for (size_t i = 0; i < r->n; i++) {
-        double amplitude = coefficient_at(m, BW_YIELD, i);
-        if (saturating) {
-            const double speed = fabs(r->v[i]);
-            amplitude += coefficient_at(m, SAT_RATE, i) * speed / (speed + coefficient_at(m, SAT_VELOCITY, i));
-        }
-        if (force) force[i] = common_force(m, r, i) + amplitude * w[i];
-    }
+    int by_shape = 0, by_travel = 0;
     for (size_t d = 0; d < directions; d++) {
         const int k = direction[d].coefficient;
-        double *column = columns + d * r->n;
-        for (size_t i = 0; i < r->n; i++) {
-            if (k < MRD_COMMON) {
-                column[i] = common_partial(m, r, k, i) * seed_at(direction + d, i);
-                continue;
+        double *column = columns + d * n;
+        by_shape |= k >= MRD_COMMON && (k == shape.kappa || k == shape.n);
+        by_travel |= k >= MRD_COMMON && (k == shape.rho[0] || k == shape.rho[1]);
+        if (k < MRD_COMMON) common_column(m, r, &rows, direction + d, column);
+        else for (size_t i = 0; i < n; i++) column[i] = 0.0;
+    }
+    if (force)
+        for (size_t i = 0; i < n; i++) force[i] = 0.0;
+    const curve *c = curve_in(workspace, shape.kappa_value, shape.n_value, by_shape || by_travel);
+
+    double *w = store, *by_n = store + n, *by_kappa = store + 2 * n;
+    for (int e = 0; e < shape.elements; e++) {
+        double *by_rho[MRD_DIRECTIONS] = {NULL};
+        const mrd_direction *way[MRD_DIRECTIONS] = {NULL};
+        size_t ways = 0;
+        for (size_t d = 0; d < directions; d++) {
+            if (direction[d].coefficient == shape.rho[e]) {
+                way[ways] = direction + d;
+                by_rho[ways++] = columns + d * n;
             }
-            if (k == BW_YIELD) {
-                column[i] = w[i] * seed_at(direction + d, i);
-                continue;
-            }
-            double amplitude = coefficient_at(m, BW_YIELD, i);
-            if (saturating) {
-                const double speed = fabs(r->v[i]), v0 = coefficient_at(m, SAT_VELOCITY, i), rate = coefficient_at(m, SAT_RATE, i);
-                amplitude += rate * speed / (speed + v0);
-                if (k == SAT_RATE) {
-                    column[i] = speed / (speed + v0) * w[i] * seed_at(direction + d, i);
-                    continue;
+        }
+        const double *rho = m->coefficient + (m->stride ? (size_t)shape.rho[e] * m->stride : (size_t)shape.rho[e]);
+        if (ways || by_shape || varies(m, shape.rho[e], n))
+            bouc_wen_tangents(c, r, rho, m->stride ? 1 : 0, ways, way, w, by_rho, by_shape ? by_n : NULL,
+                              by_shape ? by_kappa : NULL);
+        else
+            bouc_wen_state(c, r, *rho, w);
+
+        for (size_t i = 0; force && i < n; i++) force[i] += amplitude_at(m, &shape, e, r->v[i], i) * w[i];
+        for (size_t d = 0; d < directions; d++) {
+            const int k = direction[d].coefficient;
+            double *column = columns + d * n;
+            if (k < MRD_COMMON) continue;
+            if (k == shape.yield[e]) {
+                for (size_t i = 0; i < n; i++) column[i] = w[i] * seed_at(direction + d, i);
+            } else if (k == shape.rho[e]) {
+                for (size_t i = 0; i < n; i++) column[i] *= amplitude_at(m, &shape, e, r->v[i], i);
+            } else if (k == shape.n || k == shape.kappa) {
+                const double *by = k == shape.n ? by_n : by_kappa;
+                for (size_t i = 0; i < n; i++)
+                    column[i] += amplitude_at(m, &shape, e, r->v[i], i) * by[i] * seed_at(direction + d, i);
+            } else if (m->law == MRD_SATURATING && k == SAT_RATE) {
+                for (size_t i = 0; i < n; i++) column[i] = speed_share(m, r->v[i], i) * w[i] * seed_at(direction + d, i);
+            } else if (m->law == MRD_SATURATING && k == SAT_VELOCITY) {
+                for (size_t i = 0; i < n; i++) {
+                    const double share = speed_share(m, r->v[i], i), sum = fabs(r->v[i]) + coefficient_at(m, SAT_VELOCITY, i);
+                    column[i] = -coefficient_at(m, SAT_RATE, i) * share / sum * w[i] * seed_at(direction + d, i);
                 }
-                if (k == SAT_VELOCITY) {
-                    column[i] = -rate * speed / ((speed + v0) * (speed + v0)) * w[i] * seed_at(direction + d, i);
-                    continue;
-                }
             }
-            if (k == shape.rho) column[i] *= amplitude;
-            else if (k == shape.n) column[i] = amplitude * by_n[i] * seed_at(direction + d, i);
-            else column[i] = amplitude * by_kappa[i] * seed_at(direction + d, i);
         }
     }
+    if (force) common_add(m, r, &rows, force);
+    common_close(&rows);
     free(store);
-    free(c);
     return MRD_OK;
 }
 
+/* Laws that are stepped along the record, and the coefficients whose tangents the stepping carries along. */
+static int is_stepped(mrd_law law) { return law == MRD_LUGRE || law == MRD_SPENCER || law == MRD_SERIES_VALVE; }
+
+static int is_inside(mrd_law law, int k)
+{
+    return k >= MRD_COMMON || (law == MRD_SERIES_VALVE && (k == C_STIFFNESS || k == C_OFFSET));
+}
+
 static mrd_status run(const mrd_model *m, const mrd_record *r, size_t directions, const mrd_direction *direction,
-                      double *force, double *columns)
+                      double *force, double *columns, mrd_workspace *workspace)
 {
     if (!coefficient_count((int)m->law)) return MRD_NOT_A_LAW;
-    if (has_state_w(m->law)) return run_bouc_wen(m, r, directions, direction, force, columns);
+    if (has_state_w(m->law)) {
+        mrd_workspace *own = workspace ? workspace : workspace_open();
+        if (!own) return MRD_NO_MEMORY;
+        const mrd_status done = run_bouc_wen(m, r, directions, direction, force, columns, own);
+        if (!workspace) workspace_close(own);
+        return done;
+    }
 
-    if (m->law == MRD_SERIES_VALVE) {
+    common_rows rows;
+    mrd_status status = common_open(m, r, directions, direction, &rows);
+    if (status != MRD_OK) return status;
+    if (is_stepped(m->law)) {
         const mrd_direction *way[MRD_DIRECTIONS] = {NULL};
         double *column[MRD_DIRECTIONS] = {NULL};
         size_t ways = 0;
         for (size_t d = 0; d < directions; d++) {
-            const int k = direction[d].coefficient;
-            if (k == C_STIFFNESS || k == C_OFFSET || k >= MRD_COMMON) {
+            if (is_inside(m->law, direction[d].coefficient)) {
                 way[ways] = direction + d;
                 column[ways++] = columns + d * r->n;
             }
         }
-        double *chain = malloc((r->n + 1) * sizeof *chain);
-        if (!chain) return MRD_NO_MEMORY;
-        series_valve_run(m, r, ways, way, chain, column);
-        if (force)
-            for (size_t i = 0; i < r->n; i++) force[i] = chain[i] + common_force(m, r, i);
-        free(chain);
+        double *own = malloc((r->n + 1) * sizeof *own);
+        if (!own) status = MRD_NO_MEMORY;
+        else if (m->law == MRD_LUGRE) lugre_run(m, r, ways, way, own, column);
+        else if (m->law == MRD_SPENCER) status = spencer_run(m, r, ways, way, own, column);
+        else series_valve_run(m, r, ways, way, own, column);
+        if (force && status == MRD_OK) memcpy(force, own, r->n * sizeof *own);
+        free(own);
+        if (status != MRD_OK) {
+            common_close(&rows);
+            return status;
+        }
     } else if (force) {
-        for (size_t i = 0; i < r->n; i++) force[i] = common_force(m, r, i) + algebraic_force(m, r, i);
+        for (size_t i = 0; i < r->n; i++) force[i] = algebraic_force(m, r, i);
     }
+    if (force) common_add(m, r, &rows, force);
     for (size_t d = 0; d < directions; d++) {
         const int k = direction[d].coefficient;
         double *column = columns + d * r->n;
-        if (m->law == MRD_SERIES_VALVE && (k == C_STIFFNESS || k == C_OFFSET || k >= MRD_COMMON)) continue;
-        for (size_t i = 0; i < r->n; i++)
-            column[i] = (k < MRD_COMMON ? common_partial(m, r, k, i) : algebraic_partial(m, r, k, i))
-                      * seed_at(direction + d, i);
+        if (is_stepped(m->law) && is_inside(m->law, k)) continue;
+        if (k < MRD_COMMON) {
+            common_column(m, r, &rows, direction + d, column);
+            continue;
+        }
+        for (size_t i = 0; i < r->n; i++) column[i] = algebraic_partial(m, r, k, i) * seed_at(direction + d, i);
     }
+    common_close(&rows);
     return MRD_OK;
 }
 
@@ -233,35 +265,33 @@ static double moved_state(const curve *c, double w, double travel)
 static mrd_status causal(const mrd_model *m, const mrd_record *r, double *force)
 {
     if (!coefficient_count((int)m->law)) return MRD_NOT_A_LAW;
-    if (!has_state_w(m->law)) return run(m, r, 0, NULL, force, NULL);
+    if (!has_state_w(m->law)) return run(m, r, 0, NULL, force, NULL, NULL);
     const shape_of_law shape = shape_at(m);
     curve *c = malloc(sizeof *c);
     if (!c) return MRD_NO_MEMORY;
     curve_build(c, shape.kappa_value, shape.n_value, 0);
-    double w = 0.0;
+    double w[2] = {0.0, 0.0};
     for (size_t i = 0; i < r->n; i++) {
-        if (i > 0) {
-            if (shape.n >= 0) {
-                const double kappa = coefficient_at(m, shape.kappa, i), n = coefficient_at(m, shape.n, i);
-                if (kappa != c->kappa || n != c->n) curve_build(c, kappa, n, 0);
-            }
-            const double rho = 0.5 * (coefficient_at(m, shape.rho, i - 1) + coefficient_at(m, shape.rho, i));
-            double here = r->x[i - 1];
-            /* A reversal inside the interval just passed: first to the turning point, then back from it. */
-            if (r->v[i - 1] * r->v[i] < 0.0) {
-                const double side = r->v[i] < 0.0 ? 1.0 : -1.0;
-                const double turn = hermite_extremum(here, r->v[i - 1], r->x[i], r->v[i], r->step, side);
-                w = moved_state(c, w, rho * (turn - here));
-                here = turn;
-            }
-            w = moved_state(c, w, rho * (r->x[i] - here));
+        if (i > 0 && shape.n >= 0) {
+            const double kappa = coefficient_at(m, shape.kappa, i), n = coefficient_at(m, shape.n, i);
+            if (kappa != c->kappa || n != c->n) curve_build(c, kappa, n, 0);
         }
-        double amplitude = coefficient_at(m, BW_YIELD, i);
-        if (m->law == MRD_SATURATING) {
-            const double speed = fabs(r->v[i]);
-            amplitude += coefficient_at(m, SAT_RATE, i) * speed / (speed + coefficient_at(m, SAT_VELOCITY, i));
+        force[i] = common_force(m, r, i);
+        for (int e = 0; e < shape.elements; e++) {
+            if (i > 0) {
+                const double rho = coefficient_mean(m, shape.rho[e], i, r->n);
+                double here = r->x[i - 1];
+                /* A reversal inside the interval just passed: first to the turning point, then back from it. */
+                if (r->v[i - 1] * r->v[i] < 0.0) {
+                    const double side = r->v[i] < 0.0 ? 1.0 : -1.0;
+                    const double turn = hermite_extremum(here, r->v[i - 1], r->x[i], r->v[i], r->step, side);
+                    w[e] = moved_state(c, w[e], rho * (turn - here));
+                    here = turn;
+                }
+                w[e] = moved_state(c, w[e], rho * (r->x[i] - here));
+            }
+            force[i] += amplitude_at(m, &shape, e, r->v[i], i) * w[e];
         }
-        force[i] = common_force(m, r, i) + amplitude * w;
     }
     free(c);
     return MRD_OK;
@@ -326,28 +356,27 @@ static mrd_status squared_errors(mrd_law law, size_t runs, const mrd_record *con
     size_t longest = 1;
     for (size_t k = 0; k < runs; k++) longest = records[k]->n > longest ? records[k]->n : longest;
     double *force = malloc(longest * sizeof *force);
-    curve *c = malloc(sizeof *c);
-    mrd_status status = force && c ? MRD_OK : MRD_NO_MEMORY;
-    if (c) c->n = -1.0;
+    mrd_workspace *workspace = workspace_open();
+    mrd_status status = force && workspace ? MRD_OK : MRD_NO_MEMORY;
     for (size_t j = 0; j < candidates && status == MRD_OK; j++) {
         for (size_t k = 0; k < runs && status == MRD_OK; k++) {
             const mrd_model m = {law, coefficients + (j * runs + k) * count, 0};
             const mrd_record *r = records[k];
-            const int friction = m.coefficient[C_COULOMB] != 0.0 || m.coefficient[C_BREAKAWAY] != 0.0;
-            if ((law == MRD_BOUC_WEN || law == MRD_DAHL) && !friction) {
+            const int plain = m.coefficient[C_COULOMB] == 0.0 && m.coefficient[C_BREAKAWAY] == 0.0
+                           && m.coefficient[C_VISCOUS_EXPONENT] == 1.0;
+            if ((law == MRD_BOUC_WEN || law == MRD_DAHL) && plain) {
                 const shape_of_law shape = shape_at(&m);
-                if (shape.kappa_value != c->kappa || shape.n_value != c->n || c->tangents)
-                    curve_build(c, shape.kappa_value, shape.n_value, 0);
+                const curve *c = curve_in(workspace, shape.kappa_value, shape.n_value, 0);
                 errors[j * runs + k] = squared_error_bouc_wen(c, &m, r, measured[k], from[k], m.coefficient[BW_RHO]);
                 continue;
             }
-            status = run(&m, r, 0, NULL, force, NULL);
+            status = run(&m, r, 0, NULL, force, NULL, workspace);
             for (size_t i = 0; i < r->n; i++) force[i] -= measured[k][i];
             errors[j * runs + k] = from[k] < r->n ? sum_of_products(force + from[k], force + from[k], r->n - from[k]) : 0.0;
         }
     }
     free(force);
-    free(c);
+    workspace_close(workspace);
     return status;
 }
 
@@ -365,27 +394,4 @@ static void curve_values(double kappa, double n, size_t count, const double *tau
         by_n[i] = at.by_n;
     }
     free(c);
-}
-
-/* First-order lag of a command that is linear between samples, and its derivative by the lag. */
-static void first_order_lag(size_t n, double step, double lag, const double *command, double *applied, double *by_lag)
-{
-    if (!n) return;
-    applied[0] = command[0];
-    by_lag[0] = 0.0;
-    if (!(lag > 0.0)) {
-        for (size_t i = 1; i < n; i++) {
-            applied[i] = command[i];
-            by_lag[i] = -(command[i] - command[i - 1]) / step;
-        }
-        return;
-    }
-    const double decay = exp(-step / lag), decay_by = decay * step / (lag * lag);
-    for (size_t i = 1; i < n; i++) {
-        /* Exact for a ramp c0 + s t: response c - s lag + (a0 - c0 + s lag) decay. */
-        const double slope = (command[i] - command[i - 1]) / step;
-        const double gap = applied[i - 1] - command[i - 1] + slope * lag;
-        applied[i] = command[i] - slope * lag + gap * decay;
-        by_lag[i] = -slope + (by_lag[i - 1] + slope) * decay + gap * decay_by;
-    }
 }

@@ -52,7 +52,7 @@ static void record_close(mrd_record *r)
     r->turn = r->side = r->path = r->stage_x = r->stage_v = NULL;
 }
 
-/* Stages of the two-stage implicit step (series_valve.c) on the Hermite interpolant. */
+/* Stages of the two-stage implicit step (series_valve.c, spencer.c) on the Hermite interpolant. */
 static void record_stages(mrd_record *r)
 {
     const double gamma = 1.0 - sqrt(0.5);

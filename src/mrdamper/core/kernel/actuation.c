@@ -1,0 +1,31 @@
+/* What lies between a command and the field: first-order lags, with their own times up and down.
+ *
+ * The lag is `rise` while the size of the command is above the size of what is applied, else `fall`.
+ */
+
+/* Response to a command that is linear between samples, and its derivative by the lag in force (exact where
+ * rise and fall are one lag). It starts settled. */
+static void first_order_lag(size_t n, double step, double rise, double fall, const double *command, double *applied,
+                            double *by_lag)
+{
+    if (!n) return;
+    applied[0] = command[0];
+    by_lag[0] = 0.0;
+    const double lags[2] = {fall, rise};
+    double decays[2];
+    for (int k = 0; k < 2; k++) decays[k] = lags[k] > 0.0 ? exp(-step / lags[k]) : 0.0;
+    for (size_t i = 1; i < n; i++) {
+        const int rising = fabs(command[i]) > fabs(applied[i - 1]);
+        const double lag = lags[rising], decay = decays[rising];
+        const double slope = (command[i] - command[i - 1]) / step;
+        if (!(lag > 0.0)) {
+            applied[i] = command[i];
+            by_lag[i] = -slope;
+            continue;
+        }
+        /* Exact for a ramp c0 + s t: response c - s lag + (a0 - c0 + s lag) decay. */
+        const double gap = applied[i - 1] - command[i - 1] + slope * lag;
+        applied[i] = command[i] - slope * lag + gap * decay;
+        by_lag[i] = -slope + (by_lag[i - 1] + slope) * decay + gap * decay * step / (lag * lag);
+    }
+}

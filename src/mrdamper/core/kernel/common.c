@@ -1,0 +1,142 @@
+/* Terms common to all laws: viscous force, spring, offset, inertia, Stribeck friction.
+ *
+ * Along a record the three expensive functions of velocity (a power, an exponential, a hyperbolic tangent) are
+ * worked out once and shared by the force and all its partial derivatives.
+ */
+
+static inline double tanh_of(double u)
+{
+    const double decay = exp(-2.0 * fabs(u)), size = (1.0 - decay) / (1.0 + decay);
+    return u < 0.0 ? -size : size;
+}
+
+/* Speed to the viscous exponent, scaled to be the speed itself at MRD_VISCOUS_SPEED. */
+static inline double viscous_speed(double v, double exponent)
+{
+    if (exponent == 1.0 || v == 0.0) return v;
+    return v * exp((exponent - 1.0) * log(fabs(v) / MRD_VISCOUS_SPEED));
+}
+
+static inline double stribeck_fade(const mrd_model *m, double v, size_t i)
+{
+    const double ratio = v / coefficient_at(m, C_STRIBECK, i);
+    return exp(-ratio * ratio);
+}
+
+static inline double friction_side(const mrd_model *m, double v, size_t i)
+{
+    return tanh_of(v / coefficient_at(m, C_TRANSITION, i));
+}
+
+static int has_friction(const mrd_model *m, size_t n)
+{
+    for (size_t i = 0; i < (m->stride ? n : 1); i++)
+        if (coefficient_at(m, C_COULOMB, i) != 0.0 || coefficient_at(m, C_BREAKAWAY, i) != 0.0) return 1;
+    return 0;
+}
+
+/* The force of these terms at one sample. */
+static inline double common_force(const mrd_model *m, const mrd_record *r, size_t i)
+{
+    const double v = r->v[i], viscosity = coefficient_at(m, C_VISCOSITY, i);
+    double f = coefficient_at(m, C_MASS, i) * r->a[i];
+    if (viscosity != 0.0) f += viscosity * viscous_speed(v, coefficient_at(m, C_VISCOUS_EXPONENT, i));
+    if (m->law != MRD_SERIES_VALVE) f += coefficient_at(m, C_STIFFNESS, i) * r->x[i] + coefficient_at(m, C_OFFSET, i);
+    const double coulomb = coefficient_at(m, C_COULOMB, i), breakaway = coefficient_at(m, C_BREAKAWAY, i);
+    if (coulomb != 0.0 || breakaway != 0.0)
+        f += (coulomb + breakaway * stribeck_fade(m, v, i)) * friction_side(m, v, i);
+    return f;
+}
+
+/* What force and partial derivatives share along a record; the rows that nobody needs are NULL. */
+typedef struct {
+    const double *power; /* viscous speed */
+    double *fade, *side; /* of the friction */
+    double *store;
+} common_rows;
+
+static mrd_status common_open(const mrd_model *m, const mrd_record *r, size_t directions, const mrd_direction *direction,
+                              common_rows *rows)
+{
+    int viscous = 0, friction = has_friction(m, r->n);
+    for (size_t d = 0; d < directions; d++) {
+        const int k = direction[d].coefficient;
+        viscous |= k == C_VISCOSITY || k == C_VISCOUS_EXPONENT;
+        friction |= k == C_COULOMB || k == C_BREAKAWAY || k == C_STRIBECK || k == C_TRANSITION;
+    }
+    for (size_t i = 0; !viscous && i < (m->stride ? r->n : 1); i++) viscous = coefficient_at(m, C_VISCOSITY, i) != 0.0;
+    rows->fade = rows->side = NULL;
+    rows->power = NULL;
+    rows->store = malloc((3 * r->n + 1) * sizeof *rows->store);
+    if (!rows->store) return MRD_NO_MEMORY;
+    if (viscous) {
+        const int bent = m->stride || coefficient_at(m, C_VISCOUS_EXPONENT, 0) != 1.0;
+        double *power = rows->store;
+        for (size_t i = 0; bent && i < r->n; i++)
+            power[i] = viscous_speed(r->v[i], coefficient_at(m, C_VISCOUS_EXPONENT, i));
+        rows->power = bent ? power : r->v;
+    }
+    if (friction) {
+        rows->fade = rows->store + r->n;
+        rows->side = rows->store + 2 * r->n;
+        for (size_t i = 0; i < r->n; i++) rows->fade[i] = stribeck_fade(m, r->v[i], i);
+        for (size_t i = 0; i < r->n; i++) rows->side[i] = friction_side(m, r->v[i], i);
+    }
+    return MRD_OK;
+}
+
+static void common_close(common_rows *rows) { free(rows->store); }
+
+/* The force of these terms along a record, added to what is there. */
+static void common_add(const mrd_model *m, const mrd_record *r, const common_rows *rows, double *restrict force)
+{
+    const int chain = m->law == MRD_SERIES_VALVE;
+    for (size_t i = 0; i < r->n; i++) {
+        double f = coefficient_at(m, C_MASS, i) * r->a[i];
+        if (rows->power) f += coefficient_at(m, C_VISCOSITY, i) * rows->power[i];
+        if (!chain) f += coefficient_at(m, C_STIFFNESS, i) * r->x[i] + coefficient_at(m, C_OFFSET, i);
+        if (rows->side)
+            f += (coefficient_at(m, C_COULOMB, i) + coefficient_at(m, C_BREAKAWAY, i) * rows->fade[i]) * rows->side[i];
+        force[i] += f;
+    }
+}
+
+/* The partial derivative by one of the common coefficients along a record, times the direction's seed. */
+static void common_column(const mrd_model *m, const mrd_record *r, const common_rows *rows, const mrd_direction *d,
+                          double *restrict column)
+{
+    const double *restrict side = rows->side, *restrict fade = rows->fade, *restrict power = rows->power;
+    const size_t n = r->n;
+    switch (d->coefficient) {
+    case C_VISCOSITY: memcpy(column, power, n * sizeof *column); break;
+    case C_MASS: memcpy(column, r->a, n * sizeof *column); break;
+    case C_STIFFNESS: memcpy(column, r->x, n * sizeof *column); break;
+    case C_COULOMB: memcpy(column, side, n * sizeof *column); break;
+    case C_OFFSET:
+        for (size_t i = 0; i < n; i++) column[i] = 1.0;
+        break;
+    case C_BREAKAWAY:
+        for (size_t i = 0; i < n; i++) column[i] = fade[i] * side[i];
+        break;
+    case C_STRIBECK:
+        for (size_t i = 0; i < n; i++) {
+            const double v = r->v[i], vs = coefficient_at(m, C_STRIBECK, i);
+            column[i] = coefficient_at(m, C_BREAKAWAY, i) * fade[i] * side[i] * 2.0 * v * v / (vs * vs * vs);
+        }
+        break;
+    case C_TRANSITION:
+        for (size_t i = 0; i < n; i++) {
+            const double vt = coefficient_at(m, C_TRANSITION, i);
+            const double level = coefficient_at(m, C_COULOMB, i) + coefficient_at(m, C_BREAKAWAY, i) * fade[i];
+            column[i] = -level * (1.0 - side[i] * side[i]) * r->v[i] / (vt * vt);
+        }
+        break;
+    default: /* C_VISCOUS_EXPONENT */
+        for (size_t i = 0; i < n; i++) {
+            const double size = fabs(r->v[i]);
+            column[i] = size > 0.0 ? coefficient_at(m, C_VISCOSITY, i) * power[i] * log(size / MRD_VISCOUS_SPEED) : 0.0;
+        }
+    }
+    if (d->seed)
+        for (size_t i = 0; i < n; i++) column[i] *= d->seed[d->stride * i];
+}

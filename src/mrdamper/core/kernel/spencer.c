@@ -1,0 +1,242 @@
+/* Spencer's law: a dashpot in series with a Bouc-Wen element that has a dashpot and a spring beside it.
+ *
+ *     F  = c1 y'                                     series dashpot over the travel y
+ *        = Fy w + c0 (v - y') + k0 (x - y)           inner part over the travel e = x - y
+ *
+ * w follows the universal curve along e. The state is y and a place on the curve: the direction of e, where it was
+ * last read, and tau there. tau grows by rho |de| while e keeps its direction, so the curve is inverted only where e
+ * turns back. A step is the two-stage L-stable SDIRK of order two; each stage is one scalar equation R(q) = 0 for the
+ * dashpot's velocity q, strictly increasing (w rises with e, and e falls with q), between bounds that |w| <= 1 gives
+ * beforehand. Only the sample interval just passed is looked at: record form and per-sample form are one.
+ */
+
+typedef struct {
+    double yield, series, viscosity, stiffness, rho;
+} spencer;
+
+/* The coefficients at sample i, or their means over the sample interval that ends there. */
+static spencer spencer_at(const mrd_model *m, size_t i, size_t n, int mean)
+{
+#define AT(k) (mean ? coefficient_mean(m, k, i, n) : coefficient_at(m, k, i))
+    const spencer out = {AT(SP_YIELD), AT(SP_SERIES), AT(SP_VISCOSITY), AT(SP_STIFFNESS), AT(SP_RHO)};
+#undef AT
+    return out;
+}
+
+/* A place on the curve: w = side Y(tau) at the inner travel e. */
+typedef struct {
+    double e, side, tau;
+    double back; /* tau after turning back here */
+    int back_known;
+} place;
+
+/* Where the curve is left behind at the travel e, from a place on it: forward, or turned back. */
+static inline place place_moved(const curve *c, place *from, double rho, double e)
+{
+    place to = {e, from->side, from->tau, 0.0, 0};
+    double ahead = from->side * (e - from->e);
+    if (ahead < 0.0) {
+        if (!from->back_known) {
+            from->back = turned(c, from->tau);
+            from->back_known = 1;
+        }
+        to.side = -from->side;
+        to.tau = from->back;
+        ahead = -ahead;
+    }
+    to.tau += rho * ahead;
+    return to;
+}
+
+/* w at a place, and its slope by tau. */
+static inline double place_value(const curve *c, const place *p, double *slope)
+{
+    const branch *b = p->tau >= 0.0 ? &c->rise : &c->fall;
+    const double t = fabs(p->tau) + b->offset, at = t < b->top ? t : b->top;
+    const double u = cubic_at(b->cell, b->base, b->shift, at);
+    *slope = t < b->top ? slope_at(b->cell, b->base, b->shift, at) : 0.0;
+    return p->tau >= 0.0 ? p->side * u : -p->side * u;
+}
+
+typedef struct {
+    double q;     /* velocity of the series dashpot [m/s] */
+    double slope; /* dR/dq [N s/m] */
+    double w, rise; /* state, and its slope by tau */
+    place at;
+} spencer_stage;
+
+/* Solve one stage: R(q) = (c0 + c1) q - c0 v - k0 e - Fy w(e) with e = x - base - h q. `guess` is the q expected. */
+static void spencer_solve(const curve *table, const spencer *c, double x, double v, double base, double h, double guess,
+                          place *from, spencer_stage *s)
+{
+    const double rigid = c->series + c->viscosity, least = rigid + h * c->stiffness;
+    const double middle = (c->viscosity * v + c->stiffness * (x - base)) / least, half = c->yield / least;
+    double low = middle - half, high = middle + half, q = guess;
+    /* Where e comes back to where it was read last: the one kink of R, and where Newton does well to begin again. */
+    const double kink = (x - base - from->e) / h;
+    int kink_tried = 0;
+    /* q over which tau moves by one, and the part of R that rounding of the travel leaves unknown. */
+    const double unit = 1.0 / (c->rho * h), unknown = 2e-16 * c->yield * c->rho * (fabs(x) + fabs(base));
+    if (!(q >= low && q <= high)) q = q < low ? low : high;
+    for (int i = 0; i < 200; i++) {
+        const double e = x - (base + h * q);
+        s->at = place_moved(table, from, c->rho, e);
+        s->w = place_value(table, &s->at, &s->rise);
+        s->slope = least + h * c->yield * c->rho * s->rise;
+        const double residual = rigid * q - c->viscosity * v - c->stiffness * e - c->yield * s->w;
+        const double size = fabs(rigid * q) + fabs(c->viscosity * v) + c->yield;
+        const double next = q - residual / s->slope, ahead = next - q;
+        if (fabs(residual) <= 1e-14 * size + unknown || ahead == 0.0) break;
+        if (fabs(residual) <= 1e-8 * size && fabs(ahead) <= 1e-7 * unit && next > low && next < high) {
+            /* One more Newton step without a new look-up: the error is the square of this one. */
+            const place moved = place_moved(table, from, c->rho, x - (base + h * next));
+            if (moved.side == s->at.side) {
+                s->w -= s->rise * c->rho * h * ahead;
+                s->at = moved;
+                q = next;
+                break;
+            }
+        }
+        if (residual > 0.0) high = q;
+        else low = q;
+        double moved = next;
+        if (!(next > low && next < high)) {
+            if (!kink_tried && kink > low && kink < high) {
+                kink_tried = 1;
+                moved = kink;
+            } else {
+                moved = 0.5 * (low + high);
+            }
+            if (!(moved > low && moved < high)) break;
+        }
+        q = moved;
+    }
+    s->q = q;
+}
+
+/* What the stages of a direction's derivative carry along. */
+typedef struct {
+    double y, tau; /* of the dashpot's travel (the inner travel moves by -y), and of the place on the curve */
+} spencer_tangent;
+
+/* Derivative of tau over a turn at a place: from tau there to tau after turning back. */
+static inline double turned_tangent(const curve_point *end, const curve_point *begin, double tau_by, double n_by,
+                                    double kappa_by)
+{
+    if (!(begin->slope > 1e-9)) return 0.0;
+    const double w_by = end->slope * tau_by + end->by_n * n_by + end->by_kappa * kappa_by;
+    return (-w_by - begin->by_n * n_by - begin->by_kappa * kappa_by) / begin->slope;
+}
+
+/* Force of the law at sample i, and its derivatives: F = c1 (v - e') with the sample's own coefficients. */
+static inline double spencer_force(const mrd_model *m, const mrd_record *r, size_t i, double y, const curve *table,
+                                   const place *at, size_t ways, const mrd_direction *const *way,
+                                   const spencer_tangent *by, double *const *column)
+{
+    const spencer c = spencer_at(m, i, r->n, 0);
+    const double v = r->v[i], e = r->x[i] - y, rigid = c.series + c.viscosity;
+    double rise;
+    const double w = place_value(table, at, &rise);
+    const double inner = c.viscosity * v + c.stiffness * e + c.yield * w, share = c.series / rigid;
+    curve_point p = {0.0, 0.0, 0.0, 0.0};
+    if (ways) p = curve_at(table, at->tau);
+    for (size_t d = 0; d < ways; d++) {
+        const double s = seed_at(way[d], i);
+        double inner_by = -c.stiffness * by[d].y + c.yield * at->side * rise * by[d].tau, share_by = 0.0;
+        switch (way[d]->coefficient) {
+        case SP_YIELD: inner_by += w * s; break;
+        case SP_SERIES: share_by = c.viscosity / (rigid * rigid) * s; break;
+        case SP_VISCOSITY:
+            inner_by += v * s;
+            share_by = -c.series / (rigid * rigid) * s;
+            break;
+        case SP_STIFFNESS: inner_by += e * s; break;
+        case SP_KAPPA: inner_by += c.yield * at->side * p.by_kappa * s; break;
+        case SP_N: inner_by += c.yield * at->side * p.by_n * s; break;
+        default: break;
+        }
+        column[d][i] = share * inner_by + share_by * inner;
+    }
+    return share * inner;
+}
+
+/* Derivatives of a stage: of the place reached, of the dashpot's travel there, and dq. `from` is the place before it. */
+static inline void spencer_tangents(const curve *table, const spencer *c, double v, double h, const place *from,
+                                    const spencer_stage *s, size_t ways, const mrd_direction *const *way,
+                                    const double *seed, const double *base_by, spencer_tangent *by, double *q_by)
+{
+    const int back = s->at.side != from->side;
+    const double side = s->at.side, ahead = side * (s->at.e - from->e);
+    const curve_point here = curve_at(table, s->at.tau);
+    curve_point end = here, begin = here;
+    if (back) {
+        end = curve_at(table, from->tau);
+        begin = curve_at(table, from->back);
+    }
+    for (size_t d = 0; d < ways; d++) {
+        const int k = way[d]->coefficient;
+        const double n_by = k == SP_N ? seed[d] : 0.0, kappa_by = k == SP_KAPPA ? seed[d] : 0.0;
+        double tau_by = back ? turned_tangent(&end, &begin, by[d].tau, n_by, kappa_by) : by[d].tau;
+        if (k == SP_RHO) tau_by += ahead * seed[d];
+        /* With q held: e moves by -base_by. */
+        tau_by += c->rho * side * (by[d].y - base_by[d]);
+        const double w_by = side * (s->rise * tau_by + here.by_n * n_by + here.by_kappa * kappa_by);
+        double residual_by = c->stiffness * base_by[d] - c->yield * w_by;
+        switch (k) {
+        case SP_YIELD: residual_by -= s->w * seed[d]; break;
+        case SP_SERIES: residual_by += s->q * seed[d]; break;
+        case SP_VISCOSITY: residual_by += (s->q - v) * seed[d]; break;
+        case SP_STIFFNESS: residual_by -= s->at.e * seed[d]; break;
+        default: break;
+        }
+        q_by[d] = -residual_by / s->slope;
+        by[d].y = base_by[d] + h * q_by[d];
+        by[d].tau = tau_by - c->rho * side * h * q_by[d];
+    }
+}
+
+/* Force of the law along a record, and its derivatives by `ways` directions of the law's own coefficients. */
+static mrd_status spencer_run(const mrd_model *m, const mrd_record *r, size_t ways, const mrd_direction *const *way,
+                              double *force, double *const *column)
+{
+    if (varies(m, SP_KAPPA, r->n) || varies(m, SP_N, r->n)) return MRD_SHAPE_VARIES;
+    curve *table = malloc(sizeof *table);
+    if (!table) return MRD_NO_MEMORY;
+    curve_build(table, coefficient_at(m, SP_KAPPA, 0), coefficient_at(m, SP_N, 0), ways > 0);
+
+    const double gamma = 1.0 - sqrt(0.5), h = r->step / (double)r->substeps;
+    spencer c = spencer_at(m, 0, r->n, 0);
+    spencer_tangent by[MRD_DIRECTIONS];
+    double seed[MRD_DIRECTIONS], base_by[MRD_DIRECTIONS], q_by[MRD_DIRECTIONS];
+    for (size_t d = 0; d < ways; d++) by[d].y = by[d].tau = 0.0;
+    place at = {0.0, 1.0, 0.0, 0.0, 0};
+    double y = r->x[0], q_last = c.viscosity * r->v[0] / (c.series + c.viscosity), q_rate = 0.0;
+    spencer_stage s;
+    force[0] = spencer_force(m, r, 0, y, table, &at, ways, way, by, column);
+    for (size_t i = 1; i < r->n; i++) {
+        if (m->stride) c = spencer_at(m, i, r->n, 1);
+        for (size_t d = 0; d < ways; d++) seed[d] = seed_mean(way[d], i, r->n);
+        for (size_t j = 0; j < r->substeps; j++) {
+            const size_t first = 2 * (i * r->substeps + j);
+            double base = y;
+            for (size_t d = 0; d < ways; d++) base_by[d] = by[d].y;
+            for (size_t stage = 0; stage < 2; stage++) {
+                const double x = r->stage_x[first + stage], v = r->stage_v[first + stage];
+                const double ahead = (stage ? 1.0 - gamma : gamma) * h;
+                spencer_solve(table, &c, x, v, base, gamma * h, q_last + ahead * q_rate, &at, &s);
+                if (ways) {
+                    spencer_tangents(table, &c, v, gamma * h, &at, &s, ways, way, seed, base_by, by, q_by);
+                    for (size_t d = 0; d < ways && !stage; d++) base_by[d] += (1.0 - gamma) * h * q_by[d];
+                }
+                q_rate = (s.q - q_last) / ahead;
+                q_last = s.q;
+                at = s.at;
+                if (stage) y = base + gamma * h * s.q;
+                else base = y + (1.0 - gamma) * h * s.q;
+            }
+        }
+        force[i] = spencer_force(m, r, i, y, table, &at, ways, way, by, column);
+    }
+    free(table);
+    return MRD_OK;
+}

@@ -1,0 +1,202 @@
+"""Rheometer tables: viscosity over temperature, yield stress over field and temperature, in SI.
+
+A header says its quantity and its unit: ``temperature_degC``, ``viscosity_mPas``, ``field_mT`` (flux density)
+or ``field_kA_m`` (field strength), ``yield_stress_kPa``; ``Viscosity [mPa s]``, ``Temperature (degC)`` and
+``eta / Pa s`` are read alike. A unit is never guessed. What the columns follow is the business of
+``models.viscosity_fit`` and ``models.yield_fit``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from mrdamper.data.tables import read_table
+from mrdamper.errors import InputError
+from mrdamper.quantities import QUANTITIES, FloatArray, to_si
+
+__all__ = ["RheometerTable", "read_rheometer"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RheometerTable:
+    """What one rheometer table holds, in SI; a quantity it does not hold is ``None``.
+
+    ``viscosity`` is (temperature [K], viscosity [Pa s]); ``yield_stress`` (field, temperature [K],
+    stress [Pa]), the field in ``field_unit``: "T" (flux density) or "A/m" (field strength).
+    """
+
+    name: str
+    viscosity: tuple[FloatArray, FloatArray] | None
+    yield_stress: tuple[FloatArray, FloatArray, FloatArray] | None
+    field_unit: str
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class _Quantity:
+    """How a quantity is named in headers (longest word first), its units, and headers to offer."""
+
+    words: tuple[str, ...]
+    units: Mapping[str, tuple[float, str]]  # spelling without blanks, dots, strokes -> (factor, SI unit)
+    offered: str
+
+
+_QUANTITIES: Mapping[str, _Quantity] = MappingProxyType(
+    {
+        "temperature": _Quantity(("temperature", "temp", "T"), {}, "temperature_degC or temperature_K"),
+        "viscosity": _Quantity(
+            ("dynamic viscosity", "viscosity", "eta"),
+            {"Pas": (1.0, "Pa s"), "mPas": (1e-3, "Pa s"), "cP": (1e-3, "Pa s")},
+            "viscosity_Pas or viscosity_mPas",
+        ),
+        "yield stress": _Quantity(
+            ("shear yield stress", "dynamic yield stress", "static yield stress", "yield stress", "tau y"),
+            {"Pa": (1.0, "Pa"), "kPa": (1e3, "Pa")},
+            "yield_stress_Pa or yield_stress_kPa",
+        ),
+        "field": _Quantity(
+            ("magnetic flux density", "magnetic field", "flux density", "field strength", "field", "B", "H"),
+            {"T": (1.0, "T"), "mT": (1e-3, "T"), "Am": (1.0, "A/m"), "kAm": (1e3, "A/m")},
+            "field_mT, field_T or field_kA_m",
+        ),
+    }
+)
+
+
+def read_rheometer(path: str | Path) -> RheometerTable:
+    """Return the rheometer table in a file.
+
+    Rows that lack a cell which a law needs stay out of it, and so do viscosities in a field.
+
+    Raises
+    ------
+    InputError
+        A column is missing, comes twice, or has no unit of its quantity; a temperature is not plausible.
+    """
+    file = Path(path)
+    table = read_table(file)
+    place = file.name
+    headers = {what: header for what in _QUANTITIES if (header := _find_column(what, table.names, place))}
+    found = ", ".join(map(repr, table.names))
+    for what, needed in _needed(headers):
+        if needed not in headers:
+            raise InputError(f"{place}: {what} but no {needed} among {found}; expected {_offer(needed)}")
+    if not {"viscosity", "yield stress"} & headers.keys():
+        raise InputError(
+            f"{place}: neither viscosity nor yield stress among {found}; expected {_offer('viscosity')}, or "
+            f"{_offer('yield stress')} with {_offer('field')}"
+        )
+    columns: dict[str, FloatArray] = {}
+    units: dict[str, str] = {}
+    for what, header in headers.items():
+        if header not in table.columns:
+            raise InputError(f"{place}: column {header!r} holds text; expected numbers")
+        columns[what], units[what] = _to_si(table.columns[header], what, header, place)
+    _require_plausible(columns["temperature"], headers["temperature"], place)
+    notes = [f"{place}: column {name!r} is not used" for name in table.names if name not in headers.values()]
+    viscosity = yield_stress = None
+    if "viscosity" in columns:
+        two = [columns["temperature"], _at_rest(columns, notes, place)]
+        kelvin, eta = _whole_rows(two, "viscosity", place)
+        viscosity = (kelvin, eta)
+    if "yield stress" in columns:
+        three = [columns[what] for what in ("field", "temperature", "yield stress")]
+        field, kelvin, stress = _whole_rows(three, "yield stress", place)
+        yield_stress = (field, kelvin, stress)
+    empty = np.isnan([columns[what] for what in ("viscosity", "yield stress") if what in columns]).all(axis=0)
+    if empty.any():
+        notes.append(f"{place}: rows without a value left out: {np.count_nonzero(empty)}")
+    return RheometerTable(place, viscosity, yield_stress, units.get("field", ""), tuple(notes))
+
+
+def _needed(headers: Mapping[str, str]) -> list[tuple[str, str]]:
+    """Return which quantity needs which other."""
+    pairs = (("viscosity", "temperature"), ("yield stress", "temperature"), ("yield stress", "field"))
+    return [(what, needed) for what, needed in pairs if what in headers]
+
+
+def _offer(what: str) -> str:
+    return f"a header such as {_QUANTITIES[what].offered}"
+
+
+def _find_column(what: str, names: Sequence[str], place: str) -> str | None:
+    """Return the header of a quantity; one with a unit of the quantity goes before one without."""
+    named = [(name, unit) for name in names if (unit := _unit_in(name, what)) is not None]
+    good = [name for name, unit in named if _factor(what, unit) is not None]
+    if len(good) > 1:
+        raise InputError(
+            f"{place}: {len(good)} columns hold the {what}: {', '.join(map(repr, good))}; expected one. Give "
+            "each its own table"
+        )
+    if named and not good:
+        name, unit = named[0]
+        said = f"unit {unit!r} in {name!r} is not a unit of {what}" if unit else f"{name!r} has no unit"
+        raise InputError(f"{place}: {said}; expected {_offer(what)}")
+    return good[0] if good else None
+
+
+def _unit_in(header: str, what: str) -> str | None:
+    """Return the unit that a header of a quantity ends with ("" for none), None for another quantity's."""
+    for word in _QUANTITIES[what].words:
+        spelled = word.replace(" ", r"[\s_]+")
+        case = re.IGNORECASE if len(word) > 1 else re.NOFLAG
+        match = re.fullmatch(rf"(?:{spelled})(?:[\s_/\[({{,]+(.*?)[\])}}]*)?\s*", header.strip(), case)
+        if match:
+            return (match[1] or "").strip()
+    return None
+
+
+def _factor(what: str, unit: str) -> tuple[float, str] | None:
+    """Return what leads from a unit to SI, None for no unit of the quantity."""
+    if what == "temperature":
+        try:
+            to_si(0.0, unit, "temperature")
+        except InputError:
+            return None
+        return 1.0, "K"
+    return _QUANTITIES[what].units.get(re.sub(r"[\s._*·/-]|(?<=m)\^?-1", "", unit))
+
+
+def _to_si(raw: FloatArray, what: str, header: str, place: str) -> tuple[FloatArray, str]:
+    """Return a column in SI and its SI unit."""
+    unit = _unit_in(header, what) or ""
+    if what == "temperature":
+        return to_si(raw, unit, "temperature"), "K"
+    factor = _factor(what, unit)
+    if factor is None:
+        raise InputError(f"{place}: {header!r} has no unit of {what}; expected {_offer(what)}")
+    return raw * factor[0], factor[1]
+
+
+def _require_plausible(kelvin: FloatArray, header: str, place: str) -> None:
+    low, high = QUANTITIES["temperature"].low, QUANTITIES["temperature"].high
+    bad = np.isfinite(kelvin) & ~((kelvin >= low) & (kelvin <= high))
+    if bad.any():
+        raise InputError(
+            f"{place}: {header!r} holds {kelvin[bad][0]:g} K ({np.count_nonzero(bad)} such rows); expected "
+            f"{low:g} to {high:g} K. Check the unit in the header"
+        )
+
+
+def _at_rest(columns: Mapping[str, FloatArray], notes: list[str], place: str) -> FloatArray:
+    """Return the viscosities without field: those in a field are another quantity."""
+    viscosity = columns["viscosity"]
+    in_field = np.isfinite(viscosity) & (np.nan_to_num(columns.get("field", np.zeros(1))) != 0.0)
+    if not in_field.any():
+        return viscosity
+    notes.append(f"{place}: viscosities in a field left out: {np.count_nonzero(in_field)}")
+    return np.where(in_field, np.nan, viscosity)
+
+
+def _whole_rows(columns: Sequence[FloatArray], what: str, place: str) -> list[FloatArray]:
+    """Return the rows of columns that have every cell."""
+    whole = np.all([np.isfinite(column) for column in columns], axis=0)
+    if not whole.any():
+        raise InputError(f"{place}: no row has every cell that a {what} law needs; fill them in")
+    return [column[whole] for column in columns]

@@ -1,0 +1,163 @@
+"""The actuation identified: delay and lags between command and force, from runs whose command steps.
+
+The damper's law is fitted on runs at constant command first and stands still here. Around every change of
+the command the measured force is compared with the damper's, driven through a delay and two lags; in each
+such window a gain and an offset are free, so that what the law gets wrong in level says nothing about time.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from mrdamper.data.prepare import PreparedRun
+from mrdamper.errors import ConvergenceError, InputError
+from mrdamper.models.actuation import Actuation
+from mrdamper.models.damper import Damper
+from mrdamper.models.simulate import Drive, open_drive, simulate
+from mrdamper.quantities import FloatArray
+
+__all__ = ["ActuationFit", "fit_actuation", "steps_of"]
+
+_BEFORE_S, _AFTER_S = 0.02, 0.15  # of a window around a change of the command
+_STEP = 0.05  # of the command's range: a smaller change opens no window
+_LEAST_MOVED_N = 5.0  # a window in which the damper's force moves by less tells nothing
+_LONGEST_S = 0.3
+_SHORTEST_S = 1e-4
+_NAMES = ("rise_s", "fall_s", "second_s", "delay_s")
+
+
+@dataclass(frozen=True, slots=True)
+class ActuationFit:
+    """An identified actuation, its standard errors, and how well it follows the steps."""
+
+    actuation: Actuation
+    standard_errors: dict[str, float]  # of rise_s, fall_s, second_s, delay_s [s]; NaN on a bound
+    t63_s: float  # from a step up of the command to 63 % of the way
+    t90_s: float
+    rmse_N: float  # in the windows, level taken out
+    unlagged_rmse_N: float  # the same without an actuation
+    windows: int
+    cpu_s: float
+
+
+def steps_of(command: FloatArray, step: float) -> list[slice]:
+    """Return the windows around the changes of a command; windows that touch are one."""
+    span = float(np.ptp(command))
+    near = max(round(0.01 / step), 1)  # a change within 10 ms counts as one step
+    moved = np.abs(command[near:] - command[:-near]) > _STEP * span if span > 0.0 else np.zeros(0, dtype=bool)
+    windows: list[slice] = []
+    for k in np.flatnonzero(moved).tolist():
+        start = max(k - round(_BEFORE_S / step), 0)
+        stop = min(k + near + round(_AFTER_S / step), len(command))
+        if windows and start <= windows[-1].stop:
+            windows[-1] = slice(windows[-1].start, stop)
+        else:
+            windows.append(slice(start, stop))
+    return windows
+
+
+def fit_actuation(
+    damper: Damper, runs: Sequence[PreparedRun], *, resistance_20_ohm: float | None = None
+) -> ActuationFit:
+    """Fit delay, rise, fall and second lag to runs whose command varies.
+
+    Raises
+    ------
+    InputError
+        No run in which a step of the command moves the force.
+    ConvergenceError
+        The search ended without a finite error.
+    """
+    clock = time.process_time()
+    still = replace(damper, command_lag_s=0.0, actuation=None)
+    stretches: list[tuple[Drive, FloatArray, list[slice]]] = []
+    for run in runs:
+        drive = open_drive(run.trajectory)
+        force = simulate(still, drive)
+        windows = [
+            window
+            for window in steps_of(run.trajectory.command, run.trajectory.step)
+            if np.ptp(force[window]) > _LEAST_MOVED_N and window.start >= run.scored_from
+        ]
+        if windows:
+            stretches.append((drive, run.force, windows))
+    if not stretches:
+        raise InputError(
+            "no run has a step of the command that moves the force; expected runs such as a triangle of "
+            "constant speed with the current stepped at mid-stroke. Without one the lags are unknown"
+        )
+    largest = max(float(np.abs(run.trajectory.command).max()) for run in runs)
+
+    def made(point: FloatArray) -> Actuation:
+        rise, fall = np.exp(point[:2]).tolist()
+        return Actuation(rise, fall, float(point[2]), float(point[3]), resistance_20_ohm, largest)
+
+    def residual(actuation: Actuation | None) -> FloatArray:
+        moved = replace(still, actuation=actuation)
+        parts = []
+        for drive, measured, windows in stretches:
+            force = simulate(moved, drive)
+            parts += [_level_free(force[window], measured[window]) for window in windows]
+        return np.concatenate(parts)
+
+    low = np.array([np.log(_SHORTEST_S)] * 2 + [0.0, 0.0])
+    high = np.array([np.log(_LONGEST_S)] * 2 + [_LONGEST_S, 0.1])
+
+    def wrong(point: FloatArray) -> FloatArray:
+        return residual(made(point))
+
+    found = None
+    for slow in (0.008, 0.03):  # the second start only where the first has not explained much
+        start = np.array([np.log(slow)] * 2 + [0.3 * slow, 0.1 * slow])
+        tried = least_squares(
+            wrong,
+            start,
+            bounds=(low, high),
+            x_scale=[0.3, 0.3, 2e-3, 1e-3],
+            diff_step=[1e-4] * 4,
+        )
+        if found is None or tried.cost < found.cost:
+            found = tried
+    if found is None or not np.isfinite(found.cost):
+        raise ConvergenceError(
+            "actuation: no finite error; check that current and force belong together in time"
+        )
+    actuation = made(found.x)
+    return ActuationFit(
+        actuation=actuation,
+        standard_errors=_errors(np.asarray(found.jac), found.fun, found.x, (low, high)),
+        t63_s=actuation.response_time(0.63),
+        t90_s=actuation.response_time(0.9),
+        rmse_N=float(np.sqrt(np.mean(found.fun**2))),
+        unlagged_rmse_N=float(np.sqrt(np.mean(residual(None) ** 2))),
+        windows=sum(len(windows) for _, _, windows in stretches),
+        cpu_s=time.process_time() - clock,
+    )
+
+
+def _level_free(model: FloatArray, measured: FloatArray) -> FloatArray:
+    """Return measured - (a + b model), a and b by least squares: an error of shape, not of level."""
+    centred, wanted = model - model.mean(), measured - measured.mean()
+    square = float(centred @ centred)
+    gain = float(centred @ wanted) / square if square > 0.0 else 0.0
+    return np.asarray(wanted - gain * centred)
+
+
+def _errors(
+    jacobian: FloatArray, residual: FloatArray, point: FloatArray, bounds: tuple[FloatArray, FloatArray]
+) -> dict[str, float]:
+    """Return standard errors [s] for independent residuals; NaN where a number sits on its bound."""
+    span = bounds[1] - bounds[0]
+    free = (point > bounds[0] + 1e-6 * span) & (point < bounds[1] - 1e-6 * span)
+    errors = np.full(len(point), np.nan)
+    if free.any():
+        j = jacobian[:, free]
+        noise = float(residual @ residual) / max(len(residual) - int(free.sum()), 1)
+        errors[free] = np.sqrt(np.maximum(np.diag(noise * np.linalg.pinv(j.T @ j)), 0.0))
+    errors[:2] *= np.exp(point[:2])
+    return dict(zip(_NAMES, errors.tolist(), strict=True))

@@ -1,0 +1,149 @@
+"""Bootstrap by runs: how far the numbers move when other runs of the same kind had been measured.
+
+Unlike standard errors it feels what differs from run to run, and not only within one. Runs are prepared
+once; a draw is their weights.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrdamper.data.prepare import PreparedRun
+from mrdamper.errors import ConvergenceError, InputError
+from mrdamper.identify.problem import FitProblem, FitResult
+from mrdamper.identify.variable_projection import Progress, Report, fit_variable_projection
+
+__all__ = ["Bootstrap", "bootstrap"]
+
+FloatArray = NDArray[np.float64]
+
+_SAME_LEVEL_K = 5.0  # runs whose mean temperatures are no further apart are at one level
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Bootstrap:
+    """The numbers fitted to runs drawn with replacement. What is NaN had fewer than two draws."""
+
+    names: tuple[str, ...]
+    values: FloatArray  # shape (draws that succeeded, numbers)
+    asked: int
+    failed: int  # draws without an admissible fit
+    cancelled: bool
+    stratified: bool
+
+    @property
+    def draws(self) -> int:
+        """How many draws the figures rest on."""
+        return len(self.values)
+
+    @property
+    def standard_deviation(self) -> dict[str, float]:
+        spread = np.std(self.values, axis=0, ddof=1) if self.draws > 1 else self._unknown()
+        return dict(zip(self.names, spread.tolist(), strict=True))
+
+    @property
+    def percentiles(self) -> dict[str, tuple[float, float]]:
+        """The 5th and 95th percentile of each number."""
+        if self.draws > 1:
+            low, high = np.percentile(self.values, [5.0, 95.0], axis=0)
+        else:
+            low = high = self._unknown()
+        return {name: (float(a), float(b)) for name, a, b in zip(self.names, low, high, strict=True)}
+
+    def _unknown(self) -> FloatArray:
+        return np.full(len(self.names), np.nan)
+
+
+def bootstrap(
+    problem: FitProblem,
+    result: FitResult,
+    *,
+    draws: int = 50,
+    seed: int = 0,
+    stratified: bool = False,
+    report: Report | None = None,
+) -> Bootstrap:
+    """Return the numbers fitted to runs drawn with replacement, each draw from the fit's own numbers.
+
+    A draw is as many runs as there are. A run that is drawn twice counts twice; runs are prepared once and
+    the law's conditions are those of all runs.
+
+    Parameters
+    ----------
+    stratified : keep at least one run at each command and each temperature in every draw: where one is
+        missing, a run of it takes the place of one that can be spared. A level with a single run then is
+        always there, so that the spread does not show what its loss would mean.
+    report : told after every draw; an interrupt (Ctrl-C) keeps the draws so far
+
+    Raises
+    ------
+    InputError
+        There is nothing to draw from: one run, or with ``stratified`` one run at each level.
+    """
+    prepared = problem.prepare()
+    levels = _levels(problem.runs) if stratified else []
+    sole = {int(members[0]) for members in levels if len(members) == 1}
+    if len(prepared) < 2 or len(sole) == len(prepared):
+        why = (
+            "each is the only one at its command or temperature" if len(prepared) > 1 else "one is not enough"
+        )
+        raise InputError(f"bootstrap: nothing to draw from {len(prepared)} runs ({why}); add repeated runs")
+    rng = np.random.default_rng(seed)
+    names = tuple(free.name for free in problem.free)
+    kept: list[list[float]] = []
+    failed = 0
+    cancelled = False
+    try:
+        for draw in range(draws):
+            counts = _draw(rng, len(prepared), levels)
+            chosen = [
+                replace(run, weight=run.weight * n) for run, n in zip(prepared, counts, strict=True) if n
+            ]
+            try:
+                fit = fit_variable_projection(problem, starts=0, first=result.damper, prepared=chosen)
+            except (ConvergenceError, InputError):
+                failed += 1
+                continue
+            if fit.cancelled:
+                cancelled = True
+                break
+            kept.append([e.value for e in fit.estimates])
+            if report:
+                spent = fit.starts[0].evaluations
+                report(Progress("bootstrap", draw, draws, spent, fit.cost_percent, result.cost_percent))
+    except KeyboardInterrupt:
+        cancelled = True
+    values = np.array(kept).reshape(len(kept), len(names))
+    return Bootstrap(names, values, draws, failed, cancelled, stratified)
+
+
+def _levels(runs: Sequence[PreparedRun]) -> list[NDArray[np.intp]]:
+    """Return the runs at each command and at each temperature; a command that varies is its own level."""
+    commands = [run.run.constant_command for run in runs]
+    keys = [None if c is None else round(c, 6) for c in commands]
+    levels = [np.array([i for i, k in enumerate(keys) if k == key], dtype=np.intp) for key in set(keys)]
+    warm = [run.trajectory.temperature for run in runs]
+    known = sorted((float(np.mean(t)), i) for i, t in enumerate(warm) if t is not None)
+    at = np.array([kelvin for kelvin, _ in known])
+    order = np.array([i for _, i in known], dtype=np.intp)
+    if len(order):
+        levels += np.split(order, np.flatnonzero(np.diff(at) > _SAME_LEVEL_K) + 1)
+    return sorted(levels, key=lambda members: members.tolist())
+
+
+def _draw(rng: np.random.Generator, runs: int, levels: Sequence[NDArray[np.intp]]) -> NDArray[np.int64]:
+    """Return how often each run is drawn; every level holds at least one."""
+    counts = rng.multinomial(runs, np.full(runs, 1.0 / runs))
+    for members in levels:
+        if counts[members].sum():
+            continue
+        counts[rng.choice(members)] += 1
+        # One more than there are runs: some run is there twice at least, so one can be spared.
+        needed = {int(m[counts[m] > 0][0]) for m in levels if counts[m].sum() == 1}
+        spare = [i for i in range(runs) if counts[i] > 1 or (counts[i] == 1 and i not in needed)]
+        counts[rng.choice(spare)] -= 1
+    return counts

@@ -1,0 +1,222 @@
+"""Temperature factors: how a quantity changes with temperature, as a share of its value at 20 degC.
+
+Every factor is 1 at 293.15 K; a coefficient of a damper (``dependence.Tempered``) or a fluid's viscosity
+and yield stress (``fluid``) is its value at 20 degC times a factor. Temperature is in kelvin.
+
+A factor outside its range (a linear one that has fallen below zero, a VFT law at its pole) is reported by
+whoever uses it, with the coefficient's name.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from types import MappingProxyType
+from typing import ClassVar, Protocol, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mrdamper.errors import InputError
+from mrdamper.quantities import FloatArray
+
+__all__ = [
+    "FACTORS",
+    "REFERENCE_K",
+    "Arrhenius",
+    "Linear",
+    "PolynomialFactor",
+    "Reynolds",
+    "TemperatureFactor",
+    "Vft",
+]
+
+REFERENCE_K = 293.15
+"""20 degC [K]: where every factor is 1."""
+
+
+class TemperatureFactor(Protocol):
+    """A function of temperature [K] that is 1 at ``REFERENCE_K``, with named numbers."""
+
+    kind: ClassVar[str]
+
+    @property
+    def numbers(self) -> tuple[float, ...]: ...
+    @property
+    def number_names(self) -> tuple[str, ...]: ...
+    @property
+    def units(self) -> tuple[str, ...]: ...
+
+    def value(self, temperature: ArrayLike) -> FloatArray:
+        """Return the factor [-], in the temperature's shape."""
+        ...
+
+    def gradient(self, temperature: ArrayLike) -> FloatArray:
+        """Return d factor / d number, shape (numbers, *shape of temperature)."""
+        ...
+
+    def with_numbers(self, numbers: Sequence[float]) -> Self:
+        """Return the same factor with other numbers."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class _Factor:
+    """What the factors below share: their fields are their numbers."""
+
+    def __post_init__(self) -> None:
+        for name, number in zip(self.number_names, self.numbers, strict=True):
+            if not math.isfinite(number):
+                raise InputError(f"temperature factor: {name} is {number}; it must be a finite number")
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        return tuple(float(getattr(self, field.name)) for field in fields(self))
+
+    @property
+    def number_names(self) -> tuple[str, ...]:
+        return tuple(field.name for field in fields(self))
+
+    def with_numbers(self, numbers: Sequence[float]) -> Self:
+        return replace(self, **dict(zip(self.number_names, numbers, strict=True)))
+
+
+@dataclass(frozen=True, slots=True)
+class Linear(_Factor):
+    """factor = 1 - temperature_slope (T - 293.15 K): the yield stress of an MR fluid."""
+
+    temperature_slope: float  # [1/K]
+
+    kind: ClassVar[str] = "linear"
+    units: ClassVar[tuple[str, ...]] = ("1/K",)
+
+    def value(self, temperature: ArrayLike) -> FloatArray:
+        return 1.0 - self.temperature_slope * _above(temperature)
+
+    def gradient(self, temperature: ArrayLike) -> FloatArray:
+        return -_above(temperature)[None]
+
+
+@dataclass(frozen=True, slots=True)
+class Arrhenius(_Factor):
+    """factor = exp[activation (1/T - 1/293.15)]: the viscosity of a liquid over some tens of kelvin.
+
+    The activation temperature is E/R; 1435.5 K is a fall of 65 % from 20 to 100 degC.
+    """
+
+    activation_K: float  # [K]
+
+    kind: ClassVar[str] = "arrhenius"
+    units: ClassVar[tuple[str, ...]] = ("K",)
+
+    def value(self, temperature: ArrayLike) -> FloatArray:
+        return _exp(self.activation_K * _inverse(temperature, 0.0))
+
+    def gradient(self, temperature: ArrayLike) -> FloatArray:
+        inverse = _inverse(temperature, 0.0)
+        return (inverse * _exp(self.activation_K * inverse))[None]
+
+
+@dataclass(frozen=True, slots=True)
+class Reynolds(_Factor):
+    """factor = exp[-rate (T - 293.15)]: the exponential viscosity law."""
+
+    temperature_rate: float  # [1/K]
+
+    kind: ClassVar[str] = "reynolds"
+    units: ClassVar[tuple[str, ...]] = ("1/K",)
+
+    def value(self, temperature: ArrayLike) -> FloatArray:
+        return _exp(-self.temperature_rate * _above(temperature))
+
+    def gradient(self, temperature: ArrayLike) -> FloatArray:
+        above = _above(temperature)
+        return (-above * _exp(-self.temperature_rate * above))[None]
+
+
+@dataclass(frozen=True, slots=True)
+class Vft(_Factor):
+    """factor = exp[B (1/(T - pole) - 1/(293.15 - pole))]: Vogel, Fulcher and Tammann.
+
+    For T > pole; the Arrhenius law is pole = 0. Where T <= pole the factor is not finite.
+    """
+
+    vft_K: float  # [K]
+    vft_pole_K: float  # [K], below every temperature of use
+
+    kind: ClassVar[str] = "vft"
+    units: ClassVar[tuple[str, ...]] = ("K", "K")
+
+    def __post_init__(self) -> None:
+        _Factor.__post_init__(self)
+        if not self.vft_pole_K < REFERENCE_K:
+            raise InputError(
+                f"temperature factor: vft_pole_K is {self.vft_pole_K:g} K; it must be below 293.15 K"
+            )
+
+    def value(self, temperature: ArrayLike) -> FloatArray:
+        return _exp(self.vft_K * _inverse(temperature, self.vft_pole_K))
+
+    def gradient(self, temperature: ArrayLike) -> FloatArray:
+        inverse = _inverse(temperature, self.vft_pole_K)
+        value = _exp(self.vft_K * inverse)
+        away = np.asarray(temperature, dtype=np.float64) - self.vft_pole_K
+        by_pole = self.vft_K * (1.0 / away**2 - 1.0 / (REFERENCE_K - self.vft_pole_K) ** 2)
+        return np.stack([inverse * value, by_pole * value])
+
+
+@dataclass(frozen=True, slots=True)
+class PolynomialFactor:
+    """factor = 1 + t1 (T - 293.15) + t2 (T - 293.15)^2 + ...: the paper's form, without physics."""
+
+    numbers: tuple[float, ...]
+
+    kind: ClassVar[str] = "polynomial"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "numbers", tuple(float(number) for number in self.numbers))
+        if not self.numbers or not all(map(math.isfinite, self.numbers)):
+            raise InputError(f"temperature factor: {self.numbers}; expected one or more finite numbers")
+
+    @property
+    def number_names(self) -> tuple[str, ...]:
+        return tuple(f"t{power}" for power in range(1, len(self.numbers) + 1))
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        return tuple("1/K" if power == 1 else f"1/K^{power}" for power in range(1, len(self.numbers) + 1))
+
+    def value(self, temperature: ArrayLike) -> FloatArray:
+        return np.asarray(
+            np.polynomial.polynomial.polyval(_above(temperature), (1.0, *self.numbers)), dtype=np.float64
+        )
+
+    def gradient(self, temperature: ArrayLike) -> FloatArray:
+        above = _above(temperature)
+        return np.stack([above**power for power in range(1, len(self.numbers) + 1)])
+
+    def with_numbers(self, numbers: Sequence[float]) -> Self:
+        return type(self)(tuple(numbers))
+
+
+FACTORS: Mapping[str, type[TemperatureFactor]] = MappingProxyType(
+    {factor.kind: factor for factor in (Linear, Arrhenius, Reynolds, Vft, PolynomialFactor)}
+)
+"""The factors there are, by the name that a card or a fluid file stores."""
+
+
+def _above(temperature: ArrayLike) -> FloatArray:
+    return np.asarray(temperature, dtype=np.float64) - REFERENCE_K
+
+
+def _inverse(temperature: ArrayLike, pole: float) -> FloatArray:
+    """Return 1/(T - pole) - 1/(293.15 - pole), infinite at and below the pole."""
+    away = np.asarray(temperature, dtype=np.float64) - pole
+    with np.errstate(divide="ignore"):
+        return np.where(away > 0.0, 1.0 / away, np.inf) - 1.0 / (REFERENCE_K - pole)
+
+
+def _exp(exponent: FloatArray) -> FloatArray:
+    with np.errstate(over="ignore"):  # infinity is reported by who uses the factor
+        return np.asarray(np.exp(exponent))

@@ -1,0 +1,24 @@
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]  # any contiguous buffer of C doubles will do; NumPy's is what we pass
+
+PARAMETERS: tuple[str, ...]
+STATE: tuple[str, ...]
+
+class Plant:
+    state: tuple[float, ...]
+    def __new__(cls, parameters: FloatArray, step: float) -> Plant: ...
+    def advance(self, displacement: float, velocity: float, current: float, kelvin: float, /) -> float: ...
+    def run(
+        self,
+        displacement: FloatArray,
+        velocity: FloatArray,
+        current: FloatArray,
+        kelvin: FloatArray,
+        force: FloatArray,
+        coil: FloatArray,
+        field: FloatArray,
+        /,
+    ) -> None: ...
+    def copy(self) -> Plant: ...

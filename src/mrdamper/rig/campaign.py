@@ -1,0 +1,282 @@
+"""Campaigns on the virtual rig: which motions at which currents and temperatures, and which are held out.
+
+With the procedure ``soak`` the temperature is held, as in the paper; with ``self-heating`` the damper starts
+soaked and is one heat capacity that its own losses (force times velocity, and the coil's) warm. Running a
+campaign is ``measurement``.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+from mrdamper.data.records import nearest_names
+from mrdamper.errors import InputError
+from mrdamper.excitation import (
+    CURRENT_STEPS,
+    MOTIONS,
+    Chirp,
+    CurrentSteps,
+    Motion,
+    Sine,
+    Triangle,
+    motion_from_text,
+)
+from mrdamper.rig.sensors import Sensors
+
+__all__ = ["Body", "Campaign", "PlannedRun", "Procedure"]
+
+Procedure = Literal["soak", "self-heating"]
+
+_HELD_OUT = {"held_out_temperatures_degC": "temperatures_degC", "held_out_motions": "motions"}
+_RUN_IN_S = 1.0  # before the log begins, at least; whole periods of a periodic motion
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Body:
+    """The damper as one heat capacity, for ``self-heating``."""
+
+    heat_capacity_J_K: float = 1100.0
+    conductance_W_K: float = 2.0  # to the surroundings
+    ambient_degC: float = 20.0
+
+    def __post_init__(self) -> None:
+        _check_numbers(self, "body")
+        if not (self.heat_capacity_J_K > 0.0 and self.conductance_W_K >= 0.0):
+            raise InputError(
+                f"body: heat_capacity_J_K is {self.heat_capacity_J_K:g} and conductance_W_K "
+                f"{self.conductance_W_K:g}; expected a positive capacity, and a conductance of zero or more"
+            )
+
+    def warm(self, temperature_degC: float, power_W: float, duration_s: float) -> float:
+        """Return the temperature [degC] after a time at constant power, exactly."""
+        rate = self.conductance_W_K / self.heat_capacity_J_K
+        flow = power_W - self.conductance_W_K * (temperature_degC - self.ambient_degC)
+        # time that counts: (1 - exp(-rate t)) / rate, which is t when there is no conductance
+        time = -math.expm1(-rate * duration_s) / rate if rate > 0.0 else duration_s
+        return temperature_degC + flow / self.heat_capacity_J_K * time
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedRun:
+    """One run of a campaign, before it is run."""
+
+    name: str
+    label: str  # of the motion
+    motion: Motion
+    current: float | CurrentSteps  # commanded [A]
+    temperature_degC: float  # at its beginning
+    duration_s: float
+    run_in_s: float
+    held_out: bool
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """What is run: each motion at each current and temperature, and current steps at each temperature.
+
+    Motions are names or forms that ``motion_from_text`` knows. A motion with a period is logged for whole
+    periods, a chirp to its end, any other for ``duration_s``. Held-out temperatures and motions that are not
+    run are dropped.
+    """
+
+    motions: tuple[str, ...] = ("sine5mm1Hz", "sine3mm2Hz", "nonperiodic", "chirp3mm")
+    currents_A: tuple[float, ...] = (0.0, 0.5, 1.0, 1.5, 2.0)
+    temperatures_degC: tuple[float, ...] = (20.0, 40.0, 60.0, 80.0, 100.0, 120.0, 123.0)
+    steps: CurrentSteps | None = CURRENT_STEPS  # on the motion ``steps``; None: no such runs
+    duration_s: float = 4.0
+    held_out_temperatures_degC: tuple[float, ...] = (60.0, 100.0, 123.0)
+    held_out_motions: tuple[str, ...] = ("chirp3mm",)
+    procedure: Procedure = "soak"
+    body: Body = field(default_factory=Body)
+    sensors: Sensors = field(default_factory=lambda: Sensors(rate_Hz=500.0))
+
+    def __post_init__(self) -> None:
+        _check_numbers(self, "campaign")
+        for name in ("currents_A", "temperatures_degC", "held_out_temperatures_degC"):
+            values = getattr(self, name)
+            if not all(_is_number(value) for value in values):
+                raise InputError(f"campaign: {name} is {list(values)}; expected finite numbers")
+            object.__setattr__(self, name, tuple(float(value) for value in values))
+        if not self.temperatures_degC or not ((self.motions and self.currents_A) or self.steps):
+            raise InputError("campaign: nothing to run; expected temperatures, and motions with currents")
+        if self.procedure not in get_args(Procedure):
+            choices = ", ".join(get_args(Procedure))
+            raise InputError(f"campaign: procedure is {self.procedure!r}; use one of: {choices}")
+        if not self.duration_s > 0.0:
+            raise InputError(f"campaign: duration_s is {self.duration_s:g}; expected a positive number")
+        for name, of in _HELD_OUT.items():
+            kept = tuple(value for value in getattr(self, name) if value in getattr(self, of))
+            object.__setattr__(self, name, kept)
+        names = [run.name for run in self.runs("x")]
+        twice = next((name for name in names if names.count(name) > 1), None)
+        if twice is not None:
+            raise InputError(f"campaign: two runs would be named {twice[2:]!r}; leave one out")
+
+    @property
+    def rate_Hz(self) -> float:
+        """Samples per second of the log."""
+        return self.sensors.rate_Hz
+
+    @property
+    def hold_out(self) -> tuple[str, ...]:
+        """Patterns of the names of the held-out runs, as ``mrdamper identify --hold-out`` takes them."""
+        return (
+            *(f"*_{_degrees(value)}_*" for value in self.held_out_temperatures_degC),
+            *(f"*_{_label(text)}" for text in self.held_out_motions),
+        )
+
+    def runs(self, damper: str = "nominal") -> tuple[PlannedRun, ...]:
+        """Return the runs on a damper of this name, coldest first."""
+        planned = []
+        for degrees in self.temperatures_degC:
+            apart = degrees in self.held_out_temperatures_degC
+            for text, motion in self._motions.items():
+                held_out = apart or text in self.held_out_motions
+                for current in self.currents_A:
+                    name = f"{damper}_{_degrees(degrees)}_{current:.2f}A_{_label(text)}"
+                    times = self._times(motion)
+                    planned.append(PlannedRun(name, _label(text), motion, current, degrees, *times, held_out))
+            if self.steps is not None:
+                span = f"{min(self.steps.levels):g}-{max(self.steps.levels):g}A"
+                name = f"{damper}_{_degrees(degrees)}_{span}_steps"
+                times = (self.steps.duration, self._times(MOTIONS["steps"])[1])
+                planned.append(
+                    PlannedRun(name, "steps", MOTIONS["steps"], self.steps, degrees, *times, apart)
+                )
+        return tuple(planned)
+
+    @cached_property
+    def _motions(self) -> dict[str, Motion]:
+        return {text: motion_from_text(text) for text in self.motions}
+
+    def _times(self, motion: Motion) -> tuple[float, float]:
+        """Return how long a motion is logged, and run in before that [s]."""
+        if isinstance(motion, Sine | Triangle):
+            period = motion.period
+            logged, run_in = (
+                period * math.ceil(time / period - 1e-9) for time in (self.duration_s, _RUN_IN_S)
+            )
+            return logged, run_in
+        return motion.duration if isinstance(motion, Chirp) else self.duration_s, _RUN_IN_S
+
+    @classmethod
+    def from_mapping(cls, given: Mapping[str, Any], place: str = "campaign") -> Campaign:
+        """Return the campaign that a TOML document holds; what it does not say is the default campaign's."""
+        _check_keys(given, cls, place)
+        values = dict(given)
+        try:
+            for name in ("motions", "currents_A", "temperatures_degC", "held_out_motions",
+                         "held_out_temperatures_degC"):  # fmt: skip
+                if name in values:
+                    values[name] = _list(values[name], name)
+            if "steps" in values:
+                values["steps"] = _steps(values["steps"])
+            for name, kind in (("body", Body), ("sensors", Sensors)):
+                if name in values:
+                    table = values[name]
+                    if not isinstance(table, dict):
+                        raise InputError(f"{name} is {table!r}; expected a table [{name}]")
+                    _check_keys(table, kind, name)
+                    values[name] = kind(**({"rate_Hz": 500.0} if kind is Sensors else {}) | table)
+            campaign = cls(**values)
+            for name, of in _HELD_OUT.items():
+                for value in values.get(name, ()):
+                    if value not in getattr(campaign, of):
+                        run = ", ".join(map(str, getattr(campaign, of)))
+                        raise InputError(
+                            f"{name} holds {value!r}, which is not in {of} ({run}); add it there, or drop it"
+                        )
+            return campaign
+        except InputError as error:
+            raise InputError(f"{place}: {error}") from error
+
+    @classmethod
+    def from_toml(cls, path: str | Path) -> Campaign:
+        """Return the campaign in a TOML file."""
+        file = Path(path)
+        try:
+            with file.open("rb") as stream:
+                given = tomllib.load(stream)
+        except OSError as error:
+            raise InputError(f"{file}: cannot read the campaign ({error.strerror})") from error
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+            raise InputError(f"{file}: not a TOML file: {error}") from error
+        return cls.from_mapping(given, file.name)
+
+    def to_toml(self) -> str:
+        """Return the campaign as TOML; ``from_toml`` reads the same one back."""
+        lines = ["# a campaign on the virtual rig"]
+        for each in fields(self):
+            value = getattr(self, each.name)
+            if each.name not in {"steps", "body", "sensors"}:
+                lines.append(f"{each.name} = {_toml(value)}")
+        if self.steps is None:
+            lines.append("steps = false")
+        else:
+            lines += ["[steps]", f"levels_A = {_toml(self.steps.levels)}", f"hold_s = {self.steps.hold!r}"]
+        for name, part in (("body", self.body), ("sensors", self.sensors)):
+            lines += [f"[{name}]", *(f"{key} = {_toml(value)}" for key, value in asdict(part).items())]
+        return "\n".join([*lines, ""])
+
+
+def _degrees(temperature_degC: float) -> str:
+    """Return a temperature as it stands in a run's name: three digits, a tenth only when there is one."""
+    whole = float(temperature_degC).is_integer()
+    return f"{temperature_degC:03.0f}C" if whole else f"{temperature_degC:05.1f}C"
+
+
+def _label(motion: str) -> str:
+    """Return a motion's text as it may stand in a file's name."""
+    return motion.replace(":", "").replace("/", "p")
+
+
+def _is_number(value: object) -> bool:
+    return not isinstance(value, bool) and isinstance(value, int | float) and math.isfinite(value)
+
+
+def _check_numbers(record: object, place: str) -> None:
+    """Refuse a field whose default is a number when it is none."""
+    for each in fields(record):  # type: ignore[arg-type]  # dataclasses only
+        value = getattr(record, each.name)
+        if isinstance(each.default, float) and not _is_number(value):
+            raise InputError(f"{place}: {each.name} is {value!r}; expected a finite number")
+
+
+def _check_keys(given: Mapping[str, object], kind: type, place: str) -> None:
+    known = tuple(each.name for each in fields(kind))
+    for key in given:
+        if key not in known:
+            near = ", ".join(nearest_names(key, known))
+            raise InputError(f"{place}: {key!r} is not known; the nearest are: {near}")
+
+
+def _list(value: object, name: str) -> tuple[Any, ...]:
+    if not isinstance(value, list):
+        raise InputError(f"{name} is {value!r}; expected a list")
+    if name.endswith("motions") and not all(isinstance(item, str) for item in value):
+        raise InputError(f"{name} is {value!r}; expected a list of texts")
+    return tuple(value)
+
+
+def _steps(value: object) -> CurrentSteps | None:
+    """Return the current steps that a campaign file asks for: true, false, or a table of levels and hold."""
+    if isinstance(value, bool):
+        return CURRENT_STEPS if value else None
+    if not isinstance(value, dict) or set(value) != {"levels_A", "hold_s"}:
+        raise InputError(f"steps is {value!r}; expected true, false or a table with levels_A and hold_s")
+    levels, hold = _list(value["levels_A"], "steps.levels_A"), value["hold_s"]
+    if not all(_is_number(number) for number in (*levels, hold)):
+        raise InputError(f"steps: levels_A is {list(levels)} and hold_s {hold!r}; expected finite numbers")
+    return CurrentSteps(tuple(float(level) for level in levels), float(hold))
+
+
+def _toml(value: object) -> str:
+    if isinstance(value, tuple):
+        return f"[{', '.join(_toml(item) for item in value)}]"
+    return f'"{value}"' if isinstance(value, str) else repr(value)

@@ -1,0 +1,198 @@
+"""The virtual damper's parameters: what they mean, what they must be, presets, and TOML of one's own.
+
+The physics that they enter is ``plant``. None of them is a coefficient of an identified law, and none was
+measured: the presets are chosen so that a law which is fitted to them has something to miss.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from mrdamper.data.records import nearest_names
+from mrdamper.errors import InputError
+
+__all__ = ["PRESETS", "VirtualDamper", "find_preset"]
+
+_ROOM_K = 293.15
+_SAFE = re.compile(r"[A-Za-z0-9][A-Za-z0-9.-]*")  # what may begin a file's name
+_POSITIVE = (
+    "coil_ohm", "coil_henry", "supply_V", "eddy_rise_s", "eddy_fall_s", "fluid_lag_s", "full_current_A",
+    "field_current_A", "field_exponent", "yield_N", "stiffness_N_m", "viscous_m_s", "viscous_exponent",
+    "stribeck_m_s", "friction_N_m", "leak_N_s_m",
+)  # fmt: skip
+_ANY_SIGN = ("name", "offset_N", "asymmetry")
+_AT_MOST: Mapping[str, float] = MappingProxyType(
+    {"play_share": 1.0, "spread": 0.5, "asymmetry": 0.9, "viscosity_pole_K": 200.0}
+)
+
+
+@dataclass(frozen=True, slots=True)
+class VirtualDamper:
+    """Parameters of the virtual damper, in SI and kelvin; the defaults are the preset ``nominal``.
+
+    Forces and lags hold at 20 C. T is temperature, m the effective current behind all lags, and
+    g = (tanh(m / field_current) / tanh(full_current / field_current))^field_exponent the field's shape.
+
+    Raises
+    ------
+    InputError
+        A parameter is not finite or outside its range, or the name cannot begin a file's name.
+    """
+
+    name: str = "nominal"  # the runs' names begin with it
+    # driver and coil
+    coil_ohm: float = 5.0  # R0
+    copper_per_K: float = 0.00393  # R = R0 (1 + this (T - 20 C))
+    coil_henry: float = 0.04  # L0, at zero current
+    inductance_fall: float = 0.25  # [1/A^2], L = L0 / (1 + this i^2)
+    supply_V: float = 24.0  # the driver's limit
+    driver_V_A: float = 20.0  # proportional gain Kp
+    driver_V_A_s: float = 2000.0  # integral gain Ki
+    # field
+    eddy_rise_s: float = 0.0045  # lag of the flux behind a rising current
+    eddy_fall_s: float = 0.006  # ... behind a falling one
+    eddy_per_K: float = 0.002  # both lags are divided by 1 + this (T - 20 C)
+    fluid_lag_s: float = 0.0015  # lag of the fluid's structure behind the flux
+    play_share: float = 0.4  # wp: share of the field with magnetic play
+    play_A: float = 0.04  # r: half width of the play
+    full_current_A: float = 2.0  # where g = 1
+    field_current_A: float = 1.5  # Is: saturation
+    field_exponent: float = 1.2  # p
+    # yield force and pre-yield stiffness
+    yield_N: float = 12.0  # Fy0, without field
+    yield_field_N: float = 1300.0  # Fym, at g = 1
+    yield_loss_per_K: float = 0.0014  # kT, of the field's share of force and stiffness
+    low_field_loss: float = 0.3  # kx: the loss is kT (1 + kx (1 - g))
+    stiffness_N_m: float = 1.2e6  # s0, without field
+    stiffness_field_N_m: float = 5e6  # s1, at g = 1
+    spread: float = 0.15  # weight of a bristle of a quarter and of one of four times the stiffness
+    asymmetry: float = 0.015  # yield (1 + this) in extension, (1 - this) in compression
+    position: float = 0.0  # yield (1 + this (x / 5 mm)^2)
+    # viscous force
+    viscous_N: float = 250.0  # Fv0, at the reference speed
+    viscous_m_s: float = 0.0314  # the reference speed
+    viscous_exponent: float = 0.88  # nv
+    viscous_field: float = 0.15  # kvb: viscous force (1 + kvb g)
+    viscosity_K: float = 404.0  # B of exp(B / (T - pole))
+    viscosity_pole_K: float = 153.15  # T0; zero kelvin is Arrhenius
+    # friction
+    friction_N: float = 40.0  # Fc, sliding
+    friction_static: float = 1.5  # static over sliding friction
+    stribeck_m_s: float = 0.003  # vs
+    friction_N_m: float = 4e5  # sf: stiffness before sliding
+    friction_loss_per_K: float = 0.002  # fT
+    # the rest
+    spring_N_m: float = 1500.0  # k1
+    offset_N: float = 6.0  # f0
+    leak_N_s_m: float = 1.5e6  # c1: the oil's compliance as a leak, in series with yield and viscous force
+
+    def __post_init__(self) -> None:
+        if not _SAFE.fullmatch(str(self.name)):
+            raise InputError(
+                f"virtual damper: name is {self.name!r}; expected letters, digits, dots and dashes, as it "
+                "begins the runs' file names"
+            )
+        for field in fields(self):
+            if field.name != "name":
+                self._check(field.name)
+
+    def _check(self, name: str) -> None:
+        value = getattr(self, name)
+        number = not isinstance(value, bool) and isinstance(value, int | float) and np.isfinite(value)
+        low, high = -np.inf if name in _ANY_SIGN else 0.0, _AT_MOST.get(name, np.inf)
+        if name == "asymmetry":
+            low = -high
+        if not number or not low <= value <= high or (name in _POSITIVE and value == 0.0):
+            range_ = "a positive number" if name in _POSITIVE else f"a number, {low:g} to {high:g}"
+            raise InputError(f"virtual damper {self.name!r}: {name} is {value!r}; expected {range_}")
+        object.__setattr__(self, name, float(value))
+
+    def coil_resistance_ohm(self, temperature_degC: float) -> float:
+        """Return the coil's resistance [ohm] at a temperature."""
+        return self.coil_ohm * (1.0 + self.copper_per_K * (temperature_degC + 273.15 - _ROOM_K))
+
+    @classmethod
+    def from_mapping(cls, given: Mapping[str, Any], place: str = "virtual damper") -> VirtualDamper:
+        """Return a preset with some parameters changed: ``preset`` (else nominal), ``name``, parameters.
+
+        The name is the preset's when nothing is changed and none is given, else ``<preset>-own``.
+        """
+        preset = given.get("preset", "nominal")
+        known = tuple(field.name for field in fields(cls))
+        for key in given:
+            if key != "preset" and key not in known:
+                near = ", ".join(nearest_names(key, ("preset", *known)))
+                raise InputError(f"{place}: {key!r} is not known; the nearest are: {near}")
+        changes = {key: value for key, value in given.items() if key != "preset"}
+        try:
+            base = find_preset(preset)
+            if changes and "name" not in changes:
+                changes["name"] = f"{base.name}-own"
+            return replace(base, **changes)
+        except InputError as error:
+            raise InputError(f"{place}: {error}") from error
+
+    @classmethod
+    def from_toml(cls, path: str | Path) -> VirtualDamper:
+        """Return the damper in a TOML file: ``preset = "nominal"`` and what differs from it."""
+        file = Path(path)
+        try:
+            with file.open("rb") as stream:
+                given = tomllib.load(stream)
+        except OSError as error:
+            raise InputError(f"{file}: cannot read the virtual damper ({error.strerror})") from error
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+            raise InputError(f"{file}: not a TOML file: {error}") from error
+        return cls.from_mapping(given, file.name)
+
+    def to_toml(self) -> str:
+        """Return all parameters as TOML; ``from_toml`` reads the same damper back."""
+        lines = [f'name = "{self.name}"']
+        lines += [f"{field.name} = {getattr(self, field.name)!r}" for field in fields(self)[1:]]
+        return "\n".join(["# a virtual damper, in SI and kelvin", *lines, ""])
+
+
+_NOMINAL = VirtualDamper()
+
+PRESETS: Mapping[str, VirtualDamper] = MappingProxyType(
+    {
+        # For the thermal claims only; the three last numbers are what paper.solve_thermal_claims() finds.
+        "paper": replace(
+            _NOMINAL, name="paper", coil_ohm=4.2, viscous_exponent=1.0, viscous_field=0.0, low_field_loss=0.0,
+            viscosity_K=1435.5, viscosity_pole_K=0.0,
+            yield_field_N=1052.836, viscous_N=58.81602, yield_loss_per_K=1.737544e-3,
+            friction_loss_per_K=1.737544e-3,
+        ),
+        "nominal": _NOMINAL,
+        "hard": replace(
+            _NOMINAL, name="hard", play_share=0.5, play_A=0.08, viscous_exponent=0.75, stiffness_N_m=8e5,
+            stiffness_field_N_m=3e6, friction_N=85.0, friction_static=2.0, stribeck_m_s=0.004, leak_N_s_m=8e5,
+            spread=0.27, asymmetry=0.03, position=0.06,
+        ),
+        "stiff": replace(
+            _NOMINAL, name="stiff", play_A=0.01, stiffness_N_m=1e7, stiffness_field_N_m=6e7, friction_N=10.0,
+            leak_N_s_m=1e8, spread=0.0, asymmetry=0.0,
+        ),
+        # of a quarter car
+        "vehicle": replace(
+            _NOMINAL, name="vehicle", viscous_m_s=0.30, stiffness_N_m=4e5, stiffness_field_N_m=1.7e6,
+            stribeck_m_s=0.02, friction_N_m=1e5, spring_N_m=0.0,
+        ),
+    }
+)  # fmt: skip
+
+
+def find_preset(name: object) -> VirtualDamper:
+    """Return a preset; an unknown name is an error that names the nearest ones."""
+    if not isinstance(name, str) or name not in PRESETS:
+        near = ", ".join(nearest_names(str(name), tuple(PRESETS), count=len(PRESETS)))
+        raise InputError(f"{name!r} is not a preset of the virtual rig; the nearest are: {near}")
+    return PRESETS[name]

@@ -1,0 +1,88 @@
+/* The virtual damper's physics: parameters, state, and one step of time.
+ *
+ * A plain C99 part without memory of its own: the caller keeps the state. It is not the identification
+ * kernel and shares nothing with it. SI and kelvin; extension positive.
+ */
+#ifndef RIG_PLANT_H
+#define RIG_PLANT_H
+
+/* Names, order and meaning of the parameters; the Python side asks for this order and never repeats it. */
+#define RIG_PARAMETERS(X)                                                                                     \
+    X(coil_ohm)               /* R0, at 20 C */                                                               \
+    X(copper_per_K)           /* rise of R per kelvin */                                                      \
+    X(coil_henry)             /* L0, at zero current */                                                       \
+    X(inductance_fall)        /* L = L0 / (1 + this i^2), per A^2 */                                          \
+    X(supply_V)               /* limit of the driver */                                                       \
+    X(driver_V_A)             /* Kp */                                                                        \
+    X(driver_V_A_s)           /* Ki */                                                                        \
+    X(eddy_rise_s)            /* lag of the flux behind a rising current, at 20 C */                          \
+    X(eddy_fall_s)            /* ... and behind a falling one */                                              \
+    X(eddy_per_K)             /* both are divided by 1 + this (T - 20 C) */                                   \
+    X(fluid_lag_s)            /* of the fluid's structure behind the flux */                                  \
+    X(play_share)             /* wp: share of the field that has magnetic play */                             \
+    X(play_A)                 /* r: half width of the play */                                                 \
+    X(full_current_A)         /* current at which the field shape is 1 */                                     \
+    X(field_current_A)        /* Is of tanh(m / Is) */                                                        \
+    X(field_exponent)         /* p */                                                                         \
+    X(yield_N)                /* Fy0, without field */                                                        \
+    X(yield_field_N)          /* Fym, at full field and 20 C */                                               \
+    X(yield_loss_per_K)       /* kT */                                                                        \
+    X(low_field_loss)         /* kx: the loss is (1 + kx) times as large without field */                     \
+    X(stiffness_N_m)          /* s0, before yield, without field */                                           \
+    X(stiffness_field_N_m)    /* s1 */                                                                        \
+    X(spread)                 /* weight of the softest and of the stiffest of three bristles */               \
+    X(asymmetry)              /* yield (1 + this) in extension, (1 - this) in compression */                  \
+    X(position)               /* yield (1 + this (x / 5 mm)^2) */                                             \
+    X(viscous_N)              /* Fv0, at the reference speed and 20 C */                                      \
+    X(viscous_m_s)            /* the reference speed */                                                       \
+    X(viscous_exponent)       /* nv */                                                                        \
+    X(viscous_field)          /* kvb: viscous force (1 + kvb g) */                                            \
+    X(viscosity_K)            /* B of exp(B / (T - pole)) */                                                  \
+    X(viscosity_pole_K)       /* zero kelvin: Arrhenius */                                                    \
+    X(friction_N)             /* Fc, sliding, at 20 C */                                                      \
+    X(friction_static)        /* static over sliding friction */                                              \
+    X(stribeck_m_s)           /* speed at which the static part has gone */                                   \
+    X(friction_N_m)           /* stiffness of the seal before it slides */                                    \
+    X(friction_loss_per_K)    /* fT */                                                                        \
+    X(spring_N_m)             /* k1 */                                                                        \
+    X(offset_N)               /* f0 */                                                                        \
+    X(leak_N_s_m)              /* c1: the oil's compliance, taken as a leak in series with the chain */
+
+typedef struct {
+#define X(name) double name;
+    RIG_PARAMETERS(X)
+#undef X
+} rig_parameters;
+
+/* All that the damper remembers. */
+#define RIG_STATE(X)                                                                                          \
+    X(coil_A)       /* current of the coil */                                                                 \
+    X(integral_V)   /* of the driver */                                                                       \
+    X(flux_A)       /* behind the eddy currents, as a current */                                              \
+    X(fluid_A)      /* behind the fluid's structure */                                                        \
+    X(play_at_A)    /* output of the magnetic play */                                                         \
+    X(bristle_N)    /* the three bristles of the yield force */                                               \
+    X(soft_N)                                                                                                 \
+    X(stiff_N)                                                                                                \
+    X(friction_N)   /* the friction bristle */                                                                \
+    X(chain_N)      /* force of the chain at the end of the last step */
+
+typedef struct {
+#define X(name) double name;
+    RIG_STATE(X)
+#undef X
+} rig_state;
+
+/* What depends on temperature alone, and on the step. */
+typedef struct {
+    double kelvin, ohm, rise, fall, fluid, viscous, loss, friction;
+} rig_climate;
+
+void rig_settle(const rig_parameters *p, double step, double kelvin, rig_climate *at);
+
+/* One step: displacement [m], velocity [m/s] and commanded current [A] hold at its end. Returns the force there
+ * [N]; `field` becomes the effective current behind all lags [A]. */
+double rig_step(const rig_parameters *p, const rig_climate *at, double step, double x, double v, double command,
+                rig_state *s, double *field);
+
+#endif

@@ -1,0 +1,73 @@
+"""How the preset ``paper`` was found: a damper that loses its force with warmth as the paper's does.
+
+Only the paper's thermal figures are asked of it: peak force on its thermal motion, and the share of it that
+is lost at two temperatures. The preset stores the numbers; a test finds them again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from mrdamper.errors import ConvergenceError
+from mrdamper.excitation import Motion, Sine
+from mrdamper.quantities import FloatArray
+from mrdamper.rig.damper import PRESETS, VirtualDamper
+from mrdamper.rig.plant import STEP_S, simulate
+
+__all__ = ["CLAIMED_LOSSES", "CLAIMED_PEAK_N", "THERMAL_MOTION", "peak_force", "solve_thermal_claims"]
+
+THERMAL_MOTION = Sine(15e-3, 1.0)
+CLAIMED_PEAK_N = 1300.0  # at 20 C and 2 A
+CLAIMED_LOSSES: tuple[tuple[float, float], ...] = ((76.9, 0.157), (129.9, 0.259))  # degC, share lost
+_CURRENT_A = 2.0
+
+
+def peak_force(
+    damper: VirtualDamper, motion: Motion, current: float, temperature_degC: float, *, period_s: float = 1.0
+) -> float:
+    """Return the greatest force [N], in either direction, over the third period of a periodic motion."""
+    time = np.arange(round(3.0 * period_s / STEP_S) + 1) * STEP_S
+    force = simulate(
+        damper, motion.displacement(time), motion.velocity(time), current, temperature_degC
+    ).force
+    return float(np.abs(force[time >= 2.0 * period_s]).max())
+
+
+def solve_thermal_claims(start: VirtualDamper | None = None) -> VirtualDamper:
+    """Return ``start`` (else the preset ``paper``) with yield force, viscous force and loss solved for.
+
+    Three numbers against three claims, by Powell's hybrid method. The loss of the yield force and that of the
+    friction are kept equal.
+
+    Raises
+    ------
+    ConvergenceError
+        The solve did not come within 1e-6 of the claims.
+    """
+    from scipy.optimize import root
+
+    base = start or PRESETS["paper"]
+    sizes = np.array([1000.0, 100.0, 1e-3])
+
+    def with_numbers(numbers: FloatArray) -> VirtualDamper:
+        field, viscous, loss = (float(value) for value in numbers * sizes)
+        return replace(
+            base, yield_field_N=field, viscous_N=viscous, yield_loss_per_K=loss, friction_loss_per_K=loss
+        )
+
+    def misses(numbers: FloatArray) -> FloatArray:
+        damper = with_numbers(numbers)
+        cold = peak_force(damper, THERMAL_MOTION, _CURRENT_A, 20.0)
+        losses = [
+            1.0 - peak_force(damper, THERMAL_MOTION, _CURRENT_A, warm) / cold - lost
+            for warm, lost in CLAIMED_LOSSES
+        ]
+        return np.array([cold / CLAIMED_PEAK_N - 1.0, *losses])
+
+    found = root(misses, np.array([1.05, 0.6, 1.6]), tol=1e-10)
+    worst = float(np.abs(misses(found.x)).max())
+    if not worst < 1e-6:
+        raise ConvergenceError(f"paper preset: the solve stopped {worst:.2g} from the claims; expected 1e-6")
+    return with_numbers(found.x)

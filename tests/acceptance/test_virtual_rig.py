@@ -1,0 +1,43 @@
+"""The virtual rig against its printed check values: a softer plant would make every later figure too easy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mrdamper.excitation import MOTIONS
+from mrdamper.rig.paper import CLAIMED_LOSSES, THERMAL_MOTION, peak_force
+from mrdamper.rig.plant import PRESETS, STEP_S, Plant
+
+
+@pytest.mark.parametrize(
+    ("current", "degrees", "expected"),
+    [(2.0, 20.0, 1655.0), (2.0, 123.0, 1257.0), (0.0, 20.0, 307.0), (0.0, 123.0, 124.0)],
+)
+def test_the_nominal_damper_has_its_printed_peak_forces(current, degrees, expected):
+    """On 5 mm, 1 Hz: within 1 %."""
+    force = peak_force(PRESETS["nominal"], MOTIONS["sine5mm1Hz"], current, degrees)
+    assert force == pytest.approx(expected, rel=0.01)
+
+
+@pytest.mark.parametrize(("start", "end"), [(0.0, 2.0), (0.0, 1.0), (1.0, 2.0)])
+def test_a_current_step_has_63_percent_of_the_force_after_13_5_ms(start, end):
+    """At 30 mm/s, where the steps come in the campaign: within 1 ms."""
+    plant = Plant(PRESETS["nominal"])
+    n = 5000
+    still, speed = np.zeros(n), np.full(n, 0.030)  # the spring, which the way would load, is left out
+    before = plant.advance_many(still, speed, start, 20.0)[-1]
+    after = plant.advance_many(still, speed, end, 20.0)
+    risen = (after - before) / (after[-1] - before)
+    assert 1e3 * STEP_S * (np.argmax(risen >= 1.0 - np.exp(-1.0)) + 1) == pytest.approx(13.5, abs=1.0)
+
+
+def test_the_paper_s_thermal_motion_loses_force_as_the_paper_says():
+    """15 mm, 1 Hz, 2 A: 1300 N at 20 C, 15.7 % less at 76.9 C, 25.9 % less at 129.9 C, within 0.05 points."""
+    damper = PRESETS["paper"]
+    cold = peak_force(damper, THERMAL_MOTION, 2.0, 20.0)
+    assert cold == pytest.approx(1300.0, rel=0.0005)
+    assert [degrees for degrees, _ in CLAIMED_LOSSES] == [76.9, 129.9]
+    for degrees, lost in ((76.9, 15.7), (129.9, 25.9)):
+        warm = peak_force(damper, THERMAL_MOTION, 2.0, degrees)
+        assert 100.0 * (1.0 - warm / cold) == pytest.approx(lost, abs=0.05)

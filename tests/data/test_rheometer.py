@@ -1,0 +1,120 @@
+"""Rheometer tables: headers in the ways laboratories write them, one message for what is missing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mrdamper.data.rheometer import read_rheometer
+from mrdamper.errors import InputError
+
+
+@pytest.fixture
+def table(tmp_path):
+    """Return a function that writes a table and reads it."""
+
+    def read(text):
+        path = tmp_path / "table.csv"
+        path.write_text(text, encoding="utf-8")
+        return read_rheometer(path)
+
+    return read
+
+
+@pytest.mark.parametrize(
+    ("header", "temperature", "viscosity"),
+    [
+        ("temperature_degC,viscosity_mPas", "20,40", "150,110"),
+        ("temperature_K,viscosity_Pas", "293.15,313.15", "0.15,0.11"),
+        ("Temperature (°C),Viscosity [mPa·s]", "20,40", "150,110"),
+        ("T_degC,eta_Pa_s", "20,40", "0.15,0.11"),
+        ("temp / °C,dynamic viscosity / Pa s", "20,40", "0.15,0.11"),
+        ("Temperature [degF],viscosity_cP", "68,104", "150,110"),
+    ],
+)
+def test_the_same_table_in_other_words_and_units_is_the_same_table(table, header, temperature, viscosity):
+    rows = zip(temperature.split(","), viscosity.split(","), strict=True)
+    found = table(f"{header}\n" + "\n".join(",".join(row) for row in rows) + "\n")
+    np.testing.assert_allclose(found.viscosity[0], [293.15, 313.15])
+    np.testing.assert_allclose(found.viscosity[1], [0.15, 0.11])
+    assert found.yield_stress is None
+
+
+@pytest.mark.parametrize(
+    ("header", "raw", "unit", "field"),
+    [
+        ("field_mT", 400.0, "T", 0.4),
+        ("field_T", 0.4, "T", 0.4),
+        ("B [mT]", 400.0, "T", 0.4),
+        ("flux_density_mT", 400.0, "T", 0.4),
+        ("field_kA_m", 67.0, "A/m", 67e3),
+        ("H (kA/m)", 67.0, "A/m", 67e3),
+        ("field strength / kA m^-1", 67.0, "A/m", 67e3),
+    ],
+)
+def test_a_field_keeps_its_kind_and_its_si_value(table, header, raw, unit, field):
+    text = f"{header},temperature_degC,yield_stress_kPa\n{raw},20,19\n{raw},60,18\n"
+    found = table(text)
+    assert found.field_unit == unit
+    np.testing.assert_allclose(found.yield_stress[0], [field, field])
+    np.testing.assert_allclose(found.yield_stress[1], [293.15, 333.15])
+    np.testing.assert_allclose(found.yield_stress[2], [19e3, 18e3])
+    assert found.viscosity is None
+
+
+def test_one_table_may_hold_both_with_empty_cells(table):
+    found = table(
+        "temperature_degC,viscosity_Pas,field_mT,yield_stress_kPa\n20,0.15,,\n40,0.11,,\n20,,100,4\n40,,100,3.9\n"
+    )
+    np.testing.assert_allclose(found.viscosity[1], [0.15, 0.11])
+    np.testing.assert_allclose(found.yield_stress[2], [4e3, 3.9e3])
+    assert found.notes == ()
+
+
+def test_a_viscosity_in_a_field_is_left_out_and_told(table):
+    found = table("temperature_degC,field_mT,viscosity_Pas\n20,0,0.15\n40,0,0.11\n40,100,9\n")
+    np.testing.assert_allclose(found.viscosity[1], [0.15, 0.11])
+    assert found.notes == ("table.csv: viscosities in a field left out: 1",)
+
+
+def test_columns_and_rows_that_are_not_used_are_told(table):
+    found = table("time_s,temperature_degC,viscosity_Pas\n0,20,0.15\n1,40,0.11\n2,60,\n")
+    assert found.notes == (
+        "table.csv: column 'time_s' is not used",
+        "table.csv: rows without a value left out: 1",
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("a,b\n1,2\n3,4\n", "neither viscosity nor yield stress among 'a', 'b'; expected a header such as"),
+        ("time_s,viscosity_Pas\n1,2\n3,4\n", "viscosity but no temperature among 'time_s', 'viscosity_Pas'"),
+        (
+            "temperature_degC,yield_stress_kPa\n20,2\n40,4\n",
+            "yield stress but no field among .*; expected a header such as field_mT, field_T or field_kA_m",
+        ),
+        ("temperature_degC,viscosity\n20,2\n40,4\n", "'viscosity' has no unit; expected a header such as"),
+        ("temperature,viscosity_Pas\n20,2\n40,4\n", "'temperature' has no unit"),
+        (
+            "temperature_degC,viscosity_MPas\n20,2\n40,4\n",
+            "unit 'MPas' in 'viscosity_MPas' is not a unit of viscosity; expected a header such",
+        ),
+        (
+            "temperature_degC,viscosity_Pas,viscosity_mPas\n20,2,2\n40,4,4\n",
+            "2 columns hold the viscosity: 'viscosity_Pas', 'viscosity_mPas'; expected one",
+        ),
+        (
+            "temperature_K,viscosity_Pas\n20,2\n40,1\n",
+            "'temperature_K' holds 20 K .*Check the unit",
+        ),
+        ("temperature_degC,viscosity_Pas\n293,2\n313,1\n", "'temperature_degC' holds 566.15 K"),
+        (
+            "temperature_degC,field_mT,viscosity_Pas\n20,1,2\n40,1,4\n",
+            "no row has every cell that a viscosity law",
+        ),
+    ],
+)
+def test_a_table_that_does_not_speak_is_answered_by_place_found_and_expected(table, text, said):
+    with pytest.raises(InputError, match=f"^table.csv: {said}"):
+        table(text)

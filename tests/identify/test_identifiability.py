@@ -1,0 +1,458 @@
+"""What the data cannot tell apart: against closed forms, plain regression, and known degeneracies."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.signal import lfilter
+
+from mrdamper.data.prepare import PreparedRun
+from mrdamper.errors import ConvergenceError, InputError
+from mrdamper.identify import direction
+from mrdamper.identify.identifiability import Direction, bootstrap, profile, sentence, worst_direction
+from mrdamper.identify.problem import FitProblem, FitResult, Free, move
+from mrdamper.identify.resampling import _draw, _levels
+from mrdamper.identify.templates import template
+from mrdamper.identify.variable_projection import Progress, fit_variable_projection
+from mrdamper.models.damper import Damper
+from mrdamper.models.dependence import Constant, Polynomial
+from mrdamper.models.laws import find_law
+from mrdamper.models.simulate import simulate
+from tests.identify.truths import TRUTHS, measured
+
+LINEAR = ("viscosity.value", "stiffness.value", "offset.value")
+
+
+def fitted(
+    truth: Damper, free: Sequence[Free], *, noise: float = 0.02, seed: int = 0
+) -> tuple[FitProblem, FitResult]:
+    """Return the fit of some numbers of a damper to its own noisy force, all others known."""
+    problem = FitProblem(truth, tuple(free), measured(truth, noise=noise, seed=seed), rate_Hz=1e4)
+    return problem, fit_variable_projection(problem, starts=0, first=truth)
+
+
+def usual(law: str, runs: Sequence[PreparedRun]) -> tuple[FitProblem, FitResult]:
+    """Return the fit of a law with its usual free numbers, from the truth."""
+    damper, free = template(law, runs)
+    problem = FitProblem(damper, free, tuple(runs))
+    return problem, fit_variable_projection(problem, starts=0, first=TRUTHS[law])
+
+
+def linear_problem(seed: int = 0) -> tuple[FitProblem, FitResult]:
+    """Viscosity, spring and offset beside a known plastic force: plain linear regression on v, x, 1."""
+    known = {"yield_force": Constant(300.0), "yield_velocity": Constant(0.006)}
+    searched = {"viscosity": Constant(900.0), "stiffness": Constant(1500.0), "offset": Constant(40.0)}
+    free = [
+        Free("viscosity.value", 0.0, 1e4, linear=True),
+        Free("stiffness.value", 0.0, 1e5, linear=True),
+        Free("offset.value", -500.0, 700.0, linear=True),
+    ]
+    return fitted(Damper(find_law("bingham"), {**known, **searched}), free, seed=seed)
+
+
+def normal_matrix(problem: FitProblem) -> np.ndarray:
+    """Return the curvature of the squared cost from the runs' own velocity and displacement."""
+    total = np.zeros((3, 3))
+    for run in problem.runs:
+        kept = slice(run.scored_from, None)
+        path, force = run.trajectory, np.asarray(run.force)[kept]
+        columns = np.stack([path.velocity, path.displacement, np.ones(len(path.velocity))])[:, kept]
+        total += 1e4 * columns @ columns.T / (np.var(force) * len(force) * len(problem.runs))
+    return total
+
+
+def error_percent(problem: FitProblem, damper: Damper) -> float:
+    """Return the fit's error from plain simulations."""
+    shares = []
+    for run in problem.runs:
+        off = (simulate(damper, run.trajectory) - run.force)[run.scored_from :]
+        shares.append(np.mean(off**2) / np.var(run.force[run.scored_from :]))
+    return 100.0 * float(np.sqrt(np.mean(shares)))
+
+
+# ---------------------------------------------------------------------------------------- direction
+
+
+def test_the_worst_direction_of_a_regression_is_the_least_eigenvector_of_its_normal_matrix() -> None:
+    problem, result = linear_problem()
+    found = worst_direction(problem, result)
+    value = {e.name: e.value for e in result.estimates}
+    scale = np.array([value["viscosity.value"], value["stiffness.value"], 1200.0])
+    least, vectors = np.linalg.eigh(normal_matrix(problem) * np.outer(scale, scale))
+    expected = vectors[:, 0] * math.copysign(1.0, vectors[np.argmax(np.abs(vectors[:, 0])), 0])
+    got = dict(zip(found.names, found.weights, strict=True))
+    assert [got[name] for name in LINEAR] == pytest.approx(expected, abs=1e-6)
+    assert found.condition == pytest.approx(least[-1] / least[0], rel=1e-6)
+    samples = sum(len(run.force) - run.scored_from for run in problem.runs)
+    white = 100.0 * result.cost_percent / np.sqrt(samples * least[0])
+    assert white * 0.99 <= found.standard_error_percent <= 1.3 * white
+
+
+def test_two_numbers_of_which_only_the_ratio_shows_are_named_and_move_by_equal_shares() -> None:
+    """Far below its saturation velocity v_s the rate force is F_r v / v_s: F_r and v_s trade one to one."""
+    forms = {"yield_force": Constant(300.0), "rho": Constant(2000.0), "kappa": Constant(-0.4)}
+    forms |= {"n": Constant(1.2), "viscosity": Constant(500.0), "stiffness": Constant(1500.0)}
+    forms |= {"rate_force": Constant(2000.0), "saturation_velocity": Constant(3.0)}
+    free = [
+        Free("rate_force.value", 0.0, 1e7, linear=True),
+        Free("saturation_velocity.value", 1e-2, 99.0, "log"),
+        Free("yield_force.value", 0.0, 1e4, linear=True),
+        Free("rho.value", 50.0, 1e6, "log"),
+        Free("n.value", 0.2, 8.0, "log"),
+        Free("stiffness.value", 0.0, 1e5, linear=True),
+    ]
+    problem, result = fitted(Damper(find_law("bouc-wen-saturating"), forms), free)
+    found = worst_direction(problem, result)
+    assert set(found.named) == {"rate_force.value", "saturation_velocity.value"}
+    shares = dict(zip(found.names, found.weights, strict=True))
+    assert shares["rate_force.value"] == pytest.approx(shares["saturation_velocity.value"], rel=0.1)
+    assert found.standard_error_percent > 10.0
+    assert found.condition > 1e4
+    part = {n: d / s for n, d, s in zip(found.names, found.changes, found.scales, strict=True)}
+    assert part["rate_force.value"] == pytest.approx(part["saturation_velocity.value"], rel=0.1)
+    assert part["rate_force.value"] > 0.2
+    assert found.moved_percent < 1.0001 * found.cost_percent
+    said = sentence(found)
+    assert said.startswith("The data cannot tell ")
+    assert said.count("raising the ") == 2
+
+
+def test_the_stated_change_is_real() -> None:
+    """The sentence's figures hold in plain simulations: the fit does get worse by no more than the noise."""
+    problem, _ = usual("bouc-wen", measured(TRUTHS["bouc-wen"], noise=0.02, seed=0))
+    problem = replace(problem, rate_Hz=1e4)
+    result = fit_variable_projection(problem, starts=0, first=TRUTHS["bouc-wen"])
+    found = worst_direction(problem, result)
+    values = {e.name: e.value for e in result.estimates}
+    moved = {name: values[name] + d for name, d in zip(found.names, found.changes, strict=True)}
+    assert found.cost_percent == pytest.approx(error_percent(problem, result.damper), rel=1e-9)
+    assert found.moved_percent == pytest.approx(error_percent(problem, move(result.damper, moved)), rel=1e-9)
+    samples = sum(len(run.force) - run.scored_from for run in problem.runs)
+    rise = found.moved_percent**2 / found.cost_percent**2 - 1.0
+    assert 0.3 / samples < rise < 3.0 / samples
+    assert f"{found.standard_error_percent:.2g} %" in sentence(found)
+
+
+def test_at_one_current_a_line_over_current_is_one_number_too_many() -> None:
+    """c0 + c1 I at 1 A is one force: what c0 gains c1 loses, newton for newton, without end."""
+    runs = [r for r in measured(TRUTHS["bingham"], noise=0.02, seed=0) if r.run.constant_command == 1.0]
+    offset = Polynomial((40.0, 10.0))
+    truth = replace(TRUTHS["bingham"], coefficients={**TRUTHS["bingham"].coefficients, "offset": offset})
+    free = (
+        Free("offset.c0", -500.0, 500.0, linear=True),
+        Free("offset.c1", -500.0, 500.0, linear=True),
+        Free("yield_velocity.value", 1e-4, 1.0, "log"),
+    )
+    problem = FitProblem(truth, free, tuple(runs))
+    found = worst_direction(problem, fit_variable_projection(problem, starts=0, first=truth))
+    assert set(found.named) == {"offset.c0", "offset.c1"}
+    assert found.standard_error_percent == math.inf
+    change = dict(zip(found.names, found.changes, strict=True))
+    assert change["offset.c0"] == pytest.approx(-change["offset.c1"], rel=1e-6)
+    assert abs(change["offset.c0"]) > 100.0
+    assert found.moved_percent == pytest.approx(found.cost_percent, rel=1e-6)
+    assert "cannot tell offset.c0 from offset.c1" in sentence(found) or (
+        "cannot tell offset.c1 from offset.c0" in sentence(found)
+    )
+
+
+def test_a_number_of_a_term_that_is_not_there_is_said_to_be_unknown() -> None:
+    """Without breakaway friction the velocity over which it fades shows nowhere."""
+    forms = {**TRUTHS["bingham"].coefficients, "breakaway_friction": Constant(0.0)}
+    free = [
+        Free("stribeck_velocity.value", 1e-4, 0.1, "log"),
+        Free("yield_velocity.value", 1e-4, 1.0, "log"),
+    ]
+    problem, result = fitted(replace(TRUTHS["bingham"], coefficients=forms), free)
+    found = worst_direction(problem, result)
+    assert found.named == ("stribeck_velocity.value",)
+    assert found.standard_error_percent == math.inf
+    assert sentence(found).startswith("The data do not pin down stribeck_velocity.value: raising it by ")
+
+
+def test_a_step_ends_before_the_bound_and_before_the_fit_notices() -> None:
+    """A knee passed within a sample: kappa, loose by +-0.034 about 0.004, cannot go beyond 0.02."""
+    steep = {**TRUTHS["bouc-wen"].coefficients, "rho": Constant(5e7), "kappa": Constant(0.0)}
+    free = [Free("kappa.value", -0.02, 0.02), Free("yield_force.c0", 0.0, 1e3, linear=True)]
+    problem, result = fitted(replace(TRUTHS["bouc-wen"], coefficients=steep), free)
+    found = worst_direction(problem, result)
+    change = dict(zip(found.names, found.changes, strict=True))["kappa.value"]
+    assert found.standard_error_percent > 50.0
+    assert 0.0 < change <= 0.02 - result.estimates[0].value
+    assert found.moved_percent < 1.0001 * found.cost_percent
+
+
+def test_with_a_tare_for_the_only_session_the_laws_own_offset_is_anybodys_guess() -> None:
+    """Only a pull of a millionth holds the tare: the same fit, a thousand times the error of the offset."""
+    problem, result = linear_problem()
+    assert worst_direction(problem, result).names[0] == "stiffness.value"
+    loose = replace(problem, session_offsets=True)
+    found = worst_direction(loose, fit_variable_projection(loose, starts=0, first=result.damper))
+    assert found.named == ("offset.value",)
+    offset = next(e for e in result.estimates if e.name == "offset.value")
+    assert found.standard_error_percent * 12.0 == pytest.approx(1e3 * offset.standard_error, rel=0.1)
+    assert found.changes[0] == pytest.approx(1e3 * offset.standard_error, rel=0.1)
+
+
+# ------------------------------------------------------------------------------------------ profile
+
+
+@pytest.mark.parametrize("name", LINEAR)
+def test_the_profile_of_a_regression_is_its_parabola(name: str) -> None:
+    """Squared cost = least + (value - best)^2 / (H^-1)_ii, H from the runs' own velocity and displacement."""
+    problem, result = linear_problem()
+    found = profile(problem, result, name)
+    i = LINEAR.index(name)
+    softness = np.linalg.inv(normal_matrix(problem))[i, i]
+    estimate = next(e for e in result.estimates if e.name == name)
+    expected = result.cost_percent**2 + (np.array(found.values) - estimate.value) ** 2 / softness
+    assert np.square(found.costs_percent) == pytest.approx(expected, rel=1e-9)
+    half = 1.959964 * estimate.standard_error
+    assert found.interval == pytest.approx((estimate.value - half, estimate.value + half), rel=1e-4)
+    assert found.ends == ("closed", "closed")
+    assert len(found.values) >= 7
+
+
+def test_white_noise_counts_every_sample_and_noise_that_lasts_counts_far_fewer() -> None:
+    """Over half-cycle blocks: between the number of half cycles and that of raw samples."""
+    problem, result = linear_problem()
+    white = profile(problem, result, "stiffness.value", points=3)
+    assert 0.6 * white.samples < white.effective_samples <= 1.01 * white.samples
+    lasting = replace(problem, runs=tuple(rough(run, 0.02, seed) for seed, run in enumerate(problem.runs)))
+    again = fit_variable_projection(lasting, starts=0, first=result.damper)
+    few = profile(lasting, again, "stiffness.value", points=3)
+    assert few.blocks < few.effective_samples < 0.2 * few.samples
+
+
+def rough(run: PreparedRun, noise: float, seed: int, correlated_over: float = 20.0) -> PreparedRun:
+    """Return the run with noise added that hangs together over so many samples."""
+    keep = math.exp(-1.0 / correlated_over)
+    drawn = np.random.default_rng(seed).standard_normal(len(run.force) + 300)
+    lasting = lfilter([math.sqrt(1.0 - keep**2)], [1.0, -keep], drawn)[300:]
+    return replace(run, force=np.asarray(run.force) + noise * np.std(run.force) * lasting)
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "ends"), [(-0.05, 0.9, ("bound", "closed")), (-0.05, 0.05, ("bound", "bound"))]
+)
+def test_an_interval_that_meets_a_bound_is_open_there_and_says_so(
+    lower: float, upper: float, ends: tuple[str, str]
+) -> None:
+    """A knee passed within a sample leaves kappa loose by +-0.07; bounds nearer than that are met first."""
+    steep = {**TRUTHS["bouc-wen"].coefficients, "rho": Constant(5e7), "kappa": Constant(0.0)}
+    free = [Free("kappa.value", lower, upper), Free("yield_force.c0", 0.0, 1e3, linear=True)]
+    problem, result = fitted(replace(TRUTHS["bouc-wen"], coefficients=steep), free)
+    found = profile(problem, result, "kappa.value")
+    assert found.ends == ends
+    assert found.interval[0] == lower
+    assert (found.interval[1] == upper) is (ends[1] == "bound")
+    assert found.costs_percent[0] < found.threshold_percent
+    assert "open at the lower end" in sentence(found)
+    assert ("open at the upper end" in sentence(found)) is (ends[1] == "bound")
+
+
+def test_the_profile_of_a_direction_is_that_of_its_heaviest_number_with_the_others_following() -> None:
+    problem, result = usual("bouc-wen", measured(TRUTHS["bouc-wen"], noise=0.02, seed=0))
+    worst = worst_direction(problem, result)
+    found = profile(problem, result, worst, points=3)
+    assert found.name == worst.names[0]
+    weights = dict(zip(worst.names, worst.weights, strict=True))
+    for name in worst.named[1:]:
+        path = found.others[name]
+        assert np.sign(path[-1] - path[0]) == np.sign(weights[name])
+
+
+def test_a_value_without_any_fit_ends_the_profile_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    problem, result = linear_problem()
+    best = result.estimates[0].value
+
+    def none_below(held: FitProblem, **options: object) -> FitResult:
+        if held.template.numbers["viscosity.value"] < best:
+            raise ConvergenceError("no start reached a finite cost")
+        return fit_variable_projection(held, **options)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(direction, "fit_variable_projection", none_below)
+    found = profile(problem, result, "viscosity.value")
+    assert found.ends == ("no fit", "closed")
+    assert found.interval[0] == best
+    assert "open at the lower end, where a value without any fit was reached first" in sentence(found)
+
+
+def test_a_number_that_is_not_there_and_a_number_of_places_without_a_middle_are_refused() -> None:
+    problem, result = linear_problem()
+    with pytest.raises(InputError, match=r"no number 'gap'; it moved viscosity\.value"):
+        profile(problem, result, "gap")
+    with pytest.raises(InputError, match="4 points"):
+        profile(problem, result, "viscosity.value", points=4)
+
+
+def test_an_interrupted_profile_keeps_what_it_has() -> None:
+    problem, result = linear_problem()
+
+    def stop_at_third(progress: Progress) -> None:
+        if progress.start == 1:
+            raise KeyboardInterrupt
+
+    found = profile(problem, result, "viscosity.value", report=stop_at_third)
+    assert found.cancelled
+    assert len(found.values) == 2
+    assert found.ends == ("span", "span")
+
+
+def test_the_share_of_a_held_number_counts_in_the_laws_conditions() -> None:
+    """800 - 390 I is nowhere negative up to 2 A; with 800 held, -390 is found, not cut off at zero."""
+    viscosity = Polynomial((800.0, -390.0))
+    truth = replace(
+        TRUTHS["bingham"], coefficients={**TRUTHS["bingham"].coefficients, "viscosity": viscosity}
+    )
+    _, result = fitted(truth, [Free("viscosity.c1", -1e4, 1e4, linear=True)])
+    estimate = result.estimates[0]
+    assert abs(estimate.value + 390.0) < 4.0 * estimate.standard_error
+    pushed, _ = fitted(truth, [Free("viscosity.c1", -1e4, 1e4, linear=True)])
+    less = tuple(
+        replace(r, force=np.asarray(r.force) - 300.0 * r.run.command[0] * r.trajectory.velocity)
+        for r in pushed.runs
+    )
+    edge = fit_variable_projection(replace(pushed, runs=less), starts=0, first=truth)
+    assert edge.damper.numbers["viscosity.c1"] == pytest.approx(-400.0, rel=1e-6)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("correlated_over", [0.0, 20.0])
+def test_nineteen_of_twenty_intervals_hold_the_truth(correlated_over: float) -> None:
+    """Coverage of the 95 % interval over 300 campaigns, within three binomial standard deviations.
+
+    Counted over white noise, and over noise that hangs together over 40 ms.
+    """
+    clean = measured(TRUTHS["bouc-wen"], noise=0.0, seed=0)
+    held = []
+    for seed in range(300):
+        runs = tuple(
+            rough(run, 0.02, 1000 * seed + i, correlated_over or 1e-3) for i, run in enumerate(clean)
+        )
+        problem, result = usual("bouc-wen", runs)
+        low, high = profile(problem, result, "n.value", points=5).interval
+        held.append(low <= TRUTHS["bouc-wen"].numbers["n.value"] <= high)
+    assert np.mean(held) == pytest.approx(0.95, abs=3.0 * math.sqrt(0.95 * 0.05 / len(held)))
+
+
+# ---------------------------------------------------------------------------------------- bootstrap
+
+
+def test_the_bootstrap_scatters_as_the_standard_errors_say() -> None:
+    """Independent noise, four campaigns of twelve runs: within a factor 1.6 each, 1.25 in the median.
+
+    Sixty draws alone leave 9 %; forty-eight unequal runs some more.
+    """
+    runs = tuple(
+        replace(run, run=replace(run.run, name=f"{run.run.name} {seed}"))
+        for seed in range(4)
+        for run in measured(TRUTHS["dahl"], noise=0.02, seed=seed)
+    )
+    problem, result = usual("dahl", runs)
+    found = bootstrap(problem, result, draws=60, seed=1, stratified=True)
+    assert (found.draws, found.failed, found.cancelled) == (60, 0, False)
+    spread = found.standard_deviation
+    ratio = np.array([spread[e.name] / e.standard_error for e in result.estimates])
+    assert np.all((ratio > 1.0 / 1.6) & (ratio < 1.6)), dict(zip(spread, ratio, strict=True))
+    assert 1.0 / 1.25 < np.median(ratio) < 1.25
+    for e in result.estimates:
+        low, high = found.percentiles[e.name]
+        assert low < e.value < high
+        assert 2.0 < (high - low) / spread[e.name] < 4.5  # 3.3 for a normal scatter
+
+
+def test_a_run_drawn_twice_is_the_same_as_two_runs() -> None:
+    problem, result = usual("dahl", measured(TRUTHS["dahl"], noise=0.02, seed=0))
+    found = bootstrap(problem, result, draws=1, seed=5)
+    counts = _draw(np.random.default_rng(5), len(problem.runs), [])
+    assert counts.max() > 1
+    repeated = tuple(run for run, n in zip(problem.runs, counts, strict=True) for _ in range(n))
+    again = fit_variable_projection(replace(problem, runs=repeated), starts=0, first=result.damper)
+    for value, e in zip(found.values[0], again.estimates, strict=True):
+        assert value == pytest.approx(e.value, abs=1e-3 * e.standard_error)
+
+
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    levels=st.lists(st.integers(0, 4), min_size=2, max_size=15),
+    other=st.lists(st.integers(0, 3), min_size=15, max_size=15),
+)
+def test_a_stratified_draw_holds_every_level_and_as_many_runs_as_there_are(
+    seed: int, levels: list[int], other: list[int]
+) -> None:
+    members = [
+        np.flatnonzero(np.array(key[: len(levels)]) == level)
+        for key in (levels, other)
+        for level in sorted(set(key[: len(levels)]))
+    ]
+    counts = _draw(np.random.default_rng(seed), len(levels), members)
+    assert counts.min() >= 0
+    assert counts.sum() == len(levels)
+    assert all(counts[m].sum() >= 1 for m in members)
+
+
+def test_levels_are_commands_and_temperatures() -> None:
+    """Twelve runs at four currents; at 20, 22 and 60 degC there are two temperatures more."""
+    runs = measured(TRUTHS["dahl"], noise=0.02, seed=0)
+    assert [len(m) for m in _levels(runs)] == [3, 3, 3, 3]
+    warm = [
+        replace(run, trajectory=replace(run.trajectory, temperature=np.full(len(run), kelvin)))
+        for run, kelvin in zip(runs, [293.15, 295.15, 333.15] * 4, strict=True)
+    ]
+    assert sorted(len(m) for m in _levels(warm)) == [3, 3, 3, 3, 4, 8]
+
+
+def test_one_run_at_each_current_is_nothing_to_draw_from() -> None:
+    runs = measured(TRUTHS["dahl"], noise=0.02, seed=0)[:4]
+    problem, result = usual("dahl", runs)
+    with pytest.raises(InputError, match="nothing to draw from 4 runs"):
+        bootstrap(problem, result, stratified=True)
+
+
+def test_an_interrupted_bootstrap_keeps_its_draws_and_says_how_many() -> None:
+    problem, result = linear_problem()
+
+    def stop_after_five(progress: Progress) -> None:
+        if progress.start == 4:
+            raise KeyboardInterrupt
+
+    found = bootstrap(problem, result, draws=50, report=stop_after_five)
+    assert found.cancelled
+    assert found.draws == 5
+    assert sentence(found).startswith("5 of 50 draws of runs, interrupted: ")
+    assert np.isfinite(list(found.standard_deviation.values())).all()
+
+
+def test_the_same_seed_draws_the_same_runs() -> None:
+    problem, result = linear_problem()
+    one, two, other = (bootstrap(problem, result, draws=3, seed=seed).values for seed in (2, 2, 3))
+    assert np.array_equal(one, two)
+    assert not np.allclose(one, other)
+
+
+def test_a_direction_of_three_is_said_in_one_sentence() -> None:
+    found = Direction(
+        names=("a.value", "b.value", "c.value"),
+        weights=(0.8, -0.5, 0.33),
+        scales=(2.0, 4.0, 10.0),
+        relative=(True, True, False),
+        units=("N", "N s/m", "-"),
+        changes=(0.4, -0.4, 0.5),
+        standard_error_percent=25.0,
+        condition=1e6,
+        cost_percent=2.0,
+        moved_percent=2.00011,
+        others_follow=True,
+    )
+    assert sentence(found) == (
+        "The data cannot tell a.value, b.value and c.value apart: raising a.value by 20 %, lowering b.value "
+        "by 10 % and raising c.value by 0.5, the others following, changes the fit by less than the noise "
+        "(error 2.0000 % before, 2.0001 % after)."
+    )

@@ -1,0 +1,228 @@
+"""Actuation: closed forms of lags and delay, their limits, and a differential equation solved elsewhere."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+from scipy.special import lambertw
+
+from mrdamper import core
+from mrdamper.errors import InputError
+from mrdamper.models.actuation import Actuation
+from mrdamper.quantities import FloatArray
+
+T63 = 1.0 - math.exp(-1.0)
+TEXT: Any = "fast"
+NOTHING: Any = None
+
+times = st.floats(1e-4, 0.5)
+shares = st.floats(0.02, 0.98)
+actuations = st.builds(
+    Actuation, *[st.just(0.0) | times] * 2, second_s=st.just(0.0) | times, delay_s=st.just(0.0) | times
+)
+levels = st.lists(st.floats(-2.0, 2.0), min_size=2, max_size=60)
+
+
+def a_step(samples: int, at: int = 1) -> FloatArray:
+    command = np.ones(samples)
+    command[:at] = 0.0
+    return command
+
+
+# ---------------------------------------------------------------------------------------- closed forms
+
+
+@given(tau=times, share=shares)
+def test_one_lag_takes_its_time_constant_to_63_percent(tau, share):
+    """And -tau ln(1 - share) to any share. The command is a ramp over one sample: 2.5e-4 tau late."""
+    lag = Actuation(tau, tau)
+    assert lag.response_time(T63) == pytest.approx(tau, rel=5e-4)
+    assert lag.response_time(share) == pytest.approx(-tau * math.log1p(-share), abs=5e-4 * tau)
+
+
+@given(tau=times, share=shares)
+def test_two_equal_lags_take_what_the_closed_form_says(tau, share):
+    """1 - (1 + t/tau) exp(-t/tau) = share, solved by Lambert's W (63 %: 2.146 tau)."""
+    expected = -tau * (1.0 + float(lambertw((share - 1.0) / math.e, -1).real))
+    assert Actuation(tau, tau, tau).response_time(share) == pytest.approx(expected, abs=1e-3 * tau)
+    assert Actuation(tau, tau, tau).response_time(T63) == pytest.approx(2.1462 * tau, rel=1e-3)
+
+
+def ramp_through_two_lags(time: FloatArray, a: float, b: float) -> FloatArray:
+    """Return t - (a + b) + (a^2 exp(-t/a) - b^2 exp(-t/b))/(a - b)."""
+    fading = (a**2 * np.exp(-time / a) - b**2 * np.exp(-time / b)) / (a - b)
+    return np.asarray(time - (a + b) + fading, dtype=np.float64)
+
+
+def test_two_lags_in_a_row_follow_the_closed_form_sample_by_sample():
+    """A ramp of 1 A/s through both. Between samples the first is taken as linear: off by step^2/(8a)."""
+    a, b, step = 0.030, 0.012, 1e-4
+    time = step * np.arange(3000, dtype=np.float64)
+    off = Actuation(a, a, b).applied(time, step) - ramp_through_two_lags(time, a, b)
+    assert np.abs(off).max() < step**2 / (8.0 * a)
+
+
+def test_two_lags_in_a_row_converge_with_order_two():
+    """The first is exact; the second takes it as linear between the samples."""
+    a, b = 0.030, 0.012
+
+    def error(step: float) -> float:
+        time = step * np.arange(round(0.3 / step), dtype=np.float64)
+        exact = ramp_through_two_lags(time, a, b)
+        return float(np.abs(Actuation(a, a, b).applied(time, step) - exact).max())
+
+    assert math.log(error(1e-3) / error(2.5e-4)) / math.log(4.0) == pytest.approx(2.0, abs=0.1)
+
+
+@given(tau=times, second=times, delay=times)
+def test_a_delay_adds_itself_to_every_response(tau, second, delay):
+    without, late = Actuation(tau, 0.5 * tau, second), Actuation(tau, 0.5 * tau, second, delay)
+    resolution = 2e-4 * (delay + 10.0 * (tau + second))
+    for share in (0.1, T63, 0.9):
+        expected = without.response_time(share) + delay
+        assert late.response_time(share) == pytest.approx(expected, abs=resolution)
+
+
+@given(command=levels, samples=st.integers(0, 80))
+def test_a_delay_of_whole_samples_shifts_them(command, samples):
+    step, at = 1e-3, np.array(command)
+    late = Actuation(0.0, 0.0, delay_s=samples * step).applied(at, step)
+    shifted = np.concatenate([np.full(samples, at[0]), at])[: len(at)]
+    np.testing.assert_allclose(late, shifted, atol=1e-9)
+
+
+@given(rise=times, fall=times)
+def test_rise_and_fall_have_their_own_times(rise, fall):
+    """Up from zero with the one, down to zero with the other; a negative command is the same mirrored."""
+    both = Actuation(rise, fall)
+    resolution = 1e-3 * max(rise, fall)
+    assert both.response_time(T63, 0.0, 1.0) == pytest.approx(rise, abs=resolution)
+    assert both.response_time(T63, 1.0, 0.0) == pytest.approx(fall, abs=resolution)
+    assert both.response_time(T63, 0.0, -2.0) == pytest.approx(rise, abs=resolution)
+    assert both.response_time(T63, -2.0, -0.5) == pytest.approx(fall, abs=resolution)
+
+
+@given(rise=times, fall=times, second=times, delay=times)
+def test_what_a_step_lacks_in_area_is_the_sum_of_its_times(rise, fall, second, delay):
+    """The integral of command - applied is the step times all its lags and delays, up and down."""
+    both = Actuation(rise, fall, second, delay)
+    step = (rise + fall + second + delay) / 500.0
+    up = a_step(15_000)
+    lacking = step * np.sum(up - both.applied(up, step))
+    assert lacking == pytest.approx(rise + second + delay, rel=1e-6, abs=1e-9)
+    left = step * np.sum(both.applied(1.0 - up, step) - (1.0 - up))
+    assert left == pytest.approx(fall + second + delay, rel=1e-6, abs=1e-9)
+
+
+def test_it_is_what_an_adaptive_integrator_makes_of_the_equation():
+    """The equation a' = (c - a)/lag, lag by |c| > |a|, under a command that swings through zero.
+
+    The lag is chosen once per sample: what is left falls with the step.
+    """
+    rise, fall, omega = 0.02, 0.05, 2.0 * math.pi * 3.0
+
+    def rate(t: float, a: np.ndarray) -> np.ndarray:
+        c = 0.3 + math.sin(omega * t)
+        return (c - a) / (rise if abs(c) > abs(a[0]) else fall)
+
+    every = 2.5e-4 * np.arange(3200)
+    exact = solve_ivp(rate, (0.0, 0.8), [0.3], t_eval=every, rtol=1e-9, atol=1e-11, max_step=1e-4).y[0]
+
+    def error(step: float) -> float:
+        stride = round(step / 2.5e-4)
+        found = Actuation(rise, fall).applied(0.3 + np.sin(omega * every[::stride]), step)
+        return float(np.abs(found - exact[::stride]).max())
+
+    coarse, fine = error(2e-3), error(2.5e-4)
+    assert coarse < 0.02
+    assert fine < 0.3 * coarse
+
+
+# ------------------------------------------------------------------------------------ limits and order
+
+
+@given(command=levels)
+def test_without_times_it_is_the_command_itself(command):
+    at = np.array(command)
+    np.testing.assert_array_equal(Actuation(0.0, 0.0).applied(at, 1e-3), at)
+
+
+@given(command=levels, tau=times, step=st.floats(1e-4, 0.1))
+def test_with_equal_rise_and_fall_it_is_the_plain_lag(command, tau, step):
+    at = np.array(command)
+    np.testing.assert_array_equal(Actuation(tau, tau).applied(at, step), core.lagged(at, step, tau)[0])
+
+
+@given(actuation=actuations, level=st.floats(-2.0, 2.0))
+def test_a_command_that_keeps_still_is_felt_as_it_is(actuation, level):
+    np.testing.assert_allclose(actuation.applied(np.full(50, level), 1e-3), level, rtol=1e-14)
+
+
+@given(actuation=actuations, command=levels, step=st.floats(1e-4, 0.1))
+def test_what_is_felt_never_leaves_the_range_that_was_commanded(actuation, command, step):
+    """No overshoot, whatever the command: at each moment within what was commanded up to then."""
+    at = np.array(command)
+    felt = actuation.applied(at, step)
+    assert np.all(felt <= np.maximum.accumulate(at) + 1e-12)
+    assert np.all(felt >= np.minimum.accumulate(at) - 1e-12)
+
+
+@given(actuation=actuations, command=levels, step=st.floats(1e-4, 0.1))
+def test_a_command_that_only_rises_is_felt_as_one_that_only_rises(actuation, command, step):
+    at = np.sort(np.array(command))
+    assert np.all(np.diff(actuation.applied(at, step)) >= -1e-12)
+    assert np.all(np.diff(actuation.applied(at[::-1].copy(), step)) <= 1e-12)
+
+
+@given(actuation=actuations, command=levels, size=st.sampled_from([0.25, 2.0, -1.0, -4.0]))
+def test_size_and_sign_of_the_command_are_those_of_what_is_felt(actuation, command, size):
+    """Rise and fall go by the command's size: twice the command is felt twice, the opposite as the opposite.
+
+    Powers of two scale without rounding.
+    """
+    at = np.array(command)
+    np.testing.assert_array_equal(
+        actuation.applied(size * at, 1e-3), size * actuation.applied(at, 1e-3), strict=True
+    )
+
+
+def test_a_slower_lag_is_felt_later():
+    up, down = a_step(2000), 1.0 - a_step(2000)
+    quick, slow = Actuation(0.01, 0.02, 0.002), Actuation(0.02, 0.04, 0.004)
+    assert np.all(slow.applied(up, 1e-4)[1:] < quick.applied(up, 1e-4)[1:])
+    assert np.all(slow.applied(down, 1e-4)[1:] > quick.applied(down, 1e-4)[1:])
+
+
+# -------------------------------------------------------------------------------------------- refusals
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: Actuation(-0.01, 0.01), "actuation: rise_s is -0.01; expected a finite number, 0 or more"),
+        (lambda: Actuation(0.01, math.nan), "actuation: fall_s is nan"),
+        (lambda: Actuation(0.01, 0.01, math.inf), "actuation: second_s is inf"),
+        (lambda: Actuation(0.01, 0.01, delay_s=TEXT), "actuation: delay_s is 'fast'"),
+        (lambda: Actuation(NOTHING, 0.01), "actuation: rise_s is None"),
+        (lambda: Actuation(0.01, 0.01, largest_command=-2.0), "actuation: largest_command is -2.0"),
+        (lambda: Actuation(0.01, 0.01, delay_s=True), "actuation: delay_s is True"),
+        (lambda: Actuation(0.01, 0.01).response_time(1.0), "share is 1.0; expected above 0 and below 1"),
+        (lambda: Actuation(0.01, 0.01).response_time(math.nan), "share is nan"),
+    ],
+)
+def test_what_no_actuation_can_be_is_refused_by_name(make, said):
+    with pytest.raises(InputError, match=said):
+        make()
+
+
+def test_resistance_and_largest_command_may_be_unknown():
+    plain = Actuation(0.01, 0.02)
+    assert plain.resistance_20_ohm is None
+    assert plain.largest_command is None
+    assert Actuation(0, 0).rise_s == 0.0

@@ -1,0 +1,258 @@
+"""Fits of rheometer tables: known laws recovered, standard errors honest, one law found in another."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mrdamper.errors import InputError
+from mrdamper.models.carlson import Carlson, FIELD_SCALE_A_m, field_strength
+from mrdamper.models.rheometer import enlargement_of
+from mrdamper.models.temperature import Arrhenius, Linear, Reynolds, Vft
+from mrdamper.models.viscosity_fit import fit_viscosity
+from mrdamper.models.yield_fit import fit_yield_stress
+
+KELVIN = np.linspace(293.15, 403.15, 23)
+LAWS = (Arrhenius(1435.5), Reynolds(0.013), Vft(753.0, 165.4))
+FIELDS = np.repeat(field_strength([0.1, 0.2, 0.4, 0.6], 0.32), 6)  # the paper's
+AT = np.tile(np.linspace(293.15, 393.15, 6), 4)
+
+
+def named(study, kind):
+    return next(fit for fit in study.fits if fit.factor.kind == kind)
+
+
+def noisy(values, seed, share=0.02):
+    return values * np.exp(share * np.random.default_rng(seed).standard_normal(np.shape(values)))
+
+
+# ------------------------------------------------------------------------------------------- viscosity
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_without_noise_the_law_comes_back(law):
+    study = fit_viscosity(KELVIN, 0.15 * law.value(KELVIN))
+    fit = named(study, law.kind)
+    assert fit.viscosity_Pa_s == pytest.approx(0.15, rel=1e-9)
+    assert fit.factor.numbers == pytest.approx(law.numbers, rel=1e-6)
+    assert fit.rms_percent < 1e-9
+    assert study.best.factor.kind == law.kind
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_the_truth_lies_within_three_standard_errors(law):
+    """20 tables of 23 points, 2 % of noise: at most 3 % of the numbers further off, their spread near 1."""
+    found = []
+    for seed in range(20):
+        fit = named(fit_viscosity(KELVIN, noisy(0.15 * law.value(KELVIN), seed)), law.kind)
+        truth = (0.15, *law.numbers)
+        found += [(n.value - t) / n.standard_error for n, t in zip(fit.numbers, truth, strict=True)]
+        fall, error = fit.fall_percent()
+        found.append((fall - 100.0 * (1.0 - float(law.value(373.15)))) / error)
+    scores = np.array(found)
+    assert np.mean(np.abs(scores) > 3.0) <= 0.03
+    assert 0.7 < np.sqrt(np.mean(scores**2)) < 1.4
+
+
+def test_vft_recovers_arrhenius_when_the_data_are_arrhenius():
+    law = Arrhenius(1435.5)
+    clean = named(fit_viscosity(KELVIN, 0.15 * law.value(KELVIN)), "vft")
+    assert clean.factor.vft_pole_K == pytest.approx(0.0, abs=1e-6)
+    assert clean.factor.vft_K == pytest.approx(1435.5, rel=1e-9)
+    for seed in range(5):
+        fit = named(fit_viscosity(KELVIN, noisy(0.15 * law.value(KELVIN), seed, 0.005)), "vft")
+        assert abs(fit.factor.vft_pole_K) < 3.0 * fit.numbers[2].standard_error
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_the_law_of_the_table_is_chosen_in_most_tables(law):
+    """AICc takes a law with one number more for chance in about one table of ten."""
+    chosen = [
+        fit_viscosity(KELVIN, noisy(0.15 * law.value(KELVIN), seed)).best.factor.kind for seed in range(20)
+    ]
+    assert chosen.count(law.kind) >= 15
+
+
+@given(
+    scale=st.floats(1e-3, 1e3),
+    order=st.permutations(range(8)),
+    rate=st.floats(0.002, 0.03),
+    seed=st.integers(0, 99),
+)
+def test_the_unit_and_the_order_of_the_points_do_not_matter(scale, order, rate, seed):
+    kelvin = np.linspace(300.0, 390.0, 8)
+    viscosity = noisy(0.1 * Reynolds(rate).value(kelvin), seed)
+    one = fit_viscosity(kelvin, viscosity).fits
+    other = fit_viscosity(kelvin[order], scale * viscosity[order]).fits
+    assert {fit.factor.kind for fit in one} == {fit.factor.kind for fit in other}
+    for kind in ("arrhenius", "reynolds"):
+        a, b = (next(fit for fit in fits if fit.factor.kind == kind) for fits in (one, other))
+        assert b.viscosity_Pa_s == pytest.approx(scale * a.viscosity_Pa_s, rel=1e-9)
+        assert b.factor.numbers == pytest.approx(a.factor.numbers, rel=1e-9)
+
+
+def test_the_arrhenius_fit_is_the_straight_line_of_a_textbook():
+    """Ln eta over 1/T by numpy.polyfit, with its covariance."""
+    viscosity = noisy(0.15 * Arrhenius(1435.5).value(KELVIN), 1)
+    (slope, _), covariance = np.polyfit(1.0 / KELVIN - 1.0 / 293.15, np.log(viscosity), 1, cov=True)
+    fit = named(fit_viscosity(KELVIN, viscosity), "arrhenius")
+    assert fit.factor.activation_K == pytest.approx(slope, rel=1e-9)
+    assert fit.enlarged == 1.0
+    assert fit.numbers[1].standard_error == pytest.approx(math.sqrt(covariance[0, 0]), rel=1e-6)
+
+
+def test_a_collapse_above_130_degC_is_left_out_and_told():
+    kelvin = 273.15 + np.arange(20.0, 151.0, 5.0)
+    law = Arrhenius(1435.5)
+    collapsing = 0.153 * law.value(kelvin) / (1.0 + np.exp((kelvin - 414.15) / 1.5))
+    study = fit_viscosity(kelvin, collapsing, place="table.csv")
+    assert named(study, "arrhenius").factor.activation_K == pytest.approx(1435.5, rel=1e-3)
+    assert study.used.sum() == np.sum(kelvin <= 403.15 + 1e-9)
+    assert any("4 points above 130 degC left out" in note for note in study.notes)
+    assert any("the fluid fails there" in note for note in study.notes)
+
+
+def test_a_table_that_goes_on_above_130_degC_as_its_law_says_is_not_called_failing():
+    kelvin = 273.15 + np.arange(20.0, 151.0, 5.0)
+    study = fit_viscosity(kelvin, noisy(0.153 * Arrhenius(1435.5).value(kelvin), 4))
+    assert any("left out" in note for note in study.notes)
+    assert not any("fails" in note for note in study.notes)
+
+
+def test_points_that_do_not_reach_from_20_to_100_degC_make_the_fall_an_extrapolation():
+    kelvin = np.linspace(303.15, 353.15, 10)
+    notes = fit_viscosity(kelvin, Arrhenius(1400.0).value(kelvin)).notes
+    assert any(
+        "points lie at 30 to 80 degC: the fall from 20 to 100 degC is extrapolated" in n for n in notes
+    )
+
+
+def test_a_viscosity_that_curves_the_other_way_sends_the_pole_to_its_limit_and_says_so():
+    """Ln eta concave in T: no VFT law does that, Reynolds' law is the nearest."""
+    x = KELVIN - 293.15
+    study = fit_viscosity(KELVIN, noisy(0.2 * np.exp(-0.005 * x - 6e-5 * x**2), 2, 0.002))
+    assert "Reynolds' law" in named(study, "vft").limit
+    assert math.isnan(named(study, "vft").numbers[2].standard_error)
+    assert study.best.factor.kind == "reynolds"
+
+
+def test_points_that_err_together_get_larger_standard_errors():
+    """First-order autoregressive scatter, r = 0.8: means are sqrt(1.8 / 0.2) = 3 times as open."""
+    rng = np.random.default_rng(5)
+    grown = []
+    for _ in range(20):
+        noise = np.zeros(400)
+        for k in range(1, 400):
+            noise[k] = 0.8 * noise[k - 1] + rng.standard_normal()
+        grown.append(enlargement_of(noise))
+    assert np.mean(grown) == pytest.approx(3.0, rel=0.1)
+
+
+def test_points_that_err_alone_seldom_get_larger_standard_errors():
+    rng = np.random.default_rng(6)
+    grown = [enlargement_of(rng.standard_normal(50)) for _ in range(200)]
+    assert np.mean(np.array(grown) > 1.0) < 0.06
+
+
+@pytest.mark.parametrize("points", [3, 4, 5])
+def test_few_points_are_fitted_without_the_law_of_three_numbers(points):
+    kelvin = np.linspace(293.15, 373.15, points)
+    study = fit_viscosity(kelvin, noisy(0.1 * Reynolds(0.01).value(kelvin), 3))
+    assert {fit.factor.kind for fit in study.fits} == {"arrhenius", "reynolds"}
+    assert any("VFT law was not fitted" in note for note in study.notes)
+    assert all(math.isfinite(n.standard_error) for fit in study.fits for n in fit.numbers)
+
+
+@pytest.mark.parametrize(
+    ("kelvin", "viscosity", "said"),
+    [
+        ([293.15] * 4, [0.1] * 4, r"one temperature \(20 degC\) within -40 to 130 degC; expected at least 3"),
+        ([293.15, 333.15], [0.1, 0.05], r"2 temperatures \(20 to 60 degC\).*a viscosity law has 2 numbers"),
+        ([293.15, 295.0, 297.0], [0.1, 0.09, 0.08], "3 temperatures.*10 K or more apart"),
+        ([420.0, 430.0, 440.0], [0.1, 0.05, 0.04], "no temperature within -40 to 130 degC"),
+        (
+            [293.15, 313.15, 333.15],
+            [0.1, -0.05, 0.04],
+            r"viscosity is -0\.05 Pa s at 40 degC \(1 such point\)",
+        ),
+        ([293.15, 313.15, 333.15], [0.1, 0.0, 0.04], "viscosity is 0 Pa s at 40 degC"),
+        ([293.15, 313.15, 333.15], [0.1, math.inf, 0.04], "viscosity is inf Pa s at 40 degC"),
+    ],
+)
+def test_a_table_that_tells_no_law_is_refused_with_the_remedy(kelvin, viscosity, said):
+    with pytest.raises(InputError, match=said):
+        fit_viscosity(np.array(kelvin), np.array(viscosity))
+
+
+# ------------------------------------------------------------------------------------------- yield stress
+
+
+@pytest.mark.parametrize(("scale", "name"), [(FIELD_SCALE_A_m, "carlson"), (1.1e5, "carlson-free-scale")])
+def test_without_noise_the_yield_stress_law_comes_back(scale, name):
+    stress = Carlson(47e3, scale).stress(FIELDS) * Linear(1.67e-3).value(AT)
+    best = fit_yield_stress(FIELDS, AT, stress).best
+    assert best.name == name
+    assert best.field_law.saturation_Pa == pytest.approx(47e3, rel=1e-7)
+    assert best.field_law.field_scale_A_m == pytest.approx(scale, rel=1e-7)
+    assert best.factor.temperature_slope == pytest.approx(1.67e-3, rel=1e-6)
+    assert best.fall_percent()[0] == pytest.approx(100.0 * 80.0 * 1.67e-3, rel=1e-6)
+
+
+@pytest.mark.parametrize(("scale", "name"), [(FIELD_SCALE_A_m, "carlson"), (1.1e5, "carlson-free-scale")])
+def test_the_true_yield_stress_lies_within_three_standard_errors(scale, name):
+    scores = []
+    clean = Carlson(47e3, scale).stress(FIELDS) * Linear(1.5e-3).value(AT)
+    for seed in range(20):
+        study = fit_yield_stress(FIELDS, AT, noisy(clean, seed))
+        fit = next(fit for fit in study.fits if fit.name == name)
+        for number, truth in zip(fit.numbers, (47e3, scale, 1.5e-3), strict=True):
+            if name == "carlson" and number.name == "field_scale_A_m":
+                assert math.isnan(number.standard_error)  # it was not fitted
+                continue
+            scores.append((number.value - truth) / number.standard_error)
+    assert np.mean(np.abs(scores) > 3.0) <= 0.03
+    assert 0.7 < np.sqrt(np.mean(np.square(scores))) < 1.4
+
+
+def test_points_without_field_and_above_130_degC_stay_out_and_are_told():
+    field = np.append(FIELDS, [0.0, 5e4])
+    kelvin = np.append(AT, [293.15, 420.0])
+    stress = Carlson(47e3).stress(field) * Linear(1.5e-3).value(kelvin)
+    study = fit_yield_stress(field, kelvin, stress, place="tau.csv")
+    assert study.used.sum() == FIELDS.size
+    assert any("1 point without field left out" in note for note in study.notes)
+    assert any("1 point outside -40 to 130 degC left out" in note for note in study.notes)
+
+
+def test_weak_fields_leave_the_saturation_open_and_say_so():
+    """Tanh u = u within 0.1 %: only the slope at the origin is there to be seen."""
+    field = np.repeat([1e3, 2e3, 4e3, 8e3], 4)
+    kelvin = np.tile([293.15, 323.15, 353.15, 383.15], 4)
+    stress = noisy(Carlson(47e3).stress(field) * Linear(1.5e-3).value(kelvin), 1)
+    study = fit_yield_stress(field, kelvin, stress)
+    assert any("almost straight: its saturation is extrapolated" in note for note in study.notes)
+    assert study.best.name == "carlson"
+
+
+def test_the_sign_of_the_field_does_not_matter():
+    stress = Carlson(47e3).stress(FIELDS) * Linear(1.5e-3).value(AT)
+    one, other = (fit_yield_stress(field, AT, stress).best for field in (FIELDS, -FIELDS))
+    assert (one.field_law, one.factor) == (other.field_law, other.factor)
+
+
+@pytest.mark.parametrize(
+    ("field", "kelvin", "stress", "said"),
+    [
+        ([5e4, 1e5, 2e5], [293.15] * 3, [1e4, 2e4, 3e4], "one temperature.*the temperature slope"),
+        ([5e4, 1e5], [293.15, 333.15], [1e4, 2e4], "2 yield stresses in a field; expected at least 3"),
+        ([5e4, 1e5, 2e5], [293.15, 313.15, 333.15], [1e4, -2e4, 3e4], "yield stress is -20000 Pa at 40 degC"),
+        ([0.0, 0.0, 0.0], [293.15, 313.15, 333.15], [1.0, 1.0, 1.0], "no temperature within"),
+    ],
+)
+def test_a_yield_stress_table_that_tells_no_law_is_refused(field, kelvin, stress, said):
+    with pytest.raises(InputError, match=said):
+        fit_yield_stress(np.array(field), np.array(kelvin), np.array(stress))

@@ -1,0 +1,80 @@
+"""The virtual damper's parameters: presets, files of one's own, and what is refused."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+
+import pytest
+
+from mrdamper.errors import InputError
+from mrdamper.rig.damper import PRESETS, VirtualDamper, find_preset
+from mrdamper.rig.paper import solve_thermal_claims
+
+NUMBERS = [field.name for field in fields(VirtualDamper) if field.name != "name"]
+
+
+def test_the_presets_go_by_their_names():
+    assert list(PRESETS) == ["paper", "nominal", "hard", "stiff", "vehicle"]
+    assert all(damper.name == name for name, damper in PRESETS.items())
+
+
+def test_the_paper_preset_is_what_its_solve_finds():
+    found = solve_thermal_claims()
+    for name in ("yield_field_N", "viscous_N", "yield_loss_per_K", "friction_loss_per_K"):
+        assert getattr(PRESETS["paper"], name) == pytest.approx(getattr(found, name), rel=2e-6), name
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_a_damper_written_as_toml_is_read_back(preset, tmp_path):
+    path = tmp_path / "damper.toml"
+    path.write_text(PRESETS[preset].to_toml(), encoding="utf-8")
+    assert VirtualDamper.from_toml(path) == PRESETS[preset]
+
+
+def test_a_file_says_what_differs_from_a_preset():
+    own = VirtualDamper.from_mapping({"preset": "hard", "friction_N": 90})
+    assert own == replace(PRESETS["hard"], name="hard-own", friction_N=90.0)
+    assert VirtualDamper.from_mapping({}) == PRESETS["nominal"]
+    assert VirtualDamper.from_mapping({"preset": "stiff", "name": "mine"}).name == "mine"
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"friction": 3}, "rig.toml: 'friction' is not known; the nearest are: friction_N"),
+        ({"preset": "soft"}, "'soft' is not a preset of the virtual rig; the nearest are"),
+        ({"preset": 3}, "3 is not a preset"),
+        ({"friction_N": "40"}, "friction_N is '40'; expected a number, 0 to inf"),
+        ({"friction_N": True}, "friction_N is True"),
+        ({"yield_N": 0}, "yield_N is 0; expected a positive number"),
+        ({"coil_ohm": float("nan")}, "coil_ohm is nan; expected a positive number"),
+        ({"spread": 0.6}, "spread is 0.6; expected a number, 0 to 0.5"),
+        ({"asymmetry": -1.0}, "asymmetry is -1.0; expected a number, -0.9 to 0.9"),
+        ({"viscosity_pole_K": 300}, "viscosity_pole_K is 300; expected a number, 0 to 200"),
+        ({"name": "../mine"}, "name is '../mine'; expected letters"),
+    ],
+)
+def test_what_cannot_be_is_refused_with_its_place(given, message):
+    with pytest.raises(InputError) as error:
+        VirtualDamper.from_mapping(given, "rig.toml")
+    assert message in str(error.value)
+    assert str(error.value).startswith("rig.toml: ")
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+def test_no_parameter_may_be_infinite(name):
+    with pytest.raises(InputError, match=f"{name} is inf"):
+        VirtualDamper.from_mapping({name: float("inf")})
+
+
+def test_a_file_that_cannot_be_read_is_named(tmp_path):
+    with pytest.raises(InputError, match=r"no\.toml: cannot read the virtual damper"):
+        VirtualDamper.from_toml(tmp_path / "no.toml")
+    (tmp_path / "bad.toml").write_text("preset = nominal", encoding="utf-8")
+    with pytest.raises(InputError, match=r"bad\.toml: not a TOML file"):
+        VirtualDamper.from_toml(tmp_path / "bad.toml")
+
+
+def test_an_unknown_preset_names_the_nearest():
+    with pytest.raises(InputError, match=r"'nominel' is not a preset .*; the nearest are: nominal"):
+        find_preset("nominel")
