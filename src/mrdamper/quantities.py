@@ -56,7 +56,7 @@ _TABLE = (
     Quantity("force", "F", "N", -1e6, 1e6, ("force", "load"), ("N", "kN", "kgf", "lbf")),
     Quantity("current", "I", "A", -100, 100, ("current",), ("A", "mA")),
     Quantity("voltage", "U", "V", -1000, 1000, ("voltage",), ("V", "mV")),
-    Quantity("temperature", "T", "K", 200, 500, ("temperature", "temp"), ("K", "degC", "degF")),
+    Quantity("temperature", "T", "K", 223, 453, ("temperature", "temp"), ("K", "degC", "degF")),
 )  # fmt: skip
 
 QUANTITIES: Mapping[str, Quantity] = MappingProxyType({quantity.role: quantity for quantity in _TABLE})

@@ -354,8 +354,8 @@ def test_the_demo_runs_end_to_end_and_says_that_its_runs_are_simulated(tmp_path)
     answer = answer_of(run)
     assert answer["simulated"] is True
     assert answer["cpu_s"] < 20.0
-    assert {line["law"] for line in answer["laws"]} == {"series-valve", "bouc-wen"}
-    assert answer["summary"]["held_out"]["median_nrmse_percent"] < 25.0
+    assert {line["law"] for line in answer["laws"]} == {"double-bouc-wen", "bouc-wen"}
+    assert answer["summary"]["held_out"]["median_nrmse_percent"] < 5.0
     summary = json.loads((tmp_path / "demo" / "summary.json").read_text(encoding="utf-8"))
     assert summary == answer
     assert {"card.json", "report.html", "errors.csv", "runs"} <= {

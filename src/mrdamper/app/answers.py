@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 from mrdamper.app.api import Identification, finite, row
 from mrdamper.identify.assess import Assessment, LawScore, LeftOut, RunError, summary
+from mrdamper.identify.identifiability import sentence
 from mrdamper.identify.problem import Estimate
 
-__all__ = ["Json", "identification", "line", "summaries"]
+__all__ = ["Json", "by_temperature", "identification", "line", "summaries"]
 
 Json = dict[str, object]
 
@@ -41,6 +44,10 @@ def identification(fitted: Identification, judged: Assessment, out: Path, table:
         "passivity_min": finite(judged.passivity_min),
         "cancelled": result.cancelled,
         "notes": [*result.notes, *judged.words],
+        "by_temperature": by_temperature(judged.runs),
+        "actuation": _actuation(fitted),
+        "assumed": list(fitted.damper.assumed),
+        "identifiability": _identifiability(judged),
         "left_out": [_left(left) for left in judged.left_out],
         "left_out_summary": _left_summaries(judged.left_out),
         "law_table": [
@@ -55,6 +62,70 @@ def identification(fitted: Identification, judged: Assessment, out: Path, table:
             for score in table
         ],
     }
+
+
+def by_temperature(errors: Iterable[RunError]) -> list[Json]:
+    """Return the RMS error [N] over the runs of each motion, temperature (to 1 degC) and split."""
+    groups: dict[tuple[str, int, str], list[float]] = {}
+    for error in errors:
+        if error.temperature_degC is not None:
+            key = (error.motion, round(error.temperature_degC), error.split)
+            groups.setdefault(key, []).append(error.rmse_N**2)
+    return [
+        {
+            "motion": motion,
+            "temperature_degC": degrees,
+            "split": split,
+            "runs": len(squares),
+            "rmse_N": math.sqrt(sum(squares) / len(squares)),
+        }
+        for (motion, degrees, split), squares in sorted(groups.items())
+    ]
+
+
+def _actuation(fitted: Identification) -> Json | None:
+    found = fitted.actuation
+    if found is None:
+        return None
+    errors = {f"{name}_standard_error": finite(error) for name, error in found.standard_errors.items()}
+    told: Json = {**asdict(found.actuation), **errors}
+    return {
+        **told,
+        "t63_s": found.t63_s,
+        "t90_s": found.t90_s,
+        "rmse_N": found.rmse_N,
+        "unlagged_rmse_N": found.unlagged_rmse_N,
+        "windows": found.windows,
+    }
+
+
+def _identifiability(judged: Assessment) -> Json | None:
+    """Return what the data cannot tell apart, with the profile and the bootstrap where they were made."""
+    direction, profile, bootstrap = judged.direction, judged.profile, judged.bootstrap
+    if direction is None:
+        return None
+    told: Json = {
+        "worst_direction": dict(zip(direction.names, map(float, direction.weights), strict=True)),
+        "standard_error_percent": finite(direction.standard_error_percent),
+        "condition": finite(direction.condition),
+        "sentence": sentence(direction),
+    }
+    if profile is not None:
+        told["profile"] = {
+            "name": profile.name,
+            "values": [float(value) for value in profile.values],
+            "cost_percent": [finite(cost) for cost in profile.costs_percent],
+            "interval": [finite(end) for end in profile.interval],
+            "ends": list(profile.ends),
+        }
+    if bootstrap is not None:
+        told["bootstrap"] = {
+            "draws": bootstrap.draws,
+            "failed": bootstrap.failed,
+            "standard_deviation": {n: finite(v) for n, v in bootstrap.standard_deviation.items()},
+            "percentiles_5_95": {n: [finite(x) for x in v] for n, v in bootstrap.percentiles.items()},
+        }
+    return told
 
 
 def _estimate(estimate: Estimate) -> Json:

@@ -22,6 +22,7 @@ from typing import Literal
 import numpy as np
 
 from mrdamper.data.prepare import Preparation, PreparedRun, decimate, prepare_run
+from mrdamper.data.readers import told_at_once
 from mrdamper.data.records import Dataset, RigRun
 from mrdamper.errors import EnvelopeWarning, InputError
 from mrdamper.identify.actuation import ActuationFit, fit_actuation
@@ -205,16 +206,24 @@ def assess(
     fitted: Identification,
     *,
     leave_out: Sequence[Kind] = (),
+    profiled: bool = False,
+    draws: int = 0,
     seed: int | None = None,
     report: Report | None = None,
 ) -> Assessment:
-    """Judge a fit: error by run, passivity, words; ``leave_out`` fits again without each part."""
+    """Judge a fit: error by run, passivity, what the data cannot tell apart, and all in words.
+
+    ``leave_out`` fits again without each part; ``profiled`` follows the worst direction along its profile;
+    ``draws`` bootstrap fits draw the runs with replacement.
+    """
     return assess_fit(
         fitted.result,
         fitted.training,
         fitted.held_out,
         problem=fitted.problem,
         leave_out_kinds=leave_out,
+        profiled=profiled,
+        draws=draws,
         seed=fitted.result.seed if seed is None else seed,
         report=report,
     )
@@ -357,7 +366,7 @@ def prepare_all(runs: Iterable[RigRun], preparation: Preparation) -> tuple[Prepa
         except InputError as fault:
             faults.append(str(fault))
     if faults:
-        raise InputError("\n".join(faults))
+        raise InputError(told_at_once(faults))
     return tuple(prepared)
 
 

@@ -243,9 +243,9 @@ def in_degrees(temperature: float | None) -> float | None:
 
 
 def _round_speeds(fastest: float) -> tuple[float, ...]:
-    """Return five round speeds [m/s], the last one near the fastest."""
+    """Return four round speeds [m/s], the last one near the fastest."""
     speeds = [round_down(fastest, _FINER)]
-    while len(speeds) < 5:
+    while len(speeds) < 4:
         speeds.insert(0, round_down(speeds[0] * 0.75))
     return tuple(speeds)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -13,7 +14,7 @@ from mrdamper.models.characteristics import PeakVelocityCurve
 
 __all__ = ["MeasuredPick", "PickPanel", "peak_velocity"]
 
-_STYLES = ("-", (0, (4, 1.6)))
+_STYLES: tuple[Literal["-"], Literal["--"]] = ("-", "--")
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +87,7 @@ def peak_velocity(panels: Sequence[PickPanel], command_unit: str, names: Sequenc
             labels += list(names)
         figure.legend(keys, labels, loc="center right", bbox_to_anchor=(1.0, 0.55))
         figure.subplots_adjust(
-            left=0.52 / width,
+            left=0.62 / width,
             right=1.0 - (0.62 + (0.3 if names else 0.0)) / width,
             top=0.93,
             bottom=0.13,

@@ -85,11 +85,15 @@ class ErrorCell:
 
 @dataclass(frozen=True, slots=True)
 class ErrorTable:
-    """Pooled RMS errors, a row for each motion and one for all of them."""
+    """Pooled RMS errors, a row for each motion and one for all of them together."""
 
     levels: Levels
     rows: tuple[tuple[str, tuple[ErrorCell, ...]], ...]
     together: tuple[ErrorCell, ...]
+
+    @property
+    def has_held_out(self) -> bool:
+        return any(cell.held_out is not None for cell in self.together)
 
 
 def error_table(errors: Sequence[RunError], levels: Levels) -> ErrorTable:

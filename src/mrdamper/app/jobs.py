@@ -6,7 +6,6 @@ Keys that scripts rely on: docs/architecture.md. Nothing is printed here.
 
 from __future__ import annotations
 
-import time
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -14,14 +13,14 @@ from pathlib import Path
 
 from mrdamper.app import answers
 from mrdamper.app.answers import Json
-from mrdamper.app.api import Identification, Method, fit, resolve_law, row, versions
+from mrdamper.app.api import Identification, Method, fit, resolve_law, row
 from mrdamper.app.api import assess as assess_fit
 from mrdamper.app.api import predict as predict_runs
 from mrdamper.app.interrupts import Interrupted, interrupt_ends_all
-from mrdamper.app.outputs import staged, write_json, write_table
+from mrdamper.app.outputs import staged, write_table
 from mrdamper.data.prepare import Preparation
 from mrdamper.data.readers import read_runs
-from mrdamper.data.records import Dataset, RigRun
+from mrdamper.data.records import Dataset
 from mrdamper.errors import EnvelopeWarning, InputError
 from mrdamper.identify.assess import Assessment, Kind, LawScore, choose_law
 from mrdamper.identify.tempering import Temperature
@@ -31,9 +30,15 @@ from mrdamper.models.card_reading import read_card
 from mrdamper.models.fluid import find_fluid
 from mrdamper.models.laws import LAWS
 
-__all__ = ["DEMO_LAWS", "FitOptions", "data_fetch", "data_list", "demo", "identify", "predict"]
-
-DEMO_LAWS = ("series-valve", "bouc-wen")
+__all__ = [
+    "FitOptions",
+    "data_fetch",
+    "data_list",
+    "identify",
+    "predict",
+    "read_dataset",
+    "run_identification",
+]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,6 +57,8 @@ class FitOptions:
     temperature: Temperature = "auto"
     fluid: str | None = None  # a preset's name or a fluid file
     coil_resistance_ohm: float | None = None
+    profiled: bool = False
+    draws: int = 0
 
 
 def identify(
@@ -64,10 +71,10 @@ def identify(
     report: Report | None = None,
 ) -> Json:
     """Read runs, fit, assess; write card.json, report.html and errors.csv into ``out``."""
-    dataset = _read(paths, channels, flip_force=flip_force)
+    dataset = read_dataset(paths, channels, flip_force=flip_force)
     sources = tuple(dict.fromkeys(Path(run.source).name for run in dataset if run.source))
     with staged(out) as beside:
-        return _identify(dataset, beside, out, options, sources=sources, report=report)
+        return run_identification(dataset, beside, out, options, sources=sources, report=report)
 
 
 def predict(
@@ -84,7 +91,7 @@ def predict(
     ``law`` is the ``file.py:Class`` of a user's own law, for a card that was identified with one.
     """
     model = read_card(card, python_law=None if law is None else resolve_law(law)[0])
-    dataset = _read(paths, channels, flip_force=flip_force)
+    dataset = read_dataset(paths, channels, flip_force=flip_force)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", EnvelopeWarning)
         errors = predict_runs(model, dataset)
@@ -93,66 +100,12 @@ def predict(
         "law": model.damper.law.name,
         "runs": [row(error) for error in errors],
         "summary": answers.summaries(errors),
+        "by_temperature": answers.by_temperature(errors),
         "notes": [str(each.message) for each in caught if issubclass(each.category, EnvelopeWarning)],
     }
     if out is not None:
         with staged(out) as beside:
             write_table(beside / "errors.csv", [row(error) for error in errors])
-    return answer
-
-
-def demo(out: Path, *, quick: bool = False, seed: int = 0, report: Report | None = None) -> Json:
-    """Run the main job on a simulated rig: simulate, write the runs, identify with one motion held out.
-
-    Two laws are fitted, neither of them the rig's own; the first gives the card and the report.
-    """
-    from mrdamper.rig.spencer import SENSORS, campaign, measure
-
-    clock = time.process_time()
-    label = f"simulated: Spencer's modified Bouc-Wen, {SENSORS}; not measured"
-    simulated = measure(campaign(quick=quick), seed=seed)
-    with staged(out) as beside:
-        folder = beside / "runs"
-        folder.mkdir()
-        (folder / "README.txt").write_text(f"{label}\n", encoding="utf-8")
-        for run in simulated:
-            _write_run(folder / f"{run.name}.csv", run, label)
-        dataset = _read([folder / f"{run.name}.csv" for run in simulated], None)
-        options = FitOptions(law=DEMO_LAWS[0], starts=2 if quick else 3, seed=seed, hold_out=("*_random",))
-        first = _identify(
-            dataset,
-            beside,
-            out,
-            options,
-            sources=(label,),
-            simulated=label,
-            report=report,
-            title="Demo on a simulated rig",
-        )
-        laws = [answers.line(first)]
-        if not first["cancelled"]:
-            other = fit(
-                dataset,
-                DEMO_LAWS[1],
-                starts=options.starts,
-                seed=seed,
-                hold_out=options.hold_out,
-                report=report,
-            )
-            if not other.result.cancelled:
-                laws.append(answers.line(answers.identification(other, assess_fit(other), out, ())))
-        answer: Json = {
-            **first,
-            "simulated": True,
-            "runs_are": label,
-            "laws": laws,
-            "claims": [],
-            "cpu_s": round(time.process_time() - clock, 3),
-            "report": str(out / "report.html"),
-            "summary_file": str(out / "summary.json"),
-            "versions": versions(),
-        }
-        write_json(beside / "summary.json", answer)
     return answer
 
 
@@ -187,7 +140,7 @@ def data_fetch(name: str) -> Json:
 # ------------------------------------------------------------------------------------------- identify
 
 
-def _identify(
+def run_identification(
     dataset: Dataset,
     beside: Path,
     out: Path,
@@ -249,12 +202,19 @@ def _assessed(
     fitted: Identification, options: FitOptions, report: Report | None
 ) -> tuple[Identification, Assessment]:
     """Assess a fit; an interrupt while fitting or while leaving runs out keeps the fit and skips the rest."""
-    if not fitted.result.cancelled and options.leave_out:
+    more = options.leave_out or options.profiled or options.draws
+    if not fitted.result.cancelled and more:
         try:
             with interrupt_ends_all():
-                return fitted, assess_fit(fitted, leave_out=options.leave_out, report=report)
+                return fitted, assess_fit(
+                    fitted,
+                    leave_out=options.leave_out,
+                    profiled=options.profiled,
+                    draws=options.draws,
+                    report=report,
+                )
         except Interrupted:
-            note = "interrupted while leaving runs out: the fit is whole, that table is not there"
+            note = "interrupted while fitting again: the first fit is whole, what was to follow is not there"
             fitted = replace(fitted, result=replace(fitted.result, notes=(*fitted.result.notes, note)))
     return fitted, assess_fit(fitted)
 
@@ -262,20 +222,11 @@ def _assessed(
 # ------------------------------------------------------------------------------------------- files
 
 
-def _read(paths: Sequence[str | Path], channels: Path | None, *, flip_force: bool = False) -> Dataset:
+def read_dataset(paths: Sequence[str | Path], channels: Path | None, *, flip_force: bool = False) -> Dataset:
+    """Read the runs in files and folders; refuse when there is none."""
     dataset = read_runs(list(paths), channels)
     if not len(dataset):
         raise InputError(f"{', '.join(map(str, paths))}: no runs found; expected files such as run.csv")
     if flip_force:
         dataset = Dataset(tuple(replace(run, force=-run.force) for run in dataset))
     return dataset
-
-
-def _write_run(path: Path, run: RigRun, label: str) -> None:
-    """Write a simulated run as CSV; the first line says that nobody measured it."""
-    rows = zip(
-        run.time.tolist(), run.displacement.tolist(), run.force.tolist(), run.command.tolist(), strict=True
-    )
-    lines = [f"{t:.4f},{x:.7f},{f:.2f},{u:.4f}" for t, x, f, u in rows]
-    header = f"time_s,displacement_m,force_N,{'voltage_V' if run.command_unit == 'V' else 'current_A'}"
-    path.write_text("\n".join([f"# {label}", header, *lines, ""]), encoding="utf-8")

@@ -34,7 +34,10 @@ def loop_pictures(campaign: Campaign) -> list[Picture]:
     strongest = max(campaign.commands, key=abs, default=None)
     coldest = campaign.levels.values[0]
     found = [_over_levels(campaign, main, strongest), _over_commands(campaign, main, coldest)]
-    others = [motion for motion in motions if motion != main]
+    others = sorted(
+        (motion for motion in motions if motion != main),
+        key=lambda motion: all(e.command is None for e in campaign.errors if e.motion == motion),
+    )
     found.append(_other_motions(campaign, others[:_MOST_MOTIONS], strongest))
     return [picture for picture in found if picture is not None]
 
@@ -90,7 +93,7 @@ def _loop_grid(
 
 
 def _both(trace: Trace, x: FloatArray, colour: str) -> tuple[Line, ...]:
-    return Line(x, trace.measured_N, MEASURED, 2.0), Line(x, trace.modelled_N, colour)
+    return Line(x, trace.measured_N, MEASURED, 2.6), Line(x, trace.modelled_N, colour, 0.8)
 
 
 def _other_motions(campaign: Campaign, motions: Sequence[str], command: float | None) -> Picture | None:
@@ -116,6 +119,7 @@ def _other_motions(campaign: Campaign, motions: Sequence[str], command: float | 
         )
         unit = known[0].command_unit
         at = "the command steps" if stepped else f"{known[0].command:g} {unit}"
+        at += ", held out" if all(error.split == "held_out" for error in known) else ""
         errors = ", ".join("–" if error is None else f"{error.rmse_N:.0f}" for error in picked)
         rows.append(
             Row(
@@ -177,9 +181,13 @@ def residual_picture(campaign: Campaign) -> Picture | None:
 
 
 def worst_by_motion(errors: Sequence[RunError]) -> list[RunError]:
-    """Return the worst run of each motion by its error in percent, the worst first."""
+    """Return the worst run of each motion by its error in percent, the worst first.
+
+    Runs whose command steps are left out where there are others: they are drawn over time.
+    """
+    steady = [error for error in errors if error.command is not None]
     worst: dict[str, RunError] = {}
-    for error in sorted(errors, key=lambda e: (-e.nrmse_percent, e.name)):
+    for error in sorted(steady or errors, key=lambda e: (-e.nrmse_percent, e.name)):
         worst.setdefault(error.motion, error)
     return list(worst.values())
 

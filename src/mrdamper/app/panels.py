@@ -97,11 +97,14 @@ def colour_of_warmth(temperature: float, levels: Sequence[float]) -> str:
     return to_hex(mpl.colormaps["plasma"](0.05 + 0.70 * share))
 
 
-def grid(titles: Sequence[tuple[str, bool]], rows: Sequence[Row], label: str) -> str:
-    """Return rows of small panels, one column for each (title, held out); limits are shared along a row."""
+def grid(titles: Sequence[tuple[str, bool]], rows: Sequence[Row], label: str, *, tall: float = 1.2) -> str:
+    """Return rows of small panels, one column for each (title, held out); limits are shared along a row.
+
+    ``tall`` is the height of a panel [inch].
+    """
     columns = len(titles)
     width = min(WIDE, 0.55 + 2.3 * columns)
-    height = 0.27 + sum(1.75 if row.title else 1.6 for row in rows)
+    height = 0.27 + sum(tall + (0.55 if row.title else 0.4) for row in rows)
     with drawing_style():
         figure = Figure(figsize=(width, height))
         left, right, gap = 0.52, 0.08, 0.10  # inches
@@ -115,8 +118,8 @@ def grid(titles: Sequence[tuple[str, bool]], rows: Sequence[Row], label: str) ->
             for column, panel in enumerate(row.panels):
                 if not panel:
                     continue
-                place = (left + column * (across + gap)) / width, (top - 1.2) / height
-                axes = figure.add_axes((*place, across / width, 1.2 / height))
+                place = (left + column * (across + gap)) / width, (top - tall) / height
+                axes = figure.add_axes((*place, across / width, tall / height))
                 _prepare(axes, x_ends, y_ends)
                 for line in panel:
                     axes.plot(line.x, line.y, line.style, color=line.colour, linewidth=line.width)
@@ -128,7 +131,7 @@ def grid(titles: Sequence[tuple[str, bool]], rows: Sequence[Row], label: str) ->
                 else:
                     axes.tick_params(axis="y", labelleft=False)
                 first = False
-            top -= 1.58
+            top -= tall + 0.38
         for column, (title, held_out) in enumerate(titles):
             figure.text(
                 (left + column * (across + gap)) / width,

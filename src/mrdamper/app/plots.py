@@ -42,6 +42,7 @@ __all__ = [
     "errors",
     "loops",
     "residuals",
+    "shortened",
     "svg_of",
 ]
 
@@ -221,7 +222,7 @@ def errors(rows: Sequence[tuple[str, str, float]]) -> str:
                 color="#555555",
                 bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.4},
             )
-        axes.set_yticks(places, [_shortened(name) for name, _, _ in rows])
+        axes.set_yticks(places, [shortened(name) for name, _, _ in rows])
         axes.set_ylim(len(rows) - 0.4, -0.6)
         axes.set_xlim(0.0, 1.08 * max(values))
         axes.tick_params(axis="y", length=0)
@@ -360,7 +361,8 @@ def svg_of(figure: Figure, label: str) -> str:
     return text.replace("<svg", f'<svg role="img" aria-label="{said}"', 1)
 
 
-def _shortened(name: str, longest: int = 40) -> str:
+def shortened(name: str, longest: int = 40) -> str:
+    """Return a name cut in its middle where it is too long for a figure."""
     return name if len(name) <= longest else f"{name[: longest // 2]}...{name[-longest // 2 + 3 :]}"
 
 

@@ -10,6 +10,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,22 +18,21 @@ import numpy as np
 
 from mrdamper.app import plots
 from mrdamper.app.api import Identification, versions
-from mrdamper.data.prepare import PreparedRun, decimate
+from mrdamper.app.campaign import Campaign
+from mrdamper.app.coefficient_curves import coefficient_figure
+from mrdamper.app.groups import Levels
+from mrdamper.app.loop_sections import error_section, loop_pictures, residual_picture, worst_by_motion
+from mrdamper.app.traces import trace_of
+from mrdamper.app.warm_sections import assumed_words, characteristics_section, temperature_section
 from mrdamper.identify.assess import Assessment, LawScore, LeftOut, RunError, summary
 from mrdamper.identify.problem import Estimate, envelope_of
-from mrdamper.models.damper import Damper
-from mrdamper.models.simulate import simulate
-from mrdamper.quantities import FloatArray
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-__all__ = ["render_report", "write_report"]
+__all__ = ["environment", "render_report", "write_report"]
 
-_MOST_LOOPS = 48  # runs whose loops are drawn
-_POINTS = 240  # of a drawn loop
-_WITHOUT_PERIOD_s = 3.0  # of a motion without a period that is drawn
-_PYTHON_RATE_Hz = 200.0  # a law in Python is slow: what is drawn is simulated at this rate
+_MOST_LOOPS = 48  # runs that are drawn one by one; more are grouped by motion and temperature
 _MOST_GROUPS = 6  # motions whose residuals have a figure of their own
 
 
@@ -73,16 +73,21 @@ def render_report(
     law_table : the laws that were compared, when there was a choice
     simulated : what the runs are when nobody measured them; said at the top
     """
-    traces = _traces(fitted, judged.runs)
+    campaign = Campaign(fitted, judged.runs)
+    many = len(judged.runs) > _MOST_LOOPS
+    grouped = many or campaign.warm
+    if grouped:
+        drawn = [_trace(campaign, error) for error in worst_by_motion(judged.runs)[:_MOST_GROUPS]]
+    else:
+        drawn = _worst_traces(campaign)
     unit = fitted.damper.command_unit
     highest = max((abs(e.command) for e in judged.runs if e.command is not None), default=0.0)
-    ordered = sorted(judged.runs, key=_order)
+    ordered = sorted(judged.runs, key=partial(_order, levels=campaign.levels))
     training = [e for e in ordered if e.split == "training"]
     held_out = [e for e in ordered if e.split == "held_out"]
-    curves = _coefficient_curves(fitted)
     moving = [k for k, e in enumerate(fitted.estimates) if not e.at_bound]
     return (
-        _environment()
+        environment()
         .get_template("report.html.j2")
         .render(
             title=title or "MR damper identification",
@@ -98,16 +103,26 @@ def render_report(
                 if errors
             ],
             zero=f"0 {unit}",
+            unit=unit,
             runs=ordered,
-            error_bars=plots.errors([(e.name, e.split, e.nrmse_percent) for e in (*training, *held_out)]),
-            groups=_groups(traces, highest),
-            left_out_of_figures=len(judged.runs) - len(traces),
-            residuals=_residuals(traces, highest),
+            many=many,
+            warm=campaign.warm,
+            error_bars=""
+            if many
+            else plots.errors([(e.name, e.split, e.nrmse_percent) for e in (*training, *held_out)]),
+            error_section=error_section(campaign) if grouped else None,
+            loop_pictures=loop_pictures(campaign) if grouped else [],
+            groups=_groups(drawn, highest),
+            residual_picture=residual_picture(campaign) if grouped else None,
+            residuals=_residuals(_of_each_cell(campaign) if grouped else drawn, highest),
+            warmth=temperature_section(campaign),
+            characteristics=characteristics_section(campaign),
+            assumed=assumed_words(campaign),
             energies=plots.energies(
                 [(e.command, e.split, e.energy_measured_J, e.energy_model_J) for e in judged.runs], highest
             ),
             estimates=[(e, _in_words(e)) for e in fitted.estimates],
-            curves=plots.curves(curves, unit) if curves else "",
+            curves=coefficient_figure(campaign),
             correlations=plots.correlations(
                 [fitted.estimates[k].name for k in moving], fitted.result.correlation[np.ix_(moving, moving)]
             )
@@ -134,36 +149,14 @@ _METHODS: Mapping[str, str] = {
 # ------------------------------------------------------------------------------------------- traces
 
 
-def _traces(fitted: Identification, errors: Sequence[RunError]) -> list[plots.Trace]:
+def _worst_traces(campaign: Campaign) -> list[plots.Trace]:
     """Return what is drawn of each run, by motion and command; the worst ones when there are too many."""
-    prepared = {run.name: run for run in (*fitted.training, *fitted.held_out)}
-    chosen = sorted(errors, key=lambda e: -e.nrmse_percent)[:_MOST_LOOPS]
-    return [_trace(fitted.damper, prepared[e.name], e) for e in sorted(chosen, key=_order)]
+    chosen = sorted(campaign.errors, key=lambda e: -e.nrmse_percent)[:_MOST_LOOPS]
+    return [_trace(campaign, error) for error in sorted(chosen, key=_order)]
 
 
-def _trace(damper: Damper, run: PreparedRun, error: RunError) -> plots.Trace:
-    if damper.law.kernel is None:
-        run = decimate(run, _PYTHON_RATE_Hz)
-    path = run.trajectory
-    force = simulate(damper, path)
-    length = round((run.period_s or _WITHOUT_PERIOD_s) / path.step) + 1
-    start = run.scored_from
-    if run.period_s and start + 2 * length <= len(path):
-        start += length  # the second cycle: the start has died away
-    stop = min(start + length, len(path))
-    drawn = np.unique(np.linspace(start, stop - 1, min(_POINTS, stop - start)).round().astype(np.intp))
-    return plots.Trace(
-        name=error.name,
-        motion=error.motion,
-        command=error.command,
-        command_unit=error.command_unit,
-        split=error.split,
-        error_percent=error.nrmse_percent,
-        displacement_mm=1e3 * path.displacement[drawn],
-        velocity_mm_s=1e3 * path.velocity[drawn],
-        measured_N=run.force[drawn],
-        modelled_N=force[drawn],
-    )
+def _trace(campaign: Campaign, error: RunError) -> plots.Trace:
+    return trace_of(campaign.fitted.damper, campaign.runs[error.name], error)
 
 
 def _groups(traces: Sequence[plots.Trace], highest: float) -> list[_Group]:
@@ -178,6 +171,7 @@ def _groups(traces: Sequence[plots.Trace], highest: float) -> list[_Group]:
 
 
 def _residuals(traces: Sequence[plots.Trace], highest: float) -> list[tuple[str, str]]:
+    """Return the residuals of the traces, a figure for each motion where those are few."""
     motions = list(dict.fromkeys(trace.motion for trace in traces))
     if len(motions) > _MOST_GROUPS:
         return [("all motions", plots.residuals(traces, "all motions", highest))]
@@ -185,54 +179,26 @@ def _residuals(traces: Sequence[plots.Trace], highest: float) -> list[tuple[str,
     return [(motion, plots.residuals(members, motion, highest)) for motion, members in of_motion.items()]
 
 
-def _order(error: RunError) -> tuple[list[tuple[str, float]], float, str]:
-    """Sort by motion (numbers in its label as numbers), then command, then name."""
+def _of_each_cell(campaign: Campaign) -> list[plots.Trace]:
+    """Return one run of each motion and command, where the residuals are not drawn by temperature."""
+    if campaign.warm:
+        return []
+    motions = list(dict.fromkeys(error.motion for error in campaign.errors))[:_MOST_GROUPS]
+    cells = [campaign.at(motion, None, command) for motion in motions for command in campaign.commands]
+    return [campaign.trace(error) for error in cells if error is not None]
+
+
+def _order(
+    error: RunError, levels: Levels | None = None
+) -> tuple[list[tuple[str, float]], float, float, str]:
+    """Sort by motion (numbers in its label as numbers), then temperature, command and name."""
     parts = re.findall(r"([^\d]*)(\d+(?:\.\d+)?)?", error.motion)
     motion = [(text, float(number or 0.0)) for text, number in parts]
-    return motion, np.inf if error.command is None else error.command, error.name
+    warm = levels.of(error) if levels is not None and levels.kind == "temperature" else None
+    return motion, warm or 0.0, np.inf if error.command is None else error.command, error.name
 
 
 # ------------------------------------------------------------------------------------------- numbers
-
-
-def _coefficient_curves(fitted: Identification) -> list[plots.CoefficientCurve]:
-    """Return the coefficients that depend on the command, with their standard error by first order."""
-    envelope = envelope_of(fitted.training)
-    low, high = envelope.command
-    grid = np.linspace(low, high, 81)
-    trained = [np.unique(run.trajectory.command[:: max(len(run) // 50, 1)]) for run in fitted.training]
-    places = {estimate.name: k for k, estimate in enumerate(fitted.estimates)}
-    found = []
-    for name, form in fitted.damper.coefficients.items():
-        if form.kind == "constant" or high == low:
-            continue
-        members = [places.get(f"{name}.{number}") for number in form.number_names]
-        rows = [row for row, place in enumerate(members) if place is not None]
-        chosen = [place for place in members if place is not None]
-        error = _band(fitted, form.gradient(grid)[rows], chosen)
-        found.append(
-            plots.CoefficientCurve(
-                name,
-                fitted.damper.law[name].unit,
-                grid,
-                form.value(grid),
-                error,
-                np.unique(np.concatenate(trained)),
-            )
-        )
-    return found
-
-
-def _band(fitted: Identification, gradient: FloatArray, places: Sequence[int]) -> FloatArray | None:
-    """Return the standard error along a curve; numbers on a bound count as known."""
-    if not places:
-        return None
-    spread = np.nan_to_num(np.array([fitted.estimates[k].standard_error for k in places]))
-    correlation = np.nan_to_num(fitted.result.correlation[np.ix_(places, places)])
-    covariance = correlation * np.outer(spread, spread)
-    variance = np.asarray(np.einsum("ik,ij,jk->k", gradient, covariance, gradient))
-    band: FloatArray = np.sqrt(np.maximum(variance, 0.0))
-    return band
 
 
 def _in_words(estimate: Estimate) -> str:
@@ -309,7 +275,19 @@ def _preparation_rows(fitted: Identification) -> list[tuple[str, str]]:
     ]
 
 
-def _environment() -> Environment:
+def significant(value: float | None, digits: int = 3) -> str:
+    """Return a number with so many digits, its zeros among them; "" for what is none."""
+    if value is None or not math.isfinite(value):
+        return ""
+    rounded = float(f"{value:.{digits}g}")
+    size = 0 if rounded == 0.0 else math.floor(math.log10(abs(rounded)))
+    if not -5 < size < 7:
+        return f"{rounded:.{digits}g}"
+    return f"{rounded:.{max(digits - 1 - size, 0)}f}"
+
+
+def environment() -> Environment:
+    """Return the templates with the filters they use: a user's names are text, figures are markup."""
     import jinja2
     from markupsafe import Markup
 
@@ -324,6 +302,7 @@ def _environment() -> Environment:
     environment.filters["number"] = lambda value, digits=4: (
         "" if value is None or math.isnan(value) else f"{value:.{digits}g}"
     )
+    environment.filters["digits"] = significant
     environment.filters["percent"] = lambda value: "-" if math.isnan(value) else f"{value:.1f} %"
     environment.filters["command"] = lambda e: (
         "varying" if e.command is None else f"{e.command:g} {e.command_unit}"

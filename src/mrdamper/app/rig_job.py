@@ -22,7 +22,7 @@ from mrdamper.rig.campaign import Campaign, PlannedRun
 from mrdamper.rig.measurement import Truth, measure_run
 from mrdamper.rig.plant import VirtualDamper, find_preset
 
-__all__ = ["Report", "rig", "truth_folder"]
+__all__ = ["Report", "rig", "truth_folder", "write_campaign"]
 
 Report = Callable[[int, int, str], None]
 """Told of every run: how many are done, how many there are, the name of the one that comes now."""
@@ -60,20 +60,9 @@ def rig(
     if seed < 0:
         raise InputError(f"seed is {seed}; expected zero or more")
     truth = truth_folder(out)
-    planned = campaign.runs(damper.name)
-    rows = []
     with staged(out) as beside, staged(truth) as behind:
-        for done, plan in enumerate(planned):
-            if report is not None:
-                report(done, len(planned), plan.name)
-            run, true = measure_run(damper, plan, campaign, seed=seed)
-            _write_run(beside / f"{run.name}.csv", run)
-            _write_truth(behind / f"{run.name}.csv", true)
-            rows.append(_row(plan, run))
-        (beside / "channels.toml").write_text(_channel_map(damper), encoding="utf-8")
-        (behind / f"{damper.name}.damper.toml").write_text(damper.to_toml(), encoding="utf-8")
-        (behind / f"{damper.name}.campaign.toml").write_text(campaign.to_toml(), encoding="utf-8")
-    strangers = sorted({path.stem for path in out.glob("*.csv")} - {plan.name for plan in planned})
+        rows = write_campaign(beside, behind, damper, campaign, seed=seed, report=report)
+    strangers = sorted({path.stem for path in out.glob("*.csv")} - {row["name"] for row in rows})
     notes = []
     if strangers:
         notes.append(
@@ -93,6 +82,31 @@ def rig(
         "cpu_s": round(time.process_time() - clock, 3),
         "notes": notes,
     }
+
+
+def write_campaign(
+    runs: Path,
+    truth: Path,
+    damper: VirtualDamper,
+    campaign: Campaign,
+    *,
+    seed: int,
+    report: Report | None = None,
+) -> list[Json]:
+    """Run a campaign; write its runs and its truth into two folders that are there; return a row per run."""
+    planned = campaign.runs(damper.name)
+    rows = []
+    for done, plan in enumerate(planned):
+        if report is not None:
+            report(done, len(planned), plan.name)
+        run, true = measure_run(damper, plan, campaign, seed=seed)
+        _write_run(runs / f"{run.name}.csv", run)
+        _write_truth(truth / f"{run.name}.csv", true)
+        rows.append(_row(plan, run))
+    (runs / "channels.toml").write_text(_channel_map(damper), encoding="utf-8")
+    (truth / f"{damper.name}.damper.toml").write_text(damper.to_toml(), encoding="utf-8")
+    (truth / f"{damper.name}.campaign.toml").write_text(campaign.to_toml(), encoding="utf-8")
+    return rows
 
 
 def truth_folder(out: Path) -> Path:

@@ -16,7 +16,7 @@ from typing import Literal
 import numpy as np
 
 from mrdamper.data.motion import describe_motion
-from mrdamper.data.records import RigRun, nearest_names
+from mrdamper.data.records import WITHOUT_MOTION, RigRun, nearest_names
 from mrdamper.data.signals import (
     Kinematics,
     differentiate,
@@ -36,6 +36,7 @@ Reference = Literal["start", "mean", "none"]
 VelocitySource = Literal["displacement", "channel"]
 
 _MOVED = 0.02  # a motion has started when it is this share of its range from where it began
+_MOVES = 2.0  # a displacement whose rms is less than so many times its noise is none
 _SLOWLY = 0.1  # of top speed and acceleration: a run that begins livelier was cut out of a motion
 _JITTER = 1e-3  # of a step: time stamps further from a uniform grid are resampled
 _AGAINST = -0.05  # correlation of force and velocity below which the sign is wrong
@@ -168,12 +169,18 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
     Raises
     ------
     InputError
-        The force has the wrong sign, trimming leaves too little, or a velocity channel does not agree.
+        The displacement keeps still, the force has the wrong sign, trimming leaves too little, or a velocity
+        channel does not agree.
     """
     chosen = preparation or Preparation()
     run = _trim(run, chosen)
     step, displacement, channels = _on_uniform_grid(run)
     spectrum = measure_spectrum(displacement, step)
+    if float(np.std(displacement)) < _MOVES * spectrum.noise:
+        raise InputError(
+            f"{run.name}: displacement keeps still but for noise of {spectrum.noise:.2g} m rms; expected a "
+            f"motion far above it. {WITHOUT_MOTION}"
+        )
     spacing = knot_spacing(step, chosen.cutoff_Hz or spectrum.cut_off())
     cutoff = 0.5 / (spacing * step)
     moved = smooth(displacement, step, cutoff)

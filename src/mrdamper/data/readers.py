@@ -98,8 +98,14 @@ def read_runs(paths: PathLike | Iterable[PathLike], channels: ChannelMap | PathL
         except InputError as error:
             faults.append(str(error))
     if faults:
-        raise InputError("\n".join(faults))
+        raise InputError(told_at_once(faults))
     return Dataset(tuple(runs))
+
+
+def told_at_once(faults: Sequence[str], most: int = 8) -> str:
+    """Return the faults of many files as one message: the first few, and how many more there are."""
+    more = [f"... and {len(faults) - most} more like these"] if len(faults) > most else []
+    return "\n".join([*faults[:most], *more])
 
 
 def _load_map(channels: ChannelMap | PathLike | None) -> ChannelMap:

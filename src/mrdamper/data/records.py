@@ -21,9 +21,15 @@ from mrdamper.data.reversals import turning_points
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, FloatArray, read_only
 
-__all__ = ["CommandUnit", "Dataset", "RigRun", "nearest_names"]
+__all__ = ["WITHOUT_MOTION", "CommandUnit", "Dataset", "RigRun", "nearest_names"]
 
 CommandUnit = Literal["A", "V"]
+
+WITHOUT_MOTION = (
+    "Without motion neither viscosity nor yield force nor yield displacement can be identified: repeat the "
+    "test with one (a sine of 5 mm at 1 Hz, say), or leave the run out"
+)
+"""What a run without motion lacks, and the test that would have it."""
 
 _LEAST_SAMPLES = 16
 _SPEED = 10.0  # faster than any damper's rig [m/s]
@@ -235,7 +241,7 @@ def _motion_faults(run: RigRun) -> list[str]:
     if stroke == 0.0:
         return [
             f"displacement never changes ({run.displacement[0]:g} m at every sample); expected a motion. "
-            "Check which column holds the displacement"
+            f"Check which column holds the displacement. {WITHOUT_MOTION}"
         ]
     speeds = np.abs(np.diff(run.displacement)) / np.diff(run.time)
     fastest = int(np.argmax(speeds))
@@ -268,7 +274,22 @@ def _range_faults(role: str, array: FloatArray) -> list[str]:
     if not len(outside):
         return []
     k = int(outside[0])
+    hint = "Check the column's unit in the channel map"
+    if role == "temperature":
+        hint = f"{_looks_like(float(array[k]))}: check the column's unit in the channel map"
+        return [
+            f"temperature is {array[k] - 273.15:.4g} degC ({array[k]:.4g} K) at sample {k} ({len(outside)} "
+            f"such samples); expected {quantity.low - 273.15:.0f} to {quantity.high - 273.15:.0f} degC. "
+            f"{hint}"
+        ]
     return [
         f"{role} is {array[k]:g} {quantity.unit} at sample {k} ({len(outside)} such samples); expected "
-        f"{quantity.low:g} to {quantity.high:g} {quantity.unit}. Check the column's unit in the channel map"
+        f"{quantity.low:g} to {quantity.high:g} {quantity.unit}. {hint}"
     ]
+
+
+def _looks_like(kelvin: float) -> str:
+    """Say what a temperature that cannot be may have been."""
+    if kelvin < 200.0:
+        return "It looks like degC given as K"
+    return "It looks like K given as degC" if kelvin > 533.0 else "It looks like degF given as degC"

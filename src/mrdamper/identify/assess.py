@@ -18,6 +18,15 @@ from numpy.typing import NDArray
 
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import InputError
+from mrdamper.identify.identifiability import (
+    Bootstrap,
+    Direction,
+    Profile,
+    bootstrap,
+    profile,
+    sentence,
+    worst_direction,
+)
 from mrdamper.identify.problem import FitProblem, FitResult, envelope_of
 from mrdamper.identify.tempering import Temperature, temperature_levels
 from mrdamper.identify.templates import template
@@ -45,7 +54,8 @@ Split = Literal["training", "held_out"]
 Kind = Literal["run", "current", "motion", "temperature"]
 
 _FOLDS = 5  # most fits per law when laws are compared
-_STRONG = 0.95  # correlations beyond this are named
+_STRONG = 0.95  # correlations beyond this are named,
+_MOST_PAIRS = 4  # but no more than so many
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,13 +92,17 @@ class Assessment:
     """What is known about a fit.
 
     ``passivity_min`` is the least work that a closed cycle inside the envelope takes, over 4 x amplitude x
-    peak force: negative means that the model can push.
+    peak force: negative means that the model can push. ``direction`` is the combination of numbers that the
+    data pin down least; ``profile`` and ``bootstrap`` are there when asked for.
     """
 
     runs: tuple[RunError, ...]
     left_out: tuple[LeftOut, ...]
     passivity_min: float
     words: tuple[str, ...]
+    direction: Direction | None = None
+    profile: Profile | None = None
+    bootstrap: Bootstrap | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,17 +177,23 @@ def summary(errors: Iterable[RunError]) -> dict[str, float]:
     }
 
 
-def assess(
+def assess(  # noqa: PLR0913 - what is asked of the fit, by keyword
     result: FitResult,
     training: Sequence[PreparedRun],
     held_out: Sequence[PreparedRun] = (),
     *,
     problem: FitProblem | None = None,
     leave_out_kinds: Sequence[Kind] = (),
+    profiled: bool = False,
+    draws: int = 0,
     seed: int = 0,
     report: Report | None = None,
 ) -> Assessment:
-    """Return errors by run, errors on what is left out (needs ``problem``), passivity, and all in words."""
+    """Return errors by run, errors on what is left out (needs ``problem``), passivity, and all in words.
+
+    With the ``problem`` also what the data cannot tell apart; ``profiled`` follows that along its profile,
+    ``draws`` is the number of bootstrap fits to runs drawn with replacement (every level kept).
+    """
     runs = (
         *(score_run(result.damper, run, "training") for run in training),
         *(score_run(result.damper, run, "held_out") for run in held_out),
@@ -185,7 +205,23 @@ def assess(
         assert problem is not None
         left += leave_out(_fitter(problem, result, seed, report), problem.runs, kind)
     least = passivity(result.damper, training)
-    return Assessment(runs, tuple(left), least, (*_words(result, runs, least), *_edges(result, training)))
+    found: list[Direction | Profile | Bootstrap] = []
+    if problem is not None and not result.cancelled and result.damper.law.kernel is not None:
+        found.append(worst_direction(problem, result))
+        if profiled:
+            found.append(profile(problem, result, found[0], report=report))  # type: ignore[arg-type]
+        if draws:
+            found.append(bootstrap(problem, result, draws=draws, seed=seed, stratified=True, report=report))
+    words = (*_words(result, runs, least), *_edges(result, training), *(sentence(each) for each in found))
+    return Assessment(
+        runs,
+        tuple(left),
+        least,
+        words,
+        next((each for each in found if isinstance(each, Direction)), None),
+        next((each for each in found if isinstance(each, Profile)), None),
+        next((each for each in found if isinstance(each, Bootstrap)), None),
+    )
 
 
 def leave_out(
@@ -333,6 +369,27 @@ def _command_label(run: PreparedRun) -> str:
     return "varying" if command is None else f"{command:g} {run.run.command_unit}"
 
 
+def _traded(result: FitResult) -> list[str]:
+    """Name the numbers of different coefficients that are traded against each other, the worst first."""
+    names = [estimate.name for estimate in result.estimates]
+    strength = np.abs(np.triu(np.nan_to_num(result.correlation), 1))
+    for i, j in zip(*np.nonzero(strength), strict=True):
+        if names[i].partition(".")[0] == names[j].partition(".")[0]:
+            strength[i, j] = 0.0  # powers of one polynomial always are
+    order = np.argsort(-strength, axis=None)[: np.count_nonzero(strength > _STRONG)]
+    pairs = [divmod(int(k), len(names)) for k in order]
+    said = [
+        f"{names[i]} and {names[j]} are traded against each other "
+        f"(correlation {result.correlation[i, j]:.2f})."
+        for i, j in pairs[:_MOST_PAIRS]
+    ]
+    if len(pairs) > _MOST_PAIRS:
+        said.append(
+            f"So are {len(pairs) - _MOST_PAIRS} more pairs of numbers: see the matrix of correlations."
+        )
+    return said
+
+
 def _temperature_labels(runs: Sequence[PreparedRun]) -> dict[str, str]:
     """Return each run's temperature level by its name, the coldest first."""
     levels = temperature_levels(runs)
@@ -390,14 +447,7 @@ def _words(result: FitResult, runs: Sequence[RunError], least: float) -> list[st
                 f"{estimate.name} is not identifiable from these runs (standard error "
                 f"{estimate.design_error_percent:.0f} % by design): its value carries no meaning of its own."
             )
-    names = [estimate.name for estimate in result.estimates]
-    for i, j in zip(
-        *np.nonzero(np.abs(np.triu(np.nan_to_num(result.correlation), 1)) > _STRONG), strict=True
-    ):
-        said.append(
-            f"{names[i]} and {names[j]} are traded against each other "
-            f"(correlation {result.correlation[i, j]:.2f})."
-        )
+    said += _traded(result)
     if least < 0.0:
         said.append(
             "The model is not passive inside the envelope: some closed cycle returns work "

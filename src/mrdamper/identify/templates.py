@@ -28,8 +28,8 @@ __all__ = ["HELD_BEYOND_K", "Scale", "command_levels", "scale_of", "template"]
 HELD_BEYOND_K = 5.0
 """So far beyond the runs' temperatures [K] a damper follows them; further out it holds the edge value."""
 
-Form = Literal["constant", "line", "polynomial", "cubic", "exponential", "hill"]
-_DEGREES = {"line": 1, "polynomial": 2, "cubic": 3}
+Form = Literal["constant", "line", "polynomial", "exponential", "hill"]
+_DEGREES = {"line": 1, "polynomial": 2}
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,10 +104,12 @@ def template(
         )
     scale = scale_of(runs)
     if scale.levels < 2 and not one_command:
+        follow = ", ".join(name for name, form, *_ in _entries(law, scale) if form != "constant")
         raise InputError(
             f"all {len(runs)} training runs have one command ({runs[0].trajectory.command[0]:g} "
-            f"{runs[0].run.command_unit}); {law.name} as a function of the command needs two or more. Add "
-            "runs at other commands, or say --one-command for a model of this command alone"
+            f"{runs[0].run.command_unit}); how {follow or 'the coefficients'} of {law.name} follow the "
+            "command cannot be identified from them. Add the same tests at two or more other commands, "
+            "or say --one-command for a model of this command alone"
         )
     warm = temperature != "none" and fluid is None and _has_temperature(runs, temperature)
     forms: dict[str, ParameterLaw] = {}
@@ -156,8 +158,9 @@ def _has_temperature(runs: Sequence[PreparedRun], temperature: Temperature) -> b
 
 
 _CAMPAIGN: dict[tuple[str, Form], Form] = {
-    ("yield_force", "polynomial"): "cubic",
-    ("second_force", "polynomial"): "cubic",
+    ("yield_force", "polynomial"): "hill",
+    ("second_force", "polynomial"): "hill",
+    ("rate_force", "polynomial"): "hill",
     ("viscosity", "polynomial"): "line",
     ("offset", "polynomial"): "line",
     ("stiffness", "polynomial"): "constant",
@@ -310,8 +313,8 @@ def _dependence(
         ]
     if form == "hill" and s.levels >= 3:
         numbers = [
-            Free(f"{name}.base", lower, upper, how),
-            Free(f"{name}.gain", 10.0 * lower, 2.0 * upper, how),
+            Free(f"{name}.base", lower, upper, how, linear),
+            Free(f"{name}.gain", -upper if linear else 10.0 * lower, 2.0 * upper, how, linear),
             Free(f"{name}.half_command", 0.05 * s.command, 10.0 * s.command, "log"),
             Free(f"{name}.exponent", 0.6, 6.0, "log"),
         ]

@@ -125,6 +125,17 @@ _seed = click.option("--seed", type=int, default=0, show_default=True, help="Of 
     multiple=True,
     help="Fit again without each run, current, motion or temperature in turn.",
 )
+@click.option(
+    "--profile", "profiled", is_flag=True, help="Follow the least known combination along its profile."
+)
+@click.option(
+    "--bootstrap",
+    "draws",
+    type=click.IntRange(min=0),
+    default=0,
+    metavar="DRAWS",
+    help="Fit again to runs drawn with replacement, so many times.",
+)
 @click.option("--session-offsets", is_flag=True, help="Let each session have its own constant force.")
 @click.option(
     "--one-command", is_flag=True, help="Accept runs at a single command; the model holds for it alone."
@@ -203,6 +214,25 @@ def predict(card: Path, paths: tuple[str, ...], *, as_json: bool, **options: Any
 
 
 @cli.command()
+@click.argument("first", type=click.Path(path_type=Path), metavar="CARD")
+@click.argument("second", type=click.Path(path_type=Path), metavar="CARD")
+@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="For compare.html, compare.json.")
+@click.option(
+    "--law", metavar="FILE.py:CLASS", help="The user's own law, for cards that were identified with one."
+)
+@_json
+def compare(first: Path, second: Path, *, as_json: bool, **options: Any) -> int:  # noqa: ANN401 - click checks them
+    """Compare two dampers, or one before and after: forces, energy, response, numbers.
+
+    Differences are second minus first, inside what both were identified on.
+    """
+    from mrdamper.app.cli import terminal
+    from mrdamper.app.compare_job import compare as job
+
+    return _finish(job(first, second, **options), terminal.show_comparison, as_json=as_json)
+
+
+@cli.command()
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
@@ -215,9 +245,9 @@ def predict(card: Path, paths: tuple[str, ...], *, as_json: bool, **options: Any
 @_seed
 @_json
 def demo(*, as_json: bool, **options: Any) -> int:  # noqa: ANN401 - click checks them
-    """Run the whole job on a simulated rig (no measured data needed)."""
+    """Run the whole job on the virtual rig (no measured data needed)."""
     from mrdamper.app.cli import terminal
-    from mrdamper.app.jobs import demo as job
+    from mrdamper.app.demo_job import demo as job
 
     with terminal.progress() as report:
         answer = job(report=report, **options)

@@ -19,6 +19,7 @@ from mrdamper.identify.variable_projection import Progress, Report
 __all__ = [
     "counter",
     "progress",
+    "show_comparison",
     "show_datasets",
     "show_demo",
     "show_files",
@@ -31,6 +32,8 @@ __all__ = [
 Answer = Mapping[str, Any]
 
 _LEAST_INTERVAL = 0.1  # between two updates of the progress line [s]
+_MOST_RUNS = 40  # more than so many are shown by motion and temperature,
+_WORST_RUNS = 10  # and the worst of them
 
 
 @contextmanager
@@ -79,7 +82,7 @@ def show_identification(answer: Answer) -> None:
     console = _console()
     if answer["law_table"]:
         console.print(_law_table(answer["law_table"]))
-    console.print(_errors(answer["runs"], f"{answer['law']}: error by run"))
+    _print_errors(console, answer)
     _print_summary(console, answer["summary"])
     if answer["left_out_summary"]:
         console.print(_left_out_table(answer["left_out_summary"]))
@@ -96,10 +99,59 @@ def show_identification(answer: Answer) -> None:
 def show_prediction(answer: Answer) -> None:
     """Print errors by run."""
     console = _console()
-    console.print(_errors(answer["runs"], f"{answer['law']}: error by run"))
+    _print_errors(console, answer)
     _print_summary(console, answer["summary"])
     for note in answer["notes"]:
         console.print(f"- {escape(note)}")
+
+
+def show_comparison(answer: Answer) -> None:
+    """Print the verdict, forces side by side, and the numbers where the laws are the same."""
+    console = _console()
+    first, second = (escape(card["name"]) for card in answer["cards"])
+    console.print(f"[bold]{escape(answer['verdict'])}[/bold]")
+    console.print(
+        _forces_side_by_side(answer["forces"], f"Damping force at peak velocity: {first} → {second}")
+    )
+    if answer["numbers"]:
+        table = Table(title="Numbers")
+        for name in ("number", first, "±", second, "±", "unit", "z"):
+            table.add_column(name, justify="left" if name in {"number", "unit"} else "right", no_wrap=True)
+        for line in answer["numbers"]:
+            values = (line[key] for key in ("first", "second"))
+            errors = (line[f"{key}_standard_error"] for key in ("first", "second"))
+            cells = ("-" if v is None else f"{v:.5g}" for v in values)
+            spreads = ("" if e is None else f"{e:.2g}" for e in errors)
+            pairs = [cell for pair in zip(cells, spreads, strict=True) for cell in pair]
+            z = "-" if line["z"] is None else f"{line['z']:+.1f}"
+            table.add_row(escape(line["name"]), *pairs, escape(line["unit"]), z)
+        console.print(table)
+    for note in answer["notes"]:
+        console.print(f"- {escape(note)}")
+    if "report" in answer:
+        console.print(f"wrote {escape(answer['report'])} and {escape(answer['file'])}")
+
+
+def _forces_side_by_side(rows: Sequence[Answer], title: str) -> Table:
+    """Return one row for each temperature and command, one column for each speed [mm/s]."""
+    table = Table(title=title)
+    table.add_column("degC", justify="right")
+    table.add_column("command", justify="right")
+    speeds = list(dict.fromkeys(row["velocity_m_s"] for row in rows))
+    for speed in speeds:
+        table.add_column(f"{1e3 * speed:.3g} mm/s: N", justify="right", no_wrap=True)
+    places = list(dict.fromkeys((row["temperature_degC"], row["command"]) for row in rows))
+    for warm, command in places:
+        cells = []
+        for row in rows:
+            if (row["temperature_degC"], row["command"]) == (warm, command):
+                change = row["difference_percent"]
+                share = "" if change is None else f" ({change:+.1f} %)"
+                cells.append(f"{row['first_N']:.0f} → {row['second_N']:.0f}{share}")
+        table.add_row(
+            "-" if warm is None else f"{warm:.0f}", f"{command:g} {rows[0]['command_unit']}", *cells
+        )
+    return table
 
 
 def show_demo(answer: Answer) -> None:
@@ -114,6 +166,38 @@ def show_demo(answer: Answer) -> None:
         cells = [_median_worst(line["summary"].get(split)) for split in ("training", "held_out")]
         table.add_row(escape(line["law"]), *cells)
     console.print(table)
+
+
+def _print_errors(console: Console, answer: Answer) -> None:
+    """Print the error of every run; of a campaign, by motion and temperature, and the worst runs."""
+    runs, groups = answer["runs"], answer.get("by_temperature", [])
+    title = f"{answer['law']}: error by run"
+    if len(runs) <= _MOST_RUNS:
+        console.print(_errors(runs, title))
+        return
+    if groups:
+        console.print(_by_temperature(groups, answer["law"]))
+    worst = sorted(runs, key=lambda run: -run["nrmse_percent"])[:_WORST_RUNS]
+    console.print(_errors(worst, f"{title}, the {len(worst)} worst of {len(runs)} (all are in errors.csv)"))
+
+
+def _by_temperature(groups: Sequence[Answer], law: str) -> Table:
+    """Return the RMS error by motion and temperature; held-out ones are in brackets."""
+    degrees = sorted({group["temperature_degC"] for group in groups})
+    table = Table(title=escape(f"{law}: RMS error in N over all currents, held-out runs in brackets"))
+    table.add_column("motion")
+    for degree in degrees:
+        table.add_column(f"{degree} degC", justify="right")
+    for motion in dict.fromkeys(group["motion"] for group in groups):
+        cells = []
+        for degree in degrees:
+            found = [g for g in groups if g["motion"] == motion and g["temperature_degC"] == degree]
+            told = [
+                f"{g['rmse_N']:.1f}" if g["split"] == "training" else f"({g['rmse_N']:.1f})" for g in found
+            ]
+            cells.append(" ".join(told))
+        table.add_row(escape(motion), *cells)
+    return table
 
 
 def show_rig(answer: Answer) -> None:
