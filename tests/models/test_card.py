@@ -322,8 +322,8 @@ def test_an_excerpt_that_warms_up_is_kept_at_its_mean():
     damper = a_tempered_damper()
     path = drive(Sine(0.005, 3.0), duration=0.4, rate_Hz=200.0, command=1.0)
     path = replace(path, temperature=320.0 + 10.0 * path.time)
-    cut = cut_excerpt(damper, path, np.zeros(len(path)), simulate, run="warming", samples=slice(20, 61))
-    assert cut.temperature_K == pytest.approx(320.0 + 10.0 * 0.2, abs=1e-6)
+    cut = cut_excerpt(damper, path, np.zeros(len(path)), simulate, run="warming", samples=slice(40, 71))
+    assert cut.temperature_K == pytest.approx(320.0 + 10.0 * 55.0 / 200.0, abs=1e-6)
 
 
 def test_the_error_on_the_excerpt_is_counted_from_where_scoring_starts():

@@ -41,7 +41,13 @@ SOUND = {  # each law with coefficients like those of a real damper, odd in the 
         "n": 0.3,
     },
     "double-bouc-wen": {
-        **{"viscosity": 900.0, "yield_force": 300.0, "second_force": 200.0, "rho": 3000.0, "second_rho": 500.0},
+        **{
+            "viscosity": 900.0,
+            "yield_force": 300.0,
+            "second_force": 200.0,
+            "rho": 3000.0,
+            "second_rho": 500.0,
+        },
         **{"kappa": -0.9, "n": 1.3},
     },
     "bingham": {"viscosity": 900.0, "yield_force": 500.0, "yield_velocity": 2e-3},

@@ -46,11 +46,9 @@ def compare(first: Path, second: Path, *, out: Path | None = None, law: str | No
 
 
 def _names(first: Path, second: Path) -> tuple[str, str]:
-    """Return what the cards are called: by file, else by folder, else by place."""
-    for pair in ((first.stem, second.stem), (first.absolute().parent.name, second.absolute().parent.name)):
-        if pair[0] != pair[1] and all(pair):
-            return pair
-    return SIDES[0], SIDES[1]
+    """Return what the cards are called: by file, or by folder where the file is called card."""
+    found = [path.absolute().parent.name if path.stem == "card" else path.stem for path in (first, second)]
+    return (found[0], found[1]) if found[0] != found[1] and all(found) else SIDES
 
 
 def _read(path: Path, law: str | None) -> ModelCard:

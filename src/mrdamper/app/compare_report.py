@@ -152,7 +152,7 @@ def _curves(comparison: Comparison) -> str:
     found = []
     for name in first.law.names:
         values = [damper.coefficients[name].value(commands, at) for damper in (first, second)]
-        if np.ptp(values) == 0.0:
+        if np.array_equal(*values):
             continue
         bands = [
             Band(Series(plots.shortened(called, 24), colour, commands, value, style=style), None)

@@ -22,8 +22,9 @@ __all__ = ["CLEAR", "SIDES", "Comparison", "NumberPair", "common_envelope", "com
 CLEAR = 3.0
 """Standard errors by which a number has moved for certain."""
 
-SIDES = ("first", "second")
+SIDES: tuple[str, str] = ("first", "second")
 
+_NEARLY = 0.9  # of the places: nearly everywhere
 _NEAR_K = 5.0  # temperatures so near count as the same
 
 
@@ -253,10 +254,10 @@ def _verdict(
             f"{where}, less than the RMS errors of both cards together ({own:.0f} N)."
         )
     mean = f"{100.0 * float(difference.sum() / before.sum()):+.1f} % over all"
-    if (difference < 0.0).all():
-        head = f"{names[1]} is weaker than {names[0]} everywhere ({mean})"
-    elif (difference > 0.0).all():
-        head = f"{names[1]} is stronger than {names[0]} everywhere ({mean})"
+    share_below = float(np.mean(difference < 0.0))
+    if max(share_below, 1.0 - share_below) >= _NEARLY:
+        word, part = ("weaker", share_below) if share_below > 0.5 else ("stronger", 1.0 - share_below)
+        head = f"{names[1]} is {word} than {names[0]} {'' if part == 1.0 else 'nearly '}everywhere ({mean})"
     else:
         head = f"{names[1]} is weaker than {names[0]} in some places and stronger in others ({mean})"
     errors = "" if own is None else f"; the RMS errors of both cards together are {own:.0f} N"

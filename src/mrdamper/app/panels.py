@@ -103,7 +103,7 @@ def grid(titles: Sequence[tuple[str, bool]], rows: Sequence[Row], label: str, *,
     ``tall`` is the height of a panel [inch].
     """
     columns = len(titles)
-    width = min(WIDE, 0.55 + 2.3 * columns)
+    width = min(WIDE, 0.55 + 3.2 * columns)
     height = 0.27 + sum(tall + (0.55 if row.title else 0.4) for row in rows)
     with drawing_style():
         figure = Figure(figsize=(width, height))

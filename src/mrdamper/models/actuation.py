@@ -58,6 +58,8 @@ class Actuation:
         """Return the time [s] from a step of the command to ``share`` of it at the law."""
         if not 0.0 < share < 1.0:
             raise InputError(f"response time: share is {share}; expected above 0 and below 1")
+        if start == end:
+            raise InputError(f"response time: the step goes from {start} to {end}; expected two values")
         span = self.delay_s + 10.0 * (max(self.rise_s, self.fall_s) + self.second_s) + 1e-6
         step = span / 20_000
         command = np.full(20_001, float(end))

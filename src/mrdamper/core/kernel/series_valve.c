@@ -160,6 +160,27 @@ static valve valve_at(const mrd_model *model, size_t i)
     return out;
 }
 
+/* The chain's coefficients at a share of the way between two samples. */
+static valve valve_between(const valve *a, const valve *b, double share)
+{
+    valve out;
+#define BETWEEN(name) out.name = a->name + share * (b->name - a->name)
+    BETWEEN(f0);
+    BETWEEN(k0);
+    BETWEEN(fy);
+    BETWEEN(thinning);
+    BETWEEN(m);
+    BETWEEN(velocity);
+    BETWEEN(position);
+    BETWEEN(spring);
+    BETWEEN(gap);
+    BETWEEN(corner);
+    BETWEEN(leak);
+    BETWEEN(mb);
+#undef BETWEEN
+    return out;
+}
+
 /* Partial derivatives by every coefficient of the chain: of the valve's force at fixed q and y, and of R. */
 static inline void valve_partials(const valve *c, const valve_stage *s, double x, double *restrict force,
                                   double *restrict residual)
@@ -202,7 +223,7 @@ static void series_valve_run(const mrd_model *model, const mrd_record *r, size_t
         by[d] = 0.0;
         partial[d] = partial_of(way[d]->coefficient);
     }
-    valve c = valve_at(model, 0);
+    valve c = valve_at(model, 0), before_it = c, at_it = c;
     valve_stage s;
     if (r->n) {
         valve_solve(&c, r->x[0], r->v[0], y, 0.0, r->v[0], &s);
@@ -216,13 +237,18 @@ static void series_valve_run(const mrd_model *model, const mrd_record *r, size_t
         q_last = s.q;
     }
     for (size_t i = 1; i < r->n; i++) {
-        if (model->stride) c = valve_at(model, i);
+        if (model->stride) {
+            before_it = at_it;
+            at_it = valve_at(model, i);
+        }
         for (size_t j = 0; j < r->substeps; j++) {
             const size_t at = 2 * (i * r->substeps + j);
             double base = y, q_first = 0.0;
             for (size_t d = 0; d < ways; d++) base_by[d] = by[d];
             for (int stage = 0; stage < 2; stage++) {
                 const double x = r->stage_x[at + (size_t)stage], v = r->stage_v[at + (size_t)stage];
+                const double share = ((double)j + (stage ? 1.0 : gamma)) / (double)r->substeps;
+                if (model->stride) c = valve_between(&before_it, &at_it, share);
                 const double before = stage ? s.q : q_last, ahead = (stage ? 1.0 - gamma : gamma) * h;
                 valve_solve(&c, x, v, base, gamma * h, before + ahead * q_rate, &s);
                 q_rate = (s.q - before) / ahead;
@@ -232,7 +258,11 @@ static void series_valve_run(const mrd_model *model, const mrd_record *r, size_t
                 const double shape_slope = c.fy * (1.0 + c.position * x) * s.shape_slope;
                 const int last = stage == 1 && j + 1 == r->substeps;
                 for (size_t d = 0; d < ways; d++) {
-                    const double seed = way[d]->seed ? way[d]->seed[way[d]->stride * i] : 1.0;
+                    double seed = 1.0;
+                    if (way[d]->seed) {
+                        const double *row = way[d]->seed + way[d]->stride * (i - 1), from = row[0];
+                        seed = from + share * (row[way[d]->stride] - from);
+                    }
                     const double q_by = by_q * (dr[partial[d]] * seed + by_y * base_by[d]);
                     if (stage == 0) {
                         base_by[d] = by[d] + (1.0 - gamma) * h * q_by;
