@@ -329,7 +329,7 @@ def test_a_coefficient_that_leaves_its_range_as_the_run_warms_is_refused():
 
 # Stepped laws at 1 kHz, of the peak force: 3e-5, 8e-5 and 5e-4 on a run that warms up. The valve takes its
 # coefficients at the end of each sample interval (order one): 4e-3 where the command steps.
-WARMING_ERRORS = {"lugre": 1e-4, "spencer": 2e-4, "series-valve": 1e-4}
+WARMING_ERRORS = {"lugre": 1e-4, "spencer": 2e-4, "series-valve": 8e-4}
 ACTUATED_ERRORS = {**WARMING_ERRORS, "spencer": 3e-4, "series-valve": 6e-4}
 
 

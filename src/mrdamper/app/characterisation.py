@@ -120,8 +120,8 @@ def usual_scope(
     Parameters
     ----------
     commands : [A or V]; None: five over the envelope
-    temperatures : [K]; None: three round ones over the envelope, or over what the damper knows where the
-        envelope is one temperature (a fluid's laws taken by assumption)
+    temperatures : [K]; None: three round ones over the envelope, or up from the tested one where that is
+        the only one (a fluid's laws taken by assumption)
     motion : whose energy is stated; None: of the pick's stroke, at the highest speed of the tables
     """
     low, high = envelope.displacement
@@ -257,10 +257,14 @@ def _temperatures(
         return (None,)
     if given is not None:
         return tuple(sorted(map(float, given)))
-    known = [pair for pair in (envelope.temperature, damper.temperature_range) if pair is not None]
-    span = next((pair for pair in known if pair[1] - pair[0] >= 5.0), None)
-    if span is None:
-        return (known[0][0] if known else REFERENCE_K,)
+    tested = envelope.temperature or (REFERENCE_K, REFERENCE_K)
+    span = tested
+    if (
+        tested[1] - tested[0] < _EVERY_K / 4.0
+    ):  # one temperature; the rest is assumed, and warmth matters most
+        span = (tested[0], max((damper.temperature_range or tested)[1], tested[0]))
+    if span[1] - span[0] < _EVERY_K / 4.0:
+        return (span[0],)
     low, high = span[0] - 1.0, span[1] + 1.0  # a rig's 20 degC is 20.3
     first = math.ceil((low - REFERENCE_K) / _EVERY_K)
     last = math.floor((high - REFERENCE_K) / _EVERY_K)

@@ -266,7 +266,7 @@ def _verdict(
 
 def _assumptions(cards: tuple[ModelCard, ModelCard], names: tuple[str, str]) -> list[str]:
     return [
-        f"{name}: how {', '.join(card.damper.assumed)} follow temperature is assumed (a fluid's data), "
+        f"{name}: the temperature factor of {', '.join(card.damper.assumed)} is assumed (a fluid's data), "
         "not identified on that damper"
         for card, name in zip(cards, names, strict=True)
         if card.damper.assumed

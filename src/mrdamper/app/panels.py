@@ -158,7 +158,7 @@ def against_temperature(panels: Sequence[tuple[str, Sequence[Series]]], label: s
                 _draw_points(axes, series.points, series.colour)
             axes.set_title(title, loc="left", pad=4)
             axes.set_xlabel("temperature, °C", labelpad=1.5)
-            axes.set_ylim(bottom=0.0)
+            axes.set_ylim(bottom=min(0.0, *(1.05 * float(series.y.min()) for series in members)))
             axes.locator_params(nbins=6)
         figure.legend(list(shown.values()), list(shown), loc="center right", bbox_to_anchor=(1.0, 0.55))
         figure.subplots_adjust(left=0.04, right=0.925, top=0.92, bottom=0.145, wspace=0.17)

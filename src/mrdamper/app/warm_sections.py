@@ -23,8 +23,9 @@ from mrdamper.models.temperature import REFERENCE_K
 __all__ = ["Characteristics", "Warmth", "assumed_words", "characteristics_section", "temperature_section"]
 
 _ZERO_CELSIUS_K = 273.15
-_CURVE = 15  # temperatures of a modelled curve,
+_CURVE = 25  # temperatures of a modelled curve,
 _CURVE_PYTHON = 4  # of a law in Python, which is slow
+_APART_K = 5.0  # further from the tested temperatures, assumed factors show
 _NEAR_K = 2.5  # a level so near to 20 degC is the reference
 
 
@@ -150,9 +151,7 @@ def assumed_words(campaign: Campaign) -> str:
     if not assumed:
         return ""
     names = ", ".join(name.replace("_", " ") for name in assumed)
-    return (
-        f"The way {names} follow{'s' if len(assumed) == 1 else ''} temperature is taken from a fluid's data."
-    )
+    return f"The temperature factor of {names} is taken from a fluid's data, not identified on this damper."
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,7 +162,7 @@ class Characteristics:
     svg: str
     titles: tuple[str, ...]  # of each temperature, empty for a damper that knows none
     motion: str
-    assumed: bool
+    assumed: tuple[bool, ...]  # of each temperature: away from the tested one, by a fluid's factors
 
 
 def characteristics_section(campaign: Campaign) -> Characteristics:
@@ -194,8 +193,14 @@ def characteristics_section(campaign: Campaign) -> Characteristics:
         peak_velocity(picks, damper.command_unit),
         titles,
         name or f"sine {1e3 * scope.motion.amplitude:.3g} mm {scope.motion.frequency:.3g} Hz",
-        bool(damper.assumed),
+        tuple(bool(damper.assumed) and not _was_tested(campaign, warm) for warm in scope.temperatures),
     )
+
+
+def _was_tested(campaign: Campaign, temperature: float | None) -> bool:
+    """Say whether training runs were near a temperature [K]; runs that do not tell theirs were at 20 degC."""
+    tested = envelope_of(campaign.fitted.training).temperature or (REFERENCE_K, REFERENCE_K)
+    return temperature is None or tested[0] - _APART_K <= temperature <= tested[1] + _APART_K
 
 
 def _picks(
@@ -203,6 +208,8 @@ def _picks(
 ) -> tuple[MeasuredPick, ...]:
     """Return the measured picks of all sines at a temperature (all of them for a damper that knows none)."""
     found = []
+    if not campaign.warm and not _was_tested(campaign, temperature):
+        return ()
     for error in campaign.errors:
         if error.command not in commands or error.command is None:
             continue

@@ -77,12 +77,14 @@ def fit_actuation(
     still = replace(damper, command_lag_s=0.0, actuation=None)
     stretches: list[tuple[Drive, FloatArray, list[slice]]] = []
     for run in runs:
-        drive = open_drive(run.trajectory)
-        force = simulate(still, drive)
+        path = run.trajectory
+        drive = open_drive(path)
+        held = replace(path, command=np.full(len(path), path.command.min()))
+        moved = simulate(still, drive) - simulate(still, held)  # by the command, not by the motion
         windows = [
             window
-            for window in steps_of(run.trajectory.command, run.trajectory.step)
-            if np.ptp(force[window]) > _LEAST_MOVED_N and window.start >= run.scored_from
+            for window in steps_of(path.command, path.step)
+            if np.ptp(moved[window]) > _LEAST_MOVED_N and window.start >= run.scored_from
         ]
         if windows:
             stretches.append((drive, run.force, windows))

@@ -1,0 +1,1 @@
+"""Heating and heat sinks: drawing, correlations, zone network, rise."""

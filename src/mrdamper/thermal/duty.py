@@ -1,0 +1,204 @@
+"""Duties: how a damper is moved and what current it carries while it heats, stretch by stretch.
+
+``sine:15mm:1Hz:2A:1800s`` is a motion of ``excitation`` with a command and a duration; a CSV table says more:
+
+    time_s, amplitude_mm, frequency_Hz, current_A       a sine from each row's time to the next row's
+    time_s, displacement_mm, current_A                  the motion itself, on a uniform time step
+
+What power a duty takes is the business of ``work``.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from mrdamper.data.channels import parse_header
+from mrdamper.data.signals import differentiate
+from mrdamper.data.tables import Table, read_table
+from mrdamper.errors import InputError
+from mrdamper.excitation import Motion, Sine, Trajectory, drive, motion_from_text
+from mrdamper.quantities import FloatArray, to_si
+
+__all__ = ["DEFAULT_DUTY", "Duty", "Stretch", "read_duty"]
+
+DEFAULT_DUTY = "sine:15mm:1Hz:2A:1800s"
+"""The paper's: 15 mm, 1 Hz, 2 A for 30 minutes."""
+
+_SAMPLE_S = 120.0  # of a motion that has no period, to average over
+_CHUNK_S = 20.0  # of a measured motion, over which power is averaged
+_UNEVEN = 1e-3  # of a step
+_EXPECTED = 'expected MOTION:COMMAND:DURATION, such as "sine:15mm:1Hz:2A:1800s", or a CSV file'
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stretch:
+    """A part of a duty over which power is averaged.
+
+    ``path`` is a sample of the motion (None: at rest), averaged from sample ``counted_from`` on.
+    """
+
+    duration: float  # [s]
+    path: Trajectory | None
+    counted_from: int
+    command: float  # the root of its mean square [A or V]
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.duration) and self.duration > 0.0):
+            raise InputError(f"duty: a duration is {self.duration} s; expected a positive, finite number")
+        if not math.isfinite(self.command):
+            raise InputError(f"duty: a command is {self.command}; expected a finite number")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Duty:
+    """Stretches one after another; ``command_unit`` is that of the commands, ``text`` says it in words."""
+
+    stretches: tuple[Stretch, ...]
+    command_unit: str  # "A" or "V"
+    text: str
+
+    @property
+    def duration(self) -> float:
+        """Length of the whole duty [s]."""
+        return math.fsum(stretch.duration for stretch in self.stretches)
+
+
+def read_duty(text: str | Path) -> Duty:
+    """Return the duty that a text describes, or the one in a CSV file.
+
+    Raises
+    ------
+    InputError
+        Neither, or a table that does not say what is needed.
+    """
+    words = str(text).split(":")
+    if Path(text).suffix.lower() == ".csv" or (len(words) < 3 and Path(text).is_file()):
+        return _duty_of_table(read_table(Path(text)), Path(text).name)
+    if len(words) < 3:
+        raise InputError(f"duty {str(text)!r}: {_EXPECTED}")
+    motion, duration = motion_from_text(":".join(words[:-2])), words[-1]
+    try:
+        command, unit = _command(words[-2])
+        seconds = _number(duration, "time")
+    except InputError as fault:
+        raise InputError(f"duty {str(text)!r}: {fault}; {_EXPECTED}") from fault
+    return Duty((stretch_of(motion, command, seconds),), unit, str(text))
+
+
+def stretch_of(motion: Motion, command: float, duration: float) -> Stretch:
+    """Return a stretch of a motion at a constant command.
+
+    Of a periodic motion the third period counts, at 1000 samples or more; of any other its first two
+    minutes, without a twentieth of them at the start.
+    """
+    period = getattr(motion, "period", None)
+    if period is None:
+        length = min(duration, _SAMPLE_S)
+        path = drive(motion, duration=length, rate_Hz=1000.0, command=command)
+        return Stretch(duration, path, len(path) // 20, abs(command))
+    samples = round(min(max(1000.0 * period, 1000.0), 20000.0))
+    path = drive(motion, duration=3.0 * period, rate_Hz=samples / period, command=command)
+    return Stretch(duration, path, 2 * samples, abs(command))
+
+
+def _command(text: str) -> tuple[float, str]:
+    """Return a command and its unit: amperes or volts."""
+    for role, unit in (("current", "A"), ("voltage", "V")):
+        try:
+            return _number(text, role), unit
+        except InputError:
+            continue
+    raise InputError(f"the command is {text!r}; expected a current or voltage with its unit, such as 2A")
+
+
+def _number(text: str, role: str) -> float:
+    """Return a number with its unit in the SI unit of a role."""
+    digits = len(text) - len(text.lstrip("0123456789.+-eE"))
+    # an exponent's letter may belong to the unit instead
+    for cut in range(digits, 0, -1):
+        try:
+            value = float(text[:cut])
+        except ValueError:
+            continue
+        return float(to_si(value, text[cut:].strip(), role))
+    raise InputError(f"{role} is {text!r}; expected a number and its unit")
+
+
+# -------------------------------------------------------------------------------------------------- tables
+
+
+def _duty_of_table(table: Table, place: str) -> Duty:
+    columns = _columns(table, place)
+    unit = "A" if "current" in columns else "V"
+    time = columns["time"]
+    command = columns["current" if unit == "A" else "voltage"]
+    steps = np.diff(time)
+    if not (steps > 0.0).all():
+        raise InputError(f"{place}: time does not rise from row to row; expected rising times")
+    if "amplitude" in columns:
+        stretches = []
+        for k, duration in enumerate(steps):
+            amplitude, frequency = float(columns["amplitude"][k]), float(columns["frequency"][k])
+            if amplitude == 0.0:
+                stretches.append(Stretch(float(duration), None, 0, abs(float(command[k]))))
+                continue
+            motion = Sine(abs(amplitude), frequency)
+            stretches.append(stretch_of(motion, float(command[k]), float(duration)))
+        return Duty(tuple(stretches), unit, place)
+    step = float(time[-1] - time[0]) / (len(time) - 1)
+    if np.abs(steps - step).max() > _UNEVEN * step or len(time) < 8:
+        raise InputError(
+            f"{place}: the time step varies, or there are less than 8 rows; a displacement is expected on a "
+            "uniform step. Resample it, or give amplitude_mm and frequency_Hz instead"
+        )
+    return Duty(_chunks(step, columns["displacement"], command), unit, place)
+
+
+def _columns(table: Table, place: str) -> dict[str, FloatArray]:
+    """Return a duty's columns in SI, by role (``amplitude`` and ``frequency`` beside those of a rig file)."""
+    found: dict[str, FloatArray] = {}
+    for name, values in table.columns.items():
+        word, _, unit = name.strip().partition("_")
+        if word.lower() == "amplitude":
+            found["amplitude"] = to_si(values, unit, "displacement")
+        elif word.lower() == "frequency":
+            if unit != "Hz":
+                raise InputError(f"{place}: column {name!r}; expected frequency_Hz")
+            found["frequency"] = values
+        elif (known := parse_header(name)) is not None:
+            found[known[0]] = to_si(values, known[1], known[0])
+    motion = "amplitude" if "amplitude" in found else "displacement"
+    needed = ["time", motion, *(["frequency"] if motion == "amplitude" else [])]
+    lacking = [role for role in needed if role not in found]
+    if not {"current", "voltage"} & found.keys():
+        lacking.append("current")
+    if lacking:
+        raise InputError(
+            f"{place}: no column of {', '.join(lacking)}; expected time_s, amplitude_mm and frequency_Hz "
+            "(or displacement_mm), current_A"
+        )
+    for role, values in found.items():
+        if not np.isfinite(values).all():
+            row = int(np.flatnonzero(~np.isfinite(values))[0])
+            raise InputError(f"{place}: {role} is {values[row]} in row {row + 1}; expected finite numbers")
+    return found
+
+
+def _chunks(step: float, displacement: FloatArray, command: FloatArray) -> tuple[Stretch, ...]:
+    """Cut a measured motion into stretches of about 20 s."""
+    velocity = differentiate(displacement, step)
+    acceleration = differentiate(velocity, step)
+    count = max(1, round((len(displacement) - 1) * step / _CHUNK_S))
+    cuts = np.linspace(0, len(displacement) - 1, count + 1).round().astype(int)
+    stretches = []
+    for low, high in pairwise(cuts):
+        part = slice(low, high + 1)
+        path = Trajectory(step, displacement[part], velocity[part], acceleration[part], command[part])
+        square = float(np.sqrt(np.mean(command[part] ** 2)))
+        stretches.append(Stretch(float(high - low) * step, path, 0, square))
+    return tuple(stretches)

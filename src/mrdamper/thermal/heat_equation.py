@@ -1,0 +1,425 @@
+"""The heat equation once space is discretised, and its course through time by ROS2.
+
+    M dθ/dt = -K θ + p P(mean fluid) + W (c + E θ) - Bᵀ a q(B θ)        θ = T - ambient
+
+with mass M, conduction K, the loads p and c of mechanical and coil heat, the coil's rise of resistance E, and
+the heat q given off per area at the points B of the surface, each of area a. The finite elements fill it with
+sparse matrices, the reduced model with small dense ones; the stepping is the same.
+
+ROS2: see ``transient``. Energies in and out are carried through both stages with the step's own derivatives,
+so that the account closes to rounding. The Jacobian is exact: the mean fluid's part, which would fill the
+matrix, goes in by Sherman's and Morrison's formula.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+from scipy.interpolate import CubicSpline
+from scipy.linalg import lu_factor, lu_solve
+
+from mrdamper.errors import ConvergenceError, EnvelopeError, InputError
+from mrdamper.quantities import FloatArray
+from mrdamper.thermal.correlations import STEFAN_BOLTZMANN
+from mrdamper.thermal.mesh import IntArray
+from mrdamper.thermal.network import PATHS
+from mrdamper.thermal.transient import Load
+
+__all__ = ["Cooling", "FieldHeating", "HeatEquation", "Matrix", "heat_through", "settle"]
+
+Matrix = Any  # a sparse matrix or an array: both know @ and .T
+Solver = Callable[[FloatArray], FloatArray]
+
+_GAMMA = 1.0 - 1.0 / math.sqrt(2.0)
+_FIRST_STEP = 1.0  # [s]
+_GROWTH = 1.4
+_SOURCES = ("mechanical", "coil")
+
+
+class Cooling:
+    """What points of the surface give off, by their temperature: film laws over a grid, radiation, mountings.
+
+    Parameters
+    ----------
+    ambient : [K]
+    grid, films : film coefficients over temperature, as in ``Section``
+    law : row of ``films`` of each point, shape (p,)
+    emissivity, mount : of each point, shape (p,)
+    paths : columns of ``network.PATHS`` that each point's convection and radiation count for, shape (2, p)
+    """
+
+    def __init__(
+        self,
+        ambient: float,
+        grid: FloatArray,
+        films: FloatArray,
+        *,
+        law: IntArray,
+        emissivity: FloatArray,
+        mount: FloatArray,
+        paths: IntArray,
+    ) -> None:
+        self.ambient, self.grid = ambient, grid
+        self._law, self._mount = law, mount
+        self._black = emissivity * STEFAN_BOLTZMANN
+        self._low, self._width = float(grid[0]) - ambient, float(grid[1] - grid[0])
+        # the heat flux itself is tabulated, as in the network: (knots, 4) per law
+        self._cubics = CubicSpline(grid, (films * (grid - ambient)).T).c.transpose(2, 1, 0).copy()
+        points = np.arange(len(law))
+        mount_column = np.full(len(law), PATHS.index("mount"))
+        # columns x (convection, radiation, mount of every point)
+        where = np.concatenate([paths[0], paths[1], mount_column])
+        self._sort = sparse.csr_array(
+            (np.ones(3 * len(law)), (where, np.concatenate([points + k * len(law) for k in range(3)]))),
+            shape=(len(PATHS), 3 * len(law)),
+        )
+
+    def fluxes(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the fluxes by convection, radiation and mount [W/m^2], and their slopes, each (3, p)."""
+        at = (theta - self._low) / self._width
+        place = at.astype(np.intp)
+        if theta.size and not (at.min() >= 0.0 and at.max() < self._cubics.shape[1]):
+            raise self.refusal(theta)
+        c3, c2, c1, c0 = self._cubics[self._law, place].T
+        x = (at - place) * self._width
+        kelvin = theta + self.ambient
+        cube = self._black * kelvin**3
+        flux = np.stack(
+            [
+                ((c3 * x + c2) * x + c1) * x + c0,
+                cube * kelvin - self._black * self.ambient**4,
+                self._mount * theta,
+            ]
+        )
+        slope = np.stack([(3.0 * c3 * x + 2.0 * c2) * x + c1, 4.0 * cube, self._mount])
+        return flux, slope
+
+    def by_path(self, fluxes: FloatArray, area: FloatArray) -> FloatArray:
+        """Return the heat of each path [W] from fluxes of shape (3, p)."""
+        return np.asarray(self._sort @ (fluxes * area).ravel())
+
+    def refusal(self, theta: FloatArray) -> EnvelopeError:
+        """Return the error for temperatures at which nothing is known of the losses."""
+        worst = theta[np.argmax(np.where(np.isfinite(theta), np.abs(theta), np.inf))] + self.ambient - 273.15
+        low, high = self.grid[0] - 273.15, self.grid[-1] - 273.15
+        return EnvelopeError(
+            f"heating: a surface is at {worst:.4g} degC; expected {low:.0f} to {high:.0f} degC. Lower the duty, "
+            "check the drawing's dimensions, or stop at the fluid's limit"
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HeatEquation:
+    """The matrices of the equation above, n unknowns; sparse or dense alike."""
+
+    ambient: float  # [K]
+    mass: Matrix  # [J/K], shape (n, n)
+    stiffness: Matrix  # [W/K], shape (n, n)
+    mechanical: FloatArray  # load of 1 W, shape (n,)
+    electrical: FloatArray  # load of 1 W, shape (n,)
+    warming: Matrix  # rise of a coil heat of 1 W at 20 degC, at the local temperature [1/K], shape (n, n)
+    surface: Matrix  # values at the points of the surface, shape (p, n)
+    area: FloatArray  # of the points [m^2], shape (p,)
+    cooling: Cooling
+    fluid: FloatArray  # mean of the fluid, shape (n,)
+    coil: FloatArray  # shape (n,)
+    wall: FloatArray  # shape (n,)
+    uniform: FloatArray  # unknowns of a temperature of 1 K everywhere, shape (n,)
+    reference_growth: float  # coil heat at ambient over that at 20 degC [-]
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return len(self.uniform)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FieldHeating:
+    """A course of the heat equation: temperatures, powers and energies at the ends of the steps taken.
+
+    Columns of ``flow`` and ``energy`` are the paths of ``network.PATHS``, then mechanical power, then coil heat.
+    """
+
+    equation: HeatEquation
+    time: FloatArray  # [s], shape (k,)
+    state: FloatArray  # unknowns above ambient [K], shape (k, n)
+    flow: FloatArray  # [W], shape (k, 7)
+    energy: FloatArray  # since the start [J], shape (k, 7)
+    stopped: bool  # the fluid reached the temperature at which to stop
+
+    def _mean(self, weights: FloatArray) -> FloatArray:
+        return np.asarray(self.state @ weights + self.equation.ambient)
+
+    @property
+    def fluid(self) -> FloatArray:
+        """Mean temperature of the fluid [K], shape (k,)."""
+        return self._mean(self.equation.fluid)
+
+    @property
+    def coil(self) -> FloatArray:
+        """Mean temperature of the coil [K], shape (k,)."""
+        return self._mean(self.equation.coil)
+
+    @property
+    def wall(self) -> FloatArray:
+        """Mean temperature of tube and caps [K], shape (k,)."""
+        return self._mean(self.equation.wall)
+
+    @property
+    def paths_W(self) -> Mapping[str, FloatArray]:
+        """Heat given off, by path."""
+        return MappingProxyType({path: self.flow[:, k] for k, path in enumerate(PATHS)})
+
+    @property
+    def mechanical_W(self) -> FloatArray:
+        return np.asarray(self.flow[:, -2])
+
+    @property
+    def coil_W(self) -> FloatArray:
+        return np.asarray(self.flow[:, -1])
+
+    @property
+    def energy_in(self) -> FloatArray:
+        """Mechanical work and coil heat since the start [J], shape (k,)."""
+        return np.asarray(self.energy[:, -2:].sum(axis=1))
+
+    @property
+    def energy_out(self) -> FloatArray:
+        """Heat given off since the start [J], shape (k,)."""
+        return np.asarray(self.energy[:, :-2].sum(axis=1))
+
+    @property
+    def stored(self) -> FloatArray:
+        """Heat stored since the start [J], shape (k,)."""
+        weights = self.equation.mass @ self.equation.uniform
+        return np.asarray((self.state - self.state[0]) @ weights)
+
+    @property
+    def closure(self) -> float:
+        """Largest miss of the energy account, over the largest energy in it [-]."""
+        miss = np.abs(self.energy_in - self.energy_out - self.stored).max()
+        size = max(np.abs(part).max() for part in (self.energy_in, self.energy_out, self.stored))
+        return float(miss / size) if size > 0.0 else 0.0
+
+
+def heat_through(
+    equation: HeatEquation,
+    loads: Sequence[Load],
+    *,
+    start: float | FloatArray | None = None,
+    longest_step: float = 60.0,
+    first_step: float = _FIRST_STEP,
+    stop_at: float = math.inf,
+) -> FieldHeating:
+    """Run a heat equation through loads, one after the other.
+
+    Parameters
+    ----------
+    start : temperature of everything at the start [K], or unknowns above ambient, shape (n,); None: ambient
+    longest_step : steps grow from ``first_step`` to this [s] after each change of load
+    stop_at : the fluid's mean temperature at which the run ends [K]
+
+    Raises
+    ------
+    EnvelopeError
+        A surface leaves the temperatures at which its losses are known.
+    """
+    if not loads:
+        raise InputError("heating: there is no load; expected at least one")
+    if not (longest_step > 0.0 and first_step > 0.0):
+        raise InputError(f"heating: steps are {first_step} and {longest_step} s; expected positive numbers")
+    stepper = _Stepper(equation)
+    state = _first_state(equation, start)
+    stepper.take(loads[0])
+    times, states, flows = [0.0], [state], [stepper.evaluate(state).flow]
+    energies = [np.zeros(len(PATHS) + len(_SOURCES))]
+    stopped = bool(equation.fluid @ state + equation.ambient >= stop_at)
+    for k, load in enumerate(() if stopped else loads):
+        if k > 0:
+            stepper.take(load)
+        for step in _steps(load.duration, min(first_step, longest_step), longest_step):
+            taken = step
+            new, gained = stepper.step(state, step)
+            stopped = bool(equation.fluid @ new + equation.ambient >= stop_at)
+            if stopped:
+                taken = _size_to(stepper, state, step, stop_at)
+                new, gained = stepper.step(state, taken)
+            state = new
+            times.append(times[-1] + taken)
+            states.append(state)
+            flows.append(stepper.evaluate(state).flow)
+            energies.append(energies[-1] + gained)
+            if stopped:
+                break
+        if stopped:
+            break
+    return FieldHeating(equation, np.array(times), np.array(states), np.array(flows), np.array(energies), stopped)
+
+
+def settle(equation: HeatEquation, load: Load, *, start: float | FloatArray | None = None) -> FloatArray:
+    """Return the unknowns above ambient that a load ends in [K], shape (n,), by Newton's method.
+
+    Raises
+    ------
+    ConvergenceError
+        There is no steady state (nothing is given off), or the iteration did not reach it.
+    """
+    stepper = _Stepper(equation)
+    stepper.take(load)
+    state = _first_state(equation, equation.ambient + 50.0 if start is None else start)
+    for _ in range(60):
+        here = stepper.evaluate(state)
+        move = stepper.solver(here, 1.0, 0.0)(here.rate)
+        largest = float(np.abs(move).max())
+        if not math.isfinite(largest) or largest > 1e9:
+            break
+        state = np.asarray(state + move * min(1.0, 50.0 / max(largest, 1e-300)))
+        if largest < 1e-9:
+            return state
+    raise ConvergenceError(
+        "steady state: Newton's method did not settle to 1e-9 K in 60 steps. If nothing carries the heat away, "
+        "there is none"
+    )
+
+
+def _first_state(equation: HeatEquation, start: float | FloatArray | None) -> FloatArray:
+    given = np.asarray(equation.ambient if start is None else start, dtype=np.float64)
+    if given.ndim == 0:
+        return np.asarray(equation.uniform * (float(given) - equation.ambient))
+    if given.shape != (equation.size,):
+        raise InputError(f"heating: start has shape {given.shape}; expected one number or ({equation.size},)")
+    return given.copy()
+
+
+def _steps(duration: float, first: float, longest: float) -> list[float]:
+    """Return steps that grow from the first to the longest and end with the duration."""
+    steps, left, step = [], duration, first
+    while step < longest and left > step:
+        steps.append(step)
+        left -= step
+        step = min(step * _GROWTH, longest)
+    count = max(math.ceil(left / longest - 1e-9), 1)
+    return steps + [left / count] * count
+
+
+def _size_to(stepper: _Stepper, state: FloatArray, step: float, stop_at: float) -> float:
+    """Return the step, at most the given one, after which the fluid is at the temperature to stop at."""
+    from scipy.optimize import brentq
+
+    equation = stepper.equation
+
+    def below(size: float) -> float:
+        return stop_at - equation.ambient - float(equation.fluid @ stepper.step(state, size)[0])
+
+    return float(brentq(below, 0.0, step, xtol=1e-6))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Here:
+    """The equation at one state."""
+
+    rate: FloatArray  # M dθ/dt [W], shape (n,)
+    flow: FloatArray  # [W], shape (7,)
+    slopes: FloatArray  # of the surface's fluxes [W/(m^2 K)], shape (3, p)
+    power_slope: float  # of the mechanical power [W/K]
+
+
+class _Stepper:
+    """ROS2 on a heat equation with one load at a time."""
+
+    def __init__(self, equation: HeatEquation) -> None:
+        self.equation = equation
+        self._coil_W = 0.0
+        self._power: CubicSpline[np.float64] | None = None
+        # 1ᵀ E: what a state adds to the heat of a coil of 1 W
+        self._warm_row = np.asarray(equation.warming.T @ equation.uniform)
+
+    def take(self, load: Load) -> None:
+        """Put a load in: its power becomes a spline over the grid of the films, as in the network."""
+        grid = self.equation.cooling.grid
+        power = np.asarray(load.power(grid), dtype=np.float64)
+        if power.shape != grid.shape or not np.isfinite(power).all():
+            raise InputError("load: its power is not finite, or not one number per temperature")
+        self._power = CubicSpline(grid - self.equation.ambient, power)
+        self._coil_W = load.coil_W
+
+    def evaluate(self, state: FloatArray) -> _Here:
+        """Return the equation's right side at a state."""
+        e = self.equation
+        fluxes, slopes = e.cooling.fluxes(e.surface @ state)
+        mean = float(e.fluid @ state)
+        assert self._power is not None
+        power, power_slope = float(self._power(mean)), float(self._power(mean, 1))
+        coil = self._coil_W * (e.reference_growth + float(self._warm_row @ state))
+        rate = power * e.mechanical + (self._coil_W * e.reference_growth) * e.electrical
+        rate += self._coil_W * (e.warming @ state) - e.stiffness @ state
+        rate -= e.surface.T @ (e.area * fluxes.sum(axis=0))
+        flow = np.concatenate([e.cooling.by_path(fluxes, e.area), [power, coil]])
+        return _Here(rate, flow, slopes, power_slope)
+
+    def flow_change(self, here: _Here, move: FloatArray) -> FloatArray:
+        """Return how the flows change, to first order, when the state moves [W]."""
+        e = self.equation
+        lost = e.cooling.by_path(here.slopes * (e.surface @ move), e.area)
+        gained = [here.power_slope * (e.fluid @ move), self._coil_W * (self._warm_row @ move)]
+        return np.concatenate([lost, gained])
+
+    def solver(self, here: _Here, shrunk: float, inertia: float) -> Solver:
+        """Return the solver of (inertia M - shrunk J) x = b, with J the derivative of the rate."""
+        e = self.equation
+        weight = e.area * here.slopes.sum(axis=0)
+        bend = shrunk * here.power_slope
+        if not sparse.issparse(e.mass):
+            matrix = inertia * e.mass + shrunk * (e.stiffness - self._coil_W * e.warming)
+            matrix += shrunk * (e.surface.T * weight) @ e.surface
+            matrix -= bend * np.outer(e.mechanical, e.fluid)
+            factors = lu_factor(matrix, check_finite=False)
+            return lambda right: np.asarray(lu_solve(factors, right, check_finite=False))
+        matrix = inertia * e.mass + shrunk * (e.stiffness - self._coil_W * e.warming)
+        matrix = matrix + shrunk * (e.surface.T @ (e.surface * weight[:, None]))
+        solve = factorise(matrix)
+        if bend == 0.0:
+            return solve
+        spread = solve(e.mechanical)
+        gain = bend / (1.0 - bend * float(e.fluid @ spread))
+
+        def corrected(right: FloatArray) -> FloatArray:
+            plain = solve(right)
+            return np.asarray(plain + spread * (gain * float(e.fluid @ plain)))
+
+        return corrected
+
+    def step(self, state: FloatArray, size: float) -> tuple[FloatArray, FloatArray]:
+        """Return the state after a step [s], and the energies that went through each column in it [J]."""
+        e = self.equation
+        shrunk = _GAMMA * size
+        here = self.evaluate(state)
+        solve = self.solver(here, shrunk, 1.0)
+        first = solve(here.rate)
+        middle = self.evaluate(state + size * first)
+        second = solve(middle.rate - 2.0 * (e.mass @ first))
+        energy_first = here.flow + shrunk * self.flow_change(here, first)
+        energy_second = middle.flow - 2.0 * energy_first + shrunk * self.flow_change(here, second)
+        return (
+            state + size * (1.5 * first + 0.5 * second),
+            size * (1.5 * energy_first + 0.5 * energy_second),
+        )
+
+
+def factorise(matrix: Matrix) -> Solver:
+    """Return the solver of a sparse, nearly symmetric matrix."""
+    from scipy.sparse.linalg import splu
+
+    factors = splu(
+        sparse.csc_array(matrix),
+        permc_spec="MMD_AT_PLUS_A",
+        diag_pivot_thresh=0.01,
+        options={"SymmetricMode": True},
+    )
+    return lambda right: np.asarray(factors.solve(right))

@@ -1,0 +1,113 @@
+"""A heat sink: equal annular fins at equal pitch on a damper's body; its geometry, mass and radiation.
+
+The sink is a value and knows nothing of temperatures; what it gives off is the business of ``surfaces``.
+"Width" is the radial width of a fin: the paper's "outer diameter 23 mm" of both damper and fin can only be
+the body's radius and the fin's width.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+
+from mrdamper.errors import InputError
+from mrdamper.quantities import FloatArray
+from mrdamper.thermal.correlations import groove_emissivity
+from mrdamper.thermal.materials import MATERIALS, Material
+
+__all__ = ["FinLaw", "HeatSink"]
+
+FinLaw = Literal["channel", "vdi", "disc"]
+"""Natural convection of annular fins: as vertical channels (Elenbaas), by the VDI Heat Atlas (both for a
+horizontal damper), or as horizontal discs (a vertical damper)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeatSink:
+    """Annular fins on a body; lengths in metres."""
+
+    fins: int
+    width: float  # radial, root to tip [m]
+    thickness: float  # [m]
+    pitch: float  # from fin to fin [m]
+    material: Material = MATERIALS["aluminium-alloy"]
+    emissivity: float = 0.3
+    film_multiplier: float = 1.0  # on the fins' convection: 1 is the correlation as it stands
+    correlation: FinLaw = "channel"
+    contact: float = 0.0  # thermal resistance between body and fin root [m^2 K/W]
+
+    def __post_init__(self) -> None:
+        if int(self.fins) != self.fins or self.fins < 1:
+            raise InputError(f"sink: fins is {self.fins!r}; expected a whole number, at least 1")
+        for name in ("width", "thickness", "pitch", "film_multiplier"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0.0):
+                raise InputError(f"sink: {name} is {value}; expected a positive, finite number")
+        if not (math.isfinite(self.contact) and self.contact >= 0.0):
+            raise InputError(f"sink: contact is {self.contact} m^2 K/W; expected zero or more, finite")
+        if not 0.0 <= self.emissivity <= 1.0:
+            raise InputError(f"sink: emissivity is {self.emissivity}; expected 0 to 1")
+        if self.correlation not in get_args(FinLaw):
+            known = ", ".join(get_args(FinLaw))
+            raise InputError(f"sink: correlation is {self.correlation!r}; use one of: {known}")
+        if self.fins > 1 and not self.gap > 0.0:
+            raise InputError(
+                f"sink: fins overlap: thickness_mm is {_mm(self.thickness)} and pitch_mm {_mm(self.pitch)}; "
+                "expected a pitch larger than the thickness. Widen the pitch, or take thinner fins"
+            )
+
+    @property
+    def gap(self) -> float:
+        """Free distance between two fins [m]."""
+        return self.pitch - self.thickness
+
+    @property
+    def span(self) -> float:
+        """Length of the body from the first fin's outer face to the last one's [m]."""
+        return (self.fins - 1) * self.pitch + self.thickness
+
+    def centres(self, body_length: float) -> FloatArray:
+        """Return the axial positions of the fins' middles on a body that starts at 0 [m], shape (fins,)."""
+        numbers = np.arange(self.fins, dtype=np.float64)
+        return 0.5 * body_length + self.pitch * (numbers - 0.5 * (self.fins - 1))
+
+    def tip_radius(self, body_diameter: float) -> float:
+        return 0.5 * body_diameter + self.width
+
+    def corrected_radius(self, body_diameter: float) -> float:
+        """Return the radius [m] with which two faces alone stand for faces and tip: r2 + t/2."""
+        return self.tip_radius(body_diameter) + 0.5 * self.thickness
+
+    def fin_area(self, body_diameter: float) -> float:
+        """Return the area of one fin that gives off heat [m^2]: both faces and the tip (corrected radius)."""
+        return 2.0 * math.pi * (self.corrected_radius(body_diameter) ** 2 - 0.25 * body_diameter**2)
+
+    def fin_volume(self, body_diameter: float) -> float:
+        """Return the volume of one fin [m^3]."""
+        return math.pi * self.thickness * (self.tip_radius(body_diameter) ** 2 - 0.25 * body_diameter**2)
+
+    def mass(self, body_diameter: float) -> float:
+        """Return the mass of all fins [kg]."""
+        return self.fins * self.fin_volume(body_diameter) * self.material.density
+
+    def groove_share(self, body_diameter: float, body_emissivity: float) -> float:
+        """Return the radiation of a groove per area of its walls, as an emissivity [-].
+
+        The apparent emissivity of the opening times opening over walls. The groove's walls are two fin faces
+        and the body between them; their emissivity is the mean of fins' and body's by area.
+        """
+        root, tip = 0.5 * body_diameter, self.tip_radius(body_diameter)
+        faces, floor = 2.0 * math.pi * (tip**2 - root**2), 2.0 * math.pi * root * self.gap
+        opening = 2.0 * math.pi * tip * self.gap
+        walls = faces + floor
+        mean = (self.emissivity * faces + body_emissivity * floor) / walls
+        if opening >= walls:  # a groove wider than it is deep: its walls see the surroundings
+            return mean
+        return groove_emissivity(mean, opening, walls) * opening / walls
+
+
+def _mm(length: float) -> str:
+    return f"{1e3 * length:g}"

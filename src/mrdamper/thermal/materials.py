@@ -1,0 +1,72 @@
+"""Materials of a damper's body, piston, coil and fins: conductivity, density, heat capacity, with sources.
+
+Values are those near 20 to 100 degC, taken as constants: over that span the heat capacity of steel rises by
+about 5 %, less than a drawing is uncertain by. The MR fluid is ``models.fluid``'s.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from mrdamper.errors import InputError
+from mrdamper.models.dependence import did_you_mean
+
+__all__ = ["COPPER_PER_K", "MATERIALS", "Material", "find_material"]
+
+COPPER_PER_K = 0.00393
+"""Rise of copper's resistance per kelvin, of its value at 20 degC [1/K] (IEC 60028, from memory)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Material:
+    """A solid that conducts and stores heat."""
+
+    name: str
+    conductivity: float  # [W/(m K)]
+    density: float  # [kg/m^3]
+    heat_capacity: float  # [J/(kg K)]
+    source: str = "given by the user"
+
+    def __post_init__(self) -> None:
+        for name, unit in (("conductivity", "W/(m K)"), ("density", "kg/m^3"), ("heat_capacity", "J/(kg K)")):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0.0):
+                raise InputError(
+                    f"material {self.name!r}: {name} is {value} {unit}; expected a positive, finite number"
+                )
+
+    @property
+    def volumetric_heat(self) -> float:
+        """Heat capacity of a cubic metre [J/(m^3 K)]."""
+        return self.density * self.heat_capacity
+
+
+_HANDBOOK = "handbook value near 20 degC, from memory, not re-read"
+
+_TABLE = (
+    Material("steel", 48.0, 7850.0, 470.0, f"unalloyed steel, 0.2 to 0.45 % carbon: {_HANDBOOK}"),
+    Material("stainless-steel", 15.0, 7900.0, 500.0, f"austenitic, 18 % Cr, 8 % Ni: {_HANDBOOK}"),
+    Material("aluminium-alloy", 160.0, 2700.0, 900.0, f"wrought, 6000 series: {_HANDBOOK}"),
+    Material("copper", 390.0, 8930.0, 385.0, _HANDBOOK),
+    Material(
+        "winding",
+        0.6,
+        5860.0,
+        470.0,
+        "60 % copper, 40 % enamel and potting by volume: density and heat capacity by mixture, conductivity "
+        "across the wires a proposal inside 0.3 to 1 W/(m K) (from memory)",
+    ),
+)
+
+MATERIALS: Mapping[str, Material] = MappingProxyType({material.name: material for material in _TABLE})
+"""The materials that a drawing may name."""
+
+
+def find_material(name: object, place: str = "material") -> Material:
+    """Return a material by its name; an unknown one is an error that names the nearest."""
+    if not isinstance(name, str) or name not in MATERIALS:
+        raise InputError(f"{place}: no material is called {name!r}; {did_you_mean(str(name), MATERIALS)}")
+    return MATERIALS[name]

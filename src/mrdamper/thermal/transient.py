@@ -1,0 +1,300 @@
+"""Running a thermal network through time: ROS2, with the energy in and out carried as extra states.
+
+ROS2 is the two-stage, L-stable Rosenbrock method of order 2 with gamma = 1 - 1/sqrt(2) (Verwer, Spee, Blom &
+Hundsdorfer, SIAM J. Sci. Comput. 20 (1999) 1456-1480; from memory, not re-read): one factorisation and two
+solves a step. It keeps linear invariants, and "heat stored + energy out - energy in" is one: the account
+closes to rounding, whatever the step.
+
+Between two steps of its grid a source or a loss is a cubic of temperature, its derivative exact, so that the
+Jacobian is too.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.linalg.lapack import dgetrf, dgetrs
+
+from mrdamper.errors import ConvergenceError, EnvelopeError, InputError
+from mrdamper.quantities import FloatArray
+from mrdamper.thermal.materials import COPPER_PER_K
+from mrdamper.thermal.network import ThermalNetwork
+
+__all__ = ["Heating", "Load", "heat_up", "steady_state"]
+
+_GAMMA = 1.0 - 1.0 / math.sqrt(2.0)
+_FIRST_STEP = 1.0  # [s]; the fluid's film and the coil settle in seconds
+_GROWTH = 1.4
+
+
+@dataclass(frozen=True, slots=True)
+class Load:
+    """What heats a network for a while: mechanical power over the fluid's temperature, and coil heat.
+
+    ``power`` takes temperatures [K] of any shape and returns watts. ``coil_W`` is the coil's heat at 20 degC;
+    it grows with its temperature as copper's resistance does.
+    """
+
+    duration: float  # [s]
+    power: Callable[[FloatArray], FloatArray]
+    coil_W: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.duration) and self.duration > 0.0):
+            raise InputError(f"load: duration is {self.duration} s; expected a positive, finite number")
+        if not (math.isfinite(self.coil_W) and self.coil_W >= 0.0):
+            raise InputError(f"load: coil heat is {self.coil_W} W; expected zero or more, finite")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Heating:
+    """A network's course: temperatures, powers and energies at the ends of the steps taken.
+
+    Columns of ``flow`` and ``energy`` are the network's losses, then mechanical power, then coil heat.
+    """
+
+    network: ThermalNetwork
+    time: FloatArray  # [s], shape (k,)
+    temperature: FloatArray  # [K], shape (k, n)
+    flow: FloatArray  # [W], shape (k, m + 2)
+    energy: FloatArray  # since the start [J], shape (k, m + 2)
+    stopped: bool  # the fluid reached the temperature at which to stop
+
+    @property
+    def fluid(self) -> FloatArray:
+        """Mean temperature of the fluid [K], shape (k,)."""
+        return np.asarray(self.temperature @ self.network.fluid)
+
+    @property
+    def coil(self) -> FloatArray:
+        return np.asarray(self.temperature @ self.network.coil)
+
+    @property
+    def wall(self) -> FloatArray:
+        return np.asarray(self.temperature @ self.network.wall)
+
+    @property
+    def energy_in(self) -> FloatArray:
+        """Mechanical work and coil heat since the start [J], shape (k,)."""
+        return np.asarray(self.energy[:, -2:].sum(axis=1))
+
+    @property
+    def energy_out(self) -> FloatArray:
+        """Heat given off since the start [J], shape (k,)."""
+        return np.asarray(self.energy[:, :-2].sum(axis=1))
+
+    @property
+    def stored(self) -> FloatArray:
+        """Heat stored since the start [J], shape (k,)."""
+        return np.asarray((self.temperature - self.temperature[0]) @ self.network.capacity)
+
+    @property
+    def closure(self) -> float:
+        """Largest miss of the energy account, over the largest energy in it [-]."""
+        miss = np.abs(self.energy_in - self.energy_out - self.stored).max()
+        size = max(np.abs(part).max() for part in (self.energy_in, self.energy_out, self.stored))
+        return float(miss / size) if size > 0.0 else 0.0
+
+
+def heat_up(
+    network: ThermalNetwork,
+    loads: Sequence[Load],
+    *,
+    start: float | FloatArray | None = None,
+    longest_step: float = 60.0,
+    stop_at: float = math.inf,
+) -> Heating:
+    """Run a network through loads, one after the other.
+
+    Parameters
+    ----------
+    start : temperature at the start [K], one or per node; None: ambient
+    longest_step : steps grow from 1 s to this [s] after each change of load; it bounds the first one too
+    stop_at : the fluid's mean temperature at which the run ends [K]
+
+    Raises
+    ------
+    EnvelopeError
+        A node leaves the temperatures at which its losses are known.
+    """
+    if not loads:
+        raise InputError("heating: there is no load; expected at least one")
+    if not longest_step > 0.0:
+        raise InputError(f"heating: longest_step is {longest_step} s; expected a positive number")
+    state = np.empty(len(network.names))
+    state[:] = network.ambient if start is None else start
+    stepper = _Stepper(network)
+    stepper.take(loads[0])
+    times, states, flows = [0.0], [state], [stepper.flow(state)]
+    energies = [np.zeros(stepper.columns)]
+    stopped = bool(network.fluid @ state >= stop_at)
+    for k, load in enumerate(() if stopped else loads):
+        if k > 0:
+            stepper.take(load)
+        for step in _steps(load.duration, longest_step):
+            taken = step
+            new, gained = stepper.step(state, step)
+            stopped = bool(network.fluid @ new >= stop_at)
+            if stopped:
+                taken = _size_to(stepper, state, step, stop_at)
+                new, gained = stepper.step(state, taken)
+            state = new
+            times.append(times[-1] + taken)
+            states.append(state)
+            flows.append(stepper.flow(state))
+            energies.append(energies[-1] + gained)
+            if stopped:
+                break
+        if stopped:
+            break
+    return Heating(network, np.array(times), np.array(states), np.array(flows), np.array(energies), stopped)
+
+
+def steady_state(network: ThermalNetwork, load: Load, *, start: float | None = None) -> FloatArray:
+    """Return the temperatures that a load ends in [K], shape (n,), by Newton's method.
+
+    Raises
+    ------
+    ConvergenceError
+        There is no steady state (nothing is given off), or the iteration did not reach it.
+    EnvelopeError
+        A node leaves the temperatures at which its losses are known.
+    """
+    if not network.watts.any():
+        raise ConvergenceError("steady state: nothing carries the heat away; there is none")
+    stepper = _Stepper(network)
+    stepper.take(load)
+    state: FloatArray = np.full(len(network.names), network.ambient + 50.0 if start is None else start)
+    for _ in range(60):
+        rate, jacobian = stepper.rate_and_jacobian(state)
+        move = np.linalg.solve(jacobian, -rate)
+        largest = float(np.abs(move).max())
+        state = np.asarray(state + move * min(1.0, 50.0 / max(largest, 1e-300)))
+        if largest < 1e-9:
+            return state
+    raise ConvergenceError("steady state: Newton's method did not settle to 1e-9 K in 60 steps")
+
+
+def _steps(duration: float, longest: float) -> list[float]:
+    """Return steps that grow from ``_FIRST_STEP`` to the longest and end with the duration."""
+    steps, left, step = [], duration, min(_FIRST_STEP, longest)
+    while step < longest and left > step:
+        steps.append(step)
+        left -= step
+        step = min(step * _GROWTH, longest)
+    count = max(math.ceil(left / longest - 1e-9), 1)
+    return steps + [left / count] * count
+
+
+def _size_to(stepper: _Stepper, state: FloatArray, step: float, stop_at: float) -> float:
+    """Return the step, at most the given one, after which the fluid is at the temperature to stop at."""
+    from scipy.optimize import brentq
+
+    def below(size: float) -> float:
+        return stop_at - float(stepper.network.fluid @ stepper.step(state, size)[0])
+
+    return float(brentq(below, 0.0, step, xtol=1e-9))
+
+
+class _Stepper:
+    """ROS2 on a network with one load at a time: tables of losses and sources, one step after another."""
+
+    def __init__(self, network: ThermalNetwork) -> None:
+        self.network = network
+        n, losses = len(network.names), len(network.loss_node)
+        self.columns = losses + 2
+        # temperatures that losses and sources go by, and where their heat goes
+        self._seen = np.zeros((self.columns, n))
+        self._seen[range(losses), network.loss_node] = 1.0
+        self._seen[-2], self._seen[-1] = network.fluid, network.coil
+        into = np.zeros((n, self.columns))
+        into[network.loss_node, range(losses)] = -1.0
+        into[:, -2], into[:, -1] = network.mechanical, network.electrical
+        laplacian = network.conductance - np.diag(network.conductance.sum(axis=1))
+        self._linear = laplacian / network.capacity[:, None]
+        self._into = into / network.capacity[:, None]
+        self._low, self._width = float(network.grid[0]), float(network.grid[1] - network.grid[0])
+        self._cubics = np.zeros((len(network.grid) - 1, 4, self.columns))
+        if losses:
+            spline = CubicSpline(network.grid, network.watts.T)
+            self._cubics[:, :, :losses] = spline.c.transpose(1, 0, 2)
+        self._column = np.arange(self.columns)
+        self._unit = np.eye(n)
+
+    def take(self, load: Load) -> None:
+        """Put the sources of a load into the tables."""
+        grid = self.network.grid
+        power = np.asarray(load.power(grid), dtype=np.float64)
+        if power.shape != grid.shape or not np.isfinite(power).all():
+            raise InputError("load: its power is not finite, or not one number per temperature")
+        self._cubics[:, :, -2] = CubicSpline(grid, power).c.T
+        knots = grid[:-1]
+        self._cubics[:, :2, -1] = 0.0
+        self._cubics[:, 2, -1] = load.coil_W * COPPER_PER_K
+        self._cubics[:, 3, -1] = load.coil_W * (1.0 + COPPER_PER_K * (knots - 293.15))
+
+    def _look_up(self, state: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return where the columns' temperatures lie: cubics, shape (columns, 4), and offsets [K]."""
+        at = (self._seen @ state - self._low) / self._width
+        place = at.astype(np.intp)
+        if not (at.min() >= 0.0 and at.max() < len(self._cubics)):
+            self._refuse(state)
+        cubics = self._cubics[place, :, self._column]
+        return cubics, (at - place) * self._width, at
+
+    def _refuse(self, state: FloatArray) -> None:
+        seen = self._seen @ state
+        worst = int(np.argmax(np.where(np.isfinite(seen), np.abs(seen - self.network.ambient), np.inf)))
+        low, high = self.network.grid[0] - 273.15, self.network.grid[-1] - 273.15
+        raise EnvelopeError(
+            f"heating: a node is at {seen[worst] - 273.15:.4g} degC; expected {low:.0f} to {high:.0f} degC. "
+            "Lower the duty, check the drawing's dimensions, or stop at the fluid's limit"
+        )
+
+    def flow(self, state: FloatArray) -> FloatArray:
+        """Return losses and sources at a state [W], shape (columns,)."""
+        cubics, offset, _ = self._look_up(state)
+        return _horner(cubics, offset)
+
+    def rate_and_jacobian(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return dT/dt [K/s] and its derivative by T."""
+        cubics, offset, _ = self._look_up(state)
+        rate = self._linear @ state + self._into @ _horner(cubics, offset)
+        return rate, self._linear + (self._into * _slope(cubics, offset)) @ self._seen
+
+    def step(self, state: FloatArray, size: float) -> tuple[FloatArray, FloatArray]:
+        """Return the state after a step [s], and the energies that went through each column in it [J]."""
+        cubics, offset, _ = self._look_up(state)
+        flow, slope = _horner(cubics, offset), _slope(cubics, offset)
+        jacobian = self._linear + (self._into * slope) @ self._seen
+        shrunk = _GAMMA * size
+        factors, pivots, _ = dgetrf(self._unit - shrunk * jacobian, overwrite_a=True)
+        first, _ = dgetrs(factors, pivots, self._linear @ state + self._into @ flow)
+        middle = state + size * first
+        flow_middle = self.flow(middle)
+        right = self._linear @ middle + self._into @ flow_middle - 2.0 * first
+        second, _ = dgetrs(factors, pivots, right)
+        bend = shrunk * slope
+        energy_first = flow + bend * (self._seen @ first)
+        energy_second = flow_middle - 2.0 * energy_first + bend * (self._seen @ second)
+        return (
+            state + size * (1.5 * first + 0.5 * second),
+            size * (1.5 * energy_first + 0.5 * energy_second),
+        )
+
+
+def _horner(cubics: FloatArray, offset: FloatArray) -> FloatArray:
+    value = cubics[:, 0] * offset
+    for power in (1, 2):
+        value += cubics[:, power]
+        value *= offset
+    value += cubics[:, 3]
+    return value
+
+
+def _slope(cubics: FloatArray, offset: FloatArray) -> FloatArray:
+    return np.asarray((3.0 * cubics[:, 0] * offset + 2.0 * cubics[:, 1]) * offset + cubics[:, 2])

@@ -1,0 +1,212 @@
+"""The actuation identified: a known one found again, and nothing found where the runs do not tell."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from mrdamper.data.prepare import PreparedRun, prepare_run
+from mrdamper.data.records import RigRun
+from mrdamper.errors import InputError
+from mrdamper.excitation import CURRENT_STEPS, MOTIONS, CurrentSteps, drive
+from mrdamper.identify.actuation import ActuationFit, fit_actuation, steps_of
+from mrdamper.models.actuation import Actuation
+from mrdamper.models.damper import Damper
+from mrdamper.models.dependence import Constant, Polynomial
+from mrdamper.models.simulate import simulate
+from tests.identify.truths import AS_IT_IS, TRUTHS
+
+TIMES = ("rise_s", "fall_s", "second_s", "delay_s")
+NOISE_N = 5.0
+RATE_Hz = 1000.0
+LAW = TRUTHS["bouc-wen"]
+KNOWN = {
+    "slow up": Actuation(0.009, 0.006, 0.003, 0.002),
+    "slow down": Actuation(0.004, 0.012, 0.002, 0.003),
+    "as slow up as down": Actuation(0.010, 0.010, 0.003, 0.002),
+}
+
+
+def stepped(
+    damper: Damper, *, seed: int = 0, noise_N: float = NOISE_N, steps: CurrentSteps = CURRENT_STEPS
+) -> PreparedRun:
+    """Return a run of the triangle with stepped current on a damper."""
+    samples = round(steps.duration * RATE_Hz)
+    path = drive(
+        MOTIONS["steps"],
+        duration=(samples - 1) / RATE_Hz,
+        rate_Hz=RATE_Hz,
+        command=steps.current(np.arange(samples) / RATE_Hz),
+    )
+    noise = noise_N * np.random.default_rng(seed).standard_normal(samples)
+    run = RigRun(
+        name="steps",
+        time=path.time,
+        displacement=path.displacement,
+        force=simulate(damper, path) + noise,
+        command=path.command,
+        command_unit="A",
+        motion="steps",
+    )
+    return prepare_run(run, AS_IT_IS)
+
+
+def identified(actuation: Actuation, **how: float) -> ActuationFit:
+    return fit_actuation(LAW, [stepped(replace(LAW, actuation=actuation), **how)])  # type: ignore[arg-type]
+
+
+def times(actuation: Actuation) -> np.ndarray:
+    return np.array([getattr(actuation, name) for name in TIMES])
+
+
+# --------------------------------------------------------------------------------- a known one comes back
+
+
+@pytest.mark.parametrize("known", KNOWN.values(), ids=KNOWN)
+def test_a_known_actuation_comes_back_within_its_standard_errors(known):
+    """Four times from eight seeds: at most one of 32 beyond three standard errors, none beyond four."""
+    off = []
+    for seed in range(8):
+        found = identified(known, seed=seed)
+        errors = np.array([found.standard_errors[name] for name in TIMES])
+        assert (errors < 3e-4).all()
+        off.append(np.abs(times(found.actuation) - times(known)) / errors)
+    assert np.mean(np.array(off) < 3.0) >= 0.97
+    assert np.max(off) < 4.0
+
+
+@pytest.mark.parametrize("known", KNOWN.values(), ids=KNOWN)
+def test_without_noise_it_comes_back_exactly(known):
+    found = identified(known, noise_N=0.0)
+    assert times(found.actuation) == pytest.approx(times(known), rel=0.02, abs=2e-5)
+    assert found.rmse_N < 1e-2 * found.unlagged_rmse_N
+
+
+def test_what_is_left_is_the_noise_and_without_an_actuation_much_more():
+    found = identified(KNOWN["slow up"])
+    assert found.rmse_N == pytest.approx(NOISE_N, rel=0.05)
+    assert found.unlagged_rmse_N > 10.0 * NOISE_N
+
+
+def test_slower_up_than_down_is_told_from_slower_down_than_up():
+    """And where both are the same, nothing is told apart."""
+    apart = {}
+    for name, known in KNOWN.items():
+        found = identified(known, seed=3)
+        error = np.hypot(found.standard_errors["rise_s"], found.standard_errors["fall_s"])
+        apart[name] = (found.actuation.rise_s - found.actuation.fall_s) / error
+    assert apart["slow up"] > 10.0
+    assert apart["slow down"] < -10.0
+    assert abs(apart["as slow up as down"]) < 3.0
+
+
+def test_a_law_that_is_wrong_in_level_says_the_same_about_time():
+    """A gain and an offset are free in each window: a fifth more yield force and 50 N change nothing."""
+    known = KNOWN["slow up"]
+    wrong = {**LAW.coefficients, "offset": Constant(90.0)}
+    assert isinstance(wrong["yield_force"], Polynomial)
+    wrong["yield_force"] = Polynomial(tuple(1.2 * number for number in wrong["yield_force"].numbers))
+    run = stepped(replace(LAW, actuation=known), seed=1)
+    right, found = fit_actuation(LAW, [run]), fit_actuation(replace(LAW, coefficients=wrong), [run])
+    errors = np.array([right.standard_errors[name] for name in TIMES])
+    assert (np.abs(times(found.actuation) - times(right.actuation)) < 3.0 * errors).all()
+
+
+def test_response_times_are_those_of_a_delay_and_two_lags():
+    """1 - (a exp(-t/a) - b exp(-t/b)) / (a - b), after the delay."""
+    found = identified(KNOWN["slow up"])
+    made = found.actuation
+    a, b = made.rise_s, made.second_s
+
+    def risen(t: float) -> float:
+        return float(1.0 - (a * np.exp(-t / a) - b * np.exp(-t / b)) / (a - b))
+
+    for share, told in ((0.63, found.t63_s), (0.9, found.t90_s)):
+        assert told == pytest.approx(made.delay_s + brentq(lambda t: risen(t) - share, 0.0, 1.0), abs=2e-5)  # noqa: B023
+
+
+def test_two_runs_tell_more_than_one():
+    known = replace(LAW, actuation=KNOWN["slow up"])
+    one, two = (fit_actuation(LAW, [stepped(known, seed=s) for s in range(count)]) for count in (1, 2))
+    assert two.windows == 2 * one.windows
+    for name in TIMES:
+        assert two.standard_errors[name] < one.standard_errors[name]
+
+
+def test_the_damper_s_own_lag_does_not_count_twice():
+    """What the law brought along is taken off before the actuation is looked for."""
+    run = stepped(replace(LAW, actuation=KNOWN["slow up"]))
+    lagged = replace(LAW, command_lag_s=0.02)
+    assert times(fit_actuation(lagged, [run]).actuation) == pytest.approx(
+        times(fit_actuation(LAW, [run]).actuation)
+    )
+
+
+def test_the_coil_and_the_largest_command_are_carried_along():
+    run = stepped(replace(LAW, actuation=KNOWN["slow up"]))
+    found = fit_actuation(LAW, [run], resistance_20_ohm=5.0).actuation
+    assert (found.resistance_20_ohm, found.largest_command) == (5.0, 2.0)
+    assert {field.name for field in fields(found)} == {*TIMES, "resistance_20_ohm", "largest_command"}
+
+
+# --------------------------------------------------------------------------------- windows
+
+
+def command(*levels: float, hold_s: float = 0.5) -> np.ndarray:
+    return np.repeat(levels, round(hold_s * RATE_Hz)).astype(np.float64)
+
+
+def test_every_step_has_a_window_from_before_it_until_it_has_settled():
+    at = command(0.0, 1.0, 2.0, 0.5)
+    windows = steps_of(at, 1.0 / RATE_Hz)
+    assert len(windows) == 3
+    for window, switch in zip(windows, (500, 1000, 1500), strict=True):
+        assert switch - 40 <= window.start <= switch - 10
+        assert window.stop >= switch + 140
+        assert np.ptp(at[window]) > 0.0
+
+
+@pytest.mark.parametrize(
+    ("at", "count"),
+    [
+        (command(1.0, 1.0), 0),  # held
+        (command(0.0, 2.0, 2.05), 1),  # the second change is 2.5 % of the range
+        (command(0.0, 2.0, 0.0, hold_s=0.1), 1),  # the windows touch
+        (command(0.0), 0),
+    ],
+    ids=["held", "small", "close", "one level"],
+)
+def test_a_held_or_hardly_changed_command_has_no_window_and_close_steps_share_one(at, count):
+    assert len(steps_of(at, 1.0 / RATE_Hz)) == count
+
+
+def test_a_slow_ramp_is_no_step():
+    """2 A in a second: 1 % of the range in the 10 ms within which a step comes."""
+    assert steps_of(np.linspace(0.0, 2.0, 1000), 1.0 / RATE_Hz) == []
+
+
+def test_a_step_before_the_first_scored_sample_does_not_count():
+    run = stepped(replace(LAW, actuation=KNOWN["slow up"]))
+    early = sum(w.start < run.scored_from for w in steps_of(run.trajectory.command, run.trajectory.step))
+    assert fit_actuation(LAW, [run]).windows == len(CURRENT_STEPS.switches) - early
+
+
+# --------------------------------------------------------------------------------- what is refused
+
+
+def test_a_run_without_steps_is_refused_with_the_test_that_is_missing():
+    held = stepped(LAW, steps=CurrentSteps((1.0,), 4.0))
+    with pytest.raises(InputError, match=r"no run has a step of the command.*current stepped at mid-stroke"):
+        fit_actuation(LAW, [held])
+
+
+def test_steps_that_do_not_move_the_force_are_none():
+    """A damper that does not feel the current has no response time."""
+    forms = {**LAW.coefficients, "viscosity": Constant(800.0), "stiffness": Constant(1500.0)}
+    forms |= {"offset": Constant(40.0), "yield_force": Constant(300.0)}
+    passive = replace(LAW, coefficients=forms)
+    with pytest.raises(InputError, match="no run has a step of the command that moves the force"):
+        fit_actuation(passive, [stepped(passive)])

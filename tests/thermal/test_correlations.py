@@ -1,0 +1,204 @@
+"""Correlations: other programs' numbers, limits that physics asks for, ranges that are kept."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import solve_bvp
+
+from mrdamper.errors import EnvelopeError, InputError
+from mrdamper.thermal.air import air_at
+from mrdamper.thermal.correlations import (
+    STEFAN_BOLTZMANN,
+    annular_fin_efficiency,
+    groove_emissivity,
+    mixed_nusselt,
+    nusselt_cross_flow,
+    nusselt_cross_flow_zukauskas,
+    nusselt_fin_channel,
+    nusselt_fin_disc,
+    nusselt_fin_vdi,
+    nusselt_flat_plate,
+    nusselt_horizontal_cylinder,
+    nusselt_slender_vertical_cylinder,
+    nusselt_vertical_plate,
+    radiation_film,
+)
+
+PRANDTL = st.floats(0.6, 10.0)
+
+
+def powers_of_ten(low: float, high: float) -> st.SearchStrategy[float]:
+    return st.floats(low, high).map(lambda exponent: 10.0**exponent)
+
+
+# -------------------------------------------------------------------------------- against the library ht
+
+
+@given(grashof=powers_of_ten(-2, 11), prandtl=PRANDTL, slenderness=st.floats(0.5, 20.0))
+def test_natural_convection_is_that_of_ht(grashof, prandtl, slenderness):
+    ht = pytest.importorskip("ht")
+    rayleigh = grashof * prandtl
+    assert nusselt_horizontal_cylinder(rayleigh, prandtl) == pytest.approx(
+        ht.Nu_horizontal_cylinder_Churchill_Chu(Pr=prandtl, Gr=grashof), rel=1e-12
+    )
+    assert nusselt_vertical_plate(rayleigh, prandtl) == pytest.approx(
+        ht.Nu_vertical_plate_Churchill(Pr=prandtl, Gr=grashof), rel=1e-12
+    )
+    if grashof >= 1.0:
+        assert nusselt_slender_vertical_cylinder(grashof, prandtl, slenderness) == pytest.approx(
+            ht.Nu_vertical_cylinder_Popiel_Churchill(Pr=prandtl, Gr=grashof, L=slenderness, D=1.0), rel=1e-12
+        )
+    if rayleigh <= 1e10:
+        faces = [ht.Nu_horizontal_plate_McAdams(Pr=prandtl, Gr=grashof, buoyancy=up) for up in (True, False)]
+        assert nusselt_fin_disc(rayleigh) == pytest.approx(sum(faces) / 2.0, rel=1e-12)
+
+
+@given(reynolds=powers_of_ten(0.1, 5.9), prandtl=PRANDTL)
+def test_forced_convection_is_that_of_ht(reynolds, prandtl):
+    ht = pytest.importorskip("ht")
+    assert nusselt_cross_flow(reynolds, prandtl) == pytest.approx(
+        ht.Nu_cylinder_Churchill_Bernstein(reynolds, prandtl), rel=1e-12
+    )
+    assert nusselt_cross_flow_zukauskas(reynolds, prandtl) == pytest.approx(
+        ht.Nu_cylinder_Zukauskas(reynolds, prandtl), rel=1e-12
+    )
+    if reynolds <= 5e5:
+        assert nusselt_flat_plate(reynolds, min(prandtl, 9.9)) == pytest.approx(
+            ht.conv_external.Nu_horizontal_plate_laminar_Baehr(reynolds, min(prandtl, 9.9)), rel=1e-12
+        )
+
+
+@given(
+    film=st.floats(0.1, 500.0),
+    root=st.floats(0.005, 0.1),
+    width=st.floats(0.005, 0.1),
+    thickness=st.floats(2e-4, 5e-3),
+    conductivity=st.floats(15.0, 400.0),
+)
+def test_fin_efficiency_is_that_of_ht(film, root, width, thickness, conductivity):
+    ht = pytest.importorskip("ht")
+    theirs = ht.fin_efficiency_Kern_Kraus(2 * root, 2 * (root + width), thickness, conductivity, film)
+    ours = annular_fin_efficiency(film, root, root + width, thickness, conductivity)
+    # both take differences of nearly equal products where the fin is very effective
+    assert ours == pytest.approx(theirs, rel=1e-12 if theirs < 0.99 else 1e-10)
+
+
+def test_air_is_within_a_percent_of_the_reference_equation_of_state():
+    coolprop = pytest.importorskip("CoolProp.CoolProp")
+    for kelvin in np.linspace(233.15, 573.15, 18):
+        ours = air_at(kelvin)
+        state = ("T", kelvin, "P", 101325.0, "Air")
+        viscosity, density = coolprop.PropsSI("V", *state), coolprop.PropsSI("D", *state)
+        assert ours.conductivity == pytest.approx(coolprop.PropsSI("L", *state), rel=0.01)
+        assert ours.kinematic_viscosity == pytest.approx(viscosity / density, rel=0.01)
+        assert ours.prandtl == pytest.approx(coolprop.PropsSI("Prandtl", *state), rel=0.01)
+
+
+# ------------------------------------------------------------------------------------- limits and shapes
+
+
+def test_a_printed_worked_example_of_cross_flow():
+    """Example 7.3 of Bergman et al., as ``ht`` quotes it: Re 7992, Pr 0.707, wall 0.69."""
+    assert nusselt_cross_flow_zukauskas(7992, 0.707, 0.69) == pytest.approx(50.5, abs=0.05)
+
+
+def test_a_narrow_channel_is_fully_developed_and_a_wide_one_a_single_plate():
+    """El / 24 for narrow gaps; for wide ones the heat per area no longer depends on the gap."""
+    assert nusselt_fin_channel(1e-3, 1.0) == pytest.approx(1e-3 / 24.0, rel=1e-3)
+    # h ~ Nu / S with Ra ~ S^3: twice the gap, the same h
+    one, two = (float(nusselt_fin_channel(1e7 * s**3, s)) / s for s in (1.0, 2.0))
+    assert two == pytest.approx(one, rel=1e-3)
+
+
+def test_the_two_fin_laws_disagree_on_the_gap_and_both_are_offered():
+    """From 17 to 37 mm the channel law gives the same heat, the VDI's some 30 % more."""
+    air = air_at(323.15)
+    channel, vdi = [], []
+    for gap in (0.017, 0.037):
+        chord, diameter = 0.25 * math.pi * 0.092, 0.046
+        channel.append(float(nusselt_fin_channel(air.rayleigh(gap, 60.0), gap / chord)) / gap)
+        vdi.append(float(nusselt_fin_vdi(air.rayleigh(diameter, 60.0), gap / diameter)))
+    assert channel[1] / channel[0] == pytest.approx(1.0, abs=0.01)
+    assert vdi[1] / vdi[0] == pytest.approx((37.0 / 17.0) ** (1.0 / 3.0), rel=1e-9)
+
+
+@given(natural=st.floats(1e-3, 1e3), forced=st.floats(1e-3, 1e3))
+def test_mixed_convection_is_at_least_either_and_at_most_their_sum(natural, forced):
+    mixed = float(mixed_nusselt(natural, forced))
+    assert max(natural, forced) * (1 - 1e-12) <= mixed <= (natural + forced) * (1 + 1e-12)
+    assert mixed == pytest.approx(float(mixed_nusselt(forced, natural)))
+
+
+@given(emissivity=st.floats(0.01, 1.0), surface=st.floats(250.0, 600.0), ambient=st.floats(250.0, 350.0))
+def test_radiation_is_the_law_of_stefan_and_boltzmann(emissivity, surface, ambient):
+    flux = float(radiation_film(emissivity, surface, ambient)) * (surface - ambient)
+    exact = emissivity * STEFAN_BOLTZMANN * (surface**4 - ambient**4)
+    assert flux == pytest.approx(exact, rel=1e-9, abs=1e-9)
+
+
+@given(emissivity=st.floats(0.01, 1.0), ratio=st.floats(0.01, 1.0))
+def test_a_groove_is_blacker_than_its_walls_and_never_more_than_black(emissivity, ratio):
+    apparent = groove_emissivity(emissivity, ratio, 1.0)
+    assert emissivity * (1 - 1e-12) <= apparent <= 1.0
+    # all that it radiates comes from its walls
+    assert apparent * ratio <= emissivity * (1 + 1e-12)
+
+
+@pytest.mark.parametrize(("film", "width"), [(10.0, 0.023), (200.0, 0.033), (1000.0, 0.05)])
+def test_fin_efficiency_solves_the_fin_s_own_equation(film, width):
+    """(r theta')' = m^2 r theta with theta = 1 at the root and no heat through the tip."""
+    root, thickness, conductivity = 0.023, 1e-3, 160.0
+    tip, m2 = root + width, 2.0 * film / (conductivity * thickness)
+    solved = solve_bvp(
+        lambda r, y: np.vstack([y[1] / r, m2 * r * y[0]]),
+        lambda a, b: np.array([a[0] - 1.0, b[1]]),
+        np.linspace(root, tip, 40),
+        np.vstack([np.ones(40), np.zeros(40)]),
+        tol=1e-10,
+        max_nodes=100_000,
+    )
+    through_root = -2.0 * math.pi * conductivity * thickness * solved.sol(root)[1]
+    ideal = film * 2.0 * math.pi * (tip**2 - root**2)
+    assert annular_fin_efficiency(film, root, tip, thickness, conductivity) == pytest.approx(
+        through_root / ideal, rel=1e-7
+    )
+
+
+def test_fin_efficiency_goes_to_one_without_a_film_and_to_the_straight_fin_s_on_a_wide_tube():
+    assert annular_fin_efficiency(0.0, 0.023, 0.046, 1e-3, 160.0) == pytest.approx(1.0, abs=1e-9)
+    film, width, thickness, conductivity = 200.0, 0.03, 1e-3, 160.0
+    straight = math.sqrt(2.0 * film / (conductivity * thickness)) * width
+    wide = annular_fin_efficiency(film, 1e3, 1e3 + width, thickness, conductivity)
+    assert wide == pytest.approx(math.tanh(straight) / straight, rel=1e-4)
+
+
+def test_no_fin_is_too_long_for_the_formula():
+    """Scaled Bessel functions: a fin of any length gives off what its root lets through."""
+    assert 0.0 < float(annular_fin_efficiency(1e4, 0.02, 20.0, 1e-4, 15.0)) < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("ask", "said"),
+    [
+        (lambda: nusselt_horizontal_cylinder(1e13, 0.7), "Ra_D of a horizontal cylinder is 1e.13"),
+        (lambda: nusselt_horizontal_cylinder(math.nan, 0.7), "Ra_D of a horizontal cylinder is nan"),
+        (lambda: nusselt_cross_flow(0.1, 0.7), "Re Pr of a cylinder is 0.07; .* 0.2"),
+        (lambda: nusselt_cross_flow_zukauskas(2e6, 0.7), "Re_D of a cylinder is 2e.06"),
+        (lambda: nusselt_flat_plate([1e3, 6e5], 0.7), "Re_L of a plate is 600000"),
+        (lambda: air_at(20.0), "film temperature is 20 K; .* Temperatures are in kelvin"),
+        (lambda: air_at([300.0, 700.0]), "film temperature is 700 K"),
+    ],
+)
+def test_outside_its_range_a_correlation_says_so(ask, said):
+    with pytest.raises(EnvelopeError, match=said):
+        ask()
+
+
+def test_a_fin_that_cannot_be_is_refused():
+    with pytest.raises(InputError, match=r"annular fin: radii 0.05 and 0.02 m"):
+        annular_fin_efficiency(10.0, 0.05, 0.02, 1e-3, 160.0)

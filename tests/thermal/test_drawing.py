@@ -1,0 +1,148 @@
+"""Drawings: millimetres and degC at the door, SI inside, and what no damper can be."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from mrdamper.errors import InputError
+from mrdamper.models.fluid import find_fluid
+from mrdamper.thermal.drawing import DamperDrawing, filling_of, read_drawing, read_sink
+from mrdamper.thermal.drawing_file import _KEYS
+from mrdamper.thermal.heatsink import HeatSink
+from mrdamper.thermal.materials import MATERIALS, find_material
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "paper_damper.toml"
+TEXT = EXAMPLE.read_text(encoding="utf-8")
+
+
+def changed(*pairs: tuple[str, str]) -> str:
+    text = TEXT
+    for old, new in pairs:
+        assert old in text
+        text = text.replace(old, new, 1)
+    return text
+
+
+def test_the_example_is_read_into_metres_and_kelvin():
+    drawing = read_drawing(EXAMPLE)
+    assert drawing.body.outer_diameter == pytest.approx(0.046)
+    assert drawing.body.bore == pytest.approx(0.036)
+    assert drawing.gap == pytest.approx(0.001)
+    assert drawing.surroundings.ambient == pytest.approx(293.15)
+    assert drawing.filling.valid_K[1] == pytest.approx(403.15)
+    assert drawing.coil.resistance_at(293.15) == pytest.approx(4.2)
+    # the parts fill the body's length: two caps, two chambers, the piston
+    inside = 2.0 * (drawing.body.cap + drawing.chamber_length) + drawing.piston.length
+    assert inside == pytest.approx(drawing.body.length)
+
+
+def test_the_example_s_sink_is_the_paper_s():
+    sink = read_sink(EXAMPLE)
+    assert (sink.fins, sink.width, sink.pitch) == pytest.approx((5, 0.023, 0.020))
+    assert sink.gap == pytest.approx(0.017)
+    assert sink.span == pytest.approx(0.083)
+    assert sink.mass(0.046) == pytest.approx(0.202, abs=0.001)  # five discs of 92 mm less 46 mm, 3 mm thick
+    centres = sink.centres(0.2)
+    assert centres.mean() == pytest.approx(0.1)
+    assert centres[1] - centres[0] == pytest.approx(0.020)
+
+
+def test_the_corrected_radius_gives_two_faces_the_area_of_faces_and_tip():
+    sink = HeatSink(fins=5, width=0.023, thickness=1e-3, pitch=0.02)
+    tip = sink.tip_radius(0.046)
+    exact = 2.0 * math.pi * (tip**2 - 0.023**2) + 2.0 * math.pi * tip * sink.thickness
+    assert sink.fin_area(0.046) == pytest.approx(exact, rel=1e-3)
+
+
+def test_a_drawing_without_fins_has_no_sink():
+    assert DamperDrawing.from_toml(changed(("fins = 5", "fins = 0"))).sink is None
+    assert DamperDrawing.from_toml(TEXT[: TEXT.index("[sink]")]).sink is None
+    assert read_drawing(EXAMPLE).with_sink(None).sink is None
+
+
+def test_a_fluid_s_properties_may_be_given_beside_its_preset():
+    drawing = DamperDrawing.from_toml(
+        changed(('preset = "paper"', 'preset = "paper"\nconductivity_W_m_K = 1'))
+    )
+    assert drawing.filling.conductivity == 1.0
+    assert drawing.filling.density == find_fluid("paper").density_kg_m3
+
+
+def test_a_fluid_without_conductivity_is_maxwell_s_mixture():
+    fluid = replace(find_fluid("paper"))
+    assert fluid.conductivity_W_m_K is None
+    share = fluid.particle_fraction
+    assert filling_of(fluid).conductivity == pytest.approx(0.14 * (1 + 2 * share) / (1 - share))
+
+
+def test_every_material_has_a_source():
+    assert all(material.source for material in MATERIALS.values())
+    with pytest.raises(InputError, match=r"no material is called 'steal'.*steel"):
+        find_material("steal")
+
+
+@pytest.mark.parametrize(
+    ("pairs", "said"),
+    [
+        (
+            [("outer_diameter_mm = 46", "outer_diameter_mm = 23")],
+            r"piston.diameter_mm is 34, the bore 13 .* Is 23 mm the body's radius\? .* is 46",
+        ),
+        (
+            [("wall_mm = 5", "wall_mm = 30")],
+            r"body.wall_mm is 30, the outer radius 23; .* is it the diameter",
+        ),
+        ([("diameter_mm = 34", "diameter_mm = 37")], r"piston.diameter_mm is 37, the bore 36"),
+        ([("diameter_mm = 14", "diameter_mm = 40")], r"rod.diameter_mm is 40, the piston's 34"),
+        ([("length_mm = 70", "length_mm = 195")], r"piston.length_mm is 195, between the caps there are 190"),
+        ([("length_mm = 20\n", "length_mm = 80\n")], r"coil.length_mm is 80, the piston's 70"),
+        (
+            [("length_mm = 20\n", "length_mm = 20\ndepth_mm = 12\n")],
+            r"coil.depth_mm is 12; expected less than 10",
+        ),
+        ([("fins = 5", "fins = 12")], r"12 fins at pitch_mm 20 span 223 mm, the body's length_mm is 200"),
+        ([("thickness_mm = 3", "thickness_mm = 20")], r"fins overlap: thickness_mm is 20 and pitch_mm 20"),
+        ([("fins = 5", "fins = 2.5")], r"sink.fins is 2.5; expected a whole number"),
+        ([("emissivity = 0.31", "emissivity = 1.5")], r"surroundings.emissivity is 1.5; expected 0 to 1"),
+        ([("ambient_degC = 20", "ambient_degC = 293")], r"ambient_degC is 293; expected -50 to 100"),
+        ([("resistance_ohm = 4.2", "resistance_ohm = -1")], r"coil.resistance_ohm is -1"),
+        ([("length_mm = 200", "length_mm = true")], r"body.length_mm is True; expected a number in millim"),
+        ([("wall_mm", "wal_mm")], r"body has no key 'wal_mm'; did you mean wall_mm"),
+        ([("length_mm = 200\n", "")], r"body.length_mm is missing; expected a number in millimetres"),
+        ([("[coil]", "[coyl]")], r"unknown table 'coyl'; did you mean coil"),
+        ([('"steel"', '"stele"')], r"body.material: no material is called 'stele'"),
+        ([('"horizontal"', '"upright"')], r"body.orientation is 'upright'; use one of: horizontal, vertical"),
+        (
+            [('"horizontal"', '"vertical"')],
+            r"sink.correlation is 'channel' on a vertical body; expected .disc.",
+        ),
+        (
+            [('"horizontal"', '"vertical"'), ('"channel"', '"disc"'), ("pitch_mm = 20", "pitch_mm = 8")],
+            "5 mm apart; expected at least 10",
+        ),
+        ([('"channel"', '"chanel"')], r"sink: correlation is 'chanel'; use one of: channel, vdi, disc"),
+        ([('preset = "paper"', 'preset = "papier"')], r"fluid: fluid 'papier': neither a preset"),
+        ([("film = 0.8299", "film = 0")], r"calibration: film is 0.0; expected a positive"),
+        ([("[body]", "[body")], "not a TOML file"),
+    ],
+)
+def test_what_no_damper_can_be_is_one_message_with_place_and_remedy(pairs, said):
+    with pytest.raises(InputError, match=said) as caught:
+        DamperDrawing.from_toml(changed(*pairs), "drawing.toml")
+    assert str(caught.value).startswith(("drawing.toml", "calibration"))
+    assert "\n" not in str(caught.value)
+
+
+def test_every_key_of_a_drawing_is_described_in_the_docs():
+    described = (EXAMPLE.parents[1] / "docs" / "thermal.md").read_text(encoding="utf-8")
+    missing = [key for keys in _KEYS.values() for key in keys if f"`{key}`" not in described]
+    assert missing == []
+
+
+def test_a_file_that_is_not_there_is_named():
+    with pytest.raises(InputError, match=r"'nowhere.toml': the file cannot be read"):
+        read_drawing("nowhere.toml")

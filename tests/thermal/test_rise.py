@@ -1,0 +1,274 @@
+"""Rise: duty and card to power, power to temperature; what is reported beside it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mrdamper.errors import InputError
+from mrdamper.excitation import Harmonics, Sine
+from mrdamper.models.card import Evidence, ModelCard
+from mrdamper.models.damper import Damper, OperatingEnvelope
+from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial, Tempered
+from mrdamper.models.laws import LAWS
+from mrdamper.models.temperature import Arrhenius, Linear
+from mrdamper.thermal.drawing import read_drawing
+from mrdamper.thermal.duty import Duty, read_duty, stretch_of
+from mrdamper.thermal.rise import heat_with, predict_rise
+from mrdamper.thermal.work import LoopWork, tabulate_work
+
+DRAWING = read_drawing(Path(__file__).parents[2] / "examples" / "paper_damper.toml")
+BARE = DRAWING.with_sink(None)
+
+
+def dry_and_viscous(*, dry: float = 0.0, viscous: float = 0.0, **changed) -> Damper:
+    coefficients: dict[str, ParameterLaw] = {
+        "yield_force": Constant(dry),
+        "yield_velocity": Constant(1e-6),
+        "viscosity": Constant(viscous),
+    }
+    return Damper(LAWS["bingham"], {**coefficients, **changed})
+
+
+def tempered() -> Damper:
+    return dry_and_viscous(
+        yield_force=Tempered(Polynomial((60.0, 500.0)), Linear(1.67e-3)),
+        viscosity=Tempered(Constant(2400.0), Arrhenius(1435.5)),
+    )
+
+
+# -------------------------------------------------------------------------------------------------- duties
+
+
+def test_the_default_duty_is_read():
+    duty = read_duty("sine:15mm:1Hz:2A:1800s")
+    (stretch,) = duty.stretches
+    assert (duty.duration, duty.command_unit, stretch.command) == (1800.0, "A", 2.0)
+    assert stretch.path is not None
+    assert np.abs(stretch.path.displacement).max() == pytest.approx(0.015, rel=1e-4)
+
+
+def test_minutes_and_volts_are_units_too():
+    duty = read_duty("sine:5mm:2Hz:3.5V:30min")
+    assert (duty.duration, duty.command_unit, duty.stretches[0].command) == (1800.0, "V", 3.5)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("sine", "duty 'sine': expected MOTION:COMMAND:DURATION"),
+        ("sine:15mm:1Hz:2:1800s", "the command is '2'; expected a current or voltage with its unit"),
+        ("sine:15mm:1Hz:2A:1800", "time has no unit"),
+        ("sine:15mm:1Hz:2A:long", "time is 'long'; expected a number and its unit"),
+        ("sinus:15mm:1Hz:2A:1800s", "motion 'sinus:15mm:1Hz' is not known"),
+        ("sine:15mm:1Hz:2A:0s", "a duration is 0"),
+    ],
+)
+def test_a_duty_that_is_none_is_refused_with_an_example(text, said):
+    with pytest.raises(InputError, match=said):
+        read_duty(text)
+
+
+def test_a_table_of_amplitudes_is_a_stretch_per_row_and_rests_are_allowed(tmp_path):
+    path = tmp_path / "duty.csv"
+    path.write_text(
+        "time_s,amplitude_mm,frequency_Hz,current_A\n0,15,1,2\n600,0,0,0\n900,5,2,1\n1200,5,2,1\n"
+    )
+    duty = read_duty(path)
+    assert [stretch.duration for stretch in duty.stretches] == [600.0, 300.0, 300.0]
+    assert [stretch.command for stretch in duty.stretches] == [2.0, 0.0, 1.0]
+    assert duty.stretches[1].path is None
+    rise = predict_rise(tempered(), BARE, duty)
+    at = [rise.fluid_at(seconds) for seconds in (0.0, 600.0, 900.0, 1200.0)]
+    assert at[1] > at[0]
+    assert at[2] < at[1]
+    assert at[3] > at[2]
+    assert rise.energy_closure <= 1e-9
+
+
+def test_a_measured_displacement_heats_as_the_sine_that_it_is(tmp_path):
+    path, seconds = tmp_path / "motion.csv", np.arange(0.0, 120.0 + 1e-9, 0.01)
+    rows = [f"{t:.2f},{15.0 * math.sin(2.0 * math.pi * t):.6f},2" for t in seconds]
+    path.write_text("\n".join(["time_s,displacement_mm,current_A", *rows]))
+    measured = predict_rise(tempered(), BARE, str(path))
+    sine = predict_rise(tempered(), BARE, "sine:15mm:1Hz:2A:120s")
+    gained = measured.fluid[-1] - measured.fluid[0]
+    assert gained == pytest.approx(sine.fluid[-1] - sine.fluid[0], rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ("time_s,current_A\n0,2\n10,2\n", "no column of displacement"),
+        ("time_s,amplitude_mm,current_A\n0,15,2\n10,15,2\n", "no column of frequency"),
+        ("time_s,amplitude_mm,frequency_Hz\n0,15,1\n10,15,1\n", "no column of current"),
+        ("time_s,amplitude_mm,frequency_Hz,current_A\n0,15,1,2\n0,15,1,2\n", "time does not rise"),
+        ("time_s,displacement_mm,current_A\n0,1,2\n1,2,2\n5,1,2\n", "the time step varies"),
+    ],
+)
+def test_a_table_that_says_too_little_is_refused(tmp_path, content, said):
+    path = tmp_path / "duty.csv"
+    path.write_text(content)
+    with pytest.raises(InputError, match=rf"duty\.csv: .*{said}"):
+        read_duty(path)
+
+
+# --------------------------------------------------------------------------------------------------- power
+
+
+def test_dry_friction_takes_four_strokes_of_force_a_cycle():
+    work = tabulate_work(dry_and_viscous(dry=1000.0), stretch_of(Sine(0.015, 1.0), 2.0, 60.0))
+    assert work.constant
+    assert work.power[0] == pytest.approx(4.0 * 1000.0 * 0.015, rel=1e-3)
+    assert work.peak[0] == pytest.approx(1000.0, rel=1e-6)
+
+
+def test_a_dashpot_takes_half_the_product_of_its_amplitudes():
+    speed = 2.0 * math.pi * 2.0 * 0.005
+    work = tabulate_work(dry_and_viscous(viscous=3000.0), stretch_of(Sine(0.005, 2.0), 0.0, 60.0))
+    assert work.power[0] == pytest.approx(0.5 * 3000.0 * speed**2, rel=1e-5)
+    assert work.peak[0] == pytest.approx(3000.0 * speed, rel=1e-6)
+
+
+def test_a_spring_takes_none():
+    work = tabulate_work(dry_and_viscous(stiffness=Constant(1e4)), stretch_of(Sine(0.015, 1.0), 0.0, 60.0))
+    assert work.power[0] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_a_motion_without_a_period_is_averaged_over_its_first_two_minutes():
+    """Within what half a beat in that time can make of it."""
+    tones = Harmonics((0.003, 0.002), (1.0, 1.5), (0.0, 1.0))
+    work = tabulate_work(dry_and_viscous(viscous=3000.0), stretch_of(tones, 0.0, 600.0))
+    exact = sum(0.5 * 3000.0 * (2.0 * math.pi * f * a) ** 2 for a, f in ((0.003, 1.0), (0.002, 1.5)))
+    assert work.power[0] == pytest.approx(exact, rel=0.01)
+
+
+def test_power_between_the_table_s_temperatures_is_the_loop_s_own():
+    damper, stretch = tempered(), stretch_of(Sine(0.015, 1.0), 2.0, 60.0)
+    table = tabulate_work(damper, stretch)
+    between = np.array([297.0, 331.3, 388.8])
+    own = tabulate_work(damper, stretch, temperature_K=between)
+    assert table.power_at(between) == pytest.approx(own.power, rel=2e-4)
+    assert table.peak_at(between) == pytest.approx(own.peak, rel=2e-4)
+    assert (np.diff(table.power_at(np.linspace(280.0, 420.0, 200))) < 0.0).all()
+
+
+def test_beyond_the_card_s_temperatures_power_is_held():
+    damper = replace(tempered(), temperature_range=(293.15, 353.15))
+    work = tabulate_work(damper, stretch_of(Sine(0.015, 1.0), 2.0, 60.0))
+    assert work.power_at(400.0) == work.power_at(353.15) == work.power[-1]
+
+
+def test_a_table_of_work_must_be_in_order():
+    with pytest.raises(InputError, match="temperatures do not rise"):
+        LoopWork(np.array([300.0, 300.0]), np.ones(2), np.ones(2))
+
+
+# ---------------------------------------------------------------------------------------------------- rise
+
+
+def test_a_card_without_temperature_laws_holds_its_force_and_says_so():
+    rise = predict_rise(dry_and_viscous(dry=1000.0), BARE)
+    assert "the card does not depend on temperature: its force is held constant" in rise.notes
+    assert rise.force_loss_percent == pytest.approx(0.0)
+    assert rise.mechanical_W == pytest.approx(60.0, rel=1e-3)
+
+
+def test_force_fades_as_the_card_says_at_the_fluid_s_temperature():
+    damper = tempered()
+    rise = predict_rise(damper, BARE)
+    at = np.array([293.15, float(rise.fluid[-1])])
+    own = tabulate_work(damper, read_duty("sine:15mm:1Hz:2A:1800s").stretches[0], temperature_K=at)
+    assert rise.force_loss_percent == pytest.approx(100.0 * (1.0 - own.peak[1] / own.peak[0]), abs=0.02)
+    assert rise.peak_force_N[0] == pytest.approx(own.peak[0], rel=1e-4)
+
+
+def test_what_goes_in_stays_or_leaves_by_the_paths_reported():
+    rise = predict_rise(tempered(), DRAWING)
+    account = rise.energy_J
+    paths = sum(account[path] for path in rise.paths_W)
+    assert paths == pytest.approx(account["out"], rel=1e-12)
+    assert account["mechanical"] + account["coil"] == pytest.approx(
+        account["out"] + account["stored"], rel=1e-9
+    )
+    assert set(rise.paths_W) == {
+        "body convection", "body radiation", "fin convection", "fin radiation", "mount",
+    }  # fmt: skip
+    assert "channel law" in rise.correlations["fins"]
+
+
+def test_the_coil_s_heat_follows_its_resistance():
+    rise = predict_rise(tempered(), BARE)
+    resistance = 4.2 * (1.0 + 0.00393 * (rise.coil - 293.15))
+    assert rise.coil_W == pytest.approx(4.0 * resistance, rel=1e-9)
+
+
+def test_the_curve_stops_where_the_fluid_reaches_its_limit_and_says_when():
+    hot = dry_and_viscous(dry=2000.0)
+    rise = predict_rise(hot, BARE)
+    assert rise.fluid_degC[-1] == pytest.approx(130.0, abs=1e-6)
+    assert rise.time_to_limit_s == pytest.approx(rise.time[-1])
+    assert any("reaches its limit, 130 degC, after" in note for note in rise.notes)
+    on = predict_rise(hot, BARE, stop_at_limit=False)
+    assert on.time[-1] == pytest.approx(1800.0)
+    assert on.time_to_limit_s == rise.time_to_limit_s
+    with pytest.raises(InputError, match=r"no temperature at 1800 s; the curve ends at"):
+        rise.fluid_at(1800.0)
+
+
+def test_a_limit_that_is_not_reached_has_no_time():
+    assert predict_rise(tempered(), DRAWING).time_to_limit_s is None
+
+
+def test_a_cycle_s_ripple_is_below_a_tenth_of_the_fluid_s_gain_in_it():
+    """Cycle averaging is safe: work comes in two strokes a cycle, and the mean takes the rest."""
+    rise = predict_rise(tempered(), BARE)
+    work = float(rise.mechanical_W[0])  # in a cycle of 1 s [J]
+    fluid = 2300.0 * 800.0 * (np.pi / 4.0) * (0.036**2 - 0.014**2) * 0.120
+    fluid += 2300.0 * 800.0 * (np.pi / 4.0) * (0.036**2 - 0.034**2) * 0.070
+    assert 0.0 < rise.ripple_K < 0.3 * work / fluid
+    assert rise.ripple_K < 0.1
+
+
+def test_the_lumped_model_answers_the_same_question():
+    zones, lumped = (predict_rise(tempered(), DRAWING, model=model) for model in ("zones", "lumped"))
+    assert lumped.fluid[-1] == pytest.approx(zones.fluid[-1], abs=4.3)
+    assert lumped.energy_closure <= 1e-9
+    assert lumped.coil[-1] == lumped.fluid[-1]
+
+
+def test_a_command_in_volts_needs_the_driver_s_gain():
+    volts = replace(tempered(), command_unit="V")
+    with pytest.raises(InputError, match=r"its command is in A, the card's in V"):
+        predict_rise(volts, BARE)
+    with pytest.raises(InputError, match=r"expected coil.A_per_V"):
+        predict_rise(volts, BARE, "sine:15mm:1Hz:2V:600s")
+    driven = replace(BARE, coil=replace(BARE.coil, amperes_per_volt=0.5))
+    rise = predict_rise(volts, driven, "sine:15mm:1Hz:2V:600s")
+    assert rise.coil_W[0] == pytest.approx(4.2)
+
+
+def test_a_duty_beyond_what_the_card_was_identified_on_is_noted():
+    card = ModelCard(
+        title="small",
+        damper=tempered(),
+        envelope=OperatingEnvelope((0.0, 1.0), (-0.005, 0.005), (-0.04, 0.04), (293.15, 353.15)),
+        evidence=Evidence(runs=(), method="by hand", cost=0.0, dataset_fingerprint=""),
+    )
+    notes = " ".join(predict_rise(card, DRAWING).notes)
+    assert "displacement runs from -15 to 15 mm; the card was identified from -5 to 5 mm" in notes
+    assert "command runs from 2 to 2 A; the card was identified from 0 to 1 A" in notes
+
+
+def test_the_temperature_at_rest_falls_towards_ambient():
+    duty = read_duty("sine:15mm:1Hz:2A:600s")
+    rest = replace(duty.stretches[0], path=None, command=0.0, duration=36000.0)
+    work = tabulate_work(tempered(), rest)
+    rise = heat_with([work], BARE, Duty((rest,), "A", "rest"), start_K=373.15)
+    assert (np.diff(rise.fluid) < 0.0).all()
+    assert rise.fluid[-1] - 293.15 < 0.5
+    assert rise.force_loss_percent is None
