@@ -212,7 +212,15 @@ def test_assumed_factors_are_marked_wherever_they_show(fitted, judged, text):
     assert "Assumed, not identified. The temperature factor of viscosity is taken from a fluid's data" in said
     assert "viscosity, N s/m (assumed)" in said
     assert "temperature assumed" in said
-    assert "assumed" in said
+    assert "Assumed: From 20 to 100 °C" in said
+
+
+def test_a_campaign_whose_every_command_steps_still_has_its_report(fitted, judged):
+    """No constant command, so no main sine and no measured points: the damper's own figures stay."""
+    stepping = tuple(replace(error, command=None) for error in judged.runs)
+    said = said_in(render_report(fitted, replace(judged, runs=stepping)))
+    assert "What warmth does" in said
+    assert "the command steps" in said
 
 
 def test_many_runs_are_grouped_and_few_are_drawn_one_by_one(fitted, judged):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -29,6 +31,25 @@ def test_the_cost_of_a_candidate_is_the_error_of_its_simulation(problem: FitProb
     for candidate, cost in zip(candidates, costs, strict=True):
         errors = [score_run(ensemble.damper(candidate), run) for run in problem.runs]
         assert cost == pytest.approx(np.mean([e.nrmse_percent**2 for e in errors]), rel=1e-9)
+
+
+def test_the_cost_of_a_candidate_is_taken_at_each_run_s_temperature(problem: FitProblem) -> None:
+    """Some runs at one temperature each, one that warms up: with it, or without."""
+    runs = []
+    for k, run in enumerate(problem.runs):
+        warm = np.full(len(run), 293.15 + 40.0 * (k % 3))
+        runs.append(replace(run, trajectory=replace(run.trajectory, temperature=warm)))
+    warming = replace(runs[0].trajectory, temperature=np.linspace(293.15, 303.15, len(runs[0])))
+    for given in (runs, [replace(runs[0], trajectory=warming), *runs[1:]]):
+        damper, free = template("bouc-wen", given, temperature="paper", terms=())
+        tempered = FitProblem(damper, free, tuple(given), rate_Hz=1e4)
+        candidate = np.full((1, len(free)), 0.5)
+        candidate[:, [f.name.endswith("c0") for f in free]] = 0.7
+        candidate[:, [f.name.endswith("t1") for f in free]] = 0.4
+        ensemble = Ensemble(tempered)
+        errors = [score_run(ensemble.damper(candidate[0]), run) for run in given]
+        expected = np.mean([error.nrmse_percent**2 for error in errors])
+        assert ensemble.costs(candidate)[0] == pytest.approx(expected, rel=1e-9)
 
 
 def test_workers_do_not_change_the_result(problem: FitProblem) -> None:

@@ -32,7 +32,6 @@ from mrdamper.models.card import (
 from mrdamper.models.card_reading import card_from_json, read_card
 from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.dependence import (
-    KINDS,
     Bipolynomial,
     Constant,
     Exponential,
@@ -41,6 +40,7 @@ from mrdamper.models.dependence import (
     Polynomial,
     Tempered,
 )
+from mrdamper.models.dependence_json import KINDS
 from mrdamper.models.laws import LAWS, Coefficient
 from mrdamper.models.reference import law_from_python, simulate_reference
 from mrdamper.models.simulate import simulate as simulate_in_kernel

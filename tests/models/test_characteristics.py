@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import doctest
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -245,6 +247,15 @@ def test_hysteresis_drops_out_of_the_gas_spring_as_the_stroke_grows():
         wrong = gas_force(damper, amplitude=amplitude).spring_rate_N_m - 1500.0
         least = 2.0 * 300.0 * rho * math.exp(-rho * amplitude)
         assert least < wrong < least * math.cosh(0.2 * rho * amplitude)
+
+
+# ------------------------------------------------------------------------------------------- the page
+
+
+def test_the_example_of_the_docs_gives_what_it_says():
+    page = Path(__file__).parents[2] / "docs" / "characteristics.md"
+    failed, tried = doctest.testfile(str(page), module_relative=False)
+    assert (failed, tried) == (0, 8)
 
 
 # ------------------------------------------------------------------------------------------- bad input

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 from mrdamper.errors import InputError
 from mrdamper.models.dependence import (
-    KINDS,
     Bipolynomial,
     Constant,
     Exponential,
@@ -20,11 +19,10 @@ from mrdamper.models.dependence import (
     ParameterLaw,
     Polynomial,
     Tempered,
-    dependence_from_json,
-    dependence_to_json,
     did_you_mean,
     separable_polynomial,
 )
+from mrdamper.models.dependence_json import KINDS, dependence_from_json, dependence_to_json
 from mrdamper.models.temperature import FACTORS, Arrhenius, Linear, PolynomialFactor, Reynolds, Vft
 
 amounts = st.floats(-1e3, 1e3).filter(lambda x: x == 0.0 or abs(x) > 1e-6)

@@ -88,7 +88,7 @@ def peak_velocity(panels: Sequence[PickPanel], command_unit: str, names: Sequenc
         figure.legend(keys, labels, loc="center right", bbox_to_anchor=(1.0, 0.55))
         figure.subplots_adjust(
             left=0.62 / width,
-            right=1.0 - (0.62 + (0.3 if names else 0.0)) / width,
+            right=1.0 - (0.8 + (0.3 if names else 0.0)) / width,
             top=0.93,
             bottom=0.13,
             wspace=0.05,

@@ -152,7 +152,7 @@ def _curves(comparison: Comparison) -> str:
     found = []
     for name in first.law.names:
         values = [damper.coefficients[name].value(commands, at) for damper in (first, second)]
-        if np.array_equal(*values):
+        if np.array_equal(values[0], values[1]):
             continue
         bands = [
             Band(Series(plots.shortened(called, 24), colour, commands, value, style=style), None)

@@ -42,7 +42,7 @@ def trace_of(
         split=error.split,
         error_percent=error.nrmse_percent,
         rmse_N=error.rmse_N,
-        time_s=path.step * (drawn - start),
+        time_s=path.time[drawn] - path.time[start],
         displacement_mm=1e3 * path.displacement[drawn],
         velocity_mm_s=1e3 * path.velocity[drawn],
         measured_N=run.force[drawn],

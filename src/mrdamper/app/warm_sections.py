@@ -48,7 +48,7 @@ def temperature_section(campaign: Campaign) -> Warmth | None:
     envelope = envelope_of(campaign.fitted.training)
     sines = [campaign.runs[error.name] for error in campaign.errors if error.motion == campaign.main]
     motion = (sine_of(sines) if sines else None) or usual_scope(damper, envelope).motion
-    commands = spread_out(campaign.commands, MOST_COLUMNS)
+    commands = spread_out(campaign.commands or sorted(set(envelope.command)), MOST_COLUMNS)
     if campaign.warm:
         low, high = (end + _ZERO_CELSIUS_K for end in (campaign.levels.values[0], campaign.levels.values[-1]))
         near = min(campaign.levels.values, key=lambda level: abs(level + _ZERO_CELSIUS_K - REFERENCE_K))
@@ -183,9 +183,14 @@ def characteristics_section(campaign: Campaign) -> Characteristics:
     )
     found = characterise(damper, scope)
     titles = tuple("" if warm is None else f"{warm - _ZERO_CELSIUS_K:.0f} °C" for warm in scope.temperatures)
+    assumed = tuple(bool(damper.assumed) and not _was_tested(campaign, warm) for warm in scope.temperatures)
     picks = [
-        PickPanel(title, (curves,), _picks(campaign, scope.commands, warm))
-        for title, curves, warm in zip(titles, found.curves, scope.temperatures, strict=True)
+        PickPanel(
+            f"{title} (assumed)" if by_fluid else title, (curves,), _picks(campaign, scope.commands, warm)
+        )
+        for title, by_fluid, curves, warm in zip(
+            titles, assumed, found.curves, scope.temperatures, strict=True
+        )
     ]
     name = campaign.main if motion is not None else None
     return Characteristics(
@@ -193,7 +198,7 @@ def characteristics_section(campaign: Campaign) -> Characteristics:
         peak_velocity(picks, damper.command_unit),
         titles,
         name or f"sine {1e3 * scope.motion.amplitude:.3g} mm {scope.motion.frequency:.3g} Hz",
-        tuple(bool(damper.assumed) and not _was_tested(campaign, warm) for warm in scope.temperatures),
+        assumed,
     )
 
 

@@ -13,13 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamper.core import _kernel
-from mrdamper.core._kernel import Record, Workspace
+from mrdamper.core._kernel import TRACK_NUMBERS, Record, Tracker, Workspace
 from mrdamper.excitation import Trajectory
 
 __all__ = [
     "LONGEST_STEP",
     "MOST_DIRECTIONS",
+    "TRACK_NUMBERS",
     "Record",
+    "Tracker",
     "Workspace",
     "causal",
     "curve",

@@ -1,4 +1,5 @@
 from collections.abc import Sequence
+from typing import TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,40 @@ class Record:
     def pieces(self) -> tuple[tuple[int, float, int], ...]: ...
 
 class Workspace: ...
+
+TRACK_NUMBERS: tuple[str, ...]
+
+class Belief(TypedDict):
+    motion: tuple[float, float, float]
+    applied: float
+    command: float
+    temperature: float
+    gains: tuple[float, float, float]
+    disturbance: float
+    parts: tuple[float, float, float, float]
+    flags: int
+
+class Tracker:
+    def __new__(
+        cls,
+        numbers: FloatArray,
+        force: FloatArray,
+        rho: FloatArray,
+        octaves: Sequence[tuple[float, float, int, FloatArray]],
+    ) -> Tracker: ...
+    def start(self) -> bytes: ...
+    def step(
+        self,
+        state: bytes,
+        now: float,
+        ahead: float | None,
+        displacement: float,
+        temperature: float,
+        force: float | None,
+        /,
+    ) -> tuple[bytes, float]: ...
+    def run(self, state: bytes, told: FloatArray, current: FloatArray, flags: FloatArray, /) -> bytes: ...
+    def read(self, state: bytes, /) -> Belief: ...
 
 def run(
     law: int,

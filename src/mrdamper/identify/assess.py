@@ -443,9 +443,11 @@ def _words(result: FitResult, runs: Sequence[RunError], least: float) -> list[st
                 "ask for more than the bound or the law allows; read the fit as one with this number fixed."
             )
         elif not estimate.identifiable:
+            percent = estimate.design_error_percent
+            told = f"{percent:.0f} %" if percent < 1000.0 else "over 1000 %"
             said.append(
-                f"{estimate.name} is not identifiable from these runs (standard error "
-                f"{estimate.design_error_percent:.0f} % by design): its value carries no meaning of its own."
+                f"{estimate.name} is not identifiable from these runs (standard error {told} by design): its "
+                "value carries no meaning of its own."
             )
     said += _traded(result)
     if least < 0.0:

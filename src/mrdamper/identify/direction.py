@@ -156,7 +156,8 @@ def half_cycles(runs: Sequence[PreparedFit]) -> int:
 def _scale(free: Free, value: float) -> tuple[float, bool]:
     """Return the unit in which a number's change is measured, and whether it is the number's value."""
     through_zero = free.scale == "linear" and free.lower < 0.0 < free.upper
-    if value and not through_zero:
+    least = 1e-5 * (free.upper - free.lower) if free.scale == "linear" else 0.0
+    if abs(value) > least and not through_zero:
         return abs(value), True
     return free.upper - free.lower, False
 

@@ -24,7 +24,8 @@ import numpy as np
 from mrdamper.errors import InputError
 from mrdamper.excitation import Trajectory
 from mrdamper.models.damper import Damper, OperatingEnvelope
-from mrdamper.models.dependence import dependence_to_json, did_you_mean
+from mrdamper.models.dependence import did_you_mean
+from mrdamper.models.dependence_json import dependence_to_json
 from mrdamper.quantities import FloatArray
 
 __all__ = [

@@ -29,7 +29,8 @@ from mrdamper.models.card import (
     is_finite,
 )
 from mrdamper.models.damper import Damper, OperatingEnvelope
-from mrdamper.models.dependence import ParameterLaw, dependence_from_json, did_you_mean
+from mrdamper.models.dependence import ParameterLaw, did_you_mean
+from mrdamper.models.dependence_json import dependence_from_json
 from mrdamper.models.laws import LAWS, HysteresisLaw
 
 __all__ = ["UPGRADES", "card_from_json", "read_card"]

@@ -1,7 +1,7 @@
 """Parameter laws: a coefficient as a function of the command (current or voltage) and temperature.
 
 A parameter law is a named form with numbers, never code: the card stores ``kind`` and ``numbers``, and
-``KINDS`` is the list of forms there are. Which numbers a fit may move is the business of
+``dependence_json`` lists the forms there are. Which numbers a fit may move is the business of
 ``identify.problem``; whether the coefficient's values suit its law, of ``damper``.
 
 Every form gives its value, its gradient with respect to its numbers and its slope with respect to the
@@ -15,7 +15,7 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import ClassVar, Protocol, Self
 
@@ -23,20 +23,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mrdamper.errors import InputError
-from mrdamper.models.temperature import FACTORS, REFERENCE_K, PolynomialFactor, TemperatureFactor
+from mrdamper.models.temperature import REFERENCE_K, PolynomialFactor, TemperatureFactor
 from mrdamper.quantities import FloatArray
 
 __all__ = [
-    "KINDS",
     "Bipolynomial",
+    "CommandForm",
     "Constant",
     "Exponential",
     "Hill",
     "ParameterLaw",
     "Polynomial",
     "Tempered",
-    "dependence_from_json",
-    "dependence_to_json",
     "did_you_mean",
     "separable_polynomial",
 ]
@@ -438,97 +436,6 @@ def separable_polynomial(command: Sequence[float], temperature: Sequence[float])
     return Tempered(Polynomial(tuple(command)), PolynomialFactor(tuple(temperature)))
 
 
-KINDS: Mapping[str, type[CommandForm | Bipolynomial]] = MappingProxyType(
-    {kind.kind: kind for kind in (Constant, Polynomial, Hill, Exponential, Bipolynomial)}
-)
-"""The forms there are, by the name that a card stores."""
-
-
-def dependence_to_json(law: ParameterLaw) -> dict[str, object]:
-    """Return kind, numbers by name, settings and temperature factor (where there are any), all JSON."""
-    data: dict[str, object] = {"kind": law.kind}
-    if isinstance(law, Tempered):
-        data["temperature"] = {"kind": law.factor.kind, "assumed": law.assumed}
-    data["numbers"] = dict(zip(law.number_names, law.numbers, strict=True))
-    if law.settings:
-        data["settings"] = dict(law.settings)
-    return data
-
-
-def dependence_from_json(data: Mapping[str, object]) -> ParameterLaw:
-    """Return the parameter law that ``dependence_to_json`` wrote.
-
-    Raises
-    ------
-    InputError
-        Unknown kind, number names that do not belong to it, values that are no finite numbers.
-    """
-    known = ("kind", "numbers", "settings", "temperature")
-    for key in data:
-        if key not in known:
-            raise InputError(f"unknown key {key!r}; a dependence has {', '.join(known)}")
-    kind, numbers, settings = data.get("kind"), data.get("numbers"), data.get("settings", {})
-    if not isinstance(kind, str) or kind not in KINDS:
-        raise InputError(f"there is no dependence of kind {kind!r}; there are {', '.join(KINDS)}")
-    if not isinstance(numbers, Mapping) or not isinstance(settings, Mapping):
-        raise InputError(f"{kind}: numbers and settings must be tables of name and value")
-    temperature = data.get("temperature")
-    if temperature is None:
-        return _form_from_json(kind, numbers, settings)
-    factor_kind, assumed = _factor_kind(temperature)
-    degree = sum(name[:1] == "t" and name[1:].isdigit() for name in numbers)
-    powers = tuple(f"t{power}" for power in range(1, max(degree, 1) + 1))
-    names = powers if factor_kind == PolynomialFactor.kind else _names_of(FACTORS[factor_kind])
-    of_factor = _by_name(factor_kind, "number", {k: v for k, v in numbers.items() if k in names}, names)
-    of_form = {name: value for name, value in numbers.items() if name not in names}
-    form = _form_from_json(kind, of_form, settings)
-    if isinstance(form, Bipolynomial):
-        raise InputError("bipolynomial depends on temperature itself; it takes no temperature factor")
-    if factor_kind == PolynomialFactor.kind:
-        return Tempered(form, PolynomialFactor(tuple(of_factor)), assumed)
-    return Tempered(form, FACTORS[factor_kind](*of_factor), assumed)
-
-
-def _form_from_json(
-    kind: str, numbers: Mapping[str, object], settings: Mapping[str, object]
-) -> CommandForm | Bipolynomial:
-    if kind == Hill.kind:
-        values = _by_name("hill", "number", numbers, Hill.number_names)
-        return Hill(*values, *_by_name("hill", "setting", settings, ("reference",)))
-    if kind == Bipolynomial.kind:
-        (degree,) = _by_name(kind, "setting", settings, ("temperature_degree",))
-        if not 0 <= degree <= len(numbers) or degree != int(degree):
-            raise InputError(
-                f"bipolynomial: temperature_degree is {degree:g}; it must be a whole number, and every power "
-                "of the command has a number for each power of the temperature up to it"
-            )
-        rows = max(len(numbers), 1) // (int(degree) + 1)
-        names = tuple(f"c{i}{j}" for i in range(max(rows, 1)) for j in range(int(degree) + 1))
-        return Bipolynomial(tuple(_by_name(kind, "number", numbers, names)), int(degree))
-    _by_name(kind, "setting", settings, ())
-    if kind == Polynomial.kind:
-        powers = tuple(f"c{power}" for power in range(max(len(numbers), 1)))
-        return Polynomial(tuple(_by_name(kind, "number", numbers, powers)))
-    form = Constant if kind == Constant.kind else Exponential
-    return form(*_by_name(kind, "number", numbers, form.number_names))
-
-
-def _factor_kind(given: object) -> tuple[str, bool]:
-    """Return the kind of a temperature factor and whether it is assumed."""
-    if not isinstance(given, Mapping):
-        raise InputError("temperature must be a table of kind and assumed")
-    kind, assumed = given.get("kind"), given.get("assumed", False)
-    if not isinstance(kind, str) or kind not in FACTORS:
-        raise InputError(f"there is no temperature factor of kind {kind!r}; there are {', '.join(FACTORS)}")
-    if not isinstance(assumed, bool) or set(given) - {"kind", "assumed"}:
-        raise InputError("temperature holds kind and assumed (true or false), nothing else")
-    return kind, assumed
-
-
-def _names_of(factor: type[TemperatureFactor]) -> tuple[str, ...]:
-    return tuple(field.name for field in fields(factor))  # type: ignore[arg-type]  # all are dataclasses
-
-
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return the end of a message about an unknown name: the nearest known ones, or all of them."""
     names = list(known)
@@ -568,18 +475,3 @@ def _as_many(law: ParameterLaw, numbers: Sequence[float]) -> tuple[float, ...]:
     if len(numbers) != len(law.numbers):
         raise InputError(f"{law.kind}: {len(numbers)} numbers given; it has {', '.join(law.number_names)}")
     return tuple(float(number) for number in numbers)
-
-
-def _by_name(kind: str, role: str, given: Mapping[str, object], names: Sequence[str]) -> list[float]:
-    """Return the given values in the order of ``names``; every name once, nothing else."""
-    for name in given:
-        if name not in names:
-            raise InputError(f"{kind} has no {role} {name!r}; {did_you_mean(name, names)}")
-    values = []
-    for name in names:
-        value = given.get(name)
-        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-            found = f"is {value!r}" if name in given else "is missing"
-            raise InputError(f"{kind}: {role} {name} {found}; it must be a finite number")
-        values.append(float(value))
-    return values

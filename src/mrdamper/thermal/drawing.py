@@ -19,6 +19,7 @@ from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.materials import COPPER_PER_K, MATERIALS, Material
 
 __all__ = [
+    "DISC_GAP",
     "Body",
     "Calibration",
     "Coil",
@@ -35,7 +36,8 @@ Orientation = Literal["horizontal", "vertical"]
 
 _STEEL = MATERIALS["steel"]
 _CARRIER_CONDUCTIVITY = 0.14  # of the oil, for fluids that state none [W/(m K)]
-_DISC_GAP = 0.010  # [m], below which horizontal discs feel their neighbours
+DISC_GAP = 0.010
+"""Gap between the fins of a vertical damper [m], below which they feel their neighbours."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -351,10 +353,10 @@ def _check_sink(drawing: DamperDrawing, sink: HeatSink) -> None:
             f"{place}: sink.correlation is {sink.correlation!r} on a {body.orientation} body; expected "
             f"{use}: the fins of a vertical damper lie flat"
         )
-    if upright and sink.fins > 1 and sink.gap < _DISC_GAP:
+    if upright and sink.fins > 1 and sink.gap < DISC_GAP:
         raise InputError(
             f"{place}: the fins of a vertical damper are {_mm(sink.gap)} mm apart; expected at least "
-            f"{_mm(_DISC_GAP)}: the correlation for single discs knows no neighbours. Widen the pitch"
+            f"{_mm(DISC_GAP)}: the correlation for single discs knows no neighbours. Widen the pitch"
         )
 
 

@@ -44,9 +44,10 @@ class FieldModel:
     nodes: FloatArray  # (r, z) [m], shape (n, 2)
     elements: IntArray  # shape (t, 6)
     equation: HeatEquation
+    surface: IntArray  # of each of the equation's surface points, shape (p,)
 
 
-def build_field(drawing: DamperDrawing, *, size: float = 0.008) -> FieldModel:
+def build_field(drawing: DamperDrawing, *, size: float = 0.006) -> FieldModel:
     """Return the finite-element model of a drawing.
 
     Parameters
@@ -66,7 +67,7 @@ def heat_field(
     drawing: DamperDrawing,
     loads: Sequence[Load],
     *,
-    size: float = 0.008,
+    size: float = 0.006,
     start_K: float | None = None,
     longest_step: float = 60.0,
     stop_at: float = math.inf,
@@ -129,7 +130,7 @@ def discretise(section: Section, mesh: SectionMesh) -> FieldModel:
         uniform=np.ones(size),
         reference_growth=1.0 + COPPER_PER_K * (section.ambient - 293.15),
     )
-    return FieldModel(section, mesh, np.asarray(basis.doflocs).T.copy(), elements, equation)
+    return FieldModel(section, mesh, np.asarray(basis.doflocs).T.copy(), elements, equation, which)
 
 
 def _with_roles(section: Section, mesh: SectionMesh, roles: Sequence[Role]) -> NDArray[np.bool_]:

@@ -23,6 +23,10 @@ IntArray = NDArray[np.int64]
 
 _SAME = 1e-9  # sides closer than this are one [m]
 _CUT = 0.35  # of a side that leaves a corner, at each level
+_NARROW = 0.15  # of a cell next to a side, over the size asked for
+_GROWTH = 1.0  # of a cell's side with the distance from a block's side
+_SHARE = 0.2  # of a block's radial width that its first cell takes: the gap conducts far better along than across
+_SAMPLES = 129  # of an interval, over which cells are counted
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,12 +87,12 @@ class SectionMesh:
         return SectionMesh(corners, triangles, np.tile(self.region, 4), facets, np.tile(self.surface, 2))
 
 
-def mesh_section(section: Section, size: float = 0.008, *, levels: int = 3) -> SectionMesh:
+def mesh_section(section: Section, size: float = 0.006, *, levels: int = 3) -> SectionMesh:
     """Return a mesh of a section, symmetric about its middle if the section is.
 
     Parameters
     ----------
-    size : longest side of a cell along r or z [m]; every block has at least one cell each way
+    size : longest side of a cell along r or z [m]; those next to a block's side are smaller
     levels : how often the mesh is graded towards corners
 
     Raises
@@ -98,8 +102,8 @@ def mesh_section(section: Section, size: float = 0.008, *, levels: int = 3) -> S
     """
     if not (math.isfinite(size) and size > 0.0):
         raise InputError(f"mesh: size is {size} m; expected a positive, finite number")
-    radii = _lines([r for block in section.blocks for r in (block.inner, block.outer)], size)
-    heights = _lines([z for block in section.blocks for z in (block.low, block.high)], size)
+    radii = _lines([r for block in section.blocks for r in (block.inner, block.outer)], size, _SHARE)
+    heights = _lines([z for block in section.blocks for z in (block.low, block.high)], size, 1.0)
     region = np.full((len(radii) - 1, len(heights) - 1), -1, dtype=np.int64)
     for block in section.blocks:
         cells = region[_cells(radii, block.inner, block.outer), _cells(heights, block.low, block.high)]
@@ -198,14 +202,22 @@ def _corners(region: IntArray) -> list[int]:
     return [int(node) for node in (i * across + j)[order]]
 
 
-def _lines(sides: list[float], size: float) -> FloatArray:
-    """Return the sides, those that are equal but for rounding as one, and lines between them."""
+def _lines(sides: list[float], size: float, share: float) -> FloatArray:
+    """Return the sides, those that are equal but for rounding as one, and lines between them.
+
+    Cells grow from the sides towards the middle of each interval; ``share`` bounds the first one by its length.
+    """
     ordered = np.unique(sides)
     distinct = ordered[np.concatenate([[True], np.diff(ordered) > _SAME])]
-    pieces = [
-        np.linspace(low, high, max(1, math.ceil((high - low) / size - 1e-9)) + 1)[:-1]
-        for low, high in zip(distinct[:-1], distinct[1:], strict=True)
-    ]
+    pieces = []
+    for start, stop in zip(distinct[:-1], distinct[1:], strict=True):
+        at = np.linspace(start, stop, _SAMPLES)
+        wanted = np.minimum(
+            size, min(_NARROW * size, share * (stop - start)) + _GROWTH * np.minimum(at - start, stop - at)
+        )
+        cells = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(at) * (1.0 / wanted[1:] + 1.0 / wanted[:-1]))])
+        count = max(1, math.ceil(cells[-1] - 1e-6))
+        pieces.append(np.interp(np.arange(count) * (cells[-1] / count), cells, at))
     return np.concatenate([*pieces, distinct[-1:]])
 
 

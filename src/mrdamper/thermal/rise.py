@@ -27,7 +27,7 @@ from mrdamper.thermal.surfaces import name_correlations
 from mrdamper.thermal.transient import Heating, Load, heat_up
 from mrdamper.thermal.work import LoopWork, tabulate_work
 
-__all__ = ["NETWORKS", "Model", "Rise", "build_network", "heat_with", "predict_rise"]
+__all__ = ["NETWORKS", "Model", "Rise", "build_network", "heat_with", "loads_of", "predict_rise"]
 
 Model = Literal["zones", "lumped"]
 
@@ -148,10 +148,7 @@ def heat_with(  # keyword-only options beside the three things joined
     """Return the rise for work that is known already, one ``LoopWork`` for each stretch of the duty."""
     network = build_network(drawing, model)
     limit = drawing.filling.valid_K[1]
-    loads = [
-        Load(stretch.duration, work.power_at, _coil_heat(drawing, duty.command_unit, stretch.command))
-        for stretch, work in zip(duty.stretches, works, strict=True)
-    ]
+    loads = loads_of(works, drawing, duty)
     heating = heat_up(network, loads, start=start_K, longest_step=longest_step, stop_at=limit)
     reached = float(heating.time[-1]) if heating.stopped else None
     if heating.stopped and not stop_at_limit:
@@ -183,6 +180,14 @@ def heat_with(  # keyword-only options beside the three things joined
         notes=notes,
         heating=heating,
     )
+
+
+def loads_of(works: Sequence[LoopWork], drawing: DamperDrawing, duty: Duty) -> list[Load]:
+    """Return what heats a damper, stretch by stretch: the work of its loop and its coil's heat."""
+    return [
+        Load(stretch.duration, work.power_at, _coil_heat(drawing, duty.command_unit, stretch.command))
+        for stretch, work in zip(duty.stretches, works, strict=True)
+    ]
 
 
 def build_network(drawing: DamperDrawing, model: Model = "zones") -> ThermalNetwork:

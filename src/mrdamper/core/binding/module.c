@@ -220,6 +220,272 @@ static PyType_Slot workspace_slots[] = {{Py_tp_new, workspace_new},
 static PyType_Spec workspace_spec = {"mrdamper.core._kernel.Workspace", (int)sizeof(WorkspaceObject), 0,
                                      Py_TPFLAGS_DEFAULT, workspace_slots};
 
+/* ---- Tracker: a controller with its tables; its state is handed out and in as bytes ---------------------- */
+
+#define TRACK_OCTAVES 6
+
+typedef struct {
+    PyObject_HEAD
+    mrd_track track;
+    double *store;
+} TrackerObject;
+
+static PyObject *track_names(void)
+{
+    static const char *names[] = {
+#define X(name) #name,
+        MRD_TRACK_NUMBERS(X)
+#undef X
+    };
+    const Py_ssize_t count = (Py_ssize_t)(sizeof names / sizeof *names);
+    PyObject *out = PyTuple_New(count);
+    for (Py_ssize_t k = 0; out && k < count; k++)
+        if (PyTuple_SetItem(out, k, PyUnicode_FromString(names[k])) < 0) Py_CLEAR(out);
+    return out;
+}
+
+/* Everything that the step relies on without looking: shapes, and numbers that become indices. */
+static int track_is_sound(const mrd_track *t)
+{
+    const double models = t->bank < 1.5 ? 1.0 : t->bank;
+    if (!(t->period > 0.0 && t->largest > 0.0 && t->coldest > 0.0 && t->warmest >= t->coldest)) return 0;
+    if (!(t->elements >= 0.0 && t->elements <= 2.0 && models <= MRD_TRACK_BANK)) return 0;
+    if (!(t->dead_samples >= 0.0 && t->dead_samples <= MRD_TRACK_LINE - 3 && t->dead_part >= 0.0 && t->dead_part <= 1.0))
+        return 0;
+    if (!(t->preview >= 0.0 && t->fall_back >= 0.0 && t->gain_variance > 0.0 && t->error_variance > 0.0)) return 0;
+    const double counts[] = {t->frozen_samples, t->coast_samples, t->hold_samples, t->recover_samples};
+    for (size_t k = 0; k < sizeof counts / sizeof *counts; k++)
+        if (!(counts[k] >= 0.0 && counts[k] <= 1e9)) return 0;
+    if (t->currents < 2 || t->currents > MRD_TRACK_CURRENTS || t->temperatures < 1) return 0;
+    const mrd_octaves *octaves = &t->loading;
+    for (int k = 0; k < TRACK_OCTAVES; k++) {
+        const mrd_octaves *o = octaves + k;
+        if (!(o->offset > 0.0 && o->bits >= 0 && o->bits <= 10 && o->cells > 0)) return 0;
+        /* the last cell that can be read is the last there is */
+        double end = o->offset;
+        int32_t cells = 0;
+        while (cells < o->cells && cells < (1 << 20)) {
+            cells += 1 << o->bits;
+            end *= 2.0;
+        }
+        if (cells != o->cells || !(o->top >= o->offset && o->top < end)) return 0;
+    }
+    return 1;
+}
+
+static PyObject *tracker_new(PyTypeObject *type, PyObject *args, PyObject *kwargs)
+{
+    PyObject *onumbers, *oforce, *orho, *ooctaves;
+    static char *names[] = {"numbers", "force", "rho", "octaves", NULL};
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOO", names, &onumbers, &oforce, &orho, &ooctaves)) return NULL;
+    Py_buffer view[3 + TRACK_OCTAVES];
+    int opened = 0;
+    TrackerObject *self = NULL;
+    mrd_track track;
+    memset(&track, 0, sizeof track);
+    mrd_octaves *octaves = &track.loading;
+    if (!open_doubles(onumbers, view, 0, "numbers")) return NULL;
+    opened++;
+    if (!open_doubles(oforce, view + 1, 0, "force")) goto done;
+    opened++;
+    if (!open_doubles(orho, view + 2, 0, "rho")) goto done;
+    opened++;
+    if (PySequence_Size(ooctaves) != TRACK_OCTAVES) {
+        if (!PyErr_Occurred()) PyErr_Format(PyExc_ValueError, "expected %d functions", TRACK_OCTAVES);
+        goto done;
+    }
+    for (int k = 0; k < TRACK_OCTAVES; k++) {
+        PyObject *item = PySequence_GetItem(ooctaves, k), *ocell;
+        int bits;
+        const int fine = item && PyArg_ParseTuple(item, "ddiO", &octaves[k].offset, &octaves[k].top, &bits, &ocell)
+                      && open_doubles(ocell, view + opened, 0, "cells");
+        Py_XDECREF(item); /* the caller's sequence keeps it alive */
+        if (!fine) goto done;
+        octaves[k].bits = bits;
+        octaves[k].cells = (int32_t)(count_of(view + opened) / 4);
+        opened++;
+    }
+    double *number[] = {
+#define X(name) &track.name,
+        MRD_TRACK_NUMBERS(X)
+#undef X
+    };
+    const size_t count = sizeof number / sizeof *number;
+    if (count_of(view) != count) {
+        PyErr_Format(PyExc_ValueError, "expected %zu numbers, got %zu", count, count_of(view));
+        goto done;
+    }
+    for (size_t k = 0; k < count; k++) *number[k] = ((const double *)view[0].buf)[k];
+    if (view[1].ndim != 3 || view[2].ndim != 3 || view[1].shape[1] != MRD_ROWS || view[2].shape[1] != 2
+        || view[1].shape[0] != view[2].shape[0] || view[1].shape[2] != view[2].shape[2] || view[1].shape[0] > 10000
+        || view[1].shape[2] > MRD_TRACK_CURRENTS) {
+        PyErr_Format(PyExc_ValueError, "force must be [temperatures][%d][currents], rho [temperatures][2][currents]",
+                     MRD_ROWS);
+        goto done;
+    }
+    track.temperatures = (int32_t)view[1].shape[0];
+    track.currents = (int32_t)view[1].shape[2];
+    if (!track_is_sound(&track)) {
+        PyErr_SetString(PyExc_ValueError, "a controller's numbers or tables are out of their range");
+        goto done;
+    }
+    allocfunc alloc = (allocfunc)PyType_GetSlot(type, Py_tp_alloc);
+    self = (TrackerObject *)alloc(type, 0);
+    if (!self) goto done;
+    size_t total = 0;
+    for (int k = 1; k < opened; k++) total += count_of(view + k);
+    self->store = malloc(total * sizeof(double));
+    if (!self->store) {
+        Py_CLEAR(self);
+        PyErr_NoMemory();
+        goto done;
+    }
+    double *to = self->store;
+    for (int k = 1; k < opened; k++) {
+        memcpy(to, view[k].buf, (size_t)view[k].len);
+        if (k == 1) track.force = to;
+        else if (k == 2) track.rho = to;
+        else octaves[k - 3].cell = to;
+        to += count_of(view + k);
+    }
+    self->track = track;
+done:
+    for (int k = 0; k < opened; k++) PyBuffer_Release(view + k);
+    return (PyObject *)self;
+}
+
+static void tracker_dealloc(PyObject *object)
+{
+    PyTypeObject *type = Py_TYPE(object);
+    free(((TrackerObject *)object)->store);
+    freefunc release = (freefunc)PyType_GetSlot(type, Py_tp_free);
+    release(object);
+    Py_DECREF(type);
+}
+
+/* The bytes of a state, copied. The indices inside are checked: bytes may come from anywhere. */
+static int read_state(PyObject *object, mrd_track_state *state)
+{
+    char *bytes;
+    Py_ssize_t size;
+    if (PyBytes_AsStringAndSize(object, &bytes, &size) < 0) return 0;
+    if (size != (Py_ssize_t)sizeof *state) {
+        PyErr_SetString(PyExc_ValueError, "this is not a controller's state");
+        return 0;
+    }
+    memcpy(state, bytes, sizeof *state);
+    if (state->at < 0 || state->at >= MRD_TRACK_LINE) {
+        PyErr_SetString(PyExc_ValueError, "this is not a controller's state");
+        return 0;
+    }
+    return 1;
+}
+
+/* A number, or None for one that is not known. */
+static int read_number(PyObject *object, double *value)
+{
+    *value = object == Py_None ? Py_NAN : PyFloat_AsDouble(object);
+    return !(*value == -1.0 && PyErr_Occurred());
+}
+
+static PyObject *tracker_start(PyObject *self, PyObject *unused)
+{
+    (void)unused;
+    mrd_track_state state;
+    kernel->track_start(&((TrackerObject *)self)->track, &state);
+    return PyBytes_FromStringAndSize((const char *)&state, sizeof state);
+}
+
+static PyObject *tracker_step(PyObject *self, PyObject *const *args, Py_ssize_t count)
+{
+    mrd_track_state state;
+    mrd_told told;
+    if (count != 6) {
+        PyErr_SetString(PyExc_TypeError, "step(state, now, ahead, displacement, temperature, force)");
+        return NULL;
+    }
+    if (!read_state(args[0], &state) || !read_number(args[1], &told.now) || !read_number(args[2], &told.ahead)
+        || !read_number(args[3], &told.displacement) || !read_number(args[4], &told.temperature)
+        || !read_number(args[5], &told.force))
+        return NULL;
+    const double current = kernel->track_step(&((TrackerObject *)self)->track, &state, &told);
+    PyObject *next = PyBytes_FromStringAndSize((const char *)&state, sizeof state), *given = PyFloat_FromDouble(current);
+    PyObject *out = next && given ? PyTuple_New(2) : NULL;
+    if (!out) {
+        Py_XDECREF(next);
+        Py_XDECREF(given);
+        return NULL;
+    }
+    PyTuple_SetItem(out, 0, next);
+    PyTuple_SetItem(out, 1, given);
+    return out;
+}
+
+/* Many steps at once: rows of (now, ahead, displacement, temperature, force) in, currents and flags out. */
+static PyObject *tracker_run(PyObject *self, PyObject *args)
+{
+    PyObject *ostate, *otold, *ocurrent, *oflags;
+    if (!PyArg_ParseTuple(args, "OOOO", &ostate, &otold, &ocurrent, &oflags)) return NULL;
+    mrd_track_state state;
+    if (!read_state(ostate, &state)) return NULL;
+    Py_buffer told, current, flags;
+    if (!open_doubles(otold, &told, 0, "told")) return NULL;
+    PyObject *out = NULL;
+    if (open_doubles(ocurrent, &current, 1, "current")) {
+        if (open_doubles(oflags, &flags, 1, "flags")) {
+            const size_t n = count_of(&current);
+            if (count_of(&told) != 5 * n || count_of(&flags) != n) {
+                PyErr_SetString(PyExc_ValueError, "told must be [n][5], current and flags [n]");
+            } else {
+                const mrd_track *track = &((TrackerObject *)self)->track;
+                const double *row = told.buf;
+                double *to = current.buf, *raised = flags.buf;
+                Py_BEGIN_ALLOW_THREADS
+                for (size_t k = 0; k < n; k++, row += 5) {
+                    const mrd_told at = {row[0], row[1], row[2], row[3], row[4]};
+                    to[k] = kernel->track_step(track, &state, &at);
+                    raised[k] = state.flags;
+                }
+                Py_END_ALLOW_THREADS
+                out = PyBytes_FromStringAndSize((const char *)&state, sizeof state);
+            }
+            PyBuffer_Release(&flags);
+        }
+        PyBuffer_Release(&current);
+    }
+    PyBuffer_Release(&told);
+    return out;
+}
+
+static PyObject *tracker_read(PyObject *self, PyObject *ostate)
+{
+    mrd_track_state s;
+    if (!read_state(ostate, &s)) return NULL;
+    double parts[4];
+    kernel->track_parts(&((TrackerObject *)self)->track, &s, parts);
+    return Py_BuildValue("{s:(ddd),s:d,s:d,s:d,s:(ddd),s:d,s:(dddd),s:i}", "motion", s.x, s.v, s.a, "applied", s.second,
+                         "command", s.command, "temperature", s.temperature, "gains", s.gain[0], s.gain[1], s.gain[2],
+                         "disturbance", s.disturbance, "parts", parts[0], parts[1], parts[2], parts[3], "flags",
+                         (int)s.flags);
+}
+
+static PyMethodDef tracker_methods[] = {
+    {"start", tracker_start, METH_NOARGS, "The state before the first sample."},
+    {"step", (PyCFunction)(void (*)(void))tracker_step, METH_FASTCALL,
+     "step(state, now, ahead, displacement, temperature, force): the next state and the command."},
+    {"run", tracker_run, METH_VARARGS, "run(state, told, current, flags): many steps; the state after them."},
+    {"read", tracker_read, METH_O, "read(state): what the controller believes."},
+    {NULL, NULL, 0, NULL}};
+
+static PyType_Slot tracker_slots[] = {{Py_tp_new, tracker_new},
+                                      {Py_tp_dealloc, tracker_dealloc},
+                                      {Py_tp_methods, tracker_methods},
+                                      {Py_tp_doc, "A force-tracking controller with its tables; it does not change."},
+                                      {0, NULL}};
+
+static PyType_Spec tracker_spec = {"mrdamper.core._kernel.Tracker", (int)sizeof(TrackerObject), 0, Py_TPFLAGS_DEFAULT,
+                                   tracker_slots};
+
 static mrd_record *as_record(PyObject *object)
 {
     if (!PyObject_TypeCheck(object, record_type)) {
@@ -557,5 +823,19 @@ PyMODINIT_FUNC PyInit__kernel(void)
         return NULL;
     }
     workspace_type = (PyTypeObject *)type;
+    type = PyType_FromSpec(&tracker_spec);
+    if (!type || PyModule_AddObjectRef(module, "Tracker", type) < 0) {
+        Py_XDECREF(type);
+        Py_DECREF(module);
+        return NULL;
+    }
+    Py_DECREF(type);
+    PyObject *names = track_names();
+    if (!names || PyModule_AddObjectRef(module, "TRACK_NUMBERS", names) < 0) {
+        Py_XDECREF(names);
+        Py_DECREF(module);
+        return NULL;
+    }
+    Py_DECREF(names);
     return module;
 }

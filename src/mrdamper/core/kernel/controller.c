@@ -1,299 +1,182 @@
+/* One step of a force-tracking controller.
+ *
+ * Motion, temperature and applied current are brought up to now; the hysteresis is carried on to the moment at
+ * which a command given now will act (the preview); the current is the one at which the model has the wanted
+ * force then; the reversal clamp holds it near the static answer while the hysteresis is still building up.
+ * The same step is the paper's bank of models at constant currents, and feedback where a force is measured.
+ */
 #include "controller.h"
 
-#define R(x) ((mrd_real)(x))
+#include "track_tables.c"
+#include "track_estimate.c"
 
-static inline mrd_real size_of(mrd_real u) { return u < R(0.0) ? -u : u; }
-
-static inline mrd_pattern pattern_of(mrd_real t)
-{
-    mrd_pattern p;
-    memcpy(&p, &t, sizeof p);
-    return p;
-}
-
-static inline mrd_real from_pattern(mrd_pattern p)
-{
-    mrd_real t;
-    memcpy(&t, &p, sizeof t);
-    return t;
-}
-
-static inline mrd_real octaves_at(const mrd_octaves *o, mrd_real size)
-{
-    const mrd_real sum = size + o->offset, t = sum < o->top ? sum : o->top;
-    const int shift = MRD_REAL_DIGITS - o->bits;
-    const mrd_pattern p = pattern_of(t), one = 1, mask = (one << MRD_REAL_DIGITS) - 1;
-    const mrd_real *c = o->cell + 4 * (size_t)((p >> shift) - (pattern_of(o->offset) >> shift));
-    const mrd_real l = from_pattern(((p << o->bits) & mask) | MRD_PATTERN_ONE) - R(1.0);
-    return c[0] + l * (c[1] + l * (c[2] + l * c[3]));
-}
-
-static mrd_real octaves_inverse(const mrd_octaves *o, mrd_real value)
-{
-    int low = 0, high = o->cells;
-    while (high - low > 1) {
-        const int middle = (low + high) / 2;
-        if (o->cell[4 * middle] <= value) low = middle;
-        else high = middle;
-    }
-    const mrd_real *c = o->cell + 4 * low;
-    const mrd_real chord = c[1] + c[2] + c[3];
-    mrd_real l = chord > R(0.0) ? (value - c[0]) / chord : R(0.0);
-    for (int i = 0; i < 4; i++) {
-        l = l > R(0.0) ? (l < R(1.0) ? l : R(1.0)) : R(0.0);
-        const mrd_real slope = c[1] + l * (R(2.0) * c[2] + l * R(3.0) * c[3]);
-        if (!(slope > R(0.0))) break;
-        l -= (c[0] + l * (c[1] + l * (c[2] + l * c[3])) - value) / slope;
-    }
-    l = l > R(0.0) ? (l < R(1.0) ? l : R(1.0)) : R(0.0);
-    const int shift = MRD_REAL_DIGITS - o->bits;
-    const mrd_pattern start = ((pattern_of(o->offset) >> shift) + (mrd_pattern)low) << shift;
-    const mrd_pattern next = ((pattern_of(o->offset) >> shift) + (mrd_pattern)low + 1) << shift;
-    const mrd_real t = from_pattern(start);
-    return t + l * (from_pattern(next) - t) - o->offset;
-}
-
-static inline mrd_real curve_value(const mrd_track *c, mrd_real tau)
-{
-    return tau < R(0.0) ? -octaves_at(&c->fall_curve, -tau) : octaves_at(&c->rise_curve, tau);
-}
-
-static inline mrd_real curve_turned(const mrd_track *c, mrd_real tau)
-{
-    return tau < R(0.0) ? octaves_inverse(&c->rise_curve, octaves_at(&c->fall_curve, -tau))
-                        : -octaves_inverse(&c->fall_curve, octaves_at(&c->rise_curve, tau));
-}
-
-static inline mrd_real limited(mrd_real u, mrd_real low, mrd_real high) { return u > low ? (u < high ? u : high) : low; }
-
-/* sheet below and share of the next */
-typedef struct { int index; mrd_real share; } place;
-
-static inline place place_at(mrd_real u, mrd_real low, mrd_real high, int count)
-{
-    place p = {0, R(0.0)};
-    if (count < 2) return p;
-    const mrd_real scaled = limited((u - low) / (high - low), R(0.0), R(1.0)) * (mrd_real)(count - 1);
-    p.index = (int)scaled;
-    if (p.index > count - 2) p.index = count - 2;
-    p.share = scaled - (mrd_real)p.index;
-    return p;
-}
-
-static mrd_real rho_at(const mrd_track *c, place warm, int element, mrd_real current)
-{
-    const int columns = (int)c->currents;
-    const place at = place_at(current, R(0.0), c->largest, columns);
-    const mrd_real *cold = c->rho + (warm.index * 2 + element) * columns + at.index;
-    const mrd_real *hot = cold + ((int)c->temperatures > 1 ? 2 * columns : 0);
-    const mrd_real low = cold[0] + at.share * (cold[1] - cold[0]);
-    const mrd_real high = hot[0] + at.share * (hot[1] - hot[0]);
-    return low + warm.share * (high - low);
-}
-
-/* Travel in two straight pieces of velocity: from v0 to v1 over h. Moves tau of an element. */
-static inline mrd_real moved_tau(const mrd_track *c, mrd_real tau, mrd_real *side, mrd_real rho, mrd_real v0, mrd_real v1,
-                                 mrd_real h)
-{
-    const mrd_real top = c->rise_curve.top;
-    mrd_real way[2], turn[2];
-    int pieces = 1;
-    if (v0 * v1 < R(0.0)) {
-        const mrd_real share = v0 / (v0 - v1);
-        way[0] = R(0.5) * v0 * share * h;
-        way[1] = R(0.5) * v1 * (R(1.0) - share) * h;
-        pieces = 2;
-    } else {
-        way[0] = R(0.5) * (v0 + v1) * h;
-    }
-    (void)turn;
-    for (int i = 0; i < pieces; i++) {
-        if (way[i] == R(0.0)) continue;
-        const mrd_real now = way[i] > R(0.0) ? R(1.0) : R(-1.0);
-        if (now != *side) {
-            tau = curve_turned(c, tau);
-            *side = now;
-        }
-        tau += rho * size_of(way[i]);
-        tau = tau < top ? tau : top;
-    }
-    return tau;
-}
-
-void mrd_track_start(const mrd_track *c, mrd_track_state *s)
+MRD_TRACK_API void mrd_track_start(const mrd_track *c, mrd_track_state *s)
 {
     memset(s, 0, sizeof *s);
     s->side = R(1.0);
-    s->temperature = c->coldest;
-}
-
-typedef struct { mrd_real x, v, a, w[2]; } moment;
-
-/* Force at every current of the table. */
-static void forces(const mrd_track *c, place warm, const moment *m, mrd_real *restrict out)
-{
-    const int columns = (int)c->currents;
-    const mrd_real speed = size_of(m->v), sign = m->v < R(0.0) ? R(-1.0) : R(1.0);
-    mrd_real basis[MRD_TRACK_ROWS];
-    basis[MRD_ROW_OFFSET] = R(1.0);
-    basis[MRD_ROW_STIFFNESS] = m->x;
-    basis[MRD_ROW_MASS] = m->a;
-    basis[MRD_ROW_VISCOUS] = sign * octaves_at(&c->viscous, speed);
-    basis[MRD_ROW_COULOMB] = sign * octaves_at(&c->side, speed);
-    basis[MRD_ROW_BREAKAWAY] = sign * octaves_at(&c->breakaway, speed);
-    basis[MRD_ROW_YIELD] = m->w[0];
-    basis[MRD_ROW_SECOND] = c->saturating > R(0.0) ? m->w[0] * octaves_at(&c->share, speed) : m->w[1];
-    for (int j = 0; j < columns; j++) out[j] = R(0.0);
-    for (int k = 0; k < 2; k++) {
-        const mrd_real part = k ? warm.share : R(1.0) - warm.share;
-        if (k && (int)c->temperatures < 2) break;
-        const mrd_real *sheet = c->force + (warm.index + k) * MRD_TRACK_ROWS * columns;
-        for (int r = 0; r < MRD_TRACK_ROWS; r++) {
-            const mrd_real b = part * basis[r];
-            const mrd_real *restrict row = sheet + r * columns;
-            for (int j = 0; j < columns; j++) out[j] += b * row[j];
-        }
+    for (int i = 0; i < MRD_TRACK_GAINS; i++) {
+        s->gain[i] = R(1.0);
+        s->spread[i * (MRD_TRACK_GAINS + 1)] = c->gain_variance;
     }
 }
 
-static mrd_real solved(const mrd_track *c, const mrd_real *force, mrd_real wanted)
+/* The current at which a row of forces at evenly spaced currents has the wanted value; the lowest, if several.
+ * Where none has, the nearest; *found says which. */
+static mrd_real solve_row(const mrd_real *force, int count, mrd_real largest, mrd_real wanted, int *found)
 {
-    const int columns = (int)c->currents;
-    const mrd_real pitch = c->largest / (mrd_real)(columns - 1);
-    int best = 0;
-    mrd_real least = size_of(force[0] - wanted);
-    for (int j = 0; j + 1 < columns; j++) {
+    const mrd_real pitch = largest / (mrd_real)(count - 1);
+    int nearest = 0;
+    mrd_real least = magnitude(force[0] - wanted);
+    *found = 1;
+    for (int j = 0; j + 1 < count; j++) {
         const mrd_real low = force[j] - wanted, high = force[j + 1] - wanted;
         if (low == R(0.0)) return pitch * (mrd_real)j;
         if ((low < R(0.0)) != (high < R(0.0))) return pitch * ((mrd_real)j + low / (low - high));
-        if (size_of(high) < least) { least = size_of(high); best = j + 1; }
-    }
-    return pitch * (mrd_real)best;
-}
-
-static void lag_forward(const mrd_track *c, mrd_real given, mrd_real *first, mrd_real *second)
-{
-    const int steps = (int)c->lag_steps;
-    for (int i = 0; i < steps; i++) {
-        const mrd_real before = *first;
-        *first = given + (before - given) * (given > before ? c->rise : c->fall);
-        const mrd_real mean = R(0.5) * (before + *first);
-        *second = mean + (*second - mean) * c->second;
-    }
-}
-
-static inline mrd_real delayed(const mrd_track *c, const mrd_track_state *s, int ago)
-{
-    /* the command as it reaches the lags `ago` periods before the newest, past the dead time */
-    const int n = (int)c->delay + ago;
-    const mrd_real newer = s->line[(s->at + MRD_TRACK_DELAY - n) % MRD_TRACK_DELAY];
-    const mrd_real older = s->line[(s->at + MRD_TRACK_DELAY - n - 1) % MRD_TRACK_DELAY];
-    return newer + c->delay_part * (older - newer);
-}
-
-mrd_real mrd_track_step(const mrd_track *c, mrd_track_state *s, mrd_real now, mrd_real ahead, mrd_real displacement,
-                        mrd_real temperature)
-{
-    const mrd_real h = c->period;
-    const place warm = place_at(temperature, c->coldest, c->warmest, (int)c->temperatures);
-    const int elements = (int)c->elements;
-
-    /* motion */
-    const mrd_real v_before = s->v;
-    if (!s->started) {
-        s->x = displacement;
-        s->started = 1;
-    } else {
-        const mrd_real xp = s->x + h * (s->v + R(0.5) * h * s->a), vp = s->v + h * s->a;
-        const mrd_real gap = displacement - xp;
-        s->x = xp + c->gain_x * gap;
-        s->v = vp + c->gain_v * gap;
-        s->a = s->a + c->gain_a * gap;
-    }
-
-    /* hysteresis up to now, at the current that was applied over the interval */
-    const mrd_real applied_before = s->second;
-    lag_forward(c, delayed(c, s, 0), &s->first, &s->second);
-    const mrd_real applied = R(0.5) * (applied_before + s->second);
-    const int bank = (int)c->bank;
-    mrd_real side = s->side;
-    if (!bank) {
-        for (int e = 0; e < elements; e++) {
-            side = s->side;
-            s->tau[e] = moved_tau(c, s->tau[e], &side, rho_at(c, warm, e, applied), v_before, s->v, h);
+        if (magnitude(high) < least) {
+            least = magnitude(high);
+            nearest = j + 1;
         }
-    } else {
-        for (int b = 0; b < bank; b++)
-            for (int e = 0; e < elements; e++) {
-                side = s->side;
-                s->bank_tau[b][e] = moved_tau(c, s->bank_tau[b][e], &side,
-                    rho_at(c, warm, e, c->largest * (mrd_real)b / (mrd_real)(bank - 1)), v_before, s->v, h);
-            }
     }
-    s->side = side;
+    *found = 0;
+    return pitch * (mrd_real)nearest;
+}
 
-    /* the free answer of the lags to what is under way and the last command held */
+/* What the lags will have put through at the preview: with the last command held, and their share of a command
+ * given now. */
+static mrd_real applied_ahead(const mrd_track *c, const mrd_track_state *s, mrd_real *answer)
+{
+    mrd_real first = s->first, second = s->second;
+    const int32_t dead = (int32_t)c->dead_samples;
+    for (int32_t i = 1; i <= dead + (c->dead_part > R(0.0) ? 1 : 0); i++)
+        pass_lags(c, past_dead_time(c, s, -i), &first, &second);
+    const mrd_real input = s->command, gap = first - input;
+    const int rises = input > first;
+    *answer = rises ? c->rise_answer : c->fall_answer;
+    return input + c->second_ahead * (second - input) + (rises ? c->rise_couple_ahead : c->fall_couple_ahead) * gap;
+}
+
+/* The model's answer: the command for a wanted force at the preview. */
+static mrd_real answer_of(const mrd_track *c, mrd_track_state *s, axis_point warm, mrd_real wanted)
+{
     const mrd_real p = c->preview;
-    mrd_real f1 = s->first, f2 = s->second, unit1 = R(0.0), unit2 = R(0.0);
-    if (p > R(0.0)) {
-        const int steps = (int)(p / h + R(0.5));
-        for (int i = 0; i < steps; i++) {
-            const int ago = -1 - i;
-            const int d = (int)c->delay;
-            mrd_real u;
-            if (d + ago >= 0) u = delayed(c, s, ago);
-            else if (d + ago == -1) u = s->command + c->delay_part * (s->line[s->at % MRD_TRACK_DELAY] - s->command);
-            else u = s->command;
-            lag_forward(c, u, &f1, &f2);
-            if (d + ago < 0) lag_forward(c, d + ago == -1 ? R(1.0) - c->delay_part : R(1.0), &unit1, &unit2);
-        }
-    }
-
-    moment m;
-    m.a = s->a;
-    m.v = s->v + p * s->a;
-    m.x = s->x + p * (s->v + R(0.5) * p * s->a);
-    const mrd_real wanted = p > R(0.0) ? ahead : now;
+    const int elements = (int)c->elements, models = c->bank > R(1.5) ? (int)c->bank : 1;
+    moment m = {s->x, s->v, s->a, {R(0.0), R(0.0)}};
+    predict(&m.x, &m.v, m.a, p);
     const mrd_real sign = m.v < R(0.0) ? R(-1.0) : R(1.0);
-    mrd_real force[MRD_TRACK_CURRENTS], current;
-    if (bank) {
-        mrd_real level[MRD_TRACK_BANK];
-        for (int b = 0; b < bank; b++) {
-            for (int e = 0; e < 2; e++) {
-                mrd_real sd = s->side;
-                const mrd_real own = c->largest * (mrd_real)b / (mrd_real)(bank - 1);
-                mrd_real tau = s->bank_tau[b][e];
-                if (p > R(0.0)) tau = moved_tau(c, tau, &sd, rho_at(c, warm, e, own), s->v, m.v, p);
-                m.w[e] = sd * curve_value(c, tau);
+    mrd_real by[MRD_ROWS], force[MRD_TRACK_CURRENTS], answer = R(1.0), applied = s->second, current;
+    int found;
+    const int ahead = p > R(0.0) && (models == 1 || c->reach > R(0.0));
+    if (ahead) applied = applied_ahead(c, s, &answer);
+    if (c->unlagged > R(0.5)) applied = s->command;
+
+    if (models > 1) {
+        for (int b = 0; b < models; b++) {
+            const axis_point at = on_currents(c, bank_current(c, b));
+            for (int e = 0; e < elements; e++) {
+                mrd_real side = s->side, tau = s->tau[b][e];
+                if (p > R(0.0)) tau = moved(c, tau, &side, rho_at(c, warm, at, e), s->v, m.v, p);
+                m.w[e] = side * w_at(c, tau);
             }
-            forces(c, warm, &m, force);
-            level[b] = force[(int)((mrd_real)b * (c->currents - R(1.0)) / (mrd_real)(bank - 1) + R(0.5))];
+            multipliers(c, s, &m, by);
+            force[b] = force_at(c, warm, at, by);
         }
-        mrd_track small = *c;
-        small.currents = c->bank;
-        current = solved(&small, level, wanted);
+        current = solve_row(force, models, c->largest, wanted, &found);
     } else {
-        for (int e = 0; e < 2; e++) {
-            mrd_real sd = s->side;
-            mrd_real tau = s->tau[e];
-            if (p > R(0.0)) tau = moved_tau(c, tau, &sd, rho_at(c, warm, e, R(0.5) * (s->second + f2)), s->v, m.v, p);
-            m.w[e] = sd * curve_value(c, tau);
+        const axis_point at = on_currents(c, R(0.5) * (s->second + applied));
+        for (int e = 0; e < elements; e++) {
+            mrd_real side = s->side, tau = s->tau[0][e];
+            if (p > R(0.0)) tau = moved(c, tau, &side, rho_at(c, warm, at, e), s->v, m.v, p);
+            m.w[e] = c->is_static > R(0.5) ? sign : side * w_at(c, tau);
         }
-        if (c->is_static > R(0.0)) m.w[0] = m.w[1] = sign;
-        forces(c, warm, &m, force);
-        current = solved(c, force, wanted);
-        if (c->margin >= R(0.0)) {
+        multipliers(c, s, &m, by);
+        force_row(c, warm, by, force);
+        current = solve_row(force, c->currents, c->largest, wanted, &found);
+        if (c->margin >= R(0.0) && elements) {
+            int also;
             m.w[0] = m.w[1] = sign;
-            forces(c, warm, &m, force);
-            const mrd_real most = solved(c, force, wanted) + c->margin;
-            if (current > most) current = most;
+            multipliers(c, s, &m, by);
+            force_row(c, warm, by, force);
+            const mrd_real most = solve_row(force, c->currents, c->largest, wanted, &also) + c->margin;
+            if (current > most) {
+                current = most;
+                s->flags |= MRD_CLAMPED;
+            }
         }
     }
-    if (c->reach > R(0.0) && unit2 > R(0.0))
-        current += c->reach * ((current - f2) / unit2 + s->command - current);
-    current = limited(current, R(0.0), c->largest);
-    s->at = (s->at + 1) % MRD_TRACK_DELAY;
-    s->line[s->at] = current;
-    s->command = current;
+    if (!found) s->flags |= MRD_INFEASIBLE;
+    if (c->reach > R(0.0) && ahead && answer > R(0.05))
+        current += c->reach * (s->command + (current - applied) / answer - current);
+    if (c->lead > R(0.0)) {
+        s->leading = current + c->lead_keep * (s->leading - current);
+        current += c->lead * (current - s->leading);
+    }
     return current;
 }
+
+/* Feedback of the force, in the direction of motion; `forward` is what is there without it. */
+static mrd_real fed_back(const mrd_track *c, mrd_track_state *s, int measured, mrd_real wanted, mrd_real force,
+                         mrd_real forward)
+{
+    if (!measured) {
+        s->flags |= MRD_NO_FORCE;
+        return c->on_off > R(0.5) ? R(0.0) : forward;
+    }
+    if (c->on_off > R(0.5)) return (wanted - force) * force > R(0.0) ? c->largest : R(0.0);
+    const mrd_real share = c->gain_speed > R(0.0) ? limited(s->v / c->gain_speed, R(-1.0), R(1.0)) : R(1.0);
+    const mrd_real error = share * (wanted - force);
+    s->integral = limited(s->integral + c->rate * c->period * error, -forward, c->largest - forward);
+    return forward + c->gain * error + s->integral;
+}
+
+MRD_TRACK_API mrd_real mrd_track_step(const mrd_track *c, mrd_track_state *s, const mrd_told *told)
+{
+    static const mrd_real most_force = R(1e7), most_length = R(1e9);
+    s->flags = 0;
+    const mrd_real v_before = s->v;
+    const int known = follow_motion(c, s, told->displacement);
+    follow_temperature(c, s, told->temperature);
+    const axis_point warm = warmth(c, s->temperature);
+
+    const mrd_real applied = s->second;
+    if (c->unlagged > R(0.5)) s->first = s->second = s->command;
+    else pass_lags(c, past_dead_time(c, s, 0), &s->first, &s->second);
+    follow_hysteresis(c, s, warm, v_before, R(0.5) * (applied + s->second));
+
+    /* the wanted force, now and ahead */
+    mrd_real now = told->now, ahead = told->ahead;
+    if (!(magnitude(now) <= most_force)) {
+        s->flags |= MRD_NO_TARGET;
+        now = R(0.0);
+    }
+    predict(&s->wanted, &s->wanted_rate, s->wanted_bend, c->period);
+    const mrd_real off = now - s->wanted;
+    s->wanted += c->wanted_f * off;
+    s->wanted_rate = limited(s->wanted_rate + c->wanted_v * off, -most_length, most_length);
+    s->wanted_bend = limited(s->wanted_bend + c->wanted_a * off, -most_length, most_length);
+    if (!(c->preview > R(0.0))) {
+        ahead = now;
+    } else if (!(magnitude(ahead) <= most_force)) {
+        mrd_real rate = s->wanted_rate;
+        ahead = now;
+        predict(&ahead, &rate, s->wanted_bend, c->preview);
+    }
+
+    const int measured = magnitude(told->force) <= most_force;
+    if (measured && known && (c->observe > R(0.0) || c->forget > R(0.0))) learn(c, s, told->force);
+    if (c->observe > R(0.0))
+        ahead -= (s->v + c->preview * s->a < R(0.0) ? R(-1.0) : R(1.0)) * s->disturbance;
+
+    mrd_real current = R(0.0);
+    if (c->feed_forward > R(0.0)) current = c->feed_forward * limited(answer_of(c, s, warm, ahead), R(0.0), c->largest);
+    if (c->on_off > R(0.5) || c->gain > R(0.0) || c->rate > R(0.0))
+        current = fed_back(c, s, measured, now, told->force, current);
+    if (!known) current = c->fall_back;
+    const mrd_real given = limited(current, R(0.0), c->largest);
+    if (given != current) s->flags |= MRD_SATURATED;
+    s->at = (s->at + 1) % MRD_TRACK_LINE;
+    s->line[s->at] = given;
+    s->command = given;
+    return given;
+}
+
+#undef R

@@ -1,99 +1,174 @@
-/* The controller's step: wanted force, displacement and temperature in, current out.
+/* A force-tracking controller: wanted force, displacement and temperature in, current out.
  *
- * Everything that a target needs is here and in controller.c: no allocation, no library function, no global
- * state, one number type (MRD_REAL, double unless it is defined). What needs exponentials and powers is
- * tabulated beforehand: control/tables.py fills a `mrd_track`. SI and kelvin; extension positive.
+ * Everything that a target needs is this header and three files: track_tables.c, track_estimate.c, controller.c.
+ * No allocation, no library function but memcpy and memset, no global state, one number type. What takes a power
+ * or an exponential was tabulated beforehand (control/tables.py). SI and kelvin; extension positive; the
+ * "current" is the command, in volts where the card's is.
  */
 #ifndef MRD_CONTROLLER_H
 #define MRD_CONTROLLER_H
 
-#ifndef MRD_REAL
-#define MRD_REAL double
-#define MRD_REAL_DIGITS 52 /* bits of its mantissa: 52 or 23 */
-#endif
-
+#include <stddef.h>
 #include <stdint.h>
 #include <string.h>
 
-typedef MRD_REAL mrd_real;
-#if MRD_REAL_DIGITS == 52
-typedef uint64_t mrd_pattern;
-#define MRD_PATTERN_ONE UINT64_C(0x3ff0000000000000)
-#else
-typedef uint32_t mrd_pattern;
-#define MRD_PATTERN_ONE UINT32_C(0x3f800000)
+#ifndef MRD_TRACK_API
+#define MRD_TRACK_API /* linkage of the public functions; kernel.c makes them static */
 #endif
 
-#define MRD_TRACK_DELAY 128  /* most samples between a command and its first effect, less one */
-#define MRD_TRACK_BANK 9     /* most currents of a bank */
-#define MRD_TRACK_CURRENTS 65 /* most currents of the table */
-#define MRD_TRACK_ROWS 8     /* rows of the table: what multiplies each term of the force */
+#ifdef MRD_SINGLE
+typedef float mrd_real;
+typedef uint32_t mrd_pattern;
+#define MRD_DIGITS 23
+#define MRD_PATTERN_OF_ONE UINT32_C(0x3f800000)
+#else
+typedef double mrd_real;
+typedef uint64_t mrd_pattern;
+#define MRD_DIGITS 52
+#define MRD_PATTERN_OF_ONE UINT64_C(0x3ff0000000000000)
+#endif
+
+#define MRD_TRACK_CURRENTS 65 /* most currents of a table */
+#define MRD_TRACK_BANK 9      /* most models of a bank */
+#define MRD_TRACK_LINE 128    /* commands under way between controller and coil, at most */
+#define MRD_TRACK_GAINS 3     /* yield, viscous and friction force, each with a gain that may be learnt */
 
 /* A function of a size u >= 0: cubics on cells that double in width with every octave of u + offset. */
 typedef struct {
-    mrd_real offset;        /* power of two */
-    mrd_real top;           /* largest u + offset inside the table */
-    int bits;               /* log2 of the cells in an octave */
-    int cells;
-    const mrd_real *cell;   /* [4 * cells] */
+    mrd_real offset;      /* a power of two */
+    mrd_real top;         /* largest u + offset in the table; beyond, the last value holds */
+    int32_t bits;         /* log2 of the cells in an octave */
+    int32_t cells;
+    const mrd_real *cell; /* [4 * cells] */
 } mrd_octaves;
 
 /* The numbers of a controller, in the order in which a binding or an exporter gives them. */
 #define MRD_TRACK_NUMBERS(X)                                                                                   \
-    X(period)            /* [s] */                                                                             \
-    X(currents)          /* columns of the table */                                                            \
-    X(temperatures)      /* its sheets */                                                                      \
-    X(largest)           /* last column's current [A]; the first is 0 */                                       \
-    X(coldest)           /* first sheet's temperature [K] */                                                   \
-    X(warmest)           /* last sheet's temperature [K] */                                                    \
-    X(elements)          /* hysteretic elements, 1 or 2 */                                                     \
-    X(saturating)        /* the first element also carries a force that builds up with speed */               \
-    X(gain_x)            /* of the motion filter [-] */                                                        \
-    X(gain_v)            /* [1/s] */                                                                           \
-    X(gain_a)            /* [1/s2] */                                                                          \
-    X(delay)             /* whole samples of dead time */                                                      \
-    X(delay_part)        /* and the part of one [-] */                                                         \
-    X(lag_steps)         /* steps of the lags in a period */                                                   \
-    X(rise)              /* what is left of the first lag's gap after such a step, command above it [-] */     \
-    X(fall)              /* ... below it */                                                                    \
-    X(second)            /* of the second lag's */                                                             \
-    X(preview)           /* the force is set for so much later [s] */                                          \
-    X(margin)            /* reversal clamp: at most so much above the static answer [A]; negative: none */     \
-    X(reach)             /* share of the gap left by the lags that the command makes up for [-] */             \
-    X(is_static)         /* the hysteresis is taken as settled */                                              \
-    X(bank)              /* models at constant currents; 0: one model at the applied current */                \
-    X(e1) X(e2) X(e3)
+    X(period)         /* [s] */                                                                                \
+    X(largest)        /* current of the tables' last column [A]; the first is 0 */                             \
+    X(coldest)        /* temperature of their first sheet [K] */                                               \
+    X(warmest)        /* ... and of their last */                                                              \
+    X(elements)       /* hysteretic elements: 0 (force follows the sign of velocity), 1 or 2 */                \
+    X(saturating)     /* 1: what builds up with speed is carried by the first element */                       \
+    X(filter_x)       /* gains of the motion filter [-] */                                                     \
+    X(filter_v)       /* [1/s] */                                                                              \
+    X(filter_a)       /* [1/s2] */                                                                             \
+    X(wanted_f)       /* gains of the filter that extrapolates a target */                                     \
+    X(wanted_v)                                                                                                \
+    X(wanted_a)                                                                                                \
+    X(dead_samples)   /* dead time of the actuation: whole periods */                                          \
+    X(dead_part)      /* ... and the part of one */                                                            \
+    X(rise)           /* what a period leaves of the first lag's gap, command above it [-] */                  \
+    X(fall)           /* ... and below it */                                                                   \
+    X(second)         /* what it leaves of the second lag's gap */                                             \
+    X(rise_couple)    /* share of the first lag's gap that is in the second after a period */                  \
+    X(fall_couple)                                                                                             \
+    X(second_ahead)   /* the same from the last sample of the dead time to the preview */                      \
+    X(rise_couple_ahead)                                                                                       \
+    X(fall_couple_ahead)                                                                                       \
+    X(rise_answer)    /* share of a command given now that has passed the lags at the preview */               \
+    X(fall_answer)                                                                                             \
+    X(preview)        /* the force is set for so much later [s] */                                             \
+    X(reach)          /* share of the lags' remaining gap that the command makes up for */                     \
+    X(margin)         /* reversal clamp: at most so much above the static answer [A]; negative: none */        \
+    X(is_static)      /* 1: hysteresis taken as settled */                                                     \
+    X(unlagged)       /* 1: hysteresis advanced with the command as if there were no lags */                   \
+    X(bank)           /* models at constant currents, interpolated; 0: one model at the applied current */     \
+    X(lead)           /* of a lead compensation [s over s]: gain of the filtered derivative; 0: none */        \
+    X(lead_keep)      /* what a period leaves of its filter's gap */                                           \
+    X(feed_forward)   /* share of the model's answer in the command: 1, or 0 for pure feedback */              \
+    X(on_off)         /* 1: all or nothing by the sign of the force error */                                   \
+    X(gain)           /* of the force error [A/N] */                                                           \
+    X(rate)           /* of its integral [A/(N s)] */                                                          \
+    X(gain_speed)     /* speed at which the feedback is fully there [m/s] */                                   \
+    X(observe)        /* share of the force error that a disturbance observer takes on in a period */          \
+    X(forget)         /* forgetting of the learnt gains; 0: none are learnt */                                 \
+    X(error_variance) /* of the model's force [N2], for the learning */                                        \
+    X(gain_variance)  /* of the gains before anything is learnt */                                             \
+    X(low_x) X(high_x) X(high_v)          /* the data's envelope [m], [m/s] */                                 \
+    X(far_x)          /* a displacement further out is a fault [m] */                                          \
+    X(frozen_samples) /* equal readings that make a fault */                                                   \
+    X(frozen_speed)   /* ... where the damper moved at least as fast before [m/s] */                           \
+    X(coast_samples)  /* samples without displacement before the fall-back, and with it after */               \
+    X(fall_back)      /* command when the motion is not known [A] */                                           \
+    X(cold_limit) X(hot_limit)            /* temperatures beyond are faults [K] */                             \
+    X(jump)           /* a reading further from what is believed is a fault [K] */                             \
+    X(slew)           /* what is believed moves at most so much in a period [K] */                             \
+    X(warm_keep)      /* what a period leaves of the gap between belief and reading */                         \
+    X(hold_samples)   /* samples for which the last good temperature is held */                                \
+    X(recover_samples) /* steady samples after which a reading that had jumped is believed */                  \
+    X(nominal)        /* temperature to fall back to [K] */                                                    \
+    X(held_temperature) /* temperature to use whatever is read [K]; 0: read it */
 
 typedef struct {
 #define X(name) mrd_real name;
     MRD_TRACK_NUMBERS(X)
 #undef X
-    const mrd_real *force;  /* [temperatures][MRD_TRACK_ROWS][currents] */
-    const mrd_real *rho;    /* [temperatures][2][currents] */
-    mrd_octaves rise_curve, fall_curve; /* the universal curve of the hysteresis */
-    mrd_octaves viscous;    /* |v|^m, scaled */
-    mrd_octaves side;       /* tanh(|v| / vt) */
-    mrd_octaves breakaway;  /* the same times exp(-(v / vs)^2) */
-    mrd_octaves share;      /* |v| / (|v| + v0) */
+    int32_t currents, temperatures;
+    const mrd_real *force; /* [temperatures][MRD_ROWS][currents] */
+    const mrd_real *rho;   /* [temperatures][2][currents] */
+    mrd_octaves loading, unloading; /* universal curve of the hysteresis, w >= 0 and w < 0 */
+    mrd_octaves viscous;   /* size of the viscous speed */
+    mrd_octaves sliding;   /* of the sliding friction's share */
+    mrd_octaves breakaway;
+    mrd_octaves built_up;  /* of what builds up with speed, or of a yield force without memory */
 } mrd_track;
 
-enum { MRD_ROW_OFFSET, MRD_ROW_STIFFNESS, MRD_ROW_MASS, MRD_ROW_VISCOUS, MRD_ROW_COULOMB, MRD_ROW_BREAKAWAY,
-       MRD_ROW_YIELD, MRD_ROW_SECOND };
+/* What multiplies each row of the force table. */
+enum { MRD_ROW_OFFSET, MRD_ROW_STIFFNESS, MRD_ROW_MASS, MRD_ROW_VISCOUS, MRD_ROW_SLIDING, MRD_ROW_BREAKAWAY,
+       MRD_ROW_YIELD, MRD_ROW_SECOND, MRD_ROWS };
+
+/* Flags of the last step. The first seven are faults. */
+enum {
+    MRD_NO_DISPLACEMENT = 1,    /* not a number, or far outside */
+    MRD_FROZEN = 2,             /* the displacement stands still though the damper moved */
+    MRD_MOTION_UNKNOWN = 4,     /* for too long: the command is the fall-back */
+    MRD_NO_TEMPERATURE = 8,     /* not a number, or beyond its limits: the last good one is used */
+    MRD_TEMPERATURE_JUMP = 16,
+    MRD_NOMINAL_TEMPERATURE = 32, /* for too long: the nominal one is used */
+    MRD_NO_TARGET = 64,         /* not a number: zero is taken */
+    MRD_NO_FORCE = 128,         /* no reading where the controller feeds force back */
+    MRD_OUTSIDE_MOTION = 256,   /* outside the data's displacement or velocity */
+    MRD_OUTSIDE_TEMPERATURE = 512, /* the tables' edge is held */
+    MRD_INFEASIBLE = 1024,      /* no current gives the wanted force */
+    MRD_CLAMPED = 2048,         /* the reversal clamp holds */
+    MRD_SATURATED = 4096        /* the command is at one of its ends */
+};
 
 typedef struct {
-    mrd_real x, v, a;             /* estimated motion */
-    mrd_real first, second;       /* the applied current behind the first and the second lag [A] */
-    mrd_real side;                /* direction of motion that tau is counted in */
-    mrd_real tau[2];              /* place on the universal curve, of each element */
-    mrd_real bank_tau[MRD_TRACK_BANK][2];
-    mrd_real command;             /* last command [A] */
-    mrd_real line[MRD_TRACK_DELAY]; /* commands under way */
-    mrd_real temperature;
-    int32_t at;                   /* place of the newest in it */
+    mrd_real x, v, a;                 /* estimated motion */
+    mrd_real wanted, wanted_rate, wanted_bend; /* filtered target, for extrapolation */
+    mrd_real first, second;           /* the command behind the first and the second lag */
+    mrd_real side;                    /* direction of motion that tau is counted in */
+    mrd_real tau[MRD_TRACK_BANK][2];  /* place on the universal curve: per model, per element */
+    mrd_real command;                 /* the last one given */
+    mrd_real leading;                 /* filter of the lead compensation */
+    mrd_real integral;                /* of the force feedback [A] */
+    mrd_real disturbance;             /* observed, in the direction of motion [N] */
+    mrd_real gain[MRD_TRACK_GAINS];   /* learnt */
+    mrd_real spread[MRD_TRACK_GAINS * MRD_TRACK_GAINS]; /* their covariance */
+    mrd_real temperature;             /* believed [K] */
+    mrd_real probe;                   /* a reading that is not believed yet */
+    mrd_real last_x, speed_before;    /* last reading; speed when it began to repeat */
+    mrd_real line[MRD_TRACK_LINE];    /* commands under way */
+    int32_t at;                       /* place of the newest */
+    int32_t repeated, lost, back;     /* samples: equal readings, without displacement, with it again */
+    int32_t cold, steady;             /* samples without a good temperature; with a steady probe */
     int32_t started;
+    int32_t flags;
 } mrd_track_state;
 
-void mrd_track_start(const mrd_track *c, mrd_track_state *s);
-mrd_real mrd_track_step(const mrd_track *c, mrd_track_state *s, mrd_real now, mrd_real ahead, mrd_real displacement,
-                        mrd_real temperature);
+/* What a step is told; not-a-number for what is not known. */
+typedef struct {
+    mrd_real now, ahead;   /* wanted force [N], and the same at `preview` later */
+    mrd_real displacement; /* [m] */
+    mrd_real temperature;  /* [K] */
+    mrd_real force;        /* [N] */
+} mrd_told;
+
+MRD_TRACK_API void mrd_track_start(const mrd_track *c, mrd_track_state *s);
+MRD_TRACK_API mrd_real mrd_track_step(const mrd_track *c, mrd_track_state *s, const mrd_told *told);
+/* Yield, viscous and friction force and the rest [N] that the model has at the estimated state. */
+MRD_TRACK_API void mrd_track_parts(const mrd_track *c, const mrd_track_state *s, mrd_real *parts);
+
 #endif

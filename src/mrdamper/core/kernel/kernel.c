@@ -1,4 +1,5 @@
 /* One translation unit for one instruction set; see kernel.h. */
+#define MRD_TRACK_API static
 #include "kernel.h"
 
 #include "curve.c"
@@ -11,6 +12,7 @@
 #include "common.c"
 #include "laws.c"
 #include "actuation.c"
+#include "controller.c"
 
 #ifndef MRD_ISA
 #define MRD_ISA baseline
@@ -26,6 +28,7 @@ const mrd_api *MRD_API(void);
 const mrd_api *MRD_API(void)
 {
     static const mrd_api api = {MRD_TEXT(MRD_ISA), workspace_open, workspace_close, record_open, record_close, coefficient_count, run, causal,
-                                squared_errors, gram, curve_values, first_order_lag};
+                                squared_errors, gram, curve_values, first_order_lag,
+                                mrd_track_start, mrd_track_step, mrd_track_parts};
     return &api;
 }

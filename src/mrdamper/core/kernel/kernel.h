@@ -12,6 +12,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "controller.h"
+
 #define MRD_CELLS 1024   /* most cells of one branch of the universal curve */
 #define MRD_COMMON 9     /* coefficients that every law has */
 #define MRD_VISCOUS_SPEED 0.1 /* [m/s] where the viscosity is the ratio of viscous force to speed */
@@ -97,6 +99,9 @@ typedef struct {
     void (*curve)(double kappa, double n, size_t count, const double *tau, double *w, double *slope, double *by_kappa,
                   double *by_n);
     void (*lag)(size_t n, double step, double rise, double fall, const double *command, double *applied, double *by_lag);
+    void (*track_start)(const mrd_track *controller, mrd_track_state *state);
+    mrd_real (*track_step)(const mrd_track *controller, mrd_track_state *state, const mrd_told *told);
+    void (*track_parts)(const mrd_track *controller, const mrd_track_state *state, mrd_real *parts);
 } mrd_api;
 
 #endif

@@ -1,0 +1,175 @@
+"""Figures of ``mrdamper heat``: temperatures, heat paths, fade of force; over minutes, in degC, watts and newtons."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from mrdamper.app.plots import HELD_OUT, INK, TRAINING, WIDE, drawing_style, svg_of
+from mrdamper.thermal.network import PATHS
+from mrdamper.thermal.rise import Rise
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+__all__ = ["draw_fade", "draw_paths", "draw_temperatures"]
+
+_ZERO_CELSIUS_K = 273.15
+_PARTS = (("fluid", HELD_OUT, 1.6), ("coil", "#b08a3c", 1.1), ("wall", TRAINING, 1.1))
+_PATH_COLOURS: Mapping[str, str] = MappingProxyType(
+    {
+        "stored": "#d9d5cc",
+        "body convection": "#5b86a8",
+        "body radiation": "#a8c3d6",
+        "fin convection": "#8a6f9e",
+        "fin radiation": "#c3b3cf",
+        "mount": "#8c9a6b",
+    }
+)
+
+
+def draw_temperatures(rises: Sequence[tuple[str, Rise]]) -> str:
+    """Return fluid, coil and wall over time, a panel for each (title, rise), with the fluid's limit."""
+    limit = rises[0][1].limit_K - _ZERO_CELSIUS_K
+    hottest = max(
+        max(float(getattr(rise, f"{name}_degC").max()) for name, _, _ in _PARTS) for _, rise in rises
+    )
+    coolest = min(float(rise.wall_degC.min()) for _, rise in rises)
+    longest = max(float(rise.time[-1]) for _, rise in rises) / 60.0
+    high = max(hottest, limit) + 0.08 * (max(hottest, limit) - coolest)
+    with drawing_style():
+        width, height = WIDE if len(rises) > 1 else 6.4, 3.4
+        figure = Figure(figsize=(width, height))
+        for place, (title, rise) in enumerate(rises):
+            axes = figure.add_subplot(1, len(rises), place + 1)
+            axes.axhline(limit, color="#a03020", linewidth=0.8, linestyle=(0, (5, 2)))
+            axes.annotate(
+                f"fluid's limit, {limit:.4g} °C",
+                (0.01 * longest, limit),
+                (0, 2),
+                textcoords="offset points",
+                fontsize=6.5,
+                color="#a03020",
+            )
+            minutes = rise.time / 60.0
+            for name, colour, line in _PARTS:
+                celsius = getattr(rise, f"{name}_degC")
+                axes.plot(
+                    minutes, celsius, color=colour, linewidth=line, label=f"{name} {celsius[-1]:.1f} °C"
+                )
+            if rise.time_to_limit_s is not None:
+                reached = rise.time_to_limit_s / 60.0
+                axes.plot([reached], [limit], "o", color="#a03020", markersize=3.6)
+                axes.annotate(
+                    f"{reached:.1f} min",
+                    (reached, limit),
+                    (-4, 5),
+                    textcoords="offset points",
+                    fontsize=6.5,
+                    color="#a03020",
+                    ha="right",
+                )
+            axes.set_xlim(0.0, max(longest, 1e-9))
+            axes.set_ylim(coolest - 0.03 * (high - coolest), high)
+            axes.set_title(title, loc="left", pad=4)
+            axes.set_xlabel("minutes", labelpad=1.5)
+            if place:
+                axes.tick_params(axis="y", labelleft=False)
+            else:
+                axes.set_ylabel("temperature, °C", labelpad=1.5)
+            axes.legend(loc="lower right", title="at the end", title_fontsize=6.5)
+        figure.subplots_adjust(
+            left=0.5 / width, right=1.0 - 0.12 / width, top=0.92, bottom=0.13, wspace=0.05
+        )
+        return svg_of(figure, "Temperatures over time")
+
+
+def draw_paths(rises: Sequence[tuple[str, Rise]]) -> str:
+    """Return where the heat goes over time, stacked: what is stored, then every path; a panel for each rise."""
+    most = max(float((rise.mechanical_W + rise.coil_W).max()) for _, rise in rises)
+    longest = max(float(rise.time[-1]) for _, rise in rises) / 60.0
+    named = [
+        name for name in ("stored", *PATHS) if name == "stored" or any(name in r.paths_W for _, r in rises)
+    ]
+    with drawing_style():
+        width, height = WIDE if len(rises) > 1 else 6.4, 3.2
+        figure = Figure(figsize=(width, height))
+        axes = None
+        for place, (title, rise) in enumerate(rises):
+            axes = figure.add_subplot(1, len(rises), place + 1)
+            _stack(axes, rise, named)
+            axes.set_xlim(0.0, max(longest, 1e-9))
+            axes.set_ylim(0.0, 1.08 * max(most, 1e-9))
+            axes.set_title(title, loc="left", pad=4)
+            axes.set_xlabel("minutes", labelpad=1.5)
+            if place:
+                axes.tick_params(axis="y", labelleft=False)
+            else:
+                axes.set_ylabel("heat, W", labelpad=1.5)
+        if axes is not None:
+            handles, labels = axes.get_legend_handles_labels()
+            figure.legend(handles[::-1], labels[::-1], loc="center right", bbox_to_anchor=(1.0, 0.55))
+        figure.subplots_adjust(left=0.5 / width, right=1.0 - 1.45 / width, top=0.92, bottom=0.14, wspace=0.05)
+        return svg_of(figure, "Where the heat goes")
+
+
+def _stack(axes: Axes, rise: Rise, named: Sequence[str]) -> None:
+    """Draw the shares of the heat going in; what is not given off is stored."""
+    minutes, going_in = rise.time / 60.0, rise.mechanical_W + rise.coil_W
+    given_off = np.sum(list(rise.paths_W.values()), axis=0) if rise.paths_W else np.zeros_like(going_in)
+    shares = {"stored": going_in - given_off, **rise.paths_W}
+    # off at the bottom, stored on top: the line between them is what leaves
+    order = [*(name for name in named if name != "stored"), "stored"]
+    base = np.zeros_like(going_in)
+    for name in order:
+        share = shares.get(name, np.zeros_like(going_in))
+        axes.fill_between(
+            minutes, base, base + share, color=_PATH_COLOURS[name], linewidth=0, label=name, zorder=2
+        )
+        base = base + share
+    axes.plot(minutes, going_in, color=INK, linewidth=1.2, label="going in", zorder=3)
+    axes.plot(
+        minutes,
+        rise.mechanical_W,
+        color=INK,
+        linewidth=0.8,
+        linestyle=(0, (4, 2)),
+        label="of it mechanical",
+        zorder=3,
+    )
+
+
+def draw_fade(rises: Sequence[tuple[str, Rise]]) -> str:
+    """Return the peak force of the cycle over time, and over the fluid's temperature; nothing when at rest."""
+    moving = [(title, rise) for title, rise in rises if np.isfinite(rise.peak_force_N).any()]
+    if not moving:
+        return ""
+    styles = ("-", (0, (4, 2)))
+    with drawing_style():
+        figure = Figure(figsize=(WIDE, 2.6))
+        left, right = figure.add_subplot(1, 2, 1), figure.add_subplot(1, 2, 2)
+        for (title, rise), style in zip(moving, styles, strict=False):
+            loss = rise.force_loss_percent
+            said = title if loss is None else f"{title}: {loss:.1f} % lost at the end"
+            for axes, x in ((left, rise.time / 60.0), (right, rise.fluid_degC)):
+                axes.plot(
+                    x,
+                    rise.peak_force_N,
+                    color=HELD_OUT if style == "-" else INK,
+                    linestyle=style,
+                    linewidth=1.3,
+                    label=said,
+                )
+        for axes, word in ((left, "minutes"), (right, "fluid, °C")):
+            axes.set_ylim(bottom=0.0)
+            axes.set_xlabel(word, labelpad=1.5)
+        left.set_xlim(left=0.0)
+        left.set_ylabel("peak force of the cycle, N", labelpad=1.5)
+        right.tick_params(axis="y", labelleft=False)
+        left.legend(loc="lower left")
+        figure.subplots_adjust(left=0.055, right=0.99, top=0.97, bottom=0.16, wspace=0.06)
+        return svg_of(figure, "Fade of the force")

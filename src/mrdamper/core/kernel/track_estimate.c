@@ -1,0 +1,204 @@
+/* What a controller believes: motion, applied current, hysteresis, temperature, learnt gains.
+ *
+ * Every reading is looked at before it is used; one that cannot be true leaves the belief as it was and raises
+ * a flag.
+ */
+#include "controller.h"
+
+/* Constant-acceleration prediction over h, and its correction by a reading. */
+static inline void predict(mrd_real *x, mrd_real *v, mrd_real a, mrd_real h)
+{
+    *x += h * (*v + R(0.5) * h * a);
+    *v += h * a;
+}
+
+/* Displacement in; estimated motion one period on. Returns whether the motion is known. */
+static int follow_motion(const mrd_track *c, mrd_track_state *s, mrd_real reading)
+{
+    const int there = magnitude(reading) <= c->far_x; /* false where it is not a number */
+    if (there && s->started && reading == s->last_x) {
+        if (!s->repeated) s->speed_before = magnitude(s->v);
+        if (s->repeated < INT32_MAX) s->repeated++;
+    } else {
+        s->repeated = 0;
+    }
+    const int frozen = s->repeated >= (int32_t)c->frozen_samples && s->speed_before > c->frozen_speed;
+    if (!there) s->flags |= MRD_NO_DISPLACEMENT;
+    if (frozen) s->flags |= MRD_FROZEN;
+    if (there) s->last_x = reading;
+
+    if (there && !frozen) {
+        if (!s->started || s->lost > (int32_t)c->coast_samples) { /* anew */
+            s->x = reading;
+            s->v = s->a = R(0.0);
+            s->back = s->started ? (int32_t)c->coast_samples : 0;
+            s->started = 1;
+        } else {
+            predict(&s->x, &s->v, s->a, c->period);
+            const mrd_real gap = reading - s->x;
+            s->x += c->filter_x * gap;
+            s->v += c->filter_v * gap;
+            s->a += c->filter_a * gap;
+        }
+        s->lost = 0;
+    } else {
+        if (s->lost < INT32_MAX) s->lost++;
+        if (s->lost <= (int32_t)c->coast_samples) {
+            predict(&s->x, &s->v, s->a, c->period);
+            s->x = limited(s->x, -c->far_x, c->far_x);
+        } else {
+            s->v = s->a = R(0.0);
+        }
+    }
+    if (s->back > 0) s->back--;
+    const int known = s->started && s->lost <= (int32_t)c->coast_samples && !s->back;
+    if (!known) s->flags |= MRD_MOTION_UNKNOWN;
+    if (!(s->x >= c->low_x && s->x <= c->high_x && magnitude(s->v) <= c->high_v)) s->flags |= MRD_OUTSIDE_MOTION;
+    return known;
+}
+
+/* Temperature in; the believed one is updated. */
+static void follow_temperature(const mrd_track *c, mrd_track_state *s, mrd_real reading)
+{
+    if (c->held_temperature > R(0.0)) {
+        s->temperature = c->held_temperature;
+        return;
+    }
+    const int there = reading >= c->cold_limit && reading <= c->hot_limit;
+    if (there && !(s->temperature > R(0.0))) s->temperature = reading; /* the first */
+    const mrd_real gap = there ? reading - s->temperature : R(0.0);
+    if (there && magnitude(gap) <= c->jump) {
+        s->temperature += limited((R(1.0) - c->warm_keep) * gap, -c->slew, c->slew);
+        s->cold = s->steady = 0;
+    } else {
+        s->flags |= there ? MRD_TEMPERATURE_JUMP : MRD_NO_TEMPERATURE;
+        if (s->cold < INT32_MAX) s->cold++;
+        if (!(s->temperature > R(0.0))) s->temperature = c->nominal;
+        if (s->cold > (int32_t)c->hold_samples) {
+            s->flags |= MRD_NOMINAL_TEMPERATURE;
+            s->temperature += limited(c->nominal - s->temperature, -c->slew, c->slew);
+        }
+        /* A reading that stays where it has jumped to is believed in the end. */
+        if (there && s->steady > 0 && magnitude(reading - s->probe) <= c->jump) {
+            if (++s->steady > (int32_t)c->recover_samples) {
+                s->temperature = s->probe;
+                s->cold = s->steady = 0;
+            }
+        } else {
+            s->probe = reading;
+            s->steady = there ? 1 : 0;
+        }
+    }
+    if (!(s->temperature >= c->coldest && s->temperature <= c->warmest)) s->flags |= MRD_OUTSIDE_TEMPERATURE;
+}
+
+/* The command that reached the lags `ago` periods before the newest one did not; negative: is still to come. */
+static inline mrd_real past_dead_time(const mrd_track *c, const mrd_track_state *s, int32_t ago)
+{
+    const int32_t n = (int32_t)c->dead_samples + ago;
+    const mrd_real older = s->line[(s->at + 2 * MRD_TRACK_LINE - n - 1) % MRD_TRACK_LINE];
+    const mrd_real newer = n < 0 ? s->command : s->line[(s->at + 2 * MRD_TRACK_LINE - n) % MRD_TRACK_LINE];
+    return newer + c->dead_part * (older - newer);
+}
+
+/* Both lags one period on with a held input: exact. */
+static inline void pass_lags(const mrd_track *c, mrd_real input, mrd_real *first, mrd_real *second)
+{
+    const int rises = input > *first;
+    const mrd_real gap = *first - input;
+    *second = input + c->second * (*second - input) + (rises ? c->rise_couple : c->fall_couple) * gap;
+    *first = input + (rises ? c->rise : c->fall) * gap;
+}
+
+/* Move tau of one element through a stretch of h in which the velocity goes straight from v0 to v1. */
+static inline mrd_real moved(const mrd_track *c, mrd_real tau, mrd_real *side, mrd_real rho, mrd_real v0, mrd_real v1,
+                             mrd_real h)
+{
+    const int turns = (v0 < R(0.0) && v1 > R(0.0)) || (v0 > R(0.0) && v1 < R(0.0));
+    const mrd_real share = turns ? v0 / (v0 - v1) : R(1.0);
+    const mrd_real way[2] = {R(0.5) * h * share * (turns ? v0 : v0 + v1), R(0.5) * h * (R(1.0) - share) * v1};
+    for (int i = 0; i <= turns; i++) {
+        if (way[i] == R(0.0)) continue;
+        const mrd_real now = way[i] > R(0.0) ? R(1.0) : R(-1.0);
+        if (now != *side) {
+            tau = tau_turned(c, tau);
+            *side = now;
+        }
+        tau += rho * magnitude(way[i]);
+        tau = tau < c->loading.top ? tau : c->loading.top;
+    }
+    return tau;
+}
+
+/* Current of a bank's model. */
+static inline mrd_real bank_current(const mrd_track *c, int model)
+{
+    return c->largest * (mrd_real)model / (c->bank - R(1.0));
+}
+
+/* Hysteresis of every model through the period that ends now, velocity having been v0 at its begin. */
+static void follow_hysteresis(const mrd_track *c, mrd_track_state *s, axis_point warm, mrd_real v0, mrd_real applied)
+{
+    const int elements = (int)c->elements, models = c->bank > R(1.5) ? (int)c->bank : 1;
+    mrd_real side = s->side;
+    for (int b = 0; b < models; b++) {
+        const axis_point at = on_currents(c, models > 1 ? bank_current(c, b) : applied);
+        for (int e = 0; e < elements; e++) {
+            side = s->side;
+            s->tau[b][e] = moved(c, s->tau[b][e], &side, rho_at(c, warm, at, e), v0, s->v, c->period);
+        }
+    }
+    s->side = side;
+}
+
+/* What the model has now: motion, hysteresis at the applied current. */
+static moment present(const mrd_track *c, const mrd_track_state *s)
+{
+    moment m = {s->x, s->v, s->a, {R(0.0), R(0.0)}};
+    for (int e = 0; e < (int)c->elements; e++) m.w[e] = s->side * w_at(c, s->tau[0][e]);
+    return m;
+}
+
+MRD_TRACK_API void mrd_track_parts(const mrd_track *c, const mrd_track_state *s, mrd_real *parts)
+{
+    static const int part_of[MRD_ROWS] = {3, 3, 3, 1, 2, 2, 0, 0};
+    const axis_point warm = warmth(c, s->temperature), at = on_currents(c, s->second);
+    const moment m = present(c, s);
+    mrd_real by[MRD_ROWS];
+    multipliers(c, s, &m, by);
+    for (int k = 0; k < 4; k++) parts[k] = R(0.0);
+    for (int r = 0; r < MRD_ROWS; r++)
+        if (by[r] != R(0.0)) parts[part_of[r]] += by[r] * row_at(c, c->force, MRD_ROWS, r, warm, at);
+}
+
+/* A measured force teaches: the gains by recursive least squares, the disturbance by a first-order filter. */
+static void learn(const mrd_track *c, mrd_track_state *s, mrd_real force)
+{
+    mrd_real parts[4];
+    mrd_track_parts(c, s, parts);
+    const mrd_real error = force - (parts[0] + parts[1] + parts[2] + parts[3]);
+    const mrd_real sign = s->v < R(0.0) ? R(-1.0) : R(1.0);
+    if (c->observe > R(0.0)) s->disturbance += c->observe * (sign * error - s->disturbance);
+    if (!(c->forget > R(0.0)) || magnitude(s->v) < c->gain_speed) return;
+    mrd_real feature[MRD_TRACK_GAINS], p[MRD_TRACK_GAINS], spread = c->error_variance;
+    for (int i = 0; i < MRD_TRACK_GAINS; i++) feature[i] = parts[i] / s->gain[i];
+    for (int i = 0; i < MRD_TRACK_GAINS; i++) {
+        p[i] = R(0.0);
+        for (int j = 0; j < MRD_TRACK_GAINS; j++) p[i] += s->spread[i * MRD_TRACK_GAINS + j] * feature[j];
+        spread += feature[i] * p[i];
+    }
+    for (int i = 0; i < MRD_TRACK_GAINS; i++)
+        s->gain[i] = limited(s->gain[i] + p[i] * error / spread, R(0.4), R(2.5));
+    for (int i = 0; i < MRD_TRACK_GAINS; i++)
+        for (int j = 0; j < MRD_TRACK_GAINS; j++) {
+            mrd_real *q = s->spread + i * MRD_TRACK_GAINS + j;
+            *q = (*q - p[i] * p[j] / spread) / c->forget;
+        }
+    /* Forgetting lets the covariance of what is not excited grow: it never passes where it began. */
+    for (int i = 0; i < MRD_TRACK_GAINS; i++) {
+        const mrd_real own = s->spread[i * (MRD_TRACK_GAINS + 1)];
+        if (own > c->gain_variance) {
+            for (int k = 0; k < MRD_TRACK_GAINS * MRD_TRACK_GAINS; k++) s->spread[k] *= c->gain_variance / own;
+        }
+    }
+}

@@ -1,0 +1,278 @@
+"""Early prediction: the first minutes of an unknown damper's curve, and what it will be later, with an interval.
+
+No drawing, no card: the lean model (``lean``) with its stated beliefs, and Bayes' rule. The curve is averaged
+over short bins; what the two nodes of the model cannot follow is a third source of error beside noise and
+ignorance (``misfit``). The most probable numbers are found by Gauss-Newton; then a fixed number of dampers is
+drawn around them (Student's t) and weighted by how well each fits. Every answer is a weighted share of those
+dampers: a temperature with its interval, the time to a limit with infinity among the outcomes.
+
+It holds while the duty and the surroundings stay as they are.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from mrdamper.errors import ConvergenceError, InputError
+from mrdamper.quantities import FloatArray, read_only
+from mrdamper.thermal.curve import HeatingCurve, lag_signal
+from mrdamper.thermal.lean import NUMBERS, PRIOR, LeanCourse, heat_lean
+
+__all__ = ["EarlyPrediction", "Misfit", "TimeToLimit", "predict_early"]
+
+_BIN_S = 10.0  # averaged over
+_MOST_BINS = 120
+_START_SPREAD_K = 2.0  # of the start about the first readings
+_LEAST_NOISE_K = 1e-3
+_ITERATIONS = 25
+_SETTLED = 0.01  # fall of twice the log-likelihood that is not worth another step
+_LONGEST_MOVE = 1.5  # [spreads]
+_PROBE = 1e-3  # step of the derivatives, in spreads of the beliefs
+_NORMAL_90 = 1.6448536269514722
+
+
+@dataclass(frozen=True, slots=True)
+class Misfit:
+    """What two nodes cannot follow: an error that is a share of the rise and changes within ``time_s``."""
+
+    share: float = 0.004  # of the rise so far [-]
+    floor_K: float = 0.03
+    time_s: float = 120.0
+
+
+@dataclass(frozen=True, slots=True)
+class TimeToLimit:
+    """When a temperature is reached; ``math.inf`` is "not reached" (within the time looked at)."""
+
+    limit_K: float
+    median_s: float
+    low_s: float  # with ``high_s``, holds the true time with the asked probability
+    high_s: float
+    not_reached: float  # probability that it is not reached within ``looked_s`` [-]
+    looked_s: float
+
+    def __str__(self) -> str:
+        spelled = [
+            f"{time / 60.0:.1f} min" if math.isfinite(time) else "not reached"
+            for time in (self.median_s, self.low_s, self.high_s)
+        ]
+        return (
+            f"{self.limit_K - 273.15:.4g} degC: {spelled[0]} ({spelled[1]} to {spelled[2]}; not reached within "
+            f"{self.looked_s / 60.0:.0f} min with {100.0 * self.not_reached:.0f} %)"
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EarlyPrediction:
+    """What is known of a damper after the first minutes of its curve: weighted dampers that fit it.
+
+    Arrays are read-only; ``numbers`` holds what each damper is, per heat capacity (``lean.PRIOR``).
+    """
+
+    curve: HeatingCurve
+    ambient: float  # [K]
+    numbers: Mapping[str, FloatArray]  # each shape (k,)
+    start: FloatArray  # [K], shape (k,)
+    misfit: Misfit
+
+    def temperature(
+        self, time_s: float, *, probability: float = 0.90, of: str | None = None
+    ) -> tuple[float, float, float]:
+        """Return median and both ends of the interval of the temperature at a time [K].
+
+        Parameters
+        ----------
+        time_s : on the curve's clock
+        of : ``fluid`` or ``wall``; None: where the curve was measured
+        """
+        course = self._course(np.array([time_s]))
+        value = self._of(course, of)[0] + self._misfit_of(course, of)[0]
+        tail = 0.5 * (1.0 - probability)
+        low, middle, high = np.quantile(value, (tail, 0.5, 1.0 - tail))
+        return float(middle), float(low), float(high)
+
+    def time_to(
+        self, limit_K: float, *, probability: float = 0.90, of: str | None = None, look_s: float = 14400.0
+    ) -> TimeToLimit:
+        """Return when a temperature is reached, on the curve's clock; ``look_s`` is how far is looked."""
+        first = float(self.curve.time[0])
+        time = np.linspace(first, first + look_s, 721)
+        course = self._course(time[1:])
+        value = self._of(course, of) + self._misfit_of(course, of)
+        value = np.vstack([self.start, value])
+        when = first_crossing(time, value, limit_K)
+        return summarise_times(when, limit_K, probability, look_s)
+
+    def _course(self, time: FloatArray) -> LeanCourse:
+        first = float(self.curve.time[0])
+        if not (time > first).all():
+            raise InputError(f"prediction: the curve starts at {first:g} s; expected a later time")
+        course = heat_lean(self.numbers, self.start, self.ambient, np.append(first, time))
+        return LeanCourse(time, course.fluid[1:], course.body[1:])
+
+    def _of(self, course: LeanCourse, of: str | None) -> FloatArray:
+        place = self.curve.place if of is None else of
+        if place not in ("fluid", "wall", "coil"):
+            raise InputError(f"prediction: of is {of!r}; use one of: fluid, wall, coil")
+        if place == "coil" and self.curve.place != "coil":
+            raise InputError("prediction: the coil's temperature is not known from another place's curve")
+        return course.body if place == "wall" else course.fluid
+
+    def _misfit_of(self, course: LeanCourse, of: str | None) -> FloatArray:
+        """Return an error of the model for each damper, the same at all times but for the rise."""
+        rise = np.abs(self._of(course, of) - self.start)
+        draw = np.random.default_rng(len(self.start)).standard_normal(len(self.start))
+        return np.asarray(np.hypot(self.misfit.floor_K, self.misfit.share * rise) * draw)
+
+
+def predict_early(
+    curve: HeatingCurve,
+    ambient_K: float,
+    *,
+    dampers: int = 200,
+    seed: int = 0,
+    misfit: Misfit | None = None,
+) -> EarlyPrediction:
+    """Return what the start of a heating curve says of the rest.
+
+    Parameters
+    ----------
+    curve : from when the duty began (or later: the damper need not be at ambient)
+    ambient_K : air temperature [K]
+    dampers : how many are drawn
+
+    Raises
+    ------
+    InputError
+        Less than a minute of curve, or an ambient that cannot be.
+    ConvergenceError
+        No damper within the beliefs fits the curve.
+    """
+    if not 223.15 <= ambient_K <= 373.15:
+        raise InputError(f"prediction: ambient is {ambient_K - 273.15:g} degC; expected -50 to 100")
+    if float(curve.time[-1] - curve.time[0]) < 60.0:
+        raise InputError(
+            f"{curve.name}: it lasts {curve.time[-1] - curve.time[0]:.0f} s; expected a minute or more to "
+            "predict from"
+        )
+    problem = _Problem(curve, ambient_K, misfit or Misfit())
+    middle = problem.fit(np.zeros((problem.size, 1)), np.zeros((problem.rows, 1)))
+    rng = np.random.default_rng(seed)
+    errors = rng.standard_normal((problem.rows, dampers))
+    numbers, start = problem.numbers(problem.fit(np.repeat(middle, dampers, axis=1), errors))
+    return EarlyPrediction(
+        curve,
+        ambient_K,
+        MappingProxyType({name: read_only(values) for name, values in numbers.items()}),
+        read_only(start),
+        problem.misfit,
+    )
+
+
+class _Problem:
+    """Residuals of a binned curve and of the beliefs, all of them of variance 1.
+
+    Coordinates: the numbers of ``lean.PRIOR`` in spreads from their means, then the start in spreads.
+    """
+
+    def __init__(self, curve: HeatingCurve, ambient: float, misfit: Misfit) -> None:
+        self.curve, self.ambient, self.misfit = curve, ambient, misfit
+        self.time, self.seen, count = _bins(curve)
+        self.size = len(NUMBERS) + 1
+        self.rows = len(self.time) + self.size
+        first = max(3, round(0.02 * len(curve)))
+        self.start = float(np.median(curve.temperature[: min(first, 9)]))
+        noise = max(curve.noise_K, _LEAST_NOISE_K)
+        rise = np.hypot(misfit.floor_K, misfit.share * np.abs(self.seen - self.start))
+        near = np.exp(-np.abs(self.time[:, None] - self.time[None, :]) / misfit.time_s)
+        covariance = rise[:, None] * near * rise[None, :] + np.diag(noise**2 / count)
+        # an explicit inverse of a small triangle: many right-hand sides cost one product
+        self._whiten = np.linalg.inv(np.linalg.cholesky(covariance))
+
+    def numbers(self, at: FloatArray) -> tuple[dict[str, FloatArray], FloatArray]:
+        """Return numbers and start temperatures at coordinates, shape (size, k)."""
+        values = {name: PRIOR[name].value(at[k]) for k, name in enumerate(NUMBERS)}
+        if self.curve.lag_s > 0.0:
+            values["lag"] = np.full(at.shape[1], self.curve.lag_s)
+        return values, np.asarray(self.start + _START_SPREAD_K * at[-1])
+
+    def residuals(self, at: FloatArray) -> FloatArray:
+        """Return the residuals at coordinates, shape (bins + size, k)."""
+        values, start = self.numbers(at)
+        time = np.append(self.curve.time[0], self.time)
+        course = heat_lean(values, start, self.ambient, time)
+        place = course.body if self.curve.place == "wall" else course.fluid
+        shown = lag_signal(time, place, values["lag"])
+        return np.vstack([self._whiten @ (shown[1:] - self.seen[:, None]), at])
+
+    def fit(self, start: FloatArray, errors: FloatArray) -> FloatArray:
+        """Return the coordinates whose residuals come nearest to the errors drawn, column by column.
+
+        Levenberg and Marquardt's method on k problems at once, shapes (size, k) and (rows, k).
+        """
+        best = start.copy()
+        residual = self.residuals(best) - errors
+        cost, damping = (residual**2).sum(axis=0), np.ones(best.shape[1])
+        for _ in range(_ITERATIONS):
+            slope = self._slope(best, residual + errors)
+            normal = np.einsum("ikp,jkp->kij", slope, slope, optimize=True) if False else np.matmul(slope.transpose(1,0,2), slope.transpose(1,2,0))
+            pull = np.matmul(slope.transpose(1,0,2), residual.T[:, :, None])
+            # the beliefs are among the residuals: the matrix is at least 1 on its diagonal
+            move = -np.linalg.solve(normal + damping[:, None, None] * np.eye(self.size), pull)[:, :, 0].T
+            move *= np.minimum(1.0, _LONGEST_MOVE / np.abs(move).max(axis=0))
+            trial = self.residuals(best + move) - errors
+            new = (trial**2).sum(axis=0)
+            better = new < cost
+            settled = np.where(better, cost - new, 0.0) < _SETTLED
+            best = np.where(better, best + move, best)
+            residual = np.where(better, trial, residual)
+            cost = np.where(better, new, cost)
+            damping = np.where(better, np.maximum(damping / 10.0, 1e-6), damping * 5.0)
+            if settled.all() and better.any():
+                break
+        return best
+
+    def _slope(self, at: FloatArray, residual: FloatArray) -> FloatArray:
+        """Return the residuals' derivatives, shape (size, k, rows)."""
+        k = at.shape[1]
+        moved = (at[:, None, :] + _PROBE * np.eye(self.size)[:, :, None]).reshape(self.size, -1)
+        change = self.residuals(moved).reshape(-1, self.size, k) - residual[:, None, :]
+        return np.ascontiguousarray((change / _PROBE).transpose(1, 2, 0))
+
+
+def first_crossing(time: FloatArray, values: FloatArray, limit: float) -> FloatArray:
+    """Return when each column, shape (t, k), first is at the limit or above; infinity where it never is."""
+    above = values >= limit
+    k = above.argmax(axis=0)
+    column = np.arange(values.shape[1])
+    before = np.maximum(k - 1, 0)
+    low, high = values[before, column], values[k, column]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        part = np.where(high > low, (limit - low) / (high - low), 0.0)
+    when = time[before] + part * (time[k] - time[before])
+    return np.where(above.any(axis=0), np.where(k == 0, time[0], when), np.inf)
+
+
+def summarise_times(
+    when: FloatArray, limit_K: float, probability: float, look_s: float
+) -> TimeToLimit:
+    """Return median, interval and the share of "not reached" of times, infinity among them."""
+    tail = 0.5 * (1.0 - probability)
+    low, middle, high = (float(q) for q in np.quantile(when, (tail, 0.5, 1.0 - tail), method="nearest"))
+    return TimeToLimit(limit_K, middle, low, high, float(np.isinf(when).mean()), look_s)
+
+
+def _bins(curve: HeatingCurve) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return mean times, mean temperatures and counts of the samples after the first, bin by bin."""
+    length = float(curve.time[-1] - curve.time[0])
+    width = max(_BIN_S, length / _MOST_BINS)
+    number = np.minimum(((curve.time[1:] - curve.time[0]) / width).astype(int), int(length / width))
+    _, which, count = np.unique(number, return_inverse=True, return_counts=True)
+    time = np.bincount(which, curve.time[1:]) / count
+    seen = np.bincount(which, curve.temperature[1:]) / count
+    return time, seen, count.astype(np.float64)

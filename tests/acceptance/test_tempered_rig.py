@@ -1,0 +1,391 @@
+"""Temperature on the virtual rig: the figures that the project promises, the rig being the truth.
+
+The default campaign: 0 to 2 A, 20/40/80/120 degC trained, 60/100/123 degC and a chirp held out. An RMSE is
+over the five currents of a motion at a temperature. A bar that could be read in two ways is read the stricter
+way: one on all trained motions holds for each of them at each temperature.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+import mrdamper
+from mrdamper.app.api import Identification
+from mrdamper.data.prepare import Preparation
+from mrdamper.data.records import Dataset, RigRun
+from mrdamper.excitation import MOTIONS, Trajectory, drive
+from mrdamper.models.damper import Damper
+from mrdamper.models.dependence import Bipolynomial, Constant, Tempered
+from mrdamper.models.laws import LAWS
+from mrdamper.models.simulate import simulate
+from mrdamper.models.temperature import Arrhenius
+from mrdamper.rig.campaign import Campaign
+from mrdamper.rig.measurement import measure
+from mrdamper.rig.paper import CLAIMED_LOSSES, THERMAL_MOTION, peak_force
+from mrdamper.rig.plant import PRESETS, STEP_S, Plant
+
+TRAINED, HELD_OUT = (20, 40, 80, 120), (60, 100, 123)
+TRAINED_MOTIONS = ("sine5mm1Hz", "sine3mm2Hz", "nonperiodic")
+CHIRP = "chirp3mm"
+PLAIN = "bouc-wen"
+USUAL = "usual"  # what is fitted to such runs unless told
+KELVIN = 273.15
+
+Errors = Mapping[tuple[str, int], float]
+
+
+@cache
+def runs_of(preset: str) -> Dataset:
+    """Return the default campaign on a damper, simulated once."""
+    return Dataset(tuple(run for run, _ in measure(PRESETS[preset], Campaign())))
+
+
+@cache
+def identified(preset: str, law: str) -> Identification:
+    return mrdamper.fit(runs_of(preset), None if law == USUAL else law, hold_out=Campaign().hold_out)
+
+
+@cache
+def errors_of(preset: str, law: str) -> Errors:
+    return by_temperature(identified(preset, law), preset)
+
+
+def by_temperature(model: Identification, preset: str) -> Errors:
+    """Return the RMSE [N] over the currents by motion and temperature, steps left out."""
+    squares: dict[tuple[str, int], list[float]] = {}
+    steady = [run for run in runs_of(preset) if run.constant_command is not None]
+    for error in mrdamper.predict(model, steady):
+        assert error.temperature_degC is not None
+        squares.setdefault((error.motion, round(error.temperature_degC)), []).append(error.rmse_N**2)
+    assert set(map(len, squares.values())) == {5}
+    return {key: float(np.sqrt(np.mean(values))) for key, values in squares.items()}
+
+
+def over(errors: Errors, motions: Iterable[str], temperatures: Iterable[int]) -> float:
+    return float(np.sqrt(np.mean([errors[m, t] ** 2 for m in motions for t in temperatures])))
+
+
+DAMPERS_AND_LAWS = [(preset, law) for preset in ("nominal", "hard") for law in (USUAL, PLAIN)]
+
+
+# ---------------------------------------------------------------------- training, held out
+
+
+@pytest.mark.parametrize(
+    ("preset", "law", "bar_N"),
+    [("nominal", USUAL, 25.0), ("hard", USUAL, 35.0), ("nominal", PLAIN, 25.0), ("hard", PLAIN, 45.0)],
+)
+def test_the_5_mm_sine_is_reproduced_at_every_trained_temperature(preset, law, bar_N):
+    """The paper, on its own damper: 65.2 to 72.6 N. On ``hard`` the usual law is held to the aim, 35 N."""
+    errors = errors_of(preset, law)
+    assert {t: round(errors["sine5mm1Hz", t], 1) for t in TRAINED if errors["sine5mm1Hz", t] > bar_N} == {}
+
+
+@pytest.mark.parametrize(("preset", "bar_N"), [("nominal", 35.0), ("hard", 55.0)])
+def test_every_trained_motion_is_reproduced_at_every_trained_temperature(preset, bar_N):
+    errors = errors_of(preset, USUAL)
+    beyond = {
+        (m, t): round(errors[m, t], 1) for m in TRAINED_MOTIONS for t in TRAINED if errors[m, t] > bar_N
+    }
+    assert beyond == {}
+
+
+@pytest.mark.parametrize(("preset", "bar_N"), [("nominal", 35.0), ("hard", 55.0)])
+def test_the_plain_law_reproduces_each_trained_motion_over_the_temperatures(preset, bar_N):
+    errors = errors_of(preset, PLAIN)
+    for motion in TRAINED_MOTIONS:
+        assert over(errors, [motion], TRAINED) <= bar_N, motion
+
+
+@pytest.mark.parametrize("preset", ["nominal", "hard"])
+def test_the_usual_law_is_better_than_the_plain_one_everywhere(preset):
+    better, plain = errors_of(preset, USUAL), errors_of(preset, PLAIN)
+    for key, error in plain.items():
+        assert better[key] < error, key
+
+
+@pytest.mark.parametrize(("preset", "law"), DAMPERS_AND_LAWS)
+def test_temperatures_that_were_held_out_are_predicted_as_well(preset, law):
+    """At each of them, at most 1.15 times the same motion's error over the trained temperatures."""
+    errors = errors_of(preset, law)
+    for motion in TRAINED_MOTIONS:
+        trained = over(errors, [motion], TRAINED)
+        for temperature in HELD_OUT:
+            assert errors[motion, temperature] <= 1.15 * trained, (motion, temperature)
+
+
+@pytest.mark.parametrize(("preset", "law"), DAMPERS_AND_LAWS)
+def test_a_chirp_that_was_held_out_is_predicted_over_all_temperatures(preset, law):
+    """To 8 Hz and 150 mm/s, four times the speeds of the training: at most 1.5 times its error."""
+    errors = errors_of(preset, law)
+    trained = over(errors, TRAINED_MOTIONS, TRAINED)
+    assert over(errors, [CHIRP], TRAINED) <= 1.5 * trained
+    assert over(errors, [CHIRP], (*TRAINED, *HELD_OUT)) <= 1.5 * trained
+
+
+@pytest.mark.parametrize("preset", ["nominal", "hard"])
+def test_a_chirp_that_was_held_out_is_predicted_at_each_trained_temperature(preset):
+    """The stricter reading: at most 1.5 times the error on the trained motions at the same temperature."""
+    errors = errors_of(preset, USUAL)
+    times = {t: errors[CHIRP, t] / over(errors, TRAINED_MOTIONS, [t]) for t in TRAINED}
+    assert {t: round(ratio, 2) for t, ratio in times.items() if ratio > 1.5} == {}
+
+
+# ---------------------------------------------------------------------- what temperature is worth
+
+
+@cache
+def errors_of_unaware(preset: str, known: str) -> Errors:
+    """Return the errors of the usual law without temperature, from runs at 20 degC or all trained ones."""
+    law = identified(preset, USUAL).damper.law.name
+    training, _ = runs_of(preset).split(Campaign().hold_out)
+    steady = [run for run in training if run.constant_command is not None]
+    given = steady if known == "pooled" else [run for run in steady if "_020C_" in run.name]
+    fitted = mrdamper.fit(given, law, temperature="none", terms=("friction", "thinning"))
+    assert not fitted.damper.tempered
+    return by_temperature(fitted, preset)
+
+
+@pytest.mark.parametrize(("known", "times"), [("20 degC", 4.0), ("pooled", 2.0)])
+@pytest.mark.parametrize("preset", ["nominal", "hard"])
+def test_a_model_that_does_not_know_the_temperature_is_far_worse_at_123_degC(preset, known, times):
+    """In each motion, the chirp among them: at least 4 times, identified cold; at least 2 times, pooled."""
+    aware, unaware = errors_of(preset, USUAL), errors_of_unaware(preset, known)
+    for motion in (*TRAINED_MOTIONS, CHIRP):
+        assert unaware[motion, 123] >= times * aware[motion, 123], motion
+
+
+@pytest.mark.parametrize("preset", ["nominal", "hard"])
+def test_pooled_over_the_temperatures_it_is_worse_over_all_of_them_too(preset):
+    aware, unaware = errors_of(preset, USUAL), errors_of_unaware(preset, "pooled")
+    every = (*TRAINED, *HELD_OUT)
+    assert over(unaware, TRAINED_MOTIONS, every) >= 2.0 * over(aware, TRAINED_MOTIONS, every)
+
+
+@pytest.mark.parametrize("preset", ["nominal", "hard"])
+def test_where_it_was_identified_the_unaware_model_is_as_good_as_the_aware_one(preset):
+    """The comparison is fair: the same law, the same terms, no handicap at 20 degC."""
+    aware, unaware = errors_of(preset, USUAL), errors_of_unaware(preset, "20 degC")
+    assert over(unaware, TRAINED_MOTIONS, [20]) <= 1.5 * over(aware, TRAINED_MOTIONS, [20])
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("preset", ["nominal", "hard"])
+def test_the_paper_s_way_is_run_and_is_further_off(preset):
+    """Plain law, its polynomials, genetic algorithm, one sine. The bench has the figures."""
+    training, _ = runs_of(preset).split(Campaign().hold_out)
+    sines = [run for run in training if run.name.endswith("_sine5mm1Hz")]
+    assert len(sines) == 20
+    theirs = by_temperature(
+        mrdamper.fit(sines, PLAIN, temperature="paper", terms=(), method="genetic"), preset
+    )
+    ours = errors_of(preset, USUAL)
+    assert over(theirs, ["sine5mm1Hz"], TRAINED) < 150.0
+    for motion in (*TRAINED_MOTIONS, CHIRP):
+        assert over(theirs, [motion], TRAINED) > over(ours, [motion], TRAINED)
+
+
+# ---------------------------------------------------------------------- noise on the displacement
+
+KNOWN = Damper(
+    LAWS[PLAIN],
+    {
+        "viscosity": Tempered(Constant(7000.0), Arrhenius(1500.0)),
+        "stiffness": Constant(1500.0),
+        "offset": Constant(6.0),
+        "yield_force": Bipolynomial((40.0, -0.1, 600.0, -0.9, 50.0, 0.0), 1),
+        "rho": Constant(1500.0),
+        "kappa": Constant(-0.4),
+        "n": Constant(1.6),
+    },
+)
+AS_MEASURED = Preparation(cutoff_Hz=np.inf, dead_band_m=0.0)
+
+
+def noisy(damper: Damper, seed: int, noise_m: float) -> list[RigRun]:
+    """Return runs made of the law itself, noise on displacement and force."""
+    rng = np.random.default_rng(seed)
+    runs = []
+    for degrees in (20.0, 80.0):
+        for motion in TRAINED_MOTIONS:
+            for current in (0.0, 1.0, 2.0):
+                path = drive(
+                    MOTIONS[motion],
+                    duration=4.0,
+                    rate_Hz=500.0,
+                    command=current,
+                    temperature=degrees + KELVIN,
+                )
+                n = len(path)
+                run = RigRun(
+                    name=f"{motion}, {current:g} A, {degrees:g} degC",
+                    time=path.time,
+                    displacement=path.displacement + noise_m * rng.standard_normal(n),
+                    force=simulate(damper, path) + 5.0 * rng.standard_normal(n),
+                    command=path.command,
+                    command_unit="A",
+                    temperature=np.full(n, degrees + KELVIN),
+                    motion=motion,
+                )
+                runs.append(run)
+    return runs
+
+
+def bias_of_n(preparation: Preparation | None, terms: tuple[str, ...] | None) -> float:
+    """Return the mean error of the exponent over four seeds, as a share of it."""
+    found = []
+    for seed in range(4):
+        fitted = mrdamper.fit(noisy(KNOWN, seed, 1e-4), PLAIN, terms=terms, preparation=preparation)
+        found.append(fitted.damper.numbers["n.value"])
+    return float(np.mean(found)) / KNOWN.numbers["n.value"] - 1.0
+
+
+@pytest.mark.parametrize("terms", [None, ()], ids=["with friction", "plain"])
+def test_a_tenth_of_a_millimetre_of_noise_does_not_bias_the_exponent_after_preparation(terms):
+    """Below 5 %, as identified by the usual template and by the bare law."""
+    assert abs(bias_of_n(None, terms)) < 0.05
+
+
+def test_without_preparation_it_does():
+    """A third or so: false reversals make the knee look sharp (40 % in a prototype, on other runs)."""
+    assert 0.2 < bias_of_n(AS_MEASURED, ()) < 0.6
+
+
+# ---------------------------------------------------------------------- force lost to warmth
+
+
+def peak_of(damper: Damper, degrees: float) -> float:
+    """Return the greatest force [N] over the third second of the thermal motion at 2 A."""
+    path = drive(THERMAL_MOTION, duration=3.0, rate_Hz=2000.0, command=2.0, temperature=degrees + KELVIN)
+    return float(np.abs(simulate(damper, path)[4000:]).max())
+
+
+def test_the_paper_s_losses_are_those_of_the_plant():
+    cold = peak_force(PRESETS["paper"], THERMAL_MOTION, 2.0, 20.0)
+    for degrees, lost in CLAIMED_LOSSES:
+        warm = peak_force(PRESETS["paper"], THERMAL_MOTION, 2.0, degrees)
+        assert 1.0 - warm / cold == pytest.approx(lost, abs=0.003)
+
+
+@pytest.mark.parametrize("thermal_motion_run", [True, False], ids=["motion trained", "motion not seen"])
+def test_a_card_identified_on_it_loses_as_much(thermal_motion_run):
+    """At 15 mm, 1 Hz, within a point; one more temperature, 130 degC, takes the card there.
+
+    Not seen, the motion has two and a half times the speed of any that was.
+    """
+    campaign = Campaign(
+        motions=(*TRAINED_MOTIONS, "sine15mm1Hz") if thermal_motion_run else TRAINED_MOTIONS,
+        temperatures_degC=(*TRAINED, 130.0),
+    )
+    card = mrdamper.fit([run for run, _ in measure(PRESETS["paper"], campaign)]).card()
+    assert card.envelope.temperature is not None
+    assert card.envelope.temperature[1] >= 129.9 + KELVIN - 0.3  # the thermocouple's noise
+    cold = peak_of(card.damper, 20.0)
+    for degrees, lost in CLAIMED_LOSSES:
+        assert 1.0 - peak_of(card.damper, degrees) / cold == pytest.approx(lost, abs=0.01), degrees
+
+
+# ---------------------------------------------------------------------- actuation
+
+STEPS = [(0.0, 1.0), (1.0, 2.0), (0.0, 2.0), (2.0, 1.0), (1.0, 0.0), (2.0, 0.0)]
+SPEED = 0.03  # [m/s], of the steps in the campaign
+
+
+def t63_of_plant(preset: str, start: float, end: float, degrees: float) -> float:
+    plant = Plant(PRESETS[preset])
+    n = 8000
+    still, speed = np.zeros(n), np.full(n, SPEED)
+    before = plant.advance_many(still, speed, start, degrees)[-1]
+    after = plant.advance_many(still, speed, end, degrees)
+    return first_time((after - before) / (after[-1] - before), STEP_S)
+
+
+def t63_of_model(damper: Damper, start: float, end: float, degrees: float) -> float:
+    """Return the same of a damper: force against that of the same motion at either current."""
+    n, at = 4000, 2000
+    x = SPEED * STEP_S * (np.arange(n) - at)
+    path = Trajectory(
+        step=STEP_S,
+        displacement=x.astype(np.float64),
+        velocity=np.full(n, SPEED),
+        acceleration=np.zeros(n),
+        command=np.where(np.arange(n) < at, start, end),
+        temperature=np.full(n, degrees + KELVIN),
+    )
+    before, after = (simulate(damper, replace(path, command=np.full(n, current))) for current in (start, end))
+    return first_time(((simulate(damper, path) - before) / (after - before))[at:], STEP_S)
+
+
+def first_time(risen: np.ndarray, step: float) -> float:
+    return step * (int(np.argmax(risen >= 1.0 - np.exp(-1.0))) + 1)
+
+
+def test_the_identified_actuation_takes_the_plant_s_time_to_63_percent_of_a_step():
+    """Upwards 13.5 ms, within the 1 ms of that figure and half a sample of the log, which is 2 ms."""
+    damper = identified("nominal", USUAL).damper
+    upwards = [t63_of_model(damper, *step, 20.0) for step in STEPS[:3]]
+    assert np.mean(upwards) == pytest.approx(0.0135, abs=0.002)
+
+
+@cache
+def lateness(preset: str, degrees: float) -> Mapping[tuple[float, float], float]:
+    """Return by how much [ms] the identified damper is later than the plant, by step of the current."""
+    damper = identified(preset, USUAL).damper
+    return {
+        step: 1e3 * (t63_of_model(damper, *step, degrees) - t63_of_plant(preset, *step, degrees))
+        for step in STEPS
+    }
+
+
+@pytest.mark.parametrize("degrees", [20.0, 120.0])
+@pytest.mark.parametrize("preset", ["nominal", "hard", "stiff"])
+def test_on_average_a_step_of_the_current_takes_the_plant_s_time(preset, degrees):
+    """Up and down, large and small: within 1 ms and half a sample of the log."""
+    assert abs(np.mean(list(lateness(preset, degrees).values()))) <= 2.0
+
+
+@pytest.mark.parametrize("degrees", [20.0, 120.0])
+@pytest.mark.parametrize("preset", ["nominal", "stiff"])
+def test_every_step_of_the_current_takes_the_plant_s_time(preset, degrees):
+    """Within 1 ms and a sample. Two lags stand for driver, coil, eddy currents, fluid and yielding.
+
+    ``hard`` is not held to it: its softer yielding after 0 to 1 A is told 6 ms late.
+    """
+    late = {step: round(off, 1) for step, off in lateness(preset, degrees).items()}
+    assert {step: off for step, off in late.items() if abs(off) > 3.0} == {}
+
+
+def test_without_the_actuation_the_steps_are_told_far_worse():
+    found = identified("nominal", USUAL).actuation
+    assert found is not None
+    assert found.rmse_N < 0.2 * found.unlagged_rmse_N
+    assert found.windows == 28  # 7 scored steps at each of 4 temperatures
+
+
+# ---------------------------------------------------------------------- time
+
+
+@pytest.mark.parametrize(
+    ("law", "bar_s", "seeds"), [(PLAIN, 1.0, 3), (USUAL, 1.0, 3), ("series-valve", 6.0, 1)]
+)
+def test_one_start_on_sixty_runs_stays_within_its_time(law, bar_s, seeds):
+    """5 currents, 4 temperatures, 3 motions, 4 s at 500 Hz; preparation included.
+
+    CPU time, the best of three rounds: a loaded machine is not a fault. The usual law is held to the bar of
+    the plain one.
+    """
+    training, _ = runs_of("nominal").split(Campaign().hold_out)
+    runs = [run for run in training if run.constant_command is not None]
+    assert len(runs) == 60
+    assert {len(run) for run in runs} == {2000}
+    for seed in range(seeds):
+        name = None if law == USUAL else law
+        spent: list[float] = []
+        while len(spent) < 3 and min(spent, default=np.inf) > bar_s:
+            spent.append(mrdamper.fit(runs, name, seed=seed).cpu_s)
+        assert min(spent) <= bar_s, f"seed {seed}"
