@@ -23,8 +23,8 @@ from mrdamper.thermal.drawing import DamperDrawing, read_drawing, read_sink
 from mrdamper.thermal.duty import DEFAULT_DUTY, Duty, read_duty
 from mrdamper.thermal.finite_element import FieldModel, heat_field
 from mrdamper.thermal.heatsink import HeatSink
-from mrdamper.thermal.rise import Model, Rise, heat_with, loads_of, predict_rise
-from mrdamper.thermal.work import LoopWork, tabulate_work
+from mrdamper.thermal.rise import Model, Rise, heat_with, loads_of, predict_rise, works_of
+from mrdamper.thermal.work import LoopWork
 
 __all__ = ["FieldEnd", "HeatRun", "heat", "heat_damper", "sink_in_words"]
 
@@ -136,10 +136,8 @@ def heat_damper(
         raise InputError(f"start temperature is {start_degC} degC; expected a temperature above -273.15 degC")
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", EnvelopeWarning)
-        rise = predict_rise(
-            card, drawing, duty, model=model, start_K=start, stop_at_limit=not past_limit
-        )
-        works = [tabulate_work(card.damper, stretch) for stretch in duty.stretches]
+        rise = predict_rise(card, drawing, duty, model=model, start_K=start, stop_at_limit=not past_limit)
+        works = works_of(card.damper, duty)
     notes = [*rise.notes, *_warm_notes(card, rise)]
     notes += dict.fromkeys(str(each.message) for each in caught if issubclass(each.category, EnvelopeWarning))
     bare = None

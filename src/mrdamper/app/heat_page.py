@@ -45,4 +45,6 @@ def _account(rise: Rise) -> dict[str, tuple[float, float]]:
     """Return energy [kJ] and its share of what went in [%], by name."""
     energy = rise.energy_J
     total = energy["mechanical"] + energy["coil"]
-    return {name: (joule / 1e3, 100.0 * joule / total if total > 0.0 else 0.0) for name, joule in energy.items()}
+    return {
+        name: (joule / 1e3, 100.0 * joule / total if total > 0.0 else 0.0) for name, joule in energy.items()
+    }

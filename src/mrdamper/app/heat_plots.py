@@ -82,9 +82,7 @@ def draw_temperatures(rises: Sequence[tuple[str, Rise]]) -> str:
             else:
                 axes.set_ylabel("temperature, °C", labelpad=1.5)
             axes.legend(loc="lower right", title="at the end", title_fontsize=6.5)
-        figure.subplots_adjust(
-            left=0.5 / width, right=1.0 - 0.12 / width, top=0.92, bottom=0.13, wspace=0.05
-        )
+        figure.subplots_adjust(left=0.5 / width, right=1.0 - 0.12 / width, top=0.92, bottom=0.13, wspace=0.05)
         return svg_of(figure, "Temperatures over time")
 
 

@@ -14,7 +14,7 @@ from mrdamper.thermal.efficiency import DEFAULT_EFFICIENCY, EFFICIENCIES, Sweep
 __all__ = ["draw_front", "draw_sweeps"]
 
 _ZERO_CELSIUS_K = 273.15
-_FOLLOWS, _OTHER = HELD_OUT, "#a9a9a9"
+_FOLLOWS, _OTHER = HELD_OUT, "#8a8a8a"
 
 
 def draw_front(
@@ -82,63 +82,30 @@ def draw_front(
 
 
 def draw_sweeps(sweeps: Sequence[Sweep]) -> str:
-    """Return the paper's sweeps: temperatures, and every candidate's efficiency over its own greatest value."""
-    labels = ("fin width, mm (three fins)", "number of fins (23 mm wide)")
-    both = [name for name in EFFICIENCIES if all(sweep.follows_paper(name) for sweep in sweeps)]
+    """Return the paper's sweeps: the temperature, and every candidate's efficiency, a small panel each.
+
+    What has the paper's trend is coloured; every panel has its own scale.
+    """
+    labels = ("width, mm", "fins")
+    columns = 1 + len(EFFICIENCIES)
     with drawing_style():
-        figure = Figure(figsize=(WIDE, 5.0))
-        for column, (sweep, label) in enumerate(zip(sweeps, labels, strict=True)):
+        figure = Figure(figsize=(WIDE, 2.9))
+        for row, (sweep, label) in enumerate(zip(sweeps, labels, strict=True)):
             x = [1e3 * e.sink.width if sweep.of == "width" else float(e.sink.fins) for e in sweep.effects]
-            upper, lower = figure.add_subplot(2, 2, column + 1), figure.add_subplot(2, 2, column + 3)
-            upper.plot(
-                x,
-                [e.finned - _ZERO_CELSIUS_K for e in sweep.effects],
-                "o-",
-                color=INK,
-                markersize=3.6,
-                linewidth=1.1,
-            )
-            upper.set_title("Fluid at the end, °C", loc="left", pad=3)
-            ends: list[tuple[float, str, str]] = []
+            panels = [("fluid, °C", np.array([e.finned - _ZERO_CELSIUS_K for e in sweep.effects]), INK)]
             for name, values in sweep.values.items():
-                relative = 100.0 * values / values.max()
-                follows = name in both
-                colour = _FOLLOWS if follows else _OTHER
-                lower.plot(
-                    x,
-                    relative,
-                    "o-",
-                    color=colour,
-                    markersize=3.2 if follows else 2.2,
-                    linewidth=1.6 if name == DEFAULT_EFFICIENCY else 0.9,
-                    zorder=3 if follows else 2,
-                )
-                ends.append((float(relative[-1]), EFFICIENCIES[name].symbol, colour))
-            lower.set_title("Efficiency, % of its greatest value", loc="left", pad=3)
-            span = lower.get_ylim()
-            for y, symbol, colour in _apart(ends, 0.052 * (span[1] - span[0])):
-                lower.annotate(
-                    symbol,
-                    (x[-1], y),
-                    (6, -2),
-                    textcoords="offset points",
-                    fontsize=6.5,
-                    color=colour,
-                    annotation_clip=False,
-                )
-            for axes in (upper, lower):
-                axes.set_xticks(x)
-                axes.set_xlim(x[0] - 0.06 * (x[-1] - x[0]), x[-1] + 0.03 * (x[-1] - x[0]))
-            lower.set_xlabel(label, labelpad=1.5)
-        figure.subplots_adjust(left=0.05, right=0.965, top=0.955, bottom=0.085, wspace=0.14, hspace=0.24)
+                colour = _FOLLOWS if sweep.follows_paper(name) else _OTHER
+                star = "*" if name == DEFAULT_EFFICIENCY else ""
+                panels.append((EFFICIENCIES[name].symbol + star, values, colour))
+            for column, (title, values, colour) in enumerate(panels):
+                axes = figure.add_subplot(2, columns, row * columns + column + 1)
+                axes.plot(x, values, "o-", color=colour, markersize=2.6, linewidth=1.2)
+                axes.set_title(title, loc="left", pad=2, color=colour if colour == _FOLLOWS else INK)
+                axes.set_xticks(x, [f"{at:g}" for at in x])
+                axes.margins(x=0.14, y=0.16)
+                axes.set_yticks([])
+                axes.tick_params(axis="x", labelsize=5.6, pad=1.5, length=2)
+                if column == 0:
+                    axes.set_xlabel(label, labelpad=1.0, fontsize=6.5)
+        figure.subplots_adjust(left=0.008, right=0.995, top=0.935, bottom=0.13, wspace=0.1, hspace=0.55)
         return svg_of(figure, "The paper's sweeps")
-
-
-def _apart(ends: Sequence[tuple[float, str, str]], least: float) -> list[tuple[float, str, str]]:
-    """Return labels at their lines' ends, moved so that none covers another."""
-    ordered = sorted(ends, key=lambda end: end[0])
-    heights = np.array([end[0] for end in ordered])
-    for k in range(1, len(heights)):
-        heights[k] = max(heights[k], heights[k - 1] + least)
-    heights -= max(0.0, heights[-1] - ordered[-1][0]) * 0.5
-    return [(float(y), symbol, colour) for y, (_, symbol, colour) in zip(heights, ordered, strict=True)]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from mrdamper import core
 from mrdamper.errors import InputError, MissingExtraError
-from mrdamper.identify.problem import FitProblem, FitResult, PreparedFit, Start, lifted, move
+from mrdamper.identify.problem import FitProblem, FitResult, PreparedFit, Start, lifted, move, ordered
 from mrdamper.identify.uncertainty import estimates_of
 from mrdamper.identify.variable_projection import Progress, Report
 from mrdamper.models.damper import Damper
@@ -219,7 +219,7 @@ def _result(
     note: str,
 ) -> FitResult:
     best, cancelled = outcome
-    damper = lifted(problem, ensemble.damper(best))
+    damper = ordered(lifted(problem, ensemble.damper(best)))
     cost = float(np.sqrt(sum(run.weight * _squares(damper, run) for run in ensemble.runs)))
     estimates, correlation = estimates_of(problem, ensemble.runs, damper, {})
     return FitResult(

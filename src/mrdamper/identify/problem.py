@@ -34,6 +34,7 @@ __all__ = [
     "envelope_of",
     "lifted",
     "move",
+    "ordered",
 ]
 
 FloatArray = NDArray[np.float64]
@@ -230,6 +231,21 @@ def lifted(problem: FitProblem, damper: Damper) -> Damper:
         if number == law.number_names[0] and least < floor:
             moved[free.name] = law.numbers[0] + (floor - least) * (1.0 + 1e-9)
     return damper.with_numbers(moved) if moved else damper
+
+
+def ordered(damper: Damper) -> Damper:
+    """Return the damper with its first hysteretic element the quicker one (larger rho without command).
+
+    Two elements in parallel may change places without changing the force.
+    """
+    forms = dict(damper.coefficients)
+    if damper.law.name != "double-bouc-wen" or forms["rho"].value(0.0) >= forms["second_rho"].value(0.0):
+        return damper
+    for one, other in (("rho", "second_rho"), ("yield_force", "second_force")):
+        if type(forms[one]) is not type(forms[other]) or forms[one].number_names != forms[other].number_names:
+            return damper
+        forms[one], forms[other] = forms[other], forms[one]
+    return replace(damper, coefficients=forms)
 
 
 def envelope_of(runs: Sequence[PreparedRun]) -> OperatingEnvelope:

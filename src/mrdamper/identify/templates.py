@@ -215,8 +215,8 @@ def _entries(law: HysteresisLaw, s: Scale) -> list[Entry]:
         "double-bouc-wen": [
             *plain,
             ("second_force", "polynomial", 0.0, 2.0 * s.force, "linear"),
-            ("rho", "exponential", 5.0 / s.stroke, 1e4 / s.stroke, "log"),
-            ("second_rho", "exponential", 0.5 / s.stroke, 1e3 / s.stroke, "log"),
+            ("rho", "exponential", 0.5 / s.stroke, 1e4 / s.stroke, "log"),
+            ("second_rho", "exponential", 0.5 / s.stroke, 1e4 / s.stroke, "log"),
             *hysteresis[1:],
         ],
         "bingham": [*parallel, ("yield_velocity", "constant", 1e-4 * s.speed, 3.0 * s.speed, "log")],

@@ -37,6 +37,7 @@ from mrdamper.identify.problem import (
     envelope_of,
     lifted,
     move,
+    ordered,
 )
 from mrdamper.identify.uncertainty import estimates_of
 from mrdamper.models.damper import Damper
@@ -271,7 +272,7 @@ def fit_variable_projection(
             f"{problem.template.law.name}: no start reached a finite cost in {count} tries; check the runs "
             "(mrdamper predict shows them) or give more --starts"
         )
-    damper = lifted(problem, best.damper)
+    damper = ordered(lifted(problem, best.damper))
     numbers, correlation = estimates_of(problem, full, damper, best.offsets)
     return FitResult(
         damper=damper,

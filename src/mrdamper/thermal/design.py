@@ -5,7 +5,9 @@ return a front: no sink on it is beaten in both mass and temperature by another 
 evaluates a front again by finite elements. A sink that lies outside its correlation's range is not admissible.
 
 The fins' law, its multiplier and the contact resistance are those of the drawing's own sink: a multiplier that was
-calibrated at wide gaps is carried over to narrow ones, which ``spread`` makes visible.
+calibrated at wide gaps is carried over to narrow ones, which ``spread`` makes visible. Fins further apart than
+twice their width are not tried: the body between two fins cools by the fins' film, whatever the distance, and a
+search would find two fins at the ends of the body to be a finned body.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from mrdamper.errors import EnvelopeError, InputError, MrdamperError
+from mrdamper.errors import ConvergenceError, EnvelopeError, InputError
 from mrdamper.thermal.drawing import DISC_GAP, DamperDrawing
 from mrdamper.thermal.heatsink import FinLaw, HeatSink
 from mrdamper.thermal.materials import Material
@@ -52,6 +54,7 @@ _WIDTHS = (0.4, 0.6, 0.8, 1.0)  # of the greatest
 _THICKNESSES = (1.0, 1.5, 2.0, 3.0)  # of the least
 _FILLS = (0.6, 1.0)  # of the span
 _FINENESS = 1e-4  # pitches and widths of the grid are whole tenths of a millimetre [m]
+_WIDEST_GAP = 2.0  # of the fins' width: beyond, the body between two fins is no groove
 _ROUNDING = 1e-9
 
 
@@ -93,6 +96,10 @@ class SinkLimits:
             return 0
         return 1 + int((self.span - thickness) * (1.0 + _ROUNDING) / (thickness + self.least_gap))
 
+    def widest_pitch(self, fins: int, width: float, thickness: float) -> float:
+        """Return the greatest pitch of two fins or more [m]: what the span leaves, and a gap that is a groove."""
+        return min((self.span - thickness) / (fins - 1), thickness + _WIDEST_GAP * width)
+
     def allow(self, sink: HeatSink, body_diameter: float) -> bool:
         """Whether a sink keeps to all limits but those of material and finish."""
         slack = 1.0 + _ROUNDING
@@ -100,7 +107,7 @@ class SinkLimits:
             sink.span <= self.span * slack
             and sink.width <= self.width * slack
             and sink.thickness * slack >= self.least_thickness
-            and (sink.fins == 1 or sink.gap * slack >= self.least_gap)
+            and (sink.fins == 1 or self.least_gap <= sink.gap * slack <= _WIDEST_GAP * sink.width * slack**2)
             and sink.mass(body_diameter) <= self.mass * slack
         )
 
@@ -115,6 +122,7 @@ class SinkDesign:
     coil: float  # by ``model`` [K]
     network_fluid: float  # by the zone network [K]
     model: DesignModel = "network"
+    steady: float | None = None  # what the fluid would settle at, by the zone network [K]; None: not known
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -153,13 +161,14 @@ class HeatedDamper:
         fluid, coil = float(heating.fluid[-1]), float(heating.coil[-1])
         return SinkDesign(sink, 0.0 if sink is None else sink.mass(self.diameter), fluid, coil, fluid)
 
-    def steady(self, sink: HeatSink | None) -> float | None:
-        """Return the fluid's temperature that the last load ends in [K]; None where there is none."""
-        network = zone_network(self.drawing.with_sink(sink))
+    def settled(self, design: SinkDesign) -> SinkDesign:
+        """Return a design with the temperature that the last load ends in, if there is one."""
+        network = zone_network(self.drawing.with_sink(design.sink))
         try:
-            return float(network.fluid @ steady_state(network, self.loads[-1]))
-        except MrdamperError:  # beyond the tables of losses, or never
-            return None
+            steady = float(network.fluid @ steady_state(network, self.loads[-1]))
+        except (ConvergenceError, EnvelopeError):  # it never settles, or beyond the tables of losses
+            return design
+        return replace(design, steady=steady)
 
 
 @dataclass(frozen=True, slots=True)
@@ -256,29 +265,27 @@ def _grid(pattern: HeatSink, limits: SinkLimits) -> Iterator[HeatSink]:
     for material in limits.materials:
         for emissivity in limits.emissivities:
             for thickness in (share * limits.least_thickness for share in _THICKNESSES):
-                for fins in range(1, limits.most_fins(thickness) + 1):
-                    for pitch in _pitches(fins, thickness, limits):
-                        for share in _WIDTHS:
-                            width = limits.width if share == 1.0 else _whole(share * limits.width)
-                            yield replace(
-                                pattern,
-                                fins=fins,
-                                width=width,
-                                thickness=thickness,
-                                pitch=pitch,
-                                material=material,
-                                emissivity=emissivity,
-                            )
+                plain = replace(
+                    pattern,
+                    fins=1,
+                    thickness=thickness,
+                    pitch=thickness + limits.least_gap,  # a single fin has none; anything will do
+                    material=material,
+                    emissivity=emissivity,
+                )
+                for width in (limits.width if w == 1.0 else _whole(w * limits.width) for w in _WIDTHS):
+                    for fins in range(1, limits.most_fins(thickness) + 1):
+                        for pitch in _pitches(fins, width, thickness, limits):
+                            yield replace(plain, fins=fins, width=width, pitch=pitch)
 
 
-def _pitches(fins: int, thickness: float, limits: SinkLimits) -> list[float]:
+def _pitches(fins: int, width: float, thickness: float, limits: SinkLimits) -> list[float]:
     """Return the pitches to try: rounded down, so that the fins fit; the least gap at least."""
-    if fins == 1:
-        return [thickness + limits.least_gap]  # a single fin has none; anything that is one will do
-    widest = (limits.span - thickness) / (fins - 1)
     least = thickness + limits.least_gap
-    found = {max(_whole(fill * widest), least) for fill in _FILLS}
-    return sorted(found)
+    if fins == 1:
+        return [least]
+    widest = limits.widest_pitch(fins, width, thickness)
+    return sorted({max(_whole(fill * widest), least) for fill in _FILLS})
 
 
 def _whole(length: float) -> float:

@@ -1,6 +1,6 @@
 """Search of heat sinks by NSGA-II (pymoo, extra ``[genetic]``): the grid's cross-check, free of its steps.
 
-The unknowns are the number of fins, width, thickness, how much of the span they fill, material and finish, each
+The unknowns are the number of fins, width, thickness, pitch over the widest, material and finish, each
 scaled to 0..1; mass is an objective, its limit and the least gap are constraints.
 """
 
@@ -20,7 +20,7 @@ from mrdamper.thermal.heatsink import HeatSink
 __all__ = ["search_genetic"]
 
 _THICKEST = 4.0  # of the least thickness
-_LEAST_SHARE = 0.2  # of the greatest width, and of the span
+_LEAST_SHARE = 0.2  # of the greatest width, and of the widest pitch
 _UNKNOWNS = 6
 
 
@@ -110,14 +110,17 @@ class _Tried:
         limits = self.limits
         count, wide, thick, full, solid, finish = (float(value) for value in unit)
         fins = 1 + min(int(count * self._most), self._most - 1)
+        width = limits.width * (_LEAST_SHARE + (1.0 - _LEAST_SHARE) * wide)
         thickness = limits.least_thickness * (1.0 + (_THICKEST - 1.0) * thick)
         thickness = min(thickness, limits.span / (fins + 1))
-        span = limits.span * (_LEAST_SHARE + (1.0 - _LEAST_SHARE) * full)
-        pitch = max((span - thickness) / max(fins - 1, 1), thickness * (1.0 + 1e-6))
+        pitch = thickness + limits.least_gap
+        if fins > 1:
+            share = _LEAST_SHARE + (1.0 - _LEAST_SHARE) * full
+            pitch = max(share * limits.widest_pitch(fins, width, thickness), thickness * (1.0 + 1e-6))
         return replace(
             self.damper.pattern,
             fins=fins,
-            width=limits.width * (_LEAST_SHARE + (1.0 - _LEAST_SHARE) * wide),
+            width=width,
             thickness=thickness,
             pitch=pitch,
             material=limits.materials[min(int(solid * len(limits.materials)), len(limits.materials) - 1)],

@@ -31,7 +31,7 @@ from mrdamper.thermal.mesh import IntArray
 from mrdamper.thermal.network import PATHS
 from mrdamper.thermal.transient import Load
 
-__all__ = ["Cooling", "FieldHeating", "HeatEquation", "Matrix", "heat_through", "settle"]
+__all__ = ["Cooling", "FieldHeating", "HeatEquation", "Matrix", "factorise", "heat_through", "one_step_backward", "settle"]
 
 Matrix = Any  # a sparse matrix or an array: both know @ and .T
 Solver = Callable[[FloatArray], FloatArray]
@@ -286,6 +286,26 @@ def settle(equation: HeatEquation, load: Load, *, start: float | FloatArray | No
         "steady state: Newton's method did not settle to 1e-9 K in 60 steps. If nothing carries the heat away, "
         "there is none"
     )
+
+
+def one_step_backward(equation: HeatEquation, load: Load, state: FloatArray, size: float) -> FloatArray:
+    """Return the state after one step of backward Euler [s], by Newton's method; for comparisons only.
+
+    Raises
+    ------
+    ConvergenceError
+        The iteration did not settle to 1e-9 K in 20 turns.
+    """
+    stepper = _Stepper(equation)
+    stepper.take(load)
+    new = state.copy()
+    for _ in range(20):
+        here = stepper.evaluate(new)
+        move = stepper.solver(here, 1.0, 1.0 / size)(here.rate - equation.mass @ (new - state) / size)
+        new = new + move
+        if float(np.abs(move).max()) < 1e-9:
+            return new
+    raise ConvergenceError("backward Euler: Newton's method did not settle to 1e-9 K in 20 turns")
 
 
 def _first_state(equation: HeatEquation, start: float | FloatArray | None) -> FloatArray:

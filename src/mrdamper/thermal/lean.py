@@ -63,9 +63,9 @@ PRIOR: Mapping[str, Belief] = MappingProxyType(
     {
         "heating": _log(0.05, 3.0, "K/s", "P/C at ambient temperature"),
         "loss": _log(1.0 / 1200.0, 2.2, "1/s", "UA/C at 40 K above ambient"),
-        "viscous": Belief(-0.8, 0.8, "logit", "-", "share of the power that falls as a viscosity"),
-        "slope": Belief(0.001, 0.001, "line", "1/K", "fall of the rest of the power"),
-        "exponent": Belief(0.17, 0.08, "line", "-", "growth of the loss coefficient with the excess"),
+        "viscous": Belief(-0.9, 0.8, "logit", "-", "share of the power that falls as a viscosity"),
+        "slope": Belief(0.001, 0.0007, "line", "1/K", "fall of the rest of the power"),
+        "exponent": Belief(0.14, 0.07, "line", "-", "growth of the loss coefficient with the excess"),
         "share": Belief(0.4, 0.8, "logit", "-", "share of the capacity that is at the fluid's temperature"),
         "settling": _log(40.0, 2.5, "s", "time constant between fluid and body"),
         "lag": _log(4.0, 2.0, "s", "time constant of the thermometer, where it is not known"),

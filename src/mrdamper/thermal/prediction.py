@@ -29,7 +29,7 @@ _BIN_S = 10.0  # averaged over
 _MOST_BINS = 120
 _START_SPREAD_K = 2.0  # of the start about the first readings
 _LEAST_NOISE_K = 1e-3
-_ITERATIONS = 25
+_ITERATIONS = 10
 _SETTLED = 0.01  # fall of twice the log-likelihood that is not worth another step
 _LONGEST_MOVE = 1.5  # [spreads]
 _PROBE = 1e-3  # step of the derivatives, in spreads of the beliefs
@@ -40,8 +40,8 @@ _NORMAL_90 = 1.6448536269514722
 class Misfit:
     """What two nodes cannot follow: an error that is a share of the rise and changes within ``time_s``."""
 
-    share: float = 0.004  # of the rise so far [-]
-    floor_K: float = 0.03
+    share: float = 0.0015  # of the rise so far [-]
+    floor_K: float = 0.02
     time_s: float = 120.0
 
 

@@ -27,7 +27,7 @@ from mrdamper.thermal.surfaces import name_correlations
 from mrdamper.thermal.transient import Heating, Load, heat_up
 from mrdamper.thermal.work import LoopWork, tabulate_work
 
-__all__ = ["NETWORKS", "Model", "Rise", "build_network", "heat_with", "loads_of", "predict_rise"]
+__all__ = ["NETWORKS", "Model", "Rise", "build_network", "heat_with", "loads_of", "predict_rise", "works_of"]
 
 Model = Literal["zones", "lumped"]
 
@@ -115,12 +115,7 @@ def predict_rise(
     """
     damper = card.damper if isinstance(card, ModelCard) else card
     plan = duty if isinstance(duty, Duty) else read_duty(duty)
-    if plan.command_unit != damper.command_unit:
-        raise InputError(
-            f"duty {plan.text!r}: its command is in {plan.command_unit}, the card's in "
-            f"{damper.command_unit}; expected the same unit"
-        )
-    works = [tabulate_work(damper, stretch) for stretch in plan.stretches]
+    works = works_of(damper, plan)
     notes = _notes(card, damper, plan)
     return heat_with(
         works,
@@ -180,6 +175,22 @@ def heat_with(  # keyword-only options beside the three things joined
         notes=notes,
         heating=heating,
     )
+
+
+def works_of(damper: Damper, duty: Duty) -> list[LoopWork]:
+    """Return the work of a damper on each stretch of a duty.
+
+    Raises
+    ------
+    InputError
+        The duty's command is in another unit than the damper's.
+    """
+    if duty.command_unit != damper.command_unit:
+        raise InputError(
+            f"duty {duty.text!r}: its command is in {duty.command_unit}, the card's in {damper.command_unit}; "
+            f'expected the same unit, as in "sine:15mm:1Hz:2{damper.command_unit}:1800s"'
+        )
+    return [tabulate_work(damper, stretch) for stretch in duty.stretches]
 
 
 def loads_of(works: Sequence[LoopWork], drawing: DamperDrawing, duty: Duty) -> list[Load]:

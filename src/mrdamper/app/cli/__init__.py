@@ -81,6 +81,20 @@ _json = click.option(
     "--json", "as_json", is_flag=True, help="Print one JSON object on standard output, nothing else."
 )
 _seed = click.option("--seed", type=int, default=0, show_default=True, help="Of every random draw.")
+_damper = click.option(
+    "--damper",
+    type=click.Path(path_type=Path),
+    required=True,
+    metavar="FILE",
+    help="The drawing of the damper (TOML).",
+)
+_duty = click.option(
+    "--duty",
+    default="sine:15mm:1Hz:2A:1800s",
+    show_default=True,
+    metavar="DUTY",
+    help="MOTION:COMMAND:DURATION, or a CSV of time, motion and command.",
+)
 
 
 @cli.command()
@@ -350,6 +364,115 @@ def fluid(tables: tuple[Path, ...], *, as_json: bool, **options: Any) -> int:  #
     from mrdamper.app.fluid_job import fluid as job
 
     return _finish(job(tables, **options), terminal.show_fluid, as_json=as_json)
+
+
+@cli.command()
+@click.argument("card", type=click.Path(path_type=Path))
+@_damper
+@_duty
+@click.option(
+    "--sink",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="A heat sink (TOML table [sink]) in place of the drawing's.",
+)
+@click.option(
+    "--out", type=click.Path(path_type=Path), metavar="DIR", help="For heat.html, heat.json, heat.csv."
+)
+@click.option("--past-limit", is_flag=True, help="Go on beyond the fluid's limit instead of ending there.")
+@click.option(
+    "--model",
+    type=click.Choice(["zones", "lumped"]),
+    default="zones",
+    show_default=True,
+    help="Three axial zones, or the paper's one node.",
+)
+@click.option(
+    "--start-degC", "start_degC", type=float, help="Of everything at the start.  [default: ambient]"
+)
+@_json
+def heat(card: Path, damper: Path, *, as_json: bool, **options: Any) -> int:  # noqa: ANN401 - click checks them
+    """Tell how hot a damper gets under a duty, how soon, and where the heat goes."""
+    from mrdamper.app.cli import terminal
+    from mrdamper.app.heat_job import heat as job
+
+    return _finish(job(card, damper, **options), terminal.show_heat, as_json=as_json)
+
+
+@cli.command()
+@click.argument("card", type=click.Path(path_type=Path))
+@_damper
+@_duty
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="For sink.html, sink.json, front.csv, best.toml.",
+)
+@click.option(
+    "--span-mm", type=float, help="Length of the body to stand on.  [default: the drawing's sink's]"
+)
+@click.option("--width-mm", type=float, help="Greatest width of a fin.  [default: the drawing's sink's]")
+@click.option("--mass-g", type=float, help="Greatest mass of all fins.  [default: the drawing's sink's]")
+@click.option(
+    "--least-thickness-mm", type=float, default=1.0, show_default=True, help="Of a fin that can be made."
+)
+@click.option("--least-gap-mm", type=float, default=3.0, show_default=True, help="Between two fins.")
+@click.option(
+    "--material",
+    "materials",
+    multiple=True,
+    metavar="NAME",
+    help="aluminium-alloy, copper, steel, stainless-steel (may be repeated).",
+)
+@click.option(
+    "--emissivity",
+    "emissivities",
+    type=float,
+    multiple=True,
+    metavar="SHARE",
+    help="Of the finish: 0.1 bare, 0.85 anodised (may be repeated).",
+)
+@click.option("--correlation", type=click.Choice(["channel", "vdi", "disc"]), help="The fins' law.")
+@click.option("--film-multiplier", type=float, metavar="NUMBER", help="On the fins' law.")
+@click.option(
+    "--method",
+    type=click.Choice(["grid", "nsga2"]),
+    default="grid",
+    show_default=True,
+    help="Every sink of a grid, or NSGA-II.",
+)
+@click.option(
+    "--front",
+    "members",
+    type=click.IntRange(min=2),
+    default=12,
+    show_default=True,
+    metavar="NUMBER",
+    help="Members of the front that are shown and judged by finite elements.",
+)
+@click.option("--network-only", is_flag=True, help="Do not judge by finite elements.")
+@_seed
+@_json
+def sink(  # noqa: PLR0913 - click passes one argument per option
+    card: Path,
+    damper: Path,
+    *,
+    duty: str,
+    out: Path | None,
+    network_only: bool,
+    as_json: bool,
+    **options: Any,  # noqa: ANN401 - click checks them, SinkOptions names them
+) -> int:
+    """Search annular-fin heat sinks: the coolest damper for the least mass, inside limits."""
+    from mrdamper.app.cli import terminal
+    from mrdamper.app.sink_job import SinkOptions
+    from mrdamper.app.sink_job import sink as job
+
+    chosen = SinkOptions(by_field=not network_only, **options)
+    with terminal.counter() as report:
+        answer = job(card, damper, duty=duty, options=chosen, out=out, report=report)
+    return _finish(answer, terminal.show_sink, as_json=as_json)
 
 
 def _finish(answer: Answer, show: Callable[[Answer], None], *, as_json: bool) -> int:

@@ -24,9 +24,11 @@ __all__ = [
     "show_demo",
     "show_files",
     "show_fluid",
+    "show_heat",
     "show_identification",
     "show_prediction",
     "show_rig",
+    "show_sink",
 ]
 
 Answer = Mapping[str, Any]
@@ -262,6 +264,117 @@ def show_fluid(answer: Answer) -> None:
         console.print(f"- {escape(note)}")
     if answer["file"] is not None:
         console.print(f"wrote {escape(answer['file'])} and {escape(answer['picture'])}")
+
+
+def show_heat(answer: Answer) -> None:
+    """Print temperatures over time, where the heat went, and what a reader should know."""
+    console = _console()
+    courses = [(answer["sink"] or "no heat sink", answer)]
+    if answer["without_sink"] is not None:
+        courses.append(("without heat sink", answer["without_sink"]))
+    for title, course in courses:
+        console.print(_heat_table(course, title))
+        for line in _heat_words(course, answer["limit_degC"]):
+            console.print(line)
+    for note in answer["notes"]:
+        console.print(f"- {escape(note)}")
+    laws = "; ".join(f"{surface}: {law}" for surface, law in answer["correlations"].items())
+    console.print(escape(f"film coefficients: {laws}"))
+    if "report" in answer:
+        console.print(f"wrote {escape(answer['report'])} and {escape(answer['file'])}")
+
+
+def _heat_table(course: Answer, title: str) -> Table:
+    table = Table(title=escape(title))
+    for name in ("minutes", "fluid degC", "coil degC", "wall degC", "peak force N", "W in", "W out"):
+        table.add_column(name, justify="right")
+    curve, power = course["curve"], course["power_W"]
+    seconds = curve["time_s"]
+    shown = [
+        min(range(len(seconds)), key=lambda k: abs(seconds[k] - at * seconds[-1] / 6)) for at in range(7)
+    ]
+    for k in dict.fromkeys(shown):
+        force = course["peak_force_N"][k]
+        table.add_row(
+            f"{seconds[k] / 60:.1f}",
+            *(f"{curve[f'{name}_degC'][k]:.1f}" for name in ("fluid", "coil", "wall")),
+            "-" if force is None else f"{force:.0f}",
+            f"{power['mechanical'][k] + power['coil'][k]:.1f}",
+            f"{sum(watts[k] for watts in course['paths_W'].values()):.1f}",
+        )
+    return table
+
+
+def _heat_words(course: Answer, limit: float) -> list[str]:
+    """Return the lines below a table of temperatures: limit, force, where the heat went."""
+    reached, loss, energy = course["time_to_limit_s"], course["force_loss_percent"], course["energy_J"]
+    when = "not reached" if reached is None else f"reached after {reached / 60:.1f} min"
+    faded = "" if loss is None else f"; the peak force has lost {loss:.1f} % of what it is at 20 degC"
+    total = energy["mechanical"] + energy["coil"]
+    parts = [name for name in energy if name not in {"mechanical", "coil", "out"}]
+    shares = ", ".join(f"{name} {100 * energy[name] / total:.0f} %" for name in parts) if total > 0 else "-"
+    return [
+        f"limit of the fluid, {limit:.4g} degC: {when}{faded}",
+        f"of {total / 1e3:.1f} kJ: {shares} (account closes to {course['energy_closure']:.0e})",
+    ]
+
+
+def show_sink(answer: Answer) -> None:
+    """Print the front beside the reference, the paper's sweeps, and what a reader should know."""
+    console = _console()
+    by = "finite elements" if answer["best"]["model"] == "finite_element" else "zone network"
+    table = Table(title=f"Heat sinks: fluid at the end of the duty against mass, by {by}")
+    for name in ("", "fins", "width mm", "thickness mm", "pitch mm", "material", "g", "degC", "network degC"):
+        table.add_column(name, justify="left" if name in {"", "material"} else "right", no_wrap=True)
+    rows = [("bare", answer["bare"])]
+    if answer["reference"]["fins"]:
+        rows.append(("reference", answer["reference"]))
+    rows += [("", design) for design in answer["front"][:-1]] + [("coolest", answer["best"])]
+    for title, design in rows:
+        sizes = [f"{1e3 * design[f'{name}_m']:.3g}" for name in ("width", "thickness", "pitch")]
+        known = min(design["fins"], 2) + 1 if design["fins"] else 0  # a single fin has no pitch
+        table.add_row(
+            title,
+            str(design["fins"]),
+            *(size if k < known else "-" for k, size in enumerate(sizes)),
+            design["material"] or "",
+            f"{1e3 * design['mass_kg']:.1f}",
+            f"{design['temperature_degC']:.1f}",
+            f"{design['network_degC']:.1f}",
+        )
+    console.print(table)
+    console.print(f"[bold]{answer['cooler_K']:.1f} K[/bold] cooler than the reference")
+    for each in answer["spread"]:
+        told = (_number_or_dash(each[f"{name}_degC"]) for name in ("reference", "best"))
+        law = f"{each['correlation']} law times {each['film_multiplier']:g}"
+        console.print(f"  {law}: reference and coolest {' and '.join(told)} degC (network)")
+    if answer["study"] is not None:
+        console.print(_study_table(answer["study"]))
+        for each in answer["study"]["definitions"]:
+            console.print(escape(f"  {each['symbol']:4} {each['formula']} [{each['unit']}]"))
+    for note in answer["notes"]:
+        console.print(f"- {escape(note)}")
+    if "report" in answer:
+        console.print(f"wrote {escape(answer['report'])} and {escape(answer['file'])}")
+
+
+def _study_table(study: Answer) -> Table:
+    table = Table(title="The paper's sweeps, by every reading of its efficiency (Eq. 10); * is the default")
+    table.add_column("efficiency")
+    for row in study["width"]:
+        table.add_column(f"{1e3 * row['width_m']:.0f} mm", justify="right")
+    table.add_column("as paper")
+    for row in study["fins"]:
+        table.add_column(f"{row['fins']} fins", justify="right")
+    table.add_column("as paper")
+    for each in study["definitions"]:
+        cells = []
+        for sweep in ("width", "fins"):
+            cells += [f"{row['efficiency'][each['name']]:.4g}" for row in study[sweep]]
+            cells.append("yes" if each["follows_paper"][sweep] else each[sweep])
+        star = "*" if each["name"] == study["default"] else ""
+        table.add_row(f"{each['symbol']}{star}", *cells)
+    return table
 
 
 def _fluid_laws(laws: Sequence[Answer], title: str) -> Table:

@@ -222,7 +222,7 @@ static PyType_Spec workspace_spec = {"mrdamper.core._kernel.Workspace", (int)siz
 
 /* ---- Tracker: a controller with its tables; its state is handed out and in as bytes ---------------------- */
 
-#define TRACK_OCTAVES 6
+#define TRACK_OCTAVES 8
 
 typedef struct {
     PyObject_HEAD

@@ -72,6 +72,8 @@ typedef struct {
     X(reach)          /* share of the lags' remaining gap that the command makes up for */                     \
     X(margin)         /* reversal clamp: at most so much above the static answer [A]; negative: none */        \
     X(is_static)      /* 1: hysteresis taken as settled */                                                     \
+    X(stress)         /* 1: a change of current keeps the hysteretic force, up to the yield force; 0: its share */ \
+    X(late)           /* share of the preview in which the new command is taken to act */                      \
     X(unlagged)       /* 1: hysteresis advanced with the command as if there were no lags */                   \
     X(bank)           /* models at constant currents, interpolated; 0: one model at the applied current */     \
     X(lead)           /* of a lead compensation [s over s]: gain of the filtered derivative; 0: none */        \
@@ -107,7 +109,9 @@ typedef struct {
     int32_t currents, temperatures;
     const mrd_real *force; /* [temperatures][MRD_ROWS][currents] */
     const mrd_real *rho;   /* [temperatures][2][currents] */
-    mrd_octaves loading, unloading; /* universal curve of the hysteresis, w >= 0 and w < 0 */
+    mrd_octaves loading, unloading; /* size of w on the universal curve over travel from w = 0 */
+    mrd_octaves to_load;   /* travel of loading over 1 - w */
+    mrd_octaves to_unload; /* travel of unloading over the size of w */
     mrd_octaves viscous;   /* size of the viscous speed */
     mrd_octaves sliding;   /* of the sliding friction's share */
     mrd_octaves breakaway;
@@ -139,8 +143,8 @@ typedef struct {
     mrd_real x, v, a;                 /* estimated motion */
     mrd_real wanted, wanted_rate, wanted_bend; /* filtered target, for extrapolation */
     mrd_real first, second;           /* the command behind the first and the second lag */
-    mrd_real side;                    /* direction of motion that tau is counted in */
-    mrd_real tau[MRD_TRACK_BANK][2];  /* place on the universal curve: per model, per element */
+    mrd_real w[MRD_TRACK_BANK][2];    /* hysteretic states, -1 to 1: per model, per element */
+    mrd_real yield[2];                /* what they were shares of [N] */
     mrd_real command;                 /* the last one given */
     mrd_real leading;                 /* filter of the lead compensation */
     mrd_real integral;                /* of the force feedback [A] */

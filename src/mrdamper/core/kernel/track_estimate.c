@@ -110,24 +110,30 @@ static inline void pass_lags(const mrd_track *c, mrd_real input, mrd_real *first
     *first = input + (rises ? c->rise : c->fall) * gap;
 }
 
-/* Move tau of one element through a stretch of h in which the velocity goes straight from v0 to v1. */
-static inline mrd_real moved(const mrd_track *c, mrd_real tau, mrd_real *side, mrd_real rho, mrd_real v0, mrd_real v1,
-                             mrd_real h)
+/* Travel of a stretch of h in which the velocity goes straight from v0 to v1: up to where it turns, and from there. */
+typedef struct {
+    mrd_real way[2];
+} stretch;
+
+static inline stretch stretch_of(mrd_real v0, mrd_real v1, mrd_real h)
 {
     const int turns = (v0 < R(0.0) && v1 > R(0.0)) || (v0 > R(0.0) && v1 < R(0.0));
     const mrd_real share = turns ? v0 / (v0 - v1) : R(1.0);
-    const mrd_real way[2] = {R(0.5) * h * share * (turns ? v0 : v0 + v1), R(0.5) * h * (R(1.0) - share) * v1};
-    for (int i = 0; i <= turns; i++) {
-        if (way[i] == R(0.0)) continue;
-        const mrd_real now = way[i] > R(0.0) ? R(1.0) : R(-1.0);
-        if (now != *side) {
-            tau = tau_turned(c, tau);
-            *side = now;
-        }
-        tau += rho * magnitude(way[i]);
-        tau = tau < c->loading.top ? tau : c->loading.top;
-    }
-    return tau;
+    stretch s = {{R(0.5) * h * share * (turns ? v0 : v0 + v1), R(0.5) * h * (R(1.0) - share) * v1}};
+    return s;
+}
+
+static inline mrd_real w_along(const mrd_track *c, mrd_real w, mrd_real rho, const stretch *s)
+{
+    if (s->way[0] != R(0.0)) w = w_moved(c, w, rho * s->way[0]);
+    if (s->way[1] != R(0.0)) w = w_moved(c, w, rho * s->way[1]);
+    return w;
+}
+
+/* The share that a hysteretic force has of another yield force: it stays, as far as that allows. */
+static inline mrd_real w_kept(mrd_real w, mrd_real before, mrd_real after)
+{
+    return after > R(0.0) ? limited(w * before / after, R(-1.0), R(1.0)) : w;
 }
 
 /* Current of a bank's model. */
@@ -136,26 +142,36 @@ static inline mrd_real bank_current(const mrd_track *c, int model)
     return c->largest * (mrd_real)model / (c->bank - R(1.0));
 }
 
+/* Yield force of an element. */
+static inline mrd_real yield_at(const mrd_track *c, axis_point warm, axis_point at, int element)
+{
+    return row_at(c, c->force, MRD_ROWS, MRD_ROW_YIELD + element, warm, at);
+}
+
 /* Hysteresis of every model through the period that ends now, velocity having been v0 at its begin. */
 static void follow_hysteresis(const mrd_track *c, mrd_track_state *s, axis_point warm, mrd_real v0, mrd_real applied)
 {
     const int elements = (int)c->elements, models = c->bank > R(1.5) ? (int)c->bank : 1;
-    mrd_real side = s->side;
+    const stretch way = stretch_of(v0, s->v, c->period);
     for (int b = 0; b < models; b++) {
         const axis_point at = on_currents(c, models > 1 ? bank_current(c, b) : applied);
         for (int e = 0; e < elements; e++) {
-            side = s->side;
-            s->tau[b][e] = moved(c, s->tau[b][e], &side, rho_at(c, warm, at, e), v0, s->v, c->period);
+            mrd_real w = s->w[b][e];
+            if (c->stress > R(0.5) && models == 1) {
+                const mrd_real yield = yield_at(c, warm, at, e);
+                w = w_kept(w, s->yield[e], yield);
+                s->yield[e] = yield;
+            }
+            s->w[b][e] = w_along(c, w, rho_at(c, warm, at, e), &way);
         }
     }
-    s->side = side;
 }
 
 /* What the model has now: motion, hysteresis at the applied current. */
 static moment present(const mrd_track *c, const mrd_track_state *s)
 {
     moment m = {s->x, s->v, s->a, {R(0.0), R(0.0)}};
-    for (int e = 0; e < (int)c->elements; e++) m.w[e] = s->side * w_at(c, s->tau[0][e]);
+    for (int e = 0; e < (int)c->elements; e++) m.w[e] = s->w[0][e];
     return m;
 }
 

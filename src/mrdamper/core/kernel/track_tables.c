@@ -36,40 +36,13 @@ static inline mrd_real octaves_at(const mrd_octaves *o, mrd_real size)
     return c[0] + l * (c[1] + l * (c[2] + l * c[3]));
 }
 
-/* The size at which a rising function has a value: its cell by bisection, the place in it by Newton. */
-static mrd_real octaves_inverse(const mrd_octaves *o, mrd_real value)
+/* A hysteretic state after a signed, scaled travel rho dx in one direction. */
+static inline mrd_real w_moved(const mrd_track *c, mrd_real w, mrd_real travel)
 {
-    int32_t low = 0, high = o->cells;
-    while (high - low > 1) {
-        const int32_t middle = (low + high) / 2;
-        if (o->cell[4 * middle] <= value) low = middle;
-        else high = middle;
-    }
-    const mrd_real *c = o->cell + 4 * low;
-    const mrd_real chord = c[1] + c[2] + c[3];
-    mrd_real l = chord > R(0.0) ? limited((value - c[0]) / chord, R(0.0), R(1.0)) : R(0.0);
-    for (int i = 0; i < 4; i++) {
-        const mrd_real slope = c[1] + l * (R(2.0) * c[2] + l * R(3.0) * c[3]);
-        if (!(slope > R(0.0))) break;
-        l = limited(l - (c[0] + l * (c[1] + l * (c[2] + l * c[3])) - value) / slope, R(0.0), R(1.0));
-    }
-    const int shift = MRD_DIGITS - o->bits;
-    const mrd_pattern cell = first_cell(o) + (mrd_pattern)low;
-    const mrd_real begin = of_pattern(cell << shift), end = of_pattern((cell + 1) << shift);
-    return begin + l * (end - begin) - o->offset;
-}
-
-/* w at tau, both counted positive in the direction of motion. */
-static inline mrd_real w_at(const mrd_track *c, mrd_real tau)
-{
-    return tau < R(0.0) ? -octaves_at(&c->unloading, -tau) : octaves_at(&c->loading, tau);
-}
-
-/* tau of the same w in the opposite direction. */
-static inline mrd_real tau_turned(const mrd_track *c, mrd_real tau)
-{
-    return tau < R(0.0) ? octaves_inverse(&c->loading, octaves_at(&c->unloading, -tau))
-                        : -octaves_inverse(&c->unloading, octaves_at(&c->loading, tau));
+    const mrd_real side = travel < R(0.0) ? R(-1.0) : R(1.0), u = limited(side * w, R(-1.0), R(1.0));
+    const mrd_real from = u < R(0.0) ? -octaves_at(&c->to_unload, -u) : octaves_at(&c->to_load, R(1.0) - u);
+    const mrd_real tau = from + side * travel;
+    return side * (tau < R(0.0) ? -octaves_at(&c->unloading, -tau) : octaves_at(&c->loading, tau));
 }
 
 /* A point on an even axis: the entry below, and the share of the way to the next. */

@@ -1,0 +1,49 @@
+"""The page of ``mrdamper sink``: one HTML file that opens offline, as the report does."""
+
+from __future__ import annotations
+
+from mrdamper.app.damper_section import draw_dampers
+from mrdamper.app.heat_job import sink_in_words
+from mrdamper.app.report import environment
+from mrdamper.app.sink_job import SinkRun
+from mrdamper.app.sink_plots import draw_front, draw_sweeps
+from mrdamper.thermal.design import SinkDesign
+from mrdamper.thermal.drawing import DamperDrawing
+from mrdamper.thermal.efficiency import DEFAULT_EFFICIENCY, EFFICIENCIES
+
+__all__ = ["render_sink"]
+
+_ZERO_CELSIUS_K = 273.15
+
+
+def render_sink(run: SinkRun) -> str:
+    """Return the page's HTML."""
+    limit = run.drawing.filling.valid_K[1]
+    return (
+        environment()
+        .get_template("sink.html.j2")
+        .render(
+            it=run,
+            zero=_ZERO_CELSIUS_K,
+            words=[sink_in_words(each.sink) for each in run.front if each.sink is not None],
+            front=draw_front(run.found.designs, run.front, run.reference, limit),
+            dampers=draw_dampers(_dampers(run), "Best sink and reference, to scale"),
+            sweeps="" if run.sweeps is None else draw_sweeps(run.sweeps),
+            definitions=list(EFFICIENCIES.values()),
+            default=DEFAULT_EFFICIENCY,
+        )
+    )
+
+
+def _dampers(run: SinkRun) -> list[tuple[str, DamperDrawing]]:
+    """Return what is drawn: the reference, the best, and the lightest that is as cool as the reference."""
+
+    def titled(name: str, design: SinkDesign) -> tuple[str, DamperDrawing]:
+        words = "no fins" if design.sink is None else sink_in_words(design.sink)
+        figures = f"{design.fluid - _ZERO_CELSIUS_K:.1f} °C, {1e3 * design.mass:.0f} g"
+        return f"{name}: {figures}\n{words}", run.drawing.with_sink(design.sink)
+
+    chosen = [titled("reference", run.reference), titled("coolest", run.best)]
+    if run.lightest is not None and run.reference.sink is not None and run.lightest is not run.best:
+        chosen.append(titled("lightest that is as cool as the reference", run.lightest))
+    return chosen

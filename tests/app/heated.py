@@ -1,0 +1,67 @@
+"""Cards for the tests of heating: one identified on the virtual rig's preset ``paper``, and simple ones."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+
+from mrdamper.app.api import fit
+from mrdamper.data.records import Dataset
+from mrdamper.models.card import Evidence, ModelCard, write_card
+from mrdamper.models.damper import Damper, OperatingEnvelope
+from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial, Tempered
+from mrdamper.models.laws import LAWS
+from mrdamper.models.temperature import Arrhenius, Linear
+from mrdamper.rig.campaign import Campaign
+from mrdamper.rig.measurement import measure_run
+from mrdamper.rig.plant import PRESETS
+
+DRAWING = Path(__file__).parents[2] / "examples" / "paper_damper.toml"
+
+CAMPAIGN = Campaign(
+    motions=("sine15mm1Hz", "nonperiodic"),
+    currents_A=(0.0, 1.0, 2.0),
+    temperatures_degC=(20.0, 45.0, 75.0, 105.0, 130.0),
+    steps=None,
+)
+
+
+@cache
+def paper_card() -> ModelCard:
+    """Return the card that a campaign on the rig's preset leads to: two seconds."""
+    damper = PRESETS["paper"]
+    runs = tuple(measure_run(damper, plan, CAMPAIGN, seed=1)[0] for plan in CAMPAIGN.runs(damper.name))
+    return fit(Dataset(runs)).card()
+
+
+def plain_card(
+    folder: Path, name: str = "card.json", *, unit: str = "A", tempered: bool = True, assumed: bool = False
+) -> Path:
+    """Write the card of a Dahl damper of some 75 W at 15 mm, 1 Hz and 2 A (or 2 V); return its path."""
+    viscosity: ParameterLaw = Constant(3e3)
+    force: ParameterLaw = Polynomial((60.0, 450.0))
+    if tempered:
+        viscosity = Tempered(viscosity, Arrhenius(1435.5), assumed=assumed)
+        force = Tempered(force, Linear(1.3e-3), assumed=assumed)
+    forms: Mapping[str, ParameterLaw] = {
+        "viscosity": viscosity,
+        "yield_force": force,
+        "rho": Constant(4e3),
+        "offset": Constant(0.0),
+    }
+    card = ModelCard(
+        title="plain",
+        damper=Damper(LAWS["dahl"], forms, command_unit=unit),
+        envelope=OperatingEnvelope(
+            (0.0, 2.0), (-0.015, 0.015), (-0.0943, 0.0943), (293.15, 403.15) if tempered else None
+        ),
+        evidence=Evidence(
+            runs=({"name": "a", "split": "training", "rmse_N": 1.0, "nrmse_percent": 1.0},),
+            method="varpro",
+            cost=1.0,
+            dataset_fingerprint="0",
+        ),
+    )
+    write_card(card, folder / name)
+    return folder / name
