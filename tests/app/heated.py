@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 
 from mrdamper.app.api import fit
 from mrdamper.data.records import Dataset
 from mrdamper.models.card import Evidence, ModelCard, write_card
-from mrdamper.models.damper import Damper, OperatingEnvelope
+from mrdamper.models.damper import CommandUnit, Damper, OperatingEnvelope
 from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial, Tempered
 from mrdamper.models.laws import LAWS
 from mrdamper.models.temperature import Arrhenius, Linear
@@ -36,17 +35,18 @@ def paper_card() -> ModelCard:
 
 
 def plain_card(
-    folder: Path, name: str = "card.json", *, unit: str = "A", tempered: bool = True, assumed: bool = False
+    folder: Path,
+    name: str = "card.json",
+    *,
+    unit: CommandUnit = "A",
+    tempered: bool = True,
+    assumed: bool = False,
 ) -> Path:
     """Write the card of a Dahl damper of some 75 W at 15 mm, 1 Hz and 2 A (or 2 V); return its path."""
-    viscosity: ParameterLaw = Constant(3e3)
-    force: ParameterLaw = Polynomial((60.0, 450.0))
-    if tempered:
-        viscosity = Tempered(viscosity, Arrhenius(1435.5), assumed=assumed)
-        force = Tempered(force, Linear(1.3e-3), assumed=assumed)
-    forms: Mapping[str, ParameterLaw] = {
-        "viscosity": viscosity,
-        "yield_force": force,
+    viscosity, force = Constant(3e3), Polynomial((60.0, 450.0))
+    forms: dict[str, ParameterLaw] = {
+        "viscosity": Tempered(viscosity, Arrhenius(1435.5), assumed=assumed) if tempered else viscosity,
+        "yield_force": Tempered(force, Linear(1.3e-3), assumed=assumed) if tempered else force,
         "rho": Constant(4e3),
         "offset": Constant(0.0),
     }

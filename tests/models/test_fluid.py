@@ -178,7 +178,7 @@ def test_a_yield_stress_warns_on_the_fluids_range_alone():
 
 @pytest.mark.parametrize("kelvin", [25.0, 0.0, -10.0, 1000.0, math.nan])
 def test_celsius_passed_as_kelvin_is_refused(kelvin):
-    with pytest.raises(EnvelopeError, match=r"expected 200 to 500 K\. Temperatures are in kelvin"):
+    with pytest.raises(EnvelopeError, match=r"expected 223 to 453 K\. Temperatures are in kelvin"):
         PAPER.viscosity(kelvin)
 
 

@@ -1,11 +1,12 @@
 """A damper drawn to scale: its section along the axis, with the fins; or the temperatures in it.
 
-Drawn from the section that the finite elements solve, mirrored about the axis, in millimetres; alike on both axes.
+Drawn from the section that the finite elements solve, mirrored about the axis; millimetres on both axes.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
@@ -14,6 +15,7 @@ from matplotlib.colors import BoundaryNorm, to_hex
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 from matplotlib.ticker import MaxNLocator
+from matplotlib.tri import Triangulation
 
 from mrdamper.app.plots import INK, WIDE, drawing_style, svg_of
 from mrdamper.quantities import FloatArray
@@ -45,7 +47,8 @@ def draw_dampers(dampers: Sequence[tuple[str, DamperDrawing]], label: str) -> st
     across, along = _extent([drawing for _, drawing in dampers])
     columns = min(len(dampers), 2)
     rows = -(-len(dampers) // columns)
-    left, right, top, bottom, gap = 0.45, 0.12, 0.26, 0.62, 0.35  # inches
+    left, right, bottom, gap = 0.45, 0.12, 0.62, 0.35  # inches
+    top = 0.4 if any("\n" in title for title, _ in dampers) else 0.26
     inch = (WIDE - left - right - gap * (columns - 1)) / columns / along
     inch = min(inch, _INCHES_HIGH / (2.0 * across))
     wide, high = along * inch, 2.0 * across * inch
@@ -67,7 +70,9 @@ def draw_dampers(dampers: Sequence[tuple[str, DamperDrawing]], label: str) -> st
                 axes.set_xlabel("mm", labelpad=1.0)
             else:
                 axes.tick_params(axis="x", labelbottom=False)
-        keys = dict((word, colour) for colour, word in _COLOURS.values())
+        keys = {word: colour for colour, word in _COLOURS.values()}
+        if not any(drawing.sink for _, drawing in dampers):
+            del keys["fins"]
         patches = [Patch(facecolor=colour, label=word) for word, colour in keys.items()]
         figure.legend(
             handles=patches,
@@ -84,7 +89,7 @@ def draw_field(section: Section, mesh: SectionMesh, celsius: FloatArray, label: 
     corners = mesh.corners
     across = 1e3 * float(corners[:, 0].max()) * 1.06
     along = 1e3 * float(corners[:, 1].max())
-    left, right, top, bottom = 0.45, 0.95, 0.12, 0.42
+    left, right, top, bottom = 0.45, 0.95, 0.22, 0.42
     inch = min((WIDE - left - right) / (1.06 * along), _INCHES_HIGH / (2.0 * across))
     wide, high = 1.06 * along * inch, 2.0 * across * inch
     width, height = left + wide + right, top + high + bottom
@@ -96,7 +101,8 @@ def draw_field(section: Section, mesh: SectionMesh, celsius: FloatArray, label: 
         z, r = 1e3 * corners[:, 1], 1e3 * corners[:, 0]
         norm = BoundaryNorm(levels, map_.N)
         for side in (1.0, -1.0):
-            axes.tricontourf(z, side * r, mesh.triangles, celsius, levels=levels, cmap=map_, norm=norm)
+            at = Triangulation(z, side * r, mesh.triangles)
+            axes.tricontourf(at, celsius, levels=levels, cmap=map_, norm=norm)
         for block in section.blocks:
             for side in (1.0, -1.0):
                 low = 1e3 * (block.inner if side > 0.0 else -block.outer)
@@ -109,7 +115,7 @@ def draw_field(section: Section, mesh: SectionMesh, celsius: FloatArray, label: 
         axes.grid(visible=False)
         axes.set_xlabel("mm", labelpad=1.0)
         bar = figure.add_axes(((left + wide + 0.12) / width, bottom / height, 0.14 / width, high / height))
-        for low, high_level in zip(levels[:-1], levels[1:], strict=True):
+        for low, high_level in pairwise(levels):
             colour = to_hex(map_(norm(0.5 * (low + high_level))))
             bar.axhspan(low, high_level, color=colour, linewidth=0)
         bar.set_ylim(levels[0], levels[-1])

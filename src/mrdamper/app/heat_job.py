@@ -1,7 +1,7 @@
 """The job behind ``mrdamper heat``: card, drawing and duty in; curves, heat paths, force fade and a page out.
 
-A damper with a heat sink is run without it, too. With a folder the temperatures at the end are also computed by
-finite elements where the extra ``[thermal]`` is installed. Nothing is printed here.
+A damper with a heat sink is run without it, too. With a folder the temperatures at the end are also computed
+by finite elements where the extra ``[thermal]`` is installed. Nothing is printed here.
 """
 
 from __future__ import annotations
@@ -156,19 +156,16 @@ def heat_damper(
 
 def _field_end(
     works: list[LoopWork], drawing: DamperDrawing, duty: Duty, rise: Rise, start: float | None
-) -> FieldEnd:
-    """Return the finite elements at the end of the network's curve, wherever that ends."""
+) -> FieldEnd | None:
+    """Return the finite elements at the end of the network's curve, wherever that ends; None at its start."""
     loads, left = [], float(rise.time[-1])
     for load in loads_of(works, drawing, duty):
         if left <= 1e-9:
             break
         loads.append(type(load)(min(load.duration, left), load.power, load.coil_W))
         left -= load.duration
-    if not loads:
-        raise InputError(
-            f"{drawing.name}: the fluid is at its limit from the start; expected a start below "
-            f"{rise.limit_K - _ZERO_CELSIUS_K:.4g} degC"
-        )
+    if not loads:  # at the limit from the start
+        return None
     field, course = heat_field(drawing, loads, start_K=start)
     corners = course.state[-1][: len(field.mesh.corners)] + course.equation.ambient - _ZERO_CELSIUS_K
     return FieldEnd(
@@ -192,8 +189,8 @@ def _warm_notes(card: ModelCard, rise: Rise) -> list[str]:
         return []
     told = [f"{kelvin - _ZERO_CELSIUS_K:.1f}" for kelvin in (low, high, *known)]
     return [
-        f"the fluid goes from {told[0]} to {told[1]} degC; the card was identified from {told[2]} to {told[3]} "
-        "degC, and 5 K beyond that its force is held at the edge's"
+        f"the fluid goes from {told[0]} to {told[1]} degC; the card was identified from {told[2]} to "
+        f"{told[3]} degC, and 5 K beyond that its force is held at the edge's"
     ]
 
 

@@ -1,4 +1,4 @@
-"""Figures of ``mrdamper heat``: temperatures, heat paths, fade of force; over minutes, in degC, watts and newtons."""
+"""Figures of ``mrdamper heat``: temperatures, heat paths, fade of force; minutes, degC, watts, newtons."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def draw_temperatures(rises: Sequence[tuple[str, Rise]]) -> str:
     )
     coolest = min(float(rise.wall_degC.min()) for _, rise in rises)
     longest = max(float(rise.time[-1]) for _, rise in rises) / 60.0
-    high = max(hottest, limit) + 0.08 * (max(hottest, limit) - coolest)
+    high = max(hottest, limit) + max(0.08 * (max(hottest, limit) - coolest), 1.0)
     with drawing_style():
         width, height = WIDE if len(rises) > 1 else 6.4, 3.4
         figure = Figure(figsize=(width, height))
@@ -67,11 +67,11 @@ def draw_temperatures(rises: Sequence[tuple[str, Rise]]) -> str:
                 axes.annotate(
                     f"{reached:.1f} min",
                     (reached, limit),
-                    (-4, 5),
+                    (4, -9),
                     textcoords="offset points",
                     fontsize=6.5,
                     color="#a03020",
-                    ha="right",
+                    ha="left" if reached < 0.9 * longest else "right",
                 )
             axes.set_xlim(0.0, max(longest, 1e-9))
             axes.set_ylim(coolest - 0.03 * (high - coolest), high)
@@ -87,7 +87,7 @@ def draw_temperatures(rises: Sequence[tuple[str, Rise]]) -> str:
 
 
 def draw_paths(rises: Sequence[tuple[str, Rise]]) -> str:
-    """Return where the heat goes over time, stacked: what is stored, then every path; a panel for each rise."""
+    """Return where the heat goes over time, stacked: every path, then what is stored; a panel each."""
     most = max(float((rise.mechanical_W + rise.coil_W).max()) for _, rise in rises)
     longest = max(float(rise.time[-1]) for _, rise in rises) / 60.0
     named = [
@@ -142,7 +142,7 @@ def _stack(axes: Axes, rise: Rise, named: Sequence[str]) -> None:
 
 
 def draw_fade(rises: Sequence[tuple[str, Rise]]) -> str:
-    """Return the peak force of the cycle over time, and over the fluid's temperature; nothing when at rest."""
+    """Return the cycle's peak force over time and over the fluid's temperature; nothing when at rest."""
     moving = [(title, rise) for title, rise in rises if np.isfinite(rise.peak_force_N).any()]
     if not moving:
         return ""

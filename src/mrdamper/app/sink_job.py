@@ -1,7 +1,7 @@
-"""The job behind ``mrdamper sink``: card, drawing and limits in; a front of heat sinks, the paper's sweeps and a page.
+"""The job behind ``mrdamper sink``: card, drawing, limits in; heat sinks and the paper's sweeps out.
 
-The zone network searches; the members of the front that are shown, and the reference, are judged again by finite
-elements where the extra ``[thermal]`` is installed. Nothing is printed here.
+The zone network searches; the members of the front that are shown, and the reference, are judged again by
+finite elements where the extra ``[thermal]`` is installed. Nothing is printed here.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from mrdamper.app.outputs import staged, write_json, write_table
 from mrdamper.errors import InputError, MissingExtraError
 from mrdamper.models.card import ModelCard
 from mrdamper.models.card_reading import read_card
-from mrdamper.models.damper import Damper
 from mrdamper.thermal.design import (
     HeatedDamper,
     Report,
@@ -150,7 +149,7 @@ def sink(
 
 
 def search_sinks(
-    card: ModelCard | Damper,
+    card: ModelCard,
     drawing: DamperDrawing,
     duty: Duty,
     options: SinkOptions,
@@ -159,10 +158,9 @@ def search_sinks(
 ) -> SinkRun:
     """Return the front of a search, its reference and the paper's sweeps."""
     clock = time.process_time()
-    damper = card.damper if isinstance(card, ModelCard) else card
     drawing = _with_law(drawing, options)
     limits = options.limits(drawing)
-    works = works_of(damper, duty)
+    works = works_of(card.damper, duty)
     heated = HeatedDamper(drawing, tuple(loads_of(works, drawing, duty)))
     bare = heated.evaluate(None)
     reference = bare if drawing.sink is None else heated.evaluate(drawing.sink)
@@ -181,9 +179,7 @@ def search_sinks(
             bare, reference, shown = judged[0], judged[1], front_of(judged[2:])
             apart = max(abs(each.fluid - each.network_fluid) for each in judged)
             if apart > _WIDE_APART:
-                notes.append(
-                    f"network and finite elements are up to {apart:.1f} K apart: calibrate the network"
-                )
+                notes.append(f"network and finite elements are up to {apart:.1f} K apart")
     try:
         sweeps = paper_sweeps(drawing, heated.pattern, heated.loads)
     except InputError as fault:
@@ -223,16 +219,14 @@ def _with_law(drawing: DamperDrawing, options: SinkOptions) -> DamperDrawing:
     changed = replace(pattern, correlation=law, film_multiplier=factor)
     if drawing.sink is None:
         raise InputError(
-            f"{drawing.name}: --correlation and --film-multiplier change the drawing's own sink, and it has none; "
-            "give it a table [sink]"
+            f"{drawing.name}: --correlation and --film-multiplier change the drawing's own sink, and it has "
+            "none; give it a table [sink]"
         )
     return drawing.with_sink(changed)
 
 
-def _notes(
-    card: ModelCard | Damper, drawing: DamperDrawing, limits: SinkLimits, found: SinkFront
-) -> list[str]:
-    damper = card.damper if isinstance(card, ModelCard) else card
+def _notes(card: ModelCard, drawing: DamperDrawing, limits: SinkLimits, found: SinkFront) -> list[str]:
+    damper = card.damper
     notes = []
     if not damper.tempered:
         notes.append("the card does not depend on temperature: its force is held constant")
@@ -247,8 +241,8 @@ def _notes(
     own, best = drawing.sink, found.best.sink
     if own is not None and own.film_multiplier != 1.0:
         notes.append(
-            f"the fins' film coefficient is {own.film_multiplier:g} times the correlation's, as the drawing has it; "
-            "that this factor holds at narrower gaps is an assumption (see the spread)"
+            f"the fins' film coefficient is {own.film_multiplier:g} times the correlation's, as drawn; that "
+            "this factor holds at narrower gaps is an assumption (see the spread)"
         )
     if best is not None and best.thickness <= limits.least_thickness * (1.0 + 1e-6):
         notes.append("the best fins are as thin as can be made: the least thickness decides")

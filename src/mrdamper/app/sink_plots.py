@@ -20,7 +20,7 @@ _FOLLOWS, _OTHER = HELD_OUT, "#8a8a8a"
 def draw_front(
     whole: Sequence[SinkDesign], shown: Sequence[SinkDesign], reference: SinkDesign, limit_K: float
 ) -> str:
-    """Return temperature over mass: the network's whole front, its members judged again, and the reference."""
+    """Return temperature over mass: the network's front, its members judged again, the reference."""
     with drawing_style():
         figure = Figure(figsize=(WIDE, 3.9))
         axes = figure.add_subplot()

@@ -3,6 +3,9 @@
 The damper's law is fitted on runs at constant command first and stands still here. Around every change of
 the command the measured force is compared with the damper's, driven through a delay and two lags; in each
 such window a gain and an offset are free, so that what the law gets wrong in level says nothing about time.
+
+The play is what is left then: a command that was reached from above is felt as more than the same command
+reached from below. It is told where runs come to one command from both sides and stay there.
 """
 
 from __future__ import annotations
@@ -16,7 +19,7 @@ from scipy.optimize import least_squares
 
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import ConvergenceError, InputError
-from mrdamper.models.actuation import Actuation
+from mrdamper.models.actuation import PLAY_SHARE, Actuation
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import Drive, open_drive, simulate
 from mrdamper.quantities import FloatArray
@@ -29,6 +32,7 @@ _LEAST_MOVED_N = 5.0  # a window in which the damper's force moves by less tells
 _LONGEST_S = 0.3
 _SHORTEST_S = 1e-4
 _NAMES = ("rise_s", "fall_s", "second_s", "delay_s")
+_SETTLED_S = 0.1  # after a change of the command, before its level is looked at
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +40,7 @@ class ActuationFit:
     """An identified actuation, its standard errors, and how well it follows the steps."""
 
     actuation: Actuation
-    standard_errors: dict[str, float]  # of rise_s, fall_s, second_s, delay_s [s]; NaN on a bound
+    standard_errors: dict[str, float]  # of rise_s, fall_s, second_s, delay_s [s], play; NaN where not told
     t63_s: float  # from a step up of the command to 63 % of the way
     t90_s: float
     rmse_N: float  # in the windows, level taken out
@@ -129,10 +133,13 @@ def fit_actuation(
         raise ConvergenceError(
             "actuation: no finite error; check that current and force belong together in time"
         )
-    actuation = made(found.x)
+    lags = made(found.x)
+    play, play_error = _fit_play(replace(still, actuation=lags), runs)
+    actuation = replace(lags, play=play)
+    errors = _errors(np.asarray(found.jac), found.fun, found.x, (low, high))
     return ActuationFit(
         actuation=actuation,
-        standard_errors=_errors(np.asarray(found.jac), found.fun, found.x, (low, high)),
+        standard_errors={**errors, "play": play_error},
         t63_s=actuation.response_time(0.63),
         t90_s=actuation.response_time(0.9),
         rmse_N=float(np.sqrt(np.mean(found.fun**2))),
@@ -140,6 +147,58 @@ def fit_actuation(
         windows=sum(len(windows) for _, _, windows in stretches),
         cpu_s=time.process_time() - clock,
     )
+
+
+def _fit_play(damper: Damper, runs: Sequence[PreparedRun]) -> tuple[float, float]:
+    """Return the half width of the play [A or V] and its standard error; 0 and NaN where no run tells.
+
+    Where a command is held, force less the damper's is a level for each command and direction of motion, and,
+    where the command was reached from above, the play's width times the force's growth with the command.
+    """
+    squares, products, rest, count, levels = 0.0, 0.0, 0.0, 0, 0
+    for run in runs:
+        path = run.trajectory
+        span = float(np.ptp(path.command))
+        if span == 0.0 or np.min(path.command) < 0.0:
+            continue
+        step = 0.01 * span
+        force = simulate(damper, path)
+        growth = (simulate(damper, replace(path, command=path.command + step)) - force) / step
+        growth *= 2.0 * PLAY_SHARE  # by the half width
+        from_above, since = _how_reached(path.command, path.step)
+        held = (since >= _SETTLED_S) & (np.arange(len(force)) >= run.scored_from)
+        direction = np.sign(path.velocity)
+        for level in np.unique(np.round(path.command[held], 6)):
+            for side in (-1.0, 1.0):
+                here = held & (np.abs(path.command - level) < 1e-6 * max(span, 1.0)) & (direction == side)
+                if here.any():  # away from reversals, where the law errs in other ways
+                    here &= side * growth > 0.9 * float(np.quantile(side * growth[here], 0.9))
+                above = here & (from_above > 0.0)
+                if above.sum() < 20 or (here & (from_above < 0.0)).sum() < 20:
+                    continue
+                error = (run.force - force)[here]
+                column = np.where(above[here], growth[here], 0.0)
+                error, column = error - error.mean(), column - column.mean()
+                squares += float(column @ column)
+                products += float(column @ error)
+                rest += float(error @ error)
+                count += len(error)
+                levels += 1
+    if squares <= 0.0:
+        return 0.0, float("nan")
+    play = products / squares
+    left = max(rest - play * products, 0.0) / max(count - levels - 1, 1)
+    return max(play, 0.0), float(np.sqrt(left / squares))
+
+
+def _how_reached(command: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
+    """Return whether the command last fell (1), rose (-1) or never moved (0), and how long ago [s]."""
+    moved = np.diff(command, prepend=command[0])
+    places = np.where(moved != 0.0, np.arange(len(command)), -1)
+    last = np.maximum.accumulate(places)
+    way = np.where(last >= 0, -np.sign(moved[np.maximum(last, 0)]), 0.0)
+    since = np.where(last >= 0, (np.arange(len(command)) - last) * step, np.inf)
+    return way, since
 
 
 def _level_free(model: FloatArray, measured: FloatArray) -> FloatArray:

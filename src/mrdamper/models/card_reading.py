@@ -167,8 +167,9 @@ def _read_damper(top: Mapping[str, _Place], law: HysteresisLaw) -> Damper | None
 def _read_actuation(place: _Place) -> Actuation | None:
     if place.value is None:
         return None
-    table = place.table(tuple(each.name for each in fields(Actuation)))
-    values = {name: each.number_or_none() for name, each in table.items()}
+    needed = tuple(each.name for each in fields(Actuation) if each.name != "play")
+    table = place.table(needed, optional=("play",))
+    values = {name: each.number_or_none() for name, each in table.items() if each.value is not _MISSING}
     return place.build(lambda: Actuation(**values))  # type: ignore[arg-type]  # checked when built
 
 

@@ -1,7 +1,7 @@
-"""The problem of the finite elements as a CalculiX input: the same nodes and elements, its own everything else.
+"""The problem of the finite elements as a CalculiX input: the same nodes and elements, all else its own.
 
-CalculiX has no film coefficient that varies with temperature unless one compiles a subroutine: films are frozen,
-and so are the sources. Radiation stays nonlinear. Its time stepping is backward Euler with the step given.
+CalculiX has no film coefficient that varies with temperature unless one compiles a subroutine: films are
+frozen, and so are the sources. Radiation stays nonlinear. It steps by backward Euler with the step given.
 """
 
 from __future__ import annotations
@@ -41,8 +41,9 @@ def write_calculix(
     """
     section, mesh = model.section, model.mesh
     ambient = section.ambient
+    # CalculiX reads the first 20 characters of a number
     lines = ["*NODE, NSET=NALL"]
-    lines += [f"{k + 1}, {r:.15e}, {z:.15e}" for k, (r, z) in enumerate(model.nodes.tolist())]
+    lines += [f"{k + 1}, {r:.12e}, {z:.12e}" for k, (r, z) in enumerate(model.nodes.tolist())]
     for number, region in enumerate(section.regions):
         inside = np.flatnonzero(mesh.region == number)
         if not inside.size:
@@ -50,7 +51,11 @@ def write_calculix(
         lines.append(f"*ELEMENT, TYPE=CAX6, ELSET=E{number}")
         lines += [f"{k + 1}, " + ", ".join(str(n + 1) for n in model.elements[k].tolist()) for k in inside]
         kr, kz = region.conductivity_r, region.conductivity_z
-        lines += [f"*MATERIAL, NAME=M{number}", "*CONDUCTIVITY, TYPE=ORTHO", f"{kr:.12g}, {kz:.12g}, {kr:.12g}"]
+        lines += [
+            f"*MATERIAL, NAME=M{number}",
+            "*CONDUCTIVITY, TYPE=ORTHO",
+            f"{kr:.12g}, {kz:.12g}, {kr:.12g}",
+        ]
         lines += ["*DENSITY", "1.", "*SPECIFIC HEAT", f"{region.volumetric_heat:.12g}"]
         lines.append(f"*SOLID SECTION, ELSET=E{number}, MATERIAL=M{number}")
     lines += ["*INITIAL CONDITIONS, TYPE=TEMPERATURE", f"NALL, {ambient:.12g}"]
@@ -74,7 +79,7 @@ def write_calculix(
 
 
 def run_calculix(path: Path, nodes: int) -> FloatArray:
-    """Run an input of ``write_calculix``; return the temperatures of its nodes at the end [K], shape (nodes,).
+    """Run an input of ``write_calculix``; return its nodes' temperatures at the end [K], shape (nodes,).
 
     Raises
     ------
@@ -98,12 +103,14 @@ def _sources(model: FieldModel, role: Role, power: float) -> list[str]:
     """Return the body fluxes that spread a power over the regions with a role."""
     numbers = [k for k, region in enumerate(model.section.regions) if region.role == role]
     volume = float(model.mesh.volumes()[np.isin(model.mesh.region, numbers)].sum())
-    return [f"E{k}, BF, {power / volume:.12g}" for k in numbers if (model.mesh.region == k).any() and power != 0.0]
+    return [
+        f"E{k}, BF, {power / volume:.12g}" for k in numbers if (model.mesh.region == k).any() and power != 0.0
+    ]
 
 
 def _faces(model: FieldModel) -> list[tuple[tuple[int, int], int]]:
     """Return the element and its side (0: 01, 1: 12, 2: 20) of each facet, and the facet's surface."""
-    where = {}
+    where: dict[tuple[int, int], tuple[int, int]] = {}
     for side, (a, b) in enumerate(((0, 1), (1, 2), (2, 0))):
         ends = np.sort(model.mesh.triangles[:, [a, b]], axis=1)
         where |= {(int(p), int(q)): (k, side) for k, (p, q) in enumerate(ends)}

@@ -1,13 +1,13 @@
 """Search of annular-fin heat sinks: the coolest damper for the least mass, inside an envelope.
 
-``search_grid`` tries every sink of a grid; ``genetic_design`` searches freely. Both go by the zone network and
-return a front: no sink on it is beaten in both mass and temperature by another that was tried. ``confirm``
-evaluates a front again by finite elements. A sink that lies outside its correlation's range is not admissible.
+``search_grid`` tries every sink of a grid, ``evolution`` searches freely. Both go by the zone network and
+return a front: no sink on it is beaten in mass and temperature by another that was tried. ``confirm`` judges
+a front again by finite elements. A sink outside its correlation's range is not admissible.
 
-The fins' law, its multiplier and the contact resistance are those of the drawing's own sink: a multiplier that was
-calibrated at wide gaps is carried over to narrow ones, which ``spread`` makes visible. Fins further apart than
-twice their width are not tried: the body between two fins cools by the fins' film, whatever the distance, and a
-search would find two fins at the ends of the body to be a finned body.
+The fins' law, its multiplier and the contact resistance are those of the drawing's own sink: a multiplier
+that was calibrated at wide gaps is carried over to narrow ones, which ``spread`` shows. Fins further apart
+than twice their width are not tried: the body between two fins cools by the fins' film at whatever distance,
+and a search would find two fins at its ends to be a finned body.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 
@@ -37,8 +37,8 @@ __all__ = [
     "Spread",
     "confirm",
     "front_of",
-    "limits_of",
     "lightest_as_cool",
+    "limits_of",
     "search_grid",
     "spread",
     "thinned",
@@ -97,7 +97,7 @@ class SinkLimits:
         return 1 + int((self.span - thickness) * (1.0 + _ROUNDING) / (thickness + self.least_gap))
 
     def widest_pitch(self, fins: int, width: float, thickness: float) -> float:
-        """Return the greatest pitch of two fins or more [m]: what the span leaves, and a gap that is a groove."""
+        """Return the greatest pitch of two fins or more [m]: within the span, with a gap that is a groove."""
         return min((self.span - thickness) / (fins - 1), thickness + _WIDEST_GAP * width)
 
     def allow(self, sink: HeatSink, body_diameter: float) -> bool:
@@ -127,7 +127,7 @@ class SinkDesign:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HeatedDamper:
-    """A damper under loads, to be given heat sinks; what stands in ``pattern`` and is not searched is kept."""
+    """A damper under loads, to be given heat sinks; what is not searched is kept from ``pattern``."""
 
     drawing: DamperDrawing
     loads: tuple[Load, ...]
@@ -200,7 +200,7 @@ def limits_of(
 ) -> SinkLimits:
     """Return limits, those that are not given from the drawing's own sink.
 
-    Without a sink in the drawing the span is the body's length and the width its radius, and any mass will do.
+    Without a sink in the drawing: the body's length, its radius, and any mass.
     """
     own, body = drawing.sink, drawing.body
     plain = HeatSink(fins=1, width=0.01, thickness=2e-3, pitch=0.01)
@@ -208,8 +208,8 @@ def limits_of(
         span = own.span if own else body.length
     if not span <= body.length * (1.0 + _ROUNDING):
         raise InputError(
-            f"sink limits: the span is {1e3 * span:g} mm, the body's length {1e3 * body.length:g} mm; expected "
-            "a span on the body"
+            f"sink limits: the span is {1e3 * span:g} mm, the body's length {1e3 * body.length:g} mm; "
+            "expected a span within it"
         )
     return SinkLimits(
         span=span,
@@ -228,8 +228,8 @@ def limits_of(
 def search_grid(damper: HeatedDamper, limits: SinkLimits, *, report: Report | None = None) -> SinkFront:
     """Return the front of every sink of a grid that keeps to the limits.
 
-    All numbers of fins; four widths and four thicknesses; spread over the whole span or six tenths of it; every
-    material and finish. A search of some 500 sinks takes about a second.
+    All numbers of fins; four widths and thicknesses; the widest pitch or six tenths of it; every material and
+    finish. A search of some 500 sinks takes about a second.
 
     Raises
     ------
@@ -242,9 +242,9 @@ def search_grid(damper: HeatedDamper, limits: SinkLimits, *, report: Report | No
     sinks = [sink for sink in _grid(damper.pattern, limits) if limits.allow(sink, damper.diameter)]
     if not sinks:
         raise InputError(
-            f"sink limits: no sink keeps to them (span {1e3 * limits.span:g} mm, width {1e3 * limits.width:g} mm, "
-            f"mass {1e3 * limits.mass:g} g, thickness from {1e3 * limits.least_thickness:g} mm); raise the mass "
-            "or lower the least thickness"
+            f"sink limits: no sink keeps to them (span {1e3 * limits.span:g} mm, width "
+            f"{1e3 * limits.width:g} mm, mass {1e3 * limits.mass:g} g, thickness from "
+            f"{1e3 * limits.least_thickness:g} mm); raise the mass or lower the least thickness"
         )
     found: list[SinkDesign] = []
     refusal: EnvelopeError | None = None
@@ -294,7 +294,7 @@ def _whole(length: float) -> float:
 
 
 def front_of(designs: Sequence[SinkDesign]) -> tuple[SinkDesign, ...]:
-    """Return the designs that no other beats, by rising mass: each is heavier and cooler than the one before."""
+    """Return the designs that no other beats: each is heavier and cooler than the one before."""
     front: list[SinkDesign] = []
     for design in sorted(designs, key=lambda each: (each.mass, each.fluid)):
         if not front or design.fluid < front[-1].fluid:
@@ -361,9 +361,10 @@ class Spread:
 
 
 def spread(damper: HeatedDamper, reference: HeatSink | None, best: HeatSink) -> tuple[Spread, ...]:
-    """Return what two sinks would do under the other law of the fins' convection, and without multiplier."""
+    """Return what two sinks do by the law and multiplier in use (first), by the other law, and without it."""
     upright = damper.drawing.body.orientation == "vertical"
-    laws = ["disc"] if upright else [law for law in get_args(FinLaw) if law != "disc"]
+    laws: tuple[FinLaw, ...] = ("disc",) if upright else ("channel", "vdi")
+    laws = tuple(sorted(laws, key=lambda law: law != damper.pattern.correlation))
     multipliers = dict.fromkeys((damper.pattern.film_multiplier, 1.0))
 
     def fluid(sink: HeatSink | None, law: FinLaw, multiplier: float) -> float | None:

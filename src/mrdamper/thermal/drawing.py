@@ -353,7 +353,7 @@ def _check_sink(drawing: DamperDrawing, sink: HeatSink) -> None:
             f"{place}: sink.correlation is {sink.correlation!r} on a {body.orientation} body; expected "
             f"{use}: the fins of a vertical damper lie flat"
         )
-    if upright and sink.fins > 1 and sink.gap < DISC_GAP:
+    if upright and sink.fins > 1 and sink.gap < DISC_GAP * (1.0 - 1e-9):
         raise InputError(
             f"{place}: the fins of a vertical damper are {_mm(sink.gap)} mm apart; expected at least "
             f"{_mm(DISC_GAP)}: the correlation for single discs knows no neighbours. Widen the pitch"

@@ -1,9 +1,9 @@
 """What a heat sink achieves, by every reading of the paper's "heat dissipation efficiency", Eq. (10).
 
-The equation is lost. The text says that the efficiency peaks at a fin width of 23 mm and falls beyond, and that
-over three, four and five fins it rises, then falls, while the temperature itself falls all the way. Each candidate
-is a plain function of a ``SinkEffect``; ``paper_sweeps`` evaluates them all on the paper's two sweeps. Searching
-for a better sink is the business of ``design``, which goes by temperature and mass and needs no efficiency.
+The equation is lost. The text says that the efficiency peaks at a fin width of 23 mm and falls beyond, and
+that over three, four and five fins it rises, then falls, while the temperature itself falls all the way. Each
+candidate is a plain function of a ``SinkEffect``; ``paper_sweeps`` evaluates them on the paper's two sweeps.
+Searching for a better sink is the business of ``design``, which goes by temperature and mass alone.
 """
 
 from __future__ import annotations
@@ -169,7 +169,7 @@ EFFICIENCIES: Mapping[str, Efficiency] = _table(
 """The candidates, by name."""
 
 DEFAULT_EFFICIENCY = "rise-reduction-per-area"
-"""The reading that follows both of the paper's trends and is a share; E6 is the same but for a constant factor.
+"""The reading that follows both of the paper's trends and is a share; E6 is the same but for a factor.
 
 For a sink's worth in one number use E1, ``rise-reduction``: it is what the paper's 48.23 % is.
 """
@@ -232,7 +232,7 @@ def body_area(drawing: DamperDrawing) -> float:
 
 
 def damper_mass(drawing: DamperDrawing) -> float:
-    """Return the mass of a damper without fins [kg]: body, piston, coil, fluid and the rod within the caps."""
+    """Return the mass of a damper without fins [kg]: body, piston, coil, fluid, and the rod within it."""
     body, piston, rod, coil = drawing.body, drawing.piston, drawing.rod, drawing.coil
 
     def cylinder(diameter: float, length: float) -> float:

@@ -67,8 +67,8 @@ def search_genetic(
         algorithm.next()
     if not tried.designs:
         raise InputError(
-            f"sink limits: none of {population * generations} sinks keeps to them; raise the mass or lower the "
-            "least thickness"
+            f"sink limits: none of {population * generations} sinks keeps to them; raise the mass or lower "
+            "the least thickness"
         )
     return SinkFront(
         front_of(tried.designs),

@@ -35,8 +35,9 @@ _FACET_POINTS = 3
 class FieldModel:
     """A section, its mesh, and the heat equation on the mesh's nodes.
 
-    The unknowns are temperatures at ``nodes``: the corners first, in the mesh's order, then the middles of the
-    sides. ``elements`` names the six nodes of each triangle: corners, then the middles of the sides 01, 12, 02.
+    The unknowns are temperatures at ``nodes``: the corners first, in the mesh's order, then the middles of
+    the sides. ``elements`` names the six nodes of each triangle: corners, then the middles of the sides 01,
+    12 and 02.
     """
 
     section: Section
@@ -47,7 +48,7 @@ class FieldModel:
     surface: IntArray  # of each of the equation's surface points, shape (p,)
 
 
-def build_field(drawing: DamperDrawing, *, size: float = 0.006) -> FieldModel:
+def build_field(drawing: DamperDrawing, *, size: float = 0.008) -> FieldModel:
     """Return the finite-element model of a drawing.
 
     Parameters
@@ -67,7 +68,7 @@ def heat_field(
     drawing: DamperDrawing,
     loads: Sequence[Load],
     *,
-    size: float = 0.006,
+    size: float = 0.008,
     start_K: float | None = None,
     longest_step: float = 60.0,
     stop_at: float = math.inf,
@@ -86,14 +87,16 @@ def discretise(section: Section, mesh: SectionMesh) -> FieldModel:
         raise MissingExtraError(
             "the finite elements need scikit-fem, which is not installed; pip install 'mrdamper[thermal]'"
         ) from error
-    triangles = skfem.MeshTri(mesh.corners.T.copy(), mesh.triangles.T.copy())
+    triangles = skfem.MeshTri(mesh.corners.T.copy(), mesh.triangles.T.copy(), sort_t=False)
     basis = skfem.Basis(triangles, skfem.ElementTriP2(), intorder=_INTEGRATION)
     elements = np.ascontiguousarray(basis.element_dofs.T)
     values = np.stack([np.asarray(basis.basis[k][0]) for k in range(6)])  # (6, t or 1, q)
     gradients = np.stack([np.asarray(basis.basis[k][0].grad) for k in range(6)])  # (6, 2, t, q)
     weights = basis.dx * 2.0 * math.pi * np.asarray(basis.global_coordinates())[0]  # (t, q)
     heat = np.array([region.volumetric_heat for region in section.regions])[mesh.region]
-    along = np.array([(region.conductivity_r, region.conductivity_z) for region in section.regions])[mesh.region]
+    along = np.array([(region.conductivity_r, region.conductivity_z) for region in section.regions])[
+        mesh.region
+    ]
     size = int(basis.N)
 
     def assembled(local: FloatArray) -> sparse.csr_array:
@@ -141,7 +144,9 @@ def _surface_points(
     mesh: SectionMesh, elements: IntArray, size: int
 ) -> tuple[sparse.csr_array, FloatArray, IntArray]:
     """Return Gauss points on the facets: values there, their areas and the surface each lies on."""
-    ends = np.sort(np.concatenate([mesh.triangles[:, [0, 1]], mesh.triangles[:, [1, 2]], mesh.triangles[:, [0, 2]]]))
+    ends = np.sort(
+        np.concatenate([mesh.triangles[:, [0, 1]], mesh.triangles[:, [1, 2]], mesh.triangles[:, [0, 2]]])
+    )
     middle = dict(zip(map(tuple, ends.tolist()), elements[:, 3:].T.ravel().tolist(), strict=True))
     try:
         middles = np.array([middle[min(a, b), max(a, b)] for a, b in mesh.facets.tolist()], dtype=np.int64)
@@ -149,7 +154,9 @@ def _surface_points(
         raise InputError(f"mesh: the facet {fault} is the side of no triangle") from fault
     at, weight = np.polynomial.legendre.leggauss(_FACET_POINTS)
     s = 0.5 * (1.0 + at)
-    shape = np.stack([(1.0 - s) * (1.0 - 2.0 * s), s * (2.0 * s - 1.0), 4.0 * s * (1.0 - s)], axis=1)  # (q, 3)
+    shape = np.stack(
+        [(1.0 - s) * (1.0 - 2.0 * s), s * (2.0 * s - 1.0), 4.0 * s * (1.0 - s)], axis=1
+    )  # (q, 3)
     first, last = mesh.corners[mesh.facets[:, 0]], mesh.corners[mesh.facets[:, 1]]
     length = np.hypot(*(last - first).T)
     radius = first[:, :1] + np.outer(last[:, 0] - first[:, 0], s)
@@ -176,5 +183,7 @@ def _cooling(section: Section, which: IntArray) -> Cooling:
         paths=np.array(
             [[PATHS.index(each.convection_path), PATHS.index(each.radiation_path)] for each in surfaces],
             dtype=np.int64,
-        ).reshape(-1, 2)[which].T,
+        )
+        .reshape(-1, 2)[which]
+        .T,
     )

@@ -1,4 +1,4 @@
-"""The problem of the finite elements as a FreeFem++ script: the same mesh and numbers, its own assembly and steps.
+"""The problem of the finite elements as a FreeFem++ script: the same mesh, its own assembly and steps.
 
 Fully nonlinear: films interpolated in their tables at the surface's temperature, radiation, sources at the
 running temperature. Time goes by Alexander's two-stage SDIRK method (L-stable, order 2) with a fixed-point
@@ -109,7 +109,9 @@ def run_freefem(script: Path) -> FreefemCourse:
 
 def _write_mesh(mesh: SectionMesh, path: Path) -> None:
     """Write a mesh in FreeFem++'s own format; every side of the outline has a label."""
-    sides = np.sort(np.concatenate([mesh.triangles[:, [0, 1]], mesh.triangles[:, [1, 2]], mesh.triangles[:, [2, 0]]]))
+    sides = np.sort(
+        np.concatenate([mesh.triangles[:, [0, 1]], mesh.triangles[:, [1, 2]], mesh.triangles[:, [2, 0]]])
+    )
     once, count = np.unique(sides, axis=0, return_counts=True)
     label = {(int(a), int(b)): _INSULATED for a, b in once[count == 1]}
     for (a, b), surface in zip(np.sort(mesh.facets, axis=1).tolist(), mesh.surface.tolist(), strict=True):
@@ -159,14 +161,14 @@ Vh u = Ta, known = Ta, first, old, w, v;
 real power;
 
 varf conduction(w, v)
-  = int2d(Th)(2*pi*x*(heat/shrunk*w*v + kr*dx(w)*dx(v) + kz*dy(w)*dy(v)))
-  - int2d(Th, @COIL@)(2*pi*x*@COILPOWER@/winding*@COPPER@*w*v);
-varf cooling(w, v) = int1d(Th, @LABELS@)(2*pi*x*film(label, u)*w*v);
+  = int2d(Th, qforder = 6)(2*pi*x*(heat/shrunk*w*v + kr*dx(w)*dx(v) + kz*dy(w)*dy(v)))
+  - int2d(Th, @COIL@, qforder = 6)(2*pi*x*@COILPOWER@/winding*@COPPER@*w*v);
+varf cooling(w, v) = int1d(Th, @LABELS@, qforder = 6)(2*pi*x*film(label, u)*w*v);
 varf right(w, v)
-  = int2d(Th)(2*pi*x*heat/shrunk*known*v)
+  = int2d(Th, qforder = 6)(2*pi*x*heat/shrunk*known*v)
   + int2d(Th, @GAP@)(2*pi*x*power/gap*v)
-  + int2d(Th, @COIL@)(2*pi*x*@COILPOWER@/winding*(1 - @COPPER@*293.15)*v)
-  + int1d(Th, @LABELS@)(2*pi*x*film(label, u)*Ta*v);
+  + int2d(Th, @COIL@, qforder = 6)(2*pi*x*@COILPOWER@/winding*(1 - @COPPER@*293.15)*v)
+  + int1d(Th, @LABELS@, qforder = 6)(2*pi*x*film(label, u)*Ta*v);
 matrix A = conduction(Vh, Vh);
 
 ofstream history("history.txt");

@@ -21,7 +21,9 @@ _SLACK = 1e-6  # about a bounding box [m]
 _LINE, _TRIANGLE = 1, 2
 
 
-def mesh_with_gmsh(section: Section, folder: Path, *, size: float = 0.006, corner: float = 0.0005) -> SectionMesh:
+def mesh_with_gmsh(
+    section: Section, folder: Path, *, size: float = 0.008, corner: float = 0.0005
+) -> SectionMesh:
     """Return a mesh of a section that gmsh made.
 
     Parameters
@@ -64,7 +66,7 @@ def write_geometry(section: Section, path: Path, *, size: float, corner: float) 
 
 
 def read_gmsh(path: Path) -> SectionMesh:
-    """Return the mesh in a gmsh file of format 2.2; physical tags are regions and surfaces, counted from 1."""
+    """Return the mesh in a gmsh file of format 2.2; its tags are regions and surfaces, from 1."""
     lines = iter(path.read_text(encoding="utf-8").splitlines())
     nodes: dict[int, tuple[float, float]] = {}
     triangles, region, facets, surface = [], [], [], []

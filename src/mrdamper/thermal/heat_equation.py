@@ -31,7 +31,16 @@ from mrdamper.thermal.mesh import IntArray
 from mrdamper.thermal.network import PATHS
 from mrdamper.thermal.transient import Load
 
-__all__ = ["Cooling", "FieldHeating", "HeatEquation", "Matrix", "factorise", "heat_through", "one_step_backward", "settle"]
+__all__ = [
+    "Cooling",
+    "FieldHeating",
+    "HeatEquation",
+    "Matrix",
+    "factorise",
+    "heat_through",
+    "one_step_backward",
+    "settle",
+]
 
 Matrix = Any  # a sparse matrix or an array: both know @ and .T
 Solver = Callable[[FloatArray], FloatArray]
@@ -109,8 +118,8 @@ class Cooling:
         worst = theta[np.argmax(np.where(np.isfinite(theta), np.abs(theta), np.inf))] + self.ambient - 273.15
         low, high = self.grid[0] - 273.15, self.grid[-1] - 273.15
         return EnvelopeError(
-            f"heating: a surface is at {worst:.4g} degC; expected {low:.0f} to {high:.0f} degC. Lower the duty, "
-            "check the drawing's dimensions, or stop at the fluid's limit"
+            f"heating: a surface is at {worst:.4g} degC; expected {low:.0f} to {high:.0f} degC. Lower the "
+            "duty, check the drawing's dimensions, or stop at the fluid's limit"
         )
 
 
@@ -143,7 +152,7 @@ class HeatEquation:
 class FieldHeating:
     """A course of the heat equation: temperatures, powers and energies at the ends of the steps taken.
 
-    Columns of ``flow`` and ``energy`` are the paths of ``network.PATHS``, then mechanical power, then coil heat.
+    Columns of ``flow`` and ``energy`` are the paths of ``network.PATHS``, then mechanical power, coil heat.
     """
 
     equation: HeatEquation
@@ -234,9 +243,8 @@ def heat_through(
         raise InputError("heating: there is no load; expected at least one")
     if not (longest_step > 0.0 and first_step > 0.0):
         raise InputError(f"heating: steps are {first_step} and {longest_step} s; expected positive numbers")
-    stepper = _Stepper(equation)
+    stepper = _Stepper(equation, loads[0])
     state = _first_state(equation, start)
-    stepper.take(loads[0])
     times, states, flows = [0.0], [state], [stepper.evaluate(state).flow]
     energies = [np.zeros(len(PATHS) + len(_SOURCES))]
     stopped = bool(equation.fluid @ state + equation.ambient >= stop_at)
@@ -259,7 +267,9 @@ def heat_through(
                 break
         if stopped:
             break
-    return FieldHeating(equation, np.array(times), np.array(states), np.array(flows), np.array(energies), stopped)
+    return FieldHeating(
+        equation, np.array(times), np.array(states), np.array(flows), np.array(energies), stopped
+    )
 
 
 def settle(equation: HeatEquation, load: Load, *, start: float | FloatArray | None = None) -> FloatArray:
@@ -270,8 +280,7 @@ def settle(equation: HeatEquation, load: Load, *, start: float | FloatArray | No
     ConvergenceError
         There is no steady state (nothing is given off), or the iteration did not reach it.
     """
-    stepper = _Stepper(equation)
-    stepper.take(load)
+    stepper = _Stepper(equation, load)
     state = _first_state(equation, equation.ambient + 50.0 if start is None else start)
     for _ in range(60):
         here = stepper.evaluate(state)
@@ -283,8 +292,8 @@ def settle(equation: HeatEquation, load: Load, *, start: float | FloatArray | No
         if largest < 1e-9:
             return state
     raise ConvergenceError(
-        "steady state: Newton's method did not settle to 1e-9 K in 60 steps. If nothing carries the heat away, "
-        "there is none"
+        "steady state: Newton's method did not settle to 1e-9 K in 60 steps. If nothing carries the heat "
+        "away, there is none"
     )
 
 
@@ -296,8 +305,7 @@ def one_step_backward(equation: HeatEquation, load: Load, state: FloatArray, siz
     ConvergenceError
         The iteration did not settle to 1e-9 K in 20 turns.
     """
-    stepper = _Stepper(equation)
-    stepper.take(load)
+    stepper = _Stepper(equation, load)
     new = state.copy()
     for _ in range(20):
         here = stepper.evaluate(new)
@@ -353,12 +361,11 @@ class _Here:
 class _Stepper:
     """ROS2 on a heat equation with one load at a time."""
 
-    def __init__(self, equation: HeatEquation) -> None:
+    def __init__(self, equation: HeatEquation, load: Load) -> None:
         self.equation = equation
-        self._coil_W = 0.0
-        self._power: CubicSpline[np.float64] | None = None
         # 1ᵀ E: what a state adds to the heat of a coil of 1 W
         self._warm_row = np.asarray(equation.warming.T @ equation.uniform)
+        self.take(load)
 
     def take(self, load: Load) -> None:
         """Put a load in: its power becomes a spline over the grid of the films, as in the network."""
@@ -374,7 +381,6 @@ class _Stepper:
         e = self.equation
         fluxes, slopes = e.cooling.fluxes(e.surface @ state)
         mean = float(e.fluid @ state)
-        assert self._power is not None
         power, power_slope = float(self._power(mean)), float(self._power(mean, 1))
         coil = self._coil_W * (e.reference_growth + float(self._warm_row @ state))
         rate = power * e.mechanical + (self._coil_W * e.reference_growth) * e.electrical
@@ -395,13 +401,12 @@ class _Stepper:
         e = self.equation
         weight = e.area * here.slopes.sum(axis=0)
         bend = shrunk * here.power_slope
-        if not sparse.issparse(e.mass):
-            matrix = inertia * e.mass + shrunk * (e.stiffness - self._coil_W * e.warming)
+        matrix = inertia * e.mass + shrunk * (e.stiffness - self._coil_W * e.warming)
+        if isinstance(matrix, np.ndarray):
             matrix += shrunk * (e.surface.T * weight) @ e.surface
             matrix -= bend * np.outer(e.mechanical, e.fluid)
             factors = lu_factor(matrix, check_finite=False)
             return lambda right: np.asarray(lu_solve(factors, right, check_finite=False))
-        matrix = inertia * e.mass + shrunk * (e.stiffness - self._coil_W * e.warming)
         matrix = matrix + shrunk * (e.surface.T @ (e.surface * weight[:, None]))
         solve = factorise(matrix)
         if bend == 0.0:

@@ -1,25 +1,26 @@
 """A damper's heating in a few numbers, all of them per heat capacity: the model of a damper nobody has drawn.
 
-Two nodes: the fluid (with what follows it at once), which takes the heat in, and the body, which gives it off.
+Two nodes: what the fluid's temperature reaches at once (fluid, wall, fins), which takes the heat in and gives
+it off, and a core behind it, which only stores.
 
 .. math::
-    \\phi\\,\\dot T_f = q\\,p(T_f) - \\kappa (T_f - T_b), \\qquad
-    (1-\\phi)\\,\\dot T_b = \\kappa (T_f - T_b) - u\\,e\\,\\Bigl(\\frac{e^2+\\delta^2}{40^2+\\delta^2}\\Bigr)^{m/2},
-    \\quad e = T_b - T_a
+    \\phi\\,\\dot T = q\\,p(T) - u\\,e\\,\\Bigl(\\frac{e^2+\\delta^2}{40^2+\\delta^2}\\Bigr)^{m/2}
+    - \\kappa (T - T_c), \\qquad (1-\\phi)\\,\\dot T_c = \\kappa (T - T_c), \\quad e = T - T_a
 
 with q = P/C at ambient temperature and u = UA/C at 40 K above it. The power falls with temperature: a share v
 as a fluid's viscosity does (Arrhenius, 1400 K), the rest along a straight line of slope s. The loss rises with
-the exponent m (0.25: natural convection and radiation; 0: forced air and mountings). Scaling power, capacity
-and losses together changes nothing: nothing absolute is in here, and nothing absolute comes out.
+the exponent m: about 0.25 in still air and by radiation, 0 in a wind and through mountings. Scaling power,
+capacity and losses together changes nothing: nothing absolute is in here, and nothing absolute comes out.
 
-How likely which numbers are is ``PRIOR``, a proposal for passenger-car and laboratory dampers; what a measured
-curve says to that is the business of ``prediction``.
+Which numbers are likely is ``PRIOR``, a proposal for laboratory and car dampers with or without fins; the last
+four of its spreads are what the model needs to follow zone networks of such dampers. What a measured curve
+says to it is the business of ``prediction``.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -27,7 +28,7 @@ import numpy as np
 
 from mrdamper.quantities import FloatArray
 
-__all__ = ["NUMBERS", "PRIOR", "Belief", "LeanCourse", "heat_lean"]
+__all__ = ["NUMBERS", "PRIOR", "Belief", "heat_lean"]
 
 _VISCOSITY_K = 1400.0
 _AT_EXCESS_K = 40.0
@@ -62,96 +63,89 @@ def _log(middle: float, factor: float, unit: str, description: str) -> Belief:
 PRIOR: Mapping[str, Belief] = MappingProxyType(
     {
         "heating": _log(0.05, 3.0, "K/s", "P/C at ambient temperature"),
-        "loss": _log(1.0 / 1200.0, 2.2, "1/s", "UA/C at 40 K above ambient"),
-        "viscous": Belief(-0.9, 0.8, "logit", "-", "share of the power that falls as a viscosity"),
+        "loss": _log(1.0 / 1200.0, 2.0, "1/s", "UA/C at 40 K above ambient"),
+        "viscous": Belief(-0.9, 0.7, "logit", "-", "share of the power that falls as a viscosity"),
         "slope": Belief(0.001, 0.0007, "line", "1/K", "fall of the rest of the power"),
-        "exponent": Belief(0.14, 0.07, "line", "-", "growth of the loss coefficient with the excess"),
-        "share": Belief(0.4, 0.8, "logit", "-", "share of the capacity that is at the fluid's temperature"),
-        "settling": _log(40.0, 2.5, "s", "time constant between fluid and body"),
+        "exponent": Belief(0.12, 0.08, "line", "-", "growth of the loss coefficient with the excess"),
+        "share": Belief(1.0, 0.8, "logit", "-", "share of the capacity that is at the fluid's temperature"),
+        "settling": _log(20.0, 3.0, "s", "time constant between fluid and core"),
         "lag": _log(4.0, 2.0, "s", "time constant of the thermometer, where it is not known"),
+        "body lag": _log(12.0, 2.2, "s", "the same of one on the body, with the way through the wall"),
     }
 )
-"""Beliefs about a damper that nobody has drawn, in the order of ``NUMBERS``."""
+"""Beliefs about a damper that nobody has drawn; of the two lags, the one of the thermometer's place holds."""
 
-NUMBERS = tuple(PRIOR)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class LeanCourse:
-    """Courses of k dampers at once, over the times asked for."""
-
-    time: FloatArray  # [s], shape (t,)
-    fluid: FloatArray  # [K], shape (t, k)
-    body: FloatArray  # [K], shape (t, k)
+NUMBERS = tuple(name for name in PRIOR if "lag" not in name)
+"""What ``heat_lean`` asks for, in the order of its sums."""
 
 
 def heat_lean(
     numbers: Mapping[str, FloatArray], start: FloatArray, ambient: float, time: FloatArray
-) -> LeanCourse:
-    """Run k dampers from the first of the times to the last.
+) -> FloatArray:
+    """Return the temperature of k dampers at given times [K], shape (t, k).
 
     Parameters
     ----------
-    numbers : each of ``NUMBERS`` but ``lag``, shape (k,)
-    start : temperature of fluid and body at the first time [K], shape (k,)
+    numbers : each of ``NUMBERS``, shape (k,)
+    start : temperature of everything at the first time [K], shape (k,)
     ambient : [K]
-    time : times to return, rising [s], shape (t,)
+    time : rising [s], shape (t,), at least two
 
     Notes
     -----
-    ROS2 with steps of 2 s growing to 40 s, and cubic Hermite polynomials between them.
+    ROS2 with steps of 2 s that grow to 40 s, and cubic Hermite polynomials between them.
     """
-    q, u, v, s, m, share, settling = (numbers[name] for name in NUMBERS[:7])
+    share, settling = numbers["share"], numbers["settling"]
     exchange = share * (1.0 - share) / settling
-    weights = (1.0 / share, 1.0 / (1.0 - share))
-    bottom = _AT_EXCESS_K**2 + _SMOOTH_K**2
-
-    def look(fluid: FloatArray, body: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return gain and loss [K/s], and their derivatives by their temperatures."""
-        viscous = v * np.exp(_VISCOSITY_K * (1.0 / fluid - 1.0 / ambient))
-        power = viscous + (1.0 - v) * (1.0 - s * (fluid - ambient))
-        falls = -viscous * _VISCOSITY_K / fluid**2 - (1.0 - v) * s
-        held = power < _LEAST_POWER
-        power, falls = np.where(held, _LEAST_POWER, power), np.where(held, 0.0, falls)
-        excess = body - ambient
-        square = excess**2 + _SMOOTH_K**2
-        film = u * (square / bottom) ** (0.5 * m)
-        return q * power, film * excess, q * falls, film * (1.0 + m * excess**2 / square)
-
-    def rates(
-        fluid: FloatArray, body: FloatArray, gain: FloatArray, loss: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        across = exchange * (fluid - body)
-        return (gain - across) * weights[0], (across - loss) * weights[1]
-
+    to_near, to_core = exchange / share, exchange / (1.0 - share)
+    balance = _balance(numbers, ambient)
     grid = _steps(float(time[0]), float(time[-1]))
-    size = (len(grid), len(start))
-    fluids, bodies, fluid_rates, body_rates = (np.empty(size) for _ in range(4))
-    fluid, body = start.copy(), start.copy()
-    for k in range(len(grid)):
-        gain, loss, gain_slope, loss_slope = look(fluid, body)
-        rate_f, rate_b = rates(fluid, body, gain, loss)
-        fluids[k], bodies[k], fluid_rates[k], body_rates[k] = fluid, body, rate_f, rate_b
+    values, rates = np.empty((len(grid), len(start))), np.empty((len(grid), len(start)))
+    near, core = start.copy(), start.copy()
+    for k, now in enumerate(grid):
+        gain, gain_slope = balance(near)
+        rate = gain / share - to_near * (near - core)
+        values[k], rates[k] = near, rate
         if k + 1 == len(grid):
             break
-        h = grid[k + 1] - grid[k]
+        h = grid[k + 1] - now
         # I - gamma h J, solved by hand
         g = _GAMMA * h
-        a11 = 1.0 - g * (gain_slope - exchange) * weights[0]
-        a12 = -g * exchange * weights[0]
-        a21 = -g * exchange * weights[1]
-        a22 = 1.0 + g * (exchange + loss_slope) * weights[1]
+        a11, a12 = 1.0 + g * (to_near - gain_slope / share), -g * to_near
+        a21, a22 = -g * to_core, 1.0 + g * to_core
         over = 1.0 / (a11 * a22 - a12 * a21)
-        k1f, k1b = (a22 * rate_f - a12 * rate_b) * over, (a11 * rate_b - a21 * rate_f) * over
-        gain, loss, _, _ = look(fluid + h * k1f, body + h * k1b)
-        rate_f, rate_b = rates(fluid + h * k1f, body + h * k1b, gain, loss)
-        rate_f, rate_b = rate_f - 2.0 * k1f, rate_b - 2.0 * k1b
-        k2f, k2b = (a22 * rate_f - a12 * rate_b) * over, (a11 * rate_b - a21 * rate_f) * over
-        fluid = fluid + h * (1.5 * k1f + 0.5 * k2f)
-        body = body + h * (1.5 * k1b + 0.5 * k2b)
-    return LeanCourse(
-        time, _hermite(grid, fluids, fluid_rates, time), _hermite(grid, bodies, body_rates, time)
-    )
+        core_rate = to_core * (near - core)
+        first, first_core = (a22 * rate - a12 * core_rate) * over, (a11 * core_rate - a21 * rate) * over
+        middle, middle_core = near + h * first, core + h * first_core
+        gain, _ = balance(middle)
+        rate = gain / share - to_near * (middle - middle_core) - 2.0 * first
+        core_rate = to_core * (middle - middle_core) - 2.0 * first_core
+        near = near + h * (1.5 * first + 0.5 * (a22 * rate - a12 * core_rate) * over)
+        core = core + h * (1.5 * first_core + 0.5 * (a11 * core_rate - a21 * rate) * over)
+    return _hermite(grid, values, rates, time)
+
+
+def _balance(
+    numbers: Mapping[str, FloatArray], ambient: float
+) -> Callable[[FloatArray], tuple[FloatArray, FloatArray]]:
+    """Return the function that gives power less loss over the capacity [K/s], and its slope [1/s]."""
+    q, u, v, s, m = (numbers[name] for name in NUMBERS[:5])
+    bottom = _AT_EXCESS_K**2 + _SMOOTH_K**2
+
+    def balance(near: FloatArray) -> tuple[FloatArray, FloatArray]:
+        viscous = v * np.exp(_VISCOSITY_K * (1.0 / near - 1.0 / ambient))
+        excess = near - ambient
+        power = viscous + (1.0 - v) * (1.0 - s * excess)
+        falls = -viscous * _VISCOSITY_K / near**2 - (1.0 - v) * s
+        held = power < _LEAST_POWER
+        square = excess**2 + _SMOOTH_K**2
+        film = u * (square / bottom) ** (0.5 * m)
+        return (
+            q * np.where(held, _LEAST_POWER, power) - film * excess,
+            q * np.where(held, 0.0, falls) - film * (1.0 + m * excess**2 / square),
+        )
+
+    return balance
 
 
 def _steps(first: float, last: float) -> FloatArray:

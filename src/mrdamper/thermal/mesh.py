@@ -1,14 +1,16 @@
 """Triangle meshes of a section: a grid that follows every block's sides, graded towards its corners.
 
-Where three materials meet, or a fin stands on the body, the heat flux has a singularity: there the sides that
-leave the corner are cut again and again, which needs few nodes and leaves no hanging ones. A mesh is a value: nodes, triangles with their region, facets with their surface. ``mesh_section`` makes ours;
-``cross_check`` reads one that another program made of the same section.
+Where three materials meet, or a fin stands on the body, the heat flux is singular: there the sides that leave
+the corner are cut again and again, which needs few nodes and leaves no hanging ones. A mesh is a value: nodes,
+triangles with their region, facets with their surface. ``mesh_section`` makes ours, ``gmsh_mesh`` has gmsh make
+one of the same section.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +27,9 @@ _SAME = 1e-9  # sides closer than this are one [m]
 _CUT = 0.35  # of a side that leaves a corner, at each level
 _NARROW = 0.15  # of a cell next to a side, over the size asked for
 _GROWTH = 1.0  # of a cell's side with the distance from a block's side
-_SHARE = 0.2  # of a block's radial width that its first cell takes: the gap conducts far better along than across
+_SHARE = (
+    0.2  # of a block's radial width that its first cell takes: the gap conducts far better along than across
+)
 _SAMPLES = 129  # of an interval, over which cells are counted
 
 
@@ -87,7 +91,7 @@ class SectionMesh:
         return SectionMesh(corners, triangles, np.tile(self.region, 4), facets, np.tile(self.surface, 2))
 
 
-def mesh_section(section: Section, size: float = 0.006, *, levels: int = 3) -> SectionMesh:
+def mesh_section(section: Section, size: float = 0.008, *, levels: int = 3) -> SectionMesh:
     """Return a mesh of a section, symmetric about its middle if the section is.
 
     Parameters
@@ -150,7 +154,9 @@ class _Triangles:
             [self.nodes, self.nodes[corner] + _CUT * (self.nodes[far] - self.nodes[corner])]
         )
         # the shorter diagonal of what is left; of two equal ones the one that starts nearer the axis
-        diagonal = np.hypot(*(self.nodes[new_a] - self.nodes[b]).T) - np.hypot(*(self.nodes[a] - self.nodes[new_b]).T)
+        diagonal = np.hypot(*(self.nodes[new_a] - self.nodes[b]).T) - np.hypot(
+            *(self.nodes[a] - self.nodes[new_b]).T
+        )
         tie = np.abs(diagonal) < _SAME
         falls = np.where(tie, self.nodes[new_a, 0] < self.nodes[new_b, 0], diagonal < 0.0)
         third = np.where(falls, b, new_b)
@@ -205,18 +211,20 @@ def _corners(region: IntArray) -> list[int]:
 def _lines(sides: list[float], size: float, share: float) -> FloatArray:
     """Return the sides, those that are equal but for rounding as one, and lines between them.
 
-    Cells grow from the sides towards the middle of each interval; ``share`` bounds the first one by its length.
+    Cells grow from the sides towards the middle of each interval; the first one takes at most ``share`` of it.
     """
     ordered = np.unique(sides)
     distinct = ordered[np.concatenate([[True], np.diff(ordered) > _SAME])]
     pieces = []
-    for start, stop in zip(distinct[:-1], distinct[1:], strict=True):
+    for start, stop in pairwise(distinct.tolist()):
         at = np.linspace(start, stop, _SAMPLES)
         wanted = np.minimum(
             size, min(_NARROW * size, share * (stop - start)) + _GROWTH * np.minimum(at - start, stop - at)
         )
         cells = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(at) * (1.0 / wanted[1:] + 1.0 / wanted[:-1]))])
         count = max(1, math.ceil(cells[-1] - 1e-6))
+        if abs(start + stop - distinct[0] - distinct[-1]) < _SAME:
+            count += count % 2  # no cell across the middle, where diagonals are mirrored
         pieces.append(np.interp(np.arange(count) * (cells[-1] / count), cells, at))
     return np.concatenate([*pieces, distinct[-1:]])
 

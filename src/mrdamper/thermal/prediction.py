@@ -2,9 +2,10 @@
 
 No drawing, no card: the lean model (``lean``) with its stated beliefs, and Bayes' rule. The curve is averaged
 over short bins; what the two nodes of the model cannot follow is a third source of error beside noise and
-ignorance (``misfit``). The most probable numbers are found by Gauss-Newton; then a fixed number of dampers is
-drawn around them (Student's t) and weighted by how well each fits. Every answer is a weighted share of those
-dampers: a temperature with its interval, the time to a limit with infinity among the outcomes.
+ignorance (``Misfit``). Two hundred dampers are drawn: for each, errors of the curve and of the beliefs are
+drawn, and the damper is the one that fits best with those errors put in (randomised maximum likelihood; exact
+for a linear model). Every answer is a share of those dampers: a temperature with its interval, the time to a
+limit with infinity among the outcomes.
 
 It holds while the duty and the surroundings stay as they are.
 """
@@ -21,10 +22,11 @@ import numpy as np
 from mrdamper.errors import ConvergenceError, InputError
 from mrdamper.quantities import FloatArray, read_only
 from mrdamper.thermal.curve import HeatingCurve, lag_signal
-from mrdamper.thermal.lean import NUMBERS, PRIOR, LeanCourse, heat_lean
+from mrdamper.thermal.lean import NUMBERS, PRIOR, heat_lean
 
 __all__ = ["EarlyPrediction", "Misfit", "TimeToLimit", "predict_early"]
 
+_LOOK_STEP_S = 20.0
 _BIN_S = 10.0  # averaged over
 _MOST_BINS = 120
 _START_SPREAD_K = 2.0  # of the start about the first readings
@@ -40,9 +42,14 @@ _NORMAL_90 = 1.6448536269514722
 class Misfit:
     """What two nodes cannot follow: an error that is a share of the rise and changes within ``time_s``."""
 
-    share: float = 0.0015  # of the rise so far [-]
+    share: float  # of the rise so far [-]
     floor_K: float = 0.02
     time_s: float = 120.0
+
+
+_MISFITS: Mapping[str, Misfit] = MappingProxyType(
+    {"fluid": Misfit(0.0015), "wall": Misfit(0.003), "coil": Misfit(0.003)}
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,56 +85,40 @@ class EarlyPrediction:
     ambient: float  # [K]
     numbers: Mapping[str, FloatArray]  # each shape (k,)
     start: FloatArray  # [K], shape (k,)
+    off: FloatArray  # the model's error in units of the misfit [-], shape (k,)
     misfit: Misfit
 
-    def temperature(
-        self, time_s: float, *, probability: float = 0.90, of: str | None = None
-    ) -> tuple[float, float, float]:
+    def temperature(self, time_s: float, *, probability: float = 0.90) -> tuple[float, float, float]:
         """Return median and both ends of the interval of the temperature at a time [K].
 
-        Parameters
-        ----------
-        time_s : on the curve's clock
-        of : ``fluid`` or ``wall``; None: where the curve was measured
+        The time is on the curve's clock, the temperature that of the place where the curve was measured.
         """
-        course = self._course(np.array([time_s]))
-        value = self._of(course, of)[0] + self._misfit_of(course, of)[0]
+        values = self.temperatures(np.array([time_s]))[0]
         tail = 0.5 * (1.0 - probability)
-        low, middle, high = np.quantile(value, (tail, 0.5, 1.0 - tail))
+        low, middle, high = np.quantile(values, (tail, 0.5, 1.0 - tail))
         return float(middle), float(low), float(high)
 
-    def time_to(
-        self, limit_K: float, *, probability: float = 0.90, of: str | None = None, look_s: float = 14400.0
-    ) -> TimeToLimit:
-        """Return when a temperature is reached, on the curve's clock; ``look_s`` is how far is looked."""
-        first = float(self.curve.time[0])
-        time = np.linspace(first, first + look_s, 721)
-        course = self._course(time[1:])
-        value = self._of(course, of) + self._misfit_of(course, of)
-        value = np.vstack([self.start, value])
-        when = first_crossing(time, value, limit_K)
-        return summarise_times(when, limit_K, probability, look_s)
+    def temperatures(self, time: FloatArray) -> FloatArray:
+        """Return the temperature of each damper at rising times [K], shape (t, k), the misfit included.
 
-    def _course(self, time: FloatArray) -> LeanCourse:
+        The misfit of a damper is the same share of its rise at all times.
+        """
         first = float(self.curve.time[0])
         if not (time > first).all():
             raise InputError(f"prediction: the curve starts at {first:g} s; expected a later time")
-        course = heat_lean(self.numbers, self.start, self.ambient, np.append(first, time))
-        return LeanCourse(time, course.fluid[1:], course.body[1:])
+        values = heat_lean(self.numbers, self.start, self.ambient, np.append(first, time))[1:]
+        spread = np.hypot(self.misfit.floor_K, self.misfit.share * np.abs(values - self.start))
+        return np.asarray(values + spread * self.off)
 
-    def _of(self, course: LeanCourse, of: str | None) -> FloatArray:
-        place = self.curve.place if of is None else of
-        if place not in ("fluid", "wall", "coil"):
-            raise InputError(f"prediction: of is {of!r}; use one of: fluid, wall, coil")
-        if place == "coil" and self.curve.place != "coil":
-            raise InputError("prediction: the coil's temperature is not known from another place's curve")
-        return course.body if place == "wall" else course.fluid
+    def time_to(self, limit_K: float, *, probability: float = 0.90, look_s: float = 14400.0) -> TimeToLimit:
+        """Return when a temperature is reached, on the curve's clock.
 
-    def _misfit_of(self, course: LeanCourse, of: str | None) -> FloatArray:
-        """Return an error of the model for each damper, the same at all times but for the rise."""
-        rise = np.abs(self._of(course, of) - self.start)
-        draw = np.random.default_rng(len(self.start)).standard_normal(len(self.start))
-        return np.asarray(np.hypot(self.misfit.floor_K, self.misfit.share * rise) * draw)
+        ``look_s`` is how far after the curve's last time is looked.
+        """
+        first, last = float(self.curve.time[0]), float(self.curve.time[-1])
+        time = np.linspace(first, last + look_s, round((last - first + look_s) / _LOOK_STEP_S) + 2)
+        values = np.vstack([self.start, self.temperatures(time[1:])])
+        return summarise_times(first_crossing(time, values, limit_K), limit_K, probability, time[-1])
 
 
 def predict_early(
@@ -160,7 +151,7 @@ def predict_early(
             f"{curve.name}: it lasts {curve.time[-1] - curve.time[0]:.0f} s; expected a minute or more to "
             "predict from"
         )
-    problem = _Problem(curve, ambient_K, misfit or Misfit())
+    problem = _Problem(curve, ambient_K, misfit or _MISFITS[curve.place])
     middle = problem.fit(np.zeros((problem.size, 1)), np.zeros((problem.rows, 1)))
     rng = np.random.default_rng(seed)
     errors = rng.standard_normal((problem.rows, dampers))
@@ -170,6 +161,7 @@ def predict_early(
         ambient_K,
         MappingProxyType({name: read_only(values) for name, values in numbers.items()}),
         read_only(start),
+        read_only(rng.standard_normal(dampers)),
         problem.misfit,
     )
 
@@ -177,13 +169,14 @@ def predict_early(
 class _Problem:
     """Residuals of a binned curve and of the beliefs, all of them of variance 1.
 
-    Coordinates: the numbers of ``lean.PRIOR`` in spreads from their means, then the start in spreads.
+    Coordinates: the numbers of ``lean.NUMBERS``, the thermometer's lag and the start, in spreads from the means.
     """
 
     def __init__(self, curve: HeatingCurve, ambient: float, misfit: Misfit) -> None:
         self.curve, self.ambient, self.misfit = curve, ambient, misfit
         self.time, self.seen, count = _bins(curve)
-        self.size = len(NUMBERS) + 1
+        self.size = len(NUMBERS) + 2
+        self._lag = PRIOR["body lag" if curve.place == "wall" else "lag"]
         self.rows = len(self.time) + self.size
         first = max(3, round(0.02 * len(curve)))
         self.start = float(np.median(curve.temperature[: min(first, 9)]))
@@ -197,17 +190,14 @@ class _Problem:
     def numbers(self, at: FloatArray) -> tuple[dict[str, FloatArray], FloatArray]:
         """Return numbers and start temperatures at coordinates, shape (size, k)."""
         values = {name: PRIOR[name].value(at[k]) for k, name in enumerate(NUMBERS)}
-        if self.curve.lag_s > 0.0:
-            values["lag"] = np.full(at.shape[1], self.curve.lag_s)
         return values, np.asarray(self.start + _START_SPREAD_K * at[-1])
 
     def residuals(self, at: FloatArray) -> FloatArray:
-        """Return the residuals at coordinates, shape (bins + size, k)."""
+        """Return the residuals at coordinates, shape (rows, k)."""
         values, start = self.numbers(at)
         time = np.append(self.curve.time[0], self.time)
-        course = heat_lean(values, start, self.ambient, time)
-        place = course.body if self.curve.place == "wall" else course.fluid
-        shown = lag_signal(time, place, values["lag"])
+        lag = self.curve.lag_s or self._lag.value(at[-2])
+        shown = lag_signal(time, heat_lean(values, start, self.ambient, time), lag)
         return np.vstack([self._whiten @ (shown[1:] - self.seen[:, None]), at])
 
     def fit(self, start: FloatArray, errors: FloatArray) -> FloatArray:
@@ -220,8 +210,7 @@ class _Problem:
         cost, damping = (residual**2).sum(axis=0), np.ones(best.shape[1])
         for _ in range(_ITERATIONS):
             slope = self._slope(best, residual + errors)
-            normal = np.einsum("ikp,jkp->kij", slope, slope, optimize=True) if False else np.matmul(slope.transpose(1,0,2), slope.transpose(1,2,0))
-            pull = np.matmul(slope.transpose(1,0,2), residual.T[:, :, None])
+            normal, pull = slope @ slope.transpose(0, 2, 1), slope @ residual.T[:, :, None]
             # the beliefs are among the residuals: the matrix is at least 1 on its diagonal
             move = -np.linalg.solve(normal + damping[:, None, None] * np.eye(self.size), pull)[:, :, 0].T
             move *= np.minimum(1.0, _LONGEST_MOVE / np.abs(move).max(axis=0))
@@ -238,11 +227,11 @@ class _Problem:
         return best
 
     def _slope(self, at: FloatArray, residual: FloatArray) -> FloatArray:
-        """Return the residuals' derivatives, shape (size, k, rows)."""
+        """Return the residuals' derivatives, shape (k, size, rows)."""
         k = at.shape[1]
         moved = (at[:, None, :] + _PROBE * np.eye(self.size)[:, :, None]).reshape(self.size, -1)
         change = self.residuals(moved).reshape(-1, self.size, k) - residual[:, None, :]
-        return np.ascontiguousarray((change / _PROBE).transpose(1, 2, 0))
+        return np.ascontiguousarray((change / _PROBE).transpose(2, 1, 0))
 
 
 def first_crossing(time: FloatArray, values: FloatArray, limit: float) -> FloatArray:
@@ -258,9 +247,7 @@ def first_crossing(time: FloatArray, values: FloatArray, limit: float) -> FloatA
     return np.where(above.any(axis=0), np.where(k == 0, time[0], when), np.inf)
 
 
-def summarise_times(
-    when: FloatArray, limit_K: float, probability: float, look_s: float
-) -> TimeToLimit:
+def summarise_times(when: FloatArray, limit_K: float, probability: float, look_s: float) -> TimeToLimit:
     """Return median, interval and the share of "not reached" of times, infinity among them."""
     tail = 0.5 * (1.0 - probability)
     low, middle, high = (float(q) for q in np.quantile(when, (tail, 0.5, 1.0 - tail), method="nearest"))

@@ -1,7 +1,7 @@
-"""Reduced models of the finite elements: some sixteen unknowns by a rational Krylov space, no training run.
+"""Reduced models of the finite elements: sixteen unknowns by a rational Krylov space, no training run.
 
-The space holds the uniform field, so that heat is neither made nor lost, and the linear problem's responses to
-mechanical power, coil heat and each kind of surface at a few frequencies: solutions of
+The space holds the uniform field, so that heat is neither made nor lost, and the linear problem's responses
+to mechanical power, coil heat and each kind of surface at a few frequencies: solutions of
 (K + film + s M) x = b. Film coefficients and radiation are not reduced: they are taken point by point on the
 surface from the reduced field, hence at its own temperature as in the full model.
 """
@@ -23,7 +23,11 @@ __all__ = ["ReducedModel", "reduce_field"]
 _REFERENCE_K = 60.0  # above ambient: where the film is taken for the space
 _SHIFTS = (0.0, 3e-4, 3e-3, 3e-2, 0.3)  # [1/s]
 _SURFACE_SHIFTS = (0.0, 3e-3)
-_MECHANICAL_W, _COIL_W, _SURFACE_K = 100.0, 20.0, 20.0  # by which the responses are weighed against each other
+_MECHANICAL_W, _COIL_W, _SURFACE_K = (
+    100.0,
+    20.0,
+    20.0,
+)  # by which the responses are weighed against each other
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -83,9 +87,7 @@ def _space(equation: HeatEquation, kinds: IntArray, order: int) -> FloatArray:
     """Return a basis that is orthonormal in the mass, the uniform field first, shape (n, order or less)."""
     weight = equation.cooling.fluxes(np.full(len(equation.area), _REFERENCE_K))[1].sum(axis=0) * equation.area
     film = equation.surface.T @ (equation.surface * weight[:, None])
-    surfaces = [
-        equation.surface.T @ np.where(kinds == kind, weight, 0.0) for kind in np.unique(kinds)
-    ]
+    surfaces = [equation.surface.T @ np.where(kinds == kind, weight, 0.0) for kind in np.unique(kinds)]
     basis = [equation.uniform / np.sqrt(equation.uniform @ (equation.mass @ equation.uniform))]
     found = []
     for shift in _SHIFTS:

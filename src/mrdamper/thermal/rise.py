@@ -187,8 +187,8 @@ def works_of(damper: Damper, duty: Duty) -> list[LoopWork]:
     """
     if duty.command_unit != damper.command_unit:
         raise InputError(
-            f"duty {duty.text!r}: its command is in {duty.command_unit}, the card's in {damper.command_unit}; "
-            f'expected the same unit, as in "sine:15mm:1Hz:2{damper.command_unit}:1800s"'
+            f"duty {duty.text!r}: its command is in {duty.command_unit}, the card's in "
+            f"{damper.command_unit}; expected the same unit, as in sine:15mm:1Hz:2{damper.command_unit}:1800s"
         )
     return [tabulate_work(damper, stretch) for stretch in duty.stretches]
 

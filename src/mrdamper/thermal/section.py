@@ -1,7 +1,8 @@
 """The meridian section of a damper: rectangles of material, and the edges at which they cool.
 
 The one statement of the problem that the finite elements solve and that other programs are given
-(``cross_check``). Nothing here knows of meshes. ``section_of`` makes it from a drawing; a test may make its own.
+(``cross_check``). Nothing here knows of meshes. ``section_of`` makes it from a drawing; a test may make its
+own.
 
 The rod is cut off at the caps, its ends insulated. Fluid that moves is a solid that conducts: across the
 chambers and the gap by its stirred conductivity, along them besides by what the pumping carries.
@@ -44,7 +45,7 @@ class Region:
         for value in (self.conductivity_r, self.conductivity_z, self.volumetric_heat):
             if not (math.isfinite(value) and value > 0.0):
                 raise InputError(
-                    f"section: region {self.name!r} conducts or stores {value}; expected positive, finite numbers"
+                    f"section: region {self.name!r} conducts or stores {value}; expected positive numbers"
                 )
 
 
@@ -78,7 +79,7 @@ class Surface:
 
 @dataclass(frozen=True, slots=True)
 class Edge:
-    """A straight piece of the outline, along r or along z, and the surface it is. The others are insulated."""
+    """A straight piece of the outline, along r or along z, and the surface it is; all else is insulated."""
 
     surface: int
     inner: float  # radius [m]
@@ -115,8 +116,8 @@ class Section:
             object.__setattr__(self, name, read_only(getattr(self, name)))
         if self.films.ndim != 2 or self.films.shape[1] != len(self.grid) or not (self.films >= 0.0).all():
             raise InputError(
-                f"section: films have shape {self.films.shape}; expected one row per law over {len(self.grid)} "
-                "temperatures, zero or more"
+                f"section: films have shape {self.films.shape}; expected one row per law over "
+                f"{len(self.grid)} temperatures, zero or more"
             )
         if not (np.diff(self.grid) > 0.0).all() or len(self.grid) < 4:
             raise InputError("section: expected a grid of four or more rising temperatures")
@@ -212,7 +213,7 @@ def _insides(drawing: DamperDrawing) -> tuple[list[Region], list[Block]]:
 
 
 def _caps(drawing: DamperDrawing, surfaces: list[Surface]) -> list[Edge]:
-    """Return the caps' outer faces, each a surface of its own: half of the mounting's conductance goes there."""
+    """Return the caps' outer faces, each a surface of its own, with half of the mounting's conductance."""
     around, rod = drawing.surroundings, drawing.rod
     edges = []
     for name, at, shaft in (("near cap", 0.0, True), ("far cap", drawing.body.length, rod.through)):

@@ -454,7 +454,7 @@ def heat(card: Path, damper: Path, *, as_json: bool, **options: Any) -> int:  # 
 @click.option("--network-only", is_flag=True, help="Do not judge by finite elements.")
 @_seed
 @_json
-def sink(  # noqa: PLR0913 - click passes one argument per option
+def sink(
     card: Path,
     damper: Path,
     *,
@@ -473,6 +473,84 @@ def sink(  # noqa: PLR0913 - click passes one argument per option
     with terminal.counter() as report:
         answer = job(card, damper, duty=duty, options=chosen, out=out, report=report)
     return _finish(answer, terminal.show_sink, as_json=as_json)
+
+
+@cli.command()
+@click.argument("card", type=click.Path(path_type=Path))
+@click.option(
+    "--plant",
+    default="nominal",
+    show_default=True,
+    metavar="PRESET|FILE|CARD",
+    help="The damper that is tracked: nominal, hard, stiff, ..., a virtual damper (TOML), or a card (JSON).",
+)
+@click.option(
+    "--target",
+    "targets",
+    multiple=True,
+    metavar="NAME|FILE",
+    help="sine-900N-1Hz, sine-1100N-2Hz, non-periodic, or a scenario (may be repeated).  [default: all]",
+)
+@click.option(
+    "--temperature",
+    "temperatures_degC",
+    type=float,
+    multiple=True,
+    metavar="DEGC",
+    help="Of fluid and coil (may be repeated).  [default: 20, 60, 100, 123]",
+)
+@click.option(
+    "--controller",
+    "controllers",
+    multiple=True,
+    metavar="NAME",
+    help="recommended, paper, ... (may be repeated).  [default: all]",
+)
+@click.option(
+    "--rate",
+    "rate_Hz",
+    type=float,
+    default=1000.0,
+    show_default=True,
+    metavar="HZ",
+    help="Sampling, 100 to 5000 Hz.",
+)
+@click.option(
+    "--unaware",
+    type=click.Path(path_type=Path),
+    metavar="CARD",
+    help="Identified at one temperature: adds recommended-unaware and paper-unaware.",
+)
+@click.option(
+    "--pooled",
+    type=click.Path(path_type=Path),
+    metavar="CARD",
+    help="Identified over all temperatures without knowing them: adds recommended-pooled.",
+)
+@click.option("--optimum", is_flag=True, help="Search the best current, too (minutes), for the ratios to it.")
+@click.option(
+    "--seed",
+    type=int,
+    default=1,
+    show_default=True,
+    help="Of the sensors' noise; the next one is run as well.",
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="For track.html, track.json, track.csv.",
+)
+@_json
+def track(card: Path, *, out: Path | None, as_json: bool, **options: Any) -> int:  # noqa: ANN401 - click checks them
+    """Track forces on a virtual damper with controllers made from a card, without a force sensor."""
+    from mrdamper.app.cli import terminal
+    from mrdamper.app.track_job import TrackOptions
+    from mrdamper.app.track_job import track as job
+
+    with terminal.counter() as report:
+        answer = job(card, TrackOptions(**options), out=out, report=report)
+    return _finish(answer, terminal.show_track, as_json=as_json)
 
 
 def _finish(answer: Answer, show: Callable[[Answer], None], *, as_json: bool) -> int:

@@ -29,6 +29,7 @@ __all__ = [
     "show_prediction",
     "show_rig",
     "show_sink",
+    "show_track",
 ]
 
 Answer = Mapping[str, Any]
@@ -401,6 +402,51 @@ _FLUID_FIGURES = ("aicc", "fall_20_to_100_degC_percent")
 
 def _number_or_dash(value: float | None) -> str:
     return "-" if value is None else f"{value:.1f}"
+
+
+def show_track(answer: Answer) -> None:
+    """Print the worst of all temperatures by target, and what a reader should know."""
+    console = _console()
+    degrees = sorted({row["temperature_degC"] for row in answer["rows"]})
+    at = ", ".join(f"{each:g}" for each in degrees)
+    for target in dict.fromkeys(row["target"] for row in answer["worst"]):
+        rows = [row for row in answer["worst"] if row["target"] == target]
+        share = 100.0 * rows[0]["feasible_share"]
+        table = Table(
+            title=escape(
+                f"{target} on {answer['plant']}: worst of {at} degC; feasible {share:.0f} % of the time"
+            )
+        )
+        table.add_column("controller")
+        ratio = any(row["max_over_optimum"] is not None for row in rows)
+        for name in _TRACK_COLUMNS[: None if ratio else -1]:
+            table.add_column(name, justify="right")
+        for row in rows:
+            table.add_row(escape(row["controller"]), *_track_cells(row)[: None if ratio else -1])
+        console.print(table)
+    for note in answer["notes"]:
+        console.print(f"- {escape(note)}")
+    seeds = " and ".join(map(str, answer["seeds"]))
+    console.print(f"noise seeds {seeds}, the worse of the two; the first second is not scored")
+    if "report" in answer:
+        console.print(f"wrote {escape(answer['report'])} and {escape(answer['file'])}")
+
+
+_TRACK_COLUMNS = (
+    "max N", "RMS N", "max feasible N", "RMS feasible N", "coil W", "chatter A/s", "max over optimum",
+)  # fmt: skip
+
+
+def _track_cells(row: Answer) -> list[str]:
+    ratio = row["max_over_optimum"]
+    return [
+        *(
+            _number_or_dash(row[key])
+            for key in ("max_N", "rmse_N", "max_feasible_N", "rmse_feasible_N", "coil_power_W")
+        ),
+        f"{row['chatter_A_per_s']:.0f}",
+        "-" if ratio is None else f"{ratio:.2f}",
+    ]
 
 
 def _console() -> Console:

@@ -463,7 +463,7 @@ static PyObject *tracker_read(PyObject *self, PyObject *ostate)
     if (!read_state(ostate, &s)) return NULL;
     double parts[4];
     kernel->track_parts(&((TrackerObject *)self)->track, &s, parts);
-    return Py_BuildValue("{s:(ddd),s:d,s:d,s:d,s:(ddd),s:d,s:(dddd),s:i}", "motion", s.x, s.v, s.a, "applied", s.second,
+    return Py_BuildValue("{s:(ddd),s:d,s:d,s:d,s:(ddd),s:d,s:(dddd),s:i}", "motion", s.x, s.v, s.a, "applied", s.applied,
                          "command", s.command, "temperature", s.temperature, "gains", s.gain[0], s.gain[1], s.gain[2],
                          "disturbance", s.disturbance, "parts", parts[0], parts[1], parts[2], parts[3], "flags",
                          (int)s.flags);

@@ -13,6 +13,7 @@
 MRD_TRACK_API void mrd_track_start(const mrd_track *c, mrd_track_state *s)
 {
     memset(s, 0, sizeof *s);
+    s->play = -c->play;
     for (int i = 0; i < MRD_TRACK_GAINS; i++) {
         s->gain[i] = R(1.0);
         s->spread[i * (MRD_TRACK_GAINS + 1)] = c->gain_variance;
@@ -42,7 +43,7 @@ static mrd_real solve_row(const mrd_real *force, int count, mrd_real largest, mr
 
 /* What the lags will have put through at the preview: with the last command held, and their share of a command
  * given now. */
-static mrd_real applied_ahead(const mrd_track *c, const mrd_track_state *s, mrd_real *answer)
+static mrd_real lagged_ahead(const mrd_track *c, const mrd_track_state *s, mrd_real *answer)
 {
     mrd_real first = s->first, second = s->second;
     const int32_t dead = (int32_t)c->dead_samples;
@@ -54,40 +55,6 @@ static mrd_real applied_ahead(const mrd_track *c, const mrd_track_state *s, mrd_
     return input + c->second_ahead * (second - input) + (rises ? c->rise_couple_ahead : c->fall_couple_ahead) * gap;
 }
 
-/* Force at the preview for every current, where a change of current keeps the hysteretic force: the last part of
- * the way is gone at the new current. The states are worked out at five currents, between them they are straight. */
-#define STRESS_CURRENTS 5
-static void forces_of_stress(const mrd_track *c, const mrd_track_state *s, axis_point warm, moment m, mrd_real applied,
-                             mrd_real *force)
-{
-    const mrd_real late = c->late * c->preview, early = c->preview - late, v_between = s->v + early * s->a;
-    const stretch first = stretch_of(s->v, v_between, early), last = stretch_of(v_between, m.v, late);
-    const axis_point free = on_currents(c, R(0.5) * (s->second + applied));
-    mrd_real state[2][STRESS_CURRENTS];
-    for (int e = 0; e < (int)c->elements; e++) {
-        const mrd_real yield = yield_at(c, warm, free, e);
-        const mrd_real w = w_along(c, w_kept(s->w[0][e], s->yield[e], yield), rho_at(c, warm, free, e), &first);
-        for (int k = 0; k < STRESS_CURRENTS; k++) {
-            const axis_point at = on_currents(c, c->largest * (mrd_real)k / (mrd_real)(STRESS_CURRENTS - 1));
-            state[e][k] = w_along(c, w_kept(w, yield, yield_at(c, warm, at, e)), rho_at(c, warm, at, e), &last);
-        }
-    }
-    mrd_real by[MRD_ROWS];
-    m.w[0] = m.w[1] = R(0.0);
-    multipliers(c, s, &m, by);
-    force_row(c, warm, by, force);
-    const mrd_real built_up = c->saturating > R(0.5) ? octaves_at(&c->built_up, magnitude(m.v)) : R(0.0);
-    for (int j = 0; j < c->currents; j++) {
-        const axis_point at = on_axis((mrd_real)j, R(0.0), (mrd_real)(c->currents - 1), STRESS_CURRENTS);
-        const axis_point here = {j < c->currents - 1 ? j : j - 1, j < c->currents - 1 ? R(0.0) : R(1.0)};
-        for (int e = 0; e < (int)c->elements; e++) {
-            const mrd_real w = state[e][at.index] + at.share * (state[e][at.index + 1] - state[e][at.index]);
-            force[j] += s->gain[0] * w * yield_at(c, warm, here, e);
-            if (!e && built_up > R(0.0)) force[j] += s->gain[0] * w * built_up * yield_at(c, warm, here, 1);
-        }
-    }
-}
-
 /* The model's answer: the command for a wanted force at the preview. */
 static mrd_real answer_of(const mrd_track *c, mrd_track_state *s, axis_point warm, mrd_real wanted)
 {
@@ -96,11 +63,13 @@ static mrd_real answer_of(const mrd_track *c, mrd_track_state *s, axis_point war
     moment m = {s->x, s->v, s->a, {R(0.0), R(0.0)}};
     predict(&m.x, &m.v, m.a, p);
     const mrd_real sign = m.v < R(0.0) ? R(-1.0) : R(1.0);
-    mrd_real by[MRD_ROWS], force[MRD_TRACK_CURRENTS], answer = R(1.0), applied = s->second, current;
+    mrd_real by[MRD_ROWS], force[MRD_TRACK_CURRENTS], answer = R(1.0), lagged = s->second, current;
     int found;
     const int ahead = p > R(0.0) && (models == 1 || c->reach > R(0.0));
-    if (ahead) applied = applied_ahead(c, s, &answer);
-    if (c->unlagged > R(0.5)) applied = s->command;
+    if (ahead) lagged = lagged_ahead(c, s, &answer);
+    if (c->unlagged > R(0.5)) lagged = s->command;
+    mrd_real play = s->play;
+    const mrd_real applied = past_play(c, lagged, &play);
 
     if (models > 1) {
         const stretch way = stretch_of(s->v, m.v, p);
@@ -112,19 +81,12 @@ static mrd_real answer_of(const mrd_track *c, mrd_track_state *s, axis_point war
         }
         current = solve_row(force, models, c->largest, wanted, &found);
     } else {
-        if (c->is_static > R(0.5)) {
-            m.w[0] = m.w[1] = sign;
-            multipliers(c, s, &m, by);
-            force_row(c, warm, by, force);
-        } else if (c->stress > R(0.5) && elements) {
-            forces_of_stress(c, s, warm, m, applied, force);
-        } else {
-            const stretch way = stretch_of(s->v, m.v, p);
-            const axis_point at = on_currents(c, R(0.5) * (s->second + applied));
-            for (int e = 0; e < elements; e++) m.w[e] = w_along(c, s->w[0][e], rho_at(c, warm, at, e), &way);
-            multipliers(c, s, &m, by);
-            force_row(c, warm, by, force);
-        }
+        const stretch way = stretch_of(s->v, m.v, p);
+        const axis_point at = on_currents(c, R(0.5) * (s->applied + applied));
+        for (int e = 0; e < elements; e++)
+            m.w[e] = c->is_static > R(0.5) ? sign : w_along(c, s->w[0][e], rho_at(c, warm, at, e), &way);
+        multipliers(c, s, &m, by);
+        force_row(c, warm, by, force);
         current = solve_row(force, c->currents, c->largest, wanted, &found);
         if (c->margin >= R(0.0) && elements) {
             int also;
@@ -139,8 +101,9 @@ static mrd_real answer_of(const mrd_track *c, mrd_track_state *s, axis_point war
         }
     }
     if (!found) s->flags |= MRD_INFEASIBLE;
+    current = before_play(c, current, s->play);
     if (c->reach > R(0.0) && ahead && answer > R(0.05))
-        current += c->reach * (s->command + (current - applied) / answer - current);
+        current += c->reach * (s->command + (current - lagged) / answer - current);
     if (c->lead > R(0.0)) {
         s->leading = current + c->lead_keep * (s->leading - current);
         current += c->lead * (current - s->leading);
@@ -172,10 +135,11 @@ MRD_TRACK_API mrd_real mrd_track_step(const mrd_track *c, mrd_track_state *s, co
     follow_temperature(c, s, told->temperature);
     const axis_point warm = warmth(c, s->temperature);
 
-    const mrd_real applied = s->second;
+    const mrd_real applied = s->applied;
     if (c->unlagged > R(0.5)) s->first = s->second = s->command;
     else pass_lags(c, past_dead_time(c, s, 0), &s->first, &s->second);
-    follow_hysteresis(c, s, warm, v_before, R(0.5) * (applied + s->second));
+    s->applied = past_play(c, s->second, &s->play);
+    follow_hysteresis(c, s, warm, v_before, R(0.5) * (applied + s->applied));
 
     /* the wanted force, now and ahead */
     mrd_real now = told->now, ahead = told->ahead;

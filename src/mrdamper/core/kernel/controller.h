@@ -68,12 +68,12 @@ typedef struct {
     X(fall_couple_ahead)                                                                                       \
     X(rise_answer)    /* share of a command given now that has passed the lags at the preview */               \
     X(fall_answer)                                                                                             \
+    X(play)           /* half width of the magnetic play behind the lags [A] */                                \
+    X(play_share)     /* share of the field that has it, below 1 */                                            \
     X(preview)        /* the force is set for so much later [s] */                                             \
     X(reach)          /* share of the lags' remaining gap that the command makes up for */                     \
     X(margin)         /* reversal clamp: at most so much above the static answer [A]; negative: none */        \
     X(is_static)      /* 1: hysteresis taken as settled */                                                     \
-    X(stress)         /* 1: a change of current keeps the hysteretic force, up to the yield force; 0: its share */ \
-    X(late)           /* share of the preview in which the new command is taken to act */                      \
     X(unlagged)       /* 1: hysteresis advanced with the command as if there were no lags */                   \
     X(bank)           /* models at constant currents, interpolated; 0: one model at the applied current */     \
     X(lead)           /* of a lead compensation [s over s]: gain of the filtered derivative; 0: none */        \
@@ -143,8 +143,9 @@ typedef struct {
     mrd_real x, v, a;                 /* estimated motion */
     mrd_real wanted, wanted_rate, wanted_bend; /* filtered target, for extrapolation */
     mrd_real first, second;           /* the command behind the first and the second lag */
-    mrd_real w[MRD_TRACK_BANK][2];    /* hysteretic states, -1 to 1: per model, per element */
-    mrd_real yield[2];                /* what they were shares of [N] */
+    mrd_real play;                    /* the play's output, less than that by its half width while it rises */
+    mrd_real applied;                 /* what the force feels: behind lags and play */
+    mrd_real w[MRD_TRACK_BANK][2];    /* hysteretic states, -1 to 1: of each model and element */
     mrd_real command;                 /* the last one given */
     mrd_real leading;                 /* filter of the lead compensation */
     mrd_real integral;                /* of the force feedback [A] */

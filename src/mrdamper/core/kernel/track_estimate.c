@@ -110,6 +110,23 @@ static inline void pass_lags(const mrd_track *c, mrd_real input, mrd_real *first
     *first = input + (rises ? c->rise : c->fall) * gap;
 }
 
+/* Magnetic play: a share of the field follows the lagged command with a dead band. While the command rises from
+ * rest what is felt is the command itself; when it falls, up to twice the share's half width more. */
+static inline mrd_real past_play(const mrd_track *c, mrd_real lagged, mrd_real *play)
+{
+    *play = limited(*play, lagged - c->play, lagged + c->play);
+    return lagged + c->play_share * (*play + c->play - lagged);
+}
+
+/* The lagged command at which so much is felt, the play being where it is. */
+static inline mrd_real before_play(const mrd_track *c, mrd_real felt, mrd_real play)
+{
+    const mrd_real inside = (felt - c->play_share * (play + c->play)) / (R(1.0) - c->play_share);
+    if (inside > play + c->play) return felt;
+    if (inside < play - c->play) return felt - R(2.0) * c->play_share * c->play;
+    return inside;
+}
+
 /* Travel of a stretch of h in which the velocity goes straight from v0 to v1: up to where it turns, and from there. */
 typedef struct {
     mrd_real way[2];
@@ -130,22 +147,10 @@ static inline mrd_real w_along(const mrd_track *c, mrd_real w, mrd_real rho, con
     return w;
 }
 
-/* The share that a hysteretic force has of another yield force: it stays, as far as that allows. */
-static inline mrd_real w_kept(mrd_real w, mrd_real before, mrd_real after)
-{
-    return after > R(0.0) ? limited(w * before / after, R(-1.0), R(1.0)) : w;
-}
-
 /* Current of a bank's model. */
 static inline mrd_real bank_current(const mrd_track *c, int model)
 {
     return c->largest * (mrd_real)model / (c->bank - R(1.0));
-}
-
-/* Yield force of an element. */
-static inline mrd_real yield_at(const mrd_track *c, axis_point warm, axis_point at, int element)
-{
-    return row_at(c, c->force, MRD_ROWS, MRD_ROW_YIELD + element, warm, at);
 }
 
 /* Hysteresis of every model through the period that ends now, velocity having been v0 at its begin. */
@@ -155,15 +160,7 @@ static void follow_hysteresis(const mrd_track *c, mrd_track_state *s, axis_point
     const stretch way = stretch_of(v0, s->v, c->period);
     for (int b = 0; b < models; b++) {
         const axis_point at = on_currents(c, models > 1 ? bank_current(c, b) : applied);
-        for (int e = 0; e < elements; e++) {
-            mrd_real w = s->w[b][e];
-            if (c->stress > R(0.5) && models == 1) {
-                const mrd_real yield = yield_at(c, warm, at, e);
-                w = w_kept(w, s->yield[e], yield);
-                s->yield[e] = yield;
-            }
-            s->w[b][e] = w_along(c, w, rho_at(c, warm, at, e), &way);
-        }
+        for (int e = 0; e < elements; e++) s->w[b][e] = w_along(c, s->w[b][e], rho_at(c, warm, at, e), &way);
     }
 }
 
@@ -178,7 +175,7 @@ static moment present(const mrd_track *c, const mrd_track_state *s)
 MRD_TRACK_API void mrd_track_parts(const mrd_track *c, const mrd_track_state *s, mrd_real *parts)
 {
     static const int part_of[MRD_ROWS] = {3, 3, 3, 1, 2, 2, 0, 0};
-    const axis_point warm = warmth(c, s->temperature), at = on_currents(c, s->second);
+    const axis_point warm = warmth(c, s->temperature), at = on_currents(c, s->applied);
     const moment m = present(c, s);
     mrd_real by[MRD_ROWS];
     multipliers(c, s, &m, by);

@@ -1,0 +1,1 @@
+"""Force tracking: controllers, estimators, the sampled loop and its scores, the quarter car."""

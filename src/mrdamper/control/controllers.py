@@ -1,0 +1,446 @@
+"""Force-tracking controllers made from a card: the recommended one, the paper's, and what they are held against.
+
+Each is a small frozen value; its arithmetic is one step in C (``core/kernel/controller.c``), the same for all of
+them and the same that an export ships. What tells them apart are a few numbers:
+
+- ``recommended``: motion, hysteresis and target at the preview, exact solve, reversal clamp; its causal form
+  extrapolates the target, its adaptive form learns gains where a force is measured now and then;
+- ``paper``: a bank of models at constant currents, interpolated linearly, at the present instant;
+- baselines with and without a force sensor.
+
+A controller knows one temperature, that of the fluid; where it comes from is the business of ``estimators``.
+What a card leaves open is settled by the rules of ``tuning``.
+"""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from enum import IntFlag
+from types import MappingProxyType
+
+import numpy as np
+
+from mrdamper import core
+from mrdamper.control import tuning
+from mrdamper.control.protocol import Seen, Wanted
+from mrdamper.control.tables import DamperTables, tabulate
+from mrdamper.errors import InputError
+from mrdamper.models.actuation import PLAY_SHARE, Actuation
+from mrdamper.models.card import ModelCard
+from mrdamper.models.damper import Damper, OperatingEnvelope
+from mrdamper.quantities import FloatArray
+
+__all__ = ["NAMES", "Belief", "Flag", "ForceController", "Safety", "controllers_for"]
+
+_ROOM_K = 293.15
+
+
+class Flag(IntFlag):
+    """What a step had to say about its readings and its answer; the first seven are faults."""
+
+    NO_DISPLACEMENT = 1  # not a number, or far outside
+    FROZEN = 2  # the displacement stands still though the damper moved
+    MOTION_UNKNOWN = 4  # for too long: the command is the fall-back
+    NO_TEMPERATURE = 8  # not a number, or beyond its limits: the last good one is used
+    TEMPERATURE_JUMP = 16  # faster than a damper can warm: the same
+    NOMINAL_TEMPERATURE = 32  # for too long: the nominal one is used
+    NO_TARGET = 64  # not a number: zero is taken
+    NO_FORCE = 128  # no reading where the controller feeds force back
+    OUTSIDE_MOTION = 256  # outside the data's displacement or velocity
+    OUTSIDE_TEMPERATURE = 512  # outside the model's: its edge is held
+    INFEASIBLE = 1024  # no current gives the wanted force
+    CLAMPED = 2048  # the reversal clamp holds
+    SATURATED = 4096  # the command is at one of its ends
+
+
+FAULTS = Flag(127)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Safety:
+    """When a reading is not believed, and what is done then. SI and kelvin."""
+
+    stroke_times: float = 10.0  # a displacement so many times the data's is a fault
+    frozen_s: float = 0.02  # equal readings for so long ...
+    coast_s: float = 0.03  # the motion is carried on for so long without displacement, then
+    fall_back: float = 0.0  # this command is given [A or V]
+    cold_K: float = 233.15
+    hot_K: float = 423.15
+    slew_K_s: float = 20.0  # no damper warms faster
+    jump_K: float = 10.0  # a reading further from what is believed is a fault
+    smooth_s: float = 0.2  # of the temperature
+    hold_s: float = 10.0  # the last good temperature is held for so long, then
+    nominal_K: float | None = None  # this one is used; None: the middle of the model's range
+    recover_s: float = 2.0  # a reading that stays where it jumped to is believed after so long
+
+    def __post_init__(self) -> None:
+        for name in (
+            "stroke_times",
+            "frozen_s",
+            "coast_s",
+            "slew_K_s",
+            "jump_K",
+            "smooth_s",
+            "hold_s",
+            "recover_s",
+        ):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0.0):
+                raise InputError(f"safety: {name} is {value}; expected a positive number")
+        if not (0.0 <= self.fall_back < math.inf and 0.0 < self.cold_K < self.hot_K < math.inf):
+            raise InputError(
+                f"safety: fall_back is {self.fall_back} and the limits {self.cold_K} to {self.hot_K} K; expected "
+                "a fall-back of 0 or more, and limits in order"
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class Belief:
+    """What a controller holds to be true after a step."""
+
+    displacement: float  # [m]
+    velocity: float  # [m/s]
+    acceleration: float  # [m/s^2]
+    command: float  # the last one given [A or V]
+    applied: float  # what the force feels of the commands [A or V]
+    temperature: float  # [K]
+    yield_force: float  # parts of the model's force at the applied command [N]
+    viscous_force: float
+    friction_force: float
+    other_force: float
+    gains: tuple[float, float, float]  # learnt, of the first three parts
+    disturbance: float  # observed, in the direction of motion [N]
+    flags: Flag
+
+    @property
+    def force(self) -> float:
+        """The model's force [N]."""
+        return self.yield_force + self.viscous_force + self.friction_force + self.other_force
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ForceController:
+    """A controller: ``step(state, wanted, seen)`` gives the next state, which is bytes, and the command.
+
+    Whatever it is told, the command stays within 0 and ``largest``.
+    """
+
+    name: str
+    numbers: Mapping[str, float]  # the kernel's, by name
+    tables: DamperTables
+    needs_force: bool = False
+    known_ahead: bool = True  # whether it is told the target ahead of time
+    force: FloatArray = field(repr=False, default_factory=lambda: np.empty(0))  # the table, gains applied
+    _native: core.Tracker = field(init=False, repr=False)
+    _step: Callable[..., tuple[bytes, float]] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if not self.force.size:
+            object.__setattr__(self, "force", self.tables.force)
+        numbers = MappingProxyType({name: float(self.numbers[name]) for name in core.TRACK_NUMBERS})
+        object.__setattr__(self, "numbers", numbers)
+        native = core.Tracker(
+            np.array(list(numbers.values())),
+            self.force,
+            self.tables.rho,
+            [(o.offset, o.top, o.bits, o.cell) for o in self.tables.octaves],
+        )
+        object.__setattr__(self, "_native", native)
+        object.__setattr__(self, "_step", native.step)
+
+    def __reduce__(self) -> tuple[type[ForceController], tuple[object, ...]]:
+        """Pickle through the constructor: the kernel's part cannot be pickled."""
+        parts = (self.name, dict(self.numbers), self.tables, self.needs_force, self.known_ahead, self.force)
+        return ForceController, parts
+
+    @property
+    def period_s(self) -> float:
+        """Sampling period [s]."""
+        return self.numbers["period"]
+
+    @property
+    def preview_s(self) -> float:
+        """How far ahead it looks at the target [s]; 0 where it does not, or extrapolates."""
+        return self.numbers["preview"] if self.known_ahead else 0.0
+
+    @property
+    def largest(self) -> float:
+        """Largest command [A or V]."""
+        return self.numbers["largest"]
+
+    def start(self) -> bytes:
+        """Return the state before the first sample: no motion, no current."""
+        return self._native.start()
+
+    def step(self, state: bytes, wanted: Wanted, seen: Seen) -> tuple[bytes, float]:
+        """Return the next state and the command [A or V]; the same arguments give the same answer."""
+        ahead = wanted.ahead if self.known_ahead else None
+        return self._step(state, wanted.now, ahead, seen.displacement, seen.temperature, seen.force)
+
+    def run(self, state: bytes, told: FloatArray) -> tuple[bytes, FloatArray, FloatArray]:
+        """Take many steps at once; return the last state, the commands and the flags, shape (n,).
+
+        ``told`` holds wanted force now and ahead [N], displacement [m], temperature [K] and force [N], shape
+        (n, 5), NaN for what is not known.
+        """
+        rows = np.ascontiguousarray(told, dtype=np.float64)
+        if rows.ndim != 2 or rows.shape[1] != 5:
+            raise InputError(f"controller: told has shape {rows.shape}; expected (n, 5)")
+        if not self.known_ahead:
+            rows = rows.copy()
+            rows[:, 1] = np.nan
+        current, flags = np.empty(len(rows)), np.empty(len(rows))
+        return self._native.run(state, rows, current, flags), current, flags
+
+    def believes(self, state: bytes) -> Belief:
+        """Return what the controller holds to be true in a state."""
+        read = self._native.read(state)
+        return Belief(
+            *read["motion"],
+            read["command"],
+            read["applied"],
+            read["temperature"],
+            *read["parts"],
+            read["gains"],
+            read["disturbance"],
+            Flag(read["flags"]),
+        )
+
+    def flags(self, state: bytes) -> Flag:
+        """Return the flags of the last step."""
+        return self.believes(state).flags
+
+    def scaled(
+        self, yield_gain: float = 1.0, viscous_gain: float = 1.0, friction_gain: float = 1.0
+    ) -> ForceController:
+        """Return the controller of a damper whose parts have these gains: aged, or another of its kind."""
+        gains = (yield_gain, viscous_gain, friction_gain)
+        if not all(0.1 <= gain <= 10.0 for gain in gains):
+            raise InputError(f"controller: gains are {gains}; expected 0.1 to 10")
+        return replace(self, force=np.ascontiguousarray(self.tables.scaled(*gains)))
+
+
+@dataclass(frozen=True, slots=True)
+class _Source:
+    """What all controllers of a card share."""
+
+    damper: Damper
+    actuation: Actuation
+    tables: DamperTables
+    numbers: Mapping[str, float]  # of ``exact`` with preview, clamp and reach switched on
+    preview: float
+    force_per_command: float  # [N/A] at a steady, fast motion
+
+
+NAMES = (
+    "recommended", "recommended-causal", "recommended-adaptive", "recommended-observer", "paper", "paper-2",
+    "paper-3", "paper-9", "paper-unaware", "paper-preview", "static-preview", "exact", "lead", "inverse-bouc-wen",
+    "clipped-on-off", "pi", "feed-forward-pi",
+)  # fmt: skip
+"""The controllers there are."""
+
+
+def controllers_for(
+    source: ModelCard | Damper,
+    *,
+    period_s: float = 1e-3,
+    largest: float | None = None,
+    displacement_noise_m: float = 10e-6,
+    jerk_density: float = tuning.JERK_DENSITY,
+    extra_delay_s: float = 0.0,
+    preview_s: float | None = None,
+    safety: Safety | None = None,
+    speed_m_s: float = 1.0,
+) -> dict[str, ForceController]:
+    """Return every controller that a card or damper can be given, by name.
+
+    A controller that is unaware of temperature is the same made from a card of one temperature, or pooled;
+    only ``paper-unaware`` holds this card at 20 degC.
+
+    Parameters
+    ----------
+    period_s : sampling period [s]
+    largest : largest command [A or V]; None: the actuation's, else the envelope's
+    displacement_noise_m : of the displacement sensor, rms [m]
+    jerk_density : of the motion that the filter expects [m/s^3 per root Hz]
+    extra_delay_s : dead time of sensing, computing and driving beside the card's [s]
+    preview_s : instead of the rule's [s]
+    safety : when readings are not believed; None: the usual
+    speed_m_s : speed up to which the tables reach [m/s]
+
+    Raises
+    ------
+    InputError
+        A law without tables, a card without dependence on the command, sampling too slow for the lag.
+    """
+    card = source if isinstance(source, ModelCard) else None
+    damper = source.damper if isinstance(source, ModelCard) else source
+    envelope = None if card is None else card.envelope
+    if not (math.isfinite(period_s) and period_s > 0.0):
+        raise InputError(f"controller: the period is {period_s} s; expected a positive number")
+    if not (math.isfinite(extra_delay_s) and extra_delay_s >= 0.0):
+        raise InputError(f"controller: the extra delay is {extra_delay_s} s; expected 0 or more")
+    actuation = tuning.actuation_of(damper)
+    actuation = replace(actuation, delay_s=actuation.delay_s + extra_delay_s)
+    highest = largest or actuation.largest_command or (None if envelope is None else envelope.command[1])
+    if highest is None:
+        raise InputError(
+            "controller: the largest command is not known; the damper has no actuation that tells. Pass it "
+            "(largest=...), or pass the card, whose envelope has it"
+        )
+    tables = tabulate(damper, highest, speed=speed_m_s)
+    preview = tuning.preview_of(actuation, period_s) if preview_s is None else preview_s
+    if not (math.isfinite(preview) and preview >= 0.0):
+        raise InputError(f"controller: the preview is {preview} s; expected 0 or more")
+    gain_of_force = _force_per_command(tables)
+    numbers = _numbers(
+        tables=tables,
+        actuation=actuation,
+        period=period_s,
+        preview=preview,
+        noise=displacement_noise_m,
+        density=jerk_density,
+        safety=safety or Safety(),
+        envelope=envelope,
+        model_error=_model_error(card, tables),
+    )
+    made = _Source(damper, actuation, tables, numbers, preview, gain_of_force)
+    return {name: _controller(name, made) for name in NAMES}
+
+
+def _controller(name: str, made: _Source) -> ForceController:
+    """Return one controller: what its numbers differ in."""
+    numbers = dict(made.numbers)
+    present = {"preview": 0.0, "reach": 0.0, "margin": -1.0}
+    literal = present | {"play": 0.0}  # as published: the bank knows the command, and neither lags nor play
+    bank = {"reach": 0.0, "margin": -1.0, "play": 0.0}
+    gain, rate = tuning.feedback_gains(made.actuation, numbers["period"], made.force_per_command)
+    feedback = {"gain": gain, "rate": rate}
+    lead = tuning.lead_of(made.actuation, numbers["period"])
+    changes: dict[str, dict[str, float]] = {
+        "recommended": {},
+        "recommended-causal": {},
+        "recommended-adaptive": {"forget": math.exp(-numbers["period"] / tuning.FORGETTING_S)},
+        "recommended-observer": {"observe": 1.0 - math.exp(-numbers["period"] / tuning.OBSERVER_S)},
+        "paper": literal | {"bank": 5.0},
+        "paper-2": literal | {"bank": 2.0},
+        "paper-3": literal | {"bank": 3.0},
+        "paper-9": literal | {"bank": 9.0},
+        "paper-unaware": literal | {"bank": 5.0, "held_temperature": _ROOM_K},
+        "paper-preview": bank | {"bank": 5.0},
+        "static-preview": {"reach": 0.0, "margin": -1.0, "is_static": 1.0},
+        "exact": present,
+        "lead": present | lead,
+        "inverse-bouc-wen": literal | {"unlagged": 1.0},
+        "clipped-on-off": present | {"feed_forward": 0.0, "on_off": 1.0},
+        "pi": present | feedback | {"feed_forward": 0.0},
+        "feed-forward-pi": feedback,
+    }
+    numbers |= changes[name]
+    return ForceController(
+        name,
+        numbers,
+        made.tables,
+        needs_force=name in ("clipped-on-off", "pi", "feed-forward-pi", "recommended-observer"),
+        known_ahead=name != "recommended-causal",
+    )
+
+
+def _numbers(  # noqa: PLR0913 - one place where all numbers of the kernel's table are set
+    *,
+    tables: DamperTables,
+    actuation: Actuation,
+    period: float,
+    preview: float,
+    noise: float,
+    density: float,
+    safety: Safety,
+    envelope: OperatingEnvelope | None,
+    model_error: float,
+) -> dict[str, float]:
+    """Return the kernel's numbers of the recommended controller."""
+    filter_gains, spread = tuning.motion_filter(period, noise, density)
+    speed_noise = math.sqrt(float(spread[1, 1]))
+    # The target is followed as the motion is: its filter forgets as fast.
+    wanted = filter_gains
+    lags = tuning.lags_of(actuation, period)
+    largest = float(tables.currents[-1])
+    low, high = float(tables.temperatures[0]), float(tables.temperatures[-1])
+    x = (-1e9, 1e9) if envelope is None else envelope.displacement
+    v = 1e9 if envelope is None else max(map(abs, envelope.velocity))
+    far = 1.0 if envelope is None else safety.stroke_times * max(map(abs, x))
+    return {
+        "period": period,
+        "largest": largest,
+        "coldest": low,
+        "warmest": high,
+        "elements": float(tables.elements),
+        "saturating": float(tables.saturating),
+        "filter_x": float(filter_gains[0]),
+        "filter_v": float(filter_gains[1]),
+        "filter_a": float(filter_gains[2]),
+        "wanted_f": float(wanted[0]),
+        "wanted_v": float(wanted[1]),
+        "wanted_a": float(wanted[2]),
+        "dead_samples": float(lags.dead_samples),
+        "dead_part": lags.dead_part,
+        "rise": lags.rise,
+        "fall": lags.fall,
+        "second": lags.second,
+        "rise_couple": lags.rise_couple,
+        "fall_couple": lags.fall_couple,
+        **tuning.lags_ahead(actuation, period, preview),
+        "play": actuation.play,
+        "play_share": PLAY_SHARE,
+        "preview": preview,
+        "reach": tuning.REACH,
+        "margin": tuning.CLAMP_SHARE * largest,
+        "is_static": 0.0,
+        "unlagged": 0.0,
+        "bank": 0.0,
+        "lead": 0.0,
+        "lead_keep": 0.0,
+        "feed_forward": 1.0,
+        "on_off": 0.0,
+        "gain": 0.0,
+        "rate": 0.0,
+        "gain_speed": 4.0 * speed_noise,
+        "observe": 0.0,
+        "forget": 0.0,
+        "error_variance": model_error**2 * max(1.0, tuning.ERROR_LASTS_S / period),
+        "gain_variance": tuning.GAIN_SPREAD**2,
+        "low_x": x[0],
+        "high_x": x[1],
+        "high_v": v,
+        "far_x": max(far, 1e-3),
+        "frozen_samples": float(max(2, round(safety.frozen_s / period))),
+        "frozen_speed": 8.0 * speed_noise,
+        "coast_samples": float(max(1, round(safety.coast_s / period))),
+        "fall_back": min(safety.fall_back, largest),
+        "cold_limit": safety.cold_K,
+        "hot_limit": safety.hot_K,
+        "jump": safety.jump_K,
+        "slew": safety.slew_K_s * period,
+        "warm_keep": math.exp(-period / safety.smooth_s),
+        "hold_samples": float(round(safety.hold_s / period)),
+        "recover_samples": float(max(1, round(safety.recover_s / period))),
+        "nominal": 0.5 * (low + high) if safety.nominal_K is None else safety.nominal_K,
+        "held_temperature": 0.0,
+    }
+
+
+def _force_per_command(tables: DamperTables) -> float:
+    """Return the mean growth of the settled yield force with the command [N/A], at the middle temperature."""
+    sheet = tables.force[len(tables.temperatures) // 2]
+    yields = sheet[6] + sheet[7]
+    return float((yields[-1] - yields[0]) / tables.currents[-1])
+
+
+def _model_error(card: ModelCard | None, tables: DamperTables) -> float:
+    """Return the size of the model's force error [N]: the card's, else 5 % of its largest yield force."""
+    if card is not None and card.evidence.runs:
+        return max(1.0, float(statistics.median(run["rmse_N"] for run in card.evidence.runs)))
+    return max(1.0, 0.05 * float((tables.force[:, 6] + tables.force[:, 7]).max()))

@@ -1,0 +1,219 @@
+"""The sampled closed loop: a controller once per sample, the damper's own finer steps in between.
+
+At sample k (time k P) the sensors are read and the controller gives a current, which the driver limits to
+0 .. highest, rounds to its converter's step and holds until the next sample, later by the command's delay.
+The damper is a ``Plant``: it moves on along the motion, which is prescribed. Nothing here knows which
+physics it has. The same scenario, damper and controller give the same run, bit for bit.
+
+Arrays at the plant's steps, shape (n,), hold the value at the end of each: time h, 2 h, ..., n h.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrdamper.control.protocol import Controller, Plant, Seen, Wanted
+from mrdamper.control.scenario import Scenario, Sensing, Sensor
+from mrdamper.errors import InputError
+from mrdamper.quantities import FloatArray
+
+__all__ = ["FASTEST_HZ", "SLOWEST_HZ", "Course", "LoopRun", "course_of", "run_loop", "steps_per_sample"]
+
+SLOWEST_HZ, FASTEST_HZ = 100.0, 5000.0
+"""Sampling of a controller."""
+
+_KELVIN = 273.15
+_SENSORS: tuple[Sensor, ...] = ("displacement", "temperature", "force")
+
+BoolArray = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Course:
+    """What a scenario prescribes at the steps of a plant, shape (n,)."""
+
+    step_s: float
+    time: FloatArray  # [s]
+    displacement: FloatArray  # [m]
+    velocity: FloatArray  # [m/s]
+    target: FloatArray  # [N]
+    scored_from: int
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LoopRun:
+    """What a controller did to a damper, at the plant's steps."""
+
+    controller: str
+    scenario: Scenario
+    course: Course
+    force: FloatArray  # [N], of the damper, without the sensor's noise
+    current: FloatArray  # [A], that the driver is told
+    steps_per_sample: int
+
+    @property
+    def error(self) -> FloatArray:
+        """Force less target [N]."""
+        return self.force - self.course.target
+
+
+def course_of(scenario: Scenario, step_s: float) -> Course:
+    """Return motion and target of a scenario at the steps of a plant."""
+    count = round(scenario.duration_s / step_s)
+    time = step_s * np.arange(1.0, count + 1.0)
+    path = scenario.path
+    return Course(
+        step_s=step_s,
+        time=time,
+        displacement=np.ascontiguousarray(path.displacement(time)),
+        velocity=np.ascontiguousarray(path.velocity(time)),
+        target=np.ascontiguousarray(scenario.force(time)),
+        scored_from=round(scenario.unscored_s / step_s),
+    )
+
+
+def steps_per_sample(period_s: float, step_s: float) -> int:
+    """Return the plant's steps in one sample of a controller.
+
+    Raises
+    ------
+    InputError
+        Outside 100 Hz to 5 kHz, or not a whole number of steps.
+    """
+    if not (math.isfinite(period_s) and 0.999 / FASTEST_HZ <= period_s <= 1.001 / SLOWEST_HZ):
+        raise InputError(
+            f"sampling: the period is {1e3 * period_s:g} ms; expected {1e3 / FASTEST_HZ:g} to "
+            f"{1e3 / SLOWEST_HZ:g} ms ({SLOWEST_HZ:g} Hz to {FASTEST_HZ:g} Hz)"
+        )
+    steps = round(period_s / step_s)
+    if steps < 1 or abs(steps * step_s - period_s) > 1e-6 * period_s:
+        raise InputError(
+            f"sampling: the period is {1e3 * period_s:g} ms; expected a whole number of the plant's steps of "
+            f"{1e3 * step_s:g} ms, such as {1e3 * max(steps, 1) * step_s:g} ms"
+        )
+    return steps
+
+
+def run_loop(plant: Plant, controller: Controller, scenario: Scenario) -> LoopRun:
+    """Run a controller on a copy of the plant, in the state that it has.
+
+    Raises
+    ------
+    InputError
+        A sampling period or a delay that does not fit, or a controller that gives a current which is not a
+        finite number.
+    """
+    plant = plant.copy()
+    course = course_of(scenario, plant.step_s)
+    every = steps_per_sample(controller.period_s, plant.step_s)
+    late, apart = divmod(round(scenario.disturbance.command_delay_s / plant.step_s), every)
+    samples = -(-len(course) // every)
+    displacement, temperature, sensor = _read_sensors(scenario, every * plant.step_s, samples)
+    now = scenario.force(every * plant.step_s * np.arange(samples)).tolist()
+    ahead: list[float] | None = None
+    if controller.preview_s > 0.0:
+        ahead = scenario.force(every * plant.step_s * np.arange(samples) + controller.preview_s).tolist()
+    gain, warm = scenario.disturbance.force_gain, scenario.temperature_degC
+    driver = _Driver(scenario.highest_A, scenario.disturbance.command_step_A)
+
+    force, applied = np.empty(len(course)), np.empty(len(course))
+    given = [0.0] * (late + 1)  # commands on their way: given[-1 - late] is the one that has arrived
+    state, step, felt = controller.start(), controller.step, 0.0
+    for k in range(samples):
+        read = sensor.read(k, felt) if controller.needs_force else None
+        seen = Seen(displacement[k], temperature[k], read)
+        wanted = Wanted(now[k], None if ahead is None else ahead[k])
+        state, current = step(state, wanted, seen)
+        if not math.isfinite(current):
+            raise InputError(
+                f"controller {controller.name!r}: its current is {current} at sample {k}; expected a finite "
+                "number"
+            )
+        given.append(driver.of(current))
+        begin, end = k * every, min((k + 1) * every, len(course))
+        switch = min(begin + apart, end)
+        for start, stop, command in ((begin, switch, given[-2 - late]), (switch, end, given[-1 - late])):
+            if start < stop:
+                force[start:stop] = plant.advance_many(
+                    course.displacement[start:stop], course.velocity[start:stop], command, warm
+                )
+                applied[start:stop] = command
+        felt = gain * float(force[end - 1])
+    return LoopRun(controller.name, scenario, course, gain * force, applied, every)
+
+
+@dataclass(frozen=True, slots=True)
+class _Driver:
+    """The driver's limits and its converter's step."""
+
+    highest: float  # [A]
+    step: float  # [A]; 0: none
+
+    def of(self, current: float) -> float:
+        if self.step > 0.0:
+            current = self.step * round(current / self.step)
+        return min(max(current, 0.0), self.highest)
+
+
+class _ForceSensor:
+    """Reads the force, which is not known ahead; it remembers what it said, for the time when it freezes."""
+
+    __slots__ = ("_frozen", "_last", "_noise", "_step")
+
+    def __init__(self, noise: FloatArray, frozen: BoolArray, step: float) -> None:
+        self._noise: list[float] = noise.tolist()
+        self._frozen: list[bool] = frozen.tolist()
+        self._step = step
+        self._last = 0.0
+
+    def read(self, k: int, true: float) -> float:
+        """Return the force [N] at sample k; NaN where the sensor gives nothing."""
+        if not self._frozen[k]:
+            read = true + self._noise[k]
+            if self._step > 0.0 and math.isfinite(read):
+                read = self._step * round(read / self._step)
+            self._last = read
+        return self._last
+
+
+def _read_sensors(
+    scenario: Scenario, period_s: float, samples: int
+) -> tuple[list[float], list[float], _ForceSensor]:
+    """Return displacement [m] and temperature [K] as they are read at the samples, and the force's sensor."""
+    sensing = scenario.sensors
+    time = period_s * np.arange(samples, dtype=np.float64)
+    noise = dict(zip(_SENSORS, np.random.default_rng(scenario.seed).spawn(len(_SENSORS)), strict=True))
+    white = {sensor: noise[sensor].standard_normal(samples) for sensor in _SENSORS}
+    x = scenario.path.displacement(time - sensing.displacement_delay_s)
+    x = x + sensing.displacement_noise_m * white["displacement"]
+    offset = scenario.temperature_degC + sensing.temperature_offset_K + _KELVIN
+    kelvin = offset + sensing.temperature_noise_K * white["temperature"]
+    force = sensing.force_noise_N * white["force"]
+    if sensing.displacement_step_m > 0.0:
+        x = sensing.displacement_step_m * np.round(x / sensing.displacement_step_m)
+    read: dict[Sensor, FloatArray] = {"displacement": x, "temperature": kelvin, "force": force}
+    for sensor, values in read.items():
+        values[noise[sensor].random(samples) < sensing.lost_share] = np.nan
+        for inside in _faults(sensing, sensor, "missing", time):
+            values[inside] = np.nan
+    for values, of in ((x, "displacement"), (kelvin, "temperature")):
+        for inside in _faults(sensing, of, "frozen", time):
+            values[inside] = values[max(int(np.argmax(inside)) - 1, 0)]
+    frozen = np.zeros(samples, dtype=np.bool_)
+    for inside in _faults(sensing, "force", "frozen", time):
+        frozen |= inside
+    return x.tolist(), kelvin.tolist(), _ForceSensor(force, frozen, sensing.force_step_N)
+
+
+def _faults(sensing: Sensing, sensor: str, fault: str, time: FloatArray) -> list[BoolArray]:
+    """Return where a sensor has a fault, for each of its dropouts that the run reaches."""
+    spans = [(e.start_s, e.end_s) for e in sensing.dropouts if e.sensor == sensor and e.fault == fault]
+    found = [(time >= start) & (time < end) for start, end in spans]
+    return [inside for inside in found if inside.any()]

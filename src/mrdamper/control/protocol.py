@@ -1,0 +1,85 @@
+"""What controllers, estimators and plants are to each other.
+
+A controller is a small frozen value; what it remembers is a state that it hands back. One step per sample:
+it is told the wanted force and what the sensors see, and answers with a current. Extension is positive, a
+force that resists extension is positive.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from mrdamper.quantities import FloatArray
+
+__all__ = ["Controller", "Plant", "Seen", "Wanted"]
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """The wanted force [N] at this sample, and at ``preview_s`` of the controller later.
+
+    A target that is not known ahead has the controller extrapolate: ``ahead`` is then None.
+    """
+
+    now: float
+    ahead: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What the sensors say at this sample; NaN is a sensor that failed."""
+
+    displacement: float  # [m]
+    temperature: float  # [K], of whatever the thermometer touches
+    force: float | None = None  # [N], for those who have a force sensor
+
+
+class Controller(Protocol):
+    """A force-tracking controller."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def period_s(self) -> float:
+        """Sampling period that it is made for [s]."""
+        ...
+
+    @property
+    def preview_s(self) -> float:
+        """How far ahead it looks at the target [s]; 0: not at all."""
+        ...
+
+    @property
+    def needs_force(self) -> bool:
+        """Whether it reads a force sensor."""
+        ...
+
+    def start(self) -> Any:  # noqa: ANN401 - each controller's own state
+        """Return the state before the first sample."""
+        ...
+
+    def step(self, state: Any, wanted: Wanted, seen: Seen) -> tuple[Any, float]:  # noqa: ANN401
+        """Return the next state and the commanded current [A]."""
+        ...
+
+
+class Plant(Protocol):
+    """A damper that moves on by blocks of its own, finer time step."""
+
+    @property
+    def step_s(self) -> float: ...
+
+    def advance_many(
+        self,
+        displacement: FloatArray,
+        velocity: FloatArray,
+        current: float | FloatArray,
+        temperature_degC: float,
+    ) -> FloatArray:
+        """Move on by a step per sample, the current held or one per sample; return the force [N] at each."""
+        ...
+
+    def copy(self) -> Plant:
+        """Return a damper in the same state, which goes its own way from here."""
+        ...

@@ -1,0 +1,141 @@
+"""Scores of a tracking run: on all samples, and on those where the target was within the damper's reach.
+
+A semi-active damper cannot push. Its reach at an instant is what it gives, along the same motion and at the
+true temperature, at constant zero and at constant highest current: lo(t) and hi(t), the lower and the higher
+of the two. A sample counts as feasible where lo + 20 N <= target <= hi - 20 N. The error is never taken
+against a target clipped to the reach: the reach depends on history, and even the best current looks worse.
+
+All scores are taken at the plant's steps, from the end of the scenario's unscored beginning.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrdamper.control.loop import Course, LoopRun
+from mrdamper.control.protocol import Plant
+from mrdamper.errors import InputError
+from mrdamper.quantities import FloatArray
+
+__all__ = ["MARGIN_N", "Reach", "Score", "reach_of", "score_forces", "score_run", "worst"]
+
+MARGIN_N = 20.0
+"""How far inside the reach a feasible target lies."""
+
+BoolArray = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Reach:
+    """The forces that a damper can give along a motion, between zero and the highest current, shape (n,)."""
+
+    low: FloatArray  # [N]
+    high: FloatArray  # [N]
+
+    def feasible(self, target: FloatArray, *, margin_N: float = MARGIN_N) -> BoolArray:
+        """Return where the target lies inside by the margin."""
+        return (target >= self.low + margin_N) & (target <= self.high - margin_N)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Score:
+    """How well a force was tracked, and what it cost; None where nothing was feasible, or not known."""
+
+    max_N: float
+    rmse_N: float
+    max_feasible_N: float | None
+    rmse_feasible_N: float | None
+    p99_feasible_N: float | None
+    feasible_share: float
+    rmse_over_range_percent: float  # of max - min of the target
+    coil_power_W: float | None  # mean i^2 R
+    chatter_A_per_s: float  # sum of |dI| per second
+    max_over_optimum: float | None = None  # over all samples, as the next
+    rmse_over_optimum: float | None = None
+
+
+def reach_of(plant: Plant, course: Course, temperature_degC: float, highest_A: float) -> Reach:
+    """Return the reach of a plant along a course, from the state that it has."""
+    ends = [
+        plant.copy().advance_many(course.displacement, course.velocity, current, temperature_degC)
+        for current in (0.0, highest_A)
+    ]
+    return Reach(np.minimum(*ends), np.maximum(*ends))
+
+
+def score_run(
+    run: LoopRun, reach: Reach, *, resistance_ohm: float | None = None, optimum: Score | None = None
+) -> Score:
+    """Return the scores of a run; ``resistance_ohm`` is the coil's at the run's temperature."""
+    begin = run.course.scored_from
+    return score_forces(
+        run.course.target[begin:],
+        run.force[begin:],
+        run.current[begin:],
+        Reach(reach.low[begin:], reach.high[begin:]),
+        step_s=run.course.step_s,
+        resistance_ohm=resistance_ohm,
+        optimum=optimum,
+    )
+
+
+def score_forces(
+    target: FloatArray,
+    force: FloatArray,
+    current: FloatArray,
+    reach: Reach,
+    *,
+    step_s: float,
+    resistance_ohm: float | None = None,
+    optimum: Score | None = None,
+) -> Score:
+    """Return the scores of a force [N] against a target [N], both shape (n,), all samples scored.
+
+    Parameters
+    ----------
+    current : that the driver is told [A], shape (n,)
+    step_s : time from one sample to the next [s]
+    resistance_ohm : of the coil; None: its power is not known
+    optimum : the score of the best current that a search found, for the ratios
+    """
+    shapes = {len(values) for values in (target, force, current, reach.low, reach.high)}
+    if len(shapes) != 1 or 0 in shapes:
+        raise InputError(f"scores: lengths are {sorted(shapes)}; expected one and the same, at least 1")
+    error = np.abs(force - target)
+    inside = reach.feasible(target)
+    feasible = error[inside]
+    rmse, span = _rms(error), float(np.ptp(target))
+    worst_of_all = float(error.max())
+    return Score(
+        max_N=worst_of_all,
+        rmse_N=rmse,
+        max_feasible_N=float(feasible.max()) if feasible.size else None,
+        rmse_feasible_N=_rms(feasible) if feasible.size else None,
+        p99_feasible_N=float(np.percentile(feasible, 99.0)) if feasible.size else None,
+        feasible_share=float(inside.mean()),
+        rmse_over_range_percent=100.0 * rmse / span if span > 0.0 else float("inf"),
+        coil_power_W=None if resistance_ohm is None else float(np.mean(current**2)) * resistance_ohm,
+        chatter_A_per_s=float(np.abs(np.diff(current)).sum()) / (step_s * len(current)),
+        max_over_optimum=None if optimum is None else worst_of_all / optimum.max_N,
+        rmse_over_optimum=None if optimum is None else rmse / optimum.rmse_N,
+    )
+
+
+def worst(scores: Sequence[Score]) -> Score:
+    """Return the worst of each figure over several runs: the highest, of the feasible share the lowest."""
+    if not scores:
+        raise InputError("scores: none to take the worst of")
+    found: dict[str, float | None] = {}
+    for each in fields(Score):
+        values = [value for score in scores if (value := getattr(score, each.name)) is not None]
+        pick = min if each.name == "feasible_share" else max
+        found[each.name] = pick(values) if values else None
+    return Score(**found)  # type: ignore[arg-type]  # a figure that is never None has values
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2)))

@@ -1,0 +1,213 @@
+"""The controller's numbers by rule, from the card's actuation, the sampling and the sensor's noise.
+
+Nothing here is tuned to one damper. The rules:
+
+*Motion filter.* Position, velocity and acceleration from displacement alone: the steady Kalman filter of a
+motion whose jerk is white. A density of 1 m/s^3 per root Hz leaves 0.9 mm/s of a sensor of 10 um at 1 kHz.
+
+*Preview.* The time in which a step of the command brings ``PREVIEW_SHARE`` of itself to the force, and half a
+sampling period, for which a held command is late on average.
+
+*Reach.* Of what the lags still withhold at the preview the command makes up for ``REACH``: full inversion
+gains little and moves the command twice as much.
+
+*Reversal clamp.* The command stays below the static answer plus 5 % of the largest.
+
+*Feedback.* Proportional and integral gain by Skogestad's rule (from memory, not re-read) on the actuation: the
+first lag as time constant, all that follows as dead time, closed loop as slow as that dead time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrdamper.errors import InputError
+from mrdamper.models.actuation import Actuation
+from mrdamper.models.damper import Damper
+from mrdamper.quantities import FloatArray
+
+__all__ = [
+    "CLAMP_SHARE",
+    "JERK_DENSITY",
+    "ERROR_LASTS_S",
+    "FORGETTING_S",
+    "GAIN_SPREAD",
+    "OBSERVER_S",
+    "PREVIEW_SHARE",
+    "REACH",
+    "Lags",
+    "actuation_of",
+    "feedback_gains",
+    "lags_ahead",
+    "lags_of",
+    "lead_of",
+    "motion_filter",
+    "preview_of",
+]
+
+JERK_DENSITY = 1.0
+"""Of the motion filter [m/s^3 per root Hz]."""
+
+PREVIEW_SHARE = 1.0 - math.exp(-1.0)
+REACH = 0.2
+CLAMP_SHARE = 0.05
+
+FORGETTING_S = 60.0
+"""Time in which the learnt gains forget [s]."""
+
+GAIN_SPREAD = 0.3
+"""How far a gain may be from one before anything is learnt (one standard deviation)."""
+
+ERROR_LASTS_S = 0.3
+"""For so long a model's error keeps its sign [s]: readings that are closer together teach nothing new."""
+
+OBSERVER_S = 0.15
+"""Time constant of the disturbance observer [s]."""
+
+LEAD_RATIO = 5.0
+"""Of the lead compensation: its numerator's time over its denominator's."""
+
+_LINE = 128  # MRD_TRACK_LINE of the kernel
+
+
+@dataclass(frozen=True, slots=True)
+class Lags:
+    """The actuation sampled: a dead time in periods, and what a period leaves of the gaps of both lags.
+
+    With ``couple`` of the first lag's gap in the second the held command is followed exactly.
+    """
+
+    dead_samples: int
+    dead_part: float
+    rise: float
+    fall: float
+    second: float
+    rise_couple: float
+    fall_couple: float
+
+
+def actuation_of(damper: Damper) -> Actuation:
+    """Return the damper's actuation; one lag where it has only a command lag."""
+    if damper.actuation is not None:
+        return damper.actuation
+    return Actuation(damper.command_lag_s, damper.command_lag_s)
+
+
+def lags_of(actuation: Actuation, period_s: float) -> Lags:
+    """Return the actuation over a sampling period [s].
+
+    Raises
+    ------
+    InputError
+        Sampling too slow for the lag, or so fast that the commands under way do not fit into the controller.
+    """
+    slowest = actuation.response_time(0.95) if actuation.rise_s > 0.0 else math.inf
+    if period_s > slowest:
+        raise InputError(
+            f"controller: the period is {1e3 * period_s:g} ms, and the force follows a command within "
+            f"{1e3 * slowest:.3g} ms (95 %); expected a shorter period. Sample at {1.0 / slowest:.0f} Hz or faster"
+        )
+    samples, part = divmod(actuation.delay_s / period_s, 1.0)
+    if samples > _LINE - 3:
+        raise InputError(
+            f"controller: the dead time of {1e3 * actuation.delay_s:g} ms is {samples:.0f} periods; expected at "
+            f"most {_LINE - 3}. Sample more slowly"
+        )
+    rise, fall, second = (
+        _left(lag, period_s) for lag in (actuation.rise_s, actuation.fall_s, actuation.second_s)
+    )
+    return Lags(
+        int(samples),
+        part,
+        rise,
+        fall,
+        second,
+        _couple(actuation.rise_s, actuation.second_s, period_s),
+        _couple(actuation.fall_s, actuation.second_s, period_s),
+    )
+
+
+def lags_ahead(actuation: Actuation, period_s: float, preview_s: float) -> Mapping[str, float]:
+    """Return the kernel's numbers for the stretch from the dead time to the preview."""
+    first, second = (actuation.rise_s, actuation.fall_s), actuation.second_s
+    past = math.ceil(actuation.delay_s / period_s - 1e-9) * period_s
+    rest, free = max(preview_s - past, 0.0), max(preview_s - actuation.delay_s, 0.0)
+    couples = [_couple(lag, second, rest) for lag in first]
+    answers = [1.0 - _left(second, free) - _couple(lag, second, free) for lag in first]
+    return {
+        "second_ahead": _left(second, rest),
+        "rise_couple_ahead": couples[0],
+        "fall_couple_ahead": couples[1],
+        "rise_answer": answers[0],
+        "fall_answer": answers[1],
+    }
+
+
+def preview_of(actuation: Actuation, period_s: float) -> float:
+    """Return how far ahead [s] a controller sets the force."""
+    answer = 0.0
+    if actuation.rise_s > 0.0 or actuation.second_s > 0.0 or actuation.delay_s > 0.0:
+        answer = actuation.response_time(PREVIEW_SHARE)
+    return answer + 0.5 * period_s
+
+
+def motion_filter(period_s: float, noise: float, density: float) -> tuple[FloatArray, FloatArray]:
+    """Return the steady gains of a filter for value, rate and bend, and the covariance that it leaves.
+
+    The value is read with white ``noise`` (rms) once a period; its third derivative is white with ``density``
+    (per root Hz). Gains [-], [1/s], [1/s^2]; covariance after a reading, shape (3, 3).
+    """
+    if not (noise > 0.0 and density > 0.0):
+        raise InputError(f"motion filter: noise {noise} and density {density}; expected two positive numbers")
+    # In units of noise and period the step is 1, the noise 1, and one number is left.
+    power = (density / noise) ** 2 * period_s**5
+    step = np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
+    drive = power * np.array([[1 / 20, 1 / 8, 1 / 6], [1 / 8, 1 / 3, 1 / 2], [1 / 6, 1 / 2, 1.0]])
+    # Doubling of the Riccati equation of the predicted covariance: the k-th round is 2^k steps.
+    a, g, p = step.T.copy(), np.diag([1.0, 0.0, 0.0]), drive
+    for _ in range(60):
+        inner = np.linalg.inv(np.eye(3) + g @ p)
+        moved = p + a.T @ p @ inner @ a
+        g = g + a @ inner @ g @ a.T
+        a = a @ inner @ a
+        done = np.abs(moved - p).max() <= 1e-14 * np.abs(moved).max()
+        p = moved
+        if done:
+            break
+    gains = p[:, 0] / (p[0, 0] + 1.0)
+    left = p - np.outer(gains, p[0])
+    unit = noise / period_s ** np.arange(3)
+    return gains / period_s ** np.arange(3), left * np.outer(unit, unit)
+
+
+def lead_of(actuation: Actuation, period_s: float) -> Mapping[str, float]:
+    """Return the kernel's numbers of a lead compensation of all lags, as one lag."""
+    time = actuation.delay_s + max(actuation.rise_s, actuation.fall_s) + actuation.second_s
+    return {"lead": LEAD_RATIO - 1.0, "lead_keep": _left(time / LEAD_RATIO, period_s)} if time > 0.0 else {}
+
+
+def feedback_gains(actuation: Actuation, period_s: float, force_per_command: float) -> tuple[float, float]:
+    """Return proportional gain [A/N] and integral rate [A/(N s)] of a force feedback."""
+    slow = max(actuation.rise_s, actuation.fall_s, period_s)
+    dead = actuation.delay_s + actuation.second_s + period_s
+    gain = slow / (force_per_command * 2.0 * dead)
+    return gain, gain / min(slow, 8.0 * dead)
+
+
+def _left(lag: float, time: float) -> float:
+    return math.exp(-time / lag) if lag > 0.0 else (0.0 if time > 0.0 else 1.0)
+
+
+def _couple(first: float, second: float, time: float) -> float:
+    """Return the share of the first lag's gap that is in the second lag's after a time."""
+    if second <= 0.0:
+        return _left(first, time)
+    if first <= 0.0:
+        return 0.0
+    if abs(first - second) < 1e-6 * first:
+        return time / first * math.exp(-time / first)
+    return first / (first - second) * (_left(first, time) - _left(second, time))

@@ -1,0 +1,127 @@
+"""The offline optimum: known answers, bounds from both sides, a budget that is kept."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mrdamper.control.loop import run_loop
+from mrdamper.control.optimum import search_optimum
+from mrdamper.control.scenario import SCENARIOS, Scenario
+from mrdamper.control.score import reach_of, score_run
+from mrdamper.errors import InputError
+from mrdamper.rig.plant import PRESETS, Plant
+from tests.control.loops import Constant, Ideal, Inverse, Lagging, quiet
+
+SHORT = quiet(Scenario(duration_s=0.6, unscored_s=0.1))
+
+
+def test_without_memory_the_optimum_is_the_mean_of_the_target_over_each_hold():
+    """F = (50 + 800 I) sign v: the best held current is that of the mean target, or a limit."""
+    plant = Ideal()
+    found = search_optimum(plant, SHORT, period_s=1e-3)
+    blocks = np.abs(found.course.target).reshape(-1, 10)
+    inside = (
+        np.sign(found.course.velocity).reshape(-1, 10) == np.sign(found.course.velocity)[::10, None]
+    ).all(axis=1)
+    exact = np.clip((blocks.mean(axis=1) - 50.0) / 800.0, 0.0, 2.0)
+    scored = inside & (np.arange(len(inside)) >= 100)
+    assert found.current[::10][scored] == pytest.approx(exact[scored], abs=2e-3)
+    assert found.score.max_feasible_N is not None
+    assert found.score.max_feasible_N < 0.51 * 900 * 2 * np.pi * 1e-3  # half a hold of the steepest target
+
+
+def test_a_lag_that_is_known_ahead_costs_next_to_nothing():
+    """The optimum leads the target; the inverse without preview is late by the lag."""
+    plant = Lagging(0.01, gain=1600.0)
+    found = search_optimum(plant, SHORT)
+    late = run_loop(plant, Inverse(gain=1600.0), SHORT)
+    score = score_run(late, found.reach)
+    assert found.score.rmse_feasible_N is not None
+    assert score.rmse_feasible_N is not None
+    assert found.score.rmse_feasible_N < 0.1 * score.rmse_feasible_N
+
+
+@pytest.fixture(scope="module")
+def nominal():
+    scenario = quiet(Scenario(duration_s=1.0, unscored_s=0.5, temperature_degC=123.0))
+    plant = Plant(PRESETS["nominal"])
+    return plant, scenario, search_optimum(plant, scenario)
+
+
+def test_no_constant_current_is_better(nominal):
+    plant, scenario, found = nominal
+    for current in np.linspace(0.0, 2.0, 41):
+        run = run_loop(plant, Constant(float(current)), scenario)
+        assert score_run(run, found.reach).rmse_N > found.score.rmse_N
+
+
+def test_what_it_found_is_what_the_plant_does_with_that_current(nominal):
+    plant, _, found = nominal
+    course = found.course
+    force = plant.copy().advance_many(course.displacement, course.velocity, found.current, 123.0)
+    assert np.array_equal(force, found.force)
+    assert found.current.min() >= 0.0
+    assert found.current.max() <= 2.0
+    assert np.array_equal(found.current, found.current[::10].repeat(10))
+
+
+def test_no_single_current_can_be_moved_to_much_gain(nominal):
+    """At an optimum the slope along every current is zero, or points out of its range."""
+    plant, _, found = nominal
+    course = found.course
+
+    def rmse(current):
+        force = plant.copy().advance_many(course.displacement, course.velocity, current, 123.0)
+        return np.sqrt(np.mean((force - course.target)[course.scored_from :] ** 2))
+
+    best = rmse(found.current)
+    for sample in range(500, 1000, 40):
+        for move in (-0.1, -0.02, 0.02, 0.1):
+            tried = found.current.copy()
+            block = slice(10 * sample, 10 * sample + 10)
+            tried[block] = np.clip(tried[block] + move, 0.0, 2.0)
+            assert rmse(tried) > 0.999 * best
+
+
+def test_what_is_left_is_where_the_damper_cannot_push(nominal):
+    """The largest errors are infeasible ones; there the target crosses zero before the motion turns."""
+    _, _, found = nominal
+    score = found.score
+    assert score.max_feasible_N is not None
+    assert score.max_feasible_N < 0.4 * score.max_N
+
+
+def test_the_search_stops_at_its_budget(nominal):
+    plant, scenario, found = nominal
+    assert found.converged
+    assert found.runs <= 1000
+    small = search_optimum(plant, scenario, most_runs=60)
+    assert small.runs <= 60
+    assert not small.converged
+    assert small.score.rmse_N >= found.score.rmse_N
+    with pytest.raises(InputError, match=r"5 runs; expected at least 14"):
+        search_optimum(plant, scenario, most_runs=5)
+
+
+def test_a_coarser_hold_cannot_do_better(nominal):
+    plant, scenario, found = nominal
+    coarse = search_optimum(plant, scenario, period_s=8e-3)
+    assert coarse.score.rmse_N >= 0.99 * found.score.rmse_N
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("target", "highest"), [("sine-900N-1Hz", 88.0), ("sine-1100N-2Hz", 120.0), ("non-periodic", 200.0)]
+)
+def test_the_physical_limit_on_the_nominal_damper(target, highest):
+    """The figures of docs/tracking.md; worst of the temperatures, over all samples."""
+    found = [
+        search_optimum(Plant(PRESETS["nominal"]), replace(SCENARIOS[target], temperature_degC=degrees))
+        for degrees in (20.0, 60.0, 100.0, 123.0)
+    ]
+    assert max(each.score.max_N for each in found) <= highest
+    reach = reach_of(Plant(PRESETS["nominal"]), found[0].course, 20.0, 2.0)
+    assert np.array_equal(reach.low, found[0].reach.low)

@@ -1,0 +1,244 @@
+"""Search of heat sinks: a front is a front, limits hold, and the paper's sink is beaten as promised."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mrdamper.errors import EnvelopeError, InputError
+from mrdamper.thermal import design
+from mrdamper.thermal.design import (
+    HeatedDamper,
+    SinkDesign,
+    confirm,
+    front_of,
+    lightest_as_cool,
+    limits_of,
+    search_grid,
+    spread,
+    thinned,
+)
+from mrdamper.thermal.drawing import read_drawing, read_sink
+from mrdamper.thermal.evolution import search_genetic
+from mrdamper.thermal.materials import MATERIALS
+from mrdamper.thermal.network import zone_network
+from mrdamper.thermal.transient import Load, heat_up
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "paper_damper.toml"
+DRAWING, SINK = read_drawing(EXAMPLE), read_sink(EXAMPLE)
+
+# as in test_efficiency.py: what heats the paper's damper
+KELVIN, WATTS = np.array([293.15, 353.15, 413.15]), np.array([73.4, 62.0, 53.9])
+DAMPER = HeatedDamper(DRAWING, (Load(1800.0, lambda kelvin: np.interp(kelvin, KELVIN, WATTS), 16.8),))
+PAPER_LIMITS = limits_of(DRAWING, span=0.084)
+
+
+@pytest.fixture(scope="module")
+def found():
+    return search_grid(DAMPER, PAPER_LIMITS)
+
+
+@pytest.fixture(scope="module")
+def reference():
+    return DAMPER.evaluate(SINK)
+
+
+def made(mass: float, fluid: float) -> SinkDesign:
+    return SinkDesign(None, mass, fluid, fluid, fluid)
+
+
+designs = st.lists(
+    st.builds(made, st.floats(0.0, 1.0), st.floats(300.0, 400.0)), min_size=1, max_size=40
+)  # fmt: skip
+
+
+@given(tried=designs)
+def test_nothing_that_was_tried_beats_a_member_of_the_front(tried):
+    front = front_of(tried)
+    for member in front:
+        assert not any(
+            each.mass <= member.mass and each.fluid <= member.fluid and each != member for each in tried
+        )
+    for each in tried:
+        assert any(member.mass <= each.mass and member.fluid <= each.fluid for member in front)
+
+
+@given(tried=designs, most=st.integers(2, 12))
+def test_a_thinned_front_keeps_both_ends_and_its_order(tried, most):
+    front = front_of(tried)
+    fewer = thinned(front, most)
+    assert len(fewer) <= most
+    assert (fewer[0], fewer[-1]) == (front[0], front[-1])
+    assert list(fewer) == [each for each in front if each in fewer]
+
+
+@given(tried=designs, fluid=st.floats(300.0, 400.0))
+def test_the_lightest_that_is_as_cool_is_the_first_of_the_front_that_is(tried, fluid):
+    chosen = lightest_as_cool(front_of(tried), fluid)
+    cool = [each.mass for each in tried if each.fluid <= fluid]
+    assert (chosen is None) == (not cool)
+    if chosen is not None:
+        assert chosen.mass == min(cool)
+        assert chosen.fluid <= fluid
+
+
+def test_the_paper_s_sink_is_beaten_by_ten_kelvin_in_its_envelope(found, reference):
+    """84 mm of span, 23 mm of width, no more mass: at least 10 K cooler after 30 minutes."""
+    best = found.best
+    assert best.sink is not None
+    assert best.sink.span <= 0.084 * (1.0 + 1e-9)
+    assert best.sink.width <= 0.023 * (1.0 + 1e-9)
+    assert best.mass <= reference.mass
+    assert reference.fluid - best.fluid >= 10.0
+
+
+def test_finite_elements_confirm_it(found, reference):
+    pytest.importorskip("skfem")
+    reference_field, best_field = confirm(DAMPER, (reference, found.best))
+    assert reference_field.fluid - best_field.fluid >= 10.0
+    assert {reference_field.model, best_field.model} == {"finite_element"}
+    for judged, ours in ((reference_field, reference), (best_field, found.best)):
+        assert judged.network_fluid == ours.fluid
+        assert abs(judged.fluid - ours.fluid) <= 3.0
+
+
+def test_under_the_other_fin_law_and_without_multiplier_it_is_still_cooler(found):
+    """The laws disagree on narrow gaps, and the multiplier is a guess there: the gain shrinks, and stays."""
+    rows = spread(DAMPER, SINK, found.best.sink)
+    assert all(row.reference and row.best for row in rows)
+    assert {(row.correlation, row.film_multiplier) for row in rows} == {
+        (law, factor) for law in ("channel", "vdi") for factor in (SINK.film_multiplier, 1.0)
+    }
+    gains = [row.reference - row.best for row in rows if row.reference and row.best]
+    assert gains[0] == max(gains)
+    assert min(gains) > 5.0
+
+
+def test_every_sink_that_was_found_keeps_to_the_limits(found):
+    for each in found.designs:
+        assert each.sink is not None
+        assert PAPER_LIMITS.allow(each.sink, DAMPER.diameter)
+        assert each.sink.gap >= PAPER_LIMITS.least_gap - 1e-12 or each.sink.fins == 1
+
+
+def test_thinner_fins_that_can_be_made_never_make_it_worse():
+    """The coarser limit's thicknesses are among the finer one's: the front can only move down."""
+    coarse, fine = (
+        search_grid(
+            DAMPER, limits_of(DRAWING, span=0.04, width=0.015, least_thickness=least, least_gap=5e-3)
+        ).best.fluid
+        for least in (2e-3, 1e-3)
+    )
+    assert fine <= coarse
+
+
+def test_a_lighter_limit_cuts_the_front_and_leaves_the_rest(found):
+    half = search_grid(DAMPER, replace(PAPER_LIMITS, mass=0.5 * found.best.mass))
+    assert half.designs == tuple(each for each in found.designs if each.mass <= 0.5 * found.best.mass)
+
+
+def test_the_finish_and_the_material_are_searched_where_they_are_given():
+    """Anodising radiates more at no mass, so that no bare finish is left on the front."""
+    limits = limits_of(
+        DRAWING,
+        span=0.03,
+        emissivities=(0.1, 0.85),
+        materials=(MATERIALS["aluminium-alloy"], MATERIALS["copper"]),
+    )
+    front = search_grid(DAMPER, limits).designs
+    assert {each.sink.emissivity for each in front if each.sink} == {0.85}
+    assert any(each.sink.material.name == "aluminium-alloy" for each in front if each.sink)
+
+
+def test_evaluation_is_the_network_s(reference):
+    """Within the 10 mK that longer steps cost."""
+    exact = heat_up(zone_network(DRAWING), DAMPER.loads, longest_step=10.0)
+    assert reference.fluid == pytest.approx(exact.fluid[-1], abs=0.02)
+    assert reference.coil == pytest.approx(exact.coil[-1], abs=0.02)
+    assert reference.mass == SINK.mass(DAMPER.diameter)
+
+
+def test_a_long_duty_ends_at_the_steady_temperature():
+    heated = HeatedDamper(DRAWING, (replace(DAMPER.loads[0], duration=8 * 3600.0),))
+    end = heated.evaluate(SINK)
+    steady = heated.settled(end).steady
+    assert steady is not None
+    assert end.fluid == pytest.approx(steady, abs=0.01)
+
+
+def test_nsga2_finds_no_better_front_than_the_grid(found):
+    """Free of the grid's steps, it ends at the same place: within a kelvin and a half after 480 sinks."""
+    pytest.importorskip("pymoo")
+    free = search_genetic(DAMPER, PAPER_LIMITS, population=24, generations=20, seed=1)
+    assert free.best.fluid == pytest.approx(found.best.fluid, abs=1.5)
+    assert all(PAPER_LIMITS.allow(each.sink, DAMPER.diameter) for each in free.designs if each.sink)
+
+
+def test_nsga2_repeats_itself():
+    pytest.importorskip("pymoo")
+    one, other = (
+        search_genetic(DAMPER, PAPER_LIMITS, population=8, generations=3, seed=5).designs for _ in range(2)
+    )
+    assert one == other
+
+
+def test_without_a_sink_the_body_gives_the_envelope():
+    limits = limits_of(DRAWING.with_sink(None))
+    assert (limits.span, limits.width, limits.mass) == (0.200, 0.023, math.inf)
+
+
+def test_on_a_vertical_damper_the_fins_are_discs_with_room_between():
+    upright = replace(DRAWING, sink=None, body=replace(DRAWING.body, orientation="vertical"))
+    damper = HeatedDamper(upright, DAMPER.loads)
+    limits = limits_of(upright, span=0.08)
+    front = search_grid(damper, limits).designs
+    assert all(each.sink.correlation == "disc" for each in front if each.sink)
+    assert all(each.sink.gap >= 0.010 - 1e-9 for each in front if each.sink and each.sink.fins > 1)
+    best = front[-1].sink
+    assert best is not None
+    assert [row.correlation for row in spread(damper, None, best)] == ["disc"]
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"span": 0.3}, "the span is 300 mm, the body's length 200 mm"),
+        ({"mass": 0.0}, "mass is 0 g; expected more than zero"),
+        ({"width": -0.01}, "width is -10 mm"),
+        ({"least_gap": math.nan}, "least_gap is nan mm"),
+        ({"least_thickness": 0.1}, "expected room for one fin"),
+        ({"emissivities": (1.5,)}, "an emissivity is 1.5; expected 0 to 1"),
+    ],
+)
+def test_limits_that_cannot_be_are_refused(given, message):
+    with pytest.raises(InputError, match=message):
+        limits_of(DRAWING, **given)
+
+
+def test_a_mass_below_the_lightest_sink_is_refused():
+    with pytest.raises(InputError, match=r"no sink keeps to them.*mass 1 g"):
+        search_grid(DAMPER, limits_of(DRAWING, mass=1e-3))
+
+
+def test_a_sink_outside_its_correlation_is_left_out_and_counted(monkeypatch):
+    """And when all are, the correlation's own message stands."""
+    limits = limits_of(DRAWING, span=0.02)
+
+    def refuse_some(self, sink):
+        if sink.fins > 2:
+            raise EnvelopeError("the correlation holds for less")
+        return made(0.1 * sink.fins, 400.0 - sink.fins)
+
+    monkeypatch.setattr(design.HeatedDamper, "evaluate", refuse_some)
+    front = search_grid(DAMPER, limits)
+    assert 0 < front.outside < front.tried
+    assert front.best.fluid == 398.0
+    monkeypatch.setattr(design.HeatedDamper, "evaluate", lambda self, sink: refuse_some(self, SINK))
+    with pytest.raises(EnvelopeError, match="holds for less"):
+        search_grid(DAMPER, limits)
