@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.optimize import lsq_linear
 
 from mrdamper.control.loop import run_loop
-from mrdamper.control.optimum import search_optimum
+from mrdamper.control.optimum import _boxed_step, _normal_equations, _times, search_optimum
 from mrdamper.control.scenario import SCENARIOS, Scenario
 from mrdamper.control.score import reach_of, score_run
 from mrdamper.errors import InputError
@@ -18,19 +19,38 @@ from tests.control.loops import Constant, Ideal, Inverse, Lagging, quiet
 SHORT = quiet(Scenario(duration_s=0.6, unscored_s=0.1))
 
 
-def test_without_memory_the_optimum_is_the_mean_of_the_target_over_each_hold():
-    """F = (50 + 800 I) sign v: the best held current is that of the mean target, or a limit."""
-    plant = Ideal()
-    found = search_optimum(plant, SHORT, period_s=1e-3)
+@pytest.mark.parametrize("gain", [800.0, 428.0])
+def test_without_memory_the_optimum_is_the_mean_of_the_target_over_each_hold(gain):
+    """F = (50 + gain I) sign v: the best held current is that of the mean target, also close to a limit."""
+    found = search_optimum(Ideal(gain=gain), SHORT, period_s=1e-3)
+    side = np.sign(found.course.velocity).reshape(-1, 10)
     blocks = np.abs(found.course.target).reshape(-1, 10)
-    inside = (
-        np.sign(found.course.velocity).reshape(-1, 10) == np.sign(found.course.velocity)[::10, None]
-    ).all(axis=1)
-    exact = np.clip((blocks.mean(axis=1) - 50.0) / 800.0, 0.0, 2.0)
-    scored = inside & (np.arange(len(inside)) >= 100)
+    exact = np.clip((blocks.mean(axis=1) - 50.0) / gain, 0.0, 2.0)
+    scored = (side == side[:, :1]).all(axis=1) & (np.arange(len(side)) >= 100)
     assert found.current[::10][scored] == pytest.approx(exact[scored], abs=2e-3)
     assert found.score.max_feasible_N is not None
     assert found.score.max_feasible_N < 0.51 * 900 * 2 * np.pi * 1e-3  # half a hold of the steepest target
+
+
+def test_the_bounded_step_is_that_of_a_dense_solver():
+    """On a banded least-squares problem, half of whose unknowns end on a bound."""
+    rng = np.random.default_rng(2)
+    count, window, hold = 60, 5, 3
+    slopes = rng.normal(size=(count, window * hold))
+    error = rng.normal(size=count * hold)
+    dense = np.zeros((count * hold, count))
+    for j in range(count):
+        part = slopes[j, : len(error) - j * hold]
+        dense[j * hold : j * hold + len(part), j] = part
+    band, gradient = _normal_equations(slopes, error, 0, hold)
+    assert gradient == pytest.approx(dense.T @ error)
+    vector = rng.normal(size=count)
+    assert _times(band, vector) == pytest.approx(dense.T @ (dense @ vector))
+    limit = np.full(count, 0.2)
+    step = _boxed_step(band, gradient, -limit, limit)
+    expected = lsq_linear(dense, -error, bounds=(-limit, limit)).x
+    assert 0.2 < (np.abs(expected) > 0.1999).mean() < 0.8
+    assert step == pytest.approx(expected, abs=2e-3)
 
 
 def test_a_lag_that_is_known_ahead_costs_next_to_nothing():

@@ -149,7 +149,30 @@ def test_the_coil_and_the_largest_command_are_carried_along():
     run = stepped(replace(LAW, actuation=KNOWN["slow up"]))
     found = fit_actuation(LAW, [run], resistance_20_ohm=5.0).actuation
     assert (found.resistance_20_ohm, found.largest_command) == (5.0, 2.0)
-    assert {field.name for field in fields(found)} == {*TIMES, "resistance_20_ohm", "largest_command"}
+    assert {field.name for field in fields(found)} == {*TIMES, "resistance_20_ohm", "largest_command", "play"}
+
+
+# --------------------------------------------------------------------------------- the play
+
+
+@pytest.mark.parametrize("play", [0.0, 0.02, 0.08])
+def test_a_known_play_comes_back_within_its_standard_error(play):
+    """Half width 0 to 0.08 A from eight seeds; where there is none, none is found but its own error."""
+    known = replace(KNOWN["slow up"], play=play)
+    fits = [identified(known, seed=seed) for seed in range(8)]
+    errors = np.array([fit.standard_errors["play"] for fit in fits])
+    assert (errors < 2e-3).all()
+    off = np.array([fit.actuation.play for fit in fits]) - play
+    assert (np.abs(off) < 4.0 * errors + 0.02 * play).all()
+
+
+def test_a_command_that_is_reached_from_one_side_only_tells_no_play():
+    """0-1-2 A and back to 0: 1 A only ever comes from below."""
+    steps = CurrentSteps((0.0, 1.0, 2.0, 0.0, 1.0, 2.0, 0.0), hold=0.8)
+    run = stepped(replace(LAW, actuation=replace(KNOWN["slow up"], play=0.05)), steps=steps)
+    found = fit_actuation(LAW, [run])
+    assert found.actuation.play == 0.0
+    assert np.isnan(found.standard_errors["play"])
 
 
 # --------------------------------------------------------------------------------- windows

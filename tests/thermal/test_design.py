@@ -26,6 +26,8 @@ from mrdamper.thermal.design import (
 )
 from mrdamper.thermal.drawing import read_drawing, read_sink
 from mrdamper.thermal.evolution import search_genetic
+from mrdamper.thermal.finite_element import build_field
+from mrdamper.thermal.freefem import run_freefem, write_freefem
 from mrdamper.thermal.materials import MATERIALS
 from mrdamper.thermal.network import zone_network
 from mrdamper.thermal.transient import Load, heat_up
@@ -106,6 +108,18 @@ def test_finite_elements_confirm_it(found, reference):
     for judged, ours in ((reference_field, reference), (best_field, found.best)):
         assert judged.network_fluid == ours.fluid
         assert abs(judged.fluid - ours.fluid) <= 3.0
+
+
+def test_freefem_confirms_it(found, tool, tmp_path):
+    """An independent program on the same section; steps of 300 s cost it some tenths of a kelvin."""
+    tool("FreeFem++")
+    pytest.importorskip("skfem")
+    ends = []
+    for name, sink in (("paper", SINK), ("best", found.best.sink)):
+        (tmp_path / name).mkdir()
+        model = build_field(DRAWING.with_sink(sink), size=0.02)
+        ends.append(run_freefem(write_freefem(model, DAMPER.loads[0], tmp_path / name, step=300.0)).fluid[-1])
+    assert ends[0] - ends[1] >= 10.0
 
 
 def test_under_the_other_fin_law_and_without_multiplier_it_is_still_cooler(found):

@@ -268,8 +268,8 @@ def _find_damper(name: str, card: ModelCard) -> _Damper:
         return _Damper(virtual.name, RigPlant(virtual), virtual.coil_ohm, highest, None, virtual.copper_per_K)
     if not name.endswith(".json") and not Path(name).exists():
         raise InputError(
-            f"there is no plant {name!r}; {did_you_mean(name, PRESETS)} (a card or a virtual damper's TOML may be "
-            "named as well)"
+            f"there is no plant {name!r}; {did_you_mean(name, PRESETS)} (or the path of a card, or of a "
+            "virtual damper's TOML)"
         )
     other = _read_card(Path(name))
     highest = min(other.envelope.command[1], card.envelope.command[1])

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from mrdamper import core
 from mrdamper.errors import InputError
+from mrdamper.models.actuation import PLAY_SHARE
 from mrdamper.models.damper import Damper
 from mrdamper.quantities import FloatArray
 
@@ -76,7 +77,18 @@ class CardPlant:
         A law whose state cannot be carried from step to step here, or whose curve depends on the command.
     """
 
-    __slots__ = ("_applied", "_curve", "_damper", "_highest", "_line", "_state", "_table", "_where", "step_s")
+    __slots__ = (
+        "_applied",
+        "_curve",
+        "_damper",
+        "_highest",
+        "_line",
+        "_play",
+        "_state",
+        "_table",
+        "_where",
+        "step_s",
+    )
 
     def __init__(self, damper: Damper, *, highest: float = 2.0, step_s: float = 1e-4) -> None:
         law = damper.law.name
@@ -91,7 +103,8 @@ class CardPlant:
         self._damper, self._highest = damper, highest
         self._curve = self._make_curve() if _ELEMENTS[law] else None
         self._table: tuple[float, dict[str, FloatArray | float]] | None = None
-        self._applied = (0.0, 0.0)  # after the first lag and after the second
+        self._play = 0.0 if damper.actuation is None else damper.actuation.play
+        self._applied = (0.0, 0.0, -self._play)  # after the first lag, after the second, behind the play
         delay = 0.0 if damper.actuation is None else damper.actuation.delay_s
         self._line = np.zeros(round(delay / step_s))
         self._state = (0.0,) * len(_ELEMENTS[law])
@@ -169,15 +182,16 @@ class CardPlant:
         keep_rise, keep_fall, keep = (
             math.exp(-self.step_s / tau) if tau > 0.0 else 0.0 for tau in (rise, fall, behind)
         )
-        first, second = self._applied
-        out = []
+        first, second, behind_play = self._applied
+        out, play = [], self._play
         for level in command.tolist():
             keep_first = keep_rise if abs(level) > abs(first) else keep_fall
             before, first = first, level + (first - level) * keep_first
             # the first lag's output is taken as its mean over the step
             second = first if behind == 0.0 else second * keep + 0.5 * (before + first) * (1.0 - keep)
-            out.append(second)
-        self._applied = (first, second)
+            behind_play = min(max(behind_play, second - play), second + play)
+            out.append(second + PLAY_SHARE * (behind_play + play - second))
+        self._applied = (first, second, behind_play)
         return np.asarray(np.clip(out, 0.0, self._highest), dtype=np.float64)
 
     def _coefficients(self, applied: FloatArray, temperature_degC: float) -> dict[str, FloatArray | float]:

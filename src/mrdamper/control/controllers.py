@@ -1,7 +1,7 @@
-"""Force-tracking controllers made from a card: the recommended one, the paper's, and what they are held against.
+"""Force-tracking controllers made from a card: the recommended one, the paper's, and baselines.
 
-Each is a small frozen value; its arithmetic is one step in C (``core/kernel/controller.c``), the same for all of
-them and the same that an export ships. What tells them apart are a few numbers:
+Each is a small frozen value; its arithmetic is one step in C (``core/kernel/controller.c``), the same for all
+of them and the same that an export ships. What tells them apart are a few numbers:
 
 - ``recommended``: motion, hysteresis and target at the preview, exact solve, reversal clamp; its causal form
   extrapolates the target, its adaptive form learns gains where a force is measured now and then;
@@ -92,8 +92,8 @@ class Safety:
                 raise InputError(f"safety: {name} is {value}; expected a positive number")
         if not (0.0 <= self.fall_back < math.inf and 0.0 < self.cold_K < self.hot_K < math.inf):
             raise InputError(
-                f"safety: fall_back is {self.fall_back} and the limits {self.cold_K} to {self.hot_K} K; expected "
-                "a fall-back of 0 or more, and limits in order"
+                f"safety: fall_back is {self.fall_back} and the limits {self.cold_K} to {self.hot_K} K; "
+                "expected a fall-back of 0 or more, and limits in order"
             )
 
 
@@ -237,13 +237,13 @@ class _Source:
 
 NAMES = (
     "recommended", "recommended-causal", "recommended-adaptive", "recommended-observer", "paper", "paper-2",
-    "paper-3", "paper-9", "paper-unaware", "paper-preview", "static-preview", "exact", "lead", "inverse-bouc-wen",
-    "clipped-on-off", "pi", "feed-forward-pi",
+    "paper-3", "paper-9", "paper-unaware", "paper-preview", "static-preview", "exact", "lead",
+    "inverse-bouc-wen", "clipped-on-off", "pi", "feed-forward-pi",
 )  # fmt: skip
 """The controllers there are."""
 
 
-def controllers_for(
+def controllers_for(  # noqa: PLR0913 - what a caller may know better than the rules
     source: ModelCard | Damper,
     *,
     period_s: float = 1e-3,
@@ -285,6 +285,7 @@ def controllers_for(
         raise InputError(f"controller: the extra delay is {extra_delay_s} s; expected 0 or more")
     actuation = tuning.actuation_of(damper)
     actuation = replace(actuation, delay_s=actuation.delay_s + extra_delay_s)
+    tuning.check_sampling(actuation, period_s)
     highest = largest or actuation.largest_command or (None if envelope is None else envelope.command[1])
     if highest is None:
         raise InputError(
@@ -319,7 +320,7 @@ def _controller(name: str, made: _Source) -> ForceController:
     bank = {"reach": 0.0, "margin": -1.0, "play": 0.0}
     gain, rate = tuning.feedback_gains(made.actuation, numbers["period"], made.force_per_command)
     feedback = {"gain": gain, "rate": rate}
-    lead = tuning.lead_of(made.actuation, numbers["period"])
+    lead = dict(tuning.lead_of(made.actuation, numbers["period"]))
     changes: dict[str, dict[str, float]] = {
         "recommended": {},
         "recommended-causal": {},

@@ -1,8 +1,8 @@
 """A damper in tables: what the controller's step reads instead of powers, exponentials and polynomials.
 
-Force and inverse yield displacement over an even grid of currents and temperatures, the universal curve of the
-hysteresis, and the functions of speed that the force is made of, each as cubics on cells that double in width
-with every octave. Built once; the arrays are what an export prints. How they are read is ``track_tables.c``.
+Force and inverse yield displacement over an even grid of currents and temperatures, the universal curve of
+the hysteresis, and the functions of speed that the force is made of, each as cubics on cells that double in
+width with every octave. Built once; the arrays are what an export prints. ``track_tables.c`` reads them.
 """
 
 from __future__ import annotations
@@ -57,11 +57,9 @@ class Octaves:
         octave -= self.offset * 2.0**octave > t
         share = (t / (self.offset * 2.0**octave) - 1.0) * 2.0**self.bits
         index = np.minimum(np.floor(share), 2.0**self.bits - 1.0)
-        c = self.cell[(octave * 2.0**self.bits + index).astype(np.intp)]
+        c: FloatArray = self.cell[(octave * 2.0**self.bits + index).astype(np.intp)]
         place = share - index
-        return np.asarray(
-            c[..., 0] + place * (c[..., 1] + place * (c[..., 2] + place * c[..., 3])), dtype=np.float64
-        )
+        return c[..., 0] + place * (c[..., 1] + place * (c[..., 2] + place * c[..., 3]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -96,7 +94,7 @@ class DamperTables:
         factors = dict.fromkeys(ROWS, 1.0)
         factors |= {"yield": yield_gain, "second": yield_gain, "viscous": viscous_gain}
         factors |= {"sliding": friction_gain, "breakaway": friction_gain}
-        return self.force * np.array([factors[row] for row in ROWS])[:, None]
+        return np.asarray(self.force * np.array([factors[row] for row in ROWS])[:, None])
 
 
 def tabulate(
@@ -122,8 +120,8 @@ def tabulate(
     """
     if damper.law.name not in TABULATED:
         raise InputError(
-            f"controller: the law is {damper.law.name!r}; expected one of {', '.join(TABULATED)}. Identify the "
-            "same runs with one of these"
+            f"controller: the law is {damper.law.name!r}; expected one of {', '.join(TABULATED)}. Identify "
+            "the same runs with one of these"
         )
     if not (math.isfinite(largest) and largest > 0.0):
         raise InputError(f"controller: the largest command is {largest}; expected a positive number")
@@ -137,7 +135,7 @@ def tabulate(
         name: np.array(rows)
         for name, rows in zip(
             damper.law.names,
-            np.moveaxis([damper.coefficients_at(at, kelvin) for kelvin in warm], 1, 0),
+            np.stack([damper.coefficients_at(at, kelvin) for kelvin in warm], axis=1),
             strict=True,
         )
     }
@@ -152,12 +150,12 @@ def tabulate(
     if np.ptp(yields[0] + second[0]) <= 1e-9 * float(np.max(yields[0] + second[0])):
         raise InputError(
             f"controller: the yield force of this card does not depend on the command (it is "
-            f"{yields[0, 0] + second[0, 0]:g} N from 0 to {largest:g} {damper.command_unit}), so no command can "
-            "track a force. Identify runs at two or more commands"
+            f"{yields[0, 0] + second[0, 0]:g} N from 0 to {largest:g} {damper.command_unit}), so no "
+            "command can track a force. Identify runs at two or more commands"
         )
     rows = (
-        values["offset"], values["stiffness"], values["mass"], values["viscosity"], values["coulomb_friction"],
-        values["breakaway_friction"], yields, second,
+        values["offset"], values["stiffness"], values["mass"], values["viscosity"],
+        values["coulomb_friction"], values["breakaway_friction"], yields, second,
     )  # fmt: skip
     rho = (values.get("rho", zero), values.get("second_rho", zero))
     elements = 0 if damper.law.name == "bingham" else 2 if "second_force" in values else 1
@@ -228,8 +226,8 @@ def tabulate_octaves(
 ) -> Octaves:
     """Return a function of a size, from 0 to ``end``, as cubics through values and slopes at the cells' ends.
 
-    ``fine`` is the size below which the cells are of one width. With ``rising`` no slope is steeper than three
-    times the chord, so that the cubics rise as their ends do (Fritsch & Carlson).
+    ``fine`` is the size below which the cells are of one width. With ``rising`` no slope is steeper than
+    three times the chord, so that the cubics rise as their ends do (Fritsch & Carlson).
     """
     offset = 2.0 ** math.floor(math.log2(fine))
     octaves = max(1, math.ceil(math.log2((end + offset) / offset)))
@@ -249,7 +247,7 @@ def tabulate_octaves(
 
 
 def _branch(kappa: float, n: float, *, loading: bool) -> Octaves:
-    """Return one branch of the universal curve: u' = 1 - k u^n from zero, k = 1 loading and kappa unloading."""
+    """Return one branch of the universal curve: u' = 1 - k u^n from zero, k = 1 or kappa."""
     k, sign = (1.0, 1.0) if loading else (kappa, -1.0)
     end = 26.0 / n + 2.0
 
@@ -293,7 +291,9 @@ def _inverse_branch(k: float, n: float, *, from_one: bool) -> Octaves:
         return out
 
     if not from_one:
-        return tabulate_octaves(lambda u: travel(np.minimum(u, 1.0)), lambda u: slope(np.minimum(u, 1.0)), 2.0**-10, 1.0)
+        return tabulate_octaves(
+            lambda u: travel(np.minimum(u, 1.0)), lambda u: slope(np.minimum(u, 1.0)), 2.0**-10, 1.0
+        )
     last = 2.0**-14 / 2.0**_INVERSE_BITS
 
     def inside(rest: FloatArray) -> FloatArray:
@@ -313,7 +313,7 @@ def _constant(name: str, values: FloatArray) -> float:
     first = float(values.flat[0])
     if float(np.ptp(values)) > 1e-9 * abs(first):
         raise InputError(
-            f"controller: {name} goes from {values.min():g} to {values.max():g} over current and temperature; the "
-            "controller's tables need it constant. Identify with this coefficient constant"
+            f"controller: {name} goes from {values.min():g} to {values.max():g} over current and "
+            "temperature; the controller's tables need it constant. Identify with this coefficient constant"
         )
     return first

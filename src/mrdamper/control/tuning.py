@@ -13,8 +13,8 @@ gains little and moves the command twice as much.
 
 *Reversal clamp.* The command stays below the static answer plus 5 % of the largest.
 
-*Feedback.* Proportional and integral gain by Skogestad's rule (from memory, not re-read) on the actuation: the
-first lag as time constant, all that follows as dead time, closed loop as slow as that dead time.
+*Feedback.* Proportional and integral gain by Skogestad's rule (from memory, not re-read) on the actuation:
+the first lag as time constant, all that follows as dead time, closed loop as slow as that dead time.
 """
 
 from __future__ import annotations
@@ -32,15 +32,16 @@ from mrdamper.quantities import FloatArray
 
 __all__ = [
     "CLAMP_SHARE",
-    "JERK_DENSITY",
     "ERROR_LASTS_S",
     "FORGETTING_S",
     "GAIN_SPREAD",
+    "JERK_DENSITY",
     "OBSERVER_S",
     "PREVIEW_SHARE",
     "REACH",
     "Lags",
     "actuation_of",
+    "check_sampling",
     "feedback_gains",
     "lags_ahead",
     "lags_of",
@@ -98,25 +99,8 @@ def actuation_of(damper: Damper) -> Actuation:
 
 
 def lags_of(actuation: Actuation, period_s: float) -> Lags:
-    """Return the actuation over a sampling period [s].
-
-    Raises
-    ------
-    InputError
-        Sampling too slow for the lag, or so fast that the commands under way do not fit into the controller.
-    """
-    slowest = actuation.response_time(0.95) if actuation.rise_s > 0.0 else math.inf
-    if period_s > slowest:
-        raise InputError(
-            f"controller: the period is {1e3 * period_s:g} ms, and the force follows a command within "
-            f"{1e3 * slowest:.3g} ms (95 %); expected a shorter period. Sample at {1.0 / slowest:.0f} Hz or faster"
-        )
+    """Return the actuation over a sampling period [s]."""
     samples, part = divmod(actuation.delay_s / period_s, 1.0)
-    if samples > _LINE - 3:
-        raise InputError(
-            f"controller: the dead time of {1e3 * actuation.delay_s:g} ms is {samples:.0f} periods; expected at "
-            f"most {_LINE - 3}. Sample more slowly"
-        )
     rise, fall, second = (
         _left(lag, period_s) for lag in (actuation.rise_s, actuation.fall_s, actuation.second_s)
     )
@@ -129,6 +113,27 @@ def lags_of(actuation: Actuation, period_s: float) -> Lags:
         _couple(actuation.rise_s, actuation.second_s, period_s),
         _couple(actuation.fall_s, actuation.second_s, period_s),
     )
+
+
+def check_sampling(actuation: Actuation, period_s: float) -> None:
+    """Raise ``InputError`` for sampling that a controller cannot work with.
+
+    Too slow for the lag, or so fast that the commands under way do not fit into the controller.
+    """
+    lagless = actuation.delay_s + actuation.rise_s + actuation.second_s == 0.0
+    slowest = math.inf if lagless else actuation.response_time(0.95)
+    if period_s > slowest:
+        raise InputError(
+            f"controller: the period is {1e3 * period_s:g} ms, and the force follows a command within "
+            f"{1e3 * slowest:.3g} ms (95 %); expected a shorter period. Sample at {1.0 / slowest:.0f} Hz or "
+            "faster"
+        )
+    samples = actuation.delay_s // period_s
+    if samples > _LINE - 3:
+        raise InputError(
+            f"controller: the dead time of {1e3 * actuation.delay_s:g} ms is {samples:.0f} periods; expected "
+            f"at most {_LINE - 3}. Sample more slowly"
+        )
 
 
 def lags_ahead(actuation: Actuation, period_s: float, preview_s: float) -> Mapping[str, float]:

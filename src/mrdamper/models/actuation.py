@@ -21,16 +21,16 @@ from mrdamper.quantities import FloatArray
 __all__ = ["PLAY_SHARE", "Actuation"]
 
 PLAY_SHARE = 0.5
-"""Share of the field that has the play. Of it and the half width, steps of the command tell the product only."""
+"""Share of the field that has the play; steps of the command tell its product with the half width only."""
 
 
 @dataclass(frozen=True, slots=True)
 class Actuation:
     """Delay, first lag (rise and fall), second lag; the coil's resistance and the largest command, if known.
 
-    The first lag is ``rise_s`` while the size of the command is above the size of what it feeds. ``play`` is the
-    half width [A or V] of the dead band behind the lags: a command that falls is felt as up to this much more
-    (twice the half width, in half the field) than the same command rising from zero, which is felt as it is.
+    The first lag is ``rise_s`` while the size of the command is above the size of what it feeds. ``play`` is
+    the half width [A or V] of the dead band behind the lags: a command that falls is felt as up to this much
+    more (twice the half width, in half the field) than one that rises from zero, which is felt as it is.
     """
 
     rise_s: float

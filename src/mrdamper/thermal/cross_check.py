@@ -56,8 +56,8 @@ def check_freefem(model: FieldModel, load: Load, folder: Path, *, step: float = 
     farthest = float(distance.max())
     if len(theirs.nodes) != len(model.nodes) or farthest > _SAME_PLACE:
         raise InputError(
-            f"FreeFem++: {len(theirs.nodes)} nodes, ours are {len(model.nodes)}, the farthest {farthest:.3g} m "
-            "from its like; expected the same nodes"
+            f"FreeFem++: {len(theirs.nodes)} nodes, ours are {len(model.nodes)}, the farthest {farthest:.3g} "
+            "m from its like; expected the same nodes"
         )
     return Comparison("FreeFem++", model.nodes, _at_the_end(ours), theirs.temperature[which])
 

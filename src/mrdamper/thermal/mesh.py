@@ -1,9 +1,9 @@
 """Triangle meshes of a section: a grid that follows every block's sides, graded towards its corners.
 
-Where three materials meet, or a fin stands on the body, the heat flux is singular: there the sides that leave
-the corner are cut again and again, which needs few nodes and leaves no hanging ones. A mesh is a value: nodes,
-triangles with their region, facets with their surface. ``mesh_section`` makes ours, ``gmsh_mesh`` has gmsh make
-one of the same section.
+Where three materials meet, or a fin stands on the body, the heat flux is singular: there the sides that
+leave the corner are cut again and again, which needs few nodes and leaves no hanging ones. A mesh is a value:
+nodes, triangles with their region, facets with their surface. ``mesh_section`` makes ours, ``gmsh_mesh`` has
+gmsh make one of the same section.
 """
 
 from __future__ import annotations
@@ -211,7 +211,7 @@ def _corners(region: IntArray) -> list[int]:
 def _lines(sides: list[float], size: float, share: float) -> FloatArray:
     """Return the sides, those that are equal but for rounding as one, and lines between them.
 
-    Cells grow from the sides towards the middle of each interval; the first one takes at most ``share`` of it.
+    Cells grow from the sides towards the middle of each interval; the first takes at most ``share`` of it.
     """
     ordered = np.unique(sides)
     distinct = ordered[np.concatenate([[True], np.diff(ordered) > _SAME])]
@@ -235,7 +235,10 @@ def _cells(lines: FloatArray, low: float, high: float) -> slice:
 
 
 def _line(lines: FloatArray, side: float) -> int:
-    return int(np.abs(lines - side).argmin())
+    found = int(np.abs(lines - side).argmin())
+    if abs(lines[found] - side) > 2.0 * _SAME:
+        raise InputError(f"section: an edge has an end at {side:g} m, where no block has a side or a corner")
+    return found
 
 
 def _facets(edges: tuple[Edge, ...], radii: FloatArray, heights: FloatArray) -> tuple[IntArray, IntArray]:

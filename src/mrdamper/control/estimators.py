@@ -1,0 +1,305 @@
+"""Estimators: what a controller must know and no sensor tells. Frozen values that hand their state back.
+
+Motion from displacement alone, the current that the force feels from the commands, the fluid's temperature
+from the coil's resistance or from a thermocouple on the body, and, where a force is measured now and then,
+how far the damper has come away from its model. The first two and the last two are also inside the
+controller's step (``core/kernel/track_estimate.c``), where the same formulas run on the target; these are for
+use on their own, and what that step is tested against.
+
+None of them checks what it is told: a reading that is not finite leaves the state as it was.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from mrdamper.control import tuning
+from mrdamper.errors import InputError
+from mrdamper.models.actuation import PLAY_SHARE, Actuation
+from mrdamper.quantities import FloatArray
+
+__all__ = [
+    "AppliedCurrent",
+    "BodyObserver",
+    "CoilFault",
+    "CoilReading",
+    "CoilThermometer",
+    "DisturbanceObserver",
+    "GainLearner",
+    "Motion",
+    "MotionFilter",
+]
+
+COPPER_PER_K = 0.00393  # of copper's resistance, at 20 degC
+_ROOM_K = 293.15
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """Displacement [m], velocity [m/s], acceleration [m/s^2]."""
+
+    displacement: float = 0.0
+    velocity: float = 0.0
+    acceleration: float = 0.0
+
+    def after(self, time: float) -> Motion:
+        """Return the motion a time [s] later, the acceleration held."""
+        x = self.displacement + time * (self.velocity + 0.5 * time * self.acceleration)
+        return Motion(x, self.velocity + time * self.acceleration, self.acceleration)
+
+
+@dataclass(frozen=True, slots=True)
+class MotionFilter:
+    """The steady Kalman filter of a motion whose jerk is white; it sees displacement once a period."""
+
+    period_s: float
+    noise_m: float = 10e-6
+    jerk_density: float = tuning.JERK_DENSITY
+
+    @property
+    def gains(self) -> FloatArray:
+        """What position [-], velocity [1/s] and acceleration [1/s^2] take of an innovation, shape (3,)."""
+        return tuning.motion_filter(self.period_s, self.noise_m, self.jerk_density)[0]
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Covariance of the estimate's error [m, m/s, m/s^2], shape (3, 3)."""
+        return tuning.motion_filter(self.period_s, self.noise_m, self.jerk_density)[1]
+
+    def start(self, displacement: float = 0.0) -> Motion:
+        return Motion(displacement)
+
+    def step(self, state: Motion, displacement: float) -> Motion:
+        """Return the motion one period on."""
+        ahead = state.after(self.period_s)
+        if not math.isfinite(displacement):
+            return ahead
+        gap = displacement - ahead.displacement
+        x, v, a = (float(gain) * gap for gain in self.gains)
+        return Motion(ahead.displacement + x, ahead.velocity + v, ahead.acceleration + a)
+
+
+@dataclass(frozen=True, slots=True)
+class Underway:
+    """State of ``AppliedCurrent``: both lags, the play's output, and the commands still to arrive."""
+
+    first: float
+    second: float
+    behind: float
+    line: tuple[float, ...]  # newest first
+
+    @property
+    def applied(self) -> float:
+        """What the force feels [A or V]."""
+        return self.second + PLAY_SHARE * (self.behind - self.second)
+
+
+@dataclass(frozen=True, slots=True)
+class AppliedCurrent:
+    """What the force feels of the commands: dead time, two lags, play; exact for held commands."""
+
+    actuation: Actuation
+    period_s: float
+
+    def start(self) -> Underway:
+        """Return the state without current, now or before."""
+        line = (0.0,) * (tuning.lags_of(self.actuation, self.period_s).dead_samples + 2)
+        return Underway(0.0, 0.0, 0.0, line)
+
+    def step(self, state: Underway, command: float) -> Underway:
+        """Return the state at the end of a period through which the command was given."""
+        lags = tuning.lags_of(self.actuation, self.period_s)
+        line = (command, *state.line[:-1])
+        newer, older = line[lags.dead_samples], line[lags.dead_samples + 1]
+        given = newer + lags.dead_part * (older - newer)
+        rises = given > state.first
+        gap = state.first - given
+        couple = lags.rise_couple if rises else lags.fall_couple
+        second = given + lags.second * (state.second - given) + couple * gap
+        first = given + (lags.rise if rises else lags.fall) * gap
+        play = self.actuation.play
+        # ``behind`` is the play's output plus its half width: the command itself while it rises
+        behind = min(max(state.behind, second), second + 2.0 * play)
+        return Underway(first, second, behind, line)
+
+
+class CoilFault(Enum):
+    """What the coil's resistance says beside its temperature."""
+
+    NONE = "none"
+    UNKNOWN = "unknown"  # too little current to tell
+    OPEN = "open"
+    SHORT = "short"
+
+
+@dataclass(frozen=True, slots=True)
+class CoilReading:
+    """Temperature of the coil [K], NaN until one is known or where the coil is at fault."""
+
+    temperature: float
+    fault: CoilFault
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CoilThermometer:
+    """Temperature from the coil's resistance: copper's rises by 0.39 % per kelvin.
+
+    Told the voltage and the current at the driver once a period, while the current hardly changes (inductance
+    would count as resistance). A resistance that no temperature from ``cold_K`` to ``hot_K`` explains by
+    a factor of two is a break or a short. Give the controller the reading's temperature: NaN is then its own
+    matter (last good value, then nominal).
+    """
+
+    resistance_20_ohm: float
+    period_s: float
+    wiring_ohm: float = 0.0
+    least_A: float = 0.2
+    steady_A_s: float = 5.0  # a current that changes faster is not looked at
+    smooth_s: float = 1.0
+    cold_K: float = 233.15
+    hot_K: float = 423.15
+    open_V: float = 2.0  # that much voltage without current is a break
+
+    def __post_init__(self) -> None:
+        if not (self.resistance_20_ohm > 0.0 and self.period_s > 0.0 and self.least_A > 0.0):
+            raise InputError(
+                f"coil thermometer: resistance {self.resistance_20_ohm} ohm, period {self.period_s} s, least "
+                f"current {self.least_A} A; expected positive numbers"
+            )
+
+    def start(self) -> tuple[float, float]:
+        """Return the state: smoothed temperature [K] and last current [A], neither known."""
+        return (math.nan, math.nan)
+
+    def step(
+        self, state: tuple[float, float], voltage: float, current: float
+    ) -> tuple[tuple[float, float], CoilReading]:
+        """Return the next state and the reading."""
+        kelvin, before = state
+        if not (math.isfinite(voltage) and math.isfinite(current)):
+            return state, CoilReading(kelvin, CoilFault.UNKNOWN)
+        after = (kelvin, current)
+        if abs(current) < self.least_A:
+            broken = abs(current) < 0.1 * self.least_A and abs(voltage) > self.open_V
+            return after, CoilReading(
+                math.nan if broken else kelvin, CoilFault.OPEN if broken else CoilFault.UNKNOWN
+            )
+        if not abs(current - before) <= self.steady_A_s * self.period_s:
+            return after, CoilReading(kelvin, CoilFault.UNKNOWN)
+        ohm = voltage / current - self.wiring_ohm
+        if ohm > 2.0 * self.resistance_at(self.hot_K):
+            return after, CoilReading(math.nan, CoilFault.OPEN)
+        if ohm < 0.5 * self.resistance_at(self.cold_K):
+            return after, CoilReading(math.nan, CoilFault.SHORT)
+        read = _ROOM_K + (ohm / self.resistance_20_ohm - 1.0) / COPPER_PER_K
+        keep = math.exp(-self.period_s / self.smooth_s)
+        smooth = read if math.isnan(kelvin) else read + keep * (kelvin - read)
+        return (smooth, current), CoilReading(smooth, CoilFault.NONE)
+
+    def resistance_at(self, kelvin: float) -> float:
+        """Return the coil's resistance [ohm] at a temperature."""
+        return self.resistance_20_ohm * (1.0 + COPPER_PER_K * (kelvin - _ROOM_K))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BodyObserver:
+    """The fluid's temperature from a thermocouple on the body and the power that the damper takes.
+
+        C_f dT_f/dt = P - G (T_f - T_body)
+
+    so that at rest in P it is T_body + P / G. P is the model's force times the estimated velocity, and the
+    coil's heat. G comes from a warm-up (``bodies.identify_bodies``) or from the thermal model of a drawing.
+    """
+
+    conductance_W_K: float  # G, fluid to body
+    fluid_capacity_J_K: float  # C_f
+    period_s: float
+
+    def __post_init__(self) -> None:
+        for name in ("conductance_W_K", "fluid_capacity_J_K", "period_s"):
+            if not 0.0 < getattr(self, name) < math.inf:
+                raise InputError(
+                    f"body observer: {name} is {getattr(self, name)}; expected a positive number"
+                )
+
+    def start(self, body: float) -> float:
+        """Return the state: a damper that has soaked, fluid as warm as body [K]."""
+        return body
+
+    def step(self, state: float, body: float, power: float) -> float:
+        """Return the fluid's temperature [K] after a period, from the body's [K] and the power [W]."""
+        if not (math.isfinite(body) and math.isfinite(power)):
+            return state
+        settled = body + power / self.conductance_W_K
+        keep = math.exp(-self.period_s * self.conductance_W_K / self.fluid_capacity_J_K)
+        return settled + keep * (state - settled)
+
+
+@dataclass(frozen=True, slots=True)
+class DisturbanceObserver:
+    """How much more force there is than the model's, in the direction of motion, smoothed.
+
+    For those who have a force sensor: on an estimate of the force with a gain error it observes that error.
+    """
+
+    period_s: float
+    time_s: float = tuning.OBSERVER_S
+
+    def start(self) -> float:
+        return 0.0
+
+    def step(self, state: float, measured: float, model: float, velocity: float) -> float:
+        """Return the disturbance [N]; add it, times the sign of the velocity, to the model's force."""
+        if not math.isfinite(measured - model):
+            return state
+        error = math.copysign(1.0, velocity) * (measured - model)
+        return state + (1.0 - math.exp(-self.period_s / self.time_s)) * (error - state)
+
+
+@dataclass(frozen=True, slots=True)
+class Learnt:
+    """State of ``GainLearner``: gains, shape (3,), and their covariance, shape (3, 3)."""
+
+    gains: FloatArray
+    covariance: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class GainLearner:
+    """Gains on yield, viscous and friction force by recursive least squares, from a measured force.
+
+    They start at one with a standard deviation of ``spread``; ``error_N`` is the model's own error, which
+    keeps its sign for ``ERROR_LASTS_S``. What was learnt fades over ``forgetting_s``, never beyond the start.
+    """
+
+    period_s: float
+    error_N: float
+    spread: float = tuning.GAIN_SPREAD
+    forgetting_s: float = tuning.FORGETTING_S
+
+    def start(self) -> Learnt:
+        return Learnt(np.ones(3), self.spread**2 * np.eye(3))
+
+    def step(self, state: Learnt, measured: float, parts: FloatArray) -> Learnt:
+        """Return the gains after a measured force [N] where the model's parts [N], gains at one, are these.
+
+        ``parts`` are yield, viscous, friction and the rest, shape (4,).
+        """
+        if not math.isfinite(measured):
+            return state
+        feature, error = parts[:3], measured - float(state.gains @ parts[:3]) - float(parts[3])
+        moved = state.covariance @ feature
+        variance = self.error_N**2 * max(1.0, tuning.ERROR_LASTS_S / self.period_s)
+        spread = variance + float(feature @ moved)
+        gains = np.clip(state.gains + moved * error / spread, 0.4, 2.5)
+        covariance = (state.covariance - np.outer(moved, moved) / spread) / math.exp(
+            -self.period_s / self.forgetting_s
+        )
+        for own in np.diag(covariance).copy():
+            if own > self.spread**2:
+                covariance = covariance * (self.spread**2 / own)
+        return Learnt(gains, covariance)

@@ -1,0 +1,57 @@
+"""A card of a damper about as strong as the virtual rig's, for the tests of tracking; nothing is fitted."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from mrdamper.models.actuation import Actuation
+from mrdamper.models.card import Evidence, ModelCard, write_card
+from mrdamper.models.damper import Damper, OperatingEnvelope
+from mrdamper.models.dependence import Constant, Exponential, Hill, ParameterLaw, Polynomial, Tempered
+from mrdamper.models.laws import LAWS
+from mrdamper.models.temperature import Arrhenius, Linear
+
+LAG = Actuation(0.008, 0.0063, 0.0031, 0.0036, resistance_20_ohm=5.0, largest_command=2.0)
+
+FORMS: dict[str, ParameterLaw] = {
+    "viscosity": Tempered(Polynomial((6950.0, 620.0)), Arrhenius(1511.0)),
+    "viscous_exponent": Constant(0.888),
+    "stiffness": Constant(1420.0),
+    "offset": Constant(6.0),
+    "breakaway_friction": Constant(25.0),
+    "stribeck_velocity": Constant(0.0023),
+    "transition_velocity": Constant(0.0038),
+    "yield_force": Tempered(Hill(50.0, 310.0, 5.54, 0.6, reference=2.0), Linear(1.6e-3)),
+    "second_force": Tempered(Hill(0.0, 970.0, 1.2, 1.93, reference=2.0), Linear(1.4e-3)),
+    "rho": Exponential(15e3, 0.466),
+    "second_rho": Exponential(4808.0, -0.063),
+    "kappa": Constant(-0.41),
+    "n": Constant(0.566),
+}
+
+RUN = {"name": "nobody_measured_this", "split": "training", "rmse_N": 20.0, "nrmse_percent": 3.0}
+
+
+ENVELOPE = OperatingEnvelope((0.0, 2.0), (-0.012, 0.012), (-0.04, 0.04), (293.15, 393.15))
+
+
+def a_damper(*, lag: Actuation | None = LAG, tempered: bool = True) -> Damper:
+    """Return the damper; without ``tempered`` as if it had been identified at 20 degC alone."""
+    forms = {
+        name: form if tempered or not isinstance(form, Tempered) else form.form
+        for name, form in FORMS.items()
+    }
+    held = (288.15, 398.15)
+    return Damper(LAWS["double-bouc-wen"], forms, actuation=lag, temperature_range=held)
+
+
+def write_a_card(path: Path, damper: Damper | None = None, *, envelope: OperatingEnvelope = ENVELOPE) -> Path:
+    """Write a card of the damper, or of another."""
+    card = ModelCard(
+        title="Strong as the rig's",
+        damper=a_damper() if damper is None else damper,
+        envelope=envelope,
+        evidence=Evidence(runs=(RUN,), method="varpro", cost=3.0, dataset_fingerprint="sha256:0"),
+    )
+    write_card(card, path)
+    return path

@@ -1,0 +1,83 @@
+"""Dampers for the controllers' tests: numbers like those of a rig damper, and one without lags."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from mrdamper.models.actuation import Actuation
+from mrdamper.models.damper import Damper
+from mrdamper.models.dependence import (
+    Bipolynomial,
+    Constant,
+    Exponential,
+    ParameterLaw,
+    Polynomial,
+    Tempered,
+)
+from mrdamper.models.laws import LAWS
+from mrdamper.models.temperature import Arrhenius
+
+LAGS = Actuation(0.008, 0.0065, 0.003, 0.0035, largest_command=2.0, play=0.025)
+
+_COMMON: dict[str, ParameterLaw] = {
+    "viscosity": Tempered(Polynomial((7000.0, 700.0)), Arrhenius(1500.0)),
+    "viscous_exponent": Constant(0.9),
+    "stiffness": Constant(1400.0),
+    "offset": Polynomial((6.0, 10.0)),
+    "coulomb_friction": Bipolynomial((5.0, 0.01)),
+    "breakaway_friction": Bipolynomial((6.0, -0.05)),
+    "stribeck_velocity": Constant(0.014),
+    "transition_velocity": Constant(8e-4),
+}
+_YIELD = Bipolynomial((40.0, 0.02, 400.0, -0.5, -60.0, -0.1))
+_SECOND = Bipolynomial((7.0, -0.06, 300.0, -1.0, 40.0, 0.2))
+
+DOUBLE = Damper(
+    LAWS["double-bouc-wen"],
+    {
+        **_COMMON,
+        "yield_force": _YIELD,
+        "second_force": _SECOND,
+        "rho": Exponential(16e3, 0.39),
+        "second_rho": Exponential(5e3, -0.1),
+        "kappa": Constant(-0.42),
+        "n": Constant(0.57),
+    },
+    actuation=LAGS,
+    temperature_range=(288.15, 398.15),
+)
+_TOTAL = Bipolynomial((47.0, -0.04, 700.0, -1.5, -20.0, 0.1))
+DAMPERS = {
+    "double-bouc-wen": DOUBLE,
+    "bouc-wen": replace(
+        DOUBLE,
+        law=LAWS["bouc-wen"],
+        coefficients={
+            **_COMMON, "yield_force": _TOTAL, "rho": Exponential(9e3, 0.1), "kappa": Constant(-0.6),
+            "n": Constant(1.3),
+        },
+    ),
+    "dahl": replace(
+        DOUBLE,
+        law=LAWS["dahl"],
+        coefficients={**_COMMON, "yield_force": _TOTAL, "rho": Exponential(9e3, 0.1)},
+    ),
+    "bouc-wen-saturating": replace(
+        DOUBLE,
+        law=LAWS["bouc-wen-saturating"],
+        coefficients={
+            **_COMMON, "yield_force": _YIELD, "rate_force": _SECOND, "saturation_velocity": Constant(0.01),
+            "rho": Exponential(9e3, 0.1), "kappa": Constant(-0.6), "n": Constant(1.3),
+        },
+    ),
+    "bingham": replace(
+        DOUBLE,
+        law=LAWS["bingham"],
+        coefficients={**_COMMON, "yield_force": _TOTAL, "yield_velocity": Constant(2e-3)},
+    ),
+}  # fmt: skip
+
+
+def at_once(damper: Damper) -> Damper:
+    """Return the damper whose force follows the command without delay."""
+    return replace(damper, actuation=Actuation(0.0, 0.0, largest_command=2.0))

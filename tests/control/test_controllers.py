@@ -1,0 +1,454 @@
+"""Controllers: the solved current gives the wanted force, whatever they are told the command is one."""
+
+from __future__ import annotations
+
+import math
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mrdamper.control.card_plant import CardPlant
+from mrdamper.control.controllers import NAMES, Flag, ForceController, Safety, controllers_for
+from mrdamper.control.protocol import Seen, Wanted
+from mrdamper.control.tuning import PREVIEW_SHARE
+from mrdamper.core import _kernel
+from mrdamper.errors import InputError
+from mrdamper.excitation import MOTIONS, drive
+from mrdamper.models.actuation import Actuation
+from mrdamper.models.dependence import Constant, Polynomial
+from mrdamper.models.laws import LAWS
+from mrdamper.models.simulate import simulate
+from mrdamper.quantities import FloatArray
+from tests.control.dampers import DAMPERS, DOUBLE, LAGS, at_once
+from tests.control.slow_step import SlowController
+
+PERIOD = 1e-3
+ROOM = 293.15
+ALL = controllers_for(DOUBLE)
+RECOMMENDED = ALL["recommended"]
+MOTION = MOTIONS["nonperiodic"]
+
+anything = st.floats(allow_nan=True, allow_infinity=True)
+readings = st.floats(-0.02, 0.02) | anything
+temperatures = st.floats(280.0, 400.0) | anything
+forces = st.floats(-2000.0, 2000.0) | anything
+
+
+def told(
+    controller: ForceController,
+    seconds: float,
+    *,
+    amplitude: float = 900.0,
+    kelvin: float = ROOM,
+    noise: float = 10e-6,
+    seed: int = 1,
+) -> FloatArray:
+    """Return rows for ``run``: the non-periodic motion, a target in phase with its velocity."""
+    t = controller.period_s * np.arange(round(seconds / controller.period_s))
+    rng = np.random.default_rng(seed)
+    rows = np.full((len(t), 5), np.nan)
+    rows[:, 0] = amplitude * np.tanh(MOTION.velocity(t) / 0.02)
+    rows[:, 1] = amplitude * np.tanh(MOTION.velocity(t + controller.preview_s) / 0.02)
+    rows[:, 2] = MOTION.displacement(t) + noise * rng.standard_normal(len(t))
+    rows[:, 3] = kelvin
+    return rows
+
+
+def at_speed(controller: ForceController, speed: float = 0.03, *, seconds: float = 0.3) -> bytes:
+    """Return the state after an even motion: hysteresis built up, no command."""
+    t = controller.period_s * np.arange(round(seconds / controller.period_s))
+    rows = np.full((len(t), 5), np.nan)
+    rows[:, 0] = rows[:, 1] = 0.0
+    rows[:, 2], rows[:, 3] = speed * (t - t[-1]), ROOM
+    return controller.run(controller.start(), rows)[0]
+
+
+def answer(controller: ForceController, state: bytes, wanted: float, speed: float = 0.03) -> float:
+    ahead = Wanted(wanted, wanted)
+    return controller.step(state, ahead, Seen(speed * controller.period_s, ROOM, wanted))[1]
+
+
+# ------------------------------------------------------------------------------------- the inverse
+
+
+@pytest.mark.parametrize("law", DAMPERS)
+def test_without_lags_the_solved_current_gives_the_wanted_force(law):
+    """Fed back into the law by its own simulation: 1 N rms, 3 N at 99 %, wherever a current gives it.
+
+    What is left is the motion filter's lag and the straight line between 33 currents.
+    """
+    damper = at_once(DAMPERS[law])
+    made = controllers_for(damper, displacement_noise_m=1e-8, jerk_density=30.0)["exact"]
+    rows = told(made, 3.0, noise=0.0)
+    _, current, flags = made.run(made.start(), rows)
+    path = drive(MOTION, duration=(len(rows) - 1) * PERIOD, rate_Hz=1e3, command=current, temperature=ROOM)
+    error = simulate(damper, path, form="causal") - rows[:, 0]
+    told_so = (flags.astype(int) & int(Flag.INFEASIBLE)) == 0
+    # a sample after a turn of the motion the filter is still turning
+    free = told_so & (np.abs(path.velocity) > 2e-3) & (np.arange(len(rows)) > 1000)
+    assert free.sum() > 0.35 * len(rows)
+    assert np.sqrt(np.mean(error[free] ** 2)) < 1.0
+    assert np.quantile(np.abs(error[free]), 0.99) < 3.0
+
+
+@pytest.mark.parametrize("kelvin", [293.15, 396.15])
+def test_the_step_in_c_is_the_slow_one_in_python(kelvin):
+    """Same estimators, law and root without tables, 250 steps with noise and a reversal: 5 mA, 1 mA rms."""
+    numbers = {**RECOMMENDED.numbers, "reach": 0.0}
+    quick = replace(RECOMMENDED, numbers=numbers)
+    rows = told(quick, 0.25, kelvin=kelvin)
+    slow = SlowController(DOUBLE, PERIOD, quick.preview_s, numbers["margin"])
+    _, current, flags = quick.run(quick.start(), rows)
+    expected = np.array([slow.step(row[1], row[2], row[3]) for row in rows])
+    off = np.abs(current - expected)
+    feasible = (flags.astype(int) & int(Flag.INFEASIBLE)) == 0
+    assert off[feasible].max() < 5e-3
+    assert np.sqrt(np.mean(off[feasible] ** 2)) < 1e-3
+    assert off.max() < 2.0 / 32.0  # where no current gives the force, the nearest of the table's
+    assert current.max() > 0.3
+
+
+@pytest.mark.parametrize("name", ["recommended", "exact", "paper", "static-preview", "inverse-bouc-wen"])
+@pytest.mark.parametrize("speed", [0.03, -0.03])
+def test_more_wanted_force_is_never_less_current(name, speed):
+    state = at_speed(ALL[name], speed)
+    wanted = math.copysign(1.0, speed) * np.linspace(-500.0, 2500.0, 61)
+    current = [answer(ALL[name], state, f, speed) for f in wanted]
+    assert (np.diff(current) >= -1e-9).all()
+    assert current[0] == 0.0
+    assert current[-1] == 2.0
+
+
+@pytest.mark.parametrize("name", [n for n in NAMES if n not in ("pi", "feed-forward-pi", "clipped-on-off")])
+def test_a_force_along_the_motion_gets_no_current(name):
+    """A semi-active damper cannot push."""
+    made = ALL[name]
+    for speed in (0.03, -0.03):
+        assert answer(made, at_speed(made, speed), -math.copysign(400.0, speed), speed) == 0.0
+
+
+def test_the_banks_agree_on_the_currents_of_their_models():
+    """At a force that the 1 A model has, 3, 5 and 9 models all say 1 A; 2 models say something else."""
+    state = {name: at_speed(ALL[name]) for name in ("paper-2", "paper-3", "paper", "paper-9")}
+    wanted = np.linspace(200.0, 1500.0, 400)
+    row = {name: np.array([answer(ALL[name], s, f) for f in wanted]) for name, s in state.items()}
+    at_one = int(np.argmin(np.abs(row["paper-9"] - 1.0)))
+    for name in ("paper-3", "paper"):
+        assert row[name][at_one] == pytest.approx(row["paper-9"][at_one], abs=5e-3)
+    assert abs(row["paper-2"][at_one] - 1.0) > 0.02
+
+
+def test_the_reversal_clamp_holds_the_command_while_the_hysteresis_builds_up():
+    """Just after a reversal the exact solve asks for far more than the static answer, the clamp for 5 % more."""
+    free = replace(RECOMMENDED, numbers={**RECOMMENDED.numbers, "margin": -1.0, "reach": 0.0})
+    held = replace(RECOMMENDED, numbers={**RECOMMENDED.numbers, "reach": 0.0})
+    static = ALL["static-preview"]
+    rows = told(free, 3.0, amplitude=1100.0)
+    asked = [c.run(c.start(), rows)[1] for c in (free, held, static)]
+    over = [current - asked[2] for current in asked[:2]]
+    assert (over[0] > 0.3).mean() > 0.05
+    # the play's inverse comes after the clamp: within its width the command moves twice as fast
+    assert over[1].max() <= 2.0 * 0.05 * 2.0 + 0.05
+
+
+# ------------------------------------------------------------------------------------- states
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_state_is_handed_back_and_one_by_one_is_all_at_once(name):
+    made = ALL[name]
+    rows = told(made, 0.2)
+    rows[:, 4] = 50.0
+    state, currents = made.start(), []
+    for row in rows:
+        kept = bytes(state)
+        seen = Seen(row[2], row[3], row[4])
+        wanted = Wanted(row[0], row[1])
+        after, current = made.step(state, wanted, seen)
+        assert (after, current) == made.step(state, wanted, seen)
+        assert state == kept
+        state = after
+        currents.append(current)
+    last, at_once_, _ = made.run(made.start(), rows)
+    assert last == state
+    np.testing.assert_array_equal(at_once_, currents)
+
+
+def test_a_controller_survives_pickling_and_gives_the_same_bits():
+    again = pickle.loads(pickle.dumps(RECOMMENDED))
+    rows = told(RECOMMENDED, 0.5)
+    assert again.run(again.start(), rows)[0] == RECOMMENDED.run(RECOMMENDED.start(), rows)[0]
+
+
+def test_every_instruction_set_gives_the_same_bits():
+    rows, before = told(RECOMMENDED, 1.0), _kernel.level()
+    found = set()
+    try:
+        for level in _kernel.levels():
+            _kernel.use_level(level)
+            found.add(RECOMMENDED.run(RECOMMENDED.start(), rows)[0])
+    finally:
+        _kernel.use_level(before)
+    assert len(found) == 1
+
+
+def test_bytes_that_are_no_state_are_refused():
+    with pytest.raises(ValueError, match="not a controller's state"):
+        RECOMMENDED.step(b"no state", Wanted(0.0), Seen(0.0, ROOM))
+
+
+# ------------------------------------------------------------------------------------- safety
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    name=st.sampled_from(NAMES),
+    rows=st.lists(st.tuples(forces, forces, readings, temperatures, forces), min_size=1, max_size=40),
+    repeats=st.integers(1, 60),
+)
+def test_whatever_it_is_told_the_command_is_within_its_ends(name, rows, repeats):
+    made = ALL[name]
+    _, current, flags = made.run(made.start(), np.repeat(np.array(rows), repeats, axis=0))
+    assert ((current >= 0.0) & (current <= 2.0)).all()
+    assert (flags >= 0.0).all()
+
+
+@settings(max_examples=30, deadline=None)
+@given(rows=st.lists(st.tuples(forces, forces, readings, temperatures), min_size=1, max_size=40))
+def test_after_any_rubbish_it_tracks_again(rows):
+    """2.5 s of good readings later the command is that of a controller which never heard any rubbish."""
+    bad = np.column_stack([np.array(rows), np.full(len(rows), np.nan)])
+    good = told(RECOMMENDED, 2.8, noise=0.0)
+    good[:, 4] = np.nan
+    clean = RECOMMENDED.run(RECOMMENDED.start(), good)[1]
+    after = RECOMMENDED.run(RECOMMENDED.run(RECOMMENDED.start(), bad)[0], good)[1]
+    assert np.abs(after - clean)[2500:].max() < 0.02
+
+
+def faulted(
+    row: int, values: FloatArray | float, *, seconds: float = 1.0, at: float = 0.5
+) -> tuple[FloatArray, ...]:
+    """Return commands and flags of a run in which one reading goes wrong from ``at`` on, and without that."""
+    good = told(RECOMMENDED, seconds)
+    bad = good.copy()
+    bad[round(at / PERIOD) :, row] = values
+    clean, wrong = (RECOMMENDED.run(RECOMMENDED.start(), rows) for rows in (good, bad))
+    return wrong[1], wrong[2].astype(int), clean[1]
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, 1e3, 100.0, 500.0])
+def test_a_temperature_that_cannot_be_is_replaced_by_the_last_good_one(value):
+    current, flags, clean = faulted(3, value)
+    assert (flags[500:] & Flag.NO_TEMPERATURE).all()
+    assert not (flags[:500] & Flag.NO_TEMPERATURE).any()
+    np.testing.assert_allclose(current, clean, atol=1e-3)
+
+
+def test_a_temperature_that_jumps_is_not_believed_and_one_that_stays_there_is_in_the_end():
+    """60 K at once: the last good one for 2 s, then the reading."""
+    current, flags, clean = faulted(3, ROOM + 60.0, seconds=4.0)
+    assert (flags[500:2490] & Flag.TEMPERATURE_JUMP).all()
+    np.testing.assert_allclose(current[:2490], clean[:2490], atol=1e-3)
+    assert not (flags[2510:] & Flag.TEMPERATURE_JUMP).any()
+    assert np.abs(current[2600:] - clean[2600:]).max() > 0.1
+
+
+def test_without_a_temperature_for_long_the_nominal_one_is_used():
+    made = controllers_for(DOUBLE, safety=Safety(hold_s=0.5, nominal_K=363.15))["recommended"]
+    rows = told(made, 6.0)
+    rows[500:, 3] = np.nan
+    state, _, flags = made.run(made.start(), rows)
+    assert not (flags[:990].astype(int) & Flag.NOMINAL_TEMPERATURE).any()
+    assert (flags[1010:].astype(int) & Flag.NOMINAL_TEMPERATURE).all()
+    assert made.believes(state).temperature == pytest.approx(363.15)
+
+
+def test_a_temperature_that_rises_at_19_K_a_second_is_followed_and_at_40_K_is_not():
+    for rate, followed in ((19.0, True), (60.0, False)):
+        rows = told(RECOMMENDED, 3.0)
+        rows[:, 3] = ROOM + rate * PERIOD * np.arange(len(rows))
+        _, _, flags = RECOMMENDED.run(RECOMMENDED.start(), rows)
+        assert bool((flags.astype(int) & Flag.TEMPERATURE_JUMP).any()) != followed
+
+
+def test_beyond_the_model_s_temperatures_its_edge_is_held_and_said():
+    edge, beyond = (told(RECOMMENDED, 0.5, kelvin=k) for k in (398.15, 420.0))
+    state, current, flags = RECOMMENDED.run(RECOMMENDED.start(), beyond)
+    np.testing.assert_allclose(current, RECOMMENDED.run(RECOMMENDED.start(), edge)[1], atol=1e-12)
+    assert (flags.astype(int) & Flag.OUTSIDE_TEMPERATURE).all()
+    assert Flag.OUTSIDE_TEMPERATURE in RECOMMENDED.flags(state)
+
+
+@pytest.mark.parametrize("value", [math.nan, -math.inf, 5.0])
+def test_without_displacement_it_coasts_and_then_falls_back(value):
+    """The motion is carried on for 30 ms; after that the command is the fall-back, until it is known again."""
+    current, flags, clean = faulted(2, value, seconds=1.0)
+    assert (flags[500:] & Flag.NO_DISPLACEMENT).all()
+    assert np.abs(current - clean)[500:510].max() < 0.1
+    assert (current[535:] == 0.0).all()
+    assert (flags[535:] & Flag.MOTION_UNKNOWN).all()
+    made = controllers_for(DOUBLE, safety=Safety(fall_back=0.4))["recommended"]
+    rows = told(made, 1.0)
+    rows[500:700, 2] = value
+    _, current, flags = made.run(made.start(), rows)
+    assert (current[535:700] == 0.4).all()
+    assert not (flags[750:].astype(int) & Flag.MOTION_UNKNOWN).any()
+
+
+def test_a_displacement_that_freezes_while_the_damper_moves_is_noticed():
+    frozen = told(RECOMMENDED, 1.0)[500, 2]
+    _, flags, _ = faulted(2, float(frozen), seconds=1.0)
+    assert (flags[525:] & Flag.FROZEN).all()
+    assert (flags[560:] & Flag.MOTION_UNKNOWN).all()
+
+
+def test_a_damper_at_rest_is_no_frozen_sensor():
+    rows = np.full((3000, 5), np.nan)
+    rows[:, :2], rows[:, 2], rows[:, 3] = 100.0, 1.25e-3, ROOM
+    flags = RECOMMENDED.run(RECOMMENDED.start(), rows)[2].astype(int)
+    assert not (flags & (Flag.FROZEN | Flag.MOTION_UNKNOWN)).any()
+
+
+def test_a_target_that_is_no_number_is_zero_and_said():
+    current, flags, _ = faulted(0, math.nan)
+    assert (flags[500:] & Flag.NO_TARGET).all()
+    state = at_speed(RECOMMENDED)
+    assert answer(RECOMMENDED, state, math.nan) == 0.0
+    assert ((current >= 0.0) & (current <= 2.0)).all()
+
+
+@pytest.mark.parametrize("name", ["clipped-on-off", "pi", "feed-forward-pi"])
+def test_without_a_force_the_feedback_is_left_out(name):
+    made = ALL[name]
+    _, current, flags = made.run(made.start(), told(made, 1.0))
+    assert (flags.astype(int) & Flag.NO_FORCE).all()
+    if name != "feed-forward-pi":
+        assert (current == 0.0).all()
+    else:
+        np.testing.assert_array_equal(current, RECOMMENDED.run(RECOMMENDED.start(), told(made, 1.0))[1])
+
+
+# ------------------------------------------------------------------------------------- rules
+
+
+def test_the_preview_is_the_time_to_63_percent_and_half_a_period():
+    """And a delay more is so much more preview; a target that is not known ahead is not asked for."""
+    assert PREVIEW_SHARE == pytest.approx(1.0 - 1.0 / math.e)
+    for period in (2e-4, 1e-3, 5e-3):
+        made = controllers_for(DOUBLE, period_s=period)
+        expected = LAGS.response_time(PREVIEW_SHARE) + 0.5 * period
+        assert made["recommended"].preview_s == pytest.approx(expected)
+        assert made["recommended-causal"].preview_s == 0.0
+        assert made["recommended-causal"].numbers["preview"] == pytest.approx(expected)
+        assert made["paper"].preview_s == made["exact"].preview_s == 0.0
+    later = controllers_for(DOUBLE, extra_delay_s=0.01)["recommended"]
+    assert later.preview_s == pytest.approx(RECOMMENDED.preview_s + 0.01, abs=2e-5)
+
+
+def test_a_target_that_bends_evenly_is_extrapolated_without_error():
+    """A parabola in time: the causal controller and the one that knows it ahead give one command, settled."""
+    t = PERIOD * np.arange(1500)
+
+    def target(at: FloatArray) -> FloatArray:
+        return 300.0 + 200.0 * at + 80.0 * at**2
+
+    rows = np.full((len(t), 5), np.nan)
+    rows[:, 0], rows[:, 1] = target(t), target(t + RECOMMENDED.preview_s)
+    rows[:, 2], rows[:, 3] = 0.02 * t, ROOM
+    known, causal = (c.run(c.start(), rows)[1] for c in (RECOMMENDED, ALL["recommended-causal"]))
+    np.testing.assert_allclose(causal[800:], known[800:], atol=1e-6)
+
+
+def test_what_is_measured_teaches_the_gains():
+    """A damper with 12 % less yield and 30 % more viscous force: 4 s of force data find both.
+
+    The law is the damper's own here, so that what it leaves unexplained is small (10 N, one sample).
+    """
+    damper = at_once(DOUBLE)
+    yields = {name: damper.coefficients[name] for name in ("yield_force", "second_force")}
+    aged = damper.with_numbers(
+        {
+            f"{name}.{number}": 0.88 * value
+            for name, form in yields.items()
+            for number, value in zip(form.number_names, form.numbers, strict=True)
+        }
+        | {"viscosity.c0": 1.3 * 7000.0, "viscosity.c1": 1.3 * 700.0}
+    )
+    made = controllers_for(damper)["recommended-adaptive"]
+    made = replace(made, numbers={**made.numbers, "error_variance": 100.0})
+    rows, plant = told(made, 4.0), CardPlant(aged, step_s=PERIOD)
+    t = PERIOD * np.arange(1, len(rows) + 1)
+    x, v = MOTION.displacement(t), MOTION.velocity(t)
+    state, force = made.start(), 0.0
+    for k, row in enumerate(rows):
+        state, current = made.step(state, Wanted(row[0], row[1]), Seen(row[2], row[3], force))
+        force = float(plant.advance_many(x[k : k + 1], v[k : k + 1], current, ROOM - 273.15)[0])
+    gains = made.believes(state).gains
+    assert gains[0] == pytest.approx(0.88, abs=0.05)
+    assert gains[1] == pytest.approx(1.3, abs=0.1)
+
+
+def test_a_scaled_controller_gives_the_current_of_the_scaled_force():
+    """All parts times k, spring and offset aside: the command for k F is that of one for F."""
+    bare = at_once(DOUBLE).with_numbers({"stiffness.value": 0.0, "offset.c0": 0.0, "offset.c1": 0.0})
+    made = controllers_for(bare)["exact"]
+    twice = made.scaled(2.0, 2.0, 2.0)
+    for wanted in (200.0, 500.0, 900.0):
+        assert answer(twice, at_speed(twice), 2.0 * wanted) == pytest.approx(
+            answer(made, at_speed(made), wanted)
+        )
+
+
+def test_the_clipped_on_off_gives_all_or_nothing():
+    made = ALL["clipped-on-off"]
+    state = at_speed(made)
+    for wanted, force, expected in (
+        (800.0, 500.0, 2.0),
+        (800.0, 900.0, 0.0),
+        (-800.0, 900.0, 0.0),
+        (-800.0, -500.0, 2.0),
+    ):
+        assert made.step(state, Wanted(wanted), Seen(0.0, ROOM, force))[1] == expected
+
+
+# ------------------------------------------------------------------------------------- what is refused
+
+
+def test_a_card_without_dependence_on_current_is_refused():
+    forms = {**DOUBLE.coefficients, "yield_force": Constant(300.0), "second_force": Constant(200.0)}
+    with pytest.raises(InputError, match="does not depend on the command"):
+        controllers_for(replace(DOUBLE, coefficients=forms))
+
+
+def test_a_law_that_has_no_tables_is_refused_with_those_that_have():
+    forms = {"yield_force": Polynomial((100.0, 500.0)), "slope": Constant(100.0), "shift": Constant(0.5)}
+    with pytest.raises(InputError, match="the law is 'tanh'; expected one of bouc-wen, dahl"):
+        controllers_for(replace(DOUBLE, law=LAWS["tanh"], coefficients=forms))
+
+
+def test_a_shape_that_moves_with_current_is_refused():
+    forms = {**DOUBLE.coefficients, "n": Polynomial((0.6, 0.1))}
+    with pytest.raises(InputError, match=r"n goes from 0.6 to 0.8 over current and temperature"):
+        controllers_for(replace(DOUBLE, coefficients=forms))
+
+
+def test_sampling_slower_than_the_lag_is_refused_with_a_rate_that_would_do():
+    with pytest.raises(
+        InputError, match=r"the period is 100 ms, and the force follows .* Sample at \d+ Hz or faster"
+    ):
+        controllers_for(DOUBLE, period_s=0.1)
+
+
+def test_a_dead_time_of_too_many_periods_is_refused():
+    late = replace(DOUBLE, actuation=Actuation(0.01, 0.01, delay_s=0.2, largest_command=2.0))
+    with pytest.raises(InputError, match="the dead time of 200 ms is 200 periods"):
+        controllers_for(late)
+
+
+def test_a_damper_whose_largest_command_nobody_knows_is_refused():
+    with pytest.raises(InputError, match="largest command is not known"):
+        controllers_for(replace(DOUBLE, actuation=Actuation(0.01, 0.01)))

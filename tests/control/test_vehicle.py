@@ -1,0 +1,309 @@
+"""The quarter car against closed forms and independent programs, and its energy."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import integrate, linalg
+
+from mrdamper.control.vehicle import (
+    Demand,
+    LongDrive,
+    QuarterCar,
+    Stretch,
+    TwoBodies,
+    Vehicle,
+    drive_car,
+    groundhook,
+    hybrid,
+    linear_quadratic,
+    skyhook,
+    warm_up,
+)
+from mrdamper.errors import InputError
+from mrdamper.excitation import ROAD_ROUGHNESS, Sine
+from mrdamper.rig.plant import PRESETS, Plant
+from tests.control.loops import Constant, Ideal, Inverse
+
+CAR = QuarterCar()
+NOTHING = Demand("nothing", (0.0, 0.0, 0.0, 0.0))
+QUIET = Stretch(
+    displacement_noise_m=0.0, velocity_noise_m_s=0.0, temperature_noise_K=0.0, duration_s=4.0, unscored_s=2.0
+)
+
+
+def linear(damping):
+    """Return a car with a viscous damper [N s/m] that knows no current."""
+    return Vehicle(CAR, NOTHING, Ideal(low=0.0, gain=0.0, viscosity=damping))
+
+
+def test_at_rest_it_stays_at_rest():
+    ride = drive_car(linear(1500.0), replace(QUIET, road=Sine(1e-12, 1.0), duration_s=0.5, unscored_s=0.1))
+    assert np.abs(ride.states).max() < 1e-9
+
+
+@pytest.mark.parametrize("frequency", [0.8, 1.5, 4.0, 11.0])
+def test_a_linear_damper_gives_the_transmissibility_of_the_linear_system(frequency):
+    """Against its frequency response; what is left is that the force is held over a step."""
+    damping = 1500.0
+    ride = drive_car(
+        linear(damping), replace(QUIET, road=Sine(5e-3, frequency), duration_s=8.0, unscored_s=3.0)
+    )
+    gains = np.array([0.0, damping, 0.0, -damping])
+    closed = CAR.system + np.outer(CAR.by_force, gains)
+    omega = 2 * np.pi * frequency
+    response = closed[1] @ np.linalg.solve(1j * omega * np.eye(4) - closed, CAR.by_road)
+    speed = 5e-3 * omega
+    # five seconds are whole half periods at each of these frequencies
+    assert ride.body_acceleration_m_s2 == pytest.approx(speed * abs(response) / np.sqrt(2.0), rel=5e-3)
+
+
+def test_the_body_s_resonance_without_damper_is_that_of_the_two_springs_in_series():
+    lowest = np.sort(np.abs(np.imag(np.linalg.eigvals(CAR.system))))[0]
+    series = 1.0 / (1.0 / CAR.spring_N_m + 1.0 / CAR.tyre_N_m)
+    assert lowest == pytest.approx(np.sqrt(series / CAR.body_kg), rel=0.01)
+
+
+def test_the_exact_step_is_the_matrix_exponential_s_and_composes():
+    a, b, c = CAR.advance(1e-4)
+    twice, _, _ = CAR.advance(2e-4)
+    assert a @ a == pytest.approx(twice, abs=1e-12)
+    solved = integrate.solve_ivp(
+        lambda _, z: CAR.system @ z + 700.0 * CAR.by_force + 0.3 * CAR.by_road,
+        (0.0, 1e-4), np.array([0.01, 0.2, -0.003, 0.5]), rtol=1e-12, atol=1e-15,
+    )  # fmt: skip
+    step = a @ np.array([0.01, 0.2, -0.003, 0.5]) + 700.0 * b + 0.3 * c
+    assert step == pytest.approx(solved.y[:, -1], rel=1e-10)
+
+
+def test_energy_is_what_the_road_put_in_less_what_the_damper_took():
+    """With the real hysteretic damper: change of stored energy = work of the road - work on the damper."""
+    damper = Plant(PRESETS["vehicle"])
+    ride = drive_car(Vehicle(CAR, NOTHING, damper), replace(QUIET, duration_s=3.0, unscored_s=0.0))
+    states, step = ride.states, ride.step_s
+    start = np.zeros((1, 4))
+    lengths = np.diff(states[:, 0], prepend=0.0)
+    taken = float(ride.force @ lengths)
+    # the tyre's force on the road, its mean over a step from the trapezium
+    tyre = -CAR.tyre_N_m * np.concatenate([start, states])[:, 2]
+    given = float(0.5 * (tyre[1:] + tyre[:-1]) @ ride.road) * step
+    stored = CAR.energy(states[-1:])[0] - CAR.energy(start)[0]
+    assert stored == pytest.approx(given - taken, rel=2e-3)
+    assert taken > 0.0
+    assert ride.heat_W == pytest.approx(taken / 3.0, rel=1e-9)
+
+
+@pytest.mark.parametrize("damping", [800.0, 3000.0])
+def test_a_road_of_white_speed_gives_every_damper_the_same_power(damping):
+    """P = k_t S / 4 with S = (2 pi n0)^2 Gd(n0) v the one-sided spectrum of the road's speed [m^2/s].
+
+    The power goes through the tyre alone; body, spring, damper do not enter. A minute of road has a few
+    per cent of scatter.
+    """
+    ride = drive_car(linear(damping), replace(QUIET, duration_s=42.0))
+    spectrum = (2 * np.pi * 0.1) ** 2 * ROAD_ROUGHNESS["C"] * 20.0
+    assert ride.heat_W == pytest.approx(CAR.tyre_N_m * spectrum / 4.0, rel=0.08)
+
+
+def test_the_regulator_is_that_of_the_discrete_riccati_equation_in_the_limit():
+    """The solver for sampled systems at a fine step: an independent way to the same gains."""
+    step, rattle, tyre = 2e-5, 5e2, 1e4
+    a, b, _ = CAR.advance(step)
+    row, entry = CAR.system[1], CAR.by_force[1]
+    cost = step * (np.outer(row, row) + np.diag([rattle, 0.0, tyre, 0.0]))
+    cross, effort = step * (row * entry)[:, None], step * np.array([[entry**2]])
+    p = linalg.solve_discrete_are(a, b[:, None], cost, effort, s=cross)
+    gain = linalg.solve(effort + b[None] @ p @ b[:, None], b[None] @ p @ a + cross.T)[0]
+    assert linear_quadratic(CAR).gains == pytest.approx(tuple(-gain), rel=0.02)
+
+
+def test_no_other_linear_feedback_is_better_by_the_regulator_s_own_cost():
+    """From a start, x' P x is the least integral; any small change of a gain raises it."""
+    gains = np.array(linear_quadratic(CAR).gains)
+
+    def cost(k):
+        closed = CAR.system + np.outer(CAR.by_force, k)
+        acceleration = CAR.system[1] + CAR.by_force[1] * k
+        weights = np.outer(acceleration, acceleration) + np.diag([5e2, 0.0, 1e4, 0.0])
+        return np.trace(linalg.solve_continuous_lyapunov(closed.T, -weights))
+
+    best = cost(gains)
+    for place in range(4):
+        for factor in (0.97, 1.03):
+            changed = gains.copy()
+            changed[place] *= factor
+            assert cost(changed) > best
+
+
+def test_demands_are_the_books():
+    states = np.array([0.01, 0.4, -0.002, 0.1])
+    assert np.dot(skyhook(2000.0).gains, states) == pytest.approx(2000.0 * 0.4)
+    assert np.dot(groundhook(2000.0).gains, states) == pytest.approx(-2000.0 * 0.1)
+    half = np.dot(hybrid(2000.0, 0.5).gains, states)
+    assert half == pytest.approx(0.5 * (2000.0 * 0.4 - 2000.0 * 0.1))
+
+
+@pytest.mark.parametrize("demand", [skyhook(), groundhook(), hybrid(), linear_quadratic(CAR)])
+def test_the_ideal_damper_never_pushes(demand):
+    """It takes power at every sample; between two, while the force is held, at most a trifle comes back."""
+    ride = drive_car(Vehicle(CAR, demand), replace(QUIET, duration_s=3.0))
+    speed = ride.states[:, 1] - ride.states[:, 3]
+    power = ride.force * speed
+    assert power[::10].min() > -1e-2 * power.max()
+    assert ride.heat_W > 0.0
+
+
+def test_each_demand_serves_what_it_is_for():
+    """On a road the regulator is the most comfortable, and groundhook holds the wheel better than skyhook."""
+    rides = {
+        demand.name: drive_car(Vehicle(CAR, demand), replace(QUIET, duration_s=6.0))
+        for demand in (skyhook(), groundhook(), hybrid(), linear_quadratic(CAR))
+    }
+    comfort = {name: ride.body_acceleration_m_s2 for name, ride in rides.items()}
+    holding = {name: ride.tyre_load_N for name, ride in rides.items()}
+    assert min(comfort, key=lambda name: comfort[name]) == "linear-quadratic"
+    assert holding["groundhook"] < holding["skyhook"]
+    assert comfort["skyhook"] < comfort["groundhook"]
+
+
+def test_a_perfect_inverse_of_a_damper_without_lag_rides_as_the_ideal_one():
+    """Where the demand lies between what the damper gives at zero and at the highest current."""
+    car = Vehicle(CAR, skyhook(1500.0), Ideal(low=0.0, gain=3000.0), Inverse(low=0.0, gain=3000.0))
+    stretch = replace(QUIET, duration_s=6.0)
+    followed, ideal = drive_car(car, stretch), drive_car(Vehicle(CAR, skyhook(1500.0)), stretch)
+    assert followed.body_acceleration_m_s2 == pytest.approx(ideal.body_acceleration_m_s2, rel=0.03)
+    assert followed.tyre_load_N == pytest.approx(ideal.tyre_load_N, rel=0.03)
+
+
+def test_a_hot_damper_without_current_rides_worse():
+    """Its oil is thin: comfort and road holding suffer."""
+    cold, hot = (
+        drive_car(
+            Vehicle(CAR, NOTHING, Plant(PRESETS["vehicle"])),
+            replace(QUIET, duration_s=10.0, temperature_degC=degrees),
+        )
+        for degrees in (20.0, 123.0)
+    )
+    assert hot.body_acceleration_m_s2 > 1.2 * cold.body_acceleration_m_s2
+    assert hot.tyre_load_N > 1.3 * cold.tyre_load_N
+
+
+def test_a_ride_goes_on_where_the_last_one_ended():
+    """Two stretches are one, but for the noise, which there is none of here."""
+    vehicle = Vehicle(CAR, skyhook(), Plant(PRESETS["vehicle"]), Constant(0.7))
+    whole = drive_car(vehicle, replace(QUIET, duration_s=2.0, unscored_s=0.0))
+    half = replace(QUIET, duration_s=1.0, unscored_s=0.0)
+    first = drive_car(vehicle, half)
+    second = drive_car(vehicle, half, after=first)
+    assert np.concatenate([first.states, second.states]) == pytest.approx(whole.states, abs=1e-12)
+    assert second.memory.time == pytest.approx(2.0)
+
+
+def test_the_same_seed_gives_the_same_ride():
+    vehicle = Vehicle(CAR, skyhook(), Plant(PRESETS["vehicle"]), Constant(0.7))
+    noisy = Stretch(duration_s=0.5, unscored_s=0.0)
+    one, two, other = (drive_car(vehicle, replace(noisy, seed=seed)).states for seed in (3, 3, 4))
+    assert np.array_equal(one, two)
+    ideal = Vehicle(CAR, skyhook())
+    assert not np.array_equal(
+        drive_car(ideal, replace(noisy, seed=3)).states, drive_car(ideal, replace(noisy, seed=4)).states
+    )
+    assert np.array_equal(one, other)  # a constant current does not see the noise
+
+
+# ---------------------------------------------------------------------------------------------- warming up
+
+
+def test_two_bodies_settle_where_all_the_power_leaves():
+    bodies = TwoBodies()
+    fluid, housing = bodies.warm((20.0, 20.0), 100.0, 1e6)
+    assert housing == pytest.approx(20.0 + 100.0 / 2.0)
+    assert fluid == pytest.approx(housing + 100.0 / 6.0)
+
+
+def test_two_bodies_close_their_energy_account():
+    """Without losses all the heat is stored; with them, what is missing left through the surface."""
+    closed = TwoBodies(ambient_W_K=0.0)
+    fluid, housing = closed.warm((20.0, 20.0), 80.0, 500.0)
+    assert 150.0 * (fluid - 20.0) + 950.0 * (housing - 20.0) == pytest.approx(80.0 * 500.0)
+    lossy, steps = TwoBodies(), 2000
+    at, lost = (20.0, 20.0), 0.0
+    for _ in range(steps):
+        after = lossy.warm(at, 80.0, 500.0 / steps)
+        lost += 2.0 * (0.5 * (at[1] + after[1]) - 20.0) * 500.0 / steps
+        at = after
+    stored = 150.0 * (at[0] - 20.0) + 950.0 * (at[1] - 20.0)
+    assert stored + lost == pytest.approx(80.0 * 500.0, rel=1e-6)
+    assert at == pytest.approx(lossy.warm((20.0, 20.0), 80.0, 500.0))  # exact over any step
+
+
+PLAN = LongDrive(duration_s=600.0, every_s=120.0, stretch_s=2.0)
+
+
+def test_a_long_drive_warms_the_damper_by_what_it_took_up():
+    vehicle = Vehicle(CAR, skyhook(), Plant(PRESETS["vehicle"]), Constant(0.5))
+    journey = warm_up(vehicle, PLAN, QUIET)
+    assert journey.fluid_degC[0] == 20.0
+    assert np.all(np.diff(journey.fluid_degC[:3]) > 0.0)
+    assert np.all(journey.fluid_degC[1:] > journey.housing_degC[1:])
+    first = TwoBodies().warm((20.0, 20.0), journey.heat_W[0] + journey.coil_W[0], 120.0)
+    assert (journey.fluid_degC[1], journey.housing_degC[1]) == pytest.approx(first)
+    assert journey.coil_W[0] == pytest.approx(0.25 * 5.0)
+
+
+def test_the_cut_off_takes_the_current_away_until_it_is_cool_again():
+    vehicle = Vehicle(CAR, skyhook(), Plant(PRESETS["vehicle"]), Constant(2.0))
+    plan = replace(PLAN, duration_s=1080.0, stretch_s=1.0, cut_off_degC=60.0, back_degC=50.0)
+    journey = warm_up(vehicle, plan, QUIET)
+    cut = journey.is_cut_off > 0.0
+    assert cut.any()
+    assert np.all(journey.coil_W[cut] == 0.0)
+    assert np.all(journey.told_degC[cut] > 50.0)
+    assert np.all(journey.told_degC[~cut] <= 60.0)
+    assert journey.told_degC[cut].min() < 60.0  # it stays away while it cools
+    hot = warm_up(vehicle, replace(plan, cut_off_degC=None), QUIET)
+    assert hot.fluid_degC.max() > journey.fluid_degC.max()
+
+
+def test_a_thermometer_on_the_housing_reads_low_while_the_damper_warms():
+    vehicle = Vehicle(CAR, skyhook(), Plant(PRESETS["vehicle"]), Constant(0.5))
+    journey = warm_up(vehicle, replace(PLAN, thermometer=lambda _fluid, housing, _power: housing), QUIET)
+    assert np.array_equal(journey.told_degC, journey.housing_degC)
+    known = warm_up(
+        vehicle, replace(PLAN, thermometer=lambda _fluid, housing, power: housing + power / 6.0), QUIET
+    )
+    # With the true conductance it is high by the power that warms the fluid itself: in a steady rise that is
+    # the fluid's share of the heat capacity.
+    high = known.told_degC[1:] - known.fluid_degC[1:]
+    gradient = known.told_degC[1:] - known.housing_degC[1:]
+    assert np.all(np.abs(high) < 150.0 / (150.0 + 950.0) * gradient)
+
+
+def test_a_drive_that_would_boil_stays_at_its_limit():
+    vehicle = Vehicle(CAR, skyhook(), Plant(PRESETS["vehicle"]), Constant(2.0))
+    plan = replace(PLAN, bodies=TwoBodies(ambient_W_K=0.0), ambient_degC=100.0, hottest_degC=130.0)
+    journey = warm_up(vehicle, plan, QUIET)
+    assert journey.fluid_degC.max() == 130.0
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: QuarterCar(body_kg=-1.0), r"quarter car: body_kg is -1\.0; expected a positive number"),
+        (lambda: QuarterCar(tyre_N_m=float("nan")), "tyre_N_m is nan"),
+        (lambda: Vehicle(CAR, NOTHING, None, Constant()), "a controller without a damper"),
+        (lambda: Stretch(duration_s=1.0), "lasts 1 s, of which 2 s are not scored"),
+        (lambda: LongDrive(stretch_s=100.0), "stretches of 100 s every 60 s"),
+        (lambda: LongDrive(cut_off_degC=100.0), "cut off at 100 degC and comes back at 110 degC"),
+        (lambda: Demand("x", (float("inf"), 0.0, 0.0, 0.0)), "expected four finite numbers"),
+        (
+            lambda: drive_car(linear(-3000.0), replace(QUIET, duration_s=3.0)),
+            r"the damper's travel is -?\d\.\d+ m after \d\.\d+ s; the car is not held",
+        ),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_is_refused(make, said):
+    with pytest.raises(InputError, match=said):
+        make()

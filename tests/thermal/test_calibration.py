@@ -1,0 +1,289 @@
+"""Calibration by a measured curve: what it tells, what it does not, and that it copes with dirty curves."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.interpolate import PchipInterpolator
+
+from mrdamper.errors import ConvergenceError, InputError
+from mrdamper.quantities import FloatArray
+from mrdamper.thermal.calibration import calibrate_with, fit_heating
+from mrdamper.thermal.curve import HeatingCurve, Place, clean_curve, lag_signal, read_curve
+from mrdamper.thermal.drawing import Calibration, DamperDrawing, read_drawing
+from mrdamper.thermal.duty import Duty, read_duty
+from mrdamper.thermal.lumped import constant_heating
+from mrdamper.thermal.rise import Rise, heat_with
+from mrdamper.thermal.work import LoopWork
+
+DRAWING = read_drawing(Path(__file__).parents[2] / "examples" / "paper_damper.toml")
+BARE = DRAWING.with_sink(None)
+AMBIENT = 293.15
+DUTY = read_duty("sine:15mm:1Hz:2A:1800s")
+KELVIN = np.linspace(273.15, 423.15, 6)
+
+
+def work(scale: float = 1.0) -> LoopWork:
+    return LoopWork(KELVIN, scale * (75.0 - 0.15 * (KELVIN - AMBIENT)), np.full(6, 1000.0))
+
+
+def heated(drawing: DamperDrawing, *, scale: float = 1.0, start: float = AMBIENT, duty: Duty = DUTY) -> Rise:
+    works = [work(scale) for _ in duty.stretches]
+    return heat_with(works, drawing, duty, start_K=start, stop_at_limit=False, longest_step=10.0)
+
+
+def measured(
+    rise: Rise, rng: np.random.Generator, *, noise: float = 0.0, place: Place = "fluid", until: float = 1800.0
+) -> HeatingCurve:
+    time = np.sort(rng.uniform(0.0, until, 300))
+    values: FloatArray = {"fluid": rise.fluid, "wall": rise.wall, "coil": rise.coil}[place]
+    seen = PchipInterpolator(rise.time, values)(time) + noise * rng.standard_normal(len(time))
+    return HeatingCurve(time, seen, place)
+
+
+def one_node_curve(rng: np.random.Generator, noise: float, *, a: float = 0.08, b: float = 1.0 / 1500.0):
+    time = np.sort(rng.uniform(0.0, 1800.0, 200))
+    seen = constant_heating(time - time[0], a, b, 1.0, ambient=AMBIENT, start=300.0)
+    return HeatingCurve(time, seen + noise * rng.standard_normal(len(time)))
+
+
+# ------------------------------------------------------------------------------------- the two combinations
+
+
+@settings(max_examples=30)
+@given(
+    a=st.floats(0.005, 0.3),
+    minutes=st.floats(5.0, 120.0),
+    start=st.floats(273.0, 340.0),
+    seed=st.integers(0, 1000),
+    lag=st.sampled_from([0.0, 8.0]),
+)
+def test_without_noise_both_are_exact_wherever_the_curve_starts(a, minutes, start, seed, lag):
+    rng = np.random.default_rng(seed)
+    time = np.cumsum(rng.uniform(1.0, 20.0, 150))
+    b = 1.0 / (60.0 * minutes)
+    course = constant_heating(time - time[0], a, b, 1.0, ambient=AMBIENT, start=start)
+    if course.max() > 450.0:
+        return
+    found = fit_heating(HeatingCurve(time, lag_signal(time, course, lag), lag_s=lag), AMBIENT)
+    assert found.power_over_capacity == pytest.approx(a, rel=1e-6)
+    assert found.conductance_over_capacity == pytest.approx(b, rel=1e-6)
+    assert found.start_K == pytest.approx(start, abs=1e-6)
+
+
+def test_a_cooling_curve_tells_the_time_constant():
+    time = np.arange(0.0, 1200.0, 5.0)
+    course = constant_heating(time, 0.0, 1.0 / 900.0, 1.0, ambient=AMBIENT, start=390.0)
+    found = fit_heating(HeatingCurve(time, course), AMBIENT)
+    assert found.time_constant_s == pytest.approx(900.0, rel=1e-6)
+    assert found.power_over_capacity == pytest.approx(0.0, abs=1e-9)
+
+
+def test_standard_errors_and_correlation_are_those_of_repeated_measurements():
+    """200 repeats: errors over standard errors have spread 1, and the two errors go together as stated."""
+    rng = np.random.default_rng(11)
+    true = np.array([0.08, 1.0 / 1500.0])
+    told = [fit_heating(one_node_curve(rng, 0.4), AMBIENT) for _ in range(200)]
+    found = np.array([[each.power_over_capacity, each.conductance_over_capacity] for each in told])
+    errors = np.array([[each.power_error, each.conductance_error] for each in told])
+    scores = (found - true) / errors
+    assert np.abs(scores).max() < 4.5
+    assert (np.abs(scores) < 3.0).mean() > 0.98
+    # the spread of 200 normal numbers is known to 5 %: three of that
+    assert scores.std(axis=0) == pytest.approx(1.0, abs=0.15)
+    assert np.corrcoef(found.T)[0, 1] == pytest.approx(np.mean([each.correlation for each in told]), abs=0.02)
+
+
+def test_a_short_curve_says_that_it_does_not_tell_the_losses():
+    rng = np.random.default_rng(2)
+    short = one_node_curve(rng, 0.5).until(200.0)
+    found = fit_heating(short, AMBIENT)
+    assert any("too short or too noisy for UA/C" in each for each in found.words)
+    assert not any("noisy for P/C" in each for each in found.words)
+
+
+def test_never_more_than_two_numbers_are_claimed_and_the_words_say_so():
+    words = " ".join(fit_heating(one_node_curve(np.random.default_rng(0), 0.1), AMBIENT).words)
+    assert "P/C and UA/C" in words
+    assert "it does not tell" in words
+
+
+def test_a_curve_that_the_model_cannot_follow_says_so_and_has_larger_errors():
+    """Residuals that follow each other count for less than independent ones."""
+    time = np.arange(0.0, 1800.0, 3.0)
+    course = constant_heating(time, 0.08, 1.0 / 1500.0, 1.0, ambient=AMBIENT, start=300.0)
+    rng = np.random.default_rng(0)
+    noisy = fit_heating(HeatingCurve(time, course + 0.5 * rng.standard_normal(len(time))), AMBIENT)
+    wavy = fit_heating(HeatingCurve(time, course + 0.5 * np.sqrt(2.0) * np.sin(time / 60.0)), AMBIENT)
+    assert wavy.residual_K == pytest.approx(noisy.residual_K, rel=0.1)
+    assert wavy.power_error > 3.0 * noisy.power_error
+    assert any("does not follow" in each for each in wavy.words)
+    assert not any("does not follow" in each for each in noisy.words)
+
+
+# ------------------------------------------------------------------------------------------------ drawings
+
+
+@pytest.mark.parametrize("place", ["fluid", "wall", "coil"])
+def test_the_drawing_comes_back_with_the_multipliers_of_the_truth(place):
+    truth = replace(BARE, calibration=Calibration(heat_capacity=1.15, film=1.05))
+    curve = measured(heated(truth, start=297.0), np.random.default_rng(1), noise=0.3, place=place)
+    found = calibrate_with(curve, BARE, [work()], DUTY)
+    assert found.heat_capacity == pytest.approx(1.15, rel=3.0 * found.heat_capacity_error)
+    assert found.film == pytest.approx(1.05, rel=3.0 * found.film_error)
+    assert found.numbers.start_K == pytest.approx(297.0, abs=0.3)
+    assert found.heat_capacity_error < 0.01
+
+
+def test_without_noise_the_multipliers_are_exact():
+    truth = replace(BARE, calibration=Calibration(heat_capacity=1.15, film=1.05))
+    found = calibrate_with(measured(heated(truth), np.random.default_rng(1)), BARE, [work()], DUTY)
+    assert found.heat_capacity == pytest.approx(1.15, rel=2e-4)
+    assert found.film == pytest.approx(1.05, rel=5e-4)
+
+
+def test_the_calibrated_drawing_foretells_another_duty():
+    """Calibrated on 15 minutes of heating, it says what half the power will do in an hour, within 1 K."""
+    truth = replace(DRAWING, calibration=Calibration(heat_capacity=1.2, film=1.4))
+    curve = measured(heated(truth), np.random.default_rng(3), noise=0.2, until=900.0)
+    found = calibrate_with(curve, DRAWING, [work()], DUTY)
+    hour = read_duty("sine:15mm:1Hz:1A:3600s")
+    off = heated(found.drawing, scale=0.5, duty=hour).fluid[-1] - heated(truth, scale=0.5, duty=hour).fluid[-1]
+    before = heated(DRAWING, scale=0.5, duty=hour).fluid[-1] - heated(truth, scale=0.5, duty=hour).fluid[-1]
+    assert abs(off) < 1.0
+    assert abs(before) > 3.0
+
+
+def test_scaling_power_capacity_and_losses_together_changes_nothing():
+    """A card that says twice the power gets twice the capacity and film; P/C and UA/C stay."""
+    no_more = replace(BARE.surroundings, emissivity=0.0, mount=0.0)
+    alone = replace(BARE, surroundings=no_more, coil=replace(BARE.coil, resistance=0.0))
+    curve = measured(heated(alone, scale=0.6), np.random.default_rng(4), noise=0.2)
+    once = calibrate_with(curve, alone, [work(0.6)], DUTY, model="lumped")
+    twice = calibrate_with(curve, alone, [work(1.2)], DUTY, model="lumped")
+    assert twice.heat_capacity == pytest.approx(2.0 * once.heat_capacity, rel=1e-6)
+    assert twice.film == pytest.approx(2.0 * once.film, rel=1e-6)
+    for name in ("power_over_capacity", "conductance_over_capacity", "power_error", "conductance_error"):
+        assert getattr(twice.numbers, name) == pytest.approx(getattr(once.numbers, name), rel=1e-5)
+
+
+def test_film_emissivity_and_mountings_cannot_be_told_apart():
+    """Three drawings that lose heat in different ways follow one curve alike, with one UA/C."""
+    curve = measured(heated(BARE), np.random.default_rng(5), noise=0.3)
+    ways = [
+        replace(BARE, surroundings=replace(BARE.surroundings, emissivity=emissivity, mount=mount))
+        for emissivity, mount in ((0.31, 0.10), (0.05, 0.10), (0.31, 0.25))
+    ]
+    found = [calibrate_with(curve, way, [work()], DUTY) for way in ways]
+    films = [each.film for each in found]
+    assert max(films) > 1.4 * min(films)
+    for each in found[1:]:
+        assert each.numbers.residual_K == pytest.approx(found[0].numbers.residual_K, rel=0.02)
+        error = 3.0 * found[0].numbers.conductance_error
+        assert each.numbers.conductance_over_capacity == pytest.approx(
+            found[0].numbers.conductance_over_capacity, abs=error
+        )
+
+
+def test_the_entries_read_back_as_the_same_drawing():
+    curve = measured(heated(DRAWING), np.random.default_rng(6), noise=0.2)
+    base = replace(DRAWING, calibration=Calibration())
+    found = calibrate_with(curve, base, [work()], DUTY)
+    import tomllib
+
+    read = tomllib.loads(found.entries)
+    assert read["calibration"]["heat_capacity"] == pytest.approx(found.heat_capacity, rel=1e-3)
+    assert read["calibration"]["film"] == pytest.approx(found.film, rel=1e-3)
+    assert found.drawing.sink is not None
+    assert read["sink"]["film_multiplier"] == pytest.approx(found.drawing.sink.film_multiplier, rel=1e-3)
+
+
+def test_a_curve_of_something_else_is_refused():
+    time = np.linspace(0.0, 1800.0, 100)
+    cold = HeatingCurve(time, AMBIENT + 0.1 * np.sin(time))
+    with pytest.raises(ConvergenceError, match="no multipliers from 0.05 to 20 follow it"):
+        calibrate_with(cold, BARE, [work()], DUTY)
+
+
+def test_a_curve_longer_than_the_duty_is_refused():
+    time = np.linspace(0.0, 3600.0, 100)
+    with pytest.raises(InputError, match="expected a curve within the duty"):
+        calibrate_with(HeatingCurve(time, np.full(100, 300.0)), BARE, [work()], DUTY)
+
+
+# ------------------------------------------------------------------------------------------- dirty curves
+
+
+def test_gaps_spikes_and_repeated_stamps_go_and_are_counted():
+    rng = np.random.default_rng(7)
+    clean = one_node_curve(rng, 0.2)
+    time, seen = clean.time.copy(), clean.temperature.copy()
+    seen[[20, 90]] = np.nan
+    seen[[40, 150]] += 35.0
+    time[101] = time[100]
+    order = rng.permutation(len(time))
+    found = clean_curve(time[order], seen[order])
+    assert len(found) == len(time) - 5
+    assert sorted(found.notes) == [
+        "1 of 200 samples left out: a time that is there already",
+        "2 of 200 samples left out: a spike",
+        "2 of 200 samples left out: no plausible temperature",
+    ]
+    told = fit_heating(found, AMBIENT)
+    assert told.power_over_capacity == pytest.approx(0.08, abs=3.0 * told.power_error)
+    assert told.words[-3:] == found.notes
+
+
+def test_a_clean_curve_is_left_alone_even_where_it_is_steep():
+    time = np.arange(0.0, 600.0, 5.0)
+    steep = 300.0 + 90.0 * (1.0 - np.exp(-time / 30.0))
+    assert len(clean_curve(time, steep)) == len(time)
+
+
+def test_noise_is_told_apart_from_the_course():
+    rng = np.random.default_rng(8)
+    assert one_node_curve(rng, 0.5).noise_K == pytest.approx(0.5, rel=0.2)
+    assert one_node_curve(rng, 0.0).noise_K < 2e-3
+
+
+def test_the_lag_of_a_sensor_is_that_of_a_first_order():
+    """A ramp comes out late by the lag; a step by 1 - exp(-t/lag); whatever the sampling."""
+    rng = np.random.default_rng(9)
+    time = np.cumsum(rng.uniform(0.1, 3.0, 200))
+    shown = lag_signal(time, 0.5 * time, 7.0)
+    since = time - time[0]
+    assert shown == pytest.approx(0.5 * (time - 7.0 * (1.0 - np.exp(-since / 7.0))), rel=1e-12)
+
+
+def test_a_curve_is_read_from_a_table(tmp_path):
+    path = tmp_path / "warm.csv"
+    rows = "\n".join(f"{k},{20.0 + 0.1 * k},{19.0 + 0.1 * k}" for k in range(20))
+    path.write_text(f"time_s,fluid_degC,wall_degC\n{rows}\n")
+    curve = read_curve(path, column="wall_degC")
+    assert (curve.place, curve.temperature[0]) == ("wall", pytest.approx(292.15))
+    with pytest.raises(InputError, match=r"warm\.csv: has columns time_s, fluid_degC, wall_degC"):
+        read_curve(path)
+
+
+@pytest.mark.parametrize(
+    ("time", "kelvin", "said"),
+    [
+        (np.arange(10.0), np.full(10, 25.0), "temperature is 25 K at 0 s"),
+        (np.zeros(10), np.full(10, 300.0), "time does not rise"),
+        (np.arange(5.0), np.full(5, 300.0), "at least 8"),
+        (np.arange(10.0), np.full(9, 300.0), "expected one temperature per time"),
+    ],
+)
+def test_a_curve_that_is_none_is_refused(time, kelvin, said):
+    with pytest.raises(InputError, match=said):
+        HeatingCurve(time, kelvin)
+
+
+def test_a_broken_sensor_is_refused():
+    with pytest.raises(InputError, match="Check the sensor"):
+        clean_curve(np.arange(20.0), np.where(np.arange(20) % 2, np.nan, 300.0))

@@ -1,0 +1,150 @@
+"""The finite elements against independent programs, each with its own mesh, assembly or time stepping."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mrdamper.errors import InputError
+from mrdamper.thermal.cross_check import backward_euler, check_calculix, check_freefem, check_gmsh
+from mrdamper.thermal.finite_element import FieldModel, build_field, discretise
+from mrdamper.thermal.gmsh_mesh import mesh_with_gmsh, read_gmsh, write_geometry
+from mrdamper.thermal.heat_equation import heat_through
+from mrdamper.thermal.mesh import mesh_section
+from mrdamper.thermal.programs import run_program
+from mrdamper.thermal.section import section_of
+from mrdamper.thermal.transient import Load
+from tests.thermal.designs import DRAWING
+
+BARE = DRAWING.with_sink(None)
+Tool = Callable[[str], Path]
+
+
+def fading(kelvin):
+    """Power that falls with warmth, as an MR damper's does."""
+    return 95.0 - 0.25 * (np.clip(kelvin, 273.15, 473.15) - 293.15)
+
+
+DUTY = Load(1800.0, fading, 16.8)
+
+
+def coarse(drawing) -> FieldModel:
+    """Return a small model: what is compared does not depend on the mesh, both programs have the same."""
+    section = section_of(drawing)
+    return discretise(section, mesh_section(section, 0.03, levels=1))
+
+
+@pytest.mark.parametrize("drawing", [BARE, DRAWING], ids=["bare", "fins"])
+def test_freefem_agrees_at_every_node(tool: Tool, tmp_path: Path, drawing):
+    """The whole nonlinear problem, 5 min; each program by its own method of order 2."""
+    tool("FreeFem++")
+    found = check_freefem(coarse(drawing), replace(DUTY, duration=300.0), tmp_path, step=30.0)
+    assert np.ptp(found.theirs) > 3.0
+    assert found.worst_K < 50e-3
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("drawing", [BARE, DRAWING], ids=["bare", "fins"])
+def test_freefem_agrees_after_half_an_hour_on_the_mesh_in_use(tool: Tool, tmp_path: Path, drawing):
+    tool("FreeFem++")
+    assert check_freefem(build_field(drawing), DUTY, tmp_path).worst_K < 50e-3
+
+
+@pytest.mark.parametrize("drawing", [BARE, DRAWING], ids=["bare", "fins"])
+def test_calculix_agrees_at_every_node(tool: Tool, tmp_path: Path, drawing):
+    """Frozen films and sources, nonlinear radiation; both by backward Euler, ten steps of a minute."""
+    tool("ccx")
+    found = check_calculix(coarse(drawing), DUTY, tmp_path, step=60.0, steps=10)
+    assert np.ptp(found.theirs) > 3.0
+    assert found.worst_K < 0.1
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("drawing", [BARE, DRAWING], ids=["bare", "fins"])
+def test_calculix_agrees_after_half_an_hour_on_the_mesh_in_use(tool: Tool, tmp_path: Path, drawing):
+    tool("ccx")
+    assert check_calculix(build_field(drawing), DUTY, tmp_path, step=30.0, steps=60).worst_K < 0.1
+
+
+def test_gmsh_finds_the_same_volumes_and_areas(tool: Tool, tmp_path: Path):
+    """It tags by bounding boxes, we by lines of a grid: a surface that one forgets is seen."""
+    tool("gmsh")
+    section = section_of(DRAWING)
+    ours, theirs = mesh_section(section, 0.02), mesh_with_gmsh(section, tmp_path, size=0.02, corner=0.004)
+    assert len(ours.corners) != len(theirs.corners)
+    volumes = [np.bincount(mesh.region, mesh.volumes()) for mesh in (ours, theirs)]
+    areas = [np.bincount(mesh.surface, mesh.areas()) for mesh in (ours, theirs)]
+    assert volumes[1] == pytest.approx(volumes[0], rel=1e-7)
+    assert areas[1] == pytest.approx(areas[0], rel=1e-7)
+
+
+@pytest.mark.parametrize("drawing", [BARE, DRAWING], ids=["bare", "fins"])
+def test_on_gmsh_s_mesh_the_means_are_the_same(tool: Tool, tmp_path: Path, drawing):
+    tool("gmsh")
+    found = check_gmsh(build_field(drawing), replace(DUTY, duration=400.0), tmp_path, corner=0.002)
+    assert found.worst_K < 0.2
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("drawing", [BARE, DRAWING], ids=["bare", "fins"])
+def test_on_gmsh_s_fine_mesh_the_means_are_within_20_millikelvin(tool: Tool, tmp_path: Path, drawing):
+    tool("gmsh")
+    assert check_gmsh(build_field(drawing), DUTY, tmp_path, corner=0.0005).worst_K < 20e-3
+
+
+def test_a_wrong_film_is_seen_by_freefem(tool: Tool, tmp_path: Path):
+    """The check can fail: a tenth less film on one side only."""
+    tool("FreeFem++")
+    section = section_of(BARE)
+    weaker = replace(section, films=0.9 * section.films)
+    mesh = mesh_section(section, 0.03, levels=0)
+    load = replace(DUTY, duration=300.0)
+    honest, false = (
+        check_freefem(discretise(each, mesh), load, tmp_path, step=50.0) for each in (section, weaker)
+    )
+    assert np.abs(honest.ours - false.theirs).max() > 50e-3
+
+
+def test_backward_euler_comes_to_the_same_as_ros2():
+    """With small steps: the method that CalculiX is compared by solves the same equation."""
+    model = coarse(BARE)
+    ours = heat_through(model.equation, [replace(DUTY, duration=120.0)], longest_step=5.0).state[-1]
+    gaps = [
+        np.abs(backward_euler(model.equation, DUTY, step=120.0 / steps, steps=steps) - ours).max()
+        for steps in (40, 80)
+    ]
+    assert gaps[1] < 0.2
+    assert gaps[0] / gaps[1] == pytest.approx(2.0, abs=0.25)
+
+
+def test_a_program_that_is_not_there_is_named_with_its_package(tmp_path: Path):
+    with pytest.raises(
+        InputError, match="'no-such-solver' is not installed; install the Debian package none"
+    ):
+        run_program("no-such-solver", [], tmp_path, package="none")
+
+
+def test_a_program_that_fails_is_told_with_what_it_said(tmp_path: Path):
+    with pytest.raises(InputError, match=r"python3? ended with code 3 .*: cannot"):
+        run_program("python3", ["-c", "print('cannot'); raise SystemExit(3)"], tmp_path, package="python3")
+
+
+def test_a_mesh_file_without_triangles_is_refused(tmp_path: Path):
+    empty = tmp_path / "empty.msh"
+    empty.write_text("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n0\n$EndNodes\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"empty\.msh: there are no triangles in it"):
+        read_gmsh(empty)
+
+
+def test_the_geometry_names_every_region_and_surface(tmp_path: Path):
+    section = section_of(DRAWING)
+    path = tmp_path / "section.geo"
+    write_geometry(section, path, size=0.01, corner=0.001)
+    text = path.read_text(encoding="utf-8")
+    assert text.count("Rectangle(") == len(section.blocks)
+    assert text.count("Physical Surface(") == len(section.regions)
+    assert text.count("Physical Curve(") == len(section.surfaces)

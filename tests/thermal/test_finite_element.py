@@ -1,0 +1,386 @@
+"""The finite elements: closed forms, conservation, symmetry, order in space and time, what they cost."""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.special import i0, i1, k0, k1
+
+from mrdamper.errors import ConvergenceError, EnvelopeError, InputError, MissingExtraError
+from mrdamper.thermal.drawing import DamperDrawing, read_drawing
+from mrdamper.thermal.finite_element import build_field, discretise, heat_field
+from mrdamper.thermal.heat_equation import heat_through, settle
+from mrdamper.thermal.mesh import SectionMesh, mesh_section
+from mrdamper.thermal.network import loss_grid, zone_network
+from mrdamper.thermal.section import Block, Edge, Region, Section, Surface, section_of
+from mrdamper.thermal.surfaces import cap_area
+from mrdamper.thermal.transient import Load, heat_up
+
+DRAWING = read_drawing(Path(__file__).parents[2] / "examples" / "paper_damper.toml")
+BARE = DRAWING.with_sink(None)
+SINK = DRAWING.sink
+assert SINK is not None
+SLENDER = DRAWING.with_sink(replace(SINK, fins=8, thickness=1e-3, width=35e-3, pitch=11e-3))
+AMBIENT = 293.15
+
+
+def constant(watts: float):
+    return lambda kelvin: np.full_like(kelvin, watts)
+
+
+def fading(kelvin):
+    """Power that falls with warmth, as an MR damper's does."""
+    return 95.0 - 0.25 * (np.clip(kelvin, 273.15, 473.15) - AMBIENT)
+
+
+DUTY = Load(1800.0, fading, 16.8)
+
+
+def of(course, name: str):
+    """Return the fluid's, coil's or wall's temperature on a course [K]."""
+    return getattr(course, name)
+
+
+def small_section(
+    regions: tuple[Region, ...], blocks: tuple[Block, ...], edges: tuple[Edge, ...], film: float
+) -> Section:
+    """Return a section with one constant film coefficient and no radiation."""
+    grid = loss_grid(AMBIENT)
+    surface = Surface("outside", 0, 0.0, 0.0, "body convection", "body radiation")
+    return Section(regions, blocks, (surface,), edges, AMBIENT, grid, np.full((1, len(grid)), film))
+
+
+def insulated(section: Section) -> Section:
+    return replace(section, edges=())
+
+
+# ----------------------------------------------------------------------------------------- closed forms
+
+
+def test_without_losses_it_heats_by_power_over_capacity():
+    section = insulated(section_of(DRAWING))
+    model = discretise(section, mesh_section(section, 0.016))
+    course = heat_through(model.equation, [Load(600.0, constant(80.0), 0.0)])
+    rise = course.stored[-1] / section.heat_capacity
+    assert rise == pytest.approx(80.0 * 600.0 / section.heat_capacity, rel=1e-9)
+    # after the start every place warms at the same rate, P/C
+    slope = np.diff(course.fluid[-2:]) / np.diff(course.time[-2:])
+    assert slope == pytest.approx(80.0 / section.heat_capacity, rel=1e-3)
+
+
+def test_a_film_around_a_heated_tube_gives_the_steady_logarithm():
+    """Inside the heated core the profile is a parabola, in the wall a logarithm: 1e-6 of the rise."""
+    length, inner, middle, outer, k_core, k_wall, film, power = 0.01, 0.004, 0.01, 0.03, 3.0, 5.0, 40.0, 6.0
+    regions = (Region("gap", "gap", k_core, k_core, 2e6), Region("wall", "wall", k_wall, k_wall, 3e6))
+    blocks = (Block(0, inner, middle, 0.0, length), Block(1, middle, outer, 0.0, length))
+    section = small_section(regions, blocks, (Edge(0, outer, outer, 0.0, length),), film)
+    model = discretise(section, mesh_section(section, 0.0008))
+    theta = settle(model.equation, Load(1.0, constant(power)))
+    outside = power / (film * 2.0 * math.pi * outer * length)
+    per_length = power / length
+    at_middle = outside + per_length * math.log(outer / middle) / (2.0 * math.pi * k_wall)
+    # an annulus heated evenly, tight inside
+    heat = per_length / (math.pi * (middle**2 - inner**2))
+    at_inner = at_middle + heat / (4.0 * k_core) * (
+        middle**2 - inner**2 - 2.0 * inner**2 * math.log(middle / inner)
+    )
+    radius = model.nodes[:, 0]
+    for r, expected in ((outer, outside), (middle, at_middle), (inner, at_inner)):
+        found = theta[np.abs(radius - r) < 1e-12]
+        assert found == pytest.approx(np.full(len(found), expected), rel=1e-6)
+
+
+def test_a_single_annular_fin_has_the_exact_efficiency():
+    """Kern and Kraus with Bessel functions, insulated tip; the fin conducts well across, as theirs."""
+    root, tip, thickness, k, film, power = 0.02, 0.05, 1e-3, 20.0, 60.0, 30.0
+    regions = (Region("gap", "gap", 1e6, 1e6, 2e6), Region("fins", "fins", k, 1e5, 2e6))
+    blocks = (Block(0, 0.015, root, 0.0, thickness), Block(1, root, tip, 0.0, thickness))
+    faces = (Edge(0, root, tip, 0.0, 0.0), Edge(0, root, tip, thickness, thickness))
+    section = small_section(regions, blocks, faces, film)
+    model = discretise(section, mesh_section(section, 0.001))
+    theta = settle(model.equation, Load(1.0, constant(power)))
+    at_root = float(theta[np.abs(model.nodes[:, 0] - root) < 1e-12].mean())
+    m = math.sqrt(2.0 * film / (k * thickness))
+    a, b = m * root, m * tip
+    exact = 2.0 * root / (m * (tip**2 - root**2))
+    exact *= (k1(a) * i1(b) - i1(a) * k1(b)) / (i0(a) * k1(b) + k0(a) * i1(b))
+    found = power / (film * 2.0 * math.pi * (tip**2 - root**2) * at_root)
+    assert exact < 0.5
+    assert found == pytest.approx(exact, rel=2e-6)
+
+
+def test_a_damper_that_conducts_perfectly_ends_at_power_over_conductance():
+    section = section_of(BARE)
+    section = replace(
+        section.with_constant_films(np.array([12.0])),
+        regions=tuple(replace(each, conductivity_r=3e5, conductivity_z=3e5) for each in section.regions),
+        surfaces=tuple(replace(each, emissivity=0.0, mount=0.0) for each in section.surfaces),
+    )
+    model = discretise(section, mesh_section(section, 0.016))
+    area = sum(edge.area for edge in section.edges)
+    theta = settle(model.equation, Load(1.0, constant(50.0)))
+    assert model.equation.fluid @ theta == pytest.approx(50.0 / (12.0 * area), rel=1e-5)
+    assert np.ptp(theta) < 5e-3
+
+
+def test_a_cold_and_idle_damper_stays_as_it_is():
+    course = heat_field(DRAWING, [Load(600.0, constant(0.0))], size=0.016)[1]
+    assert np.abs(course.state).max() < 1e-10
+
+
+# ------------------------------------------------------------------------------- section, mesh, and sums
+
+
+@pytest.mark.parametrize("drawing", [BARE, DRAWING, SLENDER], ids=["bare", "paper", "slender"])
+def test_the_section_holds_the_heat_of_the_network_s_nodes(drawing: DamperDrawing):
+    """Volumes are counted twice, by annuli of zones and by triangles of a mesh."""
+    model = build_field(drawing)
+    expected = zone_network(drawing).total_capacity
+    assert model.section.heat_capacity == pytest.approx(expected, rel=1e-12)
+    assert float(model.equation.mass.sum()) == pytest.approx(expected, rel=1e-11)
+    volumes = np.bincount(model.mesh.region, model.mesh.volumes())
+    blocks = [(block.region, block.volume) for block in model.section.blocks]
+    assert volumes == pytest.approx(np.bincount(*map(np.array, zip(*blocks, strict=True))), rel=1e-9)
+
+
+def test_every_surface_has_its_area():
+    body, r = DRAWING.body, 0.5 * DRAWING.body.outer_diameter
+    assert SINK is not None
+    model = build_field(DRAWING)
+    by_name = {surface.name: k for k, surface in enumerate(model.section.surfaces)}
+    areas = np.bincount(model.mesh.surface, model.mesh.areas())
+    face = math.pi * ((r + SINK.width) ** 2 - r**2)
+    tips = SINK.fins * 2.0 * math.pi * (r + SINK.width) * SINK.thickness
+    expected = {
+        "bare": 2.0 * math.pi * r * (body.length - SINK.span),
+        "near cap": cap_area(DRAWING, with_rod=True),
+        "far cap": cap_area(DRAWING, with_rod=True),
+        "floor": 2.0 * math.pi * r * (SINK.fins - 1) * SINK.gap,
+        "groove": 2.0 * (SINK.fins - 1) * face,
+        "outside": 2.0 * face + tips,
+    }
+    assert {name: areas[k] for name, k in by_name.items()} == pytest.approx(expected, rel=1e-9)
+    points = np.bincount(model.surface, model.equation.area)
+    assert points == pytest.approx(areas, rel=1e-12)
+
+
+def test_the_fluid_s_walls_and_the_coil_are_where_the_drawing_has_them():
+    model = build_field(BARE)
+    for name, roles in (("fluid", ("gap", "chamber")), ("coil", ("coil",)), ("wall", ("wall",))):
+        weights = of(model.equation, name)
+        inside = np.isin(
+            model.mesh.region, [k for k, region in enumerate(model.section.regions) if region.role in roles]
+        )
+        volumes = model.mesh.volumes()[inside]
+        centres = model.mesh.corners[model.mesh.triangles[inside]].mean(axis=1)
+        assert weights.sum() == pytest.approx(1.0, rel=1e-12)
+        # the mean of a linear field is its value at the centre of gravity
+        assert weights @ model.nodes[:, 1] == pytest.approx(
+            (volumes @ centres[:, 1]) / volumes.sum(), rel=1e-9
+        )
+
+
+def test_a_section_s_blocks_must_not_overlap():
+    section = section_of(BARE)
+    twice = replace(section, blocks=(*section.blocks, section.blocks[0]))
+    with pytest.raises(InputError, match="a block of 'rod' overlaps another one"):
+        mesh_section(twice)
+
+
+def test_an_edge_inside_the_air_is_refused():
+    section = section_of(BARE)
+    astray = replace(section, edges=(Edge(0, 0.5, 0.5, 0.0, 0.1),))
+    with pytest.raises(InputError, match="edge"):
+        mesh_section(astray)
+
+
+def test_clockwise_triangles_are_refused():
+    with pytest.raises(InputError, match="anticlockwise"):
+        SectionMesh(
+            np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]),
+            np.array([[0, 2, 1]]),
+            np.array([0]),
+            np.zeros((0, 2), dtype=np.int64),
+            np.zeros(0, dtype=np.int64),
+        )
+
+
+# -------------------------------------------------------------------------------- conservation, symmetry
+
+
+@pytest.mark.parametrize("longest_step", [60.0, 20.0])
+def test_the_energy_account_closes_at_any_step(longest_step: float):
+    loads = [Load(300.0, fading, 16.8), Load(200.0, constant(0.0)), Load(300.0, constant(150.0), 5.0)]
+    course = heat_field(DRAWING, loads, size=0.016, longest_step=longest_step)[1]
+    assert course.closure <= 1e-9
+    assert course.energy_in[-1] == pytest.approx(course.energy_out[-1] + course.stored[-1], rel=1e-9)
+
+
+def test_the_paths_add_up_to_what_is_lost_in_the_steady_state():
+    model = build_field(DRAWING, size=0.016)
+    course = heat_through(model.equation, [DUTY], start=settle(model.equation, DUTY))
+    lost = sum(float(watts[-1]) for watts in course.paths_W.values())
+    assert lost == pytest.approx(float(course.mechanical_W[-1] + course.coil_W[-1]), rel=1e-8)
+    assert course.fluid == pytest.approx(np.full(len(course.time), course.fluid[0]), abs=1e-6)
+    assert all(float(watts[-1]) > 0.5 for watts in course.paths_W.values())
+
+
+@pytest.mark.parametrize("drawing", [BARE, DRAWING, SLENDER], ids=["bare", "paper", "slender"])
+def test_a_symmetric_damper_has_a_symmetric_field(drawing: DamperDrawing):
+    model, course = heat_field(drawing, [DUTY])
+    length = drawing.body.length
+    key = np.round(model.nodes / 1e-9).astype(np.int64)
+    mirrored = np.round((model.nodes * [1.0, -1.0] + [0.0, length]) / 1e-9).astype(np.int64)
+    order, other = np.lexsort(key.T), np.lexsort(mirrored.T)
+    assert np.abs(key[order] - mirrored[other]).max() <= 1
+    field = course.state[-1]
+    assert np.abs(field[order] - field[other]).max() < 1e-8
+
+
+def test_a_rod_at_one_end_breaks_the_symmetry_the_right_way():
+    """The end without a rod has more fluid and no shaft to carry heat to it: it lags."""
+    model, course = heat_field(replace(BARE, rod=replace(BARE.rod, through=False)), [DUTY])
+    field, z = course.state[10], model.nodes[:, 1]
+    on_tube = np.abs(model.nodes[:, 0] - 0.5 * BARE.body.outer_diameter) < 1e-9
+    near, far = (field[on_tube & (np.abs(z - end) < 1e-9)].mean() for end in (0.0, BARE.body.length))
+    assert near > far
+
+
+def test_contact_resistance_only_makes_it_hotter_and_by_its_own_drop():
+    """Heat through the feet times resistance over their area is the drop from the body to the fins."""
+    assert SINK is not None
+    contact = 4e-4
+    with_it = DRAWING.with_sink(replace(SINK, contact=contact))
+    model = build_field(with_it)
+    theta = settle(model.equation, DUTY)
+    regions = [region.name for region in model.section.regions]
+    feet = regions.index("fin feet")
+    layer = next(block for block in model.section.blocks if block.region == feet)
+    r = model.nodes[:, 0]
+    in_feet = np.unique(model.elements[model.mesh.region == feet])
+    low, high = (
+        float(theta[in_feet][np.abs(r[in_feet] - radius) < 1e-9].mean())
+        for radius in (layer.outer, layer.inner)
+    )
+    course = heat_through(model.equation, [DUTY], start=theta)
+    through = float(course.paths_W["fin convection"][0] + course.paths_W["fin radiation"][0])
+    area = 2.0 * math.pi * layer.inner * SINK.thickness * SINK.fins
+    assert high - low == pytest.approx(through * contact / area, rel=0.06)
+    assert model.equation.fluid @ theta > build_field(DRAWING).equation.fluid @ settle(
+        build_field(DRAWING).equation, DUTY
+    )
+
+
+# ------------------------------------------------------------------------------------------- convergence
+
+
+def test_the_mesh_converges_with_the_square_of_its_size_or_faster():
+    """A smooth problem: the error of a mean falls with order 3 or more (4 in theory) for quadratics."""
+    regions = (Region("gap", "gap", 3.0, 3.0, 2e6),)
+    section = small_section(
+        regions, (Block(0, 0.005, 0.03, 0.0, 0.08),), (Edge(0, 0.03, 0.03, 0.0, 0.08),), 500.0
+    )
+    mesh = mesh_section(section, 0.08)
+    found = []
+    for _ in range(4):
+        model = discretise(section, mesh)
+        theta = settle(model.equation, Load(1.0, constant(40.0)))
+        found.append(float(model.equation.fluid @ theta))
+        mesh = mesh.refined()
+    gaps = np.abs(np.diff(found))
+    assert np.log2(gaps[:-1] / gaps[1:]).min() > 2.8
+
+
+@pytest.mark.parametrize("drawing", [BARE, DRAWING, SLENDER], ids=["bare", "paper", "slender"])
+def test_the_mesh_is_within_20_millikelvin_of_a_fine_one(drawing: DamperDrawing):
+    section = section_of(drawing)
+    fine = discretise(section, mesh_section(section, 0.005, levels=4))
+    steps = {"longest_step": 300.0, "first_step": 20.0}
+    truth = heat_through(fine.equation, [DUTY], **steps)
+    course = heat_through(build_field(drawing).equation, [DUTY], **steps)
+    for name in ("fluid", "coil", "wall"):
+        assert np.abs(of(course, name) - of(truth, name)).max() < 20e-3
+
+
+def test_steps_of_a_minute_are_within_50_millikelvin():
+    model = build_field(BARE, size=0.04)
+    course = heat_through(model.equation, [DUTY], longest_step=60.0)
+    truth = heat_through(model.equation, [DUTY], longest_step=8.0, first_step=0.25)
+    for name in ("fluid", "coil", "wall"):
+        at_the_same = np.interp(course.time, truth.time, of(truth, name))
+        late = course.time >= 60.0  # before, the fine run's own points are too far apart to interpolate
+        assert np.abs(of(course, name) - at_the_same)[late].max() < 50e-3
+
+
+def test_the_error_falls_with_the_square_of_the_step():
+    """From a smooth start: equal steps, halved twice, at a time when nothing is steady."""
+    model = build_field(DRAWING, size=0.04)
+    warm = heat_through(model.equation, [Load(300.0, fading, 16.8)]).state[-1]
+    ends = [
+        heat_through(
+            model.equation, [Load(480.0, fading, 5.0)], start=warm, longest_step=step, first_step=step
+        ).state[-1]
+        for step in (40.0, 20.0, 10.0, 5.0)
+    ]
+    gaps = [float(np.abs(a - b).max()) for a, b in pairwise(ends)]
+    assert np.log2(gaps[-2] / gaps[-1]) > 1.9
+
+
+def test_half_an_hour_takes_at_most_two_seconds():
+    heat_field(DRAWING, [Load(10.0, fading)], size=0.05)  # imports
+    started = time.process_time()
+    heat_field(DRAWING, [DUTY])
+    assert time.process_time() - started < 2.0
+
+
+# -------------------------------------------------------------------------------------------- behaviour
+
+
+def test_the_network_is_near_and_the_coil_hotter_than_the_fluid():
+    """Two models of one drawing: the network has ten nodes, the finite elements thousands."""
+    course = heat_field(DRAWING, [DUTY])[1]
+    network = heat_up(zone_network(DRAWING), [DUTY])
+    assert np.abs(course.fluid - np.interp(course.time, network.time, network.fluid)).max() < 3.0
+    assert course.coil[-1] > course.fluid[-1] + 3.0 > course.wall[-1]
+
+
+def test_it_stops_where_the_fluid_reaches_a_limit():
+    course = heat_field(BARE, [DUTY], size=0.016, stop_at=353.15)[1]
+    assert course.stopped
+    assert course.fluid[-1] == pytest.approx(353.15, abs=1e-4)
+    assert course.closure <= 1e-9
+
+
+def test_fins_that_begin_at_the_body_s_end_are_meshed_too():
+    assert SINK is not None
+    length = DRAWING.body.length
+    full = replace(SINK, fins=9, pitch=(length - SINK.thickness) / 8)
+    model = build_field(DRAWING.with_sink(full), size=0.016)
+    assert model.section.heat_capacity == pytest.approx(zone_network(DRAWING.with_sink(full)).total_capacity)
+    areas = np.bincount(model.mesh.surface, model.mesh.areas(), len(model.section.surfaces))
+    assert areas[0] == 0.0  # nothing of the tube is bare
+
+
+def test_nothing_to_give_off_has_no_steady_state():
+    section = insulated(section_of(BARE))
+    model = discretise(section, mesh_section(section, 0.05))
+    with pytest.raises(ConvergenceError, match="there is none"):
+        settle(model.equation, Load(1.0, constant(10.0)))
+
+
+def test_a_surface_beyond_the_tables_is_refused():
+    with pytest.raises(EnvelopeError, match=r"a surface is at .* degC; expected -\d+ to \d+ degC"):
+        heat_field(BARE, [Load(3600.0, constant(4000.0))], size=0.05)
+
+
+def test_without_scikit_fem_the_install_command_is_named(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setitem(sys.modules, "skfem", None)
+    with pytest.raises(MissingExtraError, match=r"pip install 'mrdamper\[thermal\]'"):
+        build_field(BARE)

@@ -1,0 +1,362 @@
+"""The observer: consistent with itself, right on dampers that are not its drawing, honest without a signal."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.interpolate import PchipInterpolator
+from scipy.stats import chi2
+
+from mrdamper.errors import InputError
+from mrdamper.quantities import FloatArray
+from mrdamper.thermal.drawing import DamperDrawing, read_drawing
+from mrdamper.thermal.network import zone_network
+from mrdamper.thermal.observer import (
+    FACTORS,
+    Doubt,
+    ObserverState,
+    TemperatureObserver,
+    ThermalSeen,
+    Thermometers,
+    time_left,
+)
+from mrdamper.thermal.transient import Load, heat_up
+
+DRAWING = read_drawing(Path(__file__).parents[2] / "examples" / "paper_damper.toml")
+BARE = DRAWING.with_sink(None)
+AMBIENT = 293.15
+OHM = 4.2
+COPPER = 0.00393
+LIMIT = 403.15  # 130 degC
+
+
+def power(kelvin):
+    return 75.0 - 0.15 * (np.asarray(kelvin) - AMBIENT)
+
+
+def observer_of(drawing: DamperDrawing = BARE, **changed) -> TemperatureObserver:
+    return TemperatureObserver(zone_network(drawing), OHM, **changed)
+
+
+@dataclass(frozen=True)
+class Truth:
+    """Another damper than the drawn one, at 1 s steps."""
+
+    fluid: FloatArray
+    coil: FloatArray
+    wall: FloatArray
+    resistance_20: float
+
+
+def perturbed(base: DamperDrawing, rng: np.random.Generator) -> tuple[DamperDrawing, float]:
+    """Return a damper off its drawing in every way at once, and the factor by which its power is off."""
+
+    def factor(spread: float) -> float:
+        return math.exp(spread * rng.standard_normal())
+
+    given = base.calibration
+    changed = replace(
+        given,
+        heat_capacity=given.heat_capacity * factor(0.08),
+        film=given.film * factor(0.2),
+        fluid_wall=given.fluid_wall * factor(0.3),
+        fluid_core=given.fluid_core * factor(0.3),
+        core_axial=given.core_axial * factor(0.3),
+        coil=given.coil * factor(0.3),
+    )
+    around = replace(base.surroundings, emissivity=rng.uniform(0.15, 0.6))
+    sink = base.sink and replace(base.sink, film_multiplier=base.sink.film_multiplier * factor(0.2))
+    return replace(base, calibration=changed, surroundings=around, sink=sink), factor(0.08)
+
+
+def truth_of(base: DamperDrawing, rng: np.random.Generator, *, off_percent: float = 1.0) -> Truth:
+    drawing, more = perturbed(base, rng)
+    load = Load(1800.0, lambda kelvin: more * power(kelvin), 4.0 * OHM)
+    heating = heat_up(zone_network(drawing), [load], longest_step=10.0)
+    time = np.arange(0.0, 1801.0)
+    fluid, coil, wall = (PchipInterpolator(heating.time, v)(time) for v in (heating.fluid, heating.coil, heating.wall))
+    return Truth(fluid, coil, wall, OHM * (1.0 + 0.01 * off_percent))
+
+
+def zero(observer: TemperatureObserver, truth: Truth, rng: np.random.Generator, noise: float) -> ObserverState:
+    """Return the state after half a minute of probing current on the cold damper."""
+    state = observer.start(spread_K=0.3)
+    for _ in range(30):
+        ohm = truth.resistance_20 * (1.0 + noise * rng.standard_normal())
+        state = observer.step(state, ThermalSeen(1.0, 0.0, 0.5, ohm))
+    return state
+
+
+def follow(
+    observer: TemperatureObserver,
+    truth: Truth,
+    rng: np.random.Generator,
+    *,
+    noise: float = 0.01,
+    by_coil: bool = True,
+    by_body: bool = False,
+    until: int = 1800,
+) -> tuple[FloatArray, FloatArray, ObserverState]:
+    """Return errors of the fluid [K], their stated deviations, and the last state."""
+    state = zero(observer, truth, rng, noise) if by_coil else observer.start(spread_K=0.3)
+    ohm = truth.resistance_20 * (1.0 + COPPER * (truth.coil - AMBIENT))
+    ohm = ohm * (1.0 + noise * rng.standard_normal(len(ohm)))
+    body = truth.wall + 0.5 * rng.standard_normal(len(truth.wall))
+    errors, stated = [], []
+    for k in range(1, until + 1):
+        watts = float(power(observer.fluid(state)[0]))
+        seen = ThermalSeen(1.0, watts, 2.0, ohm[k] if by_coil else None, body[k] if by_body else None)
+        state = observer.step(state, seen)
+        fluid, spread = observer.fluid(state)
+        errors.append(fluid - truth.fluid[k])
+        stated.append(spread)
+    return np.array(errors), np.array(stated), state
+
+
+# ---------------------------------------------------------------------------------------------- consistency
+
+
+def test_its_covariance_is_that_of_its_errors():
+    """Normalised squared errors of 20 dampers drawn from its own beliefs: chi-squared, n degrees each."""
+    doubt = Doubt(0.05, 0.05, 0.1, 0.1, 0.1, 0.01, node_K_per_sqrt_s=0.03)
+    observer = observer_of(doubt=doubt, thermometers=Thermometers(0.005, 0.001, 0.5))
+    tables, size = observer._tables, len(observer.network.names) + len(FACTORS)
+    rng, runs, squares = np.random.default_rng(1), 20, []
+    for _ in range(runs):
+        state = observer.start()
+        actual = rng.multivariate_normal(state.mean, state.covariance, method="cholesky")
+        for _ in range(40):
+            truth_told = ThermalSeen(5.0, 70.0, 2.0)
+            actual, _ = tables.advance(actual, np.eye(size), truth_told)
+            actual = actual + np.sqrt(5.0 * tables.walk) * rng.standard_normal(size)
+            coil = float(observer.network.coil @ actual[: size - len(FACTORS)])
+            ohm = OHM * math.exp(actual[-1]) * (1.0 + COPPER * (coil - AMBIENT))
+            ohm += observer.thermometers.resistance_error(ohm, 2.0) * rng.standard_normal()
+            body = float(observer.network.wall @ actual[: size - len(FACTORS)]) + 0.5 * rng.standard_normal()
+            state = observer.step(state, replace(truth_told, resistance_ohm=ohm, body_K=body))
+        off = actual - state.mean
+        squares.append(off @ np.linalg.solve(state.covariance, off))
+    low, high = chi2.ppf((0.005, 0.995), size * runs) / runs
+    assert low < np.mean(squares) < high
+
+
+def test_the_covariance_stays_symmetric_and_positive():
+    observer, rng = observer_of(DRAWING), np.random.default_rng(2)
+    _, _, state = follow(observer, truth_of(DRAWING, rng), rng, by_body=True, until=300)
+    assert state.covariance == pytest.approx(state.covariance.T, abs=1e-12)
+    assert np.linalg.eigvalsh(state.covariance).min() > -1e-12
+
+
+def test_with_a_perfect_drawing_and_no_doubt_it_is_the_network():
+    """Without doubt and readings it runs the network: Euler against ROS2, first order in the step."""
+    sure = Doubt(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    observer = observer_of(doubt=sure)
+    reference = heat_up(observer.network, [Load(300.0, power, 4.0 * OHM)], longest_step=2.0).fluid[-1]
+    errors = []
+    for step in (2.0, 1.0):
+        state = observer.start()
+        for _ in range(round(300.0 / step)):
+            fluid = observer.fluid(state)[0]
+            # the power at the step's end, as the implicit step has everything else
+            ahead = observer.step(state, ThermalSeen(step, float(power(fluid)), 2.0))
+            state = observer.step(state, ThermalSeen(step, float(power(observer.fluid(ahead)[0])), 2.0))
+        errors.append(observer.fluid(state)[0] - reference)
+    assert abs(errors[1]) < 0.05
+    assert errors[0] / errors[1] == pytest.approx(2.0, rel=0.2)
+
+
+def test_a_thousand_milliseconds_are_a_second():
+    """The rate of a control loop or of a logger: the same state, temperatures and spread."""
+    observer = observer_of()
+    slow = observer.step(observer.start(), ThermalSeen(1.0, 70.0, 2.0, 4.25))
+    fast = observer.start()
+    for _ in range(999):
+        fast = observer.step(fast, ThermalSeen(1e-3, 70.0, 2.0))
+    fast = observer.step(fast, ThermalSeen(1e-3, 70.0, 2.0, 4.25))
+    assert fast.time_s == pytest.approx(1.0)
+    assert observer.fluid(fast) == pytest.approx(observer.fluid(slow), abs=0.02)
+
+
+# ------------------------------------------------------------------------------- on dampers that are not its own
+
+
+@pytest.mark.parametrize("drawing", [BARE, DRAWING], ids=["bare", "fins"])
+def test_coil_resistance_with_one_percent_of_noise_is_a_thermometer(drawing):
+    """Six dampers off their drawing, R20 off by 1 %: at most 1.2 K, and the stated interval holds."""
+    rng, errors, inside = np.random.default_rng(3), [], []
+    for _ in range(6):
+        off, stated, _ = follow(observer_of(drawing), truth_of(drawing, rng), rng)
+        errors.append(off[60:])
+        inside.append(np.abs(off[60:]) < 1.645 * stated[60:])
+    assert np.sqrt(np.mean(np.square(errors))) < 1.2
+    assert np.mean(inside) > 0.8
+
+
+def test_a_cold_start_zeroes_the_resistance():
+    """Six deviations of drawing and 3 % off: after half a minute at ambient R20 is known to 0.3 %."""
+    rng = np.random.default_rng(4)
+    truth = truth_of(BARE, rng, off_percent=3.0)
+    observer = observer_of(doubt=Doubt(resistance=0.03))
+    found, spread = observer.factors(zero(observer, truth, rng, 0.005))["resistance"]
+    assert spread < 0.003
+    assert found == pytest.approx(1.03, abs=3.0 * spread)
+
+
+def test_without_zeroing_the_offset_is_degrees():
+    """One percent of R20 is 2.5 K at the start for a filter that is told to trust its drawing."""
+    rng = np.random.default_rng(5)
+    truth = truth_of(BARE, rng)
+    trusting = observer_of(doubt=Doubt(resistance=1e-6))
+    state = trusting.start(spread_K=20.0)
+    for _ in range(200):
+        state = trusting.step(state, ThermalSeen(1.0, 0.0, 0.5, truth.resistance_20))
+    assert trusting.coil(state)[0] - AMBIENT == pytest.approx(0.01 / COPPER, abs=0.4)
+
+
+def test_a_body_thermocouple_is_corrected_by_the_gradient_that_it_estimates():
+    """Fluid 20 K above the body; G is off by 30 %: the reading is 20 K off, the observer less than 3."""
+    soft = replace(BARE, calibration=replace(BARE.calibration, fluid_wall=0.03))
+    rng, errors, gradients = np.random.default_rng(6), [], []
+    for _ in range(6):
+        truth = truth_of(soft, rng)
+        off, stated, _ = follow(observer_of(soft), truth, rng, by_coil=False, by_body=True)
+        errors.append(off[60:])
+        gradients.append((truth.fluid - truth.wall)[60:])
+        assert (np.abs(off[60:]) < 3.0 * stated[60:]).mean() > 0.9
+    assert np.mean(gradients) > 15.0
+    assert np.sqrt(np.mean(np.square(errors))) < 3.0
+
+
+# ------------------------------------------------------------------------------------------------ no signal
+
+
+def test_without_current_there_is_no_signal_and_the_spread_grows():
+    observer = observer_of()
+    state = observer.start()
+    spreads = []
+    for _ in range(60):
+        # a driver that is off reports any number: it must not count
+        state = observer.step(state, ThermalSeen(10.0, 60.0, 0.0, 4.2))
+        spreads.append(observer.fluid(state)[1])
+    assert (np.diff(spreads) > 0.0).all()
+    assert spreads[-1] > 5.0 * spreads[0]
+
+
+def test_a_probing_current_brings_the_signal_back_and_hardly_heats():
+    """With 5 mV of noise: the more current, the better; 0.1 A is 42 mW."""
+    ends = {}
+    for amperes in (0.0, 0.02, 0.1, 0.5):
+        observer = observer_of()
+        state = observer.start()
+        for _ in range(60):
+            state = observer.step(state, ThermalSeen(10.0, 60.0, amperes, 4.4))
+        ends[amperes] = observer.fluid(state)[1]
+    assert ends[0.0] > ends[0.02] > ends[0.1] > ends[0.5]
+    assert ends[0.1] < 0.5 * ends[0.0]
+
+
+def test_the_noise_of_a_resistance_goes_by_the_current():
+    noise = Thermometers(0.01, 0.005)
+    assert noise.resistance_error(4.2, 0.0) == math.inf
+    assert noise.resistance_error(4.2, 1e6) == pytest.approx(0.042)
+    assert noise.resistance_error(4.2, 0.01) == pytest.approx(0.5, rel=0.01)
+
+
+def test_a_reading_that_is_nan_is_no_reading():
+    observer = observer_of()
+    state = observer.start()
+    silent = observer.step(state, ThermalSeen(1.0, 50.0, 2.0))
+    broken = observer.step(state, ThermalSeen(1.0, 50.0, 2.0, math.nan, math.nan))
+    assert np.array_equal(silent.mean, broken.mean)
+    assert np.array_equal(silent.covariance, broken.covariance)
+
+
+def test_what_was_learnt_is_kept_over_a_restart():
+    rng = np.random.default_rng(7)
+    observer = observer_of()
+    before = zero(observer, truth_of(BARE, rng), rng, 0.005)
+    again = observer.start(330.0, spread_K=20.0, learnt=before)
+    assert observer.factors(again) == observer.factors(before)
+    assert observer.fluid(again) == pytest.approx((330.0, 20.0), rel=0.05)
+
+
+def test_scaling_power_capacity_and_conductances_together_changes_nothing():
+    network = zone_network(BARE)
+    heavy = replace(
+        network, capacity=3.0 * network.capacity, conductance=3.0 * network.conductance, watts=3.0 * network.watts
+    )
+    light, thrice = TemperatureObserver(network, OHM), TemperatureObserver(heavy, 3.0 * OHM)
+    one, other = light.start(), thrice.start()
+    for k in range(50):
+        one = light.step(one, ThermalSeen(2.0, 70.0, 1.5, 4.2 + 0.005 * k))
+        other = thrice.step(other, ThermalSeen(2.0, 210.0, 1.5, 12.6 + 0.015 * k))
+    # the same but for the voltage's noise, which is smaller beside three times the ohms
+    assert light.fluid(one)[0] == pytest.approx(thrice.fluid(other)[0], abs=0.02)
+
+
+# ------------------------------------------------------------------------------------------------ time left
+
+
+def test_the_time_left_holds_with_the_capacity_off_by_ten_percent():
+    """Twelve dampers, capacity 10 % off either way: the intervals hold, and the medians are within 3 min."""
+    rng, inside, errors = np.random.default_rng(8), [], []
+    for k in range(12):
+        factor = 1.1 if k % 2 else 1.0 / 1.1
+        given = BARE.calibration
+        other = replace(BARE, calibration=replace(given, heat_capacity=given.heat_capacity * factor))
+        load = Load(3600.0, power, 4.0 * OHM)
+        heating = heat_up(zone_network(other), [load], longest_step=10.0)
+        time = np.arange(0.0, 3601.0)
+        fluid, coil, wall = (
+            PchipInterpolator(heating.time, v)(time) for v in (heating.fluid, heating.coil, heating.wall)
+        )
+        observer = observer_of()
+        _, _, state = follow(observer, Truth(fluid, coil, wall, 1.01 * OHM), rng, until=600)
+        found = time_left(observer, state, power, 2.0, LIMIT)
+        true = float(time[np.argmax(fluid >= LIMIT)]) - 600.0
+        inside.append(found.low_s <= true <= found.high_s)
+        errors.append(found.median_s - true)
+    assert np.mean(inside) >= 0.75
+    assert np.sqrt(np.mean(np.square(errors))) < 180.0
+
+
+def test_with_nothing_in_doubt_the_time_left_is_the_networks():
+    sure = Doubt(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    observer = observer_of(doubt=sure)
+    state = observer.start(spread_K=1e-6)
+    found = time_left(observer, state, power, 2.0, LIMIT, dampers=5)
+    heating = heat_up(observer.network, [Load(7200.0, power, 4.0 * OHM)], longest_step=5.0, stop_at=LIMIT)
+    assert found.median_s == pytest.approx(float(heating.time[-1]), abs=3.0)
+    assert found.high_s - found.low_s < 0.1
+    assert found.not_reached == 0.0
+
+
+def test_a_limit_above_the_steady_state_is_not_reached():
+    observer = observer_of(DRAWING)
+    found = time_left(observer, observer.start(), power, 2.0, 480.0)
+    assert (found.median_s, found.low_s, found.not_reached) == (math.inf, math.inf, 1.0)
+    assert "not reached" in str(found)
+
+
+def test_at_the_limit_no_time_is_left():
+    observer = observer_of()
+    found = time_left(observer, observer.start(410.0, spread_K=0.1), power, 2.0, LIMIT)
+    assert (found.median_s, found.high_s) == (0.0, 0.0)
+
+
+def test_impossible_numbers_are_refused():
+    with pytest.raises(InputError, match="resistance_20_ohm is 0"):
+        TemperatureObserver(zone_network(BARE), 0.0)
+    with pytest.raises(InputError, match=r"doubt\.loss is -1"):
+        Doubt(loss=-1.0)
+    with pytest.raises(InputError, match="expected positive noise"):
+        Thermometers(body_K=0.0)
+    with pytest.raises(InputError, match="one weight per node"):
+        observer_of(body=np.ones(3))
+    observer = observer_of()
+    with pytest.raises(InputError, match="-1 s passed"):
+        observer.step(observer.start(), ThermalSeen(-1.0, 0.0, 0.0))

@@ -1,0 +1,131 @@
+"""The reduced model against the finite elements it comes from, and what both conserve."""
+
+from __future__ import annotations
+
+import re
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mrdamper.errors import InputError
+from mrdamper.thermal.finite_element import build_field
+from mrdamper.thermal.heat_equation import heat_through
+from mrdamper.thermal.reduced import reduce_field
+from mrdamper.thermal.transient import Load
+from tests.thermal.designs import DRAWING, draw_designs
+
+BARE = DRAWING.with_sink(None)
+
+
+def fading(kelvin):
+    """Power that falls with warmth, as an MR damper's does."""
+    return 95.0 - 0.25 * (np.clip(kelvin, 273.15, 473.15) - 293.15)
+
+
+def constant(watts: float):
+    return lambda kelvin: np.full_like(kelvin, watts)
+
+
+DUTY = Load(1800.0, fading, 16.8)
+
+
+def miss(full, reduced, name: str) -> float:
+    return float(np.abs(getattr(full, name) - getattr(reduced, name)).max())
+
+
+@pytest.mark.parametrize("number", range(4))
+def test_sixteen_unknowns_follow_the_fluid_within_10_and_the_coil_within_50_millikelvin(number: int):
+    """On random designs, duty of half an hour; no design was used to build anything but its own model."""
+    model = build_field(draw_designs(4, seed=2)[number])
+    small = reduce_field(model)
+    assert small.order <= 16
+    full, reduced = (heat_through(each.equation, [DUTY]) for each in (model, small))
+    assert miss(full, reduced, "fluid") < 10e-3
+    assert miss(full, reduced, "coil") < 50e-3
+
+
+@pytest.mark.long
+def test_sixteen_unknowns_follow_forty_designs_in_steps_of_ten_seconds():
+    for design in draw_designs(40, seed=3):
+        model = build_field(design)
+        full, reduced = (
+            heat_through(each.equation, [DUTY], longest_step=10.0) for each in (model, reduce_field(model))
+        )
+        assert miss(full, reduced, "fluid") < 10e-3
+        assert miss(full, reduced, "coil") < 50e-3
+
+
+def test_it_follows_a_duty_it_was_not_made_for():
+    """Other powers, a pause, a start at 60 degC: the space knows of none of them."""
+    model = build_field(DRAWING)
+    loads = [Load(400.0, constant(200.0), 0.0), Load(300.0, constant(0.0)), Load(400.0, fading, 50.0)]
+    full, reduced = (
+        heat_through(each.equation, loads, start=333.15) for each in (model, reduce_field(model))
+    )
+    assert miss(full, reduced, "fluid") < 20e-3
+    assert miss(full, reduced, "coil") < 50e-3
+
+
+def test_more_unknowns_miss_less():
+    model = build_field(BARE)
+    full = heat_through(model.equation, [DUTY])
+    missed = [
+        miss(full, heat_through(reduce_field(model, order=order).equation, [DUTY]), "coil")
+        for order in (4, 8, 16)
+    ]
+    assert missed[0] > 3.0 * missed[1] > 9.0 * missed[2]
+
+
+def test_heat_is_neither_made_nor_lost():
+    model = build_field(DRAWING, size=0.016)
+    small = reduce_field(model)
+    course = heat_through(small.equation, [DUTY])
+    assert course.closure <= 1e-9
+    equation = small.equation
+    capacity = equation.uniform @ (equation.mass @ equation.uniform)
+    assert capacity == pytest.approx(model.section.heat_capacity, rel=1e-9)
+
+
+def test_a_uniform_field_comes_back_as_it_was():
+    model = build_field(DRAWING, size=0.016)
+    small = reduce_field(model)
+    course = heat_through(small.equation, [Load(1.0, constant(0.0))], start=340.0)
+    assert small.field(course.state[0]) == pytest.approx(np.full(model.equation.size, 340.0), abs=1e-8)
+
+
+def test_the_field_at_the_nodes_comes_back():
+    """Where it changes most, at the coil, too."""
+    model = build_field(BARE)
+    small = reduce_field(model)
+    full, reduced = (heat_through(each.equation, [DUTY]) for each in (model, small))
+    field = full.state[-1] + model.section.ambient
+    assert np.abs(small.field(reduced.state[-1]) - field).max() < 0.2
+
+
+def test_half_an_hour_takes_at_most_50_milliseconds():
+    small = reduce_field(build_field(DRAWING))
+    taken = []
+    for _ in range(5):
+        started = time.process_time()
+        heat_through(small.equation, [DUTY])
+        taken.append(time.process_time() - started)
+    assert min(taken) < 0.05
+
+
+def test_too_few_unknowns_are_refused():
+    with pytest.raises(InputError, match="order is 2; expected 3 or more"):
+        reduce_field(build_field(BARE, size=0.05), order=2)
+
+
+def test_the_example_of_the_docs_prints_what_it_says(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    root = Path(__file__).parents[2]
+    page = (root / "docs" / "thermal_finite_elements.md").read_text(encoding="utf-8")
+    example = re.findall(r"```python\n(.*?)```", page, re.DOTALL)[0]
+    monkeypatch.chdir(root)
+    exec(compile(example, "thermal_finite_elements.md", "exec"), {})
+    first, second = capsys.readouterr().out.splitlines()
+    assert f"prints `{first}` and `{second}`" in page
