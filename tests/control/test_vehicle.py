@@ -25,7 +25,7 @@ from mrdamper.control.vehicle import (
 from mrdamper.errors import InputError
 from mrdamper.excitation import ROAD_ROUGHNESS, Sine
 from mrdamper.rig.plant import PRESETS, Plant
-from tests.control.loops import Constant, Ideal, Inverse
+from tests.control.loops import LAST, Constant, Ideal, Inverse, Recording
 
 CAR = QuarterCar()
 NOTHING = Demand("nothing", (0.0, 0.0, 0.0, 0.0))
@@ -211,6 +211,18 @@ def test_the_same_seed_gives_the_same_ride():
         drive_car(ideal, replace(noisy, seed=3)).states, drive_car(ideal, replace(noisy, seed=4)).states
     )
     assert np.array_equal(one, other)  # a constant current does not see the noise
+
+
+def test_what_a_controller_is_told_of_the_demand_ahead_is_what_a_free_car_will_demand():
+    """A car without a damper on a flat road: the demand comes true, sample by sample."""
+    gains = Demand("stiff", (0.0, 1000.0, 0.0, -1000.0))  # never clipped: it is in phase with the speed
+    vehicle = Vehicle(CAR, gains, Ideal(low=0.0, gain=0.0), Recording(preview_s=0.012, needs_force=False))
+    kicked = drive_car(vehicle, replace(QUIET, road=Sine(5e-3, 1.5), duration_s=0.3, unscored_s=0.0))
+    flat = replace(QUIET, road=Sine(1e-12, 1.0), duration_s=0.3, unscored_s=0.0)
+    drive_car(vehicle, flat, after=kicked)
+    now, ahead = (np.array([getattr(w, name) for w, _ in LAST]) for name in ("now", "ahead"))
+    assert np.abs(now).max() > 10.0
+    assert ahead[300:-12] == pytest.approx(now[312:], abs=1e-6)
 
 
 # ---------------------------------------------------------------------------------------------- warming up

@@ -226,3 +226,37 @@ def test_resistance_and_largest_command_may_be_unknown():
     assert plain.resistance_20_ohm is None
     assert plain.largest_command is None
     assert Actuation(0, 0).rise_s == 0.0
+
+
+# ---------------------------------------------------------------------------------------- play
+
+slow = np.concatenate([np.linspace(0.0, 2.0, 2001), np.linspace(2.0, 0.5, 1501), np.linspace(0.5, 1.0, 501)])
+
+
+@pytest.mark.parametrize("play", [0.01, 0.08])
+def test_a_command_that_rises_from_zero_is_felt_as_it_is_and_one_that_falls_as_more(play):
+    """Half the field lags by the full width: half a width more; in the turn the slope is a half."""
+    felt = Actuation(0.0, 0.0, play=play).applied(slow, 1e-3)
+    np.testing.assert_allclose(felt[:2001], slow[:2001], atol=1e-12)
+    away = 2001 + int(2e3 * play) + 1
+    np.testing.assert_allclose(felt[away:3502], slow[away:3502] + play, atol=1e-12)
+    turn = slice(2001, 2001 + int(1e3 * play))
+    np.testing.assert_allclose(2.0 - felt[turn], 0.5 * (2.0 - slow[turn]), atol=1e-12)
+
+
+@given(levels=levels, play=st.floats(1e-3, 0.2))
+def test_the_play_adds_no_more_than_its_half_width_and_knows_no_sign(levels, play):
+    """It adds to the size of what a command gives; mirrored commands give mirrored forces."""
+    command = np.repeat(np.abs(levels), 3)
+    with_play = Actuation(0.004, 0.006, 0.002, play=play).applied(command, 1e-3)
+    without = Actuation(0.004, 0.006, 0.002).applied(command, 1e-3)
+    assert (with_play - without >= -1e-12).all()
+    assert (with_play - without <= play + 1e-12).all()
+    mirrored = Actuation(0.004, 0.006, 0.002, play=play).applied(-command, 1e-3)
+    np.testing.assert_allclose(mirrored, -with_play, atol=1e-12)
+
+
+def test_a_response_time_is_that_of_the_lags():
+    lags = Actuation(0.008, 0.006, 0.003, 0.002)
+    played = Actuation(0.008, 0.006, 0.003, 0.002, play=0.1)
+    assert played.response_time(T63, 1.0, 0.0) == lags.response_time(T63, 1.0, 0.0)

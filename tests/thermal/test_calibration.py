@@ -149,11 +149,15 @@ def test_without_noise_the_multipliers_are_exact():
 
 def test_the_calibrated_drawing_foretells_another_duty():
     """Calibrated on 15 minutes of heating, it says what half the power will do in an hour, within 1 K."""
-    truth = replace(DRAWING, calibration=Calibration(heat_capacity=1.2, film=1.4))
+    assert DRAWING.sink is not None
+    finned = replace(DRAWING.sink, film_multiplier=1.3)
+    truth = replace(DRAWING, calibration=Calibration(heat_capacity=1.2, film=0.7), sink=finned)
     curve = measured(heated(truth), np.random.default_rng(3), noise=0.2, until=900.0)
     found = calibrate_with(curve, DRAWING, [work()], DUTY)
     hour = read_duty("sine:15mm:1Hz:1A:3600s")
-    off = heated(found.drawing, scale=0.5, duty=hour).fluid[-1] - heated(truth, scale=0.5, duty=hour).fluid[-1]
+    off = (
+        heated(found.drawing, scale=0.5, duty=hour).fluid[-1] - heated(truth, scale=0.5, duty=hour).fluid[-1]
+    )
     before = heated(DRAWING, scale=0.5, duty=hour).fluid[-1] - heated(truth, scale=0.5, duty=hour).fluid[-1]
     assert abs(off) < 1.0
     assert abs(before) > 3.0
@@ -173,7 +177,7 @@ def test_scaling_power_capacity_and_losses_together_changes_nothing():
 
 
 def test_film_emissivity_and_mountings_cannot_be_told_apart():
-    """Three drawings that lose heat in different ways follow one curve alike, with one UA/C."""
+    """Three ways of losing heat, films that differ by four: one curve, UA/C within 6 %, one forecast."""
     curve = measured(heated(BARE), np.random.default_rng(5), noise=0.3)
     ways = [
         replace(BARE, surroundings=replace(BARE.surroundings, emissivity=emissivity, mount=mount))
@@ -181,13 +185,13 @@ def test_film_emissivity_and_mountings_cannot_be_told_apart():
     ]
     found = [calibrate_with(curve, way, [work()], DUTY) for way in ways]
     films = [each.film for each in found]
-    assert max(films) > 1.4 * min(films)
+    assert max(films) > 4.0 * min(films)
+    ends = [heated(each.drawing).fluid[-1] for each in found]
+    assert np.ptp(ends) < 0.2
     for each in found[1:]:
         assert each.numbers.residual_K == pytest.approx(found[0].numbers.residual_K, rel=0.02)
-        error = 3.0 * found[0].numbers.conductance_error
-        assert each.numbers.conductance_over_capacity == pytest.approx(
-            found[0].numbers.conductance_over_capacity, abs=error
-        )
+        told = each.numbers.conductance_over_capacity
+        assert told == pytest.approx(found[0].numbers.conductance_over_capacity, rel=0.06)
 
 
 def test_the_entries_read_back_as_the_same_drawing():
@@ -206,7 +210,7 @@ def test_the_entries_read_back_as_the_same_drawing():
 def test_a_curve_of_something_else_is_refused():
     time = np.linspace(0.0, 1800.0, 100)
     cold = HeatingCurve(time, AMBIENT + 0.1 * np.sin(time))
-    with pytest.raises(ConvergenceError, match="no multipliers from 0.05 to 20 follow it"):
+    with pytest.raises(ConvergenceError, match=r"no multipliers from 0\.05 to 20 follow it"):
         calibrate_with(cold, BARE, [work()], DUTY)
 
 
@@ -242,7 +246,9 @@ def test_gaps_spikes_and_repeated_stamps_go_and_are_counted():
 def test_a_clean_curve_is_left_alone_even_where_it_is_steep():
     time = np.arange(0.0, 600.0, 5.0)
     steep = 300.0 + 90.0 * (1.0 - np.exp(-time / 30.0))
-    assert len(clean_curve(time, steep)) == len(time)
+    peak = np.minimum(steep, steep[30] - 0.3 * (time - time[30]))
+    for course in (steep, -steep + 700.0, peak):
+        assert len(clean_curve(time, course)) == len(time)
 
 
 def test_noise_is_told_apart_from_the_course():

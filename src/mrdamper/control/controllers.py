@@ -22,6 +22,7 @@ from enum import IntFlag
 from types import MappingProxyType
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mrdamper import core
 from mrdamper.control import tuning
@@ -180,7 +181,7 @@ class ForceController:
         ahead = wanted.ahead if self.known_ahead else None
         return self._step(state, wanted.now, ahead, seen.displacement, seen.temperature, seen.force)
 
-    def run(self, state: bytes, told: FloatArray) -> tuple[bytes, FloatArray, FloatArray]:
+    def run(self, state: bytes, told: FloatArray) -> tuple[bytes, FloatArray, NDArray[np.int64]]:
         """Take many steps at once; return the last state, the commands and the flags, shape (n,).
 
         ``told`` holds wanted force now and ahead [N], displacement [m], temperature [K] and force [N], shape
@@ -193,7 +194,7 @@ class ForceController:
             rows = rows.copy()
             rows[:, 1] = np.nan
         current, flags = np.empty(len(rows)), np.empty(len(rows))
-        return self._native.run(state, rows, current, flags), current, flags
+        return self._native.run(state, rows, current, flags), current, flags.astype(np.int64)
 
     def believes(self, state: bytes) -> Belief:
         """Return what the controller holds to be true in a state."""

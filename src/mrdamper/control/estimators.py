@@ -21,6 +21,7 @@ from mrdamper.control import tuning
 from mrdamper.errors import InputError
 from mrdamper.models.actuation import PLAY_SHARE, Actuation
 from mrdamper.quantities import FloatArray
+from mrdamper.thermal.materials import COPPER_PER_K
 
 __all__ = [
     "AppliedCurrent",
@@ -34,7 +35,6 @@ __all__ = [
     "MotionFilter",
 ]
 
-COPPER_PER_K = 0.00393  # of copper's resistance, at 20 degC
 _ROOM_K = 293.15
 
 

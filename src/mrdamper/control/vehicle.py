@@ -8,8 +8,9 @@ the car at rest; extension of the damper is x_b - x_w, and its force F resists e
 
 A demand is a linear feedback F* = gains . z, taken only where the damper can give it (F* v > 0), else zero:
 skyhook, groundhook, a mixture of both, or the linear-quadratic regulator of body acceleration, clipped. The
-demand knows the states; the damper's controller has its own sensors. Between two steps of the damper its
-force is held and the car moves exactly.
+demand knows the states, and from them the demand at a controller's preview: nobody knows the road ahead, but
+the car's free motion over some milliseconds is a good guess. The damper's controller has its own sensors.
+Between two steps of the damper its force is held and the car moves exactly.
 
 The damper warms by what it dissipates, as two bodies, fluid and housing (``TwoBodies``).
 """
@@ -265,6 +266,7 @@ def drive_car(vehicle: Vehicle, stretch: Stretch, *, after: Ride | None = None) 
     )[0].tolist()
     (b1, b2, b3, b4), (c1, c2, c3, c4) = (each.tolist() for each in car.advance(step)[1:])
     g1, g2, g3, g4 = vehicle.demand.gains
+    (p1, p2, p3, p4), (q1, q2, q3, q4) = _look_ahead(vehicle)
     z1, z2, z3, z4 = start.states
     force, current, warm, k = start.force, 0.0, stretch.temperature_degC, 0
     series: list[tuple[float, float, float, float, float]] = []
@@ -277,7 +279,12 @@ def drive_car(vehicle: Vehicle, stretch: Stretch, *, after: Ride | None = None) 
         if controller is not None:
             errors.append(force - wanted)
             felt = force if controller.needs_force else None
-            state, current = controller.step(state, Wanted(wanted), Seen(z1 + x_error, kelvin, felt))
+            ahead = None
+            if controller.preview_s > 0.0:
+                ahead = p1 * z1 + p2 * z2 + p3 * z3 + p4 * z4
+                if not ahead * (q1 * z1 + q2 * z2 + q3 * z3 + q4 * z4 + velocity_error) > 0.0:
+                    ahead = 0.0
+            state, current = controller.step(state, Wanted(wanted, ahead), Seen(z1 + x_error, kelvin, felt))
             current = min(max(current, 0.0), vehicle.highest_A)
         currents.append(current)
         if damper is None:
@@ -317,6 +324,16 @@ def drive_car(vehicle: Vehicle, stretch: Stretch, *, after: Ride | None = None) 
         road=np.array(speeds),
         memory=memory,
     )
+
+
+def _look_ahead(vehicle: Vehicle) -> tuple[list[float], list[float]]:
+    """Return what turns states into demand [N] and damper speed [m/s] at the controller's preview.
+
+    The car's free motion is taken: what the damper takes from it meanwhile, the road gives back on average.
+    """
+    preview = 0.0 if vehicle.controller is None else vehicle.controller.preview_s
+    free = vehicle.car.advance(preview)[0]
+    return (np.array(vehicle.demand.gains) @ free).tolist(), (np.array([0.0, 1.0, 0.0, -1.0]) @ free).tolist()
 
 
 def _readings(stretch: Stretch, start: float, samples: int) -> Iterator[tuple[float, float, float]]:

@@ -47,7 +47,7 @@ class HeatingNumbers:
     power_error: float  # standard error [K/s]
     conductance_error: float  # standard error [1/s]
     correlation: float  # of the two [-]
-    at_K: float  # temperature that both hold at, the middle of the curve
+    at_K: float  # temperature that both hold at: the mean of the curve, weighted by the excess over ambient
     start_K: float  # of the damper at the curve's first time
     residual_K: float  # root mean square of what is left
     noise_K: float  # of the thermometer, from neighbouring samples
@@ -84,7 +84,7 @@ class CalibratedDrawing:
 def fit_heating(curve: HeatingCurve, ambient_K: float) -> HeatingNumbers:
     """Return P/C and UA/C of a curve as constants (one node, constant power and conductance).
 
-    .. math:: T = T_a + (T_0 - T_a)\\,e^{-bt} + \\frac{a}{b}\\,(1 - e^{-bt}), \\qquad a = P/C,\\; b = UA/C
+    T = T_a + (T_0 - T_a) exp(-b t) + a/b (1 - exp(-b t)) with a = P/C and b = UA/C.
 
     The start T_0 is fitted too, so that the curve may begin anywhere. Of a damper whose power falls and whose
     film rises with temperature these are means over the curve: see ``calibrate_drawing`` for a drawn one, and
@@ -109,14 +109,18 @@ def fit_heating(curve: HeatingCurve, ambient_K: float) -> HeatingNumbers:
     slope = (float(np.median(seen[-5:])) - first) / span
     guess = np.array([slope + (first - ambient_K) / span, 1.0 / span, first])
     scale = np.array([max(abs(slope), 1e-6), 1.0 / span, 1.0])
-    found = least_squares(
-        lambda at: model(at) - seen, guess, jac="3-point", x_scale=scale, xtol=1e-14, ftol=1e-14, gtol=1e-14
-    )
+
+    def miss(at: FloatArray) -> FloatArray:
+        return model(at) - seen
+
+    found = least_squares(miss, guess, jac="3-point", x_scale=scale, xtol=1e-14, ftol=1e-14, gtol=1e-14)
     if not (found.success and np.isfinite(found.x).all()):
         raise ConvergenceError(f"{curve.name}: the fit of P/C and UA/C did not settle ({found.message})")
     covariance = _covariance(np.asarray(found.jac), np.asarray(found.fun))
     numbers = found.x[:2]
-    return _told(curve, numbers, covariance[:2, :2], float(np.mean(seen)), float(found.x[2]), found.fun, ())
+    return _told(
+        curve, numbers, covariance[:2, :2], _loss_weighted(seen, ambient_K), float(found.x[2]), found.fun, ()
+    )
 
 
 def calibrate_drawing(
@@ -188,7 +192,7 @@ def calibrate_with(
     capacity, film = math.exp(at[0]), math.exp(at[1])
     changed = _multiplied(drawing, capacity, film)
     covariance = _covariance(jacobian, residual)
-    middle = float(np.mean(seen))
+    middle = _loss_weighted(seen, drawing.surroundings.ambient)
     numbers, slope = _combinations(changed, works, duty, model, middle)
     told = _told(
         curve,
@@ -198,8 +202,10 @@ def calibrate_with(
         float(at[2]),
         residual,
         (
-            "The heat capacity is that of the card's power: a power that is 10 % off puts it, and UA, 10 % off, "
-            "and leaves the temperatures right.",
+            "The heat capacity is that of the card's power: a power that is 10 % off puts it, and UA, 10 % "
+            "off, and leaves the temperatures right.",
+            "The errors take the drawing's way of losing heat as right: with other shares of film, radiation "
+            "and mountings the same curve gives a UA/C that differs by some per cent.",
         ),
     )
     return CalibratedDrawing(
@@ -221,7 +227,7 @@ class _TooFarError(Exception):
 def _least_squares(
     follow: Callable[[FloatArray], FloatArray], curve: HeatingCurve, at: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return solution, residuals and derivatives of log capacity, log film and start (Levenberg, Marquardt)."""
+    """Return log capacity, log film and start, residuals and derivatives (Levenberg, Marquardt)."""
     probe = np.diag([1e-3, 1e-3, 0.1])
     low, high = np.log(_FACTOR_RANGE)
     # a rise that is too high shrinks with more capacity: start where the network can be run
@@ -262,8 +268,8 @@ def _least_squares(
     if (np.abs(at[:2] - low) < 1e-9).any() or (np.abs(at[:2] - high) < 1e-9).any():
         raise ConvergenceError(
             f"{curve.name}: no multipliers from {_FACTOR_RANGE[0]:g} to {_FACTOR_RANGE[1]:g} follow it "
-            f"(heat_capacity {math.exp(at[0]):.3g}, film {math.exp(at[1]):.3g}); expected a curve of this damper "
-            "and duty. Check the duty, emissivity and mount_W_K (a film cannot make losses smaller than theirs)"
+            f"(heat_capacity {math.exp(at[0]):.3g}, film {math.exp(at[1]):.3g}); expected a curve of this "
+            "damper and duty. Check the duty, emissivity and mount_W_K (losses cannot be less than theirs)"
         )
     return at, residual, jacobian
 
@@ -281,7 +287,7 @@ def _multiplied(drawing: DamperDrawing, capacity: float, film: float) -> DamperD
 def _combinations(
     drawing: DamperDrawing, works: Sequence[LoopWork], duty: Duty, model: Model, at_K: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return P/C and UA/C with everything at one temperature, and their relative slopes by the multipliers."""
+    """Return P/C and UA/C with everything at one temperature, and their relative slopes."""
     ambient = drawing.surroundings.ambient
     off = max(abs(at_K - ambient), _LEAST_EXCESS_K) * (1.0 if at_K >= ambient else -1.0)
     # the stretch that heats most
@@ -306,6 +312,12 @@ def _coil_watts(drawing: DamperDrawing, duty: Duty, k: int, at_K: float) -> floa
     command, coil = duty.stretches[k].command, drawing.coil
     amperes = command if duty.command_unit == "A" else command * (coil.amperes_per_volt or 0.0)
     return amperes**2 * coil.resistance_at(at_K)
+
+
+def _loss_weighted(seen: FloatArray, ambient: float) -> float:
+    """Return the mean temperature, weighted by how far off ambient it is: where UA is told best [K]."""
+    excess = np.abs(seen - ambient)
+    return float(excess @ seen / excess.sum()) if excess.any() else ambient
 
 
 def _covariance(jacobian: FloatArray, residual: FloatArray) -> FloatArray:
@@ -340,8 +352,8 @@ def _told(
     left = float(np.sqrt(np.mean(residual**2)))
     noise = curve.noise_K
     words = [
-        "One heating curve tells P/C and UA/C; power, heat capacity and conductance each, or film, emissivity "
-        "and mountings apart, it does not tell.",
+        "One heating curve tells P/C and UA/C; power, heat capacity and conductance each, or film, "
+        "emissivity and mountings apart, it does not tell.",
         *more,
     ]
     for name, value, error in zip(("P/C", "UA/C"), numbers, errors, strict=True):
@@ -352,8 +364,8 @@ def _told(
             )
     if left > 2.0 * noise and left > 0.05:
         words.append(
-            f"The fit leaves {left:.2g} K, the thermometer's noise is {noise:.2g} K: the model does not follow the "
-            "curve, and the errors count that only in part."
+            f"The fit leaves {left:.2g} K, the thermometer's noise is {noise:.2g} K: the model does not "
+            "follow the curve, and the errors count that only in part."
         )
     words += curve.notes
     return HeatingNumbers(

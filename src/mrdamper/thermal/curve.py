@@ -1,4 +1,4 @@
-"""A measured temperature curve of a damper that warms up or cools: what calibration and prediction start from.
+"""A measured temperature curve of a damper: what calibration and prediction start from.
 
 ``HeatingCurve`` is the checked value; ``clean_curve`` makes one of what a logger wrote: gaps, repeated stamps
 and lone spikes go, and it says how many. Nothing is smoothed or resampled: noise is for the fits to judge.
@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from mrdamper.data.channels import parse_header
 from mrdamper.data.tables import read_table
@@ -24,8 +24,10 @@ __all__ = ["HeatingCurve", "Place", "clean_curve", "lag_signal", "read_curve"]
 Place = Literal["fluid", "wall", "coil"]
 """Where the thermometer sits; ``wall`` is the body."""
 
-_SPIKE = 8.0  # robust standard deviations off its neighbours' median
-_NEIGHBOURS = 5  # samples on either side
+_SPIKE = 8.0  # standard deviations of the noise
+_LEAST_SPIKE_K = 0.5
+_APART = 4.0
+_NEIGHBOURS = 3  # samples on either side
 _MOST_BAD = 0.2  # of the samples may go; more is a broken sensor
 _NORMAL = 1.4826  # standard deviation over median absolute deviation
 
@@ -60,8 +62,9 @@ class HeatingCurve:
         if bad.any():
             k = int(np.flatnonzero(bad)[0])
             raise InputError(
-                f"{self.name}: temperature is {self.temperature[k]:g} K at {self.time[k]:g} s ({bad.sum()} such "
-                f"samples); expected {limits.low:g} to {limits.high:g} K. Check its unit, or use clean_curve()"
+                f"{self.name}: temperature is {self.temperature[k]:g} K at {self.time[k]:g} s "
+                f"({bad.sum()} such samples); expected {limits.low:g} to {limits.high:g} K. Check its "
+                "unit, or use clean_curve()"
             )
         if not (math.isfinite(self.lag_s) and self.lag_s >= 0.0):
             raise InputError(f"{self.name}: lag_s is {self.lag_s}; expected seconds, zero or more")
@@ -78,7 +81,7 @@ class HeatingCurve:
 
     @property
     def noise_K(self) -> float:
-        """Standard deviation of the noise [K], from second differences (robust; free of any smooth course)."""
+        """Standard deviation of the noise [K], robust, from second differences: no smooth course is in it."""
         t, y = self.time, self.temperature
         weight = (t[1:-1] - t[:-2]) / (t[2:] - t[:-2])
         off = y[1:-1] - (1.0 - weight) * y[:-2] - weight * y[2:]
@@ -97,8 +100,9 @@ def clean_curve(
     """Return a curve of what a logger wrote, without what is no reading; its notes say what went.
 
     Samples that are not finite or no plausible temperature go, rows are put in order of time, of rows with
-    the same time the first stays, and a sample that is 8 robust standard deviations off the line through
-    the medians of its neighbours goes (a loose contact). A step that stays is not touched.
+    the same time the first stays, and a sample that stands out from the three on either side goes (a loose
+    contact): to the same side of both, by 8 deviations of the noise and 4 times as far as they lie apart
+    among themselves. A step that stays is not touched, nor is any rise.
 
     Raises
     ------
@@ -118,7 +122,7 @@ def clean_curve(
     order = np.unique(time, return_index=True)[1]
     twice = len(time) - len(order)
     time, temperature = time[order], temperature[order]
-    spiky = _spikes(time, temperature) if len(time) > 2 * _NEIGHBOURS else np.zeros(len(time), dtype=bool)
+    spiky = _spikes(temperature) if len(time) > 2 * _NEIGHBOURS else np.zeros(len(time), dtype=bool)
     gone = {"no plausible temperature": lost, "a spike": int(spiky.sum())}
     count = len(real)
     for what, number in gone.items():
@@ -199,16 +203,15 @@ def _temperature_unit(name: str) -> str | None:
     return unit if word.split("_")[0].lower() in {"fluid", "wall", "body", "coil"} else None
 
 
-def _spikes(time: FloatArray, temperature: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """Return which samples stand alone, far off both sides' medians."""
-    n, reach = len(time), _NEIGHBOURS
-    offsets = np.r_[-reach:0, 1 : reach + 1]
-    around = np.clip(np.arange(n)[:, None] + offsets, 0, n - 1)
-    # the neighbours less the slope between the outer medians: a steep rise is no spike
-    t, y = time[around], temperature[around]
-    rise = np.median(y[:, reach:], axis=1) - np.median(y[:, :reach], axis=1)
-    run = np.median(t[:, reach:], axis=1) - np.median(t[:, :reach], axis=1)
-    level = np.median(y - (rise / np.maximum(run, 1e-12))[:, None] * (t - time[:, None]), axis=1)
-    off = temperature - level
-    scale = _NORMAL * float(np.median(np.abs(off)))
-    return np.asarray(np.abs(off) > max(_SPIKE * scale, 0.5))
+def _spikes(temperature: FloatArray) -> NDArray[np.bool_]:
+    """Return which samples stand alone, off both sides."""
+    y, n = temperature, len(temperature)
+    second = np.abs(y[2:] - 2.0 * y[1:-1] + y[:-2]) / math.sqrt(6.0)
+    least = max(_SPIKE * _NORMAL * float(np.median(second)), _LEAST_SPIKE_K)
+    before = y[np.maximum(np.arange(n)[:, None] - np.arange(1, _NEIGHBOURS + 1), 0)]
+    after = y[np.minimum(np.arange(n)[:, None] + np.arange(1, _NEIGHBOURS + 1), n - 1)]
+    off = np.array([y - np.median(side, axis=1) for side in (before, after)])
+    apart = np.maximum(np.ptp(before, axis=1), np.ptp(after, axis=1))
+    alone = (off[0] * off[1] > 0.0) & (np.abs(off).min(axis=0) > np.maximum(least, _APART * apart))
+    alone[[0, -1]] = False  # with neighbours on one side only, nobody can say
+    return np.asarray(alone)

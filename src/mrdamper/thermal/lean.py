@@ -1,20 +1,21 @@
-"""A damper's heating in a few numbers, all of them per heat capacity: the model of a damper nobody has drawn.
+r"""A damper's heating in a few numbers, all per heat capacity: the model of a damper nobody has drawn.
 
 Two nodes: what the fluid's temperature reaches at once (fluid, wall, fins), which takes the heat in and gives
 it off, and a core behind it, which only stores.
 
 .. math::
-    \\phi\\,\\dot T = q\\,p(T) - u\\,e\\,\\Bigl(\\frac{e^2+\\delta^2}{40^2+\\delta^2}\\Bigr)^{m/2}
-    - \\kappa (T - T_c), \\qquad (1-\\phi)\\,\\dot T_c = \\kappa (T - T_c), \\quad e = T - T_a
+    \phi\,\dot T = q\,p(T) - u\,e\,\Bigl(\frac{e^2+\delta^2}{40^2+\delta^2}\Bigr)^{m/2}
+    - \kappa (T - T_c), \qquad (1-\phi)\,\dot T_c = \kappa (T - T_c), \quad e = T - T_a
 
-with q = P/C at ambient temperature and u = UA/C at 40 K above it. The power falls with temperature: a share v
-as a fluid's viscosity does (Arrhenius, 1400 K), the rest along a straight line of slope s. The loss rises with
-the exponent m: about 0.25 in still air and by radiation, 0 in a wind and through mountings. Scaling power,
-capacity and losses together changes nothing: nothing absolute is in here, and nothing absolute comes out.
+with q = P/C at ambient temperature and u = UA/C at 40 K above it. The power falls with temperature: a share
+v as a fluid's viscosity does (Arrhenius, 1400 K), the rest along a straight line of slope s. The loss rises
+with the exponent m: about 0.25 in still air and by radiation, 0 in a wind and through mountings. Scaling
+power, capacity and losses together changes nothing: nothing absolute is in here, and nothing absolute comes
+out.
 
-Which numbers are likely is ``PRIOR``, a proposal for laboratory and car dampers with or without fins; the last
-four of its spreads are what the model needs to follow zone networks of such dampers. What a measured curve
-says to it is the business of ``prediction``.
+Which numbers are likely is ``PRIOR``, a proposal for laboratory and car dampers with or without fins; its
+share, settling and lags are what the model needs to follow zone networks of such dampers. What a measured
+curve says to it is the business of ``prediction``.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ _FIRST_STEP, _GROWTH, _LONGEST = 2.0, 1.3, 40.0  # [s]
 
 @dataclass(frozen=True, slots=True)
 class Belief:
-    """What is believed of a number before a curve is seen: normal, of its logarithm or logit where it says so."""
+    """What is believed of a number before a curve is seen: a normal law of it, its logarithm or logit."""
 
     mean: float
     spread: float

@@ -15,7 +15,7 @@ millisecond to ten seconds.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -25,14 +25,15 @@ from mrdamper.quantities import FloatArray, read_only
 from mrdamper.thermal.materials import COPPER_PER_K
 from mrdamper.thermal.network import ThermalNetwork
 from mrdamper.thermal.prediction import TimeToLimit, first_crossing, summarise_times
+from mrdamper.thermal.transient import Load
 
 __all__ = [
     "FACTORS",
     "Doubt",
     "ObserverState",
-    "Thermometers",
-    "ThermalSeen",
     "TemperatureObserver",
+    "ThermalSeen",
+    "Thermometers",
     "time_left",
 ]
 
@@ -127,7 +128,8 @@ class TemperatureObserver:
     def __post_init__(self) -> None:
         if not (math.isfinite(self.resistance_20_ohm) and self.resistance_20_ohm > 0.0):
             raise InputError(
-                f"observer: resistance_20_ohm is {self.resistance_20_ohm}; expected the coil's at 20 degC, positive"
+                f"observer: resistance_20_ohm is {self.resistance_20_ohm}; expected the coil's at 20 degC, "
+                "above zero"
             )
         body = self.network.wall if self.body is None else read_only(self.body)
         if body.shape != (len(self.network.names),) or not math.isclose(float(body.sum()), 1.0, rel_tol=1e-9):
@@ -154,7 +156,9 @@ class TemperatureObserver:
         n, size = self._tables.nodes, self._tables.nodes + len(FACTORS)
         start = self.network.ambient if temperature_K is None else temperature_K
         if not (math.isfinite(start) and spread_K > 0.0):
-            raise InputError(f"observer: starts at {start} K, spread {spread_K} K; expected a positive spread")
+            raise InputError(
+                f"observer: starts at {start} K, spread {spread_K} K; expected a positive spread"
+            )
         mean, covariance = np.zeros(size), np.zeros((size, size))
         mean[:n] = start
         # the nodes are off together, and a little each
@@ -179,7 +183,8 @@ class TemperatureObserver:
             row = np.zeros(len(mean))
             row[: self._tables.nodes] = self.body
             noise = self.thermometers.body_K
-            mean, covariance = _correct(mean, covariance, row, float(seen.body_K or 0.0) - row @ mean, noise)
+            off = float(seen.body_K or 0.0) - float(row @ mean)
+            mean, covariance = _correct(mean, covariance, row, off, noise)
         return ObserverState(state.time_s + seen.elapsed_s, read_only(mean), read_only(covariance))
 
     def fluid(self, state: ObserverState) -> tuple[float, float]:
@@ -223,32 +228,30 @@ class TemperatureObserver:
 def time_left(
     observer: TemperatureObserver,
     state: ObserverState,
-    power: Callable[[FloatArray], FloatArray],
-    current_A: float,
+    load: Load,
     limit_K: float,
     *,
     probability: float = 0.90,
-    look_s: float = 7200.0,
     dampers: int = 200,
     seed: int = 0,
 ) -> TimeToLimit:
-    """Return in how long the fluid's mean temperature reaches a limit if the duty goes on.
+    """Return in how long the fluid's mean temperature reaches a limit under a load.
 
     Dampers are drawn from the state, temperatures and factors together (so the doubt about the capacity is
     in the interval), and run ahead.
 
     Parameters
     ----------
-    power : mechanical power [W] over the fluid's temperature [K], as in ``transient.Load``
-    look_s : how far is looked; what is not reached until then is "not reached", infinity
+    load : what heats from now on; its duration is how far is looked, and what is not reached until then is
+        "not reached", infinity. Its ``coil_W`` goes with the drawing's resistance
     """
     tables = observer._tables  # noqa: SLF001  # of this module
     rng = np.random.default_rng(seed)
     values, vectors = np.linalg.eigh(state.covariance)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     drawn = state.mean + rng.standard_normal((dampers, len(state.mean))) @ root.T
-    time, fluid = tables.ahead(drawn, power, current_A, look_s, limit_K)
-    return summarise_times(first_crossing(time, fluid, limit_K), limit_K, probability, look_s)
+    time, fluid = tables.ahead(drawn, load, limit_K)
+    return summarise_times(first_crossing(time, fluid, limit_K), limit_K, probability, load.duration)
 
 
 class _Tables:
@@ -314,19 +317,12 @@ class _Tables:
         ahead[np.diag_indices_from(ahead)] += h * self.walk
         return np.concatenate([new, mean[n:]]), ahead
 
-    def ahead(
-        self,
-        drawn: FloatArray,
-        power: Callable[[FloatArray], FloatArray],
-        current_A: float,
-        look_s: float,
-        limit_K: float,
-    ) -> tuple[FloatArray, FloatArray]:
+    def ahead(self, drawn: FloatArray, load: Load, limit_K: float) -> tuple[FloatArray, FloatArray]:
         """Return times [s], shape (t,), and the fluid's temperature of k dampers [K], shape (t, k): ROS2."""
         n, network = self.nodes, self.network
         nodes, factor = drawn[:, :n].copy(), np.exp(drawn[:, n:])
         capacity = factor[:, _CAPACITY, None] * network.capacity
-        joule = factor[:, _RESISTANCE, None] * current_A**2 * self.resistance
+        joule = factor[:, _RESISTANCE, None] * load.coil_W
         linear = (
             self.rest
             + factor[:, _BODY, None, None] * self.of_body
@@ -334,7 +330,7 @@ class _Tables:
             + joule[:, :, None] * COPPER_PER_K * np.outer(network.electrical, network.coil)
         )
         heated = joule * (1.0 - COPPER_PER_K * _ROOM_K) * network.electrical
-        watts = np.asarray(power(network.grid), dtype=np.float64)
+        watts = np.asarray(load.power(network.grid), dtype=np.float64)
         if watts.shape != network.grid.shape or not np.isfinite(watts).all():
             raise InputError("time left: the power is not finite, or not one number per temperature")
         slopes = np.gradient(watts, network.grid)
@@ -347,8 +343,8 @@ class _Tables:
             return np.asarray(flow / capacity)
 
         times, fluid, step = [0.0], [nodes @ network.fluid], _FIRST_STEP_S
-        while times[-1] < look_s - 1e-9:
-            h = min(step, look_s - times[-1])
+        while times[-1] < load.duration - 1e-9:
+            h = min(step, load.duration - times[-1])
             jacobian = linear.copy()
             jacobian[:, self.node, self.node] -= factor[:, _LOSS, None] * self.losses(nodes)[1]
             falls = share[:, 0] * np.interp(nodes @ network.fluid, network.grid, slopes)

@@ -1,4 +1,4 @@
-"""Early prediction: the first minutes of an unknown damper's curve, and what it will be later, with an interval.
+"""Early prediction: from the first minutes of an unknown damper's curve, what it will be later.
 
 No drawing, no card: the lean model (``lean``) with its stated beliefs, and Bayes' rule. The curve is averaged
 over short bins; what the two nodes of the model cannot follow is a third source of error beside noise and
@@ -31,7 +31,9 @@ _BIN_S = 10.0  # averaged over
 _MOST_BINS = 120
 _START_SPREAD_K = 2.0  # of the start about the first readings
 _LEAST_NOISE_K = 1e-3
+_FIRST_ITERATIONS = 60
 _ITERATIONS = 10
+_WORST_SCORE = 4.0  # of the best fit; 1 is expected
 _SETTLED = 0.01  # fall of twice the log-likelihood that is not worth another step
 _LONGEST_MOVE = 1.5  # [spreads]
 _PROBE = 1e-3  # step of the derivatives, in spreads of the beliefs
@@ -69,8 +71,8 @@ class TimeToLimit:
             for time in (self.median_s, self.low_s, self.high_s)
         ]
         return (
-            f"{self.limit_K - 273.15:.4g} degC: {spelled[0]} ({spelled[1]} to {spelled[2]}; not reached within "
-            f"{self.looked_s / 60.0:.0f} min with {100.0 * self.not_reached:.0f} %)"
+            f"{self.limit_K - 273.15:.4g} degC: {spelled[0]} ({spelled[1]} to {spelled[2]}; not reached "
+            f"within {self.looked_s / 60.0:.0f} min: {100.0 * self.not_reached:.0f} %)"
         )
 
 
@@ -152,7 +154,7 @@ def predict_early(
             "predict from"
         )
     problem = _Problem(curve, ambient_K, misfit or _MISFITS[curve.place])
-    middle = problem.fit(np.zeros((problem.size, 1)), np.zeros((problem.rows, 1)))
+    middle = problem.most_probable()
     rng = np.random.default_rng(seed)
     errors = rng.standard_normal((problem.rows, dampers))
     numbers, start = problem.numbers(problem.fit(np.repeat(middle, dampers, axis=1), errors))
@@ -169,7 +171,7 @@ def predict_early(
 class _Problem:
     """Residuals of a binned curve and of the beliefs, all of them of variance 1.
 
-    Coordinates: the numbers of ``lean.NUMBERS``, the thermometer's lag and the start, in spreads from the means.
+    Coordinates: the numbers of ``lean.NUMBERS``, the thermometer's lag, the start; in spreads from the means.
     """
 
     def __init__(self, curve: HeatingCurve, ambient: float, misfit: Misfit) -> None:
@@ -200,7 +202,20 @@ class _Problem:
         shown = lag_signal(time, heat_lean(values, start, self.ambient, time), lag)
         return np.vstack([self._whiten @ (shown[1:] - self.seen[:, None]), at])
 
-    def fit(self, start: FloatArray, errors: FloatArray) -> FloatArray:
+    def most_probable(self) -> FloatArray:
+        """Return the most probable coordinates, shape (size, 1); refuse a curve that no damper follows."""
+        best = self.fit(np.zeros((self.size, 1)), np.zeros((self.rows, 1)), iterations=_FIRST_ITERATIONS)
+        off = self.residuals(best)[: len(self.time), 0]
+        score = float(np.sqrt(np.mean(off**2)))
+        if not score < _WORST_SCORE:
+            raise ConvergenceError(
+                f"{self.curve.name}: no damper follows it (off by {score:.0f} times its errors); expected "
+                "the start of a heating curve at a constant duty, from when the duty began, and the air's "
+                "temperature"
+            )
+        return best
+
+    def fit(self, start: FloatArray, errors: FloatArray, *, iterations: int = _ITERATIONS) -> FloatArray:
         """Return the coordinates whose residuals come nearest to the errors drawn, column by column.
 
         Levenberg and Marquardt's method on k problems at once, shapes (size, k) and (rows, k).
@@ -208,7 +223,7 @@ class _Problem:
         best = start.copy()
         residual = self.residuals(best) - errors
         cost, damping = (residual**2).sum(axis=0), np.ones(best.shape[1])
-        for _ in range(_ITERATIONS):
+        for _ in range(iterations):
             slope = self._slope(best, residual + errors)
             normal, pull = slope @ slope.transpose(0, 2, 1), slope @ residual.T[:, :, None]
             # the beliefs are among the residuals: the matrix is at least 1 on its diagonal

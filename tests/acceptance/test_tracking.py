@@ -1,0 +1,306 @@
+"""Force tracking on the virtual rig: the figures that the project promises, the rig's damper being the truth.
+
+A card is identified on the rig's default campaign and never told the truth; controllers made from it follow
+the three targets at 20, 60, 100 and 123 degC with two seeds of the sensors' noise. A figure is the worst of
+these eight runs. A bar that could be read in two ways is read the stricter way.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+import mrdamper
+from mrdamper.control.controllers import ForceController, controllers_for
+from mrdamper.control.loop import course_of, run_loop
+from mrdamper.control.optimum import search_optimum
+from mrdamper.control.protocol import Seen, Wanted
+from mrdamper.control.scenario import SCENARIOS, Dropout, Scenario
+from mrdamper.control.score import Reach, Score, reach_of, score_run, worst
+from mrdamper.data.records import Dataset
+from mrdamper.models.card import ModelCard
+from mrdamper.quantities import FloatArray
+from mrdamper.rig.campaign import Campaign
+from mrdamper.rig.measurement import measure
+from mrdamper.rig.plant import PRESETS, STEP_S, Plant, VirtualDamper
+
+TEMPERATURES, SEEDS = (20.0, 60.0, 100.0, 123.0), (1, 2)
+SLOW, FAST, UNEVEN = TARGETS = ("sine-900N-1Hz", "sine-1100N-2Hz", "non-periodic")
+
+MUST = {  # max over all, max feasible, RMSE feasible [N]
+    ("nominal", SLOW): (120.0, 62.5, 21.0),
+    ("nominal", FAST): (175.0, 75.0, 25.0),
+    ("nominal", UNEVEN): (300.0, 160.0, 33.0),
+    ("hard", SLOW): (180.0, 90.0, 33.0),
+    ("hard", FAST): (265.0, 125.0, 48.0),
+    ("hard", UNEVEN): (400.0, 225.0, 63.0),
+}
+OF_THE_PAPERS = {SLOW: 0.3, FAST: 0.25, UNEVEN: 0.35}  # of its controller's RMSE
+PLANTS_AND_TARGETS = list(MUST)
+
+
+# ---------------------------------------------------------------------- cards, controllers, scores
+
+
+@cache
+def runs_of(preset: str) -> Dataset:
+    """Return the default campaign on a damper, simulated once."""
+    return Dataset(tuple(run for run, _ in measure(PRESETS[preset], Campaign())))
+
+
+@cache
+def card_of(preset: str) -> ModelCard:
+    return mrdamper.fit(runs_of(preset), hold_out=Campaign().hold_out).card()
+
+
+@cache
+def blind_card(known: str) -> ModelCard:
+    """Return a card of ``nominal`` that does not know temperature: from the runs at 20 degC, or from all."""
+    training, _ = runs_of("nominal").split(Campaign().hold_out)
+    runs = [run for run in training if known == "pooled" or "_020C_" in run.name]
+    assert len(runs) == (64 if known == "pooled" else 16)
+    law = card_of("nominal").damper.law.name
+    return mrdamper.fit(runs, law, temperature="none", terms=("friction", "thinning")).card()
+
+
+@cache
+def controllers_of(preset: str) -> Mapping[str, ForceController]:
+    return controllers_for(card_of(preset))
+
+
+@cache
+def reach(damper: VirtualDamper, target: str, degrees: float, duration_s: float) -> Sequence[FloatArray]:
+    """Return the lowest and the highest force [N] of an undisturbed damper along a target's motion."""
+    scenario = replace(SCENARIOS[target], duration_s=duration_s)
+    found = reach_of(Plant(damper), course_of(scenario, STEP_S), degrees, scenario.highest_A)
+    return found.low, found.high
+
+
+def followed(damper: VirtualDamper, controller: ForceController, scenario: Scenario) -> Score:
+    """Return the worst of each score over temperatures and seeds."""
+    scores = []
+    gain = scenario.disturbance.force_gain  # is the damper's, and so of its reach
+    for degrees in TEMPERATURES:
+        warm = replace(scenario, temperature_degC=degrees)
+        low, high = reach(damper, scenario.name, degrees, scenario.duration_s)
+        for seed in SEEDS:
+            run = run_loop(Plant(damper), controller, replace(warm, seed=seed))
+            score = score_run(
+                run, Reach(gain * low, gain * high), resistance_ohm=damper.coil_resistance_ohm(degrees)
+            )
+            scores.append(score)
+    return worst(scores)
+
+
+@cache
+def score_of(preset: str, target: str, name: str = "recommended") -> Score:
+    return followed(PRESETS[preset], controllers_of(preset)[name], SCENARIOS[target])
+
+
+def rmse(score: Score) -> float:
+    assert score.rmse_feasible_N is not None
+    return score.rmse_feasible_N
+
+
+def greatest(score: Score) -> float:
+    assert score.max_feasible_N is not None
+    return score.max_feasible_N
+
+
+# ---------------------------------------------------------------------- the table
+
+
+@pytest.mark.parametrize(("preset", "target"), PLANTS_AND_TARGETS)
+def test_the_greatest_error_of_all_samples(preset, target):
+    assert score_of(preset, target).max_N <= MUST[preset, target][0]
+
+
+@pytest.mark.parametrize(("preset", "target"), PLANTS_AND_TARGETS)
+def test_the_greatest_error_where_the_damper_can_follow(preset, target):
+    """The paper reports 62.5 N at 900 N, on its own damper."""
+    assert greatest(score_of(preset, target)) <= MUST[preset, target][1]
+
+
+@pytest.mark.parametrize(("preset", "target"), PLANTS_AND_TARGETS)
+def test_the_rms_error_where_the_damper_can_follow(preset, target):
+    assert rmse(score_of(preset, target)) <= MUST[preset, target][2]
+
+
+@pytest.mark.parametrize(("preset", "target"), PLANTS_AND_TARGETS)
+def test_the_targets_are_mostly_within_the_damper_s_reach(preset, target):
+    """A figure on the feasible samples is worth as much as there are of them."""
+    assert score_of(preset, target).feasible_share > 0.5
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("degrees", TEMPERATURES)
+def test_the_greatest_error_at_900_N_is_at_most_1_4_times_that_of_the_best_current(degrees):
+    """The best current of a search that knows the damper; half a minute or less each."""
+    scenario = replace(SCENARIOS[SLOW], temperature_degC=degrees)
+    plant, controller = Plant(PRESETS["nominal"]), controllers_of("nominal")["recommended"]
+    best = search_optimum(plant, scenario)
+    for seed in SEEDS:
+        run = run_loop(plant, controller, replace(scenario, seed=seed))
+        score = score_run(run, best.reach, optimum=best.score)
+        assert score.max_over_optimum is not None
+        assert score.max_over_optimum <= 1.4
+
+
+# ---------------------------------------------------------------------- against others
+
+
+@pytest.mark.parametrize(("known", "times"), [("at 20 degC", 4.6), ("pooled", 2.5)])
+def test_not_knowing_the_temperature_costs_at_900_N(known, times):
+    """Of the greatest feasible error; the paper's own ratio is 4.6."""
+    blind = controllers_for(blind_card(known))["recommended"]
+    unaware = followed(PRESETS["nominal"], blind, SCENARIOS[SLOW])
+    assert greatest(unaware) >= times * greatest(score_of("nominal", SLOW))
+
+
+@pytest.mark.parametrize(("preset", "target"), PLANTS_AND_TARGETS)
+def test_a_target_that_is_not_known_ahead_costs_little(preset, target):
+    assert rmse(score_of(preset, target, "recommended-causal")) <= 1.3 * rmse(score_of(preset, target))
+
+
+@pytest.mark.parametrize(("preset", "target"), PLANTS_AND_TARGETS)
+def test_the_error_is_a_share_of_the_paper_s_controller_s(preset, target):
+    paper = rmse(score_of(preset, target, "paper"))
+    assert rmse(score_of(preset, target)) <= OF_THE_PAPERS[target] * paper
+
+
+@pytest.mark.parametrize(
+    ("preset", "target"), [*PLANTS_AND_TARGETS, *(("stiff", target) for target in TARGETS)]
+)
+def test_coil_power_and_chatter_are_about_the_paper_s_controller_s(preset, target):
+    ours, paper = score_of(preset, target), score_of(preset, target, "paper")
+    assert ours.coil_power_W is not None
+    assert paper.coil_power_W is not None
+    assert ours.coil_power_W <= 1.2 * paper.coil_power_W
+    assert ours.chatter_A_per_s <= 1.2 * paper.chatter_A_per_s
+
+
+def test_the_paper_s_structure_gives_its_figures_on_a_stiff_damper():
+    """The paper: 62.5 N with temperature, 289.7 N without."""
+    assert score_of("stiff", SLOW, "paper").max_N <= 85.0
+    assert score_of("stiff", SLOW, "paper-unaware").max_N >= 270.0
+
+
+@pytest.mark.parametrize("target", TARGETS)
+def test_on_a_stiff_damper_the_recommended_one_is_not_worse_than_the_paper_s_structure(target):
+    ours, paper = score_of("stiff", target), score_of("stiff", target, "paper")
+    assert ours.max_N <= paper.max_N
+    assert greatest(ours) <= greatest(paper)
+    assert rmse(ours) <= rmse(paper)
+
+
+# ---------------------------------------------------------------------- robustness, 900 N on ``nominal``
+
+
+def added(controller: ForceController, scenario: Scenario) -> float:
+    """Return what a disturbance adds [N] to the undisturbed RMSE where the damper can follow."""
+    return rmse(followed(PRESETS["nominal"], controller, scenario)) - rmse(score_of("nominal", SLOW))
+
+
+@pytest.mark.parametrize("off_K", [-5.0, 5.0])
+def test_a_thermocouple_that_is_5_degrees_off(off_K):
+    scenario = SCENARIOS[SLOW]
+    scenario = replace(scenario, sensors=replace(scenario.sensors, temperature_offset_K=off_K))
+    assert added(controllers_of("nominal")["recommended"], scenario) <= 25.0
+
+
+@pytest.mark.parametrize("gain", [0.9, 1.1])
+def test_a_damper_that_is_a_tenth_weaker_or_stronger(gain):
+    scenario = SCENARIOS[SLOW]
+    scenario = replace(scenario, disturbance=replace(scenario.disturbance, force_gain=gain))
+    assert added(controllers_of("nominal")["recommended"], scenario) <= 60.0
+
+
+def test_ten_milliseconds_more_of_delay_that_the_controller_was_told():
+    scenario = SCENARIOS[SLOW]
+    scenario = replace(scenario, disturbance=replace(scenario.disturbance, command_delay_s=0.010))
+    retuned = controllers_for(card_of("nominal"), extra_delay_s=0.010)["recommended"]
+    assert added(retuned, scenario) <= 6.0
+
+
+def test_sampling_at_100_Hz():
+    slow = controllers_for(card_of("nominal"), period_s=0.010)["recommended"]
+    assert added(slow, SCENARIOS[SLOW]) <= 8.0
+
+
+# ---------------------------------------------------------------------- an aged damper, 3 s of force data
+
+NEW = PRESETS["nominal"]
+AGED = replace(
+    NEW,
+    yield_N=0.88 * NEW.yield_N,
+    yield_field_N=0.88 * NEW.yield_field_N,
+    viscous_N=1.30 * NEW.viscous_N,
+    friction_N=1.37 * NEW.friction_N,
+)
+LEARNT_S = 3.0
+
+
+def learning(scenario: Scenario) -> Scenario:
+    """Return the scenario with force readings in the first seconds, which are not scored."""
+    lost = Dropout("force", LEARNT_S, 3600.0)
+    return replace(
+        scenario,
+        duration_s=LEARNT_S + scenario.duration_s - scenario.unscored_s,
+        unscored_s=LEARNT_S,
+        sensors=replace(scenario.sensors, dropouts=(lost,)),
+    )
+
+
+def aged(target: str, name: str) -> float:
+    """Return the RMSE [N] on the aged damper after the seconds with force readings."""
+    controller = replace(controllers_of("nominal")[name], needs_force=True)  # the loop reads it for those
+    return rmse(followed(AGED, controller, learning(SCENARIOS[target])))
+
+
+def test_an_aged_damper_adds_little_after_3_s_of_force_readings():
+    """Yield force 12 % down, viscosity 30 % and friction 37 % up."""
+    assert aged(SLOW, "recommended-adaptive") - rmse(score_of("nominal", SLOW)) <= 8.0
+
+
+@pytest.mark.parametrize("target", [FAST, UNEVEN])
+def test_on_an_aged_damper_adaptation_is_not_worse_than_none(target):
+    assert aged(target, "recommended-adaptive") <= aged(target, "recommended")
+
+
+# ---------------------------------------------------------------------- time
+
+
+def cpu_per_step(job: Callable[[], object], steps: int, bar_s: float) -> float:
+    """Return the CPU time [s] of a step: the best of rounds, as a loaded machine is not a fault."""
+    best = float("inf")
+    for _ in range(20):
+        begin = time.process_time()
+        job()
+        best = min(best, (time.process_time() - begin) / steps)
+        if best <= bar_s:
+            break
+    return best
+
+
+def test_one_step_takes_a_microsecond_in_c_and_two_from_python():
+    controller, steps = controllers_of("nominal")["recommended"], 5000
+    scenario, at = SCENARIOS[UNEVEN], 1e-3 * np.arange(steps)
+    kelvin = np.full(steps, 333.15)
+    x = scenario.path.displacement(at) + np.random.default_rng(1).normal(0.0, 10e-6, steps)
+    now, ahead = scenario.force(at), scenario.force(at + controller.preview_s)
+    told = np.column_stack([now, ahead, x, kelvin, np.full(steps, np.nan)])
+    wanted = [Wanted(*pair) for pair in zip(now.tolist(), ahead.tolist(), strict=True)]
+    seen = [Seen(*pair) for pair in zip(x.tolist(), kelvin.tolist(), strict=True)]
+
+    def one_by_one() -> None:
+        state, step = controller.start(), controller.step
+        for asked, read in zip(wanted, seen, strict=True):
+            state, _ = step(state, asked, read)
+
+    assert cpu_per_step(lambda: controller.run(controller.start(), told), steps, 1e-6) <= 1e-6
+    assert cpu_per_step(one_by_one, steps, 2e-6) <= 2e-6

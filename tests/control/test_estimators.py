@@ -1,0 +1,255 @@
+"""Estimators: against Riccati's equation, closed forms, least squares, and the same inside the controller."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.linalg import solve_discrete_are
+
+from mrdamper.control.controllers import controllers_for
+from mrdamper.control.estimators import (
+    AppliedCurrent,
+    BodyObserver,
+    CoilFault,
+    CoilThermometer,
+    DisturbanceObserver,
+    GainLearner,
+    MotionFilter,
+)
+from mrdamper.control.tuning import ERROR_LASTS_S, feedback_gains, motion_filter
+from mrdamper.excitation import MOTIONS
+from mrdamper.models.actuation import Actuation
+from tests.control.dampers import DOUBLE, LAGS
+
+PERIOD = 1e-3
+
+
+# ------------------------------------------------------------------------------------- motion
+
+
+@settings(max_examples=30, deadline=None)
+@given(period=st.floats(2e-4, 1e-2), noise=st.floats(1e-7, 1e-4), density=st.floats(0.05, 100.0))
+def test_the_filter_s_covariance_solves_riccati_s_equation(period, noise, density):
+    """The solver of scipy, in units in which the numbers are of one size: 1e-6 of the gains."""
+    step = np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])
+    power = (density / noise) ** 2 * period**5
+    drive = power * np.array([[1 / 20, 1 / 8, 1 / 6], [1 / 8, 1 / 3, 1 / 2], [1 / 6, 1 / 2, 1.0]])
+    seen = np.array([[1.0, 0.0, 0.0]])
+    ahead = solve_discrete_are(step.T, seen.T, drive, np.eye(1))
+    expected = ahead[:, 0] / (ahead[0, 0] + 1.0)
+    gains, covariance = motion_filter(period, noise, density)
+    np.testing.assert_allclose(gains * period ** np.arange(3), expected, rtol=1e-6)
+    unit = noise / period ** np.arange(3)
+    np.testing.assert_allclose(
+        covariance / np.outer(unit, unit), ahead - np.outer(expected, ahead[0]), rtol=1e-5, atol=1e-12
+    )
+
+
+def test_the_stated_velocity_error_is_what_a_motion_with_white_jerk_leaves():
+    """0.93 mm/s at 10 um, 1 kHz and 1 m/s^3 per root Hz; 40 s of such a motion: within 5 %."""
+    rng, each = np.random.default_rng(3), MotionFilter(PERIOD)
+    stated = math.sqrt(each.covariance[1, 1])
+    assert stated == pytest.approx(0.93e-3, rel=0.01)
+    n = 40_000
+    power = np.array([[1 / 20, 1 / 8, 1 / 6], [1 / 8, 1 / 3, 1 / 2], [1 / 6, 1 / 2, 1.0]])
+    scale = PERIOD ** np.array([2.5, 1.5, 0.5])
+    kicks = rng.multivariate_normal(np.zeros(3), power * np.outer(scale, scale), size=n)
+    step = np.array([[1.0, PERIOD, PERIOD**2 / 2], [0.0, 1.0, PERIOD], [0.0, 0.0, 1.0]])
+    true, state, errors = np.zeros(3), each.start(), np.empty(n)
+    noise = 10e-6 * rng.standard_normal(n)
+    gains = each.gains
+    for k in range(n):
+        true = step @ true + kicks[k]
+        ahead = state.after(PERIOD)
+        gap = true[0] + noise[k] - ahead.displacement
+        state = type(state)(
+            ahead.displacement + gains[0] * gap,
+            ahead.velocity + gains[1] * gap,
+            ahead.acceleration + gains[2] * gap,
+        )
+        errors[k] = state.velocity - true[1]
+    assert np.sqrt(np.mean(errors[1000:] ** 2)) == pytest.approx(stated, rel=0.05)
+
+
+def test_an_even_acceleration_is_followed_without_error():
+    each, state = MotionFilter(PERIOD), MotionFilter(PERIOD).start()
+    for k in range(600):
+        t = k * PERIOD
+        state = each.step(state, 0.01 * t + 0.2 * t**2)
+    assert state.velocity == pytest.approx(0.01 + 0.4 * t, abs=1e-9)
+    assert state.acceleration == pytest.approx(0.4, abs=1e-7)
+
+
+def test_without_a_reading_the_motion_is_carried_on():
+    each = MotionFilter(PERIOD)
+    state = each.step(each.step(each.start(), 1e-4), 3e-4)
+    assert each.step(state, math.nan) == state.after(PERIOD)
+
+
+def test_the_filter_in_the_controller_is_this_one():
+    made, each = controllers_for(DOUBLE)["recommended"], MotionFilter(PERIOD)
+    rng, t = np.random.default_rng(0), PERIOD * np.arange(300)
+    x = MOTIONS["nonperiodic"].displacement(t) + 10e-6 * rng.standard_normal(len(t))
+    rows = np.full((len(t), 5), np.nan)
+    rows[:, 0] = rows[:, 1] = 300.0
+    rows[:, 2], rows[:, 3] = x, 300.0
+    state = each.start(x[0])
+    for reading in x[1:]:
+        state = each.step(state, reading)
+    found = made.believes(made.run(made.start(), rows)[0])
+    assert found.displacement == pytest.approx(state.displacement, abs=1e-15)
+    assert found.velocity == pytest.approx(state.velocity, abs=1e-13)
+    assert found.acceleration == pytest.approx(state.acceleration, abs=1e-10)
+
+
+# ------------------------------------------------------------------------------------- applied current
+
+
+@pytest.mark.parametrize("period", [2e-4, 1e-3, 4e-3])
+def test_held_commands_pass_as_they_do_through_the_actuation_itself(period):
+    """The card's own actuation at a hundredth of the period, where held and straight are one: 2 mA."""
+    rng = np.random.default_rng(4)
+    command = np.repeat(rng.uniform(0.0, 2.0, 30), 5)
+    each = AppliedCurrent(LAGS, period)
+    state, found = each.start(), []
+    for level in command:
+        state = each.step(state, level)
+        found.append(state.applied)
+    fine = np.repeat(command, 100)
+    # zero before: the actuation starts settled at its first sample
+    whole = LAGS.applied(np.concatenate([np.zeros(100), fine]), period / 100.0)[100:]
+    # the dead time is a straight line between two samples of the observer: late or early by a part of one
+    blur = 0.6 * period * 2.0 / (LAGS.rise_s + LAGS.second_s)
+    assert np.abs(found - whole[99::100]).max() < max(2e-3, blur)
+    exact = Actuation(LAGS.rise_s, LAGS.fall_s, LAGS.second_s, 2.0 * period, play=LAGS.play)
+    each = AppliedCurrent(exact, period)
+    state, found = each.start(), []
+    for level in command:
+        state = each.step(state, level)
+        found.append(state.applied)
+    whole = exact.applied(np.concatenate([np.zeros(300), fine]), period / 100.0)[300:]
+    assert np.abs(found - whole[99::100]).max() < 0.02
+
+
+def test_the_applied_current_in_the_controller_is_this_one():
+    made, each = controllers_for(DOUBLE)["recommended"], AppliedCurrent(LAGS, PERIOD)
+    t = PERIOD * np.arange(400)
+    rows = np.full((len(t), 5), np.nan)
+    rows[:, 0] = rows[:, 1] = 800.0 * np.sign(MOTIONS["nonperiodic"].velocity(t))
+    rows[:, 2], rows[:, 3] = MOTIONS["nonperiodic"].displacement(t), 300.0
+    last, command, _ = made.run(made.start(), rows)
+    state = each.start()
+    for level in [0.0, *command[:-1]]:
+        state = each.step(state, level)
+    assert made.believes(last).applied == pytest.approx(state.applied, abs=1e-12)
+    assert command.max() > 0.5
+
+
+def test_play_makes_a_falling_current_felt_as_more():
+    """From 2 A down to 1 A: 1 A and the half width; up to 1 A: 1 A."""
+    lags = Actuation(1e-3, 1e-3, play=0.05)
+    each = AppliedCurrent(lags, PERIOD)
+    for levels, expected in (((1.0,), 1.0), ((2.0, 1.0), 1.05), ((2.0, 1.0, 1.05), 1.075)):
+        state = each.start()
+        for level in levels:
+            for _ in range(60):
+                state = each.step(state, level)
+        assert state.applied == pytest.approx(expected, abs=1e-9)
+
+
+# ------------------------------------------------------------------------------------- temperature
+
+
+@given(kelvin=st.floats(240.0, 420.0), current=st.floats(0.25, 2.0))
+def test_the_coil_s_resistance_gives_its_temperature(kelvin, current):
+    each = CoilThermometer(resistance_20_ohm=5.0, period_s=PERIOD, wiring_ohm=0.3)
+    voltage = current * (each.resistance_at(kelvin) + 0.3)
+    state, reading = each.step(each.start(), voltage, current)
+    state, reading = each.step(state, voltage, current)
+    assert reading.fault is CoilFault.NONE
+    assert reading.temperature == pytest.approx(kelvin, abs=1e-9)
+
+
+def test_an_open_and_a_shorted_coil_are_told_apart_and_give_no_temperature():
+    each = CoilThermometer(resistance_20_ohm=5.0, period_s=PERIOD)
+    for voltage, current, fault in (
+        (24.0, 0.0, CoilFault.OPEN),
+        (24.0, 1.0, CoilFault.OPEN),
+        (0.4, 1.0, CoilFault.SHORT),
+    ):
+        state, _ = each.step(each.start(), voltage, current)
+        _, reading = each.step(state, voltage, current)
+        assert reading.fault is fault
+        assert math.isnan(reading.temperature)
+
+
+def test_while_the_current_changes_or_is_too_small_the_last_temperature_stands():
+    """0.04 H at 100 A/s would read 4 V as resistance: 60 K and more."""
+    each = CoilThermometer(resistance_20_ohm=5.0, period_s=PERIOD)
+    state = each.start()
+    for _ in range(2):
+        state, reading = each.step(state, 5.0, 1.0)
+    assert reading.temperature == pytest.approx(293.15)
+    for voltage, current in ((9.5, 1.1), (0.0, 0.0), (math.nan, 1.0)):
+        state, reading = each.step(state, voltage, current)
+        assert reading.fault is CoilFault.UNKNOWN
+        assert reading.temperature == pytest.approx(293.15)
+
+
+@given(power=st.floats(1.0, 400.0), conductance=st.floats(1.0, 30.0))
+def test_at_even_power_the_fluid_is_warmer_by_power_over_conductance(power, conductance):
+    each = BodyObserver(conductance_W_K=conductance, fluid_capacity_J_K=150.0, period_s=10.0)
+    state = each.start(320.0)
+    for _ in range(200):
+        state = each.step(state, 320.0, power)
+    expected = 320.0 + power / conductance * -math.expm1(-2000.0 * conductance / 150.0)
+    assert state == pytest.approx(expected, rel=1e-9)
+
+
+def test_heat_that_does_not_leave_warms_the_fluid_by_its_capacity():
+    """Conductance towards zero: T = P t / C."""
+    each = BodyObserver(conductance_W_K=1e-9, fluid_capacity_J_K=150.0, period_s=1.0)
+    state = each.start(300.0)
+    for _ in range(60):
+        state = each.step(state, 300.0, 50.0)
+    assert state == pytest.approx(300.0 + 50.0 * 60.0 / 150.0, rel=1e-4)
+
+
+# ------------------------------------------------------------------------------------- with a force sensor
+
+
+def test_a_constant_surplus_in_the_direction_of_motion_is_observed_in_full():
+    each = DisturbanceObserver(PERIOD, 0.1)
+    state = each.start()
+    for k in range(2000):
+        velocity = math.sin(0.05 * k)
+        state = each.step(state, math.copysign(340.0, velocity), math.copysign(300.0, velocity), velocity)
+    assert state == pytest.approx(40.0, abs=1e-6)
+    assert each.step(state, math.nan, 300.0, 1.0) == state
+
+
+def test_the_learner_without_forgetting_is_regularised_least_squares():
+    rng = np.random.default_rng(5)
+    each = GainLearner(PERIOD, 20.0, forgetting_s=1e12)
+    parts = rng.uniform(-300.0, 300.0, size=(400, 4))
+    true = np.array([0.9, 1.2, 1.1])
+    force = parts[:, :3] @ true + parts[:, 3] + 20.0 * rng.standard_normal(len(parts))
+    state = each.start()
+    for row, measured in zip(parts, force, strict=True):
+        state = each.step(state, measured, row)
+    variance = 20.0**2 * ERROR_LASTS_S / PERIOD
+    normal = parts[:, :3].T @ parts[:, :3] / variance + np.eye(3) / each.spread**2
+    right = parts[:, :3].T @ (force - parts[:, 3]) / variance + np.ones(3) / each.spread**2
+    np.testing.assert_allclose(state.gains, np.linalg.solve(normal, right), rtol=1e-8)
+    np.testing.assert_allclose(state.covariance, np.linalg.inv(normal), rtol=1e-6)
+
+
+def test_the_feedback_s_gains_are_the_rule_s():
+    """Kp = T / (K 2 D), Ti = min(T, 8 D); T is the slower first lag, D all that follows and a period."""
+    gain, rate = feedback_gains(Actuation(0.009, 0.006, 0.003, 0.002), 1e-3, 600.0)
+    assert gain == pytest.approx(0.009 / (600.0 * 2.0 * 0.006))
+    assert rate == pytest.approx(gain / 0.009)

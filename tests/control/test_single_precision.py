@@ -1,0 +1,98 @@
+"""The controller's files on their own, as a target gets them: in single precision, without a library."""
+
+from __future__ import annotations
+
+import ctypes
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mrdamper import core
+from mrdamper.control.controllers import controllers_for
+from mrdamper.excitation import MOTIONS
+from tests.control.dampers import DOUBLE
+
+KERNEL = Path(core.__file__).parent / "kernel"
+WARNINGS = ["-Wall", "-Wextra", "-Wshadow", "-Wconversion", "-Wdouble-promotion", "-Wcast-qual", "-pedantic"]
+REAL, POINTER = ctypes.c_float, ctypes.POINTER(ctypes.c_float)
+CURVES = ("loading", "unloading", "to_load", "to_unload", "viscous", "sliding", "breakaway", "built_up")
+
+
+class Octaves(ctypes.Structure):
+    _fields_ = [
+        ("offset", REAL), ("top", REAL), ("bits", ctypes.c_int32), ("cells", ctypes.c_int32),
+        ("cell", POINTER),
+    ]  # fmt: skip
+
+
+class Track(ctypes.Structure):
+    _fields_ = [
+        *((name, REAL) for name in core.TRACK_NUMBERS),
+        ("currents", ctypes.c_int32), ("temperatures", ctypes.c_int32), ("force", POINTER), ("rho", POINTER),
+        *((name, Octaves) for name in CURVES),
+    ]  # fmt: skip
+
+
+class Told(ctypes.Structure):
+    _fields_ = [(name, REAL) for name in ("now", "ahead", "displacement", "temperature", "force")]
+
+
+@pytest.fixture(scope="module")
+def library(tool, tmp_path_factory):
+    out = tmp_path_factory.mktemp("single") / "controller.so"
+    flags = [
+        "-std=c99",
+        "-O2",
+        "-ffp-contract=off",
+        "-DMRD_SINGLE",
+        "-fPIC",
+        "-shared",
+        "-nostdlib",
+        "-Werror",
+    ]
+    arguments = [tool("gcc"), *flags, *WARNINGS, KERNEL / "controller.c", "-lc", "-o", out]
+    done = subprocess.run(arguments, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return out
+
+
+def test_it_needs_nothing_but_memory_copies(library, tool):
+    """No mathematical library, no heap: a free-standing compiler brings memcpy and memset itself."""
+    done = subprocess.run([tool("nm"), "-D", "-u", library], capture_output=True, text=True, check=True)
+    wanted = {line.split()[-1].partition("@")[0] for line in done.stdout.splitlines() if " U " in line}
+    assert wanted <= {"memcpy", "memset", "__stack_chk_fail"}
+
+
+@pytest.mark.parametrize("name", ["recommended", "recommended-causal", "paper", "pi"])
+def test_in_single_precision_the_command_is_the_same_within_a_milliampere(library, name):
+    made = controllers_for(DOUBLE)[name]
+    c = ctypes.CDLL(str(library))
+    c.mrd_track_step.restype = REAL
+    kept = []
+
+    def pointer(values):
+        kept.append(np.ascontiguousarray(values, dtype=np.float32))
+        return kept[-1].ctypes.data_as(POINTER)
+
+    track = Track(**made.numbers)
+    track.temperatures, _, track.currents = made.tables.force.shape
+    track.force, track.rho = pointer(made.tables.force), pointer(made.tables.rho)
+    for curve, table in zip(CURVES, made.tables.octaves, strict=True):
+        setattr(
+            track, curve, Octaves(table.offset, table.top, table.bits, len(table.cell), pointer(table.cell))
+        )
+    state = (ctypes.c_double * 1000)()
+    c.mrd_track_start(ctypes.byref(track), state)
+    t = made.period_s * np.arange(3000)
+    motion, rng = MOTIONS["nonperiodic"], np.random.default_rng(1)
+    rows = np.full((len(t), 5), np.nan)
+    rows[:, 0] = 900.0 * np.tanh(motion.velocity(t) / 0.02)
+    rows[:, 1] = 900.0 * np.tanh(motion.velocity(t + 0.0155) / 0.02) if made.known_ahead else np.nan
+    rows[:, 2] = motion.displacement(t) + 10e-6 * rng.standard_normal(len(t))
+    rows[:, 3], rows[:, 4] = 330.0, 0.8 * rows[:, 0]
+    single = [c.mrd_track_step(ctypes.byref(track), state, ctypes.byref(Told(*row))) for row in rows]
+    _, double, _ = made.run(made.start(), rows)
+    assert np.abs(np.array(single) - double).max() < 1e-3
+    assert double.max() > 0.5
