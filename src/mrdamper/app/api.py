@@ -177,7 +177,7 @@ def fit(  # noqa: PLR0913 - the options of a fit, by keyword
     unseen = prepare_all(held_out, how)
     if fluid is not None:
         prepared, unseen = (tuple(map(_at_reference, runs)) for runs in (prepared, unseen))
-    chosen, python_law = resolve_law(usual_law(prepared, temperature) if law is None else law)
+    chosen, python_law = resolve_law(usual_law(prepared) if law is None else law)
     steady, stepping = split_by_command(prepared)
     damper, free = template(
         chosen, steady, one_command=one_command, terms=terms, temperature=temperature, fluid=fluid
@@ -265,9 +265,9 @@ def predict(
     )
 
 
-def usual_law(runs: Sequence[PreparedRun], temperature: Temperature = "auto") -> str:
+def usual_law(runs: Sequence[PreparedRun]) -> str:
     """Return the law that is fitted when none is asked for."""
-    tempered = temperature != "none" and all(run.trajectory.temperature is not None for run in runs)
+    tempered = all(run.trajectory.temperature is not None for run in runs)
     return "double-bouc-wen" if tempered else "series-valve"
 
 

@@ -60,6 +60,8 @@ class Flag(IntFlag):
 FAULTS = Flag(127)
 
 
+_READ_FORCE = ("clipped-on-off", "pi", "feed-forward-pi", "recommended-observer", "recommended-adaptive")
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Safety:
     """When a reading is not believed, and what is done then. SI and kelvin."""
@@ -346,7 +348,7 @@ def _controller(name: str, made: _Source) -> ForceController:
         name,
         numbers,
         made.tables,
-        needs_force=name in ("clipped-on-off", "pi", "feed-forward-pi", "recommended-observer"),
+        needs_force=name in _READ_FORCE,
         known_ahead=name != "recommended-causal",
     )
 

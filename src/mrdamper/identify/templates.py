@@ -115,10 +115,12 @@ def template(
     forms: dict[str, ParameterLaw] = {}
     free: list[Free] = []
     entries = _entries(law, scale)
-    if warm and temperature != "paper":
+    tempered = all(run.trajectory.temperature is not None for run in runs)  # heeded or not
+    campaign = tempered and fluid is None and temperature != "paper"
+    if campaign:
         entries = [_as_campaign(entry) for entry in entries]
     if terms is None:
-        terms = _usual_terms(law) if warm and temperature != "paper" else ()
+        terms = _usual_terms(law) if campaign else ()
     for term in terms:
         known = _terms(scale)
         if term not in known:
@@ -316,7 +318,7 @@ def _dependence(
             Free(f"{name}.base", lower, upper, how, linear),
             Free(f"{name}.gain", -upper if linear else 10.0 * lower, 2.0 * upper, how, linear),
             Free(f"{name}.half_command", 0.05 * s.command, 10.0 * s.command, "log"),
-            Free(f"{name}.exponent", 0.6, 6.0, "log"),
+            Free(f"{name}.exponent", 0.6, 3.0 if linear else 6.0, "log"),
         ]
         return Hill(0.1 * start, start, s.command, 1.5, s.command), numbers[: min(s.levels, 4)]
     if not linear:  # two commands: a straight line that stays positive at both ends

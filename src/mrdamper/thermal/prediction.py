@@ -2,7 +2,7 @@
 
 No drawing, no card: the lean model (``lean``) with its stated beliefs, and Bayes' rule. The curve is averaged
 over short bins; what the two nodes of the model cannot follow is a third source of error beside noise and
-ignorance (``Misfit``). Two hundred dampers are drawn: for each, errors of the curve and of the beliefs are
+ignorance (``Misfit``). Four hundred dampers are drawn: for each, errors of the curve and of the beliefs are
 drawn, and the damper is the one that fits best with those errors put in (randomised maximum likelihood; exact
 for a linear model). Every answer is a share of those dampers: a temperature with its interval, the time to a
 limit with infinity among the outcomes.
@@ -127,7 +127,7 @@ def predict_early(
     curve: HeatingCurve,
     ambient_K: float,
     *,
-    dampers: int = 200,
+    dampers: int = 400,
     seed: int = 0,
     misfit: Misfit | None = None,
 ) -> EarlyPrediction:
@@ -156,14 +156,16 @@ def predict_early(
     problem = _Problem(curve, ambient_K, misfit or _MISFITS[curve.place])
     middle = problem.most_probable()
     rng = np.random.default_rng(seed)
-    errors = rng.standard_normal((problem.rows, dampers))
+    half = rng.standard_normal((problem.rows + 1, (dampers + 1) // 2))
+    drawn = np.hstack([half, -half])[:, :dampers]  # in pairs: the middle is not left to chance
+    errors, off = drawn[:-1], drawn[-1]
     numbers, start = problem.numbers(problem.fit(np.repeat(middle, dampers, axis=1), errors))
     return EarlyPrediction(
         curve,
         ambient_K,
         MappingProxyType({name: read_only(values) for name, values in numbers.items()}),
         read_only(start),
-        read_only(rng.standard_normal(dampers)),
+        read_only(off),
         problem.misfit,
     )
 
