@@ -62,6 +62,7 @@ FAULTS = Flag(127)
 
 _READ_FORCE = ("clipped-on-off", "pi", "feed-forward-pi", "recommended-observer", "recommended-adaptive")
 
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Safety:
     """When a reading is not believed, and what is done then. SI and kelvin."""
