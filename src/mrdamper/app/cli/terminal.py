@@ -417,7 +417,7 @@ def show_track(answer: Answer) -> None:
                 f"{target} on {answer['plant']}: worst of {at} degC; feasible {share:.0f} % of the time"
             )
         )
-        table.add_column("controller")
+        table.add_column("controller", no_wrap=True)
         ratio = any(row["max_over_optimum"] is not None for row in rows)
         for name in _TRACK_COLUMNS[: None if ratio else -1]:
             table.add_column(name, justify="right")
@@ -433,7 +433,7 @@ def show_track(answer: Answer) -> None:
 
 
 _TRACK_COLUMNS = (
-    "max N", "RMS N", "max feasible N", "RMS feasible N", "coil W", "chatter A/s", "max over optimum",
+    "max N", "RMS N", "max feasible N", "RMS feasible N", "coil W", "chatter A/s", "max / optimum",
 )  # fmt: skip
 
 
