@@ -50,7 +50,7 @@ class Misfit:
 
 
 _MISFITS: Mapping[str, Misfit] = MappingProxyType(
-    {"fluid": Misfit(0.0015), "wall": Misfit(0.003), "coil": Misfit(0.003)}
+    {"fluid": Misfit(0.0017), "wall": Misfit(0.003), "coil": Misfit(0.003)}
 )
 
 
@@ -156,8 +156,7 @@ def predict_early(
     problem = _Problem(curve, ambient_K, misfit or _MISFITS[curve.place])
     middle = problem.most_probable()
     rng = np.random.default_rng(seed)
-    half = rng.standard_normal((problem.rows + 1, (dampers + 1) // 2))
-    drawn = np.hstack([half, -half])[:, :dampers]  # in pairs: the middle is not left to chance
+    drawn = _even_draws(rng, problem.rows + 1, dampers, problem.size + 1)
     errors, off = drawn[:-1], drawn[-1]
     numbers, start = problem.numbers(problem.fit(np.repeat(middle, dampers, axis=1), errors))
     return EarlyPrediction(
@@ -168,6 +167,21 @@ def predict_early(
         read_only(off),
         problem.misfit,
     )
+
+
+def _even_draws(rng: np.random.Generator, rows: int, columns: int, least: int) -> FloatArray:
+    """Return normal numbers whose means are 0 and whose covariance is 1, as far as there are columns for it.
+
+    Each has its opposite (so the means), and rows are made orthogonal: all, or with few columns the last
+    ``least``. What is left to chance is then hardly the middle or the width of an answer.
+    """
+    half = rng.standard_normal((rows, (columns + 1) // 2))
+    count = half.shape[1]
+    chosen = slice(0 if count > rows else rows - least, rows)
+    if count > rows - chosen.start:
+        turned, triangle = np.linalg.qr(half[chosen].T)
+        half[chosen] = (turned * np.sign(np.diag(triangle))).T * math.sqrt(count)
+    return np.hstack([half, -half])[:, :columns]
 
 
 class _Problem:
