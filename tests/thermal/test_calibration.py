@@ -12,13 +12,16 @@ from hypothesis import strategies as st
 from scipy.interpolate import PchipInterpolator
 
 from mrdamper.errors import ConvergenceError, InputError
+from mrdamper.models.damper import Damper
+from mrdamper.models.dependence import Constant
+from mrdamper.models.laws import LAWS
 from mrdamper.quantities import FloatArray
-from mrdamper.thermal.calibration import calibrate_with, fit_heating
+from mrdamper.thermal.calibration import calibrate_drawing, calibrate_with, fit_heating
 from mrdamper.thermal.curve import HeatingCurve, Place, clean_curve, lag_signal, read_curve
 from mrdamper.thermal.drawing import Calibration, DamperDrawing, read_drawing
 from mrdamper.thermal.duty import Duty, read_duty
 from mrdamper.thermal.lumped import constant_heating
-from mrdamper.thermal.rise import Rise, heat_with
+from mrdamper.thermal.rise import Rise, heat_with, predict_rise
 from mrdamper.thermal.work import LoopWork
 
 DRAWING = read_drawing(Path(__file__).parents[2] / "examples" / "paper_damper.toml")
@@ -192,6 +195,19 @@ def test_film_emissivity_and_mountings_cannot_be_told_apart():
         assert each.numbers.residual_K == pytest.approx(found[0].numbers.residual_K, rel=0.02)
         told = each.numbers.conductance_over_capacity
         assert told == pytest.approx(found[0].numbers.conductance_over_capacity, rel=0.06)
+
+
+def test_a_card_and_a_duty_in_words_are_enough():
+    """The card's own loop gives the power; a card in volts does not fit a duty in amperes."""
+    numbers = {"yield_force": Constant(1100.0), "yield_velocity": Constant(1e-6), "viscosity": Constant(1e3)}
+    damper = Damper(LAWS["bingham"], numbers)
+    truth = replace(BARE, calibration=Calibration(heat_capacity=1.15, film=1.05))
+    rise = predict_rise(damper, truth, DUTY, stop_at_limit=False, longest_step=10.0)
+    curve = measured(rise, np.random.default_rng(10), noise=0.2)
+    found = calibrate_drawing(curve, BARE, damper, "sine:15mm:1Hz:2A:1800s")
+    assert found.heat_capacity == pytest.approx(1.15, rel=3.0 * found.heat_capacity_error)
+    with pytest.raises(InputError, match="its command is in V, the card's in A"):
+        calibrate_drawing(curve, BARE, damper, "sine:15mm:1Hz:2V:1800s")
 
 
 def test_the_entries_read_back_as_the_same_drawing():
