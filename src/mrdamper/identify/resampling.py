@@ -124,8 +124,14 @@ def bootstrap(
 def _levels(runs: Sequence[PreparedRun]) -> list[NDArray[np.intp]]:
     """Return the runs at each command and at each temperature; a command that varies is its own level."""
     commands = [run.run.constant_command for run in runs]
-    keys = [None if c is None else round(c, 6) for c in commands]
-    levels = [np.array([i for i, k in enumerate(keys) if k == key], dtype=np.intp) for key in set(keys)]
+    stepping = [i for i, command in enumerate(commands) if command is None]
+    levels = [np.array(stepping, dtype=np.intp)] if stepping else []
+    held = sorted((command, i) for i, command in enumerate(commands) if command is not None)
+    if held:
+        # Measured commands of one level differ a little, as in ``templates.command_levels``.
+        at = np.array([command for command, _ in held])
+        cuts = np.flatnonzero(np.diff(at) > 0.03 * np.abs(at).max()) + 1
+        levels += np.split(np.array([i for _, i in held], dtype=np.intp), cuts)
     warm = [run.trajectory.temperature for run in runs]
     known = sorted((float(np.mean(t)), i) for i, t in enumerate(warm) if t is not None)
     at = np.array([kelvin for kelvin, _ in known])

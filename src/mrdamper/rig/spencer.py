@@ -1,13 +1,13 @@
-"""A simulated damper: Spencer's modified Bouc-Wen model, the demo's stand-in for a rig.
+"""Another simulated damper, for tests: Spencer's modified Bouc-Wen model.
 
     F   = c1 y' + k1 (x - x0)
     y'  = [alpha z + c0 v + k0 (x - y)] / (c0 + c1)
     z'  = -gamma |v - y'| z |z| - beta (v - y') z^2 + A (v - y')          (exponent n = 2)
     alpha = alpha_a + alpha_b u,  c0 = c0_a + c0_b u,  c1 = c1_a + c1_b u
 
-The voltage u is constant in every run and has settled, so its first-order lag does not appear. The model is
-none of the laws that are identified on it, and it is integrated here on its own (classical Runge-Kutta of
-order 4, all runs at once): it shares nothing with ``core`` or ``models``.
+The voltage u is constant in every run and has settled, so its first-order lag does not appear. It is
+integrated here on its own (classical Runge-Kutta of order 4, all runs at once) and shares nothing with
+``core`` or ``models``, whose law ``spencer`` is tested against it.
 
 Constants: the 3 kN prototype of Spencer, Dyke, Sain & Carlson (1997), from memory; widely reproduced, not
 re-read. Nothing here is a measurement.
