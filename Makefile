@@ -2,8 +2,11 @@
 #
 #   make demo        the main job on an embedded default, into build/demo
 #   make test        the tests, but for those that take minutes
-#   make check       ruff, mypy --strict, the import order
-#   make bench       the benchmarks            make check-long   the tests that take minutes
+#   make check       all that a change must pass: lint, docs, test
+#   make lint        ruff, mypy --strict, the import order
+#   make docs        the documentation, into build/docs; a warning is an error
+#   make bench       the benchmarks; NAME=simulation for one, FULL=1 for whole sizes
+#   make check-long   the tests that take minutes
 #   make wheel       a wheel, into dist        make lock         renew requirements.lock (asks the registry)
 
 PYTHON ?= python3
@@ -19,7 +22,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 COMPILED := pyproject.toml CMakeLists.txt $(shell find src -name '*.[ch]' 2>/dev/null)
 
 .DELETE_ON_ERROR:
-.PHONY: help install demo test check check-long bench lock wheel clean
+.PHONY: help install demo test check lint docs check-long bench lock wheel clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -67,9 +70,18 @@ check-long: install $(VENV)/.tested
 	$(RUN) -m pytest $(PYTEST_ARGS) -m long
 
 bench: install $(VENV)/.benched
-	$(RUN) -m bench
+	$(RUN) -m bench $(NAME) $(if $(FULL),--full)
 
-check: install $(VENV)/.tested
+check: lint docs test
+
+# One page is made of the demo's summary: the demo runs when there is none.
+build/demo/summary.json: | install
+	$(BIN)/mrdamper demo --out build/demo
+
+docs: install $(VENV)/.tested build/demo/summary.json
+	$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going --jobs 2 --builder html docs build/docs
+
+lint: install $(VENV)/.tested
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
@@ -90,5 +102,5 @@ wheel: $(VENV)/.made
 	$(RUN) -m pip wheel --no-deps --wheel-dir dist .
 
 clean:
-	rm -rf build dist .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis
+	rm -rf build dist docs/_api .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis
 	find src tests bench examples -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,4 +1,7 @@
-"""Identification on the real runs of MRDAMPER_DATA: errors beside their bars, agreement of starts, CPU."""
+"""Identification: searches on one campaign, then the real runs of MRDAMPER_DATA.
+
+Of the real runs: errors beside their bars, agreement of starts, CPU.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from bench.measure import Row
+from bench import searches
+from bench.measure import Row, absent
 from mrdamper.data.prepare import PreparedRun, prepare_run
 from mrdamper.data.readers import read_runs
 from mrdamper.identify.assess import leave_out, score_run, summary
@@ -17,6 +21,8 @@ from mrdamper.identify.templates import template
 from mrdamper.identify.variable_projection import fit_variable_projection
 
 __all__ = ["run"]
+
+REAL = "the real runs"
 
 
 def _fit(law: str, runs: Sequence[PreparedRun], *, starts: int, seed: int = 0) -> FitResult:
@@ -48,12 +54,17 @@ def _whole(result: FitResult, law: str, runs: Sequence[PreparedRun], prepare_s: 
     )
 
 
-def run() -> list[Row]:
+def run(*, full: bool = False) -> list[Row]:
+    """Return the searches side by side, and fits to UTFSM and UTFPR runs where the data are there."""
+    return [*searches.rows(full=full), *(replace(row, group=REAL) for row in _real_runs())]
+
+
+def _real_runs() -> list[Row]:
     """Return fits to UTFSM and UTFPR runs; without the data, one row that says so."""
     named = os.environ.get("MRDAMPER_DATA", "")
     folder = Path(named) / "dev"
     if not named or not folder.is_dir():
-        return [Row("not run: MRDAMPER_DATA does not name the folder of real runs")]
+        return [absent("fits to real runs", "MRDAMPER_DATA does not name the folder of real runs")]
     sines, prepare_s = _prepared(folder, "utfsm_sine_*.csv")
     fits = [_fit("series-valve", sines, starts=1, seed=seed) for seed in range(8)]
     best = min(fits, key=lambda fit: fit.cost_percent)

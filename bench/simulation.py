@@ -1,33 +1,44 @@
-"""Simulation: Bouc-Wen ensembles and the stepped laws, and the everyday way to do it beside them."""
+"""Simulation: one problem, every way to integrate it side by side, and what the kernel's other laws take.
+
+A contender's error is the largest of its force from the closed form, over the largest force; one that errs by
+more than ``problem.LIMIT`` is disqualified. Those that take a candidate at a time are timed on a share of the
+problem, which their row names: time per candidate and sample is what is compared. ``full`` gives all of them
+the whole problem.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
-from bench.measure import Row, interleaved
+from bench import integrators as ways
+from bench.measure import Asked, Row, absent, judged, timed
+from bench.native import CompilerMissingError, peak_of_core
+from bench.problem import LIMIT, STIFF, Problem
 from mrdamper import core
 from mrdamper.core import _kernel
-from mrdamper.excitation import Sine, drive
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant
 from mrdamper.models.laws import COMMON, LAWS
-from mrdamper.models.reference import bouc_wen_closed_form
 
-__all__ = ["run"]
+__all__ = ["CONTENDERS", "SWEEPS", "Contender", "run"]
 
-CANDIDATES, SAMPLES, RATE_Hz = 512, 10_000, 1000.0
-MOTION = Sine(0.010, 1.7)
-BARS = {"v4": "9 ns", "baseline": "13 ns"}
+BARS = {"v4": 9.0, "baseline": 13.0}  # [ns]
+OF_THE_REFERENCE = 1.15
+ACCURATE = 1e-6  # what was asked of the kernel at 1 kHz
+FLOPS, BYTES = (
+    16,
+    32,
+)  # of a sample in curve_stretch and squared_error_bouc_wen: cubic, terms, error; path, x, v, force
 SERIES = {
     **{"stiffness": 731.0, "offset": 48.0, "yield_force": 500.0, "thinning": 3.2, "thinning_exponent": 0.43},
     **{"yield_velocity": 2.5e-3, "position_gain": -2.3, "gap_stiffness": 1.2e7, "gap": 1.67e-4},
     **{"gap_corner": 4.6e-5, "leak_damping": 3e4, "leak_exponent": 0.994},
 }
-
-
 STEPPED = {
     "lugre": {
         "yield_force": 500.0,
@@ -43,6 +54,187 @@ STEPPED = {
 }
 
 
+@dataclass(frozen=True, slots=True)
+class Contender:
+    """A way to integrate, and the share of the problem that it is timed on unless all is asked for."""
+
+    name: str
+    make: Callable[[Problem], ways.Job]
+    candidates: int = 512
+    samples: int = 10_000
+
+
+CONTENDERS = (
+    Contender("mrdamper kernel", ways.kernel),
+    Contender("plain C, exact-flow table (bench/reference.c)", ways.reference_c),
+    Contender("plain C, RK4 (bench/rk4.c)", ways.rk4_c),
+    Contender("numba, RK4, fastmath", ways.numba_rk4),
+    Contender("JAX, RK4, scan + vmap", ways.jax_rk4, 64),
+    Contender("diffrax, Tsit5, rtol 1e-7, vmap", partial(ways.diffrax_tsit5, tolerance=1e-7), 16, 5_000),
+    Contender("scipy odeint, rtol 1e-6", ways.odeint, 1, 5_000),
+    Contender("scikit-sundae CVODE, rtol 1e-6, Python right-hand side", ways.cvode, 1, 2_000),
+    Contender("scipy solve_ivp RK45, rtol 1e-6", ways.solve_ivp, 1, 2_000),
+    Contender("scipy solve_ivp LSODA, rtol 1e-6", partial(ways.solve_ivp, method="LSODA"), 1, 2_000),
+    Contender("GNU Octave lsode, rtol 1e-6, its start included", ways.octave_lsode, 1, 5_000),
+    Contender("NumPy, Euler's step", ways.explicit_euler, 512, 1_000),
+)
+
+SWEEPS: dict[str, tuple[Callable[..., ways.Job], str, tuple[Any, ...]]] = {
+    "mrdamper kernel": (ways.kernel, "", ()),
+    "plain C, exact-flow table": (ways.reference_c, "", ()),
+    "plain C, RK4": (ways.rk4_c, "substeps", (1, 2, 4, 8, 16)),
+    "numba, RK4": (ways.numba_rk4, "substeps", (1, 2, 4, 8, 16)),
+    "JAX, RK4": (ways.jax_rk4, "substeps", (1, 4)),
+    "diffrax, Tsit5": (ways.diffrax_tsit5, "tolerance", (1e-5, 1e-7, 1e-9)),
+    "scipy odeint": (ways.odeint, "tolerance", (1e-3, 1e-5, 1e-7, 1e-9)),
+    "scipy solve_ivp RK45": (ways.solve_ivp, "tolerance", (1e-4, 1e-6, 1e-8)),
+    "scikit-sundae CVODE": (ways.cvode, "tolerance", (1e-4, 1e-6, 1e-8)),
+    "GNU Octave lsode": (ways.octave_lsode, "tolerance", (1e-4, 1e-6, 1e-8)),
+}
+ONE_BY_ONE = {ways.odeint, ways.solve_ivp, ways.cvode, ways.octave_lsode}
+
+
+def run(*, full: bool = False) -> list[Row]:
+    """Return ensemble, long trace, stiff problem, accuracy against cost, the machine's limit, the laws."""
+    rows = _side_by_side("ensemble of 512 candidates x 10,000 samples", Problem(), CONTENDERS, full=full)
+    rows[0] = _against_the_bars(rows, "ensemble")
+    fast = [replace(each, candidates=1, samples=1_000_000) for each in CONTENDERS[:4]]
+    fast += [replace(each, candidates=1, samples=10_000) for each in CONTENDERS[4:7]]
+    trace = _side_by_side(
+        "one trace of 1e6 samples", Problem(candidates=1, samples=1_000_000), fast, full=full
+    )
+    rows += [_against_the_bars(trace, "one trace"), *trace[1:]]
+    stiff = [replace(each, candidates=1) for each in CONTENDERS[:3]]
+    stiff.append(Contender("plain C, RK4, 16 steps a sample", partial(ways.rk4_c, substeps=16), 1))
+    stiff += [replace(each, samples=2_000) for each in CONTENDERS[6:9]]
+    group = "a textbook damper (A = 301, beta = gamma = 363 cm^-2, n = 2), one candidate"
+    rows += _side_by_side(group, Problem(STIFF, candidates=1), stiff, full=full)
+    rows += [*_sweep(), *_roofline(rows[0]), *_levels(rows[0])]
+    problem = Problem()
+    return [*rows, *_tangents(problem), *_series_valve(problem.record), *_stepped(problem.record)]
+
+
+# ------------------------------------------------------------------------------------ side by side
+
+
+def _side_by_side(group: str, whole: Problem, contenders: Iterable[Contender], *, full: bool) -> list[Row]:
+    """Return a row for each contender, gaps and wrong answers among them; the first one is the measure."""
+    jobs: dict[str, ways.Job] = {}
+    rows: dict[str, Row] = {}
+    sizes: dict[str, int] = {}
+    for each in contenders:
+        share = replace(whole, candidates=each.candidates, samples=each.samples)
+        problem = whole if full else share
+        name = each.name
+        if problem != whole:
+            name += f"; on {problem.candidates} x {problem.samples:,}"
+        try:
+            job = each.make(problem)
+        except (ImportError, CompilerMissingError) as fault:
+            rows[name] = absent(each.name, fault, group)
+            continue
+        error = problem.error(job())
+        said = f"{error:.1e} of the largest force"
+        rows[name] = Row(name, accuracy=said, group=group, error=error)
+        jobs[name], sizes[name] = job, problem.candidates * problem.samples
+    spent = timed(jobs, 3 if full else 5)
+    first = next(iter(spent))
+    for name, each in spent.items():
+        ns = 1e9 * each.cpu_s / sizes[name]
+        ratio = ns / (1e9 * spent[first].cpu_s / sizes[first])
+        timing = {"cpu_s": each.cpu_s, "wall_s": each.wall_s, "spread": each.spread}
+        rows[name] = judged(replace(rows[name], ns_per_sample=ns, ratio=ratio, **timing), LIMIT)  # type: ignore[arg-type]
+    return list(rows.values())
+
+
+def _against_the_bars(rows: list[Row], what: str) -> Row:
+    """Return the kernel's row with what was asked of it, beside the hand-written C."""
+    ours, reference = rows[0], rows[1]
+    assert "reference.c" in reference.contender
+    asked = [Asked(f"kernel, {what}: error over the largest force", ACCURATE, ours.error or 0.0, "-")]
+    if ours.ns_per_sample is not None and reference.ns_per_sample is not None:
+        over = ours.ns_per_sample / reference.ns_per_sample
+        asked.append(Asked(f"kernel over the plain C table kernel, {what}", OF_THE_REFERENCE, over, "x"))
+    return replace(ours, asked=tuple(asked))
+
+
+def _sweep() -> list[Row]:
+    """Return error and cost of every integrator over its steps or tolerances: the picture's points."""
+    rows, group = [], "accuracy against cost"
+    for name, (make, knob, settings) in SWEEPS.items():
+        problem = Problem(candidates=1 if make in ONE_BY_ONE else 64, samples=2_000)
+        jobs: dict[str, ways.Job] = {}
+        try:
+            for setting in settings or (None,):
+                options = {} if setting is None else {knob: setting}
+                said = "" if setting is None else f", {knob} {setting:g}"
+                jobs[f"{name}{said}"] = make(problem, **options)
+        except (ImportError, CompilerMissingError) as fault:
+            rows.append(absent(name, fault, group))
+            continue
+        errors = {title: problem.error(job()) for title, job in jobs.items()}
+        for title, each in timed(jobs, 3).items():
+            ns = 1e9 * each.cpu_s / (problem.candidates * problem.samples)
+            said = f"{errors[title]:.1e} of the largest force"
+            rows.append(Row(title, each.cpu_s, ns, accuracy=said, group=group, error=errors[title]))
+    return rows
+
+
+def _roofline(kernel: Row) -> list[Row]:
+    """Return what the core can do, and what the kernel does with it."""
+    group = "the machine's limit"
+    try:
+        flops, read = peak_of_core()
+    except CompilerMissingError as fault:
+        return [absent("peak of the core", fault, group)]
+    assert kernel.ns_per_sample is not None
+    does, reads = FLOPS / kernel.ns_per_sample, BYTES / kernel.ns_per_sample
+    limit = f"{flops:.0f} Gflop/s, {read:.0f} GB/s from the first cache"
+    used = f"{does:.1f} Gflop/s ({100 * does / flops:.0f} %), {reads:.1f} GB/s ({100 * reads / read:.0f} %)"
+    title = f"mrdamper kernel, ensemble: {FLOPS} flop and {BYTES} bytes a sample, tables not counted"
+    return [Row("peak of the core", accuracy=limit, group=group), Row(title, accuracy=used, group=group)]
+
+
+# ------------------------------------------------------------------------------------ the kernel alone
+
+
+def _levels(kernel: Row) -> list[Row]:
+    """Return the kernel's ensemble at each instruction-set level that this machine has."""
+    group, problem = "the kernel by instruction set, ensemble", Problem()
+    best, levels = _kernel.level(), _kernel.levels()[::-1]
+    job = ways.kernel(problem)
+
+    def ensemble(level: str) -> None:
+        _kernel.use_level(level)
+        job()
+
+    spent = timed({level: partial(ensemble, level) for level in levels})
+    _kernel.use_level(best)
+    rows = []
+    for level, each in spent.items():
+        ns = 1e9 * each.cpu_s / (problem.candidates * problem.samples)
+        ratio = each.cpu_s / spent[levels[0]].cpu_s
+        bar = BARS.get(level)
+        asked = () if bar is None else (Asked(f"kernel, {level}, per candidate and sample", bar, ns, "ns"),)
+        rows.append(
+            Row(
+                level,
+                each.cpu_s,
+                ns,
+                ratio,
+                kernel.accuracy,
+                "" if bar is None else f"{bar:g} ns",
+                asked,
+                group,
+                spread=each.spread,
+            )
+        )
+    return rows
+
+
+_LAWS = "the kernel's laws, one run of 10,000 samples"
+
+
 def _values(law: str, numbers: Mapping[str, float]) -> np.ndarray:
     damper = Damper(LAWS[law], {name: Constant(value) for name, value in numbers.items()})
     return np.ascontiguousarray(damper.coefficients_at(0.0)[:, 0])
@@ -52,85 +244,27 @@ def _series(**changed: float) -> np.ndarray:
     return _values("series-valve", {**SERIES, **changed})
 
 
-def run() -> list[Row]:
-    """Return time per candidate-sample at each instruction-set level, and the comparators."""
-    trajectory = drive(MOTION, duration=(SAMPLES - 1) / RATE_Hz, rate_Hz=RATE_Hz, command=0.0)
-    shape = {"rho": 1500.0, "kappa": -0.4, "n": 1.6}
-    times = np.arange(0.25, MOTION.frequency * SAMPLES / RATE_Hz, 0.5) / MOTION.frequency
-    turning = [(int(t * RATE_Hz), float(MOTION.displacement(t))) for t in times]
-    exact = bouc_wen_closed_form(trajectory.displacement, turning, **shape)
-    number = LAWS["bouc-wen"].kernel or 0
-    values = _values("bouc-wen", {"yield_force": 1.0, **shape})
-    draw = np.random.default_rng(0)
-    candidates = np.tile(values, (CANDIDATES, 1, 1))
-    candidates[:, 0, len(COMMON) :] *= draw.uniform(0.8, 1.2, (CANDIDATES, 4))
-    measured = [np.ascontiguousarray(exact)]
-    record = core.open_record(trajectory)
-
-    def ensemble(level: str) -> None:
-        _kernel.use_level(level)
-        core.squared_errors(number, [record], measured, [0], candidates)
-
-    best = _kernel.level()
-    levels = _kernel.levels()[::-1]
-    spent = interleaved({level: partial(ensemble, level) for level in levels})
-    rows = []
-    for level in levels:
-        _kernel.use_level(level)
-        error = np.abs(core.run(number, record, values)[0] - exact).max()
-        ns = 1e9 * spent[level] / (CANDIDATES * SAMPLES)
-        title = f"bouc-wen, {CANDIDATES} x {SAMPLES:,}, force and squared error, {level}"
-        against = f"{error:.1e} of the largest force from the closed form"
-        rows.append(
-            Row(title, spent[level], ns, spent[level] / spent[levels[0]], against, BARS.get(level, ""))
-        )
-    _kernel.use_level(best)
-    return [
-        *rows,
-        *_tangents(record, values, number),
-        *_series_valve(record),
-        *_stepped(record),
-        _solve_ivp(exact, shape, rows[0]),
-    ]
-
-
-def _tangents(record: core.Record, values: np.ndarray, number: int) -> list[Row]:
+def _tangents(problem: Problem) -> list[Row]:
     """One candidate at a time: the force alone, and with the tangents by yield force, rho, kappa and n."""
-    spent = interleaved(
-        {
-            "force": lambda: core.run(number, record, values),
-            "tangents": lambda: core.run(number, record, values, range(len(COMMON), len(values))),
-        },
-        repeats=51,
-    )
-    return [
-        Row(f"bouc-wen, one candidate, {name}", cpu, 1e9 * cpu / SAMPLES, cpu / spent["force"])
-        for name, cpu in spent.items()
-    ]
+    number, record = LAWS["bouc-wen"].kernel or 0, problem.record
+    values = np.ascontiguousarray(problem.coefficients[0, 0])
+    jobs: dict[str, Callable[[], object]] = {
+        "force": lambda: core.run(number, record, values),
+        "4 tangents": lambda: core.run(number, record, values, range(len(COMMON), len(values))),
+    }
+    return _law_rows("bouc-wen", jobs, "see docs/laws.md", repeats=31)
 
 
 def _series_valve(record: core.Record) -> list[Row]:
     number, values = LAWS["series-valve"].kernel or 0, _series()
     chain = [1, 2, *range(len(COMMON), len(values))]
-    spent = interleaved(
-        {
-            "tangents off": lambda: core.run(number, record, values),
-            "12 tangents": lambda: core.run(number, record, values, chain),
-            "tangents off, leak exponent 1": lambda: core.run(number, record, _series(leak_exponent=1.0)),
-        },
-        repeats=21,
-    )
-    return [
-        Row(
-            f"series-valve, 1 kHz, {name}",
-            cpu,
-            1e9 * cpu / SAMPLES,
-            cpu / spent["tangents off"],
-            "order 2, see docs/laws.md",
-            "250 ns" if name.startswith("tangents off") else "",
-        )
-        for name, cpu in spent.items()
-    ]
+    jobs: dict[str, Callable[[], object]] = {
+        "tangents off": lambda: core.run(number, record, values),
+        "12 tangents": lambda: core.run(number, record, values, chain),
+        "tangents off, leak exponent 1": lambda: core.run(number, record, _series(leak_exponent=1.0)),
+    }
+    rows = _law_rows("series-valve", jobs, "order 2, see docs/laws.md", repeats=15)
+    return [replace(row, bar="250 ns") if "tangents off" in row.contender else row for row in rows]
 
 
 def _stepped(record: core.Record) -> list[Row]:
@@ -139,48 +273,26 @@ def _stepped(record: core.Record) -> list[Row]:
     for law, numbers in STEPPED.items():
         number, values = LAWS[law].kernel or 0, _values(law, numbers)
         own = range(len(COMMON), len(values))
-        tangents = f"{len(own)} tangents"
-        spent = interleaved(
-            {
-                "tangents off": partial(core.run, number, record, values),
-                tangents: partial(core.run, number, record, values, own),
-            },
-            repeats=31,
-        )
-        rows += [
-            Row(
-                f"{law}, 1 kHz, {name}",
-                cpu,
-                1e9 * cpu / SAMPLES,
-                cpu / spent["tangents off"],
-                "order 2, see docs/laws.md",
-            )
-            for name, cpu in spent.items()
-        ]
+        jobs = {
+            "tangents off": partial(core.run, number, record, values),
+            f"{len(own)} tangents": partial(core.run, number, record, values, own),
+        }
+        rows += _law_rows(law, jobs, "order 2, see docs/laws.md", repeats=21)
     return rows
 
 
-def _solve_ivp(exact: np.ndarray, shape: dict[str, float], best: Row) -> Row:
-    """SciPy as people use it, on a twentieth of the record: time per sample is what is compared."""
-    from scipy.integrate import solve_ivp
-
-    share = SAMPLES // 20
-    times = np.arange(share) / RATE_Hz
-    rho, kappa, n = shape["rho"], shape["kappa"], shape["n"]
-
-    def slope(t: float, w: np.ndarray) -> np.ndarray:
-        v = MOTION.velocity(t)
-        u = w * np.sign(v)
-        return np.asarray(rho * v * (1.0 - np.where(u > 0.0, 1.0, kappa) * np.abs(w) ** n))
-
-    found: list[np.ndarray] = []
-
-    def solve() -> None:
-        found[:] = [solve_ivp(slope, (0.0, times[-1]), [0.0], t_eval=times, rtol=1e-6, atol=1e-8).y[0]]
-
-    cpu = interleaved({"solve_ivp": solve}, repeats=3)["solve_ivp"]
-    error = float(np.abs(found[0] - exact[:share]).max())
-    ns = 1e9 * cpu / share
-    ratio = ns / best.ns_per_sample if best.ns_per_sample else None
-    title = f"scipy solve_ivp RK45, rtol 1e-6, measured on {share} of {SAMPLES:,} samples, one candidate"
-    return Row(title, cpu, ns, ratio, f"{error:.1e} of the largest force from the closed form")
+def _law_rows(law: str, jobs: Mapping[str, Callable[[], object]], said: str, *, repeats: int) -> list[Row]:
+    spent = timed(jobs, repeats)
+    first = next(iter(spent.values())).cpu_s
+    return [
+        Row(
+            f"{law}, {name}",
+            each.cpu_s,
+            1e5 * each.cpu_s,
+            each.cpu_s / first,
+            said,
+            group=_LAWS,
+            spread=each.spread,
+        )
+        for name, each in spent.items()
+    ]

@@ -349,24 +349,6 @@ def test_an_interrupt_while_leaving_runs_out_keeps_the_fit_and_drops_the_table(f
     assert (folder / "half" / "card.json").is_file()
 
 
-def test_the_demo_runs_end_to_end_and_says_that_its_runs_are_simulated(tmp_path):
-    run = mrdamper("demo", "--quick", "--out", tmp_path / "demo", "--json")
-    answer = answer_of(run)
-    assert answer["simulated"] is True
-    assert answer["cpu_s"] < 20.0
-    assert {line["law"] for line in answer["laws"]} == {"double-bouc-wen", "bouc-wen"}
-    assert answer["summary"]["held_out"]["median_nrmse_percent"] < 5.0
-    summary = json.loads((tmp_path / "demo" / "summary.json").read_text(encoding="utf-8"))
-    assert summary == answer
-    assert {"card.json", "report.html", "errors.csv", "runs"} <= {
-        p.name for p in (tmp_path / "demo").iterdir()
-    }
-    report = (tmp_path / "demo" / "report.html").read_text(encoding="utf-8")
-    assert "simulated, not measured" in report
-    first = next((tmp_path / "demo" / "runs").glob("*.csv")).read_text(encoding="utf-8").splitlines()[0]
-    assert "not measured" in first
-
-
 def test_data_list_names_sets_with_licence_and_commit():
     sets = answer_of(mrdamper("data", "list", "--json"))["datasets"]
     assert {"utfsm", "utfpr"} <= {entry["name"] for entry in sets}

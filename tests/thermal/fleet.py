@@ -27,7 +27,8 @@ from mrdamper.thermal.drawing import (
 )
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.network import zone_network
-from mrdamper.thermal.transient import Load, heat_up
+from mrdamper.thermal.stepping import Load
+from mrdamper.thermal.transient import heat_up
 
 DURATION_S = 1800.0
 

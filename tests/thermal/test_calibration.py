@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +18,9 @@ from mrdamper.models.laws import LAWS
 from mrdamper.quantities import FloatArray
 from mrdamper.thermal.calibration import calibrate_drawing, calibrate_with, fit_heating
 from mrdamper.thermal.curve import HeatingCurve, Place, clean_curve, lag_signal, read_curve
+from mrdamper.thermal.doubt import Doubt
 from mrdamper.thermal.drawing import Calibration, DamperDrawing, read_drawing
+from mrdamper.thermal.drawing_file import calibrated_text, drawing_of
 from mrdamper.thermal.duty import Duty, read_duty
 from mrdamper.thermal.lumped import constant_heating
 from mrdamper.thermal.rise import Rise, heat_with, predict_rise
@@ -211,16 +213,99 @@ def test_a_card_and_a_duty_in_words_are_enough():
 
 
 def test_the_entries_read_back_as_the_same_drawing():
-    curve = measured(heated(DRAWING), np.random.default_rng(6), noise=0.2)
-    base = replace(DRAWING, calibration=Calibration())
-    found = calibrate_with(curve, base, [work()], DUTY)
-    import tomllib
-
-    read = tomllib.loads(found.entries)
-    assert read["calibration"]["heat_capacity"] == pytest.approx(found.heat_capacity, rel=1e-3)
-    assert read["calibration"]["film"] == pytest.approx(found.film, rel=1e-3)
+    """A file of its own: the drawing's text with the entries in place of those that were there."""
+    path = Path(__file__).parents[2] / "examples" / "paper_damper.toml"
+    curve = measured(heated(DRAWING, scale=1.1), np.random.default_rng(6), noise=0.2, until=600.0)
+    found = calibrate_with(curve, DRAWING, [work()], DUTY, doubt=Doubt())
+    text = calibrated_text(path.read_text(encoding="utf-8"), found.entries, "the paper's, calibrated")
+    read = drawing_of(text, DRAWING.name)
+    assert found.heat_capacity != DRAWING.calibration.heat_capacity
+    for name, value in asdict(found.drawing.calibration).items():
+        assert getattr(read.calibration, name) == pytest.approx(value, rel=1e-5)
+    assert read.sink is not None
     assert found.drawing.sink is not None
-    assert read["sink"]["film_multiplier"] == pytest.approx(found.drawing.sink.film_multiplier, rel=1e-3)
+    assert read.sink.film_multiplier == pytest.approx(found.drawing.sink.film_multiplier, rel=1e-5)
+    same = replace(found.drawing, calibration=read.calibration, sink=read.sink)
+    assert read == same
+
+
+def test_a_sink_of_another_file_goes_into_the_calibrated_text():
+    text = "[body]\nlength_mm = 200\n[sink]\nfins = 5\n"
+    found = calibrated_text(text, {"sink": {"film_multiplier": 1.5}}, "t", sink_text="[sink]\nfins = 3\n")
+    assert "fins = 3\nfilm_multiplier = 1.5" in found
+    assert "fins = 5" not in found
+
+
+# ----------------------------------------------------------------------------------- with a doubt beforehand
+
+
+def test_a_curve_of_half_an_hour_outweighs_what_was_believed():
+    """Believed at a tenth and a quarter, told at a per cent: the same numbers within their errors."""
+    truth = replace(BARE, calibration=Calibration(heat_capacity=1.15, film=1.05))
+    curve = measured(heated(truth), np.random.default_rng(1), noise=0.3)
+    alone = calibrate_with(curve, BARE, [work()], DUTY)
+    held = calibrate_with(curve, BARE, [work()], DUTY, doubt=Doubt())
+    for found in (alone, held):
+        assert found.heat_capacity == pytest.approx(1.15, rel=3.0 * found.heat_capacity_error)
+        assert found.film == pytest.approx(1.05, rel=3.0 * found.film_error)
+    # what is carried along takes some certainty
+    assert alone.heat_capacity_error < held.heat_capacity_error < 0.05
+    assert not any("hardly tells" in each for each in held.numbers.words)
+    assert any("nothing is claimed of them" in each for each in held.numbers.words)
+
+
+def test_a_minute_of_curve_leaves_the_losses_to_the_drawing():
+    """Losses that are believed at no more than 5 % stay so; P/C is told better already."""
+    curve = measured(heated(BARE, scale=1.2), np.random.default_rng(2), noise=0.3, until=60.0)
+    for losses in (0.25, 0.05):
+        doubt = Doubt(power=0.10, capacity=1e-3, loss=losses)
+        numbers = calibrate_with(curve, BARE, [work()], DUTY, doubt=doubt).numbers
+        assert any("hardly tells UA/C yet" in each for each in numbers.words)
+        assert numbers.power_error / numbers.power_over_capacity < 0.09
+        # at the start's low excess the film has a smaller share of the losses than at 40 K
+        assert 0.7 * losses < numbers.conductance_error / numbers.conductance_over_capacity < 1.05 * losses
+
+
+def test_without_any_doubt_the_drawing_stays_as_it_is():
+    """Only the start is fitted then."""
+    nothing = Doubt(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    curve = measured(heated(BARE, start=296.0), np.random.default_rng(2), noise=0.3, until=600.0)
+    found = calibrate_with(curve, BARE, [work()], DUTY, doubt=nothing)
+    assert found.heat_capacity == pytest.approx(BARE.calibration.heat_capacity, rel=1e-4)
+    assert found.film == pytest.approx(BARE.calibration.film, rel=1e-4)
+    assert found.numbers.start_K == pytest.approx(296.0, abs=0.15)
+
+
+def test_the_spread_is_that_of_capacity_and_losses():
+    """Without a doubt: two multipliers, of which the film's moves the convective part of UA alone."""
+    curve = measured(heated(BARE), np.random.default_rng(1), noise=0.3)
+    found = calibrate_with(curve, BARE, [work()], DUTY)
+    start, capacity, losses, *carried = np.sqrt(np.diag(found.spread))
+    assert capacity == pytest.approx(found.heat_capacity_error, rel=1e-6)  # no fins: all of it is multiplied
+    assert losses < 0.8 * found.film_error
+    assert 0.01 < start < 0.3
+    assert carried == [0.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("course", "said"),
+    [
+        (lambda t: 20.0 + 30.0 * (np.arange(len(t)) % 2), "K off it at best"),  # a loose contact
+        (lambda t: 20.0 + 1.2 * t, "no multipliers from"),  # a furnace
+        (lambda t: np.where(t < 40.0, 20.0, 90.0), "K off it at best"),  # a step
+    ],
+)
+def test_a_curve_of_no_damper_is_refused_with_a_doubt_as_well(course, said):
+    time = np.arange(0.0, 120.0, 1.5)
+    with pytest.raises(ConvergenceError, match=said):
+        calibrate_with(HeatingCurve(time, course(time) + 273.15), BARE, [work()], DUTY, doubt=Doubt())
+
+
+def test_a_curve_of_a_damper_of_twice_the_size_is_refused_with_a_doubt():
+    """A clean curve, a fifth of the drawing's rate: no drawing is that far off."""
+    curve = measured(heated(BARE, scale=0.2), np.random.default_rng(3), noise=0.05, until=900.0)
+    with pytest.raises(ConvergenceError, match=r"it takes a heat capacity .* times the drawing's"):
+        calibrate_with(curve, BARE, [work()], DUTY, doubt=Doubt())
 
 
 def test_a_curve_of_something_else_is_refused():

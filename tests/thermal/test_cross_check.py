@@ -17,7 +17,7 @@ from mrdamper.thermal.heat_equation import heat_through
 from mrdamper.thermal.mesh import mesh_section
 from mrdamper.thermal.programs import run_program
 from mrdamper.thermal.section import section_of
-from mrdamper.thermal.transient import Load
+from mrdamper.thermal.stepping import Load
 from tests.thermal.designs import DRAWING
 
 BARE = DRAWING.with_sink(None)

@@ -30,7 +30,8 @@ from mrdamper.thermal.finite_element import build_field
 from mrdamper.thermal.freefem import run_freefem, write_freefem
 from mrdamper.thermal.materials import MATERIALS
 from mrdamper.thermal.network import zone_network
-from mrdamper.thermal.transient import Load, heat_up
+from mrdamper.thermal.stepping import Load
+from mrdamper.thermal.transient import heat_up
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "paper_damper.toml"
 DRAWING, SINK = read_drawing(EXAMPLE), read_sink(EXAMPLE)

@@ -27,7 +27,7 @@ from mrdamper.thermal.efficiency import (
 )
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.section import section_of
-from mrdamper.thermal.transient import Load
+from mrdamper.thermal.stepping import Load
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "paper_damper.toml"
 DRAWING, SINK = read_drawing(EXAMPLE), read_sink(EXAMPLE)

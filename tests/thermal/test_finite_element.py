@@ -20,8 +20,9 @@ from mrdamper.thermal.heat_equation import heat_through, settle
 from mrdamper.thermal.mesh import SectionMesh, mesh_section
 from mrdamper.thermal.network import loss_grid, zone_network
 from mrdamper.thermal.section import Block, Edge, Region, Section, Surface, section_of
+from mrdamper.thermal.stepping import Load
 from mrdamper.thermal.surfaces import cap_area
-from mrdamper.thermal.transient import Load, heat_up
+from mrdamper.thermal.transient import heat_up
 
 DRAWING = read_drawing(Path(__file__).parents[2] / "examples" / "paper_damper.toml")
 BARE = DRAWING.with_sink(None)

@@ -25,7 +25,8 @@ from mrdamper.thermal.network import (
     loss_grid,
     zone_network,
 )
-from mrdamper.thermal.transient import Load, heat_up, steady_state
+from mrdamper.thermal.stepping import Load
+from mrdamper.thermal.transient import heat_up, steady_state
 
 DRAWING = read_drawing(Path(__file__).parents[2] / "examples" / "paper_damper.toml")
 BARE = DRAWING.with_sink(None)

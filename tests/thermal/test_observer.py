@@ -13,18 +13,19 @@ from scipy.stats import chi2
 
 from mrdamper.errors import InputError
 from mrdamper.quantities import FloatArray
+from mrdamper.thermal.doubt import FACTORS, Doubt
 from mrdamper.thermal.drawing import DamperDrawing, read_drawing
 from mrdamper.thermal.network import zone_network
 from mrdamper.thermal.observer import (
-    FACTORS,
-    Doubt,
     ObserverState,
     TemperatureObserver,
     ThermalSeen,
     Thermometers,
     time_left,
 )
-from mrdamper.thermal.transient import Load, heat_up
+from mrdamper.thermal.stepping import Load
+from mrdamper.thermal.transient import heat_up
+from tests.thermal.astray import perturbed
 
 DRAWING = read_drawing(Path(__file__).parents[2] / "examples" / "paper_damper.toml")
 BARE = DRAWING.with_sink(None)
@@ -53,27 +54,6 @@ class Truth:
     coil: FloatArray
     wall: FloatArray
     resistance_20: float
-
-
-def perturbed(base: DamperDrawing, rng: np.random.Generator) -> tuple[DamperDrawing, float]:
-    """Return a damper off its drawing in every way at once, and the factor by which its power is off."""
-
-    def factor(spread: float) -> float:
-        return math.exp(spread * rng.standard_normal())
-
-    given = base.calibration
-    changed = replace(
-        given,
-        heat_capacity=given.heat_capacity * factor(0.08),
-        film=given.film * factor(0.2),
-        fluid_wall=given.fluid_wall * factor(0.3),
-        fluid_core=given.fluid_core * factor(0.3),
-        core_axial=given.core_axial * factor(0.3),
-        coil=given.coil * factor(0.3),
-    )
-    around = replace(base.surroundings, emissivity=rng.uniform(0.15, 0.6))
-    sink = base.sink and replace(base.sink, film_multiplier=base.sink.film_multiplier * factor(0.2))
-    return replace(base, calibration=changed, surroundings=around, sink=sink), factor(0.08)
 
 
 def truth_of(base: DamperDrawing, rng: np.random.Generator, *, off_percent: float = 1.0) -> Truth:
@@ -131,15 +111,15 @@ def test_its_covariance_is_that_of_its_errors():
     """Normalised squared errors of 20 dampers drawn from its own beliefs: chi-squared, n degrees each."""
     doubt = Doubt(0.05, 0.05, 0.1, 0.1, 0.1, 0.01, node_K_per_sqrt_s=0.03)
     observer = observer_of(doubt=doubt, thermometers=Thermometers(0.005, 0.001, 0.5))
-    tables, size = observer._tables, len(observer.network.names) + len(FACTORS)
+    size = len(observer.network.names) + len(FACTORS)
     rng, runs, squares = np.random.default_rng(1), 20, []
     for _ in range(runs):
         state = observer.start()
         actual = rng.multivariate_normal(state.mean, state.covariance, method="cholesky")
         for _ in range(40):
             truth_told = ThermalSeen(5.0, 70.0, 2.0)
-            ahead, _ = tables.advance(actual, np.eye(size), truth_told)
-            actual = ahead + np.sqrt(5.0 * tables.walk) * rng.standard_normal(size)
+            ahead, _ = observer._advance(actual, np.eye(size), truth_told)
+            actual = ahead + np.sqrt(5.0 * observer._walk()) * rng.standard_normal(size)
             coil = float(observer.network.coil @ actual[: size - len(FACTORS)])
             ohm = OHM * math.exp(actual[-1]) * (1.0 + COPPER * (coil - AMBIENT))
             ohm += observer.thermometers.resistance_error(ohm, 2.0) * rng.standard_normal()

@@ -11,7 +11,7 @@ from mrdamper.errors import ConvergenceError, InputError
 from mrdamper.thermal.curve import HeatingCurve
 from mrdamper.thermal.lean import NUMBERS, PRIOR, heat_lean
 from mrdamper.thermal.lumped import constant_heating
-from mrdamper.thermal.prediction import EarlyPrediction, _Problem, first_crossing, predict_early
+from mrdamper.thermal.prediction import EarlyPrediction, _Problem, predict_early
 from tests.thermal.fleet import Member, draw_fleet
 
 AMBIENT = 293.15
@@ -188,12 +188,6 @@ def test_a_limit_that_is_never_reached_says_so():
     never = predict_early(curve.until(600.0), AMBIENT).time_to(5000.0)
     assert (never.median_s, never.not_reached) == (math.inf, 1.0)
     assert "not reached" in str(never)
-
-
-def test_crossings_are_between_samples_and_infinite_without_one():
-    values = np.array([[0.0, 5.0, 0.0], [2.0, 6.0, 0.5], [4.0, 7.0, 0.7]])
-    found = first_crossing(np.array([10.0, 20.0, 30.0]), values, 3.0)
-    assert found.tolist() == [25.0, 10.0, math.inf]
 
 
 def test_less_than_a_minute_is_no_curve_to_predict_from():

@@ -60,7 +60,7 @@ def test_minutes_and_volts_are_units_too():
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("sine", "duty 'sine': expected MOTION:COMMAND:DURATION"),
+        ("sine", "duty 'sine': there are less than three parts; expected MOTION:COMMAND:DURATION"),
         ("sine:15mm:1Hz:2:1800s", "the command is '2'; expected a current or voltage with its unit"),
         ("sine:15mm:1Hz:2A:1800", "time has no unit"),
         ("sine:15mm:1Hz:2A:long", "time is 'long'; expected a number and its unit"),

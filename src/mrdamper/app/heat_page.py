@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from mrdamper.app.damper_section import draw_dampers, draw_field
 from mrdamper.app.heat_job import HeatRun, sink_in_words
 from mrdamper.app.heat_plots import draw_fade, draw_paths, draw_temperatures
@@ -25,7 +27,11 @@ def render_heat(run: HeatRun) -> str:
             it=run,
             rises=run.rises,
             limit=run.rise.limit_K - _ZERO_CELSIUS_K,
-            temperatures=draw_temperatures(run.rises),
+            temperatures=draw_temperatures(
+                run.rises, run.outlooks, None if run.calibrated is None else run.calibrated.curve
+            ),
+            outlooks=run.outlooks,
+            inf=math.inf,
             paths=draw_paths(run.rises),
             fade=draw_fade(run.rises),
             section=draw_dampers([(title, drawing)], "The damper to scale"),

@@ -10,6 +10,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from mrdamper.app.plots import HELD_OUT, INK, TRAINING, WIDE, drawing_style, svg_of
+from mrdamper.thermal.curve import HeatingCurve
+from mrdamper.thermal.doubt import Outlook
 from mrdamper.thermal.network import PATHS
 from mrdamper.thermal.rise import Rise
 
@@ -19,6 +21,7 @@ if TYPE_CHECKING:
 __all__ = ["draw_fade", "draw_paths", "draw_temperatures"]
 
 _ZERO_CELSIUS_K = 273.15
+_LIMIT_COLOUR = "#a03020"
 _PARTS = (("fluid", HELD_OUT, 1.6), ("coil", "#b08a3c", 1.1), ("wall", TRAINING, 1.1))
 _PATH_COLOURS: Mapping[str, str] = MappingProxyType(
     {
@@ -32,47 +35,27 @@ _PATH_COLOURS: Mapping[str, str] = MappingProxyType(
 )
 
 
-def draw_temperatures(rises: Sequence[tuple[str, Rise]]) -> str:
-    """Return fluid, coil and wall over time, a panel for each (title, rise), with the fluid's limit."""
+def draw_temperatures(
+    rises: Sequence[tuple[str, Rise]],
+    outlooks: Sequence[Outlook] = (),
+    measured: HeatingCurve | None = None,
+) -> str:
+    """Return fluid, coil and wall over time, a panel for each (title, rise), with the fluid's limit.
+
+    ``outlooks``, one for each rise or none, are bands about the fluid; ``measured`` belongs to the first.
+    """
     limit = rises[0][1].limit_K - _ZERO_CELSIUS_K
     hottest = max(
         max(float(getattr(rise, f"{name}_degC").max()) for name, _, _ in _PARTS) for _, rise in rises
     )
     coolest = min(float(rise.wall_degC.min()) for _, rise in rises)
-    longest = max(float(rise.time[-1]) for _, rise in rises) / 60.0
+    longest = max(_shown_until(rise, outlooks[k] if outlooks else None) for k, (_, rise) in enumerate(rises))
     high = max(hottest, limit) + max(0.08 * (max(hottest, limit) - coolest), 1.0)
     with drawing_style():
         width, height = WIDE if len(rises) > 1 else 6.4, 3.4
         figure = Figure(figsize=(width, height))
         for place, (title, rise) in enumerate(rises):
             axes = figure.add_subplot(1, len(rises), place + 1)
-            axes.axhline(limit, color="#a03020", linewidth=0.8, linestyle=(0, (5, 2)))
-            axes.annotate(
-                f"fluid's limit, {limit:.4g} °C",
-                (0.01 * longest, limit),
-                (0, 2),
-                textcoords="offset points",
-                fontsize=6.5,
-                color="#a03020",
-            )
-            minutes = rise.time / 60.0
-            for name, colour, line in _PARTS:
-                celsius = getattr(rise, f"{name}_degC")
-                axes.plot(
-                    minutes, celsius, color=colour, linewidth=line, label=f"{name} {celsius[-1]:.1f} °C"
-                )
-            if rise.time_to_limit_s is not None:
-                reached = rise.time_to_limit_s / 60.0
-                axes.plot([reached], [limit], "o", color="#a03020", markersize=3.6)
-                axes.annotate(
-                    f"{reached:.1f} min",
-                    (reached, limit),
-                    (4, -9),
-                    textcoords="offset points",
-                    fontsize=6.5,
-                    color="#a03020",
-                    ha="left" if reached < 0.9 * longest else "right",
-                )
             axes.set_xlim(0.0, max(longest, 1e-9))
             axes.set_ylim(coolest - 0.03 * (high - coolest), high)
             axes.set_title(title, loc="left", pad=4)
@@ -81,9 +64,67 @@ def draw_temperatures(rises: Sequence[tuple[str, Rise]]) -> str:
                 axes.tick_params(axis="y", labelleft=False)
             else:
                 axes.set_ylabel("temperature, °C", labelpad=1.5)
+            _draw_parts(axes, rise)
+            if measured is not None and place == 0:
+                _draw_measured(axes, measured)
+            if outlooks:
+                _draw_outlook(axes, rise, outlooks[place])
+            _draw_limit(axes, rise, outlooks[place] if outlooks else None)
             axes.legend(loc="lower right", title="at the end", title_fontsize=6.5)
         figure.subplots_adjust(left=0.5 / width, right=1.0 - 0.12 / width, top=0.92, bottom=0.13, wspace=0.05)
         return svg_of(figure, "Temperatures over time")
+
+
+def _shown_until(rise: Rise, outlook: Outlook | None) -> float:
+    """Return how far a panel goes [min]: the curve's end, or where the last of the band reaches the limit."""
+    end = float(rise.time[-1])
+    if outlook is not None and rise.time_to_limit_s is not None:
+        end = max(end, min(1.05 * outlook.to_limit.high_s, float(outlook.time[-1])))
+    return end / 60.0
+
+
+def _draw_parts(axes: Axes, rise: Rise) -> None:
+    for name, colour, line in _PARTS:
+        celsius = getattr(rise, f"{name}_degC")
+        said = f"{name} {celsius[-1]:.1f} °C"
+        axes.plot(rise.time / 60.0, celsius, color=colour, linewidth=line, label=said)
+
+
+def _draw_measured(axes: Axes, measured: HeatingCurve) -> None:
+    celsius = measured.temperature - _ZERO_CELSIUS_K
+    said = f"{measured.place}, measured"
+    axes.plot(measured.time / 60.0, celsius, ".", color=INK, markersize=1.5, alpha=0.5, label=said, zorder=1)
+
+
+def _draw_outlook(axes: Axes, rise: Rise, outlook: Outlook) -> None:
+    """Draw the band about the fluid; the legend says it at the curve's end."""
+    edges = [each - _ZERO_CELSIUS_K for each in (outlook.low, outlook.high)]
+    low, high = (float(np.interp(rise.time[-1], outlook.time, edge)) for edge in edges)
+    said = f"fluid {low:.0f} to {high:.0f} °C with {100.0 * outlook.probability:.0f} %"
+    axes.fill_between(
+        outlook.time / 60.0, *edges, color=HELD_OUT, alpha=0.16, linewidth=0, label=said, zorder=0
+    )
+
+
+def _draw_limit(axes: Axes, rise: Rise, outlook: Outlook | None) -> None:
+    """Draw the fluid's limit, when it is reached, and the interval of that as a thick line."""
+    limit, longest = rise.limit_K - _ZERO_CELSIUS_K, axes.get_xlim()[1]
+
+    def say(text: str, at: tuple[float, float], shift: tuple[float, float], align: str = "left") -> None:
+        axes.annotate(
+            text, at, shift, textcoords="offset points", fontsize=6.5, color=_LIMIT_COLOUR, ha=align
+        )
+
+    axes.axhline(limit, color=_LIMIT_COLOUR, linewidth=0.8, linestyle=(0, (5, 2)))
+    say(f"fluid's limit, {limit:.4g} °C", (0.01 * longest, limit), (0, 2))
+    if outlook is not None and np.isfinite(outlook.to_limit.low_s):
+        ends = [outlook.to_limit.low_s / 60.0, min(outlook.to_limit.high_s / 60.0, longest)]
+        axes.plot(ends, [limit, limit], color=_LIMIT_COLOUR, linewidth=2.4, solid_capstyle="butt")
+    if rise.time_to_limit_s is not None:
+        reached = rise.time_to_limit_s / 60.0
+        axes.plot([reached], [limit], "o", color=_LIMIT_COLOUR, markersize=3.6)
+        align = "left" if reached < 0.9 * longest else "right"
+        say(f"{reached:.1f} min", (reached, limit), (4, -9), align)
 
 
 def draw_paths(rises: Sequence[tuple[str, Rise]]) -> str:

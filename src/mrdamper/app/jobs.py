@@ -38,6 +38,7 @@ __all__ = [
     "predict",
     "read_dataset",
     "run_identification",
+    "write_identification",
 ]
 
 
@@ -152,8 +153,6 @@ def run_identification(
     report: Report | None = None,
 ) -> Json:
     """Fit, assess and write into ``beside`` what will lie in ``out``."""
-    from mrdamper.app.report import write_report
-
     table: tuple[LawScore, ...] = ()
     law = options.law
     if law == "auto":
@@ -175,10 +174,40 @@ def run_identification(
         report=report,
     )
     fitted, judged = _assessed(fitted, options, report)
+    return write_identification(
+        fitted, judged, beside, out, law_table=table, sources=sources, simulated=simulated, title=title
+    )
+
+
+def write_identification(
+    fitted: Identification,
+    judged: Assessment,
+    beside: Path,
+    out: Path,
+    *,
+    law_table: tuple[LawScore, ...] = (),
+    sources: Sequence[str] = (),
+    simulated: str = "",
+    title: str = "",
+) -> Json:
+    """Write card.json, errors.csv and report.html into ``beside``; they will lie in ``out``."""
+    from mrdamper.app.check_job import findings_of
+    from mrdamper.app.report import write_report
+
     write_card(fitted.card(judged, title=title, sources=sources), beside / "card.json")
     write_table(beside / "errors.csv", [row(error) for error in judged.runs])
-    write_report(beside / "report.html", fitted, judged, law_table=table, simulated=simulated, title=title)
-    return answers.identification(fitted, judged, out, table)
+    findings = findings_of((*fitted.training, *fitted.held_out))
+    write_report(
+        beside / "report.html",
+        fitted,
+        judged,
+        law_table=law_table,
+        simulated=simulated,
+        title=title,
+        findings=findings,
+    )
+    answer = answers.identification(fitted, judged, out, law_table)
+    return answer | {"findings": [dict(finding.to_dict()) for finding in findings]}
 
 
 def _compare(dataset: Dataset, options: FitOptions, report: Report | None) -> tuple[LawScore, ...]:

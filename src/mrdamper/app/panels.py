@@ -91,7 +91,7 @@ class Band:
 
 
 def colour_of_warmth(temperature: float, levels: Sequence[float]) -> str:
-    """Return a temperature's colour among the levels, in any unit: violet (cold) to orange (hot)."""
+    """Return a temperature's colour among the levels, [K] or any other unit: violet (cold) to orange."""
     low, high = min(levels), max(levels)
     share = 0.5 if low == high else (temperature - low) / (high - low)
     return to_hex(mpl.colormaps["plasma"](0.05 + 0.70 * share))

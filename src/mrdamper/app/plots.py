@@ -143,7 +143,7 @@ class CoefficientCurve:
 
 
 def colour_of(command: float | None, highest: float) -> str:
-    """Return a run's colour: dark blue at zero command to ochre at the highest, legible on white."""
+    """Return a run's colour: dark blue at zero command [A or V] to ochre at the highest, on white."""
     share = 1.0 if command is None or highest == 0.0 else min(abs(command) / highest, 1.0)
     return to_hex(mpl.colormaps["viridis"](0.08 + 0.70 * share))
 

@@ -24,6 +24,7 @@ from mrdamper.app.groups import Levels
 from mrdamper.app.loop_sections import error_section, loop_pictures, residual_picture, worst_by_motion
 from mrdamper.app.traces import trace_of
 from mrdamper.app.warm_sections import assumed_words, characteristics_section, temperature_section
+from mrdamper.data.diagnosis.finding import Finding, by_kind
 from mrdamper.identify.assess import Assessment, LawScore, LeftOut, RunError, summary
 from mrdamper.identify.problem import Estimate, envelope_of
 
@@ -52,9 +53,12 @@ def write_report(
     law_table: Sequence[LawScore] = (),
     simulated: str = "",
     title: str = "",
+    findings: Sequence[Finding] = (),
 ) -> None:
     """Write the report as one HTML file."""
-    page = render_report(fitted, judged, law_table=law_table, simulated=simulated, title=title)
+    page = render_report(
+        fitted, judged, law_table=law_table, simulated=simulated, title=title, findings=findings
+    )
     path.write_text(page, encoding="utf-8")
 
 
@@ -65,6 +69,7 @@ def render_report(
     law_table: Sequence[LawScore] = (),
     simulated: str = "",
     title: str = "",
+    findings: Sequence[Finding] = (),
 ) -> str:
     """Return the report's HTML.
 
@@ -72,6 +77,7 @@ def render_report(
     ----------
     law_table : the laws that were compared, when there was a choice
     simulated : what the runs are when nobody measured them; said at the top
+    findings : what the runs show by themselves (``mrdamper check``)
     """
     campaign = Campaign(fitted, judged.runs)
     many = len(judged.runs) > _MOST_LOOPS
@@ -129,6 +135,7 @@ def render_report(
             if len(moving) > 1
             else "",
             words=(*fitted.result.notes, *judged.words),
+            findings=by_kind(findings),
             left_out=_left_out_tables(judged.left_out),
             law_table=law_table,
             passivity=judged.passivity_min,

@@ -41,7 +41,7 @@ from mrdamper.thermal.heatsink import FinLaw
 from mrdamper.thermal.materials import find_material
 from mrdamper.thermal.rise import loads_of, works_of
 
-__all__ = ["Method", "SinkOptions", "SinkRun", "search_sinks", "sink"]
+__all__ = ["Method", "SinkOptions", "SinkRun", "search_sinks", "sink", "write_sink"]
 
 Method = Literal["grid", "nsga2"]
 
@@ -134,17 +134,24 @@ def sink(
     drawing = read_drawing(damper)
     chosen = options or SinkOptions()
     run = search_sinks(read_card(card), drawing, read_duty(duty), chosen, report=report)
-    answer = {"card": str(card), "damper": str(damper), **_answer(run, chosen)}
-    if out is not None:
-        from mrdamper.app.sink_page import render_sink
+    if out is None:
+        return {"card": str(card), "damper": str(damper), **_answer(run, chosen)}
+    with staged(out) as beside:
+        return write_sink(run, chosen, card, damper, beside, out)
 
-        answer |= {"report": str(out / "sink.html"), "file": str(out / "sink.json")}
-        page = render_sink(run)
-        with staged(out) as beside:
-            (beside / "sink.html").write_text(page, encoding="utf-8")
-            write_json(beside / "sink.json", answer)
-            write_table(beside / "front.csv", [_design(each) for each in run.front])
-            (beside / "best.toml").write_text(_toml(run), encoding="utf-8")
+
+def write_sink(
+    run: SinkRun, options: SinkOptions, card: Path, damper: str | Path, beside: Path, out: Path
+) -> Json:
+    """Write sink.html, sink.json, front.csv and best.toml into ``beside``, of what will lie in ``out``."""
+    from mrdamper.app.sink_page import render_sink
+
+    files = {"report": str(out / "sink.html"), "file": str(out / "sink.json")}
+    answer: Json = {"card": str(card), "damper": str(damper), **_answer(run, options), **files}
+    (beside / "sink.html").write_text(render_sink(run), encoding="utf-8")
+    write_json(beside / "sink.json", answer)
+    write_table(beside / "front.csv", [_design(each) for each in run.front])
+    (beside / "best.toml").write_text(_toml(run), encoding="utf-8")
     return answer
 
 

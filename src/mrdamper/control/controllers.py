@@ -143,7 +143,7 @@ class Belief:
 def native_of(
     numbers: Mapping[str, float], tables: DamperTables, force: FloatArray, *, single: bool
 ) -> core.Tracker:
-    """Return the kernel's part of a controller or model."""
+    """Return the kernel's part of a controller or model; ``force`` is the tables' forces [N]."""
     octaves = [(o.offset, o.top, o.bits, o.cell) for o in tables.octaves]
     return core.Tracker(np.array(list(numbers.values())), force, tables.rho, octaves, single=single)
 

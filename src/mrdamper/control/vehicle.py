@@ -150,7 +150,7 @@ def groundhook(damping: float = 2500.0) -> Demand:
 
 
 def hybrid(damping: float = 2500.0, share: float = 0.5) -> Demand:
-    """Return the mixture of skyhook (``share``) and groundhook (the rest)."""
+    """Return the mixture of skyhook (``share``) and groundhook (the rest) of a damping [N s/m]."""
     return Demand("hybrid", (0.0, share * damping, 0.0, (share - 1.0) * damping))
 
 

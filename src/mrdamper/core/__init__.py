@@ -42,7 +42,7 @@ MOST_DIRECTIONS = 48
 
 
 def open_record(trajectory: Trajectory, *, longest_step: float = LONGEST_STEP) -> Record:
-    """Return the kernel's view of a trajectory: its turning points, and the stages of implicit steps."""
+    """Return the kernel's view of a trajectory: its turning points, and the stages of implicit steps [s]."""
     return Record(
         trajectory.step,
         trajectory.displacement,

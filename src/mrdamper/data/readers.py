@@ -70,6 +70,8 @@ def read_run(path: PathLike, channels: ChannelMap | PathLike | None = None) -> t
 def read_file(path: PathLike, channels: ChannelMap | PathLike | None = None) -> RigFile:
     """Return the recordings in one file as they stand, and how the file was understood.
 
+    Without ``channels`` the map that lies beside the file holds (``map_beside``), else the headers alone.
+
     Raises
     ------
     InputError

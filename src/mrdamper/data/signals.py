@@ -154,7 +154,7 @@ def smooth(displacement: FloatArray, step: float, cutoff_Hz: float) -> Kinematic
 
 
 def differentiate(values: FloatArray, step: float) -> FloatArray:
-    """Return the derivative at a step [s] by sixth-order differences, one-sided at the ends; 7 values or more."""
+    """Return the derivative at a step [s] by sixth-order differences, one-sided at the ends; 7 values."""
     derivative = np.empty_like(values)
     derivative[3:-3] = np.correlate(values, _CENTRED, mode="valid")
     derivative[:3] = _ENDS @ values[:7]

@@ -54,7 +54,7 @@ class ActuationFit:
 
 
 def steps_of(command: FloatArray, step: float) -> list[slice]:
-    """Return the windows around the changes of a command; windows that touch are one."""
+    """Return the windows around the changes of a command with a time step [s]; those that touch are one."""
     span = float(np.ptp(command))
     near = max(round(0.01 / step), 1)  # a change within 10 ms counts as one step
     moved = np.abs(command[near:] - command[:-near]) > _STEP * span if span > 0.0 else np.zeros(0, dtype=bool)

@@ -167,9 +167,11 @@ class Polynomial:
 
 @dataclass(frozen=True, slots=True)
 class Hill:
-    """value = base + gain s(I), an S-shaped rise with s(0) = 0 and s(reference) = 1.
+    r"""value = base + gain s(I), an S-shaped rise with s(0) = 0 and s(reference) = 1.
 
-    .. math:: s = (1 + h^q) u^q / (u^q + h^q),  u = |I| / reference,  h = half_command / reference
+    .. math:: s = (1 + h^q)\,u^q / (u^q + h^q)
+
+    with u the size of the command over ``reference``, h ``half_command`` over ``reference``, q the exponent.
 
     The slope at zero command is 0 for q > 1, finite for q = 1 and infinite for q < 1 (``slope`` then
     returns infinity with the gain's sign; the value itself stays finite). At zero it is the slope
@@ -431,8 +433,8 @@ class Tempered:
 def separable_polynomial(command: Sequence[float], temperature: Sequence[float]) -> Tempered:
     """Return the paper's separable form: (a0 + a1 I + a2 I^2 ...)(1 + t1 dT + t2 dT^2 ...), dT = T - 20 degC.
 
-    Its Eq. (12) as reconstructed; the paper's own is lost. ``command`` holds the a [coefficient's unit / A^i],
-    ``temperature`` the t [1/K^j].
+    Its Eq. (12) as reconstructed; the paper's own is lost. ``command`` holds the a [unit of the coefficient
+    / A^i], ``temperature`` the t [1/K^j].
     """
     return Tempered(Polynomial(tuple(command)), PolynomialFactor(tuple(temperature)))
 

@@ -364,11 +364,12 @@ def turning_points(trajectory: Trajectory) -> tuple[tuple[int, float], ...]:
 
 
 def bouc_wen_distance(w: float, kappa: float, n: float) -> float:
-    """Return the normalised travel tau from w = 0 to w along one direction of motion [-].
+    r"""Return the normalised travel tau from w = 0 to w along one direction of motion [-].
 
-    .. math:: tau(w) = w F(1, 1/n; 1 + 1/n; w^n),  with kappa |w|^n in place of w^n for w < 0
+    .. math:: \tau(w) = w\,F(1, 1/n; 1 + 1/n; w^n)
 
-    F is Gauss's hypergeometric function; dtau/dw = 1/(1 - w^n), or 1/(1 - kappa |w|^n) for w < 0.
+    with kappa |w|^n in place of w^n for w < 0. F is Gauss's hypergeometric function; dtau/dw = 1/(1 - w^n),
+    or 1/(1 - kappa |w|^n) for w < 0.
 
     Notes
     -----

@@ -12,30 +12,35 @@ drawing with ``[calibration]`` entries. The heat capacity in it is right only as
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from types import MappingProxyType
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 from scipy.optimize import least_squares
 
-from mrdamper.errors import ConvergenceError, EnvelopeError, InputError
+from mrdamper.errors import ConvergenceError, InputError
 from mrdamper.models.card import ModelCard
 from mrdamper.models.damper import Damper
-from mrdamper.quantities import FloatArray
+from mrdamper.quantities import FloatArray, read_only
 from mrdamper.thermal.curve import HeatingCurve, lag_signal
+from mrdamper.thermal.curve_fit import CARRIED, CurveFit, inverse_of, multiplied, variance_of
+from mrdamper.thermal.doubt import ROOM_K, Doubt
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.duty import DEFAULT_DUTY, Duty, read_duty
-from mrdamper.thermal.rise import Model, build_network, heat_with
-from mrdamper.thermal.work import LoopWork, tabulate_work
+from mrdamper.thermal.materials import COPPER_PER_K
+from mrdamper.thermal.rise import Model, build_network, loads_of, works_of
+from mrdamper.thermal.stepping import Load
+from mrdamper.thermal.work import LoopWork
 
 __all__ = ["CalibratedDrawing", "HeatingNumbers", "calibrate_drawing", "calibrate_with", "fit_heating"]
 
-_LONGEST_STEP_S = 20.0
-_FACTOR_RANGE = (0.05, 20.0)  # of a multiplier
 _UNTOLD = 0.5  # relative standard error from which a number is not told by the curve
+_HARDLY = 0.7  # of what was believed: a curve that leaves more is said to tell hardly anything
 _LEAST_EXCESS_K = 1.0
-_MOST_CORRELATED = 0.999
+
+_TO_COMBINATIONS = np.array([[-1.0, 0.0], [-1.0, 1.0]])
+"""From the logarithms of capacity and losses, the power being right, to those of P/C and UA/C."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,26 +64,37 @@ class HeatingNumbers:
         return 1.0 / self.conductance_over_capacity if self.conductance_over_capacity > 0.0 else math.inf
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class CalibratedDrawing:
     """A drawing that follows a measured curve, and what the curve told."""
 
     drawing: DamperDrawing
     numbers: HeatingNumbers
-    heat_capacity: float  # multiplier now in the drawing
-    film: float  # multiplier of the body's convection now in the drawing
-    fin_film: float | None  # of the fins' convection; None without fins
     heat_capacity_error: float  # relative standard error, the card's power taken as right [-]
     film_error: float  # relative standard error [-]
-    curve_K: FloatArray  # the fitted curve at the measured times, shape (n,)
+    spread: FloatArray  # covariance of start [K] and logarithms: capacity, losses (the power being right),
+    # fluid to body, coil; shape (5, 5)
+    curve: HeatingCurve
+    fitted_K: FloatArray  # at the curve's times, shape (n,)
 
     @property
-    def entries(self) -> str:
-        """The changed entries as TOML."""
-        lines = ["[calibration]", f"heat_capacity = {self.heat_capacity:.4g}", f"film = {self.film:.4g}"]
-        if self.fin_film is not None:
-            lines += ["", "[sink]", f"film_multiplier = {self.fin_film:.4g}"]
-        return "\n".join(lines) + "\n"
+    def heat_capacity(self) -> float:
+        """Multiplier of the heat capacity that is now in the drawing."""
+        return self.drawing.calibration.heat_capacity
+
+    @property
+    def film(self) -> float:
+        """Multiplier of the body's convection that is now in the drawing."""
+        return self.drawing.calibration.film
+
+    @property
+    def entries(self) -> Mapping[str, Mapping[str, float]]:
+        """The entries of a drawing's file that hold the calibration, by table: all that are not 1."""
+        own = asdict(self.drawing.calibration)
+        found = {"calibration": {name: value for name, value in own.items() if value != 1.0}}
+        if self.drawing.sink is not None:
+            found["sink"] = {"film_multiplier": self.drawing.sink.film_multiplier}
+        return MappingProxyType(found)
 
 
 def fit_heating(curve: HeatingCurve, ambient_K: float) -> HeatingNumbers:
@@ -116,10 +132,11 @@ def fit_heating(curve: HeatingCurve, ambient_K: float) -> HeatingNumbers:
     found = least_squares(miss, guess, jac="3-point", x_scale=scale, xtol=1e-14, ftol=1e-14, gtol=1e-14)
     if not (found.success and np.isfinite(found.x).all()):
         raise ConvergenceError(f"{curve.name}: the fit of P/C and UA/C did not settle ({found.message})")
-    covariance = _covariance(np.asarray(found.jac), np.asarray(found.fun))
+    jacobian, residual = np.asarray(found.jac), np.asarray(found.fun)
+    covariance = inverse_of(jacobian.T @ jacobian) * variance_of(residual, 3)
     numbers = found.x[:2]
     return _told(
-        curve, numbers, covariance[:2, :2], _loss_weighted(seen, ambient_K), float(found.x[2]), found.fun, ()
+        curve, numbers, covariance[:2, :2], _loss_weighted(seen, ambient_K), float(found.x[2]), residual, ()
     )
 
 
@@ -130,6 +147,7 @@ def calibrate_drawing(
     duty: Duty | str = DEFAULT_DUTY,
     *,
     model: Model = "zones",
+    doubt: Doubt | None = None,
 ) -> CalibratedDrawing:
     """Return the drawing with the multipliers that make its heating the measured one.
 
@@ -141,6 +159,8 @@ def calibrate_drawing(
     curve : time from the start of the duty [s]
     card : gives the power; an error in it goes into the heat capacity and the film alike
     duty : at least as long as the curve
+    doubt : how far P/C and UA/C may be off the drawing's, so that a short curve is enough to go on with;
+        None: the curve alone decides
 
     Raises
     ------
@@ -151,13 +171,7 @@ def calibrate_drawing(
     """
     damper = card.damper if isinstance(card, ModelCard) else card
     plan = duty if isinstance(duty, Duty) else read_duty(duty)
-    if plan.command_unit != damper.command_unit:
-        raise InputError(
-            f"duty {plan.text!r}: its command is in {plan.command_unit}, the card's in "
-            f"{damper.command_unit}; expected the same unit"
-        )
-    works = [tabulate_work(damper, stretch) for stretch in plan.stretches]
-    return calibrate_with(curve, drawing, works, plan, model=model)
+    return calibrate_with(curve, drawing, works_of(damper, plan), plan, model=model, doubt=doubt)
 
 
 def calibrate_with(
@@ -167,6 +181,7 @@ def calibrate_with(
     duty: Duty,
     *,
     model: Model = "zones",
+    doubt: Doubt | None = None,
 ) -> CalibratedDrawing:
     """Return the same for work that is known already, one ``LoopWork`` for each stretch of the duty."""
     if curve.time[0] < 0.0 or curve.time[-1] > duty.duration * (1.0 + 1e-9):
@@ -174,130 +189,84 @@ def calibrate_with(
             f"{curve.name}: it runs from {curve.time[0]:g} to {curve.time[-1]:g} s, the duty from 0 to "
             f"{duty.duration:g} s; expected a curve within the duty, its time counted from the duty's start"
         )
-    seen = curve.temperature
-
-    def follow(at: FloatArray) -> FloatArray:
-        changed = _multiplied(drawing, math.exp(at[0]), math.exp(at[1]))
-        try:
-            rise = heat_with(
-                works, changed, duty, model=model, start_K=float(at[2]), stop_at_limit=False,
-                longest_step=_LONGEST_STEP_S,
-            )  # fmt: skip
-        except EnvelopeError as fault:  # a trial of the search, not the user's
-            raise _TooFarError(str(fault)) from fault
-        values = {"fluid": rise.fluid, "wall": rise.wall, "coil": rise.coil}[curve.place]
-        return lag_signal(curve.time, PchipInterpolator(rise.time, values)(curve.time), curve.lag_s)
-
-    at, residual, jacobian = _least_squares(follow, curve, np.array([0.0, 0.0, float(np.median(seen[:5]))]))
-    capacity, film = math.exp(at[0]), math.exp(at[1])
-    changed = _multiplied(drawing, capacity, film)
-    covariance = _covariance(jacobian, residual)
-    middle = _loss_weighted(seen, drawing.surroundings.ambient)
-    numbers, slope = _combinations(changed, works, duty, model, middle)
+    loads = loads_of(works, drawing, duty)
+    fit = CurveFit(curve, drawing, loads, model, doubt)
+    at, covariance, residual, beforehand = fit.solve()
+    changed = fit.drawing(at)
+    middle = _loss_weighted(curve.temperature, drawing.surroundings.ambient)
+    numbers, slope = _combinations(changed, loads, model, middle)
+    relative = slope @ covariance[1:3, 1:3] @ slope.T
     told = _told(
         curve,
         numbers,
-        (slope @ covariance[:2, :2] @ slope.T) * np.outer(numbers, numbers),
+        relative * np.outer(numbers, numbers),
         middle,
-        float(at[2]),
+        float(at[0]),
         residual,
         (
             "The heat capacity is that of the card's power: a power that is 10 % off puts it, and UA, 10 % "
             "off, and leaves the temperatures right.",
             "The errors take the drawing's way of losing heat as right: with other shares of film, radiation "
             "and mountings the same curve gives a UA/C that differs by some per cent.",
+            *_carried_words(relative, slope, beforehand),
         ),
     )
     return CalibratedDrawing(
         drawing=changed,
         numbers=told,
-        heat_capacity=changed.calibration.heat_capacity,
-        film=changed.calibration.film,
-        fin_film=changed.sink.film_multiplier if changed.sink is not None else None,
-        heat_capacity_error=float(math.sqrt(covariance[0, 0])),
-        film_error=float(math.sqrt(covariance[1, 1])),
-        curve_K=seen + residual,
+        heat_capacity_error=float(math.sqrt(covariance[1, 1])),
+        film_error=float(math.sqrt(covariance[2, 2])),
+        spread=read_only(_spread(covariance, slope)),
+        curve=curve,
+        fitted_K=read_only(curve.temperature + residual),
     )
 
 
-class _TooFarError(Exception):
-    """A trial of the search left the temperatures that the network knows."""
+def _carried_words(relative: FloatArray, slope: FloatArray, beforehand: FloatArray | None) -> list[str]:
+    """Say what is carried along, and which of P/C and UA/C the curve hardly told, by their covariance."""
+    if beforehand is None:
+        return []
+    said = [
+        f"The multipliers {', '.join(CARRIED)} mend the network's first minutes; nothing is claimed of them."
+    ]
+    before, after = (np.sqrt(np.diag(each)) for each in (slope @ beforehand @ slope.T, relative))
+    return said + [
+        f"The curve hardly tells {name} yet: known to {100.0 * old:.0f} % before it, to {100.0 * new:.0f} % "
+        "with it; what it leaves open is the drawing's."
+        for name, old, new in zip(("P/C", "UA/C"), before, after, strict=True)
+        if new > _HARDLY * old
+    ]
 
 
-def _least_squares(
-    follow: Callable[[FloatArray], FloatArray], curve: HeatingCurve, at: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return log capacity, log film and start, residuals and derivatives (Levenberg, Marquardt)."""
-    probe = np.diag([1e-3, 1e-3, 0.1])
-    low, high = np.log(_FACTOR_RANGE)
-    # a rise that is too high shrinks with more capacity: start where the network can be run
-    while True:
-        try:
-            residual = follow(at) - curve.temperature
-            break
-        except _TooFarError as fault:
-            at = at + np.array([math.log(2.0), 0.0, 0.0])
-            if at[0] > high:
-                raise ConvergenceError(f"{curve.name}: the network leaves its range: {fault}") from fault
-    cost, damping = float(residual @ residual), 1e-3
-    for _ in range(50):
-        jacobian = np.column_stack(
-            [(follow(at + step) - follow(at - step)) / (2.0 * step.sum()) for step in probe]
-        )
-        normal, pull = jacobian.T @ jacobian, jacobian.T @ residual
-        diagonal = np.diag(np.maximum(np.diag(normal), 1e-12))
-        while True:
-            move = -np.linalg.solve(normal + damping * diagonal, pull)
-            move *= min(1.0, 1.0 / float(np.abs(move[:2]).max() + 1e-300))
-            trial = at + move
-            trial[:2] = np.clip(trial[:2], low, high)
-            try:
-                new = follow(trial) - curve.temperature
-                new_cost = float(new @ new)
-            except _TooFarError:
-                new, new_cost = residual, math.inf
-            if new_cost <= cost or damping > 1e9:
-                break
-            damping *= 8.0
-        settled = float(np.abs(trial - at).max()) < 1e-7 or cost - new_cost < 1e-12 * cost
-        if new_cost <= cost:
-            at, residual, cost = trial, new, new_cost
-        damping = max(damping / 10.0, 1e-9)
-        if settled or damping > 1e8:
-            break
-    if (np.abs(at[:2] - low) < 1e-9).any() or (np.abs(at[:2] - high) < 1e-9).any():
-        raise ConvergenceError(
-            f"{curve.name}: no multipliers from {_FACTOR_RANGE[0]:g} to {_FACTOR_RANGE[1]:g} follow it "
-            f"(heat_capacity {math.exp(at[0]):.3g}, film {math.exp(at[1]):.3g}); expected a curve of this "
-            "damper and duty. Check the duty, emissivity and mount_W_K (losses cannot be less than theirs)"
-        )
-    return at, residual, jacobian
+def _spread(covariance: FloatArray, slope: FloatArray) -> FloatArray:
+    """Return the covariance of start, log capacity, log losses (the power being right), fluid to body, coil.
 
-
-def _multiplied(drawing: DamperDrawing, capacity: float, film: float) -> DamperDrawing:
-    """Return the drawing with its heat capacity and all its convection multiplied."""
-    given = drawing.calibration
-    changed = replace(given, heat_capacity=given.heat_capacity * capacity, film=given.film * film)
-    sink = drawing.sink
-    if sink is not None:
-        sink = replace(sink, film_multiplier=sink.film_multiplier * film)
-    return replace(drawing, calibration=changed, sink=sink)
+    ``slope`` leads from the two multipliers to P/C and UA/C.
+    """
+    turned = np.zeros((5, len(covariance)))
+    turned[0, 0] = 1.0
+    turned[1:3, 1:3] = np.linalg.inv(_TO_COMBINATIONS) @ slope
+    if len(covariance) > 3:
+        names = list(CARRIED)
+        turned[3, 3 + names.index("fluid_wall")] = turned[4, 3 + names.index("coil")] = 1.0
+    return np.asarray(turned @ covariance @ turned.T)
 
 
 def _combinations(
-    drawing: DamperDrawing, works: Sequence[LoopWork], duty: Duty, model: Model, at_K: float
+    drawing: DamperDrawing, loads: Sequence[Load], model: Model, at_K: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Return P/C and UA/C with everything at one temperature, and their relative slopes."""
-    ambient = drawing.surroundings.ambient
-    off = max(abs(at_K - ambient), _LEAST_EXCESS_K) * (1.0 if at_K >= ambient else -1.0)
-    # the stretch that heats most
-    warm = [float(work.power_at(at_K)) for work in works]
-    k = int(np.argmax(warm))
-    watts = warm[k] + _coil_watts(drawing, duty, k, at_K)
+    """Return P/C and UA/C with everything at one temperature, and their relative slopes.
+
+    The power is that of the load that heats most; slopes are by the logarithms of the two multipliers.
+    """
+    off = at_K - drawing.surroundings.ambient
+    off = math.copysign(max(abs(off), _LEAST_EXCESS_K), off)
+    growth = 1.0 + COPPER_PER_K * (at_K - ROOM_K)
+    watts = max(float(load.power(np.array(at_K))) + load.coil_W * growth for load in loads)
 
     def numbers(capacity: float, film: float) -> FloatArray:
-        network = build_network(_multiplied(drawing, capacity, film), model)
-        lost = sum(float(np.interp(ambient + off, network.grid, row)) for row in network.watts)
+        network = build_network(multiplied(drawing, capacity, film), model)
+        lost = sum(float(np.interp(network.ambient + off, network.grid, row)) for row in network.watts)
         return np.array([watts, lost / off]) / network.total_capacity
 
     h = 1e-4
@@ -308,33 +277,10 @@ def _combinations(
     return here, np.column_stack([by_capacity / size, by_film / size])
 
 
-def _coil_watts(drawing: DamperDrawing, duty: Duty, k: int, at_K: float) -> float:
-    command, coil = duty.stretches[k].command, drawing.coil
-    amperes = command if duty.command_unit == "A" else command * (coil.amperes_per_volt or 0.0)
-    return amperes**2 * coil.resistance_at(at_K)
-
-
 def _loss_weighted(seen: FloatArray, ambient: float) -> float:
     """Return the mean temperature, weighted by how far off ambient it is: where UA is told best [K]."""
     excess = np.abs(seen - ambient)
     return float(excess @ seen / excess.sum()) if excess.any() else ambient
-
-
-def _covariance(jacobian: FloatArray, residual: FloatArray) -> FloatArray:
-    """Return the covariance of a fit, raised for residuals that follow each other.
-
-    By the factor (1 + r)/(1 - r) with r the correlation of neighbouring residuals, as for a first order
-    autoregression; it also counts what the model cannot follow.
-    """
-    n, size = jacobian.shape
-    variance = float(residual @ residual) / max(n - size, 1)
-    total = float(residual @ residual)
-    follow = float(residual[1:] @ residual[:-1]) / total if total > 0.0 else 0.0
-    follow = min(max(follow, 0.0), _MOST_CORRELATED)
-    scale = np.linalg.norm(jacobian, axis=0)
-    scale = np.where(scale == 0.0, 1.0, scale)
-    inverse = np.linalg.pinv((jacobian / scale).T @ (jacobian / scale), hermitian=True)
-    return np.asarray(inverse / np.outer(scale, scale) * variance * (1.0 + follow) / (1.0 - follow))
 
 
 def _told(

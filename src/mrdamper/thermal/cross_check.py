@@ -19,7 +19,7 @@ from mrdamper.thermal.finite_element import FieldModel, discretise
 from mrdamper.thermal.freefem import run_freefem, write_freefem
 from mrdamper.thermal.gmsh_mesh import mesh_with_gmsh
 from mrdamper.thermal.heat_equation import FieldHeating, HeatEquation, heat_through, one_step_backward
-from mrdamper.thermal.transient import Load
+from mrdamper.thermal.stepping import Load
 
 __all__ = ["Comparison", "backward_euler", "check_calculix", "check_freefem", "check_gmsh"]
 
@@ -67,7 +67,7 @@ def check_calculix(
 ) -> Comparison:
     """Compare the temperatures at every node with CalculiX's, films and sources frozen at the load's end.
 
-    Both go by backward Euler with the same step, from ambient.
+    Both go by backward Euler with the same step [s], from ambient.
     """
     course = heat_through(model.equation, [replace(load, duration=step * steps)])
     section = model.section
@@ -88,7 +88,7 @@ def check_calculix(
 def check_gmsh(
     model: FieldModel, load: Load, folder: Path, *, size: float = 0.008, corner: float = 0.0005
 ) -> Comparison:
-    """Compare the means of fluid, coil and wall over time with those on gmsh's mesh; both solved by us."""
+    """Compare the means of fluid, coil and wall with those on gmsh's mesh (sizes [m]), both ours."""
     other = discretise(model.section, mesh_with_gmsh(model.section, folder, size=size, corner=corner))
     ours, theirs = (heat_through(each.equation, [load]) for each in (model, other))
     return Comparison("gmsh", np.zeros((0, 2)), _means(ours), _means(theirs))

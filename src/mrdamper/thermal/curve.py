@@ -24,6 +24,7 @@ __all__ = ["HeatingCurve", "Place", "clean_curve", "lag_signal", "read_curve"]
 Place = Literal["fluid", "wall", "coil"]
 """Where the thermometer sits; ``wall`` is the body."""
 
+_FEWEST = 8  # readings of a curve
 _SPIKE = 8.0  # standard deviations of the noise
 _LEAST_SPIKE_K = 0.5
 _APART = 4.0
@@ -50,11 +51,13 @@ class HeatingCurve:
             raise InputError(
                 f"{self.name}: place is {self.place!r}; use one of: {', '.join(get_args(Place))}"
             )
-        if self.time.ndim != 1 or self.time.shape != self.temperature.shape or len(self.time) < 8:
+        if self.time.ndim != 1 or self.time.shape != self.temperature.shape:
             raise InputError(
                 f"{self.name}: time has shape {self.time.shape}, temperature {self.temperature.shape}; "
-                "expected one temperature per time, at least 8"
+                "expected one temperature per time"
             )
+        if len(self.time) < _FEWEST:
+            raise InputError(f"{self.name}: it has {len(self.time)} readings; expected at least {_FEWEST}")
         if not np.isfinite(self.time).all() or not (np.diff(self.time) > 0.0).all():
             raise InputError(f"{self.name}: time does not rise; expected seconds in order, none twice")
         limits = find_quantity("temperature")

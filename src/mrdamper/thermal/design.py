@@ -25,7 +25,8 @@ from mrdamper.thermal.drawing import DISC_GAP, DamperDrawing
 from mrdamper.thermal.heatsink import FinLaw, HeatSink
 from mrdamper.thermal.materials import Material
 from mrdamper.thermal.network import zone_network
-from mrdamper.thermal.transient import Load, heat_up, steady_state
+from mrdamper.thermal.stepping import Load
+from mrdamper.thermal.transient import heat_up, steady_state
 
 __all__ = [
     "DesignModel",
@@ -198,7 +199,7 @@ def limits_of(
     materials: Sequence[Material] = (),
     emissivities: Sequence[float] = (),
 ) -> SinkLimits:
-    """Return limits, those that are not given from the drawing's own sink.
+    """Return limits in [m] and [kg], those that are not given from the drawing's own sink.
 
     Without a sink in the drawing: the body's length, its radius, and any mass.
     """

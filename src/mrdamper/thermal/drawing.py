@@ -328,7 +328,8 @@ def _check_surroundings(drawing: DamperDrawing) -> None:
     around, place = drawing.surroundings, f"{drawing.name}: surroundings"
     if not 223.15 <= around.ambient <= 373.15:
         raise InputError(
-            f"{place}.ambient_degC is {around.ambient - 273.15:g}; expected -50 to 100 (air around a damper)"
+            f"{place}.ambient_degC is {around.ambient - 273.15:g}; expected -50 to 100 (air around a damper, "
+            "in degrees Celsius)"
         )
     if not 0.0 <= around.air_speed <= 50.0:
         raise InputError(f"{place}.air_m_s is {around.air_speed}; expected 0 to 50 m/s")

@@ -6,13 +6,15 @@ missing is named with its unit.
 
 from __future__ import annotations
 
+import json
 import math
-import tomllib
+from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Any, Literal, cast, get_args
 
 from mrdamper.errors import InputError
+from mrdamper.files import parse_toml, read_text
 from mrdamper.models.dependence import did_you_mean
 from mrdamper.thermal.drawing import (
     Body,
@@ -28,7 +30,7 @@ from mrdamper.thermal.drawing import (
 from mrdamper.thermal.heatsink import FinLaw, HeatSink
 from mrdamper.thermal.materials import Material, find_material
 
-__all__ = ["DRAWINGS", "drawing_of", "sink_of", "text_of"]
+__all__ = ["DRAWINGS", "calibrated_text", "drawing_of", "sink_of", "text_of"]
 
 DRAWINGS = ("paper",)
 """Drawings by name."""
@@ -76,16 +78,15 @@ Document = dict[str, Any]
 
 
 def text_of(path: str | Path) -> str:
-    """Return the text of a drawing's file, or of a preset by its name; an ``InputError`` if it cannot be read."""
+    """Return the text of a drawing's file or of a preset; an ``InputError`` if it cannot be read."""
     if str(path) in DRAWINGS:
         found = resources.files("mrdamper.thermal").joinpath("drawings", f"{path}.toml")
         return found.read_text(encoding="utf-8")
     try:
-        return Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as fault:
-        said = getattr(fault, "strerror", None) or "not UTF-8 text"
+        return read_text(path, "drawing")
+    except InputError as fault:
         raise InputError(
-            f"drawing {str(path)!r}: the file cannot be read ({said}); expected a drawing (TOML), or one of "
+            f"drawing {str(path)!r}: the file cannot be read ({fault}); expected a drawing (TOML), or one of "
             f"the presets: {', '.join(DRAWINGS)}"
         ) from fault
 
@@ -111,7 +112,7 @@ def drawing_of(text: str, place: str) -> DamperDrawing:
         filling=_filling(tables["fluid"], place),
         surroundings=_surroundings(tables["surroundings"]),
         sink=_sink(document, place),
-        calibration=Calibration(**tables["calibration"]),
+        calibration=_calibration(tables["calibration"], place),
     )
 
 
@@ -124,10 +125,38 @@ def sink_of(text: str, place: str) -> HeatSink:
     return found
 
 
+def calibrated_text(
+    text: str, entries: Mapping[str, Mapping[str, float]], title: str, *, sink_text: str | None = None
+) -> str:
+    """Return a drawing's TOML with entries of its tables put in the place of those that were there.
+
+    Parameters
+    ----------
+    text : of a drawing that can be read
+    entries : value by table and key
+    title : a comment at the top; the comments of the text are not kept
+    sink_text : of another file whose table [sink] takes the drawing's place
+    """
+    document = _parse(text, title)
+    if sink_text is not None:
+        document["sink"] = _parse(sink_text, title)["sink"]
+    for table, values in entries.items():
+        document[table] = {**document.get(table, {}), **values}
+    lines = [f"# {title}"]
+    for table, values in document.items():
+        lines += ["", f"[{table}]", *(f"{key} = {_in_toml(value)}" for key, value in values.items())]
+    return "\n".join([*lines, ""])
+
+
+def _in_toml(value: object) -> str:
+    """Return a number, text or truth value as TOML: JSON writes these alike."""
+    return f"{value:.6g}" if isinstance(value, float) else json.dumps(value, ensure_ascii=False)
+
+
 def _parse(text: str, place: str) -> Document:
     try:
-        document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as fault:
+        document = parse_toml(text)
+    except InputError as fault:
         raise InputError(f"{place}: not a TOML file: {fault}") from fault
     for key in document:
         if key not in _KEYS:
@@ -226,6 +255,13 @@ def _surroundings(table: Document) -> Surroundings:
         "mount_W_K": "mount",
     }
     return Surroundings(**{names[key]: value for key, value in table.items()})
+
+
+def _calibration(table: Document, place: str) -> Calibration:
+    try:
+        return Calibration(**table)
+    except InputError as fault:
+        raise InputError(f"{place}: {fault}") from fault
 
 
 def _sink(document: Document, place: str) -> HeatSink | None:

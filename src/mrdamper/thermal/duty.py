@@ -32,6 +32,7 @@ DEFAULT_DUTY = "sine:15mm:1Hz:2A:1800s"
 _SAMPLE_S = 120.0  # of a motion that has no period, to average over
 _CHUNK_S = 20.0  # of a measured motion, over which power is averaged
 _UNEVEN = 1e-3  # of a step
+_LONGEST_S = 1e6
 _EXPECTED = 'expected MOTION:COMMAND:DURATION, such as "sine:15mm:1Hz:2A:1800s", or a CSV file'
 
 
@@ -49,9 +50,9 @@ class Stretch:
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.duration) and self.duration > 0.0):
-            raise InputError(f"duty: a duration is {self.duration} s; expected a positive, finite number")
+            raise InputError(f"a duration is {self.duration:g} s; expected a positive, finite number")
         if not math.isfinite(self.command):
-            raise InputError(f"duty: a command is {self.command}; expected a finite number")
+            raise InputError(f"a command is {self.command}; expected a finite number")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,6 +62,13 @@ class Duty:
     stretches: tuple[Stretch, ...]
     command_unit: str  # "A" or "V"
     text: str
+
+    def __post_init__(self) -> None:
+        if self.duration > _LONGEST_S:
+            raise InputError(
+                f"duty {self.text!r}: it lasts {self.duration:.3g} s; expected at most {_LONGEST_S:g} s "
+                "(11 days). A damper is at its steady temperature after some hours"
+            )
 
     @property
     def duration(self) -> float:
@@ -79,15 +87,18 @@ def read_duty(text: str | Path) -> Duty:
     words = str(text).split(":")
     if Path(text).suffix.lower() == ".csv" or (len(words) < 3 and Path(text).is_file()):
         return _duty_of_table(read_table(Path(text)), Path(text).name)
-    if len(words) < 3:
-        raise InputError(f"duty {str(text)!r}: {_EXPECTED}")
-    motion, duration = motion_from_text(":".join(words[:-2])), words[-1]
     try:
+        if len(words) > 1 and _is_command(words[-1]):
+            raise InputError(f"there is no duration after the command {words[-1]}; add one, such as :1800s")
+        if len(words) < 3:
+            raise InputError("there are less than three parts")
+        seconds = _number(words[-1], "time")
         command, unit = _command(words[-2])
-        seconds = _number(duration, "time")
+        stretch = stretch_of(motion_from_text(":".join(words[:-2])), command, seconds)
     except InputError as fault:
-        raise InputError(f"duty {str(text)!r}: {fault}; {_EXPECTED}") from fault
-    return Duty((stretch_of(motion, command, seconds),), unit, str(text))
+        more = "" if "expected" in str(fault) else f"; {_EXPECTED}"
+        raise InputError(f"duty {str(text)!r}: {fault}{more}") from fault
+    return Duty((stretch,), unit, str(text))
 
 
 def stretch_of(motion: Motion, command: float, duration: float) -> Stretch:
@@ -114,6 +125,14 @@ def _command(text: str) -> tuple[float, str]:
         except InputError:
             continue
     raise InputError(f"the command is {text!r}; expected a current or voltage with its unit, such as 2A")
+
+
+def _is_command(text: str) -> bool:
+    try:
+        _command(text)
+    except InputError:
+        return False
+    return True
 
 
 def _number(text: str, role: str) -> float:

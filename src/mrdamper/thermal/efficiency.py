@@ -22,8 +22,9 @@ from mrdamper.thermal.correlations import annular_fin_efficiency, radiation_film
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.network import zone_network
+from mrdamper.thermal.stepping import Load
 from mrdamper.thermal.surfaces import cap_area, fin_film, fin_radiation
-from mrdamper.thermal.transient import Load, heat_up
+from mrdamper.thermal.transient import heat_up
 
 __all__ = [
     "DEFAULT_EFFICIENCY",

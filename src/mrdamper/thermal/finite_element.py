@@ -23,7 +23,7 @@ from mrdamper.thermal.materials import COPPER_PER_K
 from mrdamper.thermal.mesh import IntArray, SectionMesh, mesh_section
 from mrdamper.thermal.network import PATHS
 from mrdamper.thermal.section import Role, Section, section_of
-from mrdamper.thermal.transient import Load
+from mrdamper.thermal.stepping import Load
 
 __all__ = ["FieldModel", "build_field", "discretise", "heat_field"]
 
@@ -73,7 +73,15 @@ def heat_field(
     longest_step: float = 60.0,
     stop_at: float = math.inf,
 ) -> tuple[FieldModel, FieldHeating]:
-    """Return the model of a drawing and its course through loads; see ``heat_equation.heat_through``."""
+    """Return the model of a drawing and its course through loads; see ``heat_equation.heat_through``.
+
+    Parameters
+    ----------
+    size : of a cell of the mesh, at most [m]
+    start_K : temperature of everything at the start [K]; None: ambient
+    longest_step : of time [s]
+    stop_at : temperature of the fluid at which the course ends [K]
+    """
     model = build_field(drawing, size=size)
     course = heat_through(model.equation, loads, start=start_K, longest_step=longest_step, stop_at=stop_at)
     return model, course

@@ -19,7 +19,7 @@ from mrdamper.thermal.finite_element import FieldModel
 from mrdamper.thermal.materials import COPPER_PER_K
 from mrdamper.thermal.mesh import SectionMesh
 from mrdamper.thermal.programs import run_program
-from mrdamper.thermal.transient import Load
+from mrdamper.thermal.stepping import Load
 
 __all__ = ["FreefemCourse", "run_freefem", "write_freefem"]
 

@@ -42,7 +42,7 @@ def mesh_with_gmsh(
 
 
 def write_geometry(section: Section, path: Path, *, size: float, corner: float) -> None:
-    """Write a section as a gmsh script."""
+    """Write a section as a gmsh script, with cells of a size [m], smaller at corners [m]."""
     lines = ['SetFactory("OpenCASCADE");', f"Mesh.CharacteristicLengthMax = {size:.12g};"]
     for number, block in enumerate(section.blocks, start=1):
         width, height = block.outer - block.inner, block.high - block.low

@@ -6,7 +6,7 @@ with mass M, conduction K, the loads p and c of mechanical and coil heat, the co
 the heat q given off per area at the points B of the surface, each of area a. The finite elements fill it with
 sparse matrices, the reduced model with small dense ones; the stepping is the same.
 
-ROS2: see ``transient``. Energies in and out are carried through both stages with the step's own derivatives,
+ROS2: see ``stepping``. Energies in and out are carried through both stages with the step's own derivatives,
 so that the account closes to rounding. The Jacobian is exact: the mean fluid's part, which would fill the
 matrix, goes in by Sherman's and Morrison's formula.
 """
@@ -29,7 +29,7 @@ from mrdamper.quantities import FloatArray
 from mrdamper.thermal.correlations import STEFAN_BOLTZMANN
 from mrdamper.thermal.mesh import IntArray
 from mrdamper.thermal.network import PATHS
-from mrdamper.thermal.transient import Load
+from mrdamper.thermal.stepping import FIRST_STEP_S, GAMMA, EnergyAccount, Load, march
 
 __all__ = [
     "Cooling",
@@ -45,11 +45,7 @@ __all__ = [
 Matrix = Any  # a sparse matrix or an array: both know @ and .T
 Solver = Callable[[FloatArray], FloatArray]
 
-_GAMMA = 1.0 - 1.0 / math.sqrt(2.0)
-_FIRST_STEP = 1.0  # [s]
-_GROWTH = 1.4
 _ROUNDING_K = 1e-5  # moves of a Newton step that may be rounding
-_SOURCES = ("mechanical", "coil")
 
 
 class Cooling:
@@ -150,7 +146,7 @@ class HeatEquation:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FieldHeating:
+class FieldHeating(EnergyAccount):
     """A course of the heat equation: temperatures, powers and energies at the ends of the steps taken.
 
     Columns of ``flow`` and ``energy`` are the paths of ``network.PATHS``, then mechanical power, coil heat.
@@ -195,27 +191,10 @@ class FieldHeating:
         return np.asarray(self.flow[:, -1])
 
     @property
-    def energy_in(self) -> FloatArray:
-        """Mechanical work and coil heat since the start [J], shape (k,)."""
-        return np.asarray(self.energy[:, -2:].sum(axis=1))
-
-    @property
-    def energy_out(self) -> FloatArray:
-        """Heat given off since the start [J], shape (k,)."""
-        return np.asarray(self.energy[:, :-2].sum(axis=1))
-
-    @property
     def stored(self) -> FloatArray:
         """Heat stored since the start [J], shape (k,)."""
         weights = self.equation.mass @ self.equation.uniform
         return np.asarray((self.state - self.state[0]) @ weights)
-
-    @property
-    def closure(self) -> float:
-        """Largest miss of the energy account, over the largest energy in it [-]."""
-        miss = np.abs(self.energy_in - self.energy_out - self.stored).max()
-        size = max(np.abs(part).max() for part in (self.energy_in, self.energy_out, self.stored))
-        return float(miss / size) if size > 0.0 else 0.0
 
 
 def heat_through(
@@ -224,7 +203,7 @@ def heat_through(
     *,
     start: float | FloatArray | None = None,
     longest_step: float = 60.0,
-    first_step: float = _FIRST_STEP,
+    first_step: float = FIRST_STEP_S,
     stop_at: float = math.inf,
 ) -> FieldHeating:
     """Run a heat equation through loads, one after the other.
@@ -240,36 +219,16 @@ def heat_through(
     EnvelopeError
         A surface leaves the temperatures at which its losses are known.
     """
-    if not loads:
-        raise InputError("heating: there is no load; expected at least one")
-    if not (longest_step > 0.0 and first_step > 0.0):
-        raise InputError(f"heating: steps are {first_step} and {longest_step} s; expected positive numbers")
-    stepper = _Stepper(equation, loads[0])
-    state = _first_state(equation, start)
-    times, states, flows = [0.0], [state], [stepper.evaluate(state).flow]
-    energies = [np.zeros(len(PATHS) + len(_SOURCES))]
-    stopped = bool(equation.fluid @ state + equation.ambient >= stop_at)
-    for k, load in enumerate(() if stopped else loads):
-        if k > 0:
-            stepper.take(load)
-        for step in _steps(load.duration, min(first_step, longest_step), longest_step):
-            taken = step
-            new, gained = stepper.step(state, step)
-            stopped = bool(equation.fluid @ new + equation.ambient >= stop_at)
-            if stopped:
-                taken = _size_to(stepper, state, step, stop_at)
-                new, gained = stepper.step(state, taken)
-            state = new
-            times.append(times[-1] + taken)
-            states.append(state)
-            flows.append(stepper.evaluate(state).flow)
-            energies.append(energies[-1] + gained)
-            if stopped:
-                break
-        if stopped:
-            break
     return FieldHeating(
-        equation, np.array(times), np.array(states), np.array(flows), np.array(energies), stopped
+        equation,
+        *march(
+            _Stepper(equation),
+            loads,
+            _first_state(equation, start),
+            first_step=first_step,
+            longest_step=longest_step,
+            stop_at=stop_at,
+        ),
     )
 
 
@@ -281,7 +240,8 @@ def settle(equation: HeatEquation, load: Load, *, start: float | FloatArray | No
     ConvergenceError
         There is no steady state (nothing is given off), or the iteration did not reach it.
     """
-    stepper = _Stepper(equation, load)
+    stepper = _Stepper(equation)
+    stepper.take(load)
     state = _first_state(equation, equation.ambient + 50.0 if start is None else start)
     before = math.inf
     for _ in range(60):
@@ -309,7 +269,8 @@ def one_step_backward(equation: HeatEquation, load: Load, state: FloatArray, siz
     ConvergenceError
         The iteration did not settle to 1e-9 K in 20 turns.
     """
-    stepper = _Stepper(equation, load)
+    stepper = _Stepper(equation)
+    stepper.take(load)
     new = state.copy()
     for _ in range(20):
         here = stepper.evaluate(new)
@@ -329,29 +290,6 @@ def _first_state(equation: HeatEquation, start: float | FloatArray | None) -> Fl
     return given.copy()
 
 
-def _steps(duration: float, first: float, longest: float) -> list[float]:
-    """Return steps that grow from the first to the longest and end with the duration."""
-    steps, left, step = [], duration, first
-    while step < longest and left > step:
-        steps.append(step)
-        left -= step
-        step = min(step * _GROWTH, longest)
-    count = max(math.ceil(left / longest - 1e-9), 1)
-    return steps + [left / count] * count
-
-
-def _size_to(stepper: _Stepper, state: FloatArray, step: float, stop_at: float) -> float:
-    """Return the step, at most the given one, after which the fluid is at the temperature to stop at."""
-    from scipy.optimize import brentq
-
-    equation = stepper.equation
-
-    def below(size: float) -> float:
-        return stop_at - equation.ambient - float(equation.fluid @ stepper.step(state, size)[0])
-
-    return float(brentq(below, 0.0, step, xtol=1e-6))
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class _Here:
     """The equation at one state."""
@@ -365,20 +303,24 @@ class _Here:
 class _Stepper:
     """ROS2 on a heat equation with one load at a time."""
 
-    def __init__(self, equation: HeatEquation, load: Load) -> None:
+    def __init__(self, equation: HeatEquation) -> None:
         self.equation = equation
         # 1ᵀ E: what a state adds to the heat of a coil of 1 W
         self._warm_row = np.asarray(equation.warming.T @ equation.uniform)
-        self.take(load)
 
     def take(self, load: Load) -> None:
         """Put a load in: its power becomes a spline over the grid of the films, as in the network."""
         grid = self.equation.cooling.grid
-        power = np.asarray(load.power(grid), dtype=np.float64)
-        if power.shape != grid.shape or not np.isfinite(power).all():
-            raise InputError("load: its power is not finite, or not one number per temperature")
-        self._power = CubicSpline(grid - self.equation.ambient, power)
+        self._power = CubicSpline(grid - self.equation.ambient, load.power_on(grid))
         self._coil_W = load.coil_W
+
+    def fluid(self, state: FloatArray) -> float:
+        """Return the fluid's mean temperature [K]."""
+        return float(self.equation.fluid @ state) + self.equation.ambient
+
+    def flow(self, state: FloatArray) -> FloatArray:
+        """Return losses by path, then the sources [W], shape (7,)."""
+        return self.evaluate(state).flow
 
     def evaluate(self, state: FloatArray) -> _Here:
         """Return the equation's right side at a state."""
@@ -427,7 +369,7 @@ class _Stepper:
     def step(self, state: FloatArray, size: float) -> tuple[FloatArray, FloatArray]:
         """Return the state after a step [s], and the energies that went through each column in it [J]."""
         e = self.equation
-        shrunk = _GAMMA * size
+        shrunk = GAMMA * size
         here = self.evaluate(state)
         solve = self.solver(here, shrunk, 1.0)
         first = solve(here.rate)

@@ -42,10 +42,11 @@ class HeatSink:
     def __post_init__(self) -> None:
         if int(self.fins) != self.fins or self.fins < 1:
             raise InputError(f"sink: fins is {self.fins!r}; expected a whole number, at least 1")
-        for name in ("width", "thickness", "pitch", "film_multiplier"):
-            value = getattr(self, name)
+        for name in ("width_mm", "thickness_mm", "pitch_mm", "film_multiplier"):
+            value = getattr(self, name.removesuffix("_mm"))
+            said = 1e3 * value if name.endswith("_mm") else value
             if not (math.isfinite(value) and value > 0.0):
-                raise InputError(f"sink: {name} is {value}; expected a positive, finite number")
+                raise InputError(f"sink: {name} is {said:g}; expected a positive, finite number")
         if not (math.isfinite(self.contact) and self.contact >= 0.0):
             raise InputError(f"sink: contact is {self.contact} m^2 K/W; expected zero or more, finite")
         if not 0.0 <= self.emissivity <= 1.0:

@@ -28,6 +28,7 @@ from types import MappingProxyType
 import numpy as np
 
 from mrdamper.quantities import FloatArray
+from mrdamper.thermal.stepping import GAMMA, growing_steps
 
 __all__ = ["NUMBERS", "PRIOR", "Belief", "heat_lean"]
 
@@ -35,7 +36,6 @@ _VISCOSITY_K = 1400.0
 _AT_EXCESS_K = 40.0
 _SMOOTH_K = 5.0  # delta: keeps the film's power smooth through ambient
 _LEAST_POWER = 0.05  # of the power at ambient
-_GAMMA = 1.0 - 1.0 / math.sqrt(2.0)
 _FIRST_STEP, _GROWTH, _LONGEST = 2.0, 1.3, 40.0  # [s]
 
 
@@ -100,7 +100,8 @@ def heat_lean(
     exchange = share * (1.0 - share) / settling
     to_near, to_core = exchange / share, exchange / (1.0 - share)
     balance = _balance(numbers, ambient)
-    grid = _steps(float(time[0]), float(time[-1]))
+    steps = growing_steps(float(time[-1] - time[0]), _FIRST_STEP, _LONGEST, growth=_GROWTH)
+    grid = float(time[0]) + np.append(0.0, np.cumsum(steps))
     values, rates = np.empty((len(grid), len(start))), np.empty((len(grid), len(start)))
     near, core = start.copy(), start.copy()
     for k, now in enumerate(grid):
@@ -111,7 +112,7 @@ def heat_lean(
             break
         h = grid[k + 1] - now
         # I - gamma h J, solved by hand
-        g = _GAMMA * h
+        g = GAMMA * h
         a11, a12 = 1.0 + g * (to_near - gain_slope / share), -g * to_near
         a21, a22 = -g * to_core, 1.0 + g * to_core
         over = 1.0 / (a11 * a22 - a12 * a21)
@@ -147,15 +148,6 @@ def _balance(
         )
 
     return balance
-
-
-def _steps(first: float, last: float) -> FloatArray:
-    """Return times that start with short steps, growing."""
-    times, step = [first], _FIRST_STEP
-    while times[-1] + step < last:
-        times.append(times[-1] + step)
-        step = min(step * _GROWTH, _LONGEST)
-    return np.array([*times, last]) if last > times[-1] else np.array(times)
 
 
 def _hermite(grid: FloatArray, values: FloatArray, rates: FloatArray, time: FloatArray) -> FloatArray:

@@ -19,7 +19,8 @@ from mrdamper.quantities import FloatArray
 from mrdamper.thermal.drawing import Calibration, DamperDrawing
 from mrdamper.thermal.finite_element import heat_field
 from mrdamper.thermal.network import zone_network
-from mrdamper.thermal.transient import Heating, Load, heat_up
+from mrdamper.thermal.stepping import Load
+from mrdamper.thermal.transient import Heating, heat_up
 
 __all__ = ["NetworkCalibration", "NetworkError", "calibrate_network", "network_error"]
 

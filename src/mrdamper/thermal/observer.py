@@ -1,9 +1,9 @@
 """Temperature of the fluid from what can be measured: an extended Kalman filter on the thermal network.
 
 It sees the coil's resistance, a thermocouple on the body, or both, and is told the mechanical power by the
-model. Beside the nodes' temperatures it estimates six factors by which the drawing may be off (``FACTORS``):
-power, capacity, losses, the conductance from fluid to body (so that T_fluid = T_body + P/G goes by an
-estimated G), that from the coil, and the coil's resistance at 20 degC, which a cold start zeroes.
+model. Beside the nodes' temperatures it estimates the factors by which the drawing may be off
+(``doubt.FACTORS``): among them the conductance from fluid to body, so that T_fluid = T_body + P/G goes by an
+estimated G, and the coil's resistance at 20 degC, which a cold start zeroes.
 
 What it cannot know it says: without current there is no resistance to read, the spread grows, and a small
 probing current brings it back; power, capacity and losses share a common factor that no thermometer tells.
@@ -22,48 +22,24 @@ import numpy as np
 
 from mrdamper.errors import InputError
 from mrdamper.quantities import FloatArray, read_only
+from mrdamper.thermal.doubt import (
+    BODY,
+    CAPACITY,
+    COIL,
+    FACTORS,
+    LOSS,
+    POWER,
+    RESISTANCE,
+    ROOM_K,
+    Doubt,
+    DoubtedNetwork,
+)
 from mrdamper.thermal.materials import COPPER_PER_K
 from mrdamper.thermal.network import ThermalNetwork
-from mrdamper.thermal.prediction import TimeToLimit, first_crossing, summarise_times
-from mrdamper.thermal.transient import Load
+from mrdamper.thermal.sampling import TimeToLimit
+from mrdamper.thermal.stepping import Load
 
-__all__ = [
-    "FACTORS",
-    "Doubt",
-    "ObserverState",
-    "TemperatureObserver",
-    "ThermalSeen",
-    "Thermometers",
-    "time_left",
-]
-
-FACTORS = ("power", "capacity", "loss", "fluid_body", "coil", "resistance")
-"""What the drawing may be off by; the state holds the logarithm of each factor."""
-
-_POWER, _CAPACITY, _LOSS, _BODY, _COIL, _RESISTANCE = range(len(FACTORS))
-_ROOM_K = 293.15
-_GAMMA = 1.0 - 1.0 / math.sqrt(2.0)
-_FIRST_STEP_S, _LONGEST_STEP_S, _GROWTH = 2.0, 60.0, 1.4
-
-
-@dataclass(frozen=True, slots=True)
-class Doubt:
-    """How far the drawing and the model may be off: relative standard deviations, and random walks."""
-
-    power: float = 0.10
-    capacity: float = 0.10
-    loss: float = 0.25
-    fluid_body: float = 0.30
-    coil: float = 0.30
-    resistance: float = 0.02
-    drift_per_sqrt_h: float = 0.02  # of each factor but the resistance [1/sqrt(h)]
-    node_K_per_sqrt_s: float = 0.02  # of each node [K/sqrt(s)]
-
-    def __post_init__(self) -> None:
-        for name in self.__dataclass_fields__:
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0.0):
-                raise InputError(f"observer: doubt.{name} is {value}; expected zero or more, finite")
+__all__ = ["ObserverState", "TemperatureObserver", "ThermalSeen", "Thermometers", "time_left"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +99,7 @@ class TemperatureObserver:
     doubt: Doubt = field(default_factory=Doubt)
     thermometers: Thermometers = field(default_factory=Thermometers)
     body: FloatArray | None = None
-    _tables: _Tables = field(init=False, repr=False)
+    doubted: DoubtedNetwork = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.resistance_20_ohm) and self.resistance_20_ohm > 0.0):
@@ -135,7 +111,7 @@ class TemperatureObserver:
         if body.shape != (len(self.network.names),) or not math.isclose(float(body.sum()), 1.0, rel_tol=1e-9):
             raise InputError("observer: body is not one weight per node, sum 1")
         object.__setattr__(self, "body", body)
-        object.__setattr__(self, "_tables", _Tables(self))
+        object.__setattr__(self, "doubted", DoubtedNetwork(self.network))
 
     def start(
         self,
@@ -153,7 +129,7 @@ class TemperatureObserver:
         spread_K : its standard deviation; of a damper that is still warm, give the mean and a wide one
         learnt : an earlier state, whose factors are kept
         """
-        n, size = self._tables.nodes, self._tables.nodes + len(FACTORS)
+        n, size = self.doubted.nodes, self.doubted.nodes + len(FACTORS)
         start = self.network.ambient if temperature_K is None else temperature_K
         if not (math.isfinite(start) and spread_K > 0.0):
             raise InputError(
@@ -164,7 +140,7 @@ class TemperatureObserver:
         # the nodes are off together, and a little each
         covariance[:n, :n] = spread_K**2 * (0.96 + 0.04 * np.eye(n))
         if learnt is None:
-            covariance[n:, n:] = np.diag([getattr(self.doubt, name) ** 2 for name in FACTORS])
+            covariance[n:, n:] = self.doubt.covariance
         else:
             mean[n:] = learnt.mean[n:]
             covariance[n:, n:] = learnt.covariance[n:, n:]
@@ -176,12 +152,12 @@ class TemperatureObserver:
             raise InputError(f"observer: {seen.elapsed_s} s passed; expected zero or more")
         mean, covariance = np.array(state.mean), np.array(state.covariance)
         if seen.elapsed_s > 0.0:
-            mean, covariance = self._tables.advance(mean, covariance, seen)
+            mean, covariance = self._advance(mean, covariance, seen)
         if _reads(seen.resistance_ohm) and seen.current_A != 0.0:
             mean, covariance = self._see_resistance(mean, covariance, seen)
         if _reads(seen.body_K):
             row = np.zeros(len(mean))
-            row[: self._tables.nodes] = self.body
+            row[: self.doubted.nodes] = self.body
             noise = self.thermometers.body_K
             off = float(seen.body_K or 0.0) - float(row @ mean)
             mean, covariance = _correct(mean, covariance, row, off, noise)
@@ -201,26 +177,64 @@ class TemperatureObserver:
 
     def factors(self, state: ObserverState) -> Mapping[str, tuple[float, float]]:
         """Return each factor and its relative standard deviation."""
-        n = self._tables.nodes
+        n = self.doubted.nodes
         spread = np.sqrt(np.diag(state.covariance)[n:])
         return {
             name: (math.exp(float(state.mean[n + k])), float(spread[k])) for k, name in enumerate(FACTORS)
         }
 
     def _weighted(self, state: ObserverState, weight: FloatArray) -> tuple[float, float]:
-        n = self._tables.nodes
+        n = self.doubted.nodes
         variance = float(weight @ state.covariance[:n, :n] @ weight)
         return float(weight @ state.mean[:n]), math.sqrt(max(variance, 0.0))
+
+    def _advance(
+        self, mean: FloatArray, covariance: FloatArray, seen: ThermalSeen
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return mean and covariance after the time that passed: Euler, implicit in the temperatures."""
+        n, network, doubted, h = self.doubted.nodes, self.network, self.doubted, seen.elapsed_s
+        nodes, factor = mean[:n], np.exp(mean[n:])
+        stored = factor[CAPACITY] / h * network.capacity
+        lost, lost_slope = doubted.losses(nodes)
+        joule = factor[RESISTANCE] * seen.current_A**2 * self.resistance_20_ohm
+        by_coil = joule * COPPER_PER_K * np.outer(network.electrical, network.coil)
+        driven = factor[POWER] * seen.power_W * network.mechanical
+        matrix = -doubted.rest - factor[BODY] * doubted.of_body - factor[COIL] * doubted.of_coil - by_coil
+        matrix[np.diag_indices(n)] += stored + factor[LOSS] * lost_slope
+        inverse = np.linalg.inv(matrix)
+        heated = joule * (1.0 - COPPER_PER_K * ROOM_K) * network.electrical
+        right = stored * nodes + driven + heated - factor[LOSS] * (lost - lost_slope * nodes)
+        new = inverse @ right
+        move = new - nodes
+        by_factor = np.empty((n, len(FACTORS)))
+        by_factor[:, POWER] = driven
+        by_factor[:, CAPACITY] = -stored * move
+        by_factor[:, LOSS] = -factor[LOSS] * (lost + lost_slope * move)
+        by_factor[:, BODY] = factor[BODY] * (doubted.of_body @ new)
+        by_factor[:, COIL] = factor[COIL] * (doubted.of_coil @ new)
+        by_factor[:, RESISTANCE] = heated + by_coil @ new
+        slope = np.eye(len(mean))
+        slope[:n, :n] = inverse * stored
+        slope[:n, n:] = inverse @ by_factor
+        ahead = slope @ covariance @ slope.T
+        ahead[np.diag_indices_from(ahead)] += h * self._walk()
+        return np.concatenate([new, mean[n:]]), ahead
+
+    def _walk(self) -> FloatArray:
+        """Return the variance by which each of a state's numbers wanders in a second."""
+        drift = np.full(len(FACTORS), self.doubt.drift_per_sqrt_h**2 / 3600.0)
+        drift[RESISTANCE] = 0.0
+        return np.append(np.full(self.doubted.nodes, self.doubt.node_K_per_sqrt_s**2), drift)
 
     def _see_resistance(
         self, mean: FloatArray, covariance: FloatArray, seen: ThermalSeen
     ) -> tuple[FloatArray, FloatArray]:
-        n = self._tables.nodes
-        cold = self.resistance_20_ohm * math.exp(mean[n + _RESISTANCE])
-        expected = cold * (1.0 + COPPER_PER_K * (float(self.network.coil @ mean[:n]) - _ROOM_K))
+        n = self.doubted.nodes
+        cold = self.resistance_20_ohm * math.exp(mean[n + RESISTANCE])
+        expected = cold * (1.0 + COPPER_PER_K * (float(self.network.coil @ mean[:n]) - ROOM_K))
         row = np.zeros(len(mean))
         row[:n] = cold * COPPER_PER_K * self.network.coil
-        row[n + _RESISTANCE] = expected
+        row[n + RESISTANCE] = expected
         noise = self.thermometers.resistance_error(expected, seen.current_A)
         return _correct(mean, covariance, row, float(seen.resistance_ohm or 0.0) - expected, noise)
 
@@ -245,127 +259,9 @@ def time_left(
     load : what heats from now on; its duration is how far is looked, and what is not reached until then is
         "not reached", infinity. Its ``coil_W`` goes with the drawing's resistance
     """
-    tables = observer._tables  # noqa: SLF001  # of this module
-    rng = np.random.default_rng(seed)
-    values, vectors = np.linalg.eigh(state.covariance)
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
-    drawn = state.mean + rng.standard_normal((dampers, len(state.mean))) @ root.T
-    time, fluid = tables.ahead(drawn, load, limit_K)
-    return summarise_times(first_crossing(time, fluid, limit_K), limit_K, probability, load.duration)
-
-
-class _Tables:
-    """A network's numbers as the filter wants them: made once."""
-
-    def __init__(self, observer: TemperatureObserver) -> None:
-        network, doubt = observer.network, observer.doubt
-        n = self.nodes = len(network.names)
-        self.network = network
-        self.resistance = observer.resistance_20_ohm
-        self.low, self.width = float(network.grid[0]), float(network.grid[1] - network.grid[0])
-        self.watts = np.zeros((n, len(network.grid)))
-        for node, row in zip(network.loss_node, network.watts, strict=True):
-            self.watts[node] += row
-        fluid, wall, coil = network.fluid > 0.0, network.wall > 0.0, network.coil > 0.0
-        of_coil = (coil[:, None] | coil[None, :]) & ~(coil[:, None] & coil[None, :])
-        of_body = ((fluid[:, None] & wall[None, :]) | (wall[:, None] & fluid[None, :])) & ~of_coil
-        self.of_coil = _laplacian(np.where(of_coil, network.conductance, 0.0))
-        self.of_body = _laplacian(np.where(of_body, network.conductance, 0.0))
-        self.rest = _laplacian(np.where(of_coil | of_body, 0.0, network.conductance))
-        drift = np.full(len(FACTORS), doubt.drift_per_sqrt_h**2 / 3600.0)
-        drift[_RESISTANCE] = 0.0
-        self.walk = np.append(np.full(n, doubt.node_K_per_sqrt_s**2), drift)  # variance per second
-        self.node = np.arange(n)
-
-    def losses(self, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return what the nodes give off [W] and the slopes [W/K], in the nodes' shape (..., n)."""
-        at = (nodes - self.low) / self.width
-        place = np.clip(at.astype(np.intp), 0, self.watts.shape[1] - 2)
-        below = self.watts[self.node, place]
-        slope = (self.watts[self.node, place + 1] - below) / self.width
-        return below + slope * (at - place) * self.width, slope
-
-    def advance(
-        self, mean: FloatArray, covariance: FloatArray, seen: ThermalSeen
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return mean and covariance after the time that passed: Euler, implicit in the temperatures."""
-        n, network, h = self.nodes, self.network, seen.elapsed_s
-        nodes, factor = mean[:n], np.exp(mean[n:])
-        stored = factor[_CAPACITY] / h * network.capacity
-        lost, lost_slope = self.losses(nodes)
-        joule = factor[_RESISTANCE] * seen.current_A**2 * self.resistance
-        by_coil = joule * COPPER_PER_K * np.outer(network.electrical, network.coil)
-        driven = factor[_POWER] * seen.power_W * network.mechanical
-        matrix = -self.rest - factor[_BODY] * self.of_body - factor[_COIL] * self.of_coil - by_coil
-        matrix[self.node, self.node] += stored + factor[_LOSS] * lost_slope
-        inverse = np.linalg.inv(matrix)
-        heated = joule * (1.0 - COPPER_PER_K * _ROOM_K) * network.electrical
-        right = stored * nodes + driven + heated - factor[_LOSS] * (lost - lost_slope * nodes)
-        new = inverse @ right
-        move = new - nodes
-        by_factor = np.empty((n, len(FACTORS)))
-        by_factor[:, _POWER] = driven
-        by_factor[:, _CAPACITY] = -stored * move
-        by_factor[:, _LOSS] = -factor[_LOSS] * (lost + lost_slope * move)
-        by_factor[:, _BODY] = factor[_BODY] * (self.of_body @ new)
-        by_factor[:, _COIL] = factor[_COIL] * (self.of_coil @ new)
-        by_factor[:, _RESISTANCE] = heated + by_coil @ new
-        slope = np.eye(len(mean))
-        slope[:n, :n] = inverse * stored
-        slope[:n, n:] = inverse @ by_factor
-        ahead = slope @ covariance @ slope.T
-        ahead[np.diag_indices_from(ahead)] += h * self.walk
-        return np.concatenate([new, mean[n:]]), ahead
-
-    def ahead(self, drawn: FloatArray, load: Load, limit_K: float) -> tuple[FloatArray, FloatArray]:
-        """Return times [s], shape (t,), and the fluid's temperature of k dampers [K], shape (t, k): ROS2."""
-        n, network = self.nodes, self.network
-        nodes, factor = drawn[:, :n].copy(), np.exp(drawn[:, n:])
-        capacity = factor[:, _CAPACITY, None] * network.capacity
-        joule = factor[:, _RESISTANCE, None] * load.coil_W
-        linear = (
-            self.rest
-            + factor[:, _BODY, None, None] * self.of_body
-            + factor[:, _COIL, None, None] * self.of_coil
-            + joule[:, :, None] * COPPER_PER_K * np.outer(network.electrical, network.coil)
-        )
-        heated = joule * (1.0 - COPPER_PER_K * _ROOM_K) * network.electrical
-        watts = np.asarray(load.power(network.grid), dtype=np.float64)
-        if watts.shape != network.grid.shape or not np.isfinite(watts).all():
-            raise InputError("time left: the power is not finite, or not one number per temperature")
-        slopes = np.gradient(watts, network.grid)
-        share = factor[:, _POWER, None]
-
-        def rate(at: FloatArray) -> FloatArray:
-            driven = share * np.interp(at @ network.fluid, network.grid, watts)[:, None] * network.mechanical
-            lost = factor[:, _LOSS, None] * self.losses(at)[0]
-            flow = (linear @ at[:, :, None])[:, :, 0] + heated + driven - lost
-            return np.asarray(flow / capacity)
-
-        times, fluid, step = [0.0], [nodes @ network.fluid], _FIRST_STEP_S
-        while times[-1] < load.duration - 1e-9:
-            h = min(step, load.duration - times[-1])
-            jacobian = linear.copy()
-            jacobian[:, self.node, self.node] -= factor[:, _LOSS, None] * self.losses(nodes)[1]
-            falls = share[:, 0] * np.interp(nodes @ network.fluid, network.grid, slopes)
-            jacobian += falls[:, None, None] * np.outer(network.mechanical, network.fluid)
-            matrix = np.eye(n) - _GAMMA * h * jacobian / capacity[:, :, None]
-            inverse = np.linalg.inv(matrix)
-            first = (inverse @ rate(nodes)[:, :, None])[:, :, 0]
-            second = (inverse @ (rate(nodes + h * first) - 2.0 * first)[:, :, None])[:, :, 0]
-            nodes = nodes + h * (1.5 * first + 0.5 * second)
-            times.append(times[-1] + h)
-            fluid.append(nodes @ network.fluid)
-            # beyond the limit nothing more is asked; keep within the tables
-            nodes = np.minimum(nodes, limit_K + 100.0)
-            step = min(step * _GROWTH, _LONGEST_STEP_S)
-            if (np.max(fluid, axis=0) >= limit_K).all():
-                break
-        return np.array(times), np.array(fluid)
-
-
-def _laplacian(conductance: FloatArray) -> FloatArray:
-    return np.asarray(conductance - np.diag(conductance.sum(axis=1)))
+    return observer.doubted.look_ahead(
+        state.mean, state.covariance, [load], limit_K, probability=probability, dampers=dampers, seed=seed
+    ).to_limit
 
 
 def _reads(reading: float | None) -> bool:

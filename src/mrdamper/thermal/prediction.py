@@ -12,7 +12,6 @@ It holds while the duty and the surroundings stay as they are.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -23,8 +22,9 @@ from mrdamper.errors import ConvergenceError, InputError
 from mrdamper.quantities import FloatArray, read_only
 from mrdamper.thermal.curve import HeatingCurve, lag_signal
 from mrdamper.thermal.lean import NUMBERS, PRIOR, heat_lean
+from mrdamper.thermal.sampling import TimeToLimit, draw_evenly, first_crossing, interval_of, summarise_times
 
-__all__ = ["EarlyPrediction", "Misfit", "TimeToLimit", "predict_early"]
+__all__ = ["EarlyPrediction", "Misfit", "predict_early"]
 
 _LOOK_STEP_S = 20.0
 _BIN_S = 10.0  # averaged over
@@ -37,7 +37,6 @@ _WORST_SCORE = 4.0  # of the best fit; 1 is expected
 _SETTLED = 0.01  # fall of twice the log-likelihood that is not worth another step
 _LONGEST_MOVE = 1.5  # [spreads]
 _PROBE = 1e-3  # step of the derivatives, in spreads of the beliefs
-_NORMAL_90 = 1.6448536269514722
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,31 +53,9 @@ _MISFITS: Mapping[str, Misfit] = MappingProxyType(
 )
 
 
-@dataclass(frozen=True, slots=True)
-class TimeToLimit:
-    """When a temperature is reached; ``math.inf`` is "not reached" (within the time looked at)."""
-
-    limit_K: float
-    median_s: float
-    low_s: float  # with ``high_s``, holds the true time with the asked probability
-    high_s: float
-    not_reached: float  # probability that it is not reached within ``looked_s`` [-]
-    looked_s: float
-
-    def __str__(self) -> str:
-        spelled = [
-            f"{time / 60.0:.1f} min" if math.isfinite(time) else "not reached"
-            for time in (self.median_s, self.low_s, self.high_s)
-        ]
-        return (
-            f"{self.limit_K - 273.15:.4g} degC: {spelled[0]} ({spelled[1]} to {spelled[2]}; not reached "
-            f"within {self.looked_s / 60.0:.0f} min: {100.0 * self.not_reached:.0f} %)"
-        )
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class EarlyPrediction:
-    """What is known of a damper after the first minutes of its curve: weighted dampers that fit it.
+    """What is known of a damper after the first minutes of its curve: dampers that fit it.
 
     Arrays are read-only; ``numbers`` holds what each damper is, per heat capacity (``lean.PRIOR``).
     """
@@ -95,9 +72,7 @@ class EarlyPrediction:
 
         The time is on the curve's clock, the temperature that of the place where the curve was measured.
         """
-        values = self.temperatures(np.array([time_s]))[0]
-        tail = 0.5 * (1.0 - probability)
-        low, middle, high = np.quantile(values, (tail, 0.5, 1.0 - tail))
+        middle, low, high = interval_of(self.temperatures(np.array([time_s]))[0], probability)
         return float(middle), float(low), float(high)
 
     def temperatures(self, time: FloatArray) -> FloatArray:
@@ -156,7 +131,7 @@ def predict_early(
     problem = _Problem(curve, ambient_K, misfit or _MISFITS[curve.place])
     middle = problem.most_probable()
     rng = np.random.default_rng(seed)
-    drawn = _even_draws(rng, problem.rows + 1, dampers, problem.size + 1)
+    drawn = draw_evenly(rng, problem.rows + 1, dampers, problem.size + 1)
     errors, off = drawn[:-1], drawn[-1]
     numbers, start = problem.numbers(problem.fit(np.repeat(middle, dampers, axis=1), errors))
     return EarlyPrediction(
@@ -167,21 +142,6 @@ def predict_early(
         read_only(off),
         problem.misfit,
     )
-
-
-def _even_draws(rng: np.random.Generator, rows: int, columns: int, least: int) -> FloatArray:
-    """Return normal numbers whose means are 0 and whose covariance is 1, as far as there are columns for it.
-
-    Each has its opposite (so the means), and rows are made orthogonal: all, or with few columns the last
-    ``least``. What is left to chance is then hardly the middle or the width of an answer.
-    """
-    half = rng.standard_normal((rows, (columns + 1) // 2))
-    count = half.shape[1]
-    chosen = slice(0 if count > rows else rows - least, rows)
-    if count > rows - chosen.start:
-        turned, triangle = np.linalg.qr(half[chosen].T)
-        half[chosen] = (turned * np.sign(np.diag(triangle))).T * math.sqrt(count)
-    return np.hstack([half, -half])[:, :columns]
 
 
 class _Problem:
@@ -263,26 +223,6 @@ class _Problem:
         moved = (at[:, None, :] + _PROBE * np.eye(self.size)[:, :, None]).reshape(self.size, -1)
         change = self.residuals(moved).reshape(-1, self.size, k) - residual[:, None, :]
         return np.ascontiguousarray((change / _PROBE).transpose(2, 1, 0))
-
-
-def first_crossing(time: FloatArray, values: FloatArray, limit: float) -> FloatArray:
-    """Return when each column, shape (t, k), first is at the limit or above; infinity where it never is."""
-    above = values >= limit
-    k = above.argmax(axis=0)
-    column = np.arange(values.shape[1])
-    before = np.maximum(k - 1, 0)
-    low, high = values[before, column], values[k, column]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        part = np.where(high > low, (limit - low) / (high - low), 0.0)
-    when = time[before] + part * (time[k] - time[before])
-    return np.where(above.any(axis=0), np.where(k == 0, time[0], when), np.inf)
-
-
-def summarise_times(when: FloatArray, limit_K: float, probability: float, look_s: float) -> TimeToLimit:
-    """Return median, interval and the share of "not reached" of times, infinity among them."""
-    tail = 0.5 * (1.0 - probability)
-    low, middle, high = (float(q) for q in np.quantile(when, (tail, 0.5, 1.0 - tail), method="nearest"))
-    return TimeToLimit(limit_K, middle, low, high, float(np.isinf(when).mean()), look_s)
 
 
 def _bins(curve: HeatingCurve) -> tuple[FloatArray, FloatArray, FloatArray]:

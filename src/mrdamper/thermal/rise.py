@@ -23,11 +23,15 @@ from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.duty import DEFAULT_DUTY, Duty, read_duty
 from mrdamper.thermal.lumped import lumped_network
 from mrdamper.thermal.network import PATHS, ThermalNetwork, zone_network
+from mrdamper.thermal.stepping import Load
 from mrdamper.thermal.surfaces import name_correlations
-from mrdamper.thermal.transient import Heating, Load, heat_up
+from mrdamper.thermal.transient import Heating, heat_up
 from mrdamper.thermal.work import LoopWork, tabulate_work
 
-__all__ = ["NETWORKS", "Model", "Rise", "build_network", "heat_with", "loads_of", "predict_rise", "works_of"]
+__all__ = [
+    "NETWORKS", "Model", "Rise", "build_network", "heat_with", "loads_of", "notes_of", "predict_rise",
+    "works_of",
+]  # fmt: skip
 
 Model = Literal["zones", "lumped"]
 
@@ -107,6 +111,7 @@ def predict_rise(
     model : ``zones`` (three axial zones) or ``lumped`` (the paper's Eq. (8))
     start_K : temperature of everything at the start; None: ambient
     stop_at_limit : end the curve where the fluid reaches its limit; else go on, and say when it did
+    longest_step : of time [s]
 
     Raises
     ------
@@ -116,7 +121,7 @@ def predict_rise(
     damper = card.damper if isinstance(card, ModelCard) else card
     plan = duty if isinstance(duty, Duty) else read_duty(duty)
     works = works_of(damper, plan)
-    notes = _notes(card, damper, plan)
+    notes = notes_of(card, plan)
     return heat_with(
         works,
         drawing,
@@ -140,7 +145,10 @@ def heat_with(  # keyword-only options beside the three things joined
     longest_step: float = 60.0,
     notes: tuple[str, ...] = (),
 ) -> Rise:
-    """Return the rise for work that is known already, one ``LoopWork`` for each stretch of the duty."""
+    """Return the rise for work that is known already, one ``LoopWork`` for each stretch of the duty.
+
+    ``longest_step`` is in [s], the rest as in ``predict_rise``.
+    """
     network = build_network(drawing, model)
     limit = drawing.filling.valid_K[1]
     loads = loads_of(works, drawing, duty)
@@ -190,7 +198,13 @@ def works_of(damper: Damper, duty: Duty) -> list[LoopWork]:
             f"duty {duty.text!r}: its command is in {duty.command_unit}, the card's in "
             f"{damper.command_unit}; expected the same unit, as in sine:15mm:1Hz:2{damper.command_unit}:1800s"
         )
-    return [tabulate_work(damper, stretch) for stretch in duty.stretches]
+    try:
+        return [tabulate_work(damper, stretch) for stretch in duty.stretches]
+    except InputError as fault:
+        raise InputError(
+            f"duty {duty.text!r}: the card's law cannot be run there: {fault}. Keep to commands that the "
+            "card was identified at"
+        ) from fault
 
 
 def loads_of(works: Sequence[LoopWork], drawing: DamperDrawing, duty: Duty) -> list[Load]:
@@ -271,8 +285,9 @@ def _fade(works: Sequence[LoopWork], duty: Duty, heating: Heating) -> tuple[Floa
     return peak, 100.0 * (1.0 - float(peak[moving[-1]]) / cold) if cold > 0.0 else None
 
 
-def _notes(card: ModelCard | Damper, damper: Damper, duty: Duty) -> tuple[str, ...]:
-    """Say what a reader of the result should know about the card."""
+def notes_of(card: ModelCard | Damper, duty: Duty) -> tuple[str, ...]:
+    """Say what a reader of a rise should know about the card."""
+    damper = card.damper if isinstance(card, ModelCard) else card
     notes = []
     if not damper.tempered:
         notes.append("the card does not depend on temperature: its force is held constant")

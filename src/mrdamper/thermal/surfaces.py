@@ -8,11 +8,13 @@ Still air and air across the axis blend as h^3 = h_natural^3 + h_forced^3.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mrdamper.errors import EnvelopeError
 from mrdamper.quantities import FloatArray
 from mrdamper.thermal.air import Air, air_at
 from mrdamper.thermal.correlations import (
@@ -45,6 +47,11 @@ def body_film(drawing: DamperDrawing, surface_K: ArrayLike) -> FloatArray:
     EnvelopeError
         Air or a correlation outside its range.
     """
+    with _placed(drawing, "body"):
+        return drawing.calibration.film * _bare_film(drawing, surface_K)
+
+
+def _bare_film(drawing: DamperDrawing, surface_K: ArrayLike) -> FloatArray:
     body, around = drawing.body, drawing.surroundings
     air, difference = _air(drawing, surface_K)
     if body.orientation == "horizontal":
@@ -59,7 +66,7 @@ def body_film(drawing: DamperDrawing, surface_K: ArrayLike) -> FloatArray:
         reynolds = around.air_speed * body.outer_diameter / air.kinematic_viscosity
         forced = nusselt_cross_flow(reynolds, air.prandtl) * air.conductivity / body.outer_diameter
         film = mixed_nusselt(film, forced)
-    return drawing.calibration.film * film
+    return film
 
 
 def fin_film(drawing: DamperDrawing, surface_K: ArrayLike) -> FloatArray:
@@ -73,6 +80,11 @@ def fin_film(drawing: DamperDrawing, surface_K: ArrayLike) -> FloatArray:
     surface_K : mean temperature of the fins [K], any shape
     """
     sink = _sink(drawing)
+    with _placed(drawing, "fins"):
+        return sink.film_multiplier * _between_fins(drawing, sink, surface_K)
+
+
+def _between_fins(drawing: DamperDrawing, sink: HeatSink, surface_K: ArrayLike) -> FloatArray:
     diameter = drawing.body.outer_diameter
     tip = sink.tip_radius(diameter)
     chord = 0.25 * math.pi * 2.0 * tip
@@ -92,7 +104,7 @@ def fin_film(drawing: DamperDrawing, surface_K: ArrayLike) -> FloatArray:
     if speed > 0.0:
         forced = nusselt_flat_plate(speed * chord / air.kinematic_viscosity, air.prandtl)
         film = mixed_nusselt(film, forced * air.conductivity / chord)
-    return sink.film_multiplier * film
+    return film
 
 
 def fin_radiation(drawing: DamperDrawing) -> tuple[float, float]:
@@ -137,6 +149,18 @@ def name_correlations(drawing: DamperDrawing) -> Mapping[str, str]:
             fins += f", times {drawing.sink.film_multiplier:g}"
         found["fins"] = fins + (", with a laminar plate's forced convection" if moving else "")
     return found
+
+
+@contextmanager
+def _placed(drawing: DamperDrawing, surface: str) -> Iterator[None]:
+    """Say of which drawing and surface a number is outside a correlation's range."""
+    try:
+        yield
+    except EnvelopeError as fault:
+        raise EnvelopeError(
+            f"{drawing.name}: convection of the {surface}: {fault}. Check surroundings.air_m_s (0 is still "
+            "air) and ambient_degC, and that lengths are in millimetres"
+        ) from fault
 
 
 def _sink(drawing: DamperDrawing) -> HeatSink:

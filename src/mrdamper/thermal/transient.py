@@ -1,9 +1,7 @@
 """Running a thermal network through time: ROS2, with the energy in and out carried as extra states.
 
-ROS2 is the two-stage, L-stable Rosenbrock method of order 2 with gamma = 1 - 1/sqrt(2) (Verwer, Spee, Blom &
-Hundsdorfer, SIAM J. Sci. Comput. 20 (1999) 1456-1480; from memory, not re-read): one factorisation and two
-solves a step. It keeps linear invariants, and "heat stored + energy out - energy in" is one: the account
-closes to rounding, whatever the step.
+A step (``stepping``) is one factorisation and two solves. The method keeps linear invariants, and "heat
+stored + energy out - energy in" is one: the account closes to rounding, whatever the step.
 
 Between two steps of its grid a source or a loss is a cubic of temperature, its derivative exact, so that the
 Jacobian is too.
@@ -12,46 +10,24 @@ Jacobian is too.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.linalg.lapack import dgetrf, dgetrs
 
-from mrdamper.errors import ConvergenceError, EnvelopeError, InputError
+from mrdamper.errors import ConvergenceError, EnvelopeError
 from mrdamper.quantities import FloatArray
 from mrdamper.thermal.materials import COPPER_PER_K
 from mrdamper.thermal.network import ThermalNetwork
+from mrdamper.thermal.stepping import GAMMA, EnergyAccount, Load, march
 
-__all__ = ["Heating", "Load", "heat_up", "steady_state"]
-
-_GAMMA = 1.0 - 1.0 / math.sqrt(2.0)
-_FIRST_STEP = 1.0  # [s]; the fluid's film and the coil settle in seconds
-_GROWTH = 1.4
-
-
-@dataclass(frozen=True, slots=True)
-class Load:
-    """What heats a network for a while: mechanical power over the fluid's temperature, and coil heat.
-
-    ``power`` takes temperatures [K] of any shape and returns watts. ``coil_W`` is the coil's heat at 20 degC;
-    it grows with its temperature as copper's resistance does.
-    """
-
-    duration: float  # [s]
-    power: Callable[[FloatArray], FloatArray]
-    coil_W: float = 0.0
-
-    def __post_init__(self) -> None:
-        if not (math.isfinite(self.duration) and self.duration > 0.0):
-            raise InputError(f"load: duration is {self.duration} s; expected a positive, finite number")
-        if not (math.isfinite(self.coil_W) and self.coil_W >= 0.0):
-            raise InputError(f"load: coil heat is {self.coil_W} W; expected zero or more, finite")
+__all__ = ["Heating", "heat_up", "steady_state"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Heating:
+class Heating(EnergyAccount):
     """A network's course: temperatures, powers and energies at the ends of the steps taken.
 
     Columns of ``flow`` and ``energy`` are the network's losses, then mechanical power, then coil heat.
@@ -78,26 +54,9 @@ class Heating:
         return np.asarray(self.temperature @ self.network.wall)
 
     @property
-    def energy_in(self) -> FloatArray:
-        """Mechanical work and coil heat since the start [J], shape (k,)."""
-        return np.asarray(self.energy[:, -2:].sum(axis=1))
-
-    @property
-    def energy_out(self) -> FloatArray:
-        """Heat given off since the start [J], shape (k,)."""
-        return np.asarray(self.energy[:, :-2].sum(axis=1))
-
-    @property
     def stored(self) -> FloatArray:
         """Heat stored since the start [J], shape (k,)."""
         return np.asarray((self.temperature - self.temperature[0]) @ self.network.capacity)
-
-    @property
-    def closure(self) -> float:
-        """Largest miss of the energy account, over the largest energy in it [-]."""
-        miss = np.abs(self.energy_in - self.energy_out - self.stored).max()
-        size = max(np.abs(part).max() for part in (self.energy_in, self.energy_out, self.stored))
-        return float(miss / size) if size > 0.0 else 0.0
 
 
 def heat_up(
@@ -121,37 +80,11 @@ def heat_up(
     EnvelopeError
         A node leaves the temperatures at which its losses are known.
     """
-    if not loads:
-        raise InputError("heating: there is no load; expected at least one")
-    if not longest_step > 0.0:
-        raise InputError(f"heating: longest_step is {longest_step} s; expected a positive number")
     state = np.empty(len(network.names))
     state[:] = network.ambient if start is None else start
-    stepper = _Stepper(network)
-    stepper.take(loads[0])
-    times, states, flows = [0.0], [state], [stepper.flow(state)]
-    energies = [np.zeros(stepper.columns)]
-    stopped = bool(network.fluid @ state >= stop_at)
-    for k, load in enumerate(() if stopped else loads):
-        if k > 0:
-            stepper.take(load)
-        for step in _steps(load.duration, longest_step):
-            taken = step
-            new, gained = stepper.step(state, step)
-            stopped = bool(network.fluid @ new >= stop_at)
-            if stopped:
-                taken = _size_to(stepper, state, step, stop_at)
-                new, gained = stepper.step(state, taken)
-            state = new
-            times.append(times[-1] + taken)
-            states.append(state)
-            flows.append(stepper.flow(state))
-            energies.append(energies[-1] + gained)
-            if stopped:
-                break
-        if stopped:
-            break
-    return Heating(network, np.array(times), np.array(states), np.array(flows), np.array(energies), stopped)
+    return Heating(
+        network, *march(_Stepper(network), loads, state, longest_step=longest_step, stop_at=stop_at)
+    )
 
 
 def steady_state(network: ThermalNetwork, load: Load, *, start: float | None = None) -> FloatArray:
@@ -177,27 +110,6 @@ def steady_state(network: ThermalNetwork, load: Load, *, start: float | None = N
         if largest < 1e-9:
             return state
     raise ConvergenceError("steady state: Newton's method did not settle to 1e-9 K in 60 steps")
-
-
-def _steps(duration: float, longest: float) -> list[float]:
-    """Return steps that grow from ``_FIRST_STEP`` to the longest and end with the duration."""
-    steps, left, step = [], duration, min(_FIRST_STEP, longest)
-    while step < longest and left > step:
-        steps.append(step)
-        left -= step
-        step = min(step * _GROWTH, longest)
-    count = max(math.ceil(left / longest - 1e-9), 1)
-    return steps + [left / count] * count
-
-
-def _size_to(stepper: _Stepper, state: FloatArray, step: float, stop_at: float) -> float:
-    """Return the step, at most the given one, after which the fluid is at the temperature to stop at."""
-    from scipy.optimize import brentq
-
-    def below(size: float) -> float:
-        return stop_at - float(stepper.network.fluid @ stepper.step(state, size)[0])
-
-    return float(brentq(below, 0.0, step, xtol=1e-9))
 
 
 class _Stepper:
@@ -228,10 +140,7 @@ class _Stepper:
     def take(self, load: Load) -> None:
         """Put the sources of a load into the tables."""
         grid = self.network.grid
-        power = np.asarray(load.power(grid), dtype=np.float64)
-        if power.shape != grid.shape or not np.isfinite(power).all():
-            raise InputError("load: its power is not finite, or not one number per temperature")
-        self._cubics[:, :, -2] = CubicSpline(grid, power).c.T
+        self._cubics[:, :, -2] = CubicSpline(grid, load.power_on(grid)).c.T
         knots = grid[:-1]
         self._cubics[:, :2, -1] = 0.0
         self._cubics[:, 2, -1] = load.coil_W * COPPER_PER_K
@@ -255,6 +164,10 @@ class _Stepper:
             "Lower the duty, check the drawing's dimensions, or stop at the fluid's limit"
         )
 
+    def fluid(self, state: FloatArray) -> float:
+        """Return the fluid's mean temperature [K]."""
+        return float(self.network.fluid @ state)
+
     def flow(self, state: FloatArray) -> FloatArray:
         """Return losses and sources at a state [W], shape (columns,)."""
         cubics, offset, _ = self._look_up(state)
@@ -271,7 +184,7 @@ class _Stepper:
         cubics, offset, _ = self._look_up(state)
         flow, slope = _horner(cubics, offset), _slope(cubics, offset)
         jacobian = self._linear + (self._into * slope) @ self._seen
-        shrunk = _GAMMA * size
+        shrunk = GAMMA * size
         factors, pivots, _ = dgetrf(self._unit - shrunk * jacobian, overwrite_a=True)
         first, _ = dgetrs(factors, pivots, self._linear @ state + self._into @ flow)
         middle = state + size * first

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -17,14 +18,14 @@ from typing import Any, NoReturn, TypeVar
 import click
 
 from mrdamper.app.interrupts import Interrupted
-from mrdamper.errors import MrdamperError
+from mrdamper.errors import MissingExtraError, MrdamperError
 
 __all__ = ["cli", "main"]
 
 Answer = dict[str, Any]
 Command = TypeVar("Command", bound=Callable[..., Any])
 
-_INTERNAL, _NOT_CONVERGED = 1, 4
+_INTERNAL, _UNREADABLE, _NOT_CONVERGED, _FAILED = 1, 3, 4, 5
 _LAWS = "series-valve, double-bouc-wen, bouc-wen, bouc-wen-saturating, spencer, lugre, dahl, bingham, tanh"
 
 
@@ -85,8 +86,8 @@ _damper = click.option(
     "--damper",
     type=click.Path(path_type=Path),
     required=True,
-    metavar="FILE",
-    help="The drawing of the damper (TOML).",
+    metavar="FILE|paper",
+    help="The drawing of the damper (TOML), or the paper's.",
 )
 _duty = click.option(
     "--duty",
@@ -95,6 +96,33 @@ _duty = click.option(
     metavar="DUTY",
     help="MOTION:COMMAND:DURATION, or a CSV of time, motion and command.",
 )
+
+
+@cli.command()
+@_paths
+@_channels
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="For check.html, check.json, findings.csv.",
+)
+@_json
+def check(paths: tuple[str, ...], *, channels: Path | None, out: Path | None, as_json: bool) -> int:
+    """Tell what is wrong with runs before they are fitted, and how their files were understood.
+
+    PATH: files, folders or patterns of runs. Exit code 5 when a run has a fault.
+    """
+    from mrdamper.app.check_job import check as job
+    from mrdamper.app.cli.check_view import show_check
+
+    answer = job(paths, channels=channels, out=out)
+    code = _finish(answer, show_check, as_json=as_json)
+    for each in answer["unreadable"]:  # type: ignore[attr-defined]
+        click.echo(f"mrdamper: {each['error']}", err=True)
+    if answer["unreadable"]:
+        return _UNREADABLE
+    return code if answer["usable"] else _FAILED
 
 
 @cli.command()
@@ -259,13 +287,27 @@ def compare(first: Path, second: Path, *, as_json: bool, **options: Any) -> int:
 @_seed
 @_json
 def demo(*, as_json: bool, **options: Any) -> int:  # noqa: ANN401 - click checks them
-    """Run the whole job on the virtual rig (no measured data needed)."""
+    """Run every job on the virtual rig and compare with the paper (no measured data needed)."""
     from mrdamper.app.cli import terminal
     from mrdamper.app.demo_job import demo as job
 
-    with terminal.progress() as report:
+    with terminal.counter("step") as report:
         answer = job(report=report, **options)
     return _finish(answer, terminal.show_demo, as_json=as_json)
+
+
+@cli.command()
+@click.argument("card", type=click.Path(path_type=Path))
+@click.option(
+    "--law", metavar="FILE.py:CLASS", help="The user's own law, for a card that was identified with one."
+)
+@_json
+def cite(card: Path, *, law: str | None, as_json: bool) -> int:
+    """Tell what to cite for a card: law, method, data and program, as text and BibTeX."""
+    from mrdamper.app.cite_job import cite as job
+    from mrdamper.app.cli import terminal
+
+    return _finish(job(card, law=law), terminal.show_citations, as_json=as_json)
 
 
 @cli.group()
@@ -379,6 +421,13 @@ def fluid(tables: tuple[Path, ...], *, as_json: bool, **options: Any) -> int:  #
 @click.option(
     "--out", type=click.Path(path_type=Path), metavar="DIR", help="For heat.html, heat.json, heat.csv."
 )
+@click.option(
+    "--calibrate",
+    type=click.Path(path_type=Path),
+    metavar="CURVE.csv",
+    help="A curve measured under this duty (time_s and fluid_degC, body_degC or coil_degC): it corrects the "
+    "drawing and narrows the interval.",
+)
 @click.option("--past-limit", is_flag=True, help="Go on beyond the fluid's limit instead of ending there.")
 @click.option(
     "--model",
@@ -391,12 +440,25 @@ def fluid(tables: tuple[Path, ...], *, as_json: bool, **options: Any) -> int:  #
     "--start-degC", "start_degC", type=float, help="Of everything at the start.  [default: ambient]"
 )
 @_json
-def heat(card: Path, damper: Path, *, as_json: bool, **options: Any) -> int:  # noqa: ANN401 - click checks them
+def heat(
+    card: Path,
+    damper: Path,
+    *,
+    duty: str,
+    sink: Path | None,
+    calibrate: Path | None,
+    out: Path | None,
+    as_json: bool,
+    **options: Any,  # noqa: ANN401 - click checks them, HeatOptions names them
+) -> int:
     """Tell how hot a damper gets under a duty, how soon, and where the heat goes."""
     from mrdamper.app.cli import terminal
+    from mrdamper.app.heat_job import HeatOptions
     from mrdamper.app.heat_job import heat as job
 
-    return _finish(job(card, damper, **options), terminal.show_heat, as_json=as_json)
+    chosen = HeatOptions(**options)
+    answer = job(card, damper, duty=duty, sink=sink, calibrate=calibrate, options=chosen, out=out)
+    return _finish(answer, terminal.show_heat, as_json=as_json)
 
 
 @cli.command()
@@ -551,6 +613,124 @@ def track(card: Path, *, out: Path | None, as_json: bool, **options: Any) -> int
     with terminal.counter() as report:
         answer = job(card, TrackOptions(**options), out=out, report=report)
     return _finish(answer, terminal.show_track, as_json=as_json)
+
+
+def _seconds(_: click.Context, __: click.Parameter, text: str) -> float:
+    """Return a time such as 1ms, 500us or 0.001s in seconds."""
+    found = re.fullmatch(r"\s*(\d+\.?\d*(?:e-?\d+)?|\.\d+)\s*(us|ms|s)\s*", text, re.IGNORECASE)
+    if found is None:
+        raise click.BadParameter(f"{text!r} is not a time; expected such as 1ms, 500us or 0.001s")
+    return float(found[1]) * {"us": 1e-6, "ms": 1e-3, "s": 1.0}[found[2].lower()]
+
+
+@cli.command()
+@click.argument("card", type=click.Path(path_type=Path))
+@click.option("--c", type=click.Path(path_type=Path), metavar="DIR", help="Write C99 source there.")
+@click.option("--fmu", type=click.Path(path_type=Path), metavar="FILE", help="Write a co-simulation FMU.")
+@click.option(
+    "--table", type=click.Path(path_type=Path), metavar="FILE", help="Write a force map (CSV) for simulators."
+)
+@click.option(
+    "--fmi", type=click.Choice(["2.0", "3.0"]), default="3.0", show_default=True, help="Version of the FMU."
+)
+@click.option(
+    "--content",
+    type=click.Choice(["model", "controller", "both"]),
+    default="both",
+    show_default=True,
+    help="The damper's model, its force controller, or both.",
+)
+@click.option(
+    "--precision",
+    type=click.Choice(["float", "double"]),
+    default="float",
+    show_default=True,
+    help="The target's number type.",
+)
+@click.option(
+    "--step", "period_s", default="1ms", show_default=True, metavar="TIME", callback=_seconds, help="Period."
+)
+@click.option(
+    "--controller",
+    default="recommended",
+    show_default=True,
+    metavar="NAME",
+    help="recommended, recommended-causal, paper, ...",
+)
+@click.option(
+    "--name", default="damper", show_default=True, metavar="IDENT", help="Prefix of every name in the code."
+)
+@click.option(
+    "--damper",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="The drawing (TOML), whose heat capacity tells a frozen thermometer.  [default: the paper's]",
+)
+@click.option("--no-verify", is_flag=True, help="Write the C folder without compiling and comparing it.")
+@_json
+def export(card: Path, *, no_verify: bool, as_json: bool, **options: Any) -> int:  # noqa: ANN401 - click checks them
+    """Export a card as C source, as FMU or as force map, proved against the model before it is written."""
+    if options["c"] is None and options["fmu"] is None and options["table"] is None:
+        raise click.UsageError("nothing to write: give --c DIR, --fmu FILE or --table FILE")
+    if options["fmu"] is not None and no_verify:
+        raise click.UsageError("--fmu and --no-verify exclude each other: an FMU is made from proved sources")
+    from mrdamper.app.cli import terminal
+    from mrdamper.app.export_job import ExportOptions
+    from mrdamper.app.export_job import export as job
+
+    answer = job(card, ExportOptions(verify=not no_verify, **options))
+    return _finish(answer, terminal.show_export, as_json=as_json)
+
+
+@cli.command()
+@click.argument("file", type=click.Path(path_type=Path), metavar="FILE.toml")
+@click.option("--out", type=click.Path(path_type=Path), required=True, metavar="DIR", help="For the results.")
+@click.option(
+    "--workers", type=int, metavar="NUMBER", help="Processes of this machine.  [default: its cores]"
+)
+@click.option("--scheduler", metavar="tcp://HOST:PORT", help="A Dask scheduler, whose workers do the tasks.")
+@click.option("--resume", is_flag=True, help="Go on with the results that are in DIR.")
+@_json
+def sweep(file: Path, out: Path, *, as_json: bool, **options: Any) -> int:  # noqa: ANN401 - click checks them
+    """Run many jobs of one kind: campaigns to identify, a tolerance of tracking, heat sinks."""
+    from mrdamper.app.cli import terminal
+    from mrdamper.app.sweep_job import sweep as job
+
+    with terminal.counter("task") as report:
+        answer = job(file, out, report=report, **options)
+    return _finish(answer, terminal.show_sweep, as_json=as_json)
+
+
+@cli.command()
+@click.option(
+    "--port", type=click.IntRange(0, 65535), default=8765, show_default=True, help="0: any that is free."
+)
+@click.option(
+    "--folder",
+    type=click.Path(path_type=Path),
+    default=Path(),
+    metavar="DIR",
+    help="Where runs, cards and results lie.  [default: here]",
+)
+@click.option("--open", "open_browser", is_flag=True, help="Open the page in the browser.")
+@click.option(
+    "--host", default="127.0.0.1", show_default=True, help="Address to listen on; others need a --token."
+)
+@click.option("--token", metavar="TEXT", help="What a browser must know; 16 characters or more.")
+def serve(folder: Path, *, port: int, open_browser: bool, host: str, token: str | None) -> int:
+    """Show runs, fit, heat, track and export in the browser; work stays in the folder, as files."""
+    try:
+        from mrdamper.app.web.server import serve as start
+    except ImportError as fault:
+        raise MissingExtraError(
+            f"mrdamper serve needs {fault.name}, which is not installed; pip install 'mrdamper[web]'"
+        ) from fault
+
+    def announce(address: str) -> None:
+        click.echo(f"mrdamper: {folder.resolve()} at {address} (Ctrl-C stops it)", err=True)
+
+    start(folder, port=port, host=host, token=token, open_browser=open_browser, announce=announce)
+    return 0
 
 
 def _finish(answer: Answer, show: Callable[[Answer], None], *, as_json: bool) -> int:

@@ -19,9 +19,11 @@ from mrdamper.identify.variable_projection import Progress, Report
 __all__ = [
     "counter",
     "progress",
+    "show_citations",
     "show_comparison",
     "show_datasets",
     "show_demo",
+    "show_export",
     "show_files",
     "show_fluid",
     "show_heat",
@@ -29,6 +31,7 @@ __all__ = [
     "show_prediction",
     "show_rig",
     "show_sink",
+    "show_sweep",
     "show_track",
 ]
 
@@ -63,7 +66,7 @@ def progress() -> Iterator[Report | None]:
 
 
 @contextmanager
-def counter() -> Iterator[Callable[[int, int, str], None] | None]:
+def counter(word: str = "run") -> Iterator[Callable[[int, int, str], None] | None]:
     """Give a function that shows which of many runs comes now; None when standard error is no terminal."""
     if not sys.stderr.isatty():
         yield None
@@ -75,7 +78,7 @@ def counter() -> Iterator[Callable[[int, int, str], None] | None]:
             clock = time.monotonic()
             if clock - shown[0] >= _LEAST_INTERVAL:
                 shown[0] = clock
-                live.update(Text(f"run {done + 1} of {of}  {name}  (Ctrl-C leaves nothing)"), refresh=True)
+                live.update(Text(f"{word} {done + 1} of {of}  {name}  (Ctrl-C leaves nothing)"), refresh=True)
 
         yield report
 
@@ -158,10 +161,9 @@ def _forces_side_by_side(rows: Sequence[Answer], title: str) -> Table:
 
 
 def show_demo(answer: Answer) -> None:
-    """Print the identification, then the laws side by side."""
+    """Print the laws side by side, then the paper's claims with their verdicts."""
     console = _console()
     console.print(escape(f"The runs are {answer['runs_are']}."))
-    show_identification(answer)
     table = Table(title="Laws side by side: error in % of the force's spread, median (worst)")
     for name in ("law", "training", "held out"):
         table.add_column(name, justify="left" if name == "law" else "right")
@@ -169,6 +171,19 @@ def show_demo(answer: Answer) -> None:
         cells = [_median_worst(line["summary"].get(split)) for split in ("training", "held_out")]
         table.add_row(escape(line["law"]), *cells)
     console.print(table)
+    claims = Table(title="The paper's figures, and what came out here (reasons are in the report)")
+    for name in ("#", "the paper says", "paper", "here", "unit", "verdict"):
+        claims.add_column(name, justify="right" if name in {"#", "paper", "here"} else "left")
+    for each in answer["claims"]:
+        cells = [_figure(each[key]) for key in ("paper", "ours")]
+        verdict = each["verdict"].replace("_", " ")
+        claims.add_row(str(each["row"]), escape(each["says"]), *cells, escape(each["unit"]), verdict)
+    console.print(claims)
+    console.print(escape(f"report: {answer['report']}"))
+
+
+def _figure(value: float | str | None) -> str:
+    return "-" if value is None else escape(value) if isinstance(value, str) else f"{value:.4g}"
 
 
 def _print_errors(console: Console, answer: Answer) -> None:
@@ -239,6 +254,16 @@ def show_datasets(answer: Answer) -> None:
                 console.print(f"  {key}: {escape(str(value))}")
 
 
+def show_citations(answer: Answer) -> None:
+    """Print what to cite, as sentences and then as BibTeX that a file can take."""
+    for each in answer["citations"]:
+        print(f"{each['for']}: {each['text']}")
+    for note in answer["notes"]:
+        print(f"- {note}")
+    for each in answer["citations"]:
+        print(f"\n{each['bibtex']}")
+
+
 def show_files(answer: Answer) -> None:
     """Print one path a line."""
     for path in answer["files"]:
@@ -277,6 +302,9 @@ def show_heat(answer: Answer) -> None:
         console.print(_heat_table(course, title))
         for line in _heat_words(course, answer["limit_degC"]):
             console.print(line)
+    if answer["calibration"] is not None:
+        for line in _calibration_words(answer["calibration"], answer.get("drawing")):
+            console.print(escape(line))
     for note in answer["notes"]:
         console.print(f"- {escape(note)}")
     laws = "; ".join(f"{surface}: {law}" for surface, law in answer["correlations"].items())
@@ -307,17 +335,42 @@ def _heat_table(course: Answer, title: str) -> Table:
 
 
 def _heat_words(course: Answer, limit: float) -> list[str]:
-    """Return the lines below a table of temperatures: limit, force, where the heat went."""
+    """Return the lines below a table of temperatures: limit, force, where the heat went; with intervals."""
     reached, loss, energy = course["time_to_limit_s"], course["force_loss_percent"], course["energy_J"]
+    interval, (soonest, latest) = course["interval"], course["time_to_limit_interval_s"]
+    percent, ended = f"{100 * interval['probability']:.0f} %", course["curve"]["time_s"][-1]
+    near = min(range(len(interval["time_s"])), key=lambda k: abs(interval["time_s"][k] - ended))
     when = "not reached" if reached is None else f"reached after {reached / 60:.1f} min"
+    if soonest is not None:
+        end = "not within the duty" if latest is None else f"{latest / 60:.1f} min"
+        when += f" ({percent}: {soonest / 60:.1f} min to {end})"
     faded = "" if loss is None else f"; the peak force has lost {loss:.1f} % of what it is at 20 degC"
     total = energy["mechanical"] + energy["coil"]
     parts = [name for name in energy if name not in {"mechanical", "coil", "out"}]
     shares = ", ".join(f"{name} {100 * energy[name] / total:.0f} %" for name in parts) if total > 0 else "-"
     return [
         f"limit of the fluid, {limit:.4g} degC: {when}{faded}",
+        f"fluid after {ended / 60:.4g} min: {interval['low_degC'][near]:.1f} to "
+        f"{interval['high_degC'][near]:.1f} degC with {percent}",
         f"of {total / 1e3:.1f} kJ: {shares} (account closes to {course['energy_closure']:.0e})",
     ]
+
+
+def _calibration_words(told: Answer, drawing: str | None) -> list[str]:
+    """Return what a measured curve told."""
+    power, power_error = told["power_over_capacity_K_s"], told["power_over_capacity_error_K_s"]
+    losses, losses_error = told["conductance_over_capacity_1_s"], told["conductance_over_capacity_error_1_s"]
+    lines = [
+        f"calibrated by {told['curve']} ({told['place']}, {told['from_s'] / 60:.4g} to "
+        f"{told['to_s'] / 60:.4g} min), at {told['at_degC']:.0f} degC:",
+        f"  P/C  {power:.4g} +- {power_error:.1g} K/s",
+        f"  UA/C {losses:.4g} +- {losses_error:.1g} 1/s; correlation {told['correlation']:.2f}",
+        f"  left: {told['residual_K']:.2g} K, noise of the thermometer {told['noise_K']:.2g} K",
+    ]
+    for table, entries in told["entries"].items():
+        lines.append(f"  [{table}] " + ", ".join(f"{name} = {value:.4g}" for name, value in entries.items()))
+    lines += [f"  {word}" for word in told["words"]]
+    return [*lines, f"  wrote {drawing}"] if drawing is not None else lines
 
 
 def show_sink(answer: Answer) -> None:
@@ -404,6 +457,25 @@ def _number_or_dash(value: float | None) -> str:
     return "-" if value is None else f"{value:.1f}"
 
 
+def show_sweep(answer: Answer) -> None:
+    """Print every figure over all tasks, and which tasks have no result."""
+    console = _console()
+    if answer.get("cancelled"):
+        console.print(escape("; ".join(answer["notes"])))
+        return
+    table = Table(title=f"{answer['tasks']} tasks, {answer['taken_up']} of them taken up from before")
+    table.add_column("figure")
+    for name in ("least", "5 %", "median", "95 %", "most"):
+        table.add_column(name, justify="right")
+    for name, found in answer["summary"].items():
+        cells = [f"{found[key]:.4g}" for key in ("least", "p5", "median", "p95", "most")]
+        table.add_row(escape(name), *cells)
+    console.print(table)
+    for row in answer["failed"]:
+        console.print(escape(f"no result: {row['name']}: {row['error']}"))
+    console.print(escape(f"report: {answer['report']}"))
+
+
 def show_track(answer: Answer) -> None:
     """Print the worst of all temperatures by target, and what a reader should know."""
     console = _console()
@@ -430,6 +502,40 @@ def show_track(answer: Answer) -> None:
     console.print(f"noise seeds {seeds}, the worse of the two; the first second is not scored")
     if "report" in answer:
         console.print(f"wrote {escape(answer['report'])} and {escape(answer['file'])}")
+
+
+def show_export(answer: Answer) -> None:
+    """Print what was exported, how it was proved, and what a reader should know."""
+    console = _console()
+    if "verification" in answer:
+        parts = (
+            answer["content"]
+            if answer["controller"] is None
+            else f"{answer['content']} ({answer['controller']})"
+        )
+        console.print(
+            escape(
+                f"{answer['name']}: {parts} of {answer['title']!r}, law {answer['law']}, "
+                f"{answer['precision']}, step {1e3 * answer['step_s']:g} ms"
+            )
+        )
+        proof = answer["verification"]
+        if proof["verified"]:
+            worst = proof["worst_ulp"]
+            same = "the same bits" if worst == 0 else f"at most {worst} units in the last place from it"
+            console.print(
+                f"compiled with {escape(proof['compiler_version'])}, run over {proof['samples']} samples and "
+                f"compared with the model in Python: [bold]{same}[/bold]"
+            )
+        else:
+            console.print("[bold]not verified[/bold]: it was asked for without")
+        sizes = (("tables", "tables_bytes"), ("state", "state_bytes"), ("code here", "code_bytes"))
+        said = [f"{word} {answer[key]} bytes" for word, key in sizes if answer[key] is not None]
+        if said:
+            console.print(", ".join(said))
+    for note in answer.get("notes", ()):
+        console.print(f"- {escape(note)}")
+    console.print(escape(f"{answer['cpu_s']:.2f} s of CPU; wrote {', '.join(answer['files'])}"))
 
 
 _TRACK_COLUMNS = (

@@ -1,0 +1,213 @@
+"""Growth: how the cost of a job follows its size, as the exponent of CPU time, and what memory it takes.
+
+Samples of one run, candidates of an ensemble, runs of a campaign, threads. Each size is run in a process of
+its own, one after another, so that its largest memory is known; a size's CPU time is the median of its repeats
+there. The exponent is that of the last two decades: below them a fixed cost is most of the time. ``full``
+adds 1e8 samples and the fit of 1000 runs.
+"""
+
+from __future__ import annotations
+
+import json
+import resource
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from functools import partial
+from math import log
+from statistics import linear_regression
+
+import numpy as np
+
+from bench.measure import Asked, Row, timed
+from bench.problem import Problem
+from mrdamper import core
+from mrdamper.data.prepare import PreparedRun, prepare_run
+from mrdamper.data.records import RigRun
+from mrdamper.excitation import Sine, drive
+from mrdamper.identify.problem import FitProblem
+from mrdamper.identify.templates import template
+from mrdamper.identify.variable_projection import fit_variable_projection
+from mrdamper.models.damper import Damper
+from mrdamper.models.dependence import Constant, Polynomial
+from mrdamper.models.laws import LAWS
+from mrdamper.models.simulate import open_drive, simulate
+
+__all__ = ["exponent", "run"]
+
+MOST_EXPONENT = 1.05
+SIZES: dict[str, tuple[tuple[int, ...], tuple[int, ...]]] = {  # usual, and what `full` adds
+    "samples": ((10_000, 100_000, 1_000_000, 10_000_000), (100_000_000,)),
+    "candidates": ((1, 16, 256, 1024, 4096), ()),
+    "runs": ((1, 10, 100, 1000), ()),
+    "fitted": ((3, 30, 100), (1000,)),
+    "threads": ((1, 2), ()),
+}
+JOBS = {
+    "samples": "samples of one run, force and squared error",
+    "candidates": "candidates, 2,000 samples each",
+    "runs": "runs of 1,000 samples prepared and scored by 16 candidates",
+    "fitted": "runs of 1,000 samples, variable projection from one start",
+    "threads": "threads on 1024 candidates of 2,000 samples",
+}
+
+
+def run(*, full: bool = False) -> list[Row]:
+    """Return time and memory by size, and the exponent of each."""
+    rows = []
+    for kind, (usual, more) in SIZES.items():
+        found = [_in_a_process(kind, size) for size in (*usual, *(more if full else ()))]
+        sizes = [float(each["size"]) for each in found]
+        cpu = [float(each["cpu_s"]) for each in found]
+        for each in found:
+            rows.append(
+                Row(
+                    f"{kind} {each['size']:,}",
+                    each["cpu_s"],
+                    1e9 * each["cpu_s"] / each["samples"],
+                    each["cpu_s"] / cpu[0],
+                    f"largest memory {each['memory_MB']:,.0f} MB",
+                    group=JOBS[kind],
+                    wall_s=each["wall_s"],
+                    spread=(each["low"], each["high"]),
+                )
+            )
+        if kind == "threads":  # as much work on more threads: what they cost, and what they give
+            over = Asked("two threads, CPU time over one thread's", 1.15, cpu[1] / cpu[0], "x")
+            gain = found[0]["wall_s"] / found[1]["wall_s"]
+            said = f"{gain:.2f} x as fast by the clock, whatever else the machine does"
+            rows[-1] = replace(rows[-1], accuracy=said, asked=(over,))
+        else:
+            asked = Asked(f"exponent of the CPU time over {kind}", MOST_EXPONENT, exponent(sizes, cpu), "-")
+            rows[-1] = replace(rows[-1], asked=(asked,))
+    return rows
+
+
+def exponent(sizes: Sequence[float], spent: Sequence[float], span: float = 100.0) -> float:
+    """Return the slope of log time over log size by least squares, of the sizes within ``span`` of the largest."""
+    chosen = [(log(n), log(t)) for n, t in zip(sizes, spent, strict=True) if n * span >= max(sizes)]
+    return float(linear_regression(*zip(*chosen, strict=True)).slope)
+
+
+# ------------------------------------------------------------------------------------ in a process of its own
+
+
+def _in_a_process(kind: str, size: int) -> dict[str, float]:
+    command = [sys.executable, "-m", "bench.growth", kind, str(size)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise RuntimeError(
+            f"growth: {kind} {size}: {(done.stderr.strip().splitlines() or ['no message'])[-1]}"
+        )
+    found: dict[str, float] = json.loads(done.stdout)
+    return found
+
+
+def _measure(kind: str, size: int) -> dict[str, float]:
+    job, samples = MAKERS[kind](size)
+    begin = time.process_time()
+    job()
+    once = time.process_time() - begin
+    each = timed({kind: job}, repeats=max(1, min(15, int(1.0 / max(once, 1e-6)))))[kind]
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+    low, high = each.spread
+    return {"size": size, "samples": samples, "cpu_s": each.cpu_s, "wall_s": each.wall_s, "low": low, "high": high,
+            "memory_MB": memory}  # fmt: skip
+
+
+Made = tuple[Callable[[], object], int]
+
+
+def _samples(size: int) -> Made:
+    problem = Problem(candidates=1, samples=size)
+    record, table, measured = problem.record, problem.coefficients, [np.zeros(size)]
+    return partial(core.squared_errors, LAWS["bouc-wen"].kernel or 0, [record], measured, [0], table), size
+
+
+def _candidates(size: int) -> Made:
+    problem = Problem(candidates=size, samples=2_000)
+    table, measured = problem.coefficients, [problem.measured]
+    return partial(
+        core.squared_errors, LAWS["bouc-wen"].kernel or 0, [problem.record], measured, [0], table
+    ), 2_000 * size
+
+
+def _threads(size: int) -> Made:
+    problem = Problem(candidates=1024, samples=2_000)
+    record, measured = problem.record, [problem.measured]
+    parts = np.array_split(problem.coefficients, size)
+
+    def job() -> None:
+        with ThreadPoolExecutor(size) as pool:
+            list(pool.map(lambda part: core.squared_errors(0, [record], measured, [0], part), parts))
+
+    return job, 2_000 * 1024
+
+
+def _campaign(size: int) -> list[PreparedRun]:
+    """Return runs of 2 s at 500 Hz: three currents, motions that differ, 2 % noise."""
+    damper = Damper(
+        LAWS["bouc-wen"],
+        {
+            "viscosity": Polynomial((600.0, 300.0)),
+            "stiffness": Constant(700.0),
+            "yield_force": Polynomial((60.0, 500.0)),
+            "rho": Constant(1500.0),
+            "kappa": Constant(-0.4),
+            "n": Constant(1.6),
+        },
+    )
+    rng, runs = np.random.default_rng(3), []
+    for index in range(size):
+        command = float(index % 3)
+        motion = Sine(rng.uniform(0.004, 0.012), rng.uniform(1.0, 3.0))
+        path = drive(motion, duration=1.998, rate_Hz=500.0, command=command)
+        force = simulate(damper, open_drive(path))
+        force = force + 0.02 * float(np.std(force)) * rng.standard_normal(len(force))
+        time_s = path.step * np.arange(len(force))
+        runs.append(
+            prepare_run(
+                RigRun(
+                    f"run_{index:04d}",
+                    time_s,
+                    path.displacement,
+                    force,
+                    path.command,
+                    "A",
+                    velocity=path.velocity,
+                )
+            )
+        )
+    return runs
+
+
+def _runs(size: int) -> Made:
+    from mrdamper.identify.population import Ensemble
+
+    runs = _campaign(max(size, 3))[:size]
+    damper, free = template("bouc-wen", _campaign(3))
+    problem = FitProblem(damper, free, tuple(runs), rate_Hz=500.0)
+    unit = np.random.default_rng(0).uniform(0.4, 0.6, (16, len(free)))
+    return lambda: Ensemble(problem).costs(unit), 16 * 1_000 * size
+
+
+def _fitted(size: int) -> Made:
+    runs = _campaign(size)
+    damper, free = template("bouc-wen", runs)
+    problem = FitProblem(damper, free, tuple(runs), rate_Hz=500.0)
+    return partial(fit_variable_projection, problem, starts=1), 1_000 * size
+
+
+MAKERS: dict[str, Callable[[int], Made]] = {
+    "samples": _samples,
+    "candidates": _candidates,
+    "runs": _runs,
+    "fitted": _fitted,
+    "threads": _threads,
+}
+
+if __name__ == "__main__":
+    print(json.dumps(_measure(sys.argv[1], int(sys.argv[2]))))

@@ -1,0 +1,98 @@
+"""How docstrings and source become the API reference: units stay beside their names.
+
+``name : what it is [unit]`` of our docstrings is a text, not a type, and is set as one. The fields of a
+dataclass are listed with the comments that stand beside them in the source, which hold their units.
+"""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import inspect
+import re
+import textwrap
+
+from sphinx.application import Sphinx
+
+_ENTRY = re.compile(r"^(\*{0,2}\w+(?:, \*{0,2}\w+)*) : (.+)$")
+_SECTIONS = {"Parameters", "Attributes", "Other Parameters"}
+_MARKS = re.compile(r"\||(?<![\w*\\])\*(?=\w)(?![^*]*\w\*)")  # |v| and an unpaired *name: text, not markup
+
+
+def texts_not_types(lines: list[str]) -> list[str]:
+    """Return a docstring's lines with ``name : text`` set as a name with the text below."""
+    section, changed = "", []
+    for index, line in enumerate(lines):
+        if index + 1 < len(lines) and re.fullmatch(r"-{3,}", lines[index + 1]):
+            section = line
+        found = _ENTRY.match(line) if section in _SECTIONS else None
+        changed += [found[1], f"    {found[2]}"] if found else [line]
+    return changed
+
+
+def plain_marks(lines: list[str]) -> list[str]:
+    """Return lines with bars and lone stars escaped, but for literals and displayed equations."""
+    changed, equation = [], -1
+    for line in lines:
+        indent = len(line) - len(line.lstrip())
+        if line.lstrip().startswith(".. math::"):
+            equation = indent
+        elif line.strip() and indent <= equation:
+            equation = -1
+        parts = re.split(r"(``.*?``|`.*?`)", line)
+        safe = [part if i % 2 else _MARKS.sub(r"\\\g<0>", part) for i, part in enumerate(parts)]
+        changed.append(line if equation >= 0 else "".join(safe))
+    return changed
+
+
+def fields_with_comments(kind: type) -> list[str]:
+    """Return a list of a dataclass' own public fields, each with the comment beside it."""
+    try:
+        source = textwrap.dedent(inspect.getsource(kind))
+    except (OSError, TypeError):
+        return []
+    body = ast.parse(source).body[0]
+    if not isinstance(body, ast.ClassDef):
+        return []
+    lines, listed = source.splitlines(), []
+    for node in body.body:
+        if not (isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name)):
+            continue
+        name = node.target.id
+        if name.startswith("_") or name not in kind.__annotations__:
+            continue
+        beside = lines[(node.end_lineno or node.lineno) - 1][node.end_col_offset :]
+        comment = beside.partition("# ")[2].strip()
+        value = "" if node.value is None else f" = {ast.unparse(node.value)}"
+        said = f"``{name}: {ast.unparse(node.annotation)}{value}``"
+        listed.append(f"* {said} – {comment}" if comment else f"* {said}")
+    return ["", ".. rubric:: Fields", "", *listed, ""] if listed else []
+
+
+def process(_app: Sphinx, what: str, _name: str, thing: object, _options: object, lines: list[str]) -> None:
+    """Rewrite a docstring in place, before napoleon reads it."""
+    lines[:] = texts_not_types(lines)
+    if what == "class" and isinstance(thing, type) and dataclasses.is_dataclass(thing):
+        lines += fields_with_comments(thing)
+    lines[:] = plain_marks(lines)
+
+
+def plain_signature(
+    _app: Sphinx,
+    _what: str,
+    _name: str,
+    _thing: object,
+    _options: object,
+    said: str | None,
+    gives: str | None,
+) -> tuple[str | None, str | None]:
+    """Return a signature in which an alias stands as it was written."""
+    told = [text and re.sub(r"TypeAliasForwardRef\('(\w+)'\)", r"\1", text) for text in (said, gives)]
+    return told[0], told[1]
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Come before napoleon (500)."""
+    app.connect("autodoc-process-signature", plain_signature)
+    app.connect("autodoc-process-docstring", process, priority=400)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

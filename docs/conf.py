@@ -1,0 +1,47 @@
+"""Sphinx: MyST pages, the API from docstrings, the Furo theme. ``make docs`` builds into build/docs."""
+
+import sys
+from importlib.metadata import version as installed
+from pathlib import Path
+
+HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE / "_ext"))
+
+SOURCE = HERE.parent / "src"
+for stub in (HERE / "_api").glob("*.rst"):  # what autosummary wrote for modules that have gone since
+    module = SOURCE.joinpath(*stub.stem.split("."))
+    if not (module.is_dir() or module.with_suffix(".py").is_file()):
+        stub.unlink()
+
+project = "mrdamper"
+project_copyright = "the mrdamper authors"
+release = installed("mrdamper")
+version = release
+
+extensions = [
+    "myst_nb",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx.ext.napoleon",
+    "docstrings",
+    "figures",
+    "mathml",
+]
+myst_enable_extensions = ["amsmath", "colon_fence", "deflist", "dollarmath"]
+myst_heading_anchors = 3
+nb_execution_mode = "off"  # the tests run what pages show (tests/test_docs.py)
+html_theme = "furo"
+html_title = f"mrdamper {release}"
+html_show_sphinx = False
+templates_path = ["_templates"]
+autosummary_generate = ["api.md"]
+autodoc_member_order = "bysource"
+autodoc_typehints = "signature"
+autodoc_type_aliases = {name: name for name in ("ArrayLike", "BoolArray", "FloatArray", "Json")}
+napoleon_google_docstring = False
+exclude_patterns = ["_build"]
+suppress_warnings = [
+    "myst.header",
+    "misc.highlighting_failure",
+    "ref.python",  # one name in two rooms: an annotation's link may lead to either
+]

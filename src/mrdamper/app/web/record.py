@@ -1,0 +1,153 @@
+"""A job's record: what was asked, how it stands, when, and what it has said so far, as files beside its own.
+
+    job.json        one object, written whole: by the server when it asks and stops, by the worker as it goes
+    progress.jsonl  one line for each thing said while it runs
+    answer.json     what ``mrdamper KIND --json`` prints
+
+What stands in these files is all there is: a server that starts again knows as much as the one before.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from mrdamper.app.web.folder import NotThereError, now
+
+__all__ = ["ENDED", "JobRecord", "job_ids", "new_id", "write_whole"]
+
+ENDED = frozenset({"done", "failed", "cancelled", "interrupted"})
+
+_ID = re.compile(r"([a-z]+)-(\d{3,6})")
+_OWN = frozenset({"job.json", "progress.jsonl", "answer.json"})
+_TAIL = 4096  # bytes in which the last line of progress is looked for
+_MOST_FILES = 500
+
+Json = dict[str, Any]
+
+
+class JobRecord:
+    """The files of one job."""
+
+    def __init__(self, results: Path, job_id: str) -> None:
+        if not _ID.fullmatch(job_id):
+            raise NotThereError(f"{job_id[:60]!r}: no job of that name")
+        self.id = job_id
+        self.folder = results / job_id
+
+    def open(self, kind: str, options: Mapping[str, Any], card: str | None) -> None:
+        """Write down what was asked."""
+        self.folder.mkdir()
+        self._write(
+            {
+                "id": self.id,
+                "kind": kind,
+                "options": dict(options),
+                "state": "queued",
+                "asked_at": now(),
+                "started_at": None,
+                "ended_at": None,
+                "message": None,
+                "card": card,
+            }
+        )
+
+    def read(self) -> Json:
+        """Return the record; one that cannot be read counts as none."""
+        try:
+            found = json.loads((self.folder / "job.json").read_text(encoding="utf-8"))
+        except (OSError, ValueError) as fault:
+            raise NotThereError(f"{self.id!r}: no job of that name") from fault
+        if not isinstance(found, dict) or found.get("id") != self.id or "state" not in found:
+            raise NotThereError(f"{self.id!r}: no job of that name")
+        return found
+
+    def begin(self) -> None:
+        self._write(self.read() | {"state": "running", "started_at": now(), "pid": os.getpid()})
+
+    def end(self, state: str, message: str | None = None) -> None:
+        self._write(self.read() | {"state": state, "ended_at": now(), "message": message})
+
+    def said(self) -> Json | None:
+        """Return the last line of progress."""
+        try:
+            with (self.folder / "progress.jsonl").open("rb") as file:
+                file.seek(max(0, file.seek(0, os.SEEK_END) - _TAIL))
+                lines = file.read().splitlines()
+        except OSError:
+            return None
+        for line in reversed(lines):
+            try:
+                found = json.loads(line)
+            except ValueError:  # cut, or being written
+                continue
+            if isinstance(found, dict) and found.get("event") == "progress":
+                return found
+        return None
+
+    def answer(self) -> Json | None:
+        try:
+            found = json.loads((self.folder / "answer.json").read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            return None
+        return found if isinstance(found, dict) else None
+
+    def row(self) -> Json:
+        """Return the record for a list: without the names of the runs' files, which may be thousands."""
+        found = self.shown()
+        options = dict(found["options"])
+        files = options.pop("files", None)
+        return {**found, "options": options, "file_count": None if files is None else len(files)}
+
+    def shown(self) -> Json:
+        """Return the record as the pages see it."""
+        found, said = self.read(), self.said()
+        progress = None if said is None else {key: said.get(key) for key in ("done", "of", "text")}
+        return {**found, "progress": progress, "files": self.files()}
+
+    def files(self) -> list[Json]:
+        """Return the job's own files."""
+        found = [path for path in sorted(self.folder.rglob("*")) if path.is_file() and not path.is_symlink()]
+        names = [(path, path.relative_to(self.folder)) for path in found]
+        return [
+            {"path": name.as_posix(), "bytes": path.stat().st_size}
+            for path, name in names
+            if str(name) not in _OWN and not any(part.startswith(".") for part in name.parts)
+        ][:_MOST_FILES]
+
+    def _write(self, value: Json) -> None:
+        write_whole(self.folder / "job.json", value)
+
+
+def write_whole(path: Path, value: Mapping[str, Any]) -> None:
+    """Write a JSON object so that whoever reads it sees the old one or the new one."""
+    text = json.dumps(value, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    handle, name = tempfile.mkstemp(prefix=".record-", dir=path.parent)
+    with os.fdopen(handle, "w", encoding="utf-8") as file:
+        file.write(text)
+    Path(name).chmod(0o644)
+    Path(name).replace(path)
+
+
+def job_ids(results: Path) -> list[str]:
+    """Return the jobs there are, the newest first."""
+    found = [path for path in results.iterdir() if _ID.fullmatch(path.name) and (path / "job.json").is_file()]
+    return [
+        path.name for path in sorted(found, key=lambda path: (_number(path.name), path.name), reverse=True)
+    ]
+
+
+def new_id(results: Path, kind: str) -> str:
+    """Return an id that no job has had; numbers run over all kinds, so that they tell the order."""
+    numbers = [_number(path.name) for path in results.iterdir() if _ID.fullmatch(path.name)]
+    return f"{kind}-{max(numbers, default=0) + 1:03d}"
+
+
+def _number(job_id: str) -> int:
+    found = _ID.fullmatch(job_id)
+    return int(found[2]) if found else 0

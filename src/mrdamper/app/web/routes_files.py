@@ -1,0 +1,121 @@
+"""Routes: measured files, what is in them, their channel maps; and what people write (inputs)."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from pathlib import Path
+from typing import Any
+
+from fastapi import APIRouter
+from starlette.requests import Request
+from starlette.responses import PlainTextResponse, Response
+
+from mrdamper.app.web.folder import WorkFolder
+from mrdamper.app.web.orders import Mapping
+from mrdamper.app.web.shop import Shop, order_in, say
+
+__all__ = ["file_routes"]
+
+_MOST_INPUT = 4_000_000  # bytes
+_INPUTS = (".toml", ".csv", ".json")
+
+Json = dict[str, Any]
+
+
+def file_routes(shop: Shop) -> APIRouter:
+    """Return the routes below /api/files, /api/channels and /api/inputs."""
+    routes, folder = APIRouter(), shop.folder
+
+    @routes.put("/api/files/{name}")
+    async def upload(name: str, request: Request) -> Response:
+        path = folder.new(folder.runs, name, shop.formats)
+        size = await folder.store(
+            path, request.stream(), shop.most_upload, request.headers.get("content-length")
+        )
+        shop.index.files()
+        shop.bell.ring("files")
+        return say({"name": name, "bytes": size}, 201)
+
+    @routes.delete("/api/files/{name}")
+    async def remove(name: str) -> Response:
+        path = folder.run_file(name)
+        shop.index.forget(path)
+        folder.remove(folder.map_of(path))
+        folder.remove(path)
+        shop.bell.ring("files")
+        return say({"deleted": name})
+
+    @routes.get("/api/files/{name}/look")
+    async def look(name: str) -> Response:
+        path = folder.run_file(name)
+        key = ("look", shop.index.key_of(path))
+        return say(await shop.patience.wait(key, lambda: shop.index.look(path)))
+
+    @routes.put("/api/channels")
+    async def map_channels(request: Request) -> Response:
+        order: Mapping = await order_in(request, Mapping)
+        paths = [folder.run_file(name) for name in dict.fromkeys(order.files)]
+        key = (
+            "channels",
+            json.dumps(order.model_dump(), sort_keys=True),
+            tuple(map(shop.index.key_of, paths)),
+        )
+        return say(await shop.patience.wait(key, lambda: _map(shop, paths, order)))
+
+    @routes.put("/api/inputs/{name}")
+    async def write_input(name: str, request: Request) -> Response:
+        path = folder.new(folder.inputs, name, _INPUTS)
+        size = await folder.store(path, request.stream(), _MOST_INPUT, request.headers.get("content-length"))
+        shop.bell.ring("inputs")
+        return say({"name": name, "bytes": size}, 201)
+
+    @routes.get("/api/inputs/{name}")
+    async def read_input(name: str) -> Response:
+        path = folder.input(name)
+        with path.open("rb") as file:
+            text = file.read(_MOST_INPUT).decode("utf-8", errors="replace")
+        return PlainTextResponse(text)
+
+    @routes.delete("/api/inputs/{name}")
+    async def remove_input(name: str) -> Response:
+        folder.remove(folder.input(name))
+        shop.bell.ring("inputs")
+        return say({"deleted": name})
+
+    @routes.get("/api/dampers/{name}")
+    async def damper(name: str) -> Response:
+        question = {"ask": "damper", "damper": drawing_of(shop, name), "name": name}
+        return say(await shop.patience.wait(("damper", str(question)), lambda: shop.quick.ask(question)))
+
+    return routes
+
+
+def drawing_of(shop: Shop, name: str) -> str:
+    """Return a preset's name, or the path of the drawing in the folder."""
+    return name if name in shop.choices["dampers"] else str(shop.folder.input(name))  # type: ignore[operator]  # a list
+
+
+async def _map(shop: Shop, paths: list[Path], order: Mapping) -> Json:
+    """Look into files with a map; write it beside them when all can be read with it."""
+    given = order.map or {}
+    previews = [
+        await shop.desk.ask({"ask": "look", "file": str(path), "map": given}, urgency=1) for path in paths
+    ]
+    saved = order.save and (order.map is None or not any(preview["error"] for preview in previews))
+    if saved:
+        text = None
+        if order.map is not None:
+            text = (await shop.desk.ask({"ask": "map", "map": given}))["toml"]
+        await asyncio.to_thread(_write_maps, shop.folder, paths, text)
+        shop.index.files()
+        shop.bell.ring("files")
+    return {"saved": saved, "previews": previews}
+
+
+def _write_maps(folder: WorkFolder, paths: list[Path], text: str | None) -> None:
+    for path in paths:
+        if text is None:
+            folder.remove(folder.map_of(path))
+        else:
+            folder.write(folder.map_of(path), text)

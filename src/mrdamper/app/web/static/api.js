@@ -1,0 +1,125 @@
+// The server's calls, and nothing else: JSON and binary answers, patience with those that take a while, events.
+
+/** What the server said no with; `message` is for people. */
+export class Refused extends Error {
+  constructor(message, status) {
+    super(message);
+    this.status = status;
+  }
+}
+
+const TRIES = 400;
+const pause = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
+const part = encodeURIComponent;
+
+/** Send a request; one that answers "working" (202) is sent again until it is done or `signal` ends it. */
+async function send(method, address, { body = null, raw = null, signal = null } = {}) {
+  const options = { method, signal, headers: {} };
+  if (raw !== null) options.body = raw;
+  else if (body !== null) {
+    options.body = JSON.stringify(body);
+    options.headers["Content-Type"] = "application/json";
+  }
+  for (let k = 0; k < TRIES; k += 1) {
+    let response;
+    try {
+      response = await fetch(address, options);
+    } catch (fault) {
+      if (fault.name === "AbortError") throw fault;
+      throw new Refused("The server does not answer. Is `mrdamper serve` still running?", 0);
+    }
+    if (response.status === 202) {
+      const told = await response.json();
+      await pause(told.retry_ms ?? 300);
+      if (signal?.aborted) throw new DOMException("no longer wanted", "AbortError");
+      continue;
+    }
+    if (!response.ok) throw new Refused(await words(response), response.status);
+    return response;
+  }
+  throw new Refused(`${address}: no answer after many tries`, 0);
+}
+
+async function words(response) {
+  try {
+    const told = await response.json();
+    return told.error || `the server answered ${response.status}`;
+  } catch {
+    return `the server answered ${response.status}`;
+  }
+}
+
+const json = async (method, address, options) => (await send(method, address, options)).json();
+
+export const getState = () => json("GET", "/api/state");
+export const getRuns = () => json("GET", "/api/runs");
+export const getJob = (id) => json("GET", `/api/jobs/${part(id)}`);
+export const getCard = (name) => json("GET", `/api/cards/${part(name)}`);
+export const getDamper = (name, signal) => json("GET", `/api/dampers/${part(name)}`, { signal });
+export const look = (name, signal) => json("GET", `/api/files/${part(name)}/look`, { signal });
+export const deleteFile = (name) => json("DELETE", `/api/files/${part(name)}`);
+export const deleteCard = (name) => json("DELETE", `/api/cards/${part(name)}`);
+export const deleteJob = (id) => json("DELETE", `/api/jobs/${part(id)}`);
+export const putChannels = (asked, signal) => json("PUT", "/api/channels", { body: asked, signal });
+export const putFile = (file) => json("PUT", `/api/files/${part(file.name)}`, { raw: file });
+export const putInput = (file) => json("PUT", `/api/inputs/${part(file.name)}`, { raw: file });
+export const deleteInput = (name) => json("DELETE", `/api/inputs/${part(name)}`);
+export const inputFile = (name) => `/api/inputs/${part(name)}`;
+export const putCard = (name, file) => json("PUT", `/api/cards/${part(name)}`, { raw: file });
+export const startJob = (kind, options) => json("POST", "/api/jobs", { body: { kind, options } });
+export const cancelJob = (id) => json("POST", `/api/jobs/${part(id)}/cancel`, { body: {} });
+export const heatCurve = (asked, signal) => json("POST", "/api/heat/curve", { body: asked, signal });
+export const jobFile = (id, path, download = false) =>
+  `/api/jobs/${part(id)}/files/${path.split("/").map(part).join("/")}${download ? "?download=1" : ""}`;
+export const cardFile = (name, path) => `/api/cards/${part(name)}/files/${part(path)}`;
+
+function query(values) {
+  const told = Object.entries(values).filter(([, value]) => value !== null && value !== undefined && value !== "");
+  return told.length ? `?${new URLSearchParams(told.map(([key, value]) => [key, String(value)]))}` : "";
+}
+
+/** Return a run's channels as typed arrays: `{head, columns: {time_s, force_N, ...}}`. */
+export async function series(run, { max = null, from = null, to = null, file = null, signal = null } = {}) {
+  const asked = query({ max, from_s: from, to_s: to, file });
+  const response = await send("GET", `/api/runs/${part(run)}/series${asked}`, { signal });
+  return unpack(await response.arrayBuffer());
+}
+
+/** Return the modelled force on a run's samples, in the same form. */
+export async function modelled(run, card, { max = null, from = null, to = null, file = null, signal = null } = {}) {
+  const asked = query({ card, max, from_s: from, to_s: to, file });
+  const response = await send("GET", `/api/runs/${part(run)}/model${asked}`, { signal });
+  return unpack(await response.arrayBuffer());
+}
+
+/** Take a binary answer apart: length, header in JSON, then columns of float32. */
+export function unpack(buffer) {
+  const length = new DataView(buffer).getUint32(0, true);
+  const head = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
+  const columns = {};
+  head.columns.forEach((column, k) => {
+    columns[column.name] = new Float32Array(buffer, 4 + length + 4 * head.n * k, head.n);
+  });
+  return { head, columns };
+}
+
+/** Follow a job's events; `heard` has `progress`, `message` and `end`. Returns a function that stops listening. */
+export function follow(id, heard) {
+  const source = new EventSource(`/api/jobs/${part(id)}/events`);
+  for (const name of ["progress", "message", "end"]) {
+    source.addEventListener(name, (event) => {
+      if (!event.data) return;
+      if (name === "end") source.close();
+      heard[name]?.(JSON.parse(event.data));
+    });
+  }
+  return () => source.close();
+}
+
+/** Call `changed` when something in the folder changes. */
+export function watchFolder(changed) {
+  const source = new EventSource("/api/events");
+  source.addEventListener("changed", (event) => changed(JSON.parse(event.data).what ?? []));
+  source.addEventListener("open", () => changed(["files", "cards", "jobs", "inputs"]));
+  return source;
+}

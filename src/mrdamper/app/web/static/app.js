@@ -1,0 +1,149 @@
+// The frame around the pages: which page is shown, what the folder holds, and telling pages when it changes.
+//
+// A page is a module with `show(place, app, query)`; it returns `{changed(what), close()}`, both optional. Pages are
+// loaded when they are first asked for. The folder's state is fetched again when the server says that it changed.
+
+import { getState, watchFolder } from "./api.js";
+import { button, el, fill, note } from "./dom.js";
+import { startTheme } from "./theme.js";
+
+const PAGES = {
+  runs: () => import("./page_runs.js"),
+  loops: () => import("./page_loops.js"),
+  identify: () => import("./page_identify.js"),
+  heating: () => import("./page_heating.js"),
+  sink: () => import("./page_sink.js"),
+  tracking: () => import("./page_tracking.js"),
+  export: () => import("./page_export.js"),
+  jobs: () => import("./page_jobs.js"),
+};
+const TITLES = { runs: "Runs", loops: "Loops", identify: "Identify", heating: "Heating", sink: "Heat sink", tracking: "Tracking", export: "Export", jobs: "Jobs" };
+const TOAST_MS = { fault: 15000, warning: 12000, info: 6000, good: 5000 };
+
+const place = document.getElementById("page");
+const chosen = new Map();
+
+/** What pages share. */
+const app = {
+  state: null,
+
+  /** Fetch the folder's state again. */
+  async refresh() {
+    app.state = await getState();
+    frame();
+    return app.state;
+  },
+
+  /** Say something at the edge of the page for a while. */
+  toast(kind, text) {
+    const box = note(kind, el("span", { text }));
+    box.append(button("×", () => box.remove(), { class: "quiet", "aria-label": "Close" }));
+    document.getElementById("toasts").append(box);
+    setTimeout(() => box.remove(), TOAST_MS[kind]);
+  },
+
+  /** Run something that may be refused, and say so. */
+  async attempt(action) {
+    try {
+      return await action();
+    } catch (fault) {
+      if (fault.name !== "AbortError") app.toast("fault", fault.message);
+      return undefined;
+    }
+  },
+
+  /** Return what was chosen under a name, on any page, in this window. */
+  chosen: (name) => chosen.get(name) ?? fromSession(name),
+
+  choose(name, value) {
+    chosen.set(name, value);
+    try {
+      sessionStorage.setItem(`mrdamper-${name}`, value ?? "");
+    } catch {
+      // kept for this page only
+    }
+  },
+
+  /** Go to a page. */
+  go(page, query = {}) {
+    const asked = new URLSearchParams(query).toString();
+    window.location.hash = `#/${page}${asked ? `?${asked}` : ""}`;
+  },
+};
+
+function fromSession(name) {
+  try {
+    return sessionStorage.getItem(`mrdamper-${name}`) || null;
+  } catch {
+    return null;
+  }
+}
+
+function frame() {
+  const { state } = app;
+  document.getElementById("folder").textContent = state.folder_name || " ";
+  document.getElementById("folder").title = state.folder || "";
+  document.getElementById("version").textContent = state.versions?.mrdamper ?? "";
+  const busy = state.jobs.filter((job) => job.state === "running" || job.state === "queued").length;
+  const badge = document.getElementById("busy");
+  badge.hidden = busy === 0;
+  badge.textContent = String(busy);
+  badge.setAttribute("aria-label", `${busy} at work`);
+}
+
+let shown = { name: null, page: null };
+let turn = 0;
+
+async function route() {
+  const [path, asked] = window.location.hash.replace(/^#\/?/, "").split("?");
+  const name = path in PAGES ? path : "runs";
+  turn += 1;
+  const mine = turn;
+  for (const link of document.querySelectorAll("[data-page]")) {
+    if (link.dataset.page === name) link.setAttribute("aria-current", "page");
+    else link.removeAttribute("aria-current");
+  }
+  document.title = `${TITLES[name]} · mrdamper`;
+  shown.page?.close?.();
+  shown = { name, page: null };
+  try {
+    const [module] = await Promise.all([PAGES[name](), app.state ? null : app.refresh()]);
+    if (mine !== turn) return;
+    const body = el("div", { "data-shown": name });
+    fill(place, body);
+    window.scrollTo(0, 0);
+    shown.page = (await module.show(body, app, new URLSearchParams(asked ?? ""))) ?? {};
+    if (mine !== turn) shown.page?.close?.();
+  } catch (fault) {
+    if (mine === turn) fill(place, el("h1", { text: TITLES[name] }), note("fault", fault.message), button("Try again", route));
+  }
+}
+
+let waiting = null;
+const gathered = new Set();
+
+/** Gather what changed for a moment, fetch the state once, tell the page once. */
+function changed(what) {
+  for (const each of what) gathered.add(each);
+  waiting ??= setTimeout(async () => {
+    waiting = null;
+    const all = [...gathered];
+    gathered.clear();
+    try {
+      await app.refresh();
+    } catch {
+      return; // the events come again when the server is back
+    }
+    shown.page?.changed?.(all);
+  }, 120);
+}
+
+startTheme(document.getElementById("theme"));
+window.addEventListener("hashchange", () => {
+  route().then(() => place.focus({ preventScroll: true }));
+});
+window.addEventListener("unhandledrejection", (event) => {
+  if (event.reason?.name !== "AbortError") app.toast("fault", event.reason?.message ?? String(event.reason));
+});
+route();
+watchFolder(changed);

@@ -1,0 +1,253 @@
+// The sheet of one file: its columns, which role each has, in what unit; tried on the file as one types.
+
+import { look, putChannels } from "./api.js";
+import { button, check, el, field, fill, fixed, note, number, select, svg, table } from "./dom.js";
+import { findingTable, notes, numberField } from "./parts.js";
+
+const WAIT_MS = 350;
+const SIGNAL = "signal";
+
+/**
+ * Return the sheet of a file: `{node, close()}`.
+ *
+ * @param {object} app
+ * @param {string} name of the file
+ * @param {string[]} others files that the same map may be saved for
+ * @param {{saved: () => void, close: () => void}} heard
+ */
+export function channelSheet(app, name, others, heard) {
+  const body = el("div", {}, el("p", { class: "sub", text: `Looking into ${name} …` }));
+  const node = el("section", { class: "panel", id: "sheet", "aria-label": `Inside ${name}` }, body);
+  let asked = new AbortController();
+  let timer = null;
+
+  look(name, asked.signal).then(drawn, (fault) => {
+    if (fault.name !== "AbortError") fill(body, note("fault", fault.message));
+  });
+
+  function drawn(found) {
+    const title = el("div", { class: "row" }, el("h2", { text: found.name }), button("Close", heard.close, { class: "quiet" }));
+    if (!found.columns.length) {
+      fill(body, title, note("fault", found.error ?? "nothing could be read"), el("p", { class: "small", text: "Not even a table could be found in it. Export it again from the rig's software, or remove it." }));
+      return;
+    }
+    const lines = found.columns.filter((column) => column.kind === "number").map((column) => columnLine(app, column, found));
+    const texts = found.columns.filter((column) => column.kind === "text");
+    const rest = restFields(found, texts);
+    const preview = el("div", { "aria-live": "polite", id: "preview" });
+    const same = others.map((other) => ({ other, ...check(other, false) }));
+    const save = button("Save this map", () => keep(true), { class: "main", id: "save-map" });
+    const take = button("Take the map away", () => drop(), { class: "danger" });
+    take.hidden = !found.map;
+
+    const given = () => {
+      const channel = {};
+      for (const line of lines) Object.assign(channel, line.read());
+      return { ...(Object.keys(channel).length ? { channel } : {}), ...rest.read() };
+    };
+    const files = () => [name, ...same.filter(({ box }) => box.checked).map(({ other }) => other)];
+    const tried = () => {
+      clearTimeout(timer);
+      timer = setTimeout(() => keep(false), WAIT_MS);
+    };
+
+    async function keep(saving) {
+      asked.abort();
+      asked = new AbortController();
+      try {
+        const told = await putChannels({ files: saving ? files() : [name], map: given(), save: saving }, asked.signal);
+        fill(preview, told.previews.map((one) => previewOf(one, told.previews.length > 1)));
+        if (saving && told.saved) {
+          app.toast("good", `The map of ${name} is saved.`);
+          heard.saved();
+          take.hidden = false;
+        }
+      } catch (fault) {
+        if (fault.name !== "AbortError") fill(preview, note("fault", fault.message));
+      }
+    }
+
+    async function drop() {
+      await app.attempt(async () => {
+        await putChannels({ files: [name], map: null, save: true });
+        heard.saved();
+        drawn(await look(name));
+      });
+    }
+
+    const columns = table(
+      [
+        { title: "column", class: "name", cell: ({ column }) => column.name || `column ${column.index}` },
+        { title: "holds", cell: ({ column }) => el("span", {}, thumb(column.thumbnail), el("span", { class: "small", text: `${number(column.least, 4)} to ${number(column.most, 4)} ${column.unit ?? ""}` })) },
+        { title: "is", cell: (line) => line.role },
+        { title: "in", cell: (line) => line.unit },
+        { title: "gain", unit: "SI per V", cell: (line) => line.gain },
+        { title: "turned", cell: (line) => line.turned },
+      ],
+      lines,
+      { caption: "Columns that hold numbers" },
+    );
+    columns.querySelector("table").classList.add("sheet");
+    columns.addEventListener("change", tried);
+    columns.addEventListener("input", tried);
+    rest.node.addEventListener("input", tried);
+
+    fill(
+      body,
+      title,
+      el("p", { class: "small", text: found.understood ?? "" }),
+      columns,
+      el("details", {}, el("summary", { text: "First rows" }), firstRows(found)),
+      el("h3", { text: "What the file does not hold" }),
+      rest.node,
+      same.length > 0 && el("details", {}, el("summary", { text: "Save the same map for other files" }), el("div", { class: "picks" }, same.map((one) => one.node))),
+      el("div", { class: "actions" }, save, take),
+      el("h3", { class: "gap", text: "With these channels" }),
+      preview,
+    );
+    fill(preview, previewOf(found, false));
+  }
+
+  return {
+    node,
+    close() {
+      asked.abort();
+      clearTimeout(timer);
+    },
+  };
+}
+
+/** Return a line of the sheet: a column, and the controls that give it a role. */
+function columnLine(app, column, found) {
+  const roles = app.state.choices.roles;
+  const mapped = Object.entries(found.map?.channel ?? {}).find(([, told]) => told.name === column.name || told.index === column.index);
+  const current = mapped?.[0] ?? column.role ?? column.guess?.role ?? "";
+  const told = mapped?.[1] ?? {};
+  const label = column.name || `column ${column.index}`;
+  const role = select([["", "not used"], ...roles.map((one) => [one.role, one.role])], current, { "aria-label": `${label} is`, "data-column": String(column.index) });
+  const unit = select([], "", { "aria-label": `${label} in` });
+  const gain = el("input", { type: "number", step: "any", value: told.gain ?? "", "aria-label": `${label} gain`, placeholder: "–" });
+  const turned = check("", told.sign === -1, { "aria-label": `${label} turned` });
+  const units = (chosen) => {
+    const about = roles.find((one) => one.role === role.value);
+    const before = chosen ?? unit.value;
+    const listed = about ? about.units.map((each) => [each, each]) : [];
+    if (about) listed.push([SIGNAL, "V, by a gain"]);
+    fill(unit, listed.map(([value, text]) => el("option", { value, text, selected: value === before })));
+    unit.disabled = !about;
+    gain.disabled = !about || unit.value !== SIGNAL;
+    gain.title = about ? `${about.unit} per V` : "";
+    turned.box.disabled = !about;
+  };
+  const stated = told.gain !== undefined ? SIGNAL : told.unit ?? column.guess?.unit ?? column.unit;
+  units(stated);
+  role.addEventListener("change", () => units(column.guess?.role === role.value ? column.guess.unit : column.unit));
+  unit.addEventListener("change", () => units());
+  const unique = column.name && found.columns.filter((other) => other.name === column.name).length === 1;
+  return {
+    column,
+    role,
+    unit,
+    gain,
+    turned: turned.node,
+    read() {
+      if (!role.value) return {};
+      const entry = unique ? { name: column.name } : { index: column.index };
+      if (unit.value === SIGNAL) {
+        entry.unit = "V";
+        if (gain.value !== "") entry.gain = Number(gain.value);
+      } else if (unit.value) entry.unit = unit.value;
+      if (told.offset) entry.offset = told.offset;
+      if (turned.box.checked) entry.sign = -1;
+      return { [role.value]: entry };
+    },
+  };
+}
+
+/** Return the fields of constants and segments, and a function that reads them into a map. */
+function restFields(found, texts) {
+  const map = found.map ?? {};
+  const constant = map.constant ?? {};
+  const current = numberField("Coil current", "A", constant.current_A, { placeholder: "in the file" });
+  const voltage = numberField("Coil voltage", "V", constant.voltage_V, { placeholder: "in the file" });
+  const warmth = numberField("Temperature", "°C", constant.temperature_degC, { placeholder: "not known" });
+  const rate = numberField("Sampling rate", "Hz", constant.rate_Hz, { placeholder: "in the file", min: 0 });
+  const words = el("input", { type: "text", value: map.segments?.split ?? "", placeholder: "one test" });
+  const levels = el("input", { type: "text", value: (map.segments?.current_A ?? map.segments?.voltage_V ?? []).join(", "), placeholder: "0, 0.25, 0.5" });
+  const session = el("input", { type: "text", value: map.session?.name ?? "", placeholder: "this file" });
+  const node = el(
+    "div",
+    {},
+    el(
+      "div",
+      { class: "fields" },
+      current.node,
+      voltage.node,
+      warmth.node,
+      rate.node,
+      field("Session", session, { hint: "runs that share one tare" }),
+      texts.length > 0 && field("A new test begins at", words, { hint: `a word in ${texts.map((one) => one.name || `column ${one.index}`).join(", ")}` }),
+      texts.length > 0 && field("Currents of the tests", levels, { unit: "A" }),
+    ),
+  );
+  return {
+    node,
+    read() {
+      const told = {};
+      for (const [key, one] of [["current_A", current], ["voltage_V", voltage], ["temperature_degC", warmth], ["rate_Hz", rate]]) {
+        if (one.read() !== null) told[key] = one.read();
+      }
+      const made = Object.keys(told).length ? { constant: told } : {};
+      const numbers = levels.value.split(/[,;\s]+/).filter(Boolean).map(Number);
+      if (words.value && numbers.length) made.segments = { split: words.value, [map.segments?.voltage_V ? "voltage_V" : "current_A"]: numbers };
+      if (session.value) made.session = { name: session.value };
+      if (map.file) made.file = map.file;
+      return made;
+    },
+  };
+}
+
+/** Return what a file holds with a map: its runs, or what is wrong. */
+function previewOf(found, named) {
+  const head = named && el("h3", { text: found.name });
+  const runs = found.runs ?? [];
+  return el(
+    "div",
+    {},
+    head,
+    found.error && note("fault", found.error),
+    runs.length > 0 && !found.error && note("good", `${runs.length} run${runs.length > 1 ? "s" : ""}: ${runs.map((run) => run.name).join(", ")}`),
+    runs.length > 0 &&
+      notes(
+        runs.map((run) =>
+          `${run.name}: ${run.motion || "no motion recognised"}, ${run.command === null ? "varying command" : `${fixed(run.command, 2)} ${run.command_unit}`}, ${number(run.stroke_mm)} mm stroke, ${run.force_range_N ? `${fixed(run.force_range_N[0], 0)} to ${fixed(run.force_range_N[1], 0)} N` : "no force"}${run.error ? `: ${run.error}` : ""}`,
+        ),
+      ),
+    (found.findings ?? []).length > 0 && el("details", {}, el("summary", { text: `${found.findings.length} findings` }), findingTable(found.findings)),
+  );
+}
+
+function firstRows(found) {
+  const count = Math.max(...found.columns.map((column) => column.first?.length ?? 0));
+  const made = table(
+    found.columns.map((column) => ({ title: column.name || `column ${column.index}`, unit: column.unit, number: column.kind === "number", cell: (k) => told(column.first?.[k]) })),
+    [...Array(count).keys()],
+    { caption: `The first ${count} of ${found.rows} rows` },
+  );
+  made.querySelector("table").classList.add("sheet");
+  return made;
+}
+
+const told = (value) => (typeof value === "number" ? number(value, 6) : value);
+
+/** Return a small picture of a column. */
+function thumb(values) {
+  const known = (values ?? []).filter((value) => Number.isFinite(value));
+  if (known.length < 2) return null;
+  const [low, high] = [Math.min(...known), Math.max(...known)];
+  const span = high - low || 1;
+  const path = values
+    .map((value, k) => `${k ? "L" : "M"}${((k / (values.length - 1)) * 100).toFixed(1)} ${(27 - (24 * ((value ?? low) - low)) / span).toFixed(1)}`)
+    .join("");
+  return svg("svg", { class: "thumb", viewBox: "0 0 100 30", preserveAspectRatio: "none", "aria-hidden": "true" }, svg("path", { d: path, "vector-effect": "non-scaling-stroke" }));
+}

@@ -1,0 +1,164 @@
+// Small helpers that build the page. All text goes in as text, never as markup.
+
+/**
+ * Return an element. `props` sets attributes; `on...` adds listeners; `class`, `text` and `value` mean what they say.
+ * A child that is a string becomes a text node; null and false are left out.
+ */
+export function el(name, props = {}, ...children) {
+  const node = document.createElement(name);
+  for (const [key, value] of Object.entries(props)) {
+    if (value === null || value === undefined || value === false) continue;
+    if (key.startsWith("on")) node.addEventListener(key.slice(2), value);
+    else if (key === "class") node.className = value;
+    else if (key === "text") node.textContent = value;
+    else if (key === "value") node.value = value;
+    else if (value === true) node.setAttribute(key, "");
+    else node.setAttribute(key, String(value));
+  }
+  add(node, children);
+  return node;
+}
+
+function add(node, children) {
+  for (const child of children.flat(Infinity)) {
+    if (child === null || child === undefined || child === false) continue;
+    node.append(child instanceof Node ? child : String(child));
+  }
+}
+
+/** Put children in the place of what a node held. */
+export function fill(node, ...children) {
+  node.replaceChildren();
+  add(node, children);
+  return node;
+}
+
+const SVG = "http://www.w3.org/2000/svg";
+
+/** Return an SVG element with attributes and children. */
+export function svg(name, attributes = {}, ...children) {
+  const node = document.createElementNS(SVG, name);
+  for (const [key, value] of Object.entries(attributes)) node.setAttribute(key, String(value));
+  add(node, children);
+  return node;
+}
+
+let counted = 0;
+
+/** Return a labelled field: `label` above, the control, its unit beside it and a hint below. */
+export function field(label, control, { unit = "", hint = "", wide = false } = {}) {
+  counted += 1;
+  const id = control.id || `f${counted}`;
+  control.id = id;
+  if (hint) control.setAttribute("aria-describedby", `${id}-hint`);
+  return el(
+    "div",
+    { class: wide ? "field wide" : "field" },
+    el("label", { for: id, text: unit ? `${label}, ${unit}` : label }),
+    control,
+    hint && el("p", { class: "hint", id: `${id}-hint`, text: hint }),
+  );
+}
+
+/** Return a drop-down list of `[value, text]` pairs (or plain texts). */
+export function select(options, chosen, props = {}) {
+  const node = el("select", props);
+  for (const option of options) {
+    const [value, text] = Array.isArray(option) ? option : [option, option];
+    node.append(el("option", { value, text, selected: value === chosen }));
+  }
+  return node;
+}
+
+/** Return a check box with its words behind it. */
+export function check(text, checked, props = {}) {
+  const box = el("input", { type: "checkbox", ...props });
+  box.checked = checked;
+  return { box, node: el("label", { class: "check" }, box, el("span", { text })) };
+}
+
+/** Return a button. */
+export function button(text, onclick, props = {}) {
+  return el("button", { type: "button", onclick, ...props }, text);
+}
+
+/**
+ * Return a table.
+ *
+ * @param {{title: string, unit?: string, number?: boolean, cell: (row: any) => any}[]} columns
+ * @param {any[]} rows
+ */
+export function table(columns, rows, { caption = "", rowClass = null, tall = false } = {}) {
+  const head = el("tr");
+  for (const column of columns) {
+    head.append(
+      el("th", { class: column.number ? "n" : "", scope: "col" }, column.title, column.unit && el("small", { text: column.unit })),
+    );
+  }
+  const body = el("tbody");
+  for (const row of rows) {
+    const line = el("tr", { class: rowClass ? rowClass(row) : "" });
+    for (const column of columns) {
+      const made = column.cell(row);
+      line.append(el("td", { class: column.number ? "n" : column.class || "" }, made === null || made === undefined ? (column.title ? "–" : "") : made));
+    }
+    body.append(line);
+  }
+  return el("div", { class: tall ? "scroll tall" : "scroll", tabindex: 0, role: "region", "aria-label": caption || "table" },
+    el("table", {}, caption && el("caption", { text: caption }), el("thead", {}, head), body));
+}
+
+/** Return a box that says what to do next where there is nothing to show yet. */
+export function empty(title, text, ...actions) {
+  return el("div", { class: "empty" }, el("h3", { text: title }), el("p", { text }), actions.length > 0 && el("p", {}, actions));
+}
+
+/** Return a note; `kind` is `info`, `warning`, `fault` or `good`. */
+export function note(kind, ...children) {
+  return el("div", { class: `notice ${kind}`, role: kind === "fault" ? "alert" : "status" }, ...children);
+}
+
+/** Return a number with `digits` significant digits, without an exponent where it can be read without one. */
+export function number(value, digits = 3) {
+  if (value === null || value === undefined || !Number.isFinite(value)) return "–";
+  if (value === 0) return "0";
+  const size = Math.abs(Number(value.toPrecision(digits)));
+  if (size >= 1e5 || size < 1e-3) return value.toExponential(digits - 1).replace("e+", "e").replace("-", "−");
+  const decimals = Math.max(0, digits - 1 - Math.floor(Math.log10(size)));
+  return fixed(value, decimals);
+}
+
+/** Return a number with a fixed number of decimals, or a dash. */
+export function fixed(value, decimals = 1) {
+  if (value === null || value === undefined || !Number.isFinite(value)) return "–";
+  return value.toFixed(decimals).replace("-", "−");
+}
+
+/** Return a time in words: `4 min 10 s`. */
+export function duration(seconds) {
+  if (seconds === null || seconds === undefined || !Number.isFinite(seconds)) return "–";
+  if (seconds < 10) return `${seconds.toFixed(1)} s`;
+  if (seconds < 120) return `${Math.round(seconds)} s`;
+  const minutes = Math.floor(seconds / 60);
+  const rest = Math.round(seconds - 60 * minutes);
+  if (minutes < 120) return rest ? `${minutes} min ${rest} s` : `${minutes} min`;
+  return `${Math.floor(minutes / 60)} h ${minutes % 60} min`;
+}
+
+/** Return a size in words: `2.4 MB`. */
+export function bytes(count) {
+  if (!Number.isFinite(count)) return "–";
+  if (count < 1000) return `${count} B`;
+  if (count < 1e6) return `${(count / 1e3).toFixed(count < 1e4 ? 1 : 0)} kB`;
+  return `${(count / 1e6).toFixed(1)} MB`;
+}
+
+/** Hand a blob to the browser's downloads. */
+export function save(name, blob) {
+  const address = URL.createObjectURL(blob);
+  const link = el("a", { href: address, download: name });
+  document.body.append(link);
+  link.click();
+  link.remove();
+  setTimeout(() => URL.revokeObjectURL(address), 10000);
+}

@@ -1,0 +1,333 @@
+// Identify: choose a law and what to hold out, watch the fit, read errors by run and parameters with uncertainty.
+
+import { cardFile, deleteCard, getJob, getRuns, putCard } from "./api.js";
+import { button, check, el, empty, field, fill, fixed, note, number, select, table } from "./dom.js";
+import { cardField, cardInUse, cardsOf, heading, inputsOf, inWords, JobPanel, notes, numberField, tile } from "./parts.js";
+import { Plot } from "./plot.js";
+
+const NAME = /[^A-Za-z0-9 ._+-]+/g;
+
+export async function show(place, app, query) {
+  const { runs: all, reading } = await getRuns();
+  const runs = all.filter((run) => !run.error);
+  const { choices } = app.state;
+  const result = el("div");
+  const cards = el("div");
+  const predicted = el("div");
+  const cost = new Plot({ title: "Cost while fitting", x: "evaluation, steps", y: "error, % of spread", name: "cost", height: 220 });
+  const costBox = el("div", { hidden: true }, cost.node);
+  const course = { all: [], best: [] };
+
+  // ------------------------------------------------------------------------------------ what is asked for
+  const name = el("input", { type: "text", value: freeName(app), maxlength: 60, id: "card-name" });
+  const law = select([["", "the usual one for these runs"], ["auto", "compare all, take the best"], ...choices.laws.map((one) => [one.name, `${one.name}: ${one.title}`])], "", { id: "law" });
+  const temperature = select(choices.temperature.map((each) => [each, each === "auto" ? "as the runs have it" : each]), "auto");
+  const fluid = select([["", "none"], ...choices.fluids.map((each) => [each, each]), ...inputsOf(app, ".toml")], "");
+  const method = select(choices.methods.map((each) => [each, { varpro: "variable projection", genetic: "genetic", cma: "CMA-ES" }[each] ?? each]), choices.methods[0]);
+  const starts = numberField("Starts", "", 1, { min: 1, step: 1 });
+  const seed = numberField("Seed", "", 0, { min: 0, step: 1 });
+  const draws = numberField("Bootstrap draws", "", 0, { min: 0, step: 1 });
+  const resistance = numberField("Coil resistance at 20 °C", "Ω", null, { min: 0, placeholder: "not known" });
+  const session = check("each session has its own constant force", false);
+  const single = check("accept runs at one current only", false);
+  const flip = check("turn the sign of the force", false);
+  const profile = check("follow the least known combination along its profile", false);
+  const replace = check("replace a card of the same name", false);
+  const terms = ["as usual", ...choices.terms].map((term, k) => ({ term, ...check(k ? term : "the usual terms", k === 0) }));
+  const leave = choices.leave_out.map((each) => ({ each, ...check(each, false) }));
+  const held = runs.map((run) => ({ run, ...check(`${run.name}`, false) }));
+  const globs = el("input", { type: "text", placeholder: "*_060C_*", "aria-label": "Hold out by pattern", id: "globs" });
+  const start = button("Identify", begin, { class: "main", id: "start-fit", disabled: !runs.length });
+
+  terms[0].box.addEventListener("change", () => terms.slice(1).forEach(({ box }) => (box.checked = false)));
+  for (const { box } of terms.slice(1)) box.addEventListener("change", () => (terms[0].box.checked = false));
+
+  const panel = new JobPanel(app, "identify", {
+    begun: () => {
+      course.all.length = 0;
+      course.best.length = 0;
+      costBox.hidden = true;
+      fill(result);
+    },
+    busy: (on) => {
+      start.disabled = on || !runs.length;
+    },
+    progress: (told) => {
+      if (!Number.isFinite(told.cost_percent)) return;
+      course.all.push(told.cost_percent);
+      course.best.push(told.best_percent ?? told.cost_percent);
+      drawCost();
+    },
+    done: (job) => {
+      drawCost();
+      drawResult(job);
+    },
+  });
+  let due = null;
+
+  function drawCost() {
+    due ??= requestAnimationFrame(() => {
+      due = null;
+      costBox.hidden = !course.all.length;
+      const x = course.all.map((_, k) => k + 1);
+      cost.set({
+        series: [
+          { name: "this step", x, y: course.all, colour: (colours) => colours.measured, width: 1.2 },
+          { name: "best so far", x, y: course.best, colour: (colours) => colours.accent, width: 2 },
+        ],
+      });
+    });
+  }
+
+  async function begin() {
+    const kept = terms.slice(1).filter(({ box }) => box.checked).map(({ term }) => term);
+    const card = name.value.trim().replace(NAME, "-") || "damper";
+    app.choose("card", card);
+    await panel.start({
+      card,
+      law: law.value || null,
+      method: method.value,
+      starts: starts.read() ?? 1,
+      seed: seed.read() ?? 0,
+      hold_out: [...held.filter(({ box }) => box.checked).map(({ run }) => literal(run.name)), ...globs.value.split(/[,;]+/).map((each) => each.trim()).filter(Boolean)],
+      leave_out: leave.filter(({ box }) => box.checked).map(({ each }) => each),
+      session_offsets: session.box.checked,
+      one_command: single.box.checked,
+      terms: terms[0].box.checked ? null : kept,
+      temperature: temperature.value,
+      fluid: fluid.value || null,
+      coil_resistance_ohm: resistance.read(),
+      profiled: profile.box.checked,
+      draws: draws.read() ?? 0,
+      flip_force: flip.box.checked,
+      replace: replace.box.checked,
+    });
+  }
+
+  // ---------------------------------------------------------------------------------------- what was found
+  function drawResult(job) {
+    const { answer } = job;
+    const card = job.options.card;
+    const splits = Object.entries(answer.summary ?? {});
+    fill(
+      result,
+      el("h2", { text: `${card}: ${answer.law}` }),
+      el(
+        "div",
+        { class: "tiles", id: "fit-tiles" },
+        splits.flatMap(([split, values]) => [
+          tile(`${inWords(split)}, median error`, `${fixed(values.median_nrmse_percent, 1)} %`),
+          tile(`${inWords(split)}, worst`, `${fixed(values.worst_nrmse_percent, 1)} %`),
+        ]),
+        tile("CPU time", `${number(answer.cpu_s)} s`),
+      ),
+      el("p", { class: "small", text: "Error: RMS of (modelled − measured force) over the standard deviation of the measured force, from half a period after the motion starts; nothing removed." }),
+      el(
+        "div",
+        { class: "actions" },
+        button("Look at the loops with it", () => app.go("loops", { card }), { class: "main" }),
+        el("a", { class: "button", href: cardFile(card, "report.html"), target: "_blank", rel: "noopener", text: "Open the report" }),
+        button("How hot does it get?", () => app.go("heating", { card })),
+      ),
+      answer.notes?.length > 0 && el("h3", { class: "gap", text: "What to know before using the numbers" }),
+      notes(answer.notes),
+      answer.law_table?.length > 0 && lawTable(answer.law_table),
+      el("h2", { text: "Error by run" }),
+      errorTable(answer.runs),
+      el("h2", { text: "Parameters" }),
+      parameterTable(answer.coefficients),
+      answer.identifiability?.sentence && el("p", { class: "small", text: answer.identifiability.sentence }),
+    );
+  }
+
+  // ------------------------------------------------------------------------------------------ cards kept
+  const prediction = new JobPanel(app, "predict", {
+    done: (job) => {
+      fill(predicted, el("h3", { text: `${job.options.card} on ${job.answer.runs.length} runs` }), notes(job.answer.notes), errorTable(job.answer.runs));
+    },
+  });
+  const comparison = new JobPanel(app, "compare", {
+    done: (job) => {
+      const page = (job.files ?? []).find((file) => file.path === "compare.html");
+      fill(compared, page && el("a", { class: "button", href: `/api/jobs/${encodeURIComponent(job.id)}/files/compare.html`, target: "_blank", rel: "noopener", text: `Open ${job.options.first} against ${job.options.second}` }));
+    },
+  });
+  const compared = el("div");
+
+  function drawCards() {
+    const known = app.state.cards;
+    const load = el("input", { type: "file", accept: ".json", hidden: true });
+    load.addEventListener("change", () =>
+      app.attempt(async () => {
+        const [file] = load.files;
+        await putCard(file.name.replace(/\.json$/i, "").replace(NAME, "-"), file);
+        await app.refresh();
+        drawCards();
+      }));
+    const bring = button("Bring a card", () => load.click());
+    if (!known.length) {
+      fill(cards, el("p", { class: "small", text: "No card yet: identify one, or bring a card.json." }), bring, load);
+      return;
+    }
+    const choice = cardField(app, cardInUse(app, query.get("card")), () => {});
+    const files = select([["", "all runs in the folder"], ...[...new Set(runs.map((run) => run.file))].map((file) => [file, file])], "");
+    const first = cardField(app, cardInUse(app), () => {}, { label: "First" }).list;
+    const second = cardField(app, known[known.length - 1].name, () => {}, { label: "Second" }).list;
+    fill(
+      cards,
+      table(
+        [
+          { title: "card", class: "name", cell: (card) => el("b", { text: card.name }) },
+          { title: "law", class: "whole", cell: (card) => card.law ?? "" },
+          { title: "runs", number: true, cell: (card) => card.runs },
+          { title: "cost", unit: "%", number: true, cell: (card) => fixed(card.cost_percent, 2) },
+          { title: "command", class: "whole", cell: (card) => range(card.envelope?.command, card.command_unit) },
+          { title: "temperature", class: "whole", cell: (card) => range(card.envelope?.temperature_degC, "°C") },
+          { title: "", class: "name", cell: (card) => el("span", { class: "small", text: card.error ?? "" }) },
+          {
+            title: "",
+            class: "whole",
+            cell: (card) =>
+              el(
+                "span",
+                {},
+                card.report && el("a", { href: card.report, target: "_blank", rel: "noopener", text: "report", "aria-label": `Report of ${card.name}` }),
+                " ",
+                button("Remove", () => window.confirm(`Remove the card ${card.name} and its report?`) && app.attempt(() => deleteCard(card.name)), { class: "quiet danger", "aria-label": `Remove ${card.name}` }),
+              ),
+          },
+        ],
+        known,
+        { caption: "Cards in the folder" },
+      ),
+      el("div", { class: "actions" }, bring, load),
+      el("h3", { class: "gap", text: "Predict: how a card does on runs" }),
+      el("div", { class: "row end" }, choice.node, field("Runs", files), button("Predict", () => prediction.start({ card: choice.list.value, files: files.value ? [files.value] : null }), { id: "predict", disabled: !runs.length })),
+      known.length > 1 && el("h3", { class: "gap", text: "Compare two cards" }),
+      known.length > 1 &&
+        el("div", { class: "row end" }, field("First", first), field("Second", second), button("Compare", () => comparison.start({ first: first.value, second: second.value }))),
+    );
+  }
+
+  const form = el(
+    "form",
+    { class: "panel", "aria-label": "What to identify", onsubmit: (event) => event.preventDefault() },
+    el("div", { class: "fields" },
+      field("Name of the card", name, { wide: true }),
+      field("Law", law, { wide: true }),
+      field("Temperature", temperature, { wide: true }),
+      field("Fluid, where runs do not tell", fluid, { wide: true })),
+    el("h3", { class: "gap", text: "Hold out" }),
+    el("p", { class: "hint", text: "Runs that the fit must not see; the error on them is the honest one." }),
+    el("div", { class: "picks", tabindex: 0, "aria-label": "Runs to hold out", role: "group" }, held.map(({ node }) => node)),
+    el("div", { class: "gap" }, field("or by pattern", globs)),
+    el(
+      "details",
+      {},
+      el("summary", { text: "More" }),
+      el("div", { class: "fields" }, field("Search", method, { wide: true }), starts.node, seed.node, draws.node, resistance.node),
+      el("h3", { class: "gap", text: "Parallel terms" }), terms.map(({ node }) => node),
+      el("h3", { class: "gap", text: "Fit again without each" }), leave.map(({ node }) => node),
+      el("h3", { class: "gap", text: "Also" }), [session, single, flip, profile, replace].map(({ node }) => node),
+    ),
+    el("div", { class: "actions" }, start),
+  );
+
+  const hint = runs.length
+    ? empty("No fit yet", `${runs.length} runs are ready. Keep the usual law, hold out a run or two, and press Identify: it takes seconds to a minute. You may leave this page meanwhile.`)
+    : empty("No runs to fit", reading ? "Files are still being read; come back in a moment." : "A model is identified from runs. Add files first, and map their channels if they are not understood.", button("Go to Runs", () => app.go("runs"), { class: "main" }));
+  fill(result, hint);
+  fill(
+    place,
+    heading("Identify", "One law over all currents and temperatures at once. What comes out is a card: the only thing that heating, heat sink, tracking and export need."),
+    el("div", { class: "split" }, form, el("div", {}, panel.node, costBox, result)),
+    el("h2", { text: "Cards" }),
+    cards,
+    prediction.node,
+    predicted,
+    comparison.node,
+    compared,
+  );
+  drawCards();
+  const wanted = query.get("job");
+  const job = wanted ? await getJob(wanted).catch(() => null) : null;
+  if (job?.kind === "predict") {
+    await prediction.attach(job.id);
+    await panel.resume();
+  } else await panel.resume(null, wanted).catch((fault) => fill(result, note("fault", fault.message)));
+
+  return {
+    changed: (what) => what.includes("cards") && drawCards(),
+    close() {
+      for (const each of [panel, prediction, comparison, cost]) each.close();
+    },
+  };
+}
+
+/** Return errors by run as a table, held-out runs marked. */
+function errorTable(runs) {
+  const warm = runs.some((run) => run.temperature_degC !== null && run.temperature_degC !== undefined);
+  return table(
+    [
+      { title: "run", class: "name", cell: (run) => run.name },
+      { title: "split", class: "whole", cell: (run) => inWords(run.split ?? "") },
+      { title: "motion", class: "whole", cell: (run) => run.motion ?? "" },
+      { title: "command", number: true, cell: (run) => (run.command === null || run.command === undefined ? "varying" : `${fixed(run.command, 2)} ${run.command_unit}`) },
+      warm && { title: "temperature", unit: "°C", number: true, cell: (run) => fixed(run.temperature_degC, 0) },
+      { title: "RMS error", unit: "N", number: true, cell: (run) => fixed(run.rmse_N, 1) },
+      { title: "error", unit: "% of spread", number: true, cell: (run) => el("b", { text: fixed(run.nrmse_percent, 2) }) },
+      { title: "whole run", unit: "%", number: true, cell: (run) => fixed(run.nrmse_whole_percent, 2) },
+      { title: "offset free", unit: "%", number: true, cell: (run) => fixed(run.nrmse_offset_free_percent, 2) },
+    ].filter(Boolean),
+    runs,
+    { caption: "Red bar: held out, the fit has not seen it", rowClass: (run) => (run.split === "held_out" ? "held" : "") },
+  );
+}
+
+function parameterTable(coefficients) {
+  return table(
+    [
+      { title: "parameter", class: "name", cell: ([name]) => inWords(name.replace(/\.value$/, "")).replace(".", ", ") },
+      { title: "value", number: true, cell: ([, one]) => number(one.value, 4) },
+      { title: "± standard error", number: true, cell: ([, one]) => number(one.standard_error, 2) },
+      { title: "unit", class: "whole", cell: ([, one]) => (one.unit === "-" ? "" : one.unit) },
+      { title: "known before the fit to", unit: "%", number: true, cell: ([, one]) => number(one.design_error_percent, 2) },
+      { title: "", class: "whole", cell: ([, one]) => words(one) },
+    ],
+    Object.entries(coefficients ?? {}),
+    { caption: "Values with their standard errors" },
+  );
+}
+
+function words(one) {
+  if (one.at_bound) return el("span", { class: "tag warning", text: `at its ${one.at_bound} bound` });
+  return one.identifiable ? null : el("span", { class: "tag warning", text: "the runs do not tell" });
+}
+
+function lawTable(rows) {
+  return [
+    el("h2", { text: "Laws compared" }),
+    table(
+      [
+        { title: "law", class: "name", cell: (row) => row.law },
+        { title: "numbers", number: true, cell: (row) => row.numbers },
+        { title: "training, median", unit: "%", number: true, cell: (row) => fixed(row.training_median_percent, 2) },
+        { title: "left out, median", unit: "%", number: true, cell: (row) => fixed(row.held_out_median_percent, 2) },
+        { title: "left out, worst", unit: "%", number: true, cell: (row) => fixed(row.held_out_worst_percent, 2) },
+        { title: "CPU", unit: "s", number: true, cell: (row) => number(row.cpu_s) },
+      ],
+      rows,
+    ),
+  ];
+}
+
+const range = (pair, unit) => (pair ? `${number(pair[0])} to ${number(pair[1])} ${unit ?? ""}` : "");
+const literal = (name) => name.replace(/[[*?]/g, (sign) => `[${sign}]`);
+
+function freeName(app) {
+  const taken = new Set(cardsOf(app).map((card) => card.name).concat(app.state.cards.map((card) => card.name)));
+  for (let k = 1; ; k += 1) {
+    const name = k === 1 ? "damper" : `damper-${k}`;
+    if (!taken.has(name)) return name;
+  }
+}

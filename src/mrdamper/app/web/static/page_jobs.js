@@ -1,0 +1,106 @@
+// Jobs: everything that was asked for, what became of it, and its files; the inputs that people bring.
+
+import { cancelJob, deleteInput, deleteJob, inputFile, jobFile, putInput, startJob } from "./api.js";
+import { bytes, button, duration, el, empty, field, fill, select, table } from "./dom.js";
+import { heading, inputPicker, inputsOf } from "./parts.js";
+
+const PAGE_OF = { identify: "identify", predict: "identify", heat: "heating", sink: "sink", track: "tracking", export: "export" };
+
+export function show(place, app) {
+  const list = el("div");
+  const inputs = el("div");
+  fill(place, heading("Jobs", "Work that takes a while runs beside the server, two at a time. Results lie in the folder and stay there; the command line reads them, too."), list, inputs);
+
+  const actions = (job) => {
+    const busy = job.state === "running" || job.state === "queued";
+    return el(
+      "span",
+      { class: "row" },
+      busy && button("Cancel", () => app.attempt(() => cancelJob(job.id)), { class: "quiet", "aria-label": `Cancel ${job.id}` }),
+      !busy && job.state === "done" && PAGE_OF[job.kind] &&
+        button("Show", () => app.go(PAGE_OF[job.kind], { job: job.id, ...(job.options.card ? { card: job.options.card } : {}) }), { class: "quiet", "aria-label": `Show ${job.id}` }),
+      job.kind === "fluid" && job.state === "done" && button("Use", () => app.attempt(() => keepFluid(job)), { class: "quiet", "aria-label": `Use the fluid of ${job.id}` }),
+      !busy && button("Remove", () => app.attempt(() => deleteJob(job.id)), { class: "quiet danger", "aria-label": `Remove ${job.id}` }),
+    );
+  };
+  const draw = () => {
+    const { jobs } = app.state;
+    if (!jobs.length) {
+      fill(list, empty("Nothing has been asked for yet", "Fits, heat sinks, tracking and exports are listed here, with their files. Begin with runs of your damper.", button("Go to Runs", () => app.go("runs"))));
+      return;
+    }
+    fill(
+      list,
+      table(
+        [
+          { title: "job", class: "whole", cell: (job) => el("b", { text: job.id }) },
+          { title: "card", cell: (job) => job.options.card ?? job.card ?? "" },
+          { title: "state", cell: (job) => el("span", { class: `tag ${job.state}`, text: job.state }) },
+          { title: "asked", class: "whole", cell: (job) => when(job.asked_at) },
+          { title: "took", number: true, cell: (job) => took(job) },
+          { title: "how far", cell: (job) => job.message ?? (job.state === "done" ? "" : job.progress?.text ?? "") },
+          { title: "files", class: "name", cell: (job) => files(job) },
+          { title: "", cell: actions },
+        ],
+        jobs,
+        { caption: "Jobs, newest first" },
+      ),
+    );
+  };
+
+  /** Take the fluid of a job into the folder's inputs, where Identify finds it. */
+  async function keepFluid(job) {
+    const text = await (await fetch(jobFile(job.id, "fluid.toml"))).blob();
+    await putInput(new File([text], `${job.id}.toml`));
+    app.toast("good", `${job.id}.toml lies with the inputs now; Identify can take it.`);
+  }
+
+  function drawInputs() {
+    const tables = inputsOf(app, ".csv");
+    const rheometer = select(tables.length ? tables : [["", "no table yet"]], "", { multiple: tables.length > 1 });
+    fill(
+      inputs,
+      el("h2", { text: "Inputs" }),
+      el("p", { class: "small", text: "What people write: drawings, sinks, fluids, scenarios and campaigns (TOML), duties and rheometer tables (CSV)." }),
+      app.state.inputs.length > 0 &&
+        table(
+          [
+            { title: "input", class: "name", cell: (input) => el("a", { href: inputFile(input.name), target: "_blank", rel: "noopener", text: input.name }) },
+            { title: "size", number: true, cell: (input) => bytes(input.bytes) },
+            { title: "", cell: (input) => button("Remove", () => window.confirm(`Remove ${input.name}?`) && app.attempt(() => deleteInput(input.name)), { class: "quiet danger", "aria-label": `Remove ${input.name}` }) },
+          ],
+          app.state.inputs,
+          { caption: "Inputs in the folder" },
+        ),
+      inputPicker(app, "Bring an input", ".toml,.csv", drawInputs),
+      el("h2", { text: "More jobs" }),
+      el("div", { class: "row end" },
+        field("Rheometer tables", rheometer),
+        button("Fit a fluid", () => app.attempt(() => startJob("fluid", { tables: [...rheometer.selectedOptions].map((one) => one.value) })), { disabled: !tables.length }),
+        button("Run the demo on the virtual rig", () => app.attempt(() => startJob("demo", { quick: true })))),
+    );
+  }
+  draw();
+  drawInputs();
+  return {
+    changed(what) {
+      if (what.includes("jobs")) draw();
+      if (what.includes("inputs")) drawInputs();
+    },
+  };
+}
+
+const when = (text) => (text ? new Date(text).toLocaleString([], { dateStyle: "medium", timeStyle: "short" }) : "–");
+
+function took(job) {
+  if (!job.started_at) return "–";
+  const end = job.ended_at ? new Date(job.ended_at) : new Date();
+  return duration((end - new Date(job.started_at)) / 1000);
+}
+
+function files(job) {
+  const all = job.files ?? [];
+  const list = el("ul", { class: "plain" }, all.map((file) =>
+    el("li", {}, el("a", { href: jobFile(job.id, file.path, !file.path.endsWith(".html")), target: file.path.endsWith(".html") ? "_blank" : null, rel: "noopener", text: file.path }), " ", el("span", { class: "small", text: bytes(file.bytes) }))));
+  return all.length > 4 ? el("details", {}, el("summary", { text: `${all.length} files` }), list) : list;
+}

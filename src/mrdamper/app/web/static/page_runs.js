@@ -1,0 +1,209 @@
+// Runs: drop files, see how each was understood, map channels and units, and see what is wrong and where.
+
+import { deleteFile, getRuns, putFile } from "./api.js";
+import { channelSheet } from "./channels.js";
+import { bytes, button, el, empty, field, fill, fixed, note, number, select, table } from "./dom.js";
+import { findingTable, heading, inputPicker, inputsOf, JobPanel, numberField } from "./parts.js";
+
+const WORDS = { ready: "ready", reading: "reading", unreadable: "not understood", new: "new" };
+
+export function show(place, app, query) {
+  const uploads = el("div", { "aria-live": "polite" });
+  const files = el("div");
+  const sheet = el("div");
+  const runs = el("div");
+  const rig = new JobPanel(app, "rig");
+  let open = query.get("file");
+  let opened = null;
+  let known = null;
+
+  const { choices } = app.state;
+  const preset = select(choices.rig_presets, "nominal");
+  const campaign = select([["short", "short: 27 runs"], ["full", "full"], ...inputsOf(app, ".toml")], "short");
+  const seed = numberField("Seed", "", 0, { min: 0, step: 1 });
+  const virtual = el(
+    "details",
+    {},
+    el("summary", { text: "Runs of the virtual rig" }),
+    el("p", { class: "small", text: "Simulated, with noise and sensors, by physics that is none of the laws. A campaign of your own is a TOML input." }),
+    el("div", { class: "row end" }, field("Damper", preset), field("Campaign", campaign), seed.node, button("Run the campaign", () => rig.start({ preset: preset.value, campaign: campaign.value, seed: seed.read() ?? 0 }))),
+    inputPicker(app, "Bring a campaign (TOML)", ".toml", (name) => campaign.append(el("option", { value: name, text: name, selected: true }))),
+  );
+
+  const picker = el("input", { type: "file", multiple: true, hidden: true, id: "picker", accept: app.state.formats.join(",") });
+  picker.addEventListener("change", () => {
+    upload([...picker.files]);
+    picker.value = "";
+  });
+  const drop = el(
+    "div",
+    { class: "drop", id: "drop" },
+    el("p", {}, button("Choose files", () => picker.click(), { class: "main", id: "choose" }), " or drop them here"),
+    el("p", { class: "small", text: `${app.state.formats.join(" ")} · up to ${bytes(app.state.most_upload_bytes)} each · they stay in the folder on this machine` }),
+    picker,
+  );
+  for (const name of ["dragenter", "dragover"]) {
+    drop.addEventListener(name, (event) => {
+      event.preventDefault();
+      drop.classList.add("over");
+    });
+  }
+  drop.addEventListener("dragleave", () => drop.classList.remove("over"));
+  drop.addEventListener("drop", (event) => {
+    event.preventDefault();
+    drop.classList.remove("over");
+    upload([...event.dataTransfer.files]);
+  });
+
+  async function upload(chosen) {
+    for (const file of chosen) {
+      const line = el("p", { class: "small", text: `${file.name}: sending ${bytes(file.size)} …` });
+      uploads.append(line);
+      try {
+        if (file.size > app.state.most_upload_bytes) throw new Error(`${file.name}: is ${bytes(file.size)}; at most ${bytes(app.state.most_upload_bytes)} can be sent. Put it into the folder's runs/ instead`);
+        await putFile(file);
+        line.remove();
+      } catch (fault) {
+        line.replaceWith(note("fault", fault.message));
+      }
+    }
+    await app.attempt(() => app.refresh());
+    await draw();
+  }
+
+  function drawFiles() {
+    const all = app.state.files;
+    if (!all.length) {
+      fill(
+        files,
+        empty(
+          "No runs yet",
+          "A run is one test: time, displacement and force, with the coil current and the temperature where you have them. Drop the files of your rig above. No rig at hand? Take a short campaign of the virtual one.",
+          button("Make runs on the virtual rig", (event) => {
+            event.target.disabled = true;
+            app.attempt(async () => rig.attach((await startJob("rig", { preset: "nominal", campaign: "short", seed: 0 })).id));
+          }, { id: "virtual" }),
+        ),
+      );
+      return;
+    }
+    fill(
+      files,
+      table(
+        [
+          { title: "file", class: "name", cell: (file) => button(file.name, () => openFile(file.name), { class: "quiet", "aria-expanded": String(open === file.name), title: "Look inside, map channels" }) },
+          { title: "state", class: "whole", cell: (file) => el("span", { class: `tag ${file.state}`, text: WORDS[file.state] ?? file.state }) },
+          { title: "runs", number: true, cell: (file) => (file.state === "ready" ? String(file.runs.length) : "–") },
+          { title: "what is wrong", class: "name", cell: (file) => el("span", { class: "small", text: file.error ?? (file.mapped ? "channels mapped by hand" : "") }) },
+          { title: "size", number: true, cell: (file) => bytes(file.bytes) },
+          {
+            title: "",
+            class: "whole",
+            cell: (file) =>
+              el(
+                "span",
+                {},
+                button(file.state === "unreadable" ? "Map channels" : "Look", () => openFile(file.name), { class: "quiet", "aria-label": `Look into ${file.name}` }),
+                button("Remove", () => remove(file.name), { class: "quiet danger", "aria-label": `Remove ${file.name}` }),
+              ),
+          },
+        ],
+        all,
+        { caption: "Files in the folder", tall: true, rowClass: (file) => (file.name === open ? "chosen" : "") },
+      ),
+    );
+  }
+
+  async function remove(name) {
+    if (!window.confirm(`Remove ${name} from the folder?`)) return;
+    if (open === name) closeFile();
+    await app.attempt(() => deleteFile(name));
+  }
+
+  function closeFile() {
+    opened?.close();
+    opened = null;
+    open = null;
+    fill(sheet);
+    drawFiles();
+  }
+
+  function openFile(name, again = false) {
+    if (open === name && opened && !again) {
+      closeFile();
+      return;
+    }
+    opened?.close();
+    open = name;
+    const unread = app.state.files.filter((file) => file.name !== name).map((file) => file.name);
+    opened = channelSheet(app, name, unread, { saved: () => app.refresh().then(draw), close: closeFile });
+    fill(sheet, opened.node);
+    drawFiles();
+    sheet.scrollIntoView({ block: "nearest" });
+  }
+
+  async function drawRuns() {
+    const told = await app.attempt(() => getRuns());
+    if (!told) return;
+    known = told;
+    if (!told.runs.length) {
+      fill(runs, told.reading ? el("p", { class: "sub", text: `Reading ${told.reading} file${told.reading > 1 ? "s" : ""} …` }) : null);
+      return;
+    }
+    const unit = told.runs.find((run) => run.command_unit)?.command_unit ?? "A";
+    const findings = told.runs.flatMap((run) => run.findings ?? []).filter((one) => one.severity !== "note");
+    fill(
+      runs,
+      el("h2", { text: `${told.runs.length} run${told.runs.length > 1 ? "s" : ""}` }),
+      told.reading > 0 && el("p", { class: "small", text: `Still reading ${told.reading} …` }),
+      table(
+        [
+          { title: "run", class: "name", cell: (run) => el("a", { href: `#/loops?${new URLSearchParams({ run: run.name, file: run.file })}`, text: run.name, title: run.file }) },
+          { title: "found", cell: (run) => el("span", { class: `tag ${run.error ? "fault" : run.worst ?? "ok"}`, text: run.error ? "not usable" : run.worst ?? "nothing", title: run.error ?? "" }) },
+          { title: "motion", class: "whole", cell: (run) => run.motion },
+          { title: unit === "V" ? "voltage" : "current", unit, number: true, cell: (run) => commandOf(run) },
+          { title: "temperature", unit: "°C", number: true, cell: (run) => spanOf(run.temperature_range_degC, run.temperature_degC) },
+          { title: "samples", number: true, cell: (run) => run.samples?.toLocaleString("en-GB").replaceAll(",", " ") },
+          { title: "rate", unit: "Hz", number: true, cell: (run) => number(run.rate_Hz, 4) },
+          { title: "stroke", unit: "mm", number: true, cell: (run) => number(run.stroke_mm) },
+          { title: "speed", unit: "mm/s", number: true, cell: (run) => number(run.peak_velocity_mm_s) },
+          { title: "force", unit: "N", number: true, cell: (run) => (run.force_range_N ? `${fixed(run.force_range_N[0], 0)} to ${fixed(run.force_range_N[1], 0)}` : "–") },
+        ],
+        told.runs,
+        { caption: "Runs as they were read, SI inside" },
+      ),
+      findings.length > 0 && el("h2", { text: "What the runs show by themselves" }),
+      findings.length > 0 && findingTable(findings),
+      el("div", { class: "actions" }, button("Look at the loops", () => app.go("loops"), { class: "main" }), button("Identify a model", () => app.go("identify"))),
+    );
+  }
+
+  async function draw() {
+    drawFiles();
+    await drawRuns();
+  }
+
+  fill(place, heading("Runs", "Measured runs of your damper. Each file is read in its own process; what cannot be understood says what is wrong and where, and can be mapped by hand."), drop, uploads, virtual, rig.node, el("h2", { class: "skip", text: "Files" }), el("div", { class: "gap" }, files), sheet, runs);
+  draw();
+  rig.resume().catch(() => {});
+  if (open) openFile(open, true);
+  return {
+    changed: (what) => {
+      if (what.includes("files") || (known?.reading ?? 0) > 0) draw();
+    },
+    close: () => {
+      opened?.close();
+      rig.close();
+    },
+  };
+}
+
+function commandOf(run) {
+  if (run.command !== null && run.command !== undefined) return fixed(run.command, 2);
+  return run.command_range ? `${fixed(run.command_range[0], 2)} to ${fixed(run.command_range[1], 2)}` : "–";
+}
+
+function spanOf(range, value) {
+  if (value === null || value === undefined) return "–";
+  return range && range[1] - range[0] > 2 ? `${fixed(range[0], 0)} to ${fixed(range[1], 0)}` : fixed(value, 0);
+}

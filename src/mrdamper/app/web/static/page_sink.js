@@ -1,0 +1,194 @@
+// Heat sink: the Pareto front of coolness against mass; click a design to see it to scale, with its curve.
+
+import { getDamper, heatCurve } from "./api.js";
+import { button, el, empty, field, fill, fixed, note, number, select, table } from "./dom.js";
+import { drawDamper } from "./drawing.js";
+import { cardField, cardInUse, cardsOf, dutyFields, fileLinks, heading, inputPicker, inputsOf, JobPanel, notes, numberField, tile } from "./parts.js";
+import { nth, Plot } from "./plot.js";
+
+export async function show(place, app, query) {
+  const title = heading("Heat sink", "Annular fins on the body: the coolest damper for the least mass, inside what you can build.");
+  if (!cardsOf(app).length) {
+    fill(place, title, empty("No card yet", "A sink is searched for the heat that a card's force makes. Identify a model first.", button("Go to Identify", () => app.go("identify"), { class: "main" })));
+    return {};
+  }
+  const card = cardInUse(app, query.get("card"));
+  app.choose("card", card);
+  const about = app.state.cards.find((one) => one.name === card);
+  const unit = about.command_unit ?? "A";
+  const cards = cardField(app, card, (name) => app.go("sink", { card: name }));
+  const damper = select([...app.state.choices.dampers.map((name) => [name, name === "paper" ? "the paper's damper" : name]), ...inputsOf(app, ".toml")], "paper");
+  const duty = dutyFields(app, unit, { highest: Math.min(2, about.envelope?.command?.[1] ?? 2) });
+  const span = numberField("Length to stand on", "mm", null, { placeholder: "as drawn", min: 0 });
+  const width = numberField("Widest fin", "mm", null, { placeholder: "as drawn", min: 0 });
+  const mass = numberField("Most mass", "g", null, { placeholder: "as drawn", min: 0 });
+  const thin = numberField("Thinnest fin", "mm", 1, { min: 0.1 });
+  const gap = numberField("Narrowest gap", "mm", 3, { min: 0.1 });
+  const material = select([["", "as drawn"], ...app.state.choices.materials], "");
+  const finish = select([["", "as drawn"], ["0.1", "bare, 0.1"], ["0.85", "anodised, 0.85"]], "");
+  const method = select([["grid", "every sink of a grid"], ["nsga2", "NSGA-II"]], "grid");
+  const judge = select([["yes", "finite elements"], ["no", "the network only (fast)"]], "no", { id: "judge" });
+  const start = button("Search", begin, { class: "main", id: "start-sink" });
+  const result = el("div");
+  const front = new Plot({ title: "Front: click a design", x: "mass of the fins, g", y: "fluid at the end of the duty, °C", name: "front", height: 340, onPick: (one, k) => one.designs && choose(one.designs[k]) });
+  const curve = new Plot({ title: "Its heating curve", x: "time, min", y: "fluid, °C", name: "sink-curve", height: 300 });
+  const drawn = el("figure", { class: "plot", id: "section" });
+  const list = el("div");
+  const chosenTiles = el("div", { class: "tiles" });
+  const curveSaid = el("p", { class: "small" });
+  let job = null;
+  let facts = null;
+  let chosen = null;
+  const curves = new Map();
+
+  const panel = new JobPanel(app, "sink", { done: (found) => drawResult(found), busy: (on) => (start.disabled = on), begun: () => fill(result) });
+
+  function begin() {
+    panel.start({
+      card,
+      damper: damper.value,
+      duty: duty.read(),
+      span_mm: span.read(),
+      width_mm: width.read(),
+      mass_g: mass.read(),
+      least_thickness_mm: thin.read() ?? 1,
+      least_gap_mm: gap.read() ?? 3,
+      materials: material.value ? [material.value] : [],
+      emissivities: finish.value ? [Number(finish.value)] : [],
+      method: method.value,
+      by_field: judge.value === "yes",
+    });
+  }
+
+  async function drawResult(found) {
+    job = found;
+    const { answer } = job;
+    facts = await getDamper(job.options.damper).catch(() => null);
+    chosen = null;
+    fill(
+      result,
+      el("div", { class: "tiles" },
+        tile("as drawn", `${fixed(answer.reference.temperature_degC, 1)} °C`),
+        tile("without fins", `${fixed(answer.bare.temperature_degC, 1)} °C`),
+        tile("coolest", `${fixed(answer.best.temperature_degC, 1)} °C`),
+        answer.lightest_as_cool && tile("lightest as cool as drawn", `${fixed(1000 * answer.lightest_as_cool.mass_kg, 0)} g`)),
+      el("div", { class: "pair" }, front.node, drawn),
+      chosenTiles,
+      el("div", { class: "pair" }, el("div", {}, curve.node, curveSaid), list),
+      fileLinks(job),
+      notes(answer.notes),
+    );
+    const designs = answer.front;
+    const point = (one) => [1000 * one.mass_kg, one.temperature_degC];
+    const words = (set) => (k) => `${set[k].fins} fins`;
+    front.set({
+      series: [
+        { name: "front", x: designs.map((one) => point(one)[0]), y: designs.map((one) => point(one)[1]), designs, kind: "points", line: true, colour: (c) => c.accent, radius: (k) => (designs[k] === chosen ? 7 : 4.5), words: words(designs) },
+        { name: "as drawn", x: [point(answer.reference)[0]], y: [point(answer.reference)[1]], designs: [answer.reference], kind: "points", colour: nth(1), radius: 5, hollow: true, words: words([answer.reference]) },
+        { name: "without fins", x: [point(answer.bare)[0]], y: [point(answer.bare)[1]], designs: [answer.bare], kind: "points", colour: (c) => c.soft, radius: 5, hollow: true, words: words([answer.bare]) },
+      ],
+    });
+    choose(designs[designs.length - 1]);
+  }
+
+  function choose(design) {
+    chosen = design;
+    front.draw();
+    drawList();
+    fill(
+      chosenTiles,
+      tile("chosen", design.fins ? `${design.fins} fin${design.fins === 1 ? "" : "s"}` : "no fins"),
+      design.fins > 0 && tile("width × thickness", `${number(1e3 * design.width_m)} × ${number(1e3 * design.thickness_m)} mm`),
+      design.fins > 1 && tile("pitch", `${number(1e3 * design.pitch_m)} mm`),
+      tile("mass", `${fixed(1000 * design.mass_kg, 0)} g`),
+      tile("fluid", `${fixed(design.temperature_degC, 1)} °C`),
+    );
+    if (facts) drawDamper(drawn, facts, design);
+    else fill(drawn, note("warning", "The drawing of this search is no longer in the folder."));
+    drawCurve(design);
+  }
+
+  function drawList() {
+    const rows = [job.answer.bare, job.answer.reference, ...job.answer.front];
+    const head = new Map([[job.answer.bare, "without fins"], [job.answer.reference, "as drawn"]]);
+    fill(
+      list,
+      table(
+        [
+          { title: "", class: "whole", cell: (one) => button(head.get(one) ?? `${one.fins} fin${one.fins === 1 ? "" : "s"}`, () => choose(one), { class: "quiet", "aria-pressed": String(one === chosen) }) },
+          { title: "width", unit: "mm", number: true, cell: (one) => number(1e3 * one.width_m) },
+          { title: "thick", unit: "mm", number: true, cell: (one) => number(1e3 * one.thickness_m) },
+          { title: "pitch", unit: "mm", number: true, cell: (one) => number(1e3 * one.pitch_m) },
+          { title: "mass", unit: "g", number: true, cell: (one) => fixed(1e3 * one.mass_kg, 0) },
+          { title: "fluid", unit: "°C", number: true, cell: (one) => fixed(one.temperature_degC, 1) },
+        ],
+        rows,
+        { caption: `Judged by ${job.answer.best.model}`, rowClass: (one) => (one === chosen ? "chosen" : "") },
+      ),
+    );
+  }
+
+  async function drawCurve(design) {
+    const sine = /^sine:([\d.]+)mm:([\d.]+)Hz:([\d.]+)[AV]:([\d.]+)s$/.exec(job.options.duty ?? "");
+    if (!sine) {
+      fill(curveSaid, "Curves are drawn for sine duties; this search used a table.");
+      return;
+    }
+    const [amplitude, frequency, command, seconds] = sine.slice(1).map(Number);
+    const asked = (one) => ({
+      card: job.options.card,
+      damper: job.options.damper,
+      amplitude_mm: amplitude,
+      frequency_Hz: frequency,
+      command,
+      duration_s: seconds,
+      past_limit: true,
+      with_sink: one.fins > 0,
+      ...(one.fins > 0 ? { fins: { fins: one.fins, width_mm: 1e3 * one.width_m, thickness_mm: 1e3 * one.thickness_m, pitch_mm: 1e3 * one.pitch_m, material: one.material, emissivity: one.emissivity } } : {}),
+    });
+    const once = (one) => {
+      const key = JSON.stringify(asked(one));
+      if (!curves.has(key)) curves.set(key, heatCurve(asked(one)));
+      return curves.get(key);
+    };
+    try {
+      const [it, reference, bare] = await Promise.all([design, job.answer.reference, job.answer.bare].map(once));
+      if (design !== chosen) return;
+      const line = (name, found, colour, width, dash = []) => ({ name, x: found.curve.time_s.map((second) => second / 60), y: found.curve.fluid_degC, colour, width, dash });
+      curve.set({
+        series: [
+          line("without fins", bare, (c) => c.soft, 1.4, [5, 4]),
+          line("as drawn", reference, nth(1), 1.4, [5, 4]),
+          line("chosen", it, (c) => c.accent, 2.4),
+        ],
+        rules: [{ y: it.limit_degC, name: `limit of the fluid, ${fixed(it.limit_degC, 0)} °C` }],
+      });
+      fill(curveSaid, `By the zone network, with ${design.fins} fin${design.fins === 1 ? "" : "s"}.`);
+    } catch (fault) {
+      if (design === chosen) fill(curveSaid, fault.message);
+    }
+  }
+
+  const form = el(
+    "form",
+    { class: "panel", "aria-label": "What to search", onsubmit: (event) => event.preventDefault() },
+    cards.node,
+    el("div", { class: "gap" }, field("Damper's drawing", damper)),
+    inputPicker(app, "Bring a drawing (TOML)", ".toml", (name) => damper.append(el("option", { value: name, text: name, selected: true }))),
+    el("h3", { class: "gap", text: "Duty" }),
+    el("div", { class: "fields" }, duty.nodes),
+    el("h3", { class: "gap", text: "What can be built" }),
+    el("div", { class: "fields" }, [span, width, mass, thin, gap].map(({ node }) => node), field("Material", material), field("Finish: emissivity", finish)),
+    el("div", { class: "gap" }, field("Judged by", judge)),
+    el("details", {}, el("summary", { text: "More" }), field("Search", method)),
+    el("div", { class: "actions" }, start),
+  );
+  fill(result, empty("No search yet", "Say what can be built and press Search. You get the front of designs that are lighter or cooler than all others, from some seconds on."));
+  fill(place, title, el("div", { class: "split" }, form, el("div", {}, panel.node, result)));
+  await panel.resume(card, query.get("job"));
+  return {
+    close() {
+      for (const each of [front, curve, panel]) each.close();
+    },
+  };
+}

@@ -1,0 +1,150 @@
+// Tracking: force controllers made from a card, compared on a damper that is not the card; what it can give is shaded.
+
+import { jobFile } from "./api.js";
+import { button, check, el, empty, field, fill, fixed, note, number, select, table } from "./dom.js";
+import { cardField, cardInUse, cardsOf, fileLinks, heading, inputsOf, JobPanel, notes, numberField } from "./parts.js";
+import { nth, Plot } from "./plot.js";
+
+const DEGREES = [20, 60, 100, 123];
+
+export async function show(place, app, query) {
+  const title = heading("Tracking", "Force without a force sensor: controllers made from a card follow targets on a virtual damper whose physics is none of the laws.");
+  if (!cardsOf(app).length) {
+    fill(place, title, empty("No card yet", "A controller is made from a card whose command is in amperes. Identify one first.", button("Go to Identify", () => app.go("identify"), { class: "main" })));
+    return {};
+  }
+  const { choices } = app.state;
+  const card = cardInUse(app, query.get("card"));
+  app.choose("card", card);
+  const cards = cardField(app, card, (name) => app.go("tracking", { card: name }));
+  const others = cardsOf(app).filter((one) => one.name !== card).map((one) => one.name);
+  const plant = select([...choices.plants.map((name) => [name, `virtual damper, ${name}`]), ...inputsOf(app, ".toml"), ...cardsOf(app).map((one) => [one.name, `card ${one.name}`])], choices.plants.includes("nominal") ? "nominal" : choices.plants[0], { id: "plant" });
+  const targets = choices.targets.map((name, k) => ({ name, ...check(name, k === 0) }));
+  const controllers = choices.controllers.map((name) => ({ name, ...check(name, ["recommended", "paper"].includes(name)) }));
+  const degrees = DEGREES.map((value) => ({ value, ...check(`${value} °C`, value === 20 || value === 60) }));
+  const unaware = select([["", "none"], ...others], "");
+  const pooled = select([["", "none"], ...others], "");
+  const rate = numberField("Sampling", "Hz", 1000, { min: 100, max: 5000 });
+  const seed = numberField("Seed", "", 1, { min: 0, step: 1 });
+  const optimum = check("search the best current, too (minutes)", false);
+  const start = button("Track", begin, { class: "main", id: "start-track" });
+  const result = el("div");
+  const force = new Plot({ title: "Force", x: "time, s", y: "force, N", name: "tracking-force", height: 330, onView: (x) => linked(x) });
+  const error = new Plot({ title: "Error", x: "time, s", y: "error, N", name: "tracking-error", height: 180, onView: (x) => linked(x) });
+  const current = new Plot({ title: "Current", x: "time, s", y: "current, A", name: "tracking-current", height: 180, onView: (x) => linked(x) });
+  const plots = [force, error, current];
+  const linked = (x) => plots.forEach((plot) => plot.setView(x));
+  const panel = new JobPanel(app, "track", { done: drawResult, busy: (on) => (start.disabled = on), begun: () => fill(result) });
+
+  const chosen = (all, key) => all.filter(({ box }) => box.checked).map((one) => one[key]);
+
+  function begin() {
+    if (!chosen(targets, "name").length || !chosen(controllers, "name").length || !chosen(degrees, "value").length) {
+      fill(panel.node, note("warning", "Choose a target, a controller and a temperature at least."));
+      return;
+    }
+    panel.start({
+      card,
+      plant: plant.value,
+      targets: chosen(targets, "name"),
+      temperatures_degC: chosen(degrees, "value"),
+      controllers: chosen(controllers, "name"),
+      seed: seed.read() ?? 1,
+      rate_Hz: rate.read() ?? 1000,
+      unaware: unaware.value || null,
+      pooled: pooled.value || null,
+      optimum: optimum.box.checked,
+    });
+  }
+
+  function drawResult(job) {
+    const { answer } = job;
+    const traces = answer.traces ?? [];
+    const which = select(traces.map((trace, k) => [String(k), `${trace.target} at ${fixed(trace.temperature_degC, 0)} °C`]), "0", { id: "trace" });
+    which.addEventListener("change", () => drawTrace(traces[Number(which.value)]));
+    fill(
+      result,
+      traces.length > 0 && el("div", { class: "row end" }, field("Drawn", which)),
+      traces.length > 0 && [force.node, error.node, current.node],
+      el("h2", { text: "Controllers compared" }),
+      el("p", { class: "small", text: answer.scored ?? "" }),
+      rowTable(answer.rows),
+      el("div", { class: "actions" }, el("a", { class: "button", href: jobFile(job.id, "track.html"), target: "_blank", rel: "noopener", text: "Open the report" }), fileLinks(job, { only: (path) => !path.endsWith(".html") })),
+      notes(answer.notes),
+    );
+    if (traces.length) drawTrace(traces[0]);
+  }
+
+  function drawTrace(trace) {
+    const x = trace.time_s;
+    const outside = spansOf(x, trace.wanted_N.map((wanted, k) => wanted < trace.low_N[k] || wanted > trace.high_N[k]));
+    const spans = outside.map(([from, to]) => ({ from, to, name: "target out of reach", colour: (colours) => colours.outside }));
+    const lines = (values, width) => trace.runs.map((run, k) => ({ name: run.controller, x, y: values(run), colour: nth(k), width }));
+    force.set({
+      series: [{ name: "wanted", x, y: trace.wanted_N, colour: (colours) => colours.ink, width: 1.6, dash: [6, 4] }, ...lines((run) => run.force_N, 1.5)],
+      areas: [{ name: "what the damper can give", x, low: trace.low_N, high: trace.high_N, colour: (colours) => colours.band }],
+    });
+    error.set({ series: lines((run) => run.force_N.map((value, k) => value - trace.wanted_N[k]), 1.2), spans, rules: [{ y: 0 }] });
+    current.set({ series: lines((run) => run.command_A, 1.2), spans });
+    const end = Math.min(x[x.length - 1], x[0] + 4);
+    linked([Math.min(x[0] + 1, end), end]);
+  }
+
+  const form = el(
+    "form",
+    { class: "panel", "aria-label": "What to track", onsubmit: (event) => event.preventDefault() },
+    cards.node,
+    el("div", { class: "gap" }, field("Damper to be controlled", plant)),
+    el("h3", { class: "gap", text: "Targets" }), targets.map(({ node }) => node),
+    el("h3", { class: "gap", text: "Temperature of fluid and coil" }), el("div", { class: "row" }, degrees.map(({ node }) => node)),
+    el("h3", { class: "gap", text: "Controllers" }), el("div", { class: "picks", tabindex: 0, role: "group", "aria-label": "Controllers" }, controllers.map(({ node }) => node)),
+    el("details", {}, el("summary", { text: "More" }), el("div", { class: "fields" }, rate.node, seed.node), field("Card that does not know temperature", unaware), field("Card pooled over temperatures", pooled), optimum.node),
+    el("div", { class: "actions" }, start),
+  );
+  fill(result, empty("Nothing tracked yet", "Choose targets, temperatures and controllers, and press Track. It takes seconds for two controllers on one target."));
+  fill(place, title, el("div", { class: "split" }, form, el("div", {}, panel.node, result)));
+  await panel.resume(card, query.get("job"));
+  return {
+    close() {
+      for (const each of [...plots, panel]) each.close();
+    },
+  };
+}
+
+function rowTable(rows) {
+  const best = new Map();
+  for (const row of rows) {
+    const key = `${row.target}/${row.temperature_degC}`;
+    if (row.controller !== "optimum" && !(best.get(key)?.rmse_feasible_N <= row.rmse_feasible_N)) best.set(key, row);
+  }
+  return table(
+    [
+      { title: "target", class: "whole", cell: (row) => row.target },
+      { title: "at", unit: "°C", number: true, cell: (row) => fixed(row.temperature_degC, 0) },
+      { title: "controller", class: "whole", cell: (row) => (best.get(`${row.target}/${row.temperature_degC}`) === row ? el("b", { text: row.controller }) : row.controller) },
+      { title: "RMS, feasible", unit: "N", number: true, cell: (row) => fixed(row.rmse_feasible_N, 1) },
+      { title: "worst, feasible", unit: "N", number: true, cell: (row) => fixed(row.max_feasible_N, 0) },
+      { title: "RMS, whole", unit: "N", number: true, cell: (row) => fixed(row.rmse_N, 1) },
+      { title: "feasible", unit: "% of time", number: true, cell: (row) => fixed(100 * row.feasible_share, 0) },
+      { title: "coil", unit: "W", number: true, cell: (row) => number(row.coil_power_W, 3) },
+      { title: "chatter", unit: "A/s", number: true, cell: (row) => number(row.chatter_A_per_s, 3) },
+    ],
+    rows,
+    { caption: "Bold: the least error on the feasible set" },
+  );
+}
+
+/** Return stretches of x where a condition holds. */
+function spansOf(x, holds) {
+  const spans = [];
+  let from = null;
+  holds.forEach((on, k) => {
+    if (on && from === null) from = x[k];
+    if (!on && from !== null) {
+      spans.push([from, x[k]]);
+      from = null;
+    }
+  });
+  if (from !== null) spans.push([from, x[x.length - 1]]);
+  return spans;
+}

@@ -1,0 +1,240 @@
+// Pieces that several pages use: headings, the choice of a card, a duty, a job's progress, lists of notes.
+
+import { cancelJob, follow, getJob, jobFile, putInput, startJob } from "./api.js";
+import { bytes, button, duration, el, field, fill, note, number, select, table } from "./dom.js";
+
+/** Return a page's heading with a sentence below it. */
+export function heading(title, sub) {
+  return [el("h1", { text: title }), el("p", { class: "sub", text: sub })];
+}
+
+/** Return a tile with a figure. */
+export function tile(name, value) {
+  return el("div", { class: "tile" }, el("span", { text: name }), el("b", { text: value }));
+}
+
+/** Return notes as a list, or null when there are none. */
+export function notes(texts) {
+  const said = [...new Set(texts ?? [])];
+  return said.length ? el("ul", { class: "notes" }, said.map((text) => el("li", { text }))) : null;
+}
+
+/** Return cards that can be read. */
+export const cardsOf = (app) => app.state.cards.filter((card) => !card.error);
+
+/** Return the name of the card in use: asked for, chosen before, or the newest. */
+export function cardInUse(app, asked = null) {
+  const names = cardsOf(app).map((card) => card.name);
+  return [asked, app.chosen("card")].find((name) => name && names.includes(name)) ?? newest(cardsOf(app))?.name ?? null;
+}
+
+function newest(cards) {
+  return [...cards].sort((a, b) => String(b.modified).localeCompare(String(a.modified)))[0];
+}
+
+/** Return a choice of cards that remembers itself. */
+export function cardField(app, name, onchange, { label = "Card", none = "" } = {}) {
+  const options = cardsOf(app).map((card) => [card.name, `${card.name} (${card.law})`]);
+  const list = select(none ? [["", none], ...options] : options, name);
+  list.addEventListener("change", () => {
+    if (!none) app.choose("card", list.value);
+    onchange(list.value);
+  });
+  return { list, node: field(label, list) };
+}
+
+/** Return inputs of a suffix as `[value, text]` pairs. */
+export const inputsOf = (app, suffix) =>
+  app.state.inputs.filter((input) => input.name.endsWith(suffix)).map((input) => [input.name, input.name]);
+
+/** Return a button that brings an input (a drawing, a table) into the folder. */
+export function inputPicker(app, label, accept, brought) {
+  const picker = el("input", { type: "file", accept, hidden: true });
+  picker.addEventListener("change", () =>
+    app.attempt(async () => {
+      const [file] = picker.files;
+      await putInput(file);
+      await app.refresh();
+      brought(file.name);
+    }));
+  return el("p", { class: "small" }, button(label, () => picker.click(), { class: "quiet" }), picker);
+}
+
+/** Return a number's field: its control and its node. */
+export function numberField(label, unit, value, { min = null, max = null, step = "any", hint = "", placeholder = "" } = {}) {
+  const input = el("input", { type: "number", value: value ?? "", min, max, step, placeholder, inputmode: "decimal" });
+  return { input, node: field(label, input, { unit, hint }), read: () => (input.value === "" ? null : Number(input.value)) };
+}
+
+/** Return a slider with its value beside the label; `told` is called while it moves. */
+export function slider(label, unit, value, { min, max, step, decimals = 0 }, told) {
+  const input = el("input", { type: "range", min, max, step, id: `s-${label.replaceAll(" ", "-").toLowerCase()}` });
+  input.value = value; // after its bounds, or it is clipped to the usual ones
+  const output = el("output", { for: input.id });
+  const say = () => {
+    output.textContent = `${Number(input.value).toFixed(decimals).replace("-", "−")} ${unit}`;
+    input.setAttribute("aria-valuetext", output.textContent);
+  };
+  input.addEventListener("input", () => {
+    say();
+    told();
+  });
+  say();
+  return {
+    input,
+    node: el("div", { class: "slider" }, el("label", { for: input.id, text: label }), output, input),
+    read: () => Number(input.value),
+    set(next) {
+      input.value = next;
+      say();
+    },
+  };
+}
+
+/** Return the fields of a sine duty, and a function that reads them as `sine:15mm:1Hz:2A:1800s` or a table's name. */
+export function dutyFields(app, unit, { highest = 2 } = {}) {
+  const tables = inputsOf(app, ".csv");
+  const kind = select([["", "a sine"], ...tables], "");
+  const bring = inputPicker(app, "Bring a table (CSV)", ".csv", (name) => {
+    kind.append(el("option", { value: name, text: name, selected: true }));
+    kind.dispatchEvent(new Event("change"));
+  });
+  const amplitude = numberField("Amplitude", "mm", 15, { min: 0.1 });
+  const frequency = numberField("Frequency", "Hz", 1, { min: 0.01 });
+  const command = numberField(unit === "V" ? "Voltage" : "Current", unit, highest, { min: 0 });
+  const time = numberField("Duration", "min", 30, { min: 0.1 });
+  const sine = [amplitude, frequency, command, time];
+  kind.addEventListener("change", () => sine.forEach((each) => (each.input.disabled = kind.value !== "")));
+  return {
+    nodes: [field("Motion", kind, { wide: true }), ...sine.map((each) => each.node), el("div", { class: "field wide" }, bring)],
+    read: () =>
+      kind.value || `sine:${amplitude.read()}mm:${frequency.read()}Hz:${command.read()}${unit}:${Math.round(60 * time.read())}s`,
+  };
+}
+
+const BUSY = new Set(["queued", "running"]);
+
+/** A job's place in a page: progress while it runs, cancel, what went wrong; found again after a reload. */
+export class JobPanel {
+  /**
+   * @param {object} app
+   * @param {string} kind
+   * @param {{done?: (job: object) => void, progress?: (told: object) => void, begun?: () => void, busy?: (on: boolean) => void}} heard
+   */
+  constructor(app, kind, heard = {}) {
+    Object.assign(this, { app, kind, heard, job: null, stop: null });
+    this.node = el("div", { class: "job", "data-job": kind });
+  }
+
+  /** Start a job; true when it was taken. */
+  async start(options) {
+    this.heard.busy?.(true);
+    this.heard.begun?.();
+    fill(this.node);
+    try {
+      const { id } = await startJob(this.kind, options);
+      await this.attach(id);
+      return true;
+    } catch (fault) {
+      this.heard.busy?.(false);
+      fill(this.node, note("fault", fault.message));
+      return false;
+    }
+  }
+
+  /** Show a job that exists: follow it while it runs, else show its end. */
+  async attach(id) {
+    this.close();
+    const job = await getJob(id);
+    this.job = job;
+    this.node.dataset.id = id;
+    if (!BUSY.has(job.state)) {
+      this.ended(job);
+      return;
+    }
+    this.heard.busy?.(true);
+    this.heard.begun?.(job);
+    const bar = el("progress", { max: 1, "aria-label": "Progress" });
+    const said = el("p", { class: "small", text: job.state === "queued" ? "Waiting for its turn …" : "Starting …" });
+    const cancel = button("Cancel", async () => {
+      cancel.disabled = true;
+      said.textContent = "Stopping …";
+      await this.app.attempt(() => cancelJob(id));
+    });
+    fill(this.node, el("div", { class: "panel progress" }, el("div", { class: "row" }, el("b", { text: id }), el("span", { class: "tag running", text: "at work" }), cancel), bar, said));
+    this.stop = follow(id, {
+      progress: (told) => {
+        if (told.of > 0 && this.kind !== "identify") bar.value = told.done / told.of;
+        if (!cancel.disabled) said.textContent = `${told.text ?? ""} · ${duration(told.t_s)}`;
+        this.heard.progress?.(told);
+      },
+      message: (told) => {
+        if (!cancel.disabled) said.textContent = told.text;
+      },
+      end: async () => this.ended(await getJob(id)),
+    });
+  }
+
+  /** Show the newest job of the kind that is at work, else the newest that is done (of a card, when it is named). */
+  async resume(card = null, wanted = null) {
+    const mine = this.app.state.jobs.filter((job) => job.kind === this.kind);
+    const found =
+      mine.find((job) => job.id === wanted) ??
+      mine.find((job) => BUSY.has(job.state)) ??
+      mine.find((job) => job.state === "done" && (!card || job.options.card === card));
+    if (found) await this.attach(found.id);
+    return found ?? null;
+  }
+
+  ended(job) {
+    this.job = job;
+    this.heard.busy?.(false);
+    fill(this.node, job.state !== "done" && endNote(job));
+    if (job.answer) this.heard.done?.(job);
+  }
+
+  close() {
+    this.stop?.();
+    this.stop = null;
+  }
+}
+
+function endNote(job) {
+  if (job.state === "failed") return note("fault", `${job.id} did not finish.\n${job.message ?? ""}`);
+  if (job.state === "interrupted") return note("warning", `${job.id} was interrupted: the server ended while it was at work. Start it again.`);
+  return note("warning", job.answer ? `${job.id} was stopped; what you see is the best so far, not converged.` : `${job.id} was stopped before it had a result.`);
+}
+
+/** Return links to a job's files. */
+export function fileLinks(job, { only = null } = {}) {
+  const files = (job.files ?? []).filter((file) => !only || only(file.path));
+  if (!files.length) return null;
+  return el("div", { class: "row files" }, files.map((file) =>
+    el("a", { class: "button", href: jobFile(job.id, file.path, true), download: file.path.split("/").pop() }, file.path, el("span", { class: "small", text: bytes(file.bytes) }))));
+}
+
+/** Return a coefficient's or controller's name as words. */
+export const inWords = (name) => name.replaceAll("_", " ");
+
+/** Return findings as a table: where, what, what it does, what to do. */
+export function findingTable(findings) {
+  return table(
+    [
+      { title: "", cell: (one) => el("span", { class: `tag ${one.severity}`, text: one.severity }) },
+      { title: "run", class: "name", cell: (one) => one.run },
+      { title: "where", class: "whole", cell: (one) => whereOf(one) },
+      { title: "found", class: "name", cell: (one) => one.found },
+      { title: "what it does to a fit", class: "name", cell: (one) => one.effect },
+      { title: "what to do", class: "name", cell: (one) => one.remedy },
+    ],
+    findings,
+    { caption: "Findings" },
+  );
+}
+
+function whereOf(one) {
+  const channel = one.channel || "";
+  if (one.from_s === null || one.from_s === undefined) return channel;
+  const to = one.to_s === null || one.to_s === undefined || one.to_s === one.from_s ? "" : ` to ${number(one.to_s, 4)}`;
+  return `${channel} at ${number(one.from_s, 4)}${to} s`;
+}

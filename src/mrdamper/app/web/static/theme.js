@@ -1,0 +1,84 @@
+// Colours of the plots in light and in dark, and the switch between the two.
+//
+// The style sheet has the page's own colours; canvases cannot read them, so that theirs stand here.
+
+const LIGHT = {
+  ink: "#22282e", soft: "#5b646d", line: "#c9ced3", grid: "#eceff1", back: "#ffffff", measured: "#9aa3ab",
+  band: "#e9edf0", outside: "#f3e4de", brush: "rgba(47, 103, 148, 0.14)", accent: "#2f6794",
+  colours: ["#2f6794", "#c8553d", "#8a7420", "#75588f", "#2c7f73", "#a04a72", "#55616c", "#7a8f2a"],
+  ramp: ["#2f5f98", "#3f8f94", "#8f9a3a", "#cf8a2e", "#c2412d"],
+};
+const DARK = {
+  ink: "#e4e8eb", soft: "#9aa5ae", line: "#4a545d", grid: "#2a3138", back: "#1a1f24", measured: "#7f8a93",
+  band: "#2a3239", outside: "#43302b", brush: "rgba(126, 178, 221, 0.2)", accent: "#7eb2dd",
+  colours: ["#7eb2dd", "#e8836b", "#d0b451", "#b79bd3", "#62bfae", "#e08fb4", "#a9b5bf", "#b5cc62"],
+  ramp: ["#74a7e0", "#62bfb6", "#bcc767", "#ecae55", "#ee7560"],
+};
+
+const KEY = "mrdamper-theme";
+const watchers = new Set();
+const dark = window.matchMedia("(prefers-color-scheme: dark)");
+
+/** Return `light` or `dark`: what was chosen, or what the machine prefers. */
+export function theme() {
+  const chosen = document.documentElement.dataset.theme;
+  if (chosen === "light" || chosen === "dark") return chosen;
+  return dark.matches ? "dark" : "light";
+}
+
+/** Return the plots' colours; `forPaper` gives the light ones whatever the page looks like. */
+export function palette(forPaper = false) {
+  return forPaper || theme() === "light" ? LIGHT : DARK;
+}
+
+/** Return the colour at a share (0 to 1) of the ramp from cold to hot, or from little to much. */
+export function rampColour(share, colours = palette()) {
+  const { ramp } = colours;
+  const at = Math.min(1, Math.max(0, Number.isFinite(share) ? share : 0)) * (ramp.length - 1);
+  const k = Math.min(ramp.length - 2, Math.floor(at));
+  const [a, b] = [ramp[k], ramp[k + 1]].map((hex) => [1, 3, 5].map((i) => parseInt(hex.slice(i, i + 2), 16)));
+  const mixed = a.map((value, i) => Math.round(value + (b[i] - value) * (at - k)));
+  return `#${mixed.map((v) => v.toString(16).padStart(2, "0")).join("")}`;
+}
+
+/** Call `watcher` when the colours change. */
+export function onTheme(watcher) {
+  watchers.add(watcher);
+  return () => watchers.delete(watcher);
+}
+
+function told() {
+  for (const watcher of watchers) watcher();
+}
+
+/** Restore the choice that was kept, and join the switch in the page. */
+export function startTheme(knob) {
+  let kept = null;
+  try {
+    kept = localStorage.getItem(KEY);
+  } catch {
+    kept = null; // storage may be forbidden
+  }
+  if (kept === "light" || kept === "dark") document.documentElement.dataset.theme = kept;
+  const say = () => {
+    const other = theme() === "dark" ? "light" : "dark";
+    knob.textContent = other === "dark" ? "Dark" : "Light";
+    knob.setAttribute("aria-label", `Use ${other} colours`);
+  };
+  knob.addEventListener("click", () => {
+    const next = theme() === "dark" ? "light" : "dark";
+    document.documentElement.dataset.theme = next;
+    try {
+      localStorage.setItem(KEY, next);
+    } catch {
+      // the choice lasts for this page only
+    }
+    say();
+    told();
+  });
+  dark.addEventListener("change", () => {
+    say();
+    told();
+  });
+  say();
+}

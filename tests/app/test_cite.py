@@ -1,0 +1,94 @@
+"""``mrdamper cite``: what a card rests on, and nothing that it does not; what is from memory says so."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+import mrdamper
+from mrdamper.app.cite_job import LAW_SOURCES, METHOD_SOURCES, cite
+from mrdamper.app.cli import cli
+from mrdamper.errors import InputError
+from mrdamper.models.card import ModelCard, write_card
+from mrdamper.models.laws import LAWS
+from mrdamper.rig.campaign import Campaign
+from mrdamper.rig.measurement import measure
+from mrdamper.rig.plant import find_preset
+
+DOCS = Path(__file__).parents[2] / "docs"
+MARK = "from memory, not re-read"
+
+
+@pytest.fixture(scope="module")
+def card() -> ModelCard:
+    tests = Campaign(motions=("sine5mm1Hz",), currents_A=(0.0, 2.0), temperatures_degC=(20.0,), steps=None)
+    runs = [run for run, _ in measure(find_preset("nominal"), tests)]
+    return mrdamper.fit(runs, "bouc-wen", temperature="none").card(sources=["my_run.csv"])
+
+
+def cited(card: ModelCard, folder: Path) -> dict[str, dict[str, object]]:
+    write_card(card, folder / "card.json")
+    return {each["key"]: each for each in cite(folder / "card.json")["citations"]}  # type: ignore[attr-defined]
+
+
+def test_law_method_and_program_are_cited(card, tmp_path):
+    found = cited(card, tmp_path)
+    assert list(found) == ["mrdamper", "bouc1967", "wen1976", "golub1973", "kaufman1975"]
+    assert found["wen1976"]["for"] == "law bouc-wen"
+    assert found["golub1973"]["for"] == "method varpro"
+
+
+def test_what_was_not_reread_is_marked_in_text_and_bibtex(card, tmp_path):
+    for each in cited(card, tmp_path).values():
+        assert each["from_memory"] is (MARK in str(each["text"])) is (MARK in str(each["bibtex"]))
+
+
+def test_public_data_are_cited_with_commit_and_doi(card, tmp_path):
+    found = cited(replace(card, sources=("ensaio.A.1.mat",)), tmp_path)
+    assert found["utfpr"]["for"] == "data"
+    assert "doi = {10.5281/zenodo.4445334}" in str(found["utfpr"]["bibtex"])
+    assert "e42439f08b22" in str(found["utfpr"]["text"])
+
+
+def test_own_data_are_named_and_not_given_an_author(card, tmp_path):
+    write_card(card, tmp_path / "card.json")
+    assert cite(tmp_path / "card.json")["notes"] == ["data, as the card names it: my_run.csv"]
+
+
+def test_every_law_and_method_has_an_entry_and_every_work_is_in_the_docs():
+    assert LAW_SOURCES.keys() == LAWS.keys()
+    laws = (DOCS / "laws.md").read_text(encoding="utf-8")
+    decisions = "".join(path.read_text(encoding="utf-8") for path in (DOCS / "decisions").glob("*.md"))
+    for sources in (*LAW_SOURCES.values(), *METHOD_SOURCES.values()):
+        for source in sources:
+            family = source.authors[0].partition(",")[0]
+            assert family in laws + decisions
+
+
+@pytest.mark.parametrize("key", ["bouc-wen", "spencer", "lugre", "tanh", "bingham", "dahl"])
+def test_bibtex_is_one_balanced_entry_with_author_and_title(key):
+    for source in LAW_SOURCES[key]:
+        entry = source.bibtex()
+        assert re.match(r"@(article|misc)\{\w+,\n", entry)
+        assert entry.count("{") == entry.count("}")
+        assert {"author", "title", "year"} <= set(re.findall(r"^  (\w+) = ", entry, re.MULTILINE))
+
+
+def test_the_command_prints_both_and_json_holds_the_same(card, tmp_path):
+    write_card(card, tmp_path / "card.json")
+    printed = CliRunner().invoke(cli, ["cite", str(tmp_path / "card.json")]).output
+    answer = json.loads(CliRunner().invoke(cli, ["cite", str(tmp_path / "card.json"), "--json"]).output)
+    for each in answer["citations"]:
+        assert each["text"] in printed
+        assert each["bibtex"] in printed
+
+
+def test_what_is_no_card_is_refused(tmp_path):
+    (tmp_path / "card.json").write_text("{}", encoding="utf-8")
+    with pytest.raises(InputError, match=r"card\.json"):
+        cite(tmp_path / "card.json")

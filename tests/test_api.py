@@ -1,0 +1,138 @@
+"""What the whole package promises of its public names: described, with units, no unknown word taken.
+
+Public is what a module without a leading underscore lists in ``__all__``.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import inspect
+import pkgutil
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+import mrdamper
+
+# Names of parameters that are quantities with a unit wherever they stand.
+QUANTITIES = {
+    "amplitude", "acceleration", "command", "corner", "current", "damping", "displacement", "duration",
+    "force", "gap", "largest", "least_gap", "least_thickness", "length", "longest_step", "mass", "period",
+    "power", "size", "speed", "step", "stop_at", "temperature", "thickness", "time", "velocity", "width",
+}  # fmt: skip
+UNIT = re.compile(r"\[[^\]]+\]|\bin (?:N|m|s|K|degC|SI)\b")
+
+
+def modules() -> Iterator[ModuleType]:
+    for found in pkgutil.walk_packages(mrdamper.__path__, "mrdamper."):
+        if not any(part.startswith("_") for part in found.name.split(".")):
+            yield importlib.import_module(found.name)
+
+
+def public() -> Iterator[tuple[str, object]]:
+    """Yield every public function and class, each in the module that it is written in."""
+    for module in modules():
+        for name in getattr(module, "__all__", ()):
+            thing = getattr(module, name)
+            if getattr(thing, "__module__", "") == module.__name__ and (
+                inspect.isfunction(thing) or inspect.isclass(thing)
+            ):
+                yield f"{module.__name__}.{name}", thing
+
+
+PUBLIC = dict(public())
+
+
+def functions() -> Iterator[tuple[str, inspect.Signature, str]]:
+    """Yield public functions, and the public methods of public classes."""
+    for name, thing in PUBLIC.items():
+        if inspect.isfunction(thing):
+            yield name, inspect.signature(thing), inspect.getdoc(thing) or ""
+        elif isinstance(thing, type):
+            for key, method in vars(thing).items():
+                if inspect.isfunction(method) and not key.startswith("_"):
+                    yield f"{name}.{key}", inspect.signature(method), inspect.getdoc(method) or ""
+
+
+def test_the_package_has_public_names():
+    assert len(PUBLIC) > 500
+
+
+def test_every_module_lists_its_public_names():
+    silent = [
+        module.__name__
+        for module in modules()
+        if not hasattr(module, "__all__")
+        and any(
+            inspect.isfunction(thing) and thing.__module__ == module.__name__ and not name.startswith("_")
+            for name, thing in vars(module).items()
+        )
+    ]
+    assert silent == []
+
+
+def test_every_listed_name_is_there():
+    missing = [
+        f"{module.__name__}.{name}"
+        for module in modules()
+        for name in getattr(module, "__all__", ())
+        if not hasattr(module, name)
+    ]
+    assert missing == []
+
+
+def test_every_public_name_is_described():
+    silent = [
+        name
+        for name, thing in PUBLIC.items()
+        if not inspect.getdoc(thing)
+        or (dataclasses.is_dataclass(thing) and (thing.__doc__ or "").startswith(f"{thing.__name__}("))  # type: ignore[union-attr]
+    ]
+    assert silent == []
+
+
+def test_every_quantity_that_a_public_function_takes_has_its_unit():
+    """In the parameter's name (``rate_Hz``), or in brackets in the docstring."""
+    bare = [
+        f"{name}: {', '.join(found)}"
+        for name, signature, said in functions()
+        if name in PUBLIC
+        and not UNIT.search(said)
+        and (
+            found := [
+                each.name
+                for each in signature.parameters.values()
+                if each.name in QUANTITIES
+                and re.search(r"\bfloat\b|FloatArray|ArrayLike", str(each.annotation))
+            ]
+        )
+    ]
+    assert bare == []
+
+
+def test_no_public_function_swallows_unknown_keywords():
+    """A misspelt option is an error, not an option that is silently left out."""
+    greedy = [
+        name
+        for name, signature, _ in functions()
+        if any(each.kind is each.VAR_KEYWORD for each in signature.parameters.values())
+    ]
+    assert greedy == []
+
+
+@pytest.mark.parametrize("name", ["fit", "read_runs", "predict", "simulate", "prepare_run", "read_card"])
+def test_a_misspelt_option_is_a_type_error(name):
+    with pytest.raises(TypeError, match="holdout"):
+        getattr(mrdamper, name)(holdout=["x"])
+
+
+def test_the_reference_lists_every_room():
+    """docs/api.md follows packages down by itself; here is what it starts from."""
+    listed = (Path(__file__).parents[1] / "docs" / "api.md").read_text(encoding="utf-8")
+    rooms = {found.name for found in pkgutil.iter_modules(mrdamper.__path__, "mrdamper.")}
+    unlisted = {room for room in rooms if not re.search(rf"^   {re.escape(room)}\b", listed, re.MULTILINE)}
+    assert unlisted <= {"mrdamper.files"}

@@ -1,0 +1,348 @@
+"""The documentation does what it says: its commands run, its output comes out, its code holds.
+
+Every page is followed from top to bottom in a folder of its own. A ``console`` block is run line by line:
+each command must end with status 0 (or the one that a comment ``% exit: N`` before the block states), and the
+lines shown below it must come out: words equal, numbers within 3 % (``% tolerance: 10 %``), ``...`` for what
+is left out. A ``python`` block is run in the page's one namespace; a ``code-block`` with a file's name as its
+caption is written to that file. Every page but the first starts where ``start.md`` has its card. Blocks
+marked ``% long: why`` wait for ``make check-long``, those marked ``% data: why`` for the real runs;
+``% needs: PROGRAM`` names what they call.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import difflib
+import doctest
+import importlib
+import io
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+from mrdamper.models.laws import LAWS
+
+ROOT = Path(__file__).parents[1]
+START = ROOT / "docs" / "start.md"
+PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
+TOLERANCE = 0.03
+
+_FENCE = re.compile(
+    r"^(?P<ticks>`{3,})(?P<info>[^\n`]*)\n(?P<body>.*?)^(?P=ticks)\s*$", re.MULTILINE | re.DOTALL
+)
+_NUMBER = re.compile(r"[-+−]?\d+\.?\d*(?:e[-+]?\d+)?")
+_CPU = re.compile(r"[\d.]+ s of CPU")
+Tool = Callable[[str], Path]
+
+_LAST_OF_START = "% the other pages start here"
+
+
+@dataclass(frozen=True)
+class Block:
+    """A fenced block: what it is, its text, the comments right before it, its line in the page."""
+
+    kind: str  # "console", "python", "file"
+    body: str
+    line: int
+    notes: dict[str, str]
+    file: str = ""
+
+    @property
+    def tolerance(self) -> float:
+        said = self.notes.get("tolerance")
+        return TOLERANCE if said is None else float(said.rstrip(" %")) / 100.0
+
+
+def blocks_of(text: str) -> list[Block]:
+    found = []
+    for match in _FENCE.finditer(text):
+        info, body = match["info"].strip(), match["body"]
+        before = text[: match.start()].rstrip().splitlines()
+        notes = {}
+        while before and before[-1].startswith("% ") and ":" in before[-1]:
+            name, _, value = before.pop()[2:].partition(":")
+            notes[name.strip()] = value.strip()
+        line = text[: match.start()].count("\n") + 1
+        if info in {"console", "python"}:
+            found.append(Block(info, body, line, notes))
+        elif info.startswith("{code-block}"):
+            caption = re.match(r"(?::[\w-]+:.*\n)*?:caption: (\S+\.\w+)\n(?::[\w-]+:.*\n)*\n?", body)
+            if caption is not None:
+                found.append(Block("file", body[caption.end() :], line, notes, caption[1]))
+    return found
+
+
+BLOCKS = {page: blocks_of(page.read_text(encoding="utf-8")) for page in PAGES}
+
+
+def commands_of(body: str) -> Iterator[tuple[str, list[str]]]:
+    """Yield each command of a console block with the lines shown below it."""
+    command, shown = "", list[str]()
+    lines = iter(body.splitlines())
+    for line in lines:
+        if line.startswith("$ "):
+            if command:
+                yield command, shown
+            command, shown = line[2:], []
+            while command.endswith("\\"):
+                command = f"{command[:-1]}{next(lines).strip()}"
+        else:
+            shown.append(line)
+    if command:
+        yield command, shown
+
+
+# -------------------------------------------------------------------------------------------- comparing
+
+
+def words_of(line: str) -> list[str]:
+    """Return a line's words; frames of tables are no words."""
+    return re.sub(r"[\u2500-\u257f]", " ", _CPU.sub("CPU", line)).split()
+
+
+def is_same(wanted: str, seen: str, tolerance: float) -> bool:
+    """Tell whether two words agree: text equal, numbers within the tolerance."""
+    if wanted == seen:
+        return True
+    if _NUMBER.split(wanted) != _NUMBER.split(seen):
+        return False
+    pairs = zip(_NUMBER.findall(wanted), _NUMBER.findall(seen), strict=True)
+    return all(
+        abs(float(a.replace("−", "-")) - float(b.replace("−", "-")))
+        <= tolerance * abs(float(a.replace("−", "-")))
+        for a, b in pairs
+    )
+
+
+def difference(shown: Sequence[str], printed: str, tolerance: float) -> str:
+    """Return what is shown and does not come out, "" when all does."""
+    seen = [word for line in printed.splitlines() for word in words_of(line)]
+    place, free = 0, False
+    for line in shown:
+        if line.strip() == "...":
+            free = True
+            continue
+        wanted = words_of(line)
+        last = len(seen) - len(wanted)
+        for start in range(place, (last if free else min(place, last)) + 1):
+            if all(is_same(a, b, tolerance) for a, b in zip(wanted, seen[start:], strict=False)):
+                place, free = start + len(wanted), not wanted and free
+                break
+        else:
+            like = difflib.get_close_matches(line, printed.splitlines(), n=1)
+            return f"{line}\nthe nearest is:  {like[0]}" if like else line
+    return (
+        "" if free or place == len(seen) else f"(nothing more, but there is: {' '.join(seen[place:])[:200]})"
+    )
+
+
+# -------------------------------------------------------------------------------------------- following
+
+
+def follow(page: Path, text: str, folder: Path, *, also: str = "", tool: Tool | None = None) -> None:
+    """Do what a page says, in a folder; fail with the page's line.
+
+    Of the blocks marked long or data only those are done that ``also`` names.
+    """
+    module = ModuleType(f"page_{page.stem}")  # a dataclass looks for the module that it is in
+    sys.modules[module.__name__] = module
+    namespace = module.__dict__
+    for block in blocks_of(text):
+        place = f"{page.relative_to(ROOT)}:{block.line}"
+        if {"long", "data"} & block.notes.keys() - {also}:
+            continue
+        if "needs" in block.notes and tool is not None:
+            tool(block.notes["needs"])
+        if block.kind == "file":
+            path = folder / block.file
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(block.body, encoding="utf-8")
+        elif block.kind == "python":
+            run_python(block, namespace, place)
+        else:
+            run_console(block, folder, place)
+
+
+def run_here(command: str) -> tuple[int, str, str]:
+    """Run ``mrdamper ...`` in this process, libraries being loaded; return status, output, messages."""
+    from mrdamper.app.cli import main
+
+    out, err, status = io.StringIO(), io.StringIO(), 0
+    with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings():
+        warnings.simplefilter("default")
+        patch.setattr(sys, "argv", shlex.split(command))
+        patch.delenv("COLUMNS", raising=False)
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+            try:
+                main()
+            except SystemExit as end:
+                status = end.code if isinstance(end.code, int) else int(end.code is not None)
+    return status, out.getvalue(), err.getvalue()
+
+
+def run_shell(command: str, folder: Path) -> tuple[int, str, str]:
+    """Run a command in a shell; return status, output, messages."""
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    surroundings = {key: value for key, value in os.environ.items() if key not in {"COLUMNS", "LINES"}}
+    done = subprocess.run(
+        ["bash", "-c", command],
+        cwd=folder,
+        env=surroundings | {"PATH": path},
+        capture_output=True,
+        text=True,
+        check=False,
+        stdin=subprocess.DEVNULL,
+    )
+    return done.returncode, done.stdout, done.stderr
+
+
+def run_console(block: Block, folder: Path, place: str) -> None:
+    for command, shown in commands_of(block.body):
+        plain = command.startswith("mrdamper ") and not set(command) & set("|;&<>$~")
+        status, printed, said = run_here(command) if plain else run_shell(command, folder)
+        assert status == int(block.notes.get("exit", "0")), f"{place}: {command}\n{printed}\n{said}"
+        printed += said if status else ""
+        missing = difference(shown, printed, block.tolerance) if shown else ""
+        assert not missing, f"{place}: {command}\ndoes not print:  {missing}\n\n{printed}"
+
+
+def run_python(block: Block, namespace: dict[str, Any], place: str) -> None:
+    if block.body.startswith(">>>"):
+        example = doctest.DocTestParser().get_doctest(block.body, namespace, place, place, block.line)
+        said = io.StringIO()
+        failed = doctest.DocTestRunner().run(example, out=said.write, clear_globs=False).failed
+        namespace.update(example.globs)
+        assert failed == 0, said.getvalue()
+        return
+    code = compile("\n" * block.line + block.body, place.rpartition(":")[0], "exec")
+    with contextlib.redirect_stdout(io.StringIO()), warnings.catch_warnings():
+        exec(code, namespace)
+
+
+# -------------------------------------------------------------------------------------------- the tests
+
+
+@pytest.fixture(scope="module")
+def laboratory(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder in which the first page was followed until there is a card."""
+    folder = tmp_path_factory.mktemp("laboratory")
+    shutil.copytree(ROOT / "examples", folder / "examples", ignore=shutil.ignore_patterns("__pycache__"))
+    text, mark, _ = START.read_text(encoding="utf-8").partition(_LAST_OF_START)
+    assert mark, f"{START.name} has no line {_LAST_OF_START!r}"
+    with contextlib.chdir(folder):
+        follow(START, text, folder)
+    return folder
+
+
+def test_the_first_page_does_what_it_says(tmp_path, monkeypatch):
+    shutil.copytree(ROOT / "examples", tmp_path / "examples")
+    monkeypatch.chdir(tmp_path)
+    follow(START, START.read_text(encoding="utf-8"), tmp_path)
+
+
+def pages_with(mark: str = "") -> list[object]:
+    """Return the pages but the first that have something to do: marked so, or at all."""
+    return [
+        pytest.param(page, id=page.relative_to(ROOT).as_posix())
+        for page, blocks in BLOCKS.items()
+        if page != START and any(mark in block.notes if mark else block.kind != "file" for block in blocks)
+    ]
+
+
+@pytest.fixture
+def folder(laboratory: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return the folder of one page, with what the first page left, as the working directory."""
+    place = tmp_path / "page"
+    shutil.copytree(laboratory, place)
+    monkeypatch.chdir(place)
+    return place
+
+
+@pytest.mark.parametrize("page", pages_with())
+def test_a_page_does_what_it_says(page, folder, tool):
+    follow(page, page.read_text(encoding="utf-8"), folder, tool=tool)
+
+
+@pytest.mark.parametrize("page", pages_with("data"))
+def test_a_page_does_what_it_says_with_public_data(page, folder, tool, real_data, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(folder / ".cache"))
+    monkeypatch.setenv("HOME", str(folder))
+    follow(page, page.read_text(encoding="utf-8"), folder, also="data", tool=tool)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("page", pages_with("long"))
+def test_a_page_does_what_takes_long(page, folder, tool):
+    follow(page, page.read_text(encoding="utf-8"), folder, also="long", tool=tool)
+
+
+def test_every_make_target_that_a_page_names_is_there():
+    """What a test cannot run (``make test``) is at least there."""
+    made = (ROOT / "Makefile").read_text(encoding="utf-8")
+    targets = set(re.findall(r"^([a-z][a-z-]*):", made, re.MULTILINE))
+    pages = (*PAGES, ROOT / "CONTRIBUTING.md")
+    texts = [page.read_text(encoding="utf-8") for page in pages]
+    named = {name for text in texts for name in re.findall(r"(?:^ {4}|`)make ([a-z-]+)", text, re.MULTILINE)}
+    assert named
+    assert named <= targets
+
+
+def test_every_page_that_is_linked_to_is_there():
+    broken = [
+        f"{page.relative_to(ROOT)}: {link}"
+        for page in (*PAGES, ROOT / "CONTRIBUTING.md")
+        for link in re.findall(r"\]\(([^)#\s:]+)(?:#[^)]*)?\)", page.read_text(encoding="utf-8"))
+        if not (page.parent / link).exists()
+    ]
+    assert broken == []
+
+
+def test_every_function_that_a_page_names_is_there():
+    missing = []
+    for page in PAGES:
+        for name in re.findall(r"\{py:\w+\}`~?([\w.]+)`", page.read_text(encoding="utf-8")):
+            module, _, thing = name.rpartition(".")
+            if not hasattr(importlib.import_module(module), thing):
+                missing.append(f"{page.relative_to(ROOT)}: {name}")
+    assert missing == []
+
+
+@pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
+def test_every_law_and_every_coefficient_is_described(law):
+    page = (ROOT / "docs" / "laws.md").read_text(encoding="utf-8")
+    assert re.search(rf"^## .*`{law.name}`", page, re.MULTILINE)
+    assert [name for name in law.names if f"`{name}`" not in page] == []
+
+
+# -------------------------------------------------------------------------------------------- the comparing
+
+
+@pytest.mark.parametrize(
+    ("shown", "printed", "agrees"),
+    [
+        (["error 2.50 %"], "error 2.55 %", True),
+        (["error 2.50 %"], "error 2.70 %", False),
+        (["error 2.50 %"], "error 2.50 N", False),
+        (["...", "last 3 runs"], "first\nlast 3 runs\n", True),
+        (["first", "..."], "first\nlast", True),
+        (["first"], "first\nlast", False),
+        (["first", "...", "third"], "first second\nfourth", False),
+        (["first", "...", "wrapped here"], "first second wrapped\nhere", True),
+        (["│ 20.1 │ 1453 │"], "┃ 20.0  ┃  1450  ┃", True),
+        (["0.3 s of CPU"], "11.9 s of CPU", True),
+        (["-5 mm"], "5 mm", False),
+    ],
+)
+def test_output_is_compared_by_words_and_numbers(shown, printed, agrees):
+    assert (difference(shown, printed, TOLERANCE) == "") is agrees

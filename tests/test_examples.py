@@ -1,0 +1,108 @@
+"""The examples run as they stand, and say what they say here."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import mrdamper
+from mrdamper.models.card import write_card
+from mrdamper.rig.campaign import Campaign
+from mrdamper.rig.measurement import measure
+from mrdamper.rig.plant import find_preset
+
+FOLDER = Path(__file__).parents[1] / "examples"
+SCRIPTS = sorted(FOLDER.glob("*.py"))
+
+
+def said_by(script: str, *arguments: str | Path) -> str:
+    run = subprocess.run(
+        [sys.executable, FOLDER / script, *arguments], capture_output=True, text=True, check=False
+    )
+    assert run.returncode == 0, run.stderr
+    return run.stdout
+
+
+def number(pattern: str, said: str) -> float:
+    """Return the one number that a pattern's group finds in what was printed."""
+    found = re.findall(pattern, said)
+    assert len(found) == 1, said
+    return float(found[0])
+
+
+@pytest.fixture(scope="module")
+def card(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return the file of a card from a small campaign."""
+    tests = Campaign(
+        motions=("sine15mm1Hz", "sine5mm1Hz", "nonperiodic"),
+        currents_A=(0.0, 1.0, 2.0),
+        temperatures_degC=(20.0, 120.0),
+    )
+    path = tmp_path_factory.mktemp("card") / "card.json"
+    write_card(mrdamper.fit(run for run, _ in measure(find_preset("nominal"), tests)).card(), path)
+    return path
+
+
+def test_every_example_is_run_here_and_is_short():
+    here = Path(__file__).read_text(encoding="utf-8")
+    assert [script.name for script in SCRIPTS if f'"{script.name}"' not in here] == []
+    assert [script.name for script in SCRIPTS if len(script.read_text("utf-8").splitlines()) >= 40] == []
+
+
+def test_a_real_damper_is_identified(real_data):
+    said = said_by("identify_real_data.py", real_data / "dev")
+    assert number(r"held_out: median ([\d.]+) %", said) < 6.0
+    assert number(r"chirp: ([\d.]+) %", said) < 17.0
+
+
+@pytest.mark.long
+def test_a_law_of_one_s_own_is_fitted():
+    """Measured: 4.8 %, in 10 s of CPU: a law in Python is slow."""
+    assert number(r"error ([\d.]+) %", said_by("custom_law.py")) < 6.0
+
+
+def test_a_law_of_one_s_own_is_found_by_the_command_line():
+    from mrdamper.models.reference import load_python_law
+
+    assert load_python_law(f"{FOLDER / 'custom_law.py'}:Slipping").name == "slipping"
+
+
+def test_a_rheometer_s_table_follows_arrhenius():
+    """The fall that docs/fluid.md prints."""
+    said = said_by("rheometer_fit.py")
+    assert said.startswith("Arrhenius")
+    assert number(r"Arrhenius .* falls by ([\d.]+)", said) == pytest.approx(69.4, abs=0.1)
+
+
+def test_thinner_fins_are_cooler_and_the_lightest_sink_saves_half(card):
+    said = said_by("heat_sink_study.py", card)
+    coolest = [float(found) for found in re.findall(r"coolest ([\d.]+) degC", said)]
+    assert coolest == sorted(coolest)
+    assert number(r"1 mm or more: .* from (\d+) g", said) < 0.5 * number(r"as drawn .* (\d+) g", said)
+
+
+def test_temperature_in_the_controller_pays_when_the_damper_is_hot(card):
+    said = said_by("controller_comparison.py", card)
+    hot = {
+        name: number(rf"100 degC {name} +RMS +([\d.]+) N", said)
+        for name in ("recommended", "paper", "paper-unaware")
+    }
+    assert hot["recommended"] < 0.3 * hot["paper"] < 0.3 * hot["paper-unaware"]
+
+
+def test_a_controlled_car_rides_between_no_current_and_the_ideal():
+    said = said_by("quarter_car.py")
+    comfort = [float(found) for found in re.findall(r"body ([\d.]+) m/s2", said)]
+    assert len(comfort) == 3
+    assert comfort == sorted(comfort, reverse=True)
+
+
+def test_an_fmu_runs_in_another_program(card, tool):
+    tool("cc")
+    pytest.importorskip("fmpy")
+    said = said_by("fmu_in_fmpy.py", card)
+    assert number(r"force up to ([\d.]+) N", said) == pytest.approx(600.0, rel=0.1)

@@ -1,0 +1,139 @@
+"""A network that may be off by factors: the network itself without doubt, and what its factors mean."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mrdamper.errors import InputError
+from mrdamper.quantities import FloatArray
+from mrdamper.thermal.doubt import FACTORS, Doubt, DoubtedNetwork
+from mrdamper.thermal.drawing import read_drawing
+from mrdamper.thermal.lumped import lumped_network
+from mrdamper.thermal.network import ThermalNetwork, zone_network
+from mrdamper.thermal.stepping import Load
+from mrdamper.thermal.transient import heat_up
+
+DRAWING = read_drawing(Path(__file__).parents[2] / "examples" / "paper_damper.toml")
+LIMIT = 403.15
+
+
+def power(kelvin: FloatArray) -> FloatArray:
+    return np.asarray(75.0 - 0.15 * (np.asarray(kelvin) - 293.15))
+
+
+LOADS = [Load(900.0, power, 16.8), Load(300.0, np.zeros_like), Load(600.0, power, 4.2)]
+
+
+def scaled(load: Load, factor: float) -> Callable[[FloatArray], FloatArray]:
+    return lambda kelvin: factor * load.power(kelvin)
+
+
+def state_of(network: ThermalNetwork, start: float = 293.15, **factors: float) -> FloatArray:
+    logs = [math.log(factors.get(name, 1.0)) for name in FACTORS]
+    return np.array([*np.full(len(network.names), start), *logs])
+
+
+def run(network: ThermalNetwork, *states: FloatArray, loads: Sequence[Load] = LOADS) -> FloatArray:
+    """Return the fluid's temperature over time [K]."""
+    return DoubtedNetwork(network).run_ahead(np.array(states), loads, hottest_K=600.0)[1]
+
+
+def ends(network: ThermalNetwork, *states: FloatArray) -> FloatArray:
+    return np.asarray(run(network, *states)[-1])
+
+
+@pytest.mark.parametrize("build", [zone_network, lumped_network])
+def test_without_doubt_it_runs_as_the_network_does(build):
+    """Over heating, rest and heating; straight lines between the tables' knots cost some millikelvin."""
+    network = build(DRAWING)
+    time, fluid = DoubtedNetwork(network).run_ahead(state_of(network)[None], LOADS, hottest_K=600.0)
+    course = heat_up(network, LOADS, longest_step=10.0)
+    assert time[-1] == pytest.approx(1800.0)
+    at = np.searchsorted(time, [900.0 - 1e-6, 1200.0 - 1e-6, 1800.0 - 1e-6])
+    assert fluid[at, 0] == pytest.approx(np.interp(time[at], course.time, course.fluid), abs=0.06)
+
+
+@pytest.mark.parametrize("name", ["power", "capacity", "loss", "coil", "fluid_body", "resistance"])
+def test_each_factor_is_that_of_a_network_with_other_numbers(name):
+    """A factor of 1.3 in the state against a network or a load with 1.3 times that number."""
+    network = zone_network(DRAWING)
+    other, loads = network, LOADS
+    if name == "power":
+        loads = [replace(load, power=scaled(load, 1.3)) for load in LOADS]
+    elif name == "resistance":
+        loads = [replace(load, coil_W=1.3 * load.coil_W) for load in LOADS]
+    elif name == "capacity":
+        other = replace(network, capacity=1.3 * network.capacity)
+    elif name == "loss":
+        other = replace(network, watts=1.3 * network.watts)
+    else:
+        one, others = (network.coil, None) if name == "coil" else (network.fluid, network.wall)
+        joined = one > 0.0
+        rest = ~joined if others is None else others > 0.0
+        which = (joined[:, None] & rest[None, :]) | (rest[:, None] & joined[None, :])
+        other = replace(network, conductance=np.where(which, 1.3, 1.0) * network.conductance)
+    expected = run(other, state_of(network), loads=loads)
+    found = run(network, state_of(network, **{name: 1.3}))
+    plain = run(network, state_of(network))
+    assert found == pytest.approx(expected, abs=1e-9)
+    assert np.abs(found - plain).max() > 0.02
+
+
+def test_a_common_factor_of_power_capacity_and_all_conductances_changes_nothing():
+    network = replace(zone_network(DRAWING), conductance=2.0 * zone_network(DRAWING).conductance)
+    twice = state_of(network, power=2.0, capacity=2.0, loss=2.0, resistance=2.0)
+    assert ends(network, twice) == pytest.approx(ends(zone_network(DRAWING), state_of(network)), abs=1e-9)
+
+
+def test_many_dampers_at_once_are_each_of_them_alone():
+    network, rng = zone_network(DRAWING), np.random.default_rng(0)
+    states = state_of(network) + 0.1 * rng.standard_normal((5, len(state_of(network))))
+    alone = [float(ends(network, state)[0]) for state in states]
+    assert ends(network, *states) == pytest.approx(alone, abs=1e-9)
+
+
+def test_a_small_doubt_spreads_the_end_as_its_derivative_says():
+    """One per cent of power: the interval is 1.645 times one per cent of the slope, either way."""
+    network = zone_network(DRAWING)
+    mean, n = state_of(network), len(network.names)
+    covariance = np.zeros((len(mean), len(mean)))
+    covariance[n, n] = 0.01**2
+    outlook = DoubtedNetwork(network).look_ahead(mean, covariance, LOADS, LIMIT, dampers=800)
+    more, less = ends(network, state_of(network, power=1.01), state_of(network, power=1.0 / 1.01))
+    assert outlook.high[-1] - outlook.low[-1] == pytest.approx(1.645 * (more - less), rel=0.05)
+    assert outlook.median[-1] == pytest.approx(0.5 * (more + less), abs=0.02)
+    assert outlook.low[0] == outlook.high[0] == pytest.approx(293.15)
+
+
+def test_more_doubt_is_a_wider_interval_and_an_earlier_and_later_limit():
+    network = zone_network(DRAWING.with_sink(None))
+    mean, n = state_of(network), len(network.names)
+    load = [Load(3000.0, power, 16.8)]
+    widths = []
+    for scale in (0.2, 1.0):
+        covariance = np.zeros((len(mean), len(mean)))
+        covariance[n:, n:] = scale**2 * Doubt().covariance
+        outlook = DoubtedNetwork(network).look_ahead(mean, covariance, load, LIMIT)
+        widths.append((outlook.high[-1] - outlook.low[-1], outlook.to_limit.low_s, outlook.to_limit.high_s))
+    assert widths[1][0] > 4.0 * widths[0][0]
+    assert widths[1][1] < widths[0][1] < widths[0][2] < widths[1][2]
+
+
+def test_a_load_of_days_ends_in_the_steady_state():
+    from mrdamper.thermal.transient import steady_state
+
+    network, load = zone_network(DRAWING), Load(9e5, power, 16.8)
+    fluid = run(network, state_of(network), loads=[load])
+    assert len(fluid) < 400
+    assert fluid[-1, 0] == pytest.approx(float(network.fluid @ steady_state(network, load)), abs=0.02)
+
+
+def test_a_doubt_below_zero_is_refused():
+    with pytest.raises(InputError, match=r"doubt\.loss is -1"):
+        Doubt(loss=-1.0)

@@ -1,0 +1,154 @@
+"""How sure a heating curve is: intervals that hold on dampers off their drawing, before and after a curve."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.interpolate import PchipInterpolator
+
+from mrdamper.quantities import FloatArray
+from mrdamper.thermal.calibration import calibrate_with
+from mrdamper.thermal.curve import HeatingCurve, Place
+from mrdamper.thermal.doubt import Doubt, Outlook
+from mrdamper.thermal.drawing import DamperDrawing, read_drawing
+from mrdamper.thermal.duty import read_duty
+from mrdamper.thermal.network import zone_network
+from mrdamper.thermal.outlook import look_out
+from mrdamper.thermal.stepping import Load
+from mrdamper.thermal.transient import Heating, heat_up
+from mrdamper.thermal.work import LoopWork
+from tests.thermal.astray import perturbed
+
+DRAWING = read_drawing(Path(__file__).parents[2] / "examples" / "paper_damper.toml")
+BARE = DRAWING.with_sink(None)
+DUTY = read_duty("sine:15mm:1Hz:2A:1800s")
+OHM = BARE.coil.resistance
+
+
+def power(kelvin: FloatArray) -> FloatArray:
+    return np.asarray(75.0 - 0.15 * (np.asarray(kelvin) - 293.15))
+
+
+KELVIN = np.linspace(273.15, 423.15, 11)
+WORK = LoopWork(KELVIN, power(KELVIN), np.full(len(KELVIN), 1000.0))
+
+
+def truth_of(base: DamperDrawing, rng: np.random.Generator) -> Heating:
+    drawing, more = perturbed(base, rng)
+    load = Load(1800.0, lambda kelvin: more * power(kelvin), 4.0 * OHM)
+    return heat_up(zone_network(drawing), [load], longest_step=10.0)
+
+
+def measured(
+    truth: Heating, rng: np.random.Generator, minutes: float, place: Place = "fluid"
+) -> HeatingCurve:
+    time = np.arange(0.0, 60.0 * minutes + 0.5, 2.0)
+    values = {"fluid": truth.fluid, "wall": truth.wall, "coil": truth.coil}[place]
+    seen = PchipInterpolator(truth.time, values)(time) + 0.3 * rng.standard_normal(len(time))
+    return HeatingCurve(time, seen, place)
+
+
+def foretold(base: DamperDrawing, curve: HeatingCurve) -> Outlook:
+    calibrated = calibrate_with(curve, base, [WORK], DUTY, doubt=Doubt())
+    return look_out([WORK], calibrated.drawing, DUTY, calibrated=calibrated)
+
+
+@dataclass(frozen=True)
+class Score:
+    """How good the foretold temperatures after 30 min were."""
+
+    rmse: float  # [K]
+    inside: float  # share of the 90 % intervals that hold
+    width: float  # of the intervals on the average [K]
+
+
+def score(base: DamperDrawing, count: int, minutes: float, seed: int, place: Place = "fluid") -> Score:
+    rng = np.random.default_rng(seed)
+    errors, inside, widths = [], [], []
+    for _ in range(count):
+        truth = truth_of(base, rng)
+        outlook, true = foretold(base, measured(truth, rng, minutes, place)), float(truth.fluid[-1])
+        errors.append(outlook.median[-1] - true)
+        inside.append(outlook.low[-1] <= true <= outlook.high[-1])
+        widths.append(outlook.high[-1] - outlook.low[-1])
+    return Score(float(np.sqrt(np.mean(np.square(errors)))), float(np.mean(inside)), float(np.mean(widths)))
+
+
+def test_before_anything_was_measured_the_interval_holds_on_dampers_off_their_drawing():
+    """Of 60 dampers 85 % less two deviations of that count, or more; no wider than twice what is needed."""
+    rng = np.random.default_rng(1)
+    outlook = look_out([WORK], BARE, DUTY)
+    ends = np.array([truth_of(BARE, rng).fluid[-1] for _ in range(60)])
+    inside = (outlook.low[-1] <= ends) & (ends <= outlook.high[-1])
+    assert inside.mean() >= 0.85 - 2.0 * np.sqrt(0.85 * 0.15 / 60.0)
+    assert outlook.high[-1] - outlook.low[-1] < 2.0 * (2.0 * 1.645 * ends.std())
+
+
+def test_the_interval_lies_about_the_curve_and_its_times_about_the_curve_s_time():
+    from mrdamper.thermal.rise import heat_with
+
+    hour = read_duty("sine:15mm:1Hz:2A:3600s")
+    rise, outlook = heat_with([WORK], BARE, hour, stop_at_limit=False), look_out([WORK], BARE, hour)
+    fluid = np.interp(outlook.time, rise.time, rise.fluid)
+    assert (outlook.low <= fluid + 1e-6).all()
+    assert (fluid <= outlook.high + 1e-6).all()
+    assert outlook.median == pytest.approx(fluid, abs=2.0)
+    assert rise.time_to_limit_s is not None
+    assert outlook.to_limit.low_s < rise.time_to_limit_s < outlook.to_limit.high_s
+    # the times are where the band's edges cross
+    crossing = [float(np.interp(rise.limit_K, edge, outlook.time)) for edge in (outlook.high, outlook.low)]
+    assert crossing == pytest.approx([outlook.to_limit.low_s, outlook.to_limit.high_s], rel=0.03)
+
+
+def test_more_of_the_curve_narrows_the_interval():
+    rng = np.random.default_rng(2)
+    truth = truth_of(DRAWING, rng)
+    whole = measured(truth, rng, 30.0)
+    before = look_out([WORK], DRAWING, DUTY)
+    widths = [float(before.high[-1] - before.low[-1])]
+    for minutes in (3.0, 8.0, 30.0):
+        outlook = foretold(DRAWING, whole.until(60.0 * minutes))
+        widths.append(float(outlook.high[-1] - outlook.low[-1]))
+    assert widths == sorted(widths, reverse=True)
+    assert widths[-1] < 0.5
+
+
+@pytest.mark.parametrize("base", [BARE, DRAWING], ids=["bare", "fins"])
+def test_a_drawn_damper_is_foretold_from_ten_minutes(base):
+    """Ten dampers off their drawing in every way: 2 K at 30 min, and the intervals hold for most."""
+    found = score(base, 10, 10.0, seed=3)
+    assert found.rmse < 2.0
+    assert found.inside >= 0.6  # 85 % less two and a half deviations of that count
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("base", [BARE, DRAWING], ids=["bare", "fins"])
+@pytest.mark.parametrize(("minutes", "most"), [(5.0, 5.0), (10.0, 2.0)])
+@pytest.mark.parametrize("place", ["fluid", "wall", "coil"])
+def test_a_hundred_drawn_dampers_are_foretold(base, minutes, most, place):
+    found = score(base, 100, minutes, seed=4, place=place)
+    print(f"{place}, {minutes:.0f} min: {found}")
+    assert found.rmse < most
+    assert found.inside >= 0.78
+
+
+def test_a_body_thermometer_tells_less_of_the_fluid_than_one_in_it():
+    """After 5 min, of a fluid that gets 20 K warmer than the body by a conductance believed at 30 %."""
+    stagnant = replace(BARE, calibration=replace(BARE.calibration, fluid_wall=0.03))
+    course = heat_up(zone_network(stagnant), [Load(1800.0, power, 4.0 * OHM)], longest_step=10.0)
+    assert course.fluid[-1] - course.wall[-1] > 20.0
+    rng = np.random.default_rng(5)
+    places: tuple[Place, ...] = ("wall", "fluid")
+    width = {}
+    for place in places:
+        outlook = foretold(stagnant, measured(course, rng, 5.0, place))
+        width[place] = float(np.interp(300.0, outlook.time, outlook.high - outlook.low))
+    assert width["wall"] > 3.0 * width["fluid"]
+
+
+def test_a_stated_start_is_sure():
+    outlook = look_out([WORK], BARE, DUTY, start_K=350.0)
+    assert outlook.low[0] == outlook.high[0] == pytest.approx(350.0)
