@@ -34,7 +34,7 @@ from mrdamper.models.card import ModelCard
 from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.quantities import FloatArray
 
-__all__ = ["NAMES", "Belief", "Flag", "ForceController", "Safety", "controllers_for"]
+__all__ = ["NAMES", "Belief", "Flag", "ForceController", "Safety", "check_name", "controllers_for", "names_for"]
 
 _ROOM_K = 293.15
 
@@ -151,6 +151,7 @@ class ForceController:
             self.force,
             self.tables.rho,
             [(o.offset, o.top, o.bits, o.cell) for o in self.tables.octaves],
+            None if self.tables.series is None else self.tables.series.native,
         )
         object.__setattr__(self, "_native", native)
         object.__setattr__(self, "_step", native.step)
@@ -224,6 +225,8 @@ class ForceController:
         gains = (yield_gain, viscous_gain, friction_gain)
         if not all(0.1 <= gain <= 10.0 for gain in gains):
             raise InputError(f"controller: gains are {gains}; expected 0.1 to 10")
+        if self.tables.series is not None:
+            return replace(self, tables=replace(self.tables, series=self.tables.series.scaled(*gains)))
         return replace(self, force=np.ascontiguousarray(self.tables.scaled(*gains)))
 
 
@@ -242,9 +245,26 @@ class _Source:
 NAMES = (
     "recommended", "recommended-causal", "recommended-adaptive", "recommended-observer", "paper", "paper-2",
     "paper-3", "paper-9", "paper-unaware", "paper-preview", "static-preview", "exact", "lead",
-    "inverse-bouc-wen", "clipped-on-off", "pi", "feed-forward-pi",
+    "inverse-bouc-wen", "clipped-on-off", "pi", "feed-forward-pi", "series-inverse",
 )  # fmt: skip
 """The controllers there are."""
+
+_OF_ONE_LAW = {"inverse-bouc-wen": "the Bouc-Wen laws", "series-inverse": "the series-valve law"}
+
+
+def names_for(law: str) -> tuple[str, ...]:
+    """Return the controllers that a law can be given."""
+    other = "inverse-bouc-wen" if law == "series-valve" else "series-inverse"
+    return tuple(name for name in NAMES if name != other)
+
+
+def check_name(name: str, law: str) -> None:
+    """Raise ``InputError`` for a controller that exists, but not for this law."""
+    if name in NAMES and name not in names_for(law):
+        raise InputError(
+            f"controller: {name!r} is made from cards of {_OF_ONE_LAW[name]}, and this card's law is {law!r}; "
+            f"expected one of {', '.join(names_for(law))}"
+        )
 
 
 def controllers_for(  # noqa: PLR0913 - what a caller may know better than the rules
@@ -313,7 +333,7 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
         model_error=_model_error(card, tables),
     )
     made = _Source(damper, actuation, tables, numbers, preview, gain_of_force)
-    return {name: _controller(name, made) for name in NAMES}
+    return {name: _controller(name, made) for name in names_for(damper.law.name)}
 
 
 def _controller(name: str, made: _Source) -> ForceController:
@@ -343,6 +363,7 @@ def _controller(name: str, made: _Source) -> ForceController:
         "clipped-on-off": present | {"feed_forward": 0.0, "on_off": 1.0},
         "pi": present | feedback | {"feed_forward": 0.0},
         "feed-forward-pi": feedback,
+        "series-inverse": {"reach": 0.0, "margin": -1.0},
     }
     numbers |= changes[name]
     return ForceController(
@@ -434,11 +455,17 @@ def _numbers(  # noqa: PLR0913 - one place where all numbers of the kernel's tab
         "recover_samples": float(max(1, round(safety.recover_s / period))),
         "nominal": 0.5 * (low + high) if safety.nominal_K is None else safety.nominal_K,
         "held_temperature": 0.0,
+        "substeps": float(max(1, math.ceil(period / tuning.SERIES_STEP_S - 1e-9))),
+        "strides": tuning.SERIES_STRIDES,
+        "horizon": tuning.SERIES_HORIZON_S,
     }
 
 
 def _force_per_command(tables: DamperTables) -> float:
     """Return the mean growth of the settled yield force with the command [N/A], at the middle temperature."""
+    if tables.series is not None:
+        rows = tables.series.yield_force[len(tables.temperatures) // 2]
+        return float((rows[-1] - rows[0]) / tables.currents[-1])
     sheet = tables.force[len(tables.temperatures) // 2]
     yields = sheet[6] + sheet[7]
     return float((yields[-1] - yields[0]) / tables.currents[-1])
@@ -448,4 +475,6 @@ def _model_error(card: ModelCard | None, tables: DamperTables) -> float:
     """Return the size of the model's force error [N]: the card's, else 5 % of its largest yield force."""
     if card is not None and card.evidence.runs:
         return max(1.0, float(statistics.median(run["rmse_N"] for run in card.evidence.runs)))
+    if tables.series is not None:
+        return max(1.0, 0.05 * float(tables.series.yield_force.max()))
     return max(1.0, 0.05 * float((tables.force[:, 6] + tables.force[:, 7]).max()))

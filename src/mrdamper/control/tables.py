@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +18,9 @@ from mrdamper import core
 from mrdamper.errors import InputError
 from mrdamper.models.damper import Damper
 from mrdamper.quantities import FloatArray
+
+if TYPE_CHECKING:
+    from mrdamper.control.series_tables import SeriesTables
 
 __all__ = ["CURRENTS", "ROWS", "TABULATED", "DamperTables", "Octaves", "tabulate", "tabulate_octaves"]
 
@@ -80,6 +84,7 @@ class DamperTables:
     sliding: Octaves
     breakaway: Octaves
     built_up: Octaves
+    series: SeriesTables | None = None  # of the series valve law, which uses none of those above
 
     @property
     def octaves(self) -> tuple[Octaves, ...]:
@@ -118,9 +123,13 @@ def tabulate(
         A law that has no such tables, or one whose shape moves with current or temperature; a force that does
         not depend on the current; a law that is not well posed somewhere on the grid.
     """
+    if damper.law.name == "series-valve":
+        from mrdamper.control.series_tables import tabulate_series
+
+        return tabulate_series(damper, largest, temperatures=temperatures)
     if damper.law.name not in TABULATED:
         raise InputError(
-            f"controller: the law is {damper.law.name!r}; expected one of {', '.join(TABULATED)}. Identify "
+            f"controller: the law is {damper.law.name!r}; expected one of {', '.join(TABULATED)}, series-valve. Identify "
             "the same runs with one of these"
         )
     if not (math.isfinite(largest) and largest > 0.0):

@@ -37,6 +37,14 @@ class Belief(TypedDict):
     parts: tuple[float, float, float, float]
     flags: int
 
+# yield force, chain, powers (exponent, least, bits, scale, cells), functions of a size
+SeriesTables = tuple[
+    FloatArray,
+    FloatArray,
+    Sequence[tuple[float, float, int, FloatArray, FloatArray]],
+    Sequence[tuple[float, float, int, FloatArray]],
+]
+
 class Tracker:
     def __new__(
         cls,
@@ -44,6 +52,7 @@ class Tracker:
         force: FloatArray,
         rho: FloatArray,
         octaves: Sequence[tuple[float, float, int, FloatArray]],
+        series: SeriesTables | None = None,
     ) -> Tracker: ...
     def start(self) -> bytes: ...
     def step(

@@ -7,6 +7,7 @@
 #define Py_LIMITED_API 0x030b0000
 #include <Python.h>
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -223,10 +224,14 @@ static PyType_Spec workspace_spec = {"mrdamper.core._kernel.Workspace", (int)siz
 /* ---- Tracker: a controller with its tables; its state is handed out and in as bytes ---------------------- */
 
 #define TRACK_OCTAVES 8
+#define SERIES_POWERS 3
+#define SERIES_OCTAVES 3
+#define SERIES_VIEWS (2 + 2 * SERIES_POWERS + SERIES_OCTAVES)
 
 typedef struct {
     PyObject_HEAD
     mrd_track track;
+    mrd_series series;
     double *store;
 } TrackerObject;
 
@@ -244,21 +249,9 @@ static PyObject *track_names(void)
     return out;
 }
 
-/* Everything that the step relies on without looking: shapes, and numbers that become indices. */
-static int track_is_sound(const mrd_track *t)
+static int octaves_are_sound(const mrd_octaves *octaves, int count)
 {
-    const double models = t->bank < 1.5 ? 1.0 : t->bank;
-    if (!(t->period > 0.0 && t->largest > 0.0 && t->coldest > 0.0 && t->warmest >= t->coldest)) return 0;
-    if (!(t->elements >= 0.0 && t->elements <= 2.0 && models <= MRD_TRACK_BANK)) return 0;
-    if (!(t->dead_samples >= 0.0 && t->dead_samples <= MRD_TRACK_LINE - 3 && t->dead_part >= 0.0 && t->dead_part <= 1.0))
-        return 0;
-    if (!(t->preview >= 0.0 && t->fall_back >= 0.0 && t->gain_variance > 0.0 && t->error_variance > 0.0)) return 0;
-    const double counts[] = {t->frozen_samples, t->coast_samples, t->hold_samples, t->recover_samples};
-    for (size_t k = 0; k < sizeof counts / sizeof *counts; k++)
-        if (!(counts[k] >= 0.0 && counts[k] <= 1e9)) return 0;
-    if (t->currents < 2 || t->currents > MRD_TRACK_CURRENTS || t->temperatures < 1) return 0;
-    const mrd_octaves *octaves = &t->loading;
-    for (int k = 0; k < TRACK_OCTAVES; k++) {
+    for (int k = 0; k < count; k++) {
         const mrd_octaves *o = octaves + k;
         if (!(o->offset > 0.0 && o->bits >= 0 && o->bits <= 10 && o->cells > 0)) return 0;
         /* the last cell that can be read is the last there is */
@@ -273,12 +266,105 @@ static int track_is_sound(const mrd_track *t)
     return 1;
 }
 
+/* Everything that the step relies on without looking: shapes, and numbers that become indices. */
+static int track_is_sound(const mrd_track *t)
+{
+    const double models = t->bank < 1.5 ? 1.0 : t->bank;
+    if (!(t->period > 0.0 && t->largest > 0.0 && t->coldest > 0.0 && t->warmest >= t->coldest)) return 0;
+    if (!(t->elements >= 0.0 && t->elements <= 2.0 && models <= MRD_TRACK_BANK)) return 0;
+    if (!(t->dead_samples >= 0.0 && t->dead_samples <= MRD_TRACK_LINE - 3 && t->dead_part >= 0.0 && t->dead_part <= 1.0))
+        return 0;
+    if (!(t->preview >= 0.0 && t->fall_back >= 0.0 && t->gain_variance > 0.0 && t->error_variance > 0.0)) return 0;
+    const double counts[] = {t->frozen_samples, t->coast_samples, t->hold_samples, t->recover_samples};
+    for (size_t k = 0; k < sizeof counts / sizeof *counts; k++)
+        if (!(counts[k] >= 0.0 && counts[k] <= 1e9)) return 0;
+    if (t->currents < 2 || t->currents > MRD_TRACK_CURRENTS || t->temperatures < 1) return 0;
+    return octaves_are_sound(&t->loading, TRACK_OCTAVES);
+}
+
+/* The same of the series valve's tables. */
+static int series_is_sound(const mrd_track *t, const mrd_series *series)
+{
+    const int32_t cells = series->currents - 1;
+    if (cells < 1 || cells > 1024 || (cells & (cells - 1))) return 0;
+    if (!(t->substeps >= 1.0 && t->substeps <= 1000.0 && t->strides >= 1.0 && t->strides <= 1000.0 && t->horizon > 0.0))
+        return 0;
+    const mrd_power *powers = &series->thinning;
+    for (int k = 0; k < SERIES_POWERS; k++) {
+        int exponent;
+        if (!(powers[k].least >= 1e-30 && powers[k].least <= 1.0 && frexp(powers[k].least, &exponent) == 0.5)) return 0;
+        if (powers[k].bits < 0 || powers[k].bits > 10 || powers[k].octaves < 1 || powers[k].octaves > 100) return 0;
+    }
+    return octaves_are_sound(&series->side, SERIES_OCTAVES);
+}
+
+static int open_octaves(PyObject *sequence, Py_ssize_t at, mrd_octaves *o, Py_buffer *view)
+{
+    PyObject *item = PySequence_GetItem(sequence, at), *ocell;
+    int bits;
+    const int fine = item && PyArg_ParseTuple(item, "ddiO", &o->offset, &o->top, &bits, &ocell)
+                  && open_doubles(ocell, view, 0, "cells");
+    Py_XDECREF(item); /* the caller's sequence keeps it alive */
+    if (!fine) return 0;
+    o->bits = bits;
+    o->cells = (int32_t)(count_of(view) / 4);
+    return 1;
+}
+
+/* (yield, chain, powers, octaves) of the series valve; the views are opened in the order of `place_series`. */
+static int open_series(PyObject *object, Py_ssize_t temperatures, mrd_series *series, Py_buffer *view, int *opened)
+{
+    PyObject *oyield, *ochain, *opowers, *ooctaves;
+    if (!PyArg_ParseTuple(object, "OOOO", &oyield, &ochain, &opowers, &ooctaves)) return 0;
+    if (!open_doubles(oyield, view, 0, "yield")) return 0;
+    ++*opened;
+    if (!open_doubles(ochain, view + 1, 0, "chain")) return 0;
+    ++*opened;
+    int fits = view[0].ndim == 2 && view[1].ndim == 2 && view[0].shape[0] == temperatures && view[0].shape[1] <= 1025
+            && view[1].shape[0] == temperatures && view[1].shape[1] == MRD_CHAIN
+            && PySequence_Size(opowers) == SERIES_POWERS && PySequence_Size(ooctaves) == SERIES_OCTAVES;
+    if (fits) series->currents = (int32_t)view[0].shape[1];
+    mrd_power *powers = &series->thinning;
+    view += 2;
+    for (int k = 0; fits && k < SERIES_POWERS; k++, view += 2) {
+        PyObject *item = PySequence_GetItem(opowers, k), *oscale, *ocell;
+        int bits;
+        const int fine = item && PyArg_ParseTuple(item, "ddiOO", &powers[k].exponent, &powers[k].least, &bits, &oscale, &ocell);
+        Py_XDECREF(item);
+        if (!fine || !open_doubles(oscale, view, 0, "scale")) return 0;
+        ++*opened;
+        if (!open_doubles(ocell, view + 1, 0, "cells")) return 0;
+        ++*opened;
+        powers[k].bits = bits;
+        powers[k].octaves = (int32_t)count_of(view);
+        fits = bits >= 0 && bits <= 10 && count_of(view + 1) == (size_t)4 << bits;
+    }
+    for (int k = 0; fits && k < SERIES_OCTAVES; k++, view++) {
+        if (!open_octaves(ooctaves, k, &series->side + k, view)) return 0;
+        ++*opened;
+    }
+    if (!fits) PyErr_SetString(PyExc_ValueError, "these are not the series valve's tables");
+    return fits;
+}
+
+static void place_series(mrd_series *series, int view, const double *at)
+{
+    if (view == 0) series->yield = at;
+    else if (view == 1) series->chain = at;
+    else if (view >= 2 + 2 * SERIES_POWERS) (&series->side)[view - 2 - 2 * SERIES_POWERS].cell = at;
+    else if (view % 2 == 0) (&series->thinning)[view / 2 - 1].scale = at;
+    else (&series->thinning)[view / 2 - 1].cell = at;
+}
+
 static PyObject *tracker_new(PyTypeObject *type, PyObject *args, PyObject *kwargs)
 {
-    PyObject *onumbers, *oforce, *orho, *ooctaves;
-    static char *names[] = {"numbers", "force", "rho", "octaves", NULL};
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOO", names, &onumbers, &oforce, &orho, &ooctaves)) return NULL;
-    Py_buffer view[3 + TRACK_OCTAVES];
+    PyObject *onumbers, *oforce, *orho, *ooctaves, *oseries = Py_None;
+    static char *names[] = {"numbers", "force", "rho", "octaves", "series", NULL};
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOO|O", names, &onumbers, &oforce, &orho, &ooctaves, &oseries))
+        return NULL;
+    Py_buffer view[3 + TRACK_OCTAVES + SERIES_VIEWS];
+    mrd_series series;
+    memset(&series, 0, sizeof series);
     int opened = 0;
     TrackerObject *self = NULL;
     mrd_track track;
@@ -295,14 +381,7 @@ static PyObject *tracker_new(PyTypeObject *type, PyObject *args, PyObject *kwarg
         goto done;
     }
     for (int k = 0; k < TRACK_OCTAVES; k++) {
-        PyObject *item = PySequence_GetItem(ooctaves, k), *ocell;
-        int bits;
-        const int fine = item && PyArg_ParseTuple(item, "ddiO", &octaves[k].offset, &octaves[k].top, &bits, &ocell)
-                      && open_doubles(ocell, view + opened, 0, "cells");
-        Py_XDECREF(item); /* the caller's sequence keeps it alive */
-        if (!fine) goto done;
-        octaves[k].bits = bits;
-        octaves[k].cells = (int32_t)(count_of(view + opened) / 4);
+        if (!open_octaves(ooctaves, k, octaves + k, view + opened)) goto done;
         opened++;
     }
     double *number[] = {
@@ -325,7 +404,8 @@ static PyObject *tracker_new(PyTypeObject *type, PyObject *args, PyObject *kwarg
     }
     track.temperatures = (int32_t)view[1].shape[0];
     track.currents = (int32_t)view[1].shape[2];
-    if (!track_is_sound(&track)) {
+    if (oseries != Py_None && !open_series(oseries, view[1].shape[0], &series, view + opened, &opened)) goto done;
+    if (!track_is_sound(&track) || (oseries != Py_None && !series_is_sound(&track, &series))) {
         PyErr_SetString(PyExc_ValueError, "a controller's numbers or tables are out of their range");
         goto done;
     }
@@ -345,10 +425,13 @@ static PyObject *tracker_new(PyTypeObject *type, PyObject *args, PyObject *kwarg
         memcpy(to, view[k].buf, (size_t)view[k].len);
         if (k == 1) track.force = to;
         else if (k == 2) track.rho = to;
-        else octaves[k - 3].cell = to;
+        else if (k < 3 + TRACK_OCTAVES) octaves[k - 3].cell = to;
+        else place_series(&series, k - 3 - TRACK_OCTAVES, to);
         to += count_of(view + k);
     }
+    self->series = series;
     self->track = track;
+    if (oseries != Py_None) self->track.series = &self->series;
 done:
     for (int k = 0; k < opened; k++) PyBuffer_Release(view + k);
     return (PyObject *)self;

@@ -8,6 +8,7 @@
 #include "controller.h"
 
 #include "track_tables.c"
+#include "track_series.c"
 #include "track_estimate.c"
 
 MRD_TRACK_API void mrd_track_start(const mrd_track *c, mrd_track_state *s)
@@ -71,7 +72,9 @@ static mrd_real answer_of(const mrd_track *c, mrd_track_state *s, axis_point war
     mrd_real play = s->play;
     const mrd_real applied = past_play(c, lagged, &play);
 
-    if (models > 1) {
+    if (c->series) {
+        current = series_answer(c, s, warm, &m, applied, wanted, &found);
+    } else if (models > 1) {
         const stretch way = stretch_of(s->v, m.v, p);
         for (int b = 0; b < models; b++) {
             const axis_point at = on_currents(c, bank_current(c, b));

@@ -1,6 +1,7 @@
 /* A force-tracking controller: wanted force, displacement and temperature in, current out.
  *
- * Everything that a target needs is this header and three files: track_tables.c, track_estimate.c, controller.c.
+ * Everything that a target needs is this header and four files: track_tables.c, track_series.c, track_estimate.c,
+ * controller.c.
  * No allocation, no library function but memcpy and memset, no global state, one number type. What takes a power
  * or an exponential was tabulated beforehand (control/tables.py). SI and kelvin; extension positive; the
  * "current" is the command, in volts where the card's is.
@@ -41,6 +42,32 @@ typedef struct {
     int32_t cells;
     const mrd_real *cell; /* [4 * cells] */
 } mrd_octaves;
+
+/* A power u^m of a size u: one octave of it as cubics, and what every octave multiplies. */
+typedef struct {
+    mrd_real exponent;     /* m */
+    mrd_real least;        /* a power of two; below it the power goes straight to zero */
+    int32_t bits;          /* log2 of the cells */
+    int32_t octaves;       /* from `least` up; beyond, the last value holds */
+    const mrd_real *scale; /* [octaves] */
+    const mrd_real *cell;  /* [4 << bits] */
+} mrd_power;
+
+/* Rows of the series valve's coefficients; all of them may move with temperature. */
+enum { MRD_CHAIN_OFFSET, MRD_CHAIN_STIFFNESS, MRD_CHAIN_THINNING, MRD_CHAIN_SLOWNESS, MRD_CHAIN_POSITION,
+       MRD_CHAIN_SPRING, MRD_CHAIN_GAP, MRD_CHAIN_SHARPNESS, MRD_CHAIN_LEAK, MRD_CHAIN_MASS, MRD_CHAIN_VISCOSITY,
+       MRD_CHAIN_SLIDING, MRD_CHAIN_BREAKAWAY, MRD_CHAIN_TRANSITION, MRD_CHAIN_STRIBECK, MRD_CHAIN };
+
+/* The series valve law: its coefficients over temperature, its yield force over current as well. */
+typedef struct {
+    int32_t currents;      /* one more than a power of two */
+    const mrd_real *yield; /* [temperatures][currents], rising with the current [N] */
+    const mrd_real *chain; /* [temperatures][MRD_CHAIN]; lengths and speeds by their inverse */
+    mrd_power thinning, leak, viscous;
+    mrd_octaves side;      /* tanh u */
+    mrd_octaves fade;      /* exp(-u^2) */
+    mrd_octaves corner;    /* (sqrt(u^2 + 1) - u) / 2 */
+} mrd_series;
 
 /* The numbers of a controller, in the order in which a binding or an exporter gives them. */
 #define MRD_TRACK_NUMBERS(X)                                                                                   \
@@ -100,7 +127,10 @@ typedef struct {
     X(hold_samples)   /* samples for which the last good temperature is held */                                \
     X(recover_samples) /* steady samples after which a reading that had jumped is believed */                  \
     X(nominal)        /* temperature to fall back to [K] */                                                    \
-    X(held_temperature) /* temperature to use whatever is read [K]; 0: read it */
+    X(held_temperature) /* temperature to use whatever is read [K]; 0: read it */                              \
+    X(substeps)       /* series valve: steps in a period */                                                    \
+    X(strides)        /* ... and to the preview */                                                             \
+    X(horizon)        /* ... time in which its spring is taken to the wanted force [s] */
 
 typedef struct {
 #define X(name) mrd_real name;
@@ -116,6 +146,7 @@ typedef struct {
     mrd_octaves sliding;   /* of the sliding friction's share */
     mrd_octaves breakaway;
     mrd_octaves built_up;  /* of what builds up with speed, or of a yield force without memory */
+    const mrd_series *series; /* the series valve law, which uses none of the tables above; NULL: another law */
 } mrd_track;
 
 /* What multiplies each row of the force table. */
@@ -145,7 +176,8 @@ typedef struct {
     mrd_real first, second;           /* the command behind the first and the second lag */
     mrd_real play;                    /* the play's output, less than that by its half width while it rises */
     mrd_real applied;                 /* what the force feels: behind lags and play */
-    mrd_real w[MRD_TRACK_BANK][2];    /* hysteretic states, -1 to 1: of each model and element */
+    mrd_real w[MRD_TRACK_BANK][2];    /* hysteretic states, -1 to 1: of each model and element; of the series
+                                         valve the travel of its spring [m] and the velocity of its valve [m/s] */
     mrd_real command;                 /* the last one given */
     mrd_real leading;                 /* filter of the lead compensation */
     mrd_real integral;                /* of the force feedback [A] */

@@ -156,6 +156,10 @@ static inline mrd_real bank_current(const mrd_track *c, int model)
 /* Hysteresis of every model through the period that ends now, velocity having been v0 at its begin. */
 static void follow_hysteresis(const mrd_track *c, mrd_track_state *s, axis_point warm, mrd_real v0, mrd_real applied)
 {
+    if (c->series) {
+        follow_series(c, s, warm, v0, applied);
+        return;
+    }
     const int elements = (int)c->elements, models = c->bank > R(1.5) ? (int)c->bank : 1;
     const stretch way = stretch_of(v0, s->v, c->period);
     for (int b = 0; b < models; b++) {
@@ -176,6 +180,10 @@ MRD_TRACK_API void mrd_track_parts(const mrd_track *c, const mrd_track_state *s,
 {
     static const int part_of[MRD_ROWS] = {3, 3, 3, 1, 2, 2, 0, 0};
     const axis_point warm = warmth(c, s->temperature), at = on_currents(c, s->applied);
+    if (c->series) {
+        series_parts(c, s, warm, parts);
+        return;
+    }
     const moment m = present(c, s);
     mrd_real by[MRD_ROWS];
     multipliers(c, s, &m, by);
