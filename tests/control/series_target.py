@@ -55,7 +55,7 @@ def _structures(real: Any) -> Any:
 
     class Power(ctypes.Structure):
         _fields_ = [
-            ("exponent", real), ("least", real), ("bits", ctypes.c_int32), ("octaves", ctypes.c_int32),
+            ("exponent", real), ("least", real), ("top", real), ("bits", ctypes.c_int32), ("octaves", ctypes.c_int32),
             ("scale", pointer), ("cell", pointer),
         ]  # fmt: skip
 
@@ -105,7 +105,8 @@ class Target:
         t.yield_force, t.chain = map(self._pointer, (tables.series.yield_force, tables.series.chain))
         for name in ("thinning", "leak", "viscous"):
             p = getattr(tables.series, name)
-            made = power(p.exponent, p.least, p.bits, len(p.scale), self._pointer(p.scale), self._pointer(p.cell))
+            arrays = self._pointer(p.scale), self._pointer(p.cell)
+            made = power(p.exponent, p.least, p.top, p.bits, len(p.scale), *arrays)
             setattr(t, name, made)
         for name in ("side", "fade", "corner"):
             o = getattr(tables.series, name)

@@ -48,6 +48,7 @@ class Power:
 
     exponent: float
     least: float
+    top: float
     bits: int
     scale: FloatArray
     cell: FloatArray
@@ -55,7 +56,7 @@ class Power:
     def at(self, size: FloatArray | float) -> FloatArray:
         """Return the power at sizes, as the kernel reads it."""
         u = np.asarray(size, dtype=np.float64)
-        t = np.clip(u, self.least, self.least * 2.0 ** len(self.scale) * (1.0 - 1e-15))
+        t = np.clip(u, self.least, self.top)
         octave = np.floor(np.log2(t / self.least))
         share = (t / (self.least * 2.0**octave) - 1.0) * 2.0**self.bits
         index = np.minimum(np.floor(share), 2.0**self.bits - 1.0)
@@ -84,11 +85,11 @@ class SeriesTables:
     ) -> tuple[
         FloatArray,
         FloatArray,
-        list[tuple[float, float, int, FloatArray, FloatArray]],
+        list[tuple[float, float, float, int, FloatArray, FloatArray]],
         list[tuple[float, float, int, FloatArray]],
     ]:
         """What the kernel's binding takes."""
-        powers = [(p.exponent, p.least, p.bits, p.scale, p.cell) for p in (self.thinning, self.leak, self.viscous)]
+        powers = [(p.exponent, p.least, p.top, p.bits, p.scale, p.cell) for p in (self.thinning, self.leak, self.viscous)]
         octaves = [(o.offset, o.top, o.bits, o.cell) for o in (self.side, self.fade, self.corner)]
         return self.yield_force, self.chain, powers, octaves
 
@@ -166,7 +167,8 @@ def tabulate_power(exponent: float) -> Power:
     rise = np.diff(f)
     cell = np.stack([f[:-1], d[:-1], 3.0 * rise - 2.0 * d[:-1] - d[1:], d[:-1] + d[1:] - 2.0 * rise], axis=1)
     scale = (_LEAST_SPEED * 2.0 ** np.arange(_SPEEDS)) ** exponent
-    return Power(exponent, _LEAST_SPEED, _BITS, scale, np.ascontiguousarray(cell))
+    top = _LEAST_SPEED * 2.0**_SPEEDS * (1.0 - 1e-6)
+    return Power(exponent, _LEAST_SPEED, top, _BITS, scale, np.ascontiguousarray(cell))
 
 
 def _corner(u: FloatArray) -> FloatArray:

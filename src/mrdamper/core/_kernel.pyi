@@ -37,11 +37,11 @@ class Belief(TypedDict):
     parts: tuple[float, float, float, float]
     flags: int
 
-# yield force, chain, powers (exponent, least, bits, scale, cells), functions of a size
+# yield force, chain, powers (exponent, least, top, bits, scale, cells), functions of a size
 SeriesTables = tuple[
     FloatArray,
     FloatArray,
-    Sequence[tuple[float, float, int, FloatArray, FloatArray]],
+    Sequence[tuple[float, float, float, int, FloatArray, FloatArray]],
     Sequence[tuple[float, float, int, FloatArray]],
 ]
 

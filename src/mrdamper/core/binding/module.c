@@ -293,7 +293,8 @@ static int series_is_sound(const mrd_track *t, const mrd_series *series)
     for (int k = 0; k < SERIES_POWERS; k++) {
         int exponent;
         if (!(powers[k].least >= 1e-30 && powers[k].least <= 1.0 && frexp(powers[k].least, &exponent) == 0.5)) return 0;
-        if (powers[k].bits < 0 || powers[k].bits > 10 || powers[k].octaves < 1 || powers[k].octaves > 100) return 0;
+        if (powers[k].octaves < 1 || powers[k].octaves > 100) return 0;
+        if (!(powers[k].top >= powers[k].least && powers[k].top < ldexp(powers[k].least, powers[k].octaves))) return 0;
     }
     return octaves_are_sound(&series->side, SERIES_OCTAVES);
 }
@@ -329,7 +330,8 @@ static int open_series(PyObject *object, Py_ssize_t temperatures, mrd_series *se
     for (int k = 0; fits && k < SERIES_POWERS; k++, view += 2) {
         PyObject *item = PySequence_GetItem(opowers, k), *oscale, *ocell;
         int bits;
-        const int fine = item && PyArg_ParseTuple(item, "ddiOO", &powers[k].exponent, &powers[k].least, &bits, &oscale, &ocell);
+        const int fine = item && PyArg_ParseTuple(item, "dddiOO", &powers[k].exponent, &powers[k].least, &powers[k].top,
+                                                  &bits, &oscale, &ocell);
         Py_XDECREF(item);
         if (!fine || !open_doubles(oscale, view, 0, "scale")) return 0;
         ++*opened;

@@ -47,8 +47,9 @@ typedef struct {
 typedef struct {
     mrd_real exponent;     /* m */
     mrd_real least;        /* a power of two; below it the power goes straight to zero */
+    mrd_real top;          /* largest size in the table; beyond, the last value holds */
     int32_t bits;          /* log2 of the cells */
-    int32_t octaves;       /* from `least` up; beyond, the last value holds */
+    int32_t octaves;       /* from `least` up */
     const mrd_real *scale; /* [octaves] */
     const mrd_real *cell;  /* [4 << bits] */
 } mrd_power;

@@ -10,9 +10,9 @@
  */
 #include "controller.h"
 
-enum { SERIES_ROUNDS = 6,        /* of a solve for the valve's velocity */
-       SERIES_AHEAD_ROUNDS = 5,  /* ... on the way to the preview */
-       SERIES_SPRING_ROUNDS = 7, /* of a solve for the spring's travel */
+enum { SERIES_ROUNDS = 5,        /* of a solve for the valve's velocity */
+       SERIES_AHEAD_ROUNDS = 4,  /* ... on the way to the preview */
+       SERIES_SPRING_ROUNDS = 6, /* of a solve for the spring's travel */
        SERIES_CHAIN = MRD_CHAIN };
 
 static mrd_real solve_row(const mrd_real *force, int count, mrd_real largest, mrd_real wanted, int *found);
@@ -21,8 +21,7 @@ static mrd_real solve_row(const mrd_real *force, int count, mrd_real largest, mr
 static inline mrd_real power_at(const mrd_power *o, mrd_real size, mrd_real *slope)
 {
     const mrd_pattern first = pattern_of(o->least) >> MRD_DIGITS, mask = ((mrd_pattern)1 << MRD_DIGITS) - 1;
-    const mrd_pattern top = pattern_of(o->least) + ((mrd_pattern)(uint32_t)o->octaves << MRD_DIGITS) - 1;
-    const mrd_real t = limited(size, o->least, of_pattern(top));
+    const mrd_real t = limited(size, o->least, o->top);
     const mrd_pattern p = pattern_of(t);
     const mrd_real *c = o->cell + 4 * (size_t)((p & mask) >> (MRD_DIGITS - o->bits));
     const mrd_real l = of_pattern(((p << o->bits) & mask) | MRD_PATTERN_OF_ONE) - R(1.0);
