@@ -28,7 +28,7 @@ from mrdamper.rig.campaign import Campaign
 from mrdamper.rig.measurement import measure
 from mrdamper.rig.plant import PRESETS, STEP_S, Plant, VirtualDamper
 
-__all__ = ["drawn_damper", "run"]
+__all__ = ["drawn_damper", "followed", "in_words", "measured", "run"]
 
 TEMPERATURES, SEEDS = (20.0, 60.0, 100.0, 123.0), (1, 2)
 SLOW, FAST, UNEVEN = TARGETS = ("sine-900N-1Hz", "sine-1100N-2Hz", "non-periodic")
@@ -55,7 +55,7 @@ def run() -> list[Row]:
     rows: list[Row] = []
     cards: dict[str, ModelCard] = {}
     for preset in ("nominal", "hard", "stiff"):
-        runs = _measured(PRESETS[preset], Campaign())
+        runs = measured(PRESETS[preset], Campaign())
         cards[preset] = mrdamper.fit(runs, hold_out=Campaign().hold_out).card()
         rows += _presets_rows(preset, cards[preset])
         if preset == "nominal":
@@ -64,7 +64,8 @@ def run() -> list[Row]:
     return [*rows, *_drawn(), *_steps(cards["nominal"])]
 
 
-def _measured(damper: VirtualDamper, campaign: Campaign) -> list[RigRun]:
+def measured(damper: VirtualDamper, campaign: Campaign) -> list[RigRun]:
+    """Return the runs of a campaign."""
     return [measured for measured, _ in measure(damper, campaign)]
 
 
@@ -94,7 +95,8 @@ def _scores(damper: VirtualDamper, controller: ForceController, scenario: Scenar
     return found
 
 
-def _followed(damper: VirtualDamper, controller: ForceController, scenario: Scenario) -> Score:
+def followed(damper: VirtualDamper, controller: ForceController, scenario: Scenario) -> Score:
+    """Return the worst of temperatures and seeds."""
     return worst(list(_scores(damper, controller, scenario).values()))
 
 
@@ -106,7 +108,8 @@ def _greatest(score: Score) -> float:
     return float("nan") if score.max_feasible_N is None else score.max_feasible_N
 
 
-def _said(score: Score) -> str:
+def in_words(score: Score) -> str:
+    """Return a score's figures."""
     power = "" if score.coil_power_W is None else f"; coil {score.coil_power_W:.2f} W"
     return (
         f"max {score.max_N:.0f}, max feasible {_greatest(score):.1f}, RMSE feasible {_rmse(score):.1f} N; "
@@ -122,16 +125,16 @@ def _presets_rows(preset: str, card: ModelCard) -> Iterable[Row]:
     for target in TARGETS:
         scenario = SCENARIOS[target]
         begin = time.process_time()
-        ours = _followed(damper, controllers["recommended"], scenario)
+        ours = followed(damper, controllers["recommended"], scenario)
         spent = time.process_time() - begin
         yield Row(
             f"{preset}, {target}: recommended",
             spent,
-            accuracy=_said(ours),
+            accuracy=in_words(ours),
             bar=BARS.get((preset, target), ""),
         )
         for name in OTHERS:
-            theirs = _followed(damper, controllers[name], scenario)
+            theirs = followed(damper, controllers[name], scenario)
             ratio = _rmse(theirs) / _rmse(ours)
             bar, said = "", ""
             if name == "paper" and preset != "stiff":
@@ -148,7 +151,7 @@ def _presets_rows(preset: str, card: ModelCard) -> Iterable[Row]:
                 bar = "max at least 270 N"
             if name == "recommended-causal":
                 bar = "RMSE at most 1.3 x" if preset != "stiff" else ""
-            yield Row(f"{preset}, {target}: {name}", ratio=ratio, accuracy=_said(theirs) + said, bar=bar)
+            yield Row(f"{preset}, {target}: {name}", ratio=ratio, accuracy=in_words(theirs) + said, bar=bar)
 
 
 def _unaware(card: ModelCard, runs: Sequence[RigRun]) -> Iterable[Row]:
@@ -164,12 +167,12 @@ def _unaware(card: ModelCard, runs: Sequence[RigRun]) -> Iterable[Row]:
         controller = controllers_for(blind)["recommended"]
         for target in TARGETS:
             scenario = SCENARIOS[target]
-            known, unknown = (_followed(nominal, each, scenario) for each in (aware, controller))
+            known, unknown = (followed(nominal, each, scenario) for each in (aware, controller))
             ratio = _greatest(unknown) / _greatest(known)
             yield Row(
                 f"nominal, {target}: recommended, temperature not known, {title}",
                 ratio=ratio,
-                accuracy=f"{_said(unknown)}; {ratio:.1f} x the aware max feasible",
+                accuracy=f"{in_words(unknown)}; {ratio:.1f} x the aware max feasible",
                 bar=f"{times:g} x" if target == SLOW else "",
             )
 
@@ -185,7 +188,7 @@ def _optimum(card: ModelCard) -> Iterable[Row]:
         yield Row(
             f"nominal, {SLOW}, {degrees:g} degC: best current of a search",
             time.process_time() - begin,
-            accuracy=f"{_said(best)}; recommended: {ours[degrees].max_N:.0f} N, {ratio:.2f} x its max",
+            accuracy=f"{in_words(best)}; recommended: {ours[degrees].max_N:.0f} N, {ratio:.2f} x its max",
             bar="1.4 x",
         )
 
@@ -204,7 +207,7 @@ def _robustness(card: ModelCard) -> Iterable[Row]:
         more = max(map(_rmse, found.values())) - max(map(_rmse, calm.values()))
         most = max(_rmse(found[t]) - _rmse(calm[t]) for t in TEMPERATURES)
         said = f"{more:+.1f} N (at one temperature at most {most:+.1f} N); "
-        said += _said(worst(list(found.values())))
+        said += in_words(worst(list(found.values())))
         bar = "" if bar_N is None else f"+{bar_N:g} N"
         return Row(f"nominal, {SLOW}: {title}", accuracy=said, bar=bar)
 
@@ -241,7 +244,7 @@ def _aged(card: ModelCard) -> Iterable[Row]:
         viscous_N=1.30 * new.viscous_N,
         friction_N=1.37 * new.friction_N,
     )
-    fresh = _followed(new, controllers["recommended"], SCENARIOS[SLOW])
+    fresh = followed(new, controllers["recommended"], SCENARIOS[SLOW])
     for target in TARGETS:
         scenario = SCENARIOS[target]
         scenario = replace(
@@ -251,10 +254,10 @@ def _aged(card: ModelCard) -> Iterable[Row]:
             sensors=Sensing(dropouts=(Dropout("force", LEARNT_S, 3600.0),)),
         )
         found = [
-            _followed(aged, replace(controllers[name], needs_force=True), scenario)
+            followed(aged, replace(controllers[name], needs_force=True), scenario)
             for name in ("recommended", "recommended-adaptive")
         ]
-        said = f"{_said(found[1])}; without adaptation RMSE {_rmse(found[0]):.1f} N"
+        said = f"{in_words(found[1])}; without adaptation RMSE {_rmse(found[0]):.1f} N"
         if target == SLOW:
             said += f"; {_rmse(found[1]) - _rmse(fresh):+.1f} N"
         bar = "+8 N" if target == SLOW else "not worse than without"
@@ -292,14 +295,14 @@ def _drawn() -> Iterable[Row]:
     for index in range(PLANTS):
         damper = drawn_damper(rng, index)
         try:
-            card = mrdamper.fit(_measured(damper, campaign)).card()
+            card = mrdamper.fit(measured(damper, campaign)).card()
             controllers = controllers_for(card)
         except MrdamperError as error:  # counted and told, not left out in silence
             failed.append(f"{damper.name}: {error}")
             continue
         for target in TARGETS:
             ours, paper = (
-                _followed(damper, controllers[name], SCENARIOS[target]) for name in ("recommended", "paper")
+                followed(damper, controllers[name], SCENARIOS[target]) for name in ("recommended", "paper")
             )
             found[target].append((damper.name, ours, paper))
         _REACHES.clear()

@@ -1,4 +1,4 @@
-"""The controller's files built on their own, as a target has them, and driven through the series valve's model."""
+"""The controller's files built on their own, as a target has them, and the series valve driven."""
 
 from __future__ import annotations
 
@@ -55,8 +55,8 @@ def _structures(real: Any) -> Any:
 
     class Power(ctypes.Structure):
         _fields_ = [
-            ("exponent", real), ("least", real), ("top", real), ("bits", ctypes.c_int32), ("octaves", ctypes.c_int32),
-            ("scale", pointer), ("cell", pointer),
+            ("exponent", real), ("least", real), ("top", real), ("bits", ctypes.c_int32),
+            ("octaves", ctypes.c_int32), ("scale", pointer), ("cell", pointer),
         ]  # fmt: skip
 
     class Series(ctypes.Structure):
@@ -124,7 +124,7 @@ class Target:
         return state
 
     def carry(self, *columns: FloatArray) -> FloatArray:
-        """Return the model's force [N] along displacement, velocity, acceleration, current and temperature."""
+        """Return the force [N] along displacement, velocity, acceleration, current, temperature."""
         rows = np.ascontiguousarray(np.column_stack(np.broadcast_arrays(*columns)), dtype=self.kind)
         force = np.empty(len(rows), dtype=self.kind)
         address = [ctypes.c_void_p(each.ctypes.data) for each in (rows, force)]
@@ -142,7 +142,17 @@ def build(gcc: str, folder: Path, *, single: bool, more: Sequence[str] = ()) -> 
     """Compile the controller's files and the driver, without the mathematical library."""
     source, out = folder / "driver.c", folder / ("single.so" if single else "double.so")
     source.write_text(DRIVER, encoding="utf-8")
-    flags = ["-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared", "-nostdlib", "-Werror", *WARNINGS, *more]
+    flags = [
+        "-std=c99",
+        "-O2",
+        "-ffp-contract=off",
+        "-fPIC",
+        "-shared",
+        "-nostdlib",
+        "-Werror",
+        *WARNINGS,
+        *more,
+    ]
     flags += ["-DMRD_SINGLE"] if single else []
     arguments = [gcc, *flags, "-I", str(KERNEL), str(source), "-lc", "-o", str(out)]
     done = subprocess.run(arguments, capture_output=True, text=True, check=False)

@@ -31,7 +31,7 @@ class Track(ctypes.Structure):
     _fields_ = [
         *((name, REAL) for name in core.TRACK_NUMBERS),
         ("currents", ctypes.c_int32), ("temperatures", ctypes.c_int32), ("force", POINTER), ("rho", POINTER),
-        *((name, Octaves) for name in CURVES),
+        *((name, Octaves) for name in CURVES), ("series", ctypes.c_void_p),
     ]  # fmt: skip
 
 

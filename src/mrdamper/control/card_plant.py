@@ -1,8 +1,9 @@
 """A card's damper as a plant: what a controller meets when the card itself is taken for the truth.
 
 The command goes through the damper's actuation (or its lag) and is held over each step; the law's state is
-carried from step to step by the exact flow of the Bouc-Wen family, or implicitly (``series_plant``). Judged on this plant a controller made
-from the same card has no model error left: use it to see what lag and noise alone cost, never as proof.
+carried from step to step by the exact flow of the Bouc-Wen family, or implicitly (``series_plant``).
+Judged on this plant a controller made from the same card has no model error left: use it to see what lag and
+noise alone cost, never as proof.
 
 Starts without force and command. Extension positive.
 """

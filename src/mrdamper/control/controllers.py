@@ -6,7 +6,9 @@ of them and the same that an export ships. What tells them apart are a few numbe
 - ``recommended``: motion, hysteresis and target at the preview, exact solve, reversal clamp; its causal form
   extrapolates the target, its adaptive form learns gains where a force is measured now and then;
 - ``paper``: a bank of models at constant currents, interpolated linearly, at the present instant;
-- baselines with and without a force sensor.
+- baselines with and without a force sensor;
+- ``series-inverse``: the explicit inverse of the series valve law at the preview; with the reversal clamp and
+  the reach it is the ``recommended`` of such a card.
 
 A controller knows one temperature, that of the fluid; where it comes from is the business of ``estimators``.
 What a card leaves open is settled by the rules of ``tuning``.
@@ -34,7 +36,16 @@ from mrdamper.models.card import ModelCard
 from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.quantities import FloatArray
 
-__all__ = ["NAMES", "Belief", "Flag", "ForceController", "Safety", "check_name", "controllers_for", "names_for"]
+__all__ = [
+    "NAMES",
+    "Belief",
+    "Flag",
+    "ForceController",
+    "Safety",
+    "check_name",
+    "controllers_for",
+    "names_for",
+]
 
 _ROOM_K = 293.15
 
@@ -245,25 +256,26 @@ class _Source:
 NAMES = (
     "recommended", "recommended-causal", "recommended-adaptive", "recommended-observer", "paper", "paper-2",
     "paper-3", "paper-9", "paper-unaware", "paper-preview", "static-preview", "exact", "lead",
-    "inverse-bouc-wen", "clipped-on-off", "pi", "feed-forward-pi", "series-inverse",
+    "inverse-bouc-wen", "clipped-on-off", "pi", "feed-forward-pi",
 )  # fmt: skip
-"""The controllers there are."""
+"""The controllers there are; ``names_for`` has those of the series valve."""
 
 _OF_ONE_LAW = {"inverse-bouc-wen": "the Bouc-Wen laws", "series-inverse": "the series-valve law"}
 
 
 def names_for(law: str) -> tuple[str, ...]:
     """Return the controllers that a law can be given."""
-    other = "inverse-bouc-wen" if law == "series-valve" else "series-inverse"
-    return tuple(name for name in NAMES if name != other)
+    if law != "series-valve":
+        return NAMES
+    return (*(name for name in NAMES if name not in _OF_ONE_LAW), "series-inverse")
 
 
 def check_name(name: str, law: str) -> None:
-    """Raise ``InputError`` for a controller that exists, but not for this law."""
-    if name in NAMES and name not in names_for(law):
+    """Raise ``InputError`` for a controller that there is, but not for this law."""
+    if name in _OF_ONE_LAW and name not in names_for(law):
         raise InputError(
-            f"controller: {name!r} is made from cards of {_OF_ONE_LAW[name]}, and this card's law is {law!r}; "
-            f"expected one of {', '.join(names_for(law))}"
+            f"controller: {name!r} is made from cards of {_OF_ONE_LAW[name]}, and this card's law is "
+            f"{law!r}; expected one of {', '.join(names_for(law))}"
         )
 
 

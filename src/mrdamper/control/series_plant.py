@@ -36,7 +36,9 @@ def carry_chain(
     x, v, travel : displacement [m] and velocity [m/s] at the samples, travel to each from the one before [m]
     c : the law's coefficients, constant or one per sample
     """
-    rows = {name: np.broadcast_to(np.asarray(row, dtype=np.float64), x.shape).tolist() for name, row in c.items()}
+    rows = {
+        name: np.broadcast_to(np.asarray(row, dtype=np.float64), x.shape).tolist() for name, row in c.items()
+    }
     force = np.empty(len(x))
     e, q = state
     for i, (place, speed, way) in enumerate(zip(x.tolist(), v.tolist(), travel.tolist(), strict=True)):
@@ -82,7 +84,9 @@ def _valve_velocity(c: Mapping[str, float], x: float, v: float, e: float, h: flo
         else:
             low = q
         moved = q - balance / (by_valve + h * (c["stiffness"] + by_spring) + by_rate)
-        if not low < moved < high or rounds % 3 == 0:  # near rest the power is steep and Newton's steps are short
+        if (
+            not low < moved < high or rounds % 3 == 0
+        ):  # near rest the power is steep and Newton's steps are short
             grown = q - math.copysign(4.0 * abs(q) + 1e-6, balance)
             moved = 0.5 * (low + high) if math.isfinite(low + high) else grown
         if moved == q:

@@ -27,9 +27,9 @@ CURRENTS = 33
 """Commands of the yield force's table: one more than a power of two."""
 
 CHAIN = (
-    "offset", "stiffness", "thinning", "yield_velocity", "position_gain", "gap_stiffness", "gap", "gap_corner",
-    "leak_damping", "mass", "viscosity", "coulomb_friction", "breakaway_friction", "transition_velocity",
-    "stribeck_velocity",
+    "offset", "stiffness", "thinning", "yield_velocity", "position_gain", "gap_stiffness", "gap",
+    "gap_corner", "leak_damping", "mass", "viscosity", "coulomb_friction", "breakaway_friction",
+    "transition_velocity", "stribeck_velocity",
 )  # fmt: skip
 """Coefficients over temperature, in the kernel's order."""
 
@@ -44,7 +44,7 @@ _BITS = 3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Power:
-    """A power of a size: cubics over one octave, shape (2^bits, 4), and a factor per octave from ``least`` up."""
+    """A power of a size: cubics over one octave, shape (2^bits, 4), and a factor per octave."""
 
     exponent: float
     least: float
@@ -89,7 +89,10 @@ class SeriesTables:
         list[tuple[float, float, int, FloatArray]],
     ]:
         """What the kernel's binding takes."""
-        powers = [(p.exponent, p.least, p.top, p.bits, p.scale, p.cell) for p in (self.thinning, self.leak, self.viscous)]
+        powers = [
+            (p.exponent, p.least, p.top, p.bits, p.scale, p.cell)
+            for p in (self.thinning, self.leak, self.viscous)
+        ]
         octaves = [(o.offset, o.top, o.bits, o.cell) for o in (self.side, self.fade, self.corner)]
         return self.yield_force, self.chain, powers, octaves
 
@@ -151,7 +154,9 @@ def tabulate_series(
             thinning=tabulate_power(exponents["thinning_exponent"]),
             leak=tabulate_power(exponents["leak_exponent"]),
             viscous=tabulate_power(exponents["viscous_exponent"]),
-            side=tabulate_octaves(np.tanh, lambda u: 1.0 - np.tanh(u) ** 2, 0.25, 9.0, bits=_BITS, rising=True),
+            side=tabulate_octaves(
+                np.tanh, lambda u: 1.0 - np.tanh(u) ** 2, 0.25, 9.0, bits=_BITS, rising=True
+            ),
             fade=tabulate_octaves(
                 lambda u: np.exp(-u * u), lambda u: -2.0 * u * np.exp(-u * u), 0.25, 4.5, bits=_BITS
             ),
@@ -166,7 +171,7 @@ def tabulate_power(exponent: float) -> Power:
     f, d = knots**exponent, exponent * knots ** (exponent - 1.0) / 2**_BITS
     rise = np.diff(f)
     cell = np.stack([f[:-1], d[:-1], 3.0 * rise - 2.0 * d[:-1] - d[1:], d[:-1] + d[1:] - 2.0 * rise], axis=1)
-    scale = (_LEAST_SPEED * 2.0 ** np.arange(_SPEEDS)) ** exponent
+    scale = np.asarray((_LEAST_SPEED * 2.0 ** np.arange(_SPEEDS)) ** exponent, dtype=np.float64)
     top = _LEAST_SPEED * 2.0**_SPEEDS * (1.0 - 1e-6)
     return Power(exponent, _LEAST_SPEED, top, _BITS, scale, np.ascontiguousarray(cell))
 

@@ -129,8 +129,8 @@ def tabulate(
         return tabulate_series(damper, largest, temperatures=temperatures)
     if damper.law.name not in TABULATED:
         raise InputError(
-            f"controller: the law is {damper.law.name!r}; expected one of {', '.join(TABULATED)}, series-valve. Identify "
-            "the same runs with one of these"
+            f"controller: the law is {damper.law.name!r}; expected one of {', '.join(TABULATED)}, "
+            "series-valve. Identify the same runs with one of these"
         )
     if not (math.isfinite(largest) and largest > 0.0):
         raise InputError(f"controller: the largest command is {largest}; expected a positive number")

@@ -15,6 +15,9 @@ enum { SERIES_ROUNDS = 5,        /* of a solve for the valve's velocity */
        SERIES_SPRING_ROUNDS = 6, /* of a solve for the spring's travel */
        SERIES_CHAIN = MRD_CHAIN };
 
+/* No valve moves faster [m/s], no spring carries more [N]: after a rubbish reading the state comes back. */
+static const mrd_real series_fastest = R(8.0), series_strongest = R(1e6);
+
 static mrd_real solve_row(const mrd_real *force, int count, mrd_real largest, mrd_real wanted, int *found);
 
 /* u^m, its slope in *slope. */
@@ -126,12 +129,12 @@ static inline mrd_real valve_at_speed(const mrd_series *t, const valve_chain *k,
 static mrd_real solve_valve(const mrd_series *t, const valve_chain *k, mrd_real amplitude, mrd_real e, mrd_real y, mrd_real v,
                             mrd_real h, int rounds, mrd_real *velocity)
 {
-    static const mrd_real fastest = R(8.0), slowest = R(1e-9);
+    static const mrd_real slowest = R(1e-9);
     const mrd_real stiffness = k->at[MRD_CHAIN_STIFFNESS], held = k->at[MRD_CHAIN_OFFSET] + stiffness * y;
     mrd_real by_spring, by_leak, by_valve = R(0.0), force = R(0.0), moved = R(0.0);
     const mrd_real spring = spring_at(t, k, e, &by_spring);
     const mrd_real sign = held - spring - leak_at(t, k, v, &by_leak) > R(0.0) ? R(-1.0) : R(1.0);
-    mrd_real low = R(0.0), high = fastest, p = sign * *velocity;
+    mrd_real low = R(0.0), high = series_fastest, p = sign * *velocity;
     if (!(p > slowest)) p = R(0.1) / k->at[MRD_CHAIN_SLOWNESS];
     for (int i = 0; i < rounds; i++) {
         const mrd_real q = sign * p;
@@ -143,7 +146,7 @@ static mrd_real solve_valve(const mrd_series *t, const valve_chain *k, mrd_real 
         if (balance > R(0.0)) high = p;
         else low = p;
         if (!(next > low)) next = low > R(0.0) ? R(0.5) * (low + p) : R(0.0625) * p;
-        else if (!(next < high)) next = high < fastest ? R(0.5) * (p + high) : R(0.5) * (p + limited(R(8.0) * p, p, fastest));
+        else if (!(next < high)) next = R(0.5) * (p + limited(R(8.0) * p, p, high));
         moved = next - p;
         p = next;
     }
@@ -164,16 +167,24 @@ static mrd_real series_step(const mrd_series *t, const valve_chain *k, mrd_real 
     const mrd_real moved = rest * h * q;
     q += v1 - v;
     const mrd_real force = solve_valve(t, k, a1, w[0] + travel - moved, y + moved, v1, part * h, SERIES_ROUNDS, &q);
-    w[0] += travel - moved - part * h * q;
-    w[1] = q;
+    const mrd_real far = k->at[MRD_CHAIN_GAP] + R(1.0) / k->at[MRD_CHAIN_SHARPNESS]
+                       + series_strongest / k->at[MRD_CHAIN_SPRING];
+    w[0] = limited(w[0] + travel - moved - part * h * q, -far, far);
+    w[1] = limited(q, -series_fastest, series_fastest);
     return force;
 }
 
-/* Yield amplitude at a current and a place. */
-static inline mrd_real valve_amplitude(const mrd_track *c, const mrd_track_state *s, const valve_chain *k, axis_point warm,
-                                    mrd_real current, mrd_real x)
+/* Growth of the valve's force with position; a displacement far outside the data does not turn its sign. */
+static inline mrd_real valve_gain(const mrd_track_state *s, const valve_chain *k, mrd_real x)
 {
-    return s->gain[0] * yield_at(c, warm, current) * (R(1.0) + k->at[MRD_CHAIN_POSITION] * x);
+    return s->gain[0] * limited(R(1.0) + k->at[MRD_CHAIN_POSITION] * x, R(0.1), R(10.0));
+}
+
+/* Yield amplitude at a current and a place. */
+static inline mrd_real valve_amplitude(const mrd_track *c, const mrd_track_state *s, const valve_chain *k,
+                                       axis_point warm, mrd_real current, mrd_real x)
+{
+    return yield_at(c, warm, current) * valve_gain(s, k, x);
 }
 
 /* The chain through the period that ends now: velocity was v0 at its begin, `applied` is the mean of the applied
@@ -275,15 +286,12 @@ static mrd_real solve_spring(const mrd_series *t, const valve_chain *k, mrd_real
     return at;
 }
 
-/* The current with which a valve that moves at q carries a force; *found says whether there is one. Where the valve
- * would have to move against its force there is none: all of it if the force is in the direction of the motion v,
- * which the spring takes up, else nothing. */
-static mrd_real current_for(const mrd_track *c, const mrd_track_state *s, const valve_chain *k, axis_point warm,
-                            mrd_real force, mrd_real q, mrd_real v, mrd_real x, int *found)
+/* The current with which a valve has a force, moving at q, per unit of its yield force `per`; *found says whether
+ * there is one. Where the valve would have to move against its force there is none: all of it if the force is in the
+ * direction of the motion v, which the spring takes up, else nothing. */
+static mrd_real current_for(const mrd_track *c, axis_point warm, mrd_real force, mrd_real q, mrd_real per, mrd_real v,
+                            int *found)
 {
-    mrd_real slope;
-    const mrd_real gain = s->gain[0] * (R(1.0) + k->at[MRD_CHAIN_POSITION] * x);
-    const mrd_real per = gain * valve_at_speed(c->series, k, magnitude(q), &slope);
     const mrd_real along = q < R(0.0) ? -force : force;
     if (along > R(0.0) && per > R(0.0)) return current_of(c, warm, along / per, found);
     *found = 0;
@@ -326,14 +334,19 @@ static mrd_real series_answer(const mrd_track *c, mrd_track_state *s, axis_point
                            s->applied + before / c->preview * (applied - s->applied));
     const mrd_real e = solve_spring(t, &k, w[0], force, c->horizon);
     const mrd_real carried = force - k.at[MRD_CHAIN_OFFSET] - k.at[MRD_CHAIN_STIFFNESS] * (m->x - e);
+    /* settled: the valve takes up all of the motion, and has yielded */
     int settled;
-    mrd_real current = current_for(c, s, &k, warm, carried, m->v, m->v, m->x, &settled);
+    mrd_real slope;
+    const mrd_real gain = valve_gain(s, &k, m->x);
+    const mrd_real yielded = R(1.0) + k.at[MRD_CHAIN_THINNING] * power_at(&t->thinning, magnitude(m->v), &slope);
+    mrd_real current = current_for(c, warm, carried, m->v, gain * yielded, m->v, &settled);
     if (c->is_static > R(0.5)) {
         *found = settled;
         return current;
     }
     const mrd_real most = c->margin >= R(0.0) ? current + c->margin : c->largest;
-    current = current_for(c, s, &k, warm, carried, m->v - (e - w[0]) / c->horizon, m->v, m->x, found);
+    const mrd_real q = m->v - (e - w[0]) / c->horizon;
+    current = current_for(c, warm, carried, q, gain * valve_at_speed(t, &k, magnitude(q), &slope), m->v, found);
     if (current > most) {
         current = most;
         s->flags |= MRD_CLAMPED;
