@@ -35,6 +35,7 @@ class Belief(TypedDict):
     gains: tuple[float, float, float]
     disturbance: float
     parts: tuple[float, float, float, float]
+    warmed: float
     flags: int
 
 # yield force, chain, powers (exponent, least, top, bits, scale, cells), functions of a size
@@ -52,6 +53,7 @@ class Tracker:
         force: FloatArray,
         rho: FloatArray,
         octaves: Sequence[tuple[float, float, int, FloatArray]],
+        single: bool = False,
         series: SeriesTables | None = None,
     ) -> Tracker: ...
     def start(self) -> bytes: ...
@@ -66,6 +68,16 @@ class Tracker:
         /,
     ) -> tuple[bytes, float]: ...
     def run(self, state: bytes, told: FloatArray, current: FloatArray, flags: FloatArray, /) -> bytes: ...
+    def model(
+        self,
+        state: bytes,
+        displacement: float | None,
+        velocity: float | None,
+        current: float | None,
+        temperature: float | None,
+        /,
+    ) -> tuple[bytes, float]: ...
+    def simulate(self, state: bytes, told: FloatArray, force: FloatArray, flags: FloatArray, /) -> bytes: ...
     def read(self, state: bytes, /) -> Belief: ...
 
 def run(

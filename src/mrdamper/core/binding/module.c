@@ -7,11 +7,11 @@
 #define Py_LIMITED_API 0x030b0000
 #include <Python.h>
 
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "../kernel/kernel.h"
+#include "tracker.h"
 
 /* CPython's slot tables hold functions as void pointers, which ISO C has no conversion for; every platform that
  * runs CPython has. */
@@ -223,16 +223,14 @@ static PyType_Spec workspace_spec = {"mrdamper.core._kernel.Workspace", (int)siz
 
 /* ---- Tracker: a controller with its tables; its state is handed out and in as bytes ---------------------- */
 
-#define TRACK_OCTAVES 8
-#define SERIES_POWERS 3
-#define SERIES_OCTAVES 3
-#define SERIES_VIEWS (2 + 2 * SERIES_POWERS + SERIES_OCTAVES)
+#define TRACK(name) kernel->track_##name
+#define TRACK_MODEL kernel->model_step
+#include "tracker_face.c"
 
 typedef struct {
     PyObject_HEAD
-    mrd_track track;
-    mrd_series series;
-    double *store;
+    const tracker_face *face; /* of its precision */
+    void *track, *store;
 } TrackerObject;
 
 static PyObject *track_names(void)
@@ -249,129 +247,78 @@ static PyObject *track_names(void)
     return out;
 }
 
-static int octaves_are_sound(const mrd_octaves *octaves, int count)
-{
-    for (int k = 0; k < count; k++) {
-        const mrd_octaves *o = octaves + k;
-        if (!(o->offset > 0.0 && o->bits >= 0 && o->bits <= 10 && o->cells > 0)) return 0;
-        /* the last cell that can be read is the last there is */
-        double end = o->offset;
-        int32_t cells = 0;
-        while (cells < o->cells && cells < (1 << 20)) {
-            cells += 1 << o->bits;
-            end *= 2.0;
-        }
-        if (cells != o->cells || !(o->top >= o->offset && o->top < end)) return 0;
-    }
-    return 1;
-}
+#define X(name) +1
+enum { TRACK_NUMBER_COUNT = 0 MRD_TRACK_NUMBERS(X) };
+#undef X
 
-/* Everything that the step relies on without looking: shapes, and numbers that become indices. */
-static int track_is_sound(const mrd_track *t)
-{
-    const double models = t->bank < 1.5 ? 1.0 : t->bank;
-    if (!(t->period > 0.0 && t->largest > 0.0 && t->coldest > 0.0 && t->warmest >= t->coldest)) return 0;
-    if (!(t->elements >= 0.0 && t->elements <= 2.0 && models <= MRD_TRACK_BANK)) return 0;
-    if (!(t->dead_samples >= 0.0 && t->dead_samples <= MRD_TRACK_LINE - 3 && t->dead_part >= 0.0 && t->dead_part <= 1.0))
-        return 0;
-    if (!(t->preview >= 0.0 && t->fall_back >= 0.0 && t->gain_variance > 0.0 && t->error_variance > 0.0)) return 0;
-    const double counts[] = {t->frozen_samples, t->coast_samples, t->hold_samples, t->recover_samples};
-    for (size_t k = 0; k < sizeof counts / sizeof *counts; k++)
-        if (!(counts[k] >= 0.0 && counts[k] <= 1e9)) return 0;
-    if (t->currents < 2 || t->currents > MRD_TRACK_CURRENTS || t->temperatures < 1) return 0;
-    return octaves_are_sound(&t->loading, TRACK_OCTAVES);
-}
-
-/* The same of the series valve's tables. */
-static int series_is_sound(const mrd_track *t, const mrd_series *series)
-{
-    const int32_t cells = series->currents - 1;
-    if (cells < 1 || cells > 1024 || (cells & (cells - 1))) return 0;
-    if (!(t->substeps >= 1.0 && t->substeps <= 1000.0 && t->strides >= 1.0 && t->strides <= 1000.0 && t->horizon > 0.0))
-        return 0;
-    const mrd_power *powers = &series->thinning;
-    for (int k = 0; k < SERIES_POWERS; k++) {
-        int exponent;
-        if (!(powers[k].least >= 1e-30 && powers[k].least <= 1.0 && frexp(powers[k].least, &exponent) == 0.5)) return 0;
-        if (powers[k].octaves < 1 || powers[k].octaves > 100) return 0;
-        if (!(powers[k].top >= powers[k].least && powers[k].top < ldexp(powers[k].least, powers[k].octaves))) return 0;
-    }
-    return octaves_are_sound(&series->side, SERIES_OCTAVES);
-}
-
-static int open_octaves(PyObject *sequence, Py_ssize_t at, mrd_octaves *o, Py_buffer *view)
+/* A function of a size: (offset, top, bits, cells). */
+static int open_octaves(PyObject *sequence, Py_ssize_t at, double *offset, double *top, int32_t *bits, Py_buffer *view)
 {
     PyObject *item = PySequence_GetItem(sequence, at), *ocell;
-    int bits;
-    const int fine = item && PyArg_ParseTuple(item, "ddiO", &o->offset, &o->top, &bits, &ocell)
-                  && open_doubles(ocell, view, 0, "cells");
+    int read = 0;
+    const int fine = item && PyArg_ParseTuple(item, "ddiO", offset, top, &read, &ocell) && open_doubles(ocell, view, 0, "cells");
     Py_XDECREF(item); /* the caller's sequence keeps it alive */
-    if (!fine) return 0;
-    o->bits = bits;
-    o->cells = (int32_t)(count_of(view) / 4);
-    return 1;
+    *bits = read;
+    return fine;
 }
 
-/* (yield, chain, powers, octaves) of the series valve; the views are opened in the order of `place_series`. */
-static int open_series(PyObject *object, Py_ssize_t temperatures, mrd_series *series, Py_buffer *view, int *opened)
+/* (yield, chain, powers, octaves) of the series valve. */
+static int open_series(PyObject *object, Py_ssize_t temperatures, tracker_parts *parts, Py_buffer *view, int *opened)
 {
     PyObject *oyield, *ochain, *opowers, *ooctaves;
+    Py_buffer *const first = view;
     if (!PyArg_ParseTuple(object, "OOOO", &oyield, &ochain, &opowers, &ooctaves)) return 0;
     if (!open_doubles(oyield, view, 0, "yield")) return 0;
     ++*opened;
-    if (!open_doubles(ochain, view + 1, 0, "chain")) return 0;
+    if (!open_doubles(ochain, ++view, 0, "chain")) return 0;
     ++*opened;
-    int fits = view[0].ndim == 2 && view[1].ndim == 2 && view[0].shape[0] == temperatures && view[0].shape[1] <= 1025
-            && view[1].shape[0] == temperatures && view[1].shape[1] == MRD_CHAIN
+    int fits = first[0].ndim == 2 && first[1].ndim == 2 && first[0].shape[0] == temperatures && first[0].shape[1] <= 1025
+            && first[1].shape[0] == temperatures && first[1].shape[1] == MRD_CHAIN
             && PySequence_Size(opowers) == SERIES_POWERS && PySequence_Size(ooctaves) == SERIES_OCTAVES;
-    if (fits) series->currents = (int32_t)view[0].shape[1];
-    mrd_power *powers = &series->thinning;
-    view += 2;
-    for (int k = 0; fits && k < SERIES_POWERS; k++, view += 2) {
+    for (int k = 0; fits && k < SERIES_POWERS; k++) {
         PyObject *item = PySequence_GetItem(opowers, k), *oscale, *ocell;
-        int bits;
-        const int fine = item && PyArg_ParseTuple(item, "dddiOO", &powers[k].exponent, &powers[k].least, &powers[k].top,
-                                                  &bits, &oscale, &ocell);
+        int bits = 0;
+        const int fine = item && PyArg_ParseTuple(item, "dddiOO", &parts->exponent[k], &parts->least[k],
+                                                  &parts->power_top[k], &bits, &oscale, &ocell);
         Py_XDECREF(item);
-        if (!fine || !open_doubles(oscale, view, 0, "scale")) return 0;
+        if (!fine || !open_doubles(oscale, ++view, 0, "scale")) return 0;
         ++*opened;
-        if (!open_doubles(ocell, view + 1, 0, "cells")) return 0;
+        if (!open_doubles(ocell, ++view, 0, "cells")) return 0;
         ++*opened;
-        powers[k].bits = bits;
-        powers[k].octaves = (int32_t)count_of(view);
-        fits = bits >= 0 && bits <= 10 && count_of(view + 1) == (size_t)4 << bits;
+        parts->power_bits[k] = bits;
+        fits = bits >= 0 && bits <= 10 && count_of(view) == (size_t)4 << bits;
     }
-    for (int k = 0; fits && k < SERIES_OCTAVES; k++, view++) {
-        if (!open_octaves(ooctaves, k, &series->side + k, view)) return 0;
+    for (int k = 0; fits && k < SERIES_OCTAVES; k++) {
+        if (!open_octaves(ooctaves, k, &parts->series_offset[k], &parts->series_top[k], &parts->series_bits[k], ++view))
+            return 0;
         ++*opened;
     }
-    if (!fits) PyErr_SetString(PyExc_ValueError, "these are not the series valve's tables");
-    return fits;
-}
-
-static void place_series(mrd_series *series, int view, const double *at)
-{
-    if (view == 0) series->yield = at;
-    else if (view == 1) series->chain = at;
-    else if (view >= 2 + 2 * SERIES_POWERS) (&series->side)[view - 2 - 2 * SERIES_POWERS].cell = at;
-    else if (view % 2 == 0) (&series->thinning)[view / 2 - 1].scale = at;
-    else (&series->thinning)[view / 2 - 1].cell = at;
+    if (!fits) {
+        if (!PyErr_Occurred()) PyErr_SetString(PyExc_ValueError, "these are not the series valve's tables");
+        return 0;
+    }
+    parts->series = 1;
+    parts->series_currents = (int32_t)first[0].shape[1];
+    for (int k = 0; k < SERIES_TABLES; k++) {
+        parts->series_table[k] = first[k].buf;
+        parts->series_length[k] = count_of(first + k);
+    }
+    return 1;
 }
 
 static PyObject *tracker_new(PyTypeObject *type, PyObject *args, PyObject *kwargs)
 {
     PyObject *onumbers, *oforce, *orho, *ooctaves, *oseries = Py_None;
-    static char *names[] = {"numbers", "force", "rho", "octaves", "series", NULL};
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOO|O", names, &onumbers, &oforce, &orho, &ooctaves, &oseries))
+    int single = 0;
+    static char *names[] = {"numbers", "force", "rho", "octaves", "single", "series", NULL};
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOO|pO", names, &onumbers, &oforce, &orho, &ooctaves, &single,
+                                     &oseries))
         return NULL;
-    Py_buffer view[3 + TRACK_OCTAVES + SERIES_VIEWS];
-    mrd_series series;
-    memset(&series, 0, sizeof series);
-    int opened = 0;
+    Py_buffer view[1 + TRACK_TABLES + SERIES_TABLES]; /* numbers, then the tables */
+    int opened = 0, sound = 0;
     TrackerObject *self = NULL;
-    mrd_track track;
-    memset(&track, 0, sizeof track);
-    mrd_octaves *octaves = &track.loading;
+    tracker_parts parts;
+    memset(&parts, 0, sizeof parts);
     if (!open_doubles(onumbers, view, 0, "numbers")) return NULL;
     opened++;
     if (!open_doubles(oforce, view + 1, 0, "force")) goto done;
@@ -383,20 +330,13 @@ static PyObject *tracker_new(PyTypeObject *type, PyObject *args, PyObject *kwarg
         goto done;
     }
     for (int k = 0; k < TRACK_OCTAVES; k++) {
-        if (!open_octaves(ooctaves, k, octaves + k, view + opened)) goto done;
+        if (!open_octaves(ooctaves, k, &parts.offset[k], &parts.top[k], &parts.bits[k], view + opened)) goto done;
         opened++;
     }
-    double *number[] = {
-#define X(name) &track.name,
-        MRD_TRACK_NUMBERS(X)
-#undef X
-    };
-    const size_t count = sizeof number / sizeof *number;
-    if (count_of(view) != count) {
-        PyErr_Format(PyExc_ValueError, "expected %zu numbers, got %zu", count, count_of(view));
+    if (count_of(view) != TRACK_NUMBER_COUNT) {
+        PyErr_Format(PyExc_ValueError, "expected %d numbers, got %zu", (int)TRACK_NUMBER_COUNT, count_of(view));
         goto done;
     }
-    for (size_t k = 0; k < count; k++) *number[k] = ((const double *)view[0].buf)[k];
     if (view[1].ndim != 3 || view[2].ndim != 3 || view[1].shape[1] != MRD_ROWS || view[2].shape[1] != 2
         || view[1].shape[0] != view[2].shape[0] || view[1].shape[2] != view[2].shape[2] || view[1].shape[0] > 10000
         || view[1].shape[2] > MRD_TRACK_CURRENTS) {
@@ -404,36 +344,28 @@ static PyObject *tracker_new(PyTypeObject *type, PyObject *args, PyObject *kwarg
                      MRD_ROWS);
         goto done;
     }
-    track.temperatures = (int32_t)view[1].shape[0];
-    track.currents = (int32_t)view[1].shape[2];
-    if (oseries != Py_None && !open_series(oseries, view[1].shape[0], &series, view + opened, &opened)) goto done;
-    if (!track_is_sound(&track) || (oseries != Py_None && !series_is_sound(&track, &series))) {
-        PyErr_SetString(PyExc_ValueError, "a controller's numbers or tables are out of their range");
-        goto done;
+    if (oseries != Py_None && !open_series(oseries, view[1].shape[0], &parts, view + opened, &opened)) goto done;
+    parts.numbers = view[0].buf;
+    parts.temperatures = (int32_t)view[1].shape[0];
+    parts.currents = (int32_t)view[1].shape[2];
+    size_t total = 0;
+    for (int k = 0; k < TRACK_TABLES; k++) {
+        parts.table[k] = view[1 + k].buf;
+        parts.length[k] = count_of(view + 1 + k);
+        total += parts.length[k];
     }
+    for (int k = 0; k < SERIES_TABLES; k++) total += parts.series_length[k];
     allocfunc alloc = (allocfunc)PyType_GetSlot(type, Py_tp_alloc);
     self = (TrackerObject *)alloc(type, 0);
     if (!self) goto done;
-    size_t total = 0;
-    for (int k = 1; k < opened; k++) total += count_of(view + k);
-    self->store = malloc(total * sizeof(double));
-    if (!self->store) {
-        Py_CLEAR(self);
-        PyErr_NoMemory();
-        goto done;
-    }
-    double *to = self->store;
-    for (int k = 1; k < opened; k++) {
-        memcpy(to, view[k].buf, (size_t)view[k].len);
-        if (k == 1) track.force = to;
-        else if (k == 2) track.rho = to;
-        else if (k < 3 + TRACK_OCTAVES) octaves[k - 3].cell = to;
-        else place_series(&series, k - 3 - TRACK_OCTAVES, to);
-        to += count_of(view + k);
-    }
-    self->series = series;
-    self->track = track;
-    if (oseries != Py_None) self->track.series = &self->series;
+    self->face = single ? mrd_tracker_single() : &face;
+    self->track = malloc(self->face->track_size);
+    self->store = malloc(total * self->face->real_size);
+    if (!self->track || !self->store) PyErr_NoMemory();
+    else if (!self->face->load(self->track, self->store, &parts))
+        PyErr_SetString(PyExc_ValueError, "a controller's numbers or tables are out of their range");
+    else sound = 1;
+    if (!sound) Py_CLEAR(self);
 done:
     for (int k = 0; k < opened; k++) PyBuffer_Release(view + k);
     return (PyObject *)self;
@@ -442,28 +374,36 @@ done:
 static void tracker_dealloc(PyObject *object)
 {
     PyTypeObject *type = Py_TYPE(object);
+    free(((TrackerObject *)object)->track);
     free(((TrackerObject *)object)->store);
     freefunc release = (freefunc)PyType_GetSlot(type, Py_tp_free);
     release(object);
     Py_DECREF(type);
 }
 
-/* The bytes of a state, copied. The indices inside are checked: bytes may come from anywhere. */
-static int read_state(PyObject *object, mrd_track_state *state)
+/* Room for a state of either precision. */
+typedef union {
+    mrd_track_state state;
+    unsigned char bytes[sizeof(mrd_track_state)];
+} state_room;
+
+/* The bytes of a state, copied; one of the other precision has another size. */
+static int read_state(const tracker_face *with, PyObject *object, state_room *state)
 {
     char *bytes;
     Py_ssize_t size;
     if (PyBytes_AsStringAndSize(object, &bytes, &size) < 0) return 0;
-    if (size != (Py_ssize_t)sizeof *state) {
-        PyErr_SetString(PyExc_ValueError, "this is not a controller's state");
-        return 0;
+    if (size == (Py_ssize_t)with->state_size && with->state_size <= sizeof *state) {
+        memcpy(state, bytes, (size_t)size);
+        if (with->is_sound(state)) return 1;
     }
-    memcpy(state, bytes, sizeof *state);
-    if (state->at < 0 || state->at >= MRD_TRACK_LINE) {
-        PyErr_SetString(PyExc_ValueError, "this is not a controller's state");
-        return 0;
-    }
-    return 1;
+    PyErr_SetString(PyExc_ValueError, "this is not a controller's state");
+    return 0;
+}
+
+static PyObject *state_bytes(const tracker_face *with, const state_room *state)
+{
+    return PyBytes_FromStringAndSize((const char *)state, (Py_ssize_t)with->state_size);
 }
 
 /* A number, or None for one that is not known. */
@@ -473,28 +413,27 @@ static int read_number(PyObject *object, double *value)
     return !(*value == -1.0 && PyErr_Occurred());
 }
 
-static PyObject *tracker_start(PyObject *self, PyObject *unused)
+static PyObject *tracker_start(PyObject *object, PyObject *unused)
 {
     (void)unused;
-    mrd_track_state state;
-    kernel->track_start(&((TrackerObject *)self)->track, &state);
-    return PyBytes_FromStringAndSize((const char *)&state, sizeof state);
+    const TrackerObject *self = (TrackerObject *)object;
+    state_room state;
+    self->face->start(self->track, &state);
+    return state_bytes(self->face, &state);
 }
 
-static PyObject *tracker_step(PyObject *self, PyObject *const *args, Py_ssize_t count)
+typedef double (*tracker_move)(const void *track, void *state, const double *told);
+
+/* One step from a state and `count` readings: the next state and what the step gives. */
+static PyObject *one_step(const TrackerObject *self, tracker_move move, PyObject *const *args, int count)
 {
-    mrd_track_state state;
-    mrd_told told;
-    if (count != 6) {
-        PyErr_SetString(PyExc_TypeError, "step(state, now, ahead, displacement, temperature, force)");
-        return NULL;
-    }
-    if (!read_state(args[0], &state) || !read_number(args[1], &told.now) || !read_number(args[2], &told.ahead)
-        || !read_number(args[3], &told.displacement) || !read_number(args[4], &told.temperature)
-        || !read_number(args[5], &told.force))
-        return NULL;
-    const double current = kernel->track_step(&((TrackerObject *)self)->track, &state, &told);
-    PyObject *next = PyBytes_FromStringAndSize((const char *)&state, sizeof state), *given = PyFloat_FromDouble(current);
+    state_room state;
+    double told[5];
+    if (!read_state(self->face, args[0], &state)) return NULL;
+    for (int k = 0; k < count; k++)
+        if (!read_number(args[1 + k], told + k)) return NULL;
+    const double answer = move(self->track, &state, told);
+    PyObject *next = state_bytes(self->face, &state), *given = PyFloat_FromDouble(answer);
     PyObject *out = next && given ? PyTuple_New(2) : NULL;
     if (!out) {
         Py_XDECREF(next);
@@ -506,52 +445,77 @@ static PyObject *tracker_step(PyObject *self, PyObject *const *args, Py_ssize_t 
     return out;
 }
 
-/* Many steps at once: rows of (now, ahead, displacement, temperature, force) in, currents and flags out. */
-static PyObject *tracker_run(PyObject *self, PyObject *args)
+/* Many steps at once: rows of `count` readings in, what the steps give and their flags out. */
+static PyObject *many_steps(const TrackerObject *self, tracker_move move, PyObject *args, size_t count)
 {
-    PyObject *ostate, *otold, *ocurrent, *oflags;
-    if (!PyArg_ParseTuple(args, "OOOO", &ostate, &otold, &ocurrent, &oflags)) return NULL;
-    mrd_track_state state;
-    if (!read_state(ostate, &state)) return NULL;
-    Py_buffer told, current, flags;
+    PyObject *ostate, *otold, *ogiven, *oflags;
+    if (!PyArg_ParseTuple(args, "OOOO", &ostate, &otold, &ogiven, &oflags)) return NULL;
+    const tracker_face *with = self->face;
+    state_room state;
+    if (!read_state(with, ostate, &state)) return NULL;
+    Py_buffer told, given, flags;
     if (!open_doubles(otold, &told, 0, "told")) return NULL;
     PyObject *out = NULL;
-    if (open_doubles(ocurrent, &current, 1, "current")) {
+    if (open_doubles(ogiven, &given, 1, "what is given")) {
         if (open_doubles(oflags, &flags, 1, "flags")) {
-            const size_t n = count_of(&current);
-            if (count_of(&told) != 5 * n || count_of(&flags) != n) {
-                PyErr_SetString(PyExc_ValueError, "told must be [n][5], current and flags [n]");
+            const size_t n = count_of(&given);
+            if (count_of(&told) != count * n || count_of(&flags) != n) {
+                PyErr_Format(PyExc_ValueError, "told must be [n][%zu], what is given and flags [n]", count);
             } else {
-                const mrd_track *track = &((TrackerObject *)self)->track;
                 const double *row = told.buf;
-                double *to = current.buf, *raised = flags.buf;
+                double *to = given.buf, *raised = flags.buf;
                 Py_BEGIN_ALLOW_THREADS
-                for (size_t k = 0; k < n; k++, row += 5) {
-                    const mrd_told at = {row[0], row[1], row[2], row[3], row[4]};
-                    to[k] = kernel->track_step(track, &state, &at);
-                    raised[k] = state.flags;
+                for (size_t k = 0; k < n; k++, row += count) {
+                    to[k] = move(self->track, &state, row);
+                    raised[k] = with->flags(&state);
                 }
                 Py_END_ALLOW_THREADS
-                out = PyBytes_FromStringAndSize((const char *)&state, sizeof state);
+                out = state_bytes(with, &state);
             }
             PyBuffer_Release(&flags);
         }
-        PyBuffer_Release(&current);
+        PyBuffer_Release(&given);
     }
     PyBuffer_Release(&told);
     return out;
 }
 
-static PyObject *tracker_read(PyObject *self, PyObject *ostate)
+static PyObject *tracker_step(PyObject *object, PyObject *const *args, Py_ssize_t count)
 {
-    mrd_track_state s;
-    if (!read_state(ostate, &s)) return NULL;
-    double parts[4];
-    kernel->track_parts(&((TrackerObject *)self)->track, &s, parts);
-    return Py_BuildValue("{s:(ddd),s:d,s:d,s:d,s:(ddd),s:d,s:(dddd),s:i}", "motion", s.x, s.v, s.a, "applied", s.applied,
-                         "command", s.command, "temperature", s.temperature, "gains", s.gain[0], s.gain[1], s.gain[2],
-                         "disturbance", s.disturbance, "parts", parts[0], parts[1], parts[2], parts[3], "flags",
-                         (int)s.flags);
+    const TrackerObject *self = (TrackerObject *)object;
+    if (count == 6) return one_step(self, self->face->step, args, 5);
+    PyErr_SetString(PyExc_TypeError, "step(state, now, ahead, displacement, temperature, force)");
+    return NULL;
+}
+
+static PyObject *tracker_model(PyObject *object, PyObject *const *args, Py_ssize_t count)
+{
+    const TrackerObject *self = (TrackerObject *)object;
+    if (count == 5) return one_step(self, self->face->model, args, 4);
+    PyErr_SetString(PyExc_TypeError, "model(state, displacement, velocity, current, temperature)");
+    return NULL;
+}
+
+static PyObject *tracker_run(PyObject *self, PyObject *args)
+{
+    return many_steps((TrackerObject *)self, ((TrackerObject *)self)->face->step, args, 5);
+}
+
+static PyObject *tracker_simulate(PyObject *self, PyObject *args)
+{
+    return many_steps((TrackerObject *)self, ((TrackerObject *)self)->face->model, args, 4);
+}
+
+static PyObject *tracker_read(PyObject *object, PyObject *ostate)
+{
+    const TrackerObject *self = (TrackerObject *)object;
+    state_room state;
+    double v[TRACK_READ];
+    if (!read_state(self->face, ostate, &state)) return NULL;
+    self->face->read(self->track, &state, v);
+    return Py_BuildValue("{s:(ddd),s:d,s:d,s:d,s:(ddd),s:d,s:(dddd),s:d,s:i}", "motion", v[0], v[1], v[2], "applied", v[3],
+                         "command", v[4], "temperature", v[5], "gains", v[6], v[7], v[8], "disturbance", v[9], "parts",
+                         v[10], v[11], v[12], v[13], "warmed", v[14], "flags", (int)self->face->flags(&state));
 }
 
 static PyMethodDef tracker_methods[] = {
@@ -559,6 +523,10 @@ static PyMethodDef tracker_methods[] = {
     {"step", (PyCFunction)(void (*)(void))tracker_step, METH_FASTCALL,
      "step(state, now, ahead, displacement, temperature, force): the next state and the command."},
     {"run", tracker_run, METH_VARARGS, "run(state, told, current, flags): many steps; the state after them."},
+    {"model", (PyCFunction)(void (*)(void))tracker_model, METH_FASTCALL,
+     "model(state, displacement, velocity, current, temperature): the next state and the model's force."},
+    {"simulate", tracker_simulate, METH_VARARGS,
+     "simulate(state, told, force, flags): many steps of the model; the state after them."},
     {"read", tracker_read, METH_O, "read(state): what the controller believes."},
     {NULL, NULL, 0, NULL}};
 

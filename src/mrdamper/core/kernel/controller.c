@@ -10,6 +10,7 @@
 #include "track_tables.c"
 #include "track_series.c"
 #include "track_estimate.c"
+#include "track_model.c"
 
 MRD_TRACK_API void mrd_track_start(const mrd_track *c, mrd_track_state *s)
 {
@@ -138,11 +139,9 @@ MRD_TRACK_API mrd_real mrd_track_step(const mrd_track *c, mrd_track_state *s, co
     follow_temperature(c, s, told->temperature);
     const axis_point warm = warmth(c, s->temperature);
 
-    const mrd_real applied = s->applied;
-    if (c->unlagged > R(0.5)) s->first = s->second = s->command;
-    else pass_lags(c, past_dead_time(c, s, 0), &s->first, &s->second);
-    s->applied = past_play(c, s->second, &s->play);
-    follow_hysteresis(c, s, warm, v_before, R(0.5) * (applied + s->applied));
+    const mrd_real applied = follow_applied(c, s);
+    follow_hysteresis(c, s, warm, v_before, applied);
+    if (c->capacity > R(0.0)) follow_heat(c, s, sampled_work(c, s, warm));
 
     /* the wanted force, now and ahead */
     mrd_real now = told->now, ahead = told->ahead;

@@ -210,6 +210,16 @@ static void follow_series(const mrd_track *c, mrd_track_state *s, axis_point war
     }
 }
 
+/* The chain before anything has been travelled: its spring at rest, its valve where the dashpot's force is its own. As many
+ * rounds as the two stages of a step. */
+static void start_series(const mrd_track *c, mrd_track_state *s, axis_point warm)
+{
+    const valve_chain k = chain_at(c, s, warm);
+    s->w[0][1] = s->v;
+    (void)solve_valve(c->series, &k, valve_amplitude(c, s, &k, warm, s->applied, s->x), R(0.0), s->x, s->v, R(0.0),
+                      2 * SERIES_ROUNDS, &s->w[0][1]);
+}
+
 /* What lies beside the chain: viscous force, friction, inertia. */
 static void series_beside(const mrd_series *t, const valve_chain *k, mrd_real v, mrd_real a, mrd_real *viscous,
                           mrd_real *friction, mrd_real *inertia)
@@ -238,7 +248,7 @@ static void series_parts(const mrd_track *c, const mrd_track_state *s, axis_poin
 }
 
 /* The model's force now. */
-static inline mrd_real series_force(const mrd_track *c, const mrd_track_state *s, axis_point warm)
+static mrd_real series_force(const mrd_track *c, const mrd_track_state *s, axis_point warm)
 {
     mrd_real parts[4];
     series_parts(c, s, warm, parts);

@@ -96,19 +96,26 @@ typedef struct {
     mrd_real x, v, a, w[2];
 } moment;
 
-static void multipliers(const mrd_track *c, const mrd_track_state *s, const moment *m, mrd_real *by)
+static inline mrd_real multiplier(const mrd_track *c, const mrd_track_state *s, const moment *m, int row)
 {
     const mrd_real speed = magnitude(m->v), sign = m->v < R(0.0) ? R(-1.0) : R(1.0);
-    const int settled = c->elements < R(0.5);
-    by[MRD_ROW_OFFSET] = R(1.0);
-    by[MRD_ROW_STIFFNESS] = m->x;
-    by[MRD_ROW_MASS] = m->a;
-    by[MRD_ROW_VISCOUS] = s->gain[1] * sign * octaves_at(&c->viscous, speed);
-    by[MRD_ROW_SLIDING] = s->gain[2] * sign * octaves_at(&c->sliding, speed);
-    by[MRD_ROW_BREAKAWAY] = s->gain[2] * sign * octaves_at(&c->breakaway, speed);
-    const mrd_real built_up = settled || c->saturating > R(0.5) ? octaves_at(&c->built_up, speed) : R(1.0);
-    by[MRD_ROW_YIELD] = s->gain[0] * (settled ? sign * built_up : m->w[0]);
-    by[MRD_ROW_SECOND] = s->gain[0] * (c->saturating > R(0.5) ? m->w[0] * built_up : m->w[1]);
+    switch (row) {
+    case MRD_ROW_STIFFNESS: return m->x;
+    case MRD_ROW_MASS: return m->a;
+    case MRD_ROW_VISCOUS: return s->gain[1] * sign * octaves_at(&c->viscous, speed);
+    case MRD_ROW_SLIDING: return s->gain[2] * sign * octaves_at(&c->sliding, speed);
+    case MRD_ROW_BREAKAWAY: return s->gain[2] * sign * octaves_at(&c->breakaway, speed);
+    case MRD_ROW_YIELD:
+        return s->gain[0] * (c->elements < R(0.5) ? sign * octaves_at(&c->built_up, speed) : m->w[0]);
+    case MRD_ROW_SECOND:
+        return s->gain[0] * (c->saturating > R(0.5) ? m->w[0] * octaves_at(&c->built_up, speed) : m->w[1]);
+    default: return R(1.0); /* MRD_ROW_OFFSET */
+    }
+}
+
+static void multipliers(const mrd_track *c, const mrd_track_state *s, const moment *m, mrd_real *by)
+{
+    for (int r = 0; r < MRD_ROWS; r++) by[r] = multiplier(c, s, m, r);
 }
 
 /* Force at every current of the table. */

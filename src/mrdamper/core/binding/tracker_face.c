@@ -1,0 +1,174 @@
+/* The controller in one precision behind doubles; included once per precision.
+ *
+ * TRACK(name) is the kernel's function of that name. Numbers and readings are rounded on the way in.
+ */
+
+/* A controller and what it may point to. */
+typedef struct {
+    mrd_track track;
+    mrd_series series;
+} track_room;
+
+static int octaves_are_sound(const mrd_octaves *octaves, int count)
+{
+    for (int k = 0; k < count; k++) {
+        const mrd_octaves *o = octaves + k;
+        if (!(o->offset > (mrd_real)0 && o->bits >= 0 && o->bits <= 10 && o->cells > 0)) return 0;
+        /* the last cell that can be read is the last there is */
+        mrd_real end = o->offset;
+        int32_t cells = 0;
+        while (cells < o->cells && cells < (1 << 20)) {
+            cells += 1 << o->bits;
+            end *= (mrd_real)2;
+        }
+        if (cells != o->cells || !(o->top >= o->offset && o->top < end)) return 0;
+    }
+    return 1;
+}
+
+/* The same as below of the series valve's numbers and tables. */
+static int series_is_sound(const mrd_track *t)
+{
+    const mrd_real one = 1, most = 1000;
+    const mrd_series *series = t->series;
+    const int32_t cells = series->currents - 1;
+    if (cells < 1 || cells > 1024 || (cells & (cells - 1))) return 0;
+    if (!(t->substeps >= one && t->substeps <= most && t->strides >= one && t->strides <= most)) return 0;
+    if (!(t->horizon > (mrd_real)0)) return 0;
+    const mrd_power *powers = &series->thinning;
+    for (int k = 0; k < SERIES_POWERS; k++) {
+        const mrd_power *p = powers + k;
+        if (!(p->least >= (mrd_real)1e-30 && p->least <= one) || p->octaves < 1 || p->octaves > 100) return 0;
+        mrd_real end = one;
+        while (end > p->least) end /= (mrd_real)2;
+        if (end != p->least) return 0; /* no power of two */
+        for (int32_t octave = 0; octave < p->octaves; octave++) end *= (mrd_real)2;
+        if (!(p->top >= p->least && p->top < end)) return 0;
+    }
+    return octaves_are_sound(&series->side, SERIES_OCTAVES);
+}
+
+/* Everything that the step relies on without looking: shapes, and numbers that become indices. */
+static int track_is_sound(const mrd_track *t)
+{
+    const mrd_real zero = 0, models = t->bank < (mrd_real)1.5 ? (mrd_real)1 : t->bank;
+    if (!(t->period > zero && t->largest > zero && t->coldest > zero && t->warmest >= t->coldest)) return 0;
+    if (!(t->elements >= zero && t->elements <= (mrd_real)2 && models <= (mrd_real)MRD_TRACK_BANK)) return 0;
+    if (!(t->dead_samples >= zero && t->dead_samples <= (mrd_real)(MRD_TRACK_LINE - 3) && t->dead_part >= zero
+          && t->dead_part <= (mrd_real)1))
+        return 0;
+    if (!(t->preview >= zero && t->fall_back >= zero && t->gain_variance > zero && t->error_variance > zero)) return 0;
+    if (!(t->capacity >= zero && t->loss >= zero && t->loss_margin >= zero && t->far_v > zero)) return 0;
+    const mrd_real counts[] = {t->frozen_samples, t->coast_samples, t->hold_samples, t->recover_samples};
+    for (size_t k = 0; k < sizeof counts / sizeof *counts; k++)
+        if (!(counts[k] >= zero && counts[k] <= (mrd_real)1e9)) return 0;
+    if (t->currents < 2 || t->currents > MRD_TRACK_CURRENTS || t->temperatures < 1) return 0;
+    return octaves_are_sound(&t->loading, TRACK_OCTAVES) && (!t->series || series_is_sound(t));
+}
+
+static mrd_real *rounded(mrd_real *to, const double *from, size_t count)
+{
+    for (size_t i = 0; i < count; i++) *to++ = (mrd_real)from[i];
+    return to;
+}
+
+static void load_series(mrd_series *into, mrd_real *to, const tracker_parts *parts)
+{
+    mrd_power *powers = &into->thinning;
+    mrd_octaves *octaves = &into->side;
+    const mrd_real *at[SERIES_TABLES];
+    for (int k = 0; k < SERIES_TABLES; k++) {
+        at[k] = to;
+        to = rounded(to, parts->series_table[k], parts->series_length[k]);
+    }
+    into->currents = parts->series_currents;
+    into->yield = at[0];
+    into->chain = at[1];
+    for (int k = 0; k < SERIES_POWERS; k++) {
+        mrd_power *p = powers + k;
+        p->exponent = (mrd_real)parts->exponent[k];
+        p->least = (mrd_real)parts->least[k];
+        p->top = (mrd_real)parts->power_top[k];
+        p->bits = parts->power_bits[k];
+        p->octaves = (int32_t)parts->series_length[2 + 2 * k];
+        p->scale = at[2 + 2 * k];
+        p->cell = at[3 + 2 * k];
+    }
+    for (int k = 0; k < SERIES_OCTAVES; k++) {
+        mrd_octaves *o = octaves + k;
+        o->offset = (mrd_real)parts->series_offset[k];
+        o->top = (mrd_real)parts->series_top[k];
+        o->bits = parts->series_bits[k];
+        o->cells = (int32_t)(parts->series_length[2 + 2 * SERIES_POWERS + k] / 4);
+        o->cell = at[2 + 2 * SERIES_POWERS + k];
+    }
+}
+
+static int face_load(void *into, void *store, const tracker_parts *parts)
+{
+    mrd_track *t = into;
+    mrd_octaves *octaves = &t->loading;
+    mrd_real *to = store, *const number[] = {
+#define X(name) &t->name,
+        MRD_TRACK_NUMBERS(X)
+#undef X
+    };
+    memset(t, 0, sizeof *t);
+    for (size_t k = 0; k < sizeof number / sizeof *number; k++) *number[k] = (mrd_real)parts->numbers[k];
+    t->temperatures = parts->temperatures;
+    t->currents = parts->currents;
+    for (int k = 0; k < TRACK_TABLES; k++) {
+        if (k == 0) t->force = to;
+        else if (k == 1) t->rho = to;
+        else {
+            mrd_octaves *o = octaves + (k - 2);
+            o->offset = (mrd_real)parts->offset[k - 2];
+            o->top = (mrd_real)parts->top[k - 2];
+            o->bits = parts->bits[k - 2];
+            o->cells = (int32_t)(parts->length[k] / 4);
+            o->cell = to;
+        }
+        to = rounded(to, parts->table[k], parts->length[k]);
+    }
+    if (parts->series) {
+        mrd_series *series = &((track_room *)into)->series;
+        load_series(series, to, parts);
+        t->series = series;
+    }
+    return track_is_sound(t);
+}
+
+static int face_is_sound(const void *state)
+{
+    const mrd_track_state *s = state;
+    return s->at >= 0 && s->at < MRD_TRACK_LINE && s->row >= 0 && s->row < MRD_ROWS;
+}
+
+static void face_start(const void *track, void *state) { TRACK(start)(track, state); }
+
+static double face_step(const void *track, void *state, const double *told)
+{
+    const mrd_told at = {(mrd_real)told[0], (mrd_real)told[1], (mrd_real)told[2], (mrd_real)told[3], (mrd_real)told[4]};
+    return (double)TRACK(step)(track, state, &at);
+}
+
+static double face_model(const void *track, void *state, const double *driven)
+{
+    const mrd_driven at = {(mrd_real)driven[0], (mrd_real)driven[1], (mrd_real)driven[2], (mrd_real)driven[3]};
+    return (double)TRACK_MODEL(track, state, &at);
+}
+
+static int32_t face_flags(const void *state) { return ((const mrd_track_state *)state)->flags; }
+
+static void face_read(const void *track, const void *state, double *out)
+{
+    const mrd_track_state *s = state;
+    mrd_real parts[4];
+    TRACK(parts)(track, s, parts);
+    const mrd_real values[TRACK_READ] = {s->x, s->v, s->a, s->applied, s->command, s->temperature, s->gain[0], s->gain[1],
+                                         s->gain[2], s->disturbance, parts[0], parts[1], parts[2], parts[3], s->warmed};
+    for (int k = 0; k < TRACK_READ; k++) out[k] = (double)values[k];
+}
+
+static const tracker_face face = {sizeof(track_room), sizeof(mrd_track_state), sizeof(mrd_real), face_load, face_is_sound,
+                                  face_start, face_step, face_model, face_flags, face_read};

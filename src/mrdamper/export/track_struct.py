@@ -1,0 +1,104 @@
+"""The kernel's ``mrd_track`` as a tree of values: which table of Python is which member in C.
+
+The one place of this room that knows both; ``c_code`` prints the tree, whatever is in it. Member names are
+those of ``controller.h``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrdamper.control.controllers import ForceController
+from mrdamper.control.realtime import RealtimeDamper
+from mrdamper.control.series_tables import CHAIN, Power, SeriesTables
+from mrdamper.control.tables import Octaves
+
+__all__ = ["Nested", "Pointer", "Table", "Value", "track_members"]
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A member that points to an array of numbers."""
+
+    values: NDArray[np.float64]
+    comment: str
+
+
+@dataclass(frozen=True, slots=True)
+class Nested:
+    """A member that is a struct itself."""
+
+    members: Mapping[str, Value]
+
+
+@dataclass(frozen=True, slots=True)
+class Pointer:
+    """A member that points to a struct of a C type; None: to nothing."""
+
+    kind: str
+    members: Mapping[str, Value] | None
+
+
+Value = float | int | tuple[int, ...] | Table | Nested | Pointer
+
+_CURVES = ("loading", "unloading", "to_load", "to_unload", "viscous", "sliding", "breakaway", "built_up")
+
+
+def track_members(part: RealtimeDamper | ForceController) -> dict[str, Value]:
+    """Return every member of a part's ``mrd_track``."""
+    tables = part.tables
+    force = part.force if isinstance(part, ForceController) else tables.force
+    sheets, rows, currents = force.shape
+    return {
+        **part.numbers,
+        "currents": currents,
+        "temperatures": sheets,
+        "force": Table(force, f"[{sheets} temperatures][{rows} rows][{currents} commands]"),
+        "rho": Table(tables.rho, f"[{sheets} temperatures][2 elements][{currents} commands] [1/m]"),
+        **{name: _octaves(table) for name, table in zip(_CURVES, tables.octaves, strict=True)},
+        "series": Pointer("mrd_series", None if tables.series is None else _series(tables.series)),
+    }
+
+
+def _series(tables: SeriesTables) -> dict[str, Value]:
+    sheets, commands = tables.yield_force.shape
+    powers = {"thinning": tables.thinning, "leak": tables.leak, "viscous": tables.viscous}
+    functions = {"side": tables.side, "fade": tables.fade, "corner": tables.corner}
+    return {
+        "currents": commands,
+        "yield": Table(tables.yield_force, f"[{sheets} temperatures][{commands} commands] [N]"),
+        "chain": Table(tables.chain, f"[{sheets} temperatures][{len(CHAIN)} coefficients]"),
+        **{name: _power(table) for name, table in powers.items()},
+        **{name: _octaves(table) for name, table in functions.items()},
+    }
+
+
+def _power(table: Power) -> Nested:
+    return Nested(
+        {
+            "exponent": table.exponent,
+            "least": table.least,
+            "top": table.top,
+            "bits": table.bits,
+            "octaves": len(table.scale),
+            "scale": Table(table.scale, f"factors of {len(table.scale)} octaves"),
+            "cell": Table(table.cell, f"cubics of {len(table.cell)} cells, one octave"),
+        }
+    )
+
+
+def _octaves(table: Octaves) -> Nested:
+    cells = len(table.cell)
+    return Nested(
+        {
+            "offset": table.offset,
+            "top": table.top,
+            "bits": table.bits,
+            "cells": cells,
+            "cell": Table(table.cell, f"cubics of {cells} cells"),
+        }
+    )
