@@ -7,7 +7,6 @@ measured: the presets are chosen so that a law which is fitted to them has somet
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -18,6 +17,7 @@ import numpy as np
 
 from mrdamper.data.records import nearest_names
 from mrdamper.errors import InputError
+from mrdamper.files import read_toml
 
 __all__ = ["PRESETS", "VirtualDamper", "find_preset"]
 
@@ -143,15 +143,7 @@ class VirtualDamper:
     @classmethod
     def from_toml(cls, path: str | Path) -> VirtualDamper:
         """Return the damper in a TOML file: ``preset = "nominal"`` and what differs from it."""
-        file = Path(path)
-        try:
-            with file.open("rb") as stream:
-                given = tomllib.load(stream)
-        except OSError as error:
-            raise InputError(f"{file}: cannot read the virtual damper ({error.strerror})") from error
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise InputError(f"{file}: not a TOML file: {error}") from error
-        return cls.from_mapping(given, file.name)
+        return cls.from_mapping(read_toml(path, "virtual damper"), Path(path).name)
 
     def to_toml(self) -> str:
         """Return all parameters as TOML; ``from_toml`` reads the same damper back."""
