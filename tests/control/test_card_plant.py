@@ -126,3 +126,17 @@ def test_a_law_whose_state_cannot_be_carried_is_refused_with_the_remedy(law):
 def test_a_curve_that_depends_on_the_command_is_refused():
     with pytest.raises(InputError, match="n depends on the command"):
         CardPlant(damper(n=Polynomial((1.3, 0.1))))
+
+
+@pytest.mark.parametrize("exponent", [0.1, 0.43, 1.2])
+def test_a_series_valve_comes_to_rest(exponent):
+    """Slower and slower, back and forth and still: its thinning force is vertical at rest, and is found."""
+    t = 1e-4 * np.arange(12_000)
+    x = 3e-3 * np.exp(-12.0 * t) * np.sin(60.0 * t)
+    x[9000:] = x[9000]
+    v = np.gradient(x, 1e-4)
+    still = damper("series-valve", thinning_exponent=Constant(exponent), offset=Constant(0.0))
+    for current in (0.0, 2.0):
+        force = CardPlant(still).advance_many(x, v, current, 60.0)
+        assert np.isfinite(force).all()
+        assert np.abs(force[-1000:]).max() < 0.5 * np.abs(force).max()

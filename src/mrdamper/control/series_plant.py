@@ -17,6 +17,7 @@ from mrdamper.quantities import FloatArray
 __all__ = ["carry_chain"]
 
 _ROUNDS = 200
+_REST = 1e-18  # [m/s], too slow to tell from rest
 _SLOWEST = 1e-6  # [m/s], below which the dashpot's power is a straight line, as in the kernel
 
 
@@ -52,9 +53,9 @@ def carry_chain(
 def _valve(c: Mapping[str, float], x: float, e: float, q: float) -> tuple[float, float]:
     """Return the valve's force [N] and its slope in q [N s/m], the spring's travel held."""
     amplitude = c["yield_force"] * (1.0 + c["position_gain"] * x)
-    side, size, m = math.tanh(q / c["yield_velocity"]), max(abs(q), 1e-15), c["thinning_exponent"]
+    side, size, m = math.tanh(q / c["yield_velocity"]), abs(q), c["thinning_exponent"]
     power = c["thinning"] * size**m
-    slope = (1.0 - side * side) / c["yield_velocity"] + m * power / size
+    slope = (1.0 - side * side) / c["yield_velocity"] + m * power / max(size, _REST)
     force = c["offset"] + c["stiffness"] * (x - e) + amplitude * (side + math.copysign(power, q))
     return force, amplitude * slope
 
@@ -89,7 +90,7 @@ def _valve_velocity(c: Mapping[str, float], x: float, v: float, e: float, h: flo
         ):  # near rest the power is steep and Newton's steps are short
             grown = q - math.copysign(4.0 * abs(q) + 1e-6, balance)
             moved = 0.5 * (low + high) if math.isfinite(low + high) else grown
-        if moved == q:
+        if moved == q or high - low < _REST:
             return q
         q = moved
     raise ConvergenceError(f"plant: the series valve's velocity was not found in {_ROUNDS} rounds")
