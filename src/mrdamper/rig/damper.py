@@ -19,7 +19,7 @@ from mrdamper.data.records import nearest_names
 from mrdamper.errors import InputError
 from mrdamper.files import read_toml
 
-__all__ = ["PRESETS", "VirtualDamper", "find_preset"]
+__all__ = ["PRESETS", "VirtualDamper", "draw_damper", "find_preset"]
 
 _ROOM_K = 293.15
 _SAFE = re.compile(r"[A-Za-z0-9][A-Za-z0-9.-]*")  # what may begin a file's name
@@ -28,6 +28,7 @@ _POSITIVE = (
     "field_current_A", "field_exponent", "yield_N", "stiffness_N_m", "viscous_m_s", "viscous_exponent",
     "stribeck_m_s", "friction_N_m", "leak_N_s_m",
 )  # fmt: skip
+_OF_THE_KIND = ("name", "full_current_A", "copper_per_K")  # what dampers of a kind share
 _ANY_SIGN = ("name", "offset_N", "asymmetry")
 _AT_MOST: Mapping[str, float] = MappingProxyType(
     {"play_share": 1.0, "spread": 0.5, "asymmetry": 0.9, "viscosity_pole_K": 200.0}
@@ -180,6 +181,21 @@ PRESETS: Mapping[str, VirtualDamper] = MappingProxyType(
         ),
     }
 )  # fmt: skip
+
+
+def draw_damper(damper: VirtualDamper, rng: np.random.Generator, spread: float) -> VirtualDamper:
+    """Return a damper of the same kind: every property uniformly within ``spread`` (0 to 0.3).
+
+    The name, the current at which the field is full and the copper's coefficient are no properties of one
+    damper among its kind and stay.
+    """
+    names = [each.name for each in fields(VirtualDamper) if each.name not in _OF_THE_KIND]
+    factors = rng.uniform(1.0 - spread, 1.0 + spread, len(names))
+    changes = {
+        name: min(getattr(damper, name) * factor, _AT_MOST.get(name, np.inf))
+        for name, factor in zip(names, factors, strict=True)
+    }
+    return replace(damper, **changes)
 
 
 def find_preset(name: object) -> VirtualDamper:
