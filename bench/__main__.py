@@ -9,7 +9,7 @@ from pathlib import Path
 
 from bench.measure import Row, machine, table
 
-NAMES = ("simulation", "startup", "identification", "temperature", "tracking", "controller")
+NAMES = ("simulation", "startup", "identification", "temperature", "tracking", "controller", "target")
 
 
 def main() -> None:

@@ -17,7 +17,10 @@ from tests.control.dampers import DOUBLE
 KERNEL = Path(core.__file__).parent / "kernel"
 WARNINGS = ["-Wall", "-Wextra", "-Wshadow", "-Wconversion", "-Wdouble-promotion", "-Wcast-qual", "-pedantic"]
 REAL, POINTER = ctypes.c_float, ctypes.POINTER(ctypes.c_float)
-CURVES = ("loading", "unloading", "to_load", "to_unload", "viscous", "sliding", "breakaway", "built_up")
+CURVES = (
+    "loading", "unloading", "from_loading", "from_unloading", "from_unloaded", "viscous", "sliding",
+    "breakaway", "built_up",
+)  # fmt: skip
 
 
 class Octaves(ctypes.Structure):
@@ -30,7 +33,9 @@ class Octaves(ctypes.Structure):
 class Track(ctypes.Structure):
     _fields_ = [
         *((name, REAL) for name in core.TRACK_NUMBERS),
-        ("currents", ctypes.c_int32), ("temperatures", ctypes.c_int32), ("force", POINTER), ("rho", POINTER),
+        ("currents", ctypes.c_int32), ("pieces", ctypes.c_int32), ("levels", ctypes.c_int32),
+        ("begin", ctypes.c_int32 * 6), ("row", ctypes.c_uint8 * 48),
+        ("factor", POINTER), ("column", POINTER),
         *((name, Octaves) for name in CURVES),
     ]  # fmt: skip
 
@@ -77,8 +82,10 @@ def test_in_single_precision_the_command_is_the_same_within_a_milliampere(librar
         return kept[-1].ctypes.data_as(POINTER)
 
     track = Track(**made.numbers)
-    track.temperatures, _, track.currents = made.tables.force.shape
-    track.force, track.rho = pointer(made.tables.force), pointer(made.tables.rho)
+    track.currents, track.pieces = len(made.tables.currents), len(made.tables.factor)
+    track.levels, track.begin = made.tables.levels, made.tables.begin
+    track.row[: len(made.tables.rows)] = made.tables.rows
+    track.factor, track.column = pointer(made.tables.factor), pointer(made.tables.column)
     for curve, table in zip(CURVES, made.tables.octaves, strict=True):
         setattr(
             track, curve, Octaves(table.offset, table.top, table.bits, len(table.cell), pointer(table.cell))

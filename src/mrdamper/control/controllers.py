@@ -137,19 +137,17 @@ class ForceController:
     tables: DamperTables
     needs_force: bool = False
     known_ahead: bool = True  # whether it is told the target ahead of time
-    force: FloatArray = field(repr=False, default_factory=lambda: np.empty(0))  # the table, gains applied
     _native: core.Tracker = field(init=False, repr=False)
     _step: Callable[..., tuple[bytes, float]] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        if not self.force.size:
-            object.__setattr__(self, "force", self.tables.force)
         numbers = MappingProxyType({name: float(self.numbers[name]) for name in core.TRACK_NUMBERS})
         object.__setattr__(self, "numbers", numbers)
         native = core.Tracker(
             np.array(list(numbers.values())),
-            self.force,
-            self.tables.rho,
+            self.tables.rows,
+            self.tables.factor,
+            self.tables.column,
             [(o.offset, o.top, o.bits, o.cell) for o in self.tables.octaves],
         )
         object.__setattr__(self, "_native", native)
@@ -157,7 +155,7 @@ class ForceController:
 
     def __reduce__(self) -> tuple[type[ForceController], tuple[object, ...]]:
         """Pickle through the constructor: the kernel's part cannot be pickled."""
-        parts = (self.name, dict(self.numbers), self.tables, self.needs_force, self.known_ahead, self.force)
+        parts = (self.name, dict(self.numbers), self.tables, self.needs_force, self.known_ahead)
         return ForceController, parts
 
     @property
@@ -224,7 +222,7 @@ class ForceController:
         gains = (yield_gain, viscous_gain, friction_gain)
         if not all(0.1 <= gain <= 10.0 for gain in gains):
             raise InputError(f"controller: gains are {gains}; expected 0.1 to 10")
-        return replace(self, force=np.ascontiguousarray(self.tables.scaled(*gains)))
+        return replace(self, tables=self.tables.scaled(*gains))
 
 
 @dataclass(frozen=True, slots=True)
@@ -434,13 +432,15 @@ def _numbers(  # noqa: PLR0913 - one place where all numbers of the kernel's tab
         "recover_samples": float(max(1, round(safety.recover_s / period))),
         "nominal": 0.5 * (low + high) if safety.nominal_K is None else safety.nominal_K,
         "held_temperature": 0.0,
+        "unloaded": tables.unloaded,
+        "shared": float(tables.shared),
     }
 
 
 def _force_per_command(tables: DamperTables) -> float:
     """Return the mean growth of the settled yield force with the command [N/A], at the middle temperature."""
-    sheet = tables.force[len(tables.temperatures) // 2]
-    yields = sheet[6] + sheet[7]
+    rows = tables.at(0.5 * float(tables.temperatures[0] + tables.temperatures[-1]))
+    yields = rows[6] + rows[7]
     return float((yields[-1] - yields[0]) / tables.currents[-1])
 
 
@@ -448,4 +448,4 @@ def _model_error(card: ModelCard | None, tables: DamperTables) -> float:
     """Return the size of the model's force error [N]: the card's, else 5 % of its largest yield force."""
     if card is not None and card.evidence.runs:
         return max(1.0, float(statistics.median(run["rmse_N"] for run in card.evidence.runs)))
-    return max(1.0, 0.05 * float((tables.force[:, 6] + tables.force[:, 7]).max()))
+    return max(1.0, 0.05 * tables.peak_yield)

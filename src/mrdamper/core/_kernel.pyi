@@ -41,8 +41,9 @@ class Tracker:
     def __new__(
         cls,
         numbers: FloatArray,
-        force: FloatArray,
-        rho: FloatArray,
+        rows: Sequence[int],
+        factor: FloatArray,
+        column: FloatArray,
         octaves: Sequence[tuple[float, float, int, FloatArray]],
     ) -> Tracker: ...
     def start(self) -> bytes: ...

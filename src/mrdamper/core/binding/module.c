@@ -222,7 +222,7 @@ static PyType_Spec workspace_spec = {"mrdamper.core._kernel.Workspace", (int)siz
 
 /* ---- Tracker: a controller with its tables; its state is handed out and in as bytes ---------------------- */
 
-#define TRACK_OCTAVES 8
+#define TRACK_OCTAVES 9
 
 typedef struct {
     PyObject_HEAD
@@ -256,7 +256,8 @@ static int track_is_sound(const mrd_track *t)
     const double counts[] = {t->frozen_samples, t->coast_samples, t->hold_samples, t->recover_samples};
     for (size_t k = 0; k < sizeof counts / sizeof *counts; k++)
         if (!(counts[k] >= 0.0 && counts[k] <= 1e9)) return 0;
-    if (t->currents < 2 || t->currents > MRD_TRACK_CURRENTS || t->temperatures < 1) return 0;
+    if (t->currents < 2 || t->currents > MRD_TRACK_CURRENTS || t->pieces < 1 || !(t->unloaded >= 0.0)) return 0;
+    if (models > 1.0 && (t->currents - 1) % ((int)models - 1) != 0) return 0; /* the bank's currents are the table's */
     const mrd_octaves *octaves = &t->loading;
     for (int k = 0; k < TRACK_OCTAVES; k++) {
         const mrd_octaves *o = octaves + k;
@@ -273,11 +274,33 @@ static int track_is_sound(const mrd_track *t)
     return 1;
 }
 
+/* The rows of the terms, levels first, then the columns in order: where each group of columns begins. */
+static int place_terms(PyObject *orows, Py_ssize_t levels, mrd_track *track)
+{
+    static const long first[MRD_GROUPS] = {0, MRD_ROW_YIELD, MRD_ROW_SECOND, MRD_ROW_RHO, MRD_ROW_SECOND_RHO};
+    const Py_ssize_t terms = PySequence_Size(orows);
+    if (terms < 0 || terms > MRD_TRACK_TERMS || levels < 0 || levels > terms) return 0;
+    long before = 0;
+    for (Py_ssize_t k = 0; k < terms; k++) {
+        PyObject *item = PySequence_GetItem(orows, k);
+        const long row = item ? PyLong_AsLong(item) : -1;
+        Py_XDECREF(item);
+        /* the yield forces and rho have columns even where the current does not move them */
+        if (row < 0 || row >= (k < levels ? MRD_ROW_YIELD : MRD_TABLE_ROWS) || (k > levels && row < before)) return 0;
+        track->row[k] = (uint8_t)row;
+        for (int g = 0; k >= levels && g < MRD_GROUPS; g++) track->begin[g + 1] += row < (g + 1 < MRD_GROUPS ? first[g + 1] : MRD_TABLE_ROWS);
+        before = row;
+    }
+    track->levels = (int32_t)levels;
+    return 1;
+}
+
 static PyObject *tracker_new(PyTypeObject *type, PyObject *args, PyObject *kwargs)
 {
-    PyObject *onumbers, *oforce, *orho, *ooctaves;
-    static char *names[] = {"numbers", "force", "rho", "octaves", NULL};
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOO", names, &onumbers, &oforce, &orho, &ooctaves)) return NULL;
+    PyObject *onumbers, *orows, *ofactor, *ocolumn, *ooctaves;
+    static char *names[] = {"numbers", "rows", "factor", "column", "octaves", NULL};
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOOO", names, &onumbers, &orows, &ofactor, &ocolumn, &ooctaves))
+        return NULL;
     Py_buffer view[3 + TRACK_OCTAVES];
     int opened = 0;
     TrackerObject *self = NULL;
@@ -286,9 +309,9 @@ static PyObject *tracker_new(PyTypeObject *type, PyObject *args, PyObject *kwarg
     mrd_octaves *octaves = &track.loading;
     if (!open_doubles(onumbers, view, 0, "numbers")) return NULL;
     opened++;
-    if (!open_doubles(oforce, view + 1, 0, "force")) goto done;
+    if (!open_doubles(ofactor, view + 1, 0, "factor")) goto done;
     opened++;
-    if (!open_doubles(orho, view + 2, 0, "rho")) goto done;
+    if (!open_doubles(ocolumn, view + 2, 0, "column")) goto done;
     opened++;
     if (PySequence_Size(ooctaves) != TRACK_OCTAVES) {
         if (!PyErr_Occurred()) PyErr_Format(PyExc_ValueError, "expected %d functions", TRACK_OCTAVES);
@@ -316,15 +339,16 @@ static PyObject *tracker_new(PyTypeObject *type, PyObject *args, PyObject *kwarg
         goto done;
     }
     for (size_t k = 0; k < count; k++) *number[k] = ((const double *)view[0].buf)[k];
-    if (view[1].ndim != 3 || view[2].ndim != 3 || view[1].shape[1] != MRD_ROWS || view[2].shape[1] != 2
-        || view[1].shape[0] != view[2].shape[0] || view[1].shape[2] != view[2].shape[2] || view[1].shape[0] > 10000
-        || view[1].shape[2] > MRD_TRACK_CURRENTS) {
-        PyErr_Format(PyExc_ValueError, "force must be [temperatures][%d][currents], rho [temperatures][2][currents]",
-                     MRD_ROWS);
+    if (view[1].ndim != 3 || view[1].shape[2] != 3 || view[2].ndim != 2 || view[1].shape[0] > 10000
+        || view[2].shape[0] > MRD_TRACK_CURRENTS || view[1].shape[1] != PySequence_Size(orows)
+        || !place_terms(orows, view[1].shape[1] - view[2].shape[1], &track)) {
+        if (!PyErr_Occurred())
+            PyErr_SetString(PyExc_ValueError, "factor must be [pieces][terms][3], column [currents][columns], and rows the "
+                                              "terms' rows, levels first");
         goto done;
     }
-    track.temperatures = (int32_t)view[1].shape[0];
-    track.currents = (int32_t)view[1].shape[2];
+    track.pieces = (int32_t)view[1].shape[0];
+    track.currents = (int32_t)view[2].shape[0];
     if (!track_is_sound(&track)) {
         PyErr_SetString(PyExc_ValueError, "a controller's numbers or tables are out of their range");
         goto done;
@@ -343,8 +367,8 @@ static PyObject *tracker_new(PyTypeObject *type, PyObject *args, PyObject *kwarg
     double *to = self->store;
     for (int k = 1; k < opened; k++) {
         memcpy(to, view[k].buf, (size_t)view[k].len);
-        if (k == 1) track.force = to;
-        else if (k == 2) track.rho = to;
+        if (k == 1) track.factor = to;
+        else if (k == 2) track.column = to;
         else octaves[k - 3].cell = to;
         to += count_of(view + k);
     }

@@ -14,31 +14,47 @@ MRD_TRACK_API void mrd_track_start(const mrd_track *c, mrd_track_state *s)
 {
     memset(s, 0, sizeof *s);
     s->play = -c->play;
+    s->side = R(1.0);
     for (int i = 0; i < MRD_TRACK_GAINS; i++) {
         s->gain[i] = R(1.0);
         s->spread[i * (MRD_TRACK_GAINS + 1)] = c->gain_variance;
     }
 }
 
-/* The current at which a row of forces at evenly spaced currents has the wanted value; the lowest, if several.
- * Where none has, the nearest; *found says which. */
-static mrd_real solve_row(const mrd_real *force, int count, mrd_real largest, mrd_real wanted, int *found)
+/* Search for the current at which the force has the wanted value: the lowest of several; where none has, the
+ * nearest. It is shown all currents of the table, from the largest down: no row takes longer than another. */
+typedef struct {
+    mrd_real before, from, to, least; /* force less the wanted one: last; at the ends of the cell; nearest to none */
+    int32_t cell, nearest;
+} search;
+
+static inline search search_from(int32_t last)
 {
-    const mrd_real pitch = largest / (mrd_real)(count - 1);
-    int nearest = 0;
-    mrd_real least = magnitude(force[0] - wanted);
-    *found = 1;
-    for (int j = 0; j + 1 < count; j++) {
-        const mrd_real low = force[j] - wanted, high = force[j + 1] - wanted;
-        if (low == R(0.0)) return pitch * (mrd_real)j;
-        if ((low < R(0.0)) != (high < R(0.0))) return pitch * ((mrd_real)j + low / (low - high));
-        if (magnitude(high) < least) {
-            least = magnitude(high);
-            nearest = j + 1;
-        }
+    search q = {R(0.0), R(0.0), R(0.0), R(1e30), last, 0};
+    return q;
+}
+
+static inline void look(search *q, int32_t current, mrd_real off)
+{
+    if (off * q->before <= R(0.0)) { /* the first time there is none before, and the cell none of the table's */
+        q->cell = current;
+        q->from = off;
+        q->to = q->before;
     }
-    *found = 0;
-    return pitch * (mrd_real)nearest;
+    if (magnitude(off) <= q->least) {
+        q->least = magnitude(off);
+        q->nearest = current;
+    }
+    q->before = off;
+}
+
+static inline int is_found(const search *q, int32_t last) { return q->cell < last; }
+
+/* The current, in the table's steps from zero. */
+static inline mrd_real found_at(const search *q, int32_t last)
+{
+    if (!is_found(q, last)) return (mrd_real)q->nearest;
+    return (mrd_real)q->cell + (q->from != q->to ? q->from / (q->from - q->to) : R(0.0));
 }
 
 /* What the lags will have put through at the preview: with the last command held, and their share of a command
@@ -55,51 +71,86 @@ static mrd_real lagged_ahead(const mrd_track *c, const mrd_track_state *s, mrd_r
     return input + c->second_ahead * (second - input) + (rises ? c->rise_couple_ahead : c->fall_couple_ahead) * gap;
 }
 
+/* The answer of a bank of models at constant currents, each with its own hysteresis. */
+static mrd_real bank_answer(const mrd_track *c, const mrd_track_state *s, axis_point warm, moment *m, mrd_real preview,
+                            mrd_real wanted, int *found)
+{
+    const int models = bank_of(c), elements = (int)c->elements;
+    const mixture mix = mixture_of(c, m);
+    const stretch way = stretch_of(s->side, s->v, m->v, preview);
+    mrd_real by[MRD_ROWS], weight[MRD_TRACK_TERMS];
+    motion_multipliers(c, s, m, by);
+    const mrd_real off = weigh(c, warm, by, weight) - wanted;
+    search q = search_from(models - 1);
+    for (int b = models - 1; b >= 0; b--) {
+        const int own = c->shared > R(0.5) ? 0 : b;
+        const axis_point at = {bank_current(c, models, b), R(0.0)};
+        if (own == b || b == models - 1) {
+            for (int e = 0; e < elements; e++) {
+                mrd_real u = s->place[own][e];
+                if (preview > R(0.0)) u = place_after(c, u, rho_at(c, warm, at, e), &way);
+                m->w[e] = way.side * size_at(c, u);
+            }
+        }
+        const sums of = sums_at(c, weight, at.index);
+        look(&q, b, off + force_of(&of, &mix, m->w));
+    }
+    *found = is_found(&q, models - 1);
+    return found_at(&q, models - 1) * c->largest / (mrd_real)(models - 1);
+}
+
+/* The answer of one model at the current that will be felt, held by the reversal clamp. */
+static mrd_real model_answer(const mrd_track *c, mrd_track_state *s, axis_point warm, moment *m, mrd_real preview,
+                             mrd_real felt, mrd_real wanted, int *found)
+{
+    const int elements = (int)c->elements, clamped = c->margin >= R(0.0) && elements > 0;
+    const int32_t last = c->currents - 1;
+    const mixture mix = mixture_of(c, m);
+    const mrd_real settled[2] = {m->w[0], m->w[1]}, step = c->largest / (mrd_real)last;
+    mrd_real by[MRD_ROWS], weight[MRD_TRACK_TERMS];
+    motion_multipliers(c, s, m, by);
+    const mrd_real off = weigh(c, warm, by, weight) - wanted;
+    if (!(c->is_static > R(0.5))) {
+        const stretch way = stretch_of(s->side, s->v, m->v, preview);
+        const axis_point at = on_currents(c, felt);
+        for (int e = 0; e < elements; e++)
+            m->w[e] = way.side * size_at(c, place_after(c, s->place[0][e], rho_at(c, warm, at, e), &way));
+    }
+    search exact = search_from(last), clamp = search_from(last);
+    for (int32_t j = last; j >= 0; j--) {
+        const sums of = sums_at(c, weight, j);
+        look(&exact, j, off + force_of(&of, &mix, m->w));
+        if (clamped) look(&clamp, j, off + force_of(&of, &mix, settled));
+    }
+    mrd_real current = step * found_at(&exact, last);
+    *found = is_found(&exact, last);
+    if (clamped) {
+        const mrd_real most = step * found_at(&clamp, last) + c->margin;
+        if (current > most) {
+            current = most;
+            s->flags |= MRD_CLAMPED;
+        }
+    }
+    return current;
+}
+
 /* The model's answer: the command for a wanted force at the preview. */
 static mrd_real answer_of(const mrd_track *c, mrd_track_state *s, axis_point warm, mrd_real wanted)
 {
     const mrd_real p = c->preview;
-    const int elements = (int)c->elements, models = c->bank > R(1.5) ? (int)c->bank : 1;
     moment m = {s->x, s->v, s->a, {R(0.0), R(0.0)}};
-    predict(&m.x, &m.v, m.a, p);
-    const mrd_real sign = m.v < R(0.0) ? R(-1.0) : R(1.0);
-    mrd_real by[MRD_ROWS], force[MRD_TRACK_CURRENTS], answer = R(1.0), lagged = s->second, current;
-    int found;
-    const int ahead = p > R(0.0) && (models == 1 || c->reach > R(0.0));
+    if (p > R(0.0)) predict(&m.x, &m.v, m.a, p);
+    m.w[0] = m.w[1] = m.v < R(0.0) ? R(-1.0) : R(1.0); /* settled, until the hysteresis says more */
+    const int bank = bank_of(c) > 1;
+    const int ahead = p > R(0.0) && (!bank || c->reach > R(0.0));
+    mrd_real answer = R(1.0), lagged = s->second;
     if (ahead) lagged = lagged_ahead(c, s, &answer);
     if (c->unlagged > R(0.5)) lagged = s->command;
     mrd_real play = s->play;
     const mrd_real applied = past_play(c, lagged, &play);
-
-    if (models > 1) {
-        const stretch way = stretch_of(s->v, m.v, p);
-        for (int b = 0; b < models; b++) {
-            const axis_point at = on_currents(c, bank_current(c, b));
-            for (int e = 0; e < elements; e++) m.w[e] = w_along(c, s->w[b][e], rho_at(c, warm, at, e), &way);
-            multipliers(c, s, &m, by);
-            force[b] = force_at(c, warm, at, by);
-        }
-        current = solve_row(force, models, c->largest, wanted, &found);
-    } else {
-        const stretch way = stretch_of(s->v, m.v, p);
-        const axis_point at = on_currents(c, R(0.5) * (s->applied + applied));
-        for (int e = 0; e < elements; e++)
-            m.w[e] = c->is_static > R(0.5) ? sign : w_along(c, s->w[0][e], rho_at(c, warm, at, e), &way);
-        multipliers(c, s, &m, by);
-        force_row(c, warm, by, force);
-        current = solve_row(force, c->currents, c->largest, wanted, &found);
-        if (c->margin >= R(0.0) && elements) {
-            int also;
-            m.w[0] = m.w[1] = sign;
-            multipliers(c, s, &m, by);
-            force_row(c, warm, by, force);
-            const mrd_real most = solve_row(force, c->currents, c->largest, wanted, &also) + c->margin;
-            if (current > most) {
-                current = most;
-                s->flags |= MRD_CLAMPED;
-            }
-        }
-    }
+    int found;
+    mrd_real current = bank ? bank_answer(c, s, warm, &m, p, wanted, &found)
+                            : model_answer(c, s, warm, &m, p, R(0.5) * (s->applied + applied), wanted, &found);
     if (!found) s->flags |= MRD_INFEASIBLE;
     current = before_play(c, current, s->play);
     if (c->reach > R(0.0) && ahead && answer > R(0.05))

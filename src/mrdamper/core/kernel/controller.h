@@ -29,6 +29,7 @@ typedef uint64_t mrd_pattern;
 #endif
 
 #define MRD_TRACK_CURRENTS 65 /* most currents of a table */
+#define MRD_TRACK_TERMS 48    /* most terms */
 #define MRD_TRACK_BANK 9      /* most models of a bank */
 #define MRD_TRACK_LINE 128    /* commands under way between controller and coil, at most */
 #define MRD_TRACK_GAINS 3     /* yield, viscous and friction force, each with a gain that may be learnt */
@@ -100,27 +101,39 @@ typedef struct {
     X(hold_samples)   /* samples for which the last good temperature is held */                                \
     X(recover_samples) /* steady samples after which a reading that had jumped is believed */                  \
     X(nominal)        /* temperature to fall back to [K] */                                                    \
-    X(held_temperature) /* temperature to use whatever is read [K]; 0: read it */
+    X(held_temperature) /* temperature to use whatever is read [K]; 0: read it */                              \
+    X(unloaded)       /* travel of the universal curve from w = -1 to 0 */                                     \
+    X(shared)         /* 1: rho is the same at all currents, so that a bank's models share one hysteresis */
 
+/* Rows: what the coefficients of the force are multiplied with, and the inverse yield displacements. */
+enum { MRD_ROW_OFFSET, MRD_ROW_STIFFNESS, MRD_ROW_MASS, MRD_ROW_VISCOUS, MRD_ROW_SLIDING, MRD_ROW_BREAKAWAY,
+       MRD_ROW_YIELD, MRD_ROW_SECOND, MRD_ROWS, MRD_ROW_RHO = MRD_ROWS, MRD_ROW_SECOND_RHO, MRD_TABLE_ROWS };
+
+/* Groups of rows that are added up on their own: those up to the breakaway friction, then each of the rest. */
+enum { MRD_GROUP_MOTION, MRD_GROUP_YIELD, MRD_GROUP_SECOND, MRD_GROUP_RHO, MRD_GROUP_SECOND_RHO, MRD_GROUPS };
+
+/* A row over temperature and current is a sum of terms, each a factor that temperature moves times a column over
+ * the currents. A row of the first group that the current does not move is one term without a column: a level. */
 typedef struct {
 #define X(name) mrd_real name;
     MRD_TRACK_NUMBERS(X)
 #undef X
-    int32_t currents, temperatures;
-    const mrd_real *force; /* [temperatures][MRD_ROWS][currents] */
-    const mrd_real *rho;   /* [temperatures][2][currents] */
+    int32_t currents;               /* of the columns, evenly from 0 to the largest */
+    int32_t pieces;                 /* of the temperature axis, evenly from the coldest to the warmest */
+    int32_t levels;                 /* how many there are; they are the first terms */
+    int32_t begin[MRD_GROUPS + 1];  /* first column of each group, and how many there are */
+    uint8_t row[MRD_TRACK_TERMS];   /* of each term: levels, then columns, in the rows' order */
+    const mrd_real *factor;         /* [pieces][levels + columns][3], a parabola in the place 0 to 1 in the piece */
+    const mrd_real *column;         /* [currents][columns] */
     mrd_octaves loading, unloading; /* size of w on the universal curve over travel from w = 0 */
-    mrd_octaves to_load;   /* travel of loading over 1 - w */
-    mrd_octaves to_unload; /* travel of unloading over the size of w */
+    mrd_octaves from_loading;   /* a turn: travel of unloading over that of loading */
+    mrd_octaves from_unloading; /* ... and back, over the first half of the travel of unloading */
+    mrd_octaves from_unloaded;  /* the same over what is left of the second half, sign reversed */
     mrd_octaves viscous;   /* size of the viscous speed */
     mrd_octaves sliding;   /* of the sliding friction's share */
     mrd_octaves breakaway;
     mrd_octaves built_up;  /* of what builds up with speed, or of a yield force without memory */
 } mrd_track;
-
-/* What multiplies each row of the force table. */
-enum { MRD_ROW_OFFSET, MRD_ROW_STIFFNESS, MRD_ROW_MASS, MRD_ROW_VISCOUS, MRD_ROW_SLIDING, MRD_ROW_BREAKAWAY,
-       MRD_ROW_YIELD, MRD_ROW_SECOND, MRD_ROWS };
 
 /* Flags of the last step. The first seven are faults. */
 enum {
@@ -145,7 +158,8 @@ typedef struct {
     mrd_real first, second;           /* the command behind the first and the second lag */
     mrd_real play;                    /* the play's output, less than that by its half width while it rises */
     mrd_real applied;                 /* what the force feels: behind lags and play */
-    mrd_real w[MRD_TRACK_BANK][2];    /* hysteretic states, -1 to 1: of each model and element */
+    mrd_real side;                    /* 1 or -1: way that the hysteresis has gone last */
+    mrd_real place[MRD_TRACK_BANK][2]; /* ... and its place on the universal curve then: of each model and element */
     mrd_real command;                 /* the last one given */
     mrd_real leading;                 /* filter of the lead compensation */
     mrd_real integral;                /* of the force feedback [A] */

@@ -127,61 +127,88 @@ static inline mrd_real before_play(const mrd_track *c, mrd_real felt, mrd_real p
     return inside;
 }
 
-/* Travel of a stretch of h in which the velocity goes straight from v0 to v1: up to where it turns, and from there. */
+/* A stretch of h in which the velocity goes straight from v0 to v1: up to where it turns, and from there. */
 typedef struct {
-    mrd_real way[2];
+    mrd_real way[2]; /* sizes of the travel */
+    int turns[2];    /* whether the hysteresis turns before each */
+    mrd_real side;   /* its way after the stretch */
 } stretch;
 
-static inline stretch stretch_of(mrd_real v0, mrd_real v1, mrd_real h)
+static inline stretch stretch_of(mrd_real side, mrd_real v0, mrd_real v1, mrd_real h)
 {
-    const int turns = (v0 < R(0.0) && v1 > R(0.0)) || (v0 > R(0.0) && v1 < R(0.0));
-    const mrd_real share = turns ? v0 / (v0 - v1) : R(1.0);
-    stretch s = {{R(0.5) * h * share * (turns ? v0 : v0 + v1), R(0.5) * h * (R(1.0) - share) * v1}};
+    mrd_real first = R(0.5) * h * (v0 + v1), then = R(0.0);
+    if ((v0 < R(0.0) && v1 > R(0.0)) || (v0 > R(0.0) && v1 < R(0.0))) {
+        const mrd_real share = v0 / (v0 - v1);
+        first = R(0.5) * h * share * v0;
+        then = R(0.5) * h * (R(1.0) - share) * v1;
+    }
+    stretch s;
+    s.turns[0] = side * first < R(0.0);
+    s.side = s.turns[0] ? -side : side;
+    s.turns[1] = s.side * then < R(0.0);
+    s.side = s.turns[1] ? -s.side : s.side;
+    s.way[0] = magnitude(first);
+    s.way[1] = magnitude(then);
     return s;
 }
 
-static inline mrd_real w_along(const mrd_track *c, mrd_real w, mrd_real rho, const stretch *s)
+/* Place on the universal curve after a stretch, from `u` before. */
+static inline mrd_real place_after(const mrd_track *c, mrd_real u, mrd_real rho, const stretch *s)
 {
-    if (s->way[0] != R(0.0)) w = w_moved(c, w, rho * s->way[0]);
-    if (s->way[1] != R(0.0)) w = w_moved(c, w, rho * s->way[1]);
-    return w;
+    if (s->turns[0]) u = after_turn(c, u);
+    u += rho * s->way[0];
+    if (s->turns[1]) u = after_turn(c, u) + rho * s->way[1];
+    return u < c->loading.top ? u : c->loading.top;
 }
 
-/* Current of a bank's model. */
-static inline mrd_real bank_current(const mrd_track *c, int model)
+static inline int bank_of(const mrd_track *c) { return c->bank > R(1.5) ? (int)c->bank : 1; }
+
+/* The table's current of a bank's model. */
+static inline int32_t bank_current(const mrd_track *c, int models, int model)
 {
-    return c->largest * (mrd_real)model / (c->bank - R(1.0));
+    return (c->currents - 1) / (models - 1) * model;
 }
 
 /* Hysteresis of every model through the period that ends now, velocity having been v0 at its begin. */
 static void follow_hysteresis(const mrd_track *c, mrd_track_state *s, axis_point warm, mrd_real v0, mrd_real applied)
 {
-    const int elements = (int)c->elements, models = c->bank > R(1.5) ? (int)c->bank : 1;
-    const stretch way = stretch_of(v0, s->v, c->period);
-    for (int b = 0; b < models; b++) {
-        const axis_point at = on_currents(c, models > 1 ? bank_current(c, b) : applied);
-        for (int e = 0; e < elements; e++) s->w[b][e] = w_along(c, s->w[b][e], rho_at(c, warm, at, e), &way);
-    }
+    const int models = c->shared > R(0.5) ? 1 : bank_of(c);
+    const stretch way = stretch_of(s->side, v0, s->v, c->period);
+    axis_point at = on_currents(c, applied);
+    for (int e = 0; e < (int)c->elements; e++)
+        for (int b = 0; b < models; b++) {
+            if (models > 1) {
+                at.index = bank_current(c, models, b);
+                at.share = R(0.0);
+            }
+            s->place[b][e] = place_after(c, s->place[b][e], rho_at(c, warm, at, e), &way);
+        }
+    s->side = way.side;
 }
 
 /* What the model has now: motion, hysteresis at the applied current. */
 static moment present(const mrd_track *c, const mrd_track_state *s)
 {
-    moment m = {s->x, s->v, s->a, {R(0.0), R(0.0)}};
-    for (int e = 0; e < (int)c->elements; e++) m.w[e] = s->w[0][e];
+    const mrd_real sign = s->v < R(0.0) ? R(-1.0) : R(1.0);
+    moment m = {s->x, s->v, s->a, {sign, sign}};
+    for (int e = 0; e < (int)c->elements; e++) m.w[e] = s->side * size_at(c, s->place[0][e]);
     return m;
 }
 
 MRD_TRACK_API void mrd_track_parts(const mrd_track *c, const mrd_track_state *s, mrd_real *parts)
 {
-    static const int part_of[MRD_ROWS] = {3, 3, 3, 1, 2, 2, 0, 0};
+    static const uint8_t part_of[MRD_ROWS] = {3, 3, 3, 1, 2, 2, 0, 0};
     const axis_point warm = warmth(c, s->temperature), at = on_currents(c, s->applied);
     const moment m = present(c, s);
+    const int32_t columns = c->begin[MRD_GROUPS];
+    const mrd_real *here = c->column + at.index * columns - c->levels, *p = parabolas_at(c, warm);
     mrd_real by[MRD_ROWS];
     multipliers(c, s, &m, by);
     for (int k = 0; k < 4; k++) parts[k] = R(0.0);
-    for (int r = 0; r < MRD_ROWS; r++)
-        if (by[r] != R(0.0)) parts[part_of[r]] += by[r] * row_at(c, c->force, MRD_ROWS, r, warm, at);
+    for (int32_t k = 0; k < c->levels + c->begin[MRD_GROUP_RHO]; k++) {
+        const mrd_real over = k < c->levels ? R(1.0) : here[k] + at.share * (here[columns + k] - here[k]);
+        parts[part_of[c->row[k]]] += by[c->row[k]] * parabola(p + 3 * k, warm.share) * over;
+    }
 }
 
 /* A measured force teaches: the gains by recursive least squares, the disturbance by a first-order filter. */

@@ -36,13 +36,19 @@ static inline mrd_real octaves_at(const mrd_octaves *o, mrd_real size)
     return c[0] + l * (c[1] + l * (c[2] + l * c[3]));
 }
 
-/* A hysteretic state after a signed, scaled travel rho dx in one direction. */
-static inline mrd_real w_moved(const mrd_track *c, mrd_real w, mrd_real travel)
+/* Hysteresis on the universal curve. The place is the scaled travel from w = 0, negative while the element is
+ * still unloading; the side is the way that it goes. Moving on adds to the place; a turn changes both.
+ */
+static inline mrd_real size_at(const mrd_track *c, mrd_real u)
 {
-    const mrd_real side = travel < R(0.0) ? R(-1.0) : R(1.0), u = limited(side * w, R(-1.0), R(1.0));
-    const mrd_real from = u < R(0.0) ? -octaves_at(&c->to_unload, -u) : octaves_at(&c->to_load, R(1.0) - u);
-    const mrd_real tau = from + side * travel;
-    return side * (tau < R(0.0) ? -octaves_at(&c->unloading, -tau) : octaves_at(&c->loading, tau));
+    return u < R(0.0) ? -octaves_at(&c->unloading, -u) : octaves_at(&c->loading, u);
+}
+
+static inline mrd_real after_turn(const mrd_track *c, mrd_real u)
+{
+    const mrd_real left = c->unloaded + u;
+    if (u >= R(0.0)) return -octaves_at(&c->from_loading, u);
+    return left > -u ? octaves_at(&c->from_unloading, -u) : -octaves_at(&c->from_unloaded, magnitude(left));
 }
 
 /* A point on an even axis: the entry below, and the share of the way to the next. */
@@ -51,87 +57,140 @@ typedef struct {
     mrd_real share;
 } axis_point;
 
+/* `count` is of the stretches between entries. */
 static inline axis_point on_axis(mrd_real u, mrd_real low, mrd_real high, int32_t count)
 {
     axis_point at = {0, R(0.0)};
-    if (count < 2 || !(high > low)) return at;
-    const mrd_real scaled = limited((u - low) / (high - low), R(0.0), R(1.0)) * (mrd_real)(count - 1);
-    at.index = (int32_t)scaled;
-    if (at.index > count - 2) at.index = count - 2;
-    at.share = scaled - (mrd_real)at.index;
-    return at;
-}
-
-static inline axis_point warmth(const mrd_track *c, mrd_real kelvin)
-{
-    return on_axis(kelvin, c->coldest, c->warmest, c->temperatures);
-}
-
-/* Value of one row of a table at a current and a temperature; `rows` rows to a sheet. */
-static inline mrd_real row_at(const mrd_track *c, const mrd_real *table, int rows, int row, axis_point warm, axis_point at)
-{
-    const int n = c->currents;
-    const mrd_real *cold = table + (warm.index * rows + row) * n + at.index;
-    const int next = n > 1 ? 1 : 0;
-    mrd_real value = cold[0] + at.share * (cold[next] - cold[0]);
-    if (warm.share > R(0.0)) {
-        const mrd_real *hot = cold + rows * n;
-        value += warm.share * (hot[0] + at.share * (hot[next] - hot[0]) - value);
+    if (high > low) {
+        const mrd_real scaled = limited((u - low) / (high - low), R(0.0), R(1.0)) * (mrd_real)count;
+        at.index = (int32_t)scaled;
+        if (at.index > count - 1) at.index = count - 1;
+        at.share = scaled - (mrd_real)at.index;
     }
-    return value;
+    return at;
 }
 
 static inline axis_point on_currents(const mrd_track *c, mrd_real current)
 {
-    return on_axis(current, R(0.0), c->largest, c->currents);
+    return on_axis(current, R(0.0), c->largest, c->currents - 1);
 }
 
-static inline mrd_real rho_at(const mrd_track *c, axis_point warm, axis_point at, int element)
+static inline axis_point warmth(const mrd_track *c, mrd_real kelvin)
 {
-    return row_at(c, c->rho, 2, element, warm, at);
+    return on_axis(kelvin, c->coldest, c->warmest, c->pieces);
 }
 
-/* Motion and hysteresis of one moment, and what each row of the force table is multiplied with then. */
+/* Parabolas of all terms in the piece of a temperature. */
+static inline const mrd_real *parabolas_at(const mrd_track *c, axis_point warm)
+{
+    return c->factor + 3 * warm.index * (c->levels + c->begin[MRD_GROUPS]);
+}
+
+static inline mrd_real parabola(const mrd_real *p, mrd_real share) { return p[0] + share * (p[1] + share * p[2]); }
+
+/* Inverse yield displacement of an element. */
+static mrd_real rho_at(const mrd_track *c, axis_point warm, axis_point at, int element)
+{
+    const int32_t columns = c->begin[MRD_GROUPS];
+    const mrd_real *here = c->column + at.index * columns, *p = parabolas_at(c, warm) + 3 * c->levels;
+    mrd_real rho = R(0.0);
+    for (int32_t k = c->begin[MRD_GROUP_RHO + element]; k < c->begin[MRD_GROUP_RHO + element + 1]; k++)
+        rho += parabola(p + 3 * k, warm.share) * (here[k] + at.share * (here[columns + k] - here[k]));
+    return rho;
+}
+
+/* Motion and hysteresis of one moment. */
 typedef struct {
     mrd_real x, v, a, w[2];
 } moment;
 
-static void multipliers(const mrd_track *c, const mrd_track_state *s, const moment *m, mrd_real *by)
+/* What the rows are multiplied with but for the hysteresis. */
+static void motion_multipliers(const mrd_track *c, const mrd_track_state *s, const moment *m, mrd_real *by)
 {
     const mrd_real speed = magnitude(m->v), sign = m->v < R(0.0) ? R(-1.0) : R(1.0);
-    const int settled = c->elements < R(0.5);
     by[MRD_ROW_OFFSET] = R(1.0);
     by[MRD_ROW_STIFFNESS] = m->x;
     by[MRD_ROW_MASS] = m->a;
     by[MRD_ROW_VISCOUS] = s->gain[1] * sign * octaves_at(&c->viscous, speed);
     by[MRD_ROW_SLIDING] = s->gain[2] * sign * octaves_at(&c->sliding, speed);
     by[MRD_ROW_BREAKAWAY] = s->gain[2] * sign * octaves_at(&c->breakaway, speed);
-    const mrd_real built_up = settled || c->saturating > R(0.5) ? octaves_at(&c->built_up, speed) : R(1.0);
-    by[MRD_ROW_YIELD] = s->gain[0] * (settled ? sign * built_up : m->w[0]);
-    by[MRD_ROW_SECOND] = s->gain[0] * (c->saturating > R(0.5) ? m->w[0] * built_up : m->w[1]);
+    by[MRD_ROW_YIELD] = by[MRD_ROW_SECOND] = s->gain[0];
 }
 
-/* Force at every current of the table. */
-static void force_row(const mrd_track *c, axis_point warm, const mrd_real *restrict by, mrd_real *restrict force)
+/* What the yield forces are multiplied with at hysteretic states w: the first with yield w0, the second with
+ * second[0] w0 + second[1] w1. */
+typedef struct {
+    mrd_real yield, second[2];
+} mixture;
+
+static inline mixture mixture_of(const mrd_track *c, const moment *m)
 {
-    const int n = c->currents;
-    const mrd_real *restrict sheet = c->force + warm.index * MRD_ROWS * n;
-    for (int j = 0; j < n; j++) force[j] = R(0.0);
-    for (int part = 0; part < 2; part++) {
-        const mrd_real weight = part ? warm.share : R(1.0) - warm.share;
-        if (!(weight > R(0.0))) continue;
-        for (int r = 0; r < MRD_ROWS; r++) {
-            const mrd_real factor = weight * by[r];
-            const mrd_real *restrict row = sheet + (part * MRD_ROWS + r) * n;
-            for (int j = 0; j < n; j++) force[j] += factor * row[j];
-        }
+    mixture mix = {R(1.0), {R(0.0), R(1.0)}};
+    if (c->elements < R(0.5)) {
+        mix.yield = octaves_at(&c->built_up, magnitude(m->v));
+    } else if (c->saturating > R(0.5)) {
+        mix.second[0] = octaves_at(&c->built_up, magnitude(m->v));
+        mix.second[1] = R(0.0);
     }
+    return mix;
 }
 
+static void multipliers(const mrd_track *c, const mrd_track_state *s, const moment *m, mrd_real *by)
+{
+    const mixture mix = mixture_of(c, m);
+    motion_multipliers(c, s, m, by);
+    by[MRD_ROW_YIELD] *= mix.yield * m->w[0];
+    by[MRD_ROW_SECOND] *= mix.second[0] * m->w[0] + mix.second[1] * m->w[1];
+}
+
+/* Weights of the force's columns at a temperature, rows multiplied; returns the force of the levels. */
+static mrd_real weigh(const mrd_track *c, axis_point warm, const mrd_real *by, mrd_real *weight)
+{
+    const mrd_real *p = parabolas_at(c, warm);
+    const uint8_t *row = c->row;
+    mrd_real level = R(0.0);
+    for (int32_t k = c->levels; k > 0; k--) {
+        level += by[*row] * parabola(p, warm.share);
+        p += 3;
+        row++;
+    }
+    for (int32_t k = c->begin[MRD_GROUP_RHO]; k > 0; k--) {
+        *weight = by[*row] * parabola(p, warm.share);
+        weight++;
+        p += 3;
+        row++;
+    }
+    return level;
+}
+
+/* The groups of the force at one current of the table. */
+typedef struct {
+    mrd_real motion, yield, second;
+} sums;
+
+static inline sums sums_at(const mrd_track *c, const mrd_real *weight, int32_t current)
+{
+    const mrd_real *here = c->column + current * c->begin[MRD_GROUPS];
+    sums of = {R(0.0), R(0.0), R(0.0)};
+    int32_t k = 0;
+    for (; k < c->begin[MRD_GROUP_YIELD]; k++) of.motion += weight[k] * here[k];
+    for (; k < c->begin[MRD_GROUP_SECOND]; k++) of.yield += weight[k] * here[k];
+    for (; k < c->begin[MRD_GROUP_RHO]; k++) of.second += weight[k] * here[k];
+    return of;
+}
+
+static inline mrd_real force_of(const sums *of, const mixture *mix, const mrd_real *w)
+{
+    return of->motion + mix->yield * w[0] * of->yield + (mix->second[0] * w[0] + mix->second[1] * w[1]) * of->second;
+}
+
+/* Force at any current. */
 static mrd_real force_at(const mrd_track *c, axis_point warm, axis_point at, const mrd_real *by)
 {
-    mrd_real force = R(0.0);
-    for (int r = 0; r < MRD_ROWS; r++)
-        if (by[r] != R(0.0)) force += by[r] * row_at(c, c->force, MRD_ROWS, r, warm, at);
+    const int32_t columns = c->begin[MRD_GROUPS];
+    const mrd_real *here = c->column + at.index * columns;
+    mrd_real weight[MRD_TRACK_TERMS], force = weigh(c, warm, by, weight);
+    for (int32_t k = 0; k < c->begin[MRD_GROUP_RHO]; k++)
+        force += weight[k] * (here[k] + at.share * (here[columns + k] - here[k]));
     return force;
 }
