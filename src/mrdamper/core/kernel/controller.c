@@ -71,56 +71,84 @@ static mrd_real lagged_ahead(const mrd_track *c, const mrd_track_state *s, mrd_r
     return input + c->second_ahead * (second - input) + (rises ? c->rise_couple_ahead : c->fall_couple_ahead) * gap;
 }
 
-/* The answer of a bank of models at constant currents, each with its own hysteresis. */
-static mrd_real bank_answer(const mrd_track *c, const mrd_track_state *s, axis_point warm, moment *m, mrd_real preview,
-                            mrd_real wanted, int *found)
+/* The answer of a bank of models at constant currents that have one hysteresis: w of the moment. */
+static mrd_real shared_answer(const mrd_track *c, const mrd_real *weight, mrd_real off, int *found)
 {
-    const int models = bank_of(c), elements = (int)c->elements;
-    const mixture mix = mixture_of(c, m);
-    const stretch way = stretch_of(s->side, s->v, m->v, preview);
-    mrd_real by[MRD_ROWS], weight[MRD_TRACK_TERMS];
-    motion_multipliers(c, s, m, by);
-    const mrd_real off = weigh(c, warm, by, weight) - wanted;
+    const int models = bank_of(c);
+    const int32_t apart = bank_current(c, models, 1) * c->begin[MRD_GROUPS];
+    const mrd_real *here = c->column + (models - 1) * apart;
     search q = search_from(models - 1);
     for (int b = models - 1; b >= 0; b--) {
-        const int own = c->shared > R(0.5) ? 0 : b;
-        const axis_point at = {bank_current(c, models, b), R(0.0)};
-        if (own == b || b == models - 1) {
-            for (int e = 0; e < elements; e++) {
-                mrd_real u = s->place[own][e];
-                if (preview > R(0.0)) u = place_after(c, u, rho_at(c, warm, at, e), &way);
-                m->w[e] = way.side * size_at(c, u);
-            }
-        }
-        const sums of = sums_at(c, weight, at.index);
-        look(&q, b, off + force_of(&of, &mix, m->w));
+        look(&q, b, off + sum_of(weight, here, c->begin[MRD_GROUP_RHO]));
+        here -= apart;
     }
     *found = is_found(&q, models - 1);
     return found_at(&q, models - 1) * c->largest / (mrd_real)(models - 1);
 }
 
-/* The answer of one model at the current that will be felt, held by the reversal clamp. */
-static mrd_real model_answer(const mrd_track *c, mrd_track_state *s, axis_point warm, moment *m, mrd_real preview,
-                             mrd_real felt, mrd_real wanted, int *found)
+/* The answer of a bank of models that have a hysteresis each. */
+static mrd_real bank_answer(const mrd_track *c, const mrd_track_state *s, axis_point warm, const moment *m,
+                            const mrd_real *weight, mrd_real off, int *found)
 {
-    const int elements = (int)c->elements, clamped = c->margin >= R(0.0) && elements > 0;
-    const int32_t last = c->currents - 1;
+    const int models = bank_of(c), elements = (int)c->elements;
+    const int32_t apart = bank_current(c, models, 1) * c->begin[MRD_GROUPS];
+    const int32_t yield = c->begin[MRD_GROUP_YIELD], second = c->begin[MRD_GROUP_SECOND], end = c->begin[MRD_GROUP_RHO];
+    const mrd_real *here = c->column + (models - 1) * apart;
     const mixture mix = mixture_of(c, m);
-    const mrd_real settled[2] = {m->w[0], m->w[1]}, step = c->largest / (mrd_real)last;
-    mrd_real by[MRD_ROWS], weight[MRD_TRACK_TERMS];
-    motion_multipliers(c, s, m, by);
-    const mrd_real off = weigh(c, warm, by, weight) - wanted;
-    if (!(c->is_static > R(0.5))) {
-        const stretch way = stretch_of(s->side, s->v, m->v, preview);
-        const axis_point at = on_currents(c, felt);
+    mrd_real w[MRD_TRACK_BANK][2];
+    if (c->preview > R(0.0)) {
+        const stretch way = stretch_of(s->side, s->v, m->v, c->preview);
+        for (int e = 0; e < elements; e++) {
+            mrd_real rho[MRD_TRACK_BANK];
+            rho_of_models(c, warm, e, models, rho);
+            for (int b = 0; b < models; b++) w[b][e] = way.side * size_at(c, place_after(c, s->place[b][e], rho[b], &way));
+        }
+    } else {
         for (int e = 0; e < elements; e++)
-            m->w[e] = way.side * size_at(c, place_after(c, s->place[0][e], rho_at(c, warm, at, e), &way));
+            for (int b = 0; b < models; b++) w[b][e] = s->side * size_at(c, s->place[b][e]);
     }
+    search q = search_from(models - 1);
+    for (int b = models - 1; b >= 0; b--) {
+        mrd_real force = off + sum_of(weight, here, yield) + mix.yield * w[b][0] * sum_of(weight + yield, here + yield, second - yield);
+        if (end > second) {
+            const mrd_real share = mix.second[0] * w[b][0] + (elements > 1 ? mix.second[1] * w[b][1] : R(0.0));
+            force += share * sum_of(weight + second, here + second, end - second);
+        }
+        look(&q, b, force);
+        here -= apart;
+    }
+    *found = is_found(&q, models - 1);
+    return found_at(&q, models - 1) * c->largest / (mrd_real)(models - 1);
+}
+
+/* The answer of one model at the applied current, held by the reversal clamp. */
+static mrd_real model_answer(const mrd_track *c, mrd_track_state *s, const moment *m, const mrd_real *weight, mrd_real off,
+                             mrd_real sign, int *found)
+{
+    const int clamped = c->margin >= R(0.0) && c->elements > R(0.5);
+    const int32_t last = c->currents - 1, columns = c->begin[MRD_GROUP_RHO], skipped = c->begin[MRD_GROUPS] - columns;
+    const mrd_real step = c->largest / (mrd_real)last, settled[2] = {sign, sign};
+    const mixture mix = mixture_of(c, m);
+    mrd_real pair[MRD_TRACK_TERMS][2], now[MRD_ROWS], then[MRD_ROWS];
+    for (int r = 0; r < MRD_ROWS; r++) now[r] = then[r] = R(1.0);
+    mix_in(&mix, m->w, now);
+    mix_in(&mix, settled, then);
+    for (int32_t k = 0; k < columns; k++) {
+        pair[k][0] = weight[k] * now[c->row[c->levels + k]];
+        pair[k][1] = weight[k] * then[c->row[c->levels + k]];
+    }
+    const mrd_real *here = c->column + c->currents * c->begin[MRD_GROUPS] - 1 - skipped;
     search exact = search_from(last), clamp = search_from(last);
     for (int32_t j = last; j >= 0; j--) {
-        const sums of = sums_at(c, weight, j);
-        look(&exact, j, off + force_of(&of, &mix, m->w));
-        if (clamped) look(&clamp, j, off + force_of(&of, &mix, settled));
+        mrd_real one = off, other = off;
+        for (int32_t k = columns - 1; k >= 0; k--) {
+            one += pair[k][0] * *here;
+            other += pair[k][1] * *here;
+            here--;
+        }
+        here -= skipped;
+        look(&exact, j, one);
+        look(&clamp, j, other);
     }
     mrd_real current = step * found_at(&exact, last);
     *found = is_found(&exact, last);
@@ -134,23 +162,41 @@ static mrd_real model_answer(const mrd_track *c, mrd_track_state *s, axis_point 
     return current;
 }
 
+/* Hysteresis of the one model there is at the preview, at the current that will be felt. */
+static void carry_on(const mrd_track *c, const mrd_track_state *s, axis_point warm, mrd_real felt, moment *m)
+{
+    const stretch way = stretch_of(s->side, s->v, m->v, c->preview);
+    const axis_point at = on_currents(c, felt);
+    for (int e = 0; e < (int)c->elements; e++)
+        m->w[e] = way.side * size_at(c, place_after(c, s->place[0][e], rho_at(c, warm, at, e), &way));
+}
+
 /* The model's answer: the command for a wanted force at the preview. */
 static mrd_real answer_of(const mrd_track *c, mrd_track_state *s, axis_point warm, mrd_real wanted)
 {
     const mrd_real p = c->preview;
+    const int bank = bank_of(c) > 1, several = states_of(c) > 1, ahead = p > R(0.0) && (!bank || c->reach > R(0.0));
+    mrd_real by[MRD_ROWS], weight[MRD_TRACK_TERMS], answer = R(1.0), lagged = s->second, current;
+    int found;
     moment m = {s->x, s->v, s->a, {R(0.0), R(0.0)}};
     if (p > R(0.0)) predict(&m.x, &m.v, m.a, p);
-    m.w[0] = m.w[1] = m.v < R(0.0) ? R(-1.0) : R(1.0); /* settled, until the hysteresis says more */
-    const int bank = bank_of(c) > 1;
-    const int ahead = p > R(0.0) && (!bank || c->reach > R(0.0));
-    mrd_real answer = R(1.0), lagged = s->second;
+    const mrd_real sign = m.v < R(0.0) ? R(-1.0) : R(1.0);
+    m.w[0] = m.w[1] = sign; /* settled, until the hysteresis says more */
     if (ahead) lagged = lagged_ahead(c, s, &answer);
     if (c->unlagged > R(0.5)) lagged = s->command;
-    mrd_real play = s->play;
-    const mrd_real applied = past_play(c, lagged, &play);
-    int found;
-    mrd_real current = bank ? bank_answer(c, s, warm, &m, p, wanted, &found)
-                            : model_answer(c, s, warm, &m, p, R(0.5) * (s->applied + applied), wanted, &found);
+    if (!several && !(c->is_static > R(0.5))) {
+        mrd_real play = s->play;
+        carry_on(c, s, warm, R(0.5) * (s->applied + past_play(c, lagged, &play)), &m);
+    }
+    motion_multipliers(c, s, &m, by);
+    if (bank && !several) {
+        const mixture mix = mixture_of(c, &m);
+        mix_in(&mix, m.w, by);
+    }
+    const mrd_real off = weigh(c, warm, by, weight) - wanted;
+    if (!bank) current = model_answer(c, s, &m, weight, off, sign, &found);
+    else if (several) current = bank_answer(c, s, warm, &m, weight, off, &found);
+    else current = shared_answer(c, weight, off, &found);
     if (!found) s->flags |= MRD_INFEASIBLE;
     current = before_play(c, current, s->play);
     if (c->reach > R(0.0) && ahead && answer > R(0.05))
@@ -198,17 +244,19 @@ MRD_TRACK_API mrd_real mrd_track_step(const mrd_track *c, mrd_track_state *s, co
         s->flags |= MRD_NO_TARGET;
         now = R(0.0);
     }
-    predict(&s->wanted, &s->wanted_rate, s->wanted_bend, c->period);
-    const mrd_real off = now - s->wanted;
-    s->wanted += c->wanted_f * off;
-    s->wanted_rate = limited(s->wanted_rate + c->wanted_v * off, -most_length, most_length);
-    s->wanted_bend = limited(s->wanted_bend + c->wanted_a * off, -most_length, most_length);
-    if (!(c->preview > R(0.0))) {
+    if (c->preview > R(0.0)) {
+        predict(&s->wanted, &s->wanted_rate, s->wanted_bend, c->period);
+        const mrd_real off = now - s->wanted;
+        s->wanted += c->wanted_f * off;
+        s->wanted_rate = limited(s->wanted_rate + c->wanted_v * off, -most_length, most_length);
+        s->wanted_bend = limited(s->wanted_bend + c->wanted_a * off, -most_length, most_length);
+        if (!(magnitude(ahead) <= most_force)) {
+            mrd_real rate = s->wanted_rate;
+            ahead = now;
+            predict(&ahead, &rate, s->wanted_bend, c->preview);
+        }
+    } else {
         ahead = now;
-    } else if (!(magnitude(ahead) <= most_force)) {
-        mrd_real rate = s->wanted_rate;
-        ahead = now;
-        predict(&ahead, &rate, s->wanted_bend, c->preview);
     }
 
     const int measured = magnitude(told->force) <= most_force;

@@ -114,6 +114,10 @@ static inline void pass_lags(const mrd_track *c, mrd_real input, mrd_real *first
  * rest what is felt is the command itself; when it falls, up to twice the share's half width more. */
 static inline mrd_real past_play(const mrd_track *c, mrd_real lagged, mrd_real *play)
 {
+    if (!(c->play > R(0.0))) {
+        *play = lagged;
+        return lagged;
+    }
     *play = limited(*play, lagged - c->play, lagged + c->play);
     return lagged + c->play_share * (*play + c->play - lagged);
 }
@@ -121,6 +125,7 @@ static inline mrd_real past_play(const mrd_track *c, mrd_real lagged, mrd_real *
 /* The lagged command at which so much is felt, the play being where it is. */
 static inline mrd_real before_play(const mrd_track *c, mrd_real felt, mrd_real play)
 {
+    if (!(c->play > R(0.0))) return felt;
     const mrd_real inside = (felt - c->play_share * (play + c->play)) / (R(1.0) - c->play_share);
     if (inside > play + c->play) return felt;
     if (inside < play - c->play) return felt - R(2.0) * c->play_share * c->play;
@@ -153,7 +158,7 @@ static inline stretch stretch_of(mrd_real side, mrd_real v0, mrd_real v1, mrd_re
 }
 
 /* Place on the universal curve after a stretch, from `u` before. */
-static inline mrd_real place_after(const mrd_track *c, mrd_real u, mrd_real rho, const stretch *s)
+static mrd_real place_after(const mrd_track *c, mrd_real u, mrd_real rho, const stretch *s)
 {
     if (s->turns[0]) u = after_turn(c, u);
     u += rho * s->way[0];
@@ -163,27 +168,46 @@ static inline mrd_real place_after(const mrd_track *c, mrd_real u, mrd_real rho,
 
 static inline int bank_of(const mrd_track *c) { return c->bank > R(1.5) ? (int)c->bank : 1; }
 
+/* How many of its models have a hysteresis of their own. */
+static inline int states_of(const mrd_track *c) { return c->shared > R(0.5) ? 1 : bank_of(c); }
+
 /* The table's current of a bank's model. */
 static inline int32_t bank_current(const mrd_track *c, int models, int model)
 {
     return (c->currents - 1) / (models - 1) * model;
 }
 
+/* Inverse yield displacement of an element in each of several models. */
+static void rho_of_models(const mrd_track *c, axis_point warm, int element, int models, mrd_real *rho)
+{
+    const int32_t columns = c->begin[MRD_GROUPS], first = c->begin[MRD_GROUP_RHO + element];
+    const int32_t apart = columns * bank_current(c, models, 1);
+    const mrd_real *p = parabolas_at(c, warm) + 3 * (c->levels + first);
+    for (int32_t k = first; k < c->begin[MRD_GROUP_RHO + element + 1]; k++) {
+        const mrd_real factor = parabola(p, warm.share), *here = c->column + k;
+        for (int b = 0; b < models; b++) {
+            rho[b] = (k > first ? rho[b] : R(0.0)) + factor * *here;
+            here += apart;
+        }
+        p += 3;
+    }
+}
+
 /* Hysteresis of every model through the period that ends now, velocity having been v0 at its begin. */
 static void follow_hysteresis(const mrd_track *c, mrd_track_state *s, axis_point warm, mrd_real v0, mrd_real applied)
 {
-    const int models = c->shared > R(0.5) ? 1 : bank_of(c);
+    const int models = states_of(c);
     const stretch way = stretch_of(s->side, v0, s->v, c->period);
-    axis_point at = on_currents(c, applied);
-    for (int e = 0; e < (int)c->elements; e++)
-        for (int b = 0; b < models; b++) {
-            if (models > 1) {
-                at.index = bank_current(c, models, b);
-                at.share = R(0.0);
-            }
-            s->place[b][e] = place_after(c, s->place[b][e], rho_at(c, warm, at, e), &way);
-        }
     s->side = way.side;
+    for (int e = 0; e < (int)c->elements; e++) {
+        if (models > 1) {
+            mrd_real rho[MRD_TRACK_BANK];
+            rho_of_models(c, warm, e, models, rho);
+            for (int b = 0; b < models; b++) s->place[b][e] = place_after(c, s->place[b][e], rho[b], &way);
+        } else {
+            s->place[0][e] = place_after(c, s->place[0][e], rho_at(c, warm, on_currents(c, applied), e), &way);
+        }
+    }
 }
 
 /* What the model has now: motion, hysteresis at the applied current. */

@@ -5,7 +5,13 @@
 
 #define R(x) ((mrd_real)(x))
 
+#if defined(__GNUC__) && defined(MRD_SINGLE)
+static inline mrd_real magnitude(mrd_real u) { return __builtin_fabsf(u); } /* one instruction, no library */
+#elif defined(__GNUC__)
+static inline mrd_real magnitude(mrd_real u) { return __builtin_fabs(u); }
+#else
 static inline mrd_real magnitude(mrd_real u) { return u < R(0.0) ? -u : u; }
+#endif
 
 /* u inside [low, high]; low where u is not a number. */
 static inline mrd_real limited(mrd_real u, mrd_real low, mrd_real high) { return u > low ? (u < high ? u : high) : low; }
@@ -27,7 +33,7 @@ static inline mrd_real of_pattern(mrd_pattern p)
 /* Number of the first cell in the patterns' own counting. */
 static inline mrd_pattern first_cell(const mrd_octaves *o) { return pattern_of(o->offset) >> (MRD_DIGITS - o->bits); }
 
-static inline mrd_real octaves_at(const mrd_octaves *o, mrd_real size)
+static mrd_real octaves_at(const mrd_octaves *o, mrd_real size)
 {
     const mrd_real sum = size + o->offset, t = sum < o->top ? sum : o->top;
     const mrd_pattern p = pattern_of(t), mask = ((mrd_pattern)1 << MRD_DIGITS) - 1;
@@ -39,12 +45,12 @@ static inline mrd_real octaves_at(const mrd_octaves *o, mrd_real size)
 /* Hysteresis on the universal curve. The place is the scaled travel from w = 0, negative while the element is
  * still unloading; the side is the way that it goes. Moving on adds to the place; a turn changes both.
  */
-static inline mrd_real size_at(const mrd_track *c, mrd_real u)
+static mrd_real size_at(const mrd_track *c, mrd_real u)
 {
     return u < R(0.0) ? -octaves_at(&c->unloading, -u) : octaves_at(&c->loading, u);
 }
 
-static inline mrd_real after_turn(const mrd_track *c, mrd_real u)
+static mrd_real after_turn(const mrd_track *c, mrd_real u)
 {
     const mrd_real left = c->unloaded + u;
     if (u >= R(0.0)) return -octaves_at(&c->from_loading, u);
@@ -135,12 +141,17 @@ static inline mixture mixture_of(const mrd_track *c, const moment *m)
     return mix;
 }
 
-static void multipliers(const mrd_track *c, const mrd_track_state *s, const moment *m, mrd_real *by)
+static inline void mix_in(const mixture *mix, const mrd_real *w, mrd_real *by)
+{
+    by[MRD_ROW_YIELD] *= mix->yield * w[0];
+    by[MRD_ROW_SECOND] *= mix->second[0] * w[0] + mix->second[1] * w[1];
+}
+
+static inline void multipliers(const mrd_track *c, const mrd_track_state *s, const moment *m, mrd_real *by)
 {
     const mixture mix = mixture_of(c, m);
     motion_multipliers(c, s, m, by);
-    by[MRD_ROW_YIELD] *= mix.yield * m->w[0];
-    by[MRD_ROW_SECOND] *= mix.second[0] * m->w[0] + mix.second[1] * m->w[1];
+    mix_in(&mix, m->w, by);
 }
 
 /* Weights of the force's columns at a temperature, rows multiplied; returns the force of the levels. */
@@ -163,29 +174,15 @@ static mrd_real weigh(const mrd_track *c, axis_point warm, const mrd_real *by, m
     return level;
 }
 
-/* The groups of the force at one current of the table. */
-typedef struct {
-    mrd_real motion, yield, second;
-} sums;
-
-static inline sums sums_at(const mrd_track *c, const mrd_real *weight, int32_t current)
+static inline mrd_real sum_of(const mrd_real *weight, const mrd_real *here, int32_t count)
 {
-    const mrd_real *here = c->column + current * c->begin[MRD_GROUPS];
-    sums of = {R(0.0), R(0.0), R(0.0)};
-    int32_t k = 0;
-    for (; k < c->begin[MRD_GROUP_YIELD]; k++) of.motion += weight[k] * here[k];
-    for (; k < c->begin[MRD_GROUP_SECOND]; k++) of.yield += weight[k] * here[k];
-    for (; k < c->begin[MRD_GROUP_RHO]; k++) of.second += weight[k] * here[k];
-    return of;
-}
-
-static inline mrd_real force_of(const sums *of, const mixture *mix, const mrd_real *w)
-{
-    return of->motion + mix->yield * w[0] * of->yield + (mix->second[0] * w[0] + mix->second[1] * w[1]) * of->second;
+    mrd_real sum = R(0.0);
+    for (; count > 0; count--) sum += *weight++ * *here++;
+    return sum;
 }
 
 /* Force at any current. */
-static mrd_real force_at(const mrd_track *c, axis_point warm, axis_point at, const mrd_real *by)
+static inline mrd_real force_at(const mrd_track *c, axis_point warm, axis_point at, const mrd_real *by)
 {
     const int32_t columns = c->begin[MRD_GROUPS];
     const mrd_real *here = c->column + at.index * columns;
