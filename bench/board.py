@@ -78,11 +78,12 @@ def c_tables(controller: ForceController, *, single: bool = True) -> str:
 
     tables = controller.tables
     out = ['#include "controller.h"\n\nextern const mrd_track track;\n']
-    out += [array("factors", tables.factor), array("columns", tables.column)]
+    out += [array("currents", tables.currents), array("factors", tables.factor), array("columns", tables.column)]
     out += [array(f"{name}_cells", o.cell) for name, o in zip(_OCTAVES, tables.octaves, strict=True)]
     fields = [f".{name} = {number(value)}" for name, value in controller.numbers.items()]
     fields += [f".currents = {len(tables.currents)}", f".pieces = {len(tables.factor)}"]
-    fields += [f".levels = {tables.levels}", ".factor = factors", ".column = columns"]
+    fields += [f".levels = {tables.levels}", ".current = currents", ".factor = factors", ".column = columns"]
+    fields.append(f".eighth = {{{', '.join(map(str, tables.eighths))}}}")
     fields.append(f".row = {{{', '.join(map(str, tables.rows))}}}")
     fields.append(f".begin = {{{', '.join(map(str, tables.begin))}}}")
     for name, o in zip(_OCTAVES, tables.octaves, strict=True):

@@ -35,6 +35,7 @@ class Track(ctypes.Structure):
         *((name, REAL) for name in core.TRACK_NUMBERS),
         ("currents", ctypes.c_int32), ("pieces", ctypes.c_int32), ("levels", ctypes.c_int32),
         ("begin", ctypes.c_int32 * 6), ("row", ctypes.c_uint8 * 48),
+        ("eighth", ctypes.c_uint8 * 9), ("current", POINTER),
         ("factor", POINTER), ("column", POINTER),
         *((name, Octaves) for name in CURVES),
     ]  # fmt: skip
@@ -85,6 +86,7 @@ def test_in_single_precision_the_command_is_the_same_within_a_milliampere(librar
     track.currents, track.pieces = len(made.tables.currents), len(made.tables.factor)
     track.levels, track.begin = made.tables.levels, made.tables.begin
     track.row[: len(made.tables.rows)] = made.tables.rows
+    track.eighth, track.current = made.tables.eighths, pointer(made.tables.currents)
     track.factor, track.column = pointer(made.tables.factor), pointer(made.tables.column)
     for curve, table in zip(CURVES, made.tables.octaves, strict=True):
         setattr(

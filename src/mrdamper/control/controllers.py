@@ -146,6 +146,7 @@ class ForceController:
         native = core.Tracker(
             np.array(list(numbers.values())),
             self.tables.rows,
+            self.tables.currents,
             self.tables.factor,
             self.tables.column,
             [(o.offset, o.top, o.bits, o.cell) for o in self.tables.octaves],
@@ -318,7 +319,8 @@ def _controller(name: str, made: _Source) -> ForceController:
     """Return one controller: what its numbers differ in."""
     numbers = dict(made.numbers)
     present = {"preview": 0.0, "reach": 0.0, "margin": -1.0}
-    literal = present | {"play": 0.0}  # as published: the bank knows the command, and neither lags nor play
+    # as published: the command is known, and neither lags nor play
+    literal = present | {"play": 0.0, "unlagged": 1.0}
     bank = {"reach": 0.0, "margin": -1.0, "play": 0.0}
     gain, rate = tuning.feedback_gains(made.actuation, numbers["period"], made.force_per_command)
     feedback = {"gain": gain, "rate": rate}
@@ -337,7 +339,7 @@ def _controller(name: str, made: _Source) -> ForceController:
         "static-preview": {"reach": 0.0, "margin": -1.0, "is_static": 1.0},
         "exact": present,
         "lead": present | lead,
-        "inverse-bouc-wen": literal | {"unlagged": 1.0},
+        "inverse-bouc-wen": literal,
         "clipped-on-off": present | {"feed_forward": 0.0, "on_off": 1.0},
         "pi": present | feedback | {"feed_forward": 0.0},
         "feed-forward-pi": feedback,

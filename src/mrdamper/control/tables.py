@@ -1,7 +1,6 @@
 """A damper in tables: what the controller's step reads instead of powers, exponentials and polynomials.
 
-Every coefficient over current and temperature is a sum of terms, each a column over an even grid of currents
-times a factor that temperature moves; a coefficient that current does not move is one factor, and one that
+Every coefficient over current and temperature is a sum of terms, each a column over a few currents times a factor that temperature moves; a coefficient that current does not move is one factor, and one that
 is zero is not there. The universal curve of the hysteresis and the functions of speed that the force is made
 of are cubics on cells of their own (``octaves``). ``track_tables.c`` reads all that.
 
@@ -25,10 +24,10 @@ from mrdamper.quantities import FloatArray
 
 __all__ = ["CURRENTS", "CURRENT_SHARE", "ROWS", "TABULATED", "TEMPERATURE_SHARE", "DamperTables", "tabulate"]
 
-CURRENTS = (9, 17, 33)
-"""How many currents a table may have: the banks of 2, 3, 5 and 9 models lie on them."""
+CURRENTS = 41
+"""Most currents of a table; the eighths of the largest, where the models of a bank lie, are always there."""
 
-CURRENT_SHARE = 5e-4
+CURRENT_SHARE = 8e-4
 TEMPERATURE_SHARE = 1e-4
 
 ROWS = (
@@ -46,6 +45,8 @@ _PIECES = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48)
 _KELVINS = 193  # at which coefficients are looked at: every piece has its ends and its middle among them
 _TERMS = 48  # MRD_TRACK_TERMS of the kernel
 _RANK_SHARE = 1e-7
+_STROKE = 0.05  # [m]
+_ACCELERATION = 50.0  # [m/s^2]
 _SHAPES = (
     "viscous_exponent", "stribeck_velocity", "transition_velocity", "kappa", "n", "saturation_velocity",
     "yield_velocity",
@@ -56,7 +57,7 @@ _SHAPES = (
 class DamperTables:
     """All tables of a damper, and the axes that they lie on."""
 
-    currents: FloatArray  # [A or V], evenly from 0, shape (n,)
+    currents: FloatArray  # [A or V], rising from 0, closer where the force bends more, shape (n,)
     temperatures: FloatArray  # ends of the pieces [K], evenly, shape (pieces + 1,)
     rows: tuple[int, ...]  # row of each term, place in ROWS; levels first, then the columns in their order
     factor: FloatArray  # of each term, a parabola over each piece, shape (pieces, terms, 3)
@@ -90,6 +91,12 @@ class DamperTables:
         """First column of each of the kernel's groups of rows, and how many there are."""
         of_columns = self.rows[self.levels :]
         return tuple(sum(row < first for row in of_columns) for first in (*_GROUPS, len(ROWS)))
+
+    @property
+    def eighths(self) -> tuple[int, ...]:
+        """Which of the currents the eighths of the largest are."""
+        wanted = np.linspace(0.0, float(self.currents[-1]), 9)
+        return tuple(int(np.argmin(np.abs(self.currents - each))) for each in wanted)
 
     @property
     def shared(self) -> bool:
@@ -129,7 +136,6 @@ def tabulate(
     largest: float,
     *,
     speed: float = 1.0,
-    currents: int | None = None,
     temperatures: tuple[float, float] | None = None,
 ) -> DamperTables:
     """Return the tables of a damper from 0 to the ``largest`` current [A or V].
@@ -137,7 +143,6 @@ def tabulate(
     Parameters
     ----------
     speed : speed up to which the functions of speed are tabulated [m/s]
-    currents : how many; None: as few as the accuracy lets be
     temperatures : lowest and highest [K]; None: the damper's own range, or 20 degC alone where it has none
 
     Raises
@@ -156,7 +161,7 @@ def tabulate(
     low, high = temperatures or damper.temperature_range or (293.15, 293.15)
     if not damper.tempered or high <= low:
         high = low
-    fine = _coefficients(damper, np.linspace(0.0, largest, 257), np.linspace(low, high, 7))
+    fine = _coefficients(damper, np.linspace(0.0, largest, 1025), np.linspace(low, high, 7))
     shapes = {name: _constant(name, fine[name]) for name in _SHAPES if name in fine}
     scale = _scales(_rows(fine))
     yields = _rows(fine)[6:8].sum(axis=0)
@@ -166,7 +171,7 @@ def tabulate(
             f"{yields[0, 0]:g} N from 0 to {largest:g} {damper.command_unit}), so no "
             "command can track a force. Identify runs at two or more commands"
         )
-    at = np.linspace(0.0, largest, currents or _enough_currents(_rows(fine), scale))
+    at = largest * _enough_currents(_rows(fine), scale)
     warm = np.linspace(low, high, _KELVINS)
     rows, factor, column, pieces = _terms(_rows(_coefficients(damper, at, warm)), scale)
     if len(rows) > _TERMS:
@@ -228,26 +233,49 @@ def _rows(values: dict[str, FloatArray]) -> FloatArray:
 
 
 def _scales(rows: FloatArray) -> FloatArray:
-    """Return what an error of each row is held against: its own size, or that of all forces together."""
+    """Return what an error of each row is held against: all yield force together, for what adds up to a force.
+
+    Stiffness and mass are forces at a stroke and an acceleration that few dampers exceed. A viscosity and an
+    inverse yield displacement are held against themselves.
+    """
     own = np.abs(rows).max(axis=(1, 2))
     force = float(np.abs(rows[6] + rows[7]).max())
-    return np.array([
-        force if name in ("offset", "sliding", "breakaway", "yield", "second") else size
-        for name, size in zip(ROWS, own, strict=True)
-    ])  # fmt: skip
+    at = {"stiffness": force / _STROKE, "mass": force / _ACCELERATION, "viscous": own[3], "rho": own[8]}
+    at["second_rho"] = own[9]
+    return np.array([at.get(name, force) for name in ROWS])
 
 
-def _enough_currents(rows: FloatArray, scale: FloatArray) -> int:
-    """Return how many currents it takes until straight lines between them are near enough."""
-    last = rows.shape[2] - 1
-    share = np.arange(last + 1) / last
-    for count in CURRENTS:
-        knots = np.linspace(0.0, 1.0, count)
-        lines = [np.interp(share, knots, line[:: last // (count - 1)]) for line in rows.reshape(-1, last + 1)]
-        off = np.abs(np.array(lines).reshape(rows.shape) - rows).max(axis=(1, 2))
-        if (off <= CURRENT_SHARE * scale).all():
-            return count
-    return CURRENTS[-1]
+def _enough_currents(rows: FloatArray, scale: FloatArray, share: float = CURRENT_SHARE) -> FloatArray:
+    """Return shares of the largest current between which straight lines are near enough.
+
+    The eighths, and from each as far as a line may go, until the next; where that is too many, with twice the
+    error.
+    """
+    count = rows.shape[2] - 1
+    there = scale > 0.0
+    lines = rows[there] / scale[there, None, None]
+    adding = np.array([name not in ("viscous", "rho", "second_rho") for name in np.array(ROWS)[there]])
+
+    def is_near(low: int, high: int) -> bool:
+        inside = np.linspace(0.0, 1.0, high - low + 1)
+        chord = lines[:, :, [low]] + inside * (lines[:, :, [high]] - lines[:, :, [low]])
+        off = np.abs(lines[:, :, low : high + 1] - chord)
+        return bool(off[adding].sum(axis=0).max() <= share and off.max() <= share)
+
+    knots = [0]
+    while knots[-1] < count:
+        low, high = knots[-1], (knots[-1] // (count // 8) + 1) * (count // 8)
+        far = low + 1
+        while far < high:  # bisection: what is near enough is no further than what is not
+            middle = (far + high + 1) // 2
+            if is_near(low, middle):
+                far = middle
+            else:
+                high = middle - 1
+        knots.append(far)
+    if len(knots) > CURRENTS:
+        return _enough_currents(rows, scale, 2.0 * share)
+    return np.array(knots) / count
 
 
 def _terms(rows: FloatArray, scale: FloatArray) -> tuple[tuple[int, ...], FloatArray, FloatArray, int]:

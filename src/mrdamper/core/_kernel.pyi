@@ -42,6 +42,7 @@ class Tracker:
         cls,
         numbers: FloatArray,
         rows: Sequence[int],
+        current: FloatArray,
         factor: FloatArray,
         column: FloatArray,
         octaves: Sequence[tuple[float, float, int, FloatArray]],

@@ -8,6 +8,7 @@
 #include <Python.h>
 
 #include <stdlib.h>
+#include <math.h>
 #include <string.h>
 
 #include "../kernel/kernel.h"
@@ -250,14 +251,16 @@ static int track_is_sound(const mrd_track *t)
     const double models = t->bank < 1.5 ? 1.0 : t->bank;
     if (!(t->period > 0.0 && t->largest > 0.0 && t->coldest > 0.0 && t->warmest >= t->coldest)) return 0;
     if (!(t->elements >= 0.0 && t->elements <= 2.0 && models <= MRD_TRACK_BANK)) return 0;
-    if (!(t->dead_samples >= 0.0 && t->dead_samples <= MRD_TRACK_LINE - 3 && t->dead_part >= 0.0 && t->dead_part <= 1.0))
+    if (!(t->dead_samples >= 0.0 && t->dead_samples <= (int)MRD_TRACK_LINE - 3 && t->dead_part >= 0.0 && t->dead_part <= 1.0))
         return 0;
     if (!(t->preview >= 0.0 && t->fall_back >= 0.0 && t->gain_variance > 0.0 && t->error_variance > 0.0)) return 0;
     const double counts[] = {t->frozen_samples, t->coast_samples, t->hold_samples, t->recover_samples};
     for (size_t k = 0; k < sizeof counts / sizeof *counts; k++)
         if (!(counts[k] >= 0.0 && counts[k] <= 1e9)) return 0;
     if (t->currents < 2 || t->currents > MRD_TRACK_CURRENTS || t->pieces < 1 || !(t->unloaded >= 0.0)) return 0;
-    if (models > 1.0 && (t->currents - 1) % ((int)models - 1) != 0) return 0; /* the bank's currents are the table's */
+    if (models > 1.0 && (MRD_TRACK_BANK - 1) % ((int)models - 1) != 0) return 0;
+    for (int k = 0; k < MRD_TRACK_BANK; k++)
+        if (t->eighth[k] >= t->currents) return 0;
     const mrd_octaves *octaves = &t->loading;
     for (int k = 0; k < TRACK_OCTAVES; k++) {
         const mrd_octaves *o = octaves + k;
@@ -295,13 +298,33 @@ static int place_terms(PyObject *orows, Py_ssize_t levels, mrd_track *track)
     return 1;
 }
 
+/* The currents rise from 0 to the largest, and its eighths are among them, within rounding. */
+static int place_currents(const Py_buffer *view, mrd_track *track)
+{
+    const double *current = view->buf;
+    const int32_t count = (int32_t)count_of(view);
+    if (count != track->currents || count < 2 || current[0] != 0.0 || current[count - 1] != track->largest) return 0;
+    int32_t j = 0;
+    for (int k = 0; k < MRD_TRACK_BANK; k++) {
+        const double wanted = track->largest * k / (MRD_TRACK_BANK - 1);
+        while (j < count - 1 && fabs(current[j] - wanted) > 1e-9 * track->largest) {
+            if (!(current[j + 1] > current[j])) return 0;
+            j++;
+        }
+        if (!(fabs(current[j] - wanted) <= 1e-9 * track->largest)) return 0;
+        track->eighth[k] = (uint8_t)j;
+    }
+    return 1;
+}
+
 static PyObject *tracker_new(PyTypeObject *type, PyObject *args, PyObject *kwargs)
 {
-    PyObject *onumbers, *orows, *ofactor, *ocolumn, *ooctaves;
-    static char *names[] = {"numbers", "rows", "factor", "column", "octaves", NULL};
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOOO", names, &onumbers, &orows, &ofactor, &ocolumn, &ooctaves))
+    PyObject *onumbers, *orows, *ocurrent, *ofactor, *ocolumn, *ooctaves;
+    static char *names[] = {"numbers", "rows", "current", "factor", "column", "octaves", NULL};
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOOOO", names, &onumbers, &orows, &ocurrent, &ofactor, &ocolumn,
+                                     &ooctaves))
         return NULL;
-    Py_buffer view[3 + TRACK_OCTAVES];
+    Py_buffer view[4 + TRACK_OCTAVES];
     int opened = 0;
     TrackerObject *self = NULL;
     mrd_track track;
@@ -312,6 +335,8 @@ static PyObject *tracker_new(PyTypeObject *type, PyObject *args, PyObject *kwarg
     if (!open_doubles(ofactor, view + 1, 0, "factor")) goto done;
     opened++;
     if (!open_doubles(ocolumn, view + 2, 0, "column")) goto done;
+    opened++;
+    if (!open_doubles(ocurrent, view + 3, 0, "current")) goto done;
     opened++;
     if (PySequence_Size(ooctaves) != TRACK_OCTAVES) {
         if (!PyErr_Occurred()) PyErr_Format(PyExc_ValueError, "expected %d functions", TRACK_OCTAVES);
@@ -349,6 +374,10 @@ static PyObject *tracker_new(PyTypeObject *type, PyObject *args, PyObject *kwarg
     }
     track.pieces = (int32_t)view[1].shape[0];
     track.currents = (int32_t)view[2].shape[0];
+    if (!place_currents(view + 3, &track)) {
+        PyErr_SetString(PyExc_ValueError, "current must be [currents], rising from 0 to the largest, its eighths among them");
+        goto done;
+    }
     if (!track_is_sound(&track)) {
         PyErr_SetString(PyExc_ValueError, "a controller's numbers or tables are out of their range");
         goto done;
@@ -369,7 +398,8 @@ static PyObject *tracker_new(PyTypeObject *type, PyObject *args, PyObject *kwarg
         memcpy(to, view[k].buf, (size_t)view[k].len);
         if (k == 1) track.factor = to;
         else if (k == 2) track.column = to;
-        else octaves[k - 3].cell = to;
+        else if (k == 3) track.current = to;
+        else octaves[k - 4].cell = to;
         to += count_of(view + k);
     }
     self->track = track;
@@ -398,7 +428,7 @@ static int read_state(PyObject *object, mrd_track_state *state)
         return 0;
     }
     memcpy(state, bytes, sizeof *state);
-    if (state->at < 0 || state->at >= MRD_TRACK_LINE) {
+    if (state->at < 0 || state->at >= (int)MRD_TRACK_LINE) {
         PyErr_SetString(PyExc_ValueError, "this is not a controller's state");
         return 0;
     }

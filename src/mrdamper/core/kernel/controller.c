@@ -50,11 +50,14 @@ static inline void look(search *q, int32_t current, mrd_real off)
 
 static inline int is_found(const search *q, int32_t last) { return q->cell < last; }
 
-/* The current, in the table's steps from zero. */
-static inline mrd_real found_at(const search *q, int32_t last)
+/* The current between those of the table, or of every `stride`-th eighth. */
+static mrd_real found_at(const mrd_track *c, const search *q, int32_t last, int stride)
 {
-    if (!is_found(q, last)) return (mrd_real)q->nearest;
-    return (mrd_real)q->cell + (q->from != q->to ? q->from / (q->from - q->to) : R(0.0));
+    const int32_t j = is_found(q, last) ? q->cell : q->nearest;
+    const mrd_real low = c->current[stride ? c->eighth[j * stride] : j];
+    if (!is_found(q, last) || !(q->from != q->to)) return low;
+    const mrd_real high = c->current[stride ? c->eighth[(j + 1) * stride] : j + 1];
+    return low + q->from / (q->from - q->to) * (high - low);
 }
 
 /* What the lags will have put through at the preview: with the last command held, and their share of a command
@@ -71,29 +74,26 @@ static mrd_real lagged_ahead(const mrd_track *c, const mrd_track_state *s, mrd_r
     return input + c->second_ahead * (second - input) + (rises ? c->rise_couple_ahead : c->fall_couple_ahead) * gap;
 }
 
-/* The answer of a bank of models at constant currents that have one hysteresis: w of the moment. */
+/* The answer of a bank of models at constant currents that have one hysteresis. */
 static mrd_real shared_answer(const mrd_track *c, const mrd_real *weight, mrd_real off, int *found)
 {
-    const int models = bank_of(c);
-    const int32_t apart = bank_current(c, models, 1) * c->begin[MRD_GROUPS];
-    const mrd_real *here = c->column + (models - 1) * apart;
+    const int models = bank_of(c), stride = bank_stride(models);
+    const uint8_t *current = c->eighth + (MRD_TRACK_BANK - 1);
     search q = search_from(models - 1);
     for (int b = models - 1; b >= 0; b--) {
-        look(&q, b, off + sum_of(weight, here, c->begin[MRD_GROUP_RHO]));
-        here -= apart;
+        look(&q, b, off + sum_of(weight, c->column + *current * c->begin[MRD_GROUPS], c->begin[MRD_GROUP_RHO]));
+        current -= stride;
     }
     *found = is_found(&q, models - 1);
-    return found_at(&q, models - 1) * c->largest / (mrd_real)(models - 1);
+    return found_at(c, &q, models - 1, stride);
 }
 
 /* The answer of a bank of models that have a hysteresis each. */
 static mrd_real bank_answer(const mrd_track *c, const mrd_track_state *s, axis_point warm, const moment *m,
                             const mrd_real *weight, mrd_real off, int *found)
 {
-    const int models = bank_of(c), elements = (int)c->elements;
-    const int32_t apart = bank_current(c, models, 1) * c->begin[MRD_GROUPS];
+    const int models = bank_of(c), stride = bank_stride(models), elements = (int)c->elements;
     const int32_t yield = c->begin[MRD_GROUP_YIELD], second = c->begin[MRD_GROUP_SECOND], end = c->begin[MRD_GROUP_RHO];
-    const mrd_real *here = c->column + (models - 1) * apart;
     const mixture mix = mixture_of(c, m);
     mrd_real w[MRD_TRACK_BANK][2];
     if (c->preview > R(0.0)) {
@@ -109,16 +109,16 @@ static mrd_real bank_answer(const mrd_track *c, const mrd_track_state *s, axis_p
     }
     search q = search_from(models - 1);
     for (int b = models - 1; b >= 0; b--) {
+        const mrd_real *here = c->column + c->eighth[b * stride] * c->begin[MRD_GROUPS];
         mrd_real force = off + sum_of(weight, here, yield) + mix.yield * w[b][0] * sum_of(weight + yield, here + yield, second - yield);
         if (end > second) {
             const mrd_real share = mix.second[0] * w[b][0] + (elements > 1 ? mix.second[1] * w[b][1] : R(0.0));
             force += share * sum_of(weight + second, here + second, end - second);
         }
         look(&q, b, force);
-        here -= apart;
     }
     *found = is_found(&q, models - 1);
-    return found_at(&q, models - 1) * c->largest / (mrd_real)(models - 1);
+    return found_at(c, &q, models - 1, stride);
 }
 
 /* The answer of one model at the applied current, held by the reversal clamp. */
@@ -126,34 +126,35 @@ static mrd_real model_answer(const mrd_track *c, mrd_track_state *s, const momen
                              mrd_real sign, int *found)
 {
     const int clamped = c->margin >= R(0.0) && c->elements > R(0.5);
-    const int32_t last = c->currents - 1, columns = c->begin[MRD_GROUP_RHO], skipped = c->begin[MRD_GROUPS] - columns;
-    const mrd_real step = c->largest / (mrd_real)last, settled[2] = {sign, sign};
+    const int32_t last = c->currents - 1, motion = c->begin[MRD_GROUP_YIELD], end = c->begin[MRD_GROUP_RHO];
+    const mrd_real settled[2] = {sign, sign};
     const mixture mix = mixture_of(c, m);
     mrd_real pair[MRD_TRACK_TERMS][2], now[MRD_ROWS], then[MRD_ROWS];
-    for (int r = 0; r < MRD_ROWS; r++) now[r] = then[r] = R(1.0);
+    now[MRD_ROW_YIELD] = now[MRD_ROW_SECOND] = then[MRD_ROW_YIELD] = then[MRD_ROW_SECOND] = R(1.0);
     mix_in(&mix, m->w, now);
     mix_in(&mix, settled, then);
-    for (int32_t k = 0; k < columns; k++) {
-        pair[k][0] = weight[k] * now[c->row[c->levels + k]];
-        pair[k][1] = weight[k] * then[c->row[c->levels + k]];
+    for (int32_t k = motion; k < end; k++) {
+        pair[k - motion][0] = weight[k] * now[c->row[c->levels + k]];
+        pair[k - motion][1] = weight[k] * then[c->row[c->levels + k]];
     }
-    const mrd_real *here = c->column + c->currents * c->begin[MRD_GROUPS] - 1 - skipped;
+    const mrd_real *here = c->column + last * c->begin[MRD_GROUPS];
     search exact = search_from(last), clamp = search_from(last);
     for (int32_t j = last; j >= 0; j--) {
-        mrd_real one = off, other = off;
-        for (int32_t k = columns - 1; k >= 0; k--) {
-            one += pair[k][0] * *here;
-            other += pair[k][1] * *here;
-            here--;
+        mrd_real one = off + sum_of(weight, here, motion), other = one;
+        const mrd_real *column = here + motion, *by = pair[0];
+        for (int32_t k = end - motion; k > 0; k--) {
+            one += by[0] * *column;
+            other += by[1] * *column++;
+            by += 2;
         }
-        here -= skipped;
+        here -= c->begin[MRD_GROUPS];
         look(&exact, j, one);
         look(&clamp, j, other);
     }
-    mrd_real current = step * found_at(&exact, last);
+    mrd_real current = found_at(c, &exact, last, 0);
     *found = is_found(&exact, last);
     if (clamped) {
-        const mrd_real most = step * found_at(&clamp, last) + c->margin;
+        const mrd_real most = found_at(c, &clamp, last, 0) + c->margin;
         if (current > most) {
             current = most;
             s->flags |= MRD_CLAMPED;
@@ -166,9 +167,9 @@ static mrd_real model_answer(const mrd_track *c, mrd_track_state *s, const momen
 static void carry_on(const mrd_track *c, const mrd_track_state *s, axis_point warm, mrd_real felt, moment *m)
 {
     const stretch way = stretch_of(s->side, s->v, m->v, c->preview);
-    const axis_point at = on_currents(c, felt);
-    for (int e = 0; e < (int)c->elements; e++)
-        m->w[e] = way.side * size_at(c, place_after(c, s->place[0][e], rho_at(c, warm, at, e), &way));
+    mrd_real rho[2];
+    rho_at(c, warm, where_rho_is(c, felt), rho);
+    for (int e = 0; e < (int)c->elements; e++) m->w[e] = way.side * size_at(c, place_after(c, s->place[0][e], rho[e], &way));
 }
 
 /* The model's answer: the command for a wanted force at the preview. */
@@ -271,7 +272,7 @@ MRD_TRACK_API mrd_real mrd_track_step(const mrd_track *c, mrd_track_state *s, co
     if (!known) current = c->fall_back;
     const mrd_real given = limited(current, R(0.0), c->largest);
     if (given != current) s->flags |= MRD_SATURATED;
-    s->at = (s->at + 1) % MRD_TRACK_LINE;
+    s->at = (int32_t)(((uint32_t)s->at + 1u) % MRD_TRACK_LINE);
     s->line[s->at] = given;
     s->command = given;
     return given;

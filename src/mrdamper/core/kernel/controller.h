@@ -30,8 +30,8 @@ typedef uint64_t mrd_pattern;
 
 #define MRD_TRACK_CURRENTS 65 /* most currents of a table */
 #define MRD_TRACK_TERMS 48    /* most terms */
-#define MRD_TRACK_BANK 9      /* most models of a bank */
-#define MRD_TRACK_LINE 128    /* commands under way between controller and coil, at most */
+#define MRD_TRACK_BANK 9      /* most models of a bank; one, or those at all, every second ... eighth of the largest */
+#define MRD_TRACK_LINE 128u   /* commands under way between controller and coil, at most; a power of two */
 #define MRD_TRACK_GAINS 3     /* yield, viscous and friction force, each with a gain that may be learnt */
 
 /* A function of a size u >= 0: cubics on cells that double in width with every octave of u + offset. */
@@ -118,11 +118,13 @@ typedef struct {
 #define X(name) mrd_real name;
     MRD_TRACK_NUMBERS(X)
 #undef X
-    int32_t currents;               /* of the columns, evenly from 0 to the largest */
+    int32_t currents;               /* of the columns */
     int32_t pieces;                 /* of the temperature axis, evenly from the coldest to the warmest */
     int32_t levels;                 /* how many there are; they are the first terms */
     int32_t begin[MRD_GROUPS + 1];  /* first column of each group, and how many there are */
     uint8_t row[MRD_TRACK_TERMS];   /* of each term: levels, then columns, in the rows' order */
+    uint8_t eighth[MRD_TRACK_BANK]; /* which of the currents the eighths of the largest are */
+    const mrd_real *current;        /* [currents], rising from 0 to the largest, closer where the force bends */
     const mrd_real *factor;         /* [pieces][levels + columns][3], a parabola in the place 0 to 1 in the piece */
     const mrd_real *column;         /* [currents][columns] */
     mrd_octaves loading, unloading; /* size of w on the universal curve over travel from w = 0 */

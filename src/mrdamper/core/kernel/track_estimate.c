@@ -93,11 +93,12 @@ static void follow_temperature(const mrd_track *c, mrd_track_state *s, mrd_real 
 }
 
 /* The command that reached the lags `ago` periods before the newest one did not; negative: is still to come. */
-static inline mrd_real past_dead_time(const mrd_track *c, const mrd_track_state *s, int32_t ago)
+static mrd_real past_dead_time(const mrd_track *c, const mrd_track_state *s, int32_t ago)
 {
     const int32_t n = (int32_t)c->dead_samples + ago;
-    const mrd_real older = s->line[(s->at + 2 * MRD_TRACK_LINE - n - 1) % MRD_TRACK_LINE];
-    const mrd_real newer = n < 0 ? s->command : s->line[(s->at + 2 * MRD_TRACK_LINE - n) % MRD_TRACK_LINE];
+    const uint32_t place = (uint32_t)(s->at - n);
+    const mrd_real older = s->line[(place - 1u) % MRD_TRACK_LINE];
+    const mrd_real newer = n < 0 ? s->command : s->line[place % MRD_TRACK_LINE];
     return newer + c->dead_part * (older - newer);
 }
 
@@ -139,7 +140,7 @@ typedef struct {
     mrd_real side;   /* its way after the stretch */
 } stretch;
 
-static inline stretch stretch_of(mrd_real side, mrd_real v0, mrd_real v1, mrd_real h)
+static stretch stretch_of(mrd_real side, mrd_real v0, mrd_real v1, mrd_real h)
 {
     mrd_real first = R(0.5) * h * (v0 + v1), then = R(0.0);
     if ((v0 < R(0.0) && v1 > R(0.0)) || (v0 > R(0.0) && v1 < R(0.0))) {
@@ -171,42 +172,44 @@ static inline int bank_of(const mrd_track *c) { return c->bank > R(1.5) ? (int)c
 /* How many of its models have a hysteresis of their own. */
 static inline int states_of(const mrd_track *c) { return c->shared > R(0.5) ? 1 : bank_of(c); }
 
-/* The table's current of a bank's model. */
-static inline int32_t bank_current(const mrd_track *c, int models, int model)
-{
-    return (c->currents - 1) / (models - 1) * model;
-}
+/* Eighths of the largest current between one model of a bank and the next. */
+static inline int bank_stride(int models) { return (MRD_TRACK_BANK - 1) / (models - 1); }
 
 /* Inverse yield displacement of an element in each of several models. */
 static void rho_of_models(const mrd_track *c, axis_point warm, int element, int models, mrd_real *rho)
 {
     const int32_t columns = c->begin[MRD_GROUPS], first = c->begin[MRD_GROUP_RHO + element];
-    const int32_t apart = columns * bank_current(c, models, 1);
+    const int stride = bank_stride(models);
     const mrd_real *p = parabolas_at(c, warm) + 3 * (c->levels + first);
+    for (int b = 0; b < models; b++) rho[b] = R(0.0);
     for (int32_t k = first; k < c->begin[MRD_GROUP_RHO + element + 1]; k++) {
-        const mrd_real factor = parabola(p, warm.share), *here = c->column + k;
-        for (int b = 0; b < models; b++) {
-            rho[b] = (k > first ? rho[b] : R(0.0)) + factor * *here;
-            here += apart;
-        }
+        const mrd_real factor = parabola(p, warm.share);
+        for (int b = 0; b < models; b++) rho[b] += factor * c->column[c->eighth[b * stride] * columns + k];
         p += 3;
     }
+}
+
+static inline axis_point where_rho_is(const mrd_track *c, mrd_real current)
+{
+    const axis_point anywhere = {0, R(0.0)};
+    return c->shared > R(0.5) ? anywhere : on_currents(c, current);
 }
 
 /* Hysteresis of every model through the period that ends now, velocity having been v0 at its begin. */
 static void follow_hysteresis(const mrd_track *c, mrd_track_state *s, axis_point warm, mrd_real v0, mrd_real applied)
 {
-    const int models = states_of(c);
+    const int models = states_of(c), elements = (int)c->elements;
     const stretch way = stretch_of(s->side, v0, s->v, c->period);
+    mrd_real rho[MRD_TRACK_BANK];
     s->side = way.side;
-    for (int e = 0; e < (int)c->elements; e++) {
-        if (models > 1) {
-            mrd_real rho[MRD_TRACK_BANK];
+    if (models > 1) {
+        for (int e = 0; e < elements; e++) {
             rho_of_models(c, warm, e, models, rho);
             for (int b = 0; b < models; b++) s->place[b][e] = place_after(c, s->place[b][e], rho[b], &way);
-        } else {
-            s->place[0][e] = place_after(c, s->place[0][e], rho_at(c, warm, on_currents(c, applied), e), &way);
         }
+    } else {
+        rho_at(c, warm, where_rho_is(c, applied), rho);
+        for (int e = 0; e < elements; e++) s->place[0][e] = place_after(c, s->place[0][e], rho[e], &way);
     }
 }
 

@@ -57,33 +57,39 @@ static mrd_real after_turn(const mrd_track *c, mrd_real u)
     return left > -u ? octaves_at(&c->from_unloading, -u) : -octaves_at(&c->from_unloaded, magnitude(left));
 }
 
-/* A point on an even axis: the entry below, and the share of the way to the next. */
+/* A point on an axis: the entry below, and the share of the way to the next. */
 typedef struct {
     int32_t index;
     mrd_real share;
 } axis_point;
 
-/* `count` is of the stretches between entries. */
-static inline axis_point on_axis(mrd_real u, mrd_real low, mrd_real high, int32_t count)
+static axis_point on_currents(const mrd_track *c, mrd_real u)
 {
-    axis_point at = {0, R(0.0)};
-    if (high > low) {
-        const mrd_real scaled = limited((u - low) / (high - low), R(0.0), R(1.0)) * (mrd_real)count;
-        at.index = (int32_t)scaled;
-        if (at.index > count - 1) at.index = count - 1;
-        at.share = scaled - (mrd_real)at.index;
+    const mrd_real *low = c->current;
+    uint32_t count = (uint32_t)c->currents - 1u; /* of the cells that are still in question, from low on */
+    while (count > 1u) {
+        const uint32_t half = count >> 1;
+        if (u >= low[half]) {
+            low += half;
+            count -= half;
+        } else {
+            count = half;
+        }
     }
+    const axis_point at = {(int32_t)(low - c->current), limited((u - low[0]) / (low[1] - low[0]), R(0.0), R(1.0))};
     return at;
-}
-
-static inline axis_point on_currents(const mrd_track *c, mrd_real current)
-{
-    return on_axis(current, R(0.0), c->largest, c->currents - 1);
 }
 
 static inline axis_point warmth(const mrd_track *c, mrd_real kelvin)
 {
-    return on_axis(kelvin, c->coldest, c->warmest, c->pieces);
+    axis_point at = {0, R(0.0)};
+    if (c->warmest > c->coldest) {
+        const mrd_real place = (limited(kelvin, c->coldest, c->warmest) - c->coldest) / (c->warmest - c->coldest) * (mrd_real)c->pieces;
+        at.index = (int32_t)place;
+        if (at.index > c->pieces - 1) at.index = c->pieces - 1;
+        at.share = place - (mrd_real)at.index;
+    }
+    return at;
 }
 
 /* Parabolas of all terms in the piece of a temperature. */
@@ -94,15 +100,20 @@ static inline const mrd_real *parabolas_at(const mrd_track *c, axis_point warm)
 
 static inline mrd_real parabola(const mrd_real *p, mrd_real share) { return p[0] + share * (p[1] + share * p[2]); }
 
-/* Inverse yield displacement of an element. */
-static mrd_real rho_at(const mrd_track *c, axis_point warm, axis_point at, int element)
+/* Inverse yield displacements of the elements. */
+static void rho_at(const mrd_track *c, axis_point warm, axis_point at, mrd_real *rho)
 {
     const int32_t columns = c->begin[MRD_GROUPS];
-    const mrd_real *here = c->column + at.index * columns, *p = parabolas_at(c, warm) + 3 * c->levels;
-    mrd_real rho = R(0.0);
-    for (int32_t k = c->begin[MRD_GROUP_RHO + element]; k < c->begin[MRD_GROUP_RHO + element + 1]; k++)
-        rho += parabola(p + 3 * k, warm.share) * (here[k] + at.share * (here[columns + k] - here[k]));
-    return rho;
+    int32_t k = c->begin[MRD_GROUP_RHO];
+    const mrd_real *here = c->column + at.index * columns + k, *p = parabolas_at(c, warm) + 3 * (c->levels + k);
+    for (int e = 0; e < 2; e++) {
+        rho[e] = R(0.0);
+        for (; k < c->begin[MRD_GROUP_RHO + e + 1]; k++) {
+            rho[e] += parabola(p, warm.share) * (here[0] + at.share * (here[columns] - here[0]));
+            here++;
+            p += 3;
+        }
+    }
 }
 
 /* Motion and hysteresis of one moment. */
