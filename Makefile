@@ -1,4 +1,4 @@
-# What a fresh machine needs: Python 3.11 or newer, make and a C compiler. The rest comes from requirements.lock.
+# What a fresh machine needs: Python 3.11 or newer, make and a C compiler. The rest comes from requirements*.lock.
 #
 #   make demo        the main job on an embedded default, into build/demo
 #   make test        the tests, but for those that take minutes
@@ -40,6 +40,11 @@ $(VENV)/.locked: requirements.lock $(VENV)/.made
 	@$(RUN) -m pip install --quiet --require-hashes -r requirements.lock
 	@touch $@
 
+$(VENV)/.tested $(VENV)/.benched: $(VENV)/.%ed: requirements-%.lock $(VENV)/.locked
+	@echo "installing from requirements-$*.lock"
+	@$(RUN) -m pip install --quiet --require-hashes -r requirements-$*.lock
+	@touch $@
+
 $(VENV)/.built: $(COMPILED) $(VENV)/.locked
 	@for each in "$(CC)" cc gcc clang; do command -v "$$each" >/dev/null 2>&1 && exit 0; done; \
 	  echo "mrdamper needs a C compiler (cc, gcc or clang; or set CC), and none was found" >&2; exit 1
@@ -55,27 +60,31 @@ install: $(VENV)/.built
 demo: install
 	$(BIN)/mrdamper demo --out build/demo
 
-test: install
+test: install $(VENV)/.tested
 	$(RUN) -m pytest $(PYTEST_ARGS)
 
-check-long: install
+check-long: install $(VENV)/.tested
 	$(RUN) -m pytest $(PYTEST_ARGS) -m long
 
-bench: install
+bench: install $(VENV)/.benched
 	$(RUN) -m bench
 
-check: install
+check: install $(VENV)/.tested
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-# Names, versions and hashes: no address, so that whatever registry or mirror a machine has will do.
+# Names, versions and hashes: no address, so that whatever registry or mirror a machine has will do. What the
+# demo needs comes first; tests and benchmarks add to it, and keep its versions.
+COMPILE = $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --fork-strategy fewest --generate-hashes \
+  --no-emit-index-url --no-emit-find-links --no-annotate --custom-compile-command "make lock" $(LOCK_ARGS) pyproject.toml
+
 lock: $(VENV)/.made
 	$(RUN) -m pip install --quiet uv
-	$(BIN)/uv pip compile --quiet --universal --python-version 3.11 --fork-strategy fewest --generate-hashes \
-	  --no-emit-index-url --no-emit-find-links --no-annotate --custom-compile-command "make lock" \
-	  --extra all --extra test --group build --output-file requirements.lock $(LOCK_ARGS) pyproject.toml
+	$(COMPILE) --extra all --group build --output-file requirements.lock
+	$(COMPILE) --extra all --extra test --constraint requirements.lock --output-file requirements-test.lock
+	$(COMPILE) --extra all --extra bench --constraint requirements.lock --output-file requirements-bench.lock
 
 wheel: $(VENV)/.made
 	$(RUN) -m pip wheel --no-deps --wheel-dir dist .

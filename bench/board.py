@@ -1,14 +1,17 @@
 """A controller's C, built for this machine or a bare Cortex-M under QEMU, and stepped through given readings.
 
 QEMU counts instructions (``-icount``): the figures repeat exactly, and they are not cycles. Code and readings
-are those of a target without a system: own start-up, own linker script, no library but memory copies. What is
-compiled are the kernel's own files; only the tables are generated (``c_tables``).
+are those of a target without a system: own start-up, own linker script, no library but memory copies.
+
+What is compiled are the kernel's own files and the generated tables (``c_tables``) as one file, as an export
+is: the compiler then sees that the numbers are constant, and leaves out what they switch off.
 """
 
 from __future__ import annotations
 
 import subprocess
 import tempfile
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,9 +19,10 @@ import numpy as np
 
 from mrdamper import core
 from mrdamper.control.controllers import ForceController
+from mrdamper.export.track_struct import Nested, Pointer, Table, Value, track_members
 from mrdamper.quantities import FloatArray
 
-__all__ = ["BOARDS", "CLEAN", "Board", "Replay", "c_tables", "on_board", "on_host", "sizes", "stack_usage"]
+__all__ = ["BOARDS", "CLEAN", "Board", "Replay", "Sizes", "c_tables", "on_board", "on_host", "sizes"]
 
 KERNEL = Path(core.__file__).parent / "kernel"
 SOURCES = Path(__file__).parent / "bare_metal"
@@ -28,11 +32,6 @@ CLEAN = (
 """Warnings under which the kernel and its tables compile without one."""
 
 _TICKS_PER_INSTRUCTION = 1024.0 / 40.0  # 2^10 ns an instruction, a timer of 25 MHz
-_OCTAVES = (
-    "loading", "unloading", "from_loading", "from_unloading", "from_unloaded", "viscous", "sliding",
-    "breakaway", "built_up",
-)  # fmt: skip
-
 
 @dataclass(frozen=True, slots=True)
 class Board:
@@ -62,35 +61,44 @@ class Replay:
 
 
 def c_tables(controller: ForceController, *, single: bool = True) -> str:
-    """Return C that defines the constant ``track``: a controller's numbers and tables.
-
-    The one place to change when the export room writes them.
-    """
-    kind = np.float32 if single else np.float64
-    suffix = "f" if single else ""
+    """Return C that defines the constant ``track``: a controller's numbers and tables."""
+    kind, suffix = (np.float32, "f") if single else (np.float64, "")
+    arrays: list[str] = []
 
     def number(value: float) -> str:
         return f"{float(kind(value)).hex()}{suffix}"
 
-    def array(name: str, values: FloatArray) -> str:
-        body = ", ".join(number(value) for value in np.ravel(values))
-        return f"static const mrd_real {name}[{values.size}] = {{{body}}};\n"
+    def text(name: str, value: Value) -> str:
+        if isinstance(value, Table):
+            numbers = ", ".join(number(each) for each in np.ravel(value.values))
+            arrays.append(f"static const mrd_real {name}[] = {{{numbers}}};\n")
+            return name
+        if isinstance(value, Nested):
+            return struct(f"{name}_", value.members)
+        if isinstance(value, Pointer):
+            if value.members is None:
+                return "NULL"
+            arrays.append(f"static const {value.kind} {name} = {struct(f'{name}_', value.members)};\n")
+            return f"&{name}"
+        if isinstance(value, tuple):
+            return f"{{{', '.join(map(str, value))}}}"
+        return str(value) if isinstance(value, int) else number(value)
 
-    tables = controller.tables
-    out = ['#include "controller.h"\n\nextern const mrd_track track;\n']
-    out += [array("currents", tables.currents), array("factors", tables.factor), array("columns", tables.column)]
-    out += [array(f"{name}_cells", o.cell) for name, o in zip(_OCTAVES, tables.octaves, strict=True)]
-    fields = [f".{name} = {number(value)}" for name, value in controller.numbers.items()]
-    fields += [f".currents = {len(tables.currents)}", f".pieces = {len(tables.factor)}"]
-    fields += [f".levels = {tables.levels}", ".current = currents", ".factor = factors", ".column = columns"]
-    fields.append(f".eighth = {{{', '.join(map(str, tables.eighths))}}}")
-    fields.append(f".row = {{{', '.join(map(str, tables.rows))}}}")
-    fields.append(f".begin = {{{', '.join(map(str, tables.begin))}}}")
-    for name, o in zip(_OCTAVES, tables.octaves, strict=True):
-        head = f"{number(o.offset)}, {number(o.top)}, {o.bits}, {len(o.cell)}"
-        fields.append(f".{name} = {{{head}, {name}_cells}}")
-    out.append("const mrd_track track = {\n    " + ",\n    ".join(fields) + "};\n")
-    return "\n".join(out)
+    def struct(prefix: str, members: Mapping[str, Value]) -> str:
+        lines = (f".{name} = {text(prefix + name, value)}" for name, value in members.items())
+        return "{\n    " + ",\n    ".join(lines) + "}"
+
+    whole = struct("of_", track_members(controller))
+    return "\n".join(['#include "controller.h"\n', *arrays, f"static const mrd_track track = {whole};\n"])
+
+
+@dataclass(frozen=True, slots=True)
+class Sizes:
+    """What a controller takes of a target's memory [bytes]."""
+
+    code: int
+    tables: int
+    stack: int  # of the function that takes most; its callees are not counted
 
 
 def on_board(
@@ -129,30 +137,21 @@ def on_host(
     return _read(said, len(rows))
 
 
-def sizes(controller: ForceController, board: Board, *, flags: tuple[str, ...] = ("-O2",)) -> dict[str, int]:
-    """Return bytes of code (with its constants) and of tables on a board."""
+def sizes(controller: ForceController, board: Board, *, flags: tuple[str, ...] = ("-O2",)) -> Sizes:
+    """Return bytes of code and tables on a board, and of the deepest stack of one function."""
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
         _write(controller, np.empty((0, 5)), place, single=True)
-        found = {}
-        for name, source in (("code", KERNEL / "controller.c"), ("tables", place / "tables.c")):
-            compile_one = ("arm-none-eabi-gcc", *board.flags, *flags, "-std=c99", "-DMRD_SINGLE", "-c")
-            _run(*compile_one, f"-I{KERNEL}", str(source), "-o", str(place / f"{name}.o"))
-            words = _run("arm-none-eabi-size", str(place / f"{name}.o")).splitlines()[1].split()
-            found[name] = int(words[0]) + int(words[1])
-    return found
-
-
-def stack_usage(board: Board, *, flags: tuple[str, ...] = ("-O2",)) -> dict[str, int]:
-    """Return bytes of stack of each function that the compiler left, its callees not counted."""
-    with tempfile.TemporaryDirectory() as folder:
-        out = Path(folder) / "controller.o"
+        out = place / "one.o"
         _run(
-            "arm-none-eabi-gcc", *board.flags, *flags, "-std=c99", "-DMRD_SINGLE", "-fstack-usage", "-c",
-            str(KERNEL / "controller.c"), "-o", str(out),
+            "arm-none-eabi-gcc", *board.flags, *flags, "-std=c99", "-DMRD_SINGLE", "-fstack-usage", f"-I{KERNEL}",
+            f"-I{place}", "-c", str(SOURCES / "one.c"), "-o", str(out),
         )  # fmt: skip
-        lines = out.with_suffix(".su").read_text(encoding="utf-8").splitlines()
-    return {line.split()[0].rpartition(":")[2]: int(line.split()[1]) for line in lines}
+        symbols = [line.split() for line in _run("arm-none-eabi-nm", "-S", str(out)).splitlines()]
+        held = [(kind.lower(), int(size, 16)) for _, size, kind, _ in (s for s in symbols if len(s) == 4)]
+        stacks = [int(line.split()[1]) for line in out.with_suffix(".su").read_text().splitlines()]
+    code, tables = (sum(size for kind, size in held if kind == wanted) for wanted in "tr")
+    return Sizes(code, tables, max(stacks))
 
 
 def _write(controller: ForceController, rows: FloatArray, place: Path, *, single: bool) -> None:
@@ -162,10 +161,10 @@ def _write(controller: ForceController, rows: FloatArray, place: Path, *, single
 
 def _compile(command: tuple[str, ...], place: Path, steps: int, machine: str, *, single: bool) -> None:
     number = ("-DMRD_SINGLE",) if single else ()
-    files = [SOURCES / machine, SOURCES / "replay.c", SOURCES / "rows.S", KERNEL / "controller.c"]
+    files = [SOURCES / name for name in (machine, "replay.c", "rows.S", "one.c")]
     _run(
         *command, "-std=c99", "-ffp-contract=off", *number, f"-DSTEPS={steps}", f"-I{KERNEL}",
-        f"-Wa,-I{place}", *map(str, files), str(place / "tables.c"), "-o", str(place / "replay"),
+        f"-I{place}", f"-Wa,-I{place}", *map(str, files), "-o", str(place / "replay"),
     )  # fmt: skip
 
 

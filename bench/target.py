@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.signal import lfilter
 
-from bench.board import BOARDS, on_board, on_host, sizes, stack_usage
+from bench.board import BOARDS, on_board, on_host, sizes
 from bench.measure import Row
 from mrdamper.control.controllers import ForceController, controllers_for
 from mrdamper.models.damper import Damper
@@ -100,11 +100,9 @@ def run() -> list[Row]:
                 ns_per_sample=None,
                 ratio=m4.most / m4.mean,
                 accuracy=f"{m4.least:.0f} to {m4.most:.0f}, mean {m4.mean:.0f}; M7 {m7.mean:.0f}; "
-                f"code {held['code']}, tables {held['tables']}, stack {m4.stack_bytes} bytes; "
+                f"code {held.code}, tables {held.tables}, stack {m4.stack_bytes} bytes; "
                 f"bits {'the same' if same else 'DIFFER'} on x86-64, M4F, M7",
                 bar=f"{bar}, worst at most 1.25 x the mean; 8 kB of code, 16 kB of tables",
             )
         )
-    deepest = max(stack_usage(BOARDS["M4F"]).items(), key=lambda item: item[1])
-    rows.append(Row(f"stack of one function: {deepest[0]}", accuracy=f"{deepest[1]} bytes"))
     return rows

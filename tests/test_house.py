@@ -92,24 +92,38 @@ def normalised(name: str) -> str:
     return re.sub(r"[-_.]+", "-", name).lower()
 
 
-def lock_entries() -> dict[str, str]:
-    """Return the lock's entries: distribution -> its whole entry, continuation lines joined."""
-    joined = re.sub(r"\\\n", " ", text_of(ROOT / "requirements.lock"))
+LOCKS = ("requirements.lock", "requirements-test.lock", "requirements-bench.lock")
+
+
+def lock_entries(name: str) -> dict[str, str]:
+    """Return a lock's entries: distribution -> its whole entry, continuation lines joined."""
+    joined = re.sub(r"\\\n", " ", text_of(ROOT / name))
     entries = [line for line in joined.splitlines() if line.strip() and not line.lstrip().startswith("#")]
     return {normalised(re.split(r"[=\s]", entry, maxsplit=1)[0]): entry for entry in entries}
 
 
-def test_every_lock_entry_is_one_version_with_its_hashes():
+@pytest.mark.parametrize("lock", LOCKS)
+def test_every_lock_entry_is_one_version_with_its_hashes(lock: str):
     entry_shape = re.compile(r"[\w.-]+==[\w.]+( ; [^#]+?)?(\s+--hash=sha256:[0-9a-f]{64})+\s*")
-    assert [entry for entry in lock_entries().values() if not entry_shape.fullmatch(entry)] == []
+    assert [entry for entry in lock_entries(lock).values() if not entry_shape.fullmatch(entry)] == []
 
 
-def test_the_lock_names_no_address_and_no_option():
-    text = text_of(ROOT / "requirements.lock")
+@pytest.mark.parametrize("lock", LOCKS)
+def test_a_lock_names_no_address_and_no_option(lock: str):
+    text = text_of(ROOT / lock)
     assert re.findall(r"\w+://|^\s*-(?!-hash=)\S+|@ *file", text, re.MULTILINE) == []
 
 
-def test_the_lock_covers_every_requirement_of_the_project():
+def test_the_locks_of_tests_and_benchmarks_keep_the_versions_of_the_first():
+    first = lock_entries("requirements.lock")
+    for lock in LOCKS[1:]:
+        other = lock_entries(lock)
+        assert {name: other[name] for name in first.keys() & other.keys()} == {
+            name: first[name] for name in first.keys() & other.keys()
+        }
+
+
+def test_the_locks_cover_every_requirement_of_the_project():
     with (ROOT / "pyproject.toml").open("rb") as file:
         project = tomllib.load(file)
     extras = project["project"]["optional-dependencies"]
@@ -120,7 +134,7 @@ def test_the_lock_covers_every_requirement_of_the_project():
         *project["build-system"]["requires"],
     ]
     names = {normalised(re.split(r"[\[<>=!~; ]", requirement, maxsplit=1)[0]) for requirement in wanted}
-    assert names - {"mrdamper"} - lock_entries().keys() == set()
+    assert names - {"mrdamper"} - {name for lock in LOCKS for name in lock_entries(lock)} == set()
 
 
 # --------------------------------------------------------------------------------------------- rooms

@@ -5,9 +5,8 @@
  * 0 and the largest.
  */
 #include "board.h"
-#include "controller.h"
+#include "one.h"
 
-extern const mrd_track track;
 extern const mrd_real rows[STEPS][5];
 
 static mrd_track_state state;
@@ -41,11 +40,11 @@ int replay(void)
         const uint32_t begin = board_ticks(), spent = (board_ticks() - begin) & 0xFFFFFFu;
         if (spent < idle) idle = spent;
     }
-    mrd_track_start(&track, &state);
+    one_start(&state);
     for (uint32_t k = 0; k < STEPS; k++) {
         const mrd_told told = {rows[k][0], rows[k][1], rows[k][2], rows[k][3], rows[k][4]};
         const uint32_t begin = board_ticks();
-        const mrd_real current = mrd_track_step(&track, &state, &told);
+        const mrd_real current = one_step(&state, &told);
         const uint32_t spent = ((board_ticks() - begin) & 0xFFFFFFu) - idle;
         total += spent;
         if (spent < shortest) shortest = spent;
@@ -53,7 +52,7 @@ int replay(void)
             longest = spent;
             which = k;
         }
-        if (!(current >= (mrd_real)0.0 && current <= track.largest)) bad++;
+        if (!(current >= (mrd_real)0.0 && current <= one_largest())) bad++;
         hash = hashed(hash, &current, sizeof current);
         hash = hashed(hash, &state.flags, sizeof state.flags);
     }

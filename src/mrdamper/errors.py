@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 __all__ = [
+    "CheckError",
     "ConvergenceError",
     "EnvelopeError",
     "EnvelopeWarning",
@@ -49,3 +50,9 @@ class ConvergenceError(MrdamperError):
     """A fit or solve that did not reach its tolerance; the message says how far it came."""
 
     exit_code: ClassVar[int] = 4
+
+
+class CheckError(MrdamperError):
+    """Something was made and did not pass its own check; the message says by how much."""
+
+    exit_code: ClassVar[int] = 5

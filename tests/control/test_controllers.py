@@ -32,6 +32,7 @@ PERIOD = 1e-3
 ROOM = 293.15
 ALL = controllers_for(DOUBLE)
 RECOMMENDED = ALL["recommended"]
+SINGLE = {name: replace(made, single=True) for name, made in ALL.items()}
 MOTION = MOTIONS["nonperiodic"]
 
 anything = st.floats(allow_nan=True, allow_infinity=True)
@@ -181,9 +182,21 @@ def test_the_state_is_handed_back_and_one_by_one_is_all_at_once(name):
 
 
 def test_a_controller_survives_pickling_and_gives_the_same_bits():
-    again = pickle.loads(pickle.dumps(RECOMMENDED))
     rows = told(RECOMMENDED, 0.5)
-    assert again.run(again.start(), rows)[0] == RECOMMENDED.run(RECOMMENDED.start(), rows)[0]
+    for made in (RECOMMENDED, SINGLE["recommended"]):
+        again = pickle.loads(pickle.dumps(made))
+        assert again.run(again.start(), rows)[0] == made.run(made.start(), rows)[0]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_in_single_precision_every_controller_gives_the_same_command(name):
+    """Within 2 mA over 5 s, with the lead's gain of 5 within 10; a switch may come a sample later."""
+    rows = told(ALL[name], 5.0)
+    rows[:, 4] = 0.8 * rows[:, 0]
+    one, other = (made.run(made.start(), rows)[1] for made in (ALL[name], SINGLE[name]))
+    off = np.abs(one - other)
+    assert np.quantile(off, 0.999) < (10e-3 if name == "lead" else 2e-3)
+    assert (other == other.astype(np.float32)).all()
 
 
 def test_every_instruction_set_gives_the_same_bits():
@@ -211,12 +224,44 @@ def test_bytes_that_are_no_state_are_refused():
     name=st.sampled_from(NAMES),
     rows=st.lists(st.tuples(forces, forces, readings, temperatures, forces), min_size=1, max_size=40),
     repeats=st.integers(1, 60),
+    single=st.booleans(),
 )
-def test_whatever_it_is_told_the_command_is_within_its_ends(name, rows, repeats):
-    made = ALL[name]
-    _, current, flags = made.run(made.start(), np.repeat(np.array(rows), repeats, axis=0))
+def test_whatever_it_is_told_the_command_is_within_its_ends(name, rows, repeats, single):
+    """And what can be told from a reading alone is said, in both precisions."""
+    made = SINGLE[name] if single else ALL[name]
+    told_rows = np.repeat(np.array(rows), repeats, axis=0)
+    state, current, flags = made.run(made.start(), told_rows)
     assert ((current >= 0.0) & (current <= 2.0)).all()
-    assert (flags >= 0.0).all()
+    number: dict[str, float] = dict(made.numbers)
+    if single:  # a target's readings are rounded, and its limits
+        with np.errstate(over="ignore"):
+            told_rows = told_rows.astype(np.float32).astype(np.float64)
+            number = {key: float(np.float32(value)) for key, value in number.items()}
+    now, x, kelvin = told_rows[:, 0], told_rows[:, 2], told_rows[:, 3]
+    wrong = {
+        Flag.NO_TARGET: ~(np.abs(now) <= 1e7),
+        Flag.NO_DISPLACEMENT: ~(np.abs(x) <= number["far_x"]),
+        Flag.NO_TEMPERATURE: ~((kelvin >= number["cold_limit"]) & (kelvin <= number["hot_limit"])),
+    }
+    for flag, expected in wrong.items():
+        if flag is Flag.NO_TEMPERATURE and name == "paper-unaware":
+            continue  # it has one temperature whatever is read
+        np.testing.assert_array_equal((flags & flag) != 0, expected)
+    believed = made.believes(state)
+    assert np.isfinite([believed.displacement, believed.velocity, believed.temperature]).all()
+
+
+def test_a_bank_of_controllers_stepped_in_turn_is_each_of_them_alone():
+    """Two precisions, two names: what one does the other does not feel."""
+    made = [ALL["recommended"], SINGLE["recommended"], ALL["paper"], SINGLE["pi"]]
+    rows = [told(c, 0.3, amplitude=300.0 * (k + 1)) for k, c in enumerate(made)]
+    alone = [c.run(c.start(), r)[1] for c, r in zip(made, rows, strict=True)]
+    states = [c.start() for c in made]
+    for i in range(len(rows[0])):
+        for k, c in enumerate(made):
+            now, ahead, x, kelvin, force = rows[k][i]
+            states[k], current = c.step(states[k], Wanted(now, ahead), Seen(x, kelvin, force))
+            assert current == alone[k][i]
 
 
 @settings(max_examples=30, deadline=None)

@@ -1,9 +1,13 @@
-"""The controller's files on their own, as a target gets them: in single precision, without a library."""
+"""The controller's files on their own, as a target gets them: in single precision, without a library.
+
+Compiled here with flags of their own, they give the bits of the extension's single precision.
+"""
 
 from __future__ import annotations
 
 import ctypes
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +15,7 @@ import pytest
 
 from mrdamper import core
 from mrdamper.control.controllers import controllers_for
+from mrdamper.control.realtime import realtime_model
 from mrdamper.excitation import MOTIONS
 from tests.control.dampers import DOUBLE
 
@@ -45,6 +50,30 @@ class Told(ctypes.Structure):
     _fields_ = [(name, REAL) for name in ("now", "ahead", "displacement", "temperature", "force")]
 
 
+class Driven(ctypes.Structure):
+    _fields_ = [(name, REAL) for name in ("displacement", "velocity", "current", "temperature")]
+
+
+def track_of(numbers, tables, kept):
+    """Return the kernel's struct; ``kept`` keeps its arrays alive."""
+
+    def pointer(values):
+        kept.append(np.ascontiguousarray(values, dtype=np.float32))
+        return kept[-1].ctypes.data_as(POINTER)
+
+    track = Track(**numbers)
+    track.currents, track.pieces = len(tables.currents), len(tables.factor)
+    track.levels, track.begin = tables.levels, tables.begin
+    track.row[: len(tables.rows)] = tables.rows
+    track.eighth, track.current = tables.eighths, pointer(tables.currents)
+    track.factor, track.column = pointer(tables.factor), pointer(tables.column)
+    for curve, table in zip(CURVES, tables.octaves, strict=True):
+        setattr(
+            track, curve, Octaves(table.offset, table.top, table.bits, len(table.cell), pointer(table.cell))
+        )
+    return track
+
+
 @pytest.fixture(scope="module")
 def library(tool, tmp_path_factory):
     out = tmp_path_factory.mktemp("single") / "controller.so"
@@ -76,22 +105,8 @@ def test_in_single_precision_the_command_is_the_same_within_a_milliampere(librar
     made = controllers_for(DOUBLE)[name]
     c = ctypes.CDLL(str(library))
     c.mrd_track_step.restype = REAL
-    kept = []
-
-    def pointer(values):
-        kept.append(np.ascontiguousarray(values, dtype=np.float32))
-        return kept[-1].ctypes.data_as(POINTER)
-
-    track = Track(**made.numbers)
-    track.currents, track.pieces = len(made.tables.currents), len(made.tables.factor)
-    track.levels, track.begin = made.tables.levels, made.tables.begin
-    track.row[: len(made.tables.rows)] = made.tables.rows
-    track.eighth, track.current = made.tables.eighths, pointer(made.tables.currents)
-    track.factor, track.column = pointer(made.tables.factor), pointer(made.tables.column)
-    for curve, table in zip(CURVES, made.tables.octaves, strict=True):
-        setattr(
-            track, curve, Octaves(table.offset, table.top, table.bits, len(table.cell), pointer(table.cell))
-        )
+    kept: list[np.ndarray] = []
+    track = track_of(made.numbers, made.tables, kept)
     state = (ctypes.c_double * 1000)()
     c.mrd_track_start(ctypes.byref(track), state)
     t = made.period_s * np.arange(3000)
@@ -105,3 +120,22 @@ def test_in_single_precision_the_command_is_the_same_within_a_milliampere(librar
     _, double, _ = made.run(made.start(), rows)
     assert np.abs(np.array(single) - double).max() < 1e-3
     assert double.max() > 0.5
+    same = replace(made, single=True)
+    np.testing.assert_array_equal(single, same.run(same.start(), rows)[1])
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_the_model_s_force_has_the_bits_of_the_extension_s(library, told):
+    made = realtime_model(DOUBLE, single=True)
+    c = ctypes.CDLL(str(library))
+    c.mrd_model_step.restype = REAL
+    kept: list[np.ndarray] = []
+    track = track_of(made.numbers, made.tables, kept)
+    state = (ctypes.c_double * 1000)()
+    c.mrd_track_start(ctypes.byref(track), state)
+    t = made.period_s * np.arange(3000)
+    motion, rows = MOTIONS["nonperiodic"], np.empty((len(t), 4))
+    rows[:, 0], rows[:, 1] = motion.displacement(t), motion.velocity(t) if told else np.nan
+    rows[:, 2], rows[:, 3] = 1.0 - np.cos(2.0 * t), 300.0 + 5.0 * t
+    force = [c.mrd_model_step(ctypes.byref(track), state, ctypes.byref(Driven(*row))) for row in rows]
+    np.testing.assert_array_equal(force, made.run(made.start(), rows)[1])

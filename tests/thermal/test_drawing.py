@@ -11,7 +11,7 @@ import pytest
 from mrdamper.errors import InputError
 from mrdamper.models.fluid import find_fluid
 from mrdamper.thermal.drawing import DamperDrawing, filling_of, read_drawing, read_sink
-from mrdamper.thermal.drawing_file import _KEYS
+from mrdamper.thermal.drawing_file import _KEYS, text_of
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.materials import MATERIALS, find_material
 
@@ -38,6 +38,10 @@ def test_the_example_is_read_into_metres_and_kelvin():
     # the parts fill the body's length: two caps, two chambers, the piston
     inside = 2.0 * (drawing.body.cap + drawing.chamber_length) + drawing.piston.length
     assert inside == pytest.approx(drawing.body.length)
+
+
+def test_the_preset_and_the_example_are_the_same_text():
+    assert text_of("paper") == TEXT
 
 
 def test_the_example_s_sink_is_the_paper_s():

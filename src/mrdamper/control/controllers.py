@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 
 from mrdamper import core
 from mrdamper.control import tuning
+from mrdamper.control.heating import Heating
 from mrdamper.control.protocol import Seen, Wanted
 from mrdamper.control.tables import DamperTables, tabulate
 from mrdamper.errors import InputError
@@ -34,13 +35,23 @@ from mrdamper.models.card import ModelCard
 from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.quantities import FloatArray
 
-__all__ = ["NAMES", "Belief", "Flag", "ForceController", "Safety", "controllers_for"]
+__all__ = [
+    "FAULTS",
+    "NAMES",
+    "Belief",
+    "Flag",
+    "ForceController",
+    "Safety",
+    "belief_of",
+    "controllers_for",
+    "native_of",
+]
 
 _ROOM_K = 293.15
 
 
 class Flag(IntFlag):
-    """What a step had to say about its readings and its answer; the first seven are faults."""
+    """What a step had to say about its readings and its answer; ``FAULTS`` are those of readings."""
 
     NO_DISPLACEMENT = 1  # not a number, or far outside
     FROZEN = 2  # the displacement stands still though the damper moved
@@ -54,10 +65,14 @@ class Flag(IntFlag):
     OUTSIDE_TEMPERATURE = 512  # outside the model's: its edge is held
     INFEASIBLE = 1024  # no current gives the wanted force
     CLAMPED = 2048  # the reversal clamp holds
-    SATURATED = 4096  # the command is at one of its ends
+    SATURATED = 4096  # the command is at one of its ends, or a model's current beyond them
+    NO_CURRENT = 8192  # a model's: not a number, or far outside; the last good one is used, then none
+    FROZEN_TEMPERATURE = 16384  # it stands still though the damper warms: carried on by the energy put in
+    NO_VELOCITY = 32768  # a model's: beyond what can be; estimated from the displacement instead
 
 
-FAULTS = Flag(127)
+FAULTS = Flag(127) | Flag.NO_CURRENT | Flag.FROZEN_TEMPERATURE | Flag.NO_VELOCITY
+"""The flags that say that a reading was not believed."""
 
 
 _READ_FORCE = ("clipped-on-off", "pi", "feed-forward-pi", "recommended-observer", "recommended-adaptive")
@@ -125,6 +140,34 @@ class Belief:
         return self.yield_force + self.viscous_force + self.friction_force + self.other_force
 
 
+def native_of(numbers: Mapping[str, float], tables: DamperTables, *, single: bool) -> core.Tracker:
+    """Return the kernel's part of a controller or model."""
+    return core.Tracker(
+        np.array(list(numbers.values())),
+        bytes(tables.rows),
+        tables.currents,
+        tables.factor,
+        tables.column,
+        [(o.offset, o.top, o.bits, o.cell) for o in tables.octaves],
+        single=single,
+    )
+
+
+def belief_of(native: core.Tracker, state: bytes) -> Belief:
+    """Return what is held to be true in a state."""
+    read = native.read(state)
+    return Belief(
+        *read["motion"],
+        read["command"],
+        read["applied"],
+        read["temperature"],
+        *read["parts"],
+        read["gains"],
+        read["disturbance"],
+        Flag(read["flags"]),
+    )
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class ForceController:
     """A controller: ``step(state, wanted, seen)`` gives the next state, which is bytes, and the command.
@@ -137,26 +180,20 @@ class ForceController:
     tables: DamperTables
     needs_force: bool = False
     known_ahead: bool = True  # whether it is told the target ahead of time
+    single: bool = False  # the arithmetic, tables and state of a target without double precision
     _native: core.Tracker = field(init=False, repr=False)
     _step: Callable[..., tuple[bytes, float]] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         numbers = MappingProxyType({name: float(self.numbers[name]) for name in core.TRACK_NUMBERS})
         object.__setattr__(self, "numbers", numbers)
-        native = core.Tracker(
-            np.array(list(numbers.values())),
-            self.tables.rows,
-            self.tables.currents,
-            self.tables.factor,
-            self.tables.column,
-            [(o.offset, o.top, o.bits, o.cell) for o in self.tables.octaves],
-        )
+        native = native_of(numbers, self.tables, single=self.single)
         object.__setattr__(self, "_native", native)
         object.__setattr__(self, "_step", native.step)
 
     def __reduce__(self) -> tuple[type[ForceController], tuple[object, ...]]:
         """Pickle through the constructor: the kernel's part cannot be pickled."""
-        parts = (self.name, dict(self.numbers), self.tables, self.needs_force, self.known_ahead)
+        parts = (self.name, dict(self.numbers), self.tables, self.needs_force, self.known_ahead, self.single)
         return ForceController, parts
 
     @property
@@ -200,17 +237,7 @@ class ForceController:
 
     def believes(self, state: bytes) -> Belief:
         """Return what the controller holds to be true in a state."""
-        read = self._native.read(state)
-        return Belief(
-            *read["motion"],
-            read["command"],
-            read["applied"],
-            read["temperature"],
-            *read["parts"],
-            read["gains"],
-            read["disturbance"],
-            Flag(read["flags"]),
-        )
+        return belief_of(self._native, state)
 
     def flags(self, state: bytes) -> Flag:
         """Return the flags of the last step."""
@@ -256,6 +283,7 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
     extra_delay_s: float = 0.0,
     preview_s: float | None = None,
     safety: Safety | None = None,
+    heating: Heating | None = None,
     speed_m_s: float = 1.0,
 ) -> dict[str, ForceController]:
     """Return every controller that a card or damper can be given, by name.
@@ -272,6 +300,7 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
     extra_delay_s : dead time of sensing, computing and driving beside the card's [s]
     preview_s : instead of the rule's [s]
     safety : when readings are not believed; None: the usual
+    heating : what tells a frozen thermometer; None: the paper's damper; ``NO_HEATING``: it is not looked for
     speed_m_s : speed up to which the tables reach [m/s]
 
     Raises
@@ -308,6 +337,7 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
         noise=displacement_noise_m,
         density=jerk_density,
         safety=safety or Safety(),
+        heating=(heating or Heating.paper()).numbers(damper.command_unit),
         envelope=envelope,
         model_error=_model_error(card, tables),
     )
@@ -363,6 +393,7 @@ def _numbers(  # noqa: PLR0913 - one place where all numbers of the kernel's tab
     noise: float,
     density: float,
     safety: Safety,
+    heating: Mapping[str, float],
     envelope: OperatingEnvelope | None,
     model_error: float,
 ) -> dict[str, float]:
@@ -434,6 +465,9 @@ def _numbers(  # noqa: PLR0913 - one place where all numbers of the kernel's tab
         "recover_samples": float(max(1, round(safety.recover_s / period))),
         "nominal": 0.5 * (low + high) if safety.nominal_K is None else safety.nominal_K,
         "held_temperature": 0.0,
+        "far_v": 100.0 if envelope is None else safety.stroke_times * v,
+        **heating,
+        "reckon": 1.0,
         "unloaded": tables.unloaded,
         "shared": float(tables.shared),
     }

@@ -10,7 +10,6 @@ is asked for.
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -21,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mrdamper.errors import InputError
+from mrdamper.files import read_toml
 from mrdamper.excitation import Motion, motion_from_text
 from mrdamper.models.dependence import did_you_mean
 from mrdamper.quantities import FloatArray
@@ -225,14 +225,7 @@ class Scenario:
 
 def read_scenario(path: str | Path) -> Scenario:
     """Return the scenario in a TOML file."""
-    file = Path(path)
-    try:
-        with file.open("rb") as stream:
-            given = tomllib.load(stream)
-    except OSError as error:
-        raise InputError(f"{file}: cannot read the scenario ({error.strerror})") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{file}: not a TOML file: {error}") from error
+    file, given = Path(path), read_toml(path, "scenario")
     return Scenario.from_mapping({"name": file.stem, **given}, file.name)
 
 

@@ -27,6 +27,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mrdamper.control.loop import SLOWEST_HZ
 from mrdamper.errors import InputError
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper
@@ -127,8 +128,8 @@ def check_sampling(actuation: Actuation, period_s: float) -> None:
     if period_s > slowest:
         raise InputError(
             f"controller: the period is {1e3 * period_s:g} ms, and the force follows a command within "
-            f"{1e3 * slowest:.3g} ms (95 %); expected a shorter period. Sample at {1.0 / slowest:.0f} Hz or "
-            "faster"
+            f"{1e3 * slowest:.3g} ms (95 %); expected a shorter period. Sample at "
+            f"{math.ceil(max(1.0 / slowest, SLOWEST_HZ))} Hz or faster"
         )
     samples = actuation.delay_s // period_s
     if samples > _LINE - 3:

@@ -35,17 +35,19 @@ class Belief(TypedDict):
     gains: tuple[float, float, float]
     disturbance: float
     parts: tuple[float, float, float, float]
+    warmed: float
     flags: int
 
 class Tracker:
     def __new__(
         cls,
         numbers: FloatArray,
-        rows: Sequence[int],
+        rows: bytes,
         current: FloatArray,
         factor: FloatArray,
         column: FloatArray,
         octaves: Sequence[tuple[float, float, int, FloatArray]],
+        single: bool = False,
     ) -> Tracker: ...
     def start(self) -> bytes: ...
     def step(
@@ -59,6 +61,16 @@ class Tracker:
         /,
     ) -> tuple[bytes, float]: ...
     def run(self, state: bytes, told: FloatArray, current: FloatArray, flags: FloatArray, /) -> bytes: ...
+    def model(
+        self,
+        state: bytes,
+        displacement: float | None,
+        velocity: float | None,
+        current: float | None,
+        temperature: float | None,
+        /,
+    ) -> tuple[bytes, float]: ...
+    def simulate(self, state: bytes, told: FloatArray, force: FloatArray, flags: FloatArray, /) -> bytes: ...
     def read(self, state: bytes, /) -> Belief: ...
 
 def run(

@@ -40,6 +40,7 @@ __all__ = [
     "Json",
     "ModelCard",
     "Simulate",
+    "card_text",
     "card_to_json",
     "cut_excerpt",
     "is_finite",
@@ -223,11 +224,16 @@ def write_card(card: ModelCard, path: str | Path) -> None:
     target = Path(path)
     beside = target.with_name(f".{target.name}.{os.getpid()}.part")
     try:
-        beside.write_text(_layout(card_to_json(card)) + "\n", encoding="utf-8", newline="\n")
+        beside.write_text(card_text(card), encoding="utf-8", newline="\n")
         beside.replace(target)
     except OSError as fault:
         beside.unlink(missing_ok=True)
         raise InputError(f"{target}: cannot write: {fault.strerror}; choose another folder") from fault
+
+
+def card_text(card: ModelCard) -> str:
+    """Return what ``write_card`` writes."""
+    return _layout(card_to_json(card)) + "\n"
 
 
 def card_to_json(card: ModelCard) -> Document:

@@ -205,7 +205,7 @@ class DamperDrawing:
 
 
 def read_drawing(path: str | Path) -> DamperDrawing:
-    """Return the drawing in a TOML file.
+    """Return the drawing in a TOML file, or the preset ``paper``.
 
     Raises
     ------

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import tomllib
+from importlib import resources
 from pathlib import Path
 from typing import Any, Literal, cast, get_args
 
@@ -27,7 +28,10 @@ from mrdamper.thermal.drawing import (
 from mrdamper.thermal.heatsink import FinLaw, HeatSink
 from mrdamper.thermal.materials import Material, find_material
 
-__all__ = ["drawing_of", "sink_of", "text_of"]
+__all__ = ["DRAWINGS", "drawing_of", "sink_of", "text_of"]
+
+DRAWINGS = ("paper",)
+"""Drawings by name."""
 
 Kind = Literal["mm", "number", "text", "whole", "yes", "degC"]
 
@@ -72,12 +76,18 @@ Document = dict[str, Any]
 
 
 def text_of(path: str | Path) -> str:
-    """Return the text of a drawing's file; one that cannot be read is an ``InputError``."""
+    """Return the text of a drawing's file, or of a preset by its name; an ``InputError`` if it cannot be read."""
+    if str(path) in DRAWINGS:
+        found = resources.files("mrdamper.thermal").joinpath("drawings", f"{path}.toml")
+        return found.read_text(encoding="utf-8")
     try:
         return Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as fault:
         said = getattr(fault, "strerror", None) or "not UTF-8 text"
-        raise InputError(f"drawing {str(path)!r}: the file cannot be read ({said})") from fault
+        raise InputError(
+            f"drawing {str(path)!r}: the file cannot be read ({said}); expected a drawing (TOML), or one of "
+            f"the presets: {', '.join(DRAWINGS)}"
+        ) from fault
 
 
 def drawing_of(text: str, place: str) -> DamperDrawing:

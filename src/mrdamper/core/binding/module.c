@@ -8,10 +8,10 @@
 #include <Python.h>
 
 #include <stdlib.h>
-#include <math.h>
 #include <string.h>
 
 #include "../kernel/kernel.h"
+#include "tracker.h"
 
 /* CPython's slot tables hold functions as void pointers, which ISO C has no conversion for; every platform that
  * runs CPython has. */
@@ -223,12 +223,14 @@ static PyType_Spec workspace_spec = {"mrdamper.core._kernel.Workspace", (int)siz
 
 /* ---- Tracker: a controller with its tables; its state is handed out and in as bytes ---------------------- */
 
-#define TRACK_OCTAVES 9
+#define TRACK(name) kernel->track_##name
+#define TRACK_MODEL kernel->model_step
+#include "tracker_face.c"
 
 typedef struct {
     PyObject_HEAD
-    mrd_track track;
-    double *store;
+    const tracker_face *face; /* of its precision */
+    void *track, *store;
 } TrackerObject;
 
 static PyObject *track_names(void)
@@ -245,99 +247,25 @@ static PyObject *track_names(void)
     return out;
 }
 
-/* Everything that the step relies on without looking: shapes, and numbers that become indices. */
-static int track_is_sound(const mrd_track *t)
-{
-    const double models = t->bank < 1.5 ? 1.0 : t->bank;
-    if (!(t->period > 0.0 && t->largest > 0.0 && t->coldest > 0.0 && t->warmest >= t->coldest)) return 0;
-    if (!(t->elements >= 0.0 && t->elements <= 2.0 && models <= MRD_TRACK_BANK)) return 0;
-    if (!(t->dead_samples >= 0.0 && t->dead_samples <= (int)MRD_TRACK_LINE - 3 && t->dead_part >= 0.0 && t->dead_part <= 1.0))
-        return 0;
-    if (!(t->preview >= 0.0 && t->fall_back >= 0.0 && t->gain_variance > 0.0 && t->error_variance > 0.0)) return 0;
-    const double counts[] = {t->frozen_samples, t->coast_samples, t->hold_samples, t->recover_samples};
-    for (size_t k = 0; k < sizeof counts / sizeof *counts; k++)
-        if (!(counts[k] >= 0.0 && counts[k] <= 1e9)) return 0;
-    if (t->currents < 2 || t->currents > MRD_TRACK_CURRENTS || t->pieces < 1 || !(t->unloaded >= 0.0)) return 0;
-    if (models > 1.0 && (MRD_TRACK_BANK - 1) % ((int)models - 1) != 0) return 0;
-    for (int k = 0; k < MRD_TRACK_BANK; k++)
-        if (t->eighth[k] >= t->currents) return 0;
-    const mrd_octaves *octaves = &t->loading;
-    for (int k = 0; k < TRACK_OCTAVES; k++) {
-        const mrd_octaves *o = octaves + k;
-        if (!(o->offset > 0.0 && o->bits >= 0 && o->bits <= 10 && o->cells > 0)) return 0;
-        /* the last cell that can be read is the last there is */
-        double end = o->offset;
-        int32_t cells = 0;
-        while (cells < o->cells && cells < (1 << 20)) {
-            cells += 1 << o->bits;
-            end *= 2.0;
-        }
-        if (cells != o->cells || !(o->top >= o->offset && o->top < end)) return 0;
-    }
-    return 1;
-}
-
-/* The rows of the terms, levels first, then the columns in order: where each group of columns begins. */
-static int place_terms(PyObject *orows, Py_ssize_t levels, mrd_track *track)
-{
-    static const long first[MRD_GROUPS] = {0, MRD_ROW_YIELD, MRD_ROW_SECOND, MRD_ROW_RHO, MRD_ROW_SECOND_RHO};
-    const Py_ssize_t terms = PySequence_Size(orows);
-    if (terms < 0 || terms > MRD_TRACK_TERMS || levels < 0 || levels > terms) return 0;
-    long before = 0;
-    for (Py_ssize_t k = 0; k < terms; k++) {
-        PyObject *item = PySequence_GetItem(orows, k);
-        const long row = item ? PyLong_AsLong(item) : -1;
-        Py_XDECREF(item);
-        /* the yield forces and rho have columns even where the current does not move them */
-        if (row < 0 || row >= (k < levels ? MRD_ROW_YIELD : MRD_TABLE_ROWS) || (k > levels && row < before)) return 0;
-        track->row[k] = (uint8_t)row;
-        for (int g = 0; k >= levels && g < MRD_GROUPS; g++) track->begin[g + 1] += row < (g + 1 < MRD_GROUPS ? first[g + 1] : MRD_TABLE_ROWS);
-        before = row;
-    }
-    track->levels = (int32_t)levels;
-    return 1;
-}
-
-/* The currents rise from 0 to the largest, and its eighths are among them, within rounding. */
-static int place_currents(const Py_buffer *view, mrd_track *track)
-{
-    const double *current = view->buf;
-    const int32_t count = (int32_t)count_of(view);
-    if (count != track->currents || count < 2 || current[0] != 0.0 || current[count - 1] != track->largest) return 0;
-    int32_t j = 0;
-    for (int k = 0; k < MRD_TRACK_BANK; k++) {
-        const double wanted = track->largest * k / (MRD_TRACK_BANK - 1);
-        while (j < count - 1 && fabs(current[j] - wanted) > 1e-9 * track->largest) {
-            if (!(current[j + 1] > current[j])) return 0;
-            j++;
-        }
-        if (!(fabs(current[j] - wanted) <= 1e-9 * track->largest)) return 0;
-        track->eighth[k] = (uint8_t)j;
-    }
-    return 1;
-}
+#define X(name) +1
+enum { TRACK_NUMBER_COUNT = 0 MRD_TRACK_NUMBERS(X) };
+#undef X
 
 static PyObject *tracker_new(PyTypeObject *type, PyObject *args, PyObject *kwargs)
 {
     PyObject *onumbers, *orows, *ocurrent, *ofactor, *ocolumn, *ooctaves;
-    static char *names[] = {"numbers", "rows", "current", "factor", "column", "octaves", NULL};
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOOOO", names, &onumbers, &orows, &ocurrent, &ofactor, &ocolumn,
-                                     &ooctaves))
+    int single = 0;
+    static char *names[] = {"numbers", "rows", "current", "factor", "column", "octaves", "single", NULL};
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OSOOOO|p", names, &onumbers, &orows, &ocurrent, &ofactor, &ocolumn,
+                                     &ooctaves, &single))
         return NULL;
-    Py_buffer view[4 + TRACK_OCTAVES];
-    int opened = 0;
+    Py_buffer view[1 + TRACK_TABLES]; /* numbers, then the tables */
+    int opened = 0, sound = 0;
     TrackerObject *self = NULL;
-    mrd_track track;
-    memset(&track, 0, sizeof track);
-    mrd_octaves *octaves = &track.loading;
-    if (!open_doubles(onumbers, view, 0, "numbers")) return NULL;
-    opened++;
-    if (!open_doubles(ofactor, view + 1, 0, "factor")) goto done;
-    opened++;
-    if (!open_doubles(ocolumn, view + 2, 0, "column")) goto done;
-    opened++;
-    if (!open_doubles(ocurrent, view + 3, 0, "current")) goto done;
-    opened++;
+    tracker_parts parts;
+    PyObject *const arrays[] = {onumbers, ocurrent, ofactor, ocolumn};
+    for (; opened < 4; opened++)
+        if (!open_doubles(arrays[opened], view + opened, 0, names[opened ? opened + 1 : 0])) goto done;
     if (PySequence_Size(ooctaves) != TRACK_OCTAVES) {
         if (!PyErr_Occurred()) PyErr_Format(PyExc_ValueError, "expected %d functions", TRACK_OCTAVES);
         goto done;
@@ -345,64 +273,47 @@ static PyObject *tracker_new(PyTypeObject *type, PyObject *args, PyObject *kwarg
     for (int k = 0; k < TRACK_OCTAVES; k++) {
         PyObject *item = PySequence_GetItem(ooctaves, k), *ocell;
         int bits;
-        const int fine = item && PyArg_ParseTuple(item, "ddiO", &octaves[k].offset, &octaves[k].top, &bits, &ocell)
+        const int fine = item && PyArg_ParseTuple(item, "ddiO", &parts.offset[k], &parts.top[k], &bits, &ocell)
                       && open_doubles(ocell, view + opened, 0, "cells");
         Py_XDECREF(item); /* the caller's sequence keeps it alive */
         if (!fine) goto done;
-        octaves[k].bits = bits;
-        octaves[k].cells = (int32_t)(count_of(view + opened) / 4);
+        parts.bits[k] = bits;
         opened++;
     }
-    double *number[] = {
-#define X(name) &track.name,
-        MRD_TRACK_NUMBERS(X)
-#undef X
-    };
-    const size_t count = sizeof number / sizeof *number;
-    if (count_of(view) != count) {
-        PyErr_Format(PyExc_ValueError, "expected %zu numbers, got %zu", count, count_of(view));
+    if (count_of(view) != TRACK_NUMBER_COUNT) {
+        PyErr_Format(PyExc_ValueError, "expected %d numbers, got %zu", (int)TRACK_NUMBER_COUNT, count_of(view));
         goto done;
     }
-    for (size_t k = 0; k < count; k++) *number[k] = ((const double *)view[0].buf)[k];
-    if (view[1].ndim != 3 || view[1].shape[2] != 3 || view[2].ndim != 2 || view[1].shape[0] > 10000
-        || view[2].shape[0] > MRD_TRACK_CURRENTS || view[1].shape[1] != PySequence_Size(orows)
-        || !place_terms(orows, view[1].shape[1] - view[2].shape[1], &track)) {
-        if (!PyErr_Occurred())
-            PyErr_SetString(PyExc_ValueError, "factor must be [pieces][terms][3], column [currents][columns], and rows the "
-                                              "terms' rows, levels first");
+    parts.row = (const uint8_t *)PyBytes_AsString(orows);
+    if (view[2].ndim != 3 || view[2].shape[2] != 3 || view[3].ndim != 2 || view[2].shape[0] > 10000
+        || view[2].shape[1] > MRD_TRACK_TERMS || view[2].shape[1] != PyBytes_Size(orows) || view[3].shape[0] > MRD_TRACK_CURRENTS
+        || view[3].shape[1] > view[2].shape[1] || count_of(view + 1) != (size_t)view[3].shape[0]) {
+        PyErr_SetString(PyExc_ValueError, "factor must be [pieces][terms][3], column [currents][columns], current "
+                                          "[currents], and rows the terms' rows, levels first");
         goto done;
     }
-    track.pieces = (int32_t)view[1].shape[0];
-    track.currents = (int32_t)view[2].shape[0];
-    if (!place_currents(view + 3, &track)) {
-        PyErr_SetString(PyExc_ValueError, "current must be [currents], rising from 0 to the largest, its eighths among them");
-        goto done;
-    }
-    if (!track_is_sound(&track)) {
-        PyErr_SetString(PyExc_ValueError, "a controller's numbers or tables are out of their range");
-        goto done;
+    parts.numbers = view[0].buf;
+    parts.pieces = (int32_t)view[2].shape[0];
+    parts.terms = (int32_t)view[2].shape[1];
+    parts.currents = (int32_t)view[3].shape[0];
+    parts.columns = (int32_t)view[3].shape[1];
+    size_t total = 0;
+    for (int k = 0; k < TRACK_TABLES; k++) {
+        parts.table[k] = view[1 + k].buf;
+        parts.length[k] = count_of(view + 1 + k);
+        total += parts.length[k];
     }
     allocfunc alloc = (allocfunc)PyType_GetSlot(type, Py_tp_alloc);
     self = (TrackerObject *)alloc(type, 0);
     if (!self) goto done;
-    size_t total = 0;
-    for (int k = 1; k < opened; k++) total += count_of(view + k);
-    self->store = malloc(total * sizeof(double));
-    if (!self->store) {
-        Py_CLEAR(self);
-        PyErr_NoMemory();
-        goto done;
-    }
-    double *to = self->store;
-    for (int k = 1; k < opened; k++) {
-        memcpy(to, view[k].buf, (size_t)view[k].len);
-        if (k == 1) track.factor = to;
-        else if (k == 2) track.column = to;
-        else if (k == 3) track.current = to;
-        else octaves[k - 4].cell = to;
-        to += count_of(view + k);
-    }
-    self->track = track;
+    self->face = single ? mrd_tracker_single() : &face;
+    self->track = malloc(self->face->track_size);
+    self->store = malloc(total * self->face->real_size);
+    if (!self->track || !self->store) PyErr_NoMemory();
+    else if (!self->face->load(self->track, self->store, &parts))
+        PyErr_SetString(PyExc_ValueError, "a controller's numbers or tables are out of their range");
+    else sound = 1;
+    if (!sound) Py_CLEAR(self);
 done:
     for (int k = 0; k < opened; k++) PyBuffer_Release(view + k);
     return (PyObject *)self;
@@ -411,28 +322,36 @@ done:
 static void tracker_dealloc(PyObject *object)
 {
     PyTypeObject *type = Py_TYPE(object);
+    free(((TrackerObject *)object)->track);
     free(((TrackerObject *)object)->store);
     freefunc release = (freefunc)PyType_GetSlot(type, Py_tp_free);
     release(object);
     Py_DECREF(type);
 }
 
-/* The bytes of a state, copied. The indices inside are checked: bytes may come from anywhere. */
-static int read_state(PyObject *object, mrd_track_state *state)
+/* Room for a state of either precision. */
+typedef union {
+    mrd_track_state state;
+    unsigned char bytes[sizeof(mrd_track_state)];
+} state_room;
+
+/* The bytes of a state, copied; one of the other precision has another size. */
+static int read_state(const tracker_face *with, PyObject *object, state_room *state)
 {
     char *bytes;
     Py_ssize_t size;
     if (PyBytes_AsStringAndSize(object, &bytes, &size) < 0) return 0;
-    if (size != (Py_ssize_t)sizeof *state) {
-        PyErr_SetString(PyExc_ValueError, "this is not a controller's state");
-        return 0;
+    if (size == (Py_ssize_t)with->state_size && with->state_size <= sizeof *state) {
+        memcpy(state, bytes, (size_t)size);
+        if (with->is_sound(state)) return 1;
     }
-    memcpy(state, bytes, sizeof *state);
-    if (state->at < 0 || state->at >= (int)MRD_TRACK_LINE) {
-        PyErr_SetString(PyExc_ValueError, "this is not a controller's state");
-        return 0;
-    }
-    return 1;
+    PyErr_SetString(PyExc_ValueError, "this is not a controller's state");
+    return 0;
+}
+
+static PyObject *state_bytes(const tracker_face *with, const state_room *state)
+{
+    return PyBytes_FromStringAndSize((const char *)state, (Py_ssize_t)with->state_size);
 }
 
 /* A number, or None for one that is not known. */
@@ -442,28 +361,27 @@ static int read_number(PyObject *object, double *value)
     return !(*value == -1.0 && PyErr_Occurred());
 }
 
-static PyObject *tracker_start(PyObject *self, PyObject *unused)
+static PyObject *tracker_start(PyObject *object, PyObject *unused)
 {
     (void)unused;
-    mrd_track_state state;
-    kernel->track_start(&((TrackerObject *)self)->track, &state);
-    return PyBytes_FromStringAndSize((const char *)&state, sizeof state);
+    const TrackerObject *self = (TrackerObject *)object;
+    state_room state;
+    self->face->start(self->track, &state);
+    return state_bytes(self->face, &state);
 }
 
-static PyObject *tracker_step(PyObject *self, PyObject *const *args, Py_ssize_t count)
+typedef double (*tracker_move)(const void *track, void *state, const double *told);
+
+/* One step from a state and `count` readings: the next state and what the step gives. */
+static PyObject *one_step(const TrackerObject *self, tracker_move move, PyObject *const *args, int count)
 {
-    mrd_track_state state;
-    mrd_told told;
-    if (count != 6) {
-        PyErr_SetString(PyExc_TypeError, "step(state, now, ahead, displacement, temperature, force)");
-        return NULL;
-    }
-    if (!read_state(args[0], &state) || !read_number(args[1], &told.now) || !read_number(args[2], &told.ahead)
-        || !read_number(args[3], &told.displacement) || !read_number(args[4], &told.temperature)
-        || !read_number(args[5], &told.force))
-        return NULL;
-    const double current = kernel->track_step(&((TrackerObject *)self)->track, &state, &told);
-    PyObject *next = PyBytes_FromStringAndSize((const char *)&state, sizeof state), *given = PyFloat_FromDouble(current);
+    state_room state;
+    double told[5];
+    if (!read_state(self->face, args[0], &state)) return NULL;
+    for (int k = 0; k < count; k++)
+        if (!read_number(args[1 + k], told + k)) return NULL;
+    const double answer = move(self->track, &state, told);
+    PyObject *next = state_bytes(self->face, &state), *given = PyFloat_FromDouble(answer);
     PyObject *out = next && given ? PyTuple_New(2) : NULL;
     if (!out) {
         Py_XDECREF(next);
@@ -475,52 +393,77 @@ static PyObject *tracker_step(PyObject *self, PyObject *const *args, Py_ssize_t 
     return out;
 }
 
-/* Many steps at once: rows of (now, ahead, displacement, temperature, force) in, currents and flags out. */
-static PyObject *tracker_run(PyObject *self, PyObject *args)
+/* Many steps at once: rows of `count` readings in, what the steps give and their flags out. */
+static PyObject *many_steps(const TrackerObject *self, tracker_move move, PyObject *args, size_t count)
 {
-    PyObject *ostate, *otold, *ocurrent, *oflags;
-    if (!PyArg_ParseTuple(args, "OOOO", &ostate, &otold, &ocurrent, &oflags)) return NULL;
-    mrd_track_state state;
-    if (!read_state(ostate, &state)) return NULL;
-    Py_buffer told, current, flags;
+    PyObject *ostate, *otold, *ogiven, *oflags;
+    if (!PyArg_ParseTuple(args, "OOOO", &ostate, &otold, &ogiven, &oflags)) return NULL;
+    const tracker_face *with = self->face;
+    state_room state;
+    if (!read_state(with, ostate, &state)) return NULL;
+    Py_buffer told, given, flags;
     if (!open_doubles(otold, &told, 0, "told")) return NULL;
     PyObject *out = NULL;
-    if (open_doubles(ocurrent, &current, 1, "current")) {
+    if (open_doubles(ogiven, &given, 1, "what is given")) {
         if (open_doubles(oflags, &flags, 1, "flags")) {
-            const size_t n = count_of(&current);
-            if (count_of(&told) != 5 * n || count_of(&flags) != n) {
-                PyErr_SetString(PyExc_ValueError, "told must be [n][5], current and flags [n]");
+            const size_t n = count_of(&given);
+            if (count_of(&told) != count * n || count_of(&flags) != n) {
+                PyErr_Format(PyExc_ValueError, "told must be [n][%zu], what is given and flags [n]", count);
             } else {
-                const mrd_track *track = &((TrackerObject *)self)->track;
                 const double *row = told.buf;
-                double *to = current.buf, *raised = flags.buf;
+                double *to = given.buf, *raised = flags.buf;
                 Py_BEGIN_ALLOW_THREADS
-                for (size_t k = 0; k < n; k++, row += 5) {
-                    const mrd_told at = {row[0], row[1], row[2], row[3], row[4]};
-                    to[k] = kernel->track_step(track, &state, &at);
-                    raised[k] = state.flags;
+                for (size_t k = 0; k < n; k++, row += count) {
+                    to[k] = move(self->track, &state, row);
+                    raised[k] = with->flags(&state);
                 }
                 Py_END_ALLOW_THREADS
-                out = PyBytes_FromStringAndSize((const char *)&state, sizeof state);
+                out = state_bytes(with, &state);
             }
             PyBuffer_Release(&flags);
         }
-        PyBuffer_Release(&current);
+        PyBuffer_Release(&given);
     }
     PyBuffer_Release(&told);
     return out;
 }
 
-static PyObject *tracker_read(PyObject *self, PyObject *ostate)
+static PyObject *tracker_step(PyObject *object, PyObject *const *args, Py_ssize_t count)
 {
-    mrd_track_state s;
-    if (!read_state(ostate, &s)) return NULL;
-    double parts[4];
-    kernel->track_parts(&((TrackerObject *)self)->track, &s, parts);
-    return Py_BuildValue("{s:(ddd),s:d,s:d,s:d,s:(ddd),s:d,s:(dddd),s:i}", "motion", s.x, s.v, s.a, "applied", s.applied,
-                         "command", s.command, "temperature", s.temperature, "gains", s.gain[0], s.gain[1], s.gain[2],
-                         "disturbance", s.disturbance, "parts", parts[0], parts[1], parts[2], parts[3], "flags",
-                         (int)s.flags);
+    const TrackerObject *self = (TrackerObject *)object;
+    if (count == 6) return one_step(self, self->face->step, args, 5);
+    PyErr_SetString(PyExc_TypeError, "step(state, now, ahead, displacement, temperature, force)");
+    return NULL;
+}
+
+static PyObject *tracker_model(PyObject *object, PyObject *const *args, Py_ssize_t count)
+{
+    const TrackerObject *self = (TrackerObject *)object;
+    if (count == 5) return one_step(self, self->face->model, args, 4);
+    PyErr_SetString(PyExc_TypeError, "model(state, displacement, velocity, current, temperature)");
+    return NULL;
+}
+
+static PyObject *tracker_run(PyObject *self, PyObject *args)
+{
+    return many_steps((TrackerObject *)self, ((TrackerObject *)self)->face->step, args, 5);
+}
+
+static PyObject *tracker_simulate(PyObject *self, PyObject *args)
+{
+    return many_steps((TrackerObject *)self, ((TrackerObject *)self)->face->model, args, 4);
+}
+
+static PyObject *tracker_read(PyObject *object, PyObject *ostate)
+{
+    const TrackerObject *self = (TrackerObject *)object;
+    state_room state;
+    double v[TRACK_READ];
+    if (!read_state(self->face, ostate, &state)) return NULL;
+    self->face->read(self->track, &state, v);
+    return Py_BuildValue("{s:(ddd),s:d,s:d,s:d,s:(ddd),s:d,s:(dddd),s:d,s:i}", "motion", v[0], v[1], v[2], "applied", v[3],
+                         "command", v[4], "temperature", v[5], "gains", v[6], v[7], v[8], "disturbance", v[9], "parts",
+                         v[10], v[11], v[12], v[13], "warmed", v[14], "flags", (int)self->face->flags(&state));
 }
 
 static PyMethodDef tracker_methods[] = {
@@ -528,6 +471,10 @@ static PyMethodDef tracker_methods[] = {
     {"step", (PyCFunction)(void (*)(void))tracker_step, METH_FASTCALL,
      "step(state, now, ahead, displacement, temperature, force): the next state and the command."},
     {"run", tracker_run, METH_VARARGS, "run(state, told, current, flags): many steps; the state after them."},
+    {"model", (PyCFunction)(void (*)(void))tracker_model, METH_FASTCALL,
+     "model(state, displacement, velocity, current, temperature): the next state and the model's force."},
+    {"simulate", tracker_simulate, METH_VARARGS,
+     "simulate(state, told, force, flags): many steps of the model; the state after them."},
     {"read", tracker_read, METH_O, "read(state): what the controller believes."},
     {NULL, NULL, 0, NULL}};
 

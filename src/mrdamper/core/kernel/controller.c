@@ -9,6 +9,7 @@
 
 #include "track_tables.c"
 #include "track_estimate.c"
+#include "track_model.c"
 
 MRD_TRACK_API void mrd_track_start(const mrd_track *c, mrd_track_state *s)
 {
@@ -233,11 +234,9 @@ MRD_TRACK_API mrd_real mrd_track_step(const mrd_track *c, mrd_track_state *s, co
     follow_temperature(c, s, told->temperature);
     const axis_point warm = warmth(c, s->temperature);
 
-    const mrd_real applied = s->applied;
-    if (c->unlagged > R(0.5)) s->first = s->second = s->command;
-    else pass_lags(c, past_dead_time(c, s, 0), &s->first, &s->second);
-    s->applied = past_play(c, s->second, &s->play);
-    follow_hysteresis(c, s, warm, v_before, R(0.5) * (applied + s->applied));
+    const mrd_real applied = follow_applied(c, s);
+    follow_hysteresis(c, s, warm, v_before, applied);
+    if (c->capacity > R(0.0)) follow_heat(c, s, sampled_work(c, s, warm));
 
     /* the wanted force, now and ahead */
     mrd_real now = told->now, ahead = told->ahead;
@@ -272,9 +271,7 @@ MRD_TRACK_API mrd_real mrd_track_step(const mrd_track *c, mrd_track_state *s, co
     if (!known) current = c->fall_back;
     const mrd_real given = limited(current, R(0.0), c->largest);
     if (given != current) s->flags |= MRD_SATURATED;
-    s->at = (int32_t)(((uint32_t)s->at + 1u) % MRD_TRACK_LINE);
-    s->line[s->at] = given;
-    s->command = given;
+    give(s, given);
     return given;
 }
 

@@ -1,6 +1,8 @@
-/* A force-tracking controller: wanted force, displacement and temperature in, current out.
+/* A force-tracking controller: wanted force, displacement and temperature in, current out. And the damper's model
+ * on the same tables: displacement, current and temperature in, force out.
  *
- * Everything that a target needs is this header and three files: track_tables.c, track_estimate.c, controller.c.
+ * Everything that a target needs is this header and four files: track_tables.c, track_estimate.c, track_model.c,
+ * controller.c.
  * No allocation, no library function but memcpy and memset, no global state, one number type. What takes a power
  * or an exponential was tabulated beforehand (control/tables.py). SI and kelvin; extension positive; the
  * "current" is the command, in volts where the card's is.
@@ -102,6 +104,14 @@ typedef struct {
     X(recover_samples) /* steady samples after which a reading that had jumped is believed */                  \
     X(nominal)        /* temperature to fall back to [K] */                                                    \
     X(held_temperature) /* temperature to use whatever is read [K]; 0: read it */                              \
+    X(far_v)          /* a velocity beyond is a fault [m/s] */                                                 \
+    X(capacity)       /* heat that warms the damper by a kelvin [J/K]; 0: nobody looks for a frozen temperature */ \
+    X(loss)           /* what it loses to its surroundings [W/K] */                                            \
+    X(loss_margin)    /* ... and at most so many times that */                                                 \
+    X(ambient)        /* temperature of the surroundings [K] */                                                \
+    X(coil_heat)      /* heat of the coil over the applied current squared [W/A2] */                           \
+    X(frozen_warming) /* one reading while the damper warms by more than this is a fault [K] */                \
+    X(reckon)         /* 1: a frozen temperature is carried on by the energy put in; 0: a flag only */ \
     X(unloaded)       /* travel of the universal curve from w = -1 to 0 */                                     \
     X(shared)         /* 1: rho is the same at all currents, so that a bank's models share one hysteresis */
 
@@ -137,7 +147,7 @@ typedef struct {
     mrd_octaves built_up;  /* of what builds up with speed, or of a yield force without memory */
 } mrd_track;
 
-/* Flags of the last step. The first seven are faults. */
+/* Flags of the last step. The first seven and the last three are faults of readings. */
 enum {
     MRD_NO_DISPLACEMENT = 1,    /* not a number, or far outside */
     MRD_FROZEN = 2,             /* the displacement stands still though the damper moved */
@@ -151,7 +161,10 @@ enum {
     MRD_OUTSIDE_TEMPERATURE = 512, /* the tables' edge is held */
     MRD_INFEASIBLE = 1024,      /* no current gives the wanted force */
     MRD_CLAMPED = 2048,         /* the reversal clamp holds */
-    MRD_SATURATED = 4096        /* the command is at one of its ends */
+    MRD_SATURATED = 4096,       /* the command is at one of its ends, or the current beyond them */
+    MRD_NO_CURRENT = 8192,      /* a model's: not a number, or far outside; the last good one is used, then none */
+    MRD_FROZEN_TEMPERATURE = 16384, /* it stands still though the damper warms; see `reckon` */
+    MRD_NO_VELOCITY = 32768     /* a model's: beyond what can be; estimated from the displacement instead */
 };
 
 typedef struct {
@@ -170,12 +183,19 @@ typedef struct {
     mrd_real spread[MRD_TRACK_GAINS * MRD_TRACK_GAINS]; /* their covariance */
     mrd_real temperature;             /* believed [K] */
     mrd_real probe;                   /* a reading that is not believed yet */
+    mrd_real read;                    /* the last temperature that was in its limits [K] */
+    mrd_real warmed, warmed_least;    /* what the energy put in since it changed warms: as reckoned, at least [K] */
+    mrd_real coolest;                 /* lowest temperature believed so far [K] */
     mrd_real last_x, speed_before;    /* last reading; speed when it began to repeat */
     mrd_real line[MRD_TRACK_LINE];    /* commands under way */
     int32_t at;                       /* place of the newest */
     int32_t repeated, lost, back;     /* samples: equal readings, without displacement, with it again */
     int32_t cold, steady;             /* samples without a good temperature; with a steady probe */
     int32_t started;
+    int32_t stuck;                    /* 1: the temperature is taken for frozen */
+    int32_t term;                     /* of the force whose work was counted last */
+    int32_t unpowered;                /* samples without a good current */
+    int32_t driven;                   /* 1: the last velocity was told */
     int32_t flags;
 } mrd_track_state;
 
@@ -187,8 +207,18 @@ typedef struct {
     mrd_real force;        /* [N] */
 } mrd_told;
 
+/* What a step of the model is told; not-a-number for what is not known. */
+typedef struct {
+    mrd_real displacement; /* [m] */
+    mrd_real velocity;     /* [m/s]; not-a-number: estimated from the displacement */
+    mrd_real current;      /* through the period that ends now [A] */
+    mrd_real temperature;  /* [K] */
+} mrd_driven;
+
 MRD_TRACK_API void mrd_track_start(const mrd_track *c, mrd_track_state *s);
 MRD_TRACK_API mrd_real mrd_track_step(const mrd_track *c, mrd_track_state *s, const mrd_told *told);
+/* The damper's force [N]; the state is one of its own, from mrd_track_start. */
+MRD_TRACK_API mrd_real mrd_model_step(const mrd_track *c, mrd_track_state *s, const mrd_driven *told);
 /* Yield, viscous and friction force and the rest [N] that the model has at the estimated state. */
 MRD_TRACK_API void mrd_track_parts(const mrd_track *c, const mrd_track_state *s, mrd_real *parts);
 

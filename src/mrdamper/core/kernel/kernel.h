@@ -101,6 +101,7 @@ typedef struct {
     void (*lag)(size_t n, double step, double rise, double fall, const double *command, double *applied, double *by_lag);
     void (*track_start)(const mrd_track *controller, mrd_track_state *state);
     mrd_real (*track_step)(const mrd_track *controller, mrd_track_state *state, const mrd_told *told);
+    mrd_real (*model_step)(const mrd_track *model, mrd_track_state *state, const mrd_driven *told);
     void (*track_parts)(const mrd_track *controller, const mrd_track_state *state, mrd_real *parts);
 } mrd_api;
 

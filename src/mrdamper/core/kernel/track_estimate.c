@@ -12,6 +12,12 @@ static inline void predict(mrd_real *x, mrd_real *v, mrd_real a, mrd_real h)
     *v += h * a;
 }
 
+/* Says whether the motion is one that the data have. */
+static inline void look_at_motion(const mrd_track *c, mrd_track_state *s)
+{
+    if (!(s->x >= c->low_x && s->x <= c->high_x && magnitude(s->v) <= c->high_v)) s->flags |= MRD_OUTSIDE_MOTION;
+}
+
 /* Displacement in; estimated motion one period on. Returns whether the motion is known. */
 static int follow_motion(const mrd_track *c, mrd_track_state *s, mrd_real reading)
 {
@@ -53,8 +59,34 @@ static int follow_motion(const mrd_track *c, mrd_track_state *s, mrd_real readin
     if (s->back > 0) s->back--;
     const int known = s->started && s->lost <= (int32_t)c->coast_samples && !s->back;
     if (!known) s->flags |= MRD_MOTION_UNKNOWN;
-    if (!(s->x >= c->low_x && s->x <= c->high_x && magnitude(s->v) <= c->high_v)) s->flags |= MRD_OUTSIDE_MOTION;
+    look_at_motion(c, s);
     return known;
+}
+
+/* Whether a temperature stands still though the energy put in should have moved it; for good, until it changes. */
+static int is_stuck(const mrd_track *c, mrd_track_state *s, mrd_real reading)
+{
+    if (reading != s->read) {
+        s->read = reading;
+        s->warmed = s->warmed_least = R(0.0);
+        s->stuck = 0;
+    } else if (c->capacity > R(0.0) && s->warmed_least > c->frozen_warming) {
+        s->stuck = 1;
+    }
+    return s->stuck;
+}
+
+/* The energy account of a reading that stands still: heat put in [W] less what is lost, over the capacity. The
+ * least warming has the loss at its most, to the coldest surroundings that there may be; only that accuses a
+ * sensor, so that a damper whose losses balance its heat does not. */
+static void follow_heat(const mrd_track *c, mrd_track_state *s, mrd_real work)
+{
+    static const mrd_real most = R(1000.0);
+    const mrd_real heat = work + c->coil_heat * s->applied * s->applied, part = c->period / c->capacity;
+    const mrd_real cold = s->coolest < c->ambient ? s->coolest : c->ambient;
+    const mrd_real above = limited(s->read + s->warmed_least - cold, R(0.0), most);
+    s->warmed = limited(s->warmed + part * (heat - c->loss * (s->read + s->warmed - c->ambient)), -most, most);
+    s->warmed_least = limited(s->warmed_least + part * (heat - c->loss_margin * c->loss * above), R(0.0), most);
 }
 
 /* Temperature in; the believed one is updated. */
@@ -67,7 +99,13 @@ static void follow_temperature(const mrd_track *c, mrd_track_state *s, mrd_real 
     const int there = reading >= c->cold_limit && reading <= c->hot_limit;
     if (there && !(s->temperature > R(0.0))) s->temperature = reading; /* the first */
     const mrd_real gap = there ? reading - s->temperature : R(0.0);
-    if (there && magnitude(gap) <= c->jump) {
+    const int stuck = there && is_stuck(c, s, reading);
+    if (stuck) s->flags |= MRD_FROZEN_TEMPERATURE;
+    if (stuck && c->reckon > R(0.5)) {
+        const mrd_real reckoned = limited(reading + s->warmed, c->cold_limit, c->hot_limit);
+        s->temperature += limited((R(1.0) - c->warm_keep) * (reckoned - s->temperature), -c->slew, c->slew);
+        s->cold = s->steady = 0;
+    } else if (there && magnitude(gap) <= c->jump) {
         s->temperature += limited((R(1.0) - c->warm_keep) * gap, -c->slew, c->slew);
         s->cold = s->steady = 0;
     } else {
@@ -89,7 +127,16 @@ static void follow_temperature(const mrd_track *c, mrd_track_state *s, mrd_real 
             s->steady = there ? 1 : 0;
         }
     }
+    if (!(s->coolest > R(0.0)) || s->temperature < s->coolest) s->coolest = s->temperature;
     if (!(s->temperature >= c->coldest && s->temperature <= c->warmest)) s->flags |= MRD_OUTSIDE_TEMPERATURE;
+}
+
+/* A command on its way. */
+static inline void give(mrd_track_state *s, mrd_real command)
+{
+    s->at = (int32_t)(((uint32_t)s->at + 1u) % MRD_TRACK_LINE);
+    s->line[s->at] = command;
+    s->command = command;
 }
 
 /* The command that reached the lags `ago` periods before the newest one did not; negative: is still to come. */
@@ -131,6 +178,16 @@ static inline mrd_real before_play(const mrd_track *c, mrd_real felt, mrd_real p
     if (inside > play + c->play) return felt;
     if (inside < play - c->play) return felt - R(2.0) * c->play_share * c->play;
     return inside;
+}
+
+/* What the force feels of the commands, brought up to now; returns its mean over the period. */
+static mrd_real follow_applied(const mrd_track *c, mrd_track_state *s)
+{
+    const mrd_real applied = s->applied;
+    if (c->unlagged > R(0.5)) s->first = s->second = s->command;
+    else pass_lags(c, past_dead_time(c, s, 0), &s->first, &s->second);
+    s->applied = past_play(c, s->second, &s->play);
+    return R(0.5) * (applied + s->applied);
 }
 
 /* A stretch of h in which the velocity goes straight from v0 to v1: up to where it turns, and from there. */
@@ -220,6 +277,24 @@ static moment present(const mrd_track *c, const mrd_track_state *s)
     moment m = {s->x, s->v, s->a, {sign, sign}};
     for (int e = 0; e < (int)c->elements; e++) m.w[e] = s->side * size_at(c, s->place[0][e]);
     return m;
+}
+
+/* Work of the model's force [W]: one term of it in turn counts for all of them, which over some seconds is the work
+ * of their sum, and costs a step a fraction. */
+static mrd_real sampled_work(const mrd_track *c, mrd_track_state *s, axis_point warm)
+{
+    const int32_t columns = c->begin[MRD_GROUPS], terms = c->levels + c->begin[MRD_GROUP_RHO];
+    s->term = s->term + 1 < terms ? s->term + 1 : 0;
+    const int row = c->row[s->term];
+    moment m = {s->x, s->v, s->a, {R(0.0), R(0.0)}};
+    if (row >= MRD_ROW_YIELD) m = present(c, s);
+    mrd_real force = multiplier(c, s, &m, row) * parabola(parabolas_at(c, warm) + 3 * s->term, warm.share);
+    if (s->term >= c->levels) {
+        const axis_point at = on_currents(c, s->applied);
+        const mrd_real *here = c->column + at.index * columns + (s->term - c->levels);
+        force *= here[0] + at.share * (here[columns] - here[0]);
+    }
+    return (mrd_real)terms * force * s->v;
 }
 
 MRD_TRACK_API void mrd_track_parts(const mrd_track *c, const mrd_track_state *s, mrd_real *parts)

@@ -165,6 +165,31 @@ static inline void multipliers(const mrd_track *c, const mrd_track_state *s, con
     mix_in(&mix, m->w, by);
 }
 
+/* What one row is multiplied with. */
+static mrd_real multiplier(const mrd_track *c, const mrd_track_state *s, const moment *m, int row)
+{
+    const mrd_real speed = magnitude(m->v), sign = m->v < R(0.0) ? R(-1.0) : R(1.0);
+    mrd_real by = R(1.0);
+    mixture mix;
+    switch (row) {
+    case MRD_ROW_STIFFNESS: by = m->x; break;
+    case MRD_ROW_MASS: by = m->a; break;
+    case MRD_ROW_VISCOUS: by = s->gain[1] * sign * octaves_at(&c->viscous, speed); break;
+    case MRD_ROW_SLIDING: by = s->gain[2] * sign * octaves_at(&c->sliding, speed); break;
+    case MRD_ROW_BREAKAWAY: by = s->gain[2] * sign * octaves_at(&c->breakaway, speed); break;
+    case MRD_ROW_YIELD:
+        mix = mixture_of(c, m);
+        by = s->gain[0] * mix.yield * m->w[0];
+        break;
+    case MRD_ROW_SECOND:
+        mix = mixture_of(c, m);
+        by = s->gain[0] * (mix.second[0] * m->w[0] + mix.second[1] * m->w[1]);
+        break;
+    default: break; /* the offset */
+    }
+    return by;
+}
+
 /* Weights of the force's columns at a temperature, rows multiplied; returns the force of the levels. */
 static mrd_real weigh(const mrd_track *c, axis_point warm, const mrd_real *by, mrd_real *weight)
 {

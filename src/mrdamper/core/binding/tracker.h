@@ -1,0 +1,41 @@
+/* A controller behind doubles: what the binding sees of the kernel's step, in double or in single precision.
+ *
+ * tracker_face.c is the other side of it, once per precision: its mrd_real is not the same in the two.
+ */
+#ifndef MRD_TRACKER_H
+#define MRD_TRACKER_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#define TRACK_OCTAVES 9
+#define TRACK_TABLES (3 + TRACK_OCTAVES) /* currents, factors, columns, and the cells of every function */
+#define TRACK_READ 15                    /* values of `read` */
+
+/* What a controller is made of. */
+typedef struct {
+    const double *numbers;
+    int32_t currents, columns, pieces, terms;
+    const uint8_t *row; /* of each term, levels first */
+    const double *table[TRACK_TABLES];
+    size_t length[TRACK_TABLES];
+    double offset[TRACK_OCTAVES], top[TRACK_OCTAVES];
+    int32_t bits[TRACK_OCTAVES];
+} tracker_parts;
+
+typedef struct {
+    size_t track_size, state_size, real_size;
+    /* Fills a controller from its parts, rounded; `store` has room for all tables. 0: out of their range. */
+    int (*load)(void *track, void *store, const tracker_parts *parts);
+    int (*is_sound)(const void *state); /* bytes may come from anywhere */
+    void (*start)(const void *track, void *state);
+    double (*step)(const void *track, void *state, const double *told);    /* of mrd_told */
+    double (*model)(const void *track, void *state, const double *driven); /* of mrd_driven */
+    int32_t (*flags)(const void *state);
+    /* motion (3), applied, command, temperature, gains (3), disturbance, parts (4), energy account [K] */
+    void (*read)(const void *track, const void *state, double *out);
+} tracker_face;
+
+const tracker_face *mrd_tracker_single(void);
+
+#endif

@@ -1,0 +1,135 @@
+/* The controller in one precision behind doubles; included once per precision.
+ *
+ * TRACK(name) is the kernel's function of that name. Numbers and readings are rounded on the way in.
+ */
+
+/* Everything that the step relies on without looking: shapes, and numbers that become indices. */
+static int track_is_sound(const mrd_track *t)
+{
+    const mrd_real zero = 0, models = t->bank < (mrd_real)1.5 ? (mrd_real)1 : t->bank;
+    if (!(t->period > zero && t->largest > zero && t->coldest > zero && t->warmest >= t->coldest)) return 0;
+    if (!(t->elements >= zero && t->elements <= (mrd_real)2 && models <= (mrd_real)MRD_TRACK_BANK)) return 0;
+    if (!(t->dead_samples >= zero && t->dead_samples <= (mrd_real)((int)MRD_TRACK_LINE - 3) && t->dead_part >= zero
+          && t->dead_part <= (mrd_real)1))
+        return 0;
+    if (!(t->preview >= zero && t->fall_back >= zero && t->gain_variance > zero && t->error_variance > zero)) return 0;
+    if (!(t->capacity >= zero && t->loss >= zero && t->loss_margin >= zero && t->far_v > zero)) return 0;
+    const mrd_real counts[] = {t->frozen_samples, t->coast_samples, t->hold_samples, t->recover_samples};
+    for (size_t k = 0; k < sizeof counts / sizeof *counts; k++)
+        if (!(counts[k] >= zero && counts[k] <= (mrd_real)1e9)) return 0;
+    if (t->currents < 2 || t->currents > MRD_TRACK_CURRENTS || t->pieces < 1 || !(t->unloaded >= zero)) return 0;
+    if (models > (mrd_real)1 && (MRD_TRACK_BANK - 1) % ((int)models - 1) != 0) return 0;
+    const mrd_octaves *octaves = &t->loading;
+    for (int k = 0; k < TRACK_OCTAVES; k++) {
+        const mrd_octaves *o = octaves + k;
+        if (!(o->offset > zero && o->bits >= 0 && o->bits <= 10 && o->cells > 0)) return 0;
+        /* the last cell that can be read is the last there is */
+        mrd_real end = o->offset;
+        int32_t cells = 0;
+        while (cells < o->cells && cells < (1 << 20)) {
+            cells += 1 << o->bits;
+            end *= (mrd_real)2;
+        }
+        if (cells != o->cells || !(o->top >= o->offset && o->top < end)) return 0;
+    }
+    return 1;
+}
+
+/* The rows of the terms, levels first, then the columns in order; where each group of columns begins. */
+static int place_terms(mrd_track *t, const tracker_parts *parts)
+{
+    static const int last[MRD_GROUPS] = {MRD_ROW_YIELD, MRD_ROW_SECOND, MRD_ROW_RHO, MRD_ROW_SECOND_RHO, MRD_TABLE_ROWS};
+    t->levels = parts->terms - parts->columns;
+    if (parts->terms > MRD_TRACK_TERMS || t->levels < 0) return 0;
+    for (int32_t k = 0; k < parts->terms; k++) {
+        const int row = parts->row[k], is_level = k < t->levels;
+        /* the yield forces and rho have columns even where the current does not move them */
+        if (row >= (is_level ? MRD_ROW_YIELD : MRD_TABLE_ROWS) || (k > t->levels && row < parts->row[k - 1])) return 0;
+        t->row[k] = (uint8_t)row;
+        for (int g = 0; !is_level && g < MRD_GROUPS; g++) t->begin[g + 1] += row < last[g];
+    }
+    return 1;
+}
+
+/* The currents rise from 0 to the largest, and its eighths are among them, within rounding. */
+static int place_currents(mrd_track *t, const double *current)
+{
+    const int32_t last = t->currents - 1;
+    int32_t j = 0;
+    if (last < 1 || current[0] != 0.0) return 0;
+    const double near = 1e-9 * current[last];
+    for (int k = 0; k < MRD_TRACK_BANK; k++) {
+        const double eighth = current[last] * k / (MRD_TRACK_BANK - 1);
+        for (; j < last && current[j] < eighth - near; j++)
+            if (!(current[j + 1] > current[j])) return 0;
+        if (!(current[j] >= eighth - near && current[j] <= eighth + near)) return 0;
+        t->eighth[k] = (uint8_t)j;
+    }
+    return j == last && (mrd_real)current[last] == t->largest;
+}
+
+static int face_load(void *into, void *store, const tracker_parts *parts)
+{
+    mrd_track *t = into;
+    mrd_octaves *octaves = &t->loading;
+    mrd_real *to = store, *const number[] = {
+#define X(name) &t->name,
+        MRD_TRACK_NUMBERS(X)
+#undef X
+    };
+    memset(t, 0, sizeof *t);
+    for (size_t k = 0; k < sizeof number / sizeof *number; k++) *number[k] = (mrd_real)parts->numbers[k];
+    t->pieces = parts->pieces;
+    t->currents = parts->currents;
+    if (!place_terms(t, parts) || !place_currents(t, parts->table[0])) return 0;
+    for (int k = 0; k < TRACK_TABLES; k++) {
+        if (k == 0) t->current = to;
+        else if (k == 1) t->factor = to;
+        else if (k == 2) t->column = to;
+        else {
+            mrd_octaves *o = octaves + (k - 3);
+            o->offset = (mrd_real)parts->offset[k - 3];
+            o->top = (mrd_real)parts->top[k - 3];
+            o->bits = parts->bits[k - 3];
+            o->cells = (int32_t)(parts->length[k] / 4);
+            o->cell = to;
+        }
+        for (size_t i = 0; i < parts->length[k]; i++) *to++ = (mrd_real)parts->table[k][i];
+    }
+    return track_is_sound(t);
+}
+
+static int face_is_sound(const void *state)
+{
+    const mrd_track_state *s = state;
+    return s->at >= 0 && s->at < (int32_t)MRD_TRACK_LINE && s->term >= 0 && s->term < MRD_TRACK_TERMS;
+}
+
+static void face_start(const void *track, void *state) { TRACK(start)(track, state); }
+
+static double face_step(const void *track, void *state, const double *told)
+{
+    const mrd_told at = {(mrd_real)told[0], (mrd_real)told[1], (mrd_real)told[2], (mrd_real)told[3], (mrd_real)told[4]};
+    return (double)TRACK(step)(track, state, &at);
+}
+
+static double face_model(const void *track, void *state, const double *driven)
+{
+    const mrd_driven at = {(mrd_real)driven[0], (mrd_real)driven[1], (mrd_real)driven[2], (mrd_real)driven[3]};
+    return (double)TRACK_MODEL(track, state, &at);
+}
+
+static int32_t face_flags(const void *state) { return ((const mrd_track_state *)state)->flags; }
+
+static void face_read(const void *track, const void *state, double *out)
+{
+    const mrd_track_state *s = state;
+    mrd_real parts[4];
+    TRACK(parts)(track, s, parts);
+    const mrd_real values[TRACK_READ] = {s->x, s->v, s->a, s->applied, s->command, s->temperature, s->gain[0], s->gain[1],
+                                         s->gain[2], s->disturbance, parts[0], parts[1], parts[2], parts[3], s->warmed};
+    for (int k = 0; k < TRACK_READ; k++) out[k] = (double)values[k];
+}
+
+static const tracker_face face = {sizeof(mrd_track), sizeof(mrd_track_state), sizeof(mrd_real), face_load, face_is_sound,
+                                  face_start, face_step, face_model, face_flags, face_read};

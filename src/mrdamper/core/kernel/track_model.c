@@ -1,0 +1,74 @@
+/* One step of the damper's model on a target: displacement, current and temperature in, force out.
+ *
+ * The same tables, the same observer of current and hysteresis and the same looks at every reading as the
+ * controller has. A velocity may be told; without one it is estimated from the displacement.
+ */
+#include "controller.h"
+
+/* Displacement and velocity in; the motion of now. */
+static void follow_driven_motion(const mrd_track *c, mrd_track_state *s, mrd_real displacement, mrd_real velocity)
+{
+    if (!(magnitude(velocity) <= c->far_v)) {
+        if (velocity == velocity) s->flags |= MRD_NO_VELOCITY;
+        s->driven = 0;
+        (void)follow_motion(c, s, displacement);
+        return;
+    }
+    const int there = magnitude(displacement) <= c->far_x;
+    const int32_t enough = (int32_t)c->frozen_samples;
+    if (!(there && s->started && displacement == s->last_x)) s->repeated = 0;
+    else if (s->repeated < enough) s->repeated = magnitude(velocity) > c->frozen_speed ? s->repeated + 1 : 0;
+    const int frozen = s->repeated >= enough;
+    if (!there) s->flags |= MRD_NO_DISPLACEMENT;
+    if (frozen) s->flags |= MRD_FROZEN;
+    if (there && !frozen) {
+        s->x = displacement;
+        s->started = 1;
+        s->lost = s->back = 0;
+    } else { /* the velocity carries it on */
+        s->x = limited(s->x + R(0.5) * c->period * (s->v + velocity), -c->far_x, c->far_x);
+        if (s->lost < INT32_MAX) s->lost++;
+        if (s->lost > (int32_t)c->coast_samples) s->flags |= MRD_MOTION_UNKNOWN;
+    }
+    if (there) s->last_x = displacement;
+    s->a = s->driven ? (velocity - s->v) / c->period : R(0.0);
+    s->v = velocity;
+    s->driven = 1;
+    look_at_motion(c, s);
+}
+
+/* Current in: into the line of those under way, as a controller's own command. */
+static void follow_current(const mrd_track *c, mrd_track_state *s, mrd_real reading)
+{
+    mrd_real current = s->command;
+    if (magnitude(reading) <= R(2.0) * c->largest) {
+        s->unpowered = 0;
+        current = limited(reading, R(0.0), c->largest);
+        if (current != reading) s->flags |= MRD_SATURATED;
+    } else {
+        s->flags |= MRD_NO_CURRENT;
+        if (s->unpowered < INT32_MAX) s->unpowered++;
+        if (s->unpowered > (int32_t)c->coast_samples) current = R(0.0);
+    }
+    give(s, current);
+}
+
+MRD_TRACK_API mrd_real mrd_model_step(const mrd_track *c, mrd_track_state *s, const mrd_driven *told)
+{
+    const int first = !(s->started || s->driven); /* nothing has been travelled before */
+    const mrd_real v_before = s->v;
+    s->flags = 0;
+    follow_driven_motion(c, s, told->displacement, told->velocity);
+    follow_temperature(c, s, told->temperature);
+    follow_current(c, s, told->current);
+    const axis_point warm = warmth(c, s->temperature);
+    const mrd_real applied = follow_applied(c, s);
+    if (!first) follow_hysteresis(c, s, warm, v_before, applied);
+
+    const moment m = present(c, s);
+    mrd_real by[MRD_ROWS];
+    multipliers(c, s, &m, by);
+    const mrd_real force = force_at(c, warm, on_currents(c, s->applied), by);
+    if (c->capacity > R(0.0)) follow_heat(c, s, force * s->v);
+    return force;
+}

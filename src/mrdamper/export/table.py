@@ -1,0 +1,140 @@
+"""The force map: force over temperature, command and velocity, for vehicle simulators that want a table.
+
+A map has no memory, a damper has: so the table holds three forces. ``pick`` is single-valued, a
+dynamometer's peak-velocity pick: the force at mid-stroke of a steady sine whose peak velocity is that of the
+row, hysteresis settled, no acceleration. ``rising`` and ``falling`` are the two branches of the loop that the
+fastest sine of the same stroke draws, where the velocity of the row is passed upwards and downwards. All come
+from ``models.simulate``, at a constant command and temperature.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrdamper import __version__
+from mrdamper.errors import InputError
+from mrdamper.excitation import Sine, drive
+from mrdamper.export.target import card_fingerprint
+from mrdamper.models.card import ModelCard
+from mrdamper.models.characteristics import peak_velocity_pick
+from mrdamper.models.simulate import simulate
+from mrdamper.models.temperature import REFERENCE_K
+from mrdamper.quantities import FloatArray
+
+__all__ = ["ForceMap", "force_map"]
+
+_SPEEDS = 12  # on either side of rest; closer together where it is slow
+_COMMANDS = 9
+_TEMPERATURE_STEP_K = 20.0
+_LOOP_SAMPLES = 4000  # of a period of the loop whose branches are read
+_PERIODS = 3  # from rest; the last one is read
+_KELVIN = 273.15
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ForceMap:
+    """Force [N] over temperature, command and velocity; the arrays have shape (t, c, v)."""
+
+    card: ModelCard
+    amplitude: float  # half the stroke of all sines [m]
+    temperature: FloatArray  # [K], shape (t,)
+    command: FloatArray  # [A or V], shape (c,)
+    velocity: FloatArray  # [m/s], rising, shape (v,)
+    pick: FloatArray  # peak-velocity pick
+    rising: FloatArray  # the loop's branch on which the velocity rises
+    falling: FloatArray
+
+    def as_csv(self) -> str:
+        """Return the map as CSV: what it is in lines that begin with #, a header, a row per point."""
+        card, unit = self.card, self.card.damper.command_unit
+        column = "current_A" if unit == "A" else "voltage_V"
+        fastest = float(self.velocity[-1])
+        stroke = f"amplitude {1e3 * self.amplitude:g} mm"
+        text = io.StringIO()
+        for line in (
+            f"Force map of a magnetorheological damper, by mrdamper {__version__}",
+            f"card {' '.join(card.title.split())}",
+            f"fingerprint {card_fingerprint(card)}",
+            f"law {card.damper.law.name}",
+            "extension positive; a force that resists extension is positive; the command is constant",
+            f"force_N: at mid-stroke of a steady sine ({stroke}) whose peak velocity is that of the row; "
+            "settled hysteresis, no acceleration; at rest the mean of the slowest of either direction",
+            f"force_rising_N, force_falling_N: the two branches of the loop of a steady sine, {stroke}, peak "
+            f"velocity {fastest:g} m/s, where the row's velocity is passed upwards and downwards",
+        ):
+            text.write(f"# {line}\n")
+        rows = csv.writer(text, lineterminator="\n")
+        rows.writerow(
+            ["temperature_degC", column, "velocity_m_s", "force_N", "force_rising_N", "force_falling_N"]
+        )
+        for i, kelvin in enumerate(self.temperature.tolist()):
+            for j, command in enumerate(self.command.tolist()):
+                for k, velocity in enumerate(self.velocity.tolist()):
+                    forces = (self.pick[i, j, k], self.rising[i, j, k], self.falling[i, j, k])
+                    place = (f"{kelvin - _KELVIN:.6g}", f"{command:.9g}", f"{velocity:.9g}")
+                    rows.writerow([*place, *(f"{force:.9g}" for force in forces)])
+        return text.getvalue()
+
+
+def force_map(card: ModelCard) -> ForceMap:
+    """Return the force map of a card over its envelope.
+
+    Raises
+    ------
+    InputError
+        A card whose envelope has no motion; a law of a user's own.
+    """
+    damper, envelope = card.damper, card.envelope
+    amplitude, fastest = max(map(abs, envelope.displacement)), max(map(abs, envelope.velocity))
+    if not (amplitude > 0.0 and fastest > 0.0):
+        raise InputError(
+            f"force map: the card's data cover {amplitude:g} m and {fastest:g} m/s; expected a motion. "
+            "Identify runs in which the damper moves"
+        )
+    shares = (np.arange(1, _SPEEDS + 1) / _SPEEDS) ** 1.5
+    speeds = np.array([float(f"{fastest * share:.3g}") for share in shares[:-1]] + [fastest])
+    commands = np.linspace(max(envelope.command[0], 0.0), envelope.command[1], _COMMANDS)
+    if np.ptp(commands) == 0.0:
+        commands = commands[:1]
+    warm = np.array([REFERENCE_K])
+    if damper.tempered and envelope.temperature is not None:
+        low, high = envelope.temperature
+        warm = np.linspace(low, high, math.ceil((high - low) / _TEMPERATURE_STEP_K) + 1)
+    velocity = np.concatenate([-speeds[::-1], [0.0], speeds])
+    shape = (len(warm), len(commands), len(velocity))
+    pick, rising, falling = np.empty(shape), np.empty(shape), np.empty(shape)
+    for i, kelvin in enumerate(warm.tolist()):
+        for j, command in enumerate(commands.tolist()):
+            curve = peak_velocity_pick(
+                damper, speeds, amplitude=amplitude, command=command, temperature=kelvin
+            )
+            rest = 0.5 * (curve.extension[0] + curve.retraction[0])
+            pick[i, j] = np.concatenate([curve.retraction[::-1], [rest], curve.extension])
+            rising[i, j], falling[i, j] = _branches(card, amplitude, command, kelvin, velocity)
+    return ForceMap(card, amplitude, warm, commands, velocity, pick, rising, falling)
+
+
+def _branches(
+    card: ModelCard, amplitude: float, command: float, kelvin: float, velocity: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the force where a steady sine passes each velocity upwards, and where downwards."""
+    fastest = float(velocity[-1])
+    motion = Sine(amplitude, fastest / (2.0 * math.pi * amplitude))
+    path = drive(
+        motion,
+        duration=_PERIODS * motion.period,
+        rate_Hz=_LOOP_SAMPLES * motion.frequency,
+        command=command,
+        temperature=kelvin,
+    )
+    force = simulate(card.damper, path)[-_LOOP_SAMPLES - 1 :]
+    v = path.velocity[-_LOOP_SAMPLES - 1 :]
+    half = _LOOP_SAMPLES // 2
+    upwards = np.interp(velocity, v[half:], force[half:])
+    downwards = np.interp(velocity, v[half::-1], force[half::-1])
+    return upwards, downwards

@@ -1,0 +1,170 @@
+"""What is exported: one value that holds everything the templates print and nothing that they compute.
+
+A ``Target`` is a card, the real-time model and the force controller made from it, and the choices of the
+export: number type, sampling period, name. C folder, FMU and the check of both are made from it alone.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from dataclasses import dataclass, replace
+from typing import Literal, cast
+
+from mrdamper.control.controllers import ForceController, controllers_for
+from mrdamper.control.heating import Heating
+from mrdamper.control.realtime import RealtimeDamper, realtime_model
+from mrdamper.errors import InputError
+from mrdamper.models.card import ModelCard, card_text
+from mrdamper.models.dependence import did_you_mean
+
+__all__ = ["CONTENTS", "PRECISIONS", "Content", "Precision", "Target", "card_fingerprint", "target_of"]
+
+Content = Literal["model", "controller", "both"]
+Precision = Literal["float", "double"]
+
+CONTENTS: tuple[Content, ...] = ("model", "controller", "both")
+PRECISIONS: tuple[Precision, ...] = ("float", "double")
+
+_STEPS_s = (50e-6, 10e-3)  # for which the motion filter is made; what the card's lags allow is checked beside
+_LONGEST_NAME = 40
+_C_WORDS = (
+    "auto", "break", "case", "char", "const", "continue", "default", "do", "double", "else", "enum",
+    "extern", "float", "for", "goto", "if", "inline", "int", "long", "register", "restrict", "return",
+    "short", "signed", "sizeof", "static", "struct", "switch", "typedef", "union", "unsigned", "void",
+    "volatile", "while", "asm", "main", "bool", "class", "namespace", "template", "new", "delete", "this",
+    "public", "private", "try",
+)  # fmt: skip
+_KERNEL_FILES = ("controller", "kernel", "track", "mrd")  # names that begin so are the kernel's own
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Target:
+    """A card made ready for a target. ``model`` or ``controller`` is None where the content leaves it out."""
+
+    name: str  # a C identifier; prefix of every name, and of the files
+    card: ModelCard
+    content: Content
+    precision: Precision
+    period_s: float
+    model: RealtimeDamper | None
+    controller: ForceController | None
+    heating: Heating  # what tells a frozen thermometer, and where it is from
+    fingerprint: str  # of the card: sha256 of the file as mrdamper writes it
+
+    @property
+    def single(self) -> bool:
+        """Whether the target computes in single precision."""
+        return self.precision == "float"
+
+    @property
+    def law(self) -> str:
+        """The law's name."""
+        return self.card.damper.law.name
+
+    @property
+    def command_unit(self) -> str:
+        """Unit of the command: A or V."""
+        return self.card.damper.command_unit
+
+    @property
+    def rate_Hz(self) -> float:
+        """Steps a second."""
+        return 1.0 / self.period_s
+
+    @property
+    def parts(self) -> dict[str, RealtimeDamper | ForceController]:
+        """What is exported, by the name that it has in C: model, controller."""
+        both = {"model": self.model, "controller": self.controller}
+        return {name: part for name, part in both.items() if part is not None}
+
+    @property
+    def largest(self) -> float:
+        """Largest command [A or V]."""
+        return next(iter(self.parts.values())).numbers["largest"]
+
+
+def target_of(
+    card: ModelCard,
+    *,
+    content: str = "both",
+    precision: str = "float",
+    period_s: float = 1e-3,
+    controller: str = "recommended",
+    name: str = "damper",
+    largest: float | None = None,
+    heating: Heating | None = None,
+) -> Target:
+    """Return a card made ready for a target.
+
+    Parameters
+    ----------
+    content : model (motion, command, temperature -> force), controller (wanted force -> command), or both
+    precision : the target's number type, float or double
+    period_s : time between two steps [s]
+    controller : which of ``control.controllers.NAMES``
+    name : a C identifier, the prefix of every name in the code
+    largest : largest command [A or V]; None: the card's
+    heating : heat capacity and loss, which tell a frozen thermometer; None: those of the paper's damper
+
+    Raises
+    ------
+    InputError
+        A choice that is not there; a name that C does not take; a law without a real-time form; a step that
+        is too long for the card's lags, or so short that the commands under way do not fit.
+    """
+    for what, found, choices in (("content", content, CONTENTS), ("precision", precision, PRECISIONS)):
+        if found not in choices:
+            raise InputError(f"export: {what} is {found!r}; expected one of {', '.join(choices)}")
+    _check_name(name)
+    _check_step(period_s)
+    single, heating = precision == "float", heating or Heating.paper()
+    made: ForceController | None = None
+    model: RealtimeDamper | None = None
+    if content != "controller":
+        model = realtime_model(card, period_s=period_s, largest=largest, heating=heating, single=single)
+    if content != "model":
+        every = controllers_for(card, period_s=period_s, largest=largest, heating=heating)
+        if controller not in every:
+            raise InputError(f"there is no controller {controller!r}; {did_you_mean(controller, every)}")
+        made = replace(every[controller], single=single)
+    return Target(
+        name=name,
+        card=card,
+        content=cast(Content, content),
+        precision=cast(Precision, precision),
+        period_s=period_s,
+        model=model,
+        controller=made,
+        heating=heating,
+        fingerprint=card_fingerprint(card),
+    )
+
+
+def card_fingerprint(card: ModelCard) -> str:
+    """Return the SHA-256 of the card as mrdamper writes it, ``sha256:`` before it."""
+    return f"sha256:{hashlib.sha256(card_text(card).encode()).hexdigest()}"
+
+
+def _check_name(name: str) -> None:
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
+        raise InputError(
+            f"name is {name!r}; expected a C identifier (letters, digits and _, a letter first). Pass "
+            "another --name, such as front_left"
+        )
+    if name.lower() in _C_WORDS or name.lower().startswith(_KERNEL_FILES):
+        raise InputError(
+            f"name is {name!r}, which C or the kernel uses itself; expected a name of your own. Pass another "
+            "--name, such as front_left"
+        )
+    if len(name) > _LONGEST_NAME:
+        raise InputError(f"name has {len(name)} characters; expected at most {_LONGEST_NAME}")
+
+
+def _check_step(period_s: float) -> None:
+    low, high = _STEPS_s
+    if not low <= period_s <= high:
+        raise InputError(
+            f"step is {1e3 * period_s:g} ms; expected {1e3 * low:g} to {1e3 * high:g} ms, for which the "
+            "motion filter is made. Pass another --step"
+        )

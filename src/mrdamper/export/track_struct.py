@@ -1,0 +1,83 @@
+"""The kernel's ``mrd_track`` as a tree of values: which table of Python is which member in C.
+
+The one place of this room that knows both; ``c_code`` prints the tree, whatever is in it. Member names are
+those of ``controller.h``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrdamper.control.controllers import ForceController
+from mrdamper.control.realtime import RealtimeDamper
+from mrdamper.control.tables import Octaves
+
+__all__ = ["Nested", "Pointer", "Table", "Value", "track_members"]
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """A member that points to an array of numbers."""
+
+    values: NDArray[np.float64]
+    comment: str
+
+
+@dataclass(frozen=True, slots=True)
+class Nested:
+    """A member that is a struct itself."""
+
+    members: Mapping[str, Value]
+
+
+@dataclass(frozen=True, slots=True)
+class Pointer:
+    """A member that points to a struct of a C type; None: to nothing."""
+
+    kind: str
+    members: Mapping[str, Value] | None
+
+
+Value = float | int | tuple[int, ...] | Table | Nested | Pointer
+
+_CURVES = (
+    "loading", "unloading", "from_loading", "from_unloading", "from_unloaded", "viscous", "sliding",
+    "breakaway", "built_up",
+)  # fmt: skip
+
+
+def track_members(part: RealtimeDamper | ForceController) -> dict[str, Value]:
+    """Return every member of a part's ``mrd_track``."""
+    tables = part.tables
+    pieces, terms, _ = tables.factor.shape
+    currents, columns = tables.column.shape
+    return {
+        **part.numbers,
+        "currents": currents,
+        "pieces": pieces,
+        "levels": tables.levels,
+        "begin": tables.begin,
+        "row": tables.rows,
+        "eighth": tables.eighths,
+        "current": Table(tables.currents, f"{currents} commands"),
+        "factor": Table(tables.factor, f"[{pieces} pieces of temperature][{terms} terms][parabola]"),
+        "column": Table(tables.column, f"[{currents} commands][{columns} terms]"),
+        **{name: _octaves(table) for name, table in zip(_CURVES, tables.octaves, strict=True)},
+    }
+
+
+def _octaves(table: Octaves) -> Nested:
+    cells = len(table.cell)
+    return Nested(
+        {
+            "offset": table.offset,
+            "top": table.top,
+            "bits": table.bits,
+            "cells": cells,
+            "cell": Table(table.cell, f"cubics of {cells} cells"),
+        }
+    )

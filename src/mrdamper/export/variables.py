@@ -1,0 +1,293 @@
+"""The variables of an FMU: one list, from which its XML and its C are both written.
+
+What a master sees of a target: inputs, outputs, flags, what may be tuned and what it should know. A
+variable's value reference is its place in the list. Start values are rounded here to the target's number
+type, so that the XML, the C table and a value that is read back are the same number.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from mrdamper.control.controllers import FAULTS, Flag
+from mrdamper.export.c_code import flag_texts
+
+if TYPE_CHECKING:
+    from mrdamper.export.target import Target
+
+__all__ = ["UNITS", "Unit", "Variable", "variables_of"]
+
+Kind = Literal["real", "integer", "boolean"]
+Causality = Literal["independent", "input", "output", "parameter", "local"]
+Variability = Literal["continuous", "discrete", "tunable", "constant"]
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """A unit in SI base units, and how it may be shown: shown = factor * value + offset."""
+
+    base: Mapping[str, int]
+    display: str = ""
+    factor: float = 1.0
+    offset: float = 0.0
+
+
+UNITS: Mapping[str, Unit] = {
+    "s": Unit({"s": 1}),
+    "m": Unit({"m": 1}, "mm", 1000.0),
+    "m/s": Unit({"m": 1, "s": -1}, "mm/s", 1000.0),
+    "N": Unit({"kg": 1, "m": 1, "s": -2}),
+    "K": Unit({"K": 1}, "degC", 1.0, -273.15),
+    "A": Unit({"A": 1}),
+    "V": Unit({"kg": 1, "m": 2, "s": -3, "A": -1}),
+    "A/N": Unit({"A": 1, "kg": -1, "m": -1, "s": 2}),
+    "V/N": Unit({"m": 1, "s": -1, "A": -1}),
+    "A/(N.s)": Unit({"A": 1, "kg": -1, "m": -1, "s": 1}),
+    "V/(N.s)": Unit({"m": 1, "s": -2, "A": -1}),
+    "1": Unit({}),
+}
+"""Units of the variables, by name."""
+
+_OUTSIDE = Flag.OUTSIDE_MOTION | Flag.OUTSIDE_TEMPERATURE
+_OF_CONTROLLER = Flag.NO_TARGET | Flag.NO_FORCE | Flag.INFEASIBLE | Flag.CLAMPED
+_OF_MODEL = Flag.NO_CURRENT | Flag.NO_VELOCITY
+
+_SAID: Mapping[str, str] = {
+    "NO_DISPLACEMENT": "displacement is not a number, or far outside",
+    "FROZEN": "displacement stands still though the damper moved",
+    "MOTION_UNKNOWN": "no displacement for too long: a controller gives its fall-back",
+    "NO_TEMPERATURE": "temperature is not a number, or beyond its limits: the last good one is used",
+    "TEMPERATURE_JUMP": "temperature moves faster than a damper warms: the last good one is used",
+    "NOMINAL_TEMPERATURE": "no good temperature for too long: the nominal one is used",
+    "NO_TARGET": "wanted force is not a number: zero is taken",
+    "NO_FORCE": "no force reading where force is fed back",
+    "OUTSIDE_MOTION": "displacement or velocity outside the identified range",
+    "OUTSIDE_TEMPERATURE": "temperature outside the identified range: its edge is held",
+    "INFEASIBLE": "no command gives the wanted force",
+    "CLAMPED": "the reversal clamp holds the command",
+    "SATURATED": "the command is at one of its ends, or beyond them",
+    "NO_CURRENT": "command is not a number, or far outside: the last good one is used, then none",
+    "FROZEN_TEMPERATURE": "temperature stands still though the damper warms",
+    "NO_VELOCITY": "velocity is beyond what can be: estimated from the displacement",
+}
+"""What a flag says where no header stands beside it."""
+
+_LARGE = 1e9  # stands for "anywhere" in a range
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Variable:
+    """One variable; ``place``: where a parameter goes in the instance; ``bits``: what a flag shows."""
+
+    name: str
+    description: str
+    kind: Kind
+    causality: Causality
+    variability: Variability
+    unit: str = ""  # of a real one
+    start: float | None = None  # None: calculated
+    low: float = -math.inf
+    high: float = math.inf
+    place: str = ""
+    bits: int = 0
+
+    @property
+    def label(self) -> str:
+        """Name of its value reference in C."""
+        return f"VR_{self.name.upper()}"
+
+
+def variables_of(target: Target) -> tuple[Variable, ...]:
+    """Return the variables of a target's FMU, in the order of their value references."""
+    every = [
+        Variable(
+            name="time", description="time", kind="real", causality="independent", variability="continuous",
+            unit="s",
+        ),
+        *_inputs(target),
+        *_outputs(target),
+        *_flags(target),
+        *_parameters(target),
+        *_constants(target),
+    ]  # fmt: skip
+    return tuple(_rounded(each) if target.precision == "float" else each for each in every)
+
+
+def _input(name: str, unit: str, start: float, description: str) -> Variable:
+    return Variable(
+        name=name, description=description, kind="real", causality="input", variability="continuous",
+        unit=unit, start=start,
+    )  # fmt: skip
+
+
+def _switch(name: str, description: str, start: bool) -> Variable:  # noqa: FBT001 - a start value
+    return Variable(
+        name=name, description=description, kind="boolean", causality="parameter", variability="tunable",
+        start=float(start),
+    )  # fmt: skip
+
+
+def _inputs(target: Target) -> Iterator[Variable]:
+    command = _command_name(target)
+    warm = next(iter(target.parts.values())).numbers["nominal"]
+    if target.controller is not None:
+        yield _input("wanted_force", "N", 0.0, "wanted force, positive against extension")
+        if target.controller.preview_s > 0.0:
+            yield _input(
+                "wanted_force_ahead", "N", 0.0, "wanted force preview_time later; see use_wanted_force_ahead"
+            )
+    yield _input("displacement", "m", 0.0, "displacement of the damper, extension positive")
+    if target.model is not None:
+        yield _input("velocity", "m/s", 0.0, "velocity of the damper; see use_velocity")
+    if target.content == "model":
+        yield _input(command, target.command_unit, 0.0, "command to the damper")
+    yield _input("temperature", "K", warm, "temperature of the fluid")
+    if target.controller is not None and target.controller.needs_force:
+        yield _input("force_reading", "N", 0.0, "measured force, for the feedback; see use_force_reading")
+    if target.content == "both":
+        yield _input(
+            f"given_{command}", target.command_unit, 0.0, f"command to the damper; see use_given_{command}"
+        )
+
+
+def _outputs(target: Target) -> Iterator[Variable]:
+    def output(name: str, unit: str, description: str) -> Variable:
+        return Variable(
+            name=name, description=description, kind="real", causality="output", variability="continuous",
+            unit=unit,
+        )  # fmt: skip
+
+    command, unit = _command_name(target), target.command_unit
+    if target.model is not None:
+        yield output("force", "N", "force of the damper, positive against extension")
+    if target.controller is not None:
+        yield output(command, unit, "command to the damper, from 0 to the largest")
+    if target.model is not None:
+        yield output(f"applied_{command}", unit, "command behind the coil's delay, lags and play")
+    if target.controller is not None:
+        yield output("model_force", "N", "force that the controller's model has now")
+
+
+def _flags(target: Target) -> Iterator[Variable]:
+    def output(name: str, description: str, bits: int, kind: Kind = "boolean") -> Variable:
+        return Variable(
+            name=name,
+            description=description,
+            kind=kind,
+            causality="output",
+            variability="discrete",
+            bits=bits,
+        )
+
+    yield output("flags", "all flags of the step, a bit each", 0, "integer")
+    yield output("fault", "a reading was not believed", int(FAULTS))
+    yield output("outside_envelope", "motion or temperature outside the identified range", int(_OUTSIDE))
+    others = {"model": _OF_CONTROLLER, "controller": _OF_MODEL, "both": Flag(0)}[target.content]
+    for each in flag_texts():
+        if not each.value & others:
+            name = each.name.removeprefix("MRD_")
+            yield output(f"flag_{name.lower()}", _SAID.get(name, each.text), each.value)
+
+
+def _parameters(target: Target) -> Iterator[Variable]:
+    command = _command_name(target)
+    controller = target.controller
+    if controller is not None and controller.preview_s > 0.0:
+        yield _switch(
+            "use_wanted_force_ahead", "the input wanted_force_ahead is known; else extrapolated", start=False
+        )
+    if target.model is not None:
+        yield _switch("use_velocity", "the input velocity is known; else estimated", start=False)
+    if controller is not None and controller.needs_force:
+        yield _switch("use_force_reading", "the input force_reading is known", start=True)
+    if target.content == "both":
+        yield _switch(
+            f"use_given_{command}", f"given_{command} drives the damper, not the controller", start=False
+        )
+    for part, source in target.parts.items():
+        # Alone, a part's parameters have plain names; side by side the two parts' are told apart.
+        owner = "" if target.content != "both" else "damper_" if part == "model" else "controller_"
+        # Both in one is a simulation, where a constant temperature is a choice and not a fault.
+        numbers = {**source.numbers, "reckon": 0.0} if target.content == "both" else source.numbers
+        for each in _tunable(part, numbers, target.command_unit):
+            yield replace(each, name=owner + each.name)
+
+
+def _tunable(part: str, numbers: Mapping[str, float], unit: str) -> Iterator[Variable]:
+    def number(name: str, of: str, unit: str, low: float, high: float, description: str) -> Variable:
+        return Variable(
+            name=name, description=description, kind="real", causality="parameter", variability="tunable",
+            unit=unit, start=numbers[of], low=low, high=high, place=f"{part}_data.{of}",
+        )  # fmt: skip
+
+    largest, coldest, hottest = numbers["largest"], numbers["cold_limit"], numbers["hot_limit"]
+    if part == "controller":
+        said = "command where the motion is not known"
+        yield number("fall_back", "fall_back", unit, 0.0, largest, said)
+        if numbers["feed_forward"] > 0.0 and numbers["bank"] < 1.5:
+            said = "reversal clamp: most above the static answer; negative: none"
+            yield number("clamp_margin", "margin", unit, -largest, largest, said)
+            said = "share of the lags' remaining gap that the command makes up for"
+            yield number("reach", "reach", "1", 0.0, 1.0, said)
+        if numbers["gain"] > 0.0:
+            yield number("feedback_gain", "gain", f"{unit}/N", 0.0, _LARGE, "gain of the force error")
+        if numbers["rate"] > 0.0:
+            yield number(
+                "feedback_rate", "rate", f"{unit}/(N.s)", 0.0, _LARGE, "gain of the force error's integral"
+            )
+    if numbers["capacity"] > 0.0:
+        said = "temperature of the surroundings"
+        yield number("ambient_temperature", "ambient", "K", coldest, hottest, said)
+        said = "a temperature that stands still is carried on by the energy put in; else flagged only"
+        reckons = _switch("reckon_temperature", said, start=numbers["reckon"] > 0.5)
+        yield replace(reckons, low=0.0, high=1.0, place=f"{part}_data.reckon")
+    said = "temperature to fall back to when none is known"
+    yield number("nominal_temperature", "nominal", "K", coldest, hottest, said)
+    said = "temperature to use whatever is read; 0: read it"
+    yield number("held_temperature", "held_temperature", "K", 0.0, hottest, said)
+    for index, what in enumerate(("yield", "viscous", "friction")):
+        yield Variable(
+            name=f"{what}_gain", description=f"gain of the {what} force, 1 as identified", kind="real",
+            causality="parameter", variability="tunable", unit="1", start=1.0, low=0.1, high=10.0,
+            place=f"memory.{part}.gain[{index}]",
+        )  # fmt: skip
+
+
+def _constants(target: Target) -> Iterator[Variable]:
+    def constant(name: str, unit: str, value: float, description: str) -> Variable:
+        return Variable(
+            name=name, description=description, kind="real", causality="local", variability="constant",
+            unit=unit, start=value,
+        )  # fmt: skip
+
+    numbers = next(iter(target.parts.values())).numbers
+    command = _command_name(target)
+    yield constant("sample_time", "s", target.period_s, "time between two steps inside")
+    if target.controller is not None and target.controller.preview_s > 0.0:
+        said = "how much later than wanted_force wanted_force_ahead is"
+        yield constant("preview_time", "s", target.controller.preview_s, said)
+    yield constant(f"largest_{command}", target.command_unit, target.largest, "largest command")
+    yield constant("coldest", "K", numbers["coldest"], "lowest temperature of the tables")
+    yield constant("warmest", "K", numbers["warmest"], "highest temperature of the tables")
+
+
+def _command_name(target: Target) -> str:
+    return "voltage" if target.command_unit == "V" else "current"
+
+
+def _rounded(variable: Variable) -> Variable:
+    """Return a parameter as single precision holds it; what stays double in the C is left alone."""
+    if not (variable.place and variable.start is not None):
+        return variable
+
+    def single(value: float) -> float:
+        return float(np.float32(value)) if math.isfinite(value) else value
+
+    return replace(
+        variable, start=single(variable.start), low=single(variable.low), high=single(variable.high)
+    )
