@@ -169,7 +169,7 @@ static void carry_on(const mrd_track *c, const mrd_track_state *s, axis_point wa
 {
     const stretch way = stretch_of(s->side, s->v, m->v, c->preview);
     mrd_real rho[2];
-    rho_at(c, warm, where_rho_is(c, felt), rho);
+    rho_at(c, warm, felt, rho);
     for (int e = 0; e < (int)c->elements; e++) m->w[e] = way.side * size_at(c, place_after(c, s->place[0][e], rho[e], &way));
 }
 

@@ -246,12 +246,6 @@ static void rho_of_models(const mrd_track *c, axis_point warm, int element, int 
     }
 }
 
-static inline axis_point where_rho_is(const mrd_track *c, mrd_real current)
-{
-    const axis_point anywhere = {0, R(0.0)};
-    return c->shared > R(0.5) ? anywhere : on_currents(c, current);
-}
-
 /* Hysteresis of every model through the period that ends now, velocity having been v0 at its begin. */
 static void follow_hysteresis(const mrd_track *c, mrd_track_state *s, axis_point warm, mrd_real v0, mrd_real applied)
 {
@@ -265,7 +259,7 @@ static void follow_hysteresis(const mrd_track *c, mrd_track_state *s, axis_point
             for (int b = 0; b < models; b++) s->place[b][e] = place_after(c, s->place[b][e], rho[b], &way);
         }
     } else {
-        rho_at(c, warm, where_rho_is(c, applied), rho);
+        rho_at(c, warm, applied, rho);
         for (int e = 0; e < elements; e++) s->place[0][e] = place_after(c, s->place[0][e], rho[e], &way);
     }
 }
@@ -280,7 +274,7 @@ static moment present(const mrd_track *c, const mrd_track_state *s)
 }
 
 /* Work of the model's force [W]: one term of it in turn counts for all of them, which over some seconds is the work
- * of their sum, and costs a step a fraction. */
+ * of their sum, and costs a step a fraction; so does the straight line between two eighths of the largest current. */
 static mrd_real sampled_work(const mrd_track *c, mrd_track_state *s, axis_point warm)
 {
     const int32_t columns = c->begin[MRD_GROUPS], terms = c->levels + c->begin[MRD_GROUP_RHO];
@@ -290,9 +284,10 @@ static mrd_real sampled_work(const mrd_track *c, mrd_track_state *s, axis_point 
     if (row >= MRD_ROW_YIELD) m = present(c, s);
     mrd_real force = multiplier(c, s, &m, row) * parabola(parabolas_at(c, warm) + 3 * s->term, warm.share);
     if (s->term >= c->levels) {
-        const axis_point at = on_currents(c, s->applied);
-        const mrd_real *here = c->column + at.index * columns + (s->term - c->levels);
-        force *= here[0] + at.share * (here[columns] - here[0]);
+        const mrd_real place = limited(s->applied / c->largest, R(0.0), R(1.0)) * R(8.0), *term = c->column + (s->term - c->levels);
+        const int32_t eighth = place < R(7.0) ? (int32_t)place : 7;
+        const mrd_real low = term[c->eighth[eighth] * columns], high = term[c->eighth[eighth + 1] * columns];
+        force *= low + (place - (mrd_real)eighth) * (high - low);
     }
     return (mrd_real)terms * force * s->v;
 }

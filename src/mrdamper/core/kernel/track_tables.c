@@ -100,18 +100,24 @@ static inline const mrd_real *parabolas_at(const mrd_track *c, axis_point warm)
 
 static inline mrd_real parabola(const mrd_real *p, mrd_real share) { return p[0] + share * (p[1] + share * p[2]); }
 
-/* Inverse yield displacements of the elements. */
-static void rho_at(const mrd_track *c, axis_point warm, axis_point at, mrd_real *rho)
+/* Inverse yield displacements of the elements; where they are the same at all currents, they are one term each. */
+static void rho_at(const mrd_track *c, axis_point warm, mrd_real current, mrd_real *rho)
 {
-    const int32_t columns = c->begin[MRD_GROUPS];
-    int32_t k = c->begin[MRD_GROUP_RHO];
-    const mrd_real *here = c->column + at.index * columns + k, *p = parabolas_at(c, warm) + 3 * (c->levels + k);
-    for (int e = 0; e < 2; e++) {
-        rho[e] = R(0.0);
-        for (; k < c->begin[MRD_GROUP_RHO + e + 1]; k++) {
-            rho[e] += parabola(p, warm.share) * (here[0] + at.share * (here[columns] - here[0]));
-            here++;
-            p += 3;
+    const mrd_real *p = parabolas_at(c, warm) + 3 * (c->levels + c->begin[MRD_GROUP_RHO]);
+    if (c->shared > R(0.5)) {
+        for (int e = 0; e < (int)c->elements; e++) rho[e] = parabola(p + 3 * e, warm.share);
+    } else {
+        const axis_point at = on_currents(c, current);
+        const int32_t columns = c->begin[MRD_GROUPS];
+        int32_t k = c->begin[MRD_GROUP_RHO];
+        const mrd_real *here = c->column + at.index * columns + k;
+        for (int e = 0; e < (int)c->elements; e++) {
+            rho[e] = R(0.0);
+            for (; k < c->begin[MRD_GROUP_RHO + e + 1]; k++) {
+                rho[e] += parabola(p, warm.share) * (here[0] + at.share * (here[columns] - here[0]));
+                here++;
+                p += 3;
+            }
         }
     }
 }
