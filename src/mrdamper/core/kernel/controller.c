@@ -13,7 +13,7 @@
 
 MRD_TRACK_API void mrd_track_start(const mrd_track *c, mrd_track_state *s)
 {
-    memset(s, 0, sizeof *s);
+    (void)memset(s, 0, sizeof *s);
     s->play = -c->play;
     s->side = R(1.0);
     for (int i = 0; i < MRD_TRACK_GAINS; i++) {
@@ -49,16 +49,17 @@ static inline void look(search *q, int32_t current, mrd_real off)
     q->before = off;
 }
 
-static inline int is_found(const search *q, int32_t last) { return q->cell < last; }
+static inline bool is_found(const search *q, int32_t last) { return q->cell < last; }
 
-/* The current between those of the table, or of every `stride`-th eighth. */
-static mrd_real found_at(const mrd_track *c, const search *q, int32_t last, int stride)
+/* The current, of those of the table or of every `stride`-th eighth, or between two of them. */
+static mrd_real found_at(const mrd_track *c, const search *q, int32_t last, int32_t stride)
 {
-    const int32_t j = is_found(q, last) ? q->cell : q->nearest;
-    const mrd_real low = c->current[stride ? c->eighth[j * stride] : j];
-    if (!is_found(q, last) || !(q->from != q->to)) return low;
-    const mrd_real high = c->current[stride ? c->eighth[(j + 1) * stride] : j + 1];
-    return low + q->from / (q->from - q->to) * (high - low);
+    const bool found = is_found(q, last);
+    const int32_t j = found ? q->cell : q->nearest, k = found ? j + 1 : j;
+    const mrd_real low = c->current[stride > 0 ? (int32_t)c->eighth[j * stride] : j];
+    const mrd_real high = c->current[stride > 0 ? (int32_t)c->eighth[k * stride] : k];
+    const mrd_real share = found && q->from != q->to ? q->from / (q->from - q->to) : R(0.0);
+    return low + share * (high - low);
 }
 
 /* What the lags will have put through at the preview: with the last command held, and their share of a command
@@ -70,20 +71,19 @@ static mrd_real lagged_ahead(const mrd_track *c, const mrd_track_state *s, mrd_r
     for (int32_t i = 1; i <= dead + (c->dead_part > R(0.0) ? 1 : 0); i++)
         pass_lags(c, past_dead_time(c, s, -i), &first, &second);
     const mrd_real input = s->command, gap = first - input;
-    const int rises = input > first;
+    const bool rises = input > first;
     *answer = rises ? c->rise_answer : c->fall_answer;
     return input + c->second_ahead * (second - input) + (rises ? c->rise_couple_ahead : c->fall_couple_ahead) * gap;
 }
 
 /* The answer of a bank of models at constant currents that have one hysteresis. */
-static mrd_real shared_answer(const mrd_track *c, const mrd_real *weight, mrd_real off, int *found)
+static mrd_real shared_answer(const mrd_track *c, const mrd_real *weight, mrd_real off, bool *found)
 {
     const int models = bank_of(c), stride = bank_stride(models);
-    const uint8_t *current = c->eighth + (MRD_TRACK_BANK - 1);
     search q = search_from(models - 1);
     for (int b = models - 1; b >= 0; b--) {
-        look(&q, b, off + sum_of(weight, c->column + *current * c->begin[MRD_GROUPS], c->begin[MRD_GROUP_RHO]));
-        current -= stride;
+        const mrd_real *here = &c->column[(int32_t)c->eighth[b * stride] * c->begin[MRD_GROUPS]];
+        look(&q, b, off + sum_of(weight, here, c->begin[MRD_GROUP_RHO]));
     }
     *found = is_found(&q, models - 1);
     return found_at(c, &q, models - 1, stride);
@@ -91,7 +91,7 @@ static mrd_real shared_answer(const mrd_track *c, const mrd_real *weight, mrd_re
 
 /* The answer of a bank of models that have a hysteresis each. */
 static mrd_real bank_answer(const mrd_track *c, const mrd_track_state *s, axis_point warm, const moment *m,
-                            const mrd_real *weight, mrd_real off, int *found)
+                            const mrd_real *weight, mrd_real off, bool *found)
 {
     const int models = bank_of(c), stride = bank_stride(models), elements = (int)c->elements;
     const int32_t yield = c->begin[MRD_GROUP_YIELD], second = c->begin[MRD_GROUP_SECOND], end = c->begin[MRD_GROUP_RHO];
@@ -110,11 +110,12 @@ static mrd_real bank_answer(const mrd_track *c, const mrd_track_state *s, axis_p
     }
     search q = search_from(models - 1);
     for (int b = models - 1; b >= 0; b--) {
-        const mrd_real *here = c->column + c->eighth[b * stride] * c->begin[MRD_GROUPS];
-        mrd_real force = off + sum_of(weight, here, yield) + mix.yield * w[b][0] * sum_of(weight + yield, here + yield, second - yield);
+        const mrd_real *here = &c->column[(int32_t)c->eighth[b * stride] * c->begin[MRD_GROUPS]];
+        mrd_real force = off + sum_of(weight, here, yield);
+        force += mix.yield * w[b][0] * sum_of(&weight[yield], &here[yield], second - yield);
         if (end > second) {
             const mrd_real share = mix.second[0] * w[b][0] + (elements > 1 ? mix.second[1] * w[b][1] : R(0.0));
-            force += share * sum_of(weight + second, here + second, end - second);
+            force += share * sum_of(&weight[second], &here[second], end - second);
         }
         look(&q, b, force);
     }
@@ -124,31 +125,31 @@ static mrd_real bank_answer(const mrd_track *c, const mrd_track_state *s, axis_p
 
 /* The answer of one model at the applied current, held by the reversal clamp. */
 static mrd_real model_answer(const mrd_track *c, mrd_track_state *s, const moment *m, const mrd_real *weight, mrd_real off,
-                             mrd_real sign, int *found)
+                             mrd_real sign, bool *found)
 {
-    const int clamped = c->margin >= R(0.0) && c->elements > R(0.5);
+    const bool clamped = c->margin >= R(0.0) && c->elements > R(0.5);
     const int32_t last = c->currents - 1, motion = c->begin[MRD_GROUP_YIELD], end = c->begin[MRD_GROUP_RHO];
     const mrd_real settled[2] = {sign, sign};
     const mixture mix = mixture_of(c, m);
     mrd_real pair[MRD_TRACK_TERMS][2], now[MRD_ROWS], then[MRD_ROWS];
-    now[MRD_ROW_YIELD] = now[MRD_ROW_SECOND] = then[MRD_ROW_YIELD] = then[MRD_ROW_SECOND] = R(1.0);
+    now[MRD_ROW_YIELD] = R(1.0);
+    now[MRD_ROW_SECOND] = R(1.0);
+    then[MRD_ROW_YIELD] = R(1.0);
+    then[MRD_ROW_SECOND] = R(1.0);
     mix_in(&mix, m->w, now);
     mix_in(&mix, settled, then);
     for (int32_t k = motion; k < end; k++) {
         pair[k - motion][0] = weight[k] * now[c->row[c->levels + k]];
         pair[k - motion][1] = weight[k] * then[c->row[c->levels + k]];
     }
-    const mrd_real *here = c->column + last * c->begin[MRD_GROUPS];
     search exact = search_from(last), clamp = search_from(last);
     for (int32_t j = last; j >= 0; j--) {
+        const mrd_real *here = &c->column[j * c->begin[MRD_GROUPS]];
         mrd_real one = off + sum_of(weight, here, motion), other = one;
-        const mrd_real *column = here + motion, *by = pair[0];
-        for (int32_t k = end - motion; k > 0; k--) {
-            one += by[0] * *column;
-            other += by[1] * *column++;
-            by += 2;
+        for (int32_t k = motion; k < end; k++) {
+            one += pair[k - motion][0] * here[k];
+            other += pair[k - motion][1] * here[k];
         }
-        here -= c->begin[MRD_GROUPS];
         look(&exact, j, one);
         look(&clamp, j, other);
     }
@@ -177,13 +178,14 @@ static void carry_on(const mrd_track *c, const mrd_track_state *s, axis_point wa
 static mrd_real answer_of(const mrd_track *c, mrd_track_state *s, axis_point warm, mrd_real wanted)
 {
     const mrd_real p = c->preview;
-    const int bank = bank_of(c) > 1, several = states_of(c) > 1, ahead = p > R(0.0) && (!bank || c->reach > R(0.0));
+    const bool bank = bank_of(c) > 1, several = states_of(c) > 1, ahead = p > R(0.0) && (!bank || c->reach > R(0.0));
     mrd_real by[MRD_ROWS], weight[MRD_TRACK_TERMS], answer = R(1.0), lagged = s->second, current;
-    int found;
+    bool found;
     moment m = {s->x, s->v, s->a, {R(0.0), R(0.0)}};
     if (p > R(0.0)) predict(&m.x, &m.v, m.a, p);
     const mrd_real sign = m.v < R(0.0) ? R(-1.0) : R(1.0);
-    m.w[0] = m.w[1] = sign; /* settled, until the hysteresis says more */
+    m.w[0] = sign; /* settled, until the hysteresis says more */
+    m.w[1] = sign;
     if (ahead) lagged = lagged_ahead(c, s, &answer);
     if (c->unlagged > R(0.5)) lagged = s->command;
     if (!several && !(c->is_static > R(0.5))) {
@@ -196,9 +198,13 @@ static mrd_real answer_of(const mrd_track *c, mrd_track_state *s, axis_point war
         mix_in(&mix, m.w, by);
     }
     const mrd_real off = weigh(c, warm, by, weight) - wanted;
-    if (!bank) current = model_answer(c, s, &m, weight, off, sign, &found);
-    else if (several) current = bank_answer(c, s, warm, &m, weight, off, &found);
-    else current = shared_answer(c, weight, off, &found);
+    if (!bank) {
+        current = model_answer(c, s, &m, weight, off, sign, &found);
+    } else if (several) {
+        current = bank_answer(c, s, warm, &m, weight, off, &found);
+    } else {
+        current = shared_answer(c, weight, off, &found);
+    }
     if (!found) s->flags |= MRD_INFEASIBLE;
     current = before_play(c, current, s->play);
     if (c->reach > R(0.0) && ahead && answer > R(0.05))
@@ -211,7 +217,7 @@ static mrd_real answer_of(const mrd_track *c, mrd_track_state *s, axis_point war
 }
 
 /* Feedback of the force, in the direction of motion; `forward` is what is there without it. */
-static mrd_real fed_back(const mrd_track *c, mrd_track_state *s, int measured, mrd_real wanted, mrd_real force,
+static mrd_real fed_back(const mrd_track *c, mrd_track_state *s, bool measured, mrd_real wanted, mrd_real force,
                          mrd_real forward)
 {
     if (!measured) {
@@ -230,7 +236,7 @@ MRD_TRACK_API mrd_real mrd_track_step(const mrd_track *c, mrd_track_state *s, co
     static const mrd_real most_force = R(1e7), most_length = R(1e9);
     s->flags = 0;
     const mrd_real v_before = s->v;
-    const int known = follow_motion(c, s, told->displacement);
+    const bool known = follow_motion(c, s, told->displacement);
     follow_temperature(c, s, told->temperature);
     const axis_point warm = warmth(c, s->temperature);
 
@@ -259,7 +265,7 @@ MRD_TRACK_API mrd_real mrd_track_step(const mrd_track *c, mrd_track_state *s, co
         ahead = now;
     }
 
-    const int measured = magnitude(told->force) <= most_force;
+    const bool measured = magnitude(told->force) <= most_force;
     if (measured && known && (c->observe > R(0.0) || c->forget > R(0.0))) learn(c, s, told->force);
     if (c->observe > R(0.0))
         ahead -= (s->v + c->preview * s->a < R(0.0) ? R(-1.0) : R(1.0)) * s->disturbance;

@@ -10,6 +10,7 @@
 #ifndef MRD_CONTROLLER_H
 #define MRD_CONTROLLER_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 #include <string.h>
@@ -21,12 +22,12 @@
 #ifdef MRD_SINGLE
 typedef float mrd_real;
 typedef uint32_t mrd_pattern;
-#define MRD_DIGITS 23
+#define MRD_DIGITS 23u
 #define MRD_PATTERN_OF_ONE UINT32_C(0x3f800000)
 #else
 typedef double mrd_real;
 typedef uint64_t mrd_pattern;
-#define MRD_DIGITS 52
+#define MRD_DIGITS 52u
 #define MRD_PATTERN_OF_ONE UINT64_C(0x3ff0000000000000)
 #endif
 
@@ -117,7 +118,8 @@ typedef struct {
 
 /* Rows: what the coefficients of the force are multiplied with, and the inverse yield displacements. */
 enum { MRD_ROW_OFFSET, MRD_ROW_STIFFNESS, MRD_ROW_MASS, MRD_ROW_VISCOUS, MRD_ROW_SLIDING, MRD_ROW_BREAKAWAY,
-       MRD_ROW_YIELD, MRD_ROW_SECOND, MRD_ROWS, MRD_ROW_RHO = MRD_ROWS, MRD_ROW_SECOND_RHO, MRD_TABLE_ROWS };
+       MRD_ROW_YIELD, MRD_ROW_SECOND, MRD_ROW_RHO, MRD_ROW_SECOND_RHO, MRD_TABLE_ROWS };
+#define MRD_ROWS 8 /* those of the force */
 
 /* Groups of rows that are added up on their own: those up to the breakaway friction, then each of the rest. */
 enum { MRD_GROUP_MOTION, MRD_GROUP_YIELD, MRD_GROUP_SECOND, MRD_GROUP_RHO, MRD_GROUP_SECOND_RHO, MRD_GROUPS };

@@ -19,25 +19,26 @@ static inline void look_at_motion(const mrd_track *c, mrd_track_state *s)
 }
 
 /* Displacement in; estimated motion one period on. Returns whether the motion is known. */
-static int follow_motion(const mrd_track *c, mrd_track_state *s, mrd_real reading)
+static bool follow_motion(const mrd_track *c, mrd_track_state *s, mrd_real reading)
 {
-    const int there = magnitude(reading) <= c->far_x; /* false where it is not a number */
-    if (there && s->started && reading == s->last_x) {
-        if (!s->repeated) s->speed_before = magnitude(s->v);
+    const bool there = magnitude(reading) <= c->far_x; /* false where it is not a number */
+    if (there && s->started != 0 && reading == s->last_x) {
+        if (s->repeated == 0) s->speed_before = magnitude(s->v);
         if (s->repeated < INT32_MAX) s->repeated++;
     } else {
         s->repeated = 0;
     }
-    const int frozen = s->repeated >= (int32_t)c->frozen_samples && s->speed_before > c->frozen_speed;
+    const bool frozen = s->repeated >= (int32_t)c->frozen_samples && s->speed_before > c->frozen_speed;
     if (!there) s->flags |= MRD_NO_DISPLACEMENT;
     if (frozen) s->flags |= MRD_FROZEN;
     if (there) s->last_x = reading;
 
     if (there && !frozen) {
-        if (!s->started || s->lost > (int32_t)c->coast_samples) { /* anew */
+        if (s->started == 0 || s->lost > (int32_t)c->coast_samples) { /* anew */
             s->x = reading;
-            s->v = s->a = R(0.0);
-            s->back = s->started ? (int32_t)c->coast_samples : 0;
+            s->v = R(0.0);
+            s->a = R(0.0);
+            s->back = s->started != 0 ? (int32_t)c->coast_samples : 0;
             s->started = 1;
         } else {
             predict(&s->x, &s->v, s->a, c->period);
@@ -53,27 +54,28 @@ static int follow_motion(const mrd_track *c, mrd_track_state *s, mrd_real readin
             predict(&s->x, &s->v, s->a, c->period);
             s->x = limited(s->x, -c->far_x, c->far_x);
         } else {
-            s->v = s->a = R(0.0);
+            s->v = R(0.0);
+            s->a = R(0.0);
         }
     }
     if (s->back > 0) s->back--;
-    const int known = s->started && s->lost <= (int32_t)c->coast_samples && !s->back;
+    const bool known = s->started != 0 && s->lost <= (int32_t)c->coast_samples && s->back == 0;
     if (!known) s->flags |= MRD_MOTION_UNKNOWN;
     look_at_motion(c, s);
     return known;
 }
 
 /* Whether a temperature stands still though the energy put in should have moved it; for good, until it changes. */
-static int is_stuck(const mrd_track *c, mrd_track_state *s, mrd_real reading)
+static bool is_stuck(const mrd_track *c, mrd_track_state *s, mrd_real reading)
 {
     if (reading != s->read) {
         s->read = reading;
-        s->warmed = s->warmed_least = R(0.0);
+        s->warmed = R(0.0);
+        s->warmed_least = R(0.0);
         s->stuck = 0;
-    } else if (c->capacity > R(0.0) && s->warmed_least > c->frozen_warming) {
-        s->stuck = 1;
     }
-    return s->stuck;
+    if (c->capacity > R(0.0) && s->warmed_least > c->frozen_warming) s->stuck = 1;
+    return s->stuck != 0;
 }
 
 /* The energy account of a reading that stands still: heat put in [W] less what is lost, over the capacity. The
@@ -96,18 +98,20 @@ static void follow_temperature(const mrd_track *c, mrd_track_state *s, mrd_real 
         s->temperature = c->held_temperature;
         return;
     }
-    const int there = reading >= c->cold_limit && reading <= c->hot_limit;
+    const bool there = reading >= c->cold_limit && reading <= c->hot_limit;
     if (there && !(s->temperature > R(0.0))) s->temperature = reading; /* the first */
     const mrd_real gap = there ? reading - s->temperature : R(0.0);
-    const int stuck = there && is_stuck(c, s, reading);
+    const bool stuck = there && is_stuck(c, s, reading);
     if (stuck) s->flags |= MRD_FROZEN_TEMPERATURE;
     if (stuck && c->reckon > R(0.5)) {
         const mrd_real reckoned = limited(reading + s->warmed, c->cold_limit, c->hot_limit);
         s->temperature += limited((R(1.0) - c->warm_keep) * (reckoned - s->temperature), -c->slew, c->slew);
-        s->cold = s->steady = 0;
+        s->cold = 0;
+        s->steady = 0;
     } else if (there && magnitude(gap) <= c->jump) {
         s->temperature += limited((R(1.0) - c->warm_keep) * gap, -c->slew, c->slew);
-        s->cold = s->steady = 0;
+        s->cold = 0;
+        s->steady = 0;
     } else {
         s->flags |= there ? MRD_TEMPERATURE_JUMP : MRD_NO_TEMPERATURE;
         if (s->cold < INT32_MAX) s->cold++;
@@ -120,11 +124,13 @@ static void follow_temperature(const mrd_track *c, mrd_track_state *s, mrd_real 
         if (there && s->steady > 0 && magnitude(reading - s->probe) <= c->jump) {
             if (++s->steady > (int32_t)c->recover_samples) {
                 s->temperature = s->probe;
-                s->cold = s->steady = 0;
+                s->cold = 0;
+                s->steady = 0;
             }
         } else {
             s->probe = reading;
-            s->steady = there ? 1 : 0;
+            s->steady = 0;
+            if (there) s->steady = 1;
         }
     }
     if (!(s->coolest > R(0.0)) || s->temperature < s->coolest) s->coolest = s->temperature;
@@ -134,7 +140,8 @@ static void follow_temperature(const mrd_track *c, mrd_track_state *s, mrd_real 
 /* A command on its way. */
 static inline void give(mrd_track_state *s, mrd_real command)
 {
-    s->at = (int32_t)(((uint32_t)s->at + 1u) % MRD_TRACK_LINE);
+    const uint32_t next = ((uint32_t)s->at + 1u) % MRD_TRACK_LINE;
+    s->at = (int32_t)next;
     s->line[s->at] = command;
     s->command = command;
 }
@@ -142,17 +149,17 @@ static inline void give(mrd_track_state *s, mrd_real command)
 /* The command that reached the lags `ago` periods before the newest one did not; negative: is still to come. */
 static mrd_real past_dead_time(const mrd_track *c, const mrd_track_state *s, int32_t ago)
 {
-    const int32_t n = (int32_t)c->dead_samples + ago;
-    const uint32_t place = (uint32_t)(s->at - n);
-    const mrd_real older = s->line[(place - 1u) % MRD_TRACK_LINE];
-    const mrd_real newer = n < 0 ? s->command : s->line[place % MRD_TRACK_LINE];
+    const int32_t n = (int32_t)c->dead_samples + ago, since = s->at - n;
+    const uint32_t newest = (uint32_t)since;
+    const mrd_real older = s->line[(newest - 1u) % MRD_TRACK_LINE];
+    const mrd_real newer = n < 0 ? s->command : s->line[newest % MRD_TRACK_LINE];
     return newer + c->dead_part * (older - newer);
 }
 
 /* Both lags one period on with a held input: exact. */
 static inline void pass_lags(const mrd_track *c, mrd_real input, mrd_real *first, mrd_real *second)
 {
-    const int rises = input > *first;
+    const bool rises = input > *first;
     const mrd_real gap = *first - input;
     *second = input + c->second * (*second - input) + (rises ? c->rise_couple : c->fall_couple) * gap;
     *first = input + (rises ? c->rise : c->fall) * gap;
@@ -184,43 +191,43 @@ static inline mrd_real before_play(const mrd_track *c, mrd_real felt, mrd_real p
 static mrd_real follow_applied(const mrd_track *c, mrd_track_state *s)
 {
     const mrd_real applied = s->applied;
-    if (c->unlagged > R(0.5)) s->first = s->second = s->command;
-    else pass_lags(c, past_dead_time(c, s, 0), &s->first, &s->second);
+    if (c->unlagged > R(0.5)) {
+        s->first = s->command;
+        s->second = s->command;
+    } else {
+        pass_lags(c, past_dead_time(c, s, 0), &s->first, &s->second);
+    }
     s->applied = past_play(c, s->second, &s->play);
     return R(0.5) * (applied + s->applied);
 }
 
 /* A stretch of h in which the velocity goes straight from v0 to v1: up to where it turns, and from there. */
 typedef struct {
-    mrd_real way[2]; /* sizes of the travel */
-    int turns[2];    /* whether the hysteresis turns before each */
-    mrd_real side;   /* its way after the stretch */
+    mrd_real to, from;          /* sizes of the travel */
+    bool turns_first, turns;    /* whether the hysteresis turns before it, and in between */
+    mrd_real side;              /* its way after the stretch */
 } stretch;
 
 static stretch stretch_of(mrd_real side, mrd_real v0, mrd_real v1, mrd_real h)
 {
-    mrd_real first = R(0.5) * h * (v0 + v1), then = R(0.0);
+    mrd_real to = R(0.5) * h * (v0 + v1), from = R(0.0);
     if ((v0 < R(0.0) && v1 > R(0.0)) || (v0 > R(0.0) && v1 < R(0.0))) {
         const mrd_real share = v0 / (v0 - v1);
-        first = R(0.5) * h * share * v0;
-        then = R(0.5) * h * (R(1.0) - share) * v1;
+        to = R(0.5) * h * share * v0;
+        from = R(0.5) * h * (R(1.0) - share) * v1;
     }
-    stretch s;
-    s.turns[0] = side * first < R(0.0);
-    s.side = s.turns[0] ? -side : side;
-    s.turns[1] = s.side * then < R(0.0);
-    s.side = s.turns[1] ? -s.side : s.side;
-    s.way[0] = magnitude(first);
-    s.way[1] = magnitude(then);
-    return s;
+    const bool turns_first = side * to < R(0.0);
+    const mrd_real between = turns_first ? -side : side;
+    const bool turns = between * from < R(0.0);
+    const stretch way = {magnitude(to), magnitude(from), turns_first, turns, turns ? -between : between};
+    return way;
 }
 
-/* Place on the universal curve after a stretch, from `u` before. */
-static mrd_real place_after(const mrd_track *c, mrd_real u, mrd_real rho, const stretch *s)
+/* Place on the universal curve after a stretch. */
+static mrd_real place_after(const mrd_track *c, mrd_real before, mrd_real rho, const stretch *s)
 {
-    if (s->turns[0]) u = after_turn(c, u);
-    u += rho * s->way[0];
-    if (s->turns[1]) u = after_turn(c, u) + rho * s->way[1];
+    mrd_real u = (s->turns_first ? after_turn(c, before) : before) + rho * s->to;
+    if (s->turns) u = after_turn(c, u) + rho * s->from;
     return u < c->loading.top ? u : c->loading.top;
 }
 
@@ -237,12 +244,11 @@ static void rho_of_models(const mrd_track *c, axis_point warm, int element, int 
 {
     const int32_t columns = c->begin[MRD_GROUPS], first = c->begin[MRD_GROUP_RHO + element];
     const int stride = bank_stride(models);
-    const mrd_real *p = parabolas_at(c, warm) + 3 * (c->levels + first);
+    const mrd_real *p = parabolas_at(c, warm);
     for (int b = 0; b < models; b++) rho[b] = R(0.0);
     for (int32_t k = first; k < c->begin[MRD_GROUP_RHO + element + 1]; k++) {
-        const mrd_real factor = parabola(p, warm.share);
-        for (int b = 0; b < models; b++) rho[b] += factor * c->column[c->eighth[b * stride] * columns + k];
-        p += 3;
+        const mrd_real factor = parabola(&p[3 * (c->levels + k)], warm.share);
+        for (int b = 0; b < models; b++) rho[b] += factor * c->column[(int32_t)c->eighth[b * stride] * columns + k];
     }
 }
 
@@ -279,15 +285,16 @@ static mrd_real sampled_work(const mrd_track *c, mrd_track_state *s, axis_point 
 {
     const int32_t columns = c->begin[MRD_GROUPS], terms = c->levels + c->begin[MRD_GROUP_RHO];
     s->term = s->term + 1 < terms ? s->term + 1 : 0;
-    const int row = c->row[s->term];
+    const int32_t row = c->row[s->term];
     moment m = {s->x, s->v, s->a, {R(0.0), R(0.0)}};
-    if (row >= MRD_ROW_YIELD) m = present(c, s);
-    mrd_real force = multiplier(c, s, &m, row) * parabola(parabolas_at(c, warm) + 3 * s->term, warm.share);
+    if (row >= (int32_t)MRD_ROW_YIELD) m = present(c, s);
+    mrd_real force = multiplier(c, s, &m, row) * parabola(&parabolas_at(c, warm)[3 * s->term], warm.share);
     if (s->term >= c->levels) {
-        const mrd_real place = limited(s->applied / c->largest, R(0.0), R(1.0)) * R(8.0), *term = c->column + (s->term - c->levels);
-        const int32_t eighth = place < R(7.0) ? (int32_t)place : 7;
-        const mrd_real low = term[c->eighth[eighth] * columns], high = term[c->eighth[eighth + 1] * columns];
-        force *= low + (place - (mrd_real)eighth) * (high - low);
+        const mrd_real where = limited(s->applied / c->largest, R(0.0), R(1.0)) * R(8.0);
+        const int32_t eighth = where < R(7.0) ? (int32_t)where : 7, column = s->term - c->levels;
+        const mrd_real low = c->column[(int32_t)c->eighth[eighth] * columns + column];
+        const mrd_real high = c->column[(int32_t)c->eighth[eighth + 1] * columns + column];
+        force *= low + (where - (mrd_real)eighth) * (high - low);
     }
     return (mrd_real)terms * force * s->v;
 }
@@ -297,14 +304,17 @@ MRD_TRACK_API void mrd_track_parts(const mrd_track *c, const mrd_track_state *s,
     static const uint8_t part_of[MRD_ROWS] = {3, 3, 3, 1, 2, 2, 0, 0};
     const axis_point warm = warmth(c, s->temperature), at = on_currents(c, s->applied);
     const moment m = present(c, s);
-    const int32_t columns = c->begin[MRD_GROUPS];
-    const mrd_real *here = c->column + at.index * columns - c->levels, *p = parabolas_at(c, warm);
+    const mrd_real *p = parabolas_at(c, warm);
     mrd_real by[MRD_ROWS];
     multipliers(c, s, &m, by);
     for (int k = 0; k < 4; k++) parts[k] = R(0.0);
     for (int32_t k = 0; k < c->levels + c->begin[MRD_GROUP_RHO]; k++) {
-        const mrd_real over = k < c->levels ? R(1.0) : here[k] + at.share * (here[columns + k] - here[k]);
-        parts[part_of[c->row[k]]] += by[c->row[k]] * parabola(p + 3 * k, warm.share) * over;
+        mrd_real over = R(1.0);
+        if (k >= c->levels) {
+            const mrd_real *here = &c->column[at.index * c->begin[MRD_GROUPS] + k - c->levels];
+            over = here[0] + at.share * (here[c->begin[MRD_GROUPS]] - here[0]);
+        }
+        parts[part_of[c->row[k]]] += by[c->row[k]] * parabola(&p[3 * k], warm.share) * over;
     }
 }
 
@@ -328,7 +338,7 @@ static void learn(const mrd_track *c, mrd_track_state *s, mrd_real force)
         s->gain[i] = limited(s->gain[i] + p[i] * error / spread, R(0.4), R(2.5));
     for (int i = 0; i < MRD_TRACK_GAINS; i++)
         for (int j = 0; j < MRD_TRACK_GAINS; j++) {
-            mrd_real *q = s->spread + i * MRD_TRACK_GAINS + j;
+            mrd_real *q = &s->spread[i * MRD_TRACK_GAINS + j];
             *q = (*q - p[i] * p[j] / spread) / c->forget;
         }
     /* Forgetting lets the covariance of what is not excited grow: it never passes where it began. */

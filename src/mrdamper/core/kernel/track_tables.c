@@ -19,26 +19,26 @@ static inline mrd_real limited(mrd_real u, mrd_real low, mrd_real high) { return
 static inline mrd_pattern pattern_of(mrd_real t)
 {
     mrd_pattern p;
-    memcpy(&p, &t, sizeof p);
+    (void)memcpy(&p, &t, sizeof p);
     return p;
 }
 
 static inline mrd_real of_pattern(mrd_pattern p)
 {
     mrd_real t;
-    memcpy(&t, &p, sizeof t);
+    (void)memcpy(&t, &p, sizeof t);
     return t;
 }
 
-/* Number of the first cell in the patterns' own counting. */
-static inline mrd_pattern first_cell(const mrd_octaves *o) { return pattern_of(o->offset) >> (MRD_DIGITS - o->bits); }
-
 static mrd_real octaves_at(const mrd_octaves *o, mrd_real size)
 {
+    const mrd_pattern one = 1u, mask = (one << MRD_DIGITS) - one;
+    const uint32_t bits = (uint32_t)o->bits, beside = MRD_DIGITS - bits;
     const mrd_real sum = size + o->offset, t = sum < o->top ? sum : o->top;
-    const mrd_pattern p = pattern_of(t), mask = ((mrd_pattern)1 << MRD_DIGITS) - 1;
-    const mrd_real *c = o->cell + 4 * (size_t)((p >> (MRD_DIGITS - o->bits)) - first_cell(o));
-    const mrd_real l = of_pattern(((p << o->bits) & mask) | MRD_PATTERN_OF_ONE) - R(1.0);
+    const mrd_pattern p = pattern_of(t);
+    /* cells are numbered by the leading bits of the pattern, from those of the offset on */
+    const mrd_real *c = &o->cell[4u * (size_t)((p >> beside) - (pattern_of(o->offset) >> beside))];
+    const mrd_real l = of_pattern(((p << bits) & mask) | MRD_PATTERN_OF_ONE) - R(1.0);
     return c[0] + l * (c[1] + l * (c[2] + l * c[3]));
 }
 
@@ -65,18 +65,19 @@ typedef struct {
 
 static axis_point on_currents(const mrd_track *c, mrd_real u)
 {
-    const mrd_real *low = c->current;
-    uint32_t count = (uint32_t)c->currents - 1u; /* of the cells that are still in question, from low on */
-    while (count > 1u) {
-        const uint32_t half = count >> 1;
-        if (u >= low[half]) {
-            low += half;
+    axis_point at = {0, R(0.0)};
+    int32_t count = c->currents - 1; /* of the cells that are still in question, from the index on */
+    while (count > 1) {
+        const int32_t half = count / 2;
+        if (u >= c->current[at.index + half]) {
+            at.index += half;
             count -= half;
         } else {
             count = half;
         }
     }
-    const axis_point at = {(int32_t)(low - c->current), limited((u - low[0]) / (low[1] - low[0]), R(0.0), R(1.0))};
+    const mrd_real low = c->current[at.index], high = c->current[at.index + 1];
+    at.share = limited((u - low) / (high - low), R(0.0), R(1.0));
     return at;
 }
 
@@ -84,10 +85,10 @@ static inline axis_point warmth(const mrd_track *c, mrd_real kelvin)
 {
     axis_point at = {0, R(0.0)};
     if (c->warmest > c->coldest) {
-        const mrd_real place = (limited(kelvin, c->coldest, c->warmest) - c->coldest) / (c->warmest - c->coldest) * (mrd_real)c->pieces;
-        at.index = (int32_t)place;
+        const mrd_real where = (limited(kelvin, c->coldest, c->warmest) - c->coldest) / (c->warmest - c->coldest) * (mrd_real)c->pieces;
+        at.index = (int32_t)where;
         if (at.index > c->pieces - 1) at.index = c->pieces - 1;
-        at.share = place - (mrd_real)at.index;
+        at.share = where - (mrd_real)at.index;
     }
     return at;
 }
@@ -95,7 +96,7 @@ static inline axis_point warmth(const mrd_track *c, mrd_real kelvin)
 /* Parabolas of all terms in the piece of a temperature. */
 static inline const mrd_real *parabolas_at(const mrd_track *c, axis_point warm)
 {
-    return c->factor + 3 * warm.index * (c->levels + c->begin[MRD_GROUPS]);
+    return &c->factor[3 * warm.index * (c->levels + c->begin[MRD_GROUPS])];
 }
 
 static inline mrd_real parabola(const mrd_real *p, mrd_real share) { return p[0] + share * (p[1] + share * p[2]); }
@@ -103,21 +104,17 @@ static inline mrd_real parabola(const mrd_real *p, mrd_real share) { return p[0]
 /* Inverse yield displacements of the elements; where they are the same at all currents, they are one term each. */
 static void rho_at(const mrd_track *c, axis_point warm, mrd_real current, mrd_real *rho)
 {
-    const mrd_real *p = parabolas_at(c, warm) + 3 * (c->levels + c->begin[MRD_GROUP_RHO]);
+    const mrd_real *p = &parabolas_at(c, warm)[3 * (c->levels + c->begin[MRD_GROUP_RHO])];
     if (c->shared > R(0.5)) {
-        for (int e = 0; e < (int)c->elements; e++) rho[e] = parabola(p + 3 * e, warm.share);
+        for (int e = 0; e < (int)c->elements; e++) rho[e] = parabola(&p[3 * e], warm.share);
     } else {
         const axis_point at = on_currents(c, current);
-        const int32_t columns = c->begin[MRD_GROUPS];
-        int32_t k = c->begin[MRD_GROUP_RHO];
-        const mrd_real *here = c->column + at.index * columns + k;
+        const int32_t columns = c->begin[MRD_GROUPS], first = c->begin[MRD_GROUP_RHO];
+        const mrd_real *here = &c->column[at.index * columns], *beyond = &here[columns];
         for (int e = 0; e < (int)c->elements; e++) {
             rho[e] = R(0.0);
-            for (; k < c->begin[MRD_GROUP_RHO + e + 1]; k++) {
-                rho[e] += parabola(p, warm.share) * (here[0] + at.share * (here[columns] - here[0]));
-                here++;
-                p += 3;
-            }
+            for (int32_t k = c->begin[MRD_GROUP_RHO + e]; k < c->begin[MRD_GROUP_RHO + e + 1]; k++)
+                rho[e] += parabola(&p[3 * (k - first)], warm.share) * (here[k] + at.share * (beyond[k] - here[k]));
         }
     }
 }
@@ -137,7 +134,8 @@ static void motion_multipliers(const mrd_track *c, const mrd_track_state *s, con
     by[MRD_ROW_VISCOUS] = s->gain[1] * sign * octaves_at(&c->viscous, speed);
     by[MRD_ROW_SLIDING] = s->gain[2] * sign * octaves_at(&c->sliding, speed);
     by[MRD_ROW_BREAKAWAY] = s->gain[2] * sign * octaves_at(&c->breakaway, speed);
-    by[MRD_ROW_YIELD] = by[MRD_ROW_SECOND] = s->gain[0];
+    by[MRD_ROW_YIELD] = s->gain[0];
+    by[MRD_ROW_SECOND] = s->gain[0];
 }
 
 /* What the yield forces are multiplied with at hysteretic states w: the first with yield w0, the second with
@@ -148,13 +146,9 @@ typedef struct {
 
 static inline mixture mixture_of(const mrd_track *c, const moment *m)
 {
-    mixture mix = {R(1.0), {R(0.0), R(1.0)}};
-    if (c->elements < R(0.5)) {
-        mix.yield = octaves_at(&c->built_up, magnitude(m->v));
-    } else if (c->saturating > R(0.5)) {
-        mix.second[0] = octaves_at(&c->built_up, magnitude(m->v));
-        mix.second[1] = R(0.0);
-    }
+    const bool settled = c->elements < R(0.5), rate = c->saturating > R(0.5);
+    const mrd_real built_up = settled || rate ? octaves_at(&c->built_up, magnitude(m->v)) : R(1.0);
+    const mixture mix = {settled ? built_up : R(1.0), {rate ? built_up : R(0.0), rate ? R(0.0) : R(1.0)}};
     return mix;
 }
 
@@ -202,34 +196,25 @@ static mrd_real weigh(const mrd_track *c, axis_point warm, const mrd_real *by, m
     const mrd_real *p = parabolas_at(c, warm);
     const uint8_t *row = c->row;
     mrd_real level = R(0.0);
-    for (int32_t k = c->levels; k > 0; k--) {
-        level += by[*row] * parabola(p, warm.share);
-        p += 3;
-        row++;
-    }
-    for (int32_t k = c->begin[MRD_GROUP_RHO]; k > 0; k--) {
-        *weight = by[*row] * parabola(p, warm.share);
-        weight++;
-        p += 3;
-        row++;
-    }
+    for (int32_t k = 0; k < c->levels; k++) level += by[row[k]] * parabola(&p[3 * k], warm.share);
+    p = &p[3 * c->levels];
+    row = &row[c->levels];
+    for (int32_t k = 0; k < c->begin[MRD_GROUP_RHO]; k++) weight[k] = by[row[k]] * parabola(&p[3 * k], warm.share);
     return level;
 }
 
 static inline mrd_real sum_of(const mrd_real *weight, const mrd_real *here, int32_t count)
 {
     mrd_real sum = R(0.0);
-    for (; count > 0; count--) sum += *weight++ * *here++;
+    for (int32_t k = 0; k < count; k++) sum += weight[k] * here[k];
     return sum;
 }
 
 /* Force at any current. */
 static inline mrd_real force_at(const mrd_track *c, axis_point warm, axis_point at, const mrd_real *by)
 {
-    const int32_t columns = c->begin[MRD_GROUPS];
-    const mrd_real *here = c->column + at.index * columns;
+    const mrd_real *here = &c->column[at.index * c->begin[MRD_GROUPS]], *beyond = &here[c->begin[MRD_GROUPS]];
     mrd_real weight[MRD_TRACK_TERMS], force = weigh(c, warm, by, weight);
-    for (int32_t k = 0; k < c->begin[MRD_GROUP_RHO]; k++)
-        force += weight[k] * (here[k] + at.share * (here[columns + k] - here[k]));
+    for (int32_t k = 0; k < c->begin[MRD_GROUP_RHO]; k++) force += weight[k] * (here[k] + at.share * (beyond[k] - here[k]));
     return force;
 }
