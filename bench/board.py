@@ -16,22 +16,36 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mrdamper import core
 from mrdamper.control.controllers import ForceController
 from mrdamper.export.track_struct import Nested, Pointer, Table, Value, track_members
 from mrdamper.quantities import FloatArray
 
-__all__ = ["BOARDS", "CLEAN", "Board", "Replay", "Sizes", "c_tables", "on_board", "on_host", "sizes"]
+__all__ = [
+    "BOARDS",
+    "CLEAN",
+    "Board",
+    "Replay",
+    "Sizes",
+    "c_tables",
+    "hash_of",
+    "on_board",
+    "on_host",
+    "sizes",
+]
 
 KERNEL = Path(core.__file__).parent / "kernel"
 SOURCES = Path(__file__).parent / "bare_metal"
 CLEAN = (
-    "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Wshadow", "-Wcast-qual", "-pedantic", "-Werror",
+    "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Wshadow", "-Wcast-qual", "-pedantic",
+    "-Werror",
 )  # fmt: skip
 """Warnings under which the kernel and its tables compile without one."""
 
 _TICKS_PER_INSTRUCTION = 1024.0 / 40.0  # 2^10 ns an instruction, a timer of 25 MHz
+
 
 @dataclass(frozen=True, slots=True)
 class Board:
@@ -137,6 +151,17 @@ def on_host(
     return _read(said, len(rows))
 
 
+def hash_of(command: FloatArray, flags: NDArray[np.int64], *, single: bool = True) -> int:
+    """Return the hash that a replay gives for these commands and flags."""
+    columns = [("command", np.float32 if single else np.float64), ("flags", np.int32)]
+    rows = np.empty(len(command), dtype=columns)
+    rows["command"], rows["flags"] = command, flags
+    out = 0xCBF29CE484222325
+    for byte in rows.tobytes():
+        out = (out ^ byte) * 0x100000001B3 & 0xFFFFFFFFFFFFFFFF
+    return out
+
+
 def sizes(controller: ForceController, board: Board, *, flags: tuple[str, ...] = ("-O2",)) -> Sizes:
     """Return bytes of code and tables on a board, and of the deepest stack of one function."""
     with tempfile.TemporaryDirectory() as folder:
@@ -144,8 +169,8 @@ def sizes(controller: ForceController, board: Board, *, flags: tuple[str, ...] =
         _write(controller, np.empty((0, 5)), place, single=True)
         out = place / "one.o"
         _run(
-            "arm-none-eabi-gcc", *board.flags, *flags, "-std=c99", "-DMRD_SINGLE", "-fstack-usage", f"-I{KERNEL}",
-            f"-I{place}", "-c", str(SOURCES / "one.c"), "-o", str(out),
+            "arm-none-eabi-gcc", *board.flags, *flags, "-std=c99", "-DMRD_SINGLE", "-fstack-usage",
+            f"-I{KERNEL}", f"-I{place}", "-c", str(SOURCES / "one.c"), "-o", str(out),
         )  # fmt: skip
         symbols = [line.split() for line in _run("arm-none-eabi-nm", "-S", str(out)).splitlines()]
         held = [(kind.lower(), int(size, 16)) for _, size, kind, _ in (s for s in symbols if len(s) == 4)]

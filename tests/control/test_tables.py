@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,8 +11,10 @@ from hypothesis import strategies as st
 
 from mrdamper import core
 from mrdamper.control.octaves import fit_octaves, tabulate_octaves, universal_curve
-from mrdamper.control.tables import ROWS, TABULATED, tabulate
+from mrdamper.control.tables import CURRENTS, ROWS, TABULATED, tabulate
 from mrdamper.errors import InputError
+from mrdamper.models.dependence import Hill, ParameterLaw, Tempered
+from mrdamper.models.temperature import Linear
 from tests.control.dampers import DAMPERS, DOUBLE
 
 SPEEDS = np.concatenate([[0.0], np.geomspace(1e-7, 0.999, 20_000)])
@@ -57,14 +61,21 @@ def test_the_force_of_the_table_is_the_law_s(law):
         np.testing.assert_allclose(found, expected, atol=2e-2 if law == "bouc-wen-saturating" else 1e-2)
 
 
+@pytest.mark.parametrize("rises", ["as it is", "like a root", "in an S"])
 @pytest.mark.parametrize("law", TABULATED)
-def test_between_the_table_s_points_too_the_force_is_within_a_thousandth_of_the_peak(law):
+def test_between_the_table_s_points_too_the_force_is_within_a_thousandth_of_the_peak(law, rises):
     """Any current and temperature of the range, any motion up to 0.3 m/s, any hysteretic state."""
     damper = DAMPERS[law]
+    if rises != "as it is":
+        hill = Hill(50.0, 900.0, 1.3, 0.6 if rises == "like a root" else 1.9, 2.0)
+        forms: dict[str, ParameterLaw] = {**damper.coefficients, "yield_force": Tempered(hill, Linear(2e-3))}
+        damper = replace(damper, coefficients=forms)
     tables = tabulate(damper, 2.0)
+    assert len(tables.currents) <= CURRENTS
     current, rng = np.linspace(0.0, 2.0, 201), np.random.default_rng(1)
+    low, high = damper.temperature_range or (0.0, 0.0)
     for _ in range(200):
-        kelvin, x = rng.uniform(*damper.temperature_range), rng.uniform(-0.02, 0.02)
+        kelvin, x = rng.uniform(low, high), rng.uniform(-0.02, 0.02)
         v, w = rng.choice([-1.0, 1.0]) * 10.0 ** rng.uniform(-5.0, np.log10(0.3)), rng.uniform(-1.0, 1.0, 2)
         expected, viscous = law_s_force(damper, current, kelvin, x, v, w)
         found = np.interp(current, tables.currents, table_s_force(tables, kelvin, x, v, w))
@@ -73,7 +84,7 @@ def test_between_the_table_s_points_too_the_force_is_within_a_thousandth_of_the_
 
 
 @pytest.mark.parametrize("law", TABULATED)
-def test_the_tables_of_a_card_s_range_take_8_kB_in_single_precision(law):
+def test_the_tables_of_a_card_s_range_take_8_kilobytes_in_single_precision(law):
     tables = tabulate(DAMPERS[law], 2.0, temperatures=(293.15, 396.15))
     numbers = tables.factor.size + tables.column.size + sum(o.cell.size for o in tables.octaves)
     assert 4 * numbers < 8192

@@ -193,7 +193,9 @@ def universal_curve(kappa: float, n: float, *, needed: bool = True) -> CurveTabl
         # sign reversed, so that it rises
         from_unloaded=fit_octaves(
             lambda rest: -to_loading(unload(left(rest))),
-            lambda rest: unload_slope(left(rest)) / np.maximum(load_slope(to_loading(unload(left(rest)))), 1e-9),
+            lambda rest: (
+                unload_slope(left(rest)) / np.maximum(load_slope(to_loading(unload(left(rest)))), 1e-9)
+            ),
             half,
             CURVE_ERROR,
             weight=lambda rest: load_slope(to_loading(unload(left(rest)))),
@@ -205,9 +207,9 @@ def universal_curve(kappa: float, n: float, *, needed: bool = True) -> CurveTabl
 def functions_of_speed(
     present: set[str], exponent: float, stribeck: float, transition: float, end: float
 ) -> dict[str, Octaves]:
-    """Return what viscous, sliding and breakaway friction are multiplied with; one cell for what is not ``present``.
+    """Return what viscous, sliding and breakaway friction are multiplied with.
 
-    Friction is tabulated as far as it still moves.
+    One cell for what is not ``present``. Friction is tabulated as far as it still moves.
     """
     out = dict.fromkeys(("viscous", "sliding", "breakaway"), _nothing(end))
     if "viscous" in present:

@@ -1,13 +1,16 @@
 """A damper in tables: what the controller's step reads instead of powers, exponentials and polynomials.
 
-Every coefficient over current and temperature is a sum of terms, each a column over a few currents times a factor that temperature moves; a coefficient that current does not move is one factor, and one that
-is zero is not there. The universal curve of the hysteresis and the functions of speed that the force is made
-of are cubics on cells of their own (``octaves``). ``track_tables.c`` reads all that.
+Every coefficient over current and temperature is a sum of terms, each a column over a few currents times a
+factor that temperature moves; a coefficient that current does not move is one factor, and one that is zero is
+not there. The universal curve of the hysteresis and the functions of speed that the force is made of are
+cubics on cells of their own (``octaves``). ``track_tables.c`` reads all that.
 
-The tables are as small as their accuracy lets them be, which is stated and measured when they are built: the
-straight line between two currents is at most ``CURRENT_SHARE`` of its largest value off a coefficient, a force
-against the largest yield force; the parabola between two temperatures ``TEMPERATURE_SHARE``. With the errors
-that ``octaves`` states that is less than a thousandth of the peak force together.
+The tables are as small as their accuracy lets them be, which is stated, and measured when they are built.
+Between two currents a straight line is at most ``CURRENT_SHARE`` of the largest yield force off what makes up
+the force (of its own largest value off a viscosity or an inverse yield displacement); between two
+temperatures a parabola is off by at most ``TEMPERATURE_SHARE``. With the errors that ``octaves`` states that
+is about a thousandth of the peak force together. A yield force that rises like a root from zero current can
+take more currents than there may be; then the first share is doubled until it does not.
 """
 
 from __future__ import annotations
@@ -79,12 +82,20 @@ class DamperTables:
     def octaves(self) -> tuple[Octaves, ...]:
         """The functions in the kernel's order."""
         turns = (self.from_loading, self.from_unloading, self.from_unloaded)
-        return (self.loading, self.unloading, *turns, self.viscous, self.sliding, self.breakaway, self.built_up)
+        return (
+            self.loading,
+            self.unloading,
+            *turns,
+            self.viscous,
+            self.sliding,
+            self.breakaway,
+            self.built_up,
+        )
 
     @property
     def levels(self) -> int:
         """How many terms have no column."""
-        return len(self.rows) - self.column.shape[1]
+        return len(self.rows) - int(self.column.shape[1])
 
     @property
     def begin(self) -> tuple[int, ...]:
@@ -233,7 +244,7 @@ def _rows(values: dict[str, FloatArray]) -> FloatArray:
 
 
 def _scales(rows: FloatArray) -> FloatArray:
-    """Return what an error of each row is held against: all yield force together, for what adds up to a force.
+    """Return what an error of each row is held against: for what adds up to a force, all yield force.
 
     Stiffness and mass are forces at a stroke and an acceleration that few dampers exceed. A viscosity and an
     inverse yield displacement are held against themselves.
@@ -275,7 +286,7 @@ def _enough_currents(rows: FloatArray, scale: FloatArray, share: float = CURRENT
         knots.append(far)
     if len(knots) > CURRENTS:
         return _enough_currents(rows, scale, 2.0 * share)
-    return np.array(knots) / count
+    return np.asarray(np.array(knots) / count)
 
 
 def _terms(rows: FloatArray, scale: FloatArray) -> tuple[tuple[int, ...], FloatArray, FloatArray, int]:
@@ -317,9 +328,7 @@ def _parabolas(values: FloatArray, pieces: int) -> FloatArray:
     """Return parabolas through the ends and middles of pieces, shape (terms, pieces, 3)."""
     step = (values.shape[1] - 1) // pieces
     begin, middle, end = values[:, :-1:step], values[:, step // 2 :: step], values[:, step::step]
-    return np.stack(
-        [begin, 4.0 * middle - 3.0 * begin - end, 2.0 * (begin + end) - 4.0 * middle], axis=2
-    )
+    return np.stack([begin, 4.0 * middle - 3.0 * begin - end, 2.0 * (begin + end) - 4.0 * middle], axis=2)
 
 
 def _along(cells: FloatArray, count: int) -> FloatArray:

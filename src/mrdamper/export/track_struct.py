@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from mrdamper.control.controllers import ForceController
 from mrdamper.control.realtime import RealtimeDamper
-from mrdamper.control.tables import Octaves
+from mrdamper.control.octaves import Octaves
 
 __all__ = ["Nested", "Pointer", "Table", "Value", "track_members"]
 

@@ -131,16 +131,11 @@ static mrd_real model_answer(const mrd_track *c, mrd_track_state *s, const momen
     const int32_t last = c->currents - 1, motion = c->begin[MRD_GROUP_YIELD], end = c->begin[MRD_GROUP_RHO];
     const mrd_real settled[2] = {sign, sign};
     const mixture mix = mixture_of(c, m);
-    mrd_real pair[MRD_TRACK_TERMS][2], now[MRD_ROWS], then[MRD_ROWS];
-    now[MRD_ROW_YIELD] = R(1.0);
-    now[MRD_ROW_SECOND] = R(1.0);
-    then[MRD_ROW_YIELD] = R(1.0);
-    then[MRD_ROW_SECOND] = R(1.0);
-    mix_in(&mix, m->w, now);
-    mix_in(&mix, settled, then);
+    mrd_real pair[MRD_TRACK_TERMS][2];
     for (int32_t k = motion; k < end; k++) {
-        pair[k - motion][0] = weight[k] * now[c->row[c->levels + k]];
-        pair[k - motion][1] = weight[k] * then[c->row[c->levels + k]];
+        const bool first = k < c->begin[MRD_GROUP_SECOND];
+        pair[k - motion][0] = weight[k] * (first ? yield_share(&mix, m->w) : second_share(&mix, m->w));
+        pair[k - motion][1] = weight[k] * (first ? yield_share(&mix, settled) : second_share(&mix, settled));
     }
     search exact = search_from(last), clamp = search_from(last);
     for (int32_t j = last; j >= 0; j--) {
@@ -195,7 +190,8 @@ static mrd_real answer_of(const mrd_track *c, mrd_track_state *s, axis_point war
     motion_multipliers(c, s, &m, by);
     if (bank && !several) {
         const mixture mix = mixture_of(c, &m);
-        mix_in(&mix, m.w, by);
+        by[MRD_ROW_YIELD] *= yield_share(&mix, m.w);
+        by[MRD_ROW_SECOND] *= second_share(&mix, m.w);
     }
     const mrd_real off = weigh(c, warm, by, weight) - wanted;
     if (!bank) {

@@ -152,17 +152,19 @@ static inline mixture mixture_of(const mrd_track *c, const moment *m)
     return mix;
 }
 
-static inline void mix_in(const mixture *mix, const mrd_real *w, mrd_real *by)
+static inline mrd_real yield_share(const mixture *mix, const mrd_real *w) { return mix->yield * w[0]; }
+
+static inline mrd_real second_share(const mixture *mix, const mrd_real *w)
 {
-    by[MRD_ROW_YIELD] *= mix->yield * w[0];
-    by[MRD_ROW_SECOND] *= mix->second[0] * w[0] + mix->second[1] * w[1];
+    return mix->second[0] * w[0] + mix->second[1] * w[1];
 }
 
 static inline void multipliers(const mrd_track *c, const mrd_track_state *s, const moment *m, mrd_real *by)
 {
     const mixture mix = mixture_of(c, m);
     motion_multipliers(c, s, m, by);
-    mix_in(&mix, m->w, by);
+    by[MRD_ROW_YIELD] *= yield_share(&mix, m->w);
+    by[MRD_ROW_SECOND] *= second_share(&mix, m->w);
 }
 
 /* What one row is multiplied with. */
@@ -179,11 +181,11 @@ static mrd_real multiplier(const mrd_track *c, const mrd_track_state *s, const m
     case MRD_ROW_BREAKAWAY: by = s->gain[2] * sign * octaves_at(&c->breakaway, speed); break;
     case MRD_ROW_YIELD:
         mix = mixture_of(c, m);
-        by = s->gain[0] * mix.yield * m->w[0];
+        by = s->gain[0] * yield_share(&mix, m->w);
         break;
     case MRD_ROW_SECOND:
         mix = mixture_of(c, m);
-        by = s->gain[0] * (mix.second[0] * m->w[0] + mix.second[1] * m->w[1]);
+        by = s->gain[0] * second_share(&mix, m->w);
         break;
     default: break; /* the offset */
     }
