@@ -7,7 +7,7 @@ import json
 from importlib import import_module
 from pathlib import Path
 
-from bench.measure import Row, machine, table
+from bench.measure import Row, asked_table, machine, table
 
 NAMES = ("simulation", "startup", "identification", "temperature", "tracking", "controller", "target")
 
@@ -28,7 +28,7 @@ def main() -> None:
     results: dict[str, object] = {"machine": here}
     for name in given.names or NAMES:
         rows: list[Row] = import_module(f"bench.{name}").run()
-        print(f"\n{table(name, rows)}", flush=True)
+        print(f"\n{table(name, rows)}\n{asked_table(rows)}", flush=True)
         results[name] = [row.as_json() for row in rows]
     given.out.parent.mkdir(parents=True, exist_ok=True)
     partial = given.out.with_suffix(".part")

@@ -1,4 +1,7 @@
-"""How the benchmarks measure: medians of interleaved repeats, and what machine they ran on."""
+"""How the benchmarks measure: medians of interleaved repeats, and what machine they ran on.
+
+A row may carry the figures that were asked for; they end a benchmark as a table of asked and measured.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,22 @@ from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
 
-__all__ = ["Row", "interleaved", "machine", "table"]
+__all__ = ["Asked", "Row", "asked_table", "interleaved", "machine", "table"]
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """A figure that was asked for, and what was measured."""
+
+    figure: str
+    bar: float
+    measured: float
+    unit: str = "N"
+    at_least: bool = False  # else at most
+
+    @property
+    def is_met(self) -> bool:
+        return bool(self.measured >= self.bar if self.at_least else self.measured <= self.bar)
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,9 +42,13 @@ class Row:
     ratio: float | None = None
     accuracy: str = ""
     bar: str = ""
+    asked: tuple[Asked, ...] = ()
 
     def as_json(self) -> dict[str, object]:
-        return {key: value for key, value in asdict(self).items() if value not in (None, "")}
+        answer = {key: value for key, value in asdict(self).items() if value not in (None, "", ())}
+        if self.asked:
+            answer["asked"] = [asdict(each) | {"is_met": each.is_met} for each in self.asked]
+        return answer
 
 
 def interleaved(jobs: Mapping[str, Callable[[], object]], repeats: int = 7) -> dict[str, float]:
@@ -77,3 +99,17 @@ def table(title: str, rows: list[Row]) -> str:
         )
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
+
+
+def asked_table(rows: list[Row]) -> str:
+    """Return what was asked, what was measured and whether that is enough, as a Markdown table."""
+    asked = [each for row in rows for each in row.asked]
+    if not asked:
+        return ""
+    lines = ["", "| figure | asked | measured | met |", "|---|---|---|---|"]
+    for each in asked:
+        side = "at least" if each.at_least else "at most"
+        values = f"{side} {each.bar:.4g} {each.unit} | {each.measured:.4g} {each.unit}"
+        lines.append(f"| {each.figure} | {values} | {'yes' if each.is_met else 'NO'} |")
+    met = sum(each.is_met for each in asked)
+    return "\n".join([*lines, "", f"{met} of {len(asked)} met"])

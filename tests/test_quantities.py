@@ -57,6 +57,12 @@ def test_temperatures_agree_on_the_scale(celsius):
         ("Volts", "voltage", "V"),
         ("m_s", "velocity", "m/s"),
         ("mm/sec", "velocity", "mm/s"),
+        ("KN", "force", "kN"),
+        ("MM", "displacement", "mm"),
+        ("SEC", "time", "s"),
+        ("LBF", "force", "lbf"),
+        ("ips", "velocity", "in/s"),
+        ("ma", "current", "mA"),
     ],
 )
 def test_rigs_spell_units_in_their_own_way(spelling, role, unit):
@@ -65,7 +71,15 @@ def test_rigs_spell_units_in_their_own_way(spelling, role, unit):
 
 
 @pytest.mark.parametrize(
-    ("unit", "role"), [("mm", "temperature"), ("C", "force"), ("lb", "force"), ("A", "voltage")]
+    ("unit", "role"),
+    [
+        ("mm", "temperature"),
+        ("C", "force"),
+        ("lb", "force"),
+        ("A", "voltage"),
+        ("g", "force"),
+        ("kg", "force"),
+    ],
 )
 def test_a_unit_of_something_else_is_refused_with_the_choices(unit, role):
     quantity = find_quantity(role)
@@ -75,7 +89,10 @@ def test_a_unit_of_something_else_is_refused_with_the_choices(unit, role):
     assert str(error.value) == expected + ", ".join(quantity.units)
 
 
-@pytest.mark.parametrize("garbled", ["N m**", "'", "5", "3 mm", "__import__('os')", "((N", "N/"])
+@pytest.mark.parametrize(
+    "garbled",
+    ["N m**", "'", "5", "3 mm", "__import__('os')", "((N", "N/", "N**999999999", "1e999*N", "-N", "N" * 40],
+)
 def test_a_garbled_unit_is_a_message_not_a_traceback(garbled):
     with pytest.raises(InputError, match="is not a unit of force"):
         to_si([1.0], garbled, "force")

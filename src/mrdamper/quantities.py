@@ -6,6 +6,7 @@ Which column holds which role is the business of ``data.channels``.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -50,10 +51,18 @@ class Quantity:
 
 
 _TABLE = (
-    Quantity("time", "t", "s", -np.inf, np.inf, ("time", "t", "zeit", "tempo"), ("s", "ms", "min")),
-    Quantity("displacement", "x", "m", -2, 2, ("displacement", "position", "stroke", "x"), ("m", "mm", "in")),
+    Quantity(
+        "time", "t", "s", -np.inf, np.inf, ("time", "running time", "t", "zeit", "tempo"), ("s", "ms", "min")
+    ),
+    Quantity(
+        "displacement", "x", "m", -2, 2, ("displacement", "axial displacement", "position", "stroke", "x"),
+        ("m", "mm", "in"),
+    ),
     Quantity("velocity", "v", "m/s", -10, 10, ("velocity", "speed", "vel"), ("m/s", "mm/s", "in/s")),
-    Quantity("force", "F", "N", -1e6, 1e6, ("force", "load"), ("N", "kN", "kgf", "lbf")),
+    Quantity(
+        "force", "F", "N", -1e6, 1e6, ("force", "axial force", "load", "axial load"),
+        ("N", "kN", "kgf", "lbf"),
+    ),
     Quantity("current", "I", "A", -100, 100, ("current",), ("A", "mA")),
     Quantity("voltage", "U", "V", -1000, 1000, ("voltage",), ("V", "mV")),
     Quantity("temperature", "T", "K", 223, 453, ("temperature", "temp"), ("K", "degC", "degF")),
@@ -77,8 +86,20 @@ _SPELLINGS: Mapping[str, str] = MappingProxyType(
         "deg_f": "degF", "degf": "degF", "°f": "degF", "fahrenheit": "degF", "kelvin": "K", "deg_k": "K",
     }
 )  # fmt: skip
-# Letters that mean something else where there is no temperature.
-_TEMPERATURE_LETTERS: Mapping[str, str] = MappingProxyType({"C": "degC", "F": "degF", "c": "degC", "k": "K"})
+# Spellings that are sure only where the role is known: a case that no other unit of the role has, or letters
+# that mean something else elsewhere. MS and MA stay out: they might be mega.
+_SPELLINGS_OF_ROLE: Mapping[str, Mapping[str, str]] = MappingProxyType(
+    {
+        "time": {"S": "s", "SEC": "s"},
+        "displacement": {"MM": "mm", "CM": "cm", "IN": "in"},
+        "velocity": {"MM/S": "mm/s", "M/S": "m/s", "IN/S": "in/s", "mps": "m/s", "ips": "in/s"},
+        "force": {"KN": "kN", "kn": "kN", "n": "N", "daN": "daN", "dan": "daN", "LBF": "lbf", "KGF": "kgf"},
+        "current": {"a": "A", "ma": "mA"},
+        "voltage": {"v": "V", "mv": "mV"},
+        "temperature": {"C": "degC", "F": "degF", "c": "degC", "f": "degF", "k": "K"},
+    }
+)
+_UNIT = re.compile(r"[\w\s°℃%/*^·².+()-]{1,32}")  # longer, or of other signs, is no unit
 
 
 def read_only(values: ArrayLike) -> FloatArray:
@@ -104,8 +125,9 @@ def spell_unit(unit: str, role: str) -> str:
     text = unit.strip()
     if text[:1] + text[-1:] in {"[]", "()"}:
         text = text[1:-1].strip()
-    if role == "temperature" and text in _TEMPERATURE_LETTERS:
-        return _TEMPERATURE_LETTERS[text]
+    sure = _SPELLINGS_OF_ROLE.get(role, {}).get(text)
+    if sure is not None:
+        return sure
     bare = re.sub(r"[\s·*^]", "", text).lower()
     return _SPELLINGS.get(bare, text)
 
@@ -124,7 +146,8 @@ def to_si(values: ArrayLike, unit: str, role: str) -> FloatArray:
     if spelled == quantity.unit:  # without loading Pint
         return array
     scale, zero = _line_to_si(spelled, role, unit)
-    return array * scale if zero == 0.0 else array * scale + zero
+    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused by its size
+        return array * scale if zero == 0.0 else array * scale + zero
 
 
 @cache
@@ -138,15 +161,23 @@ def _line_to_si(spelled: str, role: str, found: str) -> tuple[float, float]:
     choices = ", ".join(quantity.units)
     if not spelled:
         raise InputError(f"{role} has no unit; give one of: {choices}")
+    stored = "" if role == "time" else f" (stored in {quantity.unit})"
+    refusal = f"unit {found[:40]!r} is not a unit of {role}{stored}; use one of: {choices}"
+    if not _UNIT.fullmatch(spelled):
+        raise InputError(refusal)
     try:
         unit = pint.application_registry.Unit(spelled)
         zero, one = (
             float(pint.application_registry.Quantity(x, unit).to(quantity.unit).magnitude) for x in (0.0, 1.0)
         )
     # what Pint's parser lets through on a garbled unit is part of what it has to say
-    except (pint.errors.PintError, tokenize.TokenError, AssertionError, ValueError, TypeError) as error:
-        stored = "" if role == "time" else f" (stored in {quantity.unit})"
-        raise InputError(f"unit {found!r} is not a unit of {role}{stored}; use one of: {choices}") from error
+    except (
+        *(pint.errors.PintError, tokenize.TokenError, SyntaxError, RecursionError, MemoryError),
+        *(AssertionError, ArithmeticError, AttributeError, LookupError, ValueError, TypeError),
+    ) as error:
+        raise InputError(refusal) from error
+    if not (math.isfinite(zero) and math.isfinite(one) and one > zero):
+        raise InputError(refusal)
     return one - zero, zero
 
 

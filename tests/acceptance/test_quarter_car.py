@@ -1,7 +1,7 @@
 """A quarter car whose damper warms: what it is worth that the controller knows the temperature.
 
-Cards are identified on the virtual rig's vehicle damper, from tests of a car's strokes and speeds; the lag
-comes from a bench damper with the same coil and driver. The damper is the rig's physics.
+Cards are identified on the virtual rig's vehicle damper, from tests of a car's strokes and speeds, the lag as
+well; the preview is the rule's. The damper is the rig's physics.
 """
 
 from __future__ import annotations
@@ -36,7 +36,6 @@ from mrdamper.rig.plant import PRESETS, Plant
 
 CAMPAIGN = Campaign.from_toml(Path(__file__).parents[2] / "examples" / "vehicle_campaign.toml")
 CAR = QuarterCar()
-PREVIEW_S = 0.010  # of the demand, which is a guess: shorter than the lag, beyond which it is a poor one
 FASTEST_M_S = 4.0
 
 
@@ -45,31 +44,20 @@ def runs() -> tuple[RigRun, ...]:
     return tuple(run for run, _ in measure(PRESETS["vehicle"], CAMPAIGN, seed=1))
 
 
-@cache
-def bench_card() -> ModelCard:
-    campaign = Campaign(motions=("sine5mm1Hz",), temperatures_degC=(20.0, 60.0, 100.0))
-    tests = Dataset(tuple(run for run, _ in measure(PRESETS["nominal"], campaign, seed=1)))
-    return mrdamper.fit(tests, "double-bouc-wen").card()
-
-
 def card(which: str) -> ModelCard:
     """Return the card that knows temperature, one of 20 degC alone, or one pooled over all."""
     wanted = tuple(run for run in runs() if which != "cold" or "_020C_" in run.name)
-    fitted = mrdamper.fit(
+    return mrdamper.fit(
         Dataset(wanted),
         "double-bouc-wen",
         temperature="auto" if which == "aware" else "none",
         hold_out=CAMPAIGN.hold_out if which != "cold" else (),
-    )
-    found = fitted.card()
-    lagged = replace(found.damper, command_lag_s=0.0, actuation=bench_card().damper.actuation)
-    return replace(found, damper=lagged)
+    ).card()
 
 
 @cache
 def controller(which: str) -> Controller:
-    made = controllers_for(card(which), largest=2.0, preview_s=PREVIEW_S, speed_m_s=FASTEST_M_S)
-    return made["recommended"]
+    return controllers_for(card(which), largest=2.0, speed_m_s=FASTEST_M_S)["recommended"]
 
 
 @cache

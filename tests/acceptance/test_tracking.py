@@ -23,6 +23,7 @@ from mrdamper.control.protocol import Seen, Wanted
 from mrdamper.control.scenario import SCENARIOS, Dropout, Scenario
 from mrdamper.control.score import Reach, Score, reach_of, score_run, worst
 from mrdamper.data.records import Dataset
+from mrdamper.models.actuation import PLAY_SHARE
 from mrdamper.models.card import ModelCard
 from mrdamper.quantities import FloatArray
 from mrdamper.rig.campaign import Campaign
@@ -110,6 +111,18 @@ def rmse(score: Score) -> float:
 def greatest(score: Score) -> float:
     assert score.max_feasible_N is not None
     return score.max_feasible_N
+
+
+# ---------------------------------------------------------------------- the card
+
+
+@pytest.mark.parametrize("preset", ["nominal", "hard", "stiff"])
+def test_the_play_of_the_iron_is_found(preset):
+    """It lies behind a driver that overshoots: twice the damper's half width times its share of the field."""
+    actuation, damper = card_of(preset).damper.actuation, PRESETS[preset]
+    assert actuation is not None
+    known = 2.0 * damper.play_share * damper.play_A
+    assert 2.0 * PLAY_SHARE * actuation.play == pytest.approx(known, rel=0.15)
 
 
 # ---------------------------------------------------------------------- the table
@@ -213,16 +226,16 @@ def test_a_thermocouple_that_is_5_degrees_off(off_K):
     assert added(controllers_of("nominal")["recommended"], scenario) <= 25.0
 
 
-@pytest.mark.parametrize(("gain", "most"), [(0.9, 60.0), (1.1, 63.0)])
-def test_a_damper_that_is_a_tenth_weaker_or_stronger(gain, most):
-    """60 N were asked for both; 61.9 N is what a tenth more force adds (58 N a tenth less).
+@pytest.mark.parametrize("gain", [0.9, 1.1])
+def test_a_damper_that_is_a_tenth_weaker_or_stronger(gain):
+    """No controller can see a gain without a force sensor: a tenth of the target's 678 N rms is 68 N.
 
-    A gain of the damper cannot be seen without a force sensor: a tenth of the target's 640 N rms is 64 N by
-    itself, and the better the controller without it, the more of that shows as added.
+    What is asked for is 60 N added to the undisturbed error, so the better the undisturbed one is, the
+    harder it is to reach: at 8 N and below nothing could.
     """
     scenario = SCENARIOS[SLOW]
     scenario = replace(scenario, disturbance=replace(scenario.disturbance, force_gain=gain))
-    assert added(controllers_of("nominal")["recommended"], scenario) <= most
+    assert added(controllers_of("nominal")["recommended"], scenario) <= 60.0
 
 
 def test_ten_milliseconds_more_of_delay_that_the_controller_was_told():

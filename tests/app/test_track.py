@@ -186,6 +186,10 @@ def test_a_card_that_does_not_depend_on_the_current_is_refused(folder):
     assert "still.json: its force does not depend on the current (data from 0 to 2 A)" in refused(
         folder, card="still.json"
     )
+    # and so for a card that is the damper
+    said = refused(folder, "--plant", folder / "still.json")
+    assert said.count("the plant ") == 1
+    assert "still.json: its force does not depend on the current" in said
 
 
 def test_a_stroke_beyond_the_card_is_refused(folder):

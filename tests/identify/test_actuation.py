@@ -175,6 +175,24 @@ def test_a_command_that_is_reached_from_one_side_only_tells_no_play():
     assert np.isnan(found.standard_errors["play"])
 
 
+def test_a_run_that_hides_some_of_the_play_is_not_believed():
+    """An overshoot goes ahead into the dead band: 0.03 of 0.05 A are left to be seen in one run of three."""
+    known = replace(KNOWN["slow up"], play=0.05)
+    seen = [
+        stepped(replace(LAW, actuation=replace(known, play=play)), seed=k)
+        for k, play in enumerate((0.03, 0.05, 0.05))
+    ]
+    found = fit_actuation(LAW, seen)
+    assert found.actuation.play == pytest.approx(0.05, abs=4.0 * found.standard_errors["play"] + 1e-3)
+
+
+def test_runs_that_agree_on_the_play_count_together():
+    """The standard error falls with the root of their number."""
+    runs = [stepped(replace(LAW, actuation=replace(KNOWN["slow up"], play=0.05)), seed=k) for k in range(4)]
+    one, four = (fit_actuation(LAW, given).standard_errors["play"] for given in (runs[:1], runs))
+    assert four == pytest.approx(0.5 * one, rel=0.1)
+
+
 # --------------------------------------------------------------------------------- windows
 
 

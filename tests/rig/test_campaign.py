@@ -71,7 +71,7 @@ def test_a_campaign_written_as_toml_is_read_back():
         sensors=Sensors(rate_Hz=200.0, thermocouple_offset_K=-5.0), held_out_motions=("nonperiodic",),
         held_out_temperatures_degC=(),
     )  # fmt: skip
-    for campaign in (own, Campaign(), replace(own, steps=None)):
+    for campaign in (own, Campaign(), replace(own, steps=None), replace(own, steps_motion="sine15mm1Hz")):
         assert Campaign.from_mapping(tomllib.loads(campaign.to_toml())) == campaign
     rest = (
         "0.00A_sine4mm0.3Hz",
@@ -103,6 +103,8 @@ def test_of_the_default_hold_out_what_is_not_run_is_left_out():
         ({"duration_s": 0}, "duration_s is 0; expected a positive number"),
         ({"duration_s": "4"}, "duration_s is '4'; expected a finite number"),
         ({"held_out_temperatures_degC": [65]}, "held_out_temperatures_degC holds 65, which is not in temp"),
+        ({"steps_motion": 3}, "steps_motion is 3; expected a text"),
+        ({"steps_motion": "triangle:12mm"}, "motion 'triangle:12mm' is not known"),
         ({"steps": 3}, "steps is 3; expected true, false or a table"),
         ({"steps": {"levels_A": [0, "x"], "hold_s": 1}}, "levels_A is [0, 'x']"),
         ({"sensors": {"rate": 500}}, "sensors: 'rate' is not known; the nearest are: rate_Hz"),
@@ -169,6 +171,17 @@ def test_current_steps_come_at_mid_stroke_and_at_full_speed(small):
     assert run.command[switches].tolist() == [1, 2, 1, 0, 1, 2, 1, 0]
     assert truth.displacement[switches] == pytest.approx(0.0, abs=1e-9)
     assert np.abs(truth.velocity) == pytest.approx(0.030)
+
+
+def test_current_steps_may_come_on_another_motion():
+    """Half a period of its own is held: mid-stroke and full speed again."""
+    fast = replace(SMALL, steps=CurrentSteps((0.0, 1.0, 0.0), 0.32), steps_motion="triangle:80mm:500mm/s")
+    run, truth = next(pair for pair in measure(NOMINAL, fast) if np.ptp(pair[0].command))
+    switches = np.flatnonzero(np.diff(run.command)) + 1
+    assert run.name == "nominal_020C_0-1A_triangle80mm500mmps"
+    assert run.time[switches] == pytest.approx([0.32, 0.64])
+    assert truth.displacement[switches] == pytest.approx(0.0, abs=1e-9)
+    assert np.abs(truth.velocity) == pytest.approx(0.500)
 
 
 def test_runs_are_prepared_without_complaint_and_recognised(small):

@@ -234,6 +234,34 @@ def test_an_integrator_of_variable_step_finds_the_same_force(preset):
     assert response.field_current == pytest.approx(solved.y[3], abs=0.02)
 
 
+def test_a_step_of_the_current_is_felt_the_later_the_slower_the_motion():
+    """The force is built up against the stiffness: force / (stiffness x speed) more of mean delay.
+
+    Where both grow alike with the field that time is constant, and mean delays of lags in a row add up.
+    """
+    stiffness = 2e6
+    damper = replace(
+        RIGID,
+        friction_N=0.0,
+        stiffness_field_N_m=stiffness,
+        stiffness_N_m=stiffness * NOMINAL.yield_N / NOMINAL.yield_field_N,
+        asymmetry=0.0,
+        spring_N_m=0.0,
+    )
+
+    def mean_delay(speed):
+        """Return the integral of what a step up of the current still has to bring, over its whole [s]."""
+        time = grid(2.0)
+        current = np.where(time < 1.0, 0.0, 2.0)
+        force = simulate(damper, speed * time, np.full(len(time), speed), current, 20.0).force
+        missing = (force[-1] - force[time >= 1.0]) / (force[-1] - force[time < 1.0][-1])
+        return STEP_S * missing.sum()
+
+    slow, fast = 0.03, 0.5
+    built_up = NOMINAL.yield_field_N / stiffness * (1.0 / slow - 1.0 / fast)
+    assert mean_delay(slow) - mean_delay(fast) == pytest.approx(built_up, rel=2e-3)
+
+
 @pytest.mark.parametrize("preset", ["nominal", "hard", "vehicle"])
 def test_a_step_of_a_tenth_of_a_millisecond_is_fine_enough(preset):
     """Against 0.02 ms: the root mean square difference is below a fifth of a percent of the peak force."""
@@ -426,7 +454,7 @@ def test_the_rig_loads_nothing_of_what_is_identified_on_it():
     code = "import sys, mrdamper.rig.measurement; print(*sys.modules)"
     run = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
     rooms = {name.split(".")[1] for name in run.stdout.split() if name.startswith("mrdamper.")}
-    assert rooms <= {"rig", "data", "excitation", "quantities", "errors"}
+    assert rooms <= {"rig", "data", "excitation", "quantities", "errors", "files"}
 
 
 def test_its_c_files_include_nothing_of_the_kernel():

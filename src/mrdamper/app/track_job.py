@@ -34,7 +34,16 @@ from mrdamper.rig.plant import Plant as RigPlant
 if TYPE_CHECKING:
     from mrdamper.control.controllers import ForceController
 
-__all__ = ["TEMPERATURES_DEGC", "Row", "Traced", "TrackOptions", "TrackRun", "track", "track_card"]
+__all__ = [
+    "TEMPERATURES_DEGC",
+    "Row",
+    "Traced",
+    "TrackOptions",
+    "TrackRun",
+    "track",
+    "track_card",
+    "write_track",
+]
 
 TEMPERATURES_DEGC = (20.0, 60.0, 100.0, 123.0)
 
@@ -141,16 +150,21 @@ def track(
         A card that cannot control, a target that the damper cannot follow, a name that is not known.
     """
     run = track_card(card, options, report=report)
-    answer: Json = {"card": str(card), **_answer(run)}
-    if out is not None:
-        from mrdamper.app.track_page import render_track
+    if out is None:
+        return {"card": str(card), **_answer(run)}
+    with staged(out) as beside:
+        return write_track(run, card, beside, out)
 
-        answer |= {"report": str(out / "track.html"), "file": str(out / "track.json")}
-        page = render_track(run)
-        with staged(out) as beside:
-            (beside / "track.html").write_text(page, encoding="utf-8")
-            write_json(beside / "track.json", answer)
-            write_table(beside / "track.csv", [_row(row, run.plant) for row in run.rows])
+
+def write_track(run: TrackRun, card: Path, beside: Path, out: Path) -> Json:
+    """Write track.html, track.json and track.csv into ``beside``, of what will lie in ``out``."""
+    from mrdamper.app.track_page import render_track
+
+    files = {"report": str(out / "track.html"), "file": str(out / "track.json")}
+    answer: Json = {"card": str(card), **_answer(run), **files}
+    (beside / "track.html").write_text(render_track(run), encoding="utf-8")
+    write_json(beside / "track.json", answer)
+    write_table(beside / "track.csv", [_row(row, run.plant) for row in run.rows])
     return answer
 
 
@@ -166,9 +180,9 @@ def track_card(path: Path, options: TrackOptions, *, report: Report | None = Non
     damper = _find_damper(options.plant, card)
     scenarios = _scenarios(options, damper)
     for scenario in scenarios:
-        _check_stroke(scenario, path.name, card.envelope.displacement)
+        _check_stroke(scenario, str(path), card.envelope.displacement)
         if damper.stroke is not None:
-            _check_stroke(scenario, damper.name, damper.stroke)
+            _check_stroke(scenario, f"the plant {damper.name}", damper.stroke)
     controllers = _controllers(path, card, options, damper.highest_A)
     tests = _Tests(damper, seeds, 1.0 / options.rate_Hz, options.optimum)
     reaches = {(each.name, each.temperature_degC): tests.reach(each) for each in scenarios}
@@ -272,6 +286,7 @@ def _find_damper(name: str, card: ModelCard) -> _Damper:
             "virtual damper's TOML)"
         )
     other = _read_card(Path(name))
+    _check_current(f"the plant {name}", other)
     highest = min(other.envelope.command[1], card.envelope.command[1])
     actuation = other.damper.actuation
     return _Damper(
@@ -308,6 +323,17 @@ def _check_stroke(scenario: Scenario, place: str, stroke: tuple[float, float]) -
             f"{place}: its data cover {1e3 * stroke[0]:.3g} to {1e3 * stroke[1]:.3g} mm, and the target "
             f"{scenario.name!r} moves over {1e3 * x.min():.3g} to {1e3 * x.max():.3g} mm; expected a motion "
             "inside. Identify runs of that stroke, or name another target"
+        )
+
+
+def _check_current(place: str, card: ModelCard) -> None:
+    """Refuse a card whose force is the same at every current."""
+    low, high = card.envelope.command
+    rows = card.damper.coefficients_at(np.array([low, high]))
+    if not (np.ptp(rows, axis=1) > 0.0).any():
+        raise InputError(
+            f"{place}: its force does not depend on the current (data from {low:g} to {high:g} A); no "
+            "current can track a force. Identify runs at two or more currents"
         )
 
 
@@ -351,13 +377,7 @@ def _controllers(path: Path, card: ModelCard, options: TrackOptions, largest: fl
 def _made(path: Path, card: ModelCard, options: TrackOptions, largest: float) -> dict[str, ForceController]:
     from mrdamper.control.controllers import controllers_for
 
-    rows = card.damper.coefficients_at(np.array([card.envelope.command[0], card.envelope.command[1]]))
-    if not (np.ptp(rows, axis=1) > 0.0).any():
-        low, high = card.envelope.command
-        raise InputError(
-            f"{path}: its force does not depend on the current (data from {low:g} to {high:g} A); no current "
-            "can track a force. Identify runs at two or more currents"
-        )
+    _check_current(str(path), card)
     try:
         return controllers_for(card, period_s=1.0 / options.rate_Hz, largest=largest)
     except InputError as error:

@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mrdamper.errors import InputError
-from mrdamper.files import read_toml
 from mrdamper.excitation import Motion, motion_from_text
+from mrdamper.files import read_toml
 from mrdamper.models.dependence import did_you_mean
 from mrdamper.quantities import FloatArray
 

@@ -16,6 +16,10 @@ A header that says ``quantity_unit`` (``force_N``, ``displacement_mm``), ``Force
     current_A = [0, 0.25, 0.5, 0.75, 1]
     [session]
     name = "13 May"        # runs that share one tare of the force cell; else one session per file
+    [file]                 # when looking at the file does not tell
+    part = "Run 3"         # sheet of a workbook, group of a TDMS, MDF, HDF5 or MAT file
+    delimiter = ";"        # of a text
+    decimal = ","          # "." or ","
 
 Without a gain, a channel is sign x (raw + offset), raw converted from ``unit`` to SI and the offset in SI.
 With a gain, it is sign x (raw x gain + offset), which must lead from ``unit`` (of the file, V for a
@@ -26,7 +30,6 @@ from __future__ import annotations
 
 import math
 import re
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
@@ -34,8 +37,12 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NoReturn
 
+import numpy as np
+
+from mrdamper.data.formats.table import FileOptions
 from mrdamper.data.records import nearest_names
 from mrdamper.errors import InputError
+from mrdamper.files import read_toml
 from mrdamper.quantities import QUANTITIES, FloatArray, find_quantity, spell_unit, to_si
 
 __all__ = ["Channel", "ChannelMap", "Segments", "parse_header", "read_channel_map"]
@@ -109,7 +116,8 @@ class Channel:
                 f"(--channels FILE): {choices}"
             )
         if self.gain is not None:
-            return self.sign * (raw * self.gain + self.offset)
+            with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused by its size
+                return self.sign * (raw * self.gain + self.offset)
         try:
             values = to_si(raw, unit, self.role)
         except InputError as error:
@@ -136,11 +144,12 @@ class ChannelMap:
     rate_Hz: float | None = None
     segments: Segments | None = None
     session: str = ""
+    file: FileOptions = field(default_factory=FileOptions)
 
     @classmethod
     def from_dict(cls, given: Mapping[str, Any], place: str = "channel map") -> ChannelMap:
         """Return the map that a TOML document holds; an unknown key names the nearest known ones."""
-        _check_keys(given, ("channel", "constant", "segments", "session"), place)
+        _check_keys(given, ("channel", "constant", "segments", "session", "file"), place)
         channels = {}
         keys = ("name", "pattern", "index", "unit", "gain", "offset", "sign")
         for role, table in _table(given, "channel", place).items():
@@ -170,20 +179,13 @@ class ChannelMap:
         if not isinstance(name, str):
             raise InputError(f"{place}: session.name is {name!r}; expected a text")
         segments = _segments(given["segments"], place) if "segments" in given else None
-        return cls(MappingProxyType(channels), MappingProxyType(constant), rate, segments, name)
+        options = _file_options(_table(given, "file", place), f"{place}: file")
+        return cls(MappingProxyType(channels), MappingProxyType(constant), rate, segments, name, options)
 
 
 def read_channel_map(path: str | Path) -> ChannelMap:
     """Return the channel map in a TOML file."""
-    file = Path(path)
-    try:
-        with file.open("rb") as stream:
-            given = tomllib.load(stream)
-    except OSError as error:
-        raise InputError(f"{file}: cannot read the channel map ({error.strerror})") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{file}: not a TOML file: {error}") from error
-    return ChannelMap.from_dict(given, file.name)
+    return ChannelMap.from_dict(read_toml(path, "channel map"), Path(path).name)
 
 
 def parse_header(header: str) -> tuple[str, str] | None:
@@ -229,6 +231,22 @@ def _segments(table: object, place: str) -> Segments:
         raise InputError(f"{where}.{lists[0]} is {values!r}; expected a list with the command of each test")
     numbers = (_number(value, f"{where}.{lists[0]}") for value in values)
     return Segments(split, role, tuple(_to_si(number, unit, role, where) for number in numbers))
+
+
+def _file_options(table: Mapping[str, Any], place: str) -> FileOptions:
+    _check_keys(table, ("part", "delimiter", "decimal"), place)
+    for key, value in table.items():
+        if not isinstance(value, str) or not value:
+            raise InputError(f"{place}.{key} is {value!r}; expected a text")
+    if table.get("delimiter", ",") not in {",", ";", "\t", " "}:
+        raise InputError(
+            f"{place}.delimiter is {table['delimiter']!r}; expected a comma, a semicolon, a tab or a blank"
+        )
+    if table.get("decimal", ".") not in {".", ","}:
+        raise InputError(f"{place}.decimal is {table['decimal']!r}; expected '.' or ','")
+    if table.get("decimal") == table.get("delimiter") == ",":
+        raise InputError(f"{place}: a comma is delimiter and decimal sign; expected two signs")
+    return FileOptions(**table)
 
 
 def _table(given: Mapping[str, Any], key: str, place: str) -> dict[str, Any]:

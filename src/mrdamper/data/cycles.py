@@ -40,7 +40,7 @@ class Drift:
 
     displacement_m: float
     force_N: float
-    spread_percent: float  # change of the peak-to-peak force, in % of the first cycle's
+    spread_percent: float  # change of the force's standard deviation, in % of the first cycle's
 
 
 def cycles(prepared: PreparedRun) -> tuple[Cycle, ...]:
@@ -99,7 +99,7 @@ def drift(prepared: PreparedRun) -> Drift | None:
     return Drift(
         displacement_m=float(x1.mean() - x0.mean()),
         force_N=float(f1.mean() - f0.mean()),
-        spread_percent=100.0 * float(np.ptp(f1) / np.ptp(f0) - 1.0),
+        spread_percent=100.0 * float(np.std(f1) / np.std(f0) - 1.0),
     )
 
 

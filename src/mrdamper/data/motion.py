@@ -33,7 +33,7 @@ class MotionFound:
 
 
 def describe_motion(displacement: FloatArray, step: float) -> MotionFound:
-    """Return what the motion is, from its turning points.
+    """Return what the motion is, from the turning points of a displacement [m] at a uniform step [s].
 
     - At least 70 % of the strokes alike (within 15 % in length and duration): a sine or, when the rms is
       nearer to that, a triangle; amplitude is half the median stroke.

@@ -7,6 +7,7 @@ file or the map does not say is asked for.
 from __future__ import annotations
 
 import glob
+import itertools
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,12 +16,12 @@ from typing import get_args
 import numpy as np
 
 from mrdamper.data.channels import Channel, ChannelMap, parse_header, read_channel_map
-from mrdamper.data.records import CommandUnit, Dataset, RigRun
-from mrdamper.data.tables import FORMATS, Table, read_table
+from mrdamper.data.records import CommandUnit, Dataset, Recording, RigRun
+from mrdamper.data.tables import FORMATS, Layout, Table, read_table
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, FloatArray
 
-__all__ = ["read_run", "read_runs"]
+__all__ = ["Column", "RigFile", "find_files", "map_beside", "read_file", "read_run", "read_runs", "runs_in"]
 
 PathLike = str | Path
 
@@ -34,6 +35,24 @@ class _Command:
     unit: CommandUnit
 
 
+@dataclass(frozen=True, slots=True)
+class Column:
+    """Which column of a file was taken for a role, and its unit as the file or the map spells it."""
+
+    role: str
+    name: str
+    unit: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RigFile:
+    """What one file holds, and how it was understood."""
+
+    recordings: tuple[Recording, ...]
+    layout: Layout
+    columns: tuple[Column, ...]
+
+
 def read_run(path: PathLike, channels: ChannelMap | PathLike | None = None) -> tuple[RigRun, ...]:
     """Return the runs in one file; a logger's file holds several.
 
@@ -45,16 +64,31 @@ def read_run(path: PathLike, channels: ChannelMap | PathLike | None = None) -> t
     InputError
         The file cannot be read, a column or a unit is missing, or a run has faults.
     """
+    return tuple(recording.checked() for recording in read_file(path, channels).recordings)
+
+
+def read_file(path: PathLike, channels: ChannelMap | PathLike | None = None) -> RigFile:
+    """Return the recordings in one file as they stand, and how the file was understood.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or a column or a unit is missing.
+    """
     file = Path(path)
     if file.is_dir():
         raise InputError(f"{file}: is a folder; expected a file (read_runs takes folders)")
-    chosen = _load_map(channels)
-    table = read_table(file)
+    chosen = _load_map(map_beside(file) if channels is None else channels)
+    return runs_in(read_table(file, chosen.file), chosen, file)
+
+
+def runs_in(table: Table, chosen: ChannelMap, file: Path) -> RigFile:
+    """Return the recordings in a file's table."""
     place = file.name
-    found = _find_channels(table, chosen, place)
+    found, columns = _find_channels(table, chosen, place)
     time = _time(table, found, chosen, place)
     parts = _split(table, chosen, len(time), place)
-    runs = []
+    recordings = []
     for number, (part, command) in enumerate(parts):
         given = _command(found, chosen, part, place) if command is None else command
         name = file.stem
@@ -62,25 +96,26 @@ def read_run(path: PathLike, channels: ChannelMap | PathLike | None = None) -> t
             same = [other.values[0] for _, other in parts[:number] if other is not None]
             again = same.count(command.values[0])
             name += f"_{command.values[0]:.2f}{command.unit}" + (f"_{again + 1}" if again else "")
+        elif len(parts) > 1:
+            name += f"_{number + 1}"
         temperature = found.get("temperature")
         if temperature is None and "temperature" in chosen.constant:
             temperature = np.full(len(time), chosen.constant["temperature"])
-        elapsed = time[part] - time[part][0] if chosen.segments else time[part]
-        runs.append(
-            RigRun(
+        recordings.append(
+            Recording(
                 name=name,
-                time=elapsed,
-                displacement=found["displacement"][part],
-                force=found["force"][part],
+                time=time[part] - time[part][0] if len(parts) > 1 or chosen.segments else _cut(time, part),
+                displacement=_cut(found["displacement"], part),
+                force=_cut(found["force"], part),
                 command=given.values,
                 command_unit=given.unit,
-                velocity=found["velocity"][part] if "velocity" in found else None,
+                velocity=_cut(found["velocity"], part) if "velocity" in found else None,
                 temperature=None if temperature is None else temperature[part],
                 session=chosen.session or file.stem,
                 source=str(file),
             )
         )
-    return tuple(runs)
+    return RigFile(tuple(recordings), table.layout, columns)
 
 
 def read_runs(paths: PathLike | Iterable[PathLike], channels: ChannelMap | PathLike | None = None) -> Dataset:
@@ -89,10 +124,10 @@ def read_runs(paths: PathLike | Iterable[PathLike], channels: ChannelMap | PathL
     A folder gives the files in it (not below it) of the formats read here. The faults of all files are
     told at once.
     """
-    chosen = _load_map(channels)
+    chosen = None if channels is None else _load_map(channels)
     runs: list[RigRun] = []
     faults: list[str] = []
-    for file in _find_files([paths] if isinstance(paths, str | Path) else list(paths)):
+    for file in find_files([paths] if isinstance(paths, str | Path) else list(paths)):
         try:
             runs += read_run(file, chosen)
         except InputError as error:
@@ -100,6 +135,15 @@ def read_runs(paths: PathLike | Iterable[PathLike], channels: ChannelMap | PathL
     if faults:
         raise InputError(told_at_once(faults))
     return Dataset(tuple(runs))
+
+
+def map_beside(file: Path) -> Path | None:
+    """Return the channel map that lies beside a file under its name and ``.channels.toml``, if one does.
+
+    It is the file's own, and taken where no other map is given.
+    """
+    beside = file.with_name(f"{file.name}.channels.toml")
+    return beside if beside.is_file() else None
 
 
 def told_at_once(faults: Sequence[str], most: int = 8) -> str:
@@ -114,7 +158,8 @@ def _load_map(channels: ChannelMap | PathLike | None) -> ChannelMap:
     return channels if isinstance(channels, ChannelMap) else read_channel_map(channels)
 
 
-def _find_files(paths: Sequence[PathLike]) -> list[Path]:
+def find_files(paths: Sequence[PathLike]) -> list[Path]:
+    """Return the files that paths, folders and patterns name, each once, in the order given."""
     suffixes = {suffix for known in FORMATS for suffix in known.suffixes}
     files: dict[Path, None] = {}
     if not paths:
@@ -139,47 +184,93 @@ def _find_files(paths: Sequence[PathLike]) -> list[Path]:
     return list(files)
 
 
-def _find_channels(table: Table, chosen: ChannelMap, place: str) -> dict[str, FloatArray]:
+def _find_channels(
+    table: Table, chosen: ChannelMap, place: str
+) -> tuple[dict[str, FloatArray], tuple[Column, ...]]:
     """Return the channels of a file in SI, by role: those of the map first, then what headers say."""
-    names = table.names
-    said: dict[str, list[tuple[str, str]]] = {}
+    said: dict[str, list[Column]] = {}
     for name in table.columns:
         header = parse_header(name)
         if header is not None:
-            said.setdefault(header[0], []).append((name, header[1]))
+            said.setdefault(header[0], []).append(
+                Column(header[0], name, _unit(table, name, header[1], place))
+            )
     found: dict[str, FloatArray] = {}
+    columns: list[Column] = []
     for role in QUANTITIES:
         channel = chosen.channels.get(role, Channel(role))
-        position = channel.find(names, place)
-        if position is not None:
-            name = names[position]
-            if name in table.texts:
-                raise InputError(f"{place}: channel.{role}: column {name!r} holds text; expected numbers")
-            header_unit = next((unit for other, unit in said.get(role, ()) if other == name), "")
-            found[role] = channel.to_si(table.columns[name], header_unit, place)
-            continue
-        with_unit = [pair for pair in said.get(role, ()) if pair[1]] or said.get(role, [])
-        if len(with_unit) > 1:
-            columns = ", ".join(repr(name) for name, _ in with_unit)
-            raise InputError(
-                f"{place}: columns {columns} all hold {role}; expected one. Name it at [channel.{role}] in "
-                "the channel map"
-            )
-        if with_unit:
-            name, unit = with_unit[0]
-            found[role] = channel.to_si(table.columns[name], unit, place)
-        elif role in chosen.channels:
+        column = _column_of(table, channel, said.get(role, ()), place)
+        if column is None and role in chosen.channels:
             raise InputError(
                 f"{place}: neither channel.{role} nor a header names a column; the columns are: "
-                f"{', '.join(names)}"
+                f"{_listed(table.names)}"
             )
+        if column is None:
+            continue
+        values = table.columns[column.name]
+        if not len(values):
+            raise InputError(
+                f"{place}: column {column.name!r} ({role}) holds no sample; expected numbers. The file may "
+                "be cut off: copy it again"
+            )
+        found[role] = channel.to_si(values, column.unit, place)
+        columns.append(Column(role, column.name, channel.unit or column.unit))
     for role in _NEEDED:
         if role not in found:
             raise InputError(
-                f"{place}: no {role} column; the columns are: {', '.join(names)}. Expected a header such as "
-                f"{role}_{QUANTITIES[role].unit}, or [channel.{role}] in a channel map (--channels FILE)"
+                f"{place}: no {role} column; the columns are: {_listed(table.names)}. Expected a header such "
+                f"as {role}_{QUANTITIES[role].unit}, or [channel.{role}] in a channel map (--channels FILE)"
             )
-    return found
+    _require_one_clock(table, columns, place)
+    return found, tuple(columns)
+
+
+def _require_one_clock(table: Table, columns: Sequence[Column], place: str) -> None:
+    """Refuse channels that were sampled by clocks of their own: nothing is resampled here."""
+    if len({table.clocks[column.name] for column in columns if column.name in table.clocks}) > 1:
+        which = ", ".join(f"{column.role} {column.name!r}" for column in columns)
+        raise InputError(
+            f"{place}: the channels ({which}) have clocks of their own; expected one for all. Name a group "
+            "that holds all of them at [file] part in the channel map, or write the file again with one "
+            "raster"
+        )
+
+
+def _column_of(table: Table, channel: Channel, said: Sequence[Column], place: str) -> Column | None:
+    """Return the column of a role: the one that the map names, or else the one whose header says so."""
+    role = channel.role
+    position = channel.find(table.names, place)
+    if position is not None:
+        name = table.names[position]
+        if name in table.texts:
+            raise InputError(f"{place}: channel.{role}: column {name!r} holds text; expected numbers")
+        return next(
+            (column for column in said if column.name == name), Column(role, name, table.units.get(name, ""))
+        )
+    with_unit = [column for column in said if column.unit] or said
+    if len(with_unit) > 1:
+        columns = ", ".join(repr(column.name) for column in with_unit)
+        raise InputError(
+            f"{place}: columns {columns} all hold {role}; expected one. Name it at [channel.{role}] in "
+            "the channel map"
+        )
+    return with_unit[0] if with_unit else None
+
+
+def _unit(table: Table, name: str, of_header: str, place: str) -> str:
+    """Return the unit of a column; a header and a file that state different ones are an error."""
+    stated = table.units.get(name, "")
+    if stated and of_header and stated != of_header:
+        raise InputError(
+            f"{place}: column {name!r} states {stated!r} as its unit beside the name; expected one and the "
+            "same. Correct the file"
+        )
+    return of_header or stated
+
+
+def _listed(names: Sequence[str], most: int = 24) -> str:
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
 
 
 def _time(table: Table, found: dict[str, FloatArray], chosen: ChannelMap, place: str) -> FloatArray:
@@ -195,7 +286,7 @@ def _time(table: Table, found: dict[str, FloatArray], chosen: ChannelMap, place:
         step = 1.0 / chosen.rate_Hz
     if step is None:
         raise InputError(
-            f"{place}: no time column; the columns are: {', '.join(table.names)}. Expected a header such as "
+            f"{place}: no time column; the columns are: {_listed(table.names)}. Expected a header such as "
             "time_s, [channel.time] in a channel map (--channels FILE), or rate_Hz at its [constant]"
         )
     return np.arange(samples, dtype=np.float64) * step
@@ -204,7 +295,8 @@ def _time(table: Table, found: dict[str, FloatArray], chosen: ChannelMap, place:
 def _split(table: Table, chosen: ChannelMap, samples: int, place: str) -> list[tuple[slice, _Command | None]]:
     """Return the stretch of each run in a file, and its command when the map gives one for each."""
     if chosen.segments is None:
-        return [(slice(0, samples), None)]
+        edges = [*(table.parts or (0,)), samples]
+        return [(slice(a, b), None) for a, b in itertools.pairwise(edges)]
     split, commands = chosen.segments.split, chosen.segments.commands
     begins = {
         row
@@ -225,6 +317,14 @@ def _split(table: Table, chosen: ChannelMap, samples: int, place: str) -> list[t
     ]
 
 
+def _cut(values: FloatArray, part: slice) -> FloatArray:
+    """Return a part of a channel; the whole of a large one is handed on and not copied."""
+    if part.start or (part.stop or len(values)) < len(values):
+        return values[part]
+    values.setflags(write=False)
+    return values
+
+
 def _command(found: dict[str, FloatArray], chosen: ChannelMap, part: slice, place: str) -> _Command:
     samples = len(found["displacement"][part])
     for role in _COMMAND_UNITS:
@@ -232,7 +332,7 @@ def _command(found: dict[str, FloatArray], chosen: ChannelMap, part: slice, plac
             raise InputError(f"{place}: {role} is a column and a constant of the channel map; leave one out")
     for role, unit in _COMMAND_UNITS.items():
         if role in found:
-            return _Command(found[role][part], unit)
+            return _Command(_cut(found[role], part), unit)
     for role, unit in _COMMAND_UNITS.items():
         if role in chosen.constant:
             return _Command(np.full(samples, chosen.constant[role]), unit)

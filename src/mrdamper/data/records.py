@@ -11,7 +11,7 @@ from __future__ import annotations
 import difflib
 import hashlib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from fnmatch import fnmatchcase
 from typing import Literal
 
@@ -21,7 +21,16 @@ from mrdamper.data.reversals import turning_points
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, FloatArray, read_only
 
-__all__ = ["WITHOUT_MOTION", "CommandUnit", "Dataset", "RigRun", "nearest_names"]
+__all__ = [
+    "GAP",
+    "WITHOUT_MOTION",
+    "CommandUnit",
+    "Dataset",
+    "Recording",
+    "RigRun",
+    "changes_of_pace",
+    "nearest_names",
+]
 
 CommandUnit = Literal["A", "V"]
 
@@ -31,13 +40,46 @@ WITHOUT_MOTION = (
 )
 """What a run without motion lacks, and the test that would have it."""
 
+_CHANNELS = ("time", "displacement", "force", "command", "velocity", "temperature")
 _LEAST_SAMPLES = 16
 _SPEED = 10.0  # faster than any damper's rig [m/s]
 _STROKE = 2.0  # longer than any damper's rig [m]
 _FEWEST_VALUES = 8  # of a displacement: fewer are the flicker of a sensor at rest
 _SWING = 0.1  # a reversal comes back by more than this share of the stroke
 _BLOCK = 16  # time steps over which jitter must average out
-_GAP = 5.0  # a time step this many times the usual one is a gap
+GAP = 5.0  # a time step this many times the usual one is a gap
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recording:
+    """What a file holds of one run, in SI, before anybody asked whether it can be used.
+
+    The fields are those of :class:`RigRun`; arrays are read-only float64 and may hold anything.
+    """
+
+    name: str
+    time: FloatArray
+    displacement: FloatArray
+    force: FloatArray
+    command: FloatArray
+    command_unit: CommandUnit
+    velocity: FloatArray | None = None
+    temperature: FloatArray | None = None
+    session: str = ""
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        for channel in _CHANNELS:
+            given = getattr(self, channel)
+            if given is not None:
+                object.__setattr__(self, channel, read_only(given))
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def checked(self) -> RigRun:
+        """Return the run, if it is one; else one ``InputError`` with every fault found."""
+        return RigRun(**{field.name: getattr(self, field.name) for field in fields(self)})
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,11 +108,12 @@ class RigRun:
     source: str = ""
 
     def __post_init__(self) -> None:
-        for channel in ("time", "displacement", "force", "command", "velocity", "temperature"):
+        for channel in _CHANNELS:
             given = getattr(self, channel)
             if given is not None:
                 object.__setattr__(self, channel, read_only(given))
-        faults = _faults(self)
+        with np.errstate(over="ignore", invalid="ignore"):  # what overflows is a fault of its size
+            faults = _faults(self)
         if faults:
             place = self.name or self.source or "run"
             raise InputError("\n".join(f"{place}: {fault}" for fault in faults))
@@ -217,15 +260,13 @@ def _time_faults(time: FloatArray) -> list[str]:
             "Split the file where time restarts, or use a time column of higher resolution"
         ]
     usual = float(np.median(steps))
-    gaps = np.flatnonzero(steps > _GAP * usual)
-    blocks = len(steps) // _BLOCK
-    pace = steps[: blocks * _BLOCK].reshape(blocks, _BLOCK).mean(axis=1)  # jitter and rounding average out
-    changed = np.abs(pace / pace[:1] - 1.0) > 0.25
-    if np.any(changed[1:] & changed[:-1]) and np.count_nonzero(changed) > len(gaps):
-        block = int(np.flatnonzero(changed[1:] & changed[:-1])[0])
+    gaps = np.flatnonzero(steps > GAP * usual)
+    changed = changes_of_pace(steps, len(gaps))
+    if changed is not None:
+        at, before, after = changed
         return [
-            f"mixed sampling: the time step is {pace[0]:.4g} s at the start and {pace[block + 1]:.4g} s from "
-            f"about sample {block * _BLOCK}; expected one rate. Split the file there, or resample it"
+            f"mixed sampling: the time step is {before:.4g} s at the start and {after:.4g} s from about "
+            f"sample {at}; expected one rate. Split the file there, or resample it"
         ]
     if len(gaps):
         k = int(gaps[0])
@@ -234,6 +275,19 @@ def _time_faults(time: FloatArray) -> list[str]:
             f"({len(gaps)} such places); expected one rate. Split the file at the gap"
         ]
     return []
+
+
+def changes_of_pace(steps: FloatArray, gaps: int) -> tuple[int, float, float] | None:
+    """Return where the usual time step [s] changes by a quarter, from what and to what; None when never."""
+    blocks = len(steps) // _BLOCK
+    if not blocks:
+        return None
+    pace = steps[: blocks * _BLOCK].reshape(blocks, _BLOCK).mean(axis=1)  # jitter and rounding average out
+    changed = np.abs(pace / pace[:1] - 1.0) > 0.25
+    if not (np.any(changed[1:] & changed[:-1]) and np.count_nonzero(changed) > gaps):
+        return None
+    block = int(np.flatnonzero(changed[1:] & changed[:-1])[0])
+    return block * _BLOCK, float(pace[0]), float(pace[block + 1])
 
 
 def _motion_faults(run: RigRun) -> list[str]:

@@ -107,12 +107,12 @@ def measure_spectrum(displacement: FloatArray, step: float) -> Spectrum:
 
 
 def knot_spacing(step: float, cutoff_Hz: float) -> int:
-    """Return the samples between two knots of the smoothing spline; 1 means no smoothing."""
+    """Return the samples, a step [s] apart, between two knots of the smoothing spline; 1: no smoothing."""
     return max(1, round(0.5 / (cutoff_Hz * step)))
 
 
 def smooth(displacement: FloatArray, step: float, cutoff_Hz: float) -> Kinematics:
-    """Return the displacement without what is above the cut-off, and its derivatives; zero phase.
+    """Return the displacement [m] without what is above the cut-off, and its derivatives; zero phase.
 
     A quintic spline is fitted by least squares, with a knot every half period of the cut-off (rounded to
     whole samples); velocity and acceleration are its derivatives. It is bound to nothing at the ends, so
@@ -154,7 +154,7 @@ def smooth(displacement: FloatArray, step: float, cutoff_Hz: float) -> Kinematic
 
 
 def differentiate(values: FloatArray, step: float) -> FloatArray:
-    """Return the derivative by sixth-order differences, one-sided at the ends; at least 7 values."""
+    """Return the derivative at a step [s] by sixth-order differences, one-sided at the ends; 7 values or more."""
     derivative = np.empty_like(values)
     derivative[3:-3] = np.correlate(values, _CENTRED, mode="valid")
     derivative[:3] = _ENDS @ values[:7]

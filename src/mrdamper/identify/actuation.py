@@ -4,6 +4,10 @@ The damper's law is fitted on runs at constant command first and stands still he
 the command the measured force is compared with the damper's, driven through a delay and two lags; in each
 such window a gain and an offset are free, so that what the law gets wrong in level says nothing about time.
 
+The lags hold at about the speed of these runs. A law feels a new command at once, while in a damper the force
+has to be built up against its stiffness s, with the time constant F / (s v): at 30 mm/s some 7 ms of a stiff
+bench damper and 20 ms of a soft one, at 500 mm/s a millisecond. It is read as lag: step at the speeds of use.
+
 The play is what is left then: a command that was reached from above is felt as more than the same command
 reached from below. It is told where runs come to one command from both sides and stay there.
 """
@@ -149,46 +153,80 @@ def fit_actuation(
     )
 
 
+@dataclass(frozen=True, slots=True)
+class _PlayEvidence:
+    """What runs tell of the play: sums of squares, of the column that it multiplies and of the error."""
+
+    squares: float  # of the column [N^2/A^2]
+    products: float  # of column and error [N^2/A]
+    rest: float  # of the error [N^2]
+    freedom: int  # samples less levels
+
+    @property
+    def play(self) -> float:
+        return self.products / self.squares
+
+    @property
+    def error(self) -> float:
+        left = max(self.rest - self.play * self.products, 0.0) / max(self.freedom - 1, 1)
+        return float(np.sqrt(left / self.squares))
+
+
 def _fit_play(damper: Damper, runs: Sequence[PreparedRun]) -> tuple[float, float]:
     """Return the half width of the play [A or V] and its standard error; 0 and NaN where no run tells.
+
+    A driver's overshoot goes ahead into the dead band, from both sides: it hides play and never adds any. It
+    is largest where the coil is cold. So the runs that show the most are believed, and those that do not
+    contradict them (by two standard errors).
+    """
+    told = [each for run in runs if (each := _play_evidence(damper, run)) is not None]
+    if not told:
+        return 0.0, float("nan")
+    most = max(told, key=lambda each: each.play - 2.0 * each.error)
+    kept = [each for each in told if most.play - each.play <= 2.0 * np.hypot(most.error, each.error)]
+    whole = _PlayEvidence(
+        sum(each.squares for each in kept),
+        sum(each.products for each in kept),
+        sum(each.rest for each in kept),
+        sum(each.freedom for each in kept),
+    )
+    return max(whole.play, 0.0), whole.error
+
+
+def _play_evidence(damper: Damper, run: PreparedRun) -> _PlayEvidence | None:
+    """Return what one run tells of the play, None where it tells nothing.
 
     Where a command is held, force less the damper's is a level for each command and direction of motion, and,
     where the command was reached from above, the play's width times the force's growth with the command.
     """
-    squares, products, rest, count, levels = 0.0, 0.0, 0.0, 0, 0
-    for run in runs:
-        path = run.trajectory
-        span = float(np.ptp(path.command))
-        if span == 0.0 or np.min(path.command) < 0.0:
-            continue
-        step = 0.01 * span
-        force = simulate(damper, path)
-        growth = (simulate(damper, replace(path, command=path.command + step)) - force) / step
-        growth *= 2.0 * PLAY_SHARE  # by the half width
-        from_above, since = _how_reached(path.command, path.step)
-        held = (since >= _SETTLED_S) & (np.arange(len(force)) >= run.scored_from)
-        direction = np.sign(path.velocity)
-        for level in np.unique(np.round(path.command[held], 6)):
-            for side in (-1.0, 1.0):
-                here = held & (np.abs(path.command - level) < 1e-6 * max(span, 1.0)) & (direction == side)
-                if here.any():  # away from reversals, where the law errs in other ways
-                    here &= side * growth > 0.9 * float(np.quantile(side * growth[here], 0.9))
-                above = here & (from_above > 0.0)
-                if above.sum() < 20 or (here & (from_above < 0.0)).sum() < 20:
-                    continue
-                error = (run.force - force)[here]
-                column = np.where(above[here], growth[here], 0.0)
-                error, column = error - error.mean(), column - column.mean()
-                squares += float(column @ column)
-                products += float(column @ error)
-                rest += float(error @ error)
-                count += len(error)
-                levels += 1
-    if squares <= 0.0:
-        return 0.0, float("nan")
-    play = products / squares
-    left = max(rest - play * products, 0.0) / max(count - levels - 1, 1)
-    return max(play, 0.0), float(np.sqrt(left / squares))
+    path = run.trajectory
+    span = float(np.ptp(path.command))
+    if span == 0.0 or np.min(path.command) < 0.0:
+        return None
+    step = 0.01 * span
+    force = simulate(damper, path)
+    growth = (simulate(damper, replace(path, command=path.command + step)) - force) / step
+    growth *= 2.0 * PLAY_SHARE  # by the half width
+    from_above, since = _how_reached(path.command, path.step)
+    held = (since >= _SETTLED_S) & (np.arange(len(force)) >= run.scored_from)
+    direction = np.sign(path.velocity)
+    squares, products, rest, freedom = 0.0, 0.0, 0.0, 0
+    for level in np.unique(np.round(path.command[held], 6)):
+        for side in (-1.0, 1.0):
+            here = held & (np.abs(path.command - level) < 1e-6 * max(span, 1.0)) & (direction == side)
+            if here.any():  # away from reversals, where the law errs in other ways
+                here &= side * growth > 0.9 * float(np.quantile(side * growth[here], 0.9))
+            above = here & (from_above > 0.0)
+            if above.sum() < 20 or (here & (from_above < 0.0)).sum() < 20:
+                continue
+            error = (run.force - force)[here]
+            column = np.where(above[here], growth[here], 0.0)
+            error, column = error - error.mean(), column - column.mean()
+            squares += float(column @ column)
+            products += float(column @ error)
+            rest += float(error @ error)
+            freedom += len(error) - 1
+    return _PlayEvidence(squares, products, rest, freedom) if squares > 0.0 else None
 
 
 def _how_reached(command: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from mrdamper.errors import InputError
+from mrdamper.files import read_text
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.card import (
     LAG,
@@ -54,6 +55,8 @@ def _from_version_1(document: Document) -> Document:
     return {**document, "actuation": None, "temperature_range_K": None, "excerpt": excerpt}
 
 
+_MOST_BYTES = 1 << 26  # of a card
+
 UPGRADES: dict[int, Callable[[Document], Document]] = {1: _from_version_1}
 """Schema version -> the function that turns a document of that version into one of the next."""
 
@@ -71,12 +74,7 @@ def read_card(path: str | Path, *, python_law: HysteresisLaw | None = None) -> M
     InputError
         With every problem of the file and its place.
     """
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except OSError as fault:
-        raise InputError(f"{path}: cannot read the card: {fault.strerror}") from fault
-    except UnicodeDecodeError as fault:
-        raise InputError(f"{path}: not UTF-8 text at byte {fault.start}; a card is a JSON file") from fault
+    text = read_text(path, "card", _MOST_BYTES)
     try:
         document = json.loads(text, parse_constant=_refuse_constant, object_pairs_hook=_unique)
     except json.JSONDecodeError as fault:

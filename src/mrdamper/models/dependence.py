@@ -431,7 +431,8 @@ class Tempered:
 def separable_polynomial(command: Sequence[float], temperature: Sequence[float]) -> Tempered:
     """Return the paper's separable form: (a0 + a1 I + a2 I^2 ...)(1 + t1 dT + t2 dT^2 ...), dT = T - 20 degC.
 
-    Its Eq. (12) as reconstructed; the paper's own is lost.
+    Its Eq. (12) as reconstructed; the paper's own is lost. ``command`` holds the a [coefficient's unit / A^i],
+    ``temperature`` the t [1/K^j].
     """
     return Tempered(Polynomial(tuple(command)), PolynomialFactor(tuple(temperature)))
 

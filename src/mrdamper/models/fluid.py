@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mrdamper.errors import EnvelopeError, EnvelopeWarning, InputError
+from mrdamper.files import read_text
 from mrdamper.models.carlson import Carlson, checked_fraction, field_strength
 from mrdamper.models.temperature import TemperatureFactor
 from mrdamper.quantities import QUANTITIES, FloatArray
@@ -265,12 +266,11 @@ def find_fluid(name_or_path: str | Path) -> Fluid:
         return _preset(str(name_or_path))
     path = Path(name_or_path)
     try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as fault:
-        said = getattr(fault, "strerror", None) or "not UTF-8 text"
+        text = read_text(path, "fluid")
+    except InputError as fault:
         raise InputError(
             f"fluid {str(name_or_path)!r}: neither a preset ({', '.join(PRESETS)}) nor a file that can be "
-            f"read ({said})"
+            f"read ({fault})"
         ) from fault
     return Fluid.from_toml(text, path.name)
 

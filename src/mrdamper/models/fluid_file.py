@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import json
 import math
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import Any, cast
 
 from mrdamper.errors import InputError
+from mrdamper.files import parse_toml
 from mrdamper.models.carlson import Carlson, FIELD_SCALE_A_m
 from mrdamper.models.dependence import did_you_mean
 from mrdamper.models.fluid import PRESETS, PROPERTIES, ZERO_CELSIUS_K, Collapse, Fluid, Origin, find_fluid
@@ -41,8 +41,8 @@ def arguments_of(text: str, place: str) -> Document:
         The text is no fluid; the message names the place in it.
     """
     try:
-        given = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as fault:
+        given = parse_toml(text)
+    except InputError as fault:
         raise InputError(f"{place}: not a TOML file: {fault}") from fault
     return _Reader(_completed(given, place), place).arguments()
 

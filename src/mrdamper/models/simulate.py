@@ -68,7 +68,7 @@ class Sensitivity:
 
 
 def open_drive(trajectory: Trajectory, *, longest_step: float = core.LONGEST_STEP) -> Drive:
-    """Return the trajectory made ready for the kernel."""
+    """Return the trajectory made ready for the kernel; implicit laws take steps of at most so long [s]."""
     command, warm = trajectory.command, trajectory.temperature
     constant = float(command[0]) if np.ptp(command) == 0.0 else None
     warms = warm is not None and bool(np.ptp(warm) > 0.0)

@@ -8,7 +8,6 @@ campaign is ``measurement``.
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from functools import cached_property
@@ -19,7 +18,6 @@ from mrdamper.data.records import nearest_names
 from mrdamper.errors import InputError
 from mrdamper.excitation import (
     CURRENT_STEPS,
-    MOTIONS,
     Chirp,
     CurrentSteps,
     Motion,
@@ -27,6 +25,7 @@ from mrdamper.excitation import (
     Triangle,
     motion_from_text,
 )
+from mrdamper.files import read_toml
 from mrdamper.rig.sensors import Sensors
 
 __all__ = ["Body", "Campaign", "PlannedRun", "Procedure"]
@@ -82,13 +81,15 @@ class Campaign:
 
     Motions are names or forms that ``motion_from_text`` knows. A motion with a period is logged for whole
     periods, a chirp to its end, any other for ``duration_s``. Held-out temperatures and motions that are not
-    run are dropped.
+    run are dropped. The lag that current steps tell holds for the speed of their motion
+    (``identify.actuation``).
     """
 
     motions: tuple[str, ...] = ("sine5mm1Hz", "sine3mm2Hz", "nonperiodic", "chirp3mm")
     currents_A: tuple[float, ...] = (0.0, 0.5, 1.0, 1.5, 2.0)
     temperatures_degC: tuple[float, ...] = (20.0, 40.0, 60.0, 80.0, 100.0, 120.0, 123.0)
-    steps: CurrentSteps | None = CURRENT_STEPS  # on the motion ``steps``; None: no such runs
+    steps: CurrentSteps | None = CURRENT_STEPS  # None: no such runs
+    steps_motion: str = "steps"  # under the current steps
     duration_s: float = 4.0
     held_out_temperatures_degC: tuple[float, ...] = (60.0, 100.0, 123.0)
     held_out_motions: tuple[str, ...] = ("chirp3mm",)
@@ -108,6 +109,8 @@ class Campaign:
         if self.procedure not in get_args(Procedure):
             choices = ", ".join(get_args(Procedure))
             raise InputError(f"campaign: procedure is {self.procedure!r}; use one of: {choices}")
+        if not isinstance(self.steps_motion, str):
+            raise InputError(f"campaign: steps_motion is {self.steps_motion!r}; expected a text")
         if not self.duration_s > 0.0:
             raise InputError(f"campaign: duration_s is {self.duration_s:g}; expected a positive number")
         for name, of in _HELD_OUT.items():
@@ -143,12 +146,11 @@ class Campaign:
                     times = self._times(motion)
                     planned.append(PlannedRun(name, _label(text), motion, current, degrees, *times, held_out))
             if self.steps is not None:
+                motion, label = motion_from_text(self.steps_motion), _label(self.steps_motion)
                 span = f"{min(self.steps.levels):g}-{max(self.steps.levels):g}A"
-                name = f"{damper}_{_degrees(degrees)}_{span}_steps"
-                times = (self.steps.duration, self._times(MOTIONS["steps"])[1])
-                planned.append(
-                    PlannedRun(name, "steps", MOTIONS["steps"], self.steps, degrees, *times, apart)
-                )
+                name = f"{damper}_{_degrees(degrees)}_{span}_{label}"
+                times = (self.steps.duration, self._times(motion)[1])
+                planned.append(PlannedRun(name, label, motion, self.steps, degrees, *times, apart))
         return tuple(planned)
 
     @cached_property
@@ -199,15 +201,7 @@ class Campaign:
     @classmethod
     def from_toml(cls, path: str | Path) -> Campaign:
         """Return the campaign in a TOML file."""
-        file = Path(path)
-        try:
-            with file.open("rb") as stream:
-                given = tomllib.load(stream)
-        except OSError as error:
-            raise InputError(f"{file}: cannot read the campaign ({error.strerror})") from error
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise InputError(f"{file}: not a TOML file: {error}") from error
-        return cls.from_mapping(given, file.name)
+        return cls.from_mapping(read_toml(path, "campaign"), Path(path).name)
 
     def to_toml(self) -> str:
         """Return the campaign as TOML; ``from_toml`` reads the same one back."""

@@ -7,7 +7,6 @@ measured: the presets are chosen so that a law which is fitted to them has somet
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -18,8 +17,9 @@ import numpy as np
 
 from mrdamper.data.records import nearest_names
 from mrdamper.errors import InputError
+from mrdamper.files import read_toml
 
-__all__ = ["PRESETS", "VirtualDamper", "find_preset"]
+__all__ = ["PRESETS", "VirtualDamper", "draw_damper", "find_preset"]
 
 _ROOM_K = 293.15
 _SAFE = re.compile(r"[A-Za-z0-9][A-Za-z0-9.-]*")  # what may begin a file's name
@@ -28,6 +28,7 @@ _POSITIVE = (
     "field_current_A", "field_exponent", "yield_N", "stiffness_N_m", "viscous_m_s", "viscous_exponent",
     "stribeck_m_s", "friction_N_m", "leak_N_s_m",
 )  # fmt: skip
+_OF_THE_KIND = ("name", "full_current_A", "copper_per_K")  # what dampers of a kind share
 _ANY_SIGN = ("name", "offset_N", "asymmetry")
 _AT_MOST: Mapping[str, float] = MappingProxyType(
     {"play_share": 1.0, "spread": 0.5, "asymmetry": 0.9, "viscosity_pole_K": 200.0}
@@ -143,15 +144,7 @@ class VirtualDamper:
     @classmethod
     def from_toml(cls, path: str | Path) -> VirtualDamper:
         """Return the damper in a TOML file: ``preset = "nominal"`` and what differs from it."""
-        file = Path(path)
-        try:
-            with file.open("rb") as stream:
-                given = tomllib.load(stream)
-        except OSError as error:
-            raise InputError(f"{file}: cannot read the virtual damper ({error.strerror})") from error
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise InputError(f"{file}: not a TOML file: {error}") from error
-        return cls.from_mapping(given, file.name)
+        return cls.from_mapping(read_toml(path, "virtual damper"), Path(path).name)
 
     def to_toml(self) -> str:
         """Return all parameters as TOML; ``from_toml`` reads the same damper back."""
@@ -188,6 +181,21 @@ PRESETS: Mapping[str, VirtualDamper] = MappingProxyType(
         ),
     }
 )  # fmt: skip
+
+
+def draw_damper(damper: VirtualDamper, rng: np.random.Generator, spread: float) -> VirtualDamper:
+    """Return a damper of the same kind: every property uniformly within ``spread`` (0 to 0.3).
+
+    The name, the current at which the field is full and the copper's coefficient are no properties of one
+    damper among its kind and stay.
+    """
+    names = [each.name for each in fields(VirtualDamper) if each.name not in _OF_THE_KIND]
+    factors = rng.uniform(1.0 - spread, 1.0 + spread, len(names))
+    changes = {
+        name: min(getattr(damper, name) * factor, _AT_MOST.get(name, np.inf))
+        for name, factor in zip(names, factors, strict=True)
+    }
+    return replace(damper, **changes)
 
 
 def find_preset(name: object) -> VirtualDamper:

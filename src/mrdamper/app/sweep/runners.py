@@ -1,0 +1,130 @@
+"""Where a sweep's tasks run: processes of this machine, or the workers of a Dask cluster.
+
+Both give results in the order in which they are ready, and both survive a worker that dies: its tasks are
+given to another. A task at which workers keep dying is an error of its own.
+"""
+
+from __future__ import annotations
+
+import os
+from collections import deque
+from collections.abc import Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import get_context
+
+from mrdamper.app.sweep.plan import Task, What
+from mrdamper.app.sweep.tasks import run_task
+from mrdamper.errors import InputError, MissingExtraError
+
+__all__ = ["run_on_cluster", "run_on_processes"]
+
+_MOST_DEATHS = 20  # of workers, one after the other, without a result in between
+_ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+_CONNECT_S = 20
+
+
+def run_on_processes(tasks: Sequence[Task], workers: int) -> Iterator[tuple[Task, What]]:
+    """Run tasks on processes of this machine; give each with its result.
+
+    Raises
+    ------
+    InputError
+        Workers die again and again without a result.
+    """
+    left = deque(tasks)
+    deaths = 0
+    for name in _ONE_THREAD:  # what a worker inherits: one process, one core
+        os.environ.setdefault(name, "1")
+    while left:
+        running: dict[Future[What], Task] = {}
+        with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+            try:
+                while left or running:
+                    while left and len(running) < 2 * workers:
+                        task = left.popleft()
+                        running[pool.submit(run_task, task.kind, task.seed, task.what)] = task
+                    ready, _ = wait(running, return_when=FIRST_COMPLETED)
+                    for future in ready:
+                        result = future.result()
+                        yield running.pop(future), result
+                        deaths = 0
+            except BrokenProcessPool as fault:
+                deaths += 1
+                left.extendleft(reversed(running.values()))
+                if deaths >= _MOST_DEATHS:
+                    names = ", ".join(task.name for task in running.values())
+                    raise InputError(
+                        f"workers died {deaths} times in a row at one of: {names}. Is there enough memory? "
+                        "Pass fewer --workers; --resume keeps what is done"
+                    ) from fault
+            except BaseException:
+                for future in running:
+                    future.cancel()
+                _stop(pool)
+                raise
+
+
+def _stop(pool: ProcessPoolExecutor) -> None:
+    """End a pool's processes without waiting for what they do."""
+    processes = list((getattr(pool, "_processes", None) or {}).values())
+    pool.shutdown(wait=False, cancel_futures=True)
+    for process in processes:
+        process.terminate()
+
+
+def run_on_cluster(tasks: Sequence[Task], address: str) -> Iterator[tuple[Task, What]]:
+    """Run tasks on a Dask cluster; give each with its result.
+
+    The workers need this package, and the files that the tasks name under the same paths.
+
+    Raises
+    ------
+    InputError
+        No scheduler answers at the address, or workers die again and again at one task.
+    MissingExtraError
+        dask.distributed is not installed.
+    """
+    try:
+        from distributed import Client, KilledWorker, as_completed
+    except ImportError as fault:
+        raise MissingExtraError(
+            "a sweep on a cluster needs dask.distributed, which is not installed; "
+            "pip install 'mrdamper[scale]'"
+        ) from fault
+    try:
+        client = Client(address, timeout=_CONNECT_S, set_as_default=False)
+    except (OSError, ValueError) as fault:
+        raise InputError(
+            f"scheduler {address!r}: no answer within {_CONNECT_S} s ({fault}); expected the address of a "
+            "Dask scheduler, such as tcp://host:8786"
+        ) from fault
+    try:
+        tried = dict.fromkeys((task.name for task in tasks), 0)
+        running = {}
+
+        def submit(task: Task) -> object:
+            tried[task.name] += 1
+            future = client.submit(
+                run_task, task.kind, task.seed, task.what, pure=False, retries=_MOST_DEATHS
+            )
+            running[future.key] = task
+            return future
+
+        ready = as_completed([submit(task) for task in tasks], loop=client.loop)
+        for future in ready:
+            task = running.pop(future.key)
+            try:
+                result = future.result()
+            except KilledWorker as fault:
+                if tried[task.name] >= _MOST_DEATHS:
+                    raise InputError(
+                        f"task {task.name}: {tried[task.name]} x the workers died at it; "
+                        "--resume keeps what is done"
+                    ) from fault
+                ready.add(submit(task))
+                continue
+            future.release()
+            yield task, result
+    finally:
+        client.close()

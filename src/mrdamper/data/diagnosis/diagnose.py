@@ -1,0 +1,138 @@
+"""The diagnosis of one run, and of runs against each other."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from mrdamper.data.diagnosis.finding import Finding, worst_first
+from mrdamper.data.diagnosis.mechanics import (
+    find_drift,
+    find_force_lag,
+    find_force_offset,
+    find_velocity_disagreement,
+    find_wrong_sign,
+    looks_swapped,
+)
+from mrdamper.data.diagnosis.resolution import find_few_cycles, find_few_samples, find_noise
+from mrdamper.data.diagnosis.sensors import (
+    find_clipping,
+    find_coarse_steps,
+    find_implausible_sizes,
+    find_spikes,
+    find_stuck_sensors,
+)
+from mrdamper.data.diagnosis.timing import find_irregular_steps, find_missing_numbers, find_time_faults
+from mrdamper.data.prepare import PreparedRun, prepare_run
+from mrdamper.data.records import Recording, RigRun
+from mrdamper.errors import InputError
+
+__all__ = ["compare", "diagnose"]
+
+
+def diagnose(given: Recording | RigRun, prepared: PreparedRun | None = None) -> tuple[Finding, ...]:
+    """Return what is wrong with a run, worst first; a run with a fault cannot be fitted as it is.
+
+    Parameters
+    ----------
+    given : as read; a ``RigRun`` has passed the checks on time and range already
+    prepared : the run as prepared for a fit, when that was done; else it is prepared here
+    """
+    recording = given if isinstance(given, Recording) else _as_recording(given)
+    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is a fault of its size
+        found = list(find_missing_numbers(recording))
+        if not found and _same_lengths(recording) and len(recording) > 1:
+            found = [*find_time_faults(recording), *find_implausible_sizes(recording)]
+        if not any(finding.severity == "fault" for finding in found):
+            found += _of_a_whole_record(recording, prepared)
+    found.sort(key=worst_first)
+    return tuple(replace(finding, run=recording.name) for finding in found)
+
+
+def compare(runs: Sequence[Recording | RigRun]) -> Iterator[Finding]:
+    """Give runs that are one and the same: held out and trained on, it would be no test at all."""
+    first: dict[bytes, str] = {}
+    for run in runs:
+        key = hashlib.sha256(run.force.tobytes() + run.displacement.tobytes()).digest()
+        if key in first:
+            yield Finding(
+                kind="duplicate",
+                severity="warning",
+                channel="",
+                run=run.name,
+                found=f"force and displacement are those of {first[key]}, number for number",
+                effect="The run counts twice in a fit; held out, it is no test",
+                remedy="Leave one of the two out",
+            )
+        first.setdefault(key, run.name)
+
+
+def _of_a_whole_record(recording: Recording, prepared: PreparedRun | None) -> list[Finding]:
+    """Return the findings of a run whose numbers and time are sound."""
+    try:
+        run = recording.checked()
+    except InputError as error:
+        swapped = _same_lengths(recording) and len(recording) > 15 and looks_swapped(recording)
+        return [_refused(error, hint="displacement and force may be exchanged. " if swapped else "")]
+    found = [*find_irregular_steps(recording), *_ask_sensors(recording)]
+    if prepared is None:
+        try:
+            prepared = prepare_run(run)
+        except InputError as refusal:
+            try:
+                prepared = prepare_run(replace(run, force=-run.force))
+            except InputError:
+                return [*found, _refused(refusal)]
+            return [*found, *find_wrong_sign(run, prepared)]
+    for find in (
+        find_force_offset,
+        find_drift,
+        find_force_lag,
+        find_velocity_disagreement,
+        find_few_cycles,
+        find_few_samples,
+        find_noise,
+    ):
+        found += find(prepared)
+    return found
+
+
+def _ask_sensors(recording: Recording) -> Iterable[Finding]:
+    for find in (find_clipping, find_stuck_sensors, find_coarse_steps, find_spikes):
+        yield from find(recording)
+
+
+def _refused(error: InputError, hint: str = "") -> Finding:
+    return Finding(
+        kind="refused",
+        severity="fault",
+        channel="",
+        found=str(error).replace("\n", "; "),
+        effect="The run is refused",
+        remedy=f"{hint}See what the message says",
+    )
+
+
+def _same_lengths(recording: Recording) -> bool:
+    sizes = {
+        array.shape for array in (recording.time, recording.displacement, recording.force, recording.command)
+    }
+    return len(sizes) == 1
+
+
+def _as_recording(run: RigRun) -> Recording:
+    return Recording(
+        name=run.name,
+        time=run.time,
+        displacement=run.displacement,
+        force=run.force,
+        command=run.command,
+        command_unit=run.command_unit,
+        velocity=run.velocity,
+        temperature=run.temperature,
+        session=run.session,
+        source=run.source,
+    )

@@ -1,0 +1,68 @@
+"""A finding: what is wrong with a run, where, how much, what it does to a fit, and what to do."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+__all__ = ["SEVERITIES", "Finding", "Severity", "by_kind", "percent", "worst_first"]
+
+Severity = Literal["fault", "warning", "note"]
+SEVERITIES: tuple[Severity, ...] = ("fault", "warning", "note")
+"""A fault: not to be fitted as it is. A warning: the fit will suffer. A note: good to know."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding:
+    """One thing found in one run; the sentences are for people, the other fields for scripts."""
+
+    kind: str  # a stable name: "clipped", "force_sign", ...
+    severity: Severity
+    channel: str  # role; "" when it is the run as a whole
+    found: str
+    effect: str  # on a fit
+    remedy: str
+    size: float | None = None  # how large, in ``unit``
+    unit: str = ""
+    from_s: float | None = None  # where it begins, and ends, in the run's time
+    to_s: float | None = None
+    run: str = ""
+
+    def to_dict(self) -> Mapping[str, str | float | None]:
+        """Return the fields as JSON takes them."""
+        return {
+            "run": self.run,
+            "kind": self.kind,
+            "severity": self.severity,
+            "channel": self.channel or None,
+            "size": self.size,
+            "unit": self.unit or None,
+            "from_s": self.from_s,
+            "to_s": self.to_s,
+            "found": self.found,
+            "effect": self.effect,
+            "remedy": self.remedy,
+        }
+
+    def in_words(self) -> str:
+        """Return the finding as one line."""
+        return f"{self.found}. {self.effect}. {self.remedy}."
+
+
+def by_kind(findings: Sequence[Finding]) -> list[tuple[Finding, int]]:
+    """Return the largest finding of each kind, channel and severity, with the number of them, worst first."""
+    groups: dict[tuple[str, str, str], list[Finding]] = {}
+    for finding in sorted(findings, key=worst_first):
+        groups.setdefault((finding.severity, finding.kind, finding.channel), []).append(finding)
+    return [(max(group, key=lambda f: abs(f.size or 0.0)), len(group)) for group in groups.values()]
+
+
+def percent(share: float) -> str:
+    """Return a share as text, to two digits or the whole per cent."""
+    return f"{100 * share:.0f} %" if abs(share) >= 0.1 else f"{100 * share:.2g} %"
+
+
+def worst_first(finding: Finding) -> int:
+    """Sort key: faults, then warnings, then notes."""
+    return SEVERITIES.index(finding.severity)

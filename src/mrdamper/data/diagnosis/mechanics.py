@@ -1,0 +1,256 @@
+"""Findings on what belongs together: force, displacement and velocity of one damper.
+
+A passive damper takes power: its force and its velocity have the same sign on average, and its force never
+comes before its velocity. What breaks that is a sign, a swap or a delay of channels.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from scipy import fft
+
+from mrdamper.data.cycles import cycles, drift, estimate_lag
+from mrdamper.data.diagnosis.finding import Finding, percent
+from mrdamper.data.prepare import PreparedRun
+from mrdamper.data.records import Recording, RigRun
+from mrdamper.quantities import FloatArray
+
+__all__ = [
+    "find_drift",
+    "find_force_lag",
+    "find_force_offset",
+    "find_velocity_disagreement",
+    "find_wrong_sign",
+    "looks_swapped",
+]
+
+_SHARE = 0.98  # of the power lies below the frequency at which signals are compared
+_ROUGHER = 1.8  # times the frequency: the rougher of two signals is the force
+_OFFSET = 0.05  # of the force's standard deviation
+_DRIFT = 0.03  # of the stroke, of the force's range
+_GROWS = 5.0  # percent, of the force's range from first to last cycle
+_EARLY = 0.003  # of the period by which force may come before velocity
+_LATE = 0.17  # of the period: a phase of 60 degrees
+_DIFFERS = 0.1  # of the velocity's rms
+
+
+def looks_swapped(recording: Recording | RigRun) -> bool:
+    """Tell whether the columns of force and displacement seem to be exchanged.
+
+    Exchanged, the loop turns the other way round (the damper gives power), and the "displacement" has the
+    force's harmonics: 98 % of its power reaches to a frequency well above that of the other.
+    """
+    x, force = recording.displacement, recording.force
+    work = float(np.sum(0.5 * (force[1:] + force[:-1]) * np.diff(x)))
+    return work < 0.0 and _highest(x) > _ROUGHER * _highest(force)
+
+
+def find_wrong_sign(run: RigRun, prepared: PreparedRun) -> Iterator[Finding]:
+    """Give a force that gives power, or that is swapped; ``prepared`` has the force turned round."""
+    velocity, force = prepared.trajectory.velocity, -prepared.force
+    correlation = float(np.corrcoef(force[prepared.scored_from :], velocity[prepared.scored_from :])[0, 1])
+    if looks_swapped(run):
+        yield Finding(
+            kind="swapped_channels",
+            severity="fault",
+            channel="force",
+            size=correlation,
+            unit="",
+            found="force and displacement seem to be exchanged: the loop turns the wrong way, and the "
+            "displacement has the corners that a force has",
+            effect="No law can be fitted to force against displacement the wrong way round",
+            remedy="Exchange the names at [channel.force] and [channel.displacement], and check their units",
+        )
+        return
+    yield Finding(
+        kind="force_sign",
+        severity="fault",
+        channel="force",
+        size=correlation,
+        unit="",
+        found=f"force and velocity have opposite signs (correlation {correlation:.2f}), as if the damper "
+        "gave power",
+        effect="Every coefficient would come out negative, and the run is refused",
+        remedy="Put sign = -1 at [channel.force] in the channel map, or give --flip-force",
+    )
+
+
+def find_force_offset(prepared: PreparedRun) -> Iterator[Finding]:
+    """Give a force whose mean over whole cycles is not zero."""
+    offset = _offset(prepared)
+    if offset is None:
+        return
+    spread = float(np.std(prepared.force[prepared.scored_from :]))
+    least = _OFFSET * spread if prepared.period_s is not None else 2.0 * _OFFSET * spread
+    if abs(offset) <= least:
+        return
+    yield Finding(
+        kind="force_offset",
+        severity="warning" if abs(offset) > 2.0 * _OFFSET * spread else "note",
+        channel="force",
+        size=offset,
+        unit="N",
+        found=f"force has an offset of {offset:+.4g} N ({percent(abs(offset) / spread)} of its "
+        "standard deviation)",
+        effect="A law without an offset leaves it in its error, and takes part of it for asymmetry",
+        remedy="Zero the load cell. If it is a gas preload, keep it: a law with an offset takes it, and "
+        "--session-offsets lets it differ between sessions",
+    )
+
+
+def find_drift(prepared: PreparedRun) -> Iterator[Finding]:
+    """Give what moves from the first to the last cycle: mean position, mean force, range of force."""
+    found = drift(prepared)
+    whole = cycles(prepared)
+    if found is None or len(whole) < 3 or prepared.run.constant_command is None:
+        return
+    stroke = float(np.median([cycle.stroke_m for cycle in whole]))
+    force = prepared.force[whole[0].start : whole[-1].stop]
+    span = float(np.ptp(force))
+    begins, ends = (
+        float(prepared.run.time[0] + k * prepared.trajectory.step) for k in (whole[0].start, whole[-1].stop)
+    )
+    for channel, kind, size, scale, unit, shown in (
+        (
+            "displacement",
+            "position_drift",
+            found.displacement_m,
+            stroke,
+            "m",
+            f"{1e3 * found.displacement_m:+.3g} mm",
+        ),
+        ("force", "force_drift", found.force_N, span, "N", f"{found.force_N:+.3g} N"),
+    ):
+        if abs(size) <= _DRIFT * scale:
+            continue
+        yield Finding(
+            kind=kind,
+            severity="warning",
+            channel=channel,
+            size=size,
+            unit=unit,
+            from_s=begins,
+            to_s=ends,
+            found=f"mean {channel} moves by {shown} from the first to the last of {len(whole)} cycles "
+            f"({percent(abs(size) / scale)} of its range)",
+            effect="A stiffness turns it into a force that nobody measured"
+            if channel == "displacement"
+            else "A constant offset cannot follow it: it stays in the error",
+            remedy="Use a law without stiffness, or Preparation(reference='mean'), or a shorter stretch"
+            if channel == "displacement"
+            else "Let the load cell and its amplifier warm up; take a shorter stretch",
+        )
+    if abs(found.spread_percent) > _GROWS:
+        yield Finding(
+            kind="force_level_changes",
+            severity="warning",
+            channel="force",
+            size=found.spread_percent,
+            unit="%",
+            from_s=begins,
+            to_s=ends,
+            found=f"the range of force {'grows' if found.spread_percent > 0 else 'falls'} by "
+            f"{abs(found.spread_percent):.2g} % from the first to the last of {len(whole)} cycles",
+            effect="A model at one temperature can only follow the middle: about "
+            f"{0.3 * abs(found.spread_percent):.2g} % of error stay",
+            remedy="Record the temperature with the run, or take the stretch after the damper has settled",
+        )
+
+
+def find_force_lag(prepared: PreparedRun) -> Iterator[Finding]:
+    """Give a force that comes before the velocity, or so late that hysteresis alone is unlikely.
+
+    A small delay of the force cannot be told from hysteresis in one run; a force that is early can.
+    """
+    whole = cycles(prepared)
+    if prepared.period_s is None or len(whole) < 2:
+        return
+    lag, step, period = estimate_lag(prepared), prepared.trajectory.step, prepared.period_s
+    early = lag < -max(1.5 * step, _EARLY * period)
+    if not early and lag < _LATE * period:
+        return
+    yield Finding(
+        kind="force_early" if early else "force_late",
+        severity="warning",
+        channel="force",
+        size=lag,
+        unit="s",
+        found=f"force comes {1e3 * abs(lag):.3g} ms {'before' if early else 'after'} the velocity "
+        f"({percent(abs(lag) / period)} of the period)",
+        effect="The loop opens on the wrong side, which no passive law does"
+        if early
+        else "A delay is taken for hysteresis: the yield displacement comes out too large",
+        remedy="Compare the delays of the two channels (filters, converters) and shift one; a mass "
+        "between load cell and damper does the same at high frequency"
+        if early
+        else "Compare the delays of the two channels (filters, converters); if there is "
+        "none, the damper is elastic",
+    )
+
+
+def find_velocity_disagreement(prepared: PreparedRun) -> Iterator[Finding]:
+    """Give a velocity channel that is not the rate of the displacement, and in what they differ."""
+    measured = prepared.run.velocity
+    if measured is None or len(measured) != len(prepared):
+        return
+    derived = prepared.trajectory.velocity
+    spread = float(np.std(derived))
+    differs = float(np.std(measured - derived)) / spread
+    if differs < _DIFFERS:
+        return
+    product = float(np.mean((measured - measured.mean()) * (derived - derived.mean())))
+    gain = product / float(np.var(derived))
+    correlation = product / (spread * float(np.std(measured)) or 1.0)
+    if abs(correlation) > 0.95:
+        why = (
+            f"it is {gain:.3g} times as large"
+            if gain > 0
+            else f"its sign is turned, and it is {-gain:.3g} times as large"
+        )
+    else:
+        rate = np.gradient(measured, prepared.trajectory.step)
+        x = prepared.trajectory.displacement
+        exchanged = abs(float(np.corrcoef(rate, x)[0, 1])) > 0.95
+        why = "it may be delayed or filtered"
+        why = "velocity and displacement seem to be exchanged" if exchanged and correlation < 0.0 else why
+    yield Finding(
+        kind="velocity_disagrees",
+        severity="warning",
+        channel="velocity",
+        size=100.0 * differs,
+        unit="%",
+        found=f"the velocity channel differs from the rate of the displacement by {percent(differs)} "
+        f"of its rms: {why}",
+        effect="None by default (velocity is derived from the displacement); a fit to the channel would "
+        "be wrong",
+        remedy="Check unit, sign and delay of the velocity channel",
+    )
+
+
+def _offset(prepared: PreparedRun) -> float | None:
+    """Return the static force [N]: the mean over whole alike cycles, else what is left at no velocity.
+
+    Without a period, force is taken as a + b sign(v) + c v + d x, which forgives a motion whose ways out and
+    back are not alike.
+    """
+    whole = cycles(prepared)
+    if not whole:
+        return None
+    kept = slice(whole[0].start, whole[-1].stop)
+    force, velocity = prepared.force[kept], prepared.trajectory.velocity[kept]
+    if prepared.period_s is not None:
+        return float(np.mean(force))
+    x = prepared.trajectory.displacement[kept]
+    terms = np.column_stack([np.ones_like(x), np.sign(velocity), velocity, x - x.mean()])
+    return float(np.linalg.lstsq(terms, force, rcond=None)[0][0])
+
+
+def _highest(values: FloatArray) -> float:
+    """Return the frequency [per record] below which 98 % of the power lies; the mean does not count."""
+    n = fft.prev_fast_len(len(values), real=True)
+    window = np.hanning(n)
+    power = np.abs(fft.rfft((values[:n] - values[:n].mean()) * window)) ** 2
+    summed = np.cumsum(power[1:])
+    return float(np.searchsorted(summed, _SHARE * summed[-1]) + 1)

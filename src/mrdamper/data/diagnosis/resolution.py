@@ -1,0 +1,153 @@
+"""Findings on how finely a run shows the hysteresis: samples, noise, and how well cycles repeat."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+
+import numpy as np
+
+from mrdamper.data.cycles import cycles, repeatability
+from mrdamper.data.diagnosis.finding import Finding, percent
+from mrdamper.data.prepare import PreparedRun
+from mrdamper.data.reversals import turning_points
+from mrdamper.quantities import FloatArray
+
+__all__ = ["find_few_cycles", "find_few_samples", "find_noise", "samples_in_transition"]
+
+_PER_CYCLE = 60.0
+_FAR_TOO_FEW = 20.0
+_PER_TRANSITION = 5.0  # samples while force swings from 10 % to 90 % after a reversal
+_SWING = 0.3  # of the stroke range: a reversal that counts
+_NOISY = 5.0  # percent of the force's standard deviation
+_REPEATS = 5.0  # percent
+
+
+def find_few_samples(prepared: PreparedRun) -> Iterator[Finding]:
+    """Give a rate that is too low for the motion, or for the change of force after a reversal."""
+    period, step = prepared.period_s, prepared.trajectory.step
+    if period is None:
+        turns = turning_points(
+            prepared.trajectory.displacement, _SWING * float(np.ptp(prepared.trajectory.displacement))
+        )
+        apart = np.diff(turns) * step
+        period = 2.0 * float(apart.min()) if len(apart) else None
+    if period is not None and period / step < _PER_CYCLE:
+        per_cycle = period / step
+        yield Finding(
+            kind="few_samples_per_cycle",
+            severity="warning" if per_cycle > _FAR_TOO_FEW else "fault",
+            channel="time",
+            size=per_cycle,
+            unit="samples",
+            found=f"the fastest cycle has {per_cycle:.3g} samples (at {1 / step:.4g} Hz)",
+            effect="Velocity and the corners of the loop are lost between samples",
+            remedy=f"Record at {_PER_CYCLE / period:.3g} Hz or more",
+        )
+    counted = samples_in_transition(prepared)
+    if counted is not None and counted < _PER_TRANSITION:
+        yield Finding(
+            kind="few_samples_per_yield",
+            severity="warning",
+            channel="time",
+            size=counted,
+            unit="samples",
+            found=f"after a reversal force changes over within {counted:.2g} samples (at {1 / step:.4g} Hz)",
+            effect="The yield displacement (rho) and a delay cannot be told apart, and have large errors",
+            remedy=f"Record at {_PER_TRANSITION / max(counted, 0.5) / step:.3g} Hz or more, or add a "
+            "slower motion",
+        )
+
+
+def find_few_cycles(prepared: PreparedRun) -> Iterator[Finding]:
+    """Give a periodic run with fewer than two whole cycles that can be compared."""
+    whole = cycles(prepared)
+    if prepared.period_s is not None and len(whole) < 2:
+        yield Finding(
+            kind="few_cycles",
+            severity="note",
+            channel="",
+            size=float(len(whole)),
+            unit="cycles",
+            found=f"the run has {len(whole)} whole cycle{'' if len(whole) == 1 else 's'} after its start",
+            effect="Nothing can be said about repeatability and drift",
+            remedy="Record three cycles or more",
+        )
+
+
+def find_noise(prepared: PreparedRun) -> Iterator[Finding]:
+    """Give noise of the force and deviation from cycle to cycle, each against the force's spread."""
+    spread = float(np.std(prepared.force[prepared.scored_from :]))
+    noise = white_noise(prepared.force[prepared.scored_from :])
+    share = 100.0 * noise / spread if spread else 0.0
+    if share > _NOISY:
+        yield Finding(
+            kind="force_noise",
+            severity="warning",
+            channel="force",
+            size=noise,
+            unit="N",
+            found=f"force has white noise of {noise:.3g} N rms ({percent(0.01 * share)} of its standard "
+            "deviation)",
+            effect=f"No model can have an error below {percent(0.01 * share)} on this run",
+            remedy="Shield the load cell's cable, use more of its range; more cycles average it out in a fit",
+        )
+    apart = None if prepared.run.constant_command is None else repeatability(prepared)
+    if apart is None or apart <= _REPEATS:
+        return
+    more = apart > 2.0 * share
+    yield Finding(
+        kind="poor_repeatability",
+        severity="warning",
+        channel="force",
+        size=apart,
+        unit="%",
+        found=f"cycles differ from their mean by {percent(0.01 * apart)} of the force's standard deviation"
+        + (f", where noise explains {percent(0.01 * share)}" if more else ", which is noise"),
+        effect=f"No model of the damper alone can have an error below about {percent(0.01 * apart)} on "
+        "this run",
+        remedy="Look for heating, drift of the position, or a loose mounting; take the stretch that repeats"
+        if more
+        else "More cycles average it out in a fit",
+    )
+
+
+def samples_in_transition(prepared: PreparedRun) -> float | None:
+    """Return how many samples force takes from 10 % to 90 % of its change at a reversal, the median.
+
+    The change is from the middle of one stroke to the middle of the next. None where there are fewer than
+    four reversals.
+    """
+    x, force = prepared.trajectory.displacement, prepared.force
+    turns = turning_points(x, _SWING * float(np.ptp(x)))
+    turns = turns[turns >= prepared.scored_from]
+    if len(turns) < 4:
+        return None
+    middles = ((turns[1:] + turns[:-1]) // 2).tolist()
+    counts = [_transition(force[a : b + 1]) for a, b in pairwise(middles) if b - a > 3]
+    return float(np.median(counts)) if counts else None
+
+
+def white_noise(values: FloatArray) -> float:
+    """Return the standard deviation of the white noise in a signal, from its fourth differences.
+
+    They take out what is smooth (the motion); their median size is not moved by corners. Rounding that stays
+    for many samples at one value has none.
+    """
+    if len(values) < 16:
+        return 0.0
+    fourth = np.diff(values, 4)
+    return 1.4826 * float(np.median(np.abs(fourth))) / float(np.sqrt(70.0))
+
+
+def _transition(force: FloatArray) -> float:
+    """Return the samples from the last crossing of 10 % to the first of 90 % of the change of force."""
+    change = force[-1] - force[0]
+    share = (force - force[0]) / change if change else np.zeros(len(force))
+    after = int(np.argmax(share >= 0.9))
+    before = np.flatnonzero(share[:after] <= 0.1)
+    if not after or not len(before):
+        return float(len(force))
+    k = int(before[-1])
+    begins = k + float((0.1 - share[k]) / (share[k + 1] - share[k]))
+    return after - 1 + float((0.9 - share[after - 1]) / (share[after] - share[after - 1])) - begins

@@ -1,0 +1,239 @@
+"""Findings on single channels: clipped, stuck, coarse, with spikes, or of a size that no damper has."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from mrdamper.data.diagnosis.finding import Finding, percent
+from mrdamper.data.diagnosis.timing import channels_of
+from mrdamper.data.records import Recording
+from mrdamper.quantities import QUANTITIES, FloatArray
+
+__all__ = [
+    "find_clipping",
+    "find_coarse_steps",
+    "find_implausible_sizes",
+    "find_spikes",
+    "find_stuck_sensors",
+    "grain_of",
+]
+
+_MEASURED = ("displacement", "force", "velocity")
+_FLAT = 3  # samples in a row at the very extreme
+_CROWDED = 8.0  # the extreme level holds so many times the samples of the levels below it
+_LEVELS = 4  # below the extreme, for comparison
+_FEWEST = 8  # samples at the extreme
+_MUCH = 0.01  # of the samples at an extreme: a fault
+
+_COARSE = 0.01  # rounding error above this share of the channel's standard deviation
+_GRID = 0.8  # of the distances between neighbouring values are the grain, twice or three times it
+
+_STUCK = 20  # samples in a row
+_MOVES = 0.15  # of the other channel's range, meanwhile
+_LONGER = 5.0  # than the usual longest stretch of equal values
+
+_SPIKE = 0.1  # of the range that all but a few samples keep to
+_ABOVE_NOISE = 30.0
+
+_SMALLEST = {"force": 5.0, "displacement": 50e-6}  # peak to peak, of a test that means something
+_HINT = {"force": "kN read as N", "displacement": "mm read as um, or m where mm were meant"}
+
+
+def find_implausible_sizes(recording: Recording) -> Iterator[Finding]:
+    """Give channels outside what a damper on a rig can do, and those that hardly move."""
+    for role, values in channels_of(recording).items():
+        quantity = QUANTITIES[role]
+        outside = np.flatnonzero(~((values >= quantity.low) & (values <= quantity.high)))
+        if role != "time" and len(outside):
+            k, few = int(outside[0]), len(outside) < 0.01 * len(values)
+            worst = float(values[outside][np.argmax(np.abs(values[outside]))])
+            yield Finding(
+                kind="outliers" if few else "implausible_size",
+                severity="fault",
+                channel=role,
+                size=worst,
+                unit=quantity.unit,
+                from_s=float(recording.time[k]),
+                to_s=float(recording.time[outside[-1]]),
+                found=f"{role} is {worst:.4g} {quantity.unit} at worst, beyond {quantity.low:g} to "
+                f"{quantity.high:g} {quantity.unit} at {len(outside)} samples, the first at sample {k}",
+                effect="A single such sample outweighs the rest of the run in a fit",
+                remedy="Cut the samples out of the file, or repair the sensor's wiring"
+                if few
+                else "Check the column's unit and gain in the channel map",
+            )
+        elif role in _SMALLEST and 0.0 < np.ptp(values) < _SMALLEST[role]:
+            yield Finding(
+                kind="small_signal",
+                severity="warning",
+                channel=role,
+                size=float(np.ptp(values)),
+                unit=quantity.unit,
+                found=f"{role} spans only {np.ptp(values):.3g} {quantity.unit}",
+                effect="With a wrong unit every coefficient is wrong by its factor, and nothing shows it",
+                remedy=f"Check the unit ({_HINT[role]}?); if it is right, record a larger motion",
+            )
+
+
+def find_clipping(recording: Recording) -> Iterator[Finding]:
+    """Give channels that stay at exactly their largest or smallest value, far more often than near it.
+
+    The level at the extreme is compared with the four below it, which a smooth signal visits nearly as often.
+    A stretch counts when the signal comes to it at speed, so that a turn of a coarsely measured sine is none.
+    """
+    for role, values in channels_of(recording).items():
+        if role not in _MEASURED or np.ptp(values) == 0.0:
+            continue
+        levels, counts = np.unique(values, return_counts=True)
+        for side, folded, often in (("upper", values, counts[::-1]), ("lower", -values, counts)):
+            at_top = folded == folded.max()
+            below = float(np.mean(often[1 : 1 + _LEVELS])) if len(levels) > 1 else 0.0
+            stretches = [
+                (a, b) for a, b in _stretches(at_top) if b - a >= _FLAT and _comes_at_speed(folded, a, b)
+            ]
+            if not stretches or sum(b - a for a, b in stretches) < max(_FEWEST, _CROWDED * below):
+                continue
+            count = int(np.count_nonzero(at_top))
+            share = count / len(values)
+            unit = QUANTITIES[role].unit
+            yield Finding(
+                kind="clipped",
+                severity="fault" if share > _MUCH else "warning",
+                channel=role,
+                size=100.0 * share,
+                unit="%",
+                from_s=float(recording.time[stretches[0][0]]),
+                to_s=float(recording.time[stretches[-1][1] - 1]),
+                found=f"{role} stays at its {side} end of {values[stretches[0][0]]:.5g} {unit} for "
+                f"{count} samples ({percent(share)}) in {len(stretches)} stretches: clipped",
+                effect="Peak forces, viscosity and yield force come out too small"
+                if role == "force"
+                else "Velocity is zero where the damper moves, and the law is driven wrongly",
+                remedy="Set the amplifier's range larger and record again; leave the run out until then",
+            )
+
+
+def find_stuck_sensors(recording: Recording) -> Iterator[Finding]:
+    """Give stretches in which one channel keeps one value while the other goes on."""
+    x, force = recording.displacement, recording.force
+    for role, values, other in (("force", force, x), ("displacement", x, force)):
+        stretches = sorted(_stretches(np.append(np.diff(values) == 0.0, False)), key=lambda s: s[0] - s[1])
+        if not stretches or np.ptp(values) == 0.0:
+            continue
+        usual = _usual_stretch(stretches)
+        moved = float(np.ptp(other))
+        for a, b in stretches:
+            if b - a < max(_STUCK, _LONGER * usual):
+                break
+            share = _MOVES if role == "force" else 0.5  # a held displacement may let the force relax
+            if np.ptp(other[a : b + 1]) < share * moved:
+                continue
+            yield Finding(
+                kind="stuck_sensor",
+                severity="fault",
+                channel=role,
+                size=float(recording.time[b] - recording.time[a]),
+                unit="s",
+                from_s=float(recording.time[a]),
+                to_s=float(recording.time[b]),
+                found=f"{role} keeps {values[a]:.5g} {QUANTITIES[role].unit} from "
+                f"{recording.time[a]:.4g} s to {recording.time[b]:.4g} s while the other channel goes "
+                "on: a stuck sensor or a lost connection",
+                effect="The loop has a stretch that no law can follow, and all coefficients bend towards it",
+                remedy="Cut the run before that place (from_s, to_s of the preparation), or record it again",
+            )
+            break
+
+
+def find_coarse_steps(recording: Recording) -> Iterator[Finding]:
+    """Give channels whose resolution is coarse beside what they measure."""
+    for role, values in channels_of(recording).items():
+        spread = float(np.std(values))
+        if role not in _MEASURED or spread == 0.0:
+            continue
+        grain = grain_of(values)
+        error = grain / float(np.sqrt(12.0))
+        if error <= _COARSE * spread:
+            continue
+        unit = QUANTITIES[role].unit
+        shown, factor = (unit, 1.0) if role == "force" else (f"m{unit}", 1e3)
+        yield Finding(
+            kind="coarse_steps",
+            severity="warning" if error > 3.0 * _COARSE * spread else "note",
+            channel=role,
+            size=grain,
+            unit=unit,
+            found=f"{role} has steps of {factor * grain:.3g} {shown}: "
+            f"{round(float(np.ptp(values)) / grain)} levels over the run",
+            effect=f"No model can come closer than {percent(error / spread)} of the force's spread"
+            if role == "force"
+            else "Steps of the displacement become jumps of the velocity; smoothing takes out what it can",
+            remedy="Use more of the converter's range (a smaller range, a larger gain)",
+        )
+
+
+def find_spikes(recording: Recording) -> Iterator[Finding]:
+    """Give single samples far from both neighbours."""
+    for role, values in channels_of(recording).items():
+        if role not in _MEASURED or len(values) < 16:
+            continue
+        before, after = values[1:-1] - values[:-2], values[1:-1] - values[2:]
+        away = np.where(before * after > 0.0, np.minimum(np.abs(before), np.abs(after)), 0.0)
+        low, high = np.quantile(values, (0.005, 0.995))
+        noise = 1.4826 * float(np.median(np.abs(before - np.median(before))))
+        limit = max(_SPIKE * float(high - low), _ABOVE_NOISE * noise if noise < 0.05 * (high - low) else 0.0)
+        bad = np.flatnonzero(away > max(limit, 1e-300)) + 1
+        if not len(bad) or len(bad) > 0.01 * len(values):
+            continue
+        worst = int(bad[np.argmax(away[bad - 1])])
+        unit = QUANTITIES[role].unit
+        yield Finding(
+            kind="spikes",
+            severity="warning",
+            channel=role,
+            size=float(away[worst - 1]),
+            unit=unit,
+            from_s=float(recording.time[bad[0]]),
+            to_s=float(recording.time[bad[-1]]),
+            found=f"{role} has {len(bad)} spike{'s' if len(bad) > 1 else ''}, the largest of "
+            f"{away[worst - 1]:.3g} {unit} at {recording.time[worst]:.4g} s",
+            effect="Squared errors give a spike far more weight than a sample",
+            remedy="Cut the samples out, and look for a loose plug or a switching device nearby",
+        )
+
+
+def grain_of(values: FloatArray) -> float:
+    """Return the step of a channel that keeps to a grid, 0 when it does not."""
+    levels = np.unique(values)
+    if len(levels) < 3 or len(levels) > 0.5 * len(values):
+        return 0.0
+    apart = np.diff(levels)
+    apart = apart[apart > 1e-9 * float(levels[-1] - levels[0])]
+    if not len(apart):
+        return 0.0
+    grain = float(np.median(apart))
+    multiples = apart / grain
+    nearest = np.round(multiples)
+    regular = (np.abs(multiples - nearest) < 0.1) & (nearest >= 1.0) & (nearest <= 3.0)
+    return grain if np.count_nonzero(regular) >= _GRID * len(apart) else 0.0
+
+
+def _stretches(flags: np.ndarray) -> list[tuple[int, int]]:
+    """Return the stretches of flags that are set, each as (first, one after the last)."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False])).astype(np.int8)))
+    return list(zip(edges[0::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def _comes_at_speed(values: FloatArray, a: int, b: int) -> bool:
+    """Tell whether the signal reaches a stretch with a slope, or leaves it so, as a turn does not."""
+    usual = float(np.sqrt(np.mean(np.diff(values) ** 2)))
+    into = abs(values[a] - values[a - 1]) if a > 0 else 0.0
+    out = abs(values[b] - values[b - 1]) if b < len(values) else 0.0
+    return bool(max(into, out) > 0.05 * usual) and a > 0 and b < len(values)
+
+
+def _usual_stretch(stretches: list[tuple[int, int]]) -> float:
+    lengths = [b - a for a, b in stretches]
+    return float(np.quantile(lengths, 0.9)) if len(lengths) > 4 else 0.0

@@ -1,0 +1,152 @@
+"""Findings on time and on missing numbers: what can be said before anything else is looked at."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from mrdamper.data.diagnosis.finding import Finding, percent
+from mrdamper.data.records import GAP, Recording, changes_of_pace
+from mrdamper.quantities import FloatArray
+
+__all__ = ["channels_of", "find_irregular_steps", "find_missing_numbers", "find_time_faults"]
+
+_LOST = 1.5  # steps: a longer one lost a sample, or more
+_JITTER = 0.05  # standard deviation of steps, as a share of the usual one
+
+
+def channels_of(recording: Recording) -> dict[str, FloatArray]:
+    """Return the channels that a recording has, by role."""
+    command = "current" if recording.command_unit == "A" else "voltage"
+    channels = {
+        "time": recording.time,
+        "displacement": recording.displacement,
+        "force": recording.force,
+        command: recording.command,
+    }
+    if recording.velocity is not None:
+        channels["velocity"] = recording.velocity
+    if recording.temperature is not None:
+        channels["temperature"] = recording.temperature
+    return channels
+
+
+def find_missing_numbers(recording: Recording) -> Iterator[Finding]:
+    """Give the channels that hold NaN or infinity."""
+    for role, values in channels_of(recording).items():
+        bad = np.flatnonzero(~np.isfinite(values))
+        if len(bad):
+            first, last = int(bad[0]), int(bad[-1])
+            yield Finding(
+                kind="missing_numbers",
+                severity="fault",
+                channel=role,
+                size=float(len(bad)),
+                unit="samples",
+                from_s=_finite(recording.time, first),
+                to_s=_finite(recording.time, last),
+                found=f"{role} is no finite number at {len(bad)} samples, the first at sample {first}",
+                effect="No fit can use the run: an error over such samples has no value",
+                remedy="Fill the empty cells in the source, or cut the stretch out of the file",
+            )
+
+
+def find_time_faults(recording: Recording) -> Iterator[Finding]:
+    """Give times that run backward or stand still, gaps, and changes of the sampling rate."""
+    time = recording.time
+    if len(time) < 2 or not np.isfinite(time).all():
+        return
+    steps = np.diff(time)
+    backward = np.flatnonzero(~(steps > 0.0))
+    if len(backward):
+        k = int(backward[0])
+        still = bool((steps[backward] == 0.0).all())
+        yield Finding(
+            kind="time_not_increasing",
+            severity="fault",
+            channel="time",
+            size=float(len(backward)),
+            unit="places",
+            from_s=float(time[k]),
+            to_s=float(time[backward[-1]]),
+            found=f"time {'stands still' if still else 'goes back'} at {len(backward)} places, the first "
+            f"after sample {k} ({time[k]:.6g} s to {time[k + 1]:.6g} s)",
+            effect="Velocity there is infinite or has the wrong sign, and the run is refused",
+            remedy="Split the file where time restarts; write more digits of time, or give rate_Hz at "
+            "[constant] of the channel map instead of the column",
+        )
+        return
+    usual = float(np.median(steps))
+    gaps = np.flatnonzero(steps > GAP * usual)
+    changed = changes_of_pace(steps, len(gaps))
+    if changed is not None:
+        at, before, after = changed
+        yield Finding(
+            kind="mixed_sampling",
+            severity="fault",
+            channel="time",
+            size=before / after,
+            unit="",
+            from_s=float(time[at]),
+            found=f"the sampling rate changes from {1 / before:.4g} Hz to {1 / after:.4g} Hz at about "
+            f"sample {at}",
+            effect="One smoothing cannot suit both parts, and the run is refused",
+            remedy="Split the file there, or record at one rate",
+        )
+    elif len(gaps):
+        k = int(gaps[0])
+        yield Finding(
+            kind="gap",
+            severity="fault",
+            channel="time",
+            size=float(steps[gaps].max()),
+            unit="s",
+            from_s=float(time[k]),
+            to_s=float(time[gaps[-1] + 1]),
+            found=f"time has {len(gaps)} gap{'s' if len(gaps) > 1 else ''} of up to "
+            f"{steps[gaps].max():.4g} s (the usual step is {usual:.4g} s), the first after sample {k}",
+            effect="The state of the hysteresis is lost in a gap, and the run is refused",
+            remedy="Split the file at the gap, or cut it out with its cycle",
+        )
+
+
+def find_irregular_steps(recording: Recording) -> Iterator[Finding]:
+    """Give lost samples and jitter of a time that increases without gaps."""
+    steps = np.diff(recording.time)
+    usual = float(np.median(steps))
+    lost = np.flatnonzero(steps > _LOST * usual)
+    if len(lost):
+        missing = int(np.sum(np.round(steps[lost] / usual) - 1.0))
+        share = 100.0 * missing / len(recording)
+        yield Finding(
+            kind="lost_samples",
+            severity="warning" if share > 0.1 else "note",
+            channel="time",
+            size=float(missing),
+            unit="samples",
+            from_s=float(recording.time[lost[0]]),
+            to_s=float(recording.time[lost[-1] + 1]),
+            found=f"about {missing} samples are missing at {len(lost)} places ({percent(0.01 * share)}), "
+            f"the first after sample {lost[0]}",
+            effect="They are filled in by interpolation, which flattens the force at reversals",
+            remedy="Check the load of the recording computer; record again when the places are many",
+        )
+    kept = steps[steps <= _LOST * usual]
+    jitter = float(np.std(kept)) / usual
+    if jitter > _JITTER:
+        yield Finding(
+            kind="jitter",
+            severity="warning" if jitter > 0.2 else "note",
+            channel="time",
+            size=1e3 * float(np.std(kept)),
+            unit="ms",
+            found=f"the time step of {1e3 * usual:.4g} ms varies by {percent(jitter)} rms",
+            effect="The run is resampled; if the stamps are wrong and the sampling was even, that adds "
+            "noise to the velocity",
+            remedy="Use the sampling clock's time, or give rate_Hz at [constant] of the channel map",
+        )
+
+
+def _finite(time: FloatArray, k: int) -> float | None:
+    return float(time[k]) if np.isfinite(time[k]) else None

@@ -1,0 +1,78 @@
+"""The process that decodes files whose libraries can crash; ``isolated`` starts it and asks.
+
+Run as ``python -m mrdamper.data.formats.decoder``. Each question is a line of JSON on standard input, each
+answer one on standard output: ``{"open": path, "format": name, "options": {...}}`` gives what a table holds
+beside its columns, ``{"column": name}`` how many samples follow as float64 bytes, ``{"text": name}`` the
+cells of a text column. An answer with ``error`` is the message of an ``InputError``.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import IO, Any
+
+import numpy as np
+
+from mrdamper.data.formats.hdf5 import read_hdf5
+from mrdamper.data.formats.mat import read_mat
+from mrdamper.data.formats.mdf import read_mdf
+from mrdamper.data.formats.parquet import read_parquet
+from mrdamper.data.formats.table import FileOptions, Table
+from mrdamper.errors import InputError
+
+__all__ = ["READERS", "serve"]
+
+READERS: Mapping[str, Callable[[Path, FileOptions], Table]] = MappingProxyType(
+    {"hdf5": read_hdf5, "mat": read_mat, "mdf": read_mdf, "parquet": read_parquet}
+)
+
+
+def serve(questions: IO[bytes], answers: IO[bytes]) -> None:
+    """Answer questions until they end."""
+    table: Table | None = None
+    for line in questions:
+        question = json.loads(line)
+        try:
+            if "open" in question:
+                reader = READERS[question["format"]]
+                table = reader(Path(question["open"]), FileOptions(**question["options"]))
+                _say(answers, _beside_columns(table))
+            elif "text" in question and table is not None:
+                _say(answers, {"cells": table.texts[question["text"]]})
+            elif table is not None:
+                values = np.ascontiguousarray(table.columns[question["column"]], dtype=np.float64)
+                _say(answers, {"samples": len(values)})
+                answers.write(values.data.cast("B"))
+        except (InputError, OSError) as error:
+            _say(answers, {"error": str(error)})
+        except MemoryError:
+            _say(answers, {"error": f"{question.get('open', '')}: needs more memory than there is"})
+        answers.flush()
+
+
+def _beside_columns(table: Table) -> dict[str, Any]:
+    return {
+        "names": table.names,
+        "texts": list(table.texts),
+        "rows": table.rows,
+        "units": dict(table.units),
+        "clocks": dict(table.clocks),
+        "layout": table.layout.to_dict(),
+    }
+
+
+def _say(answers: IO[bytes], value: Mapping[str, Any]) -> None:
+    answers.write(json.dumps(value).encode() + b"\n")
+
+
+if __name__ == "__main__":
+    kept = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # what a library prints is no answer
+    serve(sys.stdin.buffer, kept)
+    kept.flush()
+    os._exit(0)  # closing what is left may crash

@@ -1,0 +1,196 @@
+"""Excel workbooks (.xlsx, .xlsm): the one sheet that holds rows of numbers, or the one that is named.
+
+A workbook is an archive, and archives can be traps: what it unpacks to, and the cells that it spans, are
+counted before anything is built from it.
+"""
+
+from __future__ import annotations
+
+import re
+import zipfile
+import zlib
+from array import array
+from collections.abc import Iterator
+from itertools import chain, islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mrdamper.data.formats.table import FileOptions, Layout, Table, Texts, decoding, load_extra
+from mrdamper.data.formats.text import find_data, find_header
+from mrdamper.errors import InputError
+
+__all__ = ["is_workbook", "read_workbook"]
+
+_MOST_UNPACKED = 1 << 29  # bytes
+_MOST_PARTS = 2000  # files in the archive
+_MOST_CELLS = 32_000_000  # from the first to the last one, empty ones too
+_LOOKED_AT = 400  # rows in which the data must begin
+_PIECE = 1 << 20
+_REMEDY = "save it again as .xlsx, or export the run as CSV"
+_CELL = re.compile(rb"\br\s*=\s*[\"']([A-Z]{1,4})(\d{1,9})[\"']")
+
+Row = list[Any]
+
+
+def is_workbook(head: bytes) -> bool:
+    """Tell whether the first bytes are those of an archive, as a workbook is."""
+    return head.startswith(b"PK\x03\x04")
+
+
+def read_workbook(path: Path, options: FileOptions) -> Table:
+    """Return the table on a sheet of a workbook."""
+    _require_harmless(path)
+    calamine = load_extra("python_calamine", "python-calamine", "Excel files")
+    with decoding(path, "Excel file", _REMEDY):
+        book = calamine.CalamineWorkbook.from_path(path)
+        names = list(book.sheet_names)
+    if options.part and options.part not in names:
+        raise InputError(f"{path}: no sheet {options.part!r}; the sheets are: {', '.join(map(repr, names))}")
+    found = []
+    for name in [options.part] if options.part else names:
+        with decoding(path, "Excel file", _REMEDY):
+            rows = book.get_sheet_by_name(name).iter_rows()
+            above = list(islice(rows, _LOOKED_AT))
+        lines = ["\t".join(map(_spelled, row)) for row in above]
+        first = find_data(lines, "\t")[1]
+        if first is not None:
+            found.append((name, lines, first, chain(above[first:], rows)))
+    if not found:
+        raise InputError(
+            f"{path}: no sheet with rows of numbers in {', '.join(map(repr, names))}; expected one"
+        )
+    if len(found) > 1:
+        sheets = ", ".join(repr(name) for name, *_ in found)
+        raise InputError(
+            f"{path}: sheets {sheets} all hold rows of numbers; expected one. Name it at [file] part "
+            "in the channel map"
+        )
+    name, lines, first, rows = found[0]
+    with decoding(path, "Excel file", _REMEDY):
+        return _table(path, name, find_header(lines, first, "\t"), first, rows)
+
+
+def _table(path: Path, sheet: str, titles: list[str], first: int, rows: Iterator[Row]) -> Table:
+    order = [title or f"column {k + 1}" for k, title in enumerate(titles)]
+    order = [f"{title} ({k + 1})" if title in order[:k] else title for k, title in enumerate(order)]
+    numbers: dict[int, array[float]] = {}
+    words: dict[int, Texts] = {}
+    count = 0
+    for at, row in enumerate(rows, first + 1):
+        if not count:
+            texts = {
+                k for k, cell in enumerate(row) if isinstance(cell, str) and cell and _number(cell) is None
+            }
+            numbers = {k: array("d") for k in range(len(order)) if k not in texts}
+            words = {k: [] for k in range(len(order)) if k in texts}
+        if all(cell in {"", None} for cell in row):
+            continue
+        count += 1
+        for k, column in numbers.items():
+            value = _number(row[k])
+            if value is None:
+                raise InputError(
+                    f"{path}, sheet {sheet!r}, row {at}: column {order[k]!r} holds {str(row[k])[:40]!r}; "
+                    "expected a number. Correct the cell, or leave it out with its row"
+                )
+            column.append(value)
+        for k, cells in words.items():
+            cells.append(None if row[k] is None else str(row[k]))
+    return Table(
+        names=tuple(order),
+        columns={order[k]: np.array(column, dtype=np.float64) for k, column in numbers.items()},
+        texts={order[k]: cells for k, cells in words.items()},
+        layout=Layout("Excel file", header_lines=first, part=sheet),
+        rows=count,
+    )
+
+
+def _number(cell: object) -> float | None:
+    """Return the number in a cell, NaN for an empty one, None when it is something else."""
+    if cell is None or cell == "":
+        return float("nan")
+    if isinstance(cell, bool) or not isinstance(cell, int | float | str):
+        return None
+    if isinstance(cell, str):
+        try:
+            return float(cell)
+        except ValueError:
+            return None
+    return float(cell)
+
+
+def _spelled(cell: object) -> str:
+    return "" if cell is None else f"{cell}".replace("\t", " ").replace("\n", " ")
+
+
+def _require_harmless(path: Path) -> None:
+    """Refuse an archive that is no workbook, or unpacks to more than any run needs."""
+    with decoding(path, "Excel file", _REMEDY), zipfile.ZipFile(path) as archive:
+        members = archive.infolist()
+        names = {member.filename for member in members}
+        if "xl/workbook.xml" not in names:
+            raise InputError(f"{path}: is a ZIP archive without a workbook; expected .xlsx. Unpack it first")
+        if len(members) > _MOST_PARTS:
+            raise InputError(
+                f"{path}: holds {len(members)} parts; expected an Excel file of at most {_MOST_PARTS}"
+            )
+        if sum(member.file_size for member in members) > _MOST_UNPACKED:
+            raise InputError(
+                f"{path}: unpacks to more than {_MOST_UNPACKED >> 20} MB; expected one run. Export it as CSV"
+            )
+        for member in members:
+            _require_true_size(path, archive, member)
+
+
+def _require_true_size(path: Path, archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> None:
+    """Refuse a member that unpacks to more than it states, and a sheet whose cells span too much."""
+    if member.compress_type not in {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED} or member.flag_bits & 1:
+        raise InputError(f"{path}: {member.filename} is encrypted or packed in an unusual way; {_REMEDY}")
+    sheet = member.filename.startswith("xl/worksheets/")
+    tail, row, column, size = b"", 0, 0, 0
+    for piece in _pieces(archive, member):
+        size += len(piece)
+        if size > member.file_size:
+            raise InputError(
+                f"{path}: {member.filename} unpacks to more than the {member.file_size} bytes that it states "
+                f"(damaged, or a trap); {_REMEDY}"
+            )
+        if not sheet:
+            continue
+        for letters, digits in set(_CELL.findall(tail + piece)):
+            row, column = max(row, int(digits)), max(column, _column_number(letters))
+        tail = piece[-24:]
+        if row * column > _MOST_CELLS:
+            raise InputError(
+                f"{path}: {member.filename} spans {row} rows and {column} columns; expected at most "
+                f"{_MOST_CELLS} cells. Delete what lies far from the table, or export it as CSV"
+            )
+
+
+def _pieces(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> Iterator[bytes]:
+    """Give what a member really unpacks to, piece by piece, whatever size its entry states."""
+    with archive.open(member) as packed:  # checks the entry; its stream would end at the stated size
+        del packed
+    with Path(str(archive.filename)).open("rb") as stream:
+        stream.seek(member.header_offset + 26)
+        lengths = stream.read(4)
+        stream.seek(int.from_bytes(lengths[:2], "little") + int.from_bytes(lengths[2:], "little"), 1)
+        unpacker = zlib.decompressobj(-15) if member.compress_type == zipfile.ZIP_DEFLATED else None
+        rest = member.compress_size
+        while rest > 0 and (raw := stream.read(min(_PIECE, rest))):
+            rest -= len(raw)
+            if unpacker is None:
+                yield raw
+                continue
+            while raw:
+                yield unpacker.decompress(raw, _PIECE)
+                raw = unpacker.unconsumed_tail
+
+
+def _column_number(letters: bytes) -> int:
+    number = 0
+    for letter in letters:
+        number = 26 * number + letter - 64
+    return number

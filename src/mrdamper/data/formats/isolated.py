@@ -1,0 +1,180 @@
+"""Formats that are decoded in a process of their own, because a damaged file can crash their libraries.
+
+On some damaged bytes libhdf5 and the compiled parts of SciPy's MAT reader and of asammdf end the process, and
+Polars prints a trace of its own; a run that cannot be read must end in one message instead. The process
+(``decoder``) is started at the first such file and serves the next ones; when it crashes, the file is at
+fault, and another is started for the next.
+"""
+
+from __future__ import annotations
+
+import atexit
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+from threading import RLock, Timer
+from typing import Any
+
+import numpy as np
+
+from mrdamper.data.formats.table import FileOptions, Layout, OnUse, Table, Texts, require_extra
+from mrdamper.errors import InputError
+from mrdamper.quantities import FloatArray
+
+__all__ = ["isolated", "stop"]
+
+_PATIENCE_s = 600.0  # for one answer
+_COMMAND = (sys.executable, "-P", "-m", "mrdamper.data.formats.decoder")
+
+
+def isolated(format_name: str, package: str, what: str) -> Callable[[Path, FileOptions], Table]:
+    """Return the reader of a format that asks the decoder; ``package`` is the library it needs there."""
+
+    def read(path: Path, options: FileOptions) -> Table:
+        require_extra(package, package, what)
+        asked = {
+            "open": str(path.absolute()),
+            "format": format_name,
+            "options": {"part": options.part, "delimiter": options.delimiter, "decimal": options.decimal},
+        }
+        with _LOCK:
+            given = _DECODER.ask(path, asked)
+        layout = given["layout"]
+        return Table(
+            names=tuple(given["names"]),
+            columns=OnUse(
+                {
+                    name: partial(_numbers, path, asked, name)
+                    for name in given["names"]
+                    if name not in given["texts"]
+                }
+            ),
+            texts=OnUse({name: partial(_words, path, asked, name) for name in given["texts"]}),
+            layout=Layout(**{**layout, "notes": tuple(layout["notes"])}),
+            rows=int(given["rows"]),
+            units=given["units"],
+            clocks=given["clocks"],
+        )
+
+    return read
+
+
+def _numbers(path: Path, asked: Mapping[str, Any], name: str) -> FloatArray:
+    with _LOCK:
+        if _DECODER.opened != asked:
+            _DECODER.ask(path, asked)
+        return _DECODER.column(path, name)
+
+
+def _words(path: Path, asked: Mapping[str, Any], name: str) -> Texts:
+    with _LOCK:
+        if _DECODER.opened != asked:
+            _DECODER.ask(path, asked)
+        return list(_DECODER.ask(path, {"text": name})["cells"])
+
+
+class _Decoder:
+    """The process that decodes, started when it is needed."""
+
+    def __init__(self) -> None:
+        self._process: subprocess.Popen[bytes] | None = None
+        self._started_by = 0
+        self.opened: Mapping[str, Any] = {}  # the last file that it opened
+
+    def ask(self, path: Path, question: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the answer to a question; one that does not come is the fault of the file.
+
+        A decoder that has served other files may have been harmed by them: a new one is asked once more.
+        """
+        used = bool(self.opened)
+        line = self._put(question)
+        if line is None and used and "open" in question:
+            line = self._put(question)
+        if line is None:
+            raise InputError(
+                f"{path}: not a readable file: its decoder has crashed. The file is damaged: copy it again, "
+                "or export the run as CSV"
+            )
+        answer: dict[str, Any] = json.loads(line)
+        if "open" in question and "error" not in answer:
+            self.opened = question
+        if "error" in answer:
+            raise InputError(str(answer["error"]).replace(str(path.absolute()), str(path)))
+        return answer
+
+    def _put(self, question: Mapping[str, Any]) -> bytes | None:
+        """Return the line of an answer, None when the decoder has crashed."""
+        process = self._running()
+        assert process.stdin is not None
+        try:
+            process.stdin.write(json.dumps(question).encode() + b"\n")
+            process.stdin.flush()
+            line = self._take(process, None)
+        except OSError:
+            line = b""
+        if line[:1] + line[-1:] == b"{\n":
+            return line
+        self.stop()
+        return None
+
+    def column(self, path: Path, name: str) -> FloatArray:
+        """Return a column of the open file."""
+        size = 8 * int(self.ask(path, {"column": name})["samples"])
+        values = self._take(self._running(), size)
+        if len(values) < size:
+            self.stop()
+            raise InputError(
+                f"{path}: column {name!r}: its decoder has crashed. The file is damaged: copy it again"
+            )
+        return np.frombuffer(values, dtype=np.float64)
+
+    def stop(self) -> None:
+        """End the process."""
+        process, self._process, self.opened = self._process, None, {}
+        if process is None or self._started_by != os.getpid():  # a fork's copy is not ours to end
+            return
+        process.kill()
+        for pipe in (process.stdin, process.stdout):
+            if pipe is not None:
+                try:
+                    pipe.close()
+                except OSError:  # what was not yet written has nobody to read it
+                    continue
+        process.wait()
+
+    def _running(self) -> subprocess.Popen[bytes]:
+        if self._process is None or self._started_by != os.getpid() or self._process.poll() is not None:
+            self.stop()
+            self._process = subprocess.Popen(
+                _COMMAND, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
+            )
+            self._started_by = os.getpid()
+        return self._process
+
+    @staticmethod
+    def _take(process: subprocess.Popen[bytes], size: int | None) -> bytes:
+        assert process.stdout is not None
+        timer = Timer(_PATIENCE_s, process.kill)
+        timer.daemon = True
+        timer.start()
+        try:
+            return process.stdout.readline() if size is None else process.stdout.read(size)
+        finally:
+            timer.cancel()
+
+
+_LOCK = RLock()
+_DECODER = _Decoder()
+
+
+def stop() -> None:
+    """End the decoder's process; the next file starts another."""
+    with _LOCK:
+        _DECODER.stop()
+
+
+atexit.register(stop)

@@ -1,0 +1,47 @@
+"""The text of a data logger: a header of stated size, then columns with events among them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from mrdamper.data.formats.table import FileOptions, Table
+from mrdamper.data.formats.text import parse_rows, read_head
+from mrdamper.errors import InputError
+
+__all__ = ["is_logger", "read_logger"]
+
+
+def is_logger(head: bytes) -> bool:
+    """Tell whether the first bytes are those of a logger's text."""
+    return head.lstrip().startswith(b"Header Size:")
+
+
+def read_logger(path: Path, _options: FileOptions) -> Table:
+    """Return the table of a logger; a file with fewer samples than it states is an error."""
+    head = read_head(path)
+    stated: dict[str, str] = {}
+    for line in head.lines:
+        key, colon, value = line.partition(":")
+        if not colon or "," in key:
+            break
+        stated[key.strip().lower()] = value.strip()
+    try:
+        size, step = int(stated["header size"]), float(stated["sampling interval"])
+        count = int(stated.get("sample count", "0"))
+        names = [name.strip() for name in head.lines[size - 1].split(",")]
+    except (KeyError, ValueError, IndexError) as error:
+        raise InputError(
+            f"{path}: the logger's header lacks {error}; expected 'Header Size' and 'Sampling Interval' lines"
+        ) from error
+    if not 0 < size < len(head.lines) or not step > 0.0:
+        raise InputError(f"{path}: no samples after a header of {size} lines; expected rows of numbers")
+    table = parse_rows(
+        path, head.starts[size], names, delimiter=",", decimal=".", header_lines=size, name="logger text"
+    )
+    if table.rows < count:
+        raise InputError(
+            f"{path}: holds {table.rows} samples where its header states {count}: it was cut off. Copy it "
+            "again, or correct 'Sample Count' if the rest is not wanted"
+        )
+    return replace(table, step_s=step)

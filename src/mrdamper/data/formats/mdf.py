@@ -1,0 +1,101 @@
+"""MDF (ASAM, versions 3 and 4): channels in groups, each group with its own clock; read when asked for.
+
+Groups of one clock become one table with one time. Where groups have clocks of their own, each group has its
+``time`` and nothing is resampled: name the group at ``[file] part``, or write the file with one raster.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mrdamper.data.formats.table import (
+    FileOptions,
+    Layout,
+    OnUse,
+    Table,
+    as_column,
+    decoding,
+    load_extra,
+    plain_names,
+    require_room,
+)
+from mrdamper.quantities import FloatArray
+
+__all__ = ["is_mdf", "read_mdf"]
+
+_MOST_GROUPS = 4096
+_TIME = -1  # in place of a channel: the clock of the group
+
+Found = tuple[tuple[str, str], int, int, str, int, int]  # path, group, channel, unit, samples, clock
+
+
+def is_mdf(head: bytes) -> bool:
+    """Tell whether the first bytes are those of an MDF file."""
+    return head.startswith((b"MDF     ", b"UnFinMF "))
+
+
+def read_mdf(path: Path, options: FileOptions) -> Table:
+    """Return the channels of an MDF file."""
+    with _opened(path) as file:
+        found = _find_columns(file, path, options.part)
+    names = plain_names([where for where, *_ in found])
+    named = dict(zip(names, found, strict=True))
+    return Table(
+        names=tuple(names),
+        columns=OnUse({name: partial(_read, path, each[1], each[2]) for name, each in named.items()}),
+        texts={},
+        layout=Layout("MDF file", part=options.part),
+        rows=max((each[4] for each in found), default=0),
+        units={name: each[3] for name, each in named.items() if each[3]},
+        clocks={name: each[5] for name, each in named.items()},
+    )
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    asammdf = load_extra("asammdf", "asammdf", "MDF files")
+    # an open stream, not a path: by its name asammdf would unpack archives and write beside them
+    with (
+        path.open("rb") as stream,
+        decoding(path, "MDF file", "export the run as CSV"),
+        asammdf.MDF(stream) as file,
+    ):
+        yield file
+
+
+def _find_columns(file: Any, path: Path, part: str) -> list[Found]:  # noqa: ANN401 - asammdf's file
+    found: list[Found] = []
+    clocks: list[FloatArray] = []
+    for g, group in enumerate(file.groups[:_MOST_GROUPS]):
+        title = str(getattr(group.channel_group, "acq_name", "") or "") or f"group {g + 1}"
+        samples = int(group.channel_group.cycles_nr)
+        if part not in {"", title} or samples < 1:
+            continue
+        require_room(samples, path, title)
+        clock = _column(file, g, _TIME)
+        number = next((k for k, other in enumerate(clocks) if np.array_equal(clock, other)), len(clocks))
+        if number == len(clocks):
+            clocks.append(clock)
+            found.append(((title, "time"), g, _TIME, "s", samples, number))
+        master = file.masters_db.get(g)
+        for k, channel in enumerate(group.channels):
+            if k != master:
+                unit = str(file.get_channel_unit(group=g, index=k) or "")
+                found.append(((title, str(channel.name)), g, k, unit, samples, number))
+    return found
+
+
+def _column(file: Any, group: int, channel: int) -> FloatArray:  # noqa: ANN401 - asammdf's file
+    values = file.get_master(group) if channel == _TIME else file.get(group=group, index=channel).samples
+    return as_column(np.asarray(values))[0]
+
+
+def _read(path: Path, group: int, channel: int) -> FloatArray:
+    with _opened(path) as file:
+        return _column(file, group, channel)

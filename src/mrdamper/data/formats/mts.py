@@ -1,0 +1,163 @@
+"""MTS 793 text (Basic and Multipurpose TestWare): a file that describes itself on its first line.
+
+``MTS793|MPT|ENU|1|2|.|/|:|1|0|0|A``: program, module, language, version, delimiter (0 blank, 1 comma, 2 tab),
+decimal sign, then signs of date and time. Below come acquisitions, one after the other:
+
+    Data Acquisition            Time:   3.05   Sec   3/29/2016 1:54:32 PM
+    Running Time    Axial Displacement    Axial Force
+    Sec             mm                    kN
+    0.0009765625    -1.25                 0.318
+
+An acquisition whose time does not go on from the one before begins a new recording. (The layout is that of
+published files; the maker's manual was not read.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from mrdamper.data.channels import parse_header
+from mrdamper.data.formats.table import FileOptions, Table, Texts
+from mrdamper.data.formats.text import count_numbers, find_header, parse_rows, read_head, split_line
+from mrdamper.errors import InputError
+
+__all__ = ["is_mts", "read_mts"]
+
+_DELIMITERS: Mapping[str, str] = MappingProxyType({"0": " ", "1": ",", "2": "\t"})
+_BEGINS_A_NUMBER = frozenset(b"0123456789+-.,")
+_GOES_ON = 1.5  # steps of time: further apart, an acquisition is a new recording
+_MOST_HEADER_LINES = 64
+_LONGEST = 1 << 20  # bytes of a line
+
+
+@dataclass(slots=True)
+class _Acquisition:
+    """Where one acquisition lies in the file."""
+
+    header: list[bytes] = field(default_factory=list)
+    lines_above: int = 0  # lines of the file before its first row
+    start: int = -1  # byte of its first row; -1: there is none
+    stop: int = -1
+
+
+def is_mts(head: bytes) -> bool:
+    """Tell whether the first bytes are those of an MTS 793 text."""
+    return head.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"MTS793|")
+
+
+def read_mts(path: Path, _options: FileOptions) -> Table:
+    """Return the table of an MTS 793 text, its acquisitions one after the other."""
+    line = next((line for line in read_head(path).lines if line.strip()), "")
+    fields = line.strip().split("|")
+    if len(fields) < 6 or fields[4] not in _DELIMITERS or fields[5] not in {".", ","}:
+        raise InputError(
+            f"{path}: line 1 is {line[:60]!r}; expected MTS793|...|delimiter|decimal|... with 0, 1 or 2 and "
+            "a point or a comma. Export the file again"
+        )
+    delimiter, decimal = _DELIMITERS[fields[4]], fields[5]
+    if delimiter == decimal:
+        raise InputError(f"{path}: line 1 says that commas separate columns and decimals; export with tabs")
+    found = _find_acquisitions(path, delimiter)
+    if not found:
+        raise InputError(f"{path}: an MTS 793 text without a row of numbers; record or export it again")
+    tables = [_read_acquisition(path, each, delimiter, decimal) for each in found]
+    first_columns = tables[0].columns.keys()
+    for each, table in zip(found[1:], tables[1:], strict=True):
+        if table.names != tables[0].names:
+            raise InputError(
+                f"{path}, line {each.lines_above}: the columns {', '.join(table.names)} are not those of the "
+                f"first acquisition ({', '.join(tables[0].names)}); expected the same. Split the file there"
+            )
+        for name in first_columns ^ table.columns.keys():
+            raise InputError(
+                f"{path}, line {each.lines_above}: column {name!r} holds numbers in one acquisition and text "
+                "in another; expected numbers. Correct the cells, or split the file there"
+            )
+    return _joined(found, tables)
+
+
+def _find_acquisitions(path: Path, delimiter: str) -> list[_Acquisition]:
+    """Return the acquisitions that hold rows; a line of two numbers is one, whatever it begins with."""
+    found = [_Acquisition()]
+    at = 0
+    with path.open("rb") as stream:
+        for number, line in enumerate(iter(partial(stream.readline, _LONGEST), b"")):
+            if len(line) == _LONGEST:
+                raise InputError(f"{path}: line {number + 1} does not end; expected rows of numbers")
+            text = line.strip()
+            now = found[-1]
+            if text and (text[0] in _BEGINS_A_NUMBER or _holds_numbers(line, delimiter)):
+                if now.start < 0:
+                    now.start, now.lines_above = at, number
+                now.stop = at + len(line)
+            elif text:
+                if now.start >= 0:
+                    now = _Acquisition()
+                    found.append(now)
+                now.header = [*now.header[-_MOST_HEADER_LINES:], line]
+            at += len(line)
+    return [each for each in found if each.start >= 0]
+
+
+def _holds_numbers(line: bytes, delimiter: str) -> bool:
+    return count_numbers(split_line(line.decode("utf-8", "replace"), delimiter)) > 1
+
+
+def _read_acquisition(path: Path, each: _Acquisition, delimiter: str, decimal: str) -> Table:
+    with path.open("rb") as stream:
+        stream.seek(each.start)
+        row = stream.readline()
+    lines = [line.decode("utf-8-sig", "replace").rstrip("\r\n") for line in (*each.header, row)]
+    return parse_rows(
+        path,
+        each.start,
+        find_header(lines, len(lines) - 1, delimiter),
+        delimiter=delimiter,
+        decimal=decimal,
+        header_lines=each.lines_above,
+        name="MTS 793 text",
+        stop=each.stop,
+    )
+
+
+def _joined(found: list[_Acquisition], tables: list[Table]) -> Table:
+    first = tables[0]
+    if len(tables) == 1:
+        return first
+    columns = {name: np.concatenate([table.columns[name] for table in tables]) for name in first.columns}
+    texts: dict[str, Texts] = {name: [] for name in first.texts}
+    begins: Texts = []
+    for each, table in zip(found, tables, strict=True):
+        for name, cells in texts.items():
+            cells.extend(table.texts[name])
+        said = next(
+            (line for line in each.header if line.startswith(b"Data ")),
+            each.header[0] if each.header else b"",
+        )
+        begins += [said.decode("utf-8", "replace").strip(), *[None] * (table.rows - 1)]
+    edges = np.cumsum([0, *(table.rows for table in tables)])
+    time = next((name for name in columns if (parse_header(name) or ("",))[0] == "time"), None)
+    parts = [0]
+    for edge in edges[1:-1].tolist():
+        if time is not None:
+            usual = (
+                float(np.median(np.diff(columns[time][parts[-1] : edge]))) if edge - parts[-1] > 1 else 0.0
+            )
+            if 0.0 < columns[time][edge] - columns[time][edge - 1] < _GOES_ON * usual:
+                continue
+        parts.append(edge)
+    return replace(
+        first,
+        names=(*first.names, "acquisition"),
+        columns=columns,
+        texts={**texts, "acquisition": begins},
+        rows=int(edges[-1]),
+        parts=tuple(parts) if len(parts) > 1 else (),
+        layout=replace(first.layout, notes=(f"{len(tables)} acquisitions",)),
+    )

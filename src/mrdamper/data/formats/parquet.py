@@ -1,0 +1,65 @@
+"""Parquet: columns that are read when asked for."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+
+from mrdamper.data.formats.table import (
+    FileOptions,
+    Layout,
+    OnUse,
+    Table,
+    Texts,
+    as_column,
+    decoding,
+    require_room,
+)
+from mrdamper.quantities import FloatArray
+
+__all__ = ["is_parquet", "read_parquet"]
+
+_REMEDY = "write it again"
+
+
+def is_parquet(head: bytes) -> bool:
+    """Tell whether the first bytes are those of a Parquet file."""
+    return head.startswith(b"PAR1")
+
+
+def read_parquet(path: Path, _options: FileOptions) -> Table:
+    """Return the columns of a Parquet file; a column of times is in seconds from its first."""
+    import polars as pl
+
+    with decoding(path, "Parquet file", _REMEDY):
+        schema = pl.read_parquet_schema(path)
+        rows = int(pl.scan_parquet(path, glob=False).select(pl.len()).collect().item())
+    times = [name for name, dtype in schema.items() if dtype in (pl.Datetime, pl.Duration)]
+    numbers = [name for name, dtype in schema.items() if dtype.is_numeric() or name in times]
+    words = [name for name, dtype in schema.items() if dtype == pl.String]
+    require_room(rows, path, next(iter(numbers), ""))
+    return Table(
+        names=tuple(name for name in schema if name in numbers or name in words),
+        columns=OnUse({name: partial(_numbers, path, name) for name in numbers}),
+        texts=OnUse({name: partial(_words, path, name) for name in words}),
+        layout=Layout("Parquet file"),
+        rows=rows if numbers else 0,
+        units=dict.fromkeys(times, "s"),
+    )
+
+
+def _numbers(path: Path, name: str) -> FloatArray:
+    import polars as pl
+
+    with decoding(path, "Parquet file", _REMEDY):
+        column = pl.read_parquet(path, columns=[name], glob=False)[name]
+        if not column.dtype.is_numeric():
+            return as_column(column.to_numpy())[0]
+        return as_column(column.cast(pl.Float64).fill_null(float("nan")).to_numpy())[0]
+
+
+def _words(path: Path, name: str) -> Texts:
+    import polars as pl
+
+    with decoding(path, "Parquet file", _REMEDY):
+        return pl.read_parquet(path, columns=[name], glob=False)[name].to_list()

@@ -1,0 +1,202 @@
+"""What every format hands on: columns by name, and how the file was understood.
+
+A column of a large binary file is read when it is asked for, so that a file of many channels costs only
+those that a run needs.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrdamper.errors import InputError, MissingExtraError
+from mrdamper.quantities import FloatArray
+
+__all__ = [
+    "MOST_SAMPLES",
+    "FileOptions",
+    "Format",
+    "Layout",
+    "OnUse",
+    "Table",
+    "as_column",
+    "decoding",
+    "load_extra",
+    "plain_names",
+    "require_extra",
+    "require_room",
+]
+
+MOST_SAMPLES = 400_000_000  # of one column (3.2 GB): more is a damaged header or a trap
+MOST_COLUMNS = 64  # of a matrix; a wider one is no table of channels
+
+Value = TypeVar("Value")
+Texts = list[str | None]
+
+
+@dataclass(frozen=True, slots=True)
+class FileOptions:
+    """What a channel map says about the file itself; "" leaves it to the file."""
+
+    part: str = ""  # sheet of a workbook, group of a TDMS, MDF, HDF5 or MAT file
+    delimiter: str = ""  # of a text
+    decimal: str = ""  # "." or ","
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """How a file was understood."""
+
+    format: str
+    delimiter: str = ""
+    decimal: str = ""
+    header_lines: int | None = None  # before the first row of numbers
+    part: str = ""
+    notes: tuple[str, ...] = ()
+
+    def in_words(self) -> str:
+        """Return the layout as a reader may check it."""
+        words = [self.format]
+        named = {"\t": "tab", ";": "semicolon", ",": "comma", " ": "blanks"}
+        if self.delimiter:
+            words.append(f"separated by {named.get(self.delimiter, repr(self.delimiter))}")
+        if self.decimal:
+            words.append("decimal comma" if self.decimal == "," else "decimal point")
+        if self.header_lines is not None:
+            words.append(f"{self.header_lines} header line{'' if self.header_lines == 1 else 's'}")
+        if self.part:
+            words.append(f"part {self.part!r}")
+        return ", ".join([*words, *self.notes])
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the fields as JSON takes them."""
+        return {key: list(value) if key == "notes" else value for key, value in asdict(self).items()}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Table:
+    """Columns of a file by name, text columns apart; a scalar is a column of one number."""
+
+    names: tuple[str, ...]  # of all columns, in the file's order
+    columns: Mapping[str, FloatArray]
+    texts: Mapping[str, Texts]
+    layout: Layout
+    rows: int  # of the longest column
+    step_s: float | None = None  # sampling interval that the file states beside its columns
+    units: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))  # stated beside names
+    parts: tuple[int, ...] = ()  # rows at which the file itself begins a new recording
+    clocks: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))  # column -> its clock
+
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """A file format: the suffixes that a folder is searched for, how its first bytes look, its reader."""
+
+    name: str
+    suffixes: tuple[str, ...]
+    recognises: Callable[[bytes], bool]
+    read: Callable[[Path, FileOptions], Table]
+
+
+class OnUse(Mapping[str, Value], Generic[Value]):
+    """Columns that are read from the file each time they are asked for."""
+
+    def __init__(self, readers: Mapping[str, Callable[[], Value]]) -> None:
+        self._readers = dict(readers)
+
+    def __getitem__(self, name: str) -> Value:
+        return self._readers[name]()
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._readers)
+
+    def __len__(self) -> int:
+        return len(self._readers)
+
+
+def load_extra(module: str, package: str, what: str) -> Any:  # noqa: ANN401 - a foreign module
+    """Return an optional library's module; without it, a message that names the install command."""
+    try:
+        return import_module(module)
+    except ImportError as error:
+        raise _missing(package, what) from error
+
+
+def require_extra(module: str, package: str, what: str) -> None:
+    """Refuse when an optional library is not there, without loading it."""
+    try:
+        there = find_spec(module) is not None
+    except (ImportError, ValueError):
+        there = False
+    if not there:
+        raise _missing(package, what)
+
+
+def _missing(package: str, what: str) -> MissingExtraError:
+    return MissingExtraError(
+        f"{what} need {package}, which is not installed; pip install 'mrdamper[rig-files]'"
+    )
+
+
+@contextmanager
+def decoding(path: Path, what: str, remedy: str) -> Iterator[None]:
+    """Turn whatever a foreign decoder raises on a file into one ``InputError``.
+
+    Decoders of binary formats fail on damaged bytes in ways that they do not list, some of them outside
+    ``Exception`` (a panic of compiled Rust); the file is at fault each time. What they would log meanwhile is
+    said by the error.
+    """
+    loggers = [logging.getLogger(name) for name in _talkative()]
+    levels = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    except (InputError, KeyboardInterrupt, SystemExit, GeneratorExit):
+        raise
+    except BaseException as error:
+        said = " ".join(f"{error}".split())[:120] or type(error).__name__
+        raise InputError(f"{path}: not a readable {what} ({said}); {remedy}") from error
+    finally:
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.setLevel(level)
+
+
+def _talkative() -> list[str]:
+    return [name for name in logging.root.manager.loggerDict if name.split(".")[0] == "nptdms"]
+
+
+def plain_names(paths: Sequence[Sequence[str]]) -> list[str]:
+    """Return the last part of each path where it is the only one of that name, else the whole path."""
+    often = Counter(path[-1] for path in paths)
+    return [path[-1] if often[path[-1]] == 1 else "/".join(path) for path in paths]
+
+
+def require_room(samples: int, path: Path, name: str) -> None:
+    """Refuse a column that no memory should be given to."""
+    if samples > MOST_SAMPLES:
+        raise InputError(
+            f"{path}: column {name!r} states {samples} samples; expected at most {MOST_SAMPLES}. The file is "
+            "damaged, or has to be split"
+        )
+
+
+def as_column(values: NDArray[Any]) -> tuple[FloatArray, str]:
+    """Return numbers as float64 and the unit that their type implies: times are seconds from the first."""
+    flat = np.ravel(values)
+    if flat.dtype.kind == "M":
+        return (flat - flat[:1]).astype("timedelta64[ns]").astype(np.float64) * 1e-9, "s"
+    if flat.dtype.kind == "m":
+        return flat.astype("timedelta64[ns]").astype(np.float64) * 1e-9, "s"
+    return flat.astype(np.float64), ""

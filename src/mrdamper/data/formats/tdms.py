@@ -1,0 +1,95 @@
+"""TDMS (LabVIEW): channels in groups, with their units; read when asked for."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mrdamper.data.formats.table import (
+    FileOptions,
+    Layout,
+    OnUse,
+    Table,
+    Texts,
+    as_column,
+    decoding,
+    load_extra,
+    plain_names,
+    require_room,
+)
+from mrdamper.quantities import FloatArray
+
+__all__ = ["is_tdms", "read_tdms"]
+
+_REMEDY = "export the run as CSV"
+_UNITS = ("unit_string", "NI_UnitDescription", "unit", "Unit", "units")
+
+
+def is_tdms(head: bytes) -> bool:
+    """Tell whether the first bytes are those of a TDMS file."""
+    return head.startswith(b"TDSm")
+
+
+def read_tdms(path: Path, options: FileOptions) -> Table:
+    """Return the channels of a TDMS file; a sampling interval is told when all channels share it."""
+    nptdms = load_extra("nptdms", "npTDMS", "TDMS files")
+    with (
+        path.open("rb") as stream,  # ours to close when opening fails
+        decoding(path, "TDMS file", _REMEDY),
+        nptdms.TdmsFile.open(stream) as file,
+    ):
+        found = [
+            (group.name, channel.name, len(channel), channel.dtype.kind, dict(channel.properties))
+            for group in file.groups()
+            for channel in group.channels()
+            if len(channel) and options.part in {"", group.name}
+        ]
+        cut = bool(file.file_status.incomplete_final_segment)
+    names = plain_names([(group, channel) for group, channel, *_ in found])
+    rows = dict(zip(names, found, strict=True))
+    for name, (_, _, length, _, _) in rows.items():
+        require_room(length, path, name)
+    numbers = {name: row for name, row in rows.items() if row[3] in "fiubmM"}
+    words = {name: row for name, row in rows.items() if row[3] in "OSU"}
+    return Table(
+        names=tuple(name for name in names if name in numbers or name in words),
+        columns=OnUse({name: partial(_numbers, path, row[0], row[1]) for name, row in numbers.items()}),
+        texts=OnUse({name: partial(_words, path, row[0], row[1]) for name, row in words.items()}),
+        layout=Layout("TDMS file", part=options.part, notes=("cut off while recording",) if cut else ()),
+        rows=max((row[2] for row in numbers.values()), default=0),
+        step_s=_step([row[4] for row in numbers.values() if row[2] > 1]),
+        units={name: unit for name, row in numbers.items() if (unit := _unit(row[3], row[4]))},
+    )
+
+
+def _channel(path: Path, group: str, channel: str) -> Any:  # noqa: ANN401 - an array of whatever type
+    nptdms = load_extra("nptdms", "npTDMS", "TDMS files")
+    with (
+        path.open("rb") as stream,  # ours to close when opening fails
+        decoding(path, "TDMS file", _REMEDY),
+        nptdms.TdmsFile.open(stream) as file,
+    ):
+        return file[group][channel][:]
+
+
+def _numbers(path: Path, group: str, channel: str) -> FloatArray:
+    return as_column(np.asarray(_channel(path, group, channel)))[0]
+
+
+def _words(path: Path, group: str, channel: str) -> Texts:
+    return [None if cell is None else str(cell) for cell in _channel(path, group, channel)]
+
+
+def _unit(kind: str, properties: dict[str, object]) -> str:
+    if kind in "mM":
+        return "s"
+    return next((str(properties[key]) for key in _UNITS if properties.get(key)), "")
+
+
+def _step(properties: list[dict[str, object]]) -> float | None:
+    steps = {each.get("wf_increment") for each in properties}
+    step = steps.pop() if len(steps) == 1 else None
+    return float(step) if isinstance(step, int | float) and step > 0.0 else None

@@ -1,0 +1,347 @@
+"""Delimited text: delimiter, decimal sign and header are found by looking, and reported.
+
+Rows are parsed in blocks, so that a file of gigabytes needs the memory of its numbers and little more.
+"""
+
+from __future__ import annotations
+
+import itertools
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mrdamper.data.formats.table import FileOptions, Layout, Table, Texts
+from mrdamper.errors import InputError
+from mrdamper.quantities import FloatArray, is_unit
+
+if TYPE_CHECKING:
+    import polars as pl
+
+__all__ = [
+    "Head",
+    "count_numbers",
+    "find_data",
+    "find_decimal",
+    "find_header",
+    "is_text",
+    "parse_rows",
+    "read_head",
+    "read_text",
+    "split_line",
+]
+
+_HEAD_BYTES = 1 << 20
+_HEAD_LINES = 400  # the data must begin within these
+_BLOCK = 1 << 25  # bytes that are parsed at a time
+_COMMENT = re.compile(r"^\s*(#|%|//|!)+\s?")
+_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)(e[+-]?\d+)?|nan|[+-]?inf", re.IGNORECASE)
+_WHOLE = re.compile(r"[+-]?\d+")
+_DELIMITERS = ("\t", ";", ",", " ")
+_UTF16 = (b"\xff\xfe", b"\xfe\xff")
+
+
+@dataclass(frozen=True, slots=True)
+class Head:
+    """The first lines of a text, and the byte at which each begins (and the one after the last)."""
+
+    lines: tuple[str, ...]
+    starts: tuple[int, ...]
+
+
+def is_text(head: bytes) -> bool:
+    """Tell whether the first bytes of a file are text, of whatever encoding."""
+    return b"\0" not in head or head.startswith(_UTF16) or _wide(head)
+
+
+def read_text(path: Path, options: FileOptions) -> Table:
+    """Return the table in a delimited text."""
+    head = read_head(path)
+    delimiter, first = find_data(head.lines, options.delimiter)
+    if first is None:
+        raise InputError(
+            f"{path}: no rows of numbers in the first {len(head.lines)} lines; expected a header and at "
+            "least two columns, separated by comma, semicolon, tab or blanks"
+        )
+    names = find_header(head.lines, first, delimiter)
+    _refuse_two_commas(path, head.lines, first, delimiter)
+    return parse_rows(
+        path,
+        head.starts[first],
+        names,
+        delimiter=delimiter,
+        decimal=options.decimal or find_decimal(path, head.lines[first:], delimiter),
+        header_lines=first,
+        name="delimited text",
+    )
+
+
+def read_head(path: Path) -> Head:
+    """Return the first lines of a text; what is not UTF-8 with usual line ends is an ``InputError``."""
+    with path.open("rb") as stream:
+        content = stream.read(_HEAD_BYTES)
+    if content.startswith(_UTF16) or _wide(content[:512]):
+        raise InputError(f"{path}: the text is UTF-16; expected UTF-8. Save the file as UTF-8")
+    if re.match(rb"\s*<(!doctype|html|\?xml)", content[:64], re.IGNORECASE):
+        raise InputError(
+            f"{path}: is a web page or XML; expected columns of numbers. Download the file itself"
+        )
+    if b"\n" not in content and content.count(b"\r") > 1:
+        raise InputError(
+            f"{path}: lines end in CR alone, as on old Macs; expected LF or CR LF. Save it with such lines"
+        )
+    whole = len(content) < _HEAD_BYTES
+    ends = [match.end() for match in re.finditer(rb"\n", content)]
+    edges = [0, *ends] if (ends and ends[-1] == len(content)) or not whole else [0, *ends, len(content)]
+    edges = edges[: _HEAD_LINES + 1]
+    if len(edges) < 2:
+        raise InputError(
+            f"{path}: the first line has more than {_HEAD_BYTES} bytes; expected rows of numbers"
+        )
+    _require_utf8(path, content[: edges[-1]])
+    if content.startswith(b"\xef\xbb\xbf"):
+        edges[0] = 3
+    lines = tuple(content[a:b].decode("utf-8-sig").rstrip("\r\n") for a, b in itertools.pairwise(edges))
+    return Head(lines, tuple(edges))
+
+
+def parse_rows(
+    path: Path,
+    start: int,
+    names: Sequence[str],
+    *,
+    delimiter: str,
+    decimal: str,
+    header_lines: int,
+    name: str,
+    stop: int | None = None,
+) -> Table:
+    """Return the columns of the rows from byte ``start`` on, to byte ``stop`` or the end.
+
+    A column is numbers when at least half of its filled cells in the first block are; a cell of it that is
+    none is an error with its line.
+    """
+    order = _distinct(names)
+    kept: list[list[FloatArray]] = [[] for _ in order]
+    texts: list[Texts] = [[] for _ in order]
+    is_number: list[bool] | None = None
+    for content, first_line in _blocks(path, start, stop, header_lines + 1):
+        columns = _parse_block(path, content, delimiter, decimal, len(order), first_line)
+        if is_number is None:
+            is_number = [not column.mostly_text for column in columns]
+        for k, column in enumerate(columns):
+            if not is_number[k]:
+                texts[k] += column.text.to_list()
+                continue
+            if column.bad:
+                row, cell = column.first_bad()
+                raise InputError(
+                    f"{path}, line {row}: column {order[k]!r} holds {cell!r} ({column.bad} such cells); "
+                    "expected a number. Correct the cell, or leave it out with its row"
+                )
+            kept[k].append(column.numbers())
+    is_number = is_number or [True] * len(order)
+    numbers = {
+        title: np.concatenate(blocks) if blocks else np.empty(0)
+        for title, blocks, wanted in zip(order, kept, is_number, strict=True)
+        if wanted
+    }
+    words = {title: cells for title, cells, n in zip(order, texts, is_number, strict=True) if not n}
+    return Table(
+        names=tuple(order),
+        columns=numbers,
+        texts=words,
+        layout=Layout(name, delimiter, decimal, header_lines),
+        rows=max([*map(len, numbers.values()), *map(len, words.values())], default=0),
+    )
+
+
+def find_data(lines: Sequence[str], wanted: str = "") -> tuple[str, int | None]:
+    """Return the delimiter and the first line of data: two numbers or more, and as many in the next line."""
+    best: tuple[bool, int, int] | None = None
+    found: tuple[str, int | None] = (wanted or ",", None)
+    for rank, delimiter in enumerate((wanted,) if wanted else _DELIMITERS):
+        for k, line in enumerate(lines):
+            if _COMMENT.match(line) or not line.strip():
+                continue
+            fields = split_line(line, delimiter)
+            following = split_line("".join(lines[k + 1 : k + 2]) or line, delimiter)
+            numbers = count_numbers(fields)
+            if numbers < 2 or count_numbers(following) < 2:
+                continue
+            score = (numbers == len(fields), numbers, -rank)
+            if best is None or score > best:
+                best, found = score, (delimiter, k)
+            break
+    return found
+
+
+def find_header(lines: Sequence[str], first: int, delimiter: str) -> list[str]:
+    """Return the names of the columns; a row of units under the header joins it as ``name [unit]``."""
+    count = len(split_line(lines[first], delimiter))
+    rows: list[list[str]] = []
+    for line in reversed(lines[:first]):
+        fields = split_line(_COMMENT.sub("", line), delimiter)
+        if delimiter == " " and len(fields) != count:
+            fields = re.split(r"\s{2,}|\t", _COMMENT.sub("", line).strip())
+        if len(fields) == count and any(fields):
+            rows.append(fields)
+        elif rows or line.strip():
+            break
+    if not rows:
+        return [f"column {k + 1}" for k in range(count)]
+    units = [text.strip("[]()") for text in rows[0]]
+    if len(rows) > 1 and _are_units(units):
+        return [f"{name} [{unit}]" if unit else name for name, unit in zip(rows[1], units, strict=True)]
+    return rows[0]
+
+
+def _are_units(words: Sequence[str]) -> bool:
+    """Tell whether a row under the names is one of units: two at least, and half of what it holds."""
+    filled = [word for word in words if word and word != "-"]
+    known = sum(is_unit(word) for word in filled)
+    return known >= min(2, len(filled)) and 2 * known >= len(filled) > 0
+
+
+def count_numbers(fields: Sequence[str]) -> int:
+    """Return how many of the fields are numbers."""
+    return sum(_NUMBER.fullmatch(text) is not None for text in fields)
+
+
+def split_line(line: str, delimiter: str) -> list[str]:
+    """Return the fields of a line."""
+    parts = line.split() if delimiter == " " else line.split(delimiter)
+    return [part.strip().strip('"').strip() for part in parts]
+
+
+# ------------------------------------------------------------------------------------------- blocks
+
+
+class _Column:
+    """One column of one block: its cells as text, and as numbers where they are."""
+
+    def __init__(self, text: pl.Series, rows: pl.Series, decimal: str) -> None:
+        import polars as pl
+
+        self.text, self.rows = text.str.strip_chars(' \t"'), rows
+        filled = self.text.is_not_null() & (self.text != "")
+        spelled = self.text
+        if decimal == ",":  # a point would separate thousands
+            spelled = spelled.str.replace(".", "?", literal=True).str.replace(",", ".", literal=True)
+        self.parsed = spelled.cast(pl.Float64, strict=False)
+        self.wrong = filled & self.parsed.is_null()
+        self.bad = int(self.wrong.sum())
+        self.mostly_text = self.bad > 0.5 * int(filled.sum())
+
+    def numbers(self) -> FloatArray:
+        return np.array(self.parsed.fill_null(float("nan")).to_numpy(), dtype=np.float64)
+
+    def first_bad(self) -> tuple[int, str]:
+        k = int(self.wrong.arg_max() or 0)
+        return int(self.rows[k]), str(self.text[k])[:40]
+
+
+def _blocks(path: Path, start: int, stop: int | None, first_line: int) -> Iterator[tuple[bytes, int]]:
+    """Give whole lines of a file in blocks, each with the number of its first line."""
+    rest, end = b"", path.stat().st_size if stop is None else stop
+    with path.open("rb") as stream:
+        stream.seek(start)
+        while piece := stream.read(min(_BLOCK, end - stream.tell())):
+            if b"\0" in piece:
+                raise InputError(
+                    f"{path}: holds zero bytes after about line {first_line}; expected text. The file was "
+                    "cut off while it was written: cut the rest off, or record again"
+                )
+            content = rest + piece
+            cut = content.rfind(b"\n") + 1
+            if not cut and len(content) >= _BLOCK:
+                raise InputError(f"{path}: line {first_line} does not end; expected rows of numbers")
+            if cut:
+                yield content[:cut], first_line
+                first_line += content.count(b"\n", 0, cut)
+            rest = content[cut:]
+    if rest.strip():
+        yield rest, first_line
+
+
+def _parse_block(
+    path: Path, content: bytes, delimiter: str, decimal: str, count: int, first_line: int
+) -> list[_Column]:
+    import polars as pl
+
+    if delimiter == " ":
+        content = re.sub(rb"(?m)^[ \t]+|[ \t]+(?=\r?$)", b"", content)
+        content, delimiter = re.sub(rb"[ \t]+", b"\t", content), "\t"
+    numbered = delimiter.join(f"{k}" for k in range(count)).encode() + b"\n"  # a first row may be short
+    try:
+        frame = pl.read_csv(
+            numbered + content,
+            schema={f"{k}": pl.String for k in range(count)},
+            separator=delimiter,
+            comment_prefix="#",
+            truncate_ragged_lines=True,
+        )
+    except pl.exceptions.PolarsError as error:
+        _require_utf8(path, content)
+        raise InputError(f"{path}: not a table of numbers ({str(error).splitlines()[0]})") from error
+    frame = frame.with_row_index("row", first_line).filter(~pl.all_horizontal(pl.exclude("row").is_null()))
+    return [_Column(frame[f"{k}"], frame["row"], decimal) for k in range(count)]
+
+
+# ------------------------------------------------------------------------------------------- looking
+
+
+def find_decimal(path: Path, rows: Sequence[str], delimiter: str) -> str:
+    """Return the decimal sign of the rows, "" when none has one; both signs are an error."""
+    fields = [text for line in rows for text in split_line(line, delimiter) if _NUMBER.fullmatch(text)]
+    found = {sign for sign in ".," if any(sign in text for text in fields)}
+    if len(found) > 1:
+        examples = " and ".join(repr(next(text for text in fields if sign in text)) for sign in ".,")
+        raise InputError(
+            f"{path}: numbers have decimal points and decimal commas ({examples}); expected one of them. "
+            "Export the numbers without separators of thousands"
+        )
+    return found.pop() if found else ""
+
+
+def _refuse_two_commas(path: Path, lines: Sequence[str], first: int, delimiter: str) -> None:
+    """Refuse commas that separate columns and decimals alike: 0,5,1,25 is two numbers or four."""
+    fields = split_line(lines[first], delimiter)
+    above = next((line for line in reversed(lines[:first]) if line.strip()), "")
+    names = split_line(_COMMENT.sub("", above), delimiter)
+    if delimiter != "," or len(names) < 2 or count_numbers(names) or len(fields) <= len(names):
+        return
+    if all(_WHOLE.fullmatch(text) for text in fields):
+        raise InputError(
+            f"{path}: {len(names)} names and {len(fields)} fields in line {first + 1}: commas seem to "
+            "separate both columns and decimals. Export with semicolons, or with decimal points"
+        )
+
+
+def _wide(head: bytes) -> bool:
+    """Tell whether bytes look like UTF-16 without a mark: every other one is zero."""
+    half = len(head) // 2
+    return (
+        half > 8 and max(head[0::2].count(0), head[1::2].count(0)) > 0.9 * half and head.count(0) < 1.2 * half
+    )
+
+
+def _require_utf8(path: Path, content: bytes) -> None:
+    try:
+        content.decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"{path}: byte {error.start} is not UTF-8 text (0x{content[error.start]:02x}); "
+            "save the file as UTF-8"
+        ) from error
+
+
+def _distinct(names: Sequence[str]) -> list[str]:
+    order: list[str] = []
+    for k, given in enumerate(names):
+        name = given or f"column {k + 1}"
+        order.append(f"{name} ({k + 1})" if name in order else name)
+    return order

@@ -1,0 +1,82 @@
+"""Files at the door: what may be opened at all, and TOML documents that people write.
+
+A pipe would wait for ever, a folder is no file, and a document of gigabytes is none that anybody wrote: all
+three are refused with a message before anything is read. What the numbers in a file mean is the business of
+those who ask for it.
+"""
+
+from __future__ import annotations
+
+import stat
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from mrdamper.errors import InputError
+
+__all__ = ["parse_toml", "read_small", "read_text", "read_toml", "require_file"]
+
+_MOST_BYTES = 1 << 22  # of a document that people write
+
+
+def require_file(path: str | Path, what: str = "file") -> int:
+    """Return the size [bytes] of a regular file; anything else is an ``InputError``."""
+    try:
+        found = Path(path).stat()
+    except (OSError, ValueError) as error:
+        said = getattr(error, "strerror", None) or error
+        raise InputError(f"{path}: cannot read the {what}: {said}") from error
+    if stat.S_ISDIR(found.st_mode):
+        raise InputError(f"{path}: cannot read the {what}: is a folder; expected a file")
+    if not stat.S_ISREG(found.st_mode):
+        raise InputError(
+            f"{path}: is a pipe or a device; expected a file. Save what it gives to a file first"
+        )
+    return found.st_size
+
+
+def read_small(path: str | Path, what: str, most_bytes: int = _MOST_BYTES) -> bytes:
+    """Return the bytes of a file that cannot be large."""
+    size = require_file(path, what)
+    if size > most_bytes:
+        raise InputError(
+            f"{path}: has {size / 1e6:.3g} MB; expected a {what} of at most {most_bytes / 1e6:.3g} MB. "
+            "Check that this is the file you mean"
+        )
+    try:
+        return Path(path).read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: cannot read the {what}: {error.strerror}") from error
+
+
+def read_text(path: str | Path, what: str, most_bytes: int = _MOST_BYTES) -> str:
+    """Return the UTF-8 text of a file that cannot be large."""
+    try:
+        return read_small(path, what, most_bytes).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"{path}: not UTF-8 text at byte {error.start}; expected a {what}. Save it as UTF-8"
+        ) from error
+
+
+def read_toml(path: str | Path, what: str) -> dict[str, Any]:
+    """Return the document in a TOML file; ``what`` it should be stands in messages."""
+    content = read_small(path, what)
+    try:
+        return parse_toml(content.decode("utf-8-sig"))
+    except (InputError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: not a TOML file: {error}") from error
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """Return the document that a TOML text holds; the place is the caller's to say."""
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(str(error)) from error
+    except (
+        RecursionError,
+        ValueError,
+        OverflowError,
+    ) as error:  # nested too deep, or a number of many digits
+        raise InputError(f"nested too deep, or a number too long ({type(error).__name__})") from error

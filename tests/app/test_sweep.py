@@ -1,0 +1,249 @@
+"""Sweeps: the same results wherever they run, whoever dies, and however often they are taken up again."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+import mrdamper
+from mrdamper.app.sweep.plan import Plan, Task, read_plan
+from mrdamper.app.sweep.runners import run_on_processes
+from mrdamper.app.sweep.store import CHECKPOINT, Store
+from mrdamper.app.sweep.tasks import run_task
+from mrdamper.app.sweep_job import sweep
+from mrdamper.errors import InputError
+from mrdamper.models.card import write_card
+from mrdamper.rig.campaign import Campaign
+from mrdamper.rig.measurement import measure
+from mrdamper.rig.plant import PRESETS
+
+TOLERANCE = """
+kind = "tolerance"
+seed = 7
+[tolerance]
+card = "card.json"
+spread_percent = 10
+draws = 5
+targets = ["sine-900N-1Hz"]
+temperatures_degC = [60]
+"""
+SMALL = Campaign(
+    motions=("sine5mm1Hz", "nonperiodic"),
+    currents_A=(0.0, 1.0, 2.0),
+    temperatures_degC=(20.0, 60.0, 120.0),
+    held_out_temperatures_degC=(),
+    held_out_motions=(),
+)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("sweep")
+    runs = [run for run, _ in measure(PRESETS["nominal"], SMALL)]
+    write_card(mrdamper.fit(runs).card(), place / "card.json")
+    (place / "tolerance.toml").write_text(TOLERANCE, encoding="utf-8")
+    return place
+
+
+@pytest.fixture(scope="module")
+def reference(folder: Path) -> bytes:
+    """Return what one process gives, without interruption."""
+    sweep(folder / "tolerance.toml", folder / "one", workers=1)
+    return (folder / "one" / "sweep.json").read_bytes()
+
+
+def children() -> set[int]:
+    """Return the worker processes of this one."""
+    found = set()
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit():
+            try:
+                line = (entry / "cmdline").read_bytes()
+                parent = int((entry / "stat").read_text().rsplit(")", 1)[1].split()[1])
+            except (OSError, IndexError):
+                continue
+            if parent == os.getpid() and b"spawn_main" in line:
+                found.add(int(entry.name))
+    return found
+
+
+def kill_workers_until(done: threading.Event, killed: list[int]) -> None:
+    while not done.wait(0.9):
+        for process in sorted(children())[:1]:
+            os.kill(process, signal.SIGKILL)
+            killed.append(process)
+            if len(killed) == 3:
+                return
+
+
+def test_two_processes_give_what_one_gives(folder: Path, reference: bytes):
+    sweep(folder / "tolerance.toml", folder / "two", workers=2)
+    assert (folder / "two" / "sweep.json").read_bytes() == reference
+
+
+def test_killed_workers_cost_no_result(folder: Path, reference: bytes):
+    done, killed = threading.Event(), list[int]()
+    killer = threading.Thread(target=kill_workers_until, args=(done, killed))
+    killer.start()
+    try:
+        sweep(folder / "tolerance.toml", folder / "killed", workers=2)
+    finally:
+        done.set()
+        killer.join()
+    assert killed
+    assert (folder / "killed" / "sweep.json").read_bytes() == reference
+
+
+def test_a_sweep_that_was_killed_is_taken_up_where_it_ended(folder: Path, reference: bytes):
+    out = folder / "resumed"
+    code = (
+        "from pathlib import Path; from mrdamper.app.sweep_job import sweep\n"
+        "if __name__ == '__main__':\n"
+        f"    sweep(Path({str(folder / 'tolerance.toml')!r}), Path({str(out)!r}), workers=1)\n"
+    )
+    script = folder / "run.py"
+    script.write_text(code, encoding="utf-8")
+    process = subprocess.Popen([sys.executable, str(script)], start_new_session=True)
+    until = time.monotonic() + 60.0
+    while time.monotonic() < until:
+        rows = (out / CHECKPOINT).read_bytes().count(b"\n") if (out / CHECKPOINT).exists() else 0
+        if rows >= 3:
+            break
+        time.sleep(0.02)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    answer = sweep(folder / "tolerance.toml", out, workers=1, resume=True)
+    assert 2 <= answer["taken_up"] <= 5
+    assert (out / "sweep.json").read_bytes() == reference
+
+
+def test_a_torn_line_is_done_again_and_whole_ones_are_not(folder: Path, reference: bytes):
+    out = folder / "torn"
+    out.mkdir()
+    lines = (folder / "one" / CHECKPOINT).read_bytes().splitlines(keepends=True)
+    (out / CHECKPOINT).write_bytes(b"".join(lines[:3]) + lines[3][: len(lines[3]) // 2])
+    answer = sweep(folder / "tolerance.toml", out, workers=1, resume=True)
+    assert answer["taken_up"] == 2
+    assert (out / "sweep.json").read_bytes() == reference
+    assert len((out / CHECKPOINT).read_bytes().splitlines()) == 6
+
+
+def test_results_of_another_plan_are_not_taken(folder: Path, reference: bytes):
+    assert reference
+    other = folder / "other.toml"
+    other.write_text(TOLERANCE.replace("seed = 7", "seed = 8"), encoding="utf-8")
+    with pytest.raises(InputError, match="results of another plan"):
+        sweep(other, folder / "one", workers=1, resume=True)
+    with pytest.raises(InputError, match="holds results of a sweep"):
+        sweep(folder / "tolerance.toml", folder / "one", workers=1)
+
+
+@pytest.mark.long
+def test_a_cluster_that_loses_a_worker_gives_what_one_process_gives(folder: Path, reference: bytes):
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
+    ) as cluster:
+        before = next(iter(cluster.workers.values())).process.pid
+        killer = threading.Timer(1.0, os.kill, (before, signal.SIGKILL))
+        killer.start()
+        sweep(folder / "tolerance.toml", folder / "dask", scheduler=cluster.scheduler_address)
+        killer.join()
+    assert (folder / "dask" / "sweep.json").read_bytes() == reference
+
+
+def test_no_scheduler_is_one_message(folder: Path, monkeypatch: pytest.MonkeyPatch):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("mrdamper.app.sweep.runners._CONNECT_S", 0.5)
+    with pytest.raises(InputError, match="no answer within"):
+        sweep(folder / "tolerance.toml", folder / "none", scheduler="tcp://127.0.0.1:9")
+
+
+def test_campaigns_are_identified_each_for_itself(folder: Path):
+    """A file that is no run costs its own result and no other."""
+    from mrdamper.app.rig_job import write_campaign
+
+    for seed in (1, 2):
+        for name in (f"lab-{seed}", f"lab-{seed}.truth"):
+            (folder / name).mkdir(exist_ok=True)
+        write_campaign(
+            folder / f"lab-{seed}", folder / f"lab-{seed}.truth", PRESETS["nominal"], SMALL, seed=seed
+        )
+    (folder / "lab-3").mkdir()
+    (folder / "lab-3" / "broken.csv").write_text("time_s,force_N\n0,1\n", encoding="utf-8")
+    plan = folder / "identify.toml"
+    plan.write_text('kind = "identify"\n[identify]\ncampaigns = ["lab-*"]\nlaw = "dahl"\n', encoding="utf-8")
+    answer = sweep(plan, folder / "identified", workers=1)
+    assert [row["name"] for row in answer["rows"]] == ["lab-1", "lab-2"]
+    assert [row["name"] for row in answer["failed"]] == ["lab-3"]
+    assert mrdamper.read_card(folder / "identified" / "cards" / "lab-1.json").damper.law.name == "dahl"
+    assert json.loads((folder / "identified" / "sweep.json").read_text())["tasks"] == 3
+
+
+def test_a_sink_sweep_names_dampers_and_duties(folder: Path):
+    plan = folder / "sink.toml"
+    plan.write_text(
+        'kind = "sink"\n[sink]\ncard = "card.json"\n'
+        'duties = ["sine:15mm:1Hz:2A:600s", "sine:5mm:1Hz:2A:600s"]\n',
+        encoding="utf-8",
+    )
+    tasks = read_plan(plan).tasks
+    assert [task.name for task in tasks] == ["paper-duty-1", "paper-duty-2"]
+    results = [run_task(task.kind, task.seed, task.what)["figures"] for task in tasks]
+    assert results[0]["bare_degC"] > results[1]["bare_degC"] > 20.0
+
+
+def test_seeds_of_tasks_follow_from_the_plan_s():
+    def seeds(text: str, folder: Path) -> list[int]:
+        path = folder / "plan.toml"
+        path.write_text(text, encoding="utf-8")
+        return [task.seed for task in read_plan(path).tasks]
+
+    import tempfile
+
+    with tempfile.TemporaryDirectory() as name:
+        first, again = seeds(TOLERANCE, Path(name)), seeds(TOLERANCE, Path(name))
+        other = seeds(TOLERANCE.replace("seed = 7", "seed = 8"), Path(name))
+    assert first == again
+    assert len(set(first)) == len(first)
+    assert not set(first) & set(other)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (("kind = ", "kindly = "), "kind is missing"),
+        (('"tolerance"', '"tolerence"'), "expected one of identify, tolerance, sink"),
+        (("[tolerance]", "[tolerances]"), r"table \[tolerance\] is missing"),
+        (("spread_percent = 10", "spread_percent = 90"), "expected a number, 0 to 30"),
+        (("draws = 5", "draws = 0"), "whole number"),
+        (("draws = 5", "drawn = 5"), "unknown key 'drawn'"),
+        (("sine-900N-1Hz", "sine-900N"), "sine-900N-1Hz"),
+        (("[60]", "[]"), "list of numbers"),
+    ],
+)
+def test_a_plan_that_cannot_be_is_one_message(tmp_path: Path, change: tuple[str, str], said: str):
+    assert change[0] in TOLERANCE
+    path = tmp_path / "plan.toml"
+    path.write_text(TOLERANCE.replace(*change), encoding="utf-8")
+    with pytest.raises(InputError, match=said):
+        read_plan(path)
+
+
+def test_no_task_is_run_when_all_are_done(tmp_path: Path):
+    plan = Plan("tolerance", 0, (Task("a", "tolerance", 1, {}),))
+    store = Store(tmp_path, plan, resume=False)
+    store.add("a", {"figures": {}})
+    store.close()
+    again = Store(tmp_path, plan, resume=True)
+    again.close()
+    assert again.done == {"a": {"figures": {}}}
+    assert list(run_on_processes([], 1)) == []

@@ -1,0 +1,167 @@
+"""One run written in every format by the format's own library, for tests of the readers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from mrdamper.data.records import RigRun
+from tests.data.example_runs import make_run
+
+RUN = make_run(duration=2.0, rate_Hz=200.0)
+UNITS: Mapping[str, str] = MappingProxyType(
+    {"time": "s", "displacement": "mm", "force": "kN", "current": "A"}
+)
+
+
+def in_rig_units(run: RigRun = RUN) -> dict[str, np.ndarray]:
+    """Return the channels of a run in the units of ``UNITS``."""
+    return {
+        "time": run.time,
+        "displacement": 1e3 * run.displacement,
+        "force": 1e-3 * run.force,
+        "current": run.command,
+    }
+
+
+def titled(run: RigRun = RUN) -> dict[str, np.ndarray]:
+    """Return the channels under headers that speak for themselves."""
+    return {f"{role}_{UNITS[role]}": values for role, values in in_rig_units(run).items()}
+
+
+def write_csv(path: Path) -> None:
+    names = ",".join(titled())
+    rows = (",".join(map(repr, row)) for row in zip(*(c.tolist() for c in titled().values()), strict=True))
+    path.write_text("\n".join([names, *rows]) + "\n", encoding="utf-8")
+
+
+def write_semicolons(path: Path) -> None:
+    names = ";".join(f"{role} [{unit}]" for role, unit in UNITS.items())
+    rows = (";".join(map(repr, row)) for row in zip(*(c.tolist() for c in titled().values()), strict=True))
+    path.write_text("\n".join(["Bench 3", names, *rows]).replace(".", ",") + "\n", encoding="utf-8")
+
+
+def write_mts(path: Path) -> None:
+    names = ("Running Time", "Axial Displacement", "Axial Force", "Current")
+    rows = ("\t".join(map(repr, row)) for row in zip(*(c.tolist() for c in titled().values()), strict=True))
+    head = [
+        "MTS793|MPT|ENU|1|2|.|/|:|1|0|0|A",
+        "",
+        "Data Acquisition\t\t\tTime:\t2.0\tSec\t3/29/2016 1:54:32 PM",
+        "\t".join(names),
+        "Sec\tmm\tkN\tA",
+    ]
+    path.write_text("\n".join([*head, *rows]) + "\n", encoding="utf-8")
+
+
+def write_logger(path: Path) -> None:
+    names = list(titled())[1:]
+    columns = [c.tolist() for c in list(titled().values())[1:]]
+    head = [
+        "Header Size:  7", "Version:  2", "Sampling Interval:  0.005", "Sampling Rate:  200",
+        f"Sample Count:  {len(RUN)}", "Device Serial Number:  0",
+        "Sample Number, " + ", ".join(names) + ", Events",
+    ]  # fmt: skip
+    rows = [
+        f"{k + 1:10d},   " + ", ".join(map(repr, row)) for k, row in enumerate(zip(*columns, strict=True))
+    ]
+    rows[0] += ", DAQ Start"
+    path.write_text("\n".join([*head, *rows]) + "\n", encoding="utf-8")
+
+
+def write_mat(path: Path) -> None:
+    from scipy.io import savemat
+
+    savemat(path, {"bench": {"operator": "K.", "run": titled()}}, do_compression=True)
+
+
+def write_hdf5(path: Path) -> None:
+    import h5py
+
+    with h5py.File(path, "w") as file:
+        group = file.create_group("bench/run")
+        for role, values in in_rig_units().items():
+            group.create_dataset(role, data=values, compression="gzip").attrs["unit"] = UNITS[role]
+        group.create_dataset("remark", data="oil changed")
+
+
+def write_mat73(path: Path) -> None:
+    """Write as MATLAB does: a user block, and every column a matrix of one row (stored transposed)."""
+    import h5py
+
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for name, values in titled().items():
+            file.create_dataset(name, data=values[None, :]).attrs["MATLAB_class"] = np.bytes_("double")
+        file.create_dataset("remark", data=np.frombuffer(b"oil\0", np.uint16)).attrs["MATLAB_class"] = (
+            np.bytes_("char")
+        )
+    content = bytearray(path.read_bytes())
+    content[:512] = b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\0\x02IM" + b"\0" * 384
+    path.write_bytes(bytes(content))
+
+
+def write_tdms(path: Path) -> None:
+    from nptdms import ChannelObject, TdmsWriter
+
+    with TdmsWriter(str(path)) as writer:
+        writer.write_segment(
+            [
+                ChannelObject("run", role, values, properties={"unit_string": UNITS[role]})
+                for role, values in in_rig_units().items()
+            ]
+        )
+
+
+def write_mdf(path: Path) -> None:
+    from asammdf import MDF, Signal
+
+    given = in_rig_units()
+    with MDF(version="4.10") as file:
+        file.append(
+            [Signal(values, RUN.time, UNITS[role], role) for role, values in given.items() if role != "time"]
+        )
+        file.save(path, overwrite=True)
+
+
+def write_parquet(path: Path) -> None:
+    import polars as pl
+
+    pl.DataFrame(titled()).with_columns(pl.lit("note").alias("remark")).write_parquet(path)
+
+
+def write_excel(path: Path) -> None:
+    from openpyxl import Workbook
+
+    book = Workbook()
+    notes = book.active
+    assert notes is not None
+    notes.title = "Notes"
+    notes.append(["bench 3", "13 May"])
+    sheet = book.create_sheet("Data")
+    sheet.append(["Bench 3"])
+    sheet.append(["Time", "Displacement", "Load", "Current", "Remark"])
+    sheet.append(["Sec", "mm", "kN", "A"])
+    for row in zip(*(column.tolist() for column in titled().values()), strict=True):
+        sheet.append([*row, "fine"])
+    book.save(path)
+
+
+WRITERS: Mapping[str, Callable[[Path], None]] = MappingProxyType(
+    {
+        "run.csv": write_csv,
+        "semicolons.csv": write_semicolons,
+        "mts.dat": write_mts,
+        "logger.txt": write_logger,
+        "v5.mat": write_mat,
+        "v73.mat": write_mat73,
+        "run.h5": write_hdf5,
+        "run.tdms": write_tdms,
+        "run.mf4": write_mdf,
+        "run.parquet": write_parquet,
+        "run.xlsx": write_excel,
+    }
+)
+"""A file's name -> what writes the run to it."""

@@ -1,0 +1,539 @@
+"""Findings on runs that are spoilt in a known way; clean runs, virtual and real, have none that is false."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mrdamper.data.diagnosis.diagnose import compare, diagnose
+from mrdamper.data.diagnosis.finding import SEVERITIES, Finding, by_kind
+from mrdamper.data.diagnosis.resolution import samples_in_transition, white_noise
+from mrdamper.data.diagnosis.sensors import grain_of
+from mrdamper.data.prepare import prepare_run
+from mrdamper.data.readers import read_runs
+from mrdamper.data.records import Recording, RigRun
+from mrdamper.errors import InputError
+from mrdamper.excitation import Chirp, Sine, Triangle
+from tests.data.example_runs import SINE, make_run
+
+RNG_N = 5.0  # noise of the force [N]
+
+
+def recording(motion=SINE, *, changed=None, force_noise=RNG_N, **how):
+    """Return a run of dry friction with sensor noise, as read; ``changed`` alters its arrays in place."""
+    run = make_run(motion, **{"duration": 5.0, "noise": 5e-6, **how})
+    rng = np.random.default_rng(7)
+    fields = {
+        "time": np.array(run.time),
+        "displacement": np.array(run.displacement),
+        "force": run.force + force_noise * rng.standard_normal(len(run)),
+        "command": np.array(run.command),
+    }
+    if changed is not None:
+        changed(fields)
+    return Recording(name="run", command_unit="A", session="s", source="run.csv", **fields)
+
+
+def kinds(given_run):
+    return [finding.kind for finding in diagnose(given_run)]
+
+
+def size_of(finding: Finding) -> float:
+    assert finding.size is not None
+    return finding.size
+
+
+def only(given_run, kind):
+    """Return the one finding there is, which must be of this kind."""
+    (finding,) = diagnose(given_run)
+    assert finding.kind == kind
+    assert finding.run == "run"
+    assert finding.found
+    assert finding.effect
+    assert finding.remedy
+    return finding
+
+
+# ------------------------------------------------------------------------------------------- nothing
+
+
+@pytest.mark.parametrize(
+    "motion",
+    [SINE, Sine(0.025, 0.5), Sine(2e-3, 5.0), Chirp(0.003, 0.5, 4.0, 20.0)],
+    ids=["sine", "slow", "fast", "chirp"],
+)
+@pytest.mark.parametrize("rest", [0.0, 1.0])
+def test_a_clean_run_has_no_finding(motion, rest):
+    duration = motion.duration if isinstance(motion, Chirp) else 6.0 / getattr(motion, "frequency", 1.0) + 2.0
+    assert kinds(recording(motion, rest=rest, duration=duration)) == []
+
+
+@settings(max_examples=25)
+@given(
+    amplitude=st.floats(1e-3, 0.03),
+    frequency=st.floats(0.4, 4.0),
+    quantum=st.sampled_from([0.0, 1e-6, 3e-6]),
+    grain=st.sampled_from([0.0, 1.0, 3.0]),
+    seed=st.integers(0, 1000),
+)
+def test_no_sine_of_a_quantised_noisy_rig_is_called_faulty(amplitude, frequency, quantum, grain, seed):
+    """Coarse converters stand still at the turns of a sine: neither clipped nor stuck."""
+
+    def coarse(fields):
+        if grain:
+            fields["force"] = np.round(fields["force"] / grain) * grain
+
+    duration = 4.0 / frequency + 1.0
+    motion = Sine(amplitude, frequency)
+    run = recording(motion, quantum=quantum, seed=seed, changed=coarse, duration=duration, rate_Hz=400.0)
+    assert [finding for finding in diagnose(run) if finding.severity == "fault"] == []
+    assert not {"clipped", "stuck_sensor", "spikes", "force_early"} & set(kinds(run))
+
+
+def test_the_virtual_rig_has_only_what_its_truth_holds():
+    """Noise of 5 N and an offset of 6 N are in the rig's parameters; nothing else is found."""
+    from mrdamper.rig.campaign import Campaign
+    from mrdamper.rig.damper import find_preset
+    from mrdamper.rig.measurement import measure_run
+
+    damper = find_preset("nominal")
+    campaign = Campaign(temperatures_degC=(20.0, 100.0), currents_A=(0.0, 1.0, 2.0), steps=None)
+    seen = 0
+    for k, planned in enumerate(campaign.runs()):
+        run, _ = measure_run(damper, planned, campaign, seed=k)
+        for finding in diagnose(run):
+            seen += 1
+            assert finding.kind in {"force_offset", "force_noise"}
+            expected = damper.offset_N if finding.kind == "force_offset" else campaign.sensors.force_noise_N
+            assert finding.size == pytest.approx(expected, rel=0.15)
+    assert seen < 10
+
+
+def test_real_runs_show_what_their_laboratories_know(real_data):
+    """What is known of these rigs (none is clipped, stuck, swapped or delayed), and nothing else.
+
+    UTFSM: offset of 24 to 58 N, the 25 mm 0.25 Hz run at 1 A grows by 6 %, the force at 0 A falls. UTFPR: gas
+    preload of 100 to 140 N, the mean position drifts by up to 3.5 mm, repeatability 2 to 12 %.
+    """
+    runs = read_runs(real_data / "dev")
+    found = [finding for run in runs for finding in diagnose(run)]
+    assert {finding.severity for finding in found} <= {"warning", "note"}
+    assert {finding.kind for finding in found} == {
+        "force_offset", "force_level_changes", "position_drift", "poor_repeatability", "force_noise",
+    }  # fmt: skip
+    offsets = {f.run: size_of(f) for f in found if f.kind == "force_offset"}
+    assert all(24.0 < size < 60.0 for run, size in offsets.items() if "utfsm" in run)
+    assert all(98.0 < size < 140.0 for run, size in offsets.items() if "utfpr" in run)
+    assert sum("utfpr" in run for run in offsets) == 26
+    grows = {f.run: size_of(f) for f in found if f.kind == "force_level_changes"}
+    assert grows.pop("utfsm_sine_25mm0p25Hz_1.00A") == pytest.approx(6.0, abs=0.6)
+    assert all("0.00A" in run and size < 0.0 for run, size in grows.items())
+    drifts = [f for f in found if f.kind == "position_drift"]
+    assert {f.run[:5] for f in drifts} == {"utfpr"}
+    assert all(abs(size_of(f)) < 3.5e-3 for f in drifts)
+    assert all(5.0 < size_of(f) < 12.0 for f in found if f.kind == "poor_repeatability")
+    assert list(compare(runs.runs)) == []
+
+
+# ------------------------------------------------------------------------------------------- time
+
+
+def test_missing_numbers_are_counted_by_channel():
+    def spoil(fields):
+        fields["force"][100:130] = np.nan
+        fields["displacement"][7] = np.inf
+
+    found = {f.channel: f for f in diagnose(recording(changed=spoil))}
+    assert set(found) == {"force", "displacement"}
+    assert found["force"].severity == "fault"
+    assert (found["force"].size, found["force"].from_s, found["force"].to_s) == (30.0, 0.1, 0.129)
+    assert found["displacement"].from_s == 0.007
+
+
+@given(places=st.sets(st.integers(1, 4999), min_size=1, max_size=5))
+def test_duplicated_and_reversed_times_are_counted(places):
+    def still(fields):
+        for k in places:
+            fields["time"][k] = fields["time"][k - 1]
+
+    def back(fields):
+        fields["time"][3000:] -= 1.5
+
+    assert only(recording(changed=still), "time_not_increasing").size >= 1.0
+    finding = only(recording(changed=back), "time_not_increasing")
+    assert finding.severity == "fault"
+    assert finding.from_s == pytest.approx(2.999)
+
+
+def test_a_gap_has_its_place_and_length():
+    def gap(fields):
+        fields["time"][2000:] += 0.25
+
+    finding = only(recording(changed=gap), "gap")
+    assert finding.severity == "fault"
+    assert finding.size == pytest.approx(0.251)
+    assert finding.from_s == pytest.approx(1.999)
+
+
+def test_a_change_of_rate_is_told():
+    def slower(fields):
+        fields["time"][2500:] = fields["time"][2499] + 2e-3 * np.arange(1, len(fields["time"]) - 2499)
+
+    finding = only(recording(changed=slower), "mixed_sampling")
+    assert finding.size == pytest.approx(0.5)
+    assert finding.from_s == pytest.approx(2.5, abs=0.05)
+
+
+def test_lost_samples_are_counted():
+    def lose(fields):
+        keep = np.ones(len(fields["time"]), dtype=bool)
+        keep[500:4500:200] = False
+        for name in fields:
+            fields[name] = fields[name][keep]
+
+    finding = only(recording(changed=lose), "lost_samples")
+    assert finding.size == 20.0
+    assert finding.severity == "warning"
+
+
+def test_jitter_of_the_clock_is_measured():
+    def jitter(fields):
+        wobble = np.random.default_rng(3).uniform(-0.3e-3, 0.3e-3, len(fields["time"]))
+        fields["time"] = fields["time"] + wobble
+
+    found = {f.kind: f for f in diagnose(recording(changed=jitter))}
+    # the difference of two uniform deviations of +-0.3 ms has 0.3 sqrt(2/3) ms
+    assert found["jitter"].size == pytest.approx(0.3 * np.sqrt(2.0 / 3.0), rel=0.15)
+
+
+# ------------------------------------------------------------------------------------------- sensors
+
+
+@pytest.mark.parametrize("limit", [600.0, 950.0])
+def test_a_clipped_force_has_its_share(limit):
+    def clip(fields):
+        fields["force"] = np.minimum(fields["force"], limit)
+
+    run = recording(changed=clip)
+    found = {f.kind: f for f in diagnose(run)}
+    assert found["clipped"].severity == "fault"
+    assert found["clipped"].size == pytest.approx(100.0 * np.mean(run.force == limit), rel=0.1)
+    assert f"upper end of {limit:g} N" in found["clipped"].found
+
+
+def test_a_clipped_displacement_is_found_on_its_side():
+    def clip(fields):
+        fields["displacement"] = np.maximum(fields["displacement"], -0.008)
+
+    found = {f.kind: f for f in diagnose(recording(changed=clip))}
+    assert found["clipped"].channel == "displacement"
+    assert "lower end" in found["clipped"].found
+
+
+@pytest.mark.parametrize("role", ["force", "displacement"])
+def test_a_stuck_sensor_has_its_time(role):
+    def stick(fields):
+        fields[role][2100:2600] = fields[role][2100]
+
+    found = {f.kind: f for f in diagnose(recording(changed=stick))}
+    assert found["stuck_sensor"].channel == role
+    assert found["stuck_sensor"].from_s == pytest.approx(2.1, abs=2e-3)
+    assert found["stuck_sensor"].to_s == pytest.approx(2.6, abs=3e-3)
+    assert found["stuck_sensor"].severity == "fault"
+
+
+def test_a_channel_that_never_moves_is_refused():
+    def dead(fields):
+        fields["force"][:] = 3.0
+
+    finding = only(recording(changed=dead), "refused")
+    assert finding.severity == "fault"
+    assert "force never changes" in finding.found
+
+
+@pytest.mark.parametrize(("grain", "expected"), [(60.0, "note"), (200.0, "warning"), (3.0, "")])
+def test_a_coarse_converter_is_told_by_its_step(grain, expected):
+    def coarse(fields):
+        fields["force"] = np.round(fields["force"] / grain) * grain
+
+    found = {f.kind: f for f in diagnose(recording(changed=coarse))}
+    if expected:
+        assert found["coarse_steps"].size == pytest.approx(grain)
+        assert found["coarse_steps"].severity == expected
+    else:
+        assert found == {}
+
+
+@given(grain=st.floats(1e-3, 50.0), levels=st.integers(20, 400), seed=st.integers(0, 99))
+def test_the_grain_of_a_grid_is_found_whatever_its_size(grain, levels, seed):
+    steps = np.random.default_rng(seed).integers(0, levels, 4000)
+    assert grain_of(grain * steps) == pytest.approx(grain, rel=1e-6)
+    assert grain_of(np.random.default_rng(seed).standard_normal(4000)) == 0.0
+
+
+def test_spikes_are_counted_and_sized():
+    def spike(fields):
+        fields["force"][[700, 2345, 4100]] += 2500.0
+
+    finding = next(f for f in diagnose(recording(changed=spike)) if f.kind == "spikes")
+    assert finding.size == pytest.approx(2500.0, rel=0.05)
+    assert (finding.from_s, finding.to_s) == (0.7, 4.1)
+
+
+@pytest.mark.parametrize(("factor", "kind"), [(1e12, "outliers"), (-1e9, "outliers")])
+def test_an_outlier_is_a_fault_with_its_place(factor, kind):
+    def outlier(fields):
+        fields["force"][1234] = factor
+
+    finding = only(recording(changed=outlier), kind)
+    assert finding.size == factor
+    assert finding.from_s == 1.234
+    assert "wiring" in finding.remedy
+
+
+def test_a_wrong_unit_of_all_samples_is_not_called_an_outlier():
+    def newtons_read_as_kilonewtons(fields):
+        fields["force"] *= 1e4
+
+    assert only(recording(changed=newtons_read_as_kilonewtons), "implausible_size").severity == "fault"
+
+
+def test_kilonewtons_read_as_newtons_are_asked_about():
+    def small(fields):
+        fields["force"] *= 1e-3
+
+    found = {f.kind: f for f in diagnose(recording(changed=small))}
+    assert found["small_signal"].size == pytest.approx(2.0, rel=0.03)
+    assert "kN read as N" in found["small_signal"].remedy
+
+
+# ------------------------------------------------------------------------------------------- mechanics
+
+
+def test_a_turned_force_is_told_with_the_cure():
+    def turn(fields):
+        fields["force"] *= -1.0
+
+    finding = only(recording(changed=turn), "force_sign")
+    assert finding.severity == "fault"
+    assert "sign = -1" in finding.remedy
+    assert finding.size < -0.8
+
+
+def test_exchanged_channels_are_told_from_a_turned_sign():
+    """Scaled so that both are plausible, as a wrong channel map would have them."""
+
+    def swap(fields):
+        fields["displacement"], fields["force"] = 1e-5 * fields["force"], 1e5 * fields["displacement"]
+
+    run = recording(changed=swap, force_noise=1.0)
+    assert kinds(run)[0] == "swapped_channels"
+
+
+def test_exchanged_channels_of_an_impossible_size_are_asked_about():
+    def swap(fields):
+        fields["displacement"], fields["force"] = 1e-3 * fields["force"], 1e3 * fields["displacement"]
+
+    (finding,) = (f for f in diagnose(recording(changed=swap)) if f.severity == "fault")
+    assert "exchanged" in finding.remedy
+
+
+@given(offset=st.floats(-400.0, 400.0))
+@settings(max_examples=25)
+def test_an_offset_is_measured(offset):
+    def shift(fields):
+        fields["force"] += offset
+
+    found = {f.kind: f for f in diagnose(recording(changed=shift))}
+    spread = 1000.0
+    if abs(offset) > 0.11 * spread:
+        assert found["force_offset"].severity == "warning"
+    if abs(offset) > 0.06 * spread:
+        assert found["force_offset"].size == pytest.approx(offset, abs=0.02 * spread)
+    if abs(offset) < 0.04 * spread:
+        assert found == {}
+
+
+def test_a_drifting_position_and_a_drifting_force_are_measured():
+    time = np.arange(5001) / 1000.0
+
+    def drift(fields):
+        fields["displacement"] += 1e-3 * time
+        fields["force"] += 40.0 * time
+
+    found = {f.kind: f for f in diagnose(recording(changed=drift))}
+    # from the middle of the first to that of the last whole cycle
+    assert found["position_drift"].size == pytest.approx(4e-3, rel=0.12)
+    assert found["force_drift"].size == pytest.approx(160.0, rel=0.12)
+
+
+def test_a_force_that_fades_is_measured():
+    def fade(fields):
+        fields["force"] *= 1.0 - 0.04 * np.arange(5001) / 1000.0
+
+    found = {f.kind: f for f in diagnose(recording(changed=fade))}
+    assert found["force_level_changes"].size == pytest.approx(-16.5, abs=2.0)
+    assert "falls" in found["force_level_changes"].found
+
+
+@pytest.mark.parametrize("samples", [5, 12, 30])
+def test_a_force_before_the_velocity_is_told_in_seconds(samples):
+    """Dry friction without hysteresis has no lag; a shift of channels is then all there is."""
+
+    def early(fields):
+        fields["force"] = np.roll(fields["force"], -samples)
+
+    finding = next(f for f in diagnose(recording(changed=early)) if f.kind == "force_early")
+    assert finding.size == pytest.approx(-1e-3 * samples, abs=3e-4)
+
+
+def test_a_force_a_sixth_of_a_period_late_is_told():
+    def late(fields):
+        fields["force"] = np.roll(fields["force"], 95)
+
+    finding = next(f for f in diagnose(recording(changed=late)) if f.kind == "force_late")
+    assert finding.size == pytest.approx(0.095, abs=2e-3)
+
+
+def test_a_velocity_channel_that_is_not_the_rate_is_told_how():
+    clean = recording(noise=0.0)
+    rate = np.gradient(clean.displacement, clean.time)
+    for velocity, said in (
+        (-rate, "its sign is turned"),
+        (25.4 * rate, "it is 25.4 times as large"),
+        (np.roll(rate, 60), "it may be delayed"),
+    ):
+        if np.max(np.abs(velocity)) > 10.0:
+            continue
+        (finding,) = diagnose(replace(clean, velocity=velocity))
+        assert finding.kind == "velocity_disagrees"
+        assert said in finding.found
+    assert diagnose(replace(clean, velocity=rate)) == ()
+
+
+# ------------------------------------------------------------------------------------------- resolution
+
+
+def test_too_few_samples_per_cycle_are_counted():
+    found = {f.kind: f for f in diagnose(recording(Sine(0.010, 2.0), rate_Hz=50.0))}
+    assert found["few_samples_per_cycle"].size == pytest.approx(25.0, rel=0.02)
+    assert found["few_samples_per_cycle"].severity == "warning"
+
+
+def test_a_force_that_flips_between_two_samples_is_told():
+    """Dry friction under a triangle turns at once: no rate would show its yield displacement."""
+    found = {f.kind: f for f in diagnose(recording(Triangle(0.010, 0.04)))}
+    assert size_of(found["few_samples_per_yield"]) < 2.0
+
+
+def test_too_few_samples_at_a_reversal_are_counted():
+    """Force swings within +-tanh^-1(0.8) of 10 mm/s, at the sine's acceleration A w^2."""
+    expected_s = 2.0 * np.arctanh(0.8) * 0.01 / (0.010 * (4.0 * np.pi) ** 2)
+    for rate_Hz in (500.0, 2000.0):
+        counted = samples_in_transition(prepare_run(make_run(rate_Hz=rate_Hz)))
+        assert counted == pytest.approx(expected_s * rate_Hz, rel=0.1)
+    found = {f.kind: f for f in diagnose(recording(rate_Hz=200.0))}
+    assert set(found) == {"few_samples_per_yield"}
+    assert found["few_samples_per_yield"].size == pytest.approx(expected_s * 200.0, rel=0.3)
+
+
+@given(noise=st.floats(0.5, 200.0), seed=st.integers(0, 99))
+@settings(max_examples=20)
+def test_white_noise_is_told_from_the_loop(noise, seed):
+    run = make_run(rate_Hz=1000.0)
+    spoilt = run.force + noise * np.random.default_rng(seed).standard_normal(len(run))
+    assert white_noise(spoilt) == pytest.approx(noise, rel=0.15)
+
+
+def test_a_noisy_force_is_told_with_the_error_it_leaves():
+    found = {f.kind: f for f in diagnose(recording(force_noise=100.0))}
+    assert found["force_noise"].size == pytest.approx(100.0, rel=0.1)
+    assert found["poor_repeatability"].size == pytest.approx(10.0, rel=0.15)
+    assert "which is noise" in found["poor_repeatability"].found
+
+
+def test_cycles_that_differ_by_more_than_noise_are_told_so():
+    def uneven(fields):
+        cycle = (2.0 * np.arange(5001) / 1000.0).astype(int)
+        fields["force"] *= np.where(cycle % 2 == 0, 0.85, 1.15)
+
+    found = {f.kind: f for f in diagnose(recording(changed=uneven))}
+    assert found["poor_repeatability"].size == pytest.approx(15.0, rel=0.1)
+    assert "where noise explains 0.5" in found["poor_repeatability"].found
+
+
+def test_a_short_run_says_what_it_cannot_say():
+    assert "few_cycles" in kinds(recording(duration=0.95))
+
+
+def test_a_run_without_motion_is_refused():
+    def rest(fields):
+        fields["displacement"] = 1e-6 * np.random.default_rng(0).standard_normal(len(fields["time"]))
+
+    (finding,) = (f for f in diagnose(recording(changed=rest)) if f.severity == "fault")
+    assert finding.kind == "refused"
+
+
+# ------------------------------------------------------------------------------------------- all runs
+
+
+def test_a_run_given_twice_under_two_names_is_told():
+    first = recording()
+    twin = replace(first, name="again")
+    (finding,) = compare([first, twin, recording(seed=5)])
+    assert (finding.run, finding.kind, finding.severity) == ("again", "duplicate", "warning")
+
+
+channel_values = st.sampled_from(
+    [0.0, 1.0, -1.0, np.nan, np.inf, 1.7e308, -1.7e308, 1e300, 5e-324, 1e-9, 0.5]
+)
+
+
+@settings(max_examples=150)
+@given(
+    n=st.integers(0, 60),
+    data=st.data(),
+)
+def test_whatever_a_file_holds_a_diagnosis_ends_and_agrees_with_the_record(n, data):
+    """No array makes it fail; what the record refuses is a fault, and what has no fault is no refusal."""
+    seed = data.draw(st.integers(0, 10_000))
+    rng = np.random.default_rng(seed)
+    time = np.arange(n) / 100.0
+    fields = {
+        "time": time,
+        "displacement": 0.01 * np.sin(20.0 * time),
+        "force": rng.standard_normal(n) * 100.0,
+    }
+    fields["command"] = np.ones(n)
+    for values in fields.values():
+        for _ in range(data.draw(st.integers(0, 2)) if n else 0):
+            values[data.draw(st.integers(0, n - 1))] = data.draw(channel_values)
+    run = Recording(name="run", command_unit="A", **fields)
+    faults = [finding for finding in diagnose(run) if finding.severity == "fault"]
+    try:
+        checked = run.checked()
+    except InputError:
+        assert faults
+        return
+    assert isinstance(checked, RigRun)
+
+
+def test_findings_are_sorted_and_grouped_by_the_worst():
+    def of(kind, severity, size):
+        return Finding(
+            kind=kind, severity=severity, channel="force", found="", effect="", remedy="", size=size
+        )
+
+    groups = by_kind(
+        [of("a", "note", 1.0), of("b", "fault", 2.0), of("a", "note", -3.0), of("c", "warning", None)]
+    )
+    assert [(finding.kind, finding.size, count) for finding, count in groups] == [
+        ("b", 2.0, 1),
+        ("c", None, 1),
+        ("a", -3.0, 2),
+    ]
+    assert [finding.severity for finding, _ in groups] == list(SEVERITIES)

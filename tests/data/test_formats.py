@@ -1,0 +1,503 @@
+"""Every format of a rig gives the same run, says how it was understood, and what it lacks."""
+
+from __future__ import annotations
+
+import builtins
+import sys
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mrdamper.data.channels import ChannelMap
+from mrdamper.data.diagnosis.diagnose import diagnose
+from mrdamper.data.formats import isolated
+from mrdamper.data.formats import text as text_format
+from mrdamper.data.readers import read_file, read_run, read_runs
+from mrdamper.data.tables import read_table
+from mrdamper.errors import InputError, MissingExtraError
+from tests.data.rig_files import (
+    RUN,
+    UNITS,
+    WRITERS,
+    in_rig_units,
+    titled,
+    write_csv,
+    write_mdf,
+    write_mts,
+    write_tdms,
+)
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_a_run_is_the_same_in_every_format(tmp_path, name):
+    WRITERS[name](tmp_path / name)
+    (run,) = read_run(tmp_path / name)
+    assert run.time == pytest.approx(RUN.time, abs=1e-12)
+    assert run.displacement == pytest.approx(RUN.displacement, abs=1e-15)
+    assert run.force == pytest.approx(RUN.force, abs=1e-9)
+    assert run.constant_command == 0.5
+    assert run.command_unit == "A"
+
+
+def test_a_folder_of_all_formats_is_read_at_once(tmp_path):
+    for name, write in WRITERS.items():
+        write(tmp_path / f"{len(list(tmp_path.iterdir()))}-{name}")
+    assert len(read_runs(tmp_path)) == len(WRITERS)
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("run.csv", "delimited text, separated by comma, decimal point, 1 header line"),
+        ("semicolons.csv", "delimited text, separated by semicolon, decimal comma, 2 header lines"),
+        ("mts.dat", "MTS 793 text, separated by tab, decimal point, 5 header lines"),
+        ("logger.txt", "logger text, separated by comma, decimal point, 7 header lines"),
+        ("v5.mat", "MAT file"),
+        ("v73.mat", "MAT v7.3 file"),
+        ("run.h5", "HDF5 file"),
+        ("run.tdms", "TDMS file"),
+        ("run.mf4", "MDF file"),
+        ("run.parquet", "Parquet file"),
+        ("run.xlsx", "Excel file, 3 header lines, part 'Data'"),
+    ],
+)
+def test_how_a_file_was_understood_is_told(tmp_path, name, words):
+    WRITERS[name](tmp_path / name)
+    file = read_file(tmp_path / name)
+    assert file.layout.in_words() == words
+    assert [column.role for column in file.columns][-3:] == ["displacement", "force", "current"]
+    assert {column.role: column.unit for column in file.columns}["force"] == "kN"
+
+
+@pytest.mark.parametrize(
+    ("name", "module", "package"),
+    [
+        ("run.h5", "h5py", "h5py"),
+        ("v73.mat", "h5py", "h5py"),
+        ("run.tdms", "nptdms", "npTDMS"),
+        ("run.mf4", "asammdf", "asammdf"),
+        ("run.xlsx", "python_calamine", "python-calamine"),
+    ],
+)
+def test_a_missing_extra_names_the_install_command(tmp_path, monkeypatch, name, module, package):
+    WRITERS[name](tmp_path / name)
+    for loaded in [each for each in sys.modules if each.split(".")[0] == module]:
+        monkeypatch.delitem(sys.modules, loaded)
+    usual = builtins.__import__
+
+    def without(wanted, *more, **how):
+        if wanted.split(".")[0] == module:
+            raise ImportError(wanted)
+        return usual(wanted, *more, **how)
+
+    monkeypatch.setattr(builtins, "__import__", without)
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(MissingExtraError, match=rf"need {package}, .*; pip install 'mrdamper\[rig-files\]'"):
+        read_run(tmp_path / name)
+
+
+# ------------------------------------------------------------------------------------------- text
+
+
+def test_a_text_longer_than_a_block_is_read_whole(tmp_path, monkeypatch):
+    """Blocks end where they may: in the middle of a line, and of a number."""
+    write_csv(tmp_path / "run.csv")
+    for size in (61, 256, 4096):
+        monkeypatch.setattr(text_format, "_BLOCK", size)
+        (run,) = read_run(tmp_path / "run.csv")
+        assert np.array_equal(run.time, RUN.time)
+        assert run.force == pytest.approx(RUN.force, abs=1e-9)
+
+
+def test_a_bad_cell_in_a_later_block_is_named_with_its_line(tmp_path, monkeypatch):
+    monkeypatch.setattr(text_format, "_BLOCK", 512)
+    write_csv(tmp_path / "run.csv")
+    lines = (tmp_path / "run.csv").read_text().splitlines()
+    lines[300] = lines[300].replace(",", ",--", 1)
+    (tmp_path / "run.csv").write_text("\n".join(lines))
+    with pytest.raises(InputError, match=r"run\.csv, line 301: column 'displacement_mm' holds '--"):
+        read_run(tmp_path / "run.csv")
+
+
+def test_points_and_commas_in_one_file_are_asked_about(tmp_path):
+    """1.234 and 1,234 differ by a thousand where one of them separates thousands."""
+    rows = [f"{0.005 * k:.3f};{k % 7};{k % 5},5;0" for k in range(40)]
+    (tmp_path / "run.csv").write_text("\n".join(["time_s;displacement_mm;force_N;current_A", *rows]))
+    with pytest.raises(InputError, match=r"decimal points and decimal commas \('0\.000' and '0,5'\)"):
+        read_run(tmp_path / "run.csv")
+
+
+def test_a_thousand_in_a_file_of_decimal_commas_is_no_decimal(tmp_path, monkeypatch):
+    """Found after the lines that are looked at first."""
+    rows = [f"{0.005 * k:.3f};{k % 7},0;{k % 5},5;0,0".replace(".", ",") for k in range(500)]
+    rows[450] = "2,250;2,0;1.200,5;0,0"
+    (tmp_path / "run.csv").write_text("\n".join(["time_s;displacement_mm;force_N;current_A", *rows]))
+    with pytest.raises(InputError, match=r"line 452: column 'force_N' holds '1\.200,5'"):
+        read_run(tmp_path / "run.csv")
+
+
+def test_commas_for_columns_and_decimals_alike_are_refused(tmp_path):
+    rows = [f"0,{5 * k:03d},{k % 7},0,{k % 5},5,0,0" for k in range(40)]
+    (tmp_path / "run.csv").write_text("\n".join(["time_s,displacement_mm,force_N,current_A", *rows]))
+    with pytest.raises(InputError, match="4 names and 8 fields in line 2: commas seem to separate both"):
+        read_run(tmp_path / "run.csv")
+
+
+def test_a_channel_map_may_say_what_looking_does_not_tell(tmp_path):
+    """Whole numbers separated by blanks and commas are columns either way."""
+    write_csv(tmp_path / "run.csv")
+    channels = ChannelMap.from_dict({"file": {"delimiter": ",", "decimal": "."}})
+    (run,) = read_run(tmp_path / "run.csv", channels)
+    assert len(run) == len(RUN)
+    for given, message in (
+        ({"delimiter": "|"}, r"file\.delimiter is '\|'; expected a comma, a semicolon"),
+        ({"decimal": ";"}, r"file\.decimal is ';'; expected '\.' or ','"),
+        ({"decimal": ",", "delimiter": ","}, "a comma is delimiter and decimal sign"),
+        ({"sheet": "a"}, "'sheet' is not known; the nearest are: "),
+        ({"part": 3}, r"file\.part is 3; expected a text"),
+    ):
+        with pytest.raises(InputError, match=message):
+            ChannelMap.from_dict({"file": given})
+
+
+def test_a_unit_beside_the_name_and_another_in_it_are_refused(tmp_path):
+    from nptdms import ChannelObject, TdmsWriter
+
+    with TdmsWriter(str(tmp_path / "run.tdms")) as writer:
+        writer.write_segment(
+            [
+                ChannelObject("run", name, values, properties={"unit_string": "N"} if "force" in name else {})
+                for name, values in titled().items()
+            ]
+        )
+    with pytest.raises(InputError, match="column 'force_kN' states 'N' as its unit beside the name"):
+        read_run(tmp_path / "run.tdms")
+
+
+# ------------------------------------------------------------------------------------------- damage
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_a_damaged_file_is_read_or_refused_and_nothing_else(tmp_path, name, capfd):
+    """Whatever a decoder does on garbage ends in one error of ours, and in no word on standard error."""
+    file = tmp_path / name
+    WRITERS[name](file)
+    content = file.read_bytes()
+    rng = np.random.default_rng(11)
+    for _ in range(60):
+        kept = len(content) if rng.random() < 0.5 else int(rng.integers(1, len(content)))
+        damaged = bytearray(content[:kept])
+        for _ in range(4):
+            damaged[rng.integers(min(len(damaged), 4096 if rng.random() < 0.5 else len(damaged)))] = (
+                rng.integers(256)
+            )
+        file.write_bytes(bytes(damaged))
+        with suppress(InputError):
+            for recording in read_file(file).recordings:
+                diagnose(recording)
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.fixture
+def decoder(monkeypatch):
+    """Return a function that puts other code in place of the decoder's."""
+
+    def replaced(code):
+        isolated.stop()
+        monkeypatch.setattr(isolated, "_COMMAND", (sys.executable, "-c", code))
+
+    yield replaced
+    isolated.stop()
+
+
+@pytest.mark.parametrize("code", ["import os; os.abort()", "print('no answer')", "pass"])
+@pytest.mark.parametrize("name", ["run.mf4", "run.h5", "v5.mat", "run.parquet"])
+def test_a_decoder_that_crashes_is_a_message(tmp_path, decoder, name, code):
+    """Compiled libraries can end the process that they run in; ours goes on."""
+    WRITERS[name](tmp_path / name)
+    decoder(code)
+    with pytest.raises(InputError, match=rf"{name}: not a readable file: its decoder has crashed"):
+        read_run(tmp_path / name)
+
+
+def test_a_crash_costs_one_file_and_not_the_next(tmp_path):
+    for name in ("a.h5", "b.mf4", "c.h5"):
+        WRITERS["run" + name[1:]](tmp_path / name)
+    (first,) = read_run(tmp_path / "a.h5")
+    process = isolated._DECODER._process
+    assert process is not None
+    process.kill()
+    assert len(read_runs([tmp_path / "b.mf4", tmp_path / "c.h5"])) == 2
+    assert np.array_equal(first.force, read_run(tmp_path / "c.h5")[0].force)
+
+
+def test_files_read_in_turn_are_not_mixed_up(tmp_path):
+    """One process serves all files: a column comes from the file that was asked."""
+    import h5py
+
+    for k in (1, 2):
+        with h5py.File(tmp_path / f"{k}.h5", "w") as file:
+            for name, values in titled().items():
+                file[name] = k * values if "force" in name else values
+    tables = [read_table(tmp_path / f"{k}.h5") for k in (1, 2)]
+    for k, table in ((1, tables[0]), (2, tables[1]), (1, tables[0])):
+        assert table.columns["force_kN"] == pytest.approx(k * titled()["force_kN"])
+
+
+# ------------------------------------------------------------------------------------------- MTS
+
+
+def _mts(path, shift):
+    """Write two acquisitions, the second ``shift`` seconds after the first has ended."""
+    write_mts(path)
+    head, *rows = path.read_text().split("\nSec\tmm\tkN\tA\n")
+    later = float(RUN.time[-1]) + shift
+    moved = [
+        f"{float(t) + later!r}\t{rest}" for t, rest in (row.split("\t", 1) for row in rows[0].splitlines())
+    ]
+    block = head.split("\n\n")[1] + "\nSec\tmm\tkN\tA\n"
+    path.write_text(f"{head}\nSec\tmm\tkN\tA\n{rows[0]}\n{block}" + "\n".join(moved) + "\n")
+
+
+def test_acquisitions_that_go_on_are_one_run_and_others_are_not(tmp_path):
+    _mts(tmp_path / "on.dat", 0.005)
+    _mts(tmp_path / "apart.dat", 7.0)
+    (whole,) = read_run(tmp_path / "on.dat")
+    assert len(whole) == 2 * len(RUN)
+    first, second = read_run(tmp_path / "apart.dat")
+    assert (first.name, second.name) == ("apart_1", "apart_2")
+    assert second.time == pytest.approx(RUN.time, abs=1e-9)
+    assert np.array_equal(first.force, second.force)
+    assert read_file(tmp_path / "apart.dat").layout.notes == ("2 acquisitions",)
+
+
+def test_acquisitions_can_be_told_their_currents(tmp_path):
+    _mts(tmp_path / "two.dat", 7.0)
+    text = (tmp_path / "two.dat").read_text().replace("Current\n", "Valve\n")
+    (tmp_path / "two.dat").write_text(text)
+    channels = {"segments": {"split": "Data Acquisition", "current_A": [0.5, 1.0]}}
+    runs = read_run(tmp_path / "two.dat", ChannelMap.from_dict(channels))
+    assert [run.constant_command for run in runs] == [0.5, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("MTS793|MPT|ENU|1", r"line 1 is 'MTS793\|MPT\|ENU\|1'; expected MTS793"),
+        ("MTS793|MPT|ENU|1|7|.|/", "line 1 is"),
+        ("MTS793|MPT|ENU|1|1|,|/", "commas separate columns and decimals"),
+    ],
+)
+def test_a_first_line_that_does_not_describe_the_file_is_refused(tmp_path, line, message):
+    write_mts(tmp_path / "run.dat")
+    _, rest = (tmp_path / "run.dat").read_text().split("\n", 1)
+    (tmp_path / "run.dat").write_text(f"{line}\n{rest}")
+    with pytest.raises(InputError, match=message):
+        read_run(tmp_path / "run.dat")
+
+
+def test_a_german_mts_text_has_decimal_commas(tmp_path):
+    write_mts(tmp_path / "run.dat")
+    first, rest = (tmp_path / "run.dat").read_text().split("\n", 1)
+    (tmp_path / "run.dat").write_text(f"{first.replace('|.|', '|,|')}\n{rest.replace('.', ',')}")
+    (run,) = read_run(tmp_path / "run.dat")
+    assert run.force == pytest.approx(RUN.force, abs=1e-9)
+
+
+# ------------------------------------------------------------------------------------------- groups
+
+
+def test_groups_of_a_tdms_file_are_chosen_by_name(tmp_path):
+    from nptdms import ChannelObject, TdmsWriter
+
+    with TdmsWriter(str(tmp_path / "run.tdms")) as writer:
+        for group, factor in (("first", 1.0), ("second", 2.0)):
+            writer.write_segment(
+                [
+                    ChannelObject(group, name, factor * values if "force" in name else values)
+                    for name, values in titled().items()
+                ]
+            )
+    with pytest.raises(InputError, match="first/time_s, first/displacement_mm"):
+        read_run(tmp_path / "run.tdms")
+    (run,) = read_run(tmp_path / "run.tdms", ChannelMap.from_dict({"file": {"part": "second"}}))
+    assert run.force == pytest.approx(2.0 * RUN.force, abs=1e-9)
+
+
+def test_a_tdms_file_may_state_its_sampling_interval(tmp_path):
+    from nptdms import ChannelObject, TdmsWriter
+
+    with TdmsWriter(str(tmp_path / "run.tdms")) as writer:
+        writer.write_segment(
+            [
+                ChannelObject("run", name, values, properties={"wf_increment": 0.005})
+                for name, values in titled().items()
+                if name != "time_s"
+            ]
+        )
+    (run,) = read_run(tmp_path / "run.tdms")
+    assert run.time == pytest.approx(RUN.time)
+
+
+def test_mdf_groups_with_clocks_of_their_own_are_not_resampled(tmp_path):
+    from asammdf import MDF, Signal
+
+    given = in_rig_units()
+    with MDF(version="4.10") as file:
+        for role, step in (("displacement", 1), ("force", 2), ("current", 1)):
+            file.append([Signal(given[role][::step], RUN.time[::step], UNITS[role], role)])
+        file.save(tmp_path / "run.mf4", overwrite=True)
+    with pytest.raises(InputError, match=r"\(displacement .*\) have clocks of their own"):
+        read_run(tmp_path / "run.mf4")
+
+
+def test_mdf_groups_of_one_clock_are_one_table(tmp_path):
+    from asammdf import MDF, Signal
+
+    given = in_rig_units()
+    with MDF(version="4.10") as file:
+        for role, unit in (("displacement", "mm"), ("force", "kN"), ("current", "A")):
+            file.append([Signal(given[role], RUN.time, unit, role)])
+        file.save(tmp_path / "run.mf4", overwrite=True)
+    (run,) = read_run(tmp_path / "run.mf4")
+    assert run.force == pytest.approx(RUN.force, abs=1e-9)
+
+
+def test_a_matrix_of_columns_is_read_by_index(tmp_path):
+    """The most usual MAT file of all: one matrix, and the order in somebody's head."""
+    from scipy.io import savemat
+
+    savemat(tmp_path / "run.mat", {"data": np.column_stack(list(in_rig_units().values()))})
+    channels = {
+        role: {"index": k, "unit": unit}
+        for k, (role, unit) in enumerate(
+            (("time", "s"), ("displacement", "mm"), ("force", "kN"), ("current", "A")), 1
+        )
+    }
+    (run,) = read_run(tmp_path / "run.mat", ChannelMap.from_dict({"channel": channels}))
+    assert run.force == pytest.approx(RUN.force, abs=1e-9)
+
+
+def test_hdf5_never_leads_to_another_file(tmp_path):
+    """External storage, links and virtual data sets are not followed."""
+    import h5py
+
+    (tmp_path / "secret.bin").write_bytes(RUN.force.tobytes())
+    with h5py.File(tmp_path / "run.h5", "w") as file:
+        for name, values in titled().items():
+            if "force" not in name:
+                file.create_dataset(name, data=values)
+        file.create_dataset(
+            "force_kN", shape=RUN.force.shape, dtype="f8",
+            external=[(str(tmp_path / "secret.bin"), 0, RUN.force.nbytes)],
+        )  # fmt: skip
+        file["other"] = h5py.ExternalLink(str(tmp_path / "other.h5"), "/force_kN")
+    with pytest.raises(
+        InputError, match="no force column; the columns are: current_A, displacement_mm, time_s"
+    ):
+        read_run(tmp_path / "run.h5")
+
+
+def test_what_an_hdf5_file_does_not_store_is_not_allocated(tmp_path):
+    """A header of a kilobyte may state terabytes."""
+    import h5py
+
+    with h5py.File(tmp_path / "run.h5", "w") as file:
+        for name in titled():
+            file.create_dataset(name, shape=(10**12,), chunks=(1 << 20,), dtype="f8")
+    with pytest.raises(InputError, match="no columns of numbers found"):
+        read_run(tmp_path / "run.h5")
+
+
+def test_only_the_channels_of_a_run_are_read(tmp_path, monkeypatch):
+    """A file of a hundred channels costs the four that a run needs."""
+    import polars as pl
+
+    wide = {**titled(), **{f"CH{k}": RUN.force for k in range(40)}}
+    pl.DataFrame(wide).write_parquet(tmp_path / "run.parquet")
+    asked: list[str] = []
+    usual = isolated._Decoder.column
+
+    def noted(decoder, path, name):
+        asked.append(name)
+        return usual(decoder, path, name)
+
+    monkeypatch.setattr(isolated._Decoder, "column", noted)
+    read_run(tmp_path / "run.parquet")
+    assert sorted(asked) == sorted(titled())
+
+
+def test_events_in_a_text_column_of_parquet_split_it(tmp_path):
+    import polars as pl
+
+    events = ["Start", *[""] * (len(RUN) - 1), "Resume", *[""] * (len(RUN) - 1)]
+    twice = {name: np.concatenate([c, c]) for name, c in titled().items() if name != "current_A"}
+    pl.DataFrame({**twice, "events": events}).write_parquet(tmp_path / "run.parquet")
+    channels = {"segments": {"split": "Resume", "current_A": [0.5, 1.0]}}
+    runs = read_run(tmp_path / "run.parquet", ChannelMap.from_dict(channels))
+    assert [run.constant_command for run in runs] == [0.5, 1.0]
+    assert np.array_equal(runs[0].force, runs[1].force)
+
+
+def test_times_of_day_are_seconds_from_the_first(tmp_path):
+    import polars as pl
+
+    stamps = np.datetime64("2024-05-13T10:00:00", "ns") + np.round(RUN.time * 1e9).astype("timedelta64[ns]")
+    columns = {"time": stamps, **{name: c for name, c in titled().items() if name != "time_s"}}
+    pl.DataFrame(columns).write_parquet(tmp_path / "run.parquet")
+    (run,) = read_run(tmp_path / "run.parquet")
+    assert run.time == pytest.approx(RUN.time, abs=1e-9)
+
+
+def test_writers_are_the_formats_own_libraries(tmp_path):
+    """A reader that only reads what its own author wrote proves little."""
+    write_tdms(tmp_path / "run.tdms")
+    write_mdf(tmp_path / "run.mf4")
+    assert (tmp_path / "run.tdms").read_bytes().startswith(b"TDSm")
+    assert (tmp_path / "run.mf4").read_bytes().startswith(b"MDF ")
+
+
+# ------------------------------------------------------------------------------------------- examples
+
+
+def test_the_example_map_of_an_mts_text_reads_one(tmp_path):
+    """Three acquisitions, their currents in the map; the cell counts compression as positive."""
+    write_mts(tmp_path / "run.dat")
+    head, rows = (tmp_path / "run.dat").read_text().replace("\tCurrent", "").split("\nSec\tmm\tkN\tA\n")
+    first, block = head.split("\n\n")
+    kept = "\n".join(row.rsplit("\t", 1)[0] for row in rows.splitlines())
+    turned = "\n".join(
+        "\t".join([t, x, repr(-float(force))])
+        for t, x, force in (row.split("\t") for row in kept.splitlines())
+    )
+    (tmp_path / "run.dat").write_text(f"{first}\n\n" + f"{block}\nSec\tmm\tkN\n{turned}\n" * 3)
+    runs = read_run(tmp_path / "run.dat", EXAMPLES / "mts_793.toml")
+    assert [run.constant_command for run in runs] == [0.0, 0.5, 1.0]
+    assert runs[2].force == pytest.approx(RUN.force, abs=1e-9)
+
+
+def test_the_example_map_of_volts_in_a_tdms_file_reads_one(tmp_path):
+    from nptdms import ChannelObject, TdmsWriter
+
+    volts = {"ai0": (RUN.displacement + 0.0625) / 0.0125, "ai1": RUN.force / 1000.0, "ai2": RUN.command / 2.0}
+    with TdmsWriter(str(tmp_path / "run.tdms")) as writer:
+        for group in ("Run 0", "Run 1"):
+            writer.write_segment(
+                [ChannelObject(group, n, v, properties={"wf_increment": 0.005}) for n, v in volts.items()]
+            )
+    (run,) = read_run(tmp_path / "run.tdms", EXAMPLES / "tdms_volts.toml")
+    assert run.displacement == pytest.approx(RUN.displacement, abs=1e-12)
+    assert run.force == pytest.approx(RUN.force, abs=1e-9)
+    assert run.constant_command == 0.5
+
+
+def test_the_example_map_of_a_matrix_reads_one(tmp_path):
+    from scipy.io import savemat
+
+    savemat(tmp_path / "run.mat", {"data": np.column_stack(list(in_rig_units().values()))})
+    (run,) = read_run(tmp_path / "run.mat", EXAMPLES / "matrix_mat.toml")
+    assert run.force == pytest.approx(RUN.force, abs=1e-9)
