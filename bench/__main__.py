@@ -9,7 +9,9 @@ from pathlib import Path
 
 from bench.measure import Row, asked_table, machine, table
 
-NAMES = ("simulation", "startup", "identification", "temperature", "tracking", "series_valve", "controller")
+NAMES = (
+    "simulation", "startup", "identification", "temperature", "tracking", "series_valve", "controller", "target",
+)  # fmt: skip
 
 
 def main() -> None:

@@ -154,8 +154,8 @@ def test_a_check_of_a_reading_that_is_left_out_is_found(monkeypatch):
     changed(
         monkeypatch,
         "track_estimate.c",
-        "const int there = magnitude(reading) <= c->far_x;",
-        "const int there = 1;",
+        "const bool there = magnitude(reading) <= c->far_x;",
+        "const bool there = true;",
     )
     record = verify_c(a_target(content="model"), samples=4 * SHORT)
     assert not record.passed

@@ -144,14 +144,17 @@ class Belief:
         return self.yield_force + self.viscous_force + self.friction_force + self.other_force
 
 
-def native_of(
-    numbers: Mapping[str, float], tables: DamperTables, force: FloatArray, *, single: bool
-) -> core.Tracker:
+def native_of(numbers: Mapping[str, float], tables: DamperTables, *, single: bool) -> core.Tracker:
     """Return the kernel's part of a controller or model."""
-    octaves = [(o.offset, o.top, o.bits, o.cell) for o in tables.octaves]
-    series = None if tables.series is None else tables.series.native
     return core.Tracker(
-        np.array(list(numbers.values())), force, tables.rho, octaves, single=single, series=series
+        np.array(list(numbers.values())),
+        bytes(tables.rows),
+        tables.currents,
+        tables.factor,
+        tables.column,
+        [(o.offset, o.top, o.bits, o.cell) for o in tables.octaves],
+        single=single,
+        series=None if tables.series is None else tables.series.native,
     )
 
 
@@ -182,24 +185,21 @@ class ForceController:
     tables: DamperTables
     needs_force: bool = False
     known_ahead: bool = True  # whether it is told the target ahead of time
-    force: FloatArray = field(repr=False, default_factory=lambda: np.empty(0))  # the table, gains applied
     single: bool = False  # the arithmetic, tables and state of a target without double precision
     _native: core.Tracker = field(init=False, repr=False)
     _step: Callable[..., tuple[bytes, float]] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        if not self.force.size:
-            object.__setattr__(self, "force", self.tables.force)
         numbers = MappingProxyType({name: float(self.numbers[name]) for name in core.TRACK_NUMBERS})
         object.__setattr__(self, "numbers", numbers)
-        native = native_of(numbers, self.tables, self.force, single=self.single)
+        native = native_of(numbers, self.tables, single=self.single)
         object.__setattr__(self, "_native", native)
         object.__setattr__(self, "_step", native.step)
 
     def __reduce__(self) -> tuple[type[ForceController], tuple[object, ...]]:
         """Pickle through the constructor: the kernel's part cannot be pickled."""
-        parts = (self.name, dict(self.numbers), self.tables, self.needs_force, self.known_ahead, self.force)
-        return ForceController, (*parts, self.single)
+        parts = (self.name, dict(self.numbers), self.tables, self.needs_force, self.known_ahead, self.single)
+        return ForceController, parts
 
     @property
     def period_s(self) -> float:
@@ -257,7 +257,7 @@ class ForceController:
             raise InputError(f"controller: gains are {gains}; expected 0.1 to 10")
         if self.tables.series is not None:
             return replace(self, tables=replace(self.tables, series=self.tables.series.scaled(*gains)))
-        return replace(self, force=np.ascontiguousarray(self.tables.scaled(*gains)))
+        return replace(self, tables=self.tables.scaled(*gains))
 
 
 @dataclass(frozen=True, slots=True)
@@ -374,7 +374,8 @@ def _controller(name: str, made: _Source) -> ForceController:
     """Return one controller: what its numbers differ in."""
     numbers = dict(made.numbers)
     present = {"preview": 0.0, "reach": 0.0, "margin": -1.0}
-    literal = present | {"play": 0.0}  # as published: the bank knows the command, and neither lags nor play
+    # as published: the command is known, and neither lags nor play
+    literal = present | {"play": 0.0, "unlagged": 1.0}
     bank = {"reach": 0.0, "margin": -1.0, "play": 0.0}
     gain, rate = tuning.feedback_gains(made.actuation, numbers["period"], made.force_per_command)
     feedback = {"gain": gain, "rate": rate}
@@ -393,7 +394,7 @@ def _controller(name: str, made: _Source) -> ForceController:
         "static-preview": {"reach": 0.0, "margin": -1.0, "is_static": 1.0},
         "exact": present,
         "lead": present | lead,
-        "inverse-bouc-wen": literal | {"unlagged": 1.0},
+        "inverse-bouc-wen": literal,
         "clipped-on-off": present | {"feed_forward": 0.0, "on_off": 1.0},
         "pi": present | feedback | {"feed_forward": 0.0},
         "feed-forward-pi": feedback,
@@ -496,16 +497,18 @@ def _numbers(  # noqa: PLR0913 - one place where all numbers of the kernel's tab
         "substeps": float(max(1, math.ceil(period / tuning.SERIES_STEP_S - 1e-9))),
         "strides": tuning.SERIES_STRIDES,
         "horizon": tuning.SERIES_HORIZON_S,
+        "unloaded": tables.unloaded,
+        "shared": float(tables.shared),
     }
 
 
 def _force_per_command(tables: DamperTables) -> float:
     """Return the mean growth of the settled yield force with the command [N/A], at the middle temperature."""
     if tables.series is not None:
-        rows = tables.series.yield_force[len(tables.temperatures) // 2]
-        return float((rows[-1] - rows[0]) / tables.currents[-1])
-    sheet = tables.force[len(tables.temperatures) // 2]
-    yields = sheet[6] + sheet[7]
+        steady = tables.series.yield_force[len(tables.series.yield_force) // 2]
+        return float((steady[-1] - steady[0]) / tables.currents[-1])
+    rows = tables.at(0.5 * float(tables.temperatures[0] + tables.temperatures[-1]))
+    yields = rows[6] + rows[7]
     return float((yields[-1] - yields[0]) / tables.currents[-1])
 
 
@@ -515,4 +518,4 @@ def _model_error(card: ModelCard | None, tables: DamperTables) -> float:
         return max(1.0, float(statistics.median(run["rmse_N"] for run in card.evidence.runs)))
     if tables.series is not None:
         return max(1.0, 0.05 * float(tables.series.yield_force.max()))
-    return max(1.0, 0.05 * float((tables.force[:, 6] + tables.force[:, 7]).max()))
+    return max(1.0, 0.05 * tables.peak_yield)

@@ -16,7 +16,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mrdamper.control.tables import ROWS, DamperTables, Octaves, tabulate_octaves
+from mrdamper.control.octaves import Octaves, tabulate_octaves
+from mrdamper.control.tables import ROWS, DamperTables
 from mrdamper.errors import InputError
 from mrdamper.models.damper import Damper
 from mrdamper.quantities import FloatArray
@@ -137,17 +138,23 @@ def tabulate_series(
         chain[name] = 1.0 / chain[name]
     chain["viscosity"] *= _VISCOUS_SPEED ** (1.0 - exponents["viscous_exponent"])
     nothing = tabulate_octaves(np.zeros_like, np.zeros_like, 0.25, 1.0, bits=0)
+    pieces = max(sheets - 1, 1)
     return DamperTables(
-        currents=np.array([0.0, largest]),
-        temperatures=warm,
-        force=np.zeros((sheets, len(ROWS), 2)),
-        rho=np.zeros((sheets, 2, 2)),
+        currents=np.linspace(0.0, largest, 9),
+        temperatures=np.linspace(warm[0], warm[-1], pieces + 1),
+        rows=(ROWS.index("yield"),),
+        factor=np.zeros((pieces, 1, 3)),
+        column=np.zeros((9, 1)),
         elements=1,
         saturating=False,
+        unloaded=1.0,
         **dict.fromkeys(
-            ("loading", "unloading", "to_load", "to_unload", "viscous", "sliding", "breakaway", "built_up"),
+            (
+                "loading", "unloading", "from_loading", "from_unloading", "from_unloaded", "viscous", "sliding",
+                "breakaway", "built_up",
+            ),
             nothing,
-        ),
+        ),  # fmt: skip
         series=SeriesTables(
             yield_force=np.ascontiguousarray(values["yield_force"]),
             chain=np.ascontiguousarray(np.stack([chain[name] for name in CHAIN], axis=1)),

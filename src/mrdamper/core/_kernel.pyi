@@ -50,8 +50,10 @@ class Tracker:
     def __new__(
         cls,
         numbers: FloatArray,
-        force: FloatArray,
-        rho: FloatArray,
+        rows: bytes,
+        current: FloatArray,
+        factor: FloatArray,
+        column: FloatArray,
         octaves: Sequence[tuple[float, float, int, FloatArray]],
         single: bool = False,
         series: SeriesTables | None = None,

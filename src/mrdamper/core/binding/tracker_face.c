@@ -54,7 +54,7 @@ static int track_is_sound(const mrd_track *t)
     const mrd_real zero = 0, models = t->bank < (mrd_real)1.5 ? (mrd_real)1 : t->bank;
     if (!(t->period > zero && t->largest > zero && t->coldest > zero && t->warmest >= t->coldest)) return 0;
     if (!(t->elements >= zero && t->elements <= (mrd_real)2 && models <= (mrd_real)MRD_TRACK_BANK)) return 0;
-    if (!(t->dead_samples >= zero && t->dead_samples <= (mrd_real)(MRD_TRACK_LINE - 3) && t->dead_part >= zero
+    if (!(t->dead_samples >= zero && t->dead_samples <= (mrd_real)((int)MRD_TRACK_LINE - 3) && t->dead_part >= zero
           && t->dead_part <= (mrd_real)1))
         return 0;
     if (!(t->preview >= zero && t->fall_back >= zero && t->gain_variance > zero && t->error_variance > zero)) return 0;
@@ -62,7 +62,8 @@ static int track_is_sound(const mrd_track *t)
     const mrd_real counts[] = {t->frozen_samples, t->coast_samples, t->hold_samples, t->recover_samples};
     for (size_t k = 0; k < sizeof counts / sizeof *counts; k++)
         if (!(counts[k] >= zero && counts[k] <= (mrd_real)1e9)) return 0;
-    if (t->currents < 2 || t->currents > MRD_TRACK_CURRENTS || t->temperatures < 1) return 0;
+    if (t->currents < 2 || t->currents > MRD_TRACK_CURRENTS || t->pieces < 1 || !(t->unloaded >= zero)) return 0;
+    if (models > (mrd_real)1 && (MRD_TRACK_BANK - 1) % ((int)models - 1) != 0) return 0;
     return octaves_are_sound(&t->loading, TRACK_OCTAVES) && (!t->series || series_is_sound(t));
 }
 
@@ -104,6 +105,39 @@ static void load_series(mrd_series *into, mrd_real *to, const tracker_parts *par
     }
 }
 
+/* The rows of the terms, levels first, then the columns in order; where each group of columns begins. */
+static int place_terms(mrd_track *t, const tracker_parts *parts)
+{
+    static const int last[MRD_GROUPS] = {MRD_ROW_YIELD, MRD_ROW_SECOND, MRD_ROW_RHO, MRD_ROW_SECOND_RHO, MRD_TABLE_ROWS};
+    t->levels = parts->terms - parts->columns;
+    if (parts->terms > MRD_TRACK_TERMS || t->levels < 0) return 0;
+    for (int32_t k = 0; k < parts->terms; k++) {
+        const int row = parts->row[k], is_level = k < t->levels;
+        /* the yield forces and rho have columns even where the current does not move them */
+        if (row >= (is_level ? MRD_ROW_YIELD : MRD_TABLE_ROWS) || (k > t->levels && row < parts->row[k - 1])) return 0;
+        t->row[k] = (uint8_t)row;
+        for (int g = 0; !is_level && g < MRD_GROUPS; g++) t->begin[g + 1] += row < last[g];
+    }
+    return 1;
+}
+
+/* The currents rise from 0 to the largest, and its eighths are among them, within rounding. */
+static int place_currents(mrd_track *t, const double *current)
+{
+    const int32_t last = t->currents - 1;
+    int32_t j = 0;
+    if (last < 1 || current[0] != 0.0) return 0;
+    const double near = 1e-9 * current[last];
+    for (int k = 0; k < MRD_TRACK_BANK; k++) {
+        const double eighth = current[last] * k / (MRD_TRACK_BANK - 1);
+        for (; j < last && current[j] < eighth - near; j++)
+            if (!(current[j + 1] > current[j])) return 0;
+        if (!(current[j] >= eighth - near && current[j] <= eighth + near)) return 0;
+        t->eighth[k] = (uint8_t)j;
+    }
+    return j == last && (mrd_real)current[last] == t->largest;
+}
+
 static int face_load(void *into, void *store, const tracker_parts *parts)
 {
     mrd_track *t = into;
@@ -115,22 +149,25 @@ static int face_load(void *into, void *store, const tracker_parts *parts)
     };
     memset(t, 0, sizeof *t);
     for (size_t k = 0; k < sizeof number / sizeof *number; k++) *number[k] = (mrd_real)parts->numbers[k];
-    t->temperatures = parts->temperatures;
+    t->pieces = parts->pieces;
     t->currents = parts->currents;
+    if (!place_terms(t, parts) || !place_currents(t, parts->table[0])) return 0;
     for (int k = 0; k < TRACK_TABLES; k++) {
-        if (k == 0) t->force = to;
-        else if (k == 1) t->rho = to;
+        if (k == 0) t->current = to;
+        else if (k == 1) t->factor = to;
+        else if (k == 2) t->column = to;
         else {
-            mrd_octaves *o = octaves + (k - 2);
-            o->offset = (mrd_real)parts->offset[k - 2];
-            o->top = (mrd_real)parts->top[k - 2];
-            o->bits = parts->bits[k - 2];
+            mrd_octaves *o = octaves + (k - 3);
+            o->offset = (mrd_real)parts->offset[k - 3];
+            o->top = (mrd_real)parts->top[k - 3];
+            o->bits = parts->bits[k - 3];
             o->cells = (int32_t)(parts->length[k] / 4);
             o->cell = to;
         }
         to = rounded(to, parts->table[k], parts->length[k]);
     }
     if (parts->series) {
+        if (parts->series_sheets != (t->warmest > t->coldest ? t->pieces + 1 : 1)) return 0;
         mrd_series *series = &((track_room *)into)->series;
         load_series(series, to, parts);
         t->series = series;
@@ -141,7 +178,7 @@ static int face_load(void *into, void *store, const tracker_parts *parts)
 static int face_is_sound(const void *state)
 {
     const mrd_track_state *s = state;
-    return s->at >= 0 && s->at < MRD_TRACK_LINE && s->row >= 0 && s->row < MRD_ROWS;
+    return s->at >= 0 && s->at < (int32_t)MRD_TRACK_LINE && s->term >= 0 && s->term < MRD_TRACK_TERMS;
 }
 
 static void face_start(const void *track, void *state) { TRACK(start)(track, state); }

@@ -18,7 +18,36 @@ enum { SERIES_ROUNDS = 5,        /* of a solve for the valve's velocity */
 /* No valve moves faster [m/s], no spring carries more [N]: after a rubbish reading the state comes back. */
 static const mrd_real series_fastest = R(8.0), series_strongest = R(1e6);
 
-static mrd_real solve_row(const mrd_real *force, int count, mrd_real largest, mrd_real wanted, int *found);
+/* The current at which a row of forces at evenly spaced currents has the wanted value; the lowest, if several.
+ * Where none has, the nearest; *found says which. */
+static mrd_real series_row(const mrd_real *force, int count, mrd_real largest, mrd_real wanted, bool *found)
+{
+    const mrd_real pitch = largest / (mrd_real)(count - 1);
+    int nearest = 0;
+    mrd_real least = magnitude(force[0] - wanted);
+    *found = true;
+    for (int j = 0; j + 1 < count; j++) {
+        const mrd_real low = force[j] - wanted, high = force[j + 1] - wanted;
+        if (low == R(0.0)) return pitch * (mrd_real)j;
+        if ((low < R(0.0)) != (high < R(0.0))) return pitch * ((mrd_real)j + low / (low - high));
+        if (magnitude(high) < least) {
+            least = magnitude(high);
+            nearest = j + 1;
+        }
+    }
+    *found = false;
+    return pitch * (mrd_real)nearest;
+}
+
+/* A current among `count` evenly spaced ones from zero. */
+static inline axis_point series_axis(mrd_real current, mrd_real largest, int32_t count)
+{
+    const mrd_real scaled = limited(current / largest, R(0.0), R(1.0)) * (mrd_real)(count - 1);
+    axis_point at = {(int32_t)scaled, R(0.0)};
+    if (at.index > count - 2) at.index = count - 2;
+    at.share = scaled - (mrd_real)at.index;
+    return at;
+}
 
 /* u^m, its slope in *slope. */
 static inline mrd_real power_at(const mrd_power *o, mrd_real size, mrd_real *slope)
@@ -26,7 +55,7 @@ static inline mrd_real power_at(const mrd_power *o, mrd_real size, mrd_real *slo
     const mrd_pattern first = pattern_of(o->least) >> MRD_DIGITS, mask = ((mrd_pattern)1 << MRD_DIGITS) - 1;
     const mrd_real t = limited(size, o->least, o->top);
     const mrd_pattern p = pattern_of(t);
-    const mrd_real *c = o->cell + 4 * (size_t)((p & mask) >> (MRD_DIGITS - o->bits));
+    const mrd_real *c = o->cell + 4 * (size_t)((p & mask) >> (MRD_DIGITS - (mrd_pattern)o->bits));
     const mrd_real l = of_pattern(((p << o->bits) & mask) | MRD_PATTERN_OF_ONE) - R(1.0);
     const mrd_real value = o->scale[(size_t)((p >> MRD_DIGITS) - first)] * (c[0] + l * (c[1] + l * (c[2] + l * c[3])));
     const mrd_real per = value / t;
@@ -45,8 +74,8 @@ typedef struct {
 
 static valve_chain chain_at(const mrd_track *c, const mrd_track_state *s, axis_point warm)
 {
-    const mrd_real *cold = c->series->chain + warm.index * SERIES_CHAIN;
-    const mrd_real *hot = cold + (c->temperatures > 1 ? SERIES_CHAIN : 0);
+    const mrd_real *cold = c->series->chain + warm.index * (int32_t)SERIES_CHAIN;
+    const mrd_real *hot = cold + (c->warmest > c->coldest ? SERIES_CHAIN : 0);
     valve_chain k;
     for (int i = 0; i < SERIES_CHAIN; i++) k.at[i] = cold[i] + warm.share * (hot[i] - cold[i]);
     k.at[MRD_CHAIN_THINNING] *= s->gain[1] / s->gain[0]; /* of the yield force, whose own gain comes on top */
@@ -60,18 +89,18 @@ static valve_chain chain_at(const mrd_track *c, const mrd_track_state *s, axis_p
 static inline mrd_real yield_of(const mrd_track *c, axis_point warm, int32_t current)
 {
     const mrd_real *cold = c->series->yield + warm.index * c->series->currents + current;
-    return cold[0] + warm.share * (cold[c->temperatures > 1 ? c->series->currents : 0] - cold[0]);
+    return cold[0] + warm.share * (cold[c->warmest > c->coldest ? c->series->currents : 0] - cold[0]);
 }
 
 static inline mrd_real yield_at(const mrd_track *c, axis_point warm, mrd_real current)
 {
-    const axis_point at = on_axis(current, R(0.0), c->largest, c->series->currents);
+    const axis_point at = series_axis(current, c->largest, c->series->currents);
     const mrd_real below = yield_of(c, warm, at.index);
     return below + at.share * (yield_of(c, warm, at.index + 1) - below);
 }
 
 /* The current with a yield force; the nearest where there is none. The search halves the table. */
-static mrd_real current_of(const mrd_track *c, axis_point warm, mrd_real wanted, int *found)
+static mrd_real current_of(const mrd_track *c, axis_point warm, mrd_real wanted, bool *found)
 {
     int32_t low = 0, width = c->series->currents - 1;
     const mrd_real pitch = c->largest / (mrd_real)width;
@@ -202,7 +231,7 @@ static void follow_series(const mrd_track *c, mrd_track_state *s, axis_point war
         for (int i = 0; i < (int)c->substeps; i++) {
             const mrd_real to = from + grows, v1 = v + per;
             x += R(0.5) * h * (v + v1);
-            (void)series_step(c->series, &k, s->w[b], x, v, v1, h, valve_amplitude(c, s, &k, warm, from, x),
+            (void)series_step(c->series, &k, s->place[b], x, v, v1, h, valve_amplitude(c, s, &k, warm, from, x),
                               valve_amplitude(c, s, &k, warm, to, x));
             from = to;
             v = v1;
@@ -215,9 +244,9 @@ static void follow_series(const mrd_track *c, mrd_track_state *s, axis_point war
 static void start_series(const mrd_track *c, mrd_track_state *s, axis_point warm)
 {
     const valve_chain k = chain_at(c, s, warm);
-    s->w[0][1] = s->v;
+    s->place[0][1] = s->v;
     (void)solve_valve(c->series, &k, valve_amplitude(c, s, &k, warm, s->applied, s->x), R(0.0), s->x, s->v, R(0.0),
-                      2 * SERIES_ROUNDS, &s->w[0][1]);
+                      2 * SERIES_ROUNDS, &s->place[0][1]);
 }
 
 /* What lies beside the chain: viscous force, friction, inertia. */
@@ -238,7 +267,7 @@ static void series_parts(const mrd_track *c, const mrd_track_state *s, axis_poin
 {
     const mrd_series *t = c->series;
     const valve_chain k = chain_at(c, s, warm);
-    const mrd_real e = s->w[0][0], q = s->w[0][1], speed = magnitude(q);
+    const mrd_real e = s->place[0][0], q = s->place[0][1], speed = magnitude(q);
     const mrd_real amplitude = valve_amplitude(c, s, &k, warm, s->applied, s->x) * (q < R(0.0) ? R(-1.0) : R(1.0));
     mrd_real slope, inertia;
     series_beside(t, &k, s->v, s->a, &parts[1], &parts[2], &inertia);
@@ -300,18 +329,18 @@ static mrd_real solve_spring(const mrd_series *t, const valve_chain *k, mrd_real
  * there is one. Where the valve would have to move against its force there is none: all of it if the force is in the
  * direction of the motion v, which the spring takes up, else nothing. */
 static mrd_real current_for(const mrd_track *c, axis_point warm, mrd_real force, mrd_real q, mrd_real per, mrd_real v,
-                            int *found)
+                            bool *found)
 {
     const mrd_real along = q < R(0.0) ? -force : force;
     if (along > R(0.0) && per > R(0.0)) return current_of(c, warm, along / per, found);
-    *found = 0;
+    *found = false;
     return force * v > R(0.0) ? c->largest : R(0.0);
 }
 
 /* The applied current at which the model has the wanted force at the preview, where the motion is *m and the last
  * command will have brought the applied current to `applied`. */
 static mrd_real series_answer(const mrd_track *c, mrd_track_state *s, axis_point warm, const moment *m,
-                              mrd_real applied, mrd_real wanted, int *found)
+                              mrd_real applied, mrd_real wanted, bool *found)
 {
     const mrd_series *t = c->series;
     const valve_chain k = chain_at(c, s, warm);
@@ -323,8 +352,8 @@ static mrd_real series_answer(const mrd_track *c, mrd_track_state *s, axis_point
         mrd_real at[MRD_TRACK_BANK], slope;
         for (int b = 0; b < models; b++) {
             const mrd_real own = c->largest * (mrd_real)b / (c->bank - R(1.0));
-            w[0] = s->w[b][0];
-            w[1] = s->w[b][1];
+            w[0] = s->place[b][0];
+            w[1] = s->place[b][1];
             if (c->preview > R(0.0)) {
                 at[b] = series_ahead(c, s, &k, warm, w, c->preview, own, own);
             } else {
@@ -334,18 +363,18 @@ static mrd_real series_answer(const mrd_track *c, mrd_track_state *s, axis_point
                       + (w[1] < R(0.0) ? -carried : carried);
             }
         }
-        return solve_row(at, models, c->largest, force, found);
+        return series_row(at, models, c->largest, force, found);
     }
     const mrd_real before = c->preview - c->horizon;
-    w[0] = s->w[0][0];
-    w[1] = s->w[0][1];
+    w[0] = s->place[0][0];
+    w[1] = s->place[0][1];
     if (before > R(0.0))
         (void)series_ahead(c, s, &k, warm, w, before, s->applied,
                            s->applied + before / c->preview * (applied - s->applied));
     const mrd_real e = solve_spring(t, &k, w[0], force, c->horizon);
     const mrd_real carried = force - k.at[MRD_CHAIN_OFFSET] - k.at[MRD_CHAIN_STIFFNESS] * (m->x - e);
     /* settled: the valve takes up all of the motion, and has yielded */
-    int settled;
+    bool settled;
     mrd_real slope;
     const mrd_real gain = valve_gain(s, &k, m->x);
     const mrd_real yielded = R(1.0) + k.at[MRD_CHAIN_THINNING] * power_at(&t->thinning, magnitude(m->v), &slope);
