@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamper.control.controllers import ForceController
-from mrdamper.control.realtime import RealtimeDamper
 from mrdamper.control.octaves import Octaves
+from mrdamper.control.realtime import RealtimeDamper
 
 __all__ = ["Nested", "Pointer", "Table", "Value", "track_members"]
 
