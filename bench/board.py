@@ -103,7 +103,8 @@ def c_tables(controller: ForceController, *, single: bool = True) -> str:
         return "{\n    " + ",\n    ".join(lines) + "}"
 
     whole = struct("of_", track_members(controller))
-    return "\n".join(['#include "controller.h"\n', *arrays, f"static const mrd_track track = {whole};\n"])
+    series = f"#define MRD_SERIES {int(controller.tables.series is not None)}"
+    return "\n".join([series, '#include "controller.h"\n', *arrays, f"static const mrd_track track = {whole};\n"])
 
 
 @dataclass(frozen=True, slots=True)

@@ -86,8 +86,8 @@ def test_in_float_the_tables_take_at_most_sixteen_kilobytes() -> None:
     arrays = [
         made.series.yield_force,
         made.series.chain,
-        made.force,
-        made.rho,
+        made.factor,
+        made.column,
         *(o.cell for o in made.octaves),
     ]
     arrays += [

@@ -204,7 +204,7 @@ def test_the_same_card_gives_the_same_bytes():
 def test_every_generated_file_says_whose_it_is():
     target = a_target()
     for name, text in c_files(target).items():
-        if name in kernel_files():
+        if name in kernel_files() or name == "misra.md":  # copied
             continue
         for line in banner(target).splitlines():
             assert line in text, name

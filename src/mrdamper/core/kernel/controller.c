@@ -170,42 +170,40 @@ static void carry_on(const mrd_track *c, const mrd_track_state *s, axis_point wa
     for (int e = 0; e < (int)c->elements; e++) m->w[e] = way.side * size_at(c, place_after(c, s->place[0][e], rho[e], &way));
 }
 
-/* The applied current at which the tables have the wanted force, where the motion is *m; *applied is what the last
- * command will have brought. */
-static mrd_real table_answer(const mrd_track *c, mrd_track_state *s, axis_point warm, moment *m, mrd_real applied,
-                             mrd_real wanted, bool *found)
-{
-    const bool bank = bank_of(c) > 1, several = states_of(c) > 1;
-    mrd_real by[MRD_ROWS], weight[MRD_TRACK_TERMS];
-    const mrd_real sign = m->v < R(0.0) ? R(-1.0) : R(1.0);
-    m->w[0] = sign; /* settled, until the hysteresis says more */
-    m->w[1] = sign;
-    if (!several && !(c->is_static > R(0.5))) carry_on(c, s, warm, R(0.5) * (s->applied + applied), m);
-    motion_multipliers(c, s, m, by);
-    if (bank && !several) {
-        const mixture mix = mixture_of(c, m);
-        by[MRD_ROW_YIELD] *= yield_share(&mix, m->w);
-        by[MRD_ROW_SECOND] *= second_share(&mix, m->w);
-    }
-    const mrd_real off = weigh(c, warm, by, weight) - wanted;
-    if (!bank) return model_answer(c, s, m, weight, off, sign, found);
-    return several ? bank_answer(c, s, warm, m, weight, off, found) : shared_answer(c, weight, off, found);
-}
-
 /* The model's answer: the command for a wanted force at the preview. */
 static mrd_real answer_of(const mrd_track *c, mrd_track_state *s, axis_point warm, mrd_real wanted)
 {
     const mrd_real p = c->preview;
-    const bool ahead = p > R(0.0) && (bank_of(c) == 1 || c->reach > R(0.0));
-    mrd_real answer = R(1.0), lagged = s->second, play = s->play;
+    const bool bank = bank_of(c) > 1, several = states_of(c) > 1, ahead = p > R(0.0) && (!bank || c->reach > R(0.0));
+    mrd_real by[MRD_ROWS], weight[MRD_TRACK_TERMS], answer = R(1.0), lagged = s->second, play = s->play, current;
     bool found;
     moment m = {s->x, s->v, s->a, {R(0.0), R(0.0)}};
     if (p > R(0.0)) predict(&m.x, &m.v, m.a, p);
+    const mrd_real sign = m.v < R(0.0) ? R(-1.0) : R(1.0);
+    m.w[0] = sign; /* settled, until the hysteresis says more */
+    m.w[1] = sign;
     if (ahead) lagged = lagged_ahead(c, s, &answer);
     if (c->unlagged > R(0.5)) lagged = s->command;
-    const mrd_real applied = past_play(c, lagged, &play);
-    mrd_real current = c->series != NULL ? series_answer(c, s, warm, &m, applied, wanted, &found)
-                                         : table_answer(c, s, warm, &m, applied, wanted, &found);
+    if (is_series(c)) {
+        current = series_answer(c, s, warm, &m, past_play(c, lagged, &play), wanted, &found);
+    } else {
+        if (!several && !(c->is_static > R(0.5)))
+            carry_on(c, s, warm, R(0.5) * (s->applied + past_play(c, lagged, &play)), &m);
+        motion_multipliers(c, s, &m, by);
+        if (bank && !several) {
+            const mixture mix = mixture_of(c, &m);
+            by[MRD_ROW_YIELD] *= yield_share(&mix, m.w);
+            by[MRD_ROW_SECOND] *= second_share(&mix, m.w);
+        }
+        const mrd_real off = weigh(c, warm, by, weight) - wanted;
+        if (!bank) {
+            current = model_answer(c, s, &m, weight, off, sign, &found);
+        } else if (several) {
+            current = bank_answer(c, s, warm, &m, weight, off, &found);
+        } else {
+            current = shared_answer(c, weight, off, &found);
+        }
+    }
     if (!found) s->flags |= MRD_INFEASIBLE;
     current = before_play(c, current, s->play);
     if (c->reach > R(0.0) && ahead && answer > R(0.05))

@@ -15,6 +15,10 @@
 #include <stdint.h>
 #include <string.h>
 
+#ifndef MRD_SERIES
+#define MRD_SERIES 1 /* 0: the series valve law is left out of the code */
+#endif
+
 #ifndef MRD_TRACK_API
 #define MRD_TRACK_API /* linkage of the public functions; kernel.c makes them static */
 #endif

@@ -255,7 +255,7 @@ static void rho_of_models(const mrd_track *c, axis_point warm, int element, int 
 /* Hysteresis of every model through the period that ends now, velocity having been v0 at its begin. */
 static void follow_hysteresis(const mrd_track *c, mrd_track_state *s, axis_point warm, mrd_real v0, mrd_real applied)
 {
-    if (c->series != NULL) {
+    if (is_series(c)) {
         follow_series(c, s, warm, v0, applied);
         return;
     }
@@ -288,7 +288,7 @@ static moment present(const mrd_track *c, const mrd_track_state *s)
 static mrd_real sampled_work(const mrd_track *c, mrd_track_state *s, axis_point warm)
 {
     const int32_t columns = c->begin[MRD_GROUPS], terms = c->levels + c->begin[MRD_GROUP_RHO];
-    if (c->series != NULL) {
+    if (is_series(c)) {
         s->term = s->term + 1 < MRD_ROWS ? s->term + 1 : 0;
         return s->term == 0 ? R(MRD_ROWS) * series_force(c, s, warm) * s->v : R(0.0);
     }
@@ -311,7 +311,7 @@ MRD_TRACK_API void mrd_track_parts(const mrd_track *c, const mrd_track_state *s,
 {
     static const uint8_t part_of[MRD_ROWS] = {3, 3, 3, 1, 2, 2, 0, 0};
     const axis_point warm = warmth(c, s->temperature), at = on_currents(c, s->applied);
-    if (c->series) {
+    if (is_series(c)) {
         series_parts(c, s, warm, parts);
         return;
     }

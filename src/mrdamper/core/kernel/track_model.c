@@ -65,10 +65,10 @@ MRD_TRACK_API mrd_real mrd_model_step(const mrd_track *c, mrd_track_state *s, co
     const axis_point warm = warmth(c, s->temperature);
     const mrd_real applied = follow_applied(c, s);
     if (!first) follow_hysteresis(c, s, warm, v_before, applied);
-    else if (c->series) start_series(c, s, warm);
+    if (first && is_series(c)) start_series(c, s, warm);
 
     mrd_real force;
-    if (c->series) {
+    if (is_series(c)) {
         force = series_force(c, s, warm);
     } else {
         const moment m = present(c, s);

@@ -15,36 +15,39 @@ enum { SERIES_ROUNDS = 5,        /* of a solve for the valve's velocity */
        SERIES_SPRING_ROUNDS = 6, /* of a solve for the spring's travel */
        SERIES_CHAIN = MRD_CHAIN };
 
-/* No valve moves faster [m/s], no spring carries more [N]: after a rubbish reading the state comes back. */
-static const mrd_real series_fastest = R(8.0), series_strongest = R(1e6);
+/* No valve moves faster [m/s]: after a rubbish reading the state comes back. */
+static const mrd_real series_fastest = R(8.0);
 
 /* The current at which a row of forces at evenly spaced currents has the wanted value; the lowest, if several.
  * Where none has, the nearest; *found says which. */
 static mrd_real series_row(const mrd_real *force, int count, mrd_real largest, mrd_real wanted, bool *found)
 {
-    const mrd_real pitch = largest / (mrd_real)(count - 1);
-    int nearest = 0;
+    const int cells = count - 1;
+    const mrd_real count_of_cells = (mrd_real)cells;
+    mrd_real nearest = R(0.0), place = R(0.0);
     mrd_real least = magnitude(force[0] - wanted);
     *found = true;
-    for (int j = 0; j + 1 < count; j++) {
+    for (int j = 0; j < cells; j++) {
         const mrd_real low = force[j] - wanted, high = force[j + 1] - wanted;
-        if (low == R(0.0)) return pitch * (mrd_real)j;
-        if ((low < R(0.0)) != (high < R(0.0))) return pitch * ((mrd_real)j + low / (low - high));
+        if (low == R(0.0)) return largest * (place / count_of_cells);
+        if ((low < R(0.0)) != (high < R(0.0))) return largest * ((place + low / (low - high)) / count_of_cells);
         if (magnitude(high) < least) {
             least = magnitude(high);
-            nearest = j + 1;
+            nearest = place + R(1.0);
         }
+        place += R(1.0);
     }
     *found = false;
-    return pitch * (mrd_real)nearest;
+    return largest * (nearest / count_of_cells);
 }
 
 /* A current among `count` evenly spaced ones from zero. */
 static inline axis_point series_axis(mrd_real current, mrd_real largest, int32_t count)
 {
-    const mrd_real scaled = limited(current / largest, R(0.0), R(1.0)) * (mrd_real)(count - 1);
+    const int32_t cells = count - 1;
+    const mrd_real scaled = limited(current / largest, R(0.0), R(1.0)) * (mrd_real)cells;
     axis_point at = {(int32_t)scaled, R(0.0)};
-    if (at.index > count - 2) at.index = count - 2;
+    if (at.index > cells - 1) at.index = cells - 1;
     at.share = scaled - (mrd_real)at.index;
     return at;
 }
@@ -52,12 +55,14 @@ static inline axis_point series_axis(mrd_real current, mrd_real largest, int32_t
 /* u^m, its slope in *slope. */
 static inline mrd_real power_at(const mrd_power *o, mrd_real size, mrd_real *slope)
 {
-    const mrd_pattern first = pattern_of(o->least) >> MRD_DIGITS, mask = ((mrd_pattern)1 << MRD_DIGITS) - 1;
+    const mrd_pattern one = 1u, mask = (one << MRD_DIGITS) - one;
+    const uint32_t bits = (uint32_t)o->bits, beside = MRD_DIGITS - bits;
     const mrd_real t = limited(size, o->least, o->top);
-    const mrd_pattern p = pattern_of(t);
-    const mrd_real *c = o->cell + 4 * (size_t)((p & mask) >> (MRD_DIGITS - (mrd_pattern)o->bits));
-    const mrd_real l = of_pattern(((p << o->bits) & mask) | MRD_PATTERN_OF_ONE) - R(1.0);
-    const mrd_real value = o->scale[(size_t)((p >> MRD_DIGITS) - first)] * (c[0] + l * (c[1] + l * (c[2] + l * c[3])));
+    const mrd_pattern p = pattern_of(t), octave = (p >> MRD_DIGITS) - (pattern_of(o->least) >> MRD_DIGITS);
+    const mrd_pattern cell = (p & mask) >> beside;
+    const mrd_real *c = &o->cell[4u * (size_t)cell];
+    const mrd_real l = of_pattern(((p << bits) & mask) | MRD_PATTERN_OF_ONE) - R(1.0);
+    const mrd_real value = o->scale[octave] * (c[0] + l * (c[1] + l * (c[2] + l * c[3])));
     const mrd_real per = value / t;
     if (!(size >= o->least)) {
         *slope = per;
@@ -175,7 +180,7 @@ static mrd_real solve_valve(const mrd_series *t, const valve_chain *k, mrd_real 
         if (balance > R(0.0)) high = p;
         else low = p;
         if (!(next > low)) next = low > R(0.0) ? R(0.5) * (low + p) : R(0.0625) * p;
-        else if (!(next < high)) next = R(0.5) * (p + limited(R(8.0) * p, p, high));
+        next = next < high ? next : R(0.5) * (p + limited(R(8.0) * p, p, high));
         moved = next - p;
         p = next;
     }
@@ -188,6 +193,7 @@ static mrd_real solve_valve(const mrd_series *t, const valve_chain *k, mrd_real 
 static mrd_real series_step(const mrd_series *t, const valve_chain *k, mrd_real *w, mrd_real x, mrd_real v0, mrd_real v1,
                             mrd_real h, mrd_real a0, mrd_real a1)
 {
+    static const mrd_real strongest = R(1e6); /* [N] no spring carries more */
     static const mrd_real part = R(0.29289321881345247560), rest = R(0.70710678118654752440);
     const mrd_real travel = R(0.5) * h * (v0 + v1), v = v0 + part * (v1 - v0), way = R(0.5) * part * h * (v0 + v);
     const mrd_real y = x - travel - w[0];
@@ -197,7 +203,7 @@ static mrd_real series_step(const mrd_series *t, const valve_chain *k, mrd_real 
     q += v1 - v;
     const mrd_real force = solve_valve(t, k, a1, w[0] + travel - moved, y + moved, v1, part * h, SERIES_ROUNDS, &q);
     const mrd_real far = k->at[MRD_CHAIN_GAP] + R(1.0) / k->at[MRD_CHAIN_SHARPNESS]
-                       + series_strongest / k->at[MRD_CHAIN_SPRING];
+                       + strongest / k->at[MRD_CHAIN_SPRING];
     w[0] = limited(w[0] + travel - moved - part * h * q, -far, far);
     w[1] = limited(q, -series_fastest, series_fastest);
     return force;

@@ -81,6 +81,9 @@ static axis_point on_currents(const mrd_track *c, mrd_real u)
     return at;
 }
 
+/* Whether the law is that of a valve in series; a constant where MRD_SERIES leaves that law out. */
+static inline bool is_series(const mrd_track *c) { return (MRD_SERIES != 0) && (c->series != NULL); }
+
 static inline axis_point warmth(const mrd_track *c, mrd_real kelvin)
 {
     axis_point at = {0, R(0.0)};
