@@ -104,7 +104,9 @@ def c_tables(controller: ForceController, *, single: bool = True) -> str:
 
     whole = struct("of_", track_members(controller))
     series = f"#define MRD_SERIES {int(controller.tables.series is not None)}"
-    return "\n".join([series, '#include "controller.h"\n', *arrays, f"static const mrd_track track = {whole};\n"])
+    return "\n".join(
+        [series, '#include "controller.h"\n', *arrays, f"static const mrd_track track = {whole};\n"]
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -150,8 +150,15 @@ def tabulate_series(
         unloaded=1.0,
         **dict.fromkeys(
             (
-                "loading", "unloading", "from_loading", "from_unloading", "from_unloaded", "viscous", "sliding",
-                "breakaway", "built_up",
+                "loading",
+                "unloading",
+                "from_loading",
+                "from_unloading",
+                "from_unloaded",
+                "viscous",
+                "sliding",
+                "breakaway",
+                "built_up",
             ),
             nothing,
         ),  # fmt: skip

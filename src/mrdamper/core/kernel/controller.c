@@ -175,7 +175,7 @@ static mrd_real answer_of(const mrd_track *c, mrd_track_state *s, axis_point war
 {
     const mrd_real p = c->preview;
     const bool bank = bank_of(c) > 1, several = states_of(c) > 1, ahead = p > R(0.0) && (!bank || c->reach > R(0.0));
-    mrd_real by[MRD_ROWS], weight[MRD_TRACK_TERMS], answer = R(1.0), lagged = s->second, play = s->play, current;
+    mrd_real answer = R(1.0), lagged = s->second, play = s->play, current;
     bool found;
     moment m = {s->x, s->v, s->a, {R(0.0), R(0.0)}};
     if (p > R(0.0)) predict(&m.x, &m.v, m.a, p);
@@ -187,6 +187,7 @@ static mrd_real answer_of(const mrd_track *c, mrd_track_state *s, axis_point war
     if (is_series(c)) {
         current = series_answer(c, s, warm, &m, past_play(c, lagged, &play), wanted, &found);
     } else {
+        mrd_real by[MRD_ROWS], weight[MRD_TRACK_TERMS];
         if (!several && !(c->is_static > R(0.5)))
             carry_on(c, s, warm, R(0.5) * (s->applied + past_play(c, lagged, &play)), &m);
         motion_multipliers(c, s, &m, by);
@@ -270,7 +271,12 @@ MRD_TRACK_API mrd_real mrd_track_step(const mrd_track *c, mrd_track_state *s, co
         ahead -= (s->v + c->preview * s->a < R(0.0) ? R(-1.0) : R(1.0)) * s->disturbance;
 
     mrd_real current = R(0.0);
-    if (c->feed_forward > R(0.0)) current = c->feed_forward * limited(answer_of(c, s, warm, ahead), R(0.0), c->largest);
+    if (c->feed_forward > R(0.0)) {
+        const mrd_real asked = answer_of(c, s, warm, ahead);
+        current = limited(asked, R(0.0), c->largest);
+        if (known && (current != asked)) s->flags |= MRD_SATURATED;
+        current *= c->feed_forward;
+    }
     if (c->on_off > R(0.5) || c->gain > R(0.0) || c->rate > R(0.0))
         current = fed_back(c, s, measured, now, told->force, current);
     if (!known) current = c->fall_back;
