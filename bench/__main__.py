@@ -24,7 +24,9 @@ NAMES = (
     "temperature",
     "heating",
     "tracking",
+    "series_valve",
     "controller",
+    "target",
     "growth",
     "web",
 )

@@ -24,8 +24,22 @@ from mrdamper import core
 from mrdamper.models.laws import LAWS
 from mrdamper.quantities import FloatArray
 
-__all__ = ["Job", "cvode", "diffrax_tsit5", "explicit_euler", "jax_rk4", "kernel", "numba_rk4", "octave_lsode",
-           "odeint", "reference_c", "rk4_c", "solve_ivp"]  # fmt: skip
+__all__ = [
+    "Job",
+    "cvode",
+    "diffrax_tsit5",
+    "explicit_euler",
+    "jax_rk4",
+    "kernel",
+    "kernel_errors",
+    "numba_rk4",
+    "octave_lsode",
+    "odeint",
+    "reference_c",
+    "reference_errors",
+    "rk4_c",
+    "solve_ivp",
+]
 
 Job = Callable[[], FloatArray]
 Traced = Any  # what JAX passes through a function
@@ -44,8 +58,25 @@ def kernel(problem: Problem) -> Job:
     return job
 
 
+def kernel_errors(problem: Problem) -> FloatArray:
+    """Return the kernel's sums of squared errors [N^2], shape (candidates,)."""
+    number = LAWS["bouc-wen"].kernel or 0
+    return core.squared_errors(number, [problem.record], [problem.measured], [0], problem.coefficients)[:, 0]
+
+
+def reference_errors(problem: Problem) -> FloatArray:
+    """Return the plain C's sums of squared errors [N^2], shape (candidates,)."""
+    errors = np.empty(problem.candidates)
+    _reference(problem, errors)()
+    return errors
+
+
 def reference_c(problem: Problem) -> Job:
     """The same method in plain C for this law alone (``reference.c``)."""
+    return _reference(problem, np.empty(problem.candidates))
+
+
+def _reference(problem: Problem, errors: FloatArray) -> Job:
     call, track = library().reference_errors, problem.trajectory
     pieces = problem.record.pieces
     first = np.array([piece[0] for piece in pieces], dtype=np.int64)
@@ -53,7 +84,7 @@ def reference_c(problem: Problem) -> Job:
     side = np.array([float(piece[2]) for piece in pieces])
     candidates = np.zeros((problem.candidates, 7))
     candidates[:, 3:] = problem.values
-    errors, force = np.empty(problem.candidates), np.empty(problem.samples)
+    force = np.empty(problem.samples)
     x, v, measured = track.displacement, track.velocity, problem.measured
 
     def job(out: FloatArray | None = None) -> FloatArray:

@@ -12,9 +12,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
-from statistics import median
+from statistics import median, quantiles
 
 import numpy as np
 
@@ -255,8 +255,11 @@ def _row(name: str, spent: list[float], over: list[float], ours: float) -> Row:
         asked = (Asked(figure, SEEDS, near, "-", at_least=True),)
     elif name.startswith("genetic"):
         asked = (Asked(f"{name}: CPU over variable projection's", TIMES, cpu / ours, "x", at_least=True),)
-    return Row(name, cpu, ratio=cpu / ours, accuracy=said, asked=asked, group=GROUP,
-               spread=(min(spent) / cpu, max(spent) / cpu))  # fmt: skip
+    row = Row(name, cpu, ratio=cpu / ours, accuracy=said, asked=asked, group=GROUP)
+    if len(spent) < 3:
+        return row
+    low, _, high = quantiles(spent, n=4, method="inclusive")
+    return replace(row, spread=(low / cpu, high / cpu))
 
 
 def _by_odeint(ours: float) -> Row:

@@ -1,4 +1,4 @@
-"""Start-up: CPU of a fresh process, the bare interpreter's taken off."""
+"""Start-up: CPU of a fresh process, the bare interpreter's taken off an import; other libraries beside it."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import resource
 import subprocess
 import sys
 from functools import partial
-from statistics import median
+from statistics import median, quantiles
 
-from bench.measure import Row
+from bench.measure import Asked, Row, absent
 
 __all__ = ["run"]
 
@@ -20,7 +20,8 @@ JOBS = {
         "import sys; sys.argv = ['mrdamper', '--help']; from mrdamper.app.cli import main; main()",
     ],
 }
-BARS = {"import mrdamper": "30 ms beside the interpreter", "mrdamper --help": "200 ms"}
+PEERS = ("scipy.integrate", "control", "sysidentpy", "pybamm", "pybop", "jax", "numba", "diffrax")
+MOST_S = {"import mrdamper": 0.030, "mrdamper --help": 0.200}
 
 
 def _cpu(arguments: list[str]) -> float:
@@ -33,11 +34,14 @@ def _cpu(arguments: list[str]) -> float:
 
 
 def run() -> list[Row]:
-    """Return CPU of starting; the import is net of the interpreter, the command is whole."""
-    spent: dict[str, list[float]] = {name: [] for name in JOBS}
+    """Return CPU of starting; an import is net of the interpreter, the command is whole."""
+    jobs = JOBS | {f"import {name}": ["-c", f"import {name}"] for name in PEERS}
+    spent: dict[str, list[float]] = {name: [] for name in jobs}
     failed: dict[str, str] = {}
-    for turn in range(12):
-        for name, job in {name: partial(_cpu, arguments) for name, arguments in JOBS.items()}.items():
+    for turn in range(8):
+        for name, job in {name: partial(_cpu, arguments) for name, arguments in jobs.items()}.items():
+            if name in failed:
+                continue
             try:
                 value = job()
             except RuntimeError as fault:
@@ -46,11 +50,14 @@ def run() -> list[Row]:
             if turn:
                 spent[name].append(value)
     bare = median(spent["python -c pass"])
-    rows = []
-    for name, times in spent.items():
-        if name in failed:
-            rows.append(Row(name, accuracy=f"did not run: {failed[name]}", bar=BARS.get(name, "")))
-            continue
-        cpu = median(times) - (bare if name.startswith("import") else 0.0)
-        rows.append(Row(name, cpu, ratio=median(times) / bare, bar=BARS.get(name, "")))
-    return rows
+    return [absent(name, failed[name]) if name in failed else _row(name, spent[name], bare) for name in jobs]
+
+
+def _row(name: str, times: list[float], bare: float) -> Row:
+    less = bare if name.startswith("import") else 0.0
+    cpu = median(times) - less
+    low, _, high = quantiles(times, n=4, method="inclusive")
+    spread = ((low - less) / cpu, (high - less) / cpu) if cpu > 0.0 else None
+    most = MOST_S.get(name)
+    asked = () if most is None else (Asked(f"{name}, CPU", 1e3 * most, 1e3 * cpu, "ms"),)
+    return Row(name, cpu, ratio=median(times) / bare, asked=asked, spread=spread)

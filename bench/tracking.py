@@ -30,7 +30,7 @@ from mrdamper.rig.campaign import Campaign
 from mrdamper.rig.measurement import measure
 from mrdamper.rig.plant import PRESETS, STEP_S, Plant, VirtualDamper
 
-__all__ = ["drawn_damper", "run"]
+__all__ = ["drawn_damper", "followed", "in_words", "measured", "run"]
 
 TEMPERATURES, SEEDS = (20.0, 60.0, 100.0, 123.0), (1, 2)
 SLOW, FAST, UNEVEN = TARGETS = ("sine-900N-1Hz", "sine-1100N-2Hz", "non-periodic")
@@ -65,7 +65,7 @@ def run() -> list[Row]:
     rows: list[Row] = []
     cards: dict[str, ModelCard] = {}
     for preset in ("nominal", "hard", "stiff"):
-        runs = _measured(PRESETS[preset], Campaign())
+        runs = measured(PRESETS[preset], Campaign())
         cards[preset] = mrdamper.fit(runs, hold_out=Campaign().hold_out).card()
         rows += _presets_rows(preset, cards[preset])
         if preset == "nominal":
@@ -75,7 +75,8 @@ def run() -> list[Row]:
     return [*rows, *_drawn()]
 
 
-def _measured(damper: VirtualDamper, campaign: Campaign) -> list[RigRun]:
+def measured(damper: VirtualDamper, campaign: Campaign) -> list[RigRun]:
+    """Return the runs of a campaign."""
     return [measured for measured, _ in measure(damper, campaign)]
 
 
@@ -105,7 +106,8 @@ def _scores(damper: VirtualDamper, controller: ForceController, scenario: Scenar
     return found
 
 
-def _followed(damper: VirtualDamper, controller: ForceController, scenario: Scenario) -> Score:
+def followed(damper: VirtualDamper, controller: ForceController, scenario: Scenario) -> Score:
+    """Return the worst of temperatures and seeds."""
     return worst(list(_scores(damper, controller, scenario).values()))
 
 
@@ -117,7 +119,8 @@ def _greatest(score: Score) -> float:
     return float("nan") if score.max_feasible_N is None else score.max_feasible_N
 
 
-def _said(score: Score) -> str:
+def in_words(score: Score) -> str:
+    """Return a score's figures."""
     power = "" if score.coil_power_W is None else f"; coil {score.coil_power_W:.2f} W"
     return (
         f"max {score.max_N:.0f}, max feasible {_greatest(score):.1f}, RMSE feasible {_rmse(score):.1f} N; "
@@ -133,18 +136,18 @@ def _presets_rows(preset: str, card: ModelCard) -> Iterable[Row]:
     for target in TARGETS:
         scenario, place = SCENARIOS[target], f"{preset}, {target}"
         begin = time.process_time()
-        ours = _followed(damper, controllers["recommended"], scenario)
+        ours = followed(damper, controllers["recommended"], scenario)
         spent = time.process_time() - begin
         aims = AIMS.get((preset, target))
         yield Row(
             f"{place}: recommended",
             spent,
-            accuracy=_said(ours),
+            accuracy=in_words(ours),
             bar="" if aims is None else f"aim: max feasible {aims[0]:g}, RMSE feasible {aims[1]:g} N",
             asked=_musts(place, MUST.get((preset, target)), ours),
         )
         for name in OTHERS:
-            theirs = _followed(damper, controllers[name], scenario)
+            theirs = followed(damper, controllers[name], scenario)
             ratio, asked = _rmse(theirs) / _rmse(ours), tuple[Asked, ...]()
             if name == "paper":
                 asked = _against_the_paper(preset, target, ours, theirs)
@@ -153,7 +156,7 @@ def _presets_rows(preset: str, card: ModelCard) -> Iterable[Row]:
                 asked = (Asked(figure, 270.0, theirs.max_N, at_least=True),)
             if name == "recommended-causal":
                 asked = (Asked(f"{place}: target not known ahead, RMSE feasible", 1.3, ratio, "x"),)
-            yield Row(f"{place}: {name}", ratio=ratio, accuracy=_said(theirs), asked=asked)
+            yield Row(f"{place}: {name}", ratio=ratio, accuracy=in_words(theirs), asked=asked)
 
 
 def _musts(place: str, must: tuple[float, float, float] | None, ours: Score) -> tuple[Asked, ...]:
@@ -200,7 +203,7 @@ def _unaware(card: ModelCard, runs: Sequence[RigRun]) -> Iterable[Row]:
         controller = controllers_for(blind)["recommended"]
         for target in TARGETS:
             scenario = SCENARIOS[target]
-            known, unknown = (_followed(nominal, each, scenario) for each in (aware, controller))
+            known, unknown = (followed(nominal, each, scenario) for each in (aware, controller))
             ratio = _greatest(unknown) / _greatest(known)
             figure = f"nominal, {target}: recommended, temperature not known, {title}"
             over = Asked(
@@ -209,7 +212,7 @@ def _unaware(card: ModelCard, runs: Sequence[RigRun]) -> Iterable[Row]:
             yield Row(
                 figure,
                 ratio=ratio,
-                accuracy=f"{_said(unknown)}; {ratio:.1f} x the aware max feasible",
+                accuracy=f"{in_words(unknown)}; {ratio:.1f} x the aware max feasible",
                 asked=(over,) if target == SLOW else (),
             )
 
@@ -225,7 +228,7 @@ def _optimum(card: ModelCard) -> Iterable[Row]:
         yield Row(
             f"nominal, {SLOW}, {degrees:g} degC: best current of a search",
             time.process_time() - begin,
-            accuracy=f"{_said(best)}; recommended: {ours[degrees].max_N:.0f} N, {ratio:.2f} x its max",
+            accuracy=f"{in_words(best)}; recommended: {ours[degrees].max_N:.0f} N, {ratio:.2f} x its max",
             asked=(
                 Asked(f"nominal, {SLOW}, {degrees:g} degC: max all over the best current's", 1.4, ratio, "x"),
             ),
@@ -246,7 +249,7 @@ def _robustness(card: ModelCard) -> Iterable[Row]:
         more = max(map(_rmse, found.values())) - max(map(_rmse, calm.values()))
         most = max(_rmse(found[t]) - _rmse(calm[t]) for t in TEMPERATURES)
         said = f"{more:+.1f} N (at one temperature at most {most:+.1f} N); "
-        said += _said(worst(list(found.values())))
+        said += in_words(worst(list(found.values())))
         asked = (
             () if bar_N is None else (Asked(f"nominal, {SLOW}, {title}: added RMSE feasible", bar_N, more),)
         )
@@ -279,12 +282,12 @@ def _gains(card: ModelCard) -> Iterable[Row]:
     """Return what a plant that is a tenth stronger or weaker adds after 3 s of force data."""
     nominal, scenario = PRESETS["nominal"], _learning(SCENARIOS[SLOW])
     controller = replace(controllers_for(card)["recommended-adaptive"], needs_force=True)
-    calm = _followed(nominal, controller, scenario)
+    calm = followed(nominal, controller, scenario)
     for gain in (0.9, 1.1):
-        found = _followed(nominal, controller, replace(scenario, disturbance=Disturbance(force_gain=gain)))
+        found = followed(nominal, controller, replace(scenario, disturbance=Disturbance(force_gain=gain)))
         yield Row(
             f"nominal, {SLOW}: the damper's force x {gain:g}, recommended-adaptive, 3 s of force data",
-            accuracy=f"{_rmse(found) - _rmse(calm):+.1f} N; {_said(found)}",
+            accuracy=f"{_rmse(found) - _rmse(calm):+.1f} N; {in_words(found)}",
         )
 
 
@@ -308,14 +311,14 @@ def _aged(card: ModelCard) -> Iterable[Row]:
         viscous_N=1.30 * new.viscous_N,
         friction_N=1.37 * new.friction_N,
     )
-    fresh = _followed(new, controllers["recommended"], SCENARIOS[SLOW])
+    fresh = followed(new, controllers["recommended"], SCENARIOS[SLOW])
     for target in TARGETS:
         scenario = _learning(SCENARIOS[target])
         found = [
-            _followed(aged, replace(controllers[name], needs_force=True), scenario)
+            followed(aged, replace(controllers[name], needs_force=True), scenario)
             for name in ("recommended", "recommended-adaptive")
         ]
-        said = f"{_said(found[1])}; without adaptation RMSE {_rmse(found[0]):.1f} N"
+        said = f"{in_words(found[1])}; without adaptation RMSE {_rmse(found[0]):.1f} N"
         place = f"aged, {target}: recommended-adaptive, 3 s of force data"
         asked = Asked(
             f"{place}: RMSE feasible over that without", 1.0, _rmse(found[1]) / _rmse(found[0]), "x"
@@ -356,14 +359,14 @@ def _drawn() -> Iterable[Row]:
     for index in range(PLANTS):
         damper = drawn_damper(rng, index)
         try:
-            card = mrdamper.fit(_measured(damper, campaign)).card()
+            card = mrdamper.fit(measured(damper, campaign)).card()
             controllers = controllers_for(card)
         except MrdamperError as error:  # counted and told, not left out in silence
             failed.append(f"{damper.name}: {error}")
             continue
         for target in TARGETS:
             ours, paper = (
-                _followed(damper, controllers[name], SCENARIOS[target]) for name in ("recommended", "paper")
+                followed(damper, controllers[name], SCENARIOS[target]) for name in ("recommended", "paper")
             )
             found[target].append((damper.name, ours, paper))
         _REACHES.clear()

@@ -217,6 +217,10 @@ def test_sampling_slower_than_the_lag_is_refused(folder):
         (("--target", "sine-900N"), "there is no target 'sine-900N'; did you mean sine-900N-1Hz"),
         (("--controller", "recomended"), "there is no controller 'recomended'; did you mean recommended"),
         (("--controller", "recommended-pooled"), "It is made from another card: --pooled CARD"),
+        (
+            ("--controller", "series-inverse"),
+            "is made from cards of the series-valve law, and",
+        ),
         (("--temperature", "293.15"), "temperature is 293.15 degC; expected -40 to 200"),
         (("--target", "nowhere.toml"), "nowhere.toml: cannot read the scenario"),
         (("--seed", "-1"), "seed is -1; expected zero or more"),

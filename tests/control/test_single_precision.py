@@ -22,7 +22,10 @@ from tests.control.dampers import DOUBLE
 KERNEL = Path(core.__file__).parent / "kernel"
 WARNINGS = ["-Wall", "-Wextra", "-Wshadow", "-Wconversion", "-Wdouble-promotion", "-Wcast-qual", "-pedantic"]
 REAL, POINTER = ctypes.c_float, ctypes.POINTER(ctypes.c_float)
-CURVES = ("loading", "unloading", "to_load", "to_unload", "viscous", "sliding", "breakaway", "built_up")
+CURVES = (
+    "loading", "unloading", "from_loading", "from_unloading", "from_unloaded", "viscous", "sliding",
+    "breakaway", "built_up",
+)  # fmt: skip
 
 
 class Octaves(ctypes.Structure):
@@ -35,8 +38,11 @@ class Octaves(ctypes.Structure):
 class Track(ctypes.Structure):
     _fields_ = [
         *((name, REAL) for name in core.TRACK_NUMBERS),
-        ("currents", ctypes.c_int32), ("temperatures", ctypes.c_int32), ("force", POINTER), ("rho", POINTER),
-        *((name, Octaves) for name in CURVES),
+        ("currents", ctypes.c_int32), ("pieces", ctypes.c_int32), ("levels", ctypes.c_int32),
+        ("begin", ctypes.c_int32 * 6), ("row", ctypes.c_uint8 * 48),
+        ("eighth", ctypes.c_uint8 * 9), ("current", POINTER),
+        ("factor", POINTER), ("column", POINTER),
+        *((name, Octaves) for name in CURVES), ("series", ctypes.c_void_p),
     ]  # fmt: skip
 
 
@@ -56,8 +62,11 @@ def track_of(numbers, tables, kept):
         return kept[-1].ctypes.data_as(POINTER)
 
     track = Track(**numbers)
-    track.temperatures, _, track.currents = tables.force.shape
-    track.force, track.rho = pointer(tables.force), pointer(tables.rho)
+    track.currents, track.pieces = len(tables.currents), len(tables.factor)
+    track.levels, track.begin = tables.levels, tables.begin
+    track.row[: len(tables.rows)] = tables.rows
+    track.eighth, track.current = tables.eighths, pointer(tables.currents)
+    track.factor, track.column = pointer(tables.factor), pointer(tables.column)
     for curve, table in zip(CURVES, tables.octaves, strict=True):
         setattr(
             track, curve, Octaves(table.offset, table.top, table.bits, len(table.cell), pointer(table.cell))

@@ -31,7 +31,7 @@ def _a_compiler(tool):
 # -------------------------------------------------------------------------------------- the same bits
 
 
-@pytest.mark.parametrize("law", DAMPERS)
+@pytest.mark.parametrize("law", [*DAMPERS, "series-valve"])
 def test_in_single_precision_every_law_has_the_same_bits_in_c_as_in_python(law):
     record = verify_c(a_target(law), samples=SHORT)
     assert record.passed, record.problems
@@ -64,9 +64,10 @@ def test_over_a_hundred_thousand_steps():
     assert (model - own) | {"NO_TARGET", "INFEASIBLE", "CLAMPED"} <= set(record.flags_raised["controller"])
 
 
+@pytest.mark.parametrize("law", ["double-bouc-wen", "series-valve"])
 @pytest.mark.parametrize("content", ["model", "controller"])
-def test_in_double_precision_too(content):
-    record = verify_c(a_target(content=content, precision="double"), samples=SHORT)
+def test_in_double_precision_too(law, content):
+    record = verify_c(a_target(law, content=content, precision="double"), samples=SHORT)
     assert record.passed, record.problems
     assert record.worst_relative <= 1e-12
     assert {name.partition(".")[0] for name in record.outputs} == {content}
@@ -153,8 +154,8 @@ def test_a_check_of_a_reading_that_is_left_out_is_found(monkeypatch):
     changed(
         monkeypatch,
         "track_estimate.c",
-        "const int there = magnitude(reading) <= c->far_x;",
-        "const int there = 1;",
+        "const bool there = magnitude(reading) <= c->far_x;",
+        "const bool there = true;",
     )
     record = verify_c(a_target(content="model"), samples=4 * SHORT)
     assert not record.passed

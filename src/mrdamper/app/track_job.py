@@ -55,7 +55,7 @@ _KELVIN = 273.15
 _DRAWN = ("recommended", "paper", "recommended-unaware", "paper-unaware")
 _NEED_LAG = (
     "recommended", "recommended-causal", "recommended-adaptive", "recommended-observer", "paper-preview",
-    "static-preview", "lead", "pi", "feed-forward-pi",
+    "static-preview", "lead", "pi", "feed-forward-pi", "series-inverse",
 )  # fmt: skip
 
 Report = Callable[[int, int, str], None]
@@ -352,6 +352,7 @@ def _controllers(path: Path, card: ModelCard, options: TrackOptions, largest: fl
             made_of |= {f"{name}-{kind}": (other, blind) for name in names}
     for name in options.controllers:
         if name not in every:
+            _check_law(path, name, card)
             kind = name.removeprefix("recommended-")
             more = f" It is made from another card: --{kind} CARD" if kind in ("unaware", "pooled") else ""
             raise InputError(f"there is no controller {name!r}; {did_you_mean(name, every)}{more}")
@@ -372,6 +373,15 @@ def _controllers(path: Path, card: ModelCard, options: TrackOptions, largest: fl
             "mrdamper rig). Add such a run, or name controllers that need none, such as --controller paper"
         )
     return chosen
+
+
+def _check_law(path: Path, name: str, card: ModelCard) -> None:
+    from mrdamper.control.controllers import check_name
+
+    try:
+        check_name(name, card.damper.law.name)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
 
 
 def _made(path: Path, card: ModelCard, options: TrackOptions, largest: float) -> dict[str, ForceController]:

@@ -1,8 +1,9 @@
 """A card's damper as a plant: what a controller meets when the card itself is taken for the truth.
 
 The command goes through the damper's actuation (or its lag) and is held over each step; the law's state is
-carried from step to step by the exact flow of the Bouc-Wen family. Judged on this plant a controller made
-from the same card has no model error left: use it to see what lag and noise alone cost, never as proof.
+carried from step to step by the exact flow of the Bouc-Wen family, or implicitly (``series_plant``).
+Judged on this plant a controller made from the same card has no model error left: use it to see what lag and
+noise alone cost, never as proof.
 
 Starts without force and command. Extension positive.
 """
@@ -16,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mrdamper import core
+from mrdamper.control.series_plant import carry_chain
 from mrdamper.errors import InputError
 from mrdamper.models.actuation import PLAY_SHARE
 from mrdamper.models.damper import Damper
@@ -30,11 +32,16 @@ _ELEMENTS = {  # yield force and inverse yield displacement of the hysteretic el
     "double-bouc-wen": (("yield_force", "rho"), ("second_force", "second_rho")),
     "bingham": (),
     "tanh": (),
+    "series-valve": (),
 }
 
 LAWS_AS_PLANT = tuple(_ELEMENTS)
 """The laws whose state can be carried from step to step here."""
 
+_CHAIN = (
+    "offset", "stiffness", "yield_force", "thinning", "thinning_exponent", "yield_velocity", "position_gain",
+    "gap_stiffness", "gap", "gap_corner", "leak_damping", "leak_exponent",
+)  # fmt: skip
 _LEVELS = 401  # commands of the coefficients' table
 _VISCOUS_SPEED = 0.1  # [m/s], where the viscosity is viscous force over speed
 _KELVIN = 273.15
@@ -107,7 +114,7 @@ class CardPlant:
         self._applied = (0.0, 0.0, -self._play)  # after the first lag, after the second, behind the play
         delay = 0.0 if damper.actuation is None else damper.actuation.delay_s
         self._line = np.zeros(round(delay / step_s))
-        self._state = (0.0,) * len(_ELEMENTS[law])
+        self._state = (0.0, 0.0) if law == "series-valve" else (0.0,) * len(_ELEMENTS[law])
         self._where: tuple[float, float] | None = None  # displacement and velocity; None: not moved yet
 
     def copy(self) -> CardPlant:
@@ -130,7 +137,9 @@ class CardPlant:
         x0, v0 = (float(x[0]), float(v[0])) if self._where is None else self._where
         travel = np.diff(x, prepend=x0)
         self._where = (float(x[-1]), float(v[-1]))
-        force = c["offset"] + c["stiffness"] * x + c["mass"] * np.diff(v, prepend=v0) / self.step_s
+        force = c["mass"] * np.diff(v, prepend=v0) / self.step_s
+        if self._damper.law.name != "series-valve":
+            force += c["offset"] + c["stiffness"] * x
         force += (
             c["viscosity"]
             * np.sign(v)
@@ -146,6 +155,11 @@ class CardPlant:
     ) -> FloatArray | float:
         """Return the law's own part of the force [N]; its state moves on."""
         law = self._damper.law.name
+        if law == "series-valve":
+            spring, valve = self._state
+            chain = {name: c[name] for name in _CHAIN}
+            self._state, force = carry_chain((spring, valve), x, v, travel, self.step_s, chain)
+            return force
         if self._curve is None:
             if law == "bingham":
                 return np.asarray(c["yield_force"] * np.tanh(v / c["yield_velocity"]))

@@ -6,7 +6,9 @@ of them and the same that an export ships. What tells them apart are a few numbe
 - ``recommended``: motion, hysteresis and target at the preview, exact solve, reversal clamp; its causal form
   extrapolates the target, its adaptive form learns gains where a force is measured now and then;
 - ``paper``: a bank of models at constant currents, interpolated linearly, at the present instant;
-- baselines with and without a force sensor.
+- baselines with and without a force sensor;
+- ``series-inverse``: the explicit inverse of the series valve law at the preview; with the reversal clamp and
+  the reach it is the ``recommended`` of such a card.
 
 A controller knows one temperature, that of the fluid; where it comes from is the business of ``estimators``.
 What a card leaves open is settled by the rules of ``tuning``.
@@ -43,7 +45,9 @@ __all__ = [
     "ForceController",
     "Safety",
     "belief_of",
+    "check_name",
     "controllers_for",
+    "names_for",
     "native_of",
 ]
 
@@ -140,12 +144,18 @@ class Belief:
         return self.yield_force + self.viscous_force + self.friction_force + self.other_force
 
 
-def native_of(
-    numbers: Mapping[str, float], tables: DamperTables, force: FloatArray, *, single: bool
-) -> core.Tracker:
-    """Return the kernel's part of a controller or model; ``force`` is the tables' forces [N]."""
-    octaves = [(o.offset, o.top, o.bits, o.cell) for o in tables.octaves]
-    return core.Tracker(np.array(list(numbers.values())), force, tables.rho, octaves, single=single)
+def native_of(numbers: Mapping[str, float], tables: DamperTables, *, single: bool) -> core.Tracker:
+    """Return the kernel's part of a controller or model."""
+    return core.Tracker(
+        np.array(list(numbers.values())),
+        bytes(tables.rows),
+        tables.currents,
+        tables.factor,
+        tables.column,
+        [(o.offset, o.top, o.bits, o.cell) for o in tables.octaves],
+        single=single,
+        series=None if tables.series is None else tables.series.native,
+    )
 
 
 def belief_of(native: core.Tracker, state: bytes) -> Belief:
@@ -175,24 +185,21 @@ class ForceController:
     tables: DamperTables
     needs_force: bool = False
     known_ahead: bool = True  # whether it is told the target ahead of time
-    force: FloatArray = field(repr=False, default_factory=lambda: np.empty(0))  # the table, gains applied
     single: bool = False  # the arithmetic, tables and state of a target without double precision
     _native: core.Tracker = field(init=False, repr=False)
     _step: Callable[..., tuple[bytes, float]] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        if not self.force.size:
-            object.__setattr__(self, "force", self.tables.force)
         numbers = MappingProxyType({name: float(self.numbers[name]) for name in core.TRACK_NUMBERS})
         object.__setattr__(self, "numbers", numbers)
-        native = native_of(numbers, self.tables, self.force, single=self.single)
+        native = native_of(numbers, self.tables, single=self.single)
         object.__setattr__(self, "_native", native)
         object.__setattr__(self, "_step", native.step)
 
     def __reduce__(self) -> tuple[type[ForceController], tuple[object, ...]]:
         """Pickle through the constructor: the kernel's part cannot be pickled."""
-        parts = (self.name, dict(self.numbers), self.tables, self.needs_force, self.known_ahead, self.force)
-        return ForceController, (*parts, self.single)
+        parts = (self.name, dict(self.numbers), self.tables, self.needs_force, self.known_ahead, self.single)
+        return ForceController, parts
 
     @property
     def period_s(self) -> float:
@@ -248,7 +255,9 @@ class ForceController:
         gains = (yield_gain, viscous_gain, friction_gain)
         if not all(0.1 <= gain <= 10.0 for gain in gains):
             raise InputError(f"controller: gains are {gains}; expected 0.1 to 10")
-        return replace(self, force=np.ascontiguousarray(self.tables.scaled(*gains)))
+        if self.tables.series is not None:
+            return replace(self, tables=replace(self.tables, series=self.tables.series.scaled(*gains)))
+        return replace(self, tables=self.tables.scaled(*gains))
 
 
 @dataclass(frozen=True, slots=True)
@@ -268,7 +277,25 @@ NAMES = (
     "paper-3", "paper-9", "paper-unaware", "paper-preview", "static-preview", "exact", "lead",
     "inverse-bouc-wen", "clipped-on-off", "pi", "feed-forward-pi",
 )  # fmt: skip
-"""The controllers there are."""
+"""The controllers there are; ``names_for`` has those of the series valve."""
+
+_OF_ONE_LAW = {"inverse-bouc-wen": "the Bouc-Wen laws", "series-inverse": "the series-valve law"}
+
+
+def names_for(law: str) -> tuple[str, ...]:
+    """Return the controllers that a law can be given."""
+    if law != "series-valve":
+        return NAMES
+    return (*(name for name in NAMES if name not in _OF_ONE_LAW), "series-inverse")
+
+
+def check_name(name: str, law: str) -> None:
+    """Raise ``InputError`` for a controller that there is, but not for this law."""
+    if name in _OF_ONE_LAW and name not in names_for(law):
+        raise InputError(
+            f"controller: {name!r} is made from cards of {_OF_ONE_LAW[name]}, and this card's law is "
+            f"{law!r}; expected one of {', '.join(names_for(law))}"
+        )
 
 
 def controllers_for(  # noqa: PLR0913 - what a caller may know better than the rules
@@ -340,14 +367,15 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
         model_error=_model_error(card, tables),
     )
     made = _Source(damper, actuation, tables, numbers, preview, gain_of_force)
-    return {name: _controller(name, made) for name in NAMES}
+    return {name: _controller(name, made) for name in names_for(damper.law.name)}
 
 
 def _controller(name: str, made: _Source) -> ForceController:
     """Return one controller: what its numbers differ in."""
     numbers = dict(made.numbers)
     present = {"preview": 0.0, "reach": 0.0, "margin": -1.0}
-    literal = present | {"play": 0.0}  # as published: the bank knows the command, and neither lags nor play
+    # as published: the command is known, and neither lags nor play
+    literal = present | {"play": 0.0, "unlagged": 1.0}
     bank = {"reach": 0.0, "margin": -1.0, "play": 0.0}
     gain, rate = tuning.feedback_gains(made.actuation, numbers["period"], made.force_per_command)
     feedback = {"gain": gain, "rate": rate}
@@ -366,10 +394,11 @@ def _controller(name: str, made: _Source) -> ForceController:
         "static-preview": {"reach": 0.0, "margin": -1.0, "is_static": 1.0},
         "exact": present,
         "lead": present | lead,
-        "inverse-bouc-wen": literal | {"unlagged": 1.0},
+        "inverse-bouc-wen": literal,
         "clipped-on-off": present | {"feed_forward": 0.0, "on_off": 1.0},
         "pi": present | feedback | {"feed_forward": 0.0},
         "feed-forward-pi": feedback,
+        "series-inverse": {"reach": 0.0, "margin": -1.0},
     }
     numbers |= changes[name]
     return ForceController(
@@ -465,13 +494,21 @@ def _numbers(  # noqa: PLR0913 - one place where all numbers of the kernel's tab
         "far_v": 100.0 if envelope is None else safety.stroke_times * v,
         **heating,
         "reckon": 1.0,
+        "substeps": float(max(1, math.ceil(period / tuning.SERIES_STEP_S - 1e-9))),
+        "strides": tuning.SERIES_STRIDES,
+        "horizon": tuning.SERIES_HORIZON_S,
+        "unloaded": tables.unloaded,
+        "shared": float(tables.shared),
     }
 
 
 def _force_per_command(tables: DamperTables) -> float:
     """Return the mean growth of the settled yield force with the command [N/A], at the middle temperature."""
-    sheet = tables.force[len(tables.temperatures) // 2]
-    yields = sheet[6] + sheet[7]
+    if tables.series is not None:
+        steady = tables.series.yield_force[len(tables.series.yield_force) // 2]
+        return float((steady[-1] - steady[0]) / tables.currents[-1])
+    rows = tables.at(0.5 * float(tables.temperatures[0] + tables.temperatures[-1]))
+    yields = rows[6] + rows[7]
     return float((yields[-1] - yields[0]) / tables.currents[-1])
 
 
@@ -479,4 +516,6 @@ def _model_error(card: ModelCard | None, tables: DamperTables) -> float:
     """Return the size of the model's force error [N]: the card's, else 5 % of its largest yield force."""
     if card is not None and card.evidence.runs:
         return max(1.0, float(statistics.median(run["rmse_N"] for run in card.evidence.runs)))
-    return max(1.0, 0.05 * float((tables.force[:, 6] + tables.force[:, 7]).max()))
+    if tables.series is not None:
+        return max(1.0, 0.05 * float(tables.series.yield_force.max()))
+    return max(1.0, 0.05 * tables.peak_yield)

@@ -55,7 +55,7 @@ class RealtimeDamper:
     def __post_init__(self) -> None:
         numbers = MappingProxyType({name: float(self.numbers[name]) for name in core.TRACK_NUMBERS})
         object.__setattr__(self, "numbers", numbers)
-        native = native_of(numbers, self.tables, self.tables.force, single=self.single)
+        native = native_of(numbers, self.tables, single=self.single)
         object.__setattr__(self, "_native", native)
         object.__setattr__(self, "_step", native.model)
 

@@ -75,6 +75,15 @@ OBSERVER_S = 0.15
 LEAD_RATIO = 5.0
 """Of the lead compensation: its numerator's time over its denominator's."""
 
+SERIES_STEP_S = 1e-3
+"""Longest step in which the state of the series valve is carried on [s]."""
+
+SERIES_STRIDES = 2.0
+"""Steps in which it is carried on to the preview; eight change no figure by 1 N."""
+
+SERIES_HORIZON_S = 4e-3
+"""Time in which its spring is taken to the wanted force [s]: from 1 to 15 ms changes no RMSE by 1 N."""
+
 _LINE = 128  # MRD_TRACK_LINE of the kernel
 
 

@@ -38,14 +38,25 @@ class Belief(TypedDict):
     warmed: float
     flags: int
 
+# yield force, chain, powers (exponent, least, top, bits, scale, cells), functions of a size
+SeriesTables = tuple[
+    FloatArray,
+    FloatArray,
+    Sequence[tuple[float, float, float, int, FloatArray, FloatArray]],
+    Sequence[tuple[float, float, int, FloatArray]],
+]
+
 class Tracker:
     def __new__(
         cls,
         numbers: FloatArray,
-        force: FloatArray,
-        rho: FloatArray,
+        rows: bytes,
+        current: FloatArray,
+        factor: FloatArray,
+        column: FloatArray,
         octaves: Sequence[tuple[float, float, int, FloatArray]],
         single: bool = False,
+        series: SeriesTables | None = None,
     ) -> Tracker: ...
     def start(self) -> bytes: ...
     def step(

@@ -73,6 +73,7 @@ def c_files(target: Target) -> dict[str, str]:
         "main.c": text("main.c.j2"),
         "CMakeLists.txt": text("CMakeLists.txt.j2"),
         "README.md": text("README.md.j2"),
+        "misra.md": files("mrdamper.export").joinpath("misra.md").read_text(encoding="utf-8"),
     }
 
 

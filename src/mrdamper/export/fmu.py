@@ -38,7 +38,7 @@ _PLATFORMS = {  # of this machine: folder of FMI 2.0, folder of FMI 3.0
     ("Linux", "x86_64"): ("linux64", "x86_64-linux"),
     ("Linux", "aarch64"): ("", "aarch64-linux"),
 }
-_LEFT_OUT = ("main.c", "CMakeLists.txt", "README.md")  # of the C folder: of no use in an FMU
+_LEFT_OUT = ("main.c", "CMakeLists.txt", "README.md", "misra.md")  # of the C folder: of no use in an FMU
 _ENTRY = {"2.0": "fmi2.c", "3.0": "fmi3.c"}
 _LARGEST_DOUBLE = 1.7976931348623157e308
 _WHEN = (1980, 1, 1, 0, 0, 0)  # the zip's first day: the same FMU on every day

@@ -11,7 +11,7 @@ import re
 from dataclasses import dataclass, replace
 from typing import Literal, cast
 
-from mrdamper.control.controllers import ForceController, controllers_for
+from mrdamper.control.controllers import ForceController, check_name, controllers_for
 from mrdamper.control.heating import Heating
 from mrdamper.control.realtime import RealtimeDamper, realtime_model
 from mrdamper.errors import InputError
@@ -125,6 +125,7 @@ def target_of(
         model = realtime_model(card, period_s=period_s, largest=largest, heating=heating, single=single)
     if content != "model":
         every = controllers_for(card, period_s=period_s, largest=largest, heating=heating)
+        check_name(controller, card.damper.law.name)
         if controller not in every:
             raise InputError(f"there is no controller {controller!r}; {did_you_mean(controller, every)}")
         made = replace(every[controller], single=single)

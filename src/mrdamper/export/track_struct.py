@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamper.control.controllers import ForceController
+from mrdamper.control.octaves import Octaves
 from mrdamper.control.realtime import RealtimeDamper
-from mrdamper.control.tables import Octaves
+from mrdamper.control.series_tables import CHAIN, Power, SeriesTables
 
 __all__ = ["Nested", "Pointer", "Table", "Value", "track_members"]
 
@@ -44,22 +45,58 @@ class Pointer:
 
 Value = float | int | tuple[int, ...] | Table | Nested | Pointer
 
-_CURVES = ("loading", "unloading", "to_load", "to_unload", "viscous", "sliding", "breakaway", "built_up")
+_CURVES = (
+    "loading", "unloading", "from_loading", "from_unloading", "from_unloaded", "viscous", "sliding",
+    "breakaway", "built_up",
+)  # fmt: skip
 
 
 def track_members(part: RealtimeDamper | ForceController) -> dict[str, Value]:
     """Return every member of a part's ``mrd_track``."""
     tables = part.tables
-    force = part.force if isinstance(part, ForceController) else tables.force
-    sheets, rows, currents = force.shape
+    pieces, terms, _ = tables.factor.shape
+    currents, columns = tables.column.shape
     return {
         **part.numbers,
         "currents": currents,
-        "temperatures": sheets,
-        "force": Table(force, f"[{sheets} temperatures][{rows} rows][{currents} commands]"),
-        "rho": Table(tables.rho, f"[{sheets} temperatures][2 elements][{currents} commands] [1/m]"),
+        "pieces": pieces,
+        "levels": tables.levels,
+        "begin": tables.begin,
+        "row": tables.rows,
+        "eighth": tables.eighths,
+        "current": Table(tables.currents, f"{currents} commands"),
+        "factor": Table(tables.factor, f"[{pieces} pieces of temperature][{terms} terms][parabola]"),
+        "column": Table(tables.column, f"[{currents} commands][{columns} terms]"),
         **{name: _octaves(table) for name, table in zip(_CURVES, tables.octaves, strict=True)},
+        "series": Pointer("mrd_series", None if tables.series is None else _series(tables.series)),
     }
+
+
+def _series(tables: SeriesTables) -> dict[str, Value]:
+    sheets, commands = tables.yield_force.shape
+    powers = {"thinning": tables.thinning, "leak": tables.leak, "viscous": tables.viscous}
+    functions = {"side": tables.side, "fade": tables.fade, "corner": tables.corner}
+    return {
+        "currents": commands,
+        "yield": Table(tables.yield_force, f"[{sheets} temperatures][{commands} commands] [N]"),
+        "chain": Table(tables.chain, f"[{sheets} temperatures][{len(CHAIN)} coefficients]"),
+        **{name: _power(table) for name, table in powers.items()},
+        **{name: _octaves(table) for name, table in functions.items()},
+    }
+
+
+def _power(table: Power) -> Nested:
+    return Nested(
+        {
+            "exponent": table.exponent,
+            "least": table.least,
+            "top": table.top,
+            "bits": table.bits,
+            "octaves": len(table.scale),
+            "scale": Table(table.scale, f"factors of {len(table.scale)} octaves"),
+            "cell": Table(table.cell, f"cubics of {len(table.cell)} cells, one octave"),
+        }
+    )
 
 
 def _octaves(table: Octaves) -> Nested:

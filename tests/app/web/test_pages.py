@@ -472,7 +472,7 @@ def test_every_page_fits_the_screen(browser, site, size, scheme):
         for name in PAGES:
             page.goto(f"/#/{name}")
             page.wait_for_selector(f"[data-shown={name}] h1")
-            page.wait_for_timeout(350)
+            page.wait_for_timeout(200)
             assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth"), name
             unnamed = page.evaluate(UNNAMED)
             assert unnamed == [], name

@@ -251,57 +251,111 @@ static PyObject *track_names(void)
 enum { TRACK_NUMBER_COUNT = 0 MRD_TRACK_NUMBERS(X) };
 #undef X
 
+/* A function of a size: (offset, top, bits, cells). */
+static int open_octaves(PyObject *sequence, Py_ssize_t at, double *offset, double *top, int32_t *bits, Py_buffer *view)
+{
+    PyObject *item = PySequence_GetItem(sequence, at), *ocell;
+    int read = 0;
+    const int fine = item && PyArg_ParseTuple(item, "ddiO", offset, top, &read, &ocell) && open_doubles(ocell, view, 0, "cells");
+    Py_XDECREF(item); /* the caller's sequence keeps it alive */
+    *bits = read;
+    return fine;
+}
+
+/* (yield, chain, powers, octaves) of the series valve. */
+static int open_series(PyObject *object, Py_ssize_t pieces, tracker_parts *parts, Py_buffer *view, int *opened)
+{
+    PyObject *oyield, *ochain, *opowers, *ooctaves;
+    Py_buffer *const first = view;
+    if (!PyArg_ParseTuple(object, "OOOO", &oyield, &ochain, &opowers, &ooctaves)) return 0;
+    if (!open_doubles(oyield, view, 0, "yield")) return 0;
+    ++*opened;
+    if (!open_doubles(ochain, ++view, 0, "chain")) return 0;
+    ++*opened;
+    int fits = first[0].ndim == 2 && first[1].ndim == 2 && (first[0].shape[0] == 1 || first[0].shape[0] == pieces + 1)
+            && first[0].shape[1] <= 1025 && first[1].shape[0] == first[0].shape[0] && first[1].shape[1] == MRD_CHAIN
+            && PySequence_Size(opowers) == SERIES_POWERS && PySequence_Size(ooctaves) == SERIES_OCTAVES;
+    for (int k = 0; fits && k < SERIES_POWERS; k++) {
+        PyObject *item = PySequence_GetItem(opowers, k), *oscale, *ocell;
+        int bits = 0;
+        const int fine = item && PyArg_ParseTuple(item, "dddiOO", &parts->exponent[k], &parts->least[k],
+                                                  &parts->power_top[k], &bits, &oscale, &ocell);
+        Py_XDECREF(item);
+        if (!fine || !open_doubles(oscale, ++view, 0, "scale")) return 0;
+        ++*opened;
+        if (!open_doubles(ocell, ++view, 0, "cells")) return 0;
+        ++*opened;
+        parts->power_bits[k] = bits;
+        fits = bits >= 0 && bits <= 10 && count_of(view) == (size_t)4 << bits;
+    }
+    for (int k = 0; fits && k < SERIES_OCTAVES; k++) {
+        if (!open_octaves(ooctaves, k, &parts->series_offset[k], &parts->series_top[k], &parts->series_bits[k], ++view))
+            return 0;
+        ++*opened;
+    }
+    if (!fits) {
+        if (!PyErr_Occurred()) PyErr_SetString(PyExc_ValueError, "these are not the series valve's tables");
+        return 0;
+    }
+    parts->series = 1;
+    parts->series_currents = (int32_t)first[0].shape[1];
+    parts->series_sheets = (int32_t)first[0].shape[0];
+    for (int k = 0; k < SERIES_TABLES; k++) {
+        parts->series_table[k] = first[k].buf;
+        parts->series_length[k] = count_of(first + k);
+    }
+    return 1;
+}
+
 static PyObject *tracker_new(PyTypeObject *type, PyObject *args, PyObject *kwargs)
 {
-    PyObject *onumbers, *oforce, *orho, *ooctaves;
+    PyObject *onumbers, *orows, *ocurrent, *ofactor, *ocolumn, *ooctaves, *oseries = Py_None;
     int single = 0;
-    static char *names[] = {"numbers", "force", "rho", "octaves", "single", NULL};
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOO|p", names, &onumbers, &oforce, &orho, &ooctaves, &single))
+    static char *names[] = {"numbers", "rows", "current", "factor", "column", "octaves", "single", "series", NULL};
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OSOOOO|pO", names, &onumbers, &orows, &ocurrent, &ofactor, &ocolumn,
+                                     &ooctaves, &single, &oseries))
         return NULL;
-    Py_buffer view[1 + TRACK_TABLES]; /* numbers, then the tables */
+    Py_buffer view[1 + TRACK_TABLES + SERIES_TABLES]; /* numbers, then the tables */
     int opened = 0, sound = 0;
     TrackerObject *self = NULL;
     tracker_parts parts;
-    if (!open_doubles(onumbers, view, 0, "numbers")) return NULL;
-    opened++;
-    if (!open_doubles(oforce, view + 1, 0, "force")) goto done;
-    opened++;
-    if (!open_doubles(orho, view + 2, 0, "rho")) goto done;
-    opened++;
+    memset(&parts, 0, sizeof parts);
+    PyObject *const arrays[] = {onumbers, ocurrent, ofactor, ocolumn};
+    for (; opened < 4; opened++)
+        if (!open_doubles(arrays[opened], view + opened, 0, names[opened ? opened + 1 : 0])) goto done;
     if (PySequence_Size(ooctaves) != TRACK_OCTAVES) {
         if (!PyErr_Occurred()) PyErr_Format(PyExc_ValueError, "expected %d functions", TRACK_OCTAVES);
         goto done;
     }
     for (int k = 0; k < TRACK_OCTAVES; k++) {
-        PyObject *item = PySequence_GetItem(ooctaves, k), *ocell;
-        int bits;
-        const int fine = item && PyArg_ParseTuple(item, "ddiO", &parts.offset[k], &parts.top[k], &bits, &ocell)
-                      && open_doubles(ocell, view + opened, 0, "cells");
-        Py_XDECREF(item); /* the caller's sequence keeps it alive */
-        if (!fine) goto done;
-        parts.bits[k] = bits;
+        if (!open_octaves(ooctaves, k, &parts.offset[k], &parts.top[k], &parts.bits[k], view + opened)) goto done;
         opened++;
     }
     if (count_of(view) != TRACK_NUMBER_COUNT) {
         PyErr_Format(PyExc_ValueError, "expected %d numbers, got %zu", (int)TRACK_NUMBER_COUNT, count_of(view));
         goto done;
     }
-    if (view[1].ndim != 3 || view[2].ndim != 3 || view[1].shape[1] != MRD_ROWS || view[2].shape[1] != 2
-        || view[1].shape[0] != view[2].shape[0] || view[1].shape[2] != view[2].shape[2] || view[1].shape[0] > 10000
-        || view[1].shape[2] > MRD_TRACK_CURRENTS) {
-        PyErr_Format(PyExc_ValueError, "force must be [temperatures][%d][currents], rho [temperatures][2][currents]",
-                     MRD_ROWS);
+    parts.row = (const uint8_t *)PyBytes_AsString(orows);
+    if (view[2].ndim != 3 || view[2].shape[2] != 3 || view[3].ndim != 2 || view[2].shape[0] > 10000
+        || view[2].shape[1] > MRD_TRACK_TERMS || view[2].shape[1] != PyBytes_Size(orows) || view[3].shape[0] > MRD_TRACK_CURRENTS
+        || view[3].shape[1] > view[2].shape[1] || count_of(view + 1) != (size_t)view[3].shape[0]) {
+        PyErr_SetString(PyExc_ValueError, "factor must be [pieces][terms][3], column [currents][columns], current "
+                                          "[currents], and rows the terms' rows, levels first");
         goto done;
     }
+    if (oseries != Py_None && !open_series(oseries, view[2].shape[0], &parts, view + opened, &opened)) goto done;
     parts.numbers = view[0].buf;
-    parts.temperatures = (int32_t)view[1].shape[0];
-    parts.currents = (int32_t)view[1].shape[2];
+    parts.pieces = (int32_t)view[2].shape[0];
+    parts.terms = (int32_t)view[2].shape[1];
+    parts.currents = (int32_t)view[3].shape[0];
+    parts.columns = (int32_t)view[3].shape[1];
     size_t total = 0;
     for (int k = 0; k < TRACK_TABLES; k++) {
         parts.table[k] = view[1 + k].buf;
         parts.length[k] = count_of(view + 1 + k);
         total += parts.length[k];
     }
+    for (int k = 0; k < SERIES_TABLES; k++) total += parts.series_length[k];
     allocfunc alloc = (allocfunc)PyType_GetSlot(type, Py_tp_alloc);
     self = (TrackerObject *)alloc(type, 0);
     if (!self) goto done;

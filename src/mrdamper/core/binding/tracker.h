@@ -8,18 +8,30 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define TRACK_OCTAVES 8
-#define TRACK_TABLES (2 + TRACK_OCTAVES) /* force, rho, and the cells of every function */
+#define TRACK_OCTAVES 9
+#define TRACK_TABLES (3 + TRACK_OCTAVES) /* currents, factors, columns, and the cells of every function */
 #define TRACK_READ 15                    /* values of `read` */
+#define SERIES_POWERS 3                  /* of the series valve: thinning, leak, viscous */
+#define SERIES_OCTAVES 3                 /* ... side, fade, corner */
+#define SERIES_TABLES (2 + 2 * SERIES_POWERS + SERIES_OCTAVES) /* yield, chain, scale and cells of each power, cells */
 
 /* What a controller is made of. */
 typedef struct {
     const double *numbers;
-    int32_t temperatures, currents;
+    int32_t currents, columns, pieces, terms;
+    const uint8_t *row; /* of each term, levels first */
     const double *table[TRACK_TABLES];
     size_t length[TRACK_TABLES];
     double offset[TRACK_OCTAVES], top[TRACK_OCTAVES];
     int32_t bits[TRACK_OCTAVES];
+    int32_t series; /* 1: of the series valve law, and what follows is there */
+    int32_t series_currents, series_sheets; /* of its yield force; sheets over temperature */
+    const double *series_table[SERIES_TABLES];
+    size_t series_length[SERIES_TABLES];
+    double exponent[SERIES_POWERS], least[SERIES_POWERS], power_top[SERIES_POWERS];
+    int32_t power_bits[SERIES_POWERS];
+    double series_offset[SERIES_OCTAVES], series_top[SERIES_OCTAVES];
+    int32_t series_bits[SERIES_OCTAVES];
 } tracker_parts;
 
 typedef struct {

@@ -3,25 +3,17 @@
  * TRACK(name) is the kernel's function of that name. Numbers and readings are rounded on the way in.
  */
 
-/* Everything that the step relies on without looking: shapes, and numbers that become indices. */
-static int track_is_sound(const mrd_track *t)
+/* A controller and what it may point to. */
+typedef struct {
+    mrd_track track;
+    mrd_series series;
+} track_room;
+
+static int octaves_are_sound(const mrd_octaves *octaves, int count)
 {
-    const mrd_real zero = 0, models = t->bank < (mrd_real)1.5 ? (mrd_real)1 : t->bank;
-    if (!(t->period > zero && t->largest > zero && t->coldest > zero && t->warmest >= t->coldest)) return 0;
-    if (!(t->elements >= zero && t->elements <= (mrd_real)2 && models <= (mrd_real)MRD_TRACK_BANK)) return 0;
-    if (!(t->dead_samples >= zero && t->dead_samples <= (mrd_real)(MRD_TRACK_LINE - 3) && t->dead_part >= zero
-          && t->dead_part <= (mrd_real)1))
-        return 0;
-    if (!(t->preview >= zero && t->fall_back >= zero && t->gain_variance > zero && t->error_variance > zero)) return 0;
-    if (!(t->capacity >= zero && t->loss >= zero && t->loss_margin >= zero && t->far_v > zero)) return 0;
-    const mrd_real counts[] = {t->frozen_samples, t->coast_samples, t->hold_samples, t->recover_samples};
-    for (size_t k = 0; k < sizeof counts / sizeof *counts; k++)
-        if (!(counts[k] >= zero && counts[k] <= (mrd_real)1e9)) return 0;
-    if (t->currents < 2 || t->currents > MRD_TRACK_CURRENTS || t->temperatures < 1) return 0;
-    const mrd_octaves *octaves = &t->loading;
-    for (int k = 0; k < TRACK_OCTAVES; k++) {
+    for (int k = 0; k < count; k++) {
         const mrd_octaves *o = octaves + k;
-        if (!(o->offset > zero && o->bits >= 0 && o->bits <= 10 && o->cells > 0)) return 0;
+        if (!(o->offset > (mrd_real)0 && o->bits >= 0 && o->bits <= 10 && o->cells > 0)) return 0;
         /* the last cell that can be read is the last there is */
         mrd_real end = o->offset;
         int32_t cells = 0;
@@ -32,6 +24,118 @@ static int track_is_sound(const mrd_track *t)
         if (cells != o->cells || !(o->top >= o->offset && o->top < end)) return 0;
     }
     return 1;
+}
+
+/* The same as below of the series valve's numbers and tables. */
+static int series_is_sound(const mrd_track *t)
+{
+    const mrd_real one = 1, most = 1000;
+    const mrd_series *series = t->series;
+    const int32_t cells = series->currents - 1;
+    if (cells < 1 || cells > 1024 || (cells & (cells - 1))) return 0;
+    if (!(t->substeps >= one && t->substeps <= most && t->strides >= one && t->strides <= most)) return 0;
+    if (!(t->horizon > (mrd_real)0)) return 0;
+    const mrd_power *powers = &series->thinning;
+    for (int k = 0; k < SERIES_POWERS; k++) {
+        const mrd_power *p = powers + k;
+        if (!(p->least >= (mrd_real)1e-30 && p->least <= one) || p->octaves < 1 || p->octaves > 100) return 0;
+        mrd_real end = one;
+        while (end > p->least) end /= (mrd_real)2;
+        if (end != p->least) return 0; /* no power of two */
+        for (int32_t octave = 0; octave < p->octaves; octave++) end *= (mrd_real)2;
+        if (!(p->top >= p->least && p->top < end)) return 0;
+    }
+    return octaves_are_sound(&series->side, SERIES_OCTAVES);
+}
+
+/* Everything that the step relies on without looking: shapes, and numbers that become indices. */
+static int track_is_sound(const mrd_track *t)
+{
+    const mrd_real zero = 0, models = t->bank < (mrd_real)1.5 ? (mrd_real)1 : t->bank;
+    if (!(t->period > zero && t->largest > zero && t->coldest > zero && t->warmest >= t->coldest)) return 0;
+    if (!(t->elements >= zero && t->elements <= (mrd_real)2 && models <= (mrd_real)MRD_TRACK_BANK)) return 0;
+    if (!(t->dead_samples >= zero && t->dead_samples <= (mrd_real)((int)MRD_TRACK_LINE - 3) && t->dead_part >= zero
+          && t->dead_part <= (mrd_real)1))
+        return 0;
+    if (!(t->preview >= zero && t->fall_back >= zero && t->gain_variance > zero && t->error_variance > zero)) return 0;
+    if (!(t->capacity >= zero && t->loss >= zero && t->loss_margin >= zero && t->far_v > zero)) return 0;
+    const mrd_real counts[] = {t->frozen_samples, t->coast_samples, t->hold_samples, t->recover_samples};
+    for (size_t k = 0; k < sizeof counts / sizeof *counts; k++)
+        if (!(counts[k] >= zero && counts[k] <= (mrd_real)1e9)) return 0;
+    if (t->currents < 2 || t->currents > MRD_TRACK_CURRENTS || t->pieces < 1 || !(t->unloaded >= zero)) return 0;
+    if (models > (mrd_real)1 && (MRD_TRACK_BANK - 1) % ((int)models - 1) != 0) return 0;
+    return octaves_are_sound(&t->loading, TRACK_OCTAVES) && (!t->series || series_is_sound(t));
+}
+
+static mrd_real *rounded(mrd_real *to, const double *from, size_t count)
+{
+    for (size_t i = 0; i < count; i++) *to++ = (mrd_real)from[i];
+    return to;
+}
+
+static void load_series(mrd_series *into, mrd_real *to, const tracker_parts *parts)
+{
+    mrd_power *powers = &into->thinning;
+    mrd_octaves *octaves = &into->side;
+    const mrd_real *at[SERIES_TABLES];
+    for (int k = 0; k < SERIES_TABLES; k++) {
+        at[k] = to;
+        to = rounded(to, parts->series_table[k], parts->series_length[k]);
+    }
+    into->currents = parts->series_currents;
+    into->yield = at[0];
+    into->chain = at[1];
+    for (int k = 0; k < SERIES_POWERS; k++) {
+        mrd_power *p = powers + k;
+        p->exponent = (mrd_real)parts->exponent[k];
+        p->least = (mrd_real)parts->least[k];
+        p->top = (mrd_real)parts->power_top[k];
+        p->bits = parts->power_bits[k];
+        p->octaves = (int32_t)parts->series_length[2 + 2 * k];
+        p->scale = at[2 + 2 * k];
+        p->cell = at[3 + 2 * k];
+    }
+    for (int k = 0; k < SERIES_OCTAVES; k++) {
+        mrd_octaves *o = octaves + k;
+        o->offset = (mrd_real)parts->series_offset[k];
+        o->top = (mrd_real)parts->series_top[k];
+        o->bits = parts->series_bits[k];
+        o->cells = (int32_t)(parts->series_length[2 + 2 * SERIES_POWERS + k] / 4);
+        o->cell = at[2 + 2 * SERIES_POWERS + k];
+    }
+}
+
+/* The rows of the terms, levels first, then the columns in order; where each group of columns begins. */
+static int place_terms(mrd_track *t, const tracker_parts *parts)
+{
+    static const int last[MRD_GROUPS] = {MRD_ROW_YIELD, MRD_ROW_SECOND, MRD_ROW_RHO, MRD_ROW_SECOND_RHO, MRD_TABLE_ROWS};
+    t->levels = parts->terms - parts->columns;
+    if (parts->terms > MRD_TRACK_TERMS || t->levels < 0) return 0;
+    for (int32_t k = 0; k < parts->terms; k++) {
+        const int row = parts->row[k], is_level = k < t->levels;
+        /* the yield forces and rho have columns even where the current does not move them */
+        if (row >= (is_level ? MRD_ROW_YIELD : MRD_TABLE_ROWS) || (k > t->levels && row < parts->row[k - 1])) return 0;
+        t->row[k] = (uint8_t)row;
+        for (int g = 0; !is_level && g < MRD_GROUPS; g++) t->begin[g + 1] += row < last[g];
+    }
+    return 1;
+}
+
+/* The currents rise from 0 to the largest, and its eighths are among them, within rounding. */
+static int place_currents(mrd_track *t, const double *current)
+{
+    const int32_t last = t->currents - 1;
+    int32_t j = 0;
+    if (last < 1 || current[0] != 0.0) return 0;
+    const double near = 1e-9 * current[last];
+    for (int k = 0; k < MRD_TRACK_BANK; k++) {
+        const double eighth = current[last] * k / (MRD_TRACK_BANK - 1);
+        for (; j < last && current[j] < eighth - near; j++)
+            if (!(current[j + 1] > current[j])) return 0;
+        if (!(current[j] >= eighth - near && current[j] <= eighth + near)) return 0;
+        t->eighth[k] = (uint8_t)j;
+    }
+    return j == last && (mrd_real)current[last] == t->largest;
 }
 
 static int face_load(void *into, void *store, const tracker_parts *parts)
@@ -45,20 +149,28 @@ static int face_load(void *into, void *store, const tracker_parts *parts)
     };
     memset(t, 0, sizeof *t);
     for (size_t k = 0; k < sizeof number / sizeof *number; k++) *number[k] = (mrd_real)parts->numbers[k];
-    t->temperatures = parts->temperatures;
+    t->pieces = parts->pieces;
     t->currents = parts->currents;
+    if (!place_terms(t, parts) || !place_currents(t, parts->table[0])) return 0;
     for (int k = 0; k < TRACK_TABLES; k++) {
-        if (k == 0) t->force = to;
-        else if (k == 1) t->rho = to;
+        if (k == 0) t->current = to;
+        else if (k == 1) t->factor = to;
+        else if (k == 2) t->column = to;
         else {
-            mrd_octaves *o = octaves + (k - 2);
-            o->offset = (mrd_real)parts->offset[k - 2];
-            o->top = (mrd_real)parts->top[k - 2];
-            o->bits = parts->bits[k - 2];
+            mrd_octaves *o = octaves + (k - 3);
+            o->offset = (mrd_real)parts->offset[k - 3];
+            o->top = (mrd_real)parts->top[k - 3];
+            o->bits = parts->bits[k - 3];
             o->cells = (int32_t)(parts->length[k] / 4);
             o->cell = to;
         }
-        for (size_t i = 0; i < parts->length[k]; i++) *to++ = (mrd_real)parts->table[k][i];
+        to = rounded(to, parts->table[k], parts->length[k]);
+    }
+    if (parts->series) {
+        if (parts->series_sheets != (t->warmest > t->coldest ? t->pieces + 1 : 1)) return 0;
+        mrd_series *series = &((track_room *)into)->series;
+        load_series(series, to, parts);
+        t->series = series;
     }
     return track_is_sound(t);
 }
@@ -66,7 +178,7 @@ static int face_load(void *into, void *store, const tracker_parts *parts)
 static int face_is_sound(const void *state)
 {
     const mrd_track_state *s = state;
-    return s->at >= 0 && s->at < MRD_TRACK_LINE && s->row >= 0 && s->row < MRD_ROWS;
+    return s->at >= 0 && s->at < (int32_t)MRD_TRACK_LINE && s->term >= 0 && s->term < MRD_TRACK_TERMS;
 }
 
 static void face_start(const void *track, void *state) { TRACK(start)(track, state); }
@@ -95,5 +207,5 @@ static void face_read(const void *track, const void *state, double *out)
     for (int k = 0; k < TRACK_READ; k++) out[k] = (double)values[k];
 }
 
-static const tracker_face face = {sizeof(mrd_track), sizeof(mrd_track_state), sizeof(mrd_real), face_load, face_is_sound,
+static const tracker_face face = {sizeof(track_room), sizeof(mrd_track_state), sizeof(mrd_real), face_load, face_is_sound,
                                   face_start, face_step, face_model, face_flags, face_read};

@@ -8,38 +8,59 @@
 #include "controller.h"
 
 #include "track_tables.c"
+#include "track_series.c"
 #include "track_estimate.c"
 #include "track_model.c"
 
 MRD_TRACK_API void mrd_track_start(const mrd_track *c, mrd_track_state *s)
 {
-    memset(s, 0, sizeof *s);
+    (void)memset(s, 0, sizeof *s);
     s->play = -c->play;
+    s->side = R(1.0);
     for (int i = 0; i < MRD_TRACK_GAINS; i++) {
         s->gain[i] = R(1.0);
         s->spread[i * (MRD_TRACK_GAINS + 1)] = c->gain_variance;
     }
 }
 
-/* The current at which a row of forces at evenly spaced currents has the wanted value; the lowest, if several.
- * Where none has, the nearest; *found says which. */
-static mrd_real solve_row(const mrd_real *force, int count, mrd_real largest, mrd_real wanted, int *found)
+/* Search for the current at which the force has the wanted value: the lowest of several; where none has, the
+ * nearest. It is shown all currents of the table, from the largest down: no row takes longer than another. */
+typedef struct {
+    mrd_real before, from, to, least; /* force less the wanted one: last; at the ends of the cell; nearest to none */
+    int32_t cell, nearest;
+} search;
+
+static inline search search_from(int32_t last)
 {
-    const mrd_real pitch = largest / (mrd_real)(count - 1);
-    int nearest = 0;
-    mrd_real least = magnitude(force[0] - wanted);
-    *found = 1;
-    for (int j = 0; j + 1 < count; j++) {
-        const mrd_real low = force[j] - wanted, high = force[j + 1] - wanted;
-        if (low == R(0.0)) return pitch * (mrd_real)j;
-        if ((low < R(0.0)) != (high < R(0.0))) return pitch * ((mrd_real)j + low / (low - high));
-        if (magnitude(high) < least) {
-            least = magnitude(high);
-            nearest = j + 1;
-        }
+    search q = {R(0.0), R(0.0), R(0.0), R(1e30), last, 0};
+    return q;
+}
+
+static inline void look(search *q, int32_t current, mrd_real off)
+{
+    if (off * q->before <= R(0.0)) { /* the first time there is none before, and the cell none of the table's */
+        q->cell = current;
+        q->from = off;
+        q->to = q->before;
     }
-    *found = 0;
-    return pitch * (mrd_real)nearest;
+    if (magnitude(off) <= q->least) {
+        q->least = magnitude(off);
+        q->nearest = current;
+    }
+    q->before = off;
+}
+
+static inline bool is_found(const search *q, int32_t last) { return q->cell < last; }
+
+/* The current, of those of the table or of every `stride`-th eighth, or between two of them. */
+static mrd_real found_at(const mrd_track *c, const search *q, int32_t last, int32_t stride)
+{
+    const bool found = is_found(q, last);
+    const int32_t j = found ? q->cell : q->nearest, k = found ? j + 1 : j;
+    const mrd_real low = c->current[stride > 0 ? (int32_t)c->eighth[j * stride] : j];
+    const mrd_real high = c->current[stride > 0 ? (int32_t)c->eighth[k * stride] : k];
+    const mrd_real share = found && q->from != q->to ? q->from / (q->from - q->to) : R(0.0);
+    return low + share * (high - low);
 }
 
 /* What the lags will have put through at the preview: with the last command held, and their share of a command
@@ -51,54 +72,137 @@ static mrd_real lagged_ahead(const mrd_track *c, const mrd_track_state *s, mrd_r
     for (int32_t i = 1; i <= dead + (c->dead_part > R(0.0) ? 1 : 0); i++)
         pass_lags(c, past_dead_time(c, s, -i), &first, &second);
     const mrd_real input = s->command, gap = first - input;
-    const int rises = input > first;
+    const bool rises = input > first;
     *answer = rises ? c->rise_answer : c->fall_answer;
     return input + c->second_ahead * (second - input) + (rises ? c->rise_couple_ahead : c->fall_couple_ahead) * gap;
+}
+
+/* The answer of a bank of models at constant currents that have one hysteresis. */
+static mrd_real shared_answer(const mrd_track *c, const mrd_real *weight, mrd_real off, bool *found)
+{
+    const int models = bank_of(c), stride = bank_stride(models);
+    search q = search_from(models - 1);
+    for (int b = models - 1; b >= 0; b--) {
+        const mrd_real *here = &c->column[(int32_t)c->eighth[b * stride] * c->begin[MRD_GROUPS]];
+        look(&q, b, off + sum_of(weight, here, c->begin[MRD_GROUP_RHO]));
+    }
+    *found = is_found(&q, models - 1);
+    return found_at(c, &q, models - 1, stride);
+}
+
+/* The answer of a bank of models that have a hysteresis each. */
+static mrd_real bank_answer(const mrd_track *c, const mrd_track_state *s, axis_point warm, const moment *m,
+                            const mrd_real *weight, mrd_real off, bool *found)
+{
+    const int models = bank_of(c), stride = bank_stride(models), elements = (int)c->elements;
+    const int32_t yield = c->begin[MRD_GROUP_YIELD], second = c->begin[MRD_GROUP_SECOND], end = c->begin[MRD_GROUP_RHO];
+    const mixture mix = mixture_of(c, m);
+    mrd_real w[MRD_TRACK_BANK][2];
+    if (c->preview > R(0.0)) {
+        const stretch way = stretch_of(s->side, s->v, m->v, c->preview);
+        for (int e = 0; e < elements; e++) {
+            mrd_real rho[MRD_TRACK_BANK];
+            rho_of_models(c, warm, e, models, rho);
+            for (int b = 0; b < models; b++) w[b][e] = way.side * size_at(c, place_after(c, s->place[b][e], rho[b], &way));
+        }
+    } else {
+        for (int e = 0; e < elements; e++)
+            for (int b = 0; b < models; b++) w[b][e] = s->side * size_at(c, s->place[b][e]);
+    }
+    search q = search_from(models - 1);
+    for (int b = models - 1; b >= 0; b--) {
+        const mrd_real *here = &c->column[(int32_t)c->eighth[b * stride] * c->begin[MRD_GROUPS]];
+        mrd_real force = off + sum_of(weight, here, yield);
+        force += mix.yield * w[b][0] * sum_of(&weight[yield], &here[yield], second - yield);
+        if (end > second) {
+            const mrd_real share = mix.second[0] * w[b][0] + (elements > 1 ? mix.second[1] * w[b][1] : R(0.0));
+            force += share * sum_of(&weight[second], &here[second], end - second);
+        }
+        look(&q, b, force);
+    }
+    *found = is_found(&q, models - 1);
+    return found_at(c, &q, models - 1, stride);
+}
+
+/* The answer of one model at the applied current, held by the reversal clamp. */
+static mrd_real model_answer(const mrd_track *c, mrd_track_state *s, const moment *m, const mrd_real *weight, mrd_real off,
+                             mrd_real sign, bool *found)
+{
+    const bool clamped = c->margin >= R(0.0) && c->elements > R(0.5);
+    const int32_t last = c->currents - 1, motion = c->begin[MRD_GROUP_YIELD], end = c->begin[MRD_GROUP_RHO];
+    const mrd_real settled[2] = {sign, sign};
+    const mixture mix = mixture_of(c, m);
+    mrd_real pair[MRD_TRACK_TERMS][2];
+    for (int32_t k = motion; k < end; k++) {
+        const bool first = k < c->begin[MRD_GROUP_SECOND];
+        pair[k - motion][0] = weight[k] * (first ? yield_share(&mix, m->w) : second_share(&mix, m->w));
+        pair[k - motion][1] = weight[k] * (first ? yield_share(&mix, settled) : second_share(&mix, settled));
+    }
+    search exact = search_from(last), clamp = search_from(last);
+    for (int32_t j = last; j >= 0; j--) {
+        const mrd_real *here = &c->column[j * c->begin[MRD_GROUPS]];
+        mrd_real one = off + sum_of(weight, here, motion), other = one;
+        for (int32_t k = motion; k < end; k++) {
+            one += pair[k - motion][0] * here[k];
+            other += pair[k - motion][1] * here[k];
+        }
+        look(&exact, j, one);
+        look(&clamp, j, other);
+    }
+    mrd_real current = found_at(c, &exact, last, 0);
+    *found = is_found(&exact, last);
+    if (clamped) {
+        const mrd_real most = found_at(c, &clamp, last, 0) + c->margin;
+        if (current > most) {
+            current = most;
+            s->flags |= MRD_CLAMPED;
+        }
+    }
+    return current;
+}
+
+/* Hysteresis of the one model there is at the preview, at the current that will be felt. */
+static void carry_on(const mrd_track *c, const mrd_track_state *s, axis_point warm, mrd_real felt, moment *m)
+{
+    const stretch way = stretch_of(s->side, s->v, m->v, c->preview);
+    mrd_real rho[2];
+    rho_at(c, warm, felt, rho);
+    for (int e = 0; e < (int)c->elements; e++) m->w[e] = way.side * size_at(c, place_after(c, s->place[0][e], rho[e], &way));
 }
 
 /* The model's answer: the command for a wanted force at the preview. */
 static mrd_real answer_of(const mrd_track *c, mrd_track_state *s, axis_point warm, mrd_real wanted)
 {
     const mrd_real p = c->preview;
-    const int elements = (int)c->elements, models = c->bank > R(1.5) ? (int)c->bank : 1;
+    const bool bank = bank_of(c) > 1, several = states_of(c) > 1, ahead = p > R(0.0) && (!bank || c->reach > R(0.0));
+    mrd_real answer = R(1.0), lagged = s->second, play = s->play, current;
+    bool found;
     moment m = {s->x, s->v, s->a, {R(0.0), R(0.0)}};
-    predict(&m.x, &m.v, m.a, p);
+    if (p > R(0.0)) predict(&m.x, &m.v, m.a, p);
     const mrd_real sign = m.v < R(0.0) ? R(-1.0) : R(1.0);
-    mrd_real by[MRD_ROWS], force[MRD_TRACK_CURRENTS], answer = R(1.0), lagged = s->second, current;
-    int found;
-    const int ahead = p > R(0.0) && (models == 1 || c->reach > R(0.0));
+    m.w[0] = sign; /* settled, until the hysteresis says more */
+    m.w[1] = sign;
     if (ahead) lagged = lagged_ahead(c, s, &answer);
     if (c->unlagged > R(0.5)) lagged = s->command;
-    mrd_real play = s->play;
-    const mrd_real applied = past_play(c, lagged, &play);
-
-    if (models > 1) {
-        const stretch way = stretch_of(s->v, m.v, p);
-        for (int b = 0; b < models; b++) {
-            const axis_point at = on_currents(c, bank_current(c, b));
-            for (int e = 0; e < elements; e++) m.w[e] = w_along(c, s->w[b][e], rho_at(c, warm, at, e), &way);
-            multipliers(c, s, &m, by);
-            force[b] = force_at(c, warm, at, by);
-        }
-        current = solve_row(force, models, c->largest, wanted, &found);
+    if (is_series(c)) {
+        current = series_answer(c, s, warm, &m, past_play(c, lagged, &play), wanted, &found);
     } else {
-        const stretch way = stretch_of(s->v, m.v, p);
-        const axis_point at = on_currents(c, R(0.5) * (s->applied + applied));
-        for (int e = 0; e < elements; e++)
-            m.w[e] = c->is_static > R(0.5) ? sign : w_along(c, s->w[0][e], rho_at(c, warm, at, e), &way);
-        multipliers(c, s, &m, by);
-        force_row(c, warm, by, force);
-        current = solve_row(force, c->currents, c->largest, wanted, &found);
-        if (c->margin >= R(0.0) && elements) {
-            int also;
-            m.w[0] = m.w[1] = sign;
-            multipliers(c, s, &m, by);
-            force_row(c, warm, by, force);
-            const mrd_real most = solve_row(force, c->currents, c->largest, wanted, &also) + c->margin;
-            if (current > most) {
-                current = most;
-                s->flags |= MRD_CLAMPED;
-            }
+        mrd_real by[MRD_ROWS], weight[MRD_TRACK_TERMS];
+        if (!several && !(c->is_static > R(0.5)))
+            carry_on(c, s, warm, R(0.5) * (s->applied + past_play(c, lagged, &play)), &m);
+        motion_multipliers(c, s, &m, by);
+        if (bank && !several) {
+            const mixture mix = mixture_of(c, &m);
+            by[MRD_ROW_YIELD] *= yield_share(&mix, m.w);
+            by[MRD_ROW_SECOND] *= second_share(&mix, m.w);
+        }
+        const mrd_real off = weigh(c, warm, by, weight) - wanted;
+        if (!bank) {
+            current = model_answer(c, s, &m, weight, off, sign, &found);
+        } else if (several) {
+            current = bank_answer(c, s, warm, &m, weight, off, &found);
+        } else {
+            current = shared_answer(c, weight, off, &found);
         }
     }
     if (!found) s->flags |= MRD_INFEASIBLE;
@@ -113,7 +217,7 @@ static mrd_real answer_of(const mrd_track *c, mrd_track_state *s, axis_point war
 }
 
 /* Feedback of the force, in the direction of motion; `forward` is what is there without it. */
-static mrd_real fed_back(const mrd_track *c, mrd_track_state *s, int measured, mrd_real wanted, mrd_real force,
+static mrd_real fed_back(const mrd_track *c, mrd_track_state *s, bool measured, mrd_real wanted, mrd_real force,
                          mrd_real forward)
 {
     if (!measured) {
@@ -132,7 +236,7 @@ MRD_TRACK_API mrd_real mrd_track_step(const mrd_track *c, mrd_track_state *s, co
     static const mrd_real most_force = R(1e7), most_length = R(1e9);
     s->flags = 0;
     const mrd_real v_before = s->v;
-    const int known = follow_motion(c, s, told->displacement);
+    const bool known = follow_motion(c, s, told->displacement);
     follow_temperature(c, s, told->temperature);
     const axis_point warm = warmth(c, s->temperature);
 
@@ -146,34 +250,39 @@ MRD_TRACK_API mrd_real mrd_track_step(const mrd_track *c, mrd_track_state *s, co
         s->flags |= MRD_NO_TARGET;
         now = R(0.0);
     }
-    predict(&s->wanted, &s->wanted_rate, s->wanted_bend, c->period);
-    const mrd_real off = now - s->wanted;
-    s->wanted += c->wanted_f * off;
-    s->wanted_rate = limited(s->wanted_rate + c->wanted_v * off, -most_length, most_length);
-    s->wanted_bend = limited(s->wanted_bend + c->wanted_a * off, -most_length, most_length);
-    if (!(c->preview > R(0.0))) {
+    if (c->preview > R(0.0)) {
+        predict(&s->wanted, &s->wanted_rate, s->wanted_bend, c->period);
+        const mrd_real off = now - s->wanted;
+        s->wanted += c->wanted_f * off;
+        s->wanted_rate = limited(s->wanted_rate + c->wanted_v * off, -most_length, most_length);
+        s->wanted_bend = limited(s->wanted_bend + c->wanted_a * off, -most_length, most_length);
+        if (!(magnitude(ahead) <= most_force)) {
+            mrd_real rate = s->wanted_rate;
+            ahead = now;
+            predict(&ahead, &rate, s->wanted_bend, c->preview);
+        }
+    } else {
         ahead = now;
-    } else if (!(magnitude(ahead) <= most_force)) {
-        mrd_real rate = s->wanted_rate;
-        ahead = now;
-        predict(&ahead, &rate, s->wanted_bend, c->preview);
     }
 
-    const int measured = magnitude(told->force) <= most_force;
+    const bool measured = magnitude(told->force) <= most_force;
     if (measured && known && (c->observe > R(0.0) || c->forget > R(0.0))) learn(c, s, told->force);
     if (c->observe > R(0.0))
         ahead -= (s->v + c->preview * s->a < R(0.0) ? R(-1.0) : R(1.0)) * s->disturbance;
 
     mrd_real current = R(0.0);
-    if (c->feed_forward > R(0.0)) current = c->feed_forward * limited(answer_of(c, s, warm, ahead), R(0.0), c->largest);
+    if (c->feed_forward > R(0.0)) {
+        const mrd_real asked = answer_of(c, s, warm, ahead);
+        current = limited(asked, R(0.0), c->largest);
+        if (known && (current != asked)) s->flags |= MRD_SATURATED;
+        current *= c->feed_forward;
+    }
     if (c->on_off > R(0.5) || c->gain > R(0.0) || c->rate > R(0.0))
         current = fed_back(c, s, measured, now, told->force, current);
     if (!known) current = c->fall_back;
     const mrd_real given = limited(current, R(0.0), c->largest);
     if (given != current) s->flags |= MRD_SATURATED;
-    s->at = (s->at + 1) % MRD_TRACK_LINE;
-    s->line[s->at] = given;
-    s->command = given;
+    give(s, given);
     return given;
 }
 

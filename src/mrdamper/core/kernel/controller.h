@@ -1,8 +1,8 @@
 /* A force-tracking controller: wanted force, displacement and temperature in, current out. And the damper's model
  * on the same tables: displacement, current and temperature in, force out.
  *
- * Everything that a target needs is this header and four files: track_tables.c, track_estimate.c, track_model.c,
- * controller.c.
+ * Everything that a target needs is this header and five files: track_tables.c, track_series.c, track_estimate.c,
+ * track_model.c, controller.c.
  * No allocation, no library function but memcpy and memset, no global state, one number type. What takes a power
  * or an exponential was tabulated beforehand (control/tables.py). SI and kelvin; extension positive; the
  * "current" is the command, in volts where the card's is.
@@ -10,9 +10,14 @@
 #ifndef MRD_CONTROLLER_H
 #define MRD_CONTROLLER_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 #include <string.h>
+
+#ifndef MRD_SERIES
+#define MRD_SERIES 1 /* 0: the series valve law is left out of the code */
+#endif
 
 #ifndef MRD_TRACK_API
 #define MRD_TRACK_API /* linkage of the public functions; kernel.c makes them static */
@@ -21,18 +26,19 @@
 #ifdef MRD_SINGLE
 typedef float mrd_real;
 typedef uint32_t mrd_pattern;
-#define MRD_DIGITS 23
+#define MRD_DIGITS 23u
 #define MRD_PATTERN_OF_ONE UINT32_C(0x3f800000)
 #else
 typedef double mrd_real;
 typedef uint64_t mrd_pattern;
-#define MRD_DIGITS 52
+#define MRD_DIGITS 52u
 #define MRD_PATTERN_OF_ONE UINT64_C(0x3ff0000000000000)
 #endif
 
 #define MRD_TRACK_CURRENTS 65 /* most currents of a table */
-#define MRD_TRACK_BANK 9      /* most models of a bank */
-#define MRD_TRACK_LINE 128    /* commands under way between controller and coil, at most */
+#define MRD_TRACK_TERMS 48    /* most terms */
+#define MRD_TRACK_BANK 9      /* most models of a bank; one, or those at all, every second ... eighth of the largest */
+#define MRD_TRACK_LINE 128u   /* commands under way between controller and coil, at most; a power of two */
 #define MRD_TRACK_GAINS 3     /* yield, viscous and friction force, each with a gain that may be learnt */
 
 /* A function of a size u >= 0: cubics on cells that double in width with every octave of u + offset. */
@@ -43,6 +49,33 @@ typedef struct {
     int32_t cells;
     const mrd_real *cell; /* [4 * cells] */
 } mrd_octaves;
+
+/* A power u^m of a size u: one octave of it as cubics, and what every octave multiplies. */
+typedef struct {
+    mrd_real exponent;     /* m */
+    mrd_real least;        /* a power of two; below it the power goes straight to zero */
+    mrd_real top;          /* largest size in the table; beyond, the last value holds */
+    int32_t bits;          /* log2 of the cells */
+    int32_t octaves;       /* from `least` up */
+    const mrd_real *scale; /* [octaves] */
+    const mrd_real *cell;  /* [4 << bits] */
+} mrd_power;
+
+/* Rows of the series valve's coefficients; all of them may move with temperature. */
+enum { MRD_CHAIN_OFFSET, MRD_CHAIN_STIFFNESS, MRD_CHAIN_THINNING, MRD_CHAIN_SLOWNESS, MRD_CHAIN_POSITION,
+       MRD_CHAIN_SPRING, MRD_CHAIN_GAP, MRD_CHAIN_SHARPNESS, MRD_CHAIN_LEAK, MRD_CHAIN_MASS, MRD_CHAIN_VISCOSITY,
+       MRD_CHAIN_SLIDING, MRD_CHAIN_BREAKAWAY, MRD_CHAIN_TRANSITION, MRD_CHAIN_STRIBECK, MRD_CHAIN };
+
+/* The series valve law: its coefficients over temperature, its yield force over current as well. */
+typedef struct {
+    int32_t currents;      /* one more than a power of two */
+    const mrd_real *yield; /* [temperatures][currents], rising with the current [N] */
+    const mrd_real *chain; /* [temperatures][MRD_CHAIN]; lengths and speeds by their inverse */
+    mrd_power thinning, leak, viscous;
+    mrd_octaves side;      /* tanh u */
+    mrd_octaves fade;      /* exp(-u^2) */
+    mrd_octaves corner;    /* (sqrt(u^2 + 1) - u) / 2 */
+} mrd_series;
 
 /* The numbers of a controller, in the order in which a binding or an exporter gives them. */
 #define MRD_TRACK_NUMBERS(X)                                                                                   \
@@ -110,27 +143,46 @@ typedef struct {
     X(ambient)        /* temperature of the surroundings [K] */                                                \
     X(coil_heat)      /* heat of the coil over the applied current squared [W/A2] */                           \
     X(frozen_warming) /* one reading while the damper warms by more than this is a fault [K] */                \
-    X(reckon)         /* 1: a frozen temperature is carried on by the energy put in; 0: a flag only */
+    X(reckon)         /* 1: a frozen temperature is carried on by the energy put in; 0: a flag only */         \
+    X(unloaded)       /* travel of the universal curve from w = -1 to 0 */                                     \
+    X(shared)         /* 1: rho is the same at all currents, so that a bank's models share one hysteresis */   \
+    X(substeps)       /* series valve: steps in a period */                                                    \
+    X(strides)        /* ... and to the preview */                                                             \
+    X(horizon)        /* ... time in which its spring is taken to the wanted force [s] */
 
+/* Rows: what the coefficients of the force are multiplied with, and the inverse yield displacements. */
+enum { MRD_ROW_OFFSET, MRD_ROW_STIFFNESS, MRD_ROW_MASS, MRD_ROW_VISCOUS, MRD_ROW_SLIDING, MRD_ROW_BREAKAWAY,
+       MRD_ROW_YIELD, MRD_ROW_SECOND, MRD_ROW_RHO, MRD_ROW_SECOND_RHO, MRD_TABLE_ROWS };
+#define MRD_ROWS 8 /* those of the force */
+
+/* Groups of rows that are added up on their own: those up to the breakaway friction, then each of the rest. */
+enum { MRD_GROUP_MOTION, MRD_GROUP_YIELD, MRD_GROUP_SECOND, MRD_GROUP_RHO, MRD_GROUP_SECOND_RHO, MRD_GROUPS };
+
+/* A row over temperature and current is a sum of terms, each a factor that temperature moves times a column over
+ * the currents. A row of the first group that the current does not move is one term without a column: a level. */
 typedef struct {
 #define X(name) mrd_real name;
     MRD_TRACK_NUMBERS(X)
 #undef X
-    int32_t currents, temperatures;
-    const mrd_real *force; /* [temperatures][MRD_ROWS][currents] */
-    const mrd_real *rho;   /* [temperatures][2][currents] */
+    int32_t currents;               /* of the columns */
+    int32_t pieces;                 /* of the temperature axis, evenly from the coldest to the warmest */
+    int32_t levels;                 /* how many there are; they are the first terms */
+    int32_t begin[MRD_GROUPS + 1];  /* first column of each group, and how many there are */
+    uint8_t row[MRD_TRACK_TERMS];   /* of each term: levels, then columns, in the rows' order */
+    uint8_t eighth[MRD_TRACK_BANK]; /* which of the currents the eighths of the largest are */
+    const mrd_real *current;        /* [currents], rising from 0 to the largest, closer where the force bends */
+    const mrd_real *factor;         /* [pieces][levels + columns][3], a parabola in the place 0 to 1 in the piece */
+    const mrd_real *column;         /* [currents][columns] */
     mrd_octaves loading, unloading; /* size of w on the universal curve over travel from w = 0 */
-    mrd_octaves to_load;   /* travel of loading over 1 - w */
-    mrd_octaves to_unload; /* travel of unloading over the size of w */
+    mrd_octaves from_loading;   /* a turn: travel of unloading over that of loading */
+    mrd_octaves from_unloading; /* ... and back, over the first half of the travel of unloading */
+    mrd_octaves from_unloaded;  /* the same over what is left of the second half, sign reversed */
     mrd_octaves viscous;   /* size of the viscous speed */
     mrd_octaves sliding;   /* of the sliding friction's share */
     mrd_octaves breakaway;
     mrd_octaves built_up;  /* of what builds up with speed, or of a yield force without memory */
+    const mrd_series *series; /* the series valve law, which uses none of the tables above; NULL: another law */
 } mrd_track;
-
-/* What multiplies each row of the force table. */
-enum { MRD_ROW_OFFSET, MRD_ROW_STIFFNESS, MRD_ROW_MASS, MRD_ROW_VISCOUS, MRD_ROW_SLIDING, MRD_ROW_BREAKAWAY,
-       MRD_ROW_YIELD, MRD_ROW_SECOND, MRD_ROWS };
 
 /* Flags of the last step. The first seven and the last three are faults of readings. */
 enum {
@@ -158,7 +210,9 @@ typedef struct {
     mrd_real first, second;           /* the command behind the first and the second lag */
     mrd_real play;                    /* the play's output, less than that by its half width while it rises */
     mrd_real applied;                 /* what the force feels: behind lags and play */
-    mrd_real w[MRD_TRACK_BANK][2];    /* hysteretic states, -1 to 1: of each model and element */
+    mrd_real side;                    /* 1 or -1: way that the hysteresis has gone last */
+    mrd_real place[MRD_TRACK_BANK][2]; /* ... and its place on the universal curve then: of each model and element;
+                                          of the series valve its spring's travel [m] and its valve's velocity [m/s] */
     mrd_real command;                 /* the last one given */
     mrd_real leading;                 /* filter of the lead compensation */
     mrd_real integral;                /* of the force feedback [A] */
@@ -167,17 +221,17 @@ typedef struct {
     mrd_real spread[MRD_TRACK_GAINS * MRD_TRACK_GAINS]; /* their covariance */
     mrd_real temperature;             /* believed [K] */
     mrd_real probe;                   /* a reading that is not believed yet */
-    mrd_real last_x, speed_before;    /* last reading; speed when it began to repeat */
     mrd_real read;                    /* the last temperature that was in its limits [K] */
     mrd_real warmed, warmed_least;    /* what the energy put in since it changed warms: as reckoned, at least [K] */
     mrd_real coolest;                 /* lowest temperature believed so far [K] */
+    mrd_real last_x, speed_before;    /* last reading; speed when it began to repeat */
     mrd_real line[MRD_TRACK_LINE];    /* commands under way */
     int32_t at;                       /* place of the newest */
     int32_t repeated, lost, back;     /* samples: equal readings, without displacement, with it again */
     int32_t cold, steady;             /* samples without a good temperature; with a steady probe */
     int32_t started;
     int32_t stuck;                    /* 1: the temperature is taken for frozen */
-    int32_t row;                      /* of the force table whose work was counted last */
+    int32_t term;                     /* of the force whose work was counted last */
     int32_t unpowered;                /* samples without a good current */
     int32_t driven;                   /* 1: the last velocity was told */
     int32_t flags;

@@ -14,24 +14,25 @@ static void follow_driven_motion(const mrd_track *c, mrd_track_state *s, mrd_rea
         (void)follow_motion(c, s, displacement);
         return;
     }
-    const int there = magnitude(displacement) <= c->far_x;
+    const bool there = magnitude(displacement) <= c->far_x;
     const int32_t enough = (int32_t)c->frozen_samples;
-    if (!(there && s->started && displacement == s->last_x)) s->repeated = 0;
+    if (!(there && s->started != 0 && displacement == s->last_x)) s->repeated = 0;
     else if (s->repeated < enough) s->repeated = magnitude(velocity) > c->frozen_speed ? s->repeated + 1 : 0;
-    const int frozen = s->repeated >= enough;
+    const bool frozen = s->repeated >= enough;
     if (!there) s->flags |= MRD_NO_DISPLACEMENT;
     if (frozen) s->flags |= MRD_FROZEN;
     if (there && !frozen) {
         s->x = displacement;
         s->started = 1;
-        s->lost = s->back = 0;
+        s->lost = 0;
+        s->back = 0;
     } else { /* the velocity carries it on */
         s->x = limited(s->x + R(0.5) * c->period * (s->v + velocity), -c->far_x, c->far_x);
         if (s->lost < INT32_MAX) s->lost++;
         if (s->lost > (int32_t)c->coast_samples) s->flags |= MRD_MOTION_UNKNOWN;
     }
     if (there) s->last_x = displacement;
-    s->a = s->driven ? (velocity - s->v) / c->period : R(0.0);
+    s->a = s->driven != 0 ? (velocity - s->v) / c->period : R(0.0);
     s->v = velocity;
     s->driven = 1;
     look_at_motion(c, s);
@@ -50,13 +51,12 @@ static void follow_current(const mrd_track *c, mrd_track_state *s, mrd_real read
         if (s->unpowered < INT32_MAX) s->unpowered++;
         if (s->unpowered > (int32_t)c->coast_samples) current = R(0.0);
     }
-    s->at = (s->at + 1) % MRD_TRACK_LINE;
-    s->line[s->at] = s->command = current;
+    give(s, current);
 }
 
 MRD_TRACK_API mrd_real mrd_model_step(const mrd_track *c, mrd_track_state *s, const mrd_driven *told)
 {
-    const int first = !(s->started || s->driven); /* nothing has been travelled before */
+    const bool first = s->started == 0 && s->driven == 0; /* nothing has been travelled before */
     const mrd_real v_before = s->v;
     s->flags = 0;
     follow_driven_motion(c, s, told->displacement, told->velocity);
@@ -65,11 +65,17 @@ MRD_TRACK_API mrd_real mrd_model_step(const mrd_track *c, mrd_track_state *s, co
     const axis_point warm = warmth(c, s->temperature);
     const mrd_real applied = follow_applied(c, s);
     if (!first) follow_hysteresis(c, s, warm, v_before, applied);
+    if (first && is_series(c)) start_series(c, s, warm);
 
-    const moment m = present(c, s);
-    mrd_real by[MRD_ROWS];
-    multipliers(c, s, &m, by);
-    const mrd_real force = force_at(c, warm, on_currents(c, s->applied), by);
+    mrd_real force;
+    if (is_series(c)) {
+        force = series_force(c, s, warm);
+    } else {
+        const moment m = present(c, s);
+        mrd_real by[MRD_ROWS];
+        multipliers(c, s, &m, by);
+        force = force_at(c, warm, on_currents(c, s->applied), by);
+    }
     if (c->capacity > R(0.0)) follow_heat(c, s, force * s->v);
     return force;
 }

@@ -5,7 +5,13 @@
 
 #define R(x) ((mrd_real)(x))
 
+#if defined(__GNUC__) && defined(MRD_SINGLE)
+static inline mrd_real magnitude(mrd_real u) { return __builtin_fabsf(u); } /* one instruction, no library */
+#elif defined(__GNUC__)
+static inline mrd_real magnitude(mrd_real u) { return __builtin_fabs(u); }
+#else
 static inline mrd_real magnitude(mrd_real u) { return u < R(0.0) ? -u : u; }
+#endif
 
 /* u inside [low, high]; low where u is not a number. */
 static inline mrd_real limited(mrd_real u, mrd_real low, mrd_real high) { return u > low ? (u < high ? u : high) : low; }
@@ -13,132 +19,207 @@ static inline mrd_real limited(mrd_real u, mrd_real low, mrd_real high) { return
 static inline mrd_pattern pattern_of(mrd_real t)
 {
     mrd_pattern p;
-    memcpy(&p, &t, sizeof p);
+    (void)memcpy(&p, &t, sizeof p);
     return p;
 }
 
 static inline mrd_real of_pattern(mrd_pattern p)
 {
     mrd_real t;
-    memcpy(&t, &p, sizeof t);
+    (void)memcpy(&t, &p, sizeof t);
     return t;
 }
 
-/* Number of the first cell in the patterns' own counting. */
-static inline mrd_pattern first_cell(const mrd_octaves *o) { return pattern_of(o->offset) >> (MRD_DIGITS - o->bits); }
-
-static inline mrd_real octaves_at(const mrd_octaves *o, mrd_real size)
+static mrd_real octaves_at(const mrd_octaves *o, mrd_real size)
 {
+    const mrd_pattern one = 1u, mask = (one << MRD_DIGITS) - one;
+    const uint32_t bits = (uint32_t)o->bits, beside = MRD_DIGITS - bits;
     const mrd_real sum = size + o->offset, t = sum < o->top ? sum : o->top;
-    const mrd_pattern p = pattern_of(t), mask = ((mrd_pattern)1 << MRD_DIGITS) - 1;
-    const mrd_real *c = o->cell + 4 * (size_t)((p >> (MRD_DIGITS - o->bits)) - first_cell(o));
-    const mrd_real l = of_pattern(((p << o->bits) & mask) | MRD_PATTERN_OF_ONE) - R(1.0);
+    const mrd_pattern p = pattern_of(t);
+    /* cells are numbered by the leading bits of the pattern, from those of the offset on */
+    const mrd_real *c = &o->cell[4u * (size_t)((p >> beside) - (pattern_of(o->offset) >> beside))];
+    const mrd_real l = of_pattern(((p << bits) & mask) | MRD_PATTERN_OF_ONE) - R(1.0);
     return c[0] + l * (c[1] + l * (c[2] + l * c[3]));
 }
 
-/* A hysteretic state after a signed, scaled travel rho dx in one direction. */
-static inline mrd_real w_moved(const mrd_track *c, mrd_real w, mrd_real travel)
+/* Hysteresis on the universal curve. The place is the scaled travel from w = 0, negative while the element is
+ * still unloading; the side is the way that it goes. Moving on adds to the place; a turn changes both.
+ */
+static mrd_real size_at(const mrd_track *c, mrd_real u)
 {
-    const mrd_real side = travel < R(0.0) ? R(-1.0) : R(1.0), u = limited(side * w, R(-1.0), R(1.0));
-    const mrd_real from = u < R(0.0) ? -octaves_at(&c->to_unload, -u) : octaves_at(&c->to_load, R(1.0) - u);
-    const mrd_real tau = from + side * travel;
-    return side * (tau < R(0.0) ? -octaves_at(&c->unloading, -tau) : octaves_at(&c->loading, tau));
+    return u < R(0.0) ? -octaves_at(&c->unloading, -u) : octaves_at(&c->loading, u);
 }
 
-/* A point on an even axis: the entry below, and the share of the way to the next. */
+static mrd_real after_turn(const mrd_track *c, mrd_real u)
+{
+    const mrd_real left = c->unloaded + u;
+    if (u >= R(0.0)) return -octaves_at(&c->from_loading, u);
+    return left > -u ? octaves_at(&c->from_unloading, -u) : -octaves_at(&c->from_unloaded, magnitude(left));
+}
+
+/* A point on an axis: the entry below, and the share of the way to the next. */
 typedef struct {
     int32_t index;
     mrd_real share;
 } axis_point;
 
-static inline axis_point on_axis(mrd_real u, mrd_real low, mrd_real high, int32_t count)
+static axis_point on_currents(const mrd_track *c, mrd_real u)
 {
     axis_point at = {0, R(0.0)};
-    if (count < 2 || !(high > low)) return at;
-    const mrd_real scaled = limited((u - low) / (high - low), R(0.0), R(1.0)) * (mrd_real)(count - 1);
-    at.index = (int32_t)scaled;
-    if (at.index > count - 2) at.index = count - 2;
-    at.share = scaled - (mrd_real)at.index;
+    int32_t count = c->currents - 1; /* of the cells that are still in question, from the index on */
+    while (count > 1) {
+        const int32_t half = count / 2;
+        if (u >= c->current[at.index + half]) {
+            at.index += half;
+            count -= half;
+        } else {
+            count = half;
+        }
+    }
+    const mrd_real low = c->current[at.index], high = c->current[at.index + 1];
+    at.share = limited((u - low) / (high - low), R(0.0), R(1.0));
     return at;
 }
 
+/* Whether the law is that of a valve in series; a constant where MRD_SERIES leaves that law out. */
+static inline bool is_series(const mrd_track *c) { return (MRD_SERIES != 0) && (c->series != NULL); }
+
 static inline axis_point warmth(const mrd_track *c, mrd_real kelvin)
 {
-    return on_axis(kelvin, c->coldest, c->warmest, c->temperatures);
-}
-
-/* Value of one row of a table at a current and a temperature; `rows` rows to a sheet. */
-static inline mrd_real row_at(const mrd_track *c, const mrd_real *table, int rows, int row, axis_point warm, axis_point at)
-{
-    const int n = c->currents;
-    const mrd_real *cold = table + (warm.index * rows + row) * n + at.index;
-    const int next = n > 1 ? 1 : 0;
-    mrd_real value = cold[0] + at.share * (cold[next] - cold[0]);
-    if (warm.share > R(0.0)) {
-        const mrd_real *hot = cold + rows * n;
-        value += warm.share * (hot[0] + at.share * (hot[next] - hot[0]) - value);
+    axis_point at = {0, R(0.0)};
+    if (c->warmest > c->coldest) {
+        const mrd_real where = (limited(kelvin, c->coldest, c->warmest) - c->coldest) / (c->warmest - c->coldest) * (mrd_real)c->pieces;
+        at.index = (int32_t)where;
+        if (at.index > c->pieces - 1) at.index = c->pieces - 1;
+        at.share = where - (mrd_real)at.index;
     }
-    return value;
+    return at;
 }
 
-static inline axis_point on_currents(const mrd_track *c, mrd_real current)
+/* Parabolas of all terms in the piece of a temperature. */
+static inline const mrd_real *parabolas_at(const mrd_track *c, axis_point warm)
 {
-    return on_axis(current, R(0.0), c->largest, c->currents);
+    return &c->factor[3 * warm.index * (c->levels + c->begin[MRD_GROUPS])];
 }
 
-static inline mrd_real rho_at(const mrd_track *c, axis_point warm, axis_point at, int element)
-{
-    return row_at(c, c->rho, 2, element, warm, at);
-}
+static inline mrd_real parabola(const mrd_real *p, mrd_real share) { return p[0] + share * (p[1] + share * p[2]); }
 
-/* Motion and hysteresis of one moment, and what each row of the force table is multiplied with then. */
-typedef struct {
-    mrd_real x, v, a, w[2];
-} moment;
-
-static inline mrd_real multiplier(const mrd_track *c, const mrd_track_state *s, const moment *m, int row)
+/* Inverse yield displacements of the elements; where they are the same at all currents, they are one term each. */
+static void rho_at(const mrd_track *c, axis_point warm, mrd_real current, mrd_real *rho)
 {
-    const mrd_real speed = magnitude(m->v), sign = m->v < R(0.0) ? R(-1.0) : R(1.0);
-    switch (row) {
-    case MRD_ROW_STIFFNESS: return m->x;
-    case MRD_ROW_MASS: return m->a;
-    case MRD_ROW_VISCOUS: return s->gain[1] * sign * octaves_at(&c->viscous, speed);
-    case MRD_ROW_SLIDING: return s->gain[2] * sign * octaves_at(&c->sliding, speed);
-    case MRD_ROW_BREAKAWAY: return s->gain[2] * sign * octaves_at(&c->breakaway, speed);
-    case MRD_ROW_YIELD:
-        return s->gain[0] * (c->elements < R(0.5) ? sign * octaves_at(&c->built_up, speed) : m->w[0]);
-    case MRD_ROW_SECOND:
-        return s->gain[0] * (c->saturating > R(0.5) ? m->w[0] * octaves_at(&c->built_up, speed) : m->w[1]);
-    default: return R(1.0); /* MRD_ROW_OFFSET */
-    }
-}
-
-static void multipliers(const mrd_track *c, const mrd_track_state *s, const moment *m, mrd_real *by)
-{
-    for (int r = 0; r < MRD_ROWS; r++) by[r] = multiplier(c, s, m, r);
-}
-
-/* Force at every current of the table. */
-static void force_row(const mrd_track *c, axis_point warm, const mrd_real *restrict by, mrd_real *restrict force)
-{
-    const int n = c->currents;
-    const mrd_real *restrict sheet = c->force + warm.index * MRD_ROWS * n;
-    for (int j = 0; j < n; j++) force[j] = R(0.0);
-    for (int part = 0; part < 2; part++) {
-        const mrd_real weight = part ? warm.share : R(1.0) - warm.share;
-        if (!(weight > R(0.0))) continue;
-        for (int r = 0; r < MRD_ROWS; r++) {
-            const mrd_real factor = weight * by[r];
-            const mrd_real *restrict row = sheet + (part * MRD_ROWS + r) * n;
-            for (int j = 0; j < n; j++) force[j] += factor * row[j];
+    const mrd_real *p = &parabolas_at(c, warm)[3 * (c->levels + c->begin[MRD_GROUP_RHO])];
+    if (c->shared > R(0.5)) {
+        for (int e = 0; e < (int)c->elements; e++) rho[e] = parabola(&p[3 * e], warm.share);
+    } else {
+        const axis_point at = on_currents(c, current);
+        const int32_t columns = c->begin[MRD_GROUPS], first = c->begin[MRD_GROUP_RHO];
+        const mrd_real *here = &c->column[at.index * columns], *beyond = &here[columns];
+        for (int e = 0; e < (int)c->elements; e++) {
+            rho[e] = R(0.0);
+            for (int32_t k = c->begin[MRD_GROUP_RHO + e]; k < c->begin[MRD_GROUP_RHO + e + 1]; k++)
+                rho[e] += parabola(&p[3 * (k - first)], warm.share) * (here[k] + at.share * (beyond[k] - here[k]));
         }
     }
 }
 
-static mrd_real force_at(const mrd_track *c, axis_point warm, axis_point at, const mrd_real *by)
+/* Motion and hysteresis of one moment. */
+typedef struct {
+    mrd_real x, v, a, w[2];
+} moment;
+
+/* What the rows are multiplied with but for the hysteresis. */
+static void motion_multipliers(const mrd_track *c, const mrd_track_state *s, const moment *m, mrd_real *by)
 {
-    mrd_real force = R(0.0);
-    for (int r = 0; r < MRD_ROWS; r++)
-        if (by[r] != R(0.0)) force += by[r] * row_at(c, c->force, MRD_ROWS, r, warm, at);
+    const mrd_real speed = magnitude(m->v), sign = m->v < R(0.0) ? R(-1.0) : R(1.0);
+    by[MRD_ROW_OFFSET] = R(1.0);
+    by[MRD_ROW_STIFFNESS] = m->x;
+    by[MRD_ROW_MASS] = m->a;
+    by[MRD_ROW_VISCOUS] = s->gain[1] * sign * octaves_at(&c->viscous, speed);
+    by[MRD_ROW_SLIDING] = s->gain[2] * sign * octaves_at(&c->sliding, speed);
+    by[MRD_ROW_BREAKAWAY] = s->gain[2] * sign * octaves_at(&c->breakaway, speed);
+    by[MRD_ROW_YIELD] = s->gain[0];
+    by[MRD_ROW_SECOND] = s->gain[0];
+}
+
+/* What the yield forces are multiplied with at hysteretic states w: the first with yield w0, the second with
+ * second[0] w0 + second[1] w1. */
+typedef struct {
+    mrd_real yield, second[2];
+} mixture;
+
+static inline mixture mixture_of(const mrd_track *c, const moment *m)
+{
+    const bool settled = c->elements < R(0.5), rate = c->saturating > R(0.5);
+    const mrd_real built_up = settled || rate ? octaves_at(&c->built_up, magnitude(m->v)) : R(1.0);
+    const mixture mix = {settled ? built_up : R(1.0), {rate ? built_up : R(0.0), rate ? R(0.0) : R(1.0)}};
+    return mix;
+}
+
+static inline mrd_real yield_share(const mixture *mix, const mrd_real *w) { return mix->yield * w[0]; }
+
+static inline mrd_real second_share(const mixture *mix, const mrd_real *w)
+{
+    return mix->second[0] * w[0] + mix->second[1] * w[1];
+}
+
+static inline void multipliers(const mrd_track *c, const mrd_track_state *s, const moment *m, mrd_real *by)
+{
+    const mixture mix = mixture_of(c, m);
+    motion_multipliers(c, s, m, by);
+    by[MRD_ROW_YIELD] *= yield_share(&mix, m->w);
+    by[MRD_ROW_SECOND] *= second_share(&mix, m->w);
+}
+
+/* What one row is multiplied with. */
+static mrd_real multiplier(const mrd_track *c, const mrd_track_state *s, const moment *m, int row)
+{
+    const mrd_real speed = magnitude(m->v), sign = m->v < R(0.0) ? R(-1.0) : R(1.0);
+    mrd_real by = R(1.0);
+    mixture mix;
+    switch (row) {
+    case MRD_ROW_STIFFNESS: by = m->x; break;
+    case MRD_ROW_MASS: by = m->a; break;
+    case MRD_ROW_VISCOUS: by = s->gain[1] * sign * octaves_at(&c->viscous, speed); break;
+    case MRD_ROW_SLIDING: by = s->gain[2] * sign * octaves_at(&c->sliding, speed); break;
+    case MRD_ROW_BREAKAWAY: by = s->gain[2] * sign * octaves_at(&c->breakaway, speed); break;
+    case MRD_ROW_YIELD:
+        mix = mixture_of(c, m);
+        by = s->gain[0] * yield_share(&mix, m->w);
+        break;
+    case MRD_ROW_SECOND:
+        mix = mixture_of(c, m);
+        by = s->gain[0] * second_share(&mix, m->w);
+        break;
+    default: break; /* the offset */
+    }
+    return by;
+}
+
+/* Weights of the force's columns at a temperature, rows multiplied; returns the force of the levels. */
+static mrd_real weigh(const mrd_track *c, axis_point warm, const mrd_real *by, mrd_real *weight)
+{
+    const mrd_real *p = parabolas_at(c, warm);
+    const uint8_t *row = c->row;
+    mrd_real level = R(0.0);
+    for (int32_t k = 0; k < c->levels; k++) level += by[row[k]] * parabola(&p[3 * k], warm.share);
+    p = &p[3 * c->levels];
+    row = &row[c->levels];
+    for (int32_t k = 0; k < c->begin[MRD_GROUP_RHO]; k++) weight[k] = by[row[k]] * parabola(&p[3 * k], warm.share);
+    return level;
+}
+
+static inline mrd_real sum_of(const mrd_real *weight, const mrd_real *here, int32_t count)
+{
+    mrd_real sum = R(0.0);
+    for (int32_t k = 0; k < count; k++) sum += weight[k] * here[k];
+    return sum;
+}
+
+/* Force at any current. */
+static inline mrd_real force_at(const mrd_track *c, axis_point warm, axis_point at, const mrd_real *by)
+{
+    const mrd_real *here = &c->column[at.index * c->begin[MRD_GROUPS]], *beyond = &here[c->begin[MRD_GROUPS]];
+    mrd_real weight[MRD_TRACK_TERMS], force = weigh(c, warm, by, weight);
+    for (int32_t k = 0; k < c->begin[MRD_GROUP_RHO]; k++) force += weight[k] * (here[k] + at.share * (beyond[k] - here[k]));
     return force;
 }

@@ -1,0 +1,7 @@
+/* What the replay needs of the machine that it runs on. */
+#include <stdint.h>
+
+int replay(void);
+void board_put(const char *text);
+uint32_t board_ticks(void);
+uint32_t board_stack(void);

@@ -1,0 +1,11 @@
+/* A controller with its tables in one file, so that the compiler knows its numbers. */
+#define MRD_TRACK_API static inline
+#include "tables.c"
+
+#include "controller.c"
+
+#include "one.h"
+
+mrd_real one_largest(void) { return track.largest; }
+void one_start(mrd_track_state *s) { mrd_track_start(&track, s); }
+mrd_real one_step(mrd_track_state *s, const mrd_told *told) { return mrd_track_step(&track, s, told); }

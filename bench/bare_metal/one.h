@@ -1,0 +1,6 @@
+/* A controller that knows its own tables. */
+#include "controller.h"
+
+mrd_real one_largest(void);
+void one_start(mrd_track_state *s);
+mrd_real one_step(mrd_track_state *s, const mrd_told *told);

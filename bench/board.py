@@ -1,0 +1,209 @@
+"""A controller's C, built for this machine or a bare Cortex-M under QEMU, and stepped through given readings.
+
+QEMU counts instructions (``-icount``): the figures repeat exactly, and they are not cycles. Code and readings
+are those of a target without a system: own start-up, own linker script, no library but memory copies.
+
+What is compiled are the kernel's own files and the generated tables (``c_tables``) as one file, as an export
+is: the compiler then sees that the numbers are constant, and leaves out what they switch off.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrdamper import core
+from mrdamper.control.controllers import ForceController
+from mrdamper.export.track_struct import Nested, Pointer, Table, Value, track_members
+from mrdamper.quantities import FloatArray
+
+__all__ = [
+    "BOARDS",
+    "CLEAN",
+    "Board",
+    "Replay",
+    "Sizes",
+    "c_tables",
+    "hash_of",
+    "on_board",
+    "on_host",
+    "sizes",
+]
+
+KERNEL = Path(core.__file__).parent / "kernel"
+SOURCES = Path(__file__).parent / "bare_metal"
+CLEAN = (
+    "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Wshadow", "-Wcast-qual", "-pedantic",
+    "-Werror",
+)  # fmt: skip
+"""Warnings under which the kernel and its tables compile without one."""
+
+_TICKS_PER_INSTRUCTION = 1024.0 / 40.0  # 2^10 ns an instruction, a timer of 25 MHz
+
+
+@dataclass(frozen=True, slots=True)
+class Board:
+    """A machine that QEMU has, and how to compile for its processor."""
+
+    machine: str
+    flags: tuple[str, ...]
+
+
+BOARDS = {
+    "M4F": Board("mps2-an386", ("-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16")),
+    "M7": Board("mps2-an500", ("-mcpu=cortex-m7", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv5-sp-d16")),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Replay:
+    """What a replay says. Instructions are zero on the host, where none are counted."""
+
+    least: float  # instructions of the shortest step
+    mean: float
+    most: float
+    longest_step: int
+    stack_bytes: int  # of everything, the replay included
+    hash: int  # of the bits of all commands and flags
+    outside: int  # steps whose command is no number within 0 and the largest
+
+
+def c_tables(controller: ForceController, *, single: bool = True) -> str:
+    """Return C that defines the constant ``track``: a controller's numbers and tables."""
+    kind, suffix = (np.float32, "f") if single else (np.float64, "")
+    arrays: list[str] = []
+
+    def number(value: float) -> str:
+        return f"{float(kind(value)).hex()}{suffix}"
+
+    def text(name: str, value: Value) -> str:
+        if isinstance(value, Table):
+            numbers = ", ".join(number(each) for each in np.ravel(value.values))
+            arrays.append(f"static const mrd_real {name}[] = {{{numbers}}};\n")
+            return name
+        if isinstance(value, Nested):
+            return struct(f"{name}_", value.members)
+        if isinstance(value, Pointer):
+            if value.members is None:
+                return "NULL"
+            arrays.append(f"static const {value.kind} {name} = {struct(f'{name}_', value.members)};\n")
+            return f"&{name}"
+        if isinstance(value, tuple):
+            return f"{{{', '.join(map(str, value))}}}"
+        return str(value) if isinstance(value, int) else number(value)
+
+    def struct(prefix: str, members: Mapping[str, Value]) -> str:
+        lines = (f".{name} = {text(prefix + name, value)}" for name, value in members.items())
+        return "{\n    " + ",\n    ".join(lines) + "}"
+
+    whole = struct("of_", track_members(controller))
+    series = f"#define MRD_SERIES {int(controller.tables.series is not None)}"
+    return "\n".join(
+        [series, '#include "controller.h"\n', *arrays, f"static const mrd_track track = {whole};\n"]
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Sizes:
+    """What a controller takes of a target's memory [bytes]."""
+
+    code: int
+    tables: int
+    stack: int  # of the function that takes most; its callees are not counted
+
+
+def on_board(
+    controller: ForceController, rows: FloatArray, board: Board, *, flags: tuple[str, ...] = ("-O2",)
+) -> Replay:
+    """Return what a bare processor makes of the rows (as ``ForceController.run`` takes them), in float."""
+    with tempfile.TemporaryDirectory() as folder:
+        place = Path(folder)
+        _write(controller, rows, place, single=True)
+        linker = ("-nostartfiles", "-T", str(SOURCES / "mps2.ld"), "-Wl,--gc-sections")
+        _compile(
+            ("arm-none-eabi-gcc", *board.flags, *flags, "-ffunction-sections", *linker),
+            place, len(rows), "startup.c", single=True,
+        )  # fmt: skip
+        said = _run(
+            "qemu-system-arm", "-M", board.machine, "-nographic", "-icount", "shift=10",
+            "-semihosting-config", "enable=on,target=native", "-kernel", str(place / "replay"),
+        )  # fmt: skip
+    return _read(said, len(rows))
+
+
+def on_host(
+    controller: ForceController,
+    rows: FloatArray,
+    *,
+    single: bool = True,
+    flags: tuple[str, ...] = ("-O2",),
+    compiler: str = "gcc",
+) -> Replay:
+    """Return what this machine makes of the rows, in float or double; ``flags`` may ask for sanitizers."""
+    with tempfile.TemporaryDirectory() as folder:
+        place = Path(folder)
+        _write(controller, rows, place, single=single)
+        _compile((compiler, *flags), place, len(rows), "host.c", single=single)
+        said = _run(str(place / "replay"))
+    return _read(said, len(rows))
+
+
+def hash_of(command: FloatArray, flags: NDArray[np.int64], *, single: bool = True) -> int:
+    """Return the hash that a replay gives for these commands and flags."""
+    columns = [("command", np.float32 if single else np.float64), ("flags", np.int32)]
+    rows = np.empty(len(command), dtype=columns)
+    rows["command"], rows["flags"] = command, flags
+    out = 0xCBF29CE484222325
+    for byte in rows.tobytes():
+        out = (out ^ byte) * 0x100000001B3 & 0xFFFFFFFFFFFFFFFF
+    return out
+
+
+def sizes(controller: ForceController, board: Board, *, flags: tuple[str, ...] = ("-O2",)) -> Sizes:
+    """Return bytes of code and tables on a board, and of the deepest stack of one function."""
+    with tempfile.TemporaryDirectory() as folder:
+        place = Path(folder)
+        _write(controller, np.empty((0, 5)), place, single=True)
+        out = place / "one.o"
+        _run(
+            "arm-none-eabi-gcc", *board.flags, *flags, "-std=c99", "-DMRD_SINGLE", "-fstack-usage",
+            f"-I{KERNEL}", f"-I{place}", "-c", str(SOURCES / "one.c"), "-o", str(out),
+        )  # fmt: skip
+        symbols = [line.split() for line in _run("arm-none-eabi-nm", "-S", str(out)).splitlines()]
+        held = [(kind.lower(), int(size, 16)) for _, size, kind, _ in (s for s in symbols if len(s) == 4)]
+        stacks = [int(line.split()[1]) for line in out.with_suffix(".su").read_text().splitlines()]
+    code, tables = (sum(size for kind, size in held if kind == wanted) for wanted in "tr")
+    return Sizes(code, tables, max(stacks))
+
+
+def _write(controller: ForceController, rows: FloatArray, place: Path, *, single: bool) -> None:
+    (place / "tables.c").write_text(c_tables(controller, single=single), encoding="utf-8")
+    np.ascontiguousarray(rows, dtype=np.float32 if single else np.float64).tofile(place / "rows.bin")
+
+
+def _compile(command: tuple[str, ...], place: Path, steps: int, machine: str, *, single: bool) -> None:
+    number = ("-DMRD_SINGLE",) if single else ()
+    files = [SOURCES / name for name in (machine, "replay.c", "rows.S", "one.c")]
+    _run(
+        *command, "-std=c99", "-ffp-contract=off", *number, f"-DSTEPS={steps}", f"-I{KERNEL}",
+        f"-I{place}", f"-Wa,-I{place}", *map(str, files), "-o", str(place / "replay"),
+    )  # fmt: skip
+
+
+def _run(*command: str) -> str:
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
+    if done.returncode:
+        raise RuntimeError(f"{command[0]} ended with {done.returncode}:\n{done.stdout}{done.stderr}")
+    return done.stdout or done.stderr  # where QEMU puts what the board says
+
+
+def _read(said: str, steps: int) -> Replay:
+    least, total, most, which, stack, bits, outside = map(int, said.split())
+    each = _TICKS_PER_INSTRUCTION
+    return Replay(least / each, total / each / steps, most / each, which, stack, bits, outside)

@@ -1,0 +1,128 @@
+"""What a controller costs on a microcontroller: instructions of a step on a Cortex-M4F under QEMU, and bytes.
+
+The readings are those that a step finds hard: a motion that turns again and again, targets that no current
+gives, temperature over the whole range and past it, sensors that fail.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.signal import lfilter
+
+from bench.board import BOARDS, hash_of, on_board, on_host, sizes
+from bench.measure import Row
+from mrdamper.control.controllers import ForceController, controllers_for
+from mrdamper.models.damper import Damper
+from mrdamper.models.dependence import Constant
+from mrdamper.quantities import FloatArray
+from tests.control.dampers import DAMPERS
+
+__all__ = ["CARD_RANGE_K", "SHOWN", "Shown", "dampers", "readings", "run"]
+
+SAMPLES = 100_000
+CARD_RANGE_K = (293.15, 396.15)
+"""Temperatures of a card that is identified from 20 to 123 degC."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """A controller of a damper, how it is compiled, and how many instructions a step may take."""
+
+    controller: str
+    damper: str
+    optimised: str
+    most: int | None = None
+
+    def made(self) -> ForceController:
+        return controllers_for(dampers()[self.damper])[self.controller]
+
+
+SHOWN = (
+    Shown("paper", "bouc-wen, one rho", "-O3", 1000),
+    Shown("paper", "bouc-wen, one rho", "-O2"),
+    Shown("paper", "bouc-wen", "-O3"),
+    Shown("paper", "double-bouc-wen", "-O3"),
+    Shown("recommended", "bouc-wen", "-O2", 4000),
+    Shown("recommended", "double-bouc-wen", "-O2", 4000),
+    Shown("recommended", "bouc-wen-saturating", "-O2", 4000),
+    Shown("recommended-adaptive", "double-bouc-wen", "-O2"),
+)
+"""What is measured. For the paper's bank the loops are unrolled (``-O3``), which costs code."""
+
+
+def dampers() -> dict[str, Damper]:
+    """Return the dampers, by law, over a card's temperatures.
+
+    With one rho at all currents, as in the paper's law, a bank's models share one hysteresis.
+    """
+    made = {name: replace(damper, temperature_range=CARD_RANGE_K) for name, damper in DAMPERS.items()}
+    bouc_wen = made["bouc-wen"]
+    even = replace(bouc_wen, coefficients={**bouc_wen.coefficients, "rho": Constant(9e3)})
+    return made | {"bouc-wen, one rho": even}
+
+
+def readings(controller: ForceController, samples: int = SAMPLES, *, seed: int = 1) -> FloatArray:
+    """Return rows of wanted force now and ahead, displacement, temperature and force, shape (samples, 5).
+
+    A random motion of up to some 0.3 m/s that now and then rests, shakes or jumps; a target in its direction
+    that is too large for a fifth of the time, and against it for another; temperature ramps through the whole
+    range; stretches in which a sensor gives nothing, infinity, or stands still.
+    """
+    rng, h = np.random.default_rng(seed), controller.period_s
+    t = h * np.arange(samples)
+    slow = np.zeros(samples)
+    for hertz, size in ((0.7, 6e-3), (2.3, 3e-3), (6.1, 1e-3), (11.0, 3e-4)):
+        drift = np.cumsum(rng.standard_normal(samples)) * 0.02
+        slow += size * np.sin(2.0 * np.pi * hertz * t + drift)
+    envelope = 0.5 + 0.5 * np.tanh(3.0 * np.sin(2.0 * np.pi * t / 7.0))
+    x = slow * envelope + 1e-5 * rng.standard_normal(samples)
+    x += np.where(np.sin(2.0 * np.pi * t / 11.0) > 0.9, 2e-4 * np.sin(2.0 * np.pi * 45.0 * t), 0.0)
+    speed = np.gradient(lfilter([0.2], [1.0, -0.8], x), h)
+    amplitude = np.repeat(rng.choice([300.0, 900.0, 1400.0, 3000.0, -600.0], samples // 500 + 1), 500)[
+        :samples
+    ]
+    wanted = amplitude * np.tanh(speed / 0.02)
+    low, high = CARD_RANGE_K
+    ramp = 0.5 * (low + high) + 0.55 * (high - low) * np.sin(2.0 * np.pi * t / 40.0)
+    rows = np.column_stack(
+        [wanted, np.roll(wanted, -round(controller.numbers["preview"] / h)), x, ramp, 0.9 * wanted]
+    )
+    rows[:, 3] += 0.3 * rng.standard_normal(samples)
+    if not controller.known_ahead:
+        rows[:, 1] = np.nan
+    for begin in range(3000, samples, 9000):
+        column, value = int(rng.integers(5)), float(rng.choice([np.nan, np.inf, -np.inf, 1e6]))
+        rows[begin : begin + int(rng.integers(1, 120)), column] = value
+        still = slice(begin + 4000, begin + 4000 + int(rng.integers(20, 200)))
+        rows[still, 2] = rows[min(begin + 4000, samples - 1), 2]
+        rows[begin + 6000 : begin + 6100, 3] += 40.0
+    return rows
+
+
+def run() -> list[Row]:
+    """Return instructions of a step, and bytes, on a Cortex-M4F; and whether three machines agree."""
+    rows = []
+    for shown in SHOWN:
+        controller, flags = shown.made(), (shown.optimised,)
+        told = readings(controller)
+        m4, m7 = (on_board(controller, told, BOARDS[board], flags=flags) for board in ("M4F", "M7"))
+        host = on_host(controller, told)
+        single = replace(controller, single=True)
+        here = hash_of(*single.run(single.start(), told)[1:])
+        same = host.hash == m4.hash == m7.hash == here
+        held = sizes(controller, BOARDS["M4F"], flags=flags)
+        bar = "" if shown.most is None else f"at most {shown.most} instructions, "
+        rows.append(
+            Row(
+                f"{shown.controller}, {shown.damper}, {shown.optimised}",
+                ratio=m4.most / m4.mean,
+                accuracy=f"{m4.least:.0f} to {m4.most:.0f} instructions, mean {m4.mean:.0f}; "
+                f"M7 {m7.mean:.0f}; "
+                f"code {held.code}, tables {held.tables}, stack {m4.stack_bytes} bytes; "
+                f"bits {'the same' if same else 'DIFFER'} on x86-64, M4F, M7 and from Python",
+                bar=f"{bar}1.25 x the mean; 8 kB of code, 16 kB of tables",
+            )
+        )
+    return rows

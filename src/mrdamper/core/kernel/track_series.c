@@ -1,0 +1,400 @@
+/* The series valve law on a target: its state carried on, its force, and the current that gives a wanted force.
+ *
+ *     F = S(e) + cB |e'|^mB sgn e'  =  f0 + k0 y + A [tanh(y'/vr) + rK |y'|^m sgn y'],   e + y = x
+ *     S(e) = k/2 [2 e + sqrt((e-d)^2 + r^2) - sqrt((e+d)^2 + r^2)],   A = fy(I, T) (1 + bx x)
+ *
+ * and viscosity, friction and mass beside this chain. series_valve.c has the same law in full; here tanh, powers and
+ * the square roots are tabulated, and every solve takes a fixed number of rounds. The state is the spring's travel
+ * e, and beside it the valve's velocity y', from which the next solve starts. Steps are implicit: no stiffness of
+ * the spring makes them unstable.
+ */
+#include "controller.h"
+
+enum { SERIES_ROUNDS = 5,        /* of a solve for the valve's velocity */
+       SERIES_AHEAD_ROUNDS = 4,  /* ... on the way to the preview */
+       SERIES_SPRING_ROUNDS = 6, /* of a solve for the spring's travel */
+       SERIES_CHAIN = MRD_CHAIN };
+
+/* No valve moves faster [m/s]: after a rubbish reading the state comes back. */
+static const mrd_real series_fastest = R(8.0);
+
+/* The current at which a row of forces at evenly spaced currents has the wanted value; the lowest, if several.
+ * Where none has, the nearest; *found says which. */
+static mrd_real series_row(const mrd_real *force, int count, mrd_real largest, mrd_real wanted, bool *found)
+{
+    const int cells = count - 1;
+    const mrd_real count_of_cells = (mrd_real)cells;
+    mrd_real nearest = R(0.0), place = R(0.0);
+    mrd_real least = magnitude(force[0] - wanted);
+    *found = true;
+    for (int j = 0; j < cells; j++) {
+        const mrd_real low = force[j] - wanted, high = force[j + 1] - wanted;
+        if (low == R(0.0)) return largest * (place / count_of_cells);
+        if ((low < R(0.0)) != (high < R(0.0))) return largest * ((place + low / (low - high)) / count_of_cells);
+        if (magnitude(high) < least) {
+            least = magnitude(high);
+            nearest = place + R(1.0);
+        }
+        place += R(1.0);
+    }
+    *found = false;
+    return largest * (nearest / count_of_cells);
+}
+
+/* A current among `count` evenly spaced ones from zero. */
+static inline axis_point series_axis(mrd_real current, mrd_real largest, int32_t count)
+{
+    const int32_t cells = count - 1;
+    const mrd_real scaled = limited(current / largest, R(0.0), R(1.0)) * (mrd_real)cells;
+    axis_point at = {(int32_t)scaled, R(0.0)};
+    if (at.index > cells - 1) at.index = cells - 1;
+    at.share = scaled - (mrd_real)at.index;
+    return at;
+}
+
+/* u^m, its slope in *slope. */
+static inline mrd_real power_at(const mrd_power *o, mrd_real size, mrd_real *slope)
+{
+    const mrd_pattern one = 1u, mask = (one << MRD_DIGITS) - one;
+    const uint32_t bits = (uint32_t)o->bits, beside = MRD_DIGITS - bits;
+    const mrd_real t = limited(size, o->least, o->top);
+    const mrd_pattern p = pattern_of(t), octave = (p >> MRD_DIGITS) - (pattern_of(o->least) >> MRD_DIGITS);
+    const mrd_pattern cell = (p & mask) >> beside;
+    const mrd_real *c = &o->cell[4u * (size_t)cell];
+    const mrd_real l = of_pattern(((p << bits) & mask) | MRD_PATTERN_OF_ONE) - R(1.0);
+    const mrd_real value = o->scale[octave] * (c[0] + l * (c[1] + l * (c[2] + l * c[3])));
+    const mrd_real per = value / t;
+    if (!(size >= o->least)) {
+        *slope = per;
+        return per * size;
+    }
+    *slope = o->exponent * per;
+    return value;
+}
+
+/* The chain's coefficients at a temperature, gains applied. */
+typedef struct {
+    mrd_real at[SERIES_CHAIN];
+} valve_chain;
+
+static valve_chain chain_at(const mrd_track *c, const mrd_track_state *s, axis_point warm)
+{
+    const mrd_real *cold = c->series->chain + warm.index * (int32_t)SERIES_CHAIN;
+    const mrd_real *hot = cold + (c->warmest > c->coldest ? SERIES_CHAIN : 0);
+    valve_chain k;
+    for (int i = 0; i < SERIES_CHAIN; i++) k.at[i] = cold[i] + warm.share * (hot[i] - cold[i]);
+    k.at[MRD_CHAIN_THINNING] *= s->gain[1] / s->gain[0]; /* of the yield force, whose own gain comes on top */
+    k.at[MRD_CHAIN_VISCOSITY] *= s->gain[1];
+    k.at[MRD_CHAIN_SLIDING] *= s->gain[2];
+    k.at[MRD_CHAIN_BREAKAWAY] *= s->gain[2];
+    return k;
+}
+
+/* Yield force at a place of the table of currents. */
+static inline mrd_real yield_of(const mrd_track *c, axis_point warm, int32_t current)
+{
+    const mrd_real *cold = c->series->yield + warm.index * c->series->currents + current;
+    return cold[0] + warm.share * (cold[c->warmest > c->coldest ? c->series->currents : 0] - cold[0]);
+}
+
+static inline mrd_real yield_at(const mrd_track *c, axis_point warm, mrd_real current)
+{
+    const axis_point at = series_axis(current, c->largest, c->series->currents);
+    const mrd_real below = yield_of(c, warm, at.index);
+    return below + at.share * (yield_of(c, warm, at.index + 1) - below);
+}
+
+/* The current with a yield force; the nearest where there is none. The search halves the table. */
+static mrd_real current_of(const mrd_track *c, axis_point warm, mrd_real wanted, bool *found)
+{
+    int32_t low = 0, width = c->series->currents - 1;
+    const mrd_real pitch = c->largest / (mrd_real)width;
+    while (width > 1) {
+        width /= 2;
+        if (yield_of(c, warm, low + width) <= wanted) low += width;
+    }
+    const mrd_real below = yield_of(c, warm, low), above = yield_of(c, warm, low + 1);
+    const mrd_real share = above > below ? (wanted - below) / (above - below) : R(0.0);
+    *found = share >= R(0.0) && share <= R(1.0);
+    return pitch * ((mrd_real)low + limited(share, R(0.0), R(1.0)));
+}
+
+/* A corner of the free play: (u + sqrt(u^2 + 1)) / 2, its slope in *slope. */
+static inline mrd_real corner_at(const mrd_octaves *o, mrd_real u, mrd_real *slope)
+{
+    const mrd_real size = magnitude(u), tail = octaves_at(o, size), value = u > R(0.0) ? size + tail : tail;
+    *slope = value / (size + R(2.0) * tail);
+    return value;
+}
+
+/* S(e). */
+static inline mrd_real spring_at(const mrd_series *t, const valve_chain *k, mrd_real e, mrd_real *slope)
+{
+    const mrd_real sharp = k->at[MRD_CHAIN_SHARPNESS], gap = k->at[MRD_CHAIN_GAP], spring = k->at[MRD_CHAIN_SPRING];
+    mrd_real pulled_slope, pushed_slope;
+    const mrd_real pulled = corner_at(&t->corner, sharp * (e - gap), &pulled_slope);
+    const mrd_real pushed = corner_at(&t->corner, -sharp * (e + gap), &pushed_slope);
+    *slope = spring * (pulled_slope + pushed_slope);
+    return spring / sharp * (pulled - pushed);
+}
+
+/* Dashpot across the free play. */
+static inline mrd_real leak_at(const mrd_series *t, const valve_chain *k, mrd_real rate, mrd_real *slope)
+{
+    const mrd_real leak = k->at[MRD_CHAIN_LEAK], size = power_at(&t->leak, magnitude(rate), slope);
+    *slope *= leak;
+    return rate < R(0.0) ? -leak * size : leak * size;
+}
+
+/* What the valve has per yield force, at a speed. */
+static inline mrd_real valve_at_speed(const mrd_series *t, const valve_chain *k, mrd_real speed, mrd_real *slope)
+{
+    const mrd_real slowness = k->at[MRD_CHAIN_SLOWNESS], thinning = k->at[MRD_CHAIN_THINNING];
+    const mrd_real side = octaves_at(&t->side, slowness * speed);
+    mrd_real by_power;
+    const mrd_real power = power_at(&t->thinning, speed, &by_power);
+    *slope = (R(1.0) - side * side) * slowness + thinning * by_power;
+    return side + thinning * power;
+}
+
+/* The valve's velocity after a step of h, by which a travel of `e` goes to the spring where the valve rests, and the
+ * force of the chain. On one side of rest the balance of forces rises with the speed: Newton's rounds in a bracket.
+ */
+static mrd_real solve_valve(const mrd_series *t, const valve_chain *k, mrd_real amplitude, mrd_real e, mrd_real y, mrd_real v,
+                            mrd_real h, int rounds, mrd_real *velocity)
+{
+    static const mrd_real slowest = R(1e-9);
+    const mrd_real stiffness = k->at[MRD_CHAIN_STIFFNESS], held = k->at[MRD_CHAIN_OFFSET] + stiffness * y;
+    mrd_real by_spring, by_leak, by_valve = R(0.0), force = R(0.0), moved = R(0.0);
+    const mrd_real spring = spring_at(t, k, e, &by_spring);
+    const mrd_real sign = held - spring - leak_at(t, k, v, &by_leak) > R(0.0) ? R(-1.0) : R(1.0);
+    mrd_real low = R(0.0), high = series_fastest, p = sign * *velocity;
+    if (!(p > slowest)) p = R(0.1) / k->at[MRD_CHAIN_SLOWNESS];
+    for (int i = 0; i < rounds; i++) {
+        const mrd_real q = sign * p;
+        force = held + h * stiffness * q + sign * amplitude * valve_at_speed(t, k, p, &by_valve);
+        const mrd_real balance =
+            sign * (force - spring_at(t, k, e - h * q, &by_spring) - leak_at(t, k, v - q, &by_leak));
+        by_valve = amplitude * by_valve + h * stiffness;
+        mrd_real next = p - balance / (by_valve + h * by_spring + by_leak);
+        if (balance > R(0.0)) high = p;
+        else low = p;
+        if (!(next > low)) next = low > R(0.0) ? R(0.5) * (low + p) : R(0.0625) * p;
+        next = next < high ? next : R(0.5) * (p + limited(R(8.0) * p, p, high));
+        moved = next - p;
+        p = next;
+    }
+    *velocity = sign * p;
+    return force + sign * by_valve * moved;
+}
+
+/* Two implicit stages (Alexander's SDIRK of order two, L-stable) over h in which the velocity goes straight from v0 to
+ * v1 and the yield amplitude from a0 to a1, to x; state in w. Returns the chain's force. */
+static mrd_real series_step(const mrd_series *t, const valve_chain *k, mrd_real *w, mrd_real x, mrd_real v0, mrd_real v1,
+                            mrd_real h, mrd_real a0, mrd_real a1)
+{
+    static const mrd_real strongest = R(1e6); /* [N] no spring carries more */
+    static const mrd_real part = R(0.29289321881345247560), rest = R(0.70710678118654752440);
+    const mrd_real travel = R(0.5) * h * (v0 + v1), v = v0 + part * (v1 - v0), way = R(0.5) * part * h * (v0 + v);
+    const mrd_real y = x - travel - w[0];
+    mrd_real q = w[1] + (v - v0);
+    (void)solve_valve(t, k, a0 + part * (a1 - a0), w[0] + way, y, v, part * h, SERIES_ROUNDS, &q);
+    const mrd_real moved = rest * h * q;
+    q += v1 - v;
+    const mrd_real force = solve_valve(t, k, a1, w[0] + travel - moved, y + moved, v1, part * h, SERIES_ROUNDS, &q);
+    const mrd_real far = k->at[MRD_CHAIN_GAP] + R(1.0) / k->at[MRD_CHAIN_SHARPNESS]
+                       + strongest / k->at[MRD_CHAIN_SPRING];
+    w[0] = limited(w[0] + travel - moved - part * h * q, -far, far);
+    w[1] = limited(q, -series_fastest, series_fastest);
+    return force;
+}
+
+/* Growth of the valve's force with position; a displacement far outside the data does not turn its sign. */
+static inline mrd_real valve_gain(const mrd_track_state *s, const valve_chain *k, mrd_real x)
+{
+    return s->gain[0] * limited(R(1.0) + k->at[MRD_CHAIN_POSITION] * x, R(0.1), R(10.0));
+}
+
+/* Yield amplitude at a current and a place. */
+static inline mrd_real valve_amplitude(const mrd_track *c, const mrd_track_state *s, const valve_chain *k,
+                                       axis_point warm, mrd_real current, mrd_real x)
+{
+    return yield_at(c, warm, current) * valve_gain(s, k, x);
+}
+
+/* The chain through the period that ends now: velocity was v0 at its begin, `applied` is the mean of the applied
+ * current. */
+static void follow_series(const mrd_track *c, mrd_track_state *s, axis_point warm, mrd_real v0, mrd_real applied)
+{
+    const int models = c->bank > R(1.5) ? (int)c->bank : 1;
+    const mrd_real h = c->period / c->substeps, per = (s->v - v0) / c->substeps;
+    const mrd_real started = R(2.0) * applied - s->applied;
+    const valve_chain k = chain_at(c, s, warm);
+    for (int b = 0; b < models; b++) {
+        const mrd_real own = models > 1 ? c->largest * (mrd_real)b / (c->bank - R(1.0)) : R(0.0);
+        mrd_real from = models > 1 ? own : started, v = v0, x = s->x - R(0.5) * c->period * (v0 + s->v);
+        const mrd_real grows = models > 1 ? R(0.0) : (s->applied - started) / c->substeps;
+        for (int i = 0; i < (int)c->substeps; i++) {
+            const mrd_real to = from + grows, v1 = v + per;
+            x += R(0.5) * h * (v + v1);
+            (void)series_step(c->series, &k, s->place[b], x, v, v1, h, valve_amplitude(c, s, &k, warm, from, x),
+                              valve_amplitude(c, s, &k, warm, to, x));
+            from = to;
+            v = v1;
+        }
+    }
+}
+
+/* The chain before anything has been travelled: its spring at rest, its valve where the dashpot's force is its own. As many
+ * rounds as the two stages of a step. */
+static void start_series(const mrd_track *c, mrd_track_state *s, axis_point warm)
+{
+    const valve_chain k = chain_at(c, s, warm);
+    s->place[0][1] = s->v;
+    (void)solve_valve(c->series, &k, valve_amplitude(c, s, &k, warm, s->applied, s->x), R(0.0), s->x, s->v, R(0.0),
+                      2 * SERIES_ROUNDS, &s->place[0][1]);
+}
+
+/* What lies beside the chain: viscous force, friction, inertia. */
+static void series_beside(const mrd_series *t, const valve_chain *k, mrd_real v, mrd_real a, mrd_real *viscous,
+                          mrd_real *friction, mrd_real *inertia)
+{
+    const mrd_real speed = magnitude(v), sign = v < R(0.0) ? R(-1.0) : R(1.0);
+    mrd_real slope;
+    *viscous = sign * k->at[MRD_CHAIN_VISCOSITY] * power_at(&t->viscous, speed, &slope);
+    *friction = sign * octaves_at(&t->side, k->at[MRD_CHAIN_TRANSITION] * speed)
+              * (k->at[MRD_CHAIN_SLIDING]
+                 + k->at[MRD_CHAIN_BREAKAWAY] * octaves_at(&t->fade, k->at[MRD_CHAIN_STRIBECK] * speed));
+    *inertia = k->at[MRD_CHAIN_MASS] * a;
+}
+
+/* Yield, viscous and friction force and the rest, now. */
+static void series_parts(const mrd_track *c, const mrd_track_state *s, axis_point warm, mrd_real *parts)
+{
+    const mrd_series *t = c->series;
+    const valve_chain k = chain_at(c, s, warm);
+    const mrd_real e = s->place[0][0], q = s->place[0][1], speed = magnitude(q);
+    const mrd_real amplitude = valve_amplitude(c, s, &k, warm, s->applied, s->x) * (q < R(0.0) ? R(-1.0) : R(1.0));
+    mrd_real slope, inertia;
+    series_beside(t, &k, s->v, s->a, &parts[1], &parts[2], &inertia);
+    parts[0] = amplitude * octaves_at(&t->side, k.at[MRD_CHAIN_SLOWNESS] * speed);
+    parts[1] += amplitude * k.at[MRD_CHAIN_THINNING] * power_at(&t->thinning, speed, &slope);
+    parts[3] = inertia + k.at[MRD_CHAIN_OFFSET] + k.at[MRD_CHAIN_STIFFNESS] * (s->x - e);
+}
+
+/* The model's force now. */
+static mrd_real series_force(const mrd_track *c, const mrd_track_state *s, axis_point warm)
+{
+    mrd_real parts[4];
+    series_parts(c, s, warm, parts);
+    return parts[0] + parts[1] + parts[2] + parts[3];
+}
+
+/* The chain carried on from now over h with the estimated acceleration, the current going straight to `to`; implicit
+ * Euler. Returns its force. */
+static mrd_real series_ahead(const mrd_track *c, const mrd_track_state *s, const valve_chain *k, axis_point warm, mrd_real *w,
+                             mrd_real h, mrd_real from, mrd_real to)
+{
+    const mrd_real stride = h / c->strides, grows = (to - from) / c->strides;
+    mrd_real x = s->x, v = s->v, force = R(0.0), current = from;
+    for (int i = 0; i < (int)c->strides; i++) {
+        const mrd_real travel = stride * (v + R(0.5) * stride * s->a), y = x - w[0];
+        x += travel;
+        v += stride * s->a;
+        current += grows;
+        mrd_real q = w[1] + stride * s->a;
+        force = solve_valve(c->series, k, valve_amplitude(c, s, k, warm, current, x), w[0] + travel, y, v, stride,
+                            SERIES_AHEAD_ROUNDS, &q);
+        w[0] += travel - stride * q;
+        w[1] = q;
+    }
+    return force;
+}
+
+/* The spring's travel after `h` in which the chain's force comes to `wanted`; implicit Euler. Between where it is and
+ * where it would end, the balance rises. */
+static mrd_real solve_spring(const mrd_series *t, const valve_chain *k, mrd_real e, mrd_real wanted, mrd_real h)
+{
+    mrd_real by_spring, by_leak, at = e;
+    mrd_real gap = spring_at(t, k, e, &by_spring) - wanted;
+    const mrd_real far = k->at[MRD_CHAIN_GAP] + R(1.0) / k->at[MRD_CHAIN_SHARPNESS]
+                       + R(2.0) * magnitude(wanted) / k->at[MRD_CHAIN_SPRING];
+    mrd_real low = gap > R(0.0) ? -far : e, high = gap > R(0.0) ? e : far;
+    for (int i = 0; i < SERIES_SPRING_ROUNDS; i++) {
+        gap = spring_at(t, k, at, &by_spring) + leak_at(t, k, (at - e) / h, &by_leak) - wanted;
+        if (gap > R(0.0)) high = at;
+        else low = at;
+        mrd_real next = at - gap / (by_spring + by_leak / h);
+        if (!(next >= low && next <= high)) next = R(0.5) * (low + high);
+        at = next;
+    }
+    return at;
+}
+
+/* The current with which a valve has a force, moving at q, per unit of its yield force `per`; *found says whether
+ * there is one. Where the valve would have to move against its force there is none: all of it if the force is in the
+ * direction of the motion v, which the spring takes up, else nothing. */
+static mrd_real current_for(const mrd_track *c, axis_point warm, mrd_real force, mrd_real q, mrd_real per, mrd_real v,
+                            bool *found)
+{
+    const mrd_real along = q < R(0.0) ? -force : force;
+    if (along > R(0.0) && per > R(0.0)) return current_of(c, warm, along / per, found);
+    *found = false;
+    return force * v > R(0.0) ? c->largest : R(0.0);
+}
+
+/* The applied current at which the model has the wanted force at the preview, where the motion is *m and the last
+ * command will have brought the applied current to `applied`. */
+static mrd_real series_answer(const mrd_track *c, mrd_track_state *s, axis_point warm, const moment *m,
+                              mrd_real applied, mrd_real wanted, bool *found)
+{
+    const mrd_series *t = c->series;
+    const valve_chain k = chain_at(c, s, warm);
+    mrd_real viscous, friction, inertia, w[2];
+    series_beside(t, &k, m->v, m->a, &viscous, &friction, &inertia);
+    const mrd_real force = wanted - viscous - friction - inertia;
+    const int models = c->bank > R(1.5) ? (int)c->bank : 1;
+    if (models > 1) {
+        mrd_real at[MRD_TRACK_BANK], slope;
+        for (int b = 0; b < models; b++) {
+            const mrd_real own = c->largest * (mrd_real)b / (c->bank - R(1.0));
+            w[0] = s->place[b][0];
+            w[1] = s->place[b][1];
+            if (c->preview > R(0.0)) {
+                at[b] = series_ahead(c, s, &k, warm, w, c->preview, own, own);
+            } else {
+                const mrd_real carried = valve_amplitude(c, s, &k, warm, own, s->x)
+                                       * valve_at_speed(t, &k, magnitude(w[1]), &slope);
+                at[b] = k.at[MRD_CHAIN_OFFSET] + k.at[MRD_CHAIN_STIFFNESS] * (s->x - w[0])
+                      + (w[1] < R(0.0) ? -carried : carried);
+            }
+        }
+        return series_row(at, models, c->largest, force, found);
+    }
+    const mrd_real before = c->preview - c->horizon;
+    w[0] = s->place[0][0];
+    w[1] = s->place[0][1];
+    if (before > R(0.0))
+        (void)series_ahead(c, s, &k, warm, w, before, s->applied,
+                           s->applied + before / c->preview * (applied - s->applied));
+    const mrd_real e = solve_spring(t, &k, w[0], force, c->horizon);
+    const mrd_real carried = force - k.at[MRD_CHAIN_OFFSET] - k.at[MRD_CHAIN_STIFFNESS] * (m->x - e);
+    /* settled: the valve takes up all of the motion, and has yielded */
+    bool settled;
+    mrd_real slope;
+    const mrd_real gain = valve_gain(s, &k, m->x);
+    const mrd_real yielded = R(1.0) + k.at[MRD_CHAIN_THINNING] * power_at(&t->thinning, magnitude(m->v), &slope);
+    mrd_real current = current_for(c, warm, carried, m->v, gain * yielded, m->v, &settled);
+    if (c->is_static > R(0.5)) {
+        *found = settled;
+        return current;
+    }
+    const mrd_real most = c->margin >= R(0.0) ? current + c->margin : c->largest;
+    const mrd_real q = m->v - (e - w[0]) / c->horizon;
+    current = current_for(c, warm, carried, q, gain * valve_at_speed(t, &k, magnitude(q), &slope), m->v, found);
+    if (current > most) {
+        current = most;
+        s->flags |= MRD_CLAMPED;
+    }
+    return current;
+}

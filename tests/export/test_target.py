@@ -1,0 +1,137 @@
+"""The controllers on a Cortex-M4F and M7 under QEMU: bits, instructions, bytes; and static analysis.
+
+Readings are those of ``bench.target``: turns, targets that cannot be, temperature ramps, sensors that fail.
+"""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from dataclasses import replace
+from importlib.resources import files
+from itertools import pairwise
+
+import pytest
+
+from bench.board import BOARDS, CLEAN, KERNEL, SOURCES, Replay, c_tables, hash_of, on_board, on_host, sizes
+from bench.target import SHOWN, Shown, readings
+from mrdamper.control.controllers import controllers_for
+from tests.control.dampers import DAMPERS, DOUBLE
+
+NAMES = [f"{shown.controller}, {shown.damper}, {shown.optimised}" for shown in SHOWN]
+BARRED = [shown for shown in SHOWN if shown.most is not None]
+
+
+@pytest.fixture
+def boards(tool):
+    for name in ("arm-none-eabi-gcc", "qemu-system-arm", "gcc"):
+        tool(name)
+    return BOARDS
+
+
+def replayed(shown: Shown, board: str, samples: int) -> tuple[Replay, int]:
+    """Return what a board makes of the readings, and the hash of what Python makes of them."""
+    controller = shown.made()
+    told = readings(controller, samples)
+    single = replace(controller, single=True)
+    here = hash_of(*single.run(single.start(), told)[1:])
+    return on_board(controller, told, BOARDS[board], flags=(shown.optimised,)), here
+
+
+def meets_its_bars(shown: Shown, there: Replay) -> None:
+    assert there.most <= (shown.most or 0)
+    assert there.most <= 1.25 * there.mean
+    assert there.outside == 0
+
+
+@pytest.mark.parametrize("shown", BARRED, ids=lambda s: f"{s.controller}-{s.damper}")
+def test_a_step_takes_no_more_instructions_than_it_may(boards, shown):
+    """The longest of 10,000 steps is below the bar, and below 1.25 times their mean."""
+    there, here = replayed(shown, "M4F", 10_000)
+    meets_its_bars(shown, there)
+    assert there.hash == here
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("shown", BARRED, ids=lambda s: f"{s.controller}-{s.damper}")
+@pytest.mark.parametrize("board", BOARDS)
+def test_over_100_000_steps_too(boards, shown, board):
+    there, here = replayed(shown, board, 100_000)
+    meets_its_bars(shown, there)
+    assert there.hash == here
+
+
+@pytest.mark.parametrize("shown", SHOWN, ids=NAMES)
+def test_commands_and_flags_have_the_bits_of_the_extension_s_single_precision(boards, shown):
+    """On x86-64 compiled alone, on an M7, and with the extension: three compilers' choices, one result."""
+    there, here = replayed(shown, "M7", 3000)
+    told = readings(shown.made(), 3000)
+    assert there.hash == here == on_host(shown.made(), told, flags=("-O1",)).hash
+    assert there.outside == 0
+
+
+@pytest.mark.parametrize("shown", SHOWN, ids=NAMES)
+def test_code_and_tables_fit(boards, shown):
+    """16 kB of tables; 8 kB of code where the step has a bar, half as much again for a bank unrolled."""
+    held = sizes(shown.made(), boards["M4F"], flags=(shown.optimised,))
+    assert held.tables <= 16 * 1024
+    assert held.code <= (8 if shown.most is not None else 12) * 1024
+    assert held.stack <= 1024
+
+
+@pytest.mark.parametrize("single", [True, False])
+def test_the_readings_are_stepped_without_undefined_behaviour(tool, single):
+    """UBSan and ASan, in both precisions."""
+    tool("gcc")
+    for name in ("recommended-adaptive", "paper-preview", "feed-forward-pi"):
+        controller = controllers_for(DOUBLE)[name]
+        flags = ("-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+        there = on_host(controller, readings(controller, 2000), single=single, flags=flags)
+        assert there.outside == 0
+
+
+@pytest.mark.parametrize("single", [True, False])
+@pytest.mark.parametrize("law", DAMPERS)
+def test_kernel_and_tables_compile_without_a_warning(tool, tmp_path, law, single):
+    (tmp_path / "tables.c").write_text(c_tables(controllers_for(DAMPERS[law])["paper"], single=single))
+    number = ["-DMRD_SINGLE"] if single else []
+    command = [tool("gcc"), "-std=c99", "-O2", *CLEAN, *number, f"-I{KERNEL}", f"-I{tmp_path}", "-c"]
+    done = subprocess.run(
+        [*command, SOURCES / "one.c", "-o", tmp_path / "one.o"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("single", [True, False])
+def test_the_checker_finds_nothing_but_the_listed_deviations(tool, tmp_path, single):
+    """Each of the list is found, too: the list is no longer than it must be."""
+    text = files("mrdamper.export").joinpath("misra.md").read_text(encoding="utf-8")
+    listed = set(re.findall(r"^\| (\d+\.\d+) \|", text, re.MULTILINE))
+    command = [
+        tool("cppcheck"),
+        "--addon=misra",
+        "--std=c99",
+        "--enable=style",
+        "--template={id} {file}:{line}",
+    ]
+    done = subprocess.run(
+        [*command, *(["-DMRD_SINGLE"] if single else []), KERNEL / "controller.c"],
+        capture_output=True, text=True, check=False, cwd=tmp_path,
+    )  # fmt: skip
+    assert done.returncode == 0
+    found = {line for line in done.stderr.splitlines() if line and not line.startswith("nofile")}
+    rules = {rule for line in found for rule in re.findall(r"^misra-c2012-(\d+\.\d+) ", line)}
+    assert rules == listed, sorted(found)
+    assert all(line.startswith("misra-c2012-") for line in found), sorted(found)
+
+
+def test_the_larger_the_bank_the_longer_the_step_and_by_as_much_for_every_model(boards):
+    """Instructions are linear in the models, which is what a fixed count of iterations means: within 15 %."""
+    made = controllers_for(DAMPERS["bouc-wen"])
+    mean = [
+        on_board(made[name], readings(made[name], 1000), boards["M4F"]).mean
+        for name in ("paper-3", "paper", "paper-9")
+    ]
+    three, five, nine = mean
+    each = [(b - a) / models for (a, b), models in zip(pairwise((three, five, nine)), (2, 4), strict=True)]
+    assert each[0] == pytest.approx(each[1], rel=0.15)
