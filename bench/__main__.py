@@ -87,6 +87,8 @@ def keep(place: Path, name: str, rows: list[Row], here: dict[str, object]) -> No
     partial = place.with_suffix(".part")
     partial.write_text(json.dumps(results, indent=1, allow_nan=False) + "\n", encoding="utf-8")
     partial.replace(place)
+    if place.resolve() == page.RESULTS:  # the page is made of it
+        return
     place.with_suffix(".md").write_text(page.tables(results), encoding="utf-8")
     page.draw(results, place.parent)
 

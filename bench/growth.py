@@ -1,9 +1,9 @@
 """Growth: how the cost of a job follows its size, as the exponent of CPU time, and what memory it takes.
 
 Samples of one run, candidates of an ensemble, runs of a campaign, threads. Each size is run in a process of
-its own, one after another, so that its largest memory is known; a size's CPU time is the median of its repeats
-there. The exponent is that of the last two decades: below them a fixed cost is most of the time. ``full``
-adds 1e8 samples and the fit of 1000 runs.
+its own, one after another, so that its largest memory is known; a size's CPU time is the median of its
+repeats there. The exponent is that of the last two decades: below them a fixed cost is most of the time.
+``full`` adds 1e8 samples and the fit of 1000 runs.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def run(*, full: bool = False) -> list[Row]:
 
 
 def exponent(sizes: Sequence[float], spent: Sequence[float], span: float = 100.0) -> float:
-    """Return the slope of log time over log size by least squares, of the sizes within ``span`` of the largest."""
+    """Return the slope of log time over log size by least squares, for sizes near the largest."""
     chosen = [(log(n), log(t)) for n, t in zip(sizes, spent, strict=True) if n * span >= max(sizes)]
     return float(linear_regression(*zip(*chosen, strict=True)).slope)
 
@@ -114,8 +114,8 @@ def _measure(kind: str, size: int) -> dict[str, float]:
     each = timed({kind: job}, repeats=max(1, min(15, int(1.0 / max(once, 1e-6)))))[kind]
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
     low, high = each.spread
-    return {"size": size, "samples": samples, "cpu_s": each.cpu_s, "wall_s": each.wall_s, "low": low, "high": high,
-            "memory_MB": memory}  # fmt: skip
+    found = {"size": size, "samples": samples, "cpu_s": each.cpu_s, "wall_s": each.wall_s}
+    return found | {"low": low, "high": high, "memory_MB": memory}
 
 
 Made = tuple[Callable[[], object], int]
@@ -167,7 +167,7 @@ def _campaign(size: int) -> list[PreparedRun]:
         path = drive(motion, duration=1.998, rate_Hz=500.0, command=command)
         force = simulate(damper, open_drive(path))
         force = force + 0.02 * float(np.std(force)) * rng.standard_normal(len(force))
-        time_s = path.step * np.arange(len(force))
+        time_s = np.arange(len(force), dtype=np.float64) / 500.0
         runs.append(
             prepare_run(
                 RigRun(

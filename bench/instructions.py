@@ -1,8 +1,8 @@
 """Instructions of the kernel, counted by callgrind: what guards its speed where times cannot be trusted.
 
 ``instructions.c`` is compiled in its baseline form and run under valgrind, once for each of its parts. The
-committed figures are in ``instructions.json``; ``python -m bench --instructions`` renews them. They hold for the
-compiler and C library that are named there: another one may count otherwise, and is told apart.
+committed figures are in ``instructions.json``; ``python -m bench --instructions`` renews them. They hold for
+the compiler and C library that are named there: another one may count otherwise, and is told apart.
 """
 
 from __future__ import annotations

@@ -46,7 +46,7 @@ Traced = Any  # what JAX passes through a function
 
 
 def kernel(problem: Problem) -> Job:
-    """The project's kernel: exact flow, one table a candidate."""
+    """Prepare the project's kernel: exact flow, one table a candidate."""
     number = LAWS["bouc-wen"].kernel or 0
     record, table, measured = problem.record, problem.coefficients, [problem.measured]
     force = core.run(number, record, np.ascontiguousarray(table[0, 0]))[0]
@@ -72,7 +72,7 @@ def reference_errors(problem: Problem) -> FloatArray:
 
 
 def reference_c(problem: Problem) -> Job:
-    """The same method in plain C for this law alone (``reference.c``)."""
+    """Prepare the same method in plain C for this law alone (``reference.c``)."""
     return _reference(problem, np.empty(problem.candidates))
 
 
@@ -107,10 +107,12 @@ def rk4_c(problem: Problem, substeps: int = 1) -> Job:
         np.empty(problem.samples),
     )
 
+    sizes = (c_size_t(problem.samples), c_size_t(substeps), c_double(1.0 / problem.rate_Hz))
+    given = (pointer(velocity), pointer(measured), c_size_t(problem.candidates))
+    taken = (pointer(work), pointer(errors), pointer(force))
+
     def job() -> FloatArray:
-        call(c_size_t(problem.samples), c_size_t(substeps), c_double(1.0 / problem.rate_Hz), pointer(velocity),
-             pointer(measured), c_size_t(problem.candidates), *(pointer(row) for row in rows), pointer(work),
-             pointer(errors), pointer(force))  # fmt: skip
+        call(*sizes, *given, *(pointer(row) for row in rows), *taken)
         return force
 
     return job
@@ -139,7 +141,7 @@ def explicit_euler(problem: Problem) -> Job:
 
 
 def numba_rk4(problem: Problem, substeps: int = 1) -> Job:
-    """The loops of ``rk4.c`` in Python, compiled by numba with ``fastmath``."""
+    """Compile the loops of ``rk4.c`` by numba with ``fastmath``."""
     call = _compiled_by_numba()
     velocity, rows, step = problem.velocity(substeps), problem.values.T.copy(), 1.0 / problem.rate_Hz
     force = np.empty(problem.samples)
@@ -307,10 +309,11 @@ def solve_ivp(problem: Problem, tolerance: float = 1e-6, method: str = "RK45") -
     ends = (0.0, float(problem.times[-1]))
 
     def solve(slope: Callable[[float, float], float]) -> FloatArray:
-        def rate(t: float, w: FloatArray) -> list[float]:
-            return [slope(t, w[0])]
+        def rate(t: float, w: FloatArray) -> FloatArray:
+            return np.array([slope(t, w[0])])
 
-        found = integrate(rate, ends, [0.0], method, problem.times, rtol=tolerance, atol=1e-2 * tolerance)
+        tight = {"rtol": tolerance, "atol": 1e-2 * tolerance}
+        found = integrate(rate, ends, [0.0], method, problem.times, **tight)  # type: ignore[call-overload]
         return np.asarray(found.y[0])
 
     return _one_by_one(problem, solve)

@@ -58,8 +58,9 @@ def _call(*command: str) -> None:
 
 
 def pointer(values: NDArray[np.float64] | NDArray[np.int64]) -> ctypes.c_void_p:
-    """Return the address of a contiguous array, for a call."""
-    return ctypes.c_void_p(values.ctypes.data)
+    """Return the address of a contiguous array, for a call; it keeps the array alive."""
+    assert values.flags.c_contiguous
+    return values.ctypes.data_as(ctypes.c_void_p)
 
 
 def peak_of_core() -> tuple[float, float]:

@@ -50,7 +50,9 @@ def table_of(results: Mapping[str, Any], name: str) -> str:
     if name not in results:
         return f"*Not kept. `python -m bench {name}` prints it.*"
     rows, run = rows_of(results[name]), results["runs"][name]
-    head = f"Sizes: {run['sizes']}. {run['cpu_s']:g} s of CPU, on a machine with a load of {run['load']:g} before it."
+    head = (
+        f"Sizes: {run['sizes']}. {run['cpu_s']:g} s of CPU; load of the machine before it: {run['load']:g}."
+    )
     made = table(name, rows).partition("\n")[2].strip("\n")
     asked = asked_table(rows).strip("\n")
     return "\n\n".join(part for part in (head, made, asked) if part)

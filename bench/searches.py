@@ -4,8 +4,8 @@ Twelve runs of 1000 samples (3 currents, 4 temperatures) of a damper of the fitt
 and kernel are the same for all (``identify.population.Ensemble``), and so are the bounds; only the search
 differs. The floor is the cost of the true numbers: a search that ends within 1 % of it has found the damper.
 
-Variable projection is run with ten seeds, each other search with the first of them; ``full`` runs ten seeds of
-all, and those that take longest. Part of ``python -m bench identification``.
+Variable projection is run with ten seeds, each other search with the first of them; ``full`` runs ten seeds
+of all, and those that take longest. Part of ``python -m bench identification``.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from statistics import median, quantiles
+from typing import Any
 
 import numpy as np
 
@@ -86,7 +87,7 @@ def _squared(damper: Damper, run: object) -> float:
 
 
 def _runs(truth: Damper | None, rng: np.random.Generator) -> list[PreparedRun]:
-    """Return the runs of a damper; without one, those of a plain yield force, to learn the fitted form from."""
+    """Return a damper's runs; without one, those of a plain yield force, to learn the fitted form from."""
     runs = []
     for current in CURRENTS_A:
         for degrees in TEMPERATURES_degC:
@@ -98,13 +99,9 @@ def _runs(truth: Damper | None, rng: np.random.Generator) -> list[PreparedRun]:
             if truth is not None:
                 force = simulate(truth, open_drive(path))
                 force = force + NOISE * float(np.std(force)) * rng.standard_normal(SAMPLES)
-            name = f"run_{current:g}A_{degrees:g}C"
-            runs.append(
-                prepare_run(
-                    RigRun(name, path.step * np.arange(SAMPLES), path.displacement, force, path.command, "A",
-                           velocity=path.velocity, temperature=warm)
-                )
-            )  # fmt: skip
+            name, time_s = f"run_{current:g}A_{degrees:g}C", np.arange(SAMPLES, dtype=np.float64) / RATE_Hz
+            run = RigRun(name, time_s, path.displacement, force, path.command, "A", path.velocity, warm)
+            runs.append(prepare_run(run))
     return runs
 
 
@@ -148,7 +145,7 @@ def _pygad(problem: FitProblem, seed: int) -> float:
     ensemble = Ensemble(problem)
 
     def fitness(_: object, solutions: FloatArray, __: object) -> list[float]:
-        return (-ensemble.costs(np.atleast_2d(solutions))).tolist()
+        return list(-ensemble.costs(np.atleast_2d(solutions)))
 
     search = pygad.GA(
         num_generations=GENERATIONS,
@@ -169,14 +166,13 @@ def _scipy_evolution(problem: FitProblem, seed: int) -> float:
     from scipy.optimize import differential_evolution
 
     ensemble = Ensemble(problem)
-    found = differential_evolution(
-        lambda x: ensemble.costs(x.T),
-        [(0.0, 1.0)] * len(problem.free),
-        rng=seed,
-        vectorized=True,
-        updating="deferred",
-        polish=False,
-    )
+
+    def costs(x: FloatArray) -> FloatArray:
+        return ensemble.costs(x.T)
+
+    search: Any = differential_evolution  # its stubs do not know what a vectorised cost takes
+    bounds = [(0.0, 1.0)] * len(problem.free)
+    found = search(costs, bounds, rng=seed, vectorized=True, updating="deferred", polish=False)
     return float(np.sqrt(found.fun))
 
 

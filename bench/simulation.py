@@ -139,10 +139,10 @@ def _side_by_side(group: str, whole: Problem, contenders: Iterable[Contender], *
         jobs[name], sizes[name] = job, problem.candidates * problem.samples
     spent = timed(jobs, 3 if full else 5)
     first = next(iter(spent))
-    for name, each in spent.items():
-        ns = 1e9 * each.cpu_s / sizes[name]
+    for name, found in spent.items():
+        ns = 1e9 * found.cpu_s / sizes[name]
         ratio = ns / (1e9 * spent[first].cpu_s / sizes[first])
-        timing = {"cpu_s": each.cpu_s, "wall_s": each.wall_s, "spread": each.spread}
+        timing = {"cpu_s": found.cpu_s, "wall_s": found.wall_s, "spread": found.spread}
         rows[name] = judged(replace(rows[name], ns_per_sample=ns, ratio=ratio, **timing), LIMIT)  # type: ignore[arg-type]
     return list(rows.values())
 

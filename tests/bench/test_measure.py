@@ -64,11 +64,12 @@ def compiled(tool):
 
 @pytest.mark.usefixtures("compiled")
 def test_the_plain_table_kernel_agrees_with_ours_on_every_candidate():
-    """The C beside the kernel solves the same problem: sums of squared errors agree, candidate by candidate."""
+    """The C beside the kernel solves the same problem; the first candidate is the measured one."""
     problem = Problem(candidates=24, samples=3_000)
     found = integrators.reference_errors(problem)
     expected = integrators.kernel_errors(problem)
-    assert found == pytest.approx(expected, rel=2e-5)
+    assert expected[0] < 1e-9 < expected[1:].min()
+    assert found == pytest.approx(expected, rel=2e-5, abs=1e-9)
 
 
 @pytest.mark.usefixtures("compiled")

@@ -118,10 +118,10 @@ def test_more_of_the_curve_narrows_the_interval():
 
 @pytest.mark.parametrize("base", [BARE, DRAWING], ids=["bare", "fins"])
 def test_a_drawn_damper_is_foretold_from_ten_minutes(base):
-    """Ten dampers off their drawing in every way: 2 K at 30 min, and the intervals hold for most."""
-    found = score(base, 10, 10.0, seed=3)
+    """Six dampers off their drawing in every way: 2 K at 30 min, and the intervals hold for most."""
+    found = score(base, 6, 10.0, seed=3)
     assert found.rmse < 2.0
-    assert found.inside >= 0.6  # 85 % less two and a half deviations of that count
+    assert found.inside >= 0.5  # 85 % less two and a half deviations of that count
 
 
 @pytest.mark.long

@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from mrdamper.app import answers
 from mrdamper.app.answers import Json
@@ -205,7 +206,7 @@ def _write_identification(fitted: Identification, judged: Assessment, place: _Pl
     return {**answer, "card": str(place.out / "card.json")}
 
 
-def _exported(beside: Path) -> Json:
+def _exported(beside: Path) -> dict[str, Any]:
     """Export controller and model as C and FMU, or say why not: no C compiler, say."""
     options = ExportOptions(c=beside / "c", fmu=beside / "damper.fmu")
     try:
@@ -219,13 +220,13 @@ def _exported(beside: Path) -> Json:
     }
 
 
-def _target_in_words(target: Json) -> str:
+def _target_in_words(target: dict[str, Any]) -> str:
     if not target["written"]:
         return f"C code and FMU were not written: {target['why']}"
     record = target["verification"]
     return (
-        f"C code and FMU: the controller {target['controller']} and the model in {target['precision']}, a step "
-        f"every {1e3 * target['step_s']:g} ms, compiled here and compared with the model in Python over "
+        f"C code and FMU: the controller {target['controller']} and the model in {target['precision']}, a "
+        f"step every {1e3 * target['step_s']:g} ms, compiled here and compared with the model in Python over "
         f"{record['samples']} samples."
     )
 

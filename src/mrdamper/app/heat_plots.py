@@ -98,11 +98,11 @@ def _draw_measured(axes: Axes, measured: HeatingCurve) -> None:
 
 def _draw_outlook(axes: Axes, rise: Rise, outlook: Outlook) -> None:
     """Draw the band about the fluid; the legend says it at the curve's end."""
-    edges = [each - _ZERO_CELSIUS_K for each in (outlook.low, outlook.high)]
-    low, high = (float(np.interp(rise.time[-1], outlook.time, edge)) for edge in edges)
+    below, above = outlook.low - _ZERO_CELSIUS_K, outlook.high - _ZERO_CELSIUS_K
+    low, high = (float(np.interp(rise.time[-1], outlook.time, edge)) for edge in (below, above))
     said = f"fluid {low:.0f} to {high:.0f} °C with {100.0 * outlook.probability:.0f} %"
     axes.fill_between(
-        outlook.time / 60.0, *edges, color=HELD_OUT, alpha=0.16, linewidth=0, label=said, zorder=0
+        outlook.time / 60.0, below, above, color=HELD_OUT, alpha=0.16, linewidth=0, label=said, zorder=0
     )
 
 

@@ -39,7 +39,7 @@ from mrdamper.thermal.efficiency import DEFAULT_EFFICIENCY, EFFICIENCIES, SinkEf
 from mrdamper.thermal.evolution import search_genetic
 from mrdamper.thermal.heatsink import FinLaw
 from mrdamper.thermal.materials import find_material
-from mrdamper.thermal.rise import loads_of, works_of
+from mrdamper.thermal.rise import loads_of, notes_of, works_of
 
 __all__ = ["Method", "SinkOptions", "SinkRun", "search_sinks", "sink", "write_sink"]
 
@@ -176,7 +176,7 @@ def search_sinks(
     else:
         found = search_genetic(heated, limits, seed=options.seed, report=report)
     shown: Sequence[SinkDesign] = thinned(found.designs, options.members)
-    notes = _notes(card, drawing, limits, found)
+    notes = _notes(card, duty, drawing, limits, found)
     if options.by_field:
         try:
             judged = confirm(heated, (bare, reference, *shown), report=report)
@@ -232,15 +232,10 @@ def _with_law(drawing: DamperDrawing, options: SinkOptions) -> DamperDrawing:
     return drawing.with_sink(changed)
 
 
-def _notes(card: ModelCard, drawing: DamperDrawing, limits: SinkLimits, found: SinkFront) -> list[str]:
-    damper = card.damper
-    notes = []
-    if not damper.tempered:
-        notes.append("the card does not depend on temperature: its force is held constant")
-    elif damper.assumed:
-        notes.append(
-            f"the temperature laws of {', '.join(damper.assumed)} are assumed from a fluid, not identified"
-        )
+def _notes(
+    card: ModelCard, duty: Duty, drawing: DamperDrawing, limits: SinkLimits, found: SinkFront
+) -> list[str]:
+    notes = list(notes_of(card, duty))
     if found.outside:
         notes.append(
             f"{found.outside} of {found.tried} sinks are outside the range of a correlation, left out"

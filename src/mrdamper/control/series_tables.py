@@ -161,7 +161,7 @@ def tabulate_series(
                 "built_up",
             ),
             nothing,
-        ),  # fmt: skip
+        ),
         series=SeriesTables(
             yield_force=np.ascontiguousarray(values["yield_force"]),
             chain=np.ascontiguousarray(np.stack([chain[name] for name in CHAIN], axis=1)),

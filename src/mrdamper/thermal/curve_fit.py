@@ -81,7 +81,7 @@ class CurveFit:
     def drawing(self, at: FloatArray) -> DamperDrawing:
         """Return the drawing with the multipliers at a point."""
         carried = dict(zip(self._carried, np.exp(at[3:]).tolist(), strict=True))
-        return multiplied(self._drawing, math.exp(at[1]), math.exp(at[2]), **carried)
+        return multiplied(self._drawing, math.exp(at[1]), math.exp(at[2]), carried)
 
     def solve(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray | None]:
         """Return the point of least squares, its covariance, and what it leaves of the curve [K].
@@ -187,14 +187,16 @@ class CurveFit:
         return np.asarray(self._whiten @ (self._logarithms(at) - self._drawn))
 
 
-def multiplied(drawing: DamperDrawing, capacity: float, film: float, **carried: float) -> DamperDrawing:
+def multiplied(
+    drawing: DamperDrawing, capacity: float, film: float, carried: Mapping[str, float] | None = None
+) -> DamperDrawing:
     """Return the drawing with heat capacity, all convection and what is carried, multiplied."""
     given = drawing.calibration
     changed = replace(
         given,
         heat_capacity=given.heat_capacity * capacity,
         film=given.film * film,
-        **{name: getattr(given, name) * factor for name, factor in carried.items()},
+        **{name: getattr(given, name) * factor for name, factor in (carried or {}).items()},
     )
     sink = drawing.sink
     if sink is not None:

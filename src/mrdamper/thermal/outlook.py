@@ -2,8 +2,8 @@
 
 Before anything was measured the drawing and the card may be off as ``Doubt`` says. A measured curve leaves of
 that what it could not tell: the covariance of P/C and UA/C, and of what lies between the thermometer and the
-fluid. Beyond the curve's last time this is the early prediction for a damper that was
-drawn; for one that nobody has drawn see ``prediction``.
+fluid. Beyond the curve's last time this is the early prediction for a damper that was drawn; for one that
+nobody has drawn see ``prediction``.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def look_out(
     ----------
     works : one for each stretch of the duty
     calibrated : what a measured curve told of this very drawing; None: nothing was measured
-    doubt : how far drawing and card may be off; None: as usual (``Doubt``)
+    doubt : how far drawing and card may be off before anything was measured; None: as usual (``Doubt``)
     start_K : temperature of everything at the start; None: the fitted one, else ambient
     """
     believed = doubt or Doubt()

@@ -24,18 +24,18 @@ static mrd_real series_row(const mrd_real *force, int count, mrd_real largest, m
 {
     const int cells = count - 1;
     const mrd_real count_of_cells = (mrd_real)cells;
-    mrd_real nearest = R(0.0), place = R(0.0);
+    mrd_real nearest = R(0.0), below = R(0.0);
     mrd_real least = magnitude(force[0] - wanted);
     *found = true;
     for (int j = 0; j < cells; j++) {
         const mrd_real low = force[j] - wanted, high = force[j + 1] - wanted;
-        if (low == R(0.0)) return largest * (place / count_of_cells);
-        if ((low < R(0.0)) != (high < R(0.0))) return largest * ((place + low / (low - high)) / count_of_cells);
+        if (low == R(0.0)) return largest * (below / count_of_cells);
+        if ((low < R(0.0)) != (high < R(0.0))) return largest * ((below + low / (low - high)) / count_of_cells);
         if (magnitude(high) < least) {
             least = magnitude(high);
-            nearest = place + R(1.0);
+            nearest = below + R(1.0);
         }
-        place += R(1.0);
+        below += R(1.0);
     }
     *found = false;
     return largest * (nearest / count_of_cells);
