@@ -13,7 +13,18 @@ from typing import Any
 
 from bench.measure import Asked, Row, asked_table, table
 
-__all__ = ["PAGE", "PICTURES", "RESULTS", "draw", "rows_of", "table_of", "tables", "write", "written"]
+__all__ = [
+    "PAGE",
+    "PICTURES",
+    "RESULTS",
+    "draw",
+    "growth_lines",
+    "rows_of",
+    "table_of",
+    "tables",
+    "write",
+    "written",
+]
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "bench" / "results.json"
@@ -62,7 +73,11 @@ def _machine(results: Mapping[str, Any]) -> str:
     here = results["machine"]
     said = [f"{here['processor']}, {here['system']}, Python {here['python']}."]
     for kind in ("packages", "programs"):
-        said.append(", ".join(f"{name} {version}" for name, version in here[kind].items()) + ".")
+        each = (
+            version if version.startswith(name) else f"{name} {version}"
+            for name, version in here[kind].items()
+        )
+        said.append(", ".join(each) + ".")
     return "\n".join(said)
 
 
@@ -102,7 +117,7 @@ def _accuracy(rows: Sequence[Row], place: Path) -> Path:
         if row.group == "accuracy against cost" and row.error is not None and row.ns_per_sample is not None:
             name = re.sub(r", (substeps|tolerance) .*", "", row.contender)
             lines.setdefault(name, []).append((row.ns_per_sample, row.error))
-    figure = Figure(figsize=(7.0, 4.5), layout="constrained")
+    figure = Figure(figsize=(8.5, 4.5), layout="constrained")
     axes = figure.add_subplot()
     for (name, points), mark in zip(lines.items(), "*sov^<>DPX", strict=False):
         size = 14 if name == "mrdamper kernel" else 5
@@ -110,26 +125,30 @@ def _accuracy(rows: Sequence[Row], place: Path) -> Path:
     axes.set_xlabel("CPU time per candidate and sample [ns]")
     axes.set_ylabel("largest error over the largest force")
     axes.grid(which="major", alpha=0.3)
-    axes.legend(fontsize="small")
+    figure.legend(loc="outside right upper", fontsize="small")
     return _saved(figure, place)
+
+
+def growth_lines(rows: Sequence[Mapping[str, Any]]) -> dict[str, list[tuple[float, float]]]:
+    """Return count and CPU time [s] of each row of the growth benchmark, by what is counted."""
+    lines: dict[str, list[tuple[float, float]]] = {}
+    for row in rows:
+        name, count = row["contender"].split(" ")
+        lines.setdefault(name, []).append((float(count.replace(",", "")), row["cpu_s"]))
+    return lines
 
 
 def _growth(rows: Sequence[Mapping[str, Any]], place: Path) -> Path:
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(7.0, 4.0), layout="constrained")
+    figure = Figure(figsize=(8.0, 4.0), layout="constrained")
     axes = figure.add_subplot()
-    lines: dict[str, list[tuple[float, float]]] = {}
-    for row in rows:
-        found = re.fullmatch(r"(\w+) ([\d.e+]+|[\d,]+).*", row["contender"])
-        if found and "cpu_s" in row:
-            lines.setdefault(found[1], []).append((float(found[2].replace(",", "")), row["cpu_s"]))
-    for name, points in lines.items():
+    for name, points in growth_lines(rows).items():
         axes.loglog(*zip(*points, strict=True), "o-", label=name)
     axes.set_xlabel("count")
     axes.set_ylabel("CPU time [s]")
     axes.grid(which="major", alpha=0.3)
-    axes.legend()
+    figure.legend(loc="outside right upper", fontsize="small")
     return _saved(figure, place)
 
 

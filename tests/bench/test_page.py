@@ -46,4 +46,11 @@ def test_the_machine_and_the_versions_are_recorded():
 
 def test_rows_come_back_from_json_as_they_were():
     rows = page.rows_of(RESULTS["simulation"])
-    assert [row.as_json() for row in rows] == json.loads(json.dumps(RESULTS["simulation"]))
+    assert json.loads(json.dumps([row.as_json() for row in rows])) == RESULTS["simulation"]
+
+
+def test_the_picture_of_growth_has_every_size_in_order():
+    lines = page.growth_lines(RESULTS["growth"])
+    assert {"samples", "candidates", "runs", "threads"} <= lines.keys()
+    assert [count for count, _ in lines["candidates"]] == [1, 16, 256, 1024, 4096]
+    assert all(points == sorted(points) for points in (lines["samples"], lines["runs"]))
