@@ -1,7 +1,7 @@
 """The job of ``mrdamper cite``: what to cite for a card: its law, terms, method, data, and the program.
 
 Only works that the documentation names are given (docs/laws.md, docs/decisions). What was written down from
-memory and not re-read is marked as such in the text and in the BibTeX: look it up before you quote it further.
+memory and not re-read is marked as such in the text and in the BibTeX: look it up before you quote it.
 """
 
 from __future__ import annotations
@@ -112,7 +112,8 @@ _GOLUB = Source(
     key="golub1973",
     authors=("Golub, G. H.", "Pereyra, V."),
     year="1973",
-    title="The differentiation of pseudo-inverses and nonlinear least squares problems whose variables separate",
+    title="The differentiation of pseudo-inverses and nonlinear least squares problems whose "
+    "variables separate",
     where="SIAM J. Numerical Analysis 10(2), 413-432",
 )
 _KAUFMAN = Source(

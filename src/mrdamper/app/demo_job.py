@@ -8,6 +8,7 @@ made from the card track forces on the virtual damper; what they are made of is 
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -216,7 +217,7 @@ def _exported(beside: Path) -> dict[str, Any]:
     return {
         "written": True,
         **{key: answer[key] for key in ("precision", "step_s", "controller", "code_bytes", "tables_bytes")},
-        "verification": answer["verification"],
+        "verification": json.loads(json.dumps(answer["verification"])),
     }
 
 
