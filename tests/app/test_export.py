@@ -21,7 +21,8 @@ from tests.app.rigs import answer_of, command, mrdamper
 from tests.app.tracked import a_damper, write_a_card
 
 FILES = {
-    "damper.h", "damper.c", "damper_tables.c", "main.c", "CMakeLists.txt", "README.md", "verification.json",
+    "damper.h", "damper.c", "damper_tables.c", "main.c", "CMakeLists.txt", "README.md", "misra.md",
+    "verification.json",
     *kernel_files(),
 }  # fmt: skip
 

@@ -284,10 +284,11 @@ def test_whatever_it_is_told_the_force_is_finite_and_the_flags_say_what_was_wron
 @settings(max_examples=40, deadline=None)
 @given(rows=rows_of_anything)
 def test_after_any_rubbish_the_force_is_that_of_a_model_that_never_heard_any(rows):
-    good = rows_for(MOVED, 2.8)
+    """A temperature up to 10 K off may be believed after 2 s; it is smoothed away over 0.2 s then."""
+    good = rows_for(MOVED, 3.8)
     clean = MODEL.run(MODEL.start(), good)[1]
     after = MODEL.run(MODEL.run(MODEL.start(), np.array(rows))[0], good)[1]
-    assert np.abs(after - clean)[2500:].max() < 1e-3 * np.abs(clean).max()
+    assert np.abs(after - clean)[3500:].max() < 1e-3 * np.abs(clean).max()
 
 
 def test_without_a_current_the_last_good_one_is_held_for_30_ms_and_then_there_is_none():
