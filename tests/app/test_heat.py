@@ -111,6 +111,8 @@ def test_finite_elements_judge_the_end(answer):
 
 def test_the_page_holds_every_picture_and_nothing_from_elsewhere(answer, folder):
     page = (folder / "out" / "heat.html").read_text(encoding="utf-8")
+    assert "fingerprint of its training runs" in page  # what it was made from, at the end
+    assert "mrdamper 0." in page
     assert re.findall(r'(?:src|href)="https?://', page) == []
     pictures = re.findall(r"<svg.*?</svg>", page, flags=re.DOTALL)
     labels = [re.search(r'aria-label="([^"]*)"', picture) for picture in pictures]

@@ -107,6 +107,8 @@ def test_what_hangs_on_the_fin_law_is_told(answer):
 
 def test_the_page_holds_front_dampers_and_sweeps(answer, folder):
     page = (folder / "out" / "sink.html").read_text(encoding="utf-8")
+    assert "fingerprint of its training runs" in page  # what it was made from, at the end
+    assert "mrdamper 0." in page
     pictures = re.findall(r"<svg.*?</svg>", page, flags=re.DOTALL)
     labels = [re.search(r'aria-label="([^"]*)"', picture) for picture in pictures]
     assert [label[1] for label in labels if label] == [

@@ -119,6 +119,8 @@ def test_the_command_writes_its_page_and_prints_the_rows(folder):
     assert hot["coil_power_W"] > 0.0
     assert json.loads((folder / "out" / "track.json").read_text(encoding="utf-8")) == answer
     page = (folder / "out" / "track.html").read_text(encoding="utf-8")
+    assert "fingerprint of its training runs" in page  # what it was made from, at the end
+    assert "mrdamper 0." in page
     assert "simulations, not measurements" in page
     assert page.count("<svg") == 2  # over temperature, and the target
     assert "http" not in page.replace("http://www.w3.org", "")

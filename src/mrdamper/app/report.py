@@ -305,6 +305,7 @@ def environment() -> Environment:
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
+    environment.globals["program"] = versions()
     environment.filters["svg"] = Markup  # our own figures, whose texts Matplotlib has escaped
     environment.filters["number"] = lambda value, digits=4: (
         "" if value is None or math.isnan(value) else f"{value:.{digits}g}"
