@@ -45,6 +45,7 @@ METHODS: tuple[Method, ...] = ("varpro", "genetic", "cma")
 
 Law = str | HysteresisLaw | PythonLaw | type[PythonLaw]
 
+_ZERO_CELSIUS_K = 273.15
 _EXCERPT_RATE_Hz = 200.0
 _LONGEST_EXCERPT = 600  # samples
 
@@ -305,12 +306,22 @@ def outside_envelope(card: ModelCard, runs: Sequence[PreparedRun]) -> list[str]:
             continue
         low, high = min(e[0] for e in beyond.values()), max(e[1] for e in beyond.values())
         told = [f"{scale * end + shift:.4g}" for end in (low, high, *allowed)]
-        held = "; coefficients keep their value at the edge" if what == "temperature" else ""
+        held = f", {beyond_in_words(card.damper)}" if what == "temperature" else ""
         said.append(
             f"{what} is {told[0]} to {told[1]} {unit} in {len(beyond)} of {len(runs)} runs (the first: "
             f"{next(iter(beyond))}); the card was identified on {told[2]} to {told[3]} {unit}{held}"
         )
     return said
+
+
+def beyond_in_words(damper: Damper) -> str:
+    """Return what a damper's force does beyond the temperatures that it was identified at."""
+    if not damper.tempered:
+        return "and its force does not depend on temperature"
+    if damper.temperature_range is None:
+        return "and beyond that its temperature laws are extrapolated"
+    low, high = (kelvin - _ZERO_CELSIUS_K for kelvin in damper.temperature_range)
+    return f"and below {low:.4g} or above {high:.4g} degC its coefficients keep their value at that edge"
 
 
 def _at_reference(run: PreparedRun) -> PreparedRun:
