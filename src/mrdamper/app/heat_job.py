@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from mrdamper.app.answers import Json
-from mrdamper.app.api import beyond_in_words, finite
 from mrdamper.app.outputs import staged, write_json, write_table
+from mrdamper.app.scoring import beyond_in_words, finite
 from mrdamper.errors import EnvelopeWarning, InputError, MissingExtraError
 from mrdamper.models.card import ModelCard
 from mrdamper.models.card_reading import read_card
