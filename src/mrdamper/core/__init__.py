@@ -119,15 +119,21 @@ def squared_errors(
 
 
 def lagged(
-    command: FloatArray, step: float, rise: float, fall: float | None = None
+    command: FloatArray,
+    step: float,
+    rise: float,
+    fall: float | None = None,
+    *,
+    before: tuple[float, float] | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Return a command after a first-order lag [s], and its derivative by the lag.
 
-    Exact for a command that is linear between samples; it starts settled. With ``fall`` the lag is ``rise``
+    Exact for a command that is linear between samples; it starts settled, or from what was applied at the
+    first sample and its derivative (``before``). With ``fall`` the lag is ``rise``
     only while the size of the command is above that of what is applied.
     """
     applied, by_lag = np.empty_like(command), np.empty_like(command)
-    _kernel.lag(step, rise, rise if fall is None else fall, command, applied, by_lag)
+    _kernel.lag(step, rise, rise if fall is None else fall, command, applied, by_lag, before)
     return applied, by_lag
 
 
