@@ -156,7 +156,7 @@ int main(void)
                 }
             if (api->run(&varying, &record, count, direction, force, columns, NULL) != MRD_OK) return 7;
             if (api->causal(&varying, &record, force) != MRD_OK) return 8;
-            api->lag(n, step, round % 2 ? 0.0 : 0.05, 0.02, seed, force, x);
+            api->lag(n, step, round % 2 ? 0.0 : 0.05, 0.02, seed, force, x, NULL);
             runs++;
 
             api->record_close(&record);

@@ -74,7 +74,8 @@ typedef struct {
 typedef struct {
     double begun;        /* 1 once a sample is settled */
     double side, turn;   /* of the piece that goes on */
-    double path;         /* in it at the last settled sample [m] */
+    double inside;       /* 1: the last settled sample is of that piece */
+    double path;         /* ... and its path in it [m] */
     double furthest;     /* displacement of its furthest sample [m] */
     double turns_at;     /* ... and of the turning point there, where that sample is settled already */
 } mrd_motion;

@@ -159,6 +159,7 @@ static mrd_status batch_open(mrd_record *r, size_t n, double step, const double 
     int held = piece_begin(r, &room, r->behind, r->behind ? motion->turn : x[0], side);
     /* Of a motion that stood still for long the furthest sample may lie in an earlier batch: then extreme stays 0. */
     double furthest = r->behind ? motion->furthest : x[0];
+    size_t begun = r->behind && motion->inside == 0.0; /* first sample of the present piece; 0 for one that goes on */
     for (size_t i = 1; i < n && held; i++) {
         if (side * x[i] >= side * furthest) {
             extreme = i;
@@ -166,9 +167,9 @@ static mrd_status batch_open(mrd_record *r, size_t n, double step, const double 
         } else if (side * (furthest - x[i]) > dead_band) {
             const double at = r->behind && !extreme ? motion->turns_at : turning_point(r, extreme, side);
             /* The extreme sample itself lies after the turn when it is already moving back. */
-            const size_t begin = side * v[extreme] < 0.0 && extreme > r->first[r->pieces - 1] ? extreme : extreme + 1;
+            begun = side * v[extreme] < 0.0 && extreme > begun ? extreme : extreme + 1;
             side = -side;
-            held = piece_begin(r, &room, begin, at, side);
+            held = piece_begin(r, &room, begun, at, side);
             extreme = i;
             furthest = x[i];
         }
@@ -189,8 +190,8 @@ static mrd_status batch_open(mrd_record *r, size_t n, double step, const double 
         motion->begun = 1.0;
         motion->side = side;
         motion->turn = r->turn[p];
-        if (r->first[p] < r->n) motion->path = path_at(r, p, r->n - 1);
-        else motion->path = 0.0;
+        motion->inside = r->first[p] < r->n ? 1.0 : 0.0;
+        motion->path = r->first[p] < r->n ? path_at(r, p, r->n - 1) : 0.0;
         if (!r->behind || extreme) motion->turns_at = turning_point(r, extreme, side);
         motion->furthest = furthest;
     }
@@ -200,6 +201,7 @@ static mrd_status batch_open(mrd_record *r, size_t n, double step, const double 
 static mrd_status record_open(mrd_record *r, size_t n, double step, const double *x, const double *v, const double *a,
                               double dead_band, double longest_step)
 {
-    mrd_motion whole = {0.0, 0.0, 0.0, 0.0, 0.0, 0.0};
+    mrd_motion whole;
+    memset(&whole, 0, sizeof whole);
     return batch_open(r, n, step, x, v, a, dead_band, longest_step, 0, 1, &whole);
 }
