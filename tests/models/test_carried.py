@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -53,15 +54,15 @@ def rough(path: Trajectory, seed: int, dead_band: float = 6.0 * ROUGH) -> Trajec
 def part(path: Trajectory, begin: int, end: int) -> Trajectory:
     cut = slice(begin, end)
     warm = None if path.temperature is None else path.temperature[cut]
-    columns = (path.displacement, path.velocity, path.acceleration, path.command)
-    return Trajectory(path.step, *(column[cut] for column in columns), path.dead_band, warm)
+    x, v, a, command = path.displacement, path.velocity, path.acceleration, path.command
+    return Trajectory(path.step, x[cut], v[cut], a[cut], command[cut], path.dead_band, warm)
 
 
 def in_batches(run: CarriedRun, path: Trajectory, borders: Sequence[int]) -> np.ndarray:
     edges = [0, *sorted(set(borders)), len(path)]
     edges = [edge for k, edge in enumerate(edges) if not k or edge - edges[k - 1] >= 2 or edge == len(path)]
     forces = []
-    for begin, end in zip(edges[:-1], edges[1:], strict=True):
+    for begin, end in pairwise(edges):
         if end - begin < 2:  # a trajectory has two samples or more
             continue
         forces.append(run.advance(part(path, begin, end)))
@@ -137,7 +138,7 @@ def test_steps_longer_than_the_implicit_laws_like_are_divided_alike():
 
 
 def test_a_command_that_begins_to_vary_late_gives_the_whole_run_as_well():
-    """rho is one number over the first batches, and not over the last."""
+    """The law's rho is one number over the first batches, and not over the last."""
     path = rough(random_drive(8), 8)
     command = np.where(path.time > 0.9, 0.2 + path.time, 0.5)
     for name in ("bouc-wen", "double-bouc-wen", "lugre"):
@@ -152,11 +153,11 @@ def test_what_is_held_back_is_less_than_a_rest():
     for begin in range(0, 3000, 100):
         run.advance(part(path, begin, begin + 100))
         held.append(run.taken - run.answered)
-    assert max(held) <= 2  # without a dead band: the furthest sample, and where the motion turns its neighbour
+    assert max(held) <= 2  # the furthest sample, and its neighbour where the motion turns
 
 
 def test_at_rest_patience_ends_and_the_state_stays_right():
-    """Noise inside the dead band for long: the held samples are answered, and later ones are the whole run's."""
+    """Noise inside the dead band for long: held samples are answered, and later ones are the whole run's."""
     path, rng = random_drive(10, duration=2.0), np.random.default_rng(10)
     x, v = path.displacement.copy(), path.velocity.copy()
     x[600:1600], v[600:1600] = x[600], 0.0
@@ -178,6 +179,27 @@ def test_at_rest_patience_ends_and_the_state_stays_right():
     assert np.abs(found - whole).max() <= 2.0 * yielded * travel
 
 
+@pytest.mark.parametrize("name", list(LAWS))
+def test_a_run_goes_on_from_what_was_kept_of_it(name, tmp_path):
+    more = {"actuation": Actuation(0.02, 0.05, 0.004, delay_s=0.0123, play=0.05)}
+    path, d = with_command(rough(random_drive(14), 14)), moved(name, **more)
+    run, forces = CarriedRun(d), []
+    for begin in range(0, 1500, 300):
+        forces.append(run.advance(part(path, begin, begin + 300 if begin < 1200 else 1501)))
+        for key, values in run.state().items():
+            np.save(tmp_path / f"{key}.npy", values)
+        run = CarriedRun.restored(d, {file.stem: np.load(file) for file in tmp_path.glob("*.npy")})
+    found = np.concatenate([*forces, run.finish()])
+    np.testing.assert_array_equal(found, simulate(d, path))
+    assert run.answered == run.taken == len(path)
+    over = CarriedRun.restored(d, run.state())
+    with pytest.raises(InputError, match="the run is over"):
+        over.advance(path)
+    for lacking in ("motion", "held_2"):
+        with pytest.raises(InputError, match="carried state"):
+            CarriedRun.restored(d, {key: value for key, value in run.state().items() if key != lacking})
+
+
 def test_memory_stays_that_of_a_batch():
     """Held arrays are copies: a view of one would keep its whole batch."""
     path, run = random_drive(11, duration=10.0), CarriedRun(moved("series-valve"))
@@ -194,9 +216,9 @@ def test_what_cannot_be_carried_is_refused_in_words():
         run.advance(path)
     run = CarriedRun(moved("bouc-wen"))
     run.advance(path)
-    for other in ("step", "dead_band"):
+    for other, changed in (("step", replace(path, step=0.5)), ("dead_band", replace(path, dead_band=0.5))):
         with pytest.raises(InputError, match=other):
-            run.advance(replace(path, **{other: 0.5}))
+            run.advance(changed)
     with pytest.raises(InputError, match="patience"):
         CarriedRun(moved("bouc-wen"), patience=0)
     values = dict(moved("bouc-wen").coefficients) | {"n": Polynomial((1.0, 0.5))}
@@ -204,7 +226,6 @@ def test_what_cannot_be_carried_is_refused_in_words():
     run.advance(path)
     with pytest.raises(ValueError, match="kappa and n"):
         run.advance(replace(path, command=np.full(len(path), 0.7)))
-        run.finish()
 
 
 def test_a_state_of_another_batch_is_refused():

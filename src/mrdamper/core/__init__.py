@@ -98,7 +98,7 @@ def run(
 
 def open_batch(
     step: float,
-    kinematics: Sequence[FloatArray],
+    kinematics: tuple[FloatArray, FloatArray, FloatArray],
     motion: FloatArray,
     *,
     dead_band: float = 0.0,
@@ -110,8 +110,8 @@ def open_batch(
 
     Parameters
     ----------
-    kinematics : displacement [m], velocity [m/s] and acceleration [m/s^2], shape (n,) each: the last settled
-        sample of the batch before (``behind`` is 1, but for the first batch), those not settled there, new ones
+    kinematics : displacement [m], velocity [m/s] and acceleration [m/s^2], shape (n,) each: the last
+        settled sample of the batch before (``behind`` is 1, but for the first), those not settled, new ones
     motion : where the motion stands, shape (MOTION_NUMBERS,), zeros before the first batch; brought up to the end
     patience : samples behind the furthest of the motion that may wait for being settled
     last : all are settled, since the run ends here

@@ -82,8 +82,9 @@ class Applied:
         self._lags = [(actuation.rise_s, actuation.fall_s)]
         if actuation.second_s > 0.0:
             self._lags.append((actuation.second_s, actuation.second_s))
-        self._before: list[tuple[float, float] | None] = [None] * len(self._lags)  # last input and output
-        self._behind: float | None = None  # the size that the play still holds
+        # Last input and output of each lag, and the size that the play still holds; NaN before the first.
+        self._before = np.full((len(self._lags), 2), np.nan)
+        self._behind = np.nan
 
     def on(self, command: FloatArray) -> FloatArray:
         """Return what is felt [A or V] of the next commands, shape (n,)."""
@@ -95,6 +96,17 @@ class Applied:
         self._taken += len(at)
         return self._after_play(at) if self._actuation.play > 0.0 else at
 
+    def state(self) -> FloatArray:
+        """Return what the next commands need of the ones before, shape (k,); ``restore`` takes it."""
+        return np.concatenate([[self._taken, self._behind], self._before.ravel(), self._delayed])
+
+    def restore(self, state: FloatArray) -> None:
+        """Go on from a state of the same actuation and step."""
+        lags = self._before.size
+        self._taken, self._behind = int(state[0]), float(state[1])
+        self._before = state[2 : 2 + lags].reshape(-1, 2).copy()
+        self._delayed = state[2 + lags :].copy()
+
     def _after_delay(self, command: FloatArray) -> FloatArray:
         known = np.concatenate([self._delayed, command])
         time = self._step * np.arange(self._taken - len(self._delayed), self._taken + len(command))
@@ -103,19 +115,19 @@ class Applied:
         return np.asarray(np.interp(time[-len(command) :] - self._actuation.delay_s, time, known))
 
     def _after_lag(self, k: int, command: FloatArray, rise: float, fall: float) -> FloatArray:
-        before = self._before[k]
-        if before is None:
+        given, came = (float(each) for each in self._before[k])
+        if np.isnan(given):
             applied = core.lagged(command, self._step, rise, fall)[0]
         else:
-            given = np.concatenate([[before[0]], command])
-            applied = core.lagged(given, self._step, rise, fall, before=(before[1], 0.0))[0][1:]
-        self._before[k] = float(command[-1]), float(applied[-1])
+            longer = np.concatenate([[given], command])
+            applied = core.lagged(longer, self._step, rise, fall, before=(came, 0.0))[0][1:]
+        self._before[k] = command[-1], applied[-1]
         return applied
 
     def _after_play(self, lagged: FloatArray) -> FloatArray:
         """Return what is felt of a lagged command: by its size, as a field is, first reached from zero."""
         behind, width = [], 2.0 * self._actuation.play
-        at = abs(float(lagged[0])) if self._behind is None else self._behind
+        at = abs(float(lagged[0])) if np.isnan(self._behind) else self._behind
         for size in np.abs(lagged).tolist():
             at = min(max(at, size), size + width)
             behind.append(at)

@@ -7,6 +7,8 @@ form (``record``) of the kernel's laws; the per-sample form has no need of it.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from mrdamper import core
@@ -47,9 +49,13 @@ class CarriedRun:
         self._longest_step, self._patience = longest_step, patience
         self._motion, self._state = np.zeros(core.MOTION_NUMBERS), np.zeros(core.STATE_NUMBERS)
         self._workspace = core.Workspace()
-        self._applied: Applied | None = None  # made at the first batch, whose step and dead band are the run's
+        self._applied: Applied | None = (
+            None  # made at the first batch, whose step and dead band are the run's
+        )
         self._step = self._dead_band = 0.0
-        self._held: list[FloatArray] = []  # x, v, a, applied command, temperature from the last settled sample on
+        self._held: list[
+            FloatArray
+        ] = []  # x, v, a, applied command, temperature from the last settled sample on
         self._taken = self._answered = 0
         self._over = False
 
@@ -66,8 +72,8 @@ class CarriedRun:
     def advance(self, batch: Trajectory) -> FloatArray:
         """Take the run's next samples; return the force [N] of those that are settled by now, shape (m,).
 
-        They follow on the ones returned before. A sample behind the furthest point of the motion so far is not
-        settled until the motion goes on beyond that point, or turns back by more than the dead band.
+        They follow on the ones returned before. A sample behind the furthest point of the motion so far is
+        settled once the motion goes on beyond that point, or turns back by more than the dead band.
 
         Raises
         ------
@@ -77,16 +83,16 @@ class CarriedRun:
         if self._over:
             raise InputError("the run is over: finish was called; expected no further batch")
         if self._applied is None:
-            lag = self._damper.command_lag_s
-            self._step, self._dead_band = batch.step, batch.dead_band
-            self._applied = Applied(self._damper.actuation or Actuation(lag, lag), batch.step)
+            self._applied = self._begin(batch.step, batch.dead_band)
         for name, mine in (("step", self._step), ("dead_band", self._dead_band)):
             if getattr(batch, name) != mine:
-                raise InputError(f"batch: {name} is {getattr(batch, name)}; expected the first batch's, {mine}")
+                raise InputError(
+                    f"batch: {name} is {getattr(batch, name)}; expected the first batch's, {mine}"
+                )
         require_temperature(self._damper, batch)
-        tempered = self._damper.tempered and batch.temperature is not None
-        new = [batch.displacement, batch.velocity, batch.acceleration]
-        new += [self._applied.on(batch.command), batch.temperature if tempered else np.empty(0)]
+        warm = batch.temperature if self._damper.tempered else None
+        new = [batch.displacement, batch.velocity, batch.acceleration, self._applied.on(batch.command)]
+        new.append(np.empty(0) if warm is None else warm)
         self._taken += len(batch)
         return self._answer(new, last=False)
 
@@ -98,12 +104,63 @@ class CarriedRun:
         self._over = True
         return self._answer([np.empty(0)] * len(self._held), last=True)
 
+    def state(self) -> dict[str, FloatArray]:
+        """Return all that goes over to the next batch as float64 arrays by name, for ``restored``."""
+        numbers = [self._step, self._dead_band, self._taken, self._answered, self._over]
+        kept = {"run": np.array(numbers, dtype=np.float64)}
+        kept |= {"motion": self._motion.copy(), "law": self._state.copy()}
+        if self._applied is not None:
+            kept["applied"] = self._applied.state()
+        return kept | {f"held_{k}": column.copy() for k, column in enumerate(self._held)}
+
+    @classmethod
+    def restored(
+        cls,
+        damper: Damper,
+        state: Mapping[str, FloatArray],
+        *,
+        longest_step: float = core.LONGEST_STEP,
+        patience: int = 1_000_000,
+    ) -> CarriedRun:
+        """Return the run of a kept state, with the damper that it was of: it goes on bit for bit.
+
+        Raises
+        ------
+        InputError
+            A part of the state is missing, or of another shape.
+        """
+        run = cls(damper, longest_step=longest_step, patience=patience)
+        parts = {name: np.array(values, dtype=np.float64) for name, values in state.items()}
+        expected = {"run": 5, "motion": core.MOTION_NUMBERS, "law": core.STATE_NUMBERS}
+        for name, count in expected.items():
+            if name not in parts or parts[name].shape != (count,):
+                shape = parts[name].shape if name in parts else "not there"
+                raise InputError(f"carried state: {name} is {shape}; expected {count} numbers")
+        step, dead_band, taken, answered, over = parts["run"].tolist()
+        run._motion, run._state = parts["motion"], parts["law"]
+        run._taken, run._answered, run._over = int(taken), int(answered), bool(over)
+        if "applied" in parts:
+            run._applied = run._begin(step, dead_band)
+            run._applied.restore(parts["applied"])
+            run._held = [parts[f"held_{k}"] for k in range(5) if f"held_{k}" in parts]
+            lengths = [len(column) for column in run._held]
+            if len(lengths) != 5 or lengths[0] < 1 or len(set(lengths[:4])) != 1:
+                raise InputError(
+                    f"carried state: held columns have {lengths} samples; expected 5 of one length"
+                )
+        return run
+
+    def _begin(self, step: float, dead_band: float) -> Applied:
+        """Take step and dead band of the run, the first batch's; return what the law feels of its command."""
+        self._step, self._dead_band, lag = step, dead_band, self._damper.command_lag_s
+        return Applied(self._damper.actuation or Actuation(lag, lag), step)
+
     def _answer(self, new: list[FloatArray], *, last: bool) -> FloatArray:
         columns = [np.concatenate(pair) for pair in zip(self._held, new, strict=True)] if self._held else new
         coefficients = self._coefficients(columns[3], columns[4], columns[0])
         record = core.open_batch(
             self._step,
-            columns[:3],
+            (columns[0], columns[1], columns[2]),
             self._motion,
             dead_band=self._dead_band,
             longest_step=self._longest_step,

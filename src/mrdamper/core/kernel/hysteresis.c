@@ -10,7 +10,7 @@
  * first, and the end of the table, where w stays, last. */
 typedef struct {
     size_t fall, rise; /* ends of the first two */
-} parts;
+} spans;
 
 static size_t first_beyond(const mrd_record *r, size_t p, size_t low, size_t high, double offset, double rho, double limit)
 {
@@ -22,9 +22,9 @@ static size_t first_beyond(const mrd_record *r, size_t p, size_t low, size_t hig
     return low;
 }
 
-static parts parts_of(const curve *c, const mrd_record *r, size_t p, size_t from, size_t to, double start, double rho)
+static spans spans_of(const curve *c, const mrd_record *r, size_t p, size_t from, size_t to, double start, double rho)
 {
-    parts out;
+    spans out;
     out.fall = start < 0.0 ? first_beyond(r, p, from, to, start, rho, 0.0) : from;
     out.rise = first_beyond(r, p, out.fall, to, c->rise.offset + start, rho, c->rise.top);
     return out;
@@ -77,9 +77,9 @@ static inline double piece_length(const mrd_record *r, size_t p) { return fabs(r
  * step): base + rho (path - from); where rho changes, base and from move on. While it does not, rho path to the bit. */
 typedef struct {
     double base, from, rho;
-} travel;
+} weighted_travel;
 
-static inline double travel_to(travel *t, double rho, double last, double path)
+static inline double travel_to(weighted_travel *t, double rho, double last, double path)
 {
     if (rho != t->rho) {
         t->base += t->rho * (last - t->from);
@@ -95,7 +95,7 @@ static double bouc_wen_state(const curve *c, const mrd_record *r, double rho, do
     for (size_t p = 0; p < r->pieces; p++) {
         const size_t from = r->first[p], to = r->first[p + 1];
         const double side = r->side[p];
-        const parts at = parts_of(c, r, p, from, to, start, rho);
+        const spans at = spans_of(c, r, p, from, to, start, rho);
         for (size_t i = from; i < at.rise;) {
             const int rising = i >= at.fall;
             const size_t end = rising ? at.rise : at.fall, n = end - i < BLOCK ? end - i : BLOCK;
@@ -119,10 +119,10 @@ static double bouc_wen_state(const curve *c, const mrd_record *r, double rho, do
  */
 static void bouc_wen_tangents(const curve *c, const mrd_record *r, const double *rho, size_t stride, size_t ways,
                               const mrd_direction *const *way, double *w, double *const *by_rho, double *by_n,
-                              double *by_kappa, double *tau, travel *gone)
+                              double *by_kappa, double *tau, weighted_travel *gone)
 {
     double start = *tau, start_n = 0.0, start_k = 0.0, start_rho[MRD_DIRECTIONS], travel_rho[MRD_DIRECTIONS];
-    travel t = *gone;
+    weighted_travel t = *gone;
     for (size_t d = 0; d < ways; d++) start_rho[d] = 0.0;
 
     for (size_t p = 0; p < r->pieces; p++) {

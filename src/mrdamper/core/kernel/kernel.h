@@ -84,7 +84,7 @@ typedef struct {
 typedef struct {
     double begun;
     double kappa, n;                        /* of the first batch */
-    double tau[2], base[2], from[2], rho[2]; /* Bouc-Wen family, by element: see `travel` in hysteresis.c */
+    double tau[2], base[2], from[2], rho[2]; /* Bouc-Wen family, by element: see travel_to() in hysteresis.c */
     double w;                               /* LuGre */
     double y, q, q_rate;                    /* Spencer, series valve */
     double e, side, place;                  /* Spencer */

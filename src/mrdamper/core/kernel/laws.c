@@ -172,8 +172,8 @@ static mrd_status run_bouc_wen(const mrd_model *m, const mrd_record *r, size_t d
         }
         const double *rho = m->coefficient + (m->stride ? (size_t)shape.rho[e] * m->stride : (size_t)shape.rho[e]);
         double start = r->behind ? state->tau[e] : 0.0;
-        travel gone = {0.0, 0.0, *rho};
-        if (r->behind) gone = (travel){state->base[e], state->from[e], state->rho[e]};
+        weighted_travel gone = {0.0, 0.0, *rho};
+        if (r->behind) gone = (weighted_travel){state->base[e], state->from[e], state->rho[e]};
         if (ways || by_shape || varies(m, shape.rho[e], r->known) || gone.rho != *rho || gone.from != 0.0)
             bouc_wen_tangents(c, r, rho, m->stride ? 1 : 0, ways, way, w, by_rho, by_n, by_kappa, &start, &gone);
         else
@@ -389,7 +389,7 @@ static double squared_error_bouc_wen(const curve *c, const mrd_model *m, const m
     for (size_t p = 0; p < r->pieces; p++) {
         const size_t end = r->first[p + 1], begin = r->first[p] > from ? r->first[p] : from;
         if (begin < end) {
-            const parts at = parts_of(c, r, p, begin, end, start, rho);
+            const spans at = spans_of(c, r, p, begin, end, start, rho);
             const double full = f0 + yield * r->side[p] * c->rise.last;
             for (size_t i = begin; i < end;) {
                 const size_t limit = i < at.fall ? at.fall : i < at.rise ? at.rise : end;
