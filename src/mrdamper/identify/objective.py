@@ -30,6 +30,7 @@ FloatArray = NDArray[np.float64]
 _COMMANDS = 17  # commands over the data's range at which linear coefficients are kept admissible,
 _TEMPERATURES = 3  # at so many temperatures where the form itself depends on temperature
 _LIGHT = 1e-6  # [%^2] that a linear number at its bound costs: one that moves nothing stays near zero
+_ROUNDS = 12  # of active sets, before the slower way is taken
 _HOLD = 1e8  # stiffness, beside one, of a condition that holds with equality
 
 
@@ -50,9 +51,14 @@ class Eliminated:
 
 
 class Objective:
-    """The cost of a problem on prepared runs, its Gram sums, and the elimination of the linear numbers."""
+    """The cost of a problem on prepared runs, its Gram sums, and the elimination of the linear numbers.
 
-    def __init__(self, problem: FitProblem, runs: Sequence[PreparedFit]) -> None:
+    ``like`` is an objective of the same problem on other runs: what depends on the problem alone is shared.
+    """
+
+    def __init__(
+        self, problem: FitProblem, runs: Sequence[PreparedFit], *, like: Objective | None = None
+    ) -> None:
         self.problem = problem
         self.runs = tuple(runs)
         self.nonlinear = tuple(free.name for free in problem.nonlinear)
@@ -62,7 +68,7 @@ class Objective:
         names = (*self.nonlinear, *self.linear)
         self._all = GramSums(problem.template, names, names, runs, self.sessions)
         self._inner = GramSums(problem.template, names, self.linear, runs, self.sessions)
-        self._rows, self._floor = self._conditions()
+        self._rows, self._floor = self._conditions() if like is None else (like._rows, like._floor)
         size = np.array([max(abs(free.lower), abs(free.upper)) for free in problem.linear])
         self._light = np.concatenate([_LIGHT / size**2, np.zeros(len(self.sessions))])
 
@@ -166,13 +172,24 @@ class Objective:
             held = [0.0 if i in at else number for i, number in enumerate(law.numbers)]
             # The share of the numbers that do not move.
             fixed = law.with_numbers(held).value(commands, temperatures)
-            for gradient, share in zip(law.gradient(commands, temperatures).T, fixed, strict=True):
-                if gradient[at].any():
-                    row = np.zeros(width)
-                    row[members] = gradient[at]
-                    rows.append(row)
-                    floor.append(least - share)
+            gradients = law.gradient(commands, temperatures)[at].T
+            for k in _needed(gradients, least - fixed):
+                row = np.zeros(width)
+                row[members] = gradients[k]
+                rows.append(row)
+                floor.append(least - fixed[k])
         return np.array(rows).reshape(len(rows), width), np.array(floor)
+
+
+def _needed(rows: FloatArray, floor: FloatArray) -> NDArray[np.intp]:
+    """Return the conditions rows x >= floor that matter: of two numbers against zero, the outermost two."""
+    some = np.flatnonzero(rows.any(axis=1))
+    if rows.shape[1] == 1 and not floor.any():
+        return some[:1]
+    if rows.shape[1] != 2 or floor.any() or not (rows[some, 0] > 0.0).all():
+        return some
+    lean = rows[some, 1] / rows[some, 0]
+    return some[np.unique([lean.argmin(), lean.argmax()])]
 
 
 def solve_scaled(matrix: FloatArray, right: FloatArray) -> FloatArray:
@@ -198,20 +215,56 @@ def _bounded_least_squares(
 ) -> FloatArray:
     """Minimise x'Mx/2 - r'x subject to rows x >= floor, for many M, r and floors.
 
-    Unconstrained where that is admissible; otherwise the least-distance form of Lawson & Hanson, one
-    non-negative least squares.
+    Unconstrained where that is admissible; otherwise by active sets, and where those do not settle by the
+    least-distance form of Lawson & Hanson.
     """
-    solution = solve_scaled(matrix, right[..., None])[..., 0]
     if not len(rows):
-        return solution
+        return solve_scaled(matrix, right[..., None])[..., 0]
+    solution = solve_scaled(matrix, right[..., None])[..., 0]
     slack = solution @ rows.T - floor
     beyond = slack < -1e-12 * (np.abs(solution) @ np.abs(rows).T + np.abs(floor))
-    for k in np.flatnonzero(beyond.any(axis=1)):
-        solution[k] = _on_the_edge(matrix[k], solution[k], rows, floor[k])
+    k = np.flatnonzero(beyond.any(axis=1))
+    if len(k):
+        edge, settled = _by_active_sets(matrix[k], solution[k], rows, slack[k])
+        solution[k[settled]] = edge[settled]
+        for each in k[~settled]:
+            solution[each] = _by_least_distance(matrix[each], solution[each], rows, floor[each])
     return solution
 
 
-def _on_the_edge(matrix: FloatArray, solution: FloatArray, rows: FloatArray, floor: FloatArray) -> FloatArray:
+def _by_active_sets(
+    matrix: FloatArray, solution: FloatArray, rows: FloatArray, slack: FloatArray
+) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """Return the admissible points nearest to others that are not, and which of them were found.
+
+    Each round takes up the condition that fails worst and lets go of those that pull instead of push.
+    """
+    away = solve_scaled(matrix, np.broadcast_to(rows.T, (len(matrix), *rows.T.shape)))
+    between = rows @ away
+    size = 1.0 / np.sqrt(np.diagonal(between, axis1=1, axis2=2))
+    between = between * (size[:, :, None] * size[:, None, :])
+    slack = slack * size
+    tolerance = 1e-9 * np.abs(slack).max(axis=1)
+    active = np.zeros(slack.shape, dtype=np.bool_)
+    force = np.zeros(slack.shape)
+    each, places = np.arange(len(slack)), np.arange(len(rows))
+    for _ in range(_ROUNDS):
+        left = slack + np.einsum("bij,bj->bi", between, force)
+        worst = left.argmin(axis=1)
+        fails = left[each, worst] < -tolerance
+        pulls = (force < 0.0).any(axis=1)
+        if not (fails | pulls).any():
+            break
+        active &= force >= 0.0
+        active[each[fails], worst[fails]] = True
+        system = np.where(active[:, :, None] & active[:, None, :], between, 0.0)
+        system[:, places, places] = 1.0 + 1e-10
+        force = np.linalg.solve(system, np.where(active, -slack, 0.0)[..., None])[..., 0]
+    settled = ~(fails | pulls) & np.isfinite(left).all(axis=1)
+    return solution + np.einsum("bij,bj->bi", away, size * force), settled
+
+
+def _by_least_distance(matrix: FloatArray, solution: FloatArray, rows: FloatArray, floor: FloatArray) -> FloatArray:
     """Return the admissible point that is nearest, in the matrix' own metric, to one that is not."""
     scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     scaled = matrix * np.outer(scale, scale)

@@ -41,6 +41,7 @@ _MOST_ITERATIONS = 150
 _TOGETHER = 8  # starts that are screened side by side
 _DRAWN_PER_NUMBER = 8  # points looked at for each start, per nonlinear number,
 _DRAWN = 80  # but no more
+_GLANCE = 8  # of which so many by each of several starts, to begin with
 _DRAWN_PYTHON = 8  # the same for a law in Python, which is slow
 _DESCENDING = 5  # of which so many descend on short stretches
 _FEW_ITERATIONS = 10  # of each of those
@@ -94,7 +95,7 @@ def fit_variable_projection(
     ledger = ledger or NoLedger()
     objective = Objective(problem, full)
     count = starts if problem.nonlinear else 1
-    places = _places(problem, count, seed, ledger)
+    places = _places(objective, count, seed, ledger)
     if first is not None:
         places = itertools.chain([_opening(objective, first)], places)
         count += 1
@@ -241,13 +242,12 @@ def _state(descents: Descents, k: int, before: int = 0) -> _Place:
     )
 
 
-def _places(problem: FitProblem, starts: int, seed: int, ledger: Ledger) -> Iterator[_Place]:
+def _places(whole: Objective, starts: int, seed: int, ledger: Ledger) -> Iterator[_Place]:
     """Yield one promising place for each start, a few starts at a time."""
-    template = problem.template
+    problem = whole.problem
     if not problem.nonlinear:
-        linear = np.array([template.numbers[free.name] for free in problem.linear])
-        sessions = {run.run.session for run in problem.runs} if problem.session_offsets else ()
-        yield _Place(np.empty(0), linear, np.zeros(len(sessions)), np.inf, 0, converged=True)
+        linear = whole.numbers_of(problem.template)[1][0]
+        yield _Place(np.empty(0), linear, np.zeros(len(whole.sessions)), np.inf, 0, converged=True)
         return
     objective: Objective | None = None
     for begin in range(0, starts, _TOGETHER):
@@ -255,7 +255,7 @@ def _places(problem: FitProblem, starts: int, seed: int, ledger: Ledger) -> Iter
         key = f"places-{group.start}-{group.stop}"
         kept = ledger.recall(key)
         if kept is None:
-            objective = objective or Objective(problem, problem.prepare(excerpt=True))
+            objective = objective or Objective(problem, problem.prepare(excerpt=True), like=whole)
             found = _screened(objective, group, seed)
             ledger.keep(key, {"places": [place.plain() for place in found]})
         else:
@@ -276,28 +276,38 @@ def _screened(objective: Objective, group: range, seed: int) -> list[_Place]:
     count = min(_DRAWN, _DRAWN_PER_NUMBER * max(len(free), 2))
     if problem.template.law.kernel is None:
         count = _DRAWN_PYTHON
-    drawn = np.concatenate([latin_hypercube(free, count, seed + 7919 * index) for index in group])
-    given = np.repeat(objective.numbers_of(problem.template)[1], len(drawn), axis=0)
-    level = np.zeros((len(drawn), len(objective.sessions)))
-    looked = objective.eliminate(box.outward(drawn), given, level, tangents=False)
-    costs = np.where(np.isfinite(looked.cost), looked.cost, np.inf).reshape(len(group), count)
-    ranked = np.argsort(costs, axis=1, kind="stable") + count * np.arange(len(group))[:, None]
-
+    drawn = np.stack([latin_hypercube(free, count, seed + 7919 * index) for index in group])
+    costs = np.full(drawn.shape[:2], np.inf)
+    linear = np.tile(objective.numbers_of(problem.template)[1], (*drawn.shape[:2], 1))
+    tares = np.zeros((*drawn.shape[:2], len(objective.sessions)))
     settled: list[list[_Settled]] = [[] for _ in group]
-    spent = np.full(len(group), count)
+    spent = np.zeros(len(group), dtype=np.intp)
 
-    def descend(points: FloatArray, linear: FloatArray, tares: FloatArray, owner: Sequence[int], most: int) -> list[_Settled]:
-        descents = Descents(objective, points, linear, tares, most=most)
+    def look(owner: Sequence[int], part: range) -> None:
+        each, place = np.repeat(owner, len(part)), np.tile(part, len(owner))
+        points, guess, level = (a[each, place] for a in (drawn, linear, tares))
+        found = objective.eliminate(box.outward(points), guess, level, tangents=False)
+        costs[each, place] = np.where(np.isfinite(found.cost), found.cost, np.inf)
+        linear[each, place], tares[each, place] = found.linear, found.tares
+        spent[owner] += len(part)
+
+    def descend(at: Sequence[FloatArray], owner: Sequence[int], most: int) -> list[_Settled]:
+        descents = Descents(objective, *at, most=most)
         descents.run()
         np.add.at(spent, owner, descents.evaluations)
         return [_Settled(_state(descents, k), descents.hessians[k], start) for k, start in enumerate(owner)]
 
-    def drawn_ones(rows: FloatArray, owner: Sequence[int], most: int) -> list[_Settled]:
-        return descend(drawn[rows], looked.linear[rows], looked.tares[rows], owner, most)
+    def best_drawn(owner: Sequence[int], few: int, most: int) -> list[_Settled]:
+        each = np.repeat(owner, few)
+        rank = np.argsort(costs[owner], axis=1, kind="stable")[:, :few].ravel()
+        return descend([a[each, rank] for a in (drawn, linear, tares)], each.tolist(), most)
 
     away = list(range(len(group)))
+    seen = 0
     if len(group) > 1:
-        quick = drawn_ones(ranked[:, 0], away, _SHORT_ITERATIONS)
+        seen = min(count, _GLANCE)
+        look(away, range(seen))
+        quick = best_drawn(away, 1, _SHORT_ITERATIONS)
         for each in quick:
             settled[each.start].append(each)
         least = min(each.order for each in quick)
@@ -311,16 +321,19 @@ def _screened(objective: Objective, group: range, seed: int) -> list[_Place]:
         if len(home) > 1 and 2 * len(home) >= len(group):
             away = [start for start in away if start not in home]
     if away:
-        few = min(_DESCENDING, count // 8)
-        tried = drawn_ones(ranked[away, :few].ravel(), np.repeat(away, few).tolist(), _FEW_ITERATIONS)
+        look(away, range(seen, count))
+        tried = best_drawn(away, min(_DESCENDING, count // 8), _FEW_ITERATIONS)
         finalists = [
             each
             for start in away
             for each in sorted((t for t in tried if t.start == start), key=lambda t: t.order)[:_FINALISTS]
         ]
-        further = _again(descend, finalists)
+        owner = [each.start for each in finalists]
+        further = descend(_at(finalists), owner, _SHORT_ITERATIONS)
         loose = [replace(each, place=freed) for each in further if (freed := _freed(box, each.place)) is not None]
-        for each in (*further, *(_again(descend, loose) if loose else ())):
+        if loose:
+            further += descend(_at(loose), [each.start for each in loose], _SHORT_ITERATIONS)
+        for each in further:
             settled[each.start].append(each)
     return _joined([min(each, key=lambda s: s.order) for each in settled], spent.tolist(), group.start)
 
@@ -339,15 +352,9 @@ class _Settled:
         return self.place.cost if np.isfinite(self.place.cost) else np.inf
 
 
-def _again(
-    descend: Callable[[FloatArray, FloatArray, FloatArray, Sequence[int], int], list[_Settled]],
-    ends: Sequence[_Settled],
-) -> list[_Settled]:
-    """Return the ends of further descents from where others ended."""
-    points, linear, tares = (
-        np.stack([getattr(each.place, name) for each in ends]) for name in ("point", "linear", "tares")
-    )
-    return descend(points, linear, tares, [each.start for each in ends], _SHORT_ITERATIONS)
+def _at(ends: Sequence[_Settled]) -> list[FloatArray]:
+    """Return where descents ended: points, linear numbers, session offsets."""
+    return [np.stack([getattr(each.place, name) for each in ends]) for name in ("point", "linear", "tares")]
 
 
 def _freed(box: Box, place: _Place) -> _Place | None:
