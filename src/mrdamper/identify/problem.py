@@ -179,12 +179,17 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """The outcome of one start of the search; the cost is in percent (root of the mean squared error)."""
+    """The outcome of one start of the search; the cost is in percent (root of the mean squared error).
+
+    ``joined`` is the former start whose place this one came to on short stretches of the runs: from there on
+    their ways are one.
+    """
 
     index: int
     cost_percent: float
     evaluations: int
     converged: bool
+    joined: int | None = None
 
 
 @dataclass(frozen=True)
