@@ -1,8 +1,8 @@
 """One step of a controller: in C over many samples, from Python, in an FMU under FMPy, in plain NumPy.
 
-All are given the same readings, and their commands are compared with ours: more than ``LIMIT`` of the largest
-command (root mean square) is disqualified. Where no current gives the wanted force the nearest one is a matter
-of the table's steps: those samples are left out of the comparison, for the peers that have no such table.
+All are given the same readings, and their commands are compared with ours: more than ``LIMIT`` of the
+largest command (root mean square) is disqualified. Where no current gives the wanted force the nearest one is
+a matter of the table's steps: for the peers that have no such table those samples are left out.
 What is made once (tables, compiling, unpacking) is not counted. The slow ones are timed on fewer samples.
 """
 
@@ -177,7 +177,9 @@ def _one_by_one(made: ForceController, told: FloatArray) -> Job:
     return job
 
 
-def _plain(make: Callable[[], Any], readings: Callable[[list[float]], tuple[float, ...]], told: FloatArray) -> Job:
+def _plain(
+    make: Callable[[], Any], readings: Callable[[list[float]], tuple[float, ...]], told: FloatArray
+) -> Job:
     given = [readings(row) for row in told.tolist()]
     made = [make() for _ in range(12)]  # the tables are made once, not in the job
 

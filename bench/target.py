@@ -17,7 +17,7 @@ from mrdamper.control.controllers import ForceController, controllers_for
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant
 from mrdamper.quantities import FloatArray
-from tests.control.dampers import DAMPERS
+from tests.control.dampers import DAMPERS, SERIES
 
 __all__ = ["CARD_RANGE_K", "SHOWN", "Shown", "dampers", "readings", "run"]
 
@@ -48,6 +48,10 @@ SHOWN = (
     Shown("recommended", "double-bouc-wen", "-O2", 4000),
     Shown("recommended", "bouc-wen-saturating", "-O2", 4000),
     Shown("recommended-adaptive", "double-bouc-wen", "-O2"),
+    Shown("recommended", "series-valve", "-O2", 10_000),
+    Shown("recommended", "series-valve", "-O3"),
+    Shown("recommended-adaptive", "series-valve", "-O2"),
+    Shown("paper", "series-valve", "-O2"),
 )
 """What is measured. For the paper's bank the loops are unrolled (``-O3``), which costs code."""
 
@@ -57,7 +61,8 @@ def dampers() -> dict[str, Damper]:
 
     With one rho at all currents, as in the paper's law, a bank's models share one hysteresis.
     """
-    made = {name: replace(damper, temperature_range=CARD_RANGE_K) for name, damper in DAMPERS.items()}
+    every = DAMPERS | {"series-valve": SERIES}
+    made = {name: replace(damper, temperature_range=CARD_RANGE_K) for name, damper in every.items()}
     bouc_wen = made["bouc-wen"]
     even = replace(bouc_wen, coefficients={**bouc_wen.coefficients, "rho": Constant(9e3)})
     return made | {"bouc-wen, one rho": even}

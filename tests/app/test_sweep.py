@@ -140,7 +140,7 @@ def test_results_of_another_plan_are_not_taken(folder: Path, reference: bytes):
     assert reference
     other = folder / "other.toml"
     other.write_text(TOLERANCE.replace("seed = 7", "seed = 8"), encoding="utf-8")
-    with pytest.raises(InputError, match="another run .another plan, seed"):
+    with pytest.raises(InputError, match=r"another run \(another plan, seed\)"):
         sweep(other, folder / "one", workers=1, resume=True)
     with pytest.raises(InputError, match="holds results of a sweep"):
         sweep(folder / "tolerance.toml", folder / "one", workers=1)
@@ -165,9 +165,7 @@ def test_a_cluster_that_loses_a_worker_every_five_seconds_gives_what_one_process
     """One process, two processes and two Dask workers, one of them killed every 5 s: the same bytes."""
     distributed = pytest.importorskip("distributed")
     plan = folder / "many.toml"
-    plan.write_text(
-        TOLERANCE.replace("draws = 5", "draws = 60").replace("[60]", "[20, 60, 100]"), encoding="utf-8"
-    )
+    plan.write_text(TOLERANCE.replace("draws = 5", "draws = 40"), encoding="utf-8")
     for workers in (1, 2):
         sweep(plan, folder / f"many-{workers}", workers=workers)
     expected = (folder / "many-1" / "sweep.json").read_bytes()
@@ -195,7 +193,7 @@ def test_a_cluster_that_loses_a_worker_every_five_seconds_gives_what_one_process
             done.set()
             killer.join()
     seconds = time.monotonic() - begun
-    print(f"{len(killed)} workers killed in {seconds:.0f} s, {len(answer['rows'])} of 60 results")
+    print(f"{len(killed)} workers killed in {seconds:.0f} s, {len(answer['rows'])} of 40 results")
     assert len(killed) >= 4
     assert (folder / "many-dask" / "sweep.json").read_bytes() == expected
 
