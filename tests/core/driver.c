@@ -20,6 +20,39 @@ static double uniform(double low, double high)
 
 static double decades(double low, double high) { return exp(uniform(log(low), log(high))); }
 
+/* A run in batches of a few samples is the run: 0 when the forces are the same to the bit. */
+static int in_batches(const mrd_api *api, const mrd_model *m, size_t n, double step, const double *x, const double *v,
+                      const double *a, double dead_band, const double *whole)
+{
+    mrd_motion motion;
+    mrd_state carried;
+    mrd_workspace *workspace = api->workspace_open();
+    memset(&motion, 0, sizeof motion);
+    memset(&carried, 0, sizeof carried);
+    int off = !workspace;
+    for (size_t begin = 0, end = 0; end < n && !off;) {
+        end = end + 1 + (size_t)uniform(0.0, 60.0) < n ? end + 1 + (size_t)uniform(0.0, 60.0) : n;
+        if (end > n) end = n;
+        const size_t known = end - begin;
+        mrd_record batch;
+        double *force = malloc(known * sizeof *force);
+        if (!force || api->batch_open(&batch, known, step, x + begin, v + begin, a + begin, dead_band, 2.5e-3, SAMPLES,
+                                      end == n, &motion) != MRD_OK) {
+            free(force);
+            off = 1;
+            break;
+        }
+        off = api->carry(m, &batch, &carried, force, workspace) != MRD_OK;
+        if (batch.n > batch.behind)
+            off |= memcmp(force + batch.behind, whole + begin + batch.behind, (batch.n - batch.behind) * sizeof *force) != 0;
+        begin += batch.n ? batch.n - 1 : 0;
+        api->record_close(&batch);
+        free(force);
+    }
+    api->workspace_close(workspace);
+    return off;
+}
+
 static double one_of(const double *values, size_t count) { return values[(size_t)uniform(0.0, (double)count) % count]; }
 
 /* Coefficients over the whole of each law's admissible range, its ends included. */
@@ -122,7 +155,8 @@ int main(void)
             draw(law, c);
             /* 1 + position x stays positive over the stroke (1.8 sizes): the law's own condition. */
             if (law == MRD_SERIES_VALVE) c[SV_POSITION] *= 0.25 / (size > 1e-3 ? size : 1e-3);
-            if (api->record_open(&record, n, step, x, v, a, round % 3 ? 0.0 : 0.1 * size, 2.5e-3) != MRD_OK) return 3;
+            if (api->record_open(&record, n, step, x, v, a, round % 3 ? 0.0 : 0.1 * size, 2.5e-3) != MRD_OK)
+                return 3;
             for (size_t i = 0; i < n; i++) seed[i] = uniform(-1.0, 1.0);
 
             mrd_direction direction[MRD_COEFFICIENTS];
@@ -134,6 +168,9 @@ int main(void)
             mrd_model constant = {law, c, 0}, varying = {law, coefficient, n};
             if (api->run(&constant, &record, count, direction, force, columns, NULL) != MRD_OK) return 4;
             for (size_t i = 0; i < n; i++) unfinished += !(fabs(force[i]) < HUGE_VAL);
+            const double dead_band = round % 3 ? 0.0 : 0.1 * size;
+            if (api->run(&constant, &record, 0, NULL, force, NULL, NULL) != MRD_OK) return 4;
+            if (in_batches(api, &constant, n, step, x, v, a, dead_band, force)) return 9;
             api->gram(count, n, columns, n / 2, sums);
             if (api->causal(&constant, &record, force) != MRD_OK) return 5;
             const mrd_record *const records[] = {&record};
@@ -163,7 +200,7 @@ int main(void)
                 }
             if (api->run(&varying, &record, count, direction, force, columns, NULL) != MRD_OK) return 7;
             if (api->causal(&varying, &record, force) != MRD_OK) return 8;
-            api->lag(n, step, round % 2 ? 0.0 : 0.05, 0.02, seed, force, x);
+            api->lag(n, step, round % 2 ? 0.0 : 0.05, 0.02, seed, force, x, NULL);
             runs++;
 
             api->record_close(&record);

@@ -13,21 +13,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamper.core import _kernel
-from mrdamper.core._kernel import TRACK_NUMBERS, Record, Tracker, Workspace
+from mrdamper.core._kernel import (
+    MOTION_NUMBERS,
+    STATE_NUMBERS,
+    TRACK_NUMBERS,
+    Record,
+    Tracker,
+    Workspace,
+)
 from mrdamper.excitation import Trajectory
 
 __all__ = [
     "LONGEST_STEP",
     "MOST_DIRECTIONS",
+    "MOTION_NUMBERS",
+    "STATE_NUMBERS",
     "TRACK_NUMBERS",
     "Record",
     "Tracker",
     "Workspace",
+    "carry",
     "causal",
     "curve",
     "gram",
     "gram_sums",
     "lagged",
+    "open_batch",
     "open_record",
     "run",
     "squared_errors",
@@ -43,7 +54,7 @@ MOST_DIRECTIONS = 48
 
 
 def open_record(trajectory: Trajectory, *, longest_step: float = LONGEST_STEP) -> Record:
-    """Return the kernel's view of a trajectory: its turning points, and the stages of implicit steps [s]."""
+    """Return the kernel's view of a trajectory, with its turning points; it holds on to the arrays."""
     return Record(
         trajectory.step,
         trajectory.displacement,
@@ -84,6 +95,49 @@ def run(
         columns = np.empty((len(directions), record.samples))
     _kernel.run(law, record, coefficients, directions, seeds, force, columns, workspace)
     return force, columns
+
+
+def open_batch(
+    step: float,
+    kinematics: tuple[FloatArray, FloatArray, FloatArray],
+    motion: FloatArray,
+    *,
+    dead_band: float = 0.0,
+    longest_step: float = LONGEST_STEP,
+    patience: int,
+    last: bool = False,
+) -> Record:
+    """Return the settled samples of a batch of a run as a record, its ``samples``; the others are for later.
+
+    Parameters
+    ----------
+    kinematics : displacement [m], velocity [m/s] and acceleration [m/s^2], shape (n,) each: the last
+        settled sample of the batch before (``behind`` is 1, but for the first), those not settled, new ones
+    motion : where the motion stands, shape (MOTION_NUMBERS,), zeros before the first batch; brought up to the end
+    patience : samples behind the furthest of the motion that may wait for being settled
+    last : all are settled, since the run ends here
+    """
+    return _kernel.batch(step, *kinematics, dead_band, longest_step, patience, last, motion)
+
+
+def carry(
+    law: int, batch: Record, coefficients: FloatArray, state: FloatArray, workspace: Workspace
+) -> FloatArray:
+    """Return the force [N] of a batch, shape (n,); that of its sample ``behind`` is nothing.
+
+    Parameters
+    ----------
+    coefficients : shape (m,), or (m, samples of the batch whether settled or not)
+    state : where the law stands, shape (STATE_NUMBERS,), zeros before the first batch; brought up to the end
+
+    Raises
+    ------
+    ValueError
+        Wrong shapes, an unknown law, kappa or n that vary over the run, a state that is not the batch's.
+    """
+    force = np.zeros(batch.samples)
+    _kernel.carry(law, batch, coefficients, state, force, workspace)
+    return force
 
 
 def causal(law: int, record: Record, coefficients: FloatArray) -> FloatArray:
@@ -146,15 +200,21 @@ def squared_errors(
 
 
 def lagged(
-    command: FloatArray, step: float, rise: float, fall: float | None = None
+    command: FloatArray,
+    step: float,
+    rise: float,
+    fall: float | None = None,
+    *,
+    before: tuple[float, float] | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Return a command after a first-order lag [s], and its derivative by the lag.
 
-    Exact for a command that is linear between samples; it starts settled. With ``fall`` the lag is ``rise``
+    Exact for a command that is linear between samples; it starts settled, or from what was applied at the
+    first sample and its derivative (``before``). With ``fall`` the lag is ``rise``
     only while the size of the command is above that of what is applied.
     """
     applied, by_lag = np.empty_like(command), np.empty_like(command)
-    _kernel.lag(step, rise, rise if fall is None else fall, command, applied, by_lag)
+    _kernel.lag(step, rise, rise if fall is None else fall, command, applied, by_lag, before)
     return applied, by_lag
 
 

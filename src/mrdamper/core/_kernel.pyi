@@ -19,6 +19,8 @@ class Record:
     @property
     def samples(self) -> int: ...
     @property
+    def behind(self) -> int: ...
+    @property
     def substeps(self) -> int: ...
     @property
     def pieces(self) -> tuple[tuple[int, float, int], ...]: ...
@@ -26,6 +28,8 @@ class Record:
 class Workspace: ...
 
 TRACK_NUMBERS: tuple[str, ...]
+MOTION_NUMBERS: int
+STATE_NUMBERS: int
 
 class Belief(TypedDict):
     motion: tuple[float, float, float]
@@ -125,8 +129,36 @@ def curve(
     by_n: FloatArray,
     /,
 ) -> None: ...
+def batch(
+    step: float,
+    displacement: FloatArray,
+    velocity: FloatArray,
+    acceleration: FloatArray,
+    dead_band: float,
+    longest_step: float,
+    patience: int,
+    last: bool,
+    motion: FloatArray,
+    /,
+) -> Record: ...
+def carry(
+    law: int,
+    record: Record,
+    coefficients: FloatArray,
+    state: FloatArray,
+    force: FloatArray,
+    workspace: Workspace,
+    /,
+) -> None: ...
 def lag(
-    step: float, rise: float, fall: float, command: FloatArray, applied: FloatArray, by_lag: FloatArray, /
+    step: float,
+    rise: float,
+    fall: float,
+    command: FloatArray,
+    applied: FloatArray,
+    by_lag: FloatArray,
+    before: tuple[float, float] | None,
+    /,
 ) -> None: ...
 def levels() -> tuple[str, ...]: ...
 def level() -> str: ...

@@ -18,7 +18,7 @@ from mrdamper import core
 from mrdamper.errors import InputError
 from mrdamper.quantities import FloatArray
 
-__all__ = ["PLAY_SHARE", "Actuation"]
+__all__ = ["PLAY_SHARE", "Actuation", "Applied"]
 
 PLAY_SHARE = 0.5
 """Share of the field that has the play; steps of the command tell its product with the half width only."""
@@ -55,24 +55,7 @@ class Actuation:
 
         It starts settled; the command is taken as linear between its samples.
         """
-        at = np.ascontiguousarray(command, dtype=np.float64)
-        if self.delay_s > 0.0:
-            time = step * np.arange(len(at))
-            at = np.interp(time - self.delay_s, time, at)
-        lagged = core.lagged(at, step, self.rise_s, self.fall_s)[0]
-        if self.second_s > 0.0:
-            lagged = core.lagged(lagged, step, self.second_s)[0]
-        return self._after_play(lagged) if self.play > 0.0 else lagged
-
-    def _after_play(self, lagged: FloatArray) -> FloatArray:
-        """Return what is felt of a lagged command: by its size, as a field is, first reached from zero."""
-        behind, half = [], self.play
-        at = abs(float(lagged[0])) - half
-        for size in np.abs(lagged).tolist():
-            at = min(max(at, size - half), size + half)
-            behind.append(at)
-        size = np.abs(lagged)
-        return np.asarray(np.copysign(size + PLAY_SHARE * (np.array(behind) + half - size), lagged))
+        return Applied(self, step).on(command)
 
     def response_time(self, share: float, start: float = 0.0, end: float = 1.0) -> float:
         """Return the time [s] from a step of the command to ``share`` of it at the law, the play left out."""
@@ -86,3 +69,68 @@ class Actuation:
         command[0] = start
         risen = (replace(self, play=0.0).applied(command, step) - start) / (end - start)
         return float(np.interp(share, np.maximum.accumulate(risen), step * np.arange(len(command))))
+
+
+class Applied:
+    """What the law feels of a command that comes in batches; it begins settled at the first sample."""
+
+    def __init__(self, actuation: Actuation, step: float) -> None:
+        self._actuation = actuation
+        self._step = step
+        self._taken = 0
+        self._delayed: FloatArray = np.empty(0)  # commands that the delay reaches back to
+        self._lags = [(actuation.rise_s, actuation.fall_s)]
+        if actuation.second_s > 0.0:
+            self._lags.append((actuation.second_s, actuation.second_s))
+        # Last input and output of each lag, and the size that the play still holds; NaN before the first.
+        self._before = np.full((len(self._lags), 2), np.nan)
+        self._behind = np.nan
+
+    def on(self, command: FloatArray) -> FloatArray:
+        """Return what is felt [A or V] of the next commands, shape (n,)."""
+        at = np.ascontiguousarray(command, dtype=np.float64)
+        if self._actuation.delay_s > 0.0:
+            at = self._after_delay(at)
+        for k, (rise, fall) in enumerate(self._lags):
+            at = self._after_lag(k, at, rise, fall)
+        self._taken += len(at)
+        return self._after_play(at) if self._actuation.play > 0.0 else at
+
+    def state(self) -> FloatArray:
+        """Return what the next commands need of the ones before, shape (k,); ``restore`` takes it."""
+        return np.concatenate([[self._taken, self._behind], self._before.ravel(), self._delayed])
+
+    def restore(self, state: FloatArray) -> None:
+        """Go on from a state of the same actuation and step."""
+        lags = self._before.size
+        self._taken, self._behind = int(state[0]), float(state[1])
+        self._before = state[2 : 2 + lags].reshape(-1, 2).copy()
+        self._delayed = state[2 + lags :].copy()
+
+    def _after_delay(self, command: FloatArray) -> FloatArray:
+        known = np.concatenate([self._delayed, command])
+        time = self._step * np.arange(self._taken - len(self._delayed), self._taken + len(command))
+        reach = int(self._actuation.delay_s / self._step) + 2
+        self._delayed = known[-reach:].copy()
+        return np.asarray(np.interp(time[-len(command) :] - self._actuation.delay_s, time, known))
+
+    def _after_lag(self, k: int, command: FloatArray, rise: float, fall: float) -> FloatArray:
+        given, came = (float(each) for each in self._before[k])
+        if np.isnan(given):
+            applied = core.lagged(command, self._step, rise, fall)[0]
+        else:
+            longer = np.concatenate([[given], command])
+            applied = core.lagged(longer, self._step, rise, fall, before=(came, 0.0))[0][1:]
+        self._before[k] = command[-1], applied[-1]
+        return applied
+
+    def _after_play(self, lagged: FloatArray) -> FloatArray:
+        """Return what is felt of a lagged command: by its size, as a field is, first reached from zero."""
+        behind, width = [], 2.0 * self._actuation.play
+        at = abs(float(lagged[0])) if np.isnan(self._behind) else self._behind
+        for size in np.abs(lagged).tolist():
+            at = min(max(at, size), size + width)
+            behind.append(at)
+        self._behind = at
+        size = np.abs(lagged)
+        return np.asarray(np.copysign(size + PLAY_SHARE * (np.array(behind) - size), lagged))

@@ -27,6 +27,7 @@ __all__ = [
     "open_drive",
     "operating_point",
     "require_temperature",
+    "reversed_valve",
     "sensitivities",
     "simulate",
 ]
@@ -104,7 +105,7 @@ def simulate(
     command, _, temperature = _applied(damper, drive)
     coefficients = damper.coefficients_at(command, temperature)
     violations = damper.law.violations(dict(zip(damper.law.names, coefficients, strict=True)))
-    violations += _reversed_valve(damper, coefficients, drive.trajectory.displacement)
+    violations += reversed_valve(damper, coefficients, drive.trajectory.displacement)
     if violations:
         raise InputError("; ".join(violations))
     coefficients = np.ascontiguousarray(coefficients[:, 0] if len(command) == 1 else coefficients)
@@ -233,7 +234,7 @@ def _applied(damper: Damper, drive: Drive) -> tuple[FloatArray, FloatArray, Floa
     return *core.lagged(path.command, path.step, damper.command_lag_s), warm
 
 
-def _reversed_valve(damper: Damper, coefficients: FloatArray, displacement: FloatArray) -> tuple[str, ...]:
+def reversed_valve(damper: Damper, coefficients: FloatArray, displacement: FloatArray) -> tuple[str, ...]:
     """Say where along the run the series valve would push: its equation has no bounded solution there."""
     if damper.law.name != "series-valve":
         return ()

@@ -74,60 +74,55 @@ static PyObject *fail(mrd_status status)
 typedef struct {
     PyObject_HEAD
     mrd_record record;
-    double *store;
+    Py_buffer view[3]; /* displacement, velocity, acceleration: held, not copied */
+    int held;
 } RecordObject;
 
 static PyTypeObject *record_type = NULL;
 
-static PyObject *record_new(PyTypeObject *type, PyObject *args, PyObject *kwargs)
+/* A record of the arrays, which it holds on to: they must not change. `motion` NULL: a whole run. */
+static PyObject *record_of(PyTypeObject *type, double step, PyObject *const *arrays, double dead_band, double longest_step,
+                           size_t patience, int last, mrd_motion *motion)
 {
-    PyObject *ox, *ov, *oa;
-    double step, dead_band, longest_step;
-    static char *names[] = {"step", "displacement", "velocity", "acceleration", "dead_band", "longest_step", NULL};
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "dOOOdd", names, &step, &ox, &ov, &oa, &dead_band, &longest_step))
-        return NULL;
-    Py_buffer x, v, a;
-    if (!open_doubles(ox, &x, 0, "displacement")) return NULL;
-    if (!open_doubles(ov, &v, 0, "velocity")) { PyBuffer_Release(&x); return NULL; }
-    if (!open_doubles(oa, &a, 0, "acceleration")) { PyBuffer_Release(&x); PyBuffer_Release(&v); return NULL; }
-    RecordObject *self = NULL;
-    const size_t n = count_of(&x);
-    if (count_of(&v) != n || count_of(&a) != n || n == 0) {
-        PyErr_SetString(PyExc_ValueError, "displacement, velocity and acceleration must have one, nonzero length");
-        goto done;
-    }
+    static const char *what[] = {"displacement", "velocity", "acceleration"};
     if (!(step > 0.0) || !(dead_band >= 0.0) || !(longest_step > 0.0) || step / longest_step > 1e6) {
         PyErr_SetString(PyExc_ValueError, "step and longest_step must be positive, dead_band not negative");
-        goto done;
+        return NULL;
     }
     allocfunc alloc = (allocfunc)PyType_GetSlot(type, Py_tp_alloc);
-    self = (RecordObject *)alloc(type, 0);
-    if (!self) goto done;
-    self->store = malloc(3 * n * sizeof(double));
-    if (!self->store) {
-        Py_CLEAR(self);
-        PyErr_NoMemory();
-        goto done;
+    RecordObject *self = (RecordObject *)alloc(type, 0);
+    if (!self) return NULL;
+    for (; self->held < 3; self->held++)
+        if (!open_doubles(arrays[self->held], self->view + self->held, 0, what[self->held])) goto fault;
+    const Py_buffer *view = self->view;
+    const size_t n = count_of(view);
+    if (count_of(view + 1) != n || count_of(view + 2) != n || n == 0) {
+        PyErr_SetString(PyExc_ValueError, "displacement, velocity and acceleration must have one, nonzero length");
+        goto fault;
     }
-    memcpy(self->store, x.buf, n * sizeof(double));
-    memcpy(self->store + n, v.buf, n * sizeof(double));
-    memcpy(self->store + 2 * n, a.buf, n * sizeof(double));
-    {
-        mrd_status status;
-        Py_BEGIN_ALLOW_THREADS
-        status = kernel->record_open(&self->record, n, step, self->store, self->store + n, self->store + 2 * n, dead_band,
-                                     longest_step);
-        Py_END_ALLOW_THREADS
-        if (status != MRD_OK) {
-            Py_CLEAR(self);
-            fail(status);
-        }
-    }
-done:
-    PyBuffer_Release(&x);
-    PyBuffer_Release(&v);
-    PyBuffer_Release(&a);
-    return (PyObject *)self;
+    mrd_status status;
+    Py_BEGIN_ALLOW_THREADS
+    status = motion ? kernel->batch_open(&self->record, n, step, view[0].buf, view[1].buf, view[2].buf, dead_band,
+                                         longest_step, patience, last, motion)
+                    : kernel->record_open(&self->record, n, step, view[0].buf, view[1].buf, view[2].buf, dead_band,
+                                          longest_step);
+    Py_END_ALLOW_THREADS
+    if (status == MRD_OK) return (PyObject *)self;
+    fail(status);
+fault:
+    Py_DECREF(self);
+    return NULL;
+}
+
+static PyObject *record_new(PyTypeObject *type, PyObject *args, PyObject *kwargs)
+{
+    PyObject *arrays[3];
+    double step, dead_band, longest_step;
+    static char *names[] = {"step", "displacement", "velocity", "acceleration", "dead_band", "longest_step", NULL};
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "dOOOdd", names, &step, arrays, arrays + 1, arrays + 2, &dead_band,
+                                     &longest_step))
+        return NULL;
+    return record_of(type, step, arrays, dead_band, longest_step, 0, 1, NULL);
 }
 
 static void record_dealloc(PyObject *object)
@@ -135,7 +130,7 @@ static void record_dealloc(PyObject *object)
     RecordObject *self = (RecordObject *)object;
     PyTypeObject *type = Py_TYPE(object);
     levels[0]->record_close(&self->record);
-    free(self->store);
+    while (self->held) PyBuffer_Release(self->view + --self->held);
     freefunc release = (freefunc)PyType_GetSlot(type, Py_tp_free);
     release(object);
     Py_DECREF(type);
@@ -145,6 +140,12 @@ static PyObject *record_get_n(PyObject *self, void *unused)
 {
     (void)unused;
     return PyLong_FromSize_t(((RecordObject *)self)->record.n);
+}
+
+static PyObject *record_get_behind(PyObject *self, void *unused)
+{
+    (void)unused;
+    return PyLong_FromSize_t(((RecordObject *)self)->record.behind);
 }
 
 static PyObject *record_get_substeps(PyObject *self, void *unused)
@@ -167,6 +168,7 @@ static PyObject *record_get_pieces(PyObject *self, void *unused)
 
 static PyGetSetDef record_getset[] = {
     {"samples", record_get_n, NULL, "Number of samples.", NULL},
+    {"behind", record_get_behind, NULL, "Samples of a batch that were answered in the one before: 0 or 1.", NULL},
     {"substeps", record_get_substeps, NULL, "Steps of the implicit laws per sample.", NULL},
     {"pieces", record_get_pieces, NULL, "Monotone pieces: (first sample, displacement where it starts, direction).", NULL},
     {NULL, NULL, NULL, NULL, NULL}};
@@ -617,7 +619,7 @@ static PyObject *py_run(PyObject *module, PyObject *args)
     if (!read_places(law, odirections, place, &directions)) return NULL;
     Py_buffer coef, seeds, force, columns;
     mrd_model model;
-    if (!open_model(law, ocoef, r->n, &coef, &model)) return NULL;
+    if (!open_model(law, ocoef, r->known, &coef, &model)) return NULL;
     const int have_seeds = oseeds != Py_None, have_force = oforce != Py_None, have_columns = directions > 0;
     int open = 0;
     if (have_seeds && !open_doubles(oseeds, &seeds, 0, "seeds")) goto close;
@@ -648,6 +650,74 @@ close:
     if (open >= 3 && have_columns) PyBuffer_Release(&columns);
     if (open >= 2 && have_force) PyBuffer_Release(&force);
     if (open >= 1 && have_seeds) PyBuffer_Release(&seeds);
+    PyBuffer_Release(&coef);
+    return result;
+}
+
+/* The numbers of a state between batches, of exactly its size. */
+static int open_state(PyObject *object, Py_buffer *view, size_t size, const char *what)
+{
+    if (!open_doubles(object, view, 1, what)) return 0;
+    if ((size_t)view->len == size) return 1;
+    PyErr_Format(PyExc_ValueError, "%s has %zu numbers; expected %zu", what, count_of(view), size / sizeof(double));
+    PyBuffer_Release(view);
+    return 0;
+}
+
+static PyObject *py_batch(PyObject *module, PyObject *args)
+{
+    (void)module;
+    PyObject *arrays[3], *omotion;
+    double step, dead_band, longest_step;
+    Py_ssize_t patience;
+    int last;
+    if (!PyArg_ParseTuple(args, "dOOOddniO", &step, arrays, arrays + 1, arrays + 2, &dead_band, &longest_step, &patience,
+                          &last, &omotion))
+        return NULL;
+    if (patience < 1) {
+        PyErr_SetString(PyExc_ValueError, "patience must be 1 sample or more");
+        return NULL;
+    }
+    Py_buffer motion;
+    if (!open_state(omotion, &motion, sizeof(mrd_motion), "motion")) return NULL;
+    PyObject *out = record_of(record_type, step, arrays, dead_band, longest_step, (size_t)patience, last, motion.buf);
+    PyBuffer_Release(&motion);
+    return out;
+}
+
+static PyObject *py_carry(PyObject *module, PyObject *args)
+{
+    (void)module;
+    int law;
+    PyObject *orecord, *ocoef, *ostate, *oforce, *oworkspace, *result = NULL;
+    if (!PyArg_ParseTuple(args, "iOOOOO", &law, &orecord, &ocoef, &ostate, &oforce, &oworkspace)) return NULL;
+    if (!PyObject_TypeCheck(oworkspace, workspace_type)) {
+        PyErr_SetString(PyExc_TypeError, "expected a Workspace");
+        return NULL;
+    }
+    const mrd_record *r = as_record(orecord);
+    if (!r) return NULL;
+    Py_buffer coef, state, force;
+    mrd_model model;
+    if (!open_model(law, ocoef, r->known, &coef, &model)) return NULL;
+    if (open_state(ostate, &state, sizeof(mrd_state), "state")) {
+        mrd_state *const at = state.buf;
+        if (open_doubles(oforce, &force, 1, "force")) {
+            if (count_of(&force) != r->n) {
+                PyErr_SetString(PyExc_ValueError, "force does not have the record's length");
+            } else if (r->n > r->behind && (at->begun != 0.0) != (r->behind != 0)) {
+                PyErr_SetString(PyExc_ValueError, "the state is not that of the batch before");
+            } else {
+                mrd_status status;
+                Py_BEGIN_ALLOW_THREADS
+                status = kernel->carry(&model, r, at, force.buf, ((WorkspaceObject *)oworkspace)->workspace);
+                Py_END_ALLOW_THREADS
+                result = status == MRD_OK ? Py_NewRef(Py_None) : fail(status);
+            }
+            PyBuffer_Release(&force);
+        }
+        PyBuffer_Release(&state);
+    }
     PyBuffer_Release(&coef);
     return result;
 }
@@ -859,9 +929,11 @@ static PyObject *py_lag(PyObject *module, PyObject *args)
 {
     (void)module;
     double step, rise, fall;
-    PyObject *object[3], *result = NULL;
+    PyObject *object[3], *obefore, *result = NULL;
     Py_buffer view[3];
-    if (!PyArg_ParseTuple(args, "dddOOO", &step, &rise, &fall, &object[0], &object[1], &object[2])) return NULL;
+    double before[2];
+    if (!PyArg_ParseTuple(args, "dddOOOO", &step, &rise, &fall, &object[0], &object[1], &object[2], &obefore)) return NULL;
+    if (obefore != Py_None && !PyArg_ParseTuple(obefore, "dd", before, before + 1)) return NULL;
     int opened = 0;
     for (; opened < 3; opened++) {
         if (!open_doubles(object[opened], view + opened, opened > 0, "lag array")) goto release;
@@ -872,7 +944,8 @@ static PyObject *py_lag(PyObject *module, PyObject *args)
         }
     }
     Py_BEGIN_ALLOW_THREADS
-    kernel->lag(count_of(view), step, rise, fall, view[0].buf, view[1].buf, view[2].buf);
+    kernel->lag(count_of(view), step, rise, fall, view[0].buf, view[1].buf, view[2].buf,
+                obefore == Py_None ? NULL : before);
     Py_END_ALLOW_THREADS
     result = Py_NewRef(Py_None);
 release:
@@ -922,7 +995,12 @@ static PyMethodDef methods[] = {
     {"gram_sums", py_gram_sums, METH_VARARGS,
      "gram_sums(law, records, measured, from, coefficients, places, ones, out): over candidates and runs."},
     {"curve", py_curve, METH_VARARGS, "curve(kappa, n, tau, w, slope, by_kappa, by_n): the universal curve."},
-    {"lag", py_lag, METH_VARARGS, "lag(step, rise, fall, command, applied, by_lag): first-order lag of a command."},
+    {"lag", py_lag, METH_VARARGS,
+     "lag(step, rise, fall, command, applied, by_lag, before): first-order lag of a command."},
+    {"batch", py_batch, METH_VARARGS,
+     "batch(step, displacement, velocity, acceleration, dead_band, longest_step, patience, last, motion): a Record."},
+    {"carry", py_carry, METH_VARARGS,
+     "carry(law, record, coefficients, state, force, workspace): force of a batch, from state to state."},
     {"levels", py_levels, METH_NOARGS, "Instruction set levels that this machine can run, slowest first."},
     {"level", py_level, METH_NOARGS, "The level in use."},
     {"use_level", py_use_level, METH_VARARGS, "use_level(name): choose a level (for tests and the bench)."},
@@ -957,6 +1035,11 @@ PyMODINIT_FUNC PyInit__kernel(void)
         return NULL;
     }
     Py_DECREF(type);
+    if (PyModule_AddIntConstant(module, "MOTION_NUMBERS", (long)(sizeof(mrd_motion) / sizeof(double))) < 0
+        || PyModule_AddIntConstant(module, "STATE_NUMBERS", (long)(sizeof(mrd_state) / sizeof(double))) < 0) {
+        Py_DECREF(module);
+        return NULL;
+    }
     PyObject *names = track_names();
     if (!names || PyModule_AddObjectRef(module, "TRACK_NUMBERS", names) < 0) {
         Py_XDECREF(names);

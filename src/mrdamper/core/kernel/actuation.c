@@ -4,13 +4,13 @@
  */
 
 /* Response to a command that is linear between samples, and its derivative by the lag in force (exact where
- * rise and fall are one lag). It starts settled. */
+ * rise and fall are one lag). It starts settled, or from what was applied at sample 0 and its derivative: `before`. */
 static void first_order_lag(size_t n, double step, double rise, double fall, const double *command, double *applied,
-                            double *by_lag)
+                            double *by_lag, const double *before)
 {
     if (!n) return;
-    applied[0] = command[0];
-    by_lag[0] = 0.0;
+    applied[0] = before ? before[0] : command[0];
+    by_lag[0] = before ? before[1] : 0.0;
     const double lags[2] = {fall, rise};
     double decays[2];
     for (int k = 0; k < 2; k++) decays[k] = lags[k] > 0.0 ? exp(-step / lags[k]) : 0.0;

@@ -24,6 +24,7 @@
 typedef struct {
     double offset;      /* power of two added to tau before the look-up */
     double top;         /* largest tau + offset inside the table */
+    double last;        /* u there and beyond */
     double step_scale;  /* 2^bits: a cell of the octave [2^e, 2^(e+1)) is 2^e / step_scale wide */
     uint64_t base;      /* bits of offset, shifted */
     int shift;          /* 52 - log2(cells per octave) */
@@ -67,6 +68,15 @@ static inline double cubic_at(const double *restrict cell, uint64_t base, int sh
     return c[0] + l * (c[1] + l * (c[2] + l * c[3]));
 }
 
+/* The cubic at many places. */
+static inline void cubics_at(const branch *b, size_t n, const double *restrict t, double *restrict u)
+{
+    const double *restrict cell = b->cell;
+    const uint64_t base = b->base;
+    const int shift = b->shift;
+    for (size_t i = 0; i < n; i++) u[i] = cubic_at(cell, base, shift, t[i]);
+}
+
 /* Derivative of the same cubic by tau. */
 static inline double slope_at(const double *restrict cell, uint64_t base, int shift, double t)
 {
@@ -75,12 +85,6 @@ static inline double slope_at(const double *restrict cell, uint64_t base, int sh
     const double l = local_of(bits, shift);
     const double width = from_bits(bits & UINT64_C(0x7ff0000000000000)) * from_bits((uint64_t)(1023 + shift - 52) << 52);
     return (c[1] + l * (2.0 * c[2] + l * 3.0 * c[3])) / width;
-}
-
-static inline double clamp_to(const branch *b, double tau)
-{
-    const double t = tau + b->offset;
-    return t < b->top ? t : b->top;
 }
 
 static void hermite(double *c, double f0, double d0, double f1, double d1, double width)
@@ -237,6 +241,7 @@ static void branch_build(branch *b, double k, double n, int tangents, int to_one
     }
     b->cells = cells;
     b->top = (tau + b->offset) * (1.0 - 1e-15);
+    b->last = cubic_at(b->cell, b->base, b->shift, b->top);
 }
 
 static void curve_build(curve *c, double kappa, double n, int tangents)
@@ -280,20 +285,31 @@ typedef struct {
     double w, slope, by_n, by_kappa;
 } curve_point;
 
-static curve_point curve_at(const curve *c, double tau)
+static inline curve_point branch_point(const curve *c, int rising, double t)
 {
     curve_point out = {0.0, 0.0, 0.0, 0.0};
-    const int rising = tau >= 0.0;
     const branch *b = rising ? &c->rise : &c->fall;
-    const double t = clamp_to(b, fabs(tau));
-    const double sign = rising ? 1.0 : -1.0;
-    out.w = sign * cubic_at(b->cell, b->base, b->shift, t);
+    const double at = t < b->top ? t : b->top, sign = rising ? 1.0 : -1.0;
+    out.w = sign * cubic_at(b->cell, b->base, b->shift, at);
     if (c->tangents) {
-        out.slope = fabs(tau) + b->offset < b->top ? slope_at(b->cell, b->base, b->shift, t) : 0.0;
-        out.by_n = sign * cubic_at(b->by_n, b->base, b->shift, t);
-        if (!rising) out.by_kappa = -cubic_at(b->by_k, b->base, b->shift, t);
+        out.slope = t < b->top ? slope_at(b->cell, b->base, b->shift, at) : 0.0;
+        out.by_n = sign * cubic_at(b->by_n, b->base, b->shift, at);
+        if (!rising) out.by_kappa = -cubic_at(b->by_k, b->base, b->shift, at);
     }
     return out;
+}
+
+static curve_point curve_at(const curve *c, double tau)
+{
+    const int rising = tau >= 0.0;
+    return branch_point(c, rising, fabs(tau) + (rising ? c->rise.offset : c->fall.offset));
+}
+
+/* The same at start + travel, in the order of operations that hysteresis.c has for many samples: the same bits. */
+static curve_point curve_along(const curve *c, double start, double travel)
+{
+    const int rising = start + travel >= 0.0;
+    return branch_point(c, rising, rising ? c->rise.offset + start + travel : c->fall.offset - start - travel);
 }
 
 /* tau of w in the coordinates of the motion. */

@@ -6,41 +6,61 @@
 
 #define BLOCK 256
 
-/* w of one monotone stretch: out = side Y(start + scaled travel). travel never falls, so the fall
- * branch (tau < 0) is a prefix of the stretch. */
-static void curve_stretch(const curve *c, double start, double rho, double side, size_t n, const double *restrict travel,
-                          double *restrict w)
+/* Samples of a monotone stretch by where the curve has them: the travel never falls, so the fall branch (tau < 0) comes
+ * first, and the end of the table, where w stays, last. */
+typedef struct {
+    size_t fall, rise; /* ends of the first two */
+} spans;
+
+static size_t first_beyond(const mrd_record *r, size_t p, size_t low, size_t high, double offset, double rho, double limit)
 {
-    size_t split = 0;
-    if (start < 0.0) {
-        size_t high = n;
-        while (split < high) {
-            const size_t middle = (split + high) / 2;
-            if (start + rho * travel[middle] < 0.0) split = middle + 1;
-            else high = middle;
+    while (low < high) {
+        const size_t middle = (low + high) / 2;
+        if (offset + rho * path_at(r, p, middle) < limit) low = middle + 1;
+        else high = middle;
+    }
+    return low;
+}
+
+static spans spans_of(const curve *c, const mrd_record *r, size_t p, size_t from, size_t to, double start, double rho)
+{
+    spans out;
+    out.fall = start < 0.0 ? first_beyond(r, p, from, to, start, rho, 0.0) : from;
+    out.rise = first_beyond(r, p, out.fall, to, c->rise.offset + start, rho, c->rise.top);
+    return out;
+}
+
+/* t = offset + rate travel of n samples from sample i of a piece on, not beyond the table. */
+static inline void places_of(const mrd_record *r, size_t p, size_t i, size_t n, double offset, double rate, double top,
+                             double *restrict t)
+{
+    if (r->path) {
+        const double *restrict path = r->path + i;
+        for (size_t k = 0; k < n; k++) {
+            const double at = offset + rate * path[k];
+            t[k] = at < top ? at : top;
+        }
+    } else {
+        const double *restrict x = r->x + i;
+        const double side = r->side[p], turn = r->turn[p];
+        for (size_t k = 0; k < n; k++) {
+            const double at = offset + rate * (side * (x[k] - turn));
+            t[k] = at < top ? at : top;
         }
     }
-    {
-        const double *restrict cell = c->fall.cell;
-        const double offset = c->fall.offset - start, top = c->fall.top;
-        const uint64_t base = c->fall.base;
-        const int shift = c->fall.shift;
-        for (size_t i = 0; i < split; i++) {
-            double t = offset - rho * travel[i];
-            t = t < top ? t : top;
-            w[i] = -side * cubic_at(cell, base, shift, t);
-        }
-    }
-    {
-        const double *restrict cell = c->rise.cell;
-        const double offset = c->rise.offset + start, top = c->rise.top;
-        const uint64_t base = c->rise.base;
-        const int shift = c->rise.shift;
-        for (size_t i = split; i < n; i++) {
-            double t = offset + rho * travel[i];
-            t = t < top ? t : top;
-            w[i] = side * cubic_at(cell, base, shift, t);
-        }
+}
+
+/* w over the side of the motion, of n <= BLOCK samples from sample i on, all on one branch. */
+static inline void block_of(const curve *c, const mrd_record *r, size_t p, size_t i, size_t n, double start, double rho,
+                            int rising, double *restrict w)
+{
+    double t[BLOCK];
+    if (rising) {
+        places_of(r, p, i, n, c->rise.offset + start, rho, c->rise.top, t);
+        cubics_at(&c->rise, n, t, w);
+    } else {
+        places_of(r, p, i, n, c->fall.offset - start, -rho, c->fall.top, t);
+        cubics_at(&c->fall, n, t, w);
     }
 }
 
@@ -50,60 +70,93 @@ static double turned(const curve *c, double tau_end)
     return curve_inverse(c, -curve_at(c, tau_end).w);
 }
 
-/* w along a record at constant rho. */
-static void bouc_wen_state(const curve *c, const mrd_record *r, double rho, double *w)
+/* Travel of a whole piece [m]. */
+static inline double piece_length(const mrd_record *r, size_t p) { return fabs(r->turn[p + 1] - r->turn[p]); }
+
+/* Scaled travel since the turning point, rho its mean over each sample interval (which errs with the square of the
+ * step): base + rho (path - from); where rho changes, base and from move on. While it does not, rho path to the bit. */
+typedef struct {
+    double base, from, rho;
+} weighted_travel;
+
+static inline double travel_to(weighted_travel *t, double rho, double last, double path)
 {
-    double start = 0.0;
+    if (rho != t->rho) {
+        t->base += t->rho * (last - t->from);
+        t->from = last;
+        t->rho = rho;
+    }
+    return t->base + rho * (path - t->from);
+}
+
+/* w along a record at constant rho, from tau at the start of the first piece; returns that of the last piece. */
+static double bouc_wen_state(const curve *c, const mrd_record *r, double rho, double start, double *w)
+{
     for (size_t p = 0; p < r->pieces; p++) {
         const size_t from = r->first[p], to = r->first[p + 1];
-        curve_stretch(c, start, rho, r->side[p], to - from, r->path + from, w + from);
-        start = turned(c, start + rho * fabs(r->turn[p + 1] - r->turn[p]));
+        const double side = r->side[p];
+        const spans at = spans_of(c, r, p, from, to, start, rho);
+        for (size_t i = from; i < at.rise;) {
+            const int rising = i >= at.fall;
+            const size_t end = rising ? at.rise : at.fall, n = end - i < BLOCK ? end - i : BLOCK;
+            double u[BLOCK];
+            block_of(c, r, p, i, n, start, rho, rising, u);
+            const double sign = rising ? side : -side;
+            for (size_t k = 0; k < n; k++) w[i + k] = sign * u[k];
+            i += n;
+        }
+        for (size_t i = at.rise; i < to; i++) w[i] = side * c->rise.last;
+        if (p + 1 < r->pieces) start = turned(c, start + rho * piece_length(r, p));
     }
+    return start;
 }
 
 /* w and its derivatives along a record.
  *
- * rho may vary from sample to sample (stride 1); the travel is then weighted with its mean over each sample
- * interval, which errs with the square of the step. `ways` directions move rho with the given seeds;
- * by_rho[d] holds dw for each, by_n and by_kappa dw for a unit change of n and kappa.
+ * rho may vary from sample to sample (stride 1). `ways` directions move it with the given seeds; by_rho[d] holds dw for
+ * each, by_n and by_kappa dw for a unit change of n and kappa. `begin` is tau at the start of the first piece, and `way_on`
+ * the travel in it before the record; both are brought up to its end.
  */
 static void bouc_wen_tangents(const curve *c, const mrd_record *r, const double *rho, size_t stride, size_t ways,
                               const mrd_direction *const *way, double *w, double *const *by_rho, double *by_n,
-                              double *by_kappa)
+                              double *by_kappa, double *tau, weighted_travel *gone)
 {
-    double start = 0.0, start_n = 0.0, start_k = 0.0, start_rho[MRD_DIRECTIONS], travel_rho[MRD_DIRECTIONS];
+    double start = *tau, start_n = 0.0, start_k = 0.0, start_rho[MRD_DIRECTIONS], travel_rho[MRD_DIRECTIONS];
+    weighted_travel t = *gone;
     for (size_t d = 0; d < ways; d++) start_rho[d] = 0.0;
 
     for (size_t p = 0; p < r->pieces; p++) {
         const double side = r->side[p];
-        double travel = 0.0, last = 0.0;
+        double last = p || !r->behind ? 0.0 : r->travelled;
+        if (p) t.base = t.from = 0.0;
         for (size_t d = 0; d < ways; d++) travel_rho[d] = 0.0;
         size_t i = r->first[p];
         for (; i < r->first[p + 1]; i++) {
-            const double moved = r->path[i] - last;
-            last = r->path[i];
-            travel += interval_mean(rho, stride, i, r->n) * moved;
-            const curve_point at = curve_at(c, start + travel);
+            const double path = path_at(r, p, i), moved = path - last;
+            const curve_point at = curve_along(c, start, travel_to(&t, interval_mean(rho, stride, i, r->known), last, path));
+            last = path;
             w[i] = side * at.w;
             for (size_t d = 0; d < ways; d++) {
-                travel_rho[d] += seed_mean(way[d], i, r->n) * moved;
+                travel_rho[d] += seed_mean(way[d], i, r->known) * moved;
                 by_rho[d][i] = side * at.slope * (start_rho[d] + travel_rho[d]);
             }
             if (by_n) by_n[i] = side * (at.by_n + at.slope * start_n);
             if (by_kappa) by_kappa[i] = side * (at.by_kappa + at.slope * start_k);
         }
+        if (p + 1 == r->pieces) break;
         /* The rest of the way to the turning point, and over it. */
-        const double rest = p + 1 < r->pieces ? fabs(r->turn[p + 1] - r->turn[p]) - last : 0.0;
-        travel += interval_mean(rho, stride, i, r->n) * rest;
-        const curve_point end = curve_at(c, start + travel);
+        const double length = piece_length(r, p), rest = length - last;
+        const curve_point end = curve_at(c, start + travel_to(&t, interval_mean(rho, stride, i, r->known), last, length));
         start = curve_inverse(c, -end.w);
         const curve_point begin = curve_at(c, start);
         const double scale = begin.slope > 1e-9 ? 1.0 / begin.slope : 0.0;
         for (size_t d = 0; d < ways; d++) {
-            travel_rho[d] += seed_mean(way[d], i, r->n) * rest;
+            travel_rho[d] += seed_mean(way[d], i, r->known) * rest;
             start_rho[d] = -end.slope * (start_rho[d] + travel_rho[d]) * scale;
         }
         start_n = (-(end.by_n + end.slope * start_n) - begin.by_n) * scale;
         start_k = (-(end.by_kappa + end.slope * start_k) - begin.by_kappa) * scale;
     }
+    *tau = start;
+    *gone = t;
 }

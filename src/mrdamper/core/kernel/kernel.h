@@ -47,9 +47,15 @@ enum { SP_YIELD = MRD_COMMON, SP_SERIES, SP_VISCOSITY, SP_STIFFNESS, SP_RHO, SP_
 enum { SV_YIELD = MRD_COMMON, SV_THINNING, SV_EXPONENT, SV_VELOCITY, SV_POSITION, SV_SPRING, SV_GAP, SV_CORNER, SV_LEAK,
        SV_LEAK_EXPONENT };
 
-/* One measured or prescribed run: kinematics at a uniform step, and its monotone pieces. */
+/* One measured or prescribed run, or a batch of one: kinematics at a uniform step, and its monotone pieces.
+ *
+ * Of a batch the first n of its `known` samples are settled: no later sample changes what piece they are of. Sample 0
+ * of any but the first batch is the last settled one of the batch before (`behind` is 1); it is in no piece.
+ */
 typedef struct {
     size_t n;            /* samples */
+    size_t known;        /* samples that x, v, a and the rows of coefficients have; n of a whole run */
+    size_t behind;       /* 1: sample 0 was answered in the batch before */
     double step;         /* [s] */
     const double *x;     /* displacement [m] */
     const double *v;     /* velocity [m/s] */
@@ -58,11 +64,31 @@ typedef struct {
     size_t *first;       /* [pieces + 1] first sample of each piece */
     double *turn;        /* [pieces + 1] displacement where each piece starts [m] */
     double *side;        /* [pieces] +1 extending, -1 retracting */
-    double *path;        /* [n] travel since the last turning point [m], never falling inside a piece */
+    double *path;        /* [n] travel since the last turning point [m], never falling inside a piece; NULL: it is
+                            side (x - turn) itself that never falls */
+    double travelled;    /* the path at sample 0 of a batch that has one behind it [m] */
     size_t substeps;     /* steps of the stepped laws per sample */
-    double *stage_x;     /* [2 n substeps] displacement at the stages of those steps */
-    double *stage_v;     /* [2 n substeps] velocity there */
 } mrd_record;
+
+/* Where a motion stands between two batches of its samples; zeros before the first. Numbers only: it can be kept. */
+typedef struct {
+    double begun;        /* 1 once a sample is settled */
+    double side, turn;   /* of the piece that goes on */
+    double inside;       /* 1: the last settled sample is of that piece */
+    double path;         /* ... and its path in it [m] */
+    double furthest;     /* displacement of its furthest sample [m] */
+    double turns_at;     /* ... and of the turning point there, where that sample is settled already */
+} mrd_motion;
+
+/* Where a law stands between two batches; zeros before the first. */
+typedef struct {
+    double begun;
+    double kappa, n;                        /* of the first batch */
+    double tau[2], base[2], from[2], rho[2]; /* Bouc-Wen family, by element: see travel_to() in hysteresis.c */
+    double w;                               /* LuGre */
+    double y, q, q_rate;                    /* Spencer, series valve */
+    double e, side, place;                  /* Spencer */
+} mrd_state;
 
 /* A direction to differentiate in: a coefficient, and how fast it moves at each sample (NULL: 1). */
 typedef struct {
@@ -87,10 +113,15 @@ typedef struct {
     void (*workspace_close)(mrd_workspace *workspace);
     mrd_status (*record_open)(mrd_record *record, size_t n, double step, const double *x, const double *v,
                               const double *a, double dead_band, double longest_step);
+    mrd_status (*batch_open)(mrd_record *record, size_t n, double step, const double *x, const double *v,
+                             const double *a, double dead_band, double longest_step, size_t patience, int last,
+                             mrd_motion *motion);
     void (*record_close)(mrd_record *record);
     int (*coefficient_count)(int law);
     mrd_status (*run)(const mrd_model *model, const mrd_record *record, size_t directions,
                       const mrd_direction *direction, double *force, double *columns, mrd_workspace *workspace);
+    mrd_status (*carry)(const mrd_model *model, const mrd_record *record, mrd_state *state, double *force,
+                        mrd_workspace *workspace);
     mrd_status (*causal)(const mrd_model *model, const mrd_record *record, double *force);
     mrd_status (*squared_errors)(mrd_law law, size_t runs, const mrd_record *const *records,
                                  const double *const *measured, const size_t *from, size_t candidates,
@@ -101,7 +132,8 @@ typedef struct {
                             const double *coefficients, size_t places, const int *by, int ones, double *out);
     void (*curve)(double kappa, double n, size_t count, const double *tau, double *w, double *slope, double *by_kappa,
                   double *by_n);
-    void (*lag)(size_t n, double step, double rise, double fall, const double *command, double *applied, double *by_lag);
+    void (*lag)(size_t n, double step, double rise, double fall, const double *command, double *applied, double *by_lag,
+                const double *before);
     void (*track_start)(const mrd_track *controller, mrd_track_state *state);
     mrd_real (*track_step)(const mrd_track *controller, mrd_track_state *state, const mrd_told *told);
     mrd_real (*model_step)(const mrd_track *model, mrd_track_state *state, const mrd_driven *told);

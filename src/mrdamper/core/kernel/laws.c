@@ -47,6 +47,10 @@ static shape_of_law shape_at(const mrd_model *m)
         s.kappa = DB_KAPPA;
         s.n = DB_N;
     }
+    if (m->law == MRD_SPENCER) {
+        s.kappa = SP_KAPPA;
+        s.n = SP_N;
+    }
     if (s.kappa >= 0) {
         s.kappa_value = coefficient_at(m, s.kappa, 0);
         s.n_value = coefficient_at(m, s.n, 0);
@@ -116,14 +120,27 @@ static const curve *curve_in(mrd_workspace *workspace, double kappa, double n, i
     return c;
 }
 
+/* Whether kappa and n are one over a record, and those of the batches before it. */
+static int one_shape(const mrd_model *m, const mrd_record *r, const shape_of_law *shape, const mrd_state *state)
+{
+    if (shape->kappa < 0) return 1;
+    if (varies(m, shape->kappa, r->n) || varies(m, shape->n, r->n)) return 0;
+    return !r->behind || !state || (state->kappa == shape->kappa_value && state->n == shape->n_value);
+}
+
 static mrd_status run_bouc_wen(const mrd_model *m, const mrd_record *r, size_t directions, const mrd_direction *direction,
-                               double *force, double *columns, mrd_workspace *workspace)
+                               double *force, double *columns, mrd_workspace *workspace, mrd_state *state)
 {
     const shape_of_law shape = shape_at(m);
-    if ((shape.kappa >= 0 && varies(m, shape.kappa, r->n)) || (shape.n >= 0 && varies(m, shape.n, r->n)))
-        return MRD_SHAPE_VARIES;
+    if (!one_shape(m, r, &shape, state)) return MRD_SHAPE_VARIES;
     const size_t n = r->n;
-    double *store = malloc(3 * (n + 1) * sizeof *store);
+    int by_shape = 0, by_travel = 0;
+    for (size_t d = 0; d < directions; d++) {
+        const int k = direction[d].coefficient;
+        by_shape |= k >= MRD_COMMON && (k == shape.kappa || k == shape.n);
+        by_travel |= k >= MRD_COMMON && (k == shape.rho[0] || k == shape.rho[1]);
+    }
+    double *store = malloc((by_shape ? 3 : 1) * (n + 1) * sizeof *store);
     common_rows rows;
     const mrd_status opened = common_open(m, r, directions, direction, &rows);
     if (!store || opened != MRD_OK) {
@@ -131,12 +148,9 @@ static mrd_status run_bouc_wen(const mrd_model *m, const mrd_record *r, size_t d
         if (opened == MRD_OK) common_close(&rows);
         return MRD_NO_MEMORY;
     }
-    int by_shape = 0, by_travel = 0;
     for (size_t d = 0; d < directions; d++) {
         const int k = direction[d].coefficient;
         double *column = columns + d * n;
-        by_shape |= k >= MRD_COMMON && (k == shape.kappa || k == shape.n);
-        by_travel |= k >= MRD_COMMON && (k == shape.rho[0] || k == shape.rho[1]);
         if (k < MRD_COMMON) common_column(m, r, &rows, direction + d, column);
         else for (size_t i = 0; i < n; i++) column[i] = 0.0;
     }
@@ -144,7 +158,8 @@ static mrd_status run_bouc_wen(const mrd_model *m, const mrd_record *r, size_t d
         for (size_t i = 0; i < n; i++) force[i] = 0.0;
     const curve *c = curve_in(workspace, shape.kappa_value, shape.n_value, by_shape || by_travel);
 
-    double *w = store, *by_n = store + n, *by_kappa = store + 2 * n;
+    double *w = store, *by_n = by_shape ? store + n : NULL, *by_kappa = by_shape ? store + 2 * n : NULL;
+    if (r->behind) w[0] = 0.0;
     for (int e = 0; e < shape.elements; e++) {
         double *by_rho[MRD_DIRECTIONS] = {NULL};
         const mrd_direction *way[MRD_DIRECTIONS] = {NULL};
@@ -156,11 +171,19 @@ static mrd_status run_bouc_wen(const mrd_model *m, const mrd_record *r, size_t d
             }
         }
         const double *rho = m->coefficient + (m->stride ? (size_t)shape.rho[e] * m->stride : (size_t)shape.rho[e]);
-        if (ways || by_shape || varies(m, shape.rho[e], n))
-            bouc_wen_tangents(c, r, rho, m->stride ? 1 : 0, ways, way, w, by_rho, by_shape ? by_n : NULL,
-                              by_shape ? by_kappa : NULL);
+        double start = r->behind ? state->tau[e] : 0.0;
+        weighted_travel gone = {0.0, 0.0, *rho};
+        if (r->behind) gone = (weighted_travel){state->base[e], state->from[e], state->rho[e]};
+        if (ways || by_shape || varies(m, shape.rho[e], r->known) || gone.rho != *rho || gone.from != 0.0)
+            bouc_wen_tangents(c, r, rho, m->stride ? 1 : 0, ways, way, w, by_rho, by_n, by_kappa, &start, &gone);
         else
-            bouc_wen_state(c, r, *rho, w);
+            start = bouc_wen_state(c, r, *rho, start, w);
+        if (state) {
+            state->tau[e] = start;
+            state->base[e] = gone.base;
+            state->from[e] = gone.from;
+            state->rho[e] = gone.rho;
+        }
 
         for (size_t i = 0; force && i < n; i++) force[i] += amplitude_at(m, &shape, e, r->v[i], i) * w[i];
         for (size_t d = 0; d < directions; d++) {
@@ -199,14 +222,34 @@ static int is_inside(mrd_law law, int k)
     return k >= MRD_COMMON || (law == MRD_SERIES_VALVE && (k == C_STIFFNESS || k == C_OFFSET));
 }
 
-static mrd_status run(const mrd_model *m, const mrd_record *r, size_t directions, const mrd_direction *direction,
-                      double *force, double *columns, mrd_workspace *workspace)
+/* The stepped laws' own force along a record, and its derivatives. */
+static mrd_status run_stepped(const mrd_model *m, const mrd_record *r, size_t ways, const mrd_direction *const *way,
+                              double *force, double *const *column, mrd_workspace *workspace, mrd_state *state)
+{
+    if (m->law == MRD_LUGRE) {
+        lugre_run(m, r, ways, way, force, column, state);
+    } else if (m->law == MRD_SPENCER) {
+        const shape_of_law shape = shape_at(m);
+        if (!one_shape(m, r, &shape, state)) return MRD_SHAPE_VARIES;
+        mrd_workspace *own = workspace ? workspace : workspace_open();
+        if (!own) return MRD_NO_MEMORY;
+        spencer_run(m, r, ways, way, force, column, curve_in(own, shape.kappa_value, shape.n_value, ways > 0), state);
+        if (!workspace) workspace_close(own);
+    } else {
+        series_valve_run(m, r, ways, way, force, column, state);
+    }
+    return MRD_OK;
+}
+
+/* `state`: what a batch goes on from, brought up to its end; NULL: a whole run. */
+static mrd_status run_on(const mrd_model *m, const mrd_record *r, size_t directions, const mrd_direction *direction,
+                         double *force, double *columns, mrd_workspace *workspace, mrd_state *state)
 {
     if (!coefficient_count((int)m->law)) return MRD_NOT_A_LAW;
     if (has_state_w(m->law)) {
         mrd_workspace *own = workspace ? workspace : workspace_open();
         if (!own) return MRD_NO_MEMORY;
-        const mrd_status done = run_bouc_wen(m, r, directions, direction, force, columns, own);
+        const mrd_status done = run_bouc_wen(m, r, directions, direction, force, columns, own, state);
         if (!workspace) workspace_close(own);
         return done;
     }
@@ -224,11 +267,9 @@ static mrd_status run(const mrd_model *m, const mrd_record *r, size_t directions
                 column[ways++] = columns + d * r->n;
             }
         }
-        double *own = malloc((r->n + 1) * sizeof *own);
+        double *own = calloc(r->n + 1, sizeof *own);
         if (!own) status = MRD_NO_MEMORY;
-        else if (m->law == MRD_LUGRE) lugre_run(m, r, ways, way, own, column);
-        else if (m->law == MRD_SPENCER) status = spencer_run(m, r, ways, way, own, column);
-        else series_valve_run(m, r, ways, way, own, column);
+        else status = run_stepped(m, r, ways, way, own, column, workspace, state);
         if (force && status == MRD_OK) memcpy(force, own, r->n * sizeof *own);
         free(own);
         if (status != MRD_OK) {
@@ -250,6 +291,25 @@ static mrd_status run(const mrd_model *m, const mrd_record *r, size_t directions
         for (size_t i = 0; i < r->n; i++) column[i] = algebraic_partial(m, r, k, i) * seed_at(direction + d, i);
     }
     common_close(&rows);
+    return MRD_OK;
+}
+
+static mrd_status run(const mrd_model *m, const mrd_record *r, size_t directions, const mrd_direction *direction,
+                      double *force, double *columns, mrd_workspace *workspace)
+{
+    return run_on(m, r, directions, direction, force, columns, workspace, NULL);
+}
+
+/* The force of a batch, from the state behind it to the state at its end; that of a sample answered before is nothing. */
+static mrd_status carry(const mrd_model *m, const mrd_record *r, mrd_state *state, double *force, mrd_workspace *workspace)
+{
+    if (r->n <= r->behind) return MRD_OK;
+    const mrd_status status = run_on(m, r, 0, NULL, force, NULL, workspace, state);
+    if (status != MRD_OK) return status;
+    const shape_of_law shape = shape_at(m);
+    state->begun = 1.0;
+    state->kappa = shape.kappa_value;
+    state->n = shape.n_value;
     return MRD_OK;
 }
 
@@ -327,22 +387,34 @@ static double squared_error_bouc_wen(const curve *c, const mrd_model *m, const m
     const double mass = m->coefficient[C_MASS], yield = m->coefficient[BW_YIELD];
     double start = 0.0, lane[8] = {0.0};
     for (size_t p = 0; p < r->pieces; p++) {
-        for (size_t begin = r->first[p]; begin < r->first[p + 1]; begin += BLOCK) {
-            const size_t end = begin + BLOCK < r->first[p + 1] ? begin + BLOCK : r->first[p + 1];
-            if (end <= from) continue;
-            double w[BLOCK], e[BLOCK];
-            const double *restrict x = r->x + begin, *restrict v = r->v + begin, *restrict y = measured + begin;
-            const size_t n = end - begin;
-            curve_stretch(c, start, rho, r->side[p], n, r->path + begin, w);
-            for (size_t i = 0; i < n; i++) e[i] = y[i] - (c0 * v[i] + k0 * x[i] + f0 + yield * w[i]);
-            if (mass != 0.0)
-                for (size_t i = 0; i < n; i++) e[i] -= mass * r->a[begin + i];
-            size_t i = begin < from ? from - begin : 0;
-            for (; i + 8 <= n; i += 8)
-                for (size_t j = 0; j < 8; j++) lane[j] += e[i + j] * e[i + j];
-            for (; i < n; i++) lane[i & 7] += e[i] * e[i];
+        const size_t end = r->first[p + 1], begin = r->first[p] > from ? r->first[p] : from;
+        if (begin < end) {
+            const spans at = spans_of(c, r, p, begin, end, start, rho);
+            const double full = f0 + yield * r->side[p] * c->rise.last;
+            for (size_t i = begin; i < end;) {
+                const size_t limit = i < at.fall ? at.fall : i < at.rise ? at.rise : end;
+                const size_t n = limit - i < BLOCK ? limit - i : BLOCK;
+                const double *restrict x = r->x + i, *restrict v = r->v + i, *restrict y = measured + i;
+                double e[BLOCK];
+                if (i < at.rise) {
+                    const int rising = i >= at.fall;
+                    const double scale = rising ? yield * r->side[p] : -yield * r->side[p];
+                    double u[BLOCK];
+                    block_of(c, r, p, i, n, start, rho, rising, u);
+                    for (size_t k = 0; k < n; k++) e[k] = y[k] - (c0 * v[k] + k0 * x[k] + f0 + scale * u[k]);
+                } else {
+                    for (size_t k = 0; k < n; k++) e[k] = y[k] - (c0 * v[k] + k0 * x[k] + full);
+                }
+                if (mass != 0.0)
+                    for (size_t k = 0; k < n; k++) e[k] -= mass * r->a[i + k];
+                size_t k = 0;
+                for (; k + 8 <= n; k += 8)
+                    for (size_t j = 0; j < 8; j++) lane[j] += e[k + j] * e[k + j];
+                for (; k < n; k++) lane[k & 7] += e[k] * e[k];
+                i += n;
+            }
         }
-        start = turned(c, start + rho * fabs(r->turn[p + 1] - r->turn[p]));
+        if (p + 1 < r->pieces) start = turned(c, start + rho * piece_length(r, p));
     }
     return ((lane[0] + lane[4]) + (lane[2] + lane[6])) + ((lane[1] + lane[5]) + (lane[3] + lane[7]));
 }

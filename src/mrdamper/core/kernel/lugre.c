@@ -86,19 +86,20 @@ static inline double bristles_force(const mrd_model *m, const mrd_record *r, siz
 
 /* Force of the bristles along a record, and its derivatives by `ways` directions of the law's own coefficients. */
 static void lugre_run(const mrd_model *m, const mrd_record *r, size_t ways, const mrd_direction *const *way, double *force,
-                      double *const *column)
+                      double *const *column, mrd_state *state)
 {
     const double h = r->step / (double)r->substeps;
-    double w = 0.0, by[MRD_DIRECTIONS] = {0.0}, seed[MRD_DIRECTIONS];
+    double w = state ? state->w : 0.0, by[MRD_DIRECTIONS] = {0.0}, seed[MRD_DIRECTIONS];
     bristles c = bristles_at(m, 0, r->n, 0);
-    force[0] = bristles_force(m, r, 0, w, ways, way, by, column);
+    if (!r->behind) force[0] = bristles_force(m, r, 0, w, ways, way, by, column);
     for (size_t i = 1; i < r->n; i++) {
+        const interval between = interval_before(r, i);
         if (m->stride) c = bristles_at(m, i, r->n, 1);
         for (size_t d = 0; d < ways; d++) seed[d] = seed_mean(way[d], i, r->n);
         double x = r->x[i - 1], v = r->v[i - 1];
         for (size_t j = 0; j < r->substeps; j++) {
-            const size_t end = 2 * (i * r->substeps + j) + 1;
-            const double to = r->stage_x[end], fast = r->stage_v[end];
+            double to, fast;
+            interval_at(&between, (double)(j + 1) / (double)r->substeps, &to, &fast);
             if (v * fast < 0.0) {
                 const double turn = hermite_extremum(x, v, to, fast, h, fast < 0.0 ? 1.0 : -1.0);
                 bristles_move(&c, turn - x, 0.5 * v, &w, ways, way, seed, by);
@@ -111,4 +112,5 @@ static void lugre_run(const mrd_model *m, const mrd_record *r, size_t ways, cons
         }
         force[i] = bristles_force(m, r, i, w, ways, way, by, column);
     }
+    if (state) state->w = w;
 }

@@ -2,6 +2,10 @@
  *
  * A reversal counts when the displacement has come back by more than the dead band. Its place inside
  * the sample interval is the extremum of the cubic Hermite through (x, v) of the two samples.
+ *
+ * A run may come in batches. Samples from the furthest one on are settled only when the motion has gone on beyond it
+ * or has turned; a batch answers the ones before. At rest they would pile up: past `patience` of them all are
+ * settled as the motion's going on has them, and a turn that shows later begins with the next sample.
  */
 #include <stdlib.h>
 
@@ -33,11 +37,30 @@ static double turning_point(const mrd_record *r, size_t k, double side)
         const double x = hermite_extremum(r->x[k - 1], r->v[k - 1], r->x[k], r->v[k], r->step, side);
         if (side * x > side * best) best = x;
     }
-    if (k + 1 < r->n) {
+    if (k + 1 < r->known) {
         const double x = hermite_extremum(r->x[k], r->v[k], r->x[k + 1], r->v[k + 1], r->step, side);
         if (side * x > side * best) best = x;
     }
     return best;
+}
+
+/* The motion between two samples: the cubic Hermite through both. */
+typedef struct {
+    double x, d, c2, c3, step;
+} interval;
+
+static inline interval interval_before(const mrd_record *r, size_t i)
+{
+    const double x0 = r->x[i - 1], x1 = r->x[i], d0 = r->v[i - 1] * r->step, d1 = r->v[i] * r->step;
+    const interval out = {x0, d0, 3.0 * (x1 - x0) - 2.0 * d0 - d1, d0 + d1 - 2.0 * (x1 - x0), r->step};
+    return out;
+}
+
+/* Displacement and velocity at a share of the way. */
+static inline void interval_at(const interval *b, double l, double *x, double *v)
+{
+    *x = b->x + l * (b->d + l * (b->c2 + l * b->c3));
+    *v = (b->d + l * (2.0 * b->c2 + l * 3.0 * b->c3)) / b->step;
 }
 
 static void record_close(mrd_record *r)
@@ -46,89 +69,139 @@ static void record_close(mrd_record *r)
     free(r->turn);
     free(r->side);
     free(r->path);
-    free(r->stage_x);
-    free(r->stage_v);
     r->first = NULL;
-    r->turn = r->side = r->path = r->stage_x = r->stage_v = NULL;
+    r->turn = r->side = r->path = NULL;
 }
 
-/* Stages of the two-stage implicit step (series_valve.c, spencer.c) on the Hermite interpolant. */
-static void record_stages(mrd_record *r)
+/* Begin a piece of motion; `room` is what the lists hold. */
+static int piece_begin(mrd_record *r, size_t *room, size_t first, double turn, double side)
 {
-    const double gamma = 1.0 - sqrt(0.5);
-    const size_t per = r->substeps;
-    for (size_t i = 1; i < r->n; i++) {
-        const double x0 = r->x[i - 1], x1 = r->x[i], d0 = r->v[i - 1] * r->step, d1 = r->v[i] * r->step;
-        const double c2 = 3.0 * (x1 - x0) - 2.0 * d0 - d1, c3 = d0 + d1 - 2.0 * (x1 - x0);
-        for (size_t j = 0; j < per; j++) {
-            for (size_t s = 0; s < 2; s++) {
-                const double l = ((double)j + (s ? 1.0 : gamma)) / (double)per;
-                const size_t k = 2 * (i * per + j) + s;
-                r->stage_x[k] = x0 + l * (d0 + l * (c2 + l * c3));
-                r->stage_v[k] = (d0 + l * (2.0 * c2 + l * 3.0 * c3)) / r->step;
-            }
+    if (r->pieces + 1 >= *room) {
+        const size_t more = *room ? 2 * *room : 64;
+        size_t *firsts = realloc(r->first, more * sizeof *firsts);
+        if (firsts) r->first = firsts;
+        double *turns = realloc(r->turn, more * sizeof *turns);
+        if (turns) r->turn = turns;
+        double *sides = realloc(r->side, more * sizeof *sides);
+        if (sides) r->side = sides;
+        if (!firsts || !turns || !sides) return 0;
+        *room = more;
+    }
+    r->first[r->pieces] = first;
+    r->turn[r->pieces] = turn;
+    r->side[r->pieces] = side;
+    r->pieces++;
+    return 1;
+}
+
+/* Whether side (x - turn) never falls inside any piece, nor below zero: then nobody needs the path beside it. */
+static int never_falls(const mrd_record *r)
+{
+    for (size_t p = 0; p < r->pieces; p++) {
+        const size_t from = r->first[p], to = r->first[p + 1];
+        const double side = r->side[p], start = p || !r->behind ? 0.0 : r->travelled;
+        if (from < to && !(side * (r->x[from] - r->turn[p]) >= start)) return 0;
+        size_t falls = 0;
+        for (size_t i = from + 1; i < to; i++) falls += !(side * (r->x[i] - r->x[i - 1]) >= 0.0);
+        if (falls) return 0;
+    }
+    return 1;
+}
+
+static int path_fill(mrd_record *r)
+{
+    r->path = malloc((r->n + 1) * sizeof *r->path);
+    if (!r->path) return 0;
+    r->path[0] = r->travelled;
+    for (size_t p = 0; p < r->pieces; p++) {
+        double reached = p || !r->behind ? 0.0 : r->travelled;
+        for (size_t i = r->first[p]; i < r->first[p + 1]; i++) {
+            const double travel = r->side[p] * (r->x[i] - r->turn[p]);
+            if (travel > reached) reached = travel;
+            r->path[i] = reached;
         }
     }
+    return 1;
 }
 
-static mrd_status record_open(mrd_record *r, size_t n, double step, const double *x, const double *v, const double *a,
-                              double dead_band, double longest_step)
+/* Travel at sample i of piece p since its turning point. */
+static inline double path_at(const mrd_record *r, size_t p, size_t i)
+{
+    return r->path ? r->path[i] : r->side[p] * (r->x[i] - r->turn[p]);
+}
+
+/* First direction: the way the motion leaves its start by more than the dead band; 0 while it has not. */
+static double first_side(const mrd_record *r, double dead_band)
+{
+    for (size_t i = 1; i < r->known; i++)
+        if (fabs(r->x[i] - r->x[0]) > dead_band) return r->x[i] > r->x[0] ? 1.0 : -1.0;
+    return 0.0;
+}
+
+static mrd_status batch_open(mrd_record *r, size_t n, double step, const double *x, const double *v, const double *a,
+                             double dead_band, double longest_step, size_t patience, int last, mrd_motion *motion)
 {
     memset(r, 0, sizeof *r);
-    r->n = n;
+    r->known = n;
+    r->behind = motion->begun != 0.0;
     r->step = step;
     r->x = x;
     r->v = v;
     r->a = a;
     r->substeps = (size_t)ceil(step / longest_step - 1e-9);
     if (r->substeps < 1) r->substeps = 1;
-    r->first = malloc((n + 2) * sizeof *r->first);
-    r->turn = malloc((n + 2) * sizeof *r->turn);
-    r->side = malloc((n + 2) * sizeof *r->side);
-    r->path = malloc((n + 1) * sizeof *r->path);
-    r->stage_x = calloc(2 * (n + 1) * r->substeps, sizeof *r->stage_x);
-    r->stage_v = calloc(2 * (n + 1) * r->substeps, sizeof *r->stage_v);
-    if (!r->first || !r->turn || !r->side || !r->path || !r->stage_x || !r->stage_v) {
+    r->travelled = motion->path;
+
+    double side = r->behind ? motion->side : first_side(r, dead_band);
+    const int leaves = side != 0.0;
+    if (!leaves) side = n && x[n - 1] < x[0] && !last ? -1.0 : 1.0;
+    size_t room = 0, extreme = 0;
+    int held = piece_begin(r, &room, r->behind, r->behind ? motion->turn : x[0], side);
+    /* Of a motion that stood still for long the furthest sample may lie in an earlier batch: then extreme stays 0. */
+    double furthest = r->behind ? motion->furthest : x[0];
+    size_t begun = r->behind && motion->inside == 0.0; /* first sample of the present piece; 0 for one that goes on */
+    for (size_t i = 1; i < n && held; i++) {
+        if (side * x[i] >= side * furthest) {
+            extreme = i;
+            furthest = x[i];
+        } else if (side * (furthest - x[i]) > dead_band) {
+            const double at = r->behind && !extreme ? motion->turns_at : turning_point(r, extreme, side);
+            /* The extreme sample itself lies after the turn when it is already moving back. */
+            begun = side * v[extreme] < 0.0 && extreme > begun ? extreme : extreme + 1;
+            side = -side;
+            held = piece_begin(r, &room, begun, at, side);
+            extreme = i;
+            furthest = x[i];
+        }
+    }
+    if (held) {
+        r->n = last ? n : !leaves ? 0 : extreme > r->behind ? extreme : r->behind;
+        if (!last && n - r->n > patience) r->n = n;
+        r->first[r->pieces] = r->n;
+        r->turn[r->pieces] = n ? x[n - 1] : 0.0;
+        held = never_falls(r) || path_fill(r);
+    }
+    if (!held) {
         record_close(r);
         return MRD_NO_MEMORY;
     }
-
-    /* First direction: the way the motion leaves its start by more than the dead band. */
-    double side = 1.0;
-    for (size_t i = 1; i < n; i++) {
-        if (fabs(x[i] - x[0]) > dead_band) { side = x[i] > x[0] ? 1.0 : -1.0; break; }
+    if (r->n > r->behind) {
+        const size_t p = r->pieces - 1;
+        motion->begun = 1.0;
+        motion->side = side;
+        motion->turn = r->turn[p];
+        motion->inside = r->first[p] < r->n ? 1.0 : 0.0;
+        motion->path = r->first[p] < r->n ? path_at(r, p, r->n - 1) : 0.0;
+        if (!r->behind || extreme) motion->turns_at = turning_point(r, extreme, side);
+        motion->furthest = furthest;
     }
-    r->pieces = 1;
-    r->first[0] = 0;
-    r->turn[0] = x[0];
-    r->side[0] = side;
-    size_t extreme = 0;
-    for (size_t i = 1; i < n; i++) {
-        if (side * x[i] >= side * x[extreme]) {
-            extreme = i;
-        } else if (side * (x[extreme] - x[i]) > dead_band) {
-            const double at = turning_point(r, extreme, side);
-            /* The extreme sample itself lies after the turn when it is already moving back. */
-            const size_t begin = side * v[extreme] < 0.0 && extreme > r->first[r->pieces - 1] ? extreme : extreme + 1;
-            side = -side;
-            r->first[r->pieces] = begin;
-            r->turn[r->pieces] = at;
-            r->side[r->pieces] = side;
-            r->pieces++;
-            extreme = i;
-        }
-    }
-    r->first[r->pieces] = n;
-    r->turn[r->pieces] = n ? x[n - 1] : 0.0;
-    for (size_t p = 0; p < r->pieces; p++) {
-        double reached = 0.0;
-        const double longest = p + 1 < r->pieces ? fabs(r->turn[p + 1] - r->turn[p]) : HUGE_VAL;
-        for (size_t i = r->first[p]; i < r->first[p + 1]; i++) {
-            const double travel = r->side[p] * (x[i] - r->turn[p]);
-            if (travel > reached) reached = travel < longest ? travel : longest;
-            r->path[i] = reached;
-        }
-    }
-    record_stages(r);
     return MRD_OK;
+}
+
+static mrd_status record_open(mrd_record *r, size_t n, double step, const double *x, const double *v, const double *a,
+                              double dead_band, double longest_step)
+{
+    mrd_motion whole;
+    memset(&whole, 0, sizeof whole);
+    return batch_open(r, n, step, x, v, a, dead_band, longest_step, 0, 1, &whole);
 }

@@ -212,11 +212,12 @@ static inline void valve_partials(const valve *c, const valve_stage *s, double x
 
 /* Force of the chain along a record, and its derivatives by `ways` directions of the chain's coefficients. */
 static void series_valve_run(const mrd_model *model, const mrd_record *r, size_t ways, const mrd_direction *const *way,
-                             double *force, double *const *column)
+                             double *force, double *const *column, mrd_state *state)
 {
     const double gamma = 1.0 - sqrt(0.5);
     const double h = r->step / (double)r->substeps;
-    double y = r->n ? r->x[0] : 0.0, q_last = 0.0, q_rate = 0.0;
+    double y = r->behind ? state->y : r->n ? r->x[0] : 0.0;
+    double q_last = r->behind ? state->q : 0.0, q_rate = r->behind ? state->q_rate : 0.0;
     double by[MRD_DIRECTIONS], base_by[MRD_DIRECTIONS], df[PARTIALS], dr[PARTIALS];
     int partial[MRD_DIRECTIONS];
     for (size_t d = 0; d < ways; d++) {
@@ -225,7 +226,9 @@ static void series_valve_run(const mrd_model *model, const mrd_record *r, size_t
     }
     valve c = valve_at(model, 0), before_it = c, at_it = c;
     valve_stage s;
-    if (r->n) {
+    s.q = q_last;
+    s.force = 0.0;
+    if (r->n && !r->behind) {
         valve_solve(&c, r->x[0], r->v[0], y, 0.0, r->v[0], &s);
         force[0] = s.force;
         if (ways) valve_partials(&c, &s, r->x[0], df, dr);
@@ -237,17 +240,18 @@ static void series_valve_run(const mrd_model *model, const mrd_record *r, size_t
         q_last = s.q;
     }
     for (size_t i = 1; i < r->n; i++) {
+        const interval between = interval_before(r, i);
         if (model->stride) {
             before_it = at_it;
             at_it = valve_at(model, i);
         }
         for (size_t j = 0; j < r->substeps; j++) {
-            const size_t at = 2 * (i * r->substeps + j);
             double base = y, q_first = 0.0;
             for (size_t d = 0; d < ways; d++) base_by[d] = by[d];
             for (int stage = 0; stage < 2; stage++) {
-                const double x = r->stage_x[at + (size_t)stage], v = r->stage_v[at + (size_t)stage];
                 const double share = ((double)j + (stage ? 1.0 : gamma)) / (double)r->substeps;
+                double x, v;
+                interval_at(&between, share, &x, &v);
                 if (model->stride) c = valve_between(&before_it, &at_it, share);
                 const double before = stage ? s.q : q_last, ahead = (stage ? 1.0 - gamma : gamma) * h;
                 valve_solve(&c, x, v, base, gamma * h, before + ahead * q_rate, &s);
@@ -283,4 +287,8 @@ static void series_valve_run(const mrd_model *model, const mrd_record *r, size_t
         }
         force[i] = s.force;
     }
+    if (!state) return;
+    state->y = y;
+    state->q = q_last;
+    state->q_rate = q_rate;
 }

@@ -196,13 +196,9 @@ static inline void spencer_tangents(const curve *table, const spencer *c, double
 }
 
 /* Force of the law along a record, and its derivatives by `ways` directions of the law's own coefficients. */
-static mrd_status spencer_run(const mrd_model *m, const mrd_record *r, size_t ways, const mrd_direction *const *way,
-                              double *force, double *const *column)
+static void spencer_run(const mrd_model *m, const mrd_record *r, size_t ways, const mrd_direction *const *way,
+                              double *force, double *const *column, const curve *table, mrd_state *state)
 {
-    if (varies(m, SP_KAPPA, r->n) || varies(m, SP_N, r->n)) return MRD_SHAPE_VARIES;
-    curve *table = malloc(sizeof *table);
-    if (!table) return MRD_NO_MEMORY;
-    curve_build(table, coefficient_at(m, SP_KAPPA, 0), coefficient_at(m, SP_N, 0), ways > 0);
 
     const double gamma = 1.0 - sqrt(0.5), h = r->step / (double)r->substeps;
     spencer c = spencer_at(m, 0, r->n, 0);
@@ -211,17 +207,24 @@ static mrd_status spencer_run(const mrd_model *m, const mrd_record *r, size_t wa
     for (size_t d = 0; d < ways; d++) by[d].y = by[d].tau = 0.0;
     place at = {0.0, 1.0, 0.0, 0.0, 0};
     double y = r->x[0], q_last = c.viscosity * r->v[0] / (c.series + c.viscosity), q_rate = 0.0;
+    if (r->behind) {
+        at = (place){state->e, state->side, state->place, 0.0, 0};
+        y = state->y;
+        q_last = state->q;
+        q_rate = state->q_rate;
+    }
     spencer_stage s;
-    force[0] = spencer_force(m, r, 0, y, table, &at, ways, way, by, column);
+    if (!r->behind) force[0] = spencer_force(m, r, 0, y, table, &at, ways, way, by, column);
     for (size_t i = 1; i < r->n; i++) {
+        const interval between = interval_before(r, i);
         if (m->stride) c = spencer_at(m, i, r->n, 1);
         for (size_t d = 0; d < ways; d++) seed[d] = seed_mean(way[d], i, r->n);
         for (size_t j = 0; j < r->substeps; j++) {
-            const size_t first = 2 * (i * r->substeps + j);
             double base = y;
             for (size_t d = 0; d < ways; d++) base_by[d] = by[d].y;
             for (size_t stage = 0; stage < 2; stage++) {
-                const double x = r->stage_x[first + stage], v = r->stage_v[first + stage];
+                double x, v;
+                interval_at(&between, ((double)j + (stage ? 1.0 : gamma)) / (double)r->substeps, &x, &v);
                 const double ahead = (stage ? 1.0 - gamma : gamma) * h;
                 spencer_solve(table, &c, x, v, base, gamma * h, q_last + ahead * q_rate, &at, &s);
                 if (ways) {
@@ -237,6 +240,11 @@ static mrd_status spencer_run(const mrd_model *m, const mrd_record *r, size_t wa
         }
         force[i] = spencer_force(m, r, i, y, table, &at, ways, way, by, column);
     }
-    free(table);
-    return MRD_OK;
+    if (!state) return;
+    state->e = at.e;
+    state->side = at.side;
+    state->place = at.tau;
+    state->y = y;
+    state->q = q_last;
+    state->q_rate = q_rate;
 }
