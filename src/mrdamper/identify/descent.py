@@ -122,7 +122,9 @@ class Descents:
         while not self.done.all():
             self.advance()
 
-    def _accept(self, k: NDArray[np.intp], trial: FloatArray, promised: FloatArray, found: Eliminated) -> None:
+    def _accept(
+        self, k: NDArray[np.intp], trial: FloatArray, promised: FloatArray, found: Eliminated
+    ) -> None:
         gained = self.costs[k] - found.cost
         self._damping[k] *= np.maximum(0.1, 1.0 - (2.0 * gained / promised - 1.0) ** 3)
         self._growth[k] = 2.0

@@ -68,7 +68,10 @@ class Objective:
         names = (*self.nonlinear, *self.linear)
         self._all = GramSums(problem.template, names, names, runs, self.sessions)
         self._inner = GramSums(problem.template, names, self.linear, runs, self.sessions)
-        self._rows, self._floor = self._conditions() if like is None else (like._rows, like._floor)
+        self.conditions: tuple[FloatArray, FloatArray] = (
+            self._conditions() if like is None else like.conditions
+        )
+        self._rows, self._floor = self.conditions
         size = np.array([max(abs(free.lower), abs(free.upper)) for free in problem.linear])
         self._light = np.concatenate([_LIGHT / size**2, np.zeros(len(self.sessions))])
 
@@ -76,7 +79,8 @@ class Objective:
         """Return the weighted Gram matrix of the tangents, session offsets and residual at a damper."""
         self.evaluations += 1
         sums = GramSums(damper, (), numbers, self.runs, self.sessions)
-        return sums.at(np.empty((1, 0)), self._tares(offsets))[0]
+        gram: FloatArray = sums.at(np.empty((1, 0)), self._tares(offsets))[0]
+        return gram
 
     def numbers_of(self, damper: Damper) -> tuple[FloatArray, FloatArray]:
         """Return a damper's nonlinear and linear numbers, as one candidate."""
@@ -145,7 +149,7 @@ class Objective:
         return hessian - reduced[:, :, :n], gradient - reduced[:, :, n], -solved[:, :, :n]
 
     def _tares(self, offsets: Mapping[str, float]) -> FloatArray:
-        return np.array([[offsets.get(session, 0.0) for session in self.sessions]])
+        return np.array([[offsets.get(session, 0.0) for session in self.sessions]], dtype=np.float64)
 
     def _conditions(self) -> tuple[FloatArray, FloatArray]:
         """Return rows A and floor b of A c >= b: every linear coefficient admissible at the commands."""
@@ -183,13 +187,12 @@ class Objective:
 
 def _needed(rows: FloatArray, floor: FloatArray) -> NDArray[np.intp]:
     """Return the conditions rows x >= floor that matter: of two numbers against zero, the outermost two."""
-    some = np.flatnonzero(rows.any(axis=1))
-    if rows.shape[1] == 1 and not floor.any():
-        return some[:1]
-    if rows.shape[1] != 2 or floor.any() or not (rows[some, 0] > 0.0).all():
+    some: NDArray[np.intp] = np.flatnonzero(rows.any(axis=1)).astype(np.intp)
+    if rows.shape[1] > 2 or floor.any() or not (rows[some, 0] > 0.0).all():
         return some
-    lean = rows[some, 1] / rows[some, 0]
-    return some[np.unique([lean.argmin(), lean.argmax()])]
+    lean = rows[some, -1] / rows[some, 0]
+    ends: NDArray[np.intp] = some[np.unique([lean.argmin(), lean.argmax()])]
+    return ends
 
 
 def solve_scaled(matrix: FloatArray, right: FloatArray) -> FloatArray:
@@ -218,9 +221,9 @@ def _bounded_least_squares(
     Unconstrained where that is admissible; otherwise by active sets, and where those do not settle by the
     least-distance form of Lawson & Hanson.
     """
-    if not len(rows):
-        return solve_scaled(matrix, right[..., None])[..., 0]
     solution = solve_scaled(matrix, right[..., None])[..., 0]
+    if not len(rows):
+        return solution
     slack = solution @ rows.T - floor
     beyond = slack < -1e-12 * (np.abs(solution) @ np.abs(rows).T + np.abs(floor))
     k = np.flatnonzero(beyond.any(axis=1))
@@ -264,7 +267,9 @@ def _by_active_sets(
     return solution + np.einsum("bij,bj->bi", away, size * force), settled
 
 
-def _by_least_distance(matrix: FloatArray, solution: FloatArray, rows: FloatArray, floor: FloatArray) -> FloatArray:
+def _by_least_distance(
+    matrix: FloatArray, solution: FloatArray, rows: FloatArray, floor: FloatArray
+) -> FloatArray:
     """Return the admissible point that is nearest, in the matrix' own metric, to one that is not."""
     scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     scaled = matrix * np.outer(scale, scale)

@@ -48,7 +48,8 @@ class GramSums:
             require_temperature(damper, run.drive.trajectory)
         tempered = damper.tempered
         points = [
-            None if damper.law.kernel is None else operating_point(run.drive, tempered=tempered) for run in runs
+            None if damper.law.kernel is None else operating_point(run.drive, tempered=tempered)
+            for run in runs
         ]
         self._single = [run for run, point in zip(runs, points, strict=True) if point is None]
         steady = [(run, point) for run, point in zip(runs, points, strict=True) if point is not None]

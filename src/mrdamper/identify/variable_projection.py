@@ -23,7 +23,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from mrdamper.errors import ConvergenceError
 from mrdamper.identify.descent import Box, Descents
@@ -165,7 +164,9 @@ def fit_variable_projection(
 
 def latin_hypercube(free: Sequence[Free], count: int, seed: int) -> FloatArray:
     """Return ``count`` starts in search coordinates, spread over the inner four fifths of the bounds."""
-    unit = qmc.LatinHypercube(len(free), rng=np.random.default_rng(seed)).random(count)
+    rng = np.random.default_rng(seed)
+    cell = rng.permuted(np.tile(np.arange(count), (len(free), 1)), axis=1).T
+    unit = (cell + rng.random((count, len(free)))) / count
     low = np.array([float(f.inward(f.lower)) for f in free])
     high = np.array([float(f.inward(f.upper)) for f in free])
     return np.asarray(low + (0.1 + 0.8 * unit) * (high - low))
@@ -200,8 +201,10 @@ class _Place:
 
     @classmethod
     def read(cls, kept: Mapping[str, Any]) -> _Place:
-        arrays = (np.array(kept[name], dtype=np.float64) for name in ("point", "linear", "tares"))
-        return cls(*arrays, *(kept[name] for name in ("cost", "evaluations", "converged", "joined")))
+        point, linear, tares = (
+            np.array(kept[name], dtype=np.float64) for name in ("point", "linear", "tares")
+        )
+        return cls(point, linear, tares, kept["cost"], kept["evaluations"], kept["converged"], kept["joined"])
 
 
 def _outcome(index: int, state: _Place) -> Start:
@@ -256,86 +259,108 @@ def _places(whole: Objective, starts: int, seed: int, ledger: Ledger) -> Iterato
         kept = ledger.recall(key)
         if kept is None:
             objective = objective or Objective(problem, problem.prepare(excerpt=True), like=whole)
-            found = _screened(objective, group, seed)
+            found = _Screening(objective, group, seed).places()
             ledger.keep(key, {"places": [place.plain() for place in found]})
         else:
             found = [_Place.read(place) for place in kept["places"]]
         yield from found
 
 
-def _screened(objective: Objective, group: range, seed: int) -> list[_Place]:
-    """Return one promising place for each start of a group, found on short stretches of the runs.
+class _Screening:
+    """The search of a group of starts for promising places, on short stretches of the runs.
 
-    Wide bounds hold regions from which no descent finds home (a valve that never moves). Each start draws
-    many Latin-hypercube points and the best one descends. Where at least half of several starts come to the
-    same lowest cost that way, they are home. All others let the best few of their points descend, and go on
-    with the one that came furthest. A start that came to the place of a former one has joined it.
+    Wide bounds hold regions from which no descent finds home (a valve that never moves). Every start draws
+    many Latin-hypercube points of its own. Several starts first look at a few of theirs and let the best one
+    descend; where at least half of them come to the same lowest cost that way, those are home. All others
+    look at all of their points, let the best few descend, and go on with those that came furthest.
     """
-    problem = objective.problem
-    box, free = Box.of(problem), problem.nonlinear
-    count = min(_DRAWN, _DRAWN_PER_NUMBER * max(len(free), 2))
-    if problem.template.law.kernel is None:
-        count = _DRAWN_PYTHON
-    drawn = np.stack([latin_hypercube(free, count, seed + 7919 * index) for index in group])
-    costs = np.full(drawn.shape[:2], np.inf)
-    linear = np.tile(objective.numbers_of(problem.template)[1], (*drawn.shape[:2], 1))
-    tares = np.zeros((*drawn.shape[:2], len(objective.sessions)))
-    settled: list[list[_Settled]] = [[] for _ in group]
-    spent = np.zeros(len(group), dtype=np.intp)
 
-    def look(owner: Sequence[int], part: range) -> None:
-        each, place = np.repeat(owner, len(part)), np.tile(part, len(owner))
-        points, guess, level = (a[each, place] for a in (drawn, linear, tares))
-        found = objective.eliminate(box.outward(points), guess, level, tangents=False)
-        costs[each, place] = np.where(np.isfinite(found.cost), found.cost, np.inf)
-        linear[each, place], tares[each, place] = found.linear, found.tares
-        spent[owner] += len(part)
+    def __init__(self, objective: Objective, group: range, seed: int) -> None:
+        problem, size = objective.problem, len(objective.problem.nonlinear)
+        self._objective, self._group = objective, group
+        self._box = Box.of(problem)
+        self._count = min(_DRAWN, _DRAWN_PER_NUMBER * max(size, 2))
+        if problem.template.law.kernel is None:
+            self._count = _DRAWN_PYTHON
+        draws = [latin_hypercube(problem.nonlinear, self._count, seed + 7919 * index) for index in group]
+        self._points = np.stack(draws)
+        shape = self._points.shape[:2]
+        self._linear = np.tile(objective.numbers_of(problem.template)[1], (*shape, 1))
+        self._tares = np.zeros((*shape, len(objective.sessions)))
+        self._costs = np.full(shape, np.inf)
+        self._spent = np.zeros(len(group), dtype=np.intp)
 
-    def descend(at: Sequence[FloatArray], owner: Sequence[int], most: int) -> list[_Settled]:
-        descents = Descents(objective, *at, most=most)
+    def places(self) -> list[_Place]:
+        """Return the place of each start; one that came to the place of a former one has joined it."""
+        everyone = list(range(len(self._group)))
+        ends: list[_Settled] = []
+        away, seen = everyone, 0
+        if len(everyone) > 1:
+            seen = min(_GLANCE, self._count)
+            self._look(everyone, range(seen))
+            ends = self._freed(self._best_drawn(everyone, 1, _SHORT_ITERATIONS))
+            lowest = [min(each.order for each in ends if each.start == start) for start in everyone]
+            home = {s.start for s in ends if s.place.converged and s.order <= (1.0 + _ALIKE) * min(lowest)}
+            if len(home) > 1 and 2 * len(home) >= len(everyone):
+                away = [start for start in everyone if start not in home]
+        if away:
+            self._look(away, range(seen, self._count))
+            tried = self._best_drawn(away, min(_DESCENDING, self._count // 8), _FEW_ITERATIONS)
+            finalists = []
+            for start in away:
+                own = sorted((each for each in tried if each.start == start), key=lambda each: each.order)
+                finalists += own[:_FINALISTS]
+            ends += self._freed(
+                self._further([each.place for each in finalists], [e.start for e in finalists])
+            )
+        best = [min((s for s in ends if s.start == start), key=lambda each: each.order) for start in everyone]
+        return _joined(best, self._spent.tolist(), self._group.start)
+
+    def _look(self, starts: Sequence[int], part: range) -> None:
+        """Work out the costs of some of the points that starts have drawn, and the linear numbers there."""
+        at = np.repeat(starts, len(part)), np.tile(part, len(starts))
+        points = self._box.outward(self._points[at])
+        found = self._objective.eliminate(points, self._linear[at], self._tares[at], tangents=False)
+        self._costs[at] = np.where(np.isfinite(found.cost), found.cost, np.inf)
+        self._linear[at], self._tares[at] = found.linear, found.tares
+        self._spent[list(starts)] += len(part)
+
+    def _best_drawn(self, starts: Sequence[int], few: int, most: int) -> list[_Settled]:
+        """Return where descents from the best few points of each start end."""
+        rank = np.argsort(self._costs[list(starts)], axis=1, kind="stable")[:, :few].ravel()
+        owners = np.repeat(starts, few)
+        at = owners, rank
+        return self._descend(self._points[at], self._linear[at], self._tares[at], owners.tolist(), most)
+
+    def _further(self, places: Sequence[_Place], owners: Sequence[int]) -> list[_Settled]:
+        """Return where descents from places end."""
+        points = np.stack([place.point for place in places])
+        linear, tares = np.stack([p.linear for p in places]), np.stack([p.tares for p in places])
+        return self._descend(points, linear, tares, owners, _SHORT_ITERATIONS)
+
+    def _freed(self, ends: list[_Settled]) -> list[_Settled]:
+        """Return ends and, of those with a number on a bound, where a descent from mid-range ends.
+
+        A term that has died (a yield velocity beyond all speeds) leaves its numbers on bounds; from mid-range
+        it may come to life again.
+        """
+        stuck = [each for each in ends if self._box.stuck(each.place.point).any()]
+        if not stuck:
+            return ends
+        middle = 0.5 * (self._box.low + self._box.high)
+        free = [
+            replace(each.place, point=np.where(self._box.stuck(each.place.point), middle, each.place.point))
+            for each in stuck
+        ]
+        return [*ends, *self._further(free, [each.start for each in stuck])]
+
+    def _descend(
+        self, points: FloatArray, linear: FloatArray, tares: FloatArray, owners: Sequence[int], most: int
+    ) -> list[_Settled]:
+        descents = Descents(self._objective, points, linear, tares, most=most)
         descents.run()
-        np.add.at(spent, owner, descents.evaluations)
-        return [_Settled(_state(descents, k), descents.hessians[k], start) for k, start in enumerate(owner)]
-
-    def best_drawn(owner: Sequence[int], few: int, most: int) -> list[_Settled]:
-        each = np.repeat(owner, few)
-        rank = np.argsort(costs[owner], axis=1, kind="stable")[:, :few].ravel()
-        return descend([a[each, rank] for a in (drawn, linear, tares)], each.tolist(), most)
-
-    away = list(range(len(group)))
-    seen = 0
-    if len(group) > 1:
-        seen = min(count, _GLANCE)
-        look(away, range(seen))
-        quick = best_drawn(away, 1, _SHORT_ITERATIONS)
-        for each in quick:
-            settled[each.start].append(each)
-        least = min(each.order for each in quick)
-        home = [
-            each.start
-            for each in quick
-            if each.place.converged
-            and each.order <= (1.0 + _ALIKE) * least
-            and not box.stuck(each.place.point).any()
-        ]
-        if len(home) > 1 and 2 * len(home) >= len(group):
-            away = [start for start in away if start not in home]
-    if away:
-        look(away, range(seen, count))
-        tried = best_drawn(away, min(_DESCENDING, count // 8), _FEW_ITERATIONS)
-        finalists = [
-            each
-            for start in away
-            for each in sorted((t for t in tried if t.start == start), key=lambda t: t.order)[:_FINALISTS]
-        ]
-        owner = [each.start for each in finalists]
-        further = descend(_at(finalists), owner, _SHORT_ITERATIONS)
-        loose = [replace(each, place=freed) for each in further if (freed := _freed(box, each.place)) is not None]
-        if loose:
-            further += descend(_at(loose), [each.start for each in loose], _SHORT_ITERATIONS)
-        for each in further:
-            settled[each.start].append(each)
-    return _joined([min(each, key=lambda s: s.order) for each in settled], spent.tolist(), group.start)
+        np.add.at(self._spent, list(owners), descents.evaluations)
+        return [_Settled(_state(descents, k), descents.hessians[k], start) for k, start in enumerate(owners)]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -350,23 +375,6 @@ class _Settled:
     def order(self) -> float:
         """The cost, for comparison."""
         return self.place.cost if np.isfinite(self.place.cost) else np.inf
-
-
-def _at(ends: Sequence[_Settled]) -> list[FloatArray]:
-    """Return where descents ended: points, linear numbers, session offsets."""
-    return [np.stack([getattr(each.place, name) for each in ends]) for name in ("point", "linear", "tares")]
-
-
-def _freed(box: Box, place: _Place) -> _Place | None:
-    """Return a place with every number that sits on a bound put back to mid-range; None when none does.
-
-    A term that has died (a yield velocity beyond all speeds) leaves its numbers on bounds; from mid-range
-    it may come to life again.
-    """
-    stuck = box.stuck(place.point)
-    if not stuck.any():
-        return None
-    return replace(place, point=np.where(stuck, 0.5 * (box.low + box.high), place.point))
 
 
 def _joined(ends: Sequence[_Settled], spent: Sequence[int], begin: int) -> list[_Place]:

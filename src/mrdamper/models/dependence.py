@@ -236,7 +236,9 @@ class Hill:
         self, numbers: FloatArray, command: FloatArray, temperature: FloatArray
     ) -> tuple[FloatArray, Sequence[FloatArray]]:
         base, gain, half, exponent = numbers[:, :, None]
-        rise, log_u, free, free_at_reference = _hill_rise(command / self.reference, half / self.reference, exponent)
+        rise, log_u, free, free_at_reference = _hill_rise(
+            command / self.reference, half / self.reference, exponent
+        )
         log_h = np.log(half / self.reference)
         by_half = rise * (exponent / half) * (free_at_reference - free)
         # At zero command the rise (0) outweighs log u (-inf): the limit is 0.
@@ -257,7 +259,9 @@ class Hill:
 
     def _rise(self, command: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         return _hill_rise(
-            _array(command) / self.reference, _array(self.half_command / self.reference), _array(self.exponent)
+            _array(command) / self.reference,
+            _array(self.half_command / self.reference),
+            _array(self.exponent),
         )
 
     def with_numbers(self, numbers: Sequence[float]) -> Self:
@@ -483,10 +487,10 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 
 def _many_linear(
     form: ParameterLaw, numbers: FloatArray, command: FloatArray, temperature: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[FloatArray, Sequence[FloatArray]]:
     """Return value and gradient of many forms that are linear in all their numbers."""
     basis = form.gradient(command, temperature)
-    return numbers.T @ basis, basis
+    return numbers.T @ basis, list(basis)
 
 
 def _gradient(form: ParameterLaw, command: ArrayLike, temperature: ArrayLike | None) -> FloatArray:

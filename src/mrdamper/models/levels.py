@@ -96,7 +96,7 @@ class Levels:
             if moving.basis is None:
                 value, gradient = moving.form.many(numbers, self._command, self._temperature)
             else:
-                value, gradient = numbers.T @ moving.basis, moving.basis
+                value, gradient = numbers.T @ moving.basis, list(moving.basis)
             coefficients[:, :, moving.place] = value
             for k, row in moving.wanted:
                 combine[:, :, row, moving.column] = gradient[k]
