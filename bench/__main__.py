@@ -23,14 +23,24 @@ NAMES = (
     "identification",
     "temperature",
     "heating",
+    "heat_models",
     "tracking",
     "series_valve",
     "controller",
     "target",
     "growth",
+    "stream",
     "web",
 )
-SIZED = {"simulation", "identification", "growth"}  # take --full
+SIZED = {
+    "simulation",
+    "startup",
+    "identification",
+    "heating",
+    "controller",
+    "growth",
+    "stream",
+}  # take --full
 
 
 def main() -> None:
@@ -47,11 +57,19 @@ def main() -> None:
         "--page", action="store_true", help="write docs/benchmarks.md from bench/results.json"
     )
     parser.add_argument(
+        "--peers", action="store_true", help="make the environment of the peers that need one"
+    )
+    parser.add_argument(
         "--instructions", action="store_true", help="renew bench/instructions.json (valgrind)"
     )
     given = parser.parse_args()
     if given.page:
         page.write()
+        return
+    if given.peers:
+        from bench import peers
+
+        peers.make()
         return
     if given.instructions:
         from bench import instructions

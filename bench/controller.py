@@ -1,25 +1,51 @@
-"""One step of a controller: in C over many samples at once, and from Python sample by sample."""
+"""One step of a controller: in C over many samples, from Python, in an FMU under FMPy, in plain NumPy.
+
+All are given the same readings, and their commands are compared with ours: more than ``LIMIT`` of the largest
+command (root mean square) is disqualified. Where no current gives the wanted force the nearest one is a matter
+of the table's steps: those samples are left out of the comparison, for the peers that have no such table.
+What is made once (tables, compiling, unpacking) is not counted. The slow ones are timed on fewer samples.
+"""
 
 from __future__ import annotations
 
+import tempfile
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from bench.measure import Row, interleaved
-from mrdamper.control.controllers import ForceController, controllers_for
+from bench.measure import Asked, Row, absent, judged, timed
+from bench.plain import PlainBank
+from mrdamper.control.controllers import Flag, ForceController, controllers_for
 from mrdamper.control.protocol import Seen, Wanted
 from mrdamper.excitation import MOTIONS
+from mrdamper.export.c_code import c_files, sources_sha256
+from mrdamper.export.fmu import write_fmu
+from mrdamper.export.record import Verification
+from mrdamper.export.target import target_of
 from mrdamper.models.actuation import Actuation
-from mrdamper.models.damper import Damper
+from mrdamper.models.card import Evidence, ModelCard
+from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.dependence import Bipolynomial, Constant, Exponential, Polynomial, Tempered
 from mrdamper.models.laws import LAWS
 from mrdamper.models.temperature import Arrhenius
+from mrdamper.quantities import FloatArray
+from tests.control.slow_step import SlowController
 
-__all__ = ["run"]
+__all__ = ["DAMPER", "LIMIT", "run"]
 
-SHOWN = ("recommended", "recommended-causal", "recommended-adaptive", "paper", "pi")
+SHOWN = ("paper", "recommended", "recommended-causal", "recommended-adaptive", "pi")
 SAMPLES = 20_000
+LIMIT = 0.01  # of the largest command, root mean square
+MOST_NS = {
+    "paper, C loop": 200.0,
+    "paper, Python extension": 400.0,
+    "recommended, C loop": 1000.0,
+    "recommended, Python extension": 2000.0,
+}
 
 # A damper like the virtual rig's `nominal`: what is timed does not depend on its numbers.
 DAMPER = Damper(
@@ -43,21 +69,178 @@ DAMPER = Damper(
     actuation=Actuation(0.008, 0.0065, 0.003, 0.0035, largest_command=2.0, play=0.025),
     temperature_range=(288.15, 398.15),
 )
+ENVELOPE = OperatingEnvelope((0.0, 2.0), (-0.025, 0.025), (-0.5, 0.5), (288.15, 398.15))
+
+Job = Callable[[], FloatArray]
 
 
-def run() -> list[Row]:
-    """Return CPU of one step for some controllers, the readings made beforehand."""
-    made = {name: controllers_for(DAMPER)[name] for name in SHOWN}
-    rows = []
-    jobs = {f"{name}, C": partial(_all_at_once, each, _told(each)) for name, each in made.items()}
-    jobs |= {f"{name}, Python": partial(_one_by_one, each, *_readings(each)) for name, each in made.items()}
-    for name, spent in interleaved(jobs).items():
-        bar = {"recommended, C": "1000 ns", "recommended, Python": "2000 ns"}.get(name, "")
-        rows.append(Row(name, spent, 1e9 * spent / SAMPLES, bar=bar))
+@dataclass(frozen=True, slots=True)
+class _Contender:
+    """A way to run a controller, the samples that it is timed on, and whose command it is held against."""
+
+    name: str
+    make: Callable[[FloatArray], Job]
+    samples: int
+    like: ForceController
+    tolerant: bool = False  # leaves out samples whose target no current gives
+
+
+def run(*, full: bool = False) -> list[Row]:
+    """Return CPU of one step; ``full`` gives the slow contenders four times the samples."""
+    every = controllers_for(DAMPER)
+    rows: list[Row] = []
+    with tempfile.TemporaryDirectory() as folder:
+        for name in SHOWN:
+            rows += _side_by_side(name, list(_contenders(name, every[name], Path(folder), full=full)))
     return rows
 
 
-def _told(made: ForceController) -> np.ndarray:
+def _contenders(name: str, made: ForceController, folder: Path, *, full: bool) -> Iterator[_Contender]:
+    few = 4 if full else 1
+    yield _Contender(f"{name}, C loop", partial(_in_c, made), SAMPLES, made)
+    yield _Contender(f"{name}, Python extension", partial(_one_by_one, made), SAMPLES, made)
+    if name not in {"paper", "recommended"}:
+        return
+    single = replace(controllers_for(_card())[name], single=True)
+    yield _Contender(f"{name}, FMU in FMPy", partial(_in_fmpy, name, folder), few * 5_000, single)
+    if name == "paper":
+        plain = partial(_plain, lambda: PlainBank(DAMPER, made), lambda row: (row[0], row[2], row[3]))
+        yield _Contender(f"{name}, plain NumPy (bench/plain.py)", plain, few * 2_000, made, tolerant=True)
+        return
+    # The slow step has no table of the reach's: ours is asked without it too.
+    free = replace(made, numbers={**made.numbers, "reach": 0.0})
+    slow = partial(
+        _plain,
+        lambda: SlowController(DAMPER, made.period_s, made.preview_s, made.numbers["margin"]),
+        lambda row: (row[1], row[2], row[3]),
+    )
+    title = f"{name}, plain Python and SciPy's root search (tests/control/slow_step.py)"
+    yield _Contender(title, slow, few * 100, free, tolerant=True)
+
+
+def _side_by_side(group: str, contenders: list[_Contender]) -> list[Row]:
+    """Return a row for each way to run a controller; the C loop is the measure."""
+    jobs: dict[str, Job] = {}
+    rows: dict[str, Row] = {}
+    for each in contenders:
+        told = _told(each.like)[: each.samples]
+        try:
+            jobs[each.name] = each.make(told)
+        except ImportError as fault:
+            rows[each.name] = absent(each.name, fault, group)
+            continue
+        _, ours, flags = each.like.run(each.like.start(), told)
+        counted = (flags & int(Flag.INFEASIBLE)) == 0 if each.tolerant else np.ones(len(told), dtype=bool)
+        off = np.abs(jobs[each.name]() - ours)[counted] / each.like.numbers["largest"]
+        rms = float(np.sqrt(np.mean(off**2)))
+        said = f"{rms:.1e} of the largest command off ours rms, {off.max():.1e} at most"
+        rows[each.name] = Row(
+            each.name, accuracy=said if rms else "the same bits as ours", group=group, error=rms
+        )
+    sizes = {each.name: each.samples for each in contenders}
+    spent = timed(jobs)
+    first = next(iter(spent.values())).cpu_s / SAMPLES
+    for name, found in spent.items():
+        ns, most = 1e9 * found.cpu_s / sizes[name], MOST_NS.get(name)
+        row = replace(
+            rows[name],
+            cpu_s=found.cpu_s,
+            wall_s=found.wall_s,
+            spread=found.spread,
+            ns_per_sample=ns,
+            ratio=1e-9 * ns / first,
+            bar="" if most is None else f"{most:g} ns",
+            asked=() if most is None else (Asked(f"{name}, one step", most, ns, "ns"),),
+        )
+        rows[name] = judged(row, LIMIT)
+    return list(rows.values())
+
+
+# ------------------------------------------------------------------------------------ the contenders
+
+
+def _in_c(made: ForceController, told: FloatArray) -> Job:
+    return lambda: made.run(made.start(), told)[1]
+
+
+def _one_by_one(made: ForceController, told: FloatArray) -> Job:
+    wanted = [Wanted(row[0], row[1]) for row in told.tolist()]
+    seen = [Seen(row[2], row[3], row[4]) for row in told.tolist()]
+    command = np.empty(len(told))
+
+    def job() -> FloatArray:
+        state, step = made.start(), made.step
+        for k, (w, s) in enumerate(zip(wanted, seen, strict=True)):
+            state, command[k] = step(state, w, s)
+        return command
+
+    return job
+
+
+def _plain(make: Callable[[], Any], readings: Callable[[list[float]], tuple[float, ...]], told: FloatArray) -> Job:
+    given = [readings(row) for row in told.tolist()]
+    made = [make() for _ in range(12)]  # the tables are made once, not in the job
+
+    def job() -> FloatArray:
+        step = (made.pop() if made else make()).step
+        return np.array([step(*each) for each in given])
+
+    return job
+
+
+def _card() -> ModelCard:
+    seen = ({"name": "a", "split": "training", "rmse_N": 1.0, "nrmse_percent": 1.0},)
+    evidence = Evidence(runs=seen, method="varpro", cost=1.0, dataset_fingerprint="0")
+    return ModelCard(title="for the benchmark", damper=DAMPER, envelope=ENVELOPE, evidence=evidence)
+
+
+def _in_fmpy(name: str, folder: Path, told: FloatArray) -> Job:
+    """Step our exported FMU (FMI 3.0) as a master does: set the readings, do the step, get the command."""
+    import fmpy
+    from fmpy.fmi3 import FMU3Slave
+
+    target = target_of(_card(), content="controller", controller=name, name=name)
+    sources = sources_sha256(c_files(target))
+    passed = Verification(passed=True, sources_sha256=sources, precision=target.precision, samples=1)
+    path = folder / f"{name}.fmu"
+    write_fmu(target, path, version="3.0", verification=passed)
+    place = fmpy.extract(str(path), unzipdir=str(folder / name))
+    description = fmpy.read_model_description(place)
+    numbers = {each.name: each.valueReference for each in description.modelVariables}
+    fmu = FMU3Slave(
+        guid=description.guid,
+        modelIdentifier=description.coSimulation.modelIdentifier,
+        unzipDirectory=place,
+        instanceName=name,
+    )
+    fmu.instantiate()
+    fmu.enterInitializationMode(startTime=0.0)
+    if "use_wanted_force_ahead" in numbers:
+        fmu.setBoolean([numbers["use_wanted_force_ahead"]], [True])
+    fmu.exitInitializationMode()
+    start = fmu.getFMUState()
+    inputs = {"wanted_force": 0, "wanted_force_ahead": 1, "displacement": 2, "temperature": 3}
+    used = {key: column for key, column in inputs.items() if key in numbers}
+    references, columns = [numbers[key] for key in used], list(used.values())
+    rows, command, period = told[:, columns].tolist(), np.empty(len(told)), target.period_s
+    output = [numbers["current"]]
+
+    def job() -> FloatArray:
+        fmu.setFMUState(start)
+        put, step, get = fmu.setFloat64, fmu.doStep, fmu.getFloat64
+        for k, row in enumerate(rows):
+            put(references, row)
+            step(currentCommunicationPoint=k * period, communicationStepSize=period)
+            command[k] = get(output)[0]
+        return command.copy()
+
+    return job
+
+
+# ------------------------------------------------------------------------------------ the readings
+
+
+def _told(made: ForceController) -> FloatArray:
     t = made.period_s * np.arange(SAMPLES)
     motion, rng = MOTIONS["nonperiodic"], np.random.default_rng(1)
     rows = np.empty((SAMPLES, 5))
@@ -67,18 +250,3 @@ def _told(made: ForceController) -> np.ndarray:
     rows[:, 3] = 333.15 + 0.3 * rng.standard_normal(SAMPLES)
     rows[:, 4] = 0.9 * rows[:, 0]
     return rows
-
-
-def _readings(made: ForceController) -> tuple[list[Wanted], list[Seen]]:
-    rows = _told(made).tolist()
-    return [Wanted(row[0], row[1]) for row in rows], [Seen(row[2], row[3], row[4]) for row in rows]
-
-
-def _all_at_once(made: ForceController, rows: np.ndarray) -> None:
-    made.run(made.start(), rows)
-
-
-def _one_by_one(made: ForceController, wanted: list[Wanted], seen: list[Seen]) -> None:
-    state, step = made.start(), made.step
-    for w, s in zip(wanted, seen, strict=True):
-        state, _ = step(state, w, s)

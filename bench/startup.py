@@ -1,63 +1,147 @@
-"""Start-up: CPU of a fresh process, the bare interpreter's taken off an import; other libraries beside it."""
+"""Start-up: CPU of a fresh process, the bare interpreter's taken off an import; other libraries beside it.
+
+``predict`` is the whole command on a small card and a run of 1,000 samples: interpreter, libraries, reading,
+preparing, scoring, printing. The peers whose pins do not go with ours are started in an environment of their
+own (``peers``), with the same interpreter; their share of it is taken off in the same way.
+"""
 
 from __future__ import annotations
 
 import resource
 import subprocess
 import sys
-from functools import partial
+import tempfile
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
 from statistics import median, quantiles
 
+import numpy as np
+
+from bench import peers
 from bench.measure import Asked, Row, absent
 
 __all__ = ["run"]
 
-JOBS = {
-    "python -c pass": ["-c", "pass"],
-    "import mrdamper": ["-c", "import mrdamper"],
-    "mrdamper --help": [
-        "-c",
-        "import sys; sys.argv = ['mrdamper', '--help']; from mrdamper.app.cli import main; main()",
-    ],
-}
-PEERS = ("scipy.integrate", "control", "sysidentpy", "pybamm", "pybop", "jax", "numba", "diffrax")
-MOST_S = {"import mrdamper": 0.030, "mrdamper --help": 0.200}
+REPEATS = 7
+OURS, BESIDE = "ours", "a user would import instead"
+OTHERS = ("scipy.integrate", "jax", "numba", "diffrax")  # in our environment
+MOST_S = {"import mrdamper": 0.030, "mrdamper --help": 0.200, "mrdamper predict, a small card": 0.500}
+COMMAND = "import sys; sys.argv[0] = 'mrdamper'; from mrdamper.app.cli import main; main()"
 
 
-def _cpu(arguments: list[str]) -> float:
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    done = subprocess.run([sys.executable, *arguments], check=False, capture_output=True, text=True)
-    if done.returncode:
-        raise RuntimeError((done.stderr.strip().splitlines() or ["no message"])[-1])
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+@dataclass(slots=True)
+class _Job:
+    """A process to start; what it is measured by."""
+
+    command: list[str]
+    bare: str = ""  # the job whose time is taken off
+    group: str = OURS
+    version: str = ""
+    cpu: list[float] = field(default_factory=list)
+    wall: list[float] = field(default_factory=list)
+    fault: str = ""
+
+    def start(self) -> None:
+        """Run it once and keep its times."""
+        before, begin = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+        done = subprocess.run(self.command, check=False, capture_output=True, text=True)
+        wall, after = time.perf_counter() - begin, resource.getrusage(resource.RUSAGE_CHILDREN)
+        if done.returncode:
+            self.fault = (done.stderr.strip().splitlines() or ["no message"])[-1]
+            return
+        self.cpu.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
+        self.wall.append(wall)
 
 
-def run() -> list[Row]:
-    """Return CPU of starting; an import is net of the interpreter, the command is whole."""
-    jobs = JOBS | {f"import {name}": ["-c", f"import {name}"] for name in PEERS}
-    spent: dict[str, list[float]] = {name: [] for name in jobs}
-    failed: dict[str, str] = {}
-    for turn in range(8):
-        for name, job in {name: partial(_cpu, arguments) for name, arguments in jobs.items()}.items():
-            if name in failed:
-                continue
-            try:
-                value = job()
-            except RuntimeError as fault:
-                failed[name] = str(fault)
-                continue
-            if turn:
-                spent[name].append(value)
-    bare = median(spent["python -c pass"])
-    return [absent(name, failed[name]) if name in failed else _row(name, spent[name], bare) for name in jobs]
+def run(*, full: bool = False) -> list[Row]:
+    """Return CPU of starting, the processes taking turns; ``full`` doubles the turns."""
+    with tempfile.TemporaryDirectory() as name:
+        jobs = _jobs(Path(name))
+        for turn in range((2 if full else 1) * REPEATS + 1):
+            for job in jobs.values():
+                if not job.fault:
+                    job.start()
+            if not turn:  # the first one finds nothing in the system's cache
+                for job in jobs.values():
+                    job.cpu.clear()
+                    job.wall.clear()
+    return [
+        absent(title, job.fault, job.group) if job.fault else _row(title, job, jobs)
+        for title, job in jobs.items()
+    ]
 
 
-def _row(name: str, times: list[float], bare: float) -> Row:
-    less = bare if name.startswith("import") else 0.0
-    cpu = median(times) - less
-    low, _, high = quantiles(times, n=4, method="inclusive")
-    spread = ((low - less) / cpu, (high - less) / cpu) if cpu > 0.0 else None
-    most = MOST_S.get(name)
-    asked = () if most is None else (Asked(f"{name}, CPU", 1e3 * most, 1e3 * cpu, "ms"),)
-    return Row(name, cpu, ratio=median(times) / bare, asked=asked, spread=spread)
+def _jobs(folder: Path) -> dict[str, _Job]:
+    here, theirs = sys.executable, str(peers.interpreter())
+    card, measured = _small(folder)
+    jobs = {
+        "python -c pass": _Job([here, "-c", "pass"]),
+        "import mrdamper": _Job([here, "-c", "import mrdamper"], "python -c pass"),
+        "mrdamper --help": _Job([here, "-c", COMMAND, "--help"]),
+        "mrdamper predict, a small card": _Job([here, "-c", COMMAND, "predict", str(card), str(measured)]),
+        "import numpy": _Job([here, "-c", "import numpy"], "python -c pass", BESIDE),
+    }
+    for name in OTHERS:
+        jobs[f"import {name}"] = _Job([here, "-c", f"import {name}"], "python -c pass", BESIDE)
+    known, there = peers.versions(), peers.interpreter().is_file()
+    if there:
+        jobs[_BARE] = _Job([theirs, "-c", "pass"], group=BESIDE)
+    for name in peers.PEERS:
+        job = _Job([theirs, "-c", f"import {name}"], _BARE, BESIDE, known[name])
+        job.fault = "" if there else "no environment: python -m bench --peers makes it"
+        jobs[f"import {name}"] = job
+    return jobs
+
+
+_BARE = "python -c pass, in the peers' environment"
+
+
+def _row(title: str, job: _Job, jobs: dict[str, _Job]) -> Row:
+    less = median(jobs[job.bare].cpu) if job.bare else 0.0
+    cpu = median(job.cpu) - less
+    low, _, high = quantiles(job.cpu, n=4, method="inclusive")
+    most = MOST_S.get(title)
+    return Row(
+        title,
+        cpu,
+        ratio=median(job.cpu) / median(jobs["python -c pass"].cpu),
+        accuracy=job.version and f"version {job.version}",
+        bar="" if most is None else f"{1e3 * most:g} ms",
+        asked=() if most is None else (Asked(f"{title}, CPU", 1e3 * most, 1e3 * cpu, "ms"),),
+        group=job.group,
+        wall_s=median(job.wall),
+        spread=((low - less) / cpu, (high - less) / cpu) if cpu > 0.0 else None,
+    )
+
+
+def _small(folder: Path) -> tuple[Path, Path]:
+    """Write a small card and a run of 2 s at 500 Hz; return the two files."""
+    from mrdamper.models.card import Evidence, ModelCard, write_card
+    from mrdamper.models.damper import Damper, OperatingEnvelope
+    from mrdamper.models.dependence import Constant, Polynomial
+    from mrdamper.models.laws import LAWS
+
+    damper = Damper(
+        LAWS["bouc-wen"],
+        {
+            "viscosity": Constant(900.0),
+            "yield_force": Polynomial((60.0, 450.0)),
+            "rho": Constant(1500.0),
+            "kappa": Constant(-0.4),
+            "n": Constant(1.6),
+        },
+    )
+    seen = ({"name": "a", "split": "training", "rmse_N": 1.0, "nrmse_percent": 1.0},)
+    envelope = OperatingEnvelope((0.0, 2.0), (-0.015, 0.015), (-0.1, 0.1), None)
+    evidence = Evidence(runs=seen, method="varpro", cost=1.0, dataset_fingerprint="0")
+    card = ModelCard(title="small", damper=damper, envelope=envelope, evidence=evidence)
+    write_card(card, folder / "card.json")
+    t = np.arange(1000) / 500.0
+    speed = 0.01 * 4.0 * np.pi * np.cos(4.0 * np.pi * t)
+    noise = np.random.default_rng(0).standard_normal((2, len(t)))
+    columns = [t, 10.0 * np.sin(4.0 * np.pi * t) + 0.005 * noise[0]]
+    columns += [500.0 * np.tanh(speed / 0.01) + 900.0 * speed + 3.0 * noise[1], np.ones_like(t)]
+    head = "time_s,displacement_mm,force_N,current_A"
+    np.savetxt(folder / "run.csv", np.column_stack(columns), "%.6f", ",", header=head, comments="")
+    return folder / "card.json", folder / "run.csv"

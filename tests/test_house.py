@@ -92,7 +92,7 @@ def normalised(name: str) -> str:
     return re.sub(r"[-_.]+", "-", name).lower()
 
 
-LOCKS = ("requirements.lock", "requirements-test.lock", "requirements-bench.lock")
+LOCKS = ("requirements.lock", "requirements-test.lock", "requirements-bench.lock", "requirements-peers.lock")
 
 
 def lock_entries(name: str) -> dict[str, str]:
@@ -116,7 +116,7 @@ def test_a_lock_names_no_address_and_no_option(lock: str):
 
 def test_the_locks_of_tests_and_benchmarks_keep_the_versions_of_the_first():
     first = lock_entries("requirements.lock")
-    for lock in LOCKS[1:]:
+    for lock in LOCKS[1:3]:  # the peers' is of an environment of its own
         other = lock_entries(lock)
         assert {name: other[name] for name in first.keys() & other.keys()} == {
             name: first[name] for name in first.keys() & other.keys()
@@ -130,7 +130,7 @@ def test_the_locks_cover_every_requirement_of_the_project():
     wanted = [
         *project["project"]["dependencies"],
         *(requirement for each in extras.values() for requirement in each),
-        *project["dependency-groups"]["build"],
+        *(requirement for each in project["dependency-groups"].values() for requirement in each),
         *project["build-system"]["requires"],
     ]
     names = {normalised(re.split(r"[\[<>=!~; ]", requirement, maxsplit=1)[0]) for requirement in wanted}

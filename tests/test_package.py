@@ -46,6 +46,14 @@ def test_the_command_line_loads_none_of_the_heavy_libraries_before_a_job_starts(
     assert modules_after("import mrdamper.app.cli") & HEAVY == set()
 
 
+def test_a_card_is_scored_without_loading_what_fits_one():
+    """Nor Pint: ``mrdamper predict`` has half a second of CPU, measured by ``python -m bench startup``."""
+    loaded = modules_after("import mrdamper.app.predict_job, mrdamper.app.cli.terminal")
+    unwanted = {"scipy.optimize", "scipy.stats", "scipy.linalg", "pint", "polars", "jinja2", "matplotlib"}
+    assert loaded & unwanted == set()
+    assert "mrdamper.identify.variable_projection" not in loaded
+
+
 def test_importing_the_package_takes_at_most_30_ms_of_cpu():
     bare = cpu_ms(sys.executable, "-c", "pass")
     assert cpu_ms(sys.executable, "-c", "import mrdamper") - bare <= 30.0

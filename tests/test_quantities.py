@@ -4,11 +4,13 @@ import subprocess
 import sys
 
 import numpy as np
+import pint
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import constants
 
+from mrdamper import quantities
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, find_quantity, is_unit, read_only, spell_unit, to_si
 
@@ -32,6 +34,14 @@ from mrdamper.quantities import QUANTITIES, find_quantity, is_unit, read_only, s
 )
 def test_a_unit_is_as_large_as_it_is_defined(unit, role, size):
     assert to_si([0.0, 1.0, -2.5], unit, role) == pytest.approx([0.0, size, -2.5 * size], rel=1e-12)
+
+
+@pytest.mark.parametrize(("role", "unit"), quantities._USUAL)
+def test_the_units_that_are_converted_without_pint_are_pint_s(role, unit):
+    asked = pint.application_registry.Quantity
+    si = QUANTITIES[role].unit
+    line = [float(asked(x, unit).to(si).magnitude) for x in (0.0, 1.0)]
+    assert quantities._USUAL[role, unit] == (line[1] - line[0], line[0])
 
 
 @given(celsius=st.floats(-200.0, 1000.0))

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING
 from mrdamper.errors import ConvergenceError, EnvelopeError, InputError, MissingExtraError, MrdamperError
 
 if TYPE_CHECKING:
-    from mrdamper.app.api import assess, fit, predict
+    from mrdamper.app.api import assess, fit
+    from mrdamper.app.scoring import predict
     from mrdamper.data.prepare import prepare_run
     from mrdamper.data.readers import read_runs
     from mrdamper.data.records import Dataset, RigRun
@@ -52,7 +53,7 @@ _ROOM_OF = {
     "RigRun": "mrdamper.data.records",
     "assess": "mrdamper.app.api",
     "fit": "mrdamper.app.api",
-    "predict": "mrdamper.app.api",
+    "predict": "mrdamper.app.scoring",
     "prepare_run": "mrdamper.data.prepare",
     "read_card": "mrdamper.models.card_reading",
     "read_runs": "mrdamper.data.readers",

@@ -99,6 +99,18 @@ _SPELLINGS_OF_ROLE: Mapping[str, Mapping[str, str]] = MappingProxyType(
         "temperature": {"C": "degC", "F": "degF", "c": "degC", "f": "degF", "k": "K"},
     }
 )
+# Lines of the units that most files have, as Pint gives them (a test compares): Pint takes a while to load.
+_USUAL: Mapping[tuple[str, str], tuple[float, float]] = MappingProxyType(
+    {
+        ("time", "ms"): (1e-3, 0.0),
+        ("displacement", "mm"): (1e-3, 0.0),
+        ("velocity", "mm/s"): (1e-3, 0.0),
+        ("force", "kN"): (1e3, 0.0),
+        ("current", "mA"): (1e-3, 0.0),
+        ("voltage", "mV"): (1e-3, 0.0),
+        ("temperature", "degC"): (1.0, 273.15),
+    }
+)
 _UNIT = re.compile(r"[\w\s°℃%/*^·².+()-]{1,32}")  # longer, or of other signs, is no unit
 
 
@@ -153,6 +165,9 @@ def to_si(values: ArrayLike, unit: str, role: str) -> FloatArray:
 @cache
 def _line_to_si(spelled: str, role: str, found: str) -> tuple[float, float]:
     """Return (scale, zero) of the straight line from a unit to the role's SI unit."""
+    usual = _USUAL.get((role, spelled))
+    if usual is not None:
+        return usual
     import tokenize
 
     import pint

@@ -144,12 +144,12 @@ def test_wrong_usage_ends_with_exit_code_2(arguments, tmp_path):
 
 
 def test_an_internal_fault_ends_with_exit_code_1_and_no_traceback(monkeypatch, capsys, folder):
-    from mrdamper.app import cli, jobs
+    from mrdamper.app import cli, predict_job
 
     def broken(*_args, **_options):
         raise ZeroDivisionError("made for this test")
 
-    monkeypatch.setattr(jobs, "predict", broken)
+    monkeypatch.setattr(predict_job, "predict", broken)
     monkeypatch.setattr(sys, "argv", ["mrdamper", "predict", "card.json", "run.csv"])
     with pytest.raises(SystemExit) as left:
         cli.main()

@@ -203,7 +203,10 @@ def test_assumed_temperature_laws_are_marked(folder):
 def test_temperatures_beyond_the_card_s_are_said(folder):
     card = read_card(folder / "card.json")
     run = heat_damper(card, read_drawing(DRAWING), read_duty(HALF_HOUR), start_degC=-10.0)
-    assert any("the card was identified from 20.0 to 130.0 degC" in note for note in run.notes)
+    assert any("identified from 20.0 to 130.0 degC, and beyond that its temp" in note for note in run.notes)
+    held = replace(card, damper=replace(card.damper, temperature_range=(288.15, 408.15)))
+    run = heat_damper(held, read_drawing(DRAWING), read_duty(HALF_HOUR), start_degC=-10.0)
+    assert any("below 15 or above 135 degC its coefficients keep" in note for note in run.notes)
     assert heat_damper(card, read_drawing(DRAWING), read_duty(HALF_HOUR)).notes == ()
 
 

@@ -140,7 +140,7 @@ def test_results_of_another_plan_are_not_taken(folder: Path, reference: bytes):
     assert reference
     other = folder / "other.toml"
     other.write_text(TOLERANCE.replace("seed = 7", "seed = 8"), encoding="utf-8")
-    with pytest.raises(InputError, match="results of another plan"):
+    with pytest.raises(InputError, match="another run .another plan, seed"):
         sweep(other, folder / "one", workers=1, resume=True)
     with pytest.raises(InputError, match="holds results of a sweep"):
         sweep(folder / "tolerance.toml", folder / "one", workers=1)
@@ -158,6 +158,46 @@ def test_a_cluster_that_loses_a_worker_gives_what_one_process_gives(folder: Path
         sweep(folder / "tolerance.toml", folder / "dask", scheduler=cluster.scheduler_address)
         killer.join()
     assert (folder / "dask" / "sweep.json").read_bytes() == reference
+
+
+@pytest.mark.long
+def test_a_cluster_that_loses_a_worker_every_five_seconds_gives_what_one_process_gives(folder: Path):
+    """One process, two processes and two Dask workers, one of them killed every 5 s: the same bytes."""
+    distributed = pytest.importorskip("distributed")
+    plan = folder / "many.toml"
+    plan.write_text(
+        TOLERANCE.replace("draws = 5", "draws = 60").replace("[60]", "[20, 60, 100]"), encoding="utf-8"
+    )
+    for workers in (1, 2):
+        sweep(plan, folder / f"many-{workers}", workers=workers)
+    expected = (folder / "many-1" / "sweep.json").read_bytes()
+    assert (folder / "many-2" / "sweep.json").read_bytes() == expected
+    done, killed = threading.Event(), list[int]()
+
+    def kill_every_five_seconds() -> None:
+        while not done.wait(5.0):
+            workers = [nanny.process.pid for nanny in cluster.workers.values() if nanny.process.pid]
+            workers = [pid for pid in workers if pid not in killed]
+            if workers:
+                chosen = workers[len(killed) % len(workers)]
+                os.kill(chosen, signal.SIGKILL)
+                killed.append(chosen)
+
+    begun = time.monotonic()
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
+    ) as cluster:
+        killer = threading.Thread(target=kill_every_five_seconds)
+        killer.start()
+        try:
+            answer = sweep(plan, folder / "many-dask", scheduler=cluster.scheduler_address)
+        finally:
+            done.set()
+            killer.join()
+    seconds = time.monotonic() - begun
+    print(f"{len(killed)} workers killed in {seconds:.0f} s, {len(answer['rows'])} of 60 results")
+    assert len(killed) >= 4
+    assert (folder / "many-dask" / "sweep.json").read_bytes() == expected
 
 
 def test_no_scheduler_is_one_message(folder: Path, monkeypatch: pytest.MonkeyPatch):

@@ -456,3 +456,5 @@ def test_a_direction_of_three_is_said_in_one_sentence() -> None:
         "by 10 % and raising c.value by 0.5, the others following, changes the fit by less than the noise "
         "(error 2.0000 % before, 2.0001 % after)."
     )
+    stuck = replace(found, changes=(0.0, 0.0, 0.0))
+    assert sentence(stuck) == "The data cannot tell a.value, b.value and c.value apart."

@@ -6,11 +6,15 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from mrdamper.app.api import Identification, finite, row
-from mrdamper.identify.assess import Assessment, LawScore, LeftOut, RunError, summary
-from mrdamper.identify.identifiability import sentence
-from mrdamper.identify.problem import Estimate
+from mrdamper.app.scoring import finite, row
+from mrdamper.identify.scores import RunError, summary
+
+if TYPE_CHECKING:  # scores are told without loading what fits
+    from mrdamper.app.api import Identification
+    from mrdamper.identify.assess import Assessment, LawScore, LeftOut
+    from mrdamper.identify.problem import Estimate
 
 __all__ = ["Json", "by_temperature", "identification", "line", "summaries"]
 
@@ -101,6 +105,8 @@ def _actuation(fitted: Identification) -> Json | None:
 
 def _identifiability(judged: Assessment) -> Json | None:
     """Return what the data cannot tell apart, with the profile and the bootstrap where they were made."""
+    from mrdamper.identify.identifiability import sentence
+
     direction, profile, bootstrap = judged.direction, judged.profile, judged.bootstrap
     if direction is None:
         return None

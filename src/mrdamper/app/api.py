@@ -13,21 +13,21 @@ from __future__ import annotations
 
 import inspect
 import time
-import warnings
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
 from typing import Literal
 
 import numpy as np
 
-from mrdamper.data.prepare import Preparation, PreparedRun, decimate, prepare_run
-from mrdamper.data.readers import told_at_once
+from mrdamper.app.scoring import at_reference, finite, predict, prepare_all, row
+from mrdamper.data.prepare import Preparation, PreparedRun, decimate
 from mrdamper.data.records import Dataset, RigRun
-from mrdamper.errors import EnvelopeWarning, InputError
+from mrdamper.errors import InputError
 from mrdamper.identify.actuation import ActuationFit, fit_actuation
-from mrdamper.identify.assess import Assessment, Kind, RunError, score_run
+from mrdamper.identify.assess import Assessment, Kind
 from mrdamper.identify.assess import assess as assess_fit
+from mrdamper.identify.ledger import Ledger, keep_fit, recall_fit
 from mrdamper.identify.problem import Estimate, FitProblem, FitResult, envelope_of
 from mrdamper.identify.tempering import TEMPERATURES, FluidFactors, Temperature, settled
 from mrdamper.identify.templates import command_levels, template
@@ -36,7 +36,6 @@ from mrdamper.models.card import Evidence, Excerpt, ModelCard, cut_excerpt
 from mrdamper.models.damper import Damper
 from mrdamper.models.laws import LAWS, HysteresisLaw, PythonLaw, find_law
 from mrdamper.models.simulate import simulate
-from mrdamper.models.temperature import REFERENCE_K
 
 __all__ = ["METHODS", "Identification", "Law", "Method", "assess", "fit", "predict", "resolve_law", "row"]
 
@@ -136,6 +135,7 @@ def fit(  # noqa: PLR0913 - the options of a fit, by keyword
     coil_resistance_ohm: float | None = None,
     preparation: Preparation | None = None,
     report: Report | None = None,
+    ledger: Ledger | None = None,
 ) -> Identification:
     """Fit one law to all runs that are not held out, over all their commands and temperatures at once.
 
@@ -157,6 +157,7 @@ def fit(  # noqa: PLR0913 - the options of a fit, by keyword
     fluid : its temperature laws are assumed; runs without a temperature channel count as at 20 degC
     coil_resistance_ohm : at 20 degC, for the card (measured with an ohmmeter)
     report : told of every step
+    ledger : recalls and keeps what the search has finished (``identify.ledger``); of one fit only
 
     Raises
     ------
@@ -176,7 +177,7 @@ def fit(  # noqa: PLR0913 - the options of a fit, by keyword
     prepared = prepare_all(training, how)
     unseen = prepare_all(held_out, how)
     if fluid is not None:
-        prepared, unseen = (tuple(map(_at_reference, runs)) for runs in (prepared, unseen))
+        prepared, unseen = (tuple(map(at_reference, runs)) for runs in (prepared, unseen))
     chosen, python_law = resolve_law(usual_law(prepared) if law is None else law)
     steady, stepping = split_by_command(prepared)
     damper, free = template(
@@ -184,12 +185,18 @@ def fit(  # noqa: PLR0913 - the options of a fit, by keyword
     )
     problem = FitProblem(damper, free, steady, session_offsets)
     prepared_in = time.process_time() - clock
-    if method == "varpro":
+    known = None if ledger is None else recall_fit(ledger, "fit", damper)
+    if known is not None:
+        result = known
+    elif method == "varpro":
         result = fit_variable_projection(problem, starts=starts, seed=seed, report=report)
     else:
         from mrdamper.identify.population import fit_cma, fit_genetic
 
-        result = (fit_genetic if method == "genetic" else fit_cma)(problem, seed=seed, report=report)
+        search = fit_genetic if method == "genetic" else fit_cma
+        result = search(problem, seed=seed, report=report, ledger=ledger)
+    if known is None and ledger is not None:
+        keep_fit(ledger, "fit", damper, result)
     if fluid is not None:
         result = replace(result, damper=settled(result.damper))
     spent, actuation = prepared_in + result.cpu_s, None
@@ -210,6 +217,7 @@ def assess(
     draws: int = 0,
     seed: int | None = None,
     report: Report | None = None,
+    ledger: Ledger | None = None,
 ) -> Assessment:
     """Judge a fit: error by run, passivity, what the data cannot tell apart, and all in words.
 
@@ -226,42 +234,7 @@ def assess(
         draws=draws,
         seed=fitted.result.seed if seed is None else seed,
         report=report,
-    )
-
-
-def predict(
-    model: ModelCard | Damper | Identification,
-    runs: Dataset | Iterable[RigRun],
-    *,
-    preparation: Preparation | None = None,
-) -> tuple[RunError, ...]:
-    """Return the force error of a model on runs, at full rate, no offset removed.
-
-    The runs are prepared as the card says. A run that the card was identified on (same name, same error)
-    is marked ``training``, any other ``held_out``. Runs outside the card's envelope are scored all the same,
-    with one ``EnvelopeWarning`` that says how far.
-    """
-    seen: dict[str, float] = {}
-    if isinstance(model, ModelCard):
-        preparation = preparation or Preparation.from_dict(model.preparation)
-        seen = {run["name"]: run["rmse_N"] for run in model.evidence.runs if run["split"] == "training"}
-    elif isinstance(model, Identification):
-        preparation = preparation or model.preparation
-        seen = {run.name: np.nan for run in model.training}
-    damper = model if isinstance(model, Damper) else model.damper
-    prepared = prepare_all(runs, preparation or Preparation())
-    if damper.assumed and len(damper.assumed) == sum(f.tempered for f in damper.coefficients.values()):
-        prepared = tuple(map(_at_reference, prepared))
-    if isinstance(model, ModelCard):
-        outside = outside_envelope(model, prepared)
-        if outside:
-            warnings.warn("; ".join(outside), EnvelopeWarning, stacklevel=2)
-    errors = (score_run(damper, run) for run in prepared)
-    return tuple(
-        replace(error, split="training")
-        if error.name in seen and not abs(error.rmse_N - seen[error.name]) > 1e-6 * error.rmse_N
-        else error
-        for error in errors
+        ledger=ledger,
     )
 
 
@@ -285,42 +258,6 @@ def split_by_command(
     return steady, tuple(run for run in runs if run.run.constant_command is None)
 
 
-def outside_envelope(card: ModelCard, runs: Sequence[PreparedRun]) -> list[str]:
-    """Say where runs leave what the card was identified on, one sentence per quantity, with numbers."""
-    seen = card.envelope
-    said = []
-    for what, unit, scale, shift, allowed in (
-        ("command", card.damper.command_unit, 1.0, 0.0, seen.command),
-        ("displacement", "mm", 1e3, 0.0, seen.displacement),
-        ("velocity", "mm/s", 1e3, 0.0, seen.velocity),
-        ("temperature", "degC", 1.0, -273.15, seen.temperature),
-    ):
-        tracks = {run.name: getattr(run.trajectory, what) for run in runs}
-        known = {name: (float(t.min()), float(t.max())) for name, t in tracks.items() if t is not None}
-        if allowed is None or not known:
-            continue
-        slack = 5.0 if what == "temperature" else 0.05 * max(map(abs, allowed))
-        beyond = {n: e for n, e in known.items() if e[0] < allowed[0] - slack or e[1] > allowed[1] + slack}
-        if not beyond:
-            continue
-        low, high = min(e[0] for e in beyond.values()), max(e[1] for e in beyond.values())
-        told = [f"{scale * end + shift:.4g}" for end in (low, high, *allowed)]
-        held = "; coefficients keep their value at the edge" if what == "temperature" else ""
-        said.append(
-            f"{what} is {told[0]} to {told[1]} {unit} in {len(beyond)} of {len(runs)} runs (the first: "
-            f"{next(iter(beyond))}); the card was identified on {told[2]} to {told[3]} {unit}{held}"
-        )
-    return said
-
-
-def _at_reference(run: PreparedRun) -> PreparedRun:
-    """Return a run without a temperature channel as one at 20 degC."""
-    if run.trajectory.temperature is not None:
-        return run
-    warm = np.full(len(run), REFERENCE_K)
-    return replace(run, trajectory=replace(run.trajectory, temperature=warm))
-
-
 def resolve_law(law: Law) -> tuple[HysteresisLaw, str | None]:
     """Return a law, and where it comes from (``file.py:Class``) when it is a user's own.
 
@@ -342,34 +279,6 @@ def resolve_law(law: Law) -> tuple[HysteresisLaw, str | None]:
     return law_from_python(own), _place_of(own)
 
 
-def row(error: RunError) -> dict[str, object]:
-    """Return a run's error as JSON takes it, the contract's keys first."""
-    values = asdict(error)
-    first = ("name", "split", "rmse_N", "nrmse_percent", "nrmse_whole_percent", "nrmse_offset_free_percent")
-    current = error.command if error.command_unit == "A" else None
-    return {
-        **{key: values.pop(key) for key in first},
-        "command": values.pop("command"),
-        "command_unit": values.pop("command_unit"),
-        "current_A": current,
-        "temperature_degC": values.pop("temperature_degC"),
-        **values,
-    }
-
-
-def prepare_all(runs: Iterable[RigRun], preparation: Preparation) -> tuple[PreparedRun, ...]:
-    """Prepare every run; what is wrong with them is told at once."""
-    prepared, faults = [], []
-    for run in runs:
-        try:
-            prepared.append(prepare_run(run, preparation))
-        except InputError as fault:
-            faults.append(str(fault))
-    if faults:
-        raise InputError(told_at_once(faults))
-    return tuple(prepared)
-
-
 def versions() -> dict[str, str]:
     """Return the versions that a result depends on."""
     found = {}
@@ -379,11 +288,6 @@ def versions() -> dict[str, str]:
         except PackageNotFoundError:  # run from a source tree that is not installed
             found[name] = "unknown"
     return found
-
-
-def finite(value: float) -> float | None:
-    """Return a number that JSON can hold, None for what is not finite."""
-    return float(value) if np.isfinite(value) else None
 
 
 def _place_of(law: PythonLaw) -> str:

@@ -10,10 +10,11 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from mrdamper.app.answers import Json
-from mrdamper.app.api import finite, resolve_law
+from mrdamper.app.api import resolve_law
 from mrdamper.app.characterisation import in_degrees
 from mrdamper.app.comparison import SIDES, Comparison, compare_cards
 from mrdamper.app.outputs import staged, write_json
+from mrdamper.app.scoring import finite
 from mrdamper.errors import InputError
 from mrdamper.models.card import ModelCard
 from mrdamper.models.card_reading import read_card

@@ -16,14 +16,16 @@ from pathlib import Path
 from typing import TypeVar
 
 from mrdamper.app.answers import Json
-from mrdamper.app.api import finite
 from mrdamper.app.heat_job import heat_damper, write_heat
 from mrdamper.app.outputs import staged
+from mrdamper.app.scoring import finite
 from mrdamper.errors import EnvelopeWarning
 from mrdamper.excitation import Sine
 from mrdamper.models.card_reading import read_card
+from mrdamper.thermal.curve import read_curve
 from mrdamper.thermal.design import HeatedDamper
 from mrdamper.thermal.drawing import DamperDrawing, read_drawing, read_sink
+from mrdamper.thermal.drawing_file import calibrated_text, text_of
 from mrdamper.thermal.duty import Duty, Stretch, read_duty, stretch_of
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.materials import find_material
@@ -126,9 +128,14 @@ def heat_changed(  # noqa: PLR0913 - the options of a heating job, by keyword
     past_limit: bool = False,
     model: Model = "zones",
     start_degC: float | None = None,
+    calibrate: Path | None = None,
     by_field: bool = True,
 ) -> Json:
-    """Do the heating job with another sink or in other surroundings than the drawing's; files as ever."""
+    """Do the heating job with another sink or in other surroundings than the drawing's; files as ever.
+
+    ``calibrate`` is a curve that was measured in those surroundings; the drawing that follows it goes to
+    calibrated.toml, with the surroundings that the drawing itself has.
+    """
     drawing = read_drawing(damper)
     if sink is not None:
         drawing = drawing.with_sink(read_sink(sink))
@@ -139,10 +146,23 @@ def heat_changed(  # noqa: PLR0913 - the options of a heating job, by keyword
         past_limit=past_limit,
         model=model,
         start_degC=start_degC,
+        measured=None if calibrate is None else read_curve(calibrate),
         by_field=by_field,
     )
     with staged(out) as beside:
-        return write_heat(run, card, damper, beside, out)
+        answer = write_heat(run, card, damper, beside, out)
+        if run.calibrated is not None:
+            (beside / "calibrated.toml").write_text(
+                calibrated_text(
+                    text_of(damper),
+                    run.calibrated.entries,
+                    f"{Path(damper).name}, calibrated by {run.calibrated.curve.name}",
+                    sink_text=None if sink is None else text_of(sink),
+                ),
+                encoding="utf-8",
+            )
+            answer["drawing"] = str(out / "calibrated.toml")
+        return answer
 
 
 def damper_facts(damper: str, shown: str) -> Json:

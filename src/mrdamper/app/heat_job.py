@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from mrdamper.app.answers import Json
-from mrdamper.app.api import finite
 from mrdamper.app.outputs import staged, write_json, write_table
+from mrdamper.app.scoring import beyond_in_words, finite
 from mrdamper.errors import EnvelopeWarning, InputError, MissingExtraError
 from mrdamper.models.card import ModelCard
 from mrdamper.models.card_reading import read_card
@@ -271,7 +271,7 @@ def _warm_notes(card: ModelCard, rise: Rise) -> list[str]:
     told = [f"{kelvin - _ZERO_CELSIUS_K:.1f}" for kelvin in (low, high, *known)]
     return [
         f"the fluid goes from {told[0]} to {told[1]} degC; the card was identified from {told[2]} to "
-        f"{told[3]} degC, and 5 K beyond that its force is held at the edge's"
+        f"{told[3]} degC, {beyond_in_words(card.damper)}"
     ]
 
 

@@ -6,27 +6,28 @@ Keys that scripts rely on: docs/architecture.md. Nothing is printed here.
 
 from __future__ import annotations
 
-import warnings
+import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from mrdamper.app import answers
 from mrdamper.app.answers import Json
-from mrdamper.app.api import Identification, Method, fit, resolve_law, row
+from mrdamper.app.api import Identification, Method, fit, versions
 from mrdamper.app.api import assess as assess_fit
-from mrdamper.app.api import predict as predict_runs
+from mrdamper.app.checkpoint import Tell, checkpointed
+from mrdamper.app.inputs import read_dataset
 from mrdamper.app.interrupts import Interrupted, interrupt_ends_all
 from mrdamper.app.outputs import staged, write_table
+from mrdamper.app.predict_job import predict
+from mrdamper.app.scoring import row
 from mrdamper.data.prepare import Preparation
-from mrdamper.data.readers import read_runs
 from mrdamper.data.records import Dataset
-from mrdamper.errors import EnvelopeWarning, InputError
 from mrdamper.identify.assess import Assessment, Kind, LawScore, choose_law
+from mrdamper.identify.ledger import Ledger, Section
 from mrdamper.identify.tempering import Temperature
 from mrdamper.identify.variable_projection import Report
 from mrdamper.models.card import write_card
-from mrdamper.models.card_reading import read_card
 from mrdamper.models.fluid import find_fluid
 from mrdamper.models.laws import LAWS
 
@@ -40,6 +41,9 @@ __all__ = [
     "run_identification",
     "write_identification",
 ]
+
+
+_CUT_SHORT = "interrupted while fitting again: the first fit is whole, what was to follow is not there"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,45 +73,47 @@ def identify(
     *,
     channels: Path | None = None,
     flip_force: bool = False,
+    resume: bool | None = None,
+    tell: Tell | None = None,
     report: Report | None = None,
 ) -> Json:
-    """Read runs, fit, assess; write card.json, report.html and errors.csv into ``out``."""
+    """Read runs, fit, assess; write card.json, report.html and errors.csv into ``out``.
+
+    Parameters
+    ----------
+    resume : go on with what a run of the same data and options had finished; False: begin anew, but keep what
+        is finished; None: keep nothing (``checkpoint``)
+    tell : told what is done with an earlier run's progress
+    """
     dataset = read_dataset(paths, channels, flip_force=flip_force)
     sources = tuple(dict.fromkeys(Path(run.source).name for run in dataset if run.source))
-    with staged(out) as beside:
-        return run_identification(dataset, beside, out, options, sources=sources, report=report)
-
-
-def predict(
-    card: Path,
-    paths: Sequence[str | Path],
-    *,
-    channels: Path | None = None,
-    law: str | None = None,
-    out: Path | None = None,
-    flip_force: bool = False,
-) -> Json:
-    """Score a card on runs, prepared as the card says; with ``out`` write errors.csv there.
-
-    ``law`` is the ``file.py:Class`` of a user's own law, for a card that was identified with one.
-    """
-    model = read_card(card, python_law=None if law is None else resolve_law(law)[0])
-    dataset = read_dataset(paths, channels, flip_force=flip_force)
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", EnvelopeWarning)
-        errors = predict_runs(model, dataset)
-    answer: Json = {
-        "card": str(card),
-        "law": model.damper.law.name,
-        "runs": [row(error) for error in errors],
-        "summary": answers.summaries(errors),
-        "by_temperature": answers.by_temperature(errors),
-        "notes": [str(each.message) for each in caught if issubclass(each.category, EnvelopeWarning)],
-    }
-    if out is not None:
+    head = {} if resume is None else _decisive(dataset, options)
+    with checkpointed(out, head, resume=resume, tell=tell) as kept:
         with staged(out) as beside:
-            write_table(beside / "errors.csv", [row(error) for error in errors])
-    return answer
+            answer = run_identification(
+                dataset, beside, out, options, sources=sources, report=report, ledger=kept
+            )
+        if kept is not None:
+            kept.finished = not answer["cancelled"] and _CUT_SHORT not in str(answer["notes"])
+        return answer
+
+
+def _decisive(dataset: Dataset, options: FitOptions) -> Json:
+    """Return all that decides what a fit comes to; progress is taken up only where this is the same."""
+    digest = hashlib.sha256(dataset.fingerprint.encode())
+    for run in dataset:
+        digest.update(f"{run.name}\0{run.session}\0{run.motion}\0".encode())
+    if options.law is not None and ".py:" in options.law:
+        digest.update(Path(options.law.rpartition(":")[0]).read_bytes())
+    if options.fluid is not None:
+        digest.update(repr(find_fluid(options.fluid)).encode())
+    return {
+        "job": "identify",
+        "program": versions(),
+        "data": digest.hexdigest(),
+        "options": {key: value for key, value in asdict(options).items() if key != "seed"},
+        "seed": options.seed,
+    }
 
 
 def data_list() -> list[Json]:
@@ -141,7 +147,7 @@ def data_fetch(name: str) -> Json:
 # ------------------------------------------------------------------------------------------- identify
 
 
-def run_identification(
+def run_identification(  # noqa: PLR0913 - what a job is told, by keyword
     dataset: Dataset,
     beside: Path,
     out: Path,
@@ -151,12 +157,13 @@ def run_identification(
     simulated: str = "",
     title: str = "",
     report: Report | None = None,
+    ledger: Ledger | None = None,
 ) -> Json:
     """Fit, assess and write into ``beside`` what will lie in ``out``."""
     table: tuple[LawScore, ...] = ()
     law = options.law
     if law == "auto":
-        table = _compare(dataset, options, report)
+        table = _compare(dataset, options, report, ledger)
         law = table[0].law
     fitted = fit(
         dataset,
@@ -172,8 +179,9 @@ def run_identification(
         fluid=None if options.fluid is None else find_fluid(options.fluid),
         coil_resistance_ohm=options.coil_resistance_ohm,
         report=report,
+        ledger=ledger,
     )
-    fitted, judged = _assessed(fitted, options, report)
+    fitted, judged = _assessed(fitted, options, report, ledger)
     return write_identification(
         fitted, judged, beside, out, law_table=table, sources=sources, simulated=simulated, title=title
     )
@@ -210,9 +218,12 @@ def write_identification(
     return answer | {"findings": [dict(finding.to_dict()) for finding in findings]}
 
 
-def _compare(dataset: Dataset, options: FitOptions, report: Report | None) -> tuple[LawScore, ...]:
+def _compare(
+    dataset: Dataset, options: FitOptions, report: Report | None, ledger: Ledger | None
+) -> tuple[LawScore, ...]:
     """Compare all laws on the training runs, one motion left out; held-out runs are not looked at."""
-    from mrdamper.app.api import prepare_all, split_by_command
+    from mrdamper.app.api import split_by_command
+    from mrdamper.app.scoring import prepare_all
 
     training = dataset.split(options.hold_out)[0] if options.hold_out else dataset
     with interrupt_ends_all():
@@ -224,11 +235,12 @@ def _compare(dataset: Dataset, options: FitOptions, report: Report | None) -> tu
             one_command=options.one_command,
             temperature="none" if options.fluid is not None else options.temperature,
             report=report,
+            ledger=Section(ledger, "laws"),
         )
 
 
 def _assessed(
-    fitted: Identification, options: FitOptions, report: Report | None
+    fitted: Identification, options: FitOptions, report: Report | None, ledger: Ledger | None
 ) -> tuple[Identification, Assessment]:
     """Assess a fit; an interrupt while fitting or while leaving runs out keeps the fit and skips the rest."""
     more = options.leave_out or options.profiled or options.draws
@@ -241,21 +253,9 @@ def _assessed(
                     profiled=options.profiled,
                     draws=options.draws,
                     report=report,
+                    ledger=Section(ledger, "assessment"),
                 )
         except Interrupted:
-            note = "interrupted while fitting again: the first fit is whole, what was to follow is not there"
-            fitted = replace(fitted, result=replace(fitted.result, notes=(*fitted.result.notes, note)))
+            notes = (*fitted.result.notes, _CUT_SHORT)
+            fitted = replace(fitted, result=replace(fitted.result, notes=notes))
     return fitted, assess_fit(fitted)
-
-
-# ------------------------------------------------------------------------------------------- files
-
-
-def read_dataset(paths: Sequence[str | Path], channels: Path | None, *, flip_force: bool = False) -> Dataset:
-    """Read the runs in files and folders; refuse when there is none."""
-    dataset = read_runs(list(paths), channels)
-    if not len(dataset):
-        raise InputError(f"{', '.join(map(str, paths))}: no runs found; expected files such as run.csv")
-    if flip_force:
-        dataset = Dataset(tuple(replace(run, force=-run.force) for run in dataset))
-    return dataset

@@ -7,17 +7,15 @@ Nothing is written.
 from __future__ import annotations
 
 import json
+import math
+import tempfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mrdamper.app.answers import Json
-from mrdamper.app.api import finite
 from mrdamper.data.channels import ChannelMap, parse_header
-from mrdamper.data.diagnosis.diagnose import diagnose
-from mrdamper.data.prepare import PreparedRun, prepare_run
 from mrdamper.data.readers import RigFile, map_beside, read_file, runs_in
 from mrdamper.data.records import Recording
 from mrdamper.data.tables import Table, read_table
@@ -25,7 +23,12 @@ from mrdamper.errors import InputError, MrdamperError
 from mrdamper.files import parse_toml, read_toml
 from mrdamper.quantities import FloatArray, to_si
 
-__all__ = ["channels_toml", "findings_in", "look", "look_into", "run_row"]
+if TYPE_CHECKING:  # heavy, and not needed for a glance
+    from mrdamper.data.prepare import PreparedRun
+
+__all__ = ["channels_toml", "findings_in", "glance", "look", "look_into", "run_row"]
+
+Json = dict[str, Any]
 
 _FIRST = 12  # values of a column that are shown
 _BUCKETS = 32  # of a thumbnail
@@ -33,6 +36,9 @@ _MOST_COLUMNS = 64
 _MOST_TEXT = 120  # characters of a cell
 _MOST_RUNS = 200
 _QUICKLY = 200_000  # samples that are diagnosed while somebody waits
+_GLANCE = 1 << 18  # bytes of a text that are looked at while somebody waits
+_LARGE = 1 << 21  # bytes from which on a file is worth a glance
+_TEXTS = (".csv", ".tsv", ".txt", ".dat", ".asc")
 _ZERO_CELSIUS_K = 273.15
 
 
@@ -54,6 +60,8 @@ def look(path: Path, given: Mapping[str, Any] | None = None) -> Json:
     described = [run_row(recording) for recording in read.recordings[:_MOST_RUNS]]
     answer["runs"] = [{**row, "file": path.name} for row, _ in described]
     if sum(map(len, read.recordings)) <= _QUICKLY:
+        from mrdamper.data.diagnosis.diagnose import diagnose
+
         answer["checked"] = True
         answer["findings"] = [
             dict(finding.to_dict())
@@ -61,6 +69,37 @@ def look(path: Path, given: Mapping[str, Any] | None = None) -> Json:
             for finding in diagnose(recording, prepared)
         ]
     return answer
+
+
+def glance(path: Path, given: Mapping[str, Any] | None = None) -> Json | None:
+    """Return what the beginning of a large text holds, as ``look`` does; None where only the whole tells.
+
+    ``head_share`` is the share of the file that was read, ``rows`` None: there are more. Runs are not made: a
+    test may go on beyond what is seen. Where the map cuts the file into tests, nor is an error told.
+    """
+    size = path.stat().st_size
+    if size < _LARGE or path.suffix.lower() not in _TEXTS:
+        return None
+    with path.open("rb") as file:
+        head = file.read(_GLANCE)
+    if b"\x00" in head or b"\n" not in head:  # no text, or none of eight bits
+        return None
+    head = head[: head.rfind(b"\n") + 1]
+    document = _document_beside(path) if given is None else dict(given)
+    with tempfile.TemporaryDirectory(prefix="mrdamper-") as beside:
+        place = Path(beside) / path.name
+        place.write_bytes(head)
+        answer, read = look_into(place, document or {})
+    if not answer["columns"]:
+        return None
+    if read is not None or (document or {}).get("segments"):
+        answer["error"] = None
+    return answer | {
+        "bytes": size,
+        "rows": None,
+        "map": document,
+        "head_share": len(head) / size,
+    }
 
 
 def look_into(path: Path, given: Mapping[str, Any] | None = None) -> tuple[Json, RigFile | None]:
@@ -102,6 +141,8 @@ def look_into(path: Path, given: Mapping[str, Any] | None = None) -> tuple[Json,
 
 def findings_in(path: Path) -> Json:
     """Return what is wrong with the runs in a file, by the number of the run; minutes for very long ones."""
+    from mrdamper.data.diagnosis.diagnose import diagnose
+
     try:
         read = read_file(path)
     except InputError:
@@ -111,6 +152,8 @@ def findings_in(path: Path) -> Json:
 
 def run_row(recording: Recording) -> tuple[Json, PreparedRun | None]:
     """Return a run in figures, and as prepared for a fit where it can be."""
+    from mrdamper.data.prepare import prepare_run
+
     prepared, error = None, None
     try:
         prepared = prepare_run(recording.checked())
@@ -128,11 +171,11 @@ def run_row(recording: Recording) -> tuple[Json, PreparedRun | None]:
         "command_unit": recording.command_unit,
         "command_range": _ends(command),
         "current_A": held if recording.command_unit == "A" else None,
-        "temperature_degC": None if degrees is None or not len(degrees) else finite(float(np.mean(degrees))),
+        "temperature_degC": None if degrees is None or not len(degrees) else _finite(float(np.mean(degrees))),
         "temperature_range_degC": None if degrees is None else _ends(degrees),
         "samples": len(recording),
         "rate_Hz": 1.0 / step if step > 0.0 else None,
-        "duration_s": finite(float(time[-1] - time[0])) if len(time) else None,
+        "duration_s": _finite(float(time[-1] - time[0])) if len(time) else None,
         "stroke_mm": None if len(recording.displacement) == 0 else _span(recording.displacement * 1e3),
         "peak_velocity_mm_s": None
         if prepared is None
@@ -202,7 +245,7 @@ def _column(table: Table, k: int, name: str, role: str | None) -> Json:
     low_high = _ends(values) or [None, None]
     return column | {
         "kind": "number",
-        "first": [finite(value) for value in values[:_FIRST].tolist()],
+        "first": [_finite(value) for value in values[:_FIRST].tolist()],
         "least": low_high[0],
         "most": low_high[1],
         "thumbnail": _thumbnail(values),
@@ -224,7 +267,11 @@ def _thumbnail(values: FloatArray) -> list[float | None] | None:
         return None
     edges = np.unique(np.linspace(0, len(values), _BUCKETS + 1).astype(int)[:-1])
     least, most = np.fmin.reduceat(values, edges), np.fmax.reduceat(values, edges)
-    return [finite(float(value)) for pair in zip(least, most, strict=True) for value in pair]
+    return [_finite(float(value)) for pair in zip(least, most, strict=True) for value in pair]
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def _ends(values: FloatArray) -> list[float | None] | None:
@@ -233,7 +280,7 @@ def _ends(values: FloatArray) -> list[float | None] | None:
 
 
 def _span(values: FloatArray) -> float | None:
-    return finite(float(np.max(values) - np.min(values)))
+    return _finite(float(np.max(values) - np.min(values)))
 
 
 def _short(message: str, path: Path) -> str:

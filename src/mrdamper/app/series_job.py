@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamper.app.answers import Json
-from mrdamper.app.api import finite, outside_envelope
 from mrdamper.app.look_job import look_into, run_row
+from mrdamper.app.scoring import finite, outside_envelope
 from mrdamper.data.prepare import Preparation, PreparedRun, prepare_run
 from mrdamper.data.readers import read_file
 from mrdamper.data.records import Recording

@@ -6,20 +6,26 @@ finite elements where the extra ``[thermal]`` is installed. Nothing is printed h
 
 from __future__ import annotations
 
+import hashlib
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Literal, cast
 
+import numpy as np
+
 from mrdamper.app.answers import Json
+from mrdamper.app.api import versions
+from mrdamper.app.checkpoint import Tell, checkpointed
 from mrdamper.app.heat_job import sink_in_words
 from mrdamper.app.outputs import staged, write_json, write_table
 from mrdamper.errors import InputError, MissingExtraError
-from mrdamper.models.card import ModelCard
+from mrdamper.models.card import ModelCard, card_text
 from mrdamper.models.card_reading import read_card
 from mrdamper.thermal.design import (
     HeatedDamper,
+    Memory,
     Report,
     SinkDesign,
     SinkFront,
@@ -120,9 +126,14 @@ def sink(
     duty: str = DEFAULT_DUTY,
     options: SinkOptions | None = None,
     out: Path | None = None,
+    resume: bool | None = None,
+    tell: Tell | None = None,
     report: Report | None = None,
 ) -> Json:
     """Search heat sinks for a damper; with ``out`` write sink.html, sink.json, front.csv and best.toml there.
+
+    ``resume`` goes on with what a search for the same had finished; False begins anew, but keeps what is
+    finished; None keeps nothing. ``tell`` is told what is done with an earlier search's progress.
 
     Raises
     ------
@@ -133,11 +144,47 @@ def sink(
     """
     drawing = read_drawing(damper)
     chosen = options or SinkOptions()
-    run = search_sinks(read_card(card), drawing, read_duty(duty), chosen, report=report)
+    model, load = read_card(card), read_duty(duty)
     if out is None:
+        if resume:
+            raise InputError("--resume goes on with what is kept beside --out; expected an --out")
+        run = search_sinks(model, drawing, load, chosen, report=report)
         return {"card": str(card), "damper": str(damper), **_answer(run, chosen)}
-    with staged(out) as beside:
-        return write_sink(run, chosen, card, damper, beside, out)
+    head = {} if resume is None else _decisive(model, drawing, load, chosen)
+    with checkpointed(out, head, resume=resume, tell=tell) as kept:
+        with staged(out) as beside:
+            run = search_sinks(model, drawing, load, chosen, report=report, memory=kept)
+            answer = write_sink(run, chosen, card, damper, beside, out)
+        if kept is not None:
+            kept.finished = True
+        return answer
+
+
+def _decisive(card: ModelCard, drawing: DamperDrawing, duty: Duty, options: SinkOptions) -> Json:
+    """Return all that decides what a search comes to; progress is taken up only where this is the same."""
+
+    def digest(text: str) -> str:
+        return hashlib.sha256(text.encode()).hexdigest()
+
+    return {
+        "job": "sink",
+        "program": versions(),
+        "card": digest(card_text(card)),
+        "damper": digest(repr(drawing)),
+        "duty": _duty_digest(duty),
+        "options": {key: value for key, value in asdict(options).items() if key != "seed"},
+        "seed": options.seed,
+    }
+
+
+def _duty_digest(duty: Duty) -> str:
+    digest = hashlib.sha256(f"{duty.text}\0{duty.command_unit}".encode())
+    for each in duty.stretches:
+        digest.update(f"\0{each.duration!r} {each.counted_from} {each.command!r}".encode())
+        if each.path is not None:
+            for track in (each.path.displacement, each.path.velocity, each.path.command):
+                digest.update(np.ascontiguousarray(track, dtype="<f8").data)
+    return digest.hexdigest()
 
 
 def write_sink(
@@ -162,8 +209,12 @@ def search_sinks(
     options: SinkOptions,
     *,
     report: Report | None = None,
+    memory: Memory | None = None,
 ) -> SinkRun:
-    """Return the front of a search, its reference and the paper's sweeps."""
+    """Return the front of a search, its reference and the paper's sweeps.
+
+    A ``memory`` recalls and keeps what was tried.
+    """
     clock = time.process_time()
     drawing = _with_law(drawing, options)
     limits = options.limits(drawing)
@@ -172,14 +223,14 @@ def search_sinks(
     bare = heated.evaluate(None)
     reference = bare if drawing.sink is None else heated.evaluate(drawing.sink)
     if options.method == "grid":
-        found = search_grid(heated, limits, report=report)
+        found = search_grid(heated, limits, report=report, memory=memory)
     else:
-        found = search_genetic(heated, limits, seed=options.seed, report=report)
+        found = search_genetic(heated, limits, seed=options.seed, report=report, memory=memory)
     shown: Sequence[SinkDesign] = thinned(found.designs, options.members)
     notes = _notes(card, duty, drawing, limits, found)
     if options.by_field:
         try:
-            judged = confirm(heated, (bare, reference, *shown), report=report)
+            judged = confirm(heated, (bare, reference, *shown), report=report, memory=memory)
         except MissingExtraError as fault:
             notes.append(f"not judged by finite elements: {fault}")
         else:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import fft
+from numpy import fft
 
 from mrdamper.data.reversals import turning_points
 from mrdamper.quantities import FloatArray
@@ -81,7 +81,7 @@ def _is_smooth(durations: FloatArray) -> bool:
 
 def _period_by_autocorrelation(displacement: FloatArray, step: float) -> float | None:
     n = len(displacement)
-    size = fft.next_fast_len(2 * n, real=True)
+    size = 1 << (2 * n - 1).bit_length()  # as many zeros as values, or more
     centred = displacement - displacement.mean()
     echo = fft.irfft(np.abs(fft.rfft(centred, size)) ** 2, size)[: n // 2]
     # normalised by the energy of the two stretches that overlap at each lag

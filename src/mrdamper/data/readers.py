@@ -21,7 +21,17 @@ from mrdamper.data.tables import FORMATS, Layout, Table, read_table
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, FloatArray
 
-__all__ = ["Column", "RigFile", "find_files", "map_beside", "read_file", "read_run", "read_runs", "runs_in"]
+__all__ = [
+    "Column",
+    "RigFile",
+    "find_columns",
+    "find_files",
+    "map_beside",
+    "read_file",
+    "read_run",
+    "read_runs",
+    "runs_in",
+]
 
 PathLike = str | Path
 
@@ -189,7 +199,22 @@ def find_files(paths: Sequence[PathLike]) -> list[Path]:
 def _find_channels(
     table: Table, chosen: ChannelMap, place: str
 ) -> tuple[dict[str, FloatArray], tuple[Column, ...]]:
-    """Return the channels of a file in SI, by role: those of the map first, then what headers say."""
+    """Return the channels of a file in SI, by role."""
+    columns = find_columns(table, chosen, place)
+    found: dict[str, FloatArray] = {}
+    for column in columns:
+        values = table.columns[column.name]
+        if not len(values):
+            raise InputError(
+                f"{place}: column {column.name!r} ({column.role}) holds no sample; expected numbers. The "
+                "file may be cut off: copy it again"
+            )
+        found[column.role] = _channel_of(chosen, column.role).to_si(values, column.unit, place)
+    return found, columns
+
+
+def find_columns(table: Table, chosen: ChannelMap, place: str) -> tuple[Column, ...]:
+    """Return which column holds which role: those of the map first, then what headers say; none is read."""
     said: dict[str, list[Column]] = {}
     for name in table.columns:
         header = parse_header(name)
@@ -197,34 +222,29 @@ def _find_channels(
             said.setdefault(header[0], []).append(
                 Column(header[0], name, _unit(table, name, header[1], place))
             )
-    found: dict[str, FloatArray] = {}
     columns: list[Column] = []
     for role in QUANTITIES:
-        channel = chosen.channels.get(role, Channel(role))
+        channel = _channel_of(chosen, role)
         column = _column_of(table, channel, said.get(role, ()), place)
         if column is None and role in chosen.channels:
             raise InputError(
                 f"{place}: neither channel.{role} nor a header names a column; the columns are: "
                 f"{_listed(table.names)}"
             )
-        if column is None:
-            continue
-        values = table.columns[column.name]
-        if not len(values):
-            raise InputError(
-                f"{place}: column {column.name!r} ({role}) holds no sample; expected numbers. The file may "
-                "be cut off: copy it again"
-            )
-        found[role] = channel.to_si(values, column.unit, place)
-        columns.append(Column(role, column.name, channel.unit or column.unit))
+        if column is not None:
+            columns.append(Column(role, column.name, channel.unit or column.unit))
     for role in _NEEDED:
-        if role not in found:
+        if role not in {column.role for column in columns}:
             raise InputError(
                 f"{place}: no {role} column; the columns are: {_listed(table.names)}. Expected a header such "
                 f"as {role}_{QUANTITIES[role].unit}, or [channel.{role}] in a channel map (--channels FILE)"
             )
     _require_one_clock(table, columns, place)
-    return found, tuple(columns)
+    return tuple(columns)
+
+
+def _channel_of(chosen: ChannelMap, role: str) -> Channel:
+    return chosen.channels.get(role, Channel(role))
 
 
 def _require_one_clock(table: Table, columns: Sequence[Column], place: str) -> None:

@@ -10,8 +10,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy import fft
-from scipy.linalg import solveh_banded
 
 from mrdamper.quantities import FloatArray
 
@@ -19,6 +17,7 @@ __all__ = [
     "Kinematics",
     "Spectrum",
     "differentiate",
+    "fast_length",
     "knot_spacing",
     "measure_spectrum",
     "smallest_step",
@@ -98,9 +97,10 @@ def measure_spectrum(displacement: FloatArray, step: float) -> Spectrum:
     rounding where the displacement keeps to a grid. Up to 2 % of the record may be left out at its end, for
     a length that is fast to transform.
     """
-    n = fft.prev_fast_len(len(displacement) - 1, real=True) + 1
+    n = fast_length(len(displacement) - 1) + 1
     kept = displacement[:n] - np.linspace(displacement[0], displacement[n - 1], n)
-    coefficient = fft.dst(kept[1:-1], type=1) * np.sqrt(0.5 / (n - 1))
+    odd = np.concatenate([kept[:-1], -kept[:0:-1]])  # its sines alone are left: the sine transform
+    coefficient = -np.fft.rfft(odd).imag[1:-1] * np.sqrt(0.5 / (n - 1))
     frequency = np.arange(1, n - 1) / (2.0 * (n - 1) * step)
     noise = 1.4826 * float(np.median(np.abs(coefficient[-(n // 4) :])))
     return Spectrum(step, frequency, coefficient**2, max(noise, _rounding(displacement)))
@@ -122,6 +122,8 @@ def smooth(displacement: FloatArray, step: float, cutoff_Hz: float) -> Kinematic
 
     Without anything to remove (a spacing of one sample) the derivatives are sixth-order differences.
     """
+    from scipy.linalg import solveh_banded
+
     n = len(displacement)
     spacing = min(knot_spacing(step, cutoff_Hz), max(1, n // 4))
     if spacing == 1:
@@ -161,6 +163,18 @@ def differentiate(values: FloatArray, step: float) -> FloatArray:
     derivative[-3:] = -(_ENDS @ values[:-8:-1])[::-1]
     derivative /= step
     return derivative
+
+
+def fast_length(most: int) -> int:
+    """Return the longest length up to a most (1 or more) that is fast to transform: 2^i 3^j 5^k."""
+    best, fives = 1, 1
+    while fives <= most:
+        threes = fives
+        while threes <= most:
+            best = max(best, threes << ((most // threes).bit_length() - 1))
+            threes *= 3
+        fives *= 5
+    return best
 
 
 def smallest_step(displacement: FloatArray) -> float:

@@ -6,6 +6,8 @@ Which column is the force is the business of ``channels``; runs are made in ``re
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 from mrdamper.data.formats.excel import is_workbook, read_workbook
@@ -16,13 +18,14 @@ from mrdamper.data.formats.mat import is_mat
 from mrdamper.data.formats.mdf import is_mdf
 from mrdamper.data.formats.mts import is_mts, read_mts
 from mrdamper.data.formats.parquet import is_parquet
-from mrdamper.data.formats.table import FileOptions, Format, Layout, Table
+from mrdamper.data.formats.table import FileOptions, Format, Layout, Rows, Table
 from mrdamper.data.formats.tdms import is_tdms, read_tdms
-from mrdamper.data.formats.text import is_text, read_text
+from mrdamper.data.formats.text import is_text, open_text, read_text
 from mrdamper.errors import InputError
 from mrdamper.files import require_file
+from mrdamper.quantities import FloatArray
 
-__all__ = ["FORMATS", "FileOptions", "Format", "Layout", "Table", "read_table"]
+__all__ = ["FORMATS", "FileOptions", "Format", "Layout", "Rows", "Table", "open_rows", "read_table"]
 
 _READ_HDF5 = isolated("hdf5", "h5py", "HDF5 files and MAT files of version 7.3")
 _READ_MAT = isolated("mat", "scipy", "MAT files")
@@ -42,6 +45,8 @@ FORMATS: tuple[Format, ...] = (
     Format("delimited text", (".csv", ".tsv", ".txt", ".dat", ".asc"), is_text, read_text),
 )
 
+_MOST_WHOLE = 20_000_000  # rows of a format that cannot be read in parts
+
 # What is often given instead, and what to do about it.
 _OTHERS: tuple[tuple[bytes, str], ...] = (
     (b"\x1f\x8b", "a gzip archive: unpack it first"),
@@ -57,21 +62,72 @@ _OTHERS: tuple[tuple[bytes, str], ...] = (
 
 def read_table(path: Path, options: FileOptions | None = None) -> Table:
     """Return the table in a file, its format recognised by its content."""
-    if require_file(path) == 0:
-        raise InputError(f"{path}: the file is empty; expected columns of numbers")
+    with _reading(path):
+        table = _recognised(path).read(path, options or FileOptions())
+    return _with_numbers(table, path, table.rows)
+
+
+def open_rows(path: Path, options: FileOptions | None = None) -> Rows:
+    """Return a file whose rows are read a few at a time, where its format can; it is recognised as above.
+
+    A format that cannot is read whole, up to 2e7 rows.
+    """
+    with _reading(path):
+        known = _recognised(path)
+        if known.read is read_text:
+            text = open_text(path, options or FileOptions())
+            _with_numbers(text.table, path, max((len(c) for c in text.table.columns.values()), default=0))
+            return text
+        table = known.read(path, options or FileOptions())
+        _with_numbers(table, path, table.rows)
+    if table.read_rows is None and table.rows > _MOST_WHOLE:
+        raise InputError(
+            f"{path}: a {table.layout.format} of {table.rows:.3g} rows is read whole; expected at most "
+            f"{_MOST_WHOLE:.0e} rows in this format. Export it as Parquet, HDF5 or CSV, which are read in "
+            "parts"
+        )
+
+    def read(names: Sequence[str], start: int, count: int) -> Iterator[list[FloatArray]]:
+        whole = None if table.read_rows is not None else [table.columns[name] for name in names]
+        for row in range(start, table.rows, count):
+            with _reading(path):
+                if table.read_rows is not None:
+                    part = table.read_rows(names, row, count)
+                else:
+                    part = [column[row : row + count] for column in whole or ()]
+            if len({len(column) for column in part}) > 1:
+                raise InputError(f"{path}: the columns differ in length; expected one value of each per row")
+            if not len(part[0]):
+                return
+            yield part
+
+    return Rows(table, read)
+
+
+@contextmanager
+def _reading(path: Path) -> Iterator[None]:
     try:
-        with path.open("rb") as stream:
-            head = stream.read(4096)
-        if not head.strip() and len(head) < 4096:
-            raise InputError(f"{path}: the file is empty; expected columns of numbers")
-        table = _format_of(path, head[:512]).read(path, options or FileOptions())
+        yield
     except OSError as error:
         raise InputError(f"{path}: cannot read the file ({error.strerror})") from error
     except MemoryError as error:
         raise InputError(f"{path}: needs more memory than there is; split the file") from error
-    if not table.columns or table.rows < 2:
+
+
+def _with_numbers(table: Table, path: Path, rows: int) -> Table:
+    if not table.columns or rows < 2:
         raise InputError(f"{path}: no columns of numbers found; expected a header and rows of numbers")
     return table
+
+
+def _recognised(path: Path) -> Format:
+    if require_file(path) == 0:
+        raise InputError(f"{path}: the file is empty; expected columns of numbers")
+    with path.open("rb") as stream:
+        head = stream.read(4096)
+    if not head.strip() and len(head) < 4096:
+        raise InputError(f"{path}: the file is empty; expected columns of numbers")
+    return _format_of(path, head[:512])
 
 
 def _format_of(path: Path, head: bytes) -> Format:

@@ -8,8 +8,8 @@ and with a free constant offset (force cells are not always zeroed).
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
 from itertools import product
 from typing import Literal
 
@@ -27,7 +27,9 @@ from mrdamper.identify.identifiability import (
     sentence,
     worst_direction,
 )
+from mrdamper.identify.ledger import Ledger, NoLedger, Section, keep_fit, recall_fit
 from mrdamper.identify.problem import FitProblem, FitResult, envelope_of
+from mrdamper.identify.scores import RunError, score_run, summary
 from mrdamper.identify.tempering import Temperature, temperature_levels
 from mrdamper.identify.templates import template
 from mrdamper.identify.variable_projection import Report, fit_variable_projection
@@ -50,32 +52,11 @@ __all__ = [
 ]
 
 FloatArray = NDArray[np.float64]
-Split = Literal["training", "held_out"]
 Kind = Literal["run", "current", "motion", "temperature"]
 
 _FOLDS = 5  # most fits per law when laws are compared
 _STRONG = 0.95  # correlations beyond this are named,
 _MOST_PAIRS = 4  # but no more than so many
-
-
-@dataclass(frozen=True, slots=True)
-class RunError:
-    """How far a model is from one run. ``command`` is None when it varies over the run."""
-
-    name: str
-    split: Split
-    rmse_N: float
-    nrmse_percent: float
-    nrmse_whole_percent: float
-    nrmse_offset_free_percent: float
-    command: float | None
-    command_unit: str
-    motion: str
-    temperature_degC: float | None
-    energy_measured_J: float  # work per period (or over the whole run), from the first scored sample
-    energy_model_J: float
-    peak_measured_N: float
-    peak_model_N: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,66 +98,6 @@ class LawScore:
     cpu_s: float
 
 
-def score_run(damper: Damper, prepared: PreparedRun, split: Split = "held_out") -> RunError:
-    """Return the error of a damper on one prepared run.
-
-    Raises
-    ------
-    InputError
-        When the run's command is in another unit than the damper's.
-    """
-    run, path, start = prepared.run, prepared.trajectory, prepared.scored_from
-    if run.command_unit != damper.command_unit:
-        raise InputError(
-            f"{run.name}: the command is in {run.command_unit}, the model's in {damper.command_unit}; "
-            "map the channel that the model was identified with"
-        )
-    force = simulate(damper, path)
-    error = force - prepared.force
-    spread = float(np.std(prepared.force[start:]))
-    whole = float(np.std(prepared.force))
-    if not spread > 0.0:
-        raise InputError(f"{run.name}: the force does not change after the motion starts")
-    count = len(force) - start
-    if prepared.period_s:
-        period = max(round(prepared.period_s / path.step), 1)
-        cycles = max(count // period, 1)
-        count, per = min(cycles * period, count), cycles
-    else:
-        per = 1
-    span = slice(start, start + count)
-    power = path.velocity[span] * path.step / per
-    warm = path.temperature
-    return RunError(
-        name=run.name,
-        split=split,
-        rmse_N=_rms(error[start:]),
-        nrmse_percent=100.0 * _rms(error[start:]) / spread,
-        nrmse_whole_percent=100.0 * _rms(error) / whole,
-        nrmse_offset_free_percent=100.0 * float(np.std(error[start:])) / spread,
-        command=run.constant_command,
-        command_unit=run.command_unit,
-        motion=prepared.motion,
-        temperature_degC=None if warm is None else float(np.mean(warm)) - 273.15,
-        energy_measured_J=float(prepared.force[span] @ power),
-        energy_model_J=float(force[span] @ power),
-        peak_measured_N=float(np.abs(prepared.force[start:]).max()),
-        peak_model_N=float(np.abs(force[start:]).max()),
-    )
-
-
-def summary(errors: Iterable[RunError]) -> dict[str, float]:
-    """Return median, worst and worst above zero command of ``nrmse_percent`` (NaN where there is no run)."""
-    errors = tuple(errors)
-    every = np.array([e.nrmse_percent for e in errors])
-    above = np.array([e.nrmse_percent for e in errors if e.command is None or e.command != 0.0])
-    return {
-        "median": float(np.median(every)) if len(every) else float("nan"),
-        "worst": float(every.max()) if len(every) else float("nan"),
-        "worst_above_zero": float(above.max()) if len(above) else float("nan"),
-    }
-
-
 def assess(  # noqa: PLR0913 - what is asked of the fit, by keyword
     result: FitResult,
     training: Sequence[PreparedRun],
@@ -188,11 +109,13 @@ def assess(  # noqa: PLR0913 - what is asked of the fit, by keyword
     draws: int = 0,
     seed: int = 0,
     report: Report | None = None,
+    ledger: Ledger | None = None,
 ) -> Assessment:
     """Return errors by run, errors on what is left out (needs ``problem``), passivity, and all in words.
 
     With the ``problem`` also what the data cannot tell apart; ``profiled`` follows that along its profile,
-    ``draws`` is the number of bootstrap fits to runs drawn with replacement (every level kept).
+    ``draws`` is the number of bootstrap fits to runs drawn with replacement (every level kept). A ``ledger``
+    recalls and keeps every fit that is made for it.
     """
     runs = (
         *(score_run(result.damper, run, "training") for run in training),
@@ -203,15 +126,19 @@ def assess(  # noqa: PLR0913 - what is asked of the fit, by keyword
         raise InputError("leaving runs out means fitting again: give the problem that was fitted")
     for kind in leave_out_kinds:
         assert problem is not None
-        left += leave_out(_fitter(problem, result, seed, report), problem.runs, kind)
+        left += leave_out(_fitter(problem, result, seed, report), problem.runs, kind, ledger=ledger)
     least = passivity(result.damper, training)
     found: list[Direction | Profile | Bootstrap] = []
     if problem is not None and not result.cancelled and result.damper.law.kernel is not None:
         found.append(worst_direction(problem, result))
         if profiled:
-            found.append(profile(problem, result, found[0], report=report))  # type: ignore[arg-type]
+            found.append(profile(problem, result, found[0], report=report, ledger=ledger))  # type: ignore[arg-type]
         if draws:
-            found.append(bootstrap(problem, result, draws=draws, seed=seed, stratified=True, report=report))
+            found.append(
+                bootstrap(
+                    problem, result, draws=draws, seed=seed, stratified=True, report=report, ledger=ledger
+                )
+            )
     words = (*_words(result, runs, least), *_edges(result, training), *(sentence(each) for each in found))
     return Assessment(
         runs,
@@ -230,6 +157,7 @@ def leave_out(
     kind: Kind,
     *,
     folds: int | None = None,
+    ledger: Ledger | None = None,
 ) -> list[LeftOut]:
     """Return, for each run, current, temperature or motion, the errors on it of a fit to all the others.
 
@@ -237,6 +165,7 @@ def leave_out(
     temperature at the edge of the range is not left out: that would be extrapolation, not a test.
     """
     labels = _temperature_labels(runs) if kind == "temperature" else {}
+    ledger = ledger or NoLedger()
     keys: dict[Kind, Callable[[PreparedRun], str]] = {
         "run": lambda r: r.name,
         "motion": lambda r: r.motion,
@@ -256,8 +185,14 @@ def leave_out(
     out = []
     for fold in np.array_split(np.array(groups, dtype=object), min(folds or len(groups), len(groups))):
         left = set(fold.tolist())
-        damper = fit([run for run in runs if key(run) not in left])
-        errors = tuple(score_run(damper, run) for run in runs if key(run) in left)
+        name = f"without {kind} {', '.join(sorted(left))}"
+        known = ledger.recall(name)
+        if known is None:
+            damper = fit([run for run in runs if key(run) not in left])
+            errors = tuple(score_run(damper, run) for run in runs if key(run) in left)
+            ledger.keep(name, {"errors": [asdict(error) for error in errors]})
+        else:
+            errors = tuple(RunError(**error) for error in known["errors"])
         out.append(LeftOut(kind, ", ".join(sorted(left)), errors))
     return out
 
@@ -271,6 +206,7 @@ def choose_law(
     one_command: bool = False,
     temperature: Temperature = "auto",
     report: Report | None = None,
+    ledger: Ledger | None = None,
 ) -> tuple[LawScore, ...]:
     """Compare laws by leaving one motion out (one run, where there is one motion); the best is first.
 
@@ -279,11 +215,20 @@ def choose_law(
     kind: Kind = "motion" if len({run.motion for run in runs}) > 1 else "run"
     scores = []
     for law in laws:
+        name = law if isinstance(law, str) else law.name
+        own = Section(ledger, f"law {name}")
+        known = own.recall("score")
+        if known is not None:
+            scores.append(LawScore(**known))
+            continue
         clock = time.process_time()
         damper, free = template(law, runs, one_command=one_command, temperature=temperature)
-        whole = fit_variable_projection(
-            FitProblem(damper, free, tuple(runs)), starts=starts, seed=seed, report=report
-        )
+        whole = recall_fit(own, "fit", damper)
+        if whole is None:
+            whole = fit_variable_projection(
+                FitProblem(damper, free, tuple(runs)), starts=starts, seed=seed, report=report
+            )
+            keep_fit(own, "fit", damper, whole)
 
         def fit(
             some: Sequence[PreparedRun], law: str | HysteresisLaw = law, start: Damper = whole.damper
@@ -296,17 +241,18 @@ def choose_law(
             ).damper
 
         training = summary(score_run(whole.damper, run, "training") for run in runs)
-        held = summary(error for left in leave_out(fit, runs, kind, folds=_FOLDS) for error in left.errors)
-        scores.append(
-            LawScore(
-                law if isinstance(law, str) else law.name,
-                len(free),
-                training["median"],
-                held["median"],
-                held["worst"],
-                time.process_time() - clock,
-            )
+        parts = leave_out(fit, runs, kind, folds=_FOLDS, ledger=own)
+        held = summary(error for left in parts for error in left.errors)
+        score = LawScore(
+            name,
+            len(free),
+            training["median"],
+            held["median"],
+            held["worst"],
+            time.process_time() - clock,
         )
+        own.keep("score", asdict(score))
+        scores.append(score)
     best = min(s.held_out_median for s in scores) if scores else 0.0
     return tuple(
         sorted(
@@ -401,10 +347,6 @@ def _temperature_labels(runs: Sequence[PreparedRun]) -> dict[str, str]:
         name: f"{min(levels, key=lambda level: abs(level - mean)) - 273.15:.0f} degC"
         for name, mean in sorted(means.items(), key=lambda pair: pair[1])
     }
-
-
-def _rms(values: FloatArray) -> float:
-    return float(np.sqrt(np.mean(values**2)))
 
 
 def _edges(result: FitResult, training: Sequence[PreparedRun]) -> list[str]:

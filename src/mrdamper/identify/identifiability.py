@@ -36,11 +36,14 @@ def sentence(found: Direction | Profile | Bootstrap) -> str:
     else:
         of, apart = f"the combination of {_listed(named)}", f"cannot tell {_listed(named)} apart"
         what = _listed([f"{verb} {n} by {much}" for n, (verb, much) in zip(named, steps, strict=True)])
+    known = f"the least certain is {of}, known to {_short(found.standard_error_percent)} %"
+    if not any(found.changes):  # no step was found that the bounds and the noise allow
+        loose = found.standard_error_percent >= _LOOSE
+        return f"The data {apart}." if loose else f"The data tell all numbers apart; {known}."
     if found.others_follow:
         what += ", the others following,"
     noise = f"the noise (error {_two_apart(found.cost_percent, found.moved_percent)})"
     if found.standard_error_percent < _LOOSE:
-        known = f"the least certain is {of}, known to {_short(found.standard_error_percent)} %"
         return f"The data tell all numbers apart; {known}: {what} changes the fit no more than {noise}."
     return f"The data {apart}: {what} changes the fit by less than {noise}."
 

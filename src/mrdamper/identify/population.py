@@ -6,6 +6,7 @@ kernel are those of variable projection, so that the comparison is fair.
 
 from __future__ import annotations
 
+import hashlib
 import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from mrdamper import core
 from mrdamper.errors import InputError, MissingExtraError
+from mrdamper.identify.ledger import Ledger, NoLedger
 from mrdamper.identify.problem import FitProblem, FitResult, PreparedFit, Start, lifted, move, ordered
 from mrdamper.identify.uncertainty import estimates_of
 from mrdamper.identify.variable_projection import Progress, Report
@@ -33,7 +35,7 @@ _PENALTY = 1e6  # [%^2] of a candidate whose law is well posed on no run
 class Ensemble:
     """The cost of many candidates at once, in search coordinates scaled to 0..1."""
 
-    def __init__(self, problem: FitProblem, *, workers: int = 1) -> None:
+    def __init__(self, problem: FitProblem, *, workers: int = 1, ledger: Ledger | None = None) -> None:
         if problem.session_offsets:
             raise InputError(
                 "session offsets are eliminated by variable projection only: use --method varpro"
@@ -44,6 +46,7 @@ class Ensemble:
         self.high = np.array([float(f.inward(f.upper)) for f in problem.free])
         self.evaluations = 0
         self._workers = workers
+        self._ledger = ledger or NoLedger()
         self._weights = np.array([run.weight for run in self.runs])
         tempered = problem.template.tempered
         self._constant = all(
@@ -62,7 +65,16 @@ class Ensemble:
         Where a candidate's coefficients leave the law's range they are brought back to its edge, and the
         candidate pays for how often and how far: worse than any admissible one, but with a way home.
         """
+        key, of = f"evaluation {self.evaluations}", _digest(unit)
         self.evaluations += len(unit)
+        known = self._ledger.recall(key)
+        if known is not None and known["of"] == of:  # a search that is gone through again
+            return np.array(known["costs"], dtype=np.float64)
+        costs = self._costs(unit)
+        self._ledger.keep(key, {"of": of, "costs": costs.tolist()})
+        return costs
+
+    def _costs(self, unit: FloatArray) -> FloatArray:
         dampers = [self.damper(row) for row in unit]
         law = self.problem.template.law
         if law.kernel is None or not self._constant:
@@ -109,11 +121,13 @@ def fit_genetic(
     seed: int = 0,
     report: Report | None = None,
     workers: int = 1,
+    ledger: Ledger | None = None,
 ) -> FitResult:
     """Fit by a genetic algorithm (pymoo): the method of the paper, kept as the baseline.
 
     Binary tournament, simulated binary crossover (probability 0.9, eta 15), polynomial mutation (eta 20),
-    elitist survival, initial population by Latin hypercube. An interrupt keeps the best so far.
+    elitist survival, initial population by Latin hypercube. An interrupt keeps the best so far. With a
+    ``ledger`` a search that was killed is gone through again, each generation's costs recalled.
     """
     try:
         from pymoo.algorithms.soo.nonconvex.ga import GA
@@ -126,7 +140,7 @@ def fit_genetic(
             "the genetic algorithm needs pymoo, which is not installed; pip install 'mrdamper[genetic]'"
         ) from error
     clock = time.process_time()
-    ensemble = Ensemble(problem, workers=workers)
+    ensemble = Ensemble(problem, workers=workers, ledger=ledger)
     history: list[float] = []
 
     class Fit(Problem):  # type: ignore[misc]  # pymoo is not typed
@@ -165,8 +179,13 @@ def fit_genetic(
     return _result(problem, ensemble, "genetic", steps(), history, seed, clock, note)
 
 
-def fit_cma(problem: FitProblem, *, seed: int = 0, report: Report | None = None) -> FitResult:
-    """Fit by CMA-ES (package ``cma``) from the middle of the bounds: a cross-check of the optimum."""
+def fit_cma(
+    problem: FitProblem, *, seed: int = 0, report: Report | None = None, ledger: Ledger | None = None
+) -> FitResult:
+    """Fit by CMA-ES (package ``cma``) from the middle of the bounds: a cross-check of the optimum.
+
+    ``ledger`` as in ``fit_genetic``.
+    """
     try:
         import cma
     except ImportError as error:
@@ -174,7 +193,7 @@ def fit_cma(problem: FitProblem, *, seed: int = 0, report: Report | None = None)
             "CMA-ES needs the package cma, which is not installed; pip install 'mrdamper[genetic]'"
         ) from error
     clock = time.process_time()
-    ensemble = Ensemble(problem)
+    ensemble = Ensemble(problem, ledger=ledger)
     history: list[float] = []
     size = len(problem.free)
     options = {
@@ -236,6 +255,11 @@ def _result(
         cancelled=cancelled,
         notes=(note,),
     )
+
+
+def _digest(unit: FloatArray) -> str:
+    """Return what tells candidates from others, to the last bit."""
+    return hashlib.sha256(np.ascontiguousarray(unit, dtype="<f8").data).hexdigest()[:16]
 
 
 def _squares(damper: Damper, run: PreparedFit) -> float:

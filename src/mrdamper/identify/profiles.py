@@ -12,12 +12,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from mrdamper.errors import ConvergenceError, InputError
 from mrdamper.identify.direction import Direction, fit_held, half_cycles
+from mrdamper.identify.ledger import Ledger, NoLedger, damper_of, numbers_of
 from mrdamper.identify.problem import Estimate, FitProblem, FitResult, Free, PreparedFit
 from mrdamper.identify.uncertainty import covariances
 from mrdamper.identify.variable_projection import Objective, Progress, Report
@@ -64,6 +65,7 @@ def profile(
     points: int = 7,
     span: float = 3.0,
     report: Report | None = None,
+    ledger: Ledger | None = None,
 ) -> Profile:
     """Return the profile likelihood of one number; of a direction, that of its heaviest number.
 
@@ -72,6 +74,7 @@ def profile(
     points : places at which the number is held, odd; a few more sharpen the ends of the interval
     span : how far to each side, in standard errors; bounds cut it short
     report : told of every refit; an interrupt (Ctrl-C) keeps the places so far
+    ledger : recalls and keeps every refit
 
     Raises
     ------
@@ -88,7 +91,7 @@ def profile(
         )
     runs = problem.prepare()
     effective = _effective_samples(problem, runs, result, name)
-    held = _Held(problem, result, runs, free, report, count=points)
+    held = _Held(problem, result, runs, free, report, ledger or NoLedger(), count=points)
     centre = float(free.inward(estimate.value))
     error = estimate.standard_error / (abs(estimate.value) if free.scale == "log" else 1.0)
     if not held.at(centre):
@@ -134,6 +137,7 @@ class _Held:
         runs: Sequence[PreparedFit],
         free: Free,
         report: Report | None,
+        ledger: Ledger,
         *,
         count: int,
     ) -> None:
@@ -142,36 +146,56 @@ class _Held:
         self.cancelled = False
         self._problem, self._result, self._runs = problem, result, runs
         self._free, self._report, self._count = free, report, count
+        self._ledger = ledger
         self._dampers: dict[float, Damper] = {}
 
     def at(self, place: float) -> bool:
         """Fit with the number held there; return whether there was a fit."""
         if self.cancelled:
             return False
+        key = f"profile {self._free.name} {place!r}"
+        known = self._ledger.recall(key)
+        if known is None:
+            known = self._fitted(place)
+            if known is None:
+                return False
+            self._ledger.keep(key, known)
+        if not known["fitted"]:
+            return False
+        self.costs[place] = known["cost_percent"] ** 2
+        self.numbers[place] = known["estimates"]
+        self._dampers[place] = damper_of(self._result.damper, known["numbers"])
+        if self._report:
+            done, now = len(self.costs), known["cost_percent"]
+            total, best = max(self._count, done), min(now, self._result.cost_percent)
+            try:
+                self._report(Progress("profile", done - 1, total, known["evaluations"], now, best))
+            except KeyboardInterrupt:
+                self.cancelled = True
+        return True
+
+    def _fitted(self, place: float) -> dict[str, Any] | None:
+        """Return the fit with the number held there, as a ledger keeps it; None when it was interrupted."""
         near = min(self._dampers, key=lambda u: abs(u - place), default=None)
         first = self._result.damper if near is None else self._dampers[near]
         value, template = self._free.outward(place), self._result.damper
         try:
             fit = fit_held(self._problem, template, self._free, value, self._runs, first=first)
         except (ConvergenceError, InputError):
-            return False
+            return {"fitted": False}
         except KeyboardInterrupt:
             self.cancelled = True
-            return False
+            return None
         if fit.cancelled:
             self.cancelled = True
-            return False
-        self.costs[place] = fit.cost_percent**2
-        self.numbers[place] = {e.name: e.value for e in fit.estimates}
-        self._dampers[place] = fit.damper
-        if self._report:
-            done, now = len(self.costs), fit.cost_percent
-            total, best = max(self._count, done), min(now, self._result.cost_percent)
-            try:
-                self._report(Progress("profile", done - 1, total, fit.starts[0].evaluations, now, best))
-            except KeyboardInterrupt:
-                self.cancelled = True
-        return True
+            return None
+        return {
+            "fitted": True,
+            "cost_percent": fit.cost_percent,
+            "estimates": {e.name: e.value for e in fit.estimates},
+            "numbers": numbers_of(fit.damper),
+            "evaluations": fit.starts[0].evaluations,
+        }
 
     def crossing(self, side: float, allowed: float, otherwise: End) -> tuple[float, End]:
         """Return where the cost has risen by ``allowed`` on one side, sharpened by a few refits.

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import ConvergenceError, InputError
+from mrdamper.identify.ledger import Ledger, NoLedger
 from mrdamper.identify.problem import FitProblem, FitResult
 from mrdamper.identify.variable_projection import Progress, Report, fit_variable_projection
 
@@ -66,6 +67,7 @@ def bootstrap(
     seed: int = 0,
     stratified: bool = False,
     report: Report | None = None,
+    ledger: Ledger | None = None,
 ) -> Bootstrap:
     """Return the numbers fitted to runs drawn with replacement, each draw from the fit's own numbers.
 
@@ -78,6 +80,7 @@ def bootstrap(
         missing, a run of it takes the place of one that can be spared. A level with a single run then is
         always there, so that the spread does not show what its loss would mean.
     report : told after every draw; an interrupt (Ctrl-C) keeps the draws so far
+    ledger : recalls and keeps every draw
 
     Raises
     ------
@@ -94,12 +97,19 @@ def bootstrap(
         raise InputError(f"bootstrap: nothing to draw from {len(prepared)} runs ({why}); add repeated runs")
     rng = np.random.default_rng(seed)
     names = tuple(free.name for free in problem.free)
+    ledger = ledger or NoLedger()
     kept: list[list[float]] = []
     failed = 0
     cancelled = False
     try:
         for draw in range(draws):
             counts = _draw(rng, len(prepared), levels)
+            known = ledger.recall(f"bootstrap draw {draw}")
+            if known is not None:
+                failed += known["values"] is None
+                if known["values"] is not None:
+                    kept.append(known["values"])
+                continue
             chosen = [
                 replace(run, weight=run.weight * n) for run, n in zip(prepared, counts, strict=True) if n
             ]
@@ -107,11 +117,13 @@ def bootstrap(
                 fit = fit_variable_projection(problem, starts=0, first=result.damper, prepared=chosen)
             except (ConvergenceError, InputError):
                 failed += 1
+                ledger.keep(f"bootstrap draw {draw}", {"values": None})
                 continue
             if fit.cancelled:
                 cancelled = True
                 break
             kept.append([e.value for e in fit.estimates])
+            ledger.keep(f"bootstrap draw {draw}", {"values": kept[-1]})
             if report:
                 spent = fit.starts[0].evaluations
                 report(Progress("bootstrap", draw, draws, spent, fit.cost_percent, result.cost_percent))

@@ -12,11 +12,12 @@ and a search would find two fins at its ends to be a finned body.
 
 from __future__ import annotations
 
+import hashlib
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Any, Literal, Protocol
 
 import numpy as np
 
@@ -31,12 +32,14 @@ from mrdamper.thermal.transient import heat_up, steady_state
 __all__ = [
     "DesignModel",
     "HeatedDamper",
+    "Memory",
     "Report",
     "SinkDesign",
     "SinkFront",
     "SinkLimits",
     "Spread",
     "confirm",
+    "evaluate_all",
     "front_of",
     "lightest_as_cool",
     "limits_of",
@@ -50,6 +53,18 @@ DesignModel = Literal["network", "finite_element"]
 Report = Callable[[int, int, str], None]
 """Told how many are done, how many there are, and what comes now."""
 
+
+class Memory(Protocol):
+    """Finished pieces of a search by key; what was kept comes back as it was given."""
+
+    def recall(self, key: str) -> Mapping[str, Any] | None:
+        """Return what was kept under ``key``, or None when that piece is still to be done."""
+
+    def keep(self, key: str, value: Mapping[str, Any]) -> None:
+        """Keep a finished piece."""
+
+
+_PIECE = 50  # designs of the grid that are kept together
 _LONGEST_STEP = 120.0  # [s]; some 10 mK after half an hour, alike for all sinks
 _WIDTHS = (0.4, 0.6, 0.8, 1.0)  # of the greatest
 _THICKNESSES = (1.0, 1.5, 2.0, 3.0)  # of the least
@@ -226,11 +241,13 @@ def limits_of(
 # ---------------------------------------------------------------------------------------------- search
 
 
-def search_grid(damper: HeatedDamper, limits: SinkLimits, *, report: Report | None = None) -> SinkFront:
+def search_grid(
+    damper: HeatedDamper, limits: SinkLimits, *, report: Report | None = None, memory: Memory | None = None
+) -> SinkFront:
     """Return the front of every sink of a grid that keeps to the limits.
 
     All numbers of fins; four widths and thicknesses; the widest pitch or six tenths of it; every material and
-    finish. A search of some 500 sinks takes about a second.
+    finish. A search of some 500 sinks takes about a second. A ``memory`` recalls and keeps what was tried.
 
     Raises
     ------
@@ -248,18 +265,44 @@ def search_grid(damper: HeatedDamper, limits: SinkLimits, *, report: Report | No
             f"{1e3 * limits.least_thickness:g} mm); raise the mass or lower the least thickness"
         )
     found: list[SinkDesign] = []
-    refusal: EnvelopeError | None = None
-    for number, sink in enumerate(sinks):
+    for first in range(0, len(sinks), _PIECE):
+        piece = sinks[first : first + _PIECE]
         if report is not None:
-            report(number, len(sinks), f"{sink.fins} fins")
-        try:
-            found.append(damper.evaluate(sink))
-        except EnvelopeError as fault:
-            refusal = fault
-    if refusal is not None and not found:
-        raise refusal
+            report(first, len(sinks), f"{piece[0].fins} fins")
+        tried = evaluate_all(damper, piece, f"grid {first}", memory)
+        found += [design for design in tried if design is not None]
+    if not found:
+        damper.evaluate(sinks[-1])  # refuses, and says why
     outside = len(sinks) - len(found)
     return SinkFront(front_of(found), len(sinks), outside, "grid", time.process_time() - clock)
+
+
+def evaluate_all(
+    damper: HeatedDamper, sinks: Sequence[HeatSink], key: str, memory: Memory | None
+) -> list[SinkDesign | None]:
+    """Return sinks with their temperatures; None for one that is outside the range of a correlation."""
+
+    def known() -> list[list[float] | None] | None:
+        found = None if memory is None else memory.recall(key)
+        return found["tried"] if found is not None and found["of"] == of else None
+
+    of = hashlib.sha256(repr(list(sinks)).encode()).hexdigest()[:16]
+    rows = known()
+    if rows is None:
+        rows = []
+        for sink in sinks:
+            try:
+                design = damper.evaluate(sink)
+            except EnvelopeError:
+                rows.append(None)
+            else:
+                rows.append([design.fluid, design.coil])
+        if memory is not None:
+            memory.keep(key, {"of": of, "tried": rows})
+    return [
+        None if row is None else SinkDesign(sink, sink.mass(damper.diameter), row[0], row[1], row[0])
+        for sink, row in zip(sinks, rows, strict=True)
+    ]
 
 
 def _grid(pattern: HeatSink, limits: SinkLimits) -> Iterator[HeatSink]:
@@ -324,9 +367,13 @@ def lightest_as_cool(front: Sequence[SinkDesign], fluid: float) -> SinkDesign | 
 
 
 def confirm(
-    damper: HeatedDamper, designs: Sequence[SinkDesign], *, report: Report | None = None
+    damper: HeatedDamper,
+    designs: Sequence[SinkDesign],
+    *,
+    report: Report | None = None,
+    memory: Memory | None = None,
 ) -> tuple[SinkDesign, ...]:
-    """Return designs with their temperatures by finite elements.
+    """Return designs with their temperatures by finite elements; a ``memory`` recalls and keeps them.
 
     Raises
     ------
@@ -339,15 +386,14 @@ def confirm(
     for number, design in enumerate(designs):
         if report is not None:
             report(number, len(designs), "finite elements")
-        _, course = heat_field(damper.drawing.with_sink(design.sink), damper.loads)
-        found.append(
-            replace(
-                design,
-                fluid=float(course.fluid[-1]),
-                coil=float(course.coil[-1]),
-                model="finite_element",
-            )
-        )
+        of = hashlib.sha256(repr(design.sink).encode()).hexdigest()[:16]
+        known = None if memory is None else memory.recall(f"finite elements {of}")
+        if known is None:
+            _, course = heat_field(damper.drawing.with_sink(design.sink), damper.loads)
+            known = {"fluid": float(course.fluid[-1]), "coil": float(course.coil[-1])}
+            if memory is not None:
+                memory.keep(f"finite elements {of}", known)
+        found.append(replace(design, fluid=known["fluid"], coil=known["coil"], model="finite_element"))
     return tuple(found)
 
 

@@ -12,9 +12,18 @@ from typing import Any
 
 import numpy as np
 
-from mrdamper.errors import EnvelopeError, InputError, MissingExtraError
+from mrdamper.errors import InputError, MissingExtraError
 from mrdamper.quantities import FloatArray
-from mrdamper.thermal.design import HeatedDamper, Report, SinkDesign, SinkFront, SinkLimits, front_of
+from mrdamper.thermal.design import (
+    HeatedDamper,
+    Memory,
+    Report,
+    SinkDesign,
+    SinkFront,
+    SinkLimits,
+    evaluate_all,
+    front_of,
+)
 from mrdamper.thermal.heatsink import HeatSink
 
 __all__ = ["search_genetic"]
@@ -32,8 +41,11 @@ def search_genetic(
     generations: int = 40,
     seed: int = 0,
     report: Report | None = None,
+    memory: Memory | None = None,
 ) -> SinkFront:
     """Return the front of all sinks that NSGA-II tried; the same seed gives the same front.
+
+    With a ``memory`` a search that was killed is gone through again, each generation's temperatures recalled.
 
     Raises
     ------
@@ -51,11 +63,11 @@ def search_genetic(
             "NSGA-II needs pymoo, which is not installed; pip install 'mrdamper[genetic]'"
         ) from error
     clock = time.process_time()
-    tried = _Tried(damper, limits)
+    tried = _Tried(damper, limits, memory)
 
     class Search(Problem):  # type: ignore[misc]  # pymoo is not typed
         def _evaluate(self, x: FloatArray, out: dict[str, Any], *_: object, **__: object) -> None:
-            judged = np.array([tried.judge(row) for row in x])
+            judged = tried.judge(x)
             out["F"], out["G"] = judged[:, :2], judged[:, 2:]
 
     search = Search(n_var=_UNKNOWNS, n_obj=2, n_ieq_constr=2, xl=np.zeros(_UNKNOWNS), xu=np.ones(_UNKNOWNS))
@@ -82,29 +94,37 @@ def search_genetic(
 class _Tried:
     """What NSGA-II has asked for: admissible designs are kept, the others counted."""
 
-    def __init__(self, damper: HeatedDamper, limits: SinkLimits) -> None:
-        self.damper, self.limits = damper, limits
+    def __init__(self, damper: HeatedDamper, limits: SinkLimits, memory: Memory | None) -> None:
+        self.damper, self.limits, self._memory = damper, limits, memory
         self.designs: list[SinkDesign] = []
         self.outside = 0
+        self._generation = 0
         self._most = max(limits.most_fins(limits.least_thickness), 1)
 
-    def judge(self, unit: FloatArray) -> tuple[float, float, float, float]:
-        """Return mass [kg], temperature [K], and by how much the mass and the gap miss their limits."""
-        limits = self.limits
-        sink = self._sink(unit)
-        mass = sink.mass(self.damper.diameter)
-        too_heavy = mass / limits.mass - 1.0 if np.isfinite(limits.mass) else -1.0
-        too_close = 1.0 - sink.gap / limits.least_gap if sink.fins > 1 else -1.0
-        nowhere = mass, 1e3, max(too_heavy, 1e-9), too_close
-        if not limits.allow(sink, self.damper.diameter):
-            return nowhere
-        try:
-            design = self.damper.evaluate(sink)
-        except EnvelopeError:
-            self.outside += 1
-            return nowhere
-        self.designs.append(design)
-        return mass, design.fluid, too_heavy, too_close
+    def judge(self, units: FloatArray) -> FloatArray:
+        """Return mass [kg], temperature [K], and by how much the mass and the gap miss their limits.
+
+        One row for each candidate of a generation, shape (count, 6) -> (count, 4).
+        """
+        limits, diameter = self.limits, self.damper.diameter
+        sinks = [self._sink(unit) for unit in units]
+        allowed = [sink for sink in sinks if limits.allow(sink, diameter)]
+        tried = evaluate_all(self.damper, allowed, f"nsga2 generation {self._generation}", self._memory)
+        self._generation += 1
+        self.outside += sum(design is None for design in tried)
+        known = iter(tried)
+        rows = []
+        for sink in sinks:
+            mass = sink.mass(diameter)
+            too_heavy = mass / limits.mass - 1.0 if np.isfinite(limits.mass) else -1.0
+            too_close = 1.0 - sink.gap / limits.least_gap if sink.fins > 1 else -1.0
+            design = next(known) if limits.allow(sink, diameter) else None
+            if design is None:
+                rows.append((mass, 1e3, max(too_heavy, 1e-9), too_close))
+                continue
+            self.designs.append(design)
+            rows.append((mass, design.fluid, too_heavy, too_close))
+        return np.array(rows)
 
     def _sink(self, unit: FloatArray) -> HeatSink:
         limits = self.limits

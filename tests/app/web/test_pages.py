@@ -5,13 +5,11 @@ Screenshots go to build/web/: look at them when a page has changed.
 
 from __future__ import annotations
 
-import csv
 import io
 import json
 import re
 import subprocess
 import zipfile
-from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
@@ -19,104 +17,23 @@ import pytest
 from playwright.sync_api import expect
 
 from mrdamper.models.card_reading import read_card
-from tests.app.tracked import write_a_card
-from tests.app.web.browser import SCREENS, chromium, contrast, opened, palettes, shoot
-from tests.app.web.served import series_of, served
+from tests.app.web.browser import SCREENS, contrast, opened, palettes, shoot
+from tests.app.web.served import series_of
+from tests.app.web.walking import (
+    PAGES,
+    STATIC,
+    UNNAMED,
+    a_logger_file,
+    csv_rows,
+    download,
+    map_the_logger,
+    move,
+    place_of,
+    plot,
+    saved_table,
+)
 
-PAGES = ("runs", "loops", "identify", "heating", "sink", "tracking", "export", "jobs")
-STATIC = Path(__file__).parents[3] / "src" / "mrdamper" / "app" / "web" / "static"
 RUN = "nominal_020C_1.00A_sine5mm1Hz"
-
-UNNAMED = """
-[...document.querySelectorAll("main :is(button, select, canvas.plot-over, input:not([hidden]))")]
-  .filter((e) => !(e.textContent.trim() || e.labels?.length || e.getAttribute("aria-label")))
-  .map((e) => e.outerHTML)"""
-"""What one can press or fill and a screen reader cannot name."""
-
-LOGGER = """\
-Header Size:  7
-Version:  2
-Sampling Interval:  0.002
-Sampling Rate:  500
-Sample Count:  3000
-Device Serial Number:  0
-Sample Number, Date/Time, CHANNEL0, CHANNEL1, Events
-"""
-
-
-@pytest.fixture(scope="module")
-def browser(tool):
-    with chromium(tool("chromium")) as started:
-        yield started
-
-
-@pytest.fixture(scope="module")
-def site(tmp_path_factory):
-    """Return a folder with runs of the virtual rig and a card, and a client of its server."""
-    root = tmp_path_factory.mktemp("pages") / "damper"
-    (root / "cards" / "strong").mkdir(parents=True)
-    write_a_card(root / "cards" / "strong" / "card.json")
-    with served(root) as client:
-        assert client.ended(client.job("rig", campaign="short"))["state"] == "done"
-        client.read_all()
-        yield root, client
-
-
-@pytest.fixture
-def page(browser, site):
-    with opened(browser, site[1].address) as window:
-        yield window
-
-
-@pytest.fixture
-def bare(browser, tmp_path):
-    """Return a window of an empty folder's server, and the folder."""
-    with served(tmp_path / "empty") as client, opened(browser, client.address) as window:
-        yield window, tmp_path / "empty"
-
-
-def a_logger_file(path):
-    """Write two tests in one file, in volts, as a rig's logger does: 10 mm/V and 980.665 N/V."""
-    time = np.arange(1500) / 500.0
-    travel = 0.5 * np.sin(2.0 * np.pi * 2.0 * time)
-    speed = np.gradient(travel, time)
-    lines = []
-    for test, strength in enumerate((0.2, 0.9)):
-        force = strength * np.tanh(speed) + 0.05 * speed
-        for k, (x, f) in enumerate(zip(travel, force, strict=True)):
-            event = ", Resume" if k == 0 and test else ""
-            lines.append(f"{1500 * test + k + 1:8d},   05/13/2022 05:04:23.839 PM, {x:.5f}, {f:.5f}{event}")
-    path.write_text(LOGGER + "\n".join(lines) + "\n")
-    return path
-
-
-def map_the_logger(page, *, currents, rate):
-    """Say in the sheet what the two channels are."""
-    for column, role, gain in (("CHANNEL0", "displacement", "0.01"), ("CHANNEL1", "force", "980.665")):
-        page.get_by_label(f"{column} is").select_option(role)
-        page.get_by_label(f"{column} in").select_option("signal")
-        page.get_by_label(f"{column} gain").fill(gain)
-    page.get_by_label("Sampling rate, Hz").fill(rate)
-    page.get_by_label("A new test begins at").fill("Resume")
-    page.get_by_label("Currents of the tests, A").fill(currents)
-
-
-def download(page, press):
-    with page.expect_download() as waiting:
-        press()
-    return Path(waiting.value.path()).read_bytes()
-
-
-def saved_table(page, figure):
-    """Return the CSV that a plot saves: header and rows."""
-    text = download(page, figure.get_by_role("button", name="CSV").click).decode()
-    header, *rows = csv.reader(io.StringIO(text))
-    return header, rows
-
-
-def plot(page, title):
-    return page.locator("figure.plot").filter(has=page.get_by_text(title, exact=True))
-
 
 # ------------------------------------------------------------------------------------------------- runs
 
@@ -211,11 +128,6 @@ def test_the_laboratories_raw_files_become_runs_and_a_card(bare, real_data):
     errors = {run["name"]: run for run in csv_rows(folder / "cards" / "press" / "errors.csv")}
     assert errors["ME5mm3Hz_0.50A"]["split"] == "held_out"
     shoot(page, "identify-raw")
-
-
-def csv_rows(path):
-    with path.open() as lines:
-        return list(csv.DictReader(lines))
 
 
 # ------------------------------------------------------------------------------------------------ loops
@@ -345,13 +257,6 @@ def test_a_long_fit_is_found_again_after_a_reload_and_stopped(page, site):
 # --------------------------------------------------------------------------------------------- heating
 
 
-def move(page, slider, value):
-    """Move a slider and wait for the curve."""
-    asked = page.get_attribute("figure[data-asked]", "data-asked")
-    page.get_by_label(slider, exact=True).fill(str(value))
-    page.wait_for_selector(f"figure[data-asked]:not([data-asked='{asked}'])")
-
-
 def test_sliders_change_the_curve_and_a_hotter_day_is_hotter(page):
     page.goto("/#/heating?card=strong")
     figure = plot(page, "Temperatures")
@@ -396,18 +301,6 @@ def test_a_design_of_the_front_is_drawn_to_scale_with_its_own_curve(page, site):
     ends = [float(row[2]) for row in rows if row[0] == "chosen"]
     assert ends[-1] == pytest.approx(design["network_degC"], abs=0.2)
     shoot(page, "sink")
-
-
-def place_of(page, figure, design):
-    """Return where a design's dot is on the canvas, from the picture that the plot saves."""
-    drawn = ElementTree.fromstring(download(page, figure.get_by_role("button", name="SVG").click))
-    dots = [
-        (float(each.get("cx", 0)), float(each.get("cy", 0)))
-        for each in drawn.iter("{http://www.w3.org/2000/svg}circle")
-    ]
-    masses = [float(row[1]) for row in saved_table(page, figure)[1] if row[0] == "front"]
-    x, y = dots[int(np.argmin(np.abs(np.array(masses) - 1e3 * design["mass_kg"])))]
-    return {"x": x, "y": y - 22.0}  # the saved picture has its legend on top, 22 px high
 
 
 # --------------------------------------------------------------------------------------------- tracking

@@ -12,6 +12,7 @@ import os
 import re
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
@@ -33,6 +34,7 @@ def main() -> NoReturn:
     """Run the command line; whatever goes wrong ends in one message and an exit code."""
     try:
         answer = cli(standalone_mode=False)
+        sys.stdout.flush()
     except click.exceptions.Abort:
         _leave("interrupted before there was a result; nothing was written", _NOT_CONVERGED)
     except click.ClickException as fault:
@@ -48,6 +50,8 @@ def main() -> NoReturn:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(0)
     except Exception as fault:  # the outermost door: nothing behind it
+        if isinstance(fault, OSError):
+            _leave_for_room(fault)
         if os.environ.get("MRDAMPER_DEBUG") == "1":
             raise
         said = f"{type(fault).__name__}: {fault}"
@@ -55,6 +59,25 @@ def main() -> NoReturn:
             f"internal fault: {said}\nThis is a fault of mrdamper; MRDAMPER_DEBUG=1 shows where", _INTERNAL
         )
     sys.exit(answer if isinstance(answer, int) else 0)
+
+
+def _leave_for_room(fault: OSError) -> None:
+    """Leave when there is no room for what was to be written; return when it is another fault."""
+    from mrdamper.app.outputs import no_room
+
+    why = no_room(fault)
+    if not why:
+        return
+    where = fault.filename
+    if where is None:
+        where = "standard output, or a temporary file"
+        with suppress(OSError):  # else it fails once more when Python ends
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    _leave(f"{where}: {why}; make room there, or write elsewhere", _UNREADABLE)
+
+
+def _tell(message: str) -> None:
+    click.echo(f"mrdamper: {message}", err=True)
 
 
 def _leave(message: str, code: int) -> NoReturn:
@@ -82,6 +105,11 @@ _json = click.option(
     "--json", "as_json", is_flag=True, help="Print one JSON object on standard output, nothing else."
 )
 _seed = click.option("--seed", type=int, default=0, show_default=True, help="Of every random draw.")
+_resume = click.option(
+    "--resume",
+    is_flag=True,
+    help="Go on with what a run of this same command had finished when it ended; it is in OUT.progress.",
+)
 _damper = click.option(
     "--damper",
     type=click.Path(path_type=Path),
@@ -209,11 +237,13 @@ def check(paths: tuple[str, ...], *, channels: Path | None, out: Path | None, as
     help="Of the coil at 20 degC, for the card.",
 )
 @_flip
+@_resume
 @_json
 def identify(
     paths: tuple[str, ...],
     out: Path,
     *,
+    resume: bool,
     channels: Path | None,
     flip_force: bool,
     as_json: bool,
@@ -232,7 +262,14 @@ def identify(
 
     with terminal.progress() as report:
         answer = job(
-            paths, out, FitOptions(**options), channels=channels, flip_force=flip_force, report=report
+            paths,
+            out,
+            FitOptions(**options),
+            channels=channels,
+            flip_force=flip_force,
+            resume=resume,
+            tell=_tell,
+            report=report,
         )
     return _finish(answer, terminal.show_identification, as_json=as_json)
 
@@ -250,7 +287,7 @@ def identify(
 def predict(card: Path, paths: tuple[str, ...], *, as_json: bool, **options: Any) -> int:  # noqa: ANN401 - click checks them
     """Score a model card on runs that it has not seen."""
     from mrdamper.app.cli import terminal
-    from mrdamper.app.jobs import predict as job
+    from mrdamper.app.predict_job import predict as job
 
     return _finish(job(card, paths, **options), terminal.show_prediction, as_json=as_json)
 
@@ -515,6 +552,7 @@ def heat(
 )
 @click.option("--network-only", is_flag=True, help="Do not judge by finite elements.")
 @_seed
+@_resume
 @_json
 def sink(
     card: Path,
@@ -522,6 +560,7 @@ def sink(
     *,
     duty: str,
     out: Path | None,
+    resume: bool,
     network_only: bool,
     as_json: bool,
     **options: Any,  # noqa: ANN401 - click checks them, SinkOptions names them
@@ -533,7 +572,9 @@ def sink(
 
     chosen = SinkOptions(by_field=not network_only, **options)
     with terminal.counter() as report:
-        answer = job(card, damper, duty=duty, options=chosen, out=out, report=report)
+        answer = job(
+            card, damper, duty=duty, options=chosen, out=out, resume=resume, tell=_tell, report=report
+        )
     return _finish(answer, terminal.show_sink, as_json=as_json)
 
 
@@ -680,6 +721,33 @@ def export(card: Path, *, no_verify: bool, as_json: bool, **options: Any) -> int
 
     answer = job(card, ExportOptions(verify=not no_verify, **options))
     return _finish(answer, terminal.show_export, as_json=as_json)
+
+
+@cli.command()
+@click.argument("record", type=click.Path(path_type=Path))
+@_channels
+@click.option(
+    "--least-stroke-mm",
+    type=float,
+    metavar="MM",
+    help="A smaller to-and-fro is no cycle.  [default: 5 % of the range of the first rows]",
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="For cycles.csv, cycles.html, summary.json.",
+)
+@_flip
+@_json
+def cycles(record: Path, *, as_json: bool, **options: Any) -> int:  # noqa: ANN401 - click checks them
+    """Count the cycles of a record of any length: energy, peak forces, stiffness and temperature of each."""
+    from mrdamper.app.cli import terminal
+    from mrdamper.app.cycles_job import cycles as job
+
+    with terminal.reading() as report:
+        answer = job(record, report=report, **options)
+    return _finish(answer, terminal.show_cycles, as_json=as_json)
 
 
 @cli.command()

@@ -6,7 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.live import Live
@@ -14,13 +14,16 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from mrdamper.identify.variable_projection import Progress, Report
+if TYPE_CHECKING:  # an answer is shown without loading what made it
+    from mrdamper.identify.variable_projection import Progress, Report
 
 __all__ = [
     "counter",
     "progress",
+    "reading",
     "show_citations",
     "show_comparison",
+    "show_cycles",
     "show_datasets",
     "show_demo",
     "show_export",
@@ -79,6 +82,26 @@ def counter(word: str = "run") -> Iterator[Callable[[int, int, str], None] | Non
             if clock - shown[0] >= _LEAST_INTERVAL:
                 shown[0] = clock
                 live.update(Text(f"{word} {done + 1} of {of}  {name}  (Ctrl-C leaves nothing)"), refresh=True)
+
+        yield report
+
+
+@contextmanager
+def reading() -> Iterator[Callable[[int, int | None, int], None] | None]:
+    """Give a function that shows how much of a record is read; None when standard error is no terminal."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    shown = [0.0]
+    with Live(Text("reading ..."), console=Console(stderr=True), transient=True, auto_refresh=False) as live:
+
+        def report(rows: int, of: int | None, cycles: int) -> None:
+            clock = time.monotonic()
+            if clock - shown[0] >= _LEAST_INTERVAL:
+                shown[0] = clock
+                whole = "" if of is None else f" of {of:,}"
+                said = f"{rows:,}{whole} rows  {cycles:,} cycles  (Ctrl-C keeps what was counted)"
+                live.update(Text(said), refresh=True)
 
         yield report
 
@@ -268,6 +291,26 @@ def show_files(answer: Answer) -> None:
     """Print one path a line."""
     for path in answer["files"]:
         print(path)
+
+
+def show_cycles(answer: Answer) -> None:
+    """Print the figures over the cycles, and what is wrong with the record."""
+    console = _console()
+    table = Table(title=escape(f"{answer['cycles']:,} cycles in {answer['rows']:,} rows"))
+    table.add_column("figure")
+    for name in ("first", "last", "mean", "least", "most", "per 1000 cycles"):
+        table.add_column(name, justify="right")
+    for name, of in answer["figures"].items():
+        values = (
+            *(of[key] for key in ("first", "last", "mean", "least", "most")),
+            of["trend_per_1000_cycles"],
+        )
+        table.add_row(name, *("-" if value is None else f"{value:.5g}" for value in values))
+    console.print(table)
+    for each in answer["findings"]:
+        console.print(escape(f"- {each['severity']}: {each['found']}. {each['effect']}. {each['remedy']}."))
+    if "report" in answer:
+        console.print(f"wrote {escape(answer['report'])} and {escape(answer['file'])}")
 
 
 def show_fluid(answer: Answer) -> None:

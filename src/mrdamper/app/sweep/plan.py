@@ -206,7 +206,10 @@ def _tolerance(table: _Table, folder: Path) -> Iterator[tuple[str, What]]:
 
 def _sink(table: _Table, folder: Path) -> Iterator[tuple[str, What]]:
     card = str(folder / table.text("card", None))
-    duties = table.texts("duties", (DEFAULT_DUTY,))
+    duties = [
+        str(folder / each) if each.lower().endswith(".csv") else each
+        for each in table.texts("duties", (DEFAULT_DUTY,))
+    ]
     method = table.text("method", "grid", ("grid", "nsga2"))
     named = table.texts("dampers", ("paper",))
     drawings = [

@@ -7,11 +7,12 @@ given to another. A task at which workers keep dying is an error of its own.
 from __future__ import annotations
 
 import os
+import threading
 from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 
 from mrdamper.app.sweep.plan import Task, What
 from mrdamper.app.sweep.tasks import run_task
@@ -38,7 +39,9 @@ def run_on_processes(tasks: Sequence[Task], workers: int) -> Iterator[tuple[Task
         os.environ.setdefault(name, "1")
     while left:
         running: dict[Future[What], Task] = {}
-        with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        with ProcessPoolExecutor(
+            workers, mp_context=get_context("spawn"), initializer=_end_with_the_sweep
+        ) as pool:
             try:
                 while left or running:
                     while left and len(running) < 2 * workers:
@@ -63,6 +66,19 @@ def run_on_processes(tasks: Sequence[Task], workers: int) -> Iterator[tuple[Task
                     future.cancel()
                 _stop(pool)
                 raise
+
+
+def _end_with_the_sweep() -> None:
+    """End this worker when the sweep's process is gone, killed perhaps: nobody waits for it any more."""
+    sweep = parent_process()
+    if sweep is None:  # not a worker
+        return
+
+    def watch() -> None:
+        sweep.join()
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def _stop(pool: ProcessPoolExecutor) -> None:

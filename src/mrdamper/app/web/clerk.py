@@ -18,7 +18,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from mrdamper.app.web.folder import FAULT
+from mrdamper.app.web.folder import FAULT, is_full
 from mrdamper.errors import InputError, MrdamperError
 
 __all__ = ["answer_to"]
@@ -33,7 +33,14 @@ def answer_to(question: Json) -> Json:
     try:
         return {"answer": _ANSWERS[question["ask"]](question)}
     except MrdamperError as fault:
+        if is_full(fault.__cause__ or fault):
+            return _full(question)
         return {"refused": str(fault)}
+    except OSError as fault:
+        if is_full(fault):
+            return _full(question)
+        traceback.print_exc(file=sys.stderr)
+        return {"refused": FAULT}
     except MemoryError:
         return {"refused": "needs more memory than there is; use a shorter file"}
     except Exception:
@@ -41,10 +48,39 @@ def answer_to(question: Json) -> Json:
         return {"refused": FAULT}
 
 
+def _full(question: Json) -> Json:
+    name = Path(question.get("file") or question.get("place") or "the folder").name
+    return {"refused": f"what is drawn of {name} could not be kept", "full": True}
+
+
 def _look(question: Json) -> Json:
     from mrdamper.app.look_job import look
 
     return look(Path(question["file"]), _map(question))
+
+
+def _glance(question: Json) -> Json:
+    from mrdamper.app.look_job import glance
+
+    return glance(Path(question["file"]), _map(question)) or {"whole": True}
+
+
+def _ready(_: Json) -> Json:
+    import mrdamper.app.look_job  # noqa: F401 - so that the next question need not wait for it
+
+    return {}
+
+
+def _cite(question: Json) -> Json:
+    from mrdamper.app.cite_job import cite
+
+    return cite(Path(question["card"]))
+
+
+def _catalogue(_: Json) -> Json:
+    from mrdamper.app.public_data_job import catalogue
+
+    return {"sets": catalogue()}
 
 
 def _keep(question: Json) -> Json:
@@ -125,6 +161,10 @@ def _map(question: Json) -> Json | None:
 
 _ANSWERS: dict[str, Callable[[Json], Json]] = {
     "look": _look,
+    "glance": _glance,
+    "ready": _ready,
+    "cite": _cite,
+    "catalogue": _catalogue,
     "keep": _keep,
     "findings": _findings,
     "window": _window,

@@ -16,6 +16,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
+from mrdamper.app.outputs import clear_left
 from mrdamper.app.web.folder import WorkFolder
 from mrdamper.app.web.orders import Order
 from mrdamper.app.web.record import ENDED, JobRecord, job_ids, new_id
@@ -77,6 +78,21 @@ class Crew:
         self._next()
         self._changed("jobs")
         return job_id
+
+    def resume(self, job_id: str) -> None:
+        """Queue a job that ended early again; it goes on with what it has finished."""
+        record = self.record(job_id)
+        found = record.read()
+        if job_id in self._waiting or job_id in self._running:
+            raise ConflictError(f"{job_id} is at work")
+        if record.left(found) is None:
+            raise ConflictError(f"{job_id} has left nothing to go on with; ask for it again")
+        if found.get("card") is not None:
+            self._claim(found["card"], replace=found["options"]["replace"])
+        record.reopen()
+        self._waiting.append(job_id)
+        self._next()
+        self._changed("jobs")
 
     def _claim(self, card: str, *, replace: bool) -> None:
         """Refuse a card's name that is taken."""
@@ -160,7 +176,7 @@ class Crew:
 
     def _settle(self, record: JobRecord, code: int) -> None:
         """Write the end of a job whose process could not."""
-        with suppress(InputError):
+        with suppress(InputError, OSError):
             if record.read()["state"] not in ENDED:
                 if self._closing:
                     record.end("interrupted", "the server was stopped before it was done; ask for it again")
@@ -172,10 +188,7 @@ class Crew:
                         f"the job's process ended by itself (exit code {code}); was there enough memory?",
                     )
         _clear(record)
-        cards = {other for other in self._running if other != record.id and other.startswith("identify-")}
-        if not cards:
-            for left in self._folder.cards.glob(".mrdamper-*"):
-                shutil.rmtree(left, ignore_errors=True)
+        clear_left(self._folder.cards)
 
     async def _stop(self, process: Process) -> None:
         with suppress(ProcessLookupError):
@@ -193,6 +206,7 @@ def _kill(process: Process) -> None:
 
 
 def _clear(record: JobRecord) -> None:
-    for pattern in (".mrdamper-*", ".record-*"):
+    clear_left(record.folder)
+    for pattern in (".record-*", ".reserve"):
         for left in record.folder.glob(pattern):
             shutil.rmtree(left, ignore_errors=True) if left.is_dir() else left.unlink(missing_ok=True)

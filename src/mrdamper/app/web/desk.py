@@ -19,6 +19,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from mrdamper.app.web.folder import NoSpaceError
 from mrdamper.errors import InputError, MrdamperError
 
 __all__ = ["Desk", "NotYetError", "Patience"]
@@ -69,6 +70,12 @@ class Desk:
             self._task = asyncio.create_task(self._serve())
         return await answer
 
+    def wake(self) -> None:
+        """Start the process where there is none: a question is to be expected."""
+        if self._process is None and not self._queue.qsize():
+            waking = asyncio.ensure_future(self.ask({"ask": "ready"}))
+            waking.add_done_callback(lambda done: done.cancelled() or done.exception())
+
     async def close(self) -> None:
         self._closed = True
         if self._task is not None:
@@ -103,7 +110,9 @@ class Desk:
                     answer, "could not be read: the reader stopped on it. The file is damaged, or too large"
                 )
             else:
-                if "refused" in found:
+                if found.get("full"):
+                    _refuse(answer, NoSpaceError(found["refused"]))
+                elif "refused" in found:
                     _fail(answer, found["refused"])
                 elif not answer.done():
                     answer.set_result(found["answer"])
@@ -167,5 +176,9 @@ class Patience:
 
 
 def _fail(answer: asyncio.Future[Json], said: str) -> None:
+    _refuse(answer, InputError(said))
+
+
+def _refuse(answer: asyncio.Future[Json], fault: MrdamperError) -> None:
     if not answer.done():
-        answer.set_exception(InputError(said))
+        answer.set_exception(fault)

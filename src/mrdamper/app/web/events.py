@@ -11,6 +11,7 @@ from typing import Any
 
 from mrdamper.app.web.folder import WorkFolder
 from mrdamper.app.web.record import ENDED, JobRecord
+from mrdamper.app.web.words import spoken
 from mrdamper.errors import InputError
 
 __all__ = ["Bell", "job_events"]
@@ -26,7 +27,9 @@ Gone = Callable[[], bool]
 def event(name: str, told: Mapping[str, Any], number: int | None = None) -> str:
     """Return one event; JSON has no line breaks of its own."""
     numbered = "" if number is None else f"id: {number}\n"
-    return f"{numbered}event: {name}\ndata: {json.dumps(told, ensure_ascii=False, allow_nan=False)}\n\n"
+    return (
+        f"{numbered}event: {name}\ndata: {json.dumps(spoken(told), ensure_ascii=False, allow_nan=False)}\n\n"
+    )
 
 
 async def job_events(record: JobRecord, after: int, gone: Gone) -> AsyncIterator[str]:

@@ -12,6 +12,7 @@ link that leads out, and new ones are plain.
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import secrets
@@ -22,9 +23,20 @@ from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 
-from mrdamper.errors import InputError
+from mrdamper.app.outputs import clear_left
+from mrdamper.errors import InputError, MrdamperError
 
-__all__ = ["FAULT", "MAP_SUFFIX", "NotThereError", "TooLargeError", "WorkFolder", "now", "stamp"]
+__all__ = [
+    "FAULT",
+    "MAP_SUFFIX",
+    "NoSpaceError",
+    "NotThereError",
+    "TooLargeError",
+    "WorkFolder",
+    "is_full",
+    "now",
+    "stamp",
+]
 
 MAP_SUFFIX = ".channels.toml"
 FAULT = "internal fault: this is a fault of mrdamper; the server's terminal says where"
@@ -45,6 +57,18 @@ class TooLargeError(InputError):
     """An upload beyond what may be stored."""
 
 
+class NoSpaceError(MrdamperError):
+    """The disk is full, or the user's share of it."""
+
+    def __init__(self, what: str) -> None:
+        super().__init__(f"the disk is full: {what}. Make room on the disk of the folder, then try again")
+
+
+def is_full(fault: BaseException) -> bool:
+    """Tell whether it is for want of room that something could not be written."""
+    return isinstance(fault, OSError) and fault.errno in {errno.ENOSPC, errno.EDQUOT}
+
+
 class WorkFolder:
     """The folder of one server."""
 
@@ -63,9 +87,9 @@ class WorkFolder:
     def clear(self) -> None:
         """Delete what a server that was killed left half-written; no other process may be at work."""
         for place in (self.runs, self.inputs, self.cards):
-            for pattern in (".upload-*", ".mrdamper-*"):
-                for left in place.glob(pattern):
-                    self.remove(left)
+            clear_left(place)
+            for left in place.glob(".upload-*"):
+                self.remove(left)
 
     @property
     def runs(self) -> Path:
@@ -195,6 +219,8 @@ class WorkFolder:
                     file.write(piece)
             self.move(beside, path)
         except OSError as fault:
+            if is_full(fault):
+                raise NoSpaceError(f"{path.name} was not stored") from fault
             raise TooLargeError(f"{path.name}: cannot be written: {fault.strerror}") from fault
         finally:
             beside.unlink(missing_ok=True)

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from mrdamper.app.web.desk import Desk
-from mrdamper.app.web.folder import NotThereError, WorkFolder, stamp
+from mrdamper.app.web.folder import NoSpaceError, NotThereError, WorkFolder, is_full, stamp
 from mrdamper.app.web.record import write_whole
 from mrdamper.errors import InputError
 
@@ -25,6 +25,7 @@ __all__ = ["Kept", "RunIndex", "SameNameError"]
 
 _FORM = "1"  # of what is kept; another number reads everything again
 _MOST_WINDOWS = 64  # of a file
+_ROOM = 16 << 20  # bytes
 _READ, _CHECK = 5, 9  # urgency, behind whoever waits
 
 Json = dict[str, Any]
@@ -77,12 +78,15 @@ class RunIndex:
         for file in self._folder.run_files(self._formats):
             key = self.key_of(file)
             meta = self._look_up(key)
-            if meta is None:
-                self._begin(key, file)
             size, modified = 0, 0.0
             with suppress(OSError):
                 found = file.stat()
                 size, modified = found.st_size, found.st_mtime
+            if meta is not None and meta.get("full") and self._has_room_for(size):
+                self._known.pop(key, None)
+                meta = None
+            if meta is None:
+                self._begin(key, file)
             error = None if meta is None else meta["error"]
             rows.append(
                 {
@@ -125,6 +129,10 @@ class RunIndex:
                 }
             )
         return rows
+
+    def knows(self, file: Path) -> bool:
+        """Tell whether a file has been read as it is now."""
+        return self._look_up(self.key_of(file)) is not None
 
     async def look(self, file: Path) -> Json:
         """Return what is in a file, waiting until it has been read."""
@@ -241,6 +249,9 @@ class RunIndex:
                 meta = await self._desk.ask(
                     {"ask": "keep", "file": str(file), "place": str(place)}, urgency=_READ
                 )
+            except NoSpaceError as fault:
+                shutil.rmtree(place, ignore_errors=True)
+                meta = {"runs": [], "columns": [], "error": f"{file.name}: {fault}", "full": True}
             except InputError as fault:
                 meta = {"runs": [], "columns": [], "error": f"{file.name}: {fault}"}
             meta |= {"file": file.name, "findings": None}
@@ -259,7 +270,7 @@ class RunIndex:
     async def _check(self, key: str, file: Path) -> None:
         try:
             found = await self._checking.ask({"ask": "findings", "file": str(file)}, urgency=_CHECK)
-        except InputError:
+        except (InputError, NoSpaceError):
             found = {"findings": []}
         finally:
             self._pending.pop(key, None)
@@ -268,7 +279,18 @@ class RunIndex:
             self._changed("files")
 
     def _write(self, key: str, meta: Json) -> None:
+        """Keep what is known of a file; on a full disk in memory alone."""
         self._known[key] = meta
+        if meta.get("full"):
+            return
         place = self._folder.cache / key
-        place.mkdir(parents=True, exist_ok=True)
-        write_whole(place / "meta.json", meta)
+        try:
+            place.mkdir(parents=True, exist_ok=True)
+            write_whole(place / "meta.json", meta)
+        except OSError as fault:
+            if not is_full(fault):
+                raise
+
+    def _has_room_for(self, size: int) -> bool:
+        """Tell whether what a full disk stopped may be tried again."""
+        return shutil.disk_usage(self._folder.cache).free > 4 * size + _ROOM

@@ -82,6 +82,7 @@ class Heat(Order):
     past_limit: bool = False
     model: Literal["zones", "lumped"] = "zones"
     start_degC: Degrees | None = None
+    calibrate: Name | None = None
     field: bool = True
 
 
@@ -132,6 +133,7 @@ class Export(Order):
 
 class Rig(Order):
     preset: Word = "nominal"
+    damper: Name | None = None
     campaign: Name = "short"
     seed: Seed = 0
 
@@ -147,6 +149,15 @@ class Demo(Order):
     seed: Seed = 0
 
 
+class Sweep(Order):
+    plan: Name
+    workers: Annotated[int, Field(ge=1, le=64)] | None = None
+
+
+class Fetch(Order):
+    name: Word
+
+
 KINDS: dict[str, type[Order]] = {
     "identify": Identify,
     "predict": Predict,
@@ -159,6 +170,8 @@ KINDS: dict[str, type[Order]] = {
     "rig": Rig,
     "fluid": Fluid,
     "demo": Demo,
+    "sweep": Sweep,
+    "fetch": Fetch,
 }
 
 
@@ -196,6 +209,7 @@ class Mapping(Order):
     files: Annotated[list[Name], Field(min_length=1, max_length=500)]
     map: dict[str, Any] | None = None
     save: bool = False
+    head: bool = False  # look at the beginning alone, where that tells something
 
     @model_validator(mode="after")
     def _shallow(self) -> Mapping:

@@ -4,7 +4,8 @@
     progress.jsonl  one line for each thing said while it runs
     answer.json     what ``mrdamper KIND --json`` prints
 
-What stands in these files is all there is: a server that starts again knows as much as the one before.
+What stands in these files is all there is: a server that starts again knows as much as the one before. A few
+bytes are held back from the beginning, so that the end of a job can be written down on a full disk, too.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -27,6 +29,8 @@ _ID = re.compile(r"([a-z]+)-(\d{3,6})")
 _OWN = frozenset({"job.json", "progress.jsonl", "answer.json"})
 _TAIL = 4096  # bytes in which the last line of progress is looked for
 _MOST_FILES = 500
+_RESERVE = ".reserve"
+_RESERVED = 8192  # bytes
 
 Json = dict[str, Any]
 
@@ -41,21 +45,35 @@ class JobRecord:
         self.folder = results / job_id
 
     def open(self, kind: str, options: Mapping[str, Any], card: str | None) -> None:
-        """Write down what was asked."""
+        """Write down what was asked, or nothing at all."""
         self.folder.mkdir()
-        self._write(
-            {
-                "id": self.id,
-                "kind": kind,
-                "options": dict(options),
-                "state": "queued",
-                "asked_at": now(),
-                "started_at": None,
-                "ended_at": None,
-                "message": None,
-                "card": card,
-            }
-        )
+        try:
+            self._reserve()
+            self._write(
+                {
+                    "id": self.id,
+                    "kind": kind,
+                    "options": dict(options),
+                    "state": "queued",
+                    "asked_at": now(),
+                    "started_at": None,
+                    "ended_at": None,
+                    "message": None,
+                    "card": card,
+                    "resumed": 0,
+                }
+            )
+        except OSError:
+            shutil.rmtree(self.folder, ignore_errors=True)
+            raise
+
+    def reopen(self) -> None:
+        """Write down that a job which ended early is asked for again, to go on from there."""
+        found = self.read()
+        self._reserve()
+        (self.folder / "answer.json").unlink(missing_ok=True)
+        again = {"state": "queued", "started_at": None, "ended_at": None, "message": None}
+        self._write(found | again | {"resumed": int(found.get("resumed") or 0) + 1})
 
     def read(self) -> Json:
         """Return the record; one that cannot be read counts as none."""
@@ -71,7 +89,16 @@ class JobRecord:
         self._write(self.read() | {"state": "running", "started_at": now(), "pid": os.getpid()})
 
     def end(self, state: str, message: str | None = None) -> None:
+        (self.folder / _RESERVE).unlink(missing_ok=True)
         self._write(self.read() | {"state": state, "ended_at": now(), "message": message})
+
+    def left(self, found: Json) -> Path | None:
+        """Return what a job that ended early has finished so far, for kinds that can go on from there."""
+        if found["state"] not in ENDED - {"done"}:
+            return None
+        places = {"sweep": self.folder / "sweep.jsonl"}
+        place = places.get(found["kind"])
+        return place if place is not None and place.is_file() and place.stat().st_size else None
 
     def said(self) -> Json | None:
         """Return the last line of progress."""
@@ -108,7 +135,12 @@ class JobRecord:
         """Return the record as the pages see it."""
         found, said = self.read(), self.said()
         progress = None if said is None else {key: said.get(key) for key in ("done", "of", "text")}
-        return {**found, "progress": progress, "files": self.files()}
+        return {
+            **found,
+            "progress": progress,
+            "files": self.files(),
+            "resumable": self.left(found) is not None,
+        }
 
     def files(self) -> list[Json]:
         """Return the job's own files."""
@@ -120,6 +152,9 @@ class JobRecord:
             if str(name) not in _OWN and not any(part.startswith(".") for part in name.parts)
         ][:_MOST_FILES]
 
+    def _reserve(self) -> None:
+        (self.folder / _RESERVE).write_bytes(b"." * _RESERVED)
+
     def _write(self, value: Json) -> None:
         write_whole(self.folder / "job.json", value)
 
@@ -128,10 +163,14 @@ def write_whole(path: Path, value: Mapping[str, Any]) -> None:
     """Write a JSON object so that whoever reads it sees the old one or the new one."""
     text = json.dumps(value, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     handle, name = tempfile.mkstemp(prefix=".record-", dir=path.parent)
-    with os.fdopen(handle, "w", encoding="utf-8") as file:
-        file.write(text)
-    Path(name).chmod(0o644)
-    Path(name).replace(path)
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(text)
+        Path(name).chmod(0o644)
+        Path(name).replace(path)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
 
 
 def job_ids(results: Path) -> list[str]:

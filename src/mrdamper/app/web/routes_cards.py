@@ -26,6 +26,13 @@ def card_routes(shop: Shop) -> APIRouter:
     async def card(name: str) -> Response:
         return send_file(folder.card(name))
 
+    @routes.get("/api/cards/{name}/cite")
+    async def cite(name: str) -> Response:
+        path = folder.card(name)
+        key = ("cite", str(path), path.stat().st_mtime_ns)
+        question = {"ask": "cite", "card": str(path)}
+        return say(await shop.patience.wait(key, lambda: shop.desk.ask(question)))
+
     @routes.get("/api/cards/{name}/files/{path:path}")
     async def card_file(name: str, path: str, request: Request) -> Response:
         folder.card(name)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ __all__ = ["file_routes"]
 
 _MOST_INPUT = 4_000_000  # bytes
 _INPUTS = (".toml", ".csv", ".json")
+_LARGE = 2_000_000  # bytes of a file whose beginning is worth a look of its own
 
 Json = dict[str, Any]
 
@@ -30,9 +32,10 @@ def file_routes(shop: Shop) -> APIRouter:
     @routes.put("/api/files/{name}")
     async def upload(name: str, request: Request) -> Response:
         path = folder.new(folder.runs, name, shop.formats)
-        size = await folder.store(
-            path, request.stream(), shop.most_upload, request.headers.get("content-length")
-        )
+        stated = request.headers.get("content-length", "")
+        if stated.isdigit() and int(stated) >= _LARGE:
+            shop.glances.wake()  # it is looked into next, as likely as not
+        size = await folder.store(path, request.stream(), shop.most_upload, stated or None)
         shop.index.files()
         shop.bell.ring("files")
         return say({"name": name, "bytes": size}, 201)
@@ -47,15 +50,25 @@ def file_routes(shop: Shop) -> APIRouter:
         return say({"deleted": name})
 
     @routes.get("/api/files/{name}/look")
-    async def look(name: str) -> Response:
+    async def look(name: str, request: Request) -> Response:
         path = folder.run_file(name)
-        key = ("look", shop.index.key_of(path))
-        return say(await shop.patience.wait(key, lambda: shop.index.look(path)))
+        version = shop.index.key_of(path)
+        if "head" in request.query_params and not shop.index.knows(path):
+            question = {"ask": "glance", "file": str(path)}
+            seen = await shop.patience.wait(("glance", version), lambda: shop.glances.ask(question))
+            if not seen.get("whole"):
+                shop.index.files()
+                return say(seen)
+        return say(await shop.patience.wait(("look", version), lambda: shop.index.look(path)))
 
     @routes.put("/api/channels")
     async def map_channels(request: Request) -> Response:
         order: Mapping = await order_in(request, Mapping)
         paths = [folder.run_file(name) for name in dict.fromkeys(order.files)]
+        if order.head and not order.save:
+            previews = await _glances(shop, paths, order)
+            if previews is not None:
+                return say({"saved": False, "previews": previews})
         key = (
             "channels",
             json.dumps(order.model_dump(), sort_keys=True),
@@ -94,6 +107,19 @@ def file_routes(shop: Shop) -> APIRouter:
 def drawing_of(shop: Shop, name: str) -> str:
     """Return a preset's name, or the path of the drawing in the folder."""
     return name if name in shop.choices["dampers"] else str(shop.folder.input(name))  # type: ignore[operator]  # a list
+
+
+async def _glances(shop: Shop, paths: list[Path], order: Mapping) -> list[Json] | None:
+    """Look at the beginnings of files with a map; None when one of them must be read whole."""
+    previews = []
+    for path in paths:
+        question = {"ask": "glance", "file": str(path), "map": order.map or {}}
+        key = ("glance", json.dumps(question, sort_keys=True), shop.index.key_of(path))
+        seen = await shop.patience.wait(key, partial(shop.glances.ask, question))
+        if seen.get("whole"):
+            return None
+        previews.append(seen)
+    return previews
 
 
 async def _map(shop: Shop, paths: list[Path], order: Mapping) -> Json:

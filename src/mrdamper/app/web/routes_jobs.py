@@ -57,6 +57,11 @@ def job_routes(shop: Shop) -> APIRouter:
         crew.cancel(job_id)
         return say(crew.record(job_id).shown())
 
+    @routes.post("/api/jobs/{job_id}/resume")
+    async def resume(job_id: str) -> Response:
+        crew.resume(job_id)
+        return say(crew.record(job_id).shown())
+
     @routes.delete("/api/jobs/{job_id}")
     async def forget(job_id: str) -> Response:
         crew.forget(job_id)

@@ -13,6 +13,7 @@ from starlette.responses import Response
 
 from mrdamper.app.card_line import card_line
 from mrdamper.app.web.folder import WorkFolder, stamp
+from mrdamper.app.web.inputs import kind_of_input
 from mrdamper.app.web.routes_jobs import job_rows
 from mrdamper.app.web.shop import Shop, say, stream
 
@@ -30,6 +31,10 @@ def state_routes(shop: Shop) -> APIRouter:
         files = shop.index.files()
         rest = await asyncio.to_thread(_state, shop)
         return say({**rest, "files": files})
+
+    @routes.get("/api/data")
+    async def public_data() -> Response:
+        return say(await shop.patience.wait("data", lambda: shop.desk.ask({"ask": "catalogue"})))
 
     @routes.get("/api/events")
     async def events() -> Response:
@@ -55,7 +60,12 @@ def _state(shop: Shop) -> Json:
 
 def _input(path: Path) -> Json:
     found = path.stat()
-    return {"name": path.name, "bytes": found.st_size, "modified": stamp(found.st_mtime)}
+    return {
+        "name": path.name,
+        "bytes": found.st_size,
+        "modified": stamp(found.st_mtime),
+        "kind": kind_of_input(path),
+    }
 
 
 def _card(folder: WorkFolder, name: str) -> Json:

@@ -24,7 +24,7 @@ from starlette.types import ASGIApp
 
 from mrdamper.app.web.crew import ConflictError
 from mrdamper.app.web.desk import NotYetError
-from mrdamper.app.web.folder import FAULT, NotThereError, TooLargeError
+from mrdamper.app.web.folder import FAULT, NoSpaceError, NotThereError, TooLargeError, is_full
 from mrdamper.app.web.index import SameNameError
 from mrdamper.app.web.routes_cards import card_routes
 from mrdamper.app.web.routes_files import file_routes
@@ -33,6 +33,7 @@ from mrdamper.app.web.routes_runs import run_routes
 from mrdamper.app.web.routes_state import state_routes
 from mrdamper.app.web.security import Door, Guard
 from mrdamper.app.web.shop import MOST_UPLOAD, Shop
+from mrdamper.app.web.words import in_page_words
 from mrdamper.errors import InputError, MrdamperError
 
 __all__ = ["DEFAULT_PORT", "build", "serve"]
@@ -46,6 +47,7 @@ _STATUS: tuple[tuple[type[Exception], int], ...] = (
     (ConflictError, 409),
     (SameNameError, 409),
     (TooLargeError, 413),
+    (NoSpaceError, 507),
     (MrdamperError, 422),
 )
 
@@ -68,6 +70,7 @@ def build(root: Path, door: Door | None = None, *, most_upload: int = MOST_UPLOA
     app.add_api_route("/{path:path}", _page, methods=["GET"], response_model=None)
     for kind, status in _STATUS:
         app.add_exception_handler(kind, _told_with(status))
+    app.add_exception_handler(OSError, _no_space)
     app.add_exception_handler(NotYetError, _not_yet)
     app.add_exception_handler(HTTPException, _plain)
     app.add_exception_handler(Exception, _fault)
@@ -154,9 +157,16 @@ async def _page(path: str) -> Response:
 
 def _told_with(status: int) -> Callable[[Request, Exception], Response]:
     def told(_: Request, fault: Exception) -> Response:
-        return JSONResponse({"error": str(fault), "status": status}, status)
+        return JSONResponse({"error": in_page_words(str(fault)), "status": status}, status)
 
     return told
+
+
+def _no_space(request: Request, fault: Exception) -> Response:
+    """Tell that the disk is full, wherever it was noticed; any other such fault is one of ours."""
+    if not is_full(fault):
+        raise fault
+    return _told_with(507)(request, NoSpaceError("nothing was written"))
 
 
 def _not_yet(_: Request, _fault: Exception) -> Response:

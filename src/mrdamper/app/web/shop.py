@@ -19,6 +19,7 @@ from mrdamper.app.web.folder import WorkFolder
 from mrdamper.app.web.index import RunIndex
 from mrdamper.app.web.orders import Order, told
 from mrdamper.app.web.security import REPORT_POLICY
+from mrdamper.app.web.words import spoken
 from mrdamper.errors import InputError
 
 __all__ = ["MOST_UPLOAD", "Shop", "body_of", "order_in", "say", "send_file", "stream"]
@@ -47,6 +48,7 @@ class Shop:
         self.bell = Bell(self.folder)
         self.crew = Crew(self.folder, self.bell.ring)
         self.desk = Desk(self.folder.root, nice=2)  # reads files
+        self.glances = Desk(self.folder.root)  # looks at their beginnings, behind nobody
         self.quick = Desk(self.folder.root, idle_s=300.0)  # draws curves under a slider
         self.checking = Desk(self.folder.root, nice=10)
         self.index = RunIndex(self.folder, self.formats, (self.desk, self.checking), self.bell.ring)
@@ -61,7 +63,7 @@ class Shop:
         self.closing = True
         await self.index.close()
         await self.crew.close()
-        for desk in (self.desk, self.quick, self.checking):
+        for desk in (self.desk, self.glances, self.quick, self.checking):
             await desk.close()
 
     def is_closing(self) -> bool:
@@ -100,8 +102,8 @@ def send_file(path: Path, *, download: bool = False) -> Response:
 
 
 def say(answer: dict[str, Any], status: int = 200) -> Response:
-    """Return an answer as JSON."""
-    return JSONResponse(answer, status)
+    """Return an answer as JSON, its sentences in the words of the pages."""
+    return JSONResponse(spoken(answer), status)
 
 
 def stream(events: AsyncIterator[str]) -> Response:

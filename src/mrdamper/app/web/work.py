@@ -5,6 +5,7 @@ These are the functions that the command line calls; nothing is computed here.
 
 from __future__ import annotations
 
+import os
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -30,8 +31,13 @@ held_out_motions = []
 """
 
 
-def do(kind: str, options: Json, folder: WorkFolder, out: Path, say: Say) -> Json:
-    """Do a job, its files into ``out`` (a card's into its own folder); return its answer."""
+def do(kind: str, options: Json, folder: WorkFolder, out: Path, say: Say, *, resume: bool = False) -> Json:
+    """Do a job, its files into ``out`` (a card's into its own folder); return its answer.
+
+    With ``resume`` it goes on with what it has finished when it ended early, where its kind can.
+    """
+    if kind in _LONG:
+        return _LONG[kind](options, folder, out, say, resume)
     return _WORK[kind](options, folder, out, say)
 
 
@@ -100,6 +106,7 @@ def _heat(options: Json, folder: WorkFolder, out: Path, _say: Say) -> Json:
         past_limit=options["past_limit"],
         model=options["model"],
         start_degC=options["start_degC"],
+        calibrate=None if options["calibrate"] is None else folder.input(options["calibrate"]),
         by_field=options["field"],
         out=out,
     )
@@ -165,6 +172,7 @@ def _rig(options: Json, folder: WorkFolder, out: Path, say: Say) -> Json:
     return rig(
         folder.runs,
         preset=options["preset"],
+        damper_file=None if options["damper"] is None else folder.input(options["damper"]),
         campaign_file=campaign,
         seed=options["seed"],
         report=_counted(say),
@@ -188,6 +196,24 @@ def _demo(options: Json, _folder: WorkFolder, out: Path, say: Say) -> Json:
     return demo(out, quick=options["quick"], seed=options["seed"], report=_counted(say))
 
 
+def _fetch(options: Json, folder: WorkFolder, _out: Path, say: Say) -> Json:
+    from mrdamper.app.public_data_job import fetch_into
+
+    return fetch_into(folder.runs, options["name"], MAP_SUFFIX, report=_counted(say))
+
+
+def _sweep(options: Json, folder: WorkFolder, out: Path, say: Say, resume: bool) -> Json:  # noqa: FBT001 - as all of _LONG
+    from mrdamper.app.plan_job import files_of_plan, texts_of_plan
+    from mrdamper.app.sweep_job import sweep
+
+    plan = folder.input(options["plan"])
+    for text in texts_of_plan(plan):  # before anything is looked for
+        _inside(folder, plan, text)
+    for file in files_of_plan(plan):  # links are followed
+        _inside(folder, plan, os.path.relpath(file.resolve(), plan.parent))
+    return sweep(plan, out, workers=options["workers"], resume=resume, report=_counted(say))
+
+
 _WORK: dict[str, Callable[[Json, WorkFolder, Path, Say], Json]] = {
     "identify": _identify,
     "predict": _predict,
@@ -200,7 +226,9 @@ _WORK: dict[str, Callable[[Json, WorkFolder, Path, Say], Json]] = {
     "rig": _rig,
     "fluid": _fluid,
     "demo": _demo,
+    "fetch": _fetch,
 }
+_LONG: dict[str, Callable[[Json, WorkFolder, Path, Say, bool], Json]] = {"sweep": _sweep}
 
 
 # ------------------------------------------------------------------------------------------- names to paths
@@ -216,6 +244,24 @@ def _runs(folder: WorkFolder, names: list[str] | None) -> list[Path]:
     if not found:
         raise InputError(f"no runs in the folder; add files first (those with {MAP_SUFFIX} go beside them)")
     return found
+
+
+def _inside(folder: WorkFolder, plan: Path, text: str) -> None:
+    """Refuse a path in a plan, or a pattern of paths, that leads out of the folder."""
+    parent, before = (
+        plan.parent,
+        text.split("*", maxsplit=1)[0].split("?", maxsplit=1)[0].split("[", maxsplit=1)[0],
+    )
+    if "\x00" in text or Path(text).is_absolute():
+        raise InputError(
+            f"{plan.name}: {text[:80]!r} is an absolute path; expected one such as ../runs/*.csv"
+        )
+    for each in (text, before):
+        if not (parent / each).resolve().is_relative_to(folder.root):
+            raise InputError(
+                f"{plan.name}: {text[:80]!r} leads out of the folder; expected what lies in it, such as "
+                "../runs/*.csv or ../cards/NAME/card.json"
+            )
 
 
 def _preset_or_input(folder: WorkFolder, name: Any, group: str) -> Any:  # noqa: ANN401 - None or a text

@@ -15,10 +15,11 @@ import sys
 import threading
 import time
 import traceback
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NoReturn
 
-from mrdamper.app.web.folder import FAULT, WorkFolder
+from mrdamper.app.web.folder import FAULT, NoSpaceError, WorkFolder, is_full
 from mrdamper.app.web.record import JobRecord, write_whole
 
 __all__ = ["GRACE_S", "main"]
@@ -55,7 +56,8 @@ class _Sayer:
             self._held = None
 
     def _write(self, line: dict[str, object]) -> None:
-        with self._path.open("a", encoding="utf-8") as file:
+        # what a job says is not worth stopping it for: on a full disk it goes on in silence
+        with suppress(OSError), self._path.open("a", encoding="utf-8") as file:
             file.write(json.dumps(line, ensure_ascii=False, allow_nan=False) + "\n")
 
 
@@ -90,7 +92,14 @@ def _do(record: JobRecord, folder: WorkFolder, sayer: _Sayer) -> dict[str, Any]:
     from mrdamper.app.web.work import do
 
     asked = record.read()
-    return do(asked["kind"], asked["options"], folder, record.folder, sayer.progress)
+    return do(
+        asked["kind"],
+        asked["options"],
+        folder,
+        record.folder,
+        sayer.progress,
+        resume=bool(asked.get("resumed")),
+    )
 
 
 def _fail(record: JobRecord, orphaned: threading.Event, fault: BaseException) -> int:
@@ -101,6 +110,9 @@ def _fail(record: JobRecord, orphaned: threading.Event, fault: BaseException) ->
     if isinstance(fault, Interrupted):
         record.end(*_stopped(orphaned, "interrupted while comparing; nothing was written"))
         return 4
+    if is_full(fault) or is_full(fault.__cause__ or fault):
+        record.end("failed", str(NoSpaceError(f"{record.id} could not write its files")))
+        return 1
     if isinstance(fault, MrdamperError):
         record.end("failed", record_words(str(fault), record.folder))
         return fault.exit_code

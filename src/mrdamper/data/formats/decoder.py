@@ -2,8 +2,9 @@
 
 Run as ``python -m mrdamper.data.formats.decoder``. Each question is a line of JSON on standard input, each
 answer one on standard output: ``{"open": path, "format": name, "options": {...}}`` gives what a table holds
-beside its columns, ``{"column": name}`` how many samples follow as float64 bytes, ``{"text": name}`` the
-cells of a text column. An answer with ``error`` is the message of an ``InputError``.
+beside its columns, ``{"column": name}`` how many samples follow as float64 bytes, ``{"rows": names, "start":
+row, "count": rows}`` how many of each column follow, ``{"text": name}`` the cells of a text column. An answer
+with ``error`` is the message of an ``InputError``.
 """
 
 from __future__ import annotations
@@ -44,6 +45,13 @@ def serve(questions: IO[bytes], answers: IO[bytes]) -> None:
                 _say(answers, _beside_columns(table))
             elif "text" in question and table is not None:
                 _say(answers, {"cells": table.texts[question["text"]]})
+            elif "rows" in question and table is not None and table.read_rows is not None:
+                part = table.read_rows(question["rows"], question["start"], question["count"])
+                if len({len(column) for column in part}) > 1:
+                    raise InputError("the columns differ in length; expected one value of each per row")
+                _say(answers, {"samples": len(part[0])})
+                for column in part:
+                    answers.write(np.ascontiguousarray(column, dtype=np.float64).data.cast("B"))
             elif table is not None:
                 values = np.ascontiguousarray(table.columns[question["column"]], dtype=np.float64)
                 _say(answers, {"samples": len(values)})
@@ -63,6 +71,7 @@ def _beside_columns(table: Table) -> dict[str, Any]:
         "units": dict(table.units),
         "clocks": dict(table.clocks),
         "layout": table.layout.to_dict(),
+        "by_rows": table.read_rows is not None,
     }
 
 

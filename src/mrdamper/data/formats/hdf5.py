@@ -7,7 +7,7 @@ read: external and virtual data sets would lead to other files.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -34,7 +34,7 @@ _MATLAB = b"MATLAB 7.3"
 _REMEDY = "save it again, or export the run as CSV"
 _MOST_RATIO = 2000  # of numbers to stored bytes: deflate reaches 1032
 
-Selection = Callable[[Any], Any]
+Selection = Callable[[Any, slice], Any]  # of a data set, some rows
 
 
 def is_hdf5(head: bytes) -> bool:
@@ -64,6 +64,9 @@ def read_hdf5(path: Path, options: FileOptions) -> Table:
         layout=Layout(what, part=options.part),
         rows=max((size for *_, size in found), default=0),
         units={name: unit for name, (*_, unit, _) in zip(names, found, strict=True) if unit},
+        read_rows=partial(
+            _rows, path, what, {name: each[1:3] for name, each in zip(names, found, strict=True)}
+        ),
     )
 
 
@@ -105,19 +108,43 @@ def _find_columns(h5py: Any, file: Any, part: str) -> list[Found]:  # noqa: ANN4
     return found
 
 
-def _field(name: str, data: Any) -> Any:  # noqa: ANN401 - h5py has no types
-    return data[name]
+def _field(name: str, data: Any, rows: slice) -> Any:  # noqa: ANN401 - h5py has no types
+    return data[rows][name]
 
 
-def _line(across: int, k: int, data: Any) -> Any:  # noqa: ANN401 - h5py has no types
-    return data[:, k] if across == 1 else data[k, :]
+def _line(across: int, k: int, data: Any, rows: slice) -> Any:  # noqa: ANN401 - h5py has no types
+    return data[rows, k] if across == 1 else data[k, rows]
+
+
+def _whole(data: Any, rows: slice) -> Any:  # noqa: ANN401 - h5py has no types
+    """Return rows of a data set of one dimension, which may have others of length one."""
+    if data.ndim == 0:
+        return data[()]
+    along = int(np.argmax(data.shape))
+    return data[tuple(rows if axis == along else slice(None) for axis in range(data.ndim))]
 
 
 def _read(path: Path, what: str, address: str, selection: Selection | None) -> FloatArray:
     h5py = load_extra("h5py", "h5py", "HDF5 files and MAT files of version 7.3")
     with decoding(path, what, _REMEDY), h5py.File(path, "r") as file:
-        data = file[address]
-        return as_column(np.asarray(data[()] if selection is None else selection(data)))[0]
+        return as_column(np.asarray((selection or _whole)(file[address], slice(None))))[0]
+
+
+def _rows(
+    path: Path,
+    what: str,
+    places: Mapping[str, tuple[str, Selection | None]],
+    names: Sequence[str],
+    start: int,
+    count: int,
+) -> list[FloatArray]:
+    """Return some rows of columns."""
+    h5py = load_extra("h5py", "h5py", "HDF5 files and MAT files of version 7.3")
+    with decoding(path, what, _REMEDY), h5py.File(path, "r") as file:
+        return [
+            as_column(np.asarray((selection or _whole)(file[address], slice(start, start + count))))[0]
+            for address, selection in (places[name] for name in names)
+        ]
 
 
 def _unit(item: Any) -> str:  # noqa: ANN401 - h5py has no types

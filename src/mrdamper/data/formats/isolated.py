@@ -13,7 +13,7 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from threading import RLock, Timer
@@ -58,6 +58,7 @@ def isolated(format_name: str, package: str, what: str) -> Callable[[Path, FileO
             rows=int(given["rows"]),
             units=given["units"],
             clocks=given["clocks"],
+            read_rows=partial(_rows, path, asked) if given["by_rows"] else None,
         )
 
     return read
@@ -75,6 +76,15 @@ def _words(path: Path, asked: Mapping[str, Any], name: str) -> Texts:
         if _DECODER.opened != asked:
             _DECODER.ask(path, asked)
         return list(_DECODER.ask(path, {"text": name})["cells"])
+
+
+def _rows(
+    path: Path, asked: Mapping[str, Any], names: Sequence[str], start: int, count: int
+) -> list[FloatArray]:
+    with _LOCK:
+        if _DECODER.opened != asked:
+            _DECODER.ask(path, asked)
+        return _DECODER.rows(path, names, start, count)
 
 
 class _Decoder:
@@ -123,7 +133,17 @@ class _Decoder:
 
     def column(self, path: Path, name: str) -> FloatArray:
         """Return a column of the open file."""
-        size = 8 * int(self.ask(path, {"column": name})["samples"])
+        return self._column(path, name, int(self.ask(path, {"column": name})["samples"]))
+
+    def rows(self, path: Path, names: Sequence[str], start: int, count: int) -> list[FloatArray]:
+        """Return some rows of columns of the open file."""
+        asked = {"rows": list(names), "start": start, "count": count}
+        samples = int(self.ask(path, asked)["samples"])
+        return [self._column(path, name, samples) for name in names]
+
+    def _column(self, path: Path, name: str, samples: int) -> FloatArray:
+        """Return the numbers that follow an answer."""
+        size = 8 * samples
         values = self._take(self._running(), size)
         if len(values) < size:
             self.stop()

@@ -6,7 +6,7 @@ Groups of one clock become one table with one time. Where groups have clocks of 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -54,6 +54,7 @@ def read_mdf(path: Path, options: FileOptions) -> Table:
         rows=max((each[4] for each in found), default=0),
         units={name: each[3] for name, each in named.items() if each[3]},
         clocks={name: each[5] for name, each in named.items()},
+        read_rows=partial(_rows, path, {name: (each[1], each[2]) for name, each in named.items()}),
     )
 
 
@@ -99,3 +100,18 @@ def _column(file: Any, group: int, channel: int) -> FloatArray:  # noqa: ANN401 
 def _read(path: Path, group: int, channel: int) -> FloatArray:
     with _opened(path) as file:
         return _column(file, group, channel)
+
+
+def _rows(
+    path: Path, places: Mapping[str, tuple[int, int]], names: Sequence[str], start: int, count: int
+) -> list[FloatArray]:
+    """Return some rows of channels."""
+    columns = []
+    with _opened(path) as file:
+        for group, channel in (places[name] for name in names):
+            if channel == _TIME:
+                values = file.get_master(group, record_offset=start, record_count=count)
+            else:
+                values = file.get(group=group, index=channel, record_offset=start, record_count=count).samples
+            columns.append(as_column(np.asarray(values))[0])
+    return columns

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
@@ -45,6 +46,7 @@ def read_parquet(path: Path, _options: FileOptions) -> Table:
         layout=Layout("Parquet file"),
         rows=rows if numbers else 0,
         units=dict.fromkeys(times, "s"),
+        read_rows=partial(_rows, path),
     )
 
 
@@ -63,3 +65,21 @@ def _words(path: Path, name: str) -> Texts:
 
     with decoding(path, "Parquet file", _REMEDY):
         return pl.read_parquet(path, columns=[name], glob=False)[name].to_list()
+
+
+def _rows(path: Path, names: Sequence[str], start: int, count: int) -> list[FloatArray]:
+    """Return some rows of columns of numbers; times count from the first row of the file."""
+    import polars as pl
+
+    with decoding(path, "Parquet file", _REMEDY):
+        part = pl.scan_parquet(path, glob=False).select(names).slice(start, count).collect()
+        columns = []
+        for name in names:
+            column = part[name]
+            if not column.dtype.is_numeric():
+                first = pl.scan_parquet(path, glob=False).select(name).head(1).collect()[name]
+                column = pl.concat([first, column])
+                columns.append(as_column(column.to_numpy())[0][1:])
+            else:
+                columns.append(as_column(column.cast(pl.Float64).fill_null(float("nan")).to_numpy())[0])
+        return columns

@@ -1,7 +1,7 @@
 """What every format hands on: columns by name, and how the file was understood.
 
 A column of a large binary file is read when it is asked for, so that a file of many channels costs only
-those that a run needs.
+those that a run needs; ``Rows`` gives a few rows of some columns at a time, for records that no memory holds.
 """
 
 from __future__ import annotations
@@ -29,6 +29,8 @@ __all__ = [
     "Format",
     "Layout",
     "OnUse",
+    "ReadRows",
+    "Rows",
     "Table",
     "as_column",
     "decoding",
@@ -43,6 +45,8 @@ MOST_COLUMNS = 64  # of a matrix; a wider one is no table of channels
 
 Value = TypeVar("Value")
 Texts = list[str | None]
+ReadRows = Callable[[Sequence[str], int, int], list[FloatArray]]
+"""Columns by name, first row, number of rows: those rows of each column; fewer at the end of the file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +101,18 @@ class Table:
     units: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))  # stated beside names
     parts: tuple[int, ...] = ()  # rows at which the file itself begins a new recording
     clocks: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))  # column -> its clock
+    read_rows: ReadRows | None = None  # where the format can read some rows without the others
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rows:
+    """Columns of a file, some rows at a time: ``table`` says what there is, ``read`` begins at a row.
+
+    ``read`` takes names of columns, the first row, and about how many rows to give at a time.
+    """
+
+    table: Table
+    read: Callable[[Sequence[str], int, int], Iterator[list[FloatArray]]]
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -62,6 +63,7 @@ def read_tdms(path: Path, options: FileOptions) -> Table:
         rows=max((row[2] for row in numbers.values()), default=0),
         step_s=_step([row[4] for row in numbers.values() if row[2] > 1]),
         units={name: unit for name, row in numbers.items() if (unit := _unit(row[3], row[4]))},
+        read_rows=partial(_rows, path, {name: (row[0], row[1]) for name, row in numbers.items()}),
     )
 
 
@@ -77,6 +79,28 @@ def _channel(path: Path, group: str, channel: str) -> Any:  # noqa: ANN401 - an 
 
 def _numbers(path: Path, group: str, channel: str) -> FloatArray:
     return as_column(np.asarray(_channel(path, group, channel)))[0]
+
+
+def _rows(
+    path: Path, places: Mapping[str, tuple[str, str]], names: Sequence[str], start: int, count: int
+) -> list[FloatArray]:
+    """Return some rows of channels of numbers; times count from the first."""
+    nptdms = load_extra("nptdms", "npTDMS", "TDMS files")
+    with (
+        path.open("rb") as stream,  # ours to close when opening fails
+        decoding(path, "TDMS file", _REMEDY),
+        nptdms.TdmsFile.open(stream) as file,
+    ):
+        columns = []
+        for group, name in (places[name] for name in names):
+            channel = file[group][name]
+            values = np.asarray(channel.read_data(start, count))
+            if values.dtype.kind == "M":
+                first = np.asarray(channel.read_data(0, 1))
+                columns.append(as_column(np.concatenate([first, values]))[0][1:])
+            else:
+                columns.append(as_column(values)[0])
+        return columns
 
 
 def _words(path: Path, group: str, channel: str) -> Texts:

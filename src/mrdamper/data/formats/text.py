@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mrdamper.data.formats.table import FileOptions, Layout, Table, Texts
+from mrdamper.data.formats.table import FileOptions, Layout, Rows, Table, Texts
 from mrdamper.errors import InputError
 from mrdamper.quantities import FloatArray, is_unit
 
@@ -28,6 +28,7 @@ __all__ = [
     "find_decimal",
     "find_header",
     "is_text",
+    "open_text",
     "parse_rows",
     "read_head",
     "read_text",
@@ -57,8 +58,60 @@ def is_text(head: bytes) -> bool:
     return b"\0" not in head or head.startswith(_UTF16) or _wide(head)
 
 
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """How a delimited text is laid out: its columns' names, and where its rows begin."""
+
+    start: int  # byte
+    names: tuple[str, ...]
+    delimiter: str
+    decimal: str
+    header_lines: int
+
+
 def read_text(path: Path, options: FileOptions) -> Table:
     """Return the table in a delimited text."""
+    found = _look(path, options)
+    return parse_rows(
+        path,
+        found.start,
+        found.names,
+        delimiter=found.delimiter,
+        decimal=found.decimal,
+        header_lines=found.header_lines,
+        name="delimited text",
+    )
+
+
+def open_text(path: Path, options: FileOptions) -> Rows:
+    """Return a delimited text whose rows are read a block at a time; how many there are is not known."""
+    found = _look(path, options)
+    order = tuple(_distinct(found.names))
+    first = next(iter(_number_blocks(path, found, order)), ([], []))
+    numbers = {name: column for name, column in zip(order, first[0], strict=True) if column is not None}
+    table = Table(
+        names=order,
+        columns=numbers,  # of the first block
+        texts={name: [] for name in order if name not in numbers},
+        layout=Layout("delimited text", found.delimiter, found.decimal, found.header_lines),
+        rows=0,
+    )
+
+    def read(names: Sequence[str], start: int, _: int) -> Iterator[list[FloatArray]]:
+        places = [order.index(name) for name in names]
+        passed = 0
+        for columns, _texts in _number_blocks(path, found, order, wanted=places):
+            part = [column for column in (columns[k] for k in places) if column is not None]
+            after = passed + len(part[0])
+            if after > start:
+                skip = max(0, start - passed)
+                yield [column[skip:] for column in part]
+            passed = after
+
+    return Rows(table, read)
+
+
+def _look(path: Path, options: FileOptions) -> _Found:
     head = read_head(path)
     delimiter, first = find_data(head.lines, options.delimiter)
     if first is None:
@@ -68,15 +121,8 @@ def read_text(path: Path, options: FileOptions) -> Table:
         )
     names = find_header(head.lines, first, delimiter)
     _refuse_two_commas(path, head.lines, first, delimiter)
-    return parse_rows(
-        path,
-        head.starts[first],
-        names,
-        delimiter=delimiter,
-        decimal=options.decimal or find_decimal(path, head.lines[first:], delimiter),
-        header_lines=first,
-        name="delimited text",
-    )
+    decimal = options.decimal or find_decimal(path, head.lines[first:], delimiter)
+    return _Found(head.starts[first], tuple(names), delimiter, decimal, first)
 
 
 def read_head(path: Path) -> Head:
@@ -127,22 +173,15 @@ def parse_rows(
     order = _distinct(names)
     kept: list[list[FloatArray]] = [[] for _ in order]
     texts: list[Texts] = [[] for _ in order]
+    found = _Found(start, tuple(names), delimiter, decimal, header_lines)
     is_number: list[bool] | None = None
-    for content, first_line in _blocks(path, start, stop, header_lines + 1):
-        columns = _parse_block(path, content, delimiter, decimal, len(order), first_line)
-        if is_number is None:
-            is_number = [not column.mostly_text for column in columns]
+    for columns, words_of in _number_blocks(path, found, order, stop):
+        is_number = [column is not None for column in columns]
         for k, column in enumerate(columns):
-            if not is_number[k]:
-                texts[k] += column.text.to_list()
-                continue
-            if column.bad:
-                row, cell = column.first_bad()
-                raise InputError(
-                    f"{path}, line {row}: column {order[k]!r} holds {cell!r} ({column.bad} such cells); "
-                    "expected a number. Correct the cell, or leave it out with its row"
-                )
-            kept[k].append(column.numbers())
+            if column is not None:
+                kept[k].append(column)
+            else:
+                texts[k] += words_of[k]
     is_number = is_number or [True] * len(order)
     numbers = {
         title: np.concatenate(blocks) if blocks else np.empty(0)
@@ -157,6 +196,35 @@ def parse_rows(
         layout=Layout(name, delimiter, decimal, header_lines),
         rows=max([*map(len, numbers.values()), *map(len, words.values())], default=0),
     )
+
+
+def _number_blocks(
+    path: Path, found: _Found, order: Sequence[str], stop: int | None = None, wanted: Sequence[int] = ()
+) -> Iterator[tuple[list[FloatArray | None], list[Texts]]]:
+    """Give the columns of each block: numbers, or None and its cells where the first block has texts.
+
+    Of the columns of numbers all are parsed, or the ``wanted`` ones; cells that are none are an error.
+    """
+    is_number: list[bool] | None = None
+    for content, first_line in _blocks(path, found.start, stop, found.header_lines + 1):
+        columns = _parse_block(
+            path, content, found.delimiter, found.decimal, len(order), first_line, wanted if is_number else ()
+        )
+        if is_number is None:
+            is_number = [column is not None and not column.mostly_text for column in columns]
+        numbers: list[FloatArray | None] = []
+        texts: list[Texts] = []
+        for k, column in enumerate(columns):
+            numeric = column is not None and is_number[k]
+            if column is not None and numeric and column.bad and (not wanted or k in wanted):
+                row, cell = column.first_bad()
+                raise InputError(
+                    f"{path}, line {row}: column {order[k]!r} holds {cell!r} ({column.bad} such cells); "
+                    "expected a number. Correct the cell, or leave it out with its row"
+                )
+            numbers.append(column.numbers() if column is not None and numeric else None)
+            texts.append([] if column is None or numeric else column.text.to_list())
+        yield numbers, texts
 
 
 def find_data(lines: Sequence[str], wanted: str = "") -> tuple[str, int | None]:
@@ -268,8 +336,15 @@ def _blocks(path: Path, start: int, stop: int | None, first_line: int) -> Iterat
 
 
 def _parse_block(
-    path: Path, content: bytes, delimiter: str, decimal: str, count: int, first_line: int
-) -> list[_Column]:
+    path: Path,
+    content: bytes,
+    delimiter: str,
+    decimal: str,
+    count: int,
+    first_line: int,
+    wanted: Sequence[int] = (),
+) -> list[_Column | None]:
+    """Return the columns of a block, all of them or those that are wanted."""
     import polars as pl
 
     if delimiter == " ":
@@ -288,7 +363,10 @@ def _parse_block(
         _require_utf8(path, content)
         raise InputError(f"{path}: not a table of numbers ({str(error).splitlines()[0]})") from error
     frame = frame.with_row_index("row", first_line).filter(~pl.all_horizontal(pl.exclude("row").is_null()))
-    return [_Column(frame[f"{k}"], frame["row"], decimal) for k in range(count)]
+    return [
+        _Column(frame[f"{k}"], frame["row"], decimal) if not wanted or k in wanted else None
+        for k in range(count)
+    ]
 
 
 # ------------------------------------------------------------------------------------------- looking

@@ -57,6 +57,7 @@ export const getJob = (id) => json("GET", `/api/jobs/${part(id)}`);
 export const getCard = (name) => json("GET", `/api/cards/${part(name)}`);
 export const getDamper = (name, signal) => json("GET", `/api/dampers/${part(name)}`, { signal });
 export const look = (name, signal) => json("GET", `/api/files/${part(name)}/look`, { signal });
+export const glance = (name, signal) => json("GET", `/api/files/${part(name)}/look?head=1`, { signal });
 export const deleteFile = (name) => json("DELETE", `/api/files/${part(name)}`);
 export const deleteCard = (name) => json("DELETE", `/api/cards/${part(name)}`);
 export const deleteJob = (id) => json("DELETE", `/api/jobs/${part(id)}`);
@@ -68,6 +69,9 @@ export const inputFile = (name) => `/api/inputs/${part(name)}`;
 export const putCard = (name, file) => json("PUT", `/api/cards/${part(name)}`, { raw: file });
 export const startJob = (kind, options) => json("POST", "/api/jobs", { body: { kind, options } });
 export const cancelJob = (id) => json("POST", `/api/jobs/${part(id)}/cancel`, { body: {} });
+export const resumeJob = (id) => json("POST", `/api/jobs/${part(id)}/resume`, { body: {} });
+export const getData = () => json("GET", "/api/data");
+export const citeCard = (name) => json("GET", `/api/cards/${part(name)}/cite`);
 export const heatCurve = (asked, signal) => json("POST", "/api/heat/curve", { body: asked, signal });
 export const jobFile = (id, path, download = false) =>
   `/api/jobs/${part(id)}/files/${path.split("/").map(part).join("/")}${download ? "?download=1" : ""}`;

@@ -15,9 +15,10 @@ const PAGES = {
   sink: () => import("./page_sink.js"),
   tracking: () => import("./page_tracking.js"),
   export: () => import("./page_export.js"),
+  sweeps: () => import("./page_sweeps.js"),
   jobs: () => import("./page_jobs.js"),
 };
-const TITLES = { runs: "Runs", loops: "Loops", identify: "Identify", heating: "Heating", sink: "Heat sink", tracking: "Tracking", export: "Export", jobs: "Jobs" };
+const TITLES = { runs: "Runs", loops: "Loops", identify: "Identify", heating: "Heating", sink: "Heat sink", tracking: "Tracking", export: "Export", sweeps: "Sweeps", jobs: "Jobs" };
 const TOAST_MS = { fault: 15000, warning: 12000, info: 6000, good: 5000 };
 
 const place = document.getElementById("page");

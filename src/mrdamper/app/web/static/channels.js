@@ -1,7 +1,7 @@
 // The sheet of one file: its columns, which role each has, in what unit; tried on the file as one types.
 
-import { look, putChannels } from "./api.js";
-import { button, check, el, field, fill, fixed, note, number, select, svg, table } from "./dom.js";
+import { glance, look, putChannels } from "./api.js";
+import { bytes, button, check, el, field, fill, fixed, note, number, select, svg, table } from "./dom.js";
 import { findingTable, notes, numberField } from "./parts.js";
 
 const WAIT_MS = 350;
@@ -21,9 +21,25 @@ export function channelSheet(app, name, others, heard) {
   let asked = new AbortController();
   let timer = null;
 
-  look(name, asked.signal).then(drawn, (fault) => {
+  let whole = null; // the request for all of it
+  let again = null; // tries what was typed
+  let head = false; // the beginning of a large file is shown until it is read whole
+  const failed = (fault) => {
     if (fault.name !== "AbortError") fill(body, note("fault", fault.message));
-  });
+  };
+  glance(name, asked.signal).then((found) => {
+    drawn(found);
+    head = found.head_share !== undefined;
+    if (!head) return;
+    let touched = false;
+    body.addEventListener("input", () => (touched = true), { once: true });
+    whole = new AbortController();
+    look(name, whole.signal).then((all) => {
+      head = false;
+      if (touched) again?.(); // what was typed stays, and is tried on all of it
+      else drawn(all);
+    }, failed);
+  }, failed);
 
   function drawn(found) {
     const title = el("div", { class: "row" }, el("h2", { text: found.name }), button("Close", heard.close, { class: "quiet" }));
@@ -46,6 +62,7 @@ export function channelSheet(app, name, others, heard) {
       return { ...(Object.keys(channel).length ? { channel } : {}), ...rest.read() };
     };
     const files = () => [name, ...same.filter(({ box }) => box.checked).map(({ other }) => other)];
+    again = () => keep(false);
     const tried = () => {
       clearTimeout(timer);
       timer = setTimeout(() => keep(false), WAIT_MS);
@@ -55,7 +72,7 @@ export function channelSheet(app, name, others, heard) {
       asked.abort();
       asked = new AbortController();
       try {
-        const told = await putChannels({ files: saving ? files() : [name], map: given(), save: saving }, asked.signal);
+        const told = await putChannels({ files: saving ? files() : [name], map: given(), save: saving, ...(head && !saving ? { head: true } : {}) }, asked.signal);
         fill(preview, told.previews.map((one) => previewOf(one, told.previews.length > 1)));
         if (saving && told.saved) {
           app.toast("good", `The map of ${name} is saved.`);
@@ -112,6 +129,7 @@ export function channelSheet(app, name, others, heard) {
     node,
     close() {
       asked.abort();
+      whole?.abort();
       clearTimeout(timer);
     },
   };
@@ -216,6 +234,7 @@ function previewOf(found, named) {
     {},
     head,
     found.error && note("fault", found.error),
+    found.head_share !== undefined && note("info", `Seen so far: the first ${number(100 * found.head_share, 2)} % of ${bytes(found.bytes)}. Its runs are made when all of it has been read.`),
     runs.length > 0 && !found.error && note("good", `${runs.length} run${runs.length > 1 ? "s" : ""}: ${runs.map((run) => run.name).join(", ")}`),
     runs.length > 0 &&
       notes(
@@ -232,7 +251,7 @@ function firstRows(found) {
   const made = table(
     found.columns.map((column) => ({ title: column.name || `column ${column.index}`, unit: column.unit, number: column.kind === "number", cell: (k) => told(column.first?.[k]) })),
     [...Array(count).keys()],
-    { caption: `The first ${count} of ${found.rows} rows` },
+    { caption: found.rows === null ? `The first ${count} rows` : `The first ${count} of ${found.rows} rows` },
   );
   made.querySelector("table").classList.add("sheet");
   return made;

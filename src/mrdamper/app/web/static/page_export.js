@@ -1,6 +1,7 @@
 // Export: C, FMU, force map, card and report of a card, proved against the model before they are written.
 
 import { cardFile } from "./api.js";
+import { citePanel } from "./cite.js";
 import { button, check, el, empty, field, fill, note, number, select } from "./dom.js";
 import { cardField, cardInUse, cardsOf, fileLinks, heading, inputsOf, inWords, JobPanel, notes, numberField, tile } from "./parts.js";
 
@@ -90,7 +91,7 @@ export async function show(place, app, query) {
       about.report && el("a", { class: "button", href: cardFile(card, "errors.csv"), download: `${card}-errors.csv`, text: "errors.csv" })),
   );
   fill(result, empty("Nothing made yet", "Tick what you need and press Make and verify. The C code is compiled here and compared with the model, sample by sample."));
-  fill(place, title, el("div", { class: "split" }, form, el("div", {}, kept, el("div", { class: "gap" }, panel.node, result))));
+  fill(place, title, el("div", { class: "split" }, form, el("div", {}, kept, citePanel(card), el("div", { class: "gap" }, panel.node, result))));
   await panel.resume(card, query.get("job"));
   return {
     close() {

@@ -1,8 +1,8 @@
 // Heating: temperatures while sliders move, the time to the fluid's limit, and the full study as a job.
 
-import { getDamper, heatCurve, jobFile } from "./api.js";
+import { getDamper, heatCurve, jobFile, putInput } from "./api.js";
 import { button, check, duration, el, empty, field, fill, fixed, note, number, select } from "./dom.js";
-import { cardField, cardInUse, cardsOf, fileLinks, heading, inputPicker, inputsOf, JobPanel, notes, slider, tile } from "./parts.js";
+import { cardField, cardInUse, cardsOf, fileLinks, heading, inputChoice, inputPicker, inputsOf, JobPanel, notes, numberField, slider, tile } from "./parts.js";
 import { nth, Plot } from "./plot.js";
 
 export async function show(place, app, query) {
@@ -19,7 +19,7 @@ export async function show(place, app, query) {
   let limit = null;
 
   const cards = cardField(app, card, (name) => app.go("heating", { card: name }));
-  const damper = select([...app.state.choices.dampers.map((name) => [name, name === "paper" ? "the paper's damper" : name]), ...inputsOf(app, ".toml")], "paper", { id: "drawing" });
+  const damper = select([...app.state.choices.dampers.map((name) => [name, name === "paper" ? "the paper's damper" : name]), ...inputsOf(app, ".toml", ["drawing"])], "paper", { id: "drawing" });
   const bring = inputPicker(app, "Bring a drawing (TOML)", ".toml", (name) => {
     damper.append(el("option", { value: name, text: name, selected: true }));
     facts();
@@ -34,6 +34,12 @@ export async function show(place, app, query) {
   const time = slider("Duration", "min", 30, { min: 5, max: 240, step: 5 }, ask);
   const sink = check("with the drawing's heat sink", true);
   const past = check("go on past the fluid's limit", false);
+  const duty = inputChoice(app, "Duty of the study", ".csv", ["duty"], "the sine above", { id: "study-duty", what: "table", hint: "a table of time, motion and command" });
+  const other = inputChoice(app, "Heat sink of the study", ".toml", ["sink", "drawing"], "the drawing's", { id: "study-sink", what: "sink" });
+  const measured = inputChoice(app, "Measured curve, to calibrate by", ".csv", ["curve"], "none", { id: "calibrate", what: "curve", hint: "time_s and fluid_degC, body_degC or coil_degC, under this duty" });
+  const model = select([["zones", "three axial zones"], ["lumped", "the paper's one node"]], "zones", { id: "heat-model" });
+  const first = numberField("Temperature at the start", "°C", null, { placeholder: "ambient", min: -100, max: 400 });
+  const elements = check("heat paths by finite elements", true);
   for (const { box } of [sink, past]) box.addEventListener("change", ask);
 
   const tiles = el("div", { class: "tiles", "aria-live": "polite", id: "heat-tiles" });
@@ -138,21 +144,37 @@ export async function show(place, app, query) {
         el("h2", { text: `Full study: ${answer.duty}` }),
         el("p", { class: "small", text: `Of the energy, ${number(100 * Math.abs(answer.energy_closure), 2)} % does not close. Sink: ${answer.sink ?? "none"}.` }),
         fileLinks(job),
+        (job.files ?? []).some((file) => file.path === "calibrated.toml") && button("Take the calibrated drawing", () => app.attempt(() => take(job)), { id: "take-calibrated" }),
+        notes(answer.notes),
         el("iframe", { class: "report", src: jobFile(job.id, "heat.html"), title: "Report of the heating study", sandbox: "", loading: "lazy" }),
       );
     },
     begun: () => fill(study),
     busy: (on) => (full.disabled = on),
   });
+  /** Put the drawing that follows the measured curve among the inputs, and use it. */
+  async function take(job) {
+    const own = `${job.id}-calibrated.toml`;
+    await putInput(new File([await (await fetch(jobFile(job.id, "calibrated.toml"))).blob()], own));
+    damper.append(el("option", { value: own, text: own, selected: true }));
+    app.toast("good", `${own} lies with the inputs and is the drawing now.`);
+    await facts();
+  }
+
   const full = button("Full study with heat paths and finite elements", () => {
     panel.start({
       card,
       damper: damper.value,
-      duty: `sine:${amplitude.read()}mm:${frequency.read()}Hz:${command.read()}${unit}:${60 * time.read()}s`,
-      with_sink: sink.box.checked,
+      duty: duty.read() ?? `sine:${amplitude.read()}mm:${frequency.read()}Hz:${command.read()}${unit}:${60 * time.read()}s`,
+      sink: other.read(),
+      with_sink: sink.box.checked || other.read() !== null,
       ambient_degC: ambient.read(),
       air_m_s: air.read(),
       past_limit: past.box.checked,
+      model: model.value,
+      start_degC: first.read(),
+      calibrate: measured.read(),
+      field: elements.box.checked,
     });
   }, { id: "full-study" });
 
@@ -169,7 +191,10 @@ export async function show(place, app, query) {
         el("div", { class: "gap" }, [ambient, air, share, command, amplitude, frequency, time].map(({ node }) => node)),
         el("div", { class: "gap" }, sink.node, past.node)),
       el("div", {}, tiles, wrong, curve.node, force.node, told,
-        el("div", { class: "actions" }, full, el("span", { class: "small", text: "at 100 % duty; about half a minute" })), panel.node, study),
+        el("div", { class: "actions" }, full, el("span", { class: "small", text: "at 100 % duty; about half a minute" })),
+        el("details", { id: "study-more" }, el("summary", { text: "More of the study: a table of duty, a sink, calibration" }),
+          el("div", { class: "fields" }, duty.node, other.node, measured.node, field("Model", model), first.node, elements.node)),
+        panel.node, study),
     ),
   );
   await facts();

@@ -36,6 +36,13 @@ export async function show(place, app, query) {
   const terms = ["as usual", ...choices.terms].map((term, k) => ({ term, ...check(k ? term : "the usual terms", k === 0) }));
   const leave = choices.leave_out.map((each) => ({ each, ...check(each, false) }));
   const held = runs.map((run) => ({ run, ...check(`${run.name}`, false) }));
+  const units = unitsOf(runs); // volts and amperes do not go into one card
+  const commanded = select(units.map((unit) => [unit, `in ${unit}: ${counted(runs, unit)}`]), units[0] ?? "", { id: "commanded" });
+  const picks = el("div", { class: "picks", tabindex: 0, "aria-label": "Runs to hold out", role: "group" });
+  const offered = () => held.filter(({ run }) => units.length < 2 || run.command_unit === commanded.value);
+  const drawPicks = () => fill(picks, offered().map(({ node }) => node));
+  commanded.addEventListener("change", drawPicks);
+  drawPicks();
   const globs = el("input", { type: "text", placeholder: "*_060C_*", "aria-label": "Hold out by pattern", id: "globs" });
   const start = button("Identify", begin, { class: "main", id: "start-fit", disabled: !runs.length });
 
@@ -85,11 +92,12 @@ export async function show(place, app, query) {
     app.choose("card", card);
     await panel.start({
       card,
+      files: units.length > 1 ? filesIn(runs, commanded.value) : null,
       law: law.value || null,
       method: method.value,
       starts: starts.read() ?? 1,
       seed: seed.read() ?? 0,
-      hold_out: [...held.filter(({ box }) => box.checked).map(({ run }) => literal(run.name)), ...globs.value.split(/[,;]+/).map((each) => each.trim()).filter(Boolean)],
+      hold_out: [...offered().filter(({ box }) => box.checked).map(({ run }) => literal(run.name)), ...globs.value.split(/[,;]+/).map((each) => each.trim()).filter(Boolean)],
       leave_out: leave.filter(({ box }) => box.checked).map(({ each }) => each),
       session_offsets: session.box.checked,
       one_command: single.box.checked,
@@ -152,7 +160,14 @@ export async function show(place, app, query) {
       fill(compared, page && el("a", { class: "button", href: `/api/jobs/${encodeURIComponent(job.id)}/files/compare.html`, target: "_blank", rel: "noopener", text: `Open ${job.options.first} against ${job.options.second}` }));
     },
   });
+  const turned = check("turn the sign of the force, to predict", false);
   const compared = el("div");
+
+  /** Return the files that a card can be tried on; null: all. */
+  function filesFor(card) {
+    const unit = app.state.cards.find((one) => one.name === card)?.command_unit;
+    return units.length > 1 && units.includes(unit) ? filesIn(runs, unit) : null;
+  }
 
   function drawCards() {
     const known = app.state.cards;
@@ -170,7 +185,7 @@ export async function show(place, app, query) {
       return;
     }
     const choice = cardField(app, cardInUse(app, query.get("card")), () => {});
-    const files = select([["", "all runs in the folder"], ...[...new Set(runs.map((run) => run.file))].map((file) => [file, file])], "");
+    const files = select([["", units.length > 1 ? "all with the card's unit" : "all runs in the folder"], ...[...new Set(runs.map((run) => run.file))].map((file) => [file, file])], "");
     const first = cardField(app, cardInUse(app), () => {}, { label: "First" }).list;
     const second = cardField(app, known[known.length - 1].name, () => {}, { label: "Second" }).list;
     fill(
@@ -202,7 +217,7 @@ export async function show(place, app, query) {
       ),
       el("div", { class: "actions" }, bring, load),
       el("h3", { class: "gap", text: "Predict: how a card does on runs" }),
-      el("div", { class: "row end" }, choice.node, field("Runs", files), button("Predict", () => prediction.start({ card: choice.list.value, files: files.value ? [files.value] : null }), { id: "predict", disabled: !runs.length })),
+      el("div", { class: "row end" }, choice.node, field("Runs", files), turned.node, button("Predict", () => prediction.start({ card: choice.list.value, flip_force: turned.box.checked, files: files.value ? [files.value] : filesFor(choice.list.value) }), { id: "predict", disabled: !runs.length })),
       known.length > 1 && el("h3", { class: "gap", text: "Compare two cards" }),
       known.length > 1 &&
         el("div", { class: "row end" }, field("First", first), field("Second", second), button("Compare", () => comparison.start({ first: first.value, second: second.value }))),
@@ -214,12 +229,13 @@ export async function show(place, app, query) {
     { class: "panel", "aria-label": "What to identify", onsubmit: (event) => event.preventDefault() },
     el("div", { class: "fields" },
       field("Name of the card", name, { wide: true }),
+      units.length > 1 && field("Runs commanded", commanded, { wide: true, hint: "volts and amperes do not go into one card" }),
       field("Law", law, { wide: true }),
       field("Temperature", temperature, { wide: true }),
       field("Fluid, where runs do not tell", fluid, { wide: true })),
     el("h3", { class: "gap", text: "Hold out" }),
     el("p", { class: "hint", text: "Runs that the fit must not see; the error on them is the honest one." }),
-    el("div", { class: "picks", tabindex: 0, "aria-label": "Runs to hold out", role: "group" }, held.map(({ node }) => node)),
+    picks,
     el("div", { class: "gap" }, field("or by pattern", globs)),
     el(
       "details",
@@ -263,6 +279,20 @@ export async function show(place, app, query) {
     },
   };
 }
+
+/** Return the units of the runs' commands, that of most runs first. */
+function unitsOf(runs) {
+  const found = [...new Set(runs.map((run) => run.command_unit).filter(Boolean))];
+  const count = (unit) => runs.filter((run) => run.command_unit === unit).length;
+  return found.sort((a, b) => count(b) - count(a));
+}
+
+function counted(runs, unit) {
+  const count = runs.filter((run) => run.command_unit === unit).length;
+  return `${count} run${count === 1 ? "" : "s"}`;
+}
+
+const filesIn = (runs, unit) => [...new Set(runs.filter((run) => run.command_unit === unit).map((run) => run.file))];
 
 /** Return errors by run as a table, held-out runs marked. */
 function errorTable(runs) {

@@ -1,10 +1,10 @@
 // Jobs: everything that was asked for, what became of it, and its files; the inputs that people bring.
 
-import { cancelJob, deleteInput, deleteJob, inputFile, jobFile, putInput, startJob } from "./api.js";
-import { bytes, button, duration, el, empty, field, fill, select, table } from "./dom.js";
-import { heading, inputPicker, inputsOf } from "./parts.js";
+import { cancelJob, deleteInput, deleteJob, inputFile, jobFile, putInput, resumeJob, startJob } from "./api.js";
+import { bytes, button, check, duration, el, empty, field, fill, select, table } from "./dom.js";
+import { heading, inputPicker, inputsOf, numberField } from "./parts.js";
 
-const PAGE_OF = { identify: "identify", predict: "identify", heat: "heating", sink: "sink", track: "tracking", export: "export" };
+const PAGE_OF = { identify: "identify", predict: "identify", heat: "heating", sink: "sink", track: "tracking", export: "export", sweep: "sweeps", check: "runs" };
 
 export function show(place, app) {
   const list = el("div");
@@ -20,6 +20,7 @@ export function show(place, app) {
       !busy && job.state === "done" && PAGE_OF[job.kind] &&
         button("Show", () => app.go(PAGE_OF[job.kind], { job: job.id, ...(job.options.card ? { card: job.options.card } : {}) }), { class: "quiet", "aria-label": `Show ${job.id}` }),
       job.kind === "fluid" && job.state === "done" && button("Use", () => app.attempt(() => keepFluid(job)), { class: "quiet", "aria-label": `Use the fluid of ${job.id}` }),
+      job.resumable && button("Resume", () => app.attempt(() => resumeJob(job.id)), { class: "quiet", "aria-label": `Resume ${job.id}` }),
       !busy && button("Remove", () => app.attempt(() => deleteJob(job.id)), { class: "quiet danger", "aria-label": `Remove ${job.id}` }),
     );
   };
@@ -56,8 +57,13 @@ export function show(place, app) {
   }
 
   function drawInputs() {
-    const tables = inputsOf(app, ".csv");
+    const tables = inputsOf(app, ".csv", ["rheometer"]);
     const rheometer = select(tables.length ? tables : [["", "no table yet"]], "", { multiple: tables.length > 1 });
+    const fluids = app.state.choices.fluids;
+    const like = select([...fluids, ...inputsOf(app, ".toml", ["fluid"])], "paper");
+    const share = numberField("Volume share of iron", "", null, { min: 0.01, max: 0.99, placeholder: "as that fluid" });
+    const full = check("the full one (minutes)", false);
+    const seed = numberField("Seed of the demo", "", 0, { min: 0, step: 1 });
     fill(
       inputs,
       el("h2", { text: "Inputs" }),
@@ -76,8 +82,12 @@ export function show(place, app) {
       el("h2", { text: "More jobs" }),
       el("div", { class: "row end" },
         field("Rheometer tables", rheometer),
-        button("Fit a fluid", () => app.attempt(() => startJob("fluid", { tables: [...rheometer.selectedOptions].map((one) => one.value) })), { disabled: !tables.length }),
-        button("Run the demo on the virtual rig", () => app.attempt(() => startJob("demo", { quick: true })))),
+        field("What they do not hold, from", like),
+        share.node,
+        button("Fit a fluid", () => app.attempt(() => startJob("fluid", { tables: [...rheometer.selectedOptions].map((one) => one.value), like: like.value, particle_fraction: share.read() })), { disabled: !tables.length })),
+      el("div", { class: "row end gap" },
+        seed.node, full.node,
+        button("Run the demo on the virtual rig", () => app.attempt(() => startJob("demo", { quick: !full.box.checked, seed: seed.read() ?? 0 })))),
     );
   }
   draw();

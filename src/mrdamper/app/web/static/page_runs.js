@@ -3,7 +3,8 @@
 import { deleteFile, getRuns, putFile } from "./api.js";
 import { channelSheet } from "./channels.js";
 import { bytes, button, el, empty, field, fill, fixed, note, number, select, table } from "./dom.js";
-import { findingTable, heading, inputPicker, inputsOf, JobPanel, numberField } from "./parts.js";
+import { checkAll, publicData } from "./more_runs.js";
+import { findingTable, heading, inputChoice, inputPicker, inputsOf, JobPanel, numberField } from "./parts.js";
 
 const WORDS = { ready: "ready", reading: "reading", unreadable: "not understood", new: "new" };
 
@@ -13,20 +14,24 @@ export function show(place, app, query) {
   const sheet = el("div");
   const runs = el("div");
   const rig = new JobPanel(app, "rig");
+  const data = publicData(app);
+  const checking = checkAll(app);
   let open = query.get("file");
   let opened = null;
   let known = null;
 
   const { choices } = app.state;
   const preset = select(choices.rig_presets, "nominal");
-  const campaign = select([["short", "short: 27 runs"], ["full", "full"], ...inputsOf(app, ".toml")], "short");
+  const campaign = select([["short", "short: 27 runs"], ["full", "full"], ...inputsOf(app, ".toml", ["campaign"])], "short");
+  const own = inputChoice(app, "Own parameters of the damper", ".toml", ["damper"], "none: the preset as it is", { id: "rig-damper", what: "damper" });
   const seed = numberField("Seed", "", 0, { min: 0, step: 1 });
   const virtual = el(
     "details",
     {},
     el("summary", { text: "Runs of the virtual rig" }),
     el("p", { class: "small", text: "Simulated, with noise and sensors, by physics that is none of the laws. A campaign of your own is a TOML input." }),
-    el("div", { class: "row end" }, field("Damper", preset), field("Campaign", campaign), seed.node, button("Run the campaign", () => rig.start({ preset: preset.value, campaign: campaign.value, seed: seed.read() ?? 0 }))),
+    el("div", { class: "row end" }, field("Damper", preset), field("Own parameters of the damper", own.list), field("Campaign", campaign), seed.node, button("Run the campaign", () => rig.start({ preset: preset.value, damper: own.read(), campaign: campaign.value, seed: seed.read() ?? 0 }))),
+    own.bring,
     inputPicker(app, "Bring a campaign (TOML)", ".toml", (name) => campaign.append(el("option", { value: name, text: name, selected: true }))),
   );
 
@@ -81,7 +86,7 @@ export function show(place, app, query) {
           "A run is one test: time, displacement and force, with the coil current and the temperature where you have them. Drop the files of your rig above. No rig at hand? Take a short campaign of the virtual one.",
           button("Make runs on the virtual rig", (event) => {
             event.target.disabled = true;
-            app.attempt(async () => rig.attach((await startJob("rig", { preset: "nominal", campaign: "short", seed: 0 })).id));
+            rig.start({ preset: "nominal", campaign: "short", seed: 0 }).then((taken) => (event.target.disabled = taken));
           }, { id: "virtual" }),
         ),
       );
@@ -143,6 +148,7 @@ export function show(place, app, query) {
   }
 
   async function drawRuns() {
+    checking.node.hidden = !app.state.files.some((file) => file.state === "ready");
     const told = await app.attempt(() => getRuns());
     if (!told) return;
     known = told;
@@ -183,9 +189,10 @@ export function show(place, app, query) {
     await drawRuns();
   }
 
-  fill(place, heading("Runs", "Measured runs of your damper. Each file is read in its own process; what cannot be understood says what is wrong and where, and can be mapped by hand."), drop, uploads, virtual, rig.node, el("h2", { class: "skip", text: "Files" }), el("div", { class: "gap" }, files), sheet, runs);
+  fill(place, heading("Runs", "Measured runs of your damper. Each file is read in its own process; what cannot be understood says what is wrong and where, and can be mapped by hand."), drop, uploads, virtual, rig.node, data.node, el("h2", { class: "skip", text: "Files" }), el("div", { class: "gap" }, files), sheet, runs, checking.node);
   draw();
   rig.resume().catch(() => {});
+  checking.panel.resume(null, query.get("job")).catch(() => {});
   if (open) openFile(open, true);
   return {
     changed: (what) => {
@@ -193,7 +200,7 @@ export function show(place, app, query) {
     },
     close: () => {
       opened?.close();
-      rig.close();
+      for (const each of [rig, data, checking]) each.close();
     },
   };
 }

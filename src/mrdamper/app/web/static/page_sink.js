@@ -1,9 +1,9 @@
 // Heat sink: the Pareto front of coolness against mass; click a design to see it to scale, with its curve.
 
 import { getDamper, heatCurve } from "./api.js";
-import { button, el, empty, field, fill, fixed, note, number, select, table } from "./dom.js";
+import { button, check, el, empty, field, fill, fixed, note, number, select, table } from "./dom.js";
 import { drawDamper } from "./drawing.js";
-import { cardField, cardInUse, cardsOf, dutyFields, fileLinks, heading, inputPicker, inputsOf, JobPanel, notes, numberField, tile } from "./parts.js";
+import { cardField, cardInUse, cardsOf, dutyFields, fileLinks, heading, inputPicker, inputsOf, JobPanel, notes, numberField, numbersIn, tile } from "./parts.js";
 import { nth, Plot } from "./plot.js";
 
 export async function show(place, app, query) {
@@ -17,15 +17,20 @@ export async function show(place, app, query) {
   const about = app.state.cards.find((one) => one.name === card);
   const unit = about.command_unit ?? "A";
   const cards = cardField(app, card, (name) => app.go("sink", { card: name }));
-  const damper = select([...app.state.choices.dampers.map((name) => [name, name === "paper" ? "the paper's damper" : name]), ...inputsOf(app, ".toml")], "paper");
+  const damper = select([...app.state.choices.dampers.map((name) => [name, name === "paper" ? "the paper's damper" : name]), ...inputsOf(app, ".toml", ["drawing"])], "paper");
   const duty = dutyFields(app, unit, { highest: Math.min(2, about.envelope?.command?.[1] ?? 2) });
   const span = numberField("Length to stand on", "mm", null, { placeholder: "as drawn", min: 0 });
   const width = numberField("Widest fin", "mm", null, { placeholder: "as drawn", min: 0 });
   const mass = numberField("Most mass", "g", null, { placeholder: "as drawn", min: 0 });
   const thin = numberField("Thinnest fin", "mm", 1, { min: 0.1 });
   const gap = numberField("Narrowest gap", "mm", 3, { min: 0.1 });
-  const material = select([["", "as drawn"], ...app.state.choices.materials], "");
-  const finish = select([["", "as drawn"], ["0.1", "bare, 0.1"], ["0.85", "anodised, 0.85"]], "");
+  const materials = app.state.choices.materials.filter((one) => one !== "winding").map((one) => ({ name: one, ...check(one.replaceAll("-", " "), false) }));
+  const finishes = [["0.1", "bare, 0.1"], ["0.85", "anodised, 0.85"]].map(([value, text]) => ({ value: Number(value), ...check(text, false) }));
+  const finish = el("input", { type: "text", placeholder: "0.3, 0.5", inputmode: "decimal" });
+  const correlation = select([["", "as drawn"], ...app.state.choices.correlations], "");
+  const factor = numberField("Factor on that law", "", null, { placeholder: "as drawn", min: 0.01 });
+  const members = numberField("Designs on the front", "", 12, { min: 2, max: 200, step: 1 });
+  const seed = numberField("Seed", "", 0, { min: 0, step: 1 });
   const method = select([["grid", "every sink of a grid"], ["nsga2", "NSGA-II"]], "grid");
   const judge = select([["yes", "finite elements"], ["no", "the network only (fast)"]], "no", { id: "judge" });
   const start = button("Search", begin, { class: "main", id: "start-sink" });
@@ -43,6 +48,8 @@ export async function show(place, app, query) {
 
   const panel = new JobPanel(app, "sink", { done: (found) => drawResult(found), busy: (on) => (start.disabled = on), begun: () => fill(result) });
 
+  const ticked = (all) => all.filter(({ box }) => box.checked);
+
   function begin() {
     panel.start({
       card,
@@ -53,8 +60,12 @@ export async function show(place, app, query) {
       mass_g: mass.read(),
       least_thickness_mm: thin.read() ?? 1,
       least_gap_mm: gap.read() ?? 3,
-      materials: material.value ? [material.value] : [],
-      emissivities: finish.value ? [Number(finish.value)] : [],
+      materials: ticked(materials).map((one) => one.name),
+      emissivities: [...ticked(finishes).map((one) => one.value), ...numbersIn(finish.value)],
+      correlation: correlation.value || null,
+      film_multiplier: factor.read(),
+      members: members.read() ?? 12,
+      seed: seed.read() ?? 0,
       method: method.value,
       by_field: judge.value === "yes",
     });
@@ -178,9 +189,11 @@ export async function show(place, app, query) {
     el("h3", { class: "gap", text: "Duty" }),
     el("div", { class: "fields" }, duty.nodes),
     el("h3", { class: "gap", text: "What can be built" }),
-    el("div", { class: "fields" }, [span, width, mass, thin, gap].map(({ node }) => node), field("Material", material), field("Finish: emissivity", finish)),
+    el("div", { class: "fields" }, [span, width, mass, thin, gap].map(({ node }) => node)),
+    el("div", { class: "gap", role: "group", "aria-label": "Material" }, el("span", { class: "small", text: "Material; none ticked: as drawn" }), el("div", { class: "row" }, materials.map(({ node }) => node))),
+    el("div", { class: "gap", role: "group", "aria-label": "Finish" }, el("span", { class: "small", text: "Finish, emissivity; none: as drawn" }), el("div", { class: "row" }, finishes.map(({ node }) => node)), field("Other emissivities", finish)),
     el("div", { class: "gap" }, field("Judged by", judge)),
-    el("details", {}, el("summary", { text: "More" }), field("Search", method)),
+    el("details", {}, el("summary", { text: "More" }), el("div", { class: "fields" }, field("Search", method), members.node, field("Law of the fins", correlation), factor.node, seed.node)),
     el("div", { class: "actions" }, start),
   );
   fill(result, empty("No search yet", "Say what can be built and press Search. You get the front of designs that are lighter or cooler than all others, from some seconds on."));

@@ -2,7 +2,7 @@
 
 import { jobFile } from "./api.js";
 import { button, check, el, empty, field, fill, fixed, note, number, select, table } from "./dom.js";
-import { cardField, cardInUse, cardsOf, fileLinks, heading, inputsOf, JobPanel, notes, numberField } from "./parts.js";
+import { cardField, cardInUse, cardsOf, fileLinks, heading, inputPicker, inputsOf, JobPanel, notes, numberField, numbersIn } from "./parts.js";
 import { nth, Plot } from "./plot.js";
 
 const DEGREES = [20, 60, 100, 123];
@@ -18,10 +18,20 @@ export async function show(place, app, query) {
   app.choose("card", card);
   const cards = cardField(app, card, (name) => app.go("tracking", { card: name }));
   const others = cardsOf(app).filter((one) => one.name !== card).map((one) => one.name);
-  const plant = select([...choices.plants.map((name) => [name, `virtual damper, ${name}`]), ...inputsOf(app, ".toml"), ...cardsOf(app).map((one) => [one.name, `card ${one.name}`])], choices.plants.includes("nominal") ? "nominal" : choices.plants[0], { id: "plant" });
+  const plant = select([...choices.plants.map((name) => [name, `virtual damper, ${name}`]), ...inputsOf(app, ".toml", ["damper"]), ...cardsOf(app).map((one) => [one.name, `card ${one.name}`])], choices.plants.includes("nominal") ? "nominal" : choices.plants[0], { id: "plant" });
   const targets = choices.targets.map((name, k) => ({ name, ...check(name, k === 0) }));
+  const scenarios = el("div", { id: "scenarios" });
+  const offer = (name, on) => {
+    if (targets.some((one) => one.name === name)) return;
+    targets.push({ name, ...check(name, on) });
+    scenarios.append(targets[targets.length - 1].node);
+  };
+  const drawnTargets = targets.map(({ node }) => node);
+  for (const [name] of inputsOf(app, ".toml", ["scenario"])) offer(name, false);
   const controllers = choices.controllers.map((name) => ({ name, ...check(name, ["recommended", "paper"].includes(name)) }));
   const degrees = DEGREES.map((value) => ({ value, ...check(`${value} °C`, value === 20 || value === 60) }));
+  const free = el("input", { type: "text", placeholder: "40, 80", id: "free-degrees", inputmode: "decimal" });
+  const warmths = () => [...chosen(degrees, "value"), ...numbersIn(free.value)];
   const unaware = select([["", "none"], ...others], "");
   const pooled = select([["", "none"], ...others], "");
   const rate = numberField("Sampling", "Hz", 1000, { min: 100, max: 5000 });
@@ -39,15 +49,15 @@ export async function show(place, app, query) {
   const chosen = (all, key) => all.filter(({ box }) => box.checked).map((one) => one[key]);
 
   function begin() {
-    if (!chosen(targets, "name").length || !chosen(controllers, "name").length || !chosen(degrees, "value").length) {
-      fill(panel.node, note("warning", "Choose a target, a controller and a temperature at least."));
+    if (!chosen(targets, "name").length || !chosen(controllers, "name").length || !warmths().length || warmths().some((value) => !Number.isFinite(value))) {
+      fill(panel.node, note("warning", "Choose a target, a controller and a temperature at least; other temperatures are numbers such as 40, 80."));
       return;
     }
     panel.start({
       card,
       plant: plant.value,
       targets: chosen(targets, "name"),
-      temperatures_degC: chosen(degrees, "value"),
+      temperatures_degC: [...new Set(warmths())],
       controllers: chosen(controllers, "name"),
       seed: seed.read() ?? 1,
       rate_Hz: rate.read() ?? 1000,
@@ -95,8 +105,9 @@ export async function show(place, app, query) {
     { class: "panel", "aria-label": "What to track", onsubmit: (event) => event.preventDefault() },
     cards.node,
     el("div", { class: "gap" }, field("Damper to be controlled", plant)),
-    el("h3", { class: "gap", text: "Targets" }), targets.map(({ node }) => node),
-    el("h3", { class: "gap", text: "Temperature of fluid and coil" }), el("div", { class: "row" }, degrees.map(({ node }) => node)),
+    el("h3", { class: "gap", text: "Targets" }), drawnTargets, scenarios,
+    inputPicker(app, "Bring a scenario (TOML)", ".toml", (name) => offer(name, true)),
+    el("h3", { class: "gap", text: "Temperature of fluid and coil" }), el("div", { class: "row" }, degrees.map(({ node }) => node)), field("Others", free, { unit: "°C" }),
     el("h3", { class: "gap", text: "Controllers" }), el("div", { class: "picks", tabindex: 0, role: "group", "aria-label": "Controllers" }, controllers.map(({ node }) => node)),
     el("details", {}, el("summary", { text: "More" }), el("div", { class: "fields" }, rate.node, seed.node), field("Card that does not know temperature", unaware), field("Card pooled over temperatures", pooled), optimum.node),
     el("div", { class: "actions" }, start),

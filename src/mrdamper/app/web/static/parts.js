@@ -1,6 +1,6 @@
 // Pieces that several pages use: headings, the choice of a card, a duty, a job's progress, lists of notes.
 
-import { cancelJob, follow, getJob, jobFile, putInput, startJob } from "./api.js";
+import { cancelJob, follow, getJob, jobFile, putInput, resumeJob, startJob } from "./api.js";
 import { bytes, button, duration, el, field, fill, note, number, select, table } from "./dom.js";
 
 /** Return a page's heading with a sentence below it. */
@@ -43,9 +43,25 @@ export function cardField(app, name, onchange, { label = "Card", none = "" } = {
   return { list, node: field(label, list) };
 }
 
-/** Return inputs of a suffix as `[value, text]` pairs. */
-export const inputsOf = (app, suffix) =>
-  app.state.inputs.filter((input) => input.name.endsWith(suffix)).map((input) => [input.name, input.name]);
+/** Return inputs of a suffix as `[value, text]` pairs; with kinds, those that are or may be of one of them. */
+export const inputsOf = (app, suffix, kinds = null) =>
+  app.state.inputs
+    .filter((input) => input.name.endsWith(suffix) && (!kinds || !input.kind || kinds.includes(input.kind)))
+    .map((input) => [input.name, input.name]);
+
+/** Return a choice of inputs with a button that brings one: `{list, node, bring, read()}`. */
+export function inputChoice(app, label, suffix, kinds, none, { id = null, wide = false, hint = "", what = label.toLowerCase() } = {}) {
+  const list = select([["", none], ...inputsOf(app, suffix, kinds)], "", id ? { id } : {});
+  const bring = inputPicker(app, `Bring a ${what} (${suffix.slice(1).toUpperCase()})`, suffix, (name) => {
+    for (const option of [...list.options]) if (option.value === name) option.remove();
+    list.append(el("option", { value: name, text: name, selected: true }));
+    list.dispatchEvent(new Event("change"));
+  });
+  return { list, bring, node: el("div", { class: wide ? "wide" : "" }, field(label, list, { hint }), bring), read: () => list.value || null };
+}
+
+/** Return the numbers in a text such as `40, 80`. */
+export const numbersIn = (text) => text.split(/[,;\s]+/).filter(Boolean).map(Number);
 
 /** Return a button that brings an input (a drawing, a table) into the folder. */
 export function inputPicker(app, label, accept, brought) {
@@ -189,8 +205,19 @@ export class JobPanel {
   ended(job) {
     this.job = job;
     this.heard.busy?.(false);
-    fill(this.node, job.state !== "done" && endNote(job));
+    fill(this.node, job.state !== "done" && endNote(job), job.resumable && el("p", {}, this.again(job)));
     if (job.answer) this.heard.done?.(job);
+  }
+
+  /** Return a button that goes on with a job from what it had finished. */
+  again(job) {
+    return button("Resume", (event) => {
+      event.target.disabled = true;
+      return this.app.attempt(async () => {
+        await resumeJob(job.id);
+        await this.attach(job.id);
+      });
+    }, { "aria-label": `Resume ${job.id}` });
   }
 
   close() {
@@ -201,7 +228,8 @@ export class JobPanel {
 
 function endNote(job) {
   if (job.state === "failed") return note("fault", `${job.id} did not finish.\n${job.message ?? ""}`);
-  if (job.state === "interrupted") return note("warning", `${job.id} was interrupted: the server ended while it was at work. Start it again.`);
+  if (job.state === "interrupted") return note("warning", `${job.id} was interrupted: the server ended while it was at work. ${job.resumable ? "Resume goes on with what it had finished." : "Start it again."}`);
+  if (job.resumable) return note("warning", `${job.id} was stopped; what it had finished is kept. Resume goes on.`);
   return note("warning", job.answer ? `${job.id} was stopped; what you see is the best so far, not converged.` : `${job.id} was stopped before it had a result.`);
 }
 

@@ -1,0 +1,82 @@
+"""Targets: binary formats. Decoders of compiled libraries are asked in a process of their own, as users' are.
+
+``mat``, ``mdf``, ``parquet``, ``tdms`` and ``excel`` run the reader in this process, where its branches are
+seen. Their ``isolated`` twins and ``hdf5`` go through the door that a user's file goes through: whatever the
+library does to its process, one message comes back.
+"""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+from mrdamper.data.formats.excel import read_workbook
+from mrdamper.data.formats.mat import read_mat
+from mrdamper.data.formats.mdf import read_mdf
+from mrdamper.data.formats.parquet import read_parquet
+from mrdamper.data.formats.table import FileOptions, Table
+from mrdamper.data.formats.tdms import read_tdms
+from mrdamper.data.tables import read_table
+
+from fuzz.contract import promised, require, sound_table, written
+from fuzz.seeds import workbook
+
+__all__ = ["excel", "excel_sheet", "isolated", "mat", "mdf", "parquet", "tdms"]
+
+
+def _here(name: str, content: bytes, reader: Callable[[Path, FileOptions], Table]) -> None:
+    path = written(name, content)
+    with promised(name):
+        sound_table(reader(path, FileOptions()))
+
+
+def mat(content: bytes) -> None:
+    """MAT v5."""
+    _here("input.mat", content, read_mat)
+
+
+def mdf(content: bytes) -> None:
+    """MDF 4."""
+    _here("input.mf4", content, read_mdf)
+
+
+def parquet(content: bytes) -> None:
+    """Parquet."""
+    _here("input.parquet", content, read_parquet)
+
+
+def tdms(content: bytes) -> None:
+    """TDMS."""
+    _here("input.tdms", content, read_tdms)
+
+
+def excel(content: bytes) -> None:
+    """A workbook's bytes."""
+    _here("input.xlsx", content, read_workbook)
+
+
+def excel_sheet(content: bytes) -> None:
+    """The one sheet of a workbook: the archive is sound, its XML is what the bytes say."""
+    made = io.BytesIO()
+    with zipfile.ZipFile(made, "w", zipfile.ZIP_STORED) as archive:
+        for name, part in _parts().items():
+            archive.writestr(name, content if name.startswith("xl/worksheets/") else part)
+    _here("input.xlsx", made.getvalue(), read_workbook)
+
+
+@cache
+def _parts() -> dict[str, bytes]:
+    with zipfile.ZipFile(io.BytesIO(workbook())) as archive:
+        return {name: archive.read(name) for name in archive.namelist()}
+
+
+def isolated(content: bytes) -> None:
+    """Whatever format the bytes are of, through the door; numbers of a crash are asked for as well."""
+    path = written("input.bin", content)
+    with promised("input.bin"):
+        table = read_table(path)
+        require(table.rows > 1, "a table of one row")
+        sound_table(table)

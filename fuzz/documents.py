@@ -1,0 +1,125 @@
+"""Targets: documents that people and programs write, as text and as edits of a sound one.
+
+A document that is accepted is written and read again: it must come back the same.
+"""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from mrdamper.app.sweep import plan as sweep_plan
+from mrdamper.control.scenario import read_scenario
+from mrdamper.data.channels import read_channel_map
+from mrdamper.data.readers import runs_in
+from mrdamper.data.tables import read_table
+from mrdamper.models.card import card_text
+from mrdamper.models.card_reading import card_from_json, read_card
+from mrdamper.models.fluid import find_fluid
+from mrdamper.rig.campaign import Campaign
+from mrdamper.rig.damper import VirtualDamper
+from mrdamper.thermal.drawing_file import drawing_of, sink_of
+
+from fuzz.contract import folder, promised, require, written
+from fuzz.edits import Draws, edited, toml_of
+from fuzz.seeds import card_documents, drawing_texts, plain_run, toml_texts
+
+__all__ = ["campaign", "card", "channel_map", "drawing", "fluid", "scenario", "sweep", "virtual_damper"]
+
+_EDITS = 1  # a first byte of 1: what follows are edits of the kept document that the next byte chooses
+
+
+def _document(content: bytes, kept: Callable[[], list[dict[str, Any]]]) -> bytes:
+    """Return the TOML that bytes stand for: themselves, or edits of a kept document."""
+    if content[:1] != bytes([_EDITS]):
+        return content
+    draws = Draws(content[1:])
+    return toml_of(edited(draws.pick(kept()), draws)).encode("utf-8", "surrogatepass")
+
+
+@cache
+def _kept(name: str) -> list[dict[str, Any]]:
+    return [tomllib.loads(text) for text in toml_texts(name)]
+
+
+def channel_map(content: bytes) -> None:
+    """A channel map, and what it makes of a run."""
+    path = written("map.toml", _document(content, lambda: _kept("channel_map")))
+    with promised("map.toml"):
+        chosen = read_channel_map(path)
+        run = folder() / "run.csv"
+        if not run.exists():
+            run.write_bytes(plain_run())
+        with promised("run"):
+            runs_in(read_table(run, chosen.file), chosen, run)
+
+
+def card(content: bytes) -> None:
+    """A model card."""
+    if content[:1] == bytes([_EDITS]):
+        draws = Draws(content[1:])
+        content = json.dumps(edited(draws.pick(card_documents()), draws)).encode()
+    path = written("card.json", content)
+    with promised("card.json"):
+        read = read_card(path)
+        again = card_text(read)
+        require(card_text(card_from_json(json.loads(again))) == again, "the card does not come back the same")
+
+
+def drawing(content: bytes) -> None:
+    """A damper's drawing, and the sink in it."""
+    text = _document(content, lambda: [tomllib.loads(text) for text in drawing_texts()]).decode("utf-8", "replace")
+    with promised("drawing.toml"):
+        drawing_of(text, "drawing.toml")
+    with promised("drawing.toml"):
+        sink_of(text, "drawing.toml")
+
+
+def fluid(content: bytes) -> None:
+    """A fluid's file."""
+    path = written("fluid.toml", _document(content, lambda: _kept("fluid")))
+    with promised("fluid.toml"):
+        find_fluid(path)
+
+
+def campaign(content: bytes) -> None:
+    """A campaign of the virtual rig."""
+    path = written("campaign.toml", _document(content, lambda: _kept("campaign")))
+    with promised("campaign.toml"):
+        made = Campaign.from_toml(path)
+        again = written("campaign.toml", made.to_toml().encode())
+        require(Campaign.from_toml(again) == made, "the campaign does not come back the same")
+
+
+def virtual_damper(content: bytes) -> None:
+    """A virtual damper."""
+    path = written("damper.toml", _document(content, lambda: _kept("virtual_damper")))
+    with promised("damper.toml"):
+        made = VirtualDamper.from_toml(path)
+        again = written("damper.toml", made.to_toml().encode())
+        require(VirtualDamper.from_toml(again) == made, "the damper does not come back the same")
+
+
+def scenario(content: bytes) -> None:
+    """A scenario of force tracking."""
+    path = written("scenario.toml", _document(content, lambda: _kept("scenario")))
+    with promised("scenario.toml"):
+        read_scenario(path)
+
+
+def sweep(content: bytes) -> None:
+    """A sweep's plan; its patterns find files of this folder only."""
+    path = written("sweep.toml", _document(content, lambda: _kept("sweep")))
+    sweep_plan.glob.glob = _no_walk  # type: ignore[attr-defined] # a pattern such as /** would walk the machine
+    with promised():
+        found = sweep_plan.read_plan(path)
+        require(len({task.name for task in found.tasks}) == len(found.tasks), "two tasks of one name")
+        require(len(found.fingerprint) == 64, "no fingerprint")
+
+
+def _no_walk(pattern: str, **_options: object) -> list[str]:
+    return [pattern] if "\0" not in pattern and Path(pattern).name.count("*") < 2 else []

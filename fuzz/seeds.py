@@ -1,0 +1,248 @@
+"""Sound inputs that fuzzing starts from: small, and written by the formats' own libraries."""
+
+from __future__ import annotations
+
+import io
+import json
+import tempfile
+import zipfile
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mrdamper.control.scenario import SCENARIOS
+from mrdamper.models.card import card_text
+from mrdamper.rig.campaign import Campaign
+from mrdamper.rig.damper import PRESETS
+from tests.data.rig_files import WRITERS, titled
+
+__all__ = [
+    "binary",
+    "card_documents",
+    "drawing_texts",
+    "plain_run",
+    "rows_of",
+    "sheet",
+    "text",
+    "toml_texts",
+    "workbook",
+]
+
+_ROOT = Path(__file__).parents[1]
+_SAMPLES = 12
+
+
+def _small() -> dict[str, np.ndarray]:
+    return {name: values[:_SAMPLES] for name, values in titled().items()}
+
+
+def rows_of(header: str, rows: list[str]) -> bytes:
+    """Return a text of a header and rows."""
+    return "\n".join([header, *rows, ""]).encode()
+
+
+@cache
+def _written(name: str) -> bytes:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / name
+        WRITERS[name](path)
+        return path.read_bytes()
+
+
+@cache
+def plain_run() -> bytes:
+    """Return a run as comma-separated text."""
+    return _written("run.csv")
+
+
+def text(name: str, lines: int = 16) -> bytes:
+    """Return the first lines of a text that ``WRITERS`` writes, its sample count as it then is."""
+    kept = _written(name).splitlines(keepends=True)[:lines]
+    return b"".join(b"Sample Count:  9\n" if line.startswith(b"Sample Count") else line for line in kept)
+
+
+def binary(name: str) -> list[bytes]:
+    """Return files of a binary format: one from ``WRITERS``, and a small one without compression."""
+    found = [_written(name)]
+    if name == "v5.mat":
+        found += [_small_mat(nested=False), _small_mat(nested=True)]
+    if name == "run.h5":
+        found.append(_small_hdf5())
+    if name == "run.tdms":
+        found.append(_small_tdms())
+    if name == "run.parquet":
+        found.append(_small_parquet())
+    if name == "run.mf4":
+        found.append(_small_mdf())
+    return found
+
+
+def _small_mat(*, nested: bool) -> bytes:
+    from scipy.io import savemat
+
+    made = io.BytesIO()
+    matrix: dict[str, Any] = {"data": np.column_stack(list(_small().values())), "text": "oil"}
+    savemat(made, {"run": {**_small(), "more": matrix}} if nested else {**_small(), "n": np.int16(3)})
+    return made.getvalue()
+
+
+def _small_hdf5() -> bytes:
+    import h5py
+
+    made = io.BytesIO()
+    with h5py.File(made, "w") as file:
+        for name, values in _small().items():
+            file.create_dataset(f"run/{name}", data=values)
+        file.create_dataset("table", data=np.array([(1.0, 2)] * 4, dtype=[("a", "f8"), ("b", "i4")]))
+    return made.getvalue()
+
+
+def _small_tdms() -> bytes:
+    from nptdms import ChannelObject, TdmsWriter
+
+    made = io.BytesIO()
+    with TdmsWriter(made) as writer:
+        for _ in range(2):
+            writer.write_segment(
+                [
+                    ChannelObject("run", name, values, properties={"unit_string": "mm", "wf_increment": 0.005})
+                    for name, values in _small().items()
+                ]
+            )
+    return made.getvalue()
+
+
+def _small_parquet() -> bytes:
+    import polars as pl
+
+    made = io.BytesIO()
+    pl.DataFrame(_small()).write_parquet(made, compression="uncompressed", statistics=False)
+    return made.getvalue()
+
+
+def _small_mdf() -> bytes:
+    from asammdf import MDF, Signal
+
+    given = _small()
+    with tempfile.TemporaryDirectory() as folder, MDF(version="4.10") as file:
+        time = given.pop("time_s")
+        file.append([Signal(values, time, "mm", name) for name, values in given.items()])
+        path = Path(folder) / "run.mf4"
+        file.save(path, overwrite=True)
+        return path.read_bytes()
+
+
+@cache
+def workbook() -> bytes:
+    """Return a workbook of one small sheet."""
+    from openpyxl import Workbook
+
+    book, made = Workbook(), io.BytesIO()
+    sheet = book.active
+    assert sheet is not None
+    sheet.append([*_small(), "Remark"])
+    for row in zip(*(values.tolist() for values in _small().values()), strict=True):
+        sheet.append([*row, "fine"])
+    book.save(made)
+    return made.getvalue()
+
+
+@cache
+def card_documents() -> list[dict[str, Any]]:
+    """Return sound cards as documents: one of every law, and one of an old schema."""
+    from tests.control.dampers import DAMPERS, SERIES
+    from tests.export.exports import card_of
+
+    old = json.loads((_ROOT / "tests/models/card_version_1.json").read_text(encoding="utf-8"))
+    return [json.loads(card_text(card_of(each))) for each in (*DAMPERS.values(), SERIES)] + [old]
+
+
+@cache
+def drawing_texts() -> list[str]:
+    """Return sound drawings."""
+    paper = (_ROOT / "examples/paper_damper.toml").read_text(encoding="utf-8")
+    return [paper]
+
+
+_CHANNEL_MAP = """
+[channel.force]
+name = "force_kN"
+unit = "V"
+gain = 980.665
+offset = 0.1
+sign = -1
+[channel.displacement]
+pattern = "disp*"
+unit = "in"
+[channel.time]
+index = 1
+unit = "ms"
+[constant]
+voltage_V = 3.2
+temperature_degC = 25.0
+[session]
+name = "13 May"
+[file]
+delimiter = ","
+decimal = "."
+"""
+_SEGMENTS = """
+[channel.force]
+index = 3
+[constant]
+rate_Hz = 200
+[segments]
+split = "Resume"
+current_A = [0, 0.25, 0.5]
+"""
+_SWEEPS = (
+    'kind = "identify"\nseed = 3\n[identify]\ncampaigns = ["a", "b*"]\nlaw = "bouc-wen"\nhold_out = ["*2Hz*"]\nstarts = 2\n',
+    'kind = "tolerance"\n[tolerance]\ncard = "card.json"\nplant = "hard"\ndraws = 5\nspread_percent = 5\n'
+    'targets = ["sine-900N-1Hz"]\ntemperatures_degC = [20, 80]\nrate_Hz = 1000\n',
+    'kind = "sink"\n[sink]\ncard = "card.json"\ndampers = ["paper"]\nduties = ["sine:15mm:1Hz:2A:1800s"]\nmethod = "grid"\n',
+)
+_SCENARIO = """
+name = "own"
+motion = "sine3mm2Hz"
+duration_s = 3.0
+temperature_degC = 60
+seed = 2
+[target]
+kind = "sine"
+amplitude_N = 900.0
+frequency_Hz = 1.0
+[disturbance]
+force_gain = 1.1
+"""
+
+
+@cache
+def toml_texts(name: str) -> tuple[str, ...]:
+    """Return sound documents of a kind."""
+    examples = _ROOT / "examples"
+    if name == "channel_map":
+        maps = ("matrix_mat", "mts_793", "tdms_volts", "utfpr_mat", "utfsm_logger")
+        kept = [(examples / f"{each}.toml").read_text(encoding="utf-8") for each in maps]
+        return (_CHANNEL_MAP, _SEGMENTS, *kept)
+    if name == "fluid":
+        fluids = sorted((_ROOT / "src/mrdamper/models/fluids").glob("*.toml"))
+        return tuple(each.read_text(encoding="utf-8") for each in fluids)
+    if name == "campaign":
+        kept = [(examples / f"{each}_campaign.toml").read_text(encoding="utf-8") for each in ("short", "vehicle")]
+        return (*kept, Campaign().to_toml())
+    if name == "virtual_damper":
+        return tuple(each.to_toml() for each in PRESETS.values())
+    if name == "scenario":
+        return (_SCENARIO,)
+    if name == "sweep":
+        return _SWEEPS
+    raise KeyError(name)
+
+
+@cache
+def sheet() -> bytes:
+    """Return the XML of the workbook's sheet."""
+    with zipfile.ZipFile(io.BytesIO(workbook())) as archive:
+        return archive.read("xl/worksheets/sheet1.xml")

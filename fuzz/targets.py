@@ -1,0 +1,115 @@
+"""All targets in Python by name: what takes the bytes, and what it starts from."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+
+from fuzz import binaries, calls, documents, seeds, texts
+
+__all__ = ["CORPUS", "TARGETS", "Target", "kept_inputs"]
+
+CORPUS = Path(__file__).with_name("corpus")
+"""Inputs that once broke a promise, a folder for each target; run again by every test run."""
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """What is fuzzed."""
+
+    take: Callable[[bytes], None]  # returns, or raises what is a finding
+    seeds: Callable[[], Sequence[bytes]]
+    longest: int = 4096  # bytes of an input
+    guided: bool = True  # False: the work is done in another process, whose branches are not seen
+
+
+def _tables(*headers: str) -> Callable[[], Sequence[bytes]]:
+    def made() -> Sequence[bytes]:
+        return [
+            seeds.rows_of(header, [sign.join(f"{k + 0.5 * c}" for c in range(header.count(sign) + 1)) for k in range(9)])
+            for header in headers
+            for sign in (";" if ";" in header else ",",)
+        ]
+
+    return made
+
+
+def _edits(count: int) -> list[bytes]:
+    """Return seeds of edits: each kept document unedited, and with one."""
+    return [bytes([1, k]) for k in range(count)] + [bytes([1, k, 3, 1, 2, 3, 7, 9]) for k in range(count)]
+
+
+def _toml(name: str) -> Callable[[], Sequence[bytes]]:
+    return lambda: [each.encode() for each in seeds.toml_texts(name)] + _edits(len(seeds.toml_texts(name)))
+
+
+def _delimited() -> Sequence[bytes]:
+    return [
+        seeds.text("run.csv"),
+        b"\x01" + seeds.text("semicolons.csv"),
+        seeds.text("semicolons.csv"),
+        b"# a remark\n\nTime\tForce\nSec\tkN\n0\t1\n0.1\t2\n\n0.2\t3\n",
+        b"  time_s   force_N\n  0.0   1e3\n  0.1  -2.5e+2\n",
+        b"\x00time_s,note\n0,a\n1,b\n",
+    ]
+
+
+TARGETS: Mapping[str, Target] = MappingProxyType(
+    {
+        "delimited": Target(texts.delimited, _delimited),
+        "mts": Target(texts.mts, lambda: [seeds.text("mts.dat"), seeds.text("mts.dat") + seeds.text("mts.dat")[30:]]),
+        "logger": Target(texts.logger, lambda: [seeds.text("logger.txt")]),
+        "run": Target(texts.run, lambda: [seeds.text("run.csv", 60), seeds.text("logger.txt"), seeds.text("mts.dat")]),
+        "rheometer": Target(
+            texts.rheometer,
+            _tables("temperature_degC,viscosity_Pas", "field_mT;T [K];tau y [kPa]", "field_kA_m,temp_K,eta / mPa s"),
+        ),
+        "curve": Target(texts.curve, _tables("time_s,fluid_degC", "time_min;wall_K;coil_degC")),
+        "duty": Target(
+            texts.duty,
+            lambda: [b"sine:15mm:1Hz:2A:1800s", b"triangle:5mm:2Hz:0.5A:1min", b"chirp:5mm:0.1Hz:5Hz:1A:60s", b"sine5mm1Hz:1V:2h"],
+            longest=200,
+        ),
+        "duty-table": Target(
+            texts.duty_table,
+            _tables("time_s,amplitude_mm,frequency_Hz,current_A", "time_s,displacement_mm,current_A"),
+        ),
+        "channel-map": Target(documents.channel_map, _toml("channel_map")),
+        "card": Target(
+            documents.card,
+            lambda: [json.dumps(each).encode() for each in seeds.card_documents()] + _edits(len(seeds.card_documents())),
+            longest=8192,
+        ),
+        "drawing": Target(documents.drawing, lambda: [t.encode() for t in seeds.drawing_texts()] + _edits(1)),
+        "fluid": Target(documents.fluid, _toml("fluid")),
+        "campaign": Target(documents.campaign, _toml("campaign")),
+        "virtual-damper": Target(documents.virtual_damper, _toml("virtual_damper")),
+        "scenario": Target(documents.scenario, _toml("scenario")),
+        "sweep": Target(documents.sweep, _toml("sweep")),
+        "binding": Target(calls.binding, lambda: [bytes(range(k, k + 60)) for k in range(8)]),
+        "tdms": Target(binaries.tdms, lambda: seeds.binary("run.tdms")[1:], longest=8192),
+        "mat": Target(binaries.mat, lambda: seeds.binary("v5.mat"), longest=8192),
+        "mdf": Target(binaries.mdf, lambda: seeds.binary("run.mf4")[1:], longest=8192),
+        "parquet": Target(binaries.parquet, lambda: seeds.binary("run.parquet"), longest=8192),
+        "excel": Target(binaries.excel, lambda: [seeds.workbook()], longest=16384),
+        "excel-sheet": Target(binaries.excel_sheet, lambda: [seeds.sheet()], longest=8192),
+        "isolated": Target(
+            binaries.isolated,
+            lambda: [
+                each
+                for name in ("run.h5", "v73.mat", "v5.mat", "run.mf4", "run.parquet")
+                for each in seeds.binary(name)[-1:]
+            ],
+            longest=32768,
+            guided=False,
+        ),
+    }
+)
+
+
+def kept_inputs(name: str) -> list[Path]:
+    """Return the files of a target's corpus."""
+    return sorted(path for path in (CORPUS / name).glob("*") if path.is_file())

@@ -1,0 +1,88 @@
+"""Targets: texts of rigs, rheometers and duties, each through the reader that a user's file meets."""
+
+from __future__ import annotations
+
+from mrdamper.data.diagnosis.diagnose import diagnose
+from mrdamper.data.formats.logger import read_logger
+from mrdamper.data.formats.mts import read_mts
+from mrdamper.data.formats.table import FileOptions
+from mrdamper.data.formats.text import read_text
+from mrdamper.data.readers import read_file
+from mrdamper.data.rheometer import read_rheometer
+from mrdamper.thermal.curve import read_curve
+from mrdamper.thermal.duty import read_duty
+
+from fuzz.contract import promised, sound_table, written
+
+__all__ = ["curve", "delimited", "duty", "duty_table", "logger", "mts", "rheometer", "run"]
+
+_LONGEST_DUTY = 200
+_OPTIONS = (
+    FileOptions(),
+    FileOptions(delimiter=";", decimal=","),
+    FileOptions(delimiter="\t"),
+    FileOptions(delimiter=" ", decimal="."),
+)
+
+
+def delimited(content: bytes) -> None:
+    """Delimited text; a first byte below 4 stands for what a channel map says about the file."""
+    options = _OPTIONS[content[0]] if content[:1] and content[0] < len(_OPTIONS) else None
+    path = written("input.csv", content if options is None else content[1:])
+    with promised("input.csv"):
+        sound_table(read_text(path, options or FileOptions()))
+
+
+def mts(content: bytes) -> None:
+    """MTS 793 text."""
+    path = written("input.dat", content)
+    with promised("input.dat"):
+        sound_table(read_mts(path, FileOptions()))
+
+
+def logger(content: bytes) -> None:
+    """The logger's text."""
+    path = written("input.txt", content)
+    with promised("input.txt"):
+        sound_table(read_logger(path, FileOptions()))
+
+
+def run(content: bytes) -> None:
+    """A whole file to recordings, what is wrong with them, and runs."""
+    if b"\0" in content[:512]:
+        return  # a binary format: another target's
+    path = written("input.csv", content)
+    with promised("input"):
+        for recording in read_file(path).recordings:
+            for finding in diagnose(recording):
+                finding.in_words()
+            recording.checked()
+
+
+def rheometer(content: bytes) -> None:
+    """A rheometer's table."""
+    path = written("input.csv", content)
+    with promised("input.csv"):
+        read_rheometer(path)
+
+
+def curve(content: bytes) -> None:
+    """A heating curve's table."""
+    path = written("input.csv", content)
+    with promised():
+        read_curve(path)
+
+
+def duty(content: bytes) -> None:
+    """A duty in words, as on the command line."""
+    text = content[:_LONGEST_DUTY].decode("utf-8", "replace").replace("/", ":")
+    if not text.lower().endswith(".csv"):
+        with promised("duty"):
+            read_duty(text)
+
+
+def duty_table(content: bytes) -> None:
+    """A duty in a table."""
+    path = written("duty.csv", content)
+    with promised():
+        read_duty(path)

@@ -1,0 +1,194 @@
+"""Long records: a file whose rows no memory holds, read in batches, in SI and kelvin.
+
+The columns are found as ``readers`` finds them, by headers and channel map. A batch is what the file holds,
+with whatever is wrong in it: which rows can be used is the business of ``stretches``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from mrdamper.data.channels import Channel, ChannelMap, read_channel_map
+from mrdamper.data.formats.table import Rows
+from mrdamper.data.readers import Column, find_columns, map_beside
+from mrdamper.data.records import CommandUnit
+from mrdamper.data.tables import open_rows
+from mrdamper.errors import InputError
+from mrdamper.quantities import QUANTITIES, FloatArray
+
+__all__ = ["BATCH_ROWS", "Batch", "LongRecord", "open_record"]
+
+BATCH_ROWS = 1 << 18
+"""Rows of a batch, counted from the first row: results do not depend on how a format is cut."""
+
+_READ_ROWS = 1 << 20  # that are asked of a file at a time
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Batch:
+    """Some rows of a record, as measured; arrays of shape (n,), NaN where the file holds no number."""
+
+    row: int  # of the file, of the first sample
+    time: FloatArray  # [s]
+    displacement: FloatArray  # [m]
+    force: FloatArray  # [N]
+    command: FloatArray  # [A or V]
+    velocity: FloatArray | None = None  # [m/s]
+    temperature: FloatArray | None = None  # [K]
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LongRecord:
+    """A record in a file: what its columns are, and its rows in batches.
+
+    ``constant`` are roles that the channel map states for the whole record [SI]; ``step_s`` is the sampling
+    interval of a file without a time column; ``rows`` is None where only reading tells how many there are.
+    """
+
+    path: Path
+    understood: str
+    columns: tuple[Column, ...]
+    channels: ChannelMap
+    constant: dict[str, float]
+    step_s: float | None
+    rows: int | None
+    source: Rows
+
+    @property
+    def command_unit(self) -> CommandUnit:
+        return "A" if self._has("current") else "V"
+
+    @property
+    def has_temperature(self) -> bool:
+        return self._has("temperature")
+
+    def _has(self, role: str) -> bool:
+        return role in self.constant or any(column.role == role for column in self.columns)
+
+    def batches(self, start: int = 0, rows: int = BATCH_ROWS) -> Iterator[Batch]:
+        """Give the rows from ``start`` on, so many in each batch but the last.
+
+        Raises
+        ------
+        InputError
+            The file cannot be read, or a cell is no number.
+        """
+        taken = [column for column in self.columns if not (column.role == "time" and self.step_s is not None)]
+        roles = {column.role: k for k, column in enumerate(taken)}
+        place = self.path.name
+        row = start
+        for raw in _regular(self._raw([column.name for column in taken], start), rows):
+            si = [
+                self.channels.channels.get(column.role, Channel(column.role)).to_si(
+                    raw[k], column.unit, place
+                )
+                for k, column in enumerate(taken)
+            ]
+            n = len(raw[0])
+
+            def channel(role: str, si: list[FloatArray] = si, n: int = n) -> FloatArray | None:
+                if role in roles:
+                    return si[roles[role]]
+                return np.full(n, self.constant[role]) if role in self.constant else None
+
+            time = channel("time")
+            command = channel("current" if self.command_unit == "A" else "voltage")
+            displacement, force = channel("displacement"), channel("force")
+            if time is None:
+                time = np.arange(row, row + n, dtype=np.float64) * np.float64(self.step_s or 0.0)
+            if displacement is None or force is None or command is None:  # open_record has asked for them
+                raise InputError(f"{place}: displacement, force or command is missing")
+            yield Batch(row, time, displacement, force, command, channel("velocity"), channel("temperature"))
+            row += n
+
+    def _raw(self, names: list[str], start: int) -> Iterator[list[FloatArray]]:
+        """Give rows as the file gives them, the next ones being read while these are worked on."""
+        parts = self.source.read(names, start, _READ_ROWS)
+        reader = ThreadPoolExecutor(1, thread_name_prefix="mrdamper-rows")
+        try:
+            ahead: Future[list[FloatArray] | None] = reader.submit(next, parts, None)
+            while (part := ahead.result()) is not None:
+                ahead = reader.submit(next, parts, None)
+                yield part
+        finally:
+            reader.shutdown(wait=True, cancel_futures=True)
+
+
+def open_record(path: str | Path, channels: ChannelMap | str | Path | None = None) -> LongRecord:
+    """Return a long record; of its rows only the first few are read.
+
+    Without ``channels`` the map that lies beside the file holds, else the headers alone.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, a column or a unit is missing, or the map splits the file into tests.
+    """
+    file = Path(path)
+    if file.is_dir():
+        raise InputError(f"{file}: is a folder; expected the file of one record")
+    given = map_beside(file) if channels is None else channels
+    chosen = (
+        given if isinstance(given, ChannelMap) else ChannelMap() if given is None else read_channel_map(given)
+    )
+    place = file.name
+    if chosen.segments is not None:
+        raise InputError(
+            f"{place}: [segments] of the channel map split the file into tests; expected one record. Split "
+            "the file, or leave the table out"
+        )
+    source = open_rows(file, chosen.file)
+    table = source.table
+    columns = find_columns(table, chosen, place)
+    roles = {column.role for column in columns}
+    twice = roles & set(chosen.constant)
+    if twice:
+        raise InputError(
+            f"{place}: {min(twice)} is a column and a constant of the channel map; leave one out"
+        )
+    if not ({"current", "voltage"} & (roles | set(chosen.constant))):
+        raise InputError(
+            f"{place}: no current or voltage; expected a column such as current_A or voltage_V, or the same "
+            "at [constant] in a channel map (--channels FILE)"
+        )
+    step = None
+    if "time" not in roles:
+        step = table.step_s if chosen.rate_Hz is None else 1.0 / chosen.rate_Hz
+        if step is None:
+            raise InputError(
+                f"{place}: no time column; the columns are: {', '.join(table.names[:24])}. Expected a header "
+                "such as time_s, [channel.time] in a channel map (--channels FILE), or rate_Hz at its "
+                "[constant]"
+            )
+    for column in columns:  # a unit that is none is said before hours of reading
+        Channel.to_si(chosen.channels.get(column.role, Channel(column.role)), np.zeros(1), column.unit, place)
+    constant = {role: value for role, value in chosen.constant.items() if role in QUANTITIES}
+    rows = table.rows or None
+    return LongRecord(file, table.layout.in_words(), columns, chosen, constant, step, rows, source)
+
+
+def _regular(parts: Iterator[list[FloatArray]], rows: int) -> Iterator[list[FloatArray]]:
+    """Give the same rows again, so many at a time."""
+    waiting: list[list[FloatArray]] = []
+    held = 0
+    for part in parts:
+        waiting.append(part)
+        held += len(part[0])
+        if held < rows:
+            continue
+        whole = waiting[0] if len(waiting) == 1 else [np.concatenate(c) for c in zip(*waiting, strict=True)]
+        at = 0
+        for at in range(0, held - rows + 1, rows):
+            yield [column[at : at + rows] for column in whole]
+        at += rows
+        waiting, held = ([[column[at:] for column in whole]], held - at) if at < held else ([], 0)
+    if held:
+        yield [np.concatenate(c) for c in zip(*waiting, strict=True)]

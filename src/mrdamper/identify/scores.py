@@ -1,0 +1,108 @@
+"""The error of a model on runs: what a fit is judged by, without the fit.
+
+A run's ``nrmse_percent`` is 100 x RMS error / standard deviation of the measured force, from half a period
+after the motion starts, at full rate, force raw, no offset removed. Beside it the same over the whole run
+and with a free constant offset (force cells are not always zeroed).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from mrdamper.data.prepare import PreparedRun
+from mrdamper.errors import InputError
+from mrdamper.models.damper import Damper
+from mrdamper.models.simulate import simulate
+from mrdamper.quantities import FloatArray
+
+__all__ = ["RunError", "Split", "score_run", "summary"]
+
+Split = Literal["training", "held_out"]
+
+
+@dataclass(frozen=True, slots=True)
+class RunError:
+    """How far a model is from one run. ``command`` is None when it varies over the run."""
+
+    name: str
+    split: Split
+    rmse_N: float
+    nrmse_percent: float
+    nrmse_whole_percent: float
+    nrmse_offset_free_percent: float
+    command: float | None
+    command_unit: str
+    motion: str
+    temperature_degC: float | None
+    energy_measured_J: float  # work per period (or over the whole run), from the first scored sample
+    energy_model_J: float
+    peak_measured_N: float
+    peak_model_N: float
+
+
+def score_run(damper: Damper, prepared: PreparedRun, split: Split = "held_out") -> RunError:
+    """Return the error of a damper on one prepared run.
+
+    Raises
+    ------
+    InputError
+        When the run's command is in another unit than the damper's.
+    """
+    run, path, start = prepared.run, prepared.trajectory, prepared.scored_from
+    if run.command_unit != damper.command_unit:
+        raise InputError(
+            f"{run.name}: the command is in {run.command_unit}, the model's in {damper.command_unit}; "
+            "map the channel that the model was identified with"
+        )
+    force = simulate(damper, path)
+    error = force - prepared.force
+    spread = float(np.std(prepared.force[start:]))
+    whole = float(np.std(prepared.force))
+    if not spread > 0.0:
+        raise InputError(f"{run.name}: the force does not change after the motion starts")
+    count = len(force) - start
+    if prepared.period_s:
+        period = max(round(prepared.period_s / path.step), 1)
+        cycles = max(count // period, 1)
+        count, per = min(cycles * period, count), cycles
+    else:
+        per = 1
+    span = slice(start, start + count)
+    power = path.velocity[span] * path.step / per
+    warm = path.temperature
+    return RunError(
+        name=run.name,
+        split=split,
+        rmse_N=_rms(error[start:]),
+        nrmse_percent=100.0 * _rms(error[start:]) / spread,
+        nrmse_whole_percent=100.0 * _rms(error) / whole,
+        nrmse_offset_free_percent=100.0 * float(np.std(error[start:])) / spread,
+        command=run.constant_command,
+        command_unit=run.command_unit,
+        motion=prepared.motion,
+        temperature_degC=None if warm is None else float(np.mean(warm)) - 273.15,
+        energy_measured_J=float(prepared.force[span] @ power),
+        energy_model_J=float(force[span] @ power),
+        peak_measured_N=float(np.abs(prepared.force[start:]).max()),
+        peak_model_N=float(np.abs(force[start:]).max()),
+    )
+
+
+def summary(errors: Iterable[RunError]) -> dict[str, float]:
+    """Return median, worst and worst above zero command of ``nrmse_percent`` (NaN where there is no run)."""
+    errors = tuple(errors)
+    every = np.array([e.nrmse_percent for e in errors])
+    above = np.array([e.nrmse_percent for e in errors if e.command is None or e.command != 0.0])
+    return {
+        "median": float(np.median(every)) if len(every) else float("nan"),
+        "worst": float(every.max()) if len(every) else float("nan"),
+        "worst_above_zero": float(above.max()) if len(above) else float("nan"),
+    }
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2)))

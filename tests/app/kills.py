@@ -1,0 +1,213 @@
+"""Killing commands in the middle, and looking at what they leave behind.
+
+``Nursery`` is a process that has loaded the program once and forks a child for each command, so that a kill
+finds the child at its work and not at its imports. Everything that a command starts carries a mark in its
+environment, by which what outlives it is found.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+import uuid
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+MARK = "MRDAMPER_TEST_MARK"
+
+_NURSERY = """
+import json, os, resource, sys
+import mrdamper.app.jobs, mrdamper.app.sink_job, mrdamper.app.rig_job, mrdamper.app.demo_job
+import mrdamper.app.cli.terminal, mrdamper.app.report, mrdamper.app.sink_page
+from mrdamper.app.cli import main
+print("ready", flush=True)
+for line in sys.stdin:
+    asked = json.loads(line)
+    child = os.fork()
+    if child == 0:
+        os.setsid()
+        out = os.open(asked["said"], os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+        os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+        os.dup2(out, 1)
+        os.dup2(out, 2)
+        if asked["limit"] is not None:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (asked["limit"],) * 2)
+        sys.argv = ["mrdamper", *asked["arguments"]]
+        try:
+            main()
+        except SystemExit as end:
+            sys.stdout.flush()
+            os._exit(end.code or 0)
+        os._exit(9)
+    print(child, flush=True)
+    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
+"""
+
+
+class Nursery:
+    """Runs commands in children of one process that has everything loaded."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.mark = folder, uuid.uuid4().hex
+        self._said = folder / "said.txt"
+        self._process = subprocess.Popen(
+            [sys.executable, "-c", _NURSERY],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            cwd=folder,
+            text=True,
+            env={**os.environ, MARK: self.mark, "OPENBLAS_NUM_THREADS": "1", "MPLBACKEND": "Agg"},
+        )
+        assert self._line() == "ready"
+
+    def __enter__(self) -> Nursery:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        assert self._process.stdin is not None
+        assert self._process.stdout is not None
+        self._process.stdin.close()
+        self._process.wait(60)
+        self._process.stdout.close()
+
+    @property
+    def pid(self) -> int:
+        return self._process.pid
+
+    @property
+    def said(self) -> str:
+        return self._said.read_text(errors="replace")
+
+    def run(
+        self, *arguments: object, kill: Callable[[int], None] | None = None, limit: int | None = None
+    ) -> int:
+        """Run a command; ``kill`` is given its process and returns when it has killed it, or not.
+
+        ``limit`` is the longest file that the command may write [bytes].
+        """
+        asked = {"arguments": list(map(str, arguments)), "said": str(self._said), "limit": limit}
+        assert self._process.stdin is not None
+        self._process.stdin.write(json.dumps(asked) + "\n")
+        self._process.stdin.flush()
+        child = int(self._line())
+        if kill is not None:
+            kill(child)
+        return int(self._line())
+
+    def _line(self) -> str:
+        assert self._process.stdout is not None
+        return self._process.stdout.readline().strip()
+
+
+def kill_after(seconds: float) -> Callable[[int], None]:
+    """Kill at a moment; a process that has ended by then is not killed."""
+
+    def kill(process: int) -> None:
+        until = time.monotonic() + seconds
+        while time.monotonic() < until and alive(process):
+            time.sleep(0.002)
+        kill_hard(process)
+
+    return kill
+
+
+def kill_when(ready: Callable[[], bool], seconds: float = 120.0) -> Callable[[int], None]:
+    """Kill as soon as something is there."""
+
+    def kill(process: int) -> None:
+        wait_for(ready, process, seconds)
+        kill_hard(process)
+
+    return kill
+
+
+def wait_for(ready: Callable[[], bool], process: int, seconds: float = 120.0) -> None:
+    """Wait until something is there, or the process is not."""
+    until = time.monotonic() + seconds
+    while not ready() and time.monotonic() < until and alive(process):
+        time.sleep(0.001)
+
+
+def kill_hard(process: int) -> None:
+    assert process > 1, "0 and below are groups of processes"
+    with contextlib.suppress(ProcessLookupError):
+        os.kill(process, signal.SIGKILL)
+
+
+def alive(process: int) -> bool:
+    """Whether a process runs (one that has ended and is not yet waited for does not)."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()[0] not in "ZX"
+    except OSError:
+        return False
+
+
+def marked(mark: str, but: int = 0) -> list[int]:
+    """Return the processes that carry a mark."""
+    found = []
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit() and int(entry.name) not in (but, os.getpid()):
+            try:
+                environment = (entry / "environ").read_bytes()
+            except OSError:
+                continue
+            if f"{MARK}={mark}".encode() in environment and alive(int(entry.name)):
+                found.append(int(entry.name))
+    return found
+
+
+def orphans(mark: str, but: int = 0, patience_s: float = 10.0) -> list[int]:
+    """Return the processes with a mark that are still there after a while."""
+    until = time.monotonic() + patience_s
+    while found := marked(mark, but):
+        if time.monotonic() > until:
+            return found
+        time.sleep(0.05)
+    return []
+
+
+def written(out: Path) -> dict[str, str] | None:
+    """Return what a command wrote, by name, without CPU figures and dates; None when there is nothing."""
+    if not out.exists():
+        return None
+    return {
+        path.relative_to(out).as_posix(): _plain(path)
+        for path in sorted(out.rglob("*"))
+        if path.is_file() and not any(part.startswith(".mrdamper-") for part in path.relative_to(out).parts)
+    }
+
+
+def left_behind(folder: Path) -> list[str]:
+    """Return hidden folders and progress that are still there."""
+    found = [*folder.rglob(".mrdamper-*"), *folder.rglob("*.progress")]
+    return [path.relative_to(folder).as_posix() for path in found]
+
+
+def _plain(path: Path) -> str:
+    raw = path.read_bytes()
+    if path.suffix == ".json":
+        return json.dumps(_timeless(json.loads(raw)))
+    if path.suffix in {".fmu", ".png"}:
+        return f"{len(raw) > 0}"  # an archive holds dates
+    text = raw.decode("utf-8", "replace")
+    if path.suffix == ".html":
+        assert text.rstrip().endswith("</html>"), f"{path}: cut off"
+    text = re.sub(r"\d[\d.,]*(?:e-?\d+)? ?(?:s|ms|min)\b(?: of CPU)?", "TIME", text)
+    return re.sub(r"\d{4}-\d\d-\d\d(?:[T ]\d\d:\d\d(?::\d\d)?)?", "DATE", text)
+
+
+def _timeless(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {
+            key: _timeless(each)
+            for key, each in value.items()
+            if "cpu" not in key and key not in {"created", "date", "seconds", "duration_wall_s"}
+        }
+    return [_timeless(each) for each in value] if isinstance(value, list) else value
