@@ -1,9 +1,13 @@
 """Growth: how the cost of a job follows its size, as the exponent of CPU time, and what memory it takes.
 
-Samples of one run, candidates of an ensemble, runs of a campaign, threads. Each size is run in a process of
-its own, one after another, so that its largest memory is known; a size's CPU time is the median of its
-repeats there. The exponent is that of the last two decades: below them a fixed cost is most of the time.
-``full`` adds 1e8 samples and the fit of 1000 runs.
+Samples of one run, as a whole and in batches, rows of a Parquet file, candidates of an ensemble, runs of a
+campaign, threads. Each size is run in a process of its own, one after another, so that its largest memory is
+known; a size's CPU time is the median of its repeats there.
+
+The exponent is the slope of log CPU time over log work by least squares. It is fitted twice, and the larger
+is held against what was asked: over all sizes of at least ``LEAST_WORK`` samples, where a fixed cost flattens
+it, and over the last two decades, where it hardly does. ``full`` adds 1e8 samples of a run in one piece (some
+5 GB), 1e8 rows of a file and the fit of 1000 runs.
 """
 
 from __future__ import annotations
@@ -12,12 +16,14 @@ import json
 import resource
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
 from math import log
+from pathlib import Path
 from statistics import linear_regression
 
 import numpy as np
@@ -25,22 +31,30 @@ import numpy as np
 from bench.measure import Asked, Row, timed
 from bench.problem import Problem
 from mrdamper import core
+from mrdamper.app.cycles_job import cycles
 from mrdamper.data.prepare import PreparedRun, prepare_run
 from mrdamper.data.records import RigRun
 from mrdamper.excitation import Sine, drive
 from mrdamper.identify.problem import FitProblem
 from mrdamper.identify.templates import template
 from mrdamper.identify.variable_projection import fit_variable_projection
+from mrdamper.models.carried import CarriedRun
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant, Polynomial
 from mrdamper.models.laws import LAWS
 from mrdamper.models.simulate import open_drive, simulate
 
-__all__ = ["exponent", "run"]
+__all__ = ["LEAST_WORK", "exponent", "run"]
 
 MOST_EXPONENT = 1.05
+LEAST_WORK = 1e4  # samples
+MOST_MEMORY_MB = 1500.0  # of 1e8 rows
+BATCH = 262_000  # samples: whole periods of the motion below
+MOTION = Sine(0.010, 2.0)
 SIZES: dict[str, tuple[tuple[int, ...], tuple[int, ...]]] = {  # usual, and what `full` adds
     "samples": ((10_000, 100_000, 1_000_000, 10_000_000), (100_000_000,)),
+    "batches": ((1_000_000, 10_000_000, 100_000_000), ()),
+    "rows": ((1_000_000, 10_000_000), (100_000_000,)),
     "candidates": ((1, 16, 256, 1024, 4096), ()),
     "runs": ((1, 10, 100, 1000), ()),
     "fitted": ((3, 30, 100), (1000,)),
@@ -48,6 +62,8 @@ SIZES: dict[str, tuple[tuple[int, ...], tuple[int, ...]]] = {  # usual, and what
 }
 JOBS = {
     "samples": "samples of one run, force and squared error",
+    "batches": f"samples of one run in batches of {BATCH:,} that carry the state on, force",
+    "rows": "rows of a Parquet file, energy of every cycle",
     "candidates": "candidates, 2,000 samples each",
     "runs": "runs of 1,000 samples prepared and scored by 16 candidates",
     "fitted": "runs of 1,000 samples, variable projection from one start",
@@ -60,7 +76,7 @@ def run(*, full: bool = False) -> list[Row]:
     rows = []
     for kind, (usual, more) in SIZES.items():
         found = [_in_a_process(kind, size) for size in (*usual, *(more if full else ()))]
-        sizes = [float(each["size"]) for each in found]
+        work = [float(each["samples"]) for each in found]
         cpu = [float(each["cpu_s"]) for each in found]
         for each in found:
             rows.append(
@@ -80,39 +96,62 @@ def run(*, full: bool = False) -> list[Row]:
             gain = found[0]["wall_s"] / found[1]["wall_s"]
             said = f"{gain:.2f} x as fast by the clock, whatever else the machine does"
             rows[-1] = replace(rows[-1], accuracy=said, asked=(over,))
-        else:
-            asked = Asked(f"exponent of the CPU time over {kind}", MOST_EXPONENT, exponent(sizes, cpu), "-")
-            rows[-1] = replace(rows[-1], asked=(asked,))
+            continue
+        over_all, steepest = exponent(work, cpu, LEAST_WORK), exponent(work, cpu, max(work) / 100.0)
+        asked = Asked(f"exponent of the CPU time over {kind}", MOST_EXPONENT, max(over_all, steepest), "-")
+        said = f"{rows[-1].accuracy}; exponent {over_all:.3f}, over the last two decades {steepest:.3f}"
+        rows[-1] = replace(rows[-1], accuracy=said, asked=(asked, *_memory_asked(kind, found)))
     return rows
 
 
-def exponent(sizes: Sequence[float], spent: Sequence[float], span: float = 100.0) -> float:
-    """Return the slope of log time over log size by least squares, for sizes near the largest."""
-    chosen = [(log(n), log(t)) for n, t in zip(sizes, spent, strict=True) if n * span >= max(sizes)]
+def exponent(sizes: Sequence[float], spent: Sequence[float], least: float = LEAST_WORK) -> float:
+    """Return the slope of log time over log size by least squares, for sizes of at least ``least``."""
+    chosen = [(log(n), log(t)) for n, t in zip(sizes, spent, strict=True) if n >= least * (1.0 - 1e-9)]
     return float(linear_regression(*zip(*chosen, strict=True)).slope)
+
+
+def _memory_asked(kind: str, found: Sequence[dict[str, float]]) -> tuple[Asked, ...]:
+    """Return what is asked of the memory of a job that works in batches: that size does not matter to it."""
+    if kind not in ("batches", "rows"):
+        return ()
+    least, most = found[0]["memory_MB"], found[-1]["memory_MB"]
+    flat = Asked(f"memory of the most {kind} over that of the least", 1.25, most / least, "x")
+    figure = f"memory of {found[-1]['size']:,} {kind}"
+    return flat, Asked(figure, MOST_MEMORY_MB, most, "MB")
 
 
 # ------------------------------------------------------------------------------------ in a process of its own
 
 
 def _in_a_process(kind: str, size: int) -> dict[str, float]:
-    command = [sys.executable, "-m", "bench.growth", kind, str(size)]
+    if kind != "rows":
+        return _told([kind, str(size)])
+    with tempfile.TemporaryDirectory(prefix="mrdamper-growth-") as folder:
+        file = str(Path(folder) / "record.parquet")
+        _told(["write", str(size), file])
+        return _told([kind, str(size), file])
+
+
+def _told(words: Sequence[str]) -> dict[str, float]:
+    """Run this module as a program; return what it prints."""
+    command = [sys.executable, "-m", "bench.growth", *words]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
-        raise RuntimeError(
-            f"growth: {kind} {size}: {(done.stderr.strip().splitlines() or ['no message'])[-1]}"
-        )
-    found: dict[str, float] = json.loads(done.stdout)
+        fault = (done.stderr.strip().splitlines() or ["no message"])[-1]
+        raise RuntimeError(f"growth: {' '.join(words)}: {fault}")
+    found: dict[str, float] = json.loads(done.stdout or "{}")
     return found
 
 
-def _measure(kind: str, size: int) -> dict[str, float]:
-    job, samples = MAKERS[kind](size)
+def _measure(kind: str, size: int, *files: Path) -> dict[str, float]:
+    job, samples = MAKERS[kind](size, *files)
     begin = time.process_time()
     job()
     once = time.process_time() - begin
     each = timed({kind: job}, repeats=max(1, min(15, int(1.0 / max(once, 1e-6)))))[kind]
-    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+    # The largest of this process and, where a file is decoded by another, of that one beside it.
+    both = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)[: 2 if kind == "rows" else 1]
+    memory = sum(resource.getrusage(who).ru_maxrss for who in both) / 1024.0
     low, high = each.spread
     found = {"size": size, "samples": samples, "cpu_s": each.cpu_s, "wall_s": each.wall_s}
     return found | {"low": low, "high": high, "memory_MB": memory}
@@ -125,6 +164,49 @@ def _samples(size: int) -> Made:
     problem = Problem(candidates=1, samples=size)
     record, table, measured = problem.record, problem.coefficients, [np.zeros(size)]
     return partial(core.squared_errors, LAWS["bouc-wen"].kernel or 0, [record], measured, [0], table), size
+
+
+def _damper() -> Damper:
+    values = {"viscosity": 600.0, "yield_force": 500.0, "rho": 1500.0, "kappa": -0.4, "n": 1.6}
+    return Damper(LAWS["bouc-wen"], {name: Constant(value) for name, value in values.items()})
+
+
+def _batches(size: int) -> Made:
+    """Make one run of the same whole periods again and again: its making is not what is timed."""
+    batch = drive(MOTION, duration=(BATCH - 1) / 1000.0, rate_Hz=1000.0, command=1.0)
+    count = -(-size // BATCH)
+
+    def job() -> None:
+        run = CarriedRun(_damper())
+        answered = sum(len(run.advance(batch)) for _ in range(count)) + len(run.finish())
+        if answered != count * BATCH:
+            raise RuntimeError(f"{answered} of {count * BATCH} samples were answered")
+
+    return job, count * BATCH
+
+
+def _rows(size: int, file: Path) -> Made:
+    def job() -> None:
+        found = cycles(file)["cycles"]
+        expected = size / 500  # samples of a period
+        if not (isinstance(found, int) and expected - 3 <= found <= expected):
+            raise RuntimeError(f"{found} cycles were found, of {expected:g}")
+
+    return job, size
+
+
+def _write(size: int, place: Path) -> None:
+    """Write a file of so many rows, from one part that is repeated."""
+    import polars as pl
+
+    part = place.with_name("part.parquet")
+    path = drive(MOTION, duration=999.999, rate_Hz=1000.0, command=1.5)
+    force = simulate(_damper(), path)
+    columns = {"displacement_mm": 1e3 * path.displacement, "force_N": force, "current_A": path.command}
+    pl.DataFrame(columns).write_parquet(part)
+    whole = pl.scan_parquet([part] * (size // len(path))).with_row_index("row")
+    time_s = (pl.col("row") * 1e-3).alias("time_s")
+    whole.select(time_s, *columns).sink_parquet(place, row_group_size=1 << 18)
 
 
 def _candidates(size: int) -> Made:
@@ -201,13 +283,17 @@ def _fitted(size: int) -> Made:
     return partial(fit_variable_projection, problem, starts=1), 1_000 * size
 
 
-MAKERS: dict[str, Callable[[int], Made]] = {
+MAKERS: dict[str, Callable[..., Made]] = {
     "samples": _samples,
+    "batches": _batches,
+    "rows": _rows,
     "candidates": _candidates,
     "runs": _runs,
     "fitted": _fitted,
     "threads": _threads,
 }
 
-if __name__ == "__main__":
-    print(json.dumps(_measure(sys.argv[1], int(sys.argv[2]))))
+if __name__ == "__main__" and sys.argv[1] == "write":
+    _write(int(sys.argv[2]), Path(sys.argv[3]))
+elif __name__ == "__main__":
+    print(json.dumps(_measure(sys.argv[1], int(sys.argv[2]), *map(Path, sys.argv[3:]))))

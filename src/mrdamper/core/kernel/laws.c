@@ -396,6 +396,11 @@ static double squared_error_bouc_wen(const curve *c, const mrd_model *m, const m
                 const size_t n = limit - i < BLOCK ? limit - i : BLOCK;
                 const double *restrict x = r->x + i, *restrict v = r->v + i, *restrict y = measured + i;
                 double e[BLOCK];
+                if (r->path || i >= at.rise) FETCH_AHEAD(r->x, i, n, r->n); /* else places_of() asks for it */
+                if (r->path && i >= at.rise) FETCH_AHEAD(r->path, i, n, r->n);
+                FETCH_AHEAD(r->v, i, n, r->n);
+                FETCH_AHEAD(measured, i, n, r->n);
+                if (mass != 0.0) FETCH_AHEAD(r->a, i, n, r->n);
                 if (i < at.rise) {
                     const int rising = i >= at.fall;
                     const double scale = rising ? yield * r->side[p] : -yield * r->side[p];
