@@ -12,6 +12,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -198,9 +199,7 @@ def _card() -> ModelCard:
 
 def _in_fmpy(name: str, folder: Path, told: FloatArray) -> Job:
     """Step our exported FMU (FMI 3.0) as a master does: set the readings, do the step, get the command."""
-    import fmpy
-    from fmpy.fmi3 import FMU3Slave
-
+    fmpy, fmi3 = import_module("fmpy"), import_module("fmpy.fmi3")
     target = target_of(_card(), content="controller", controller=name, name=name)
     sources = sources_sha256(c_files(target))
     passed = Verification(passed=True, sources_sha256=sources, precision=target.precision, samples=1)
@@ -209,7 +208,7 @@ def _in_fmpy(name: str, folder: Path, told: FloatArray) -> Job:
     place = fmpy.extract(str(path), unzipdir=str(folder / name))
     description = fmpy.read_model_description(place)
     numbers = {each.name: each.valueReference for each in description.modelVariables}
-    fmu = FMU3Slave(
+    fmu = fmi3.FMU3Slave(
         guid=description.guid,
         modelIdentifier=description.coSimulation.modelIdentifier,
         unzipDirectory=place,

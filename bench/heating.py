@@ -21,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.heat_models import BARE, DRAWING, fading
+from bench.heat_models import BARE, fading
 from bench.measure import Asked, Row, absent, judged, timed
 from mrdamper.quantities import FloatArray
 from mrdamper.thermal.calculix import run_calculix, write_calculix
@@ -35,6 +35,7 @@ from mrdamper.thermal.programs import run_program
 from mrdamper.thermal.reduced import reduce_field
 from mrdamper.thermal.stepping import Load
 from mrdamper.thermal.transient import Heating, _Stepper, heat_up
+from tests.thermal.designs import DRAWING
 
 __all__ = ["LIMIT_K", "MARKS_S", "run", "scipy_on"]
 
