@@ -10,6 +10,7 @@ import sys
 import threading
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -160,6 +161,23 @@ def test_a_cluster_that_loses_a_worker_gives_what_one_process_gives(folder: Path
     assert (folder / "dask" / "sweep.json").read_bytes() == reference
 
 
+def known(cluster: Any) -> set[str]:
+    """Return the workers that are up: one that is killed while it starts is given up by Dask."""
+    return set(cluster.scheduler.workers)
+
+
+def test_a_cluster_without_workers_is_one_message(folder: Path, monkeypatch: pytest.MonkeyPatch):
+    distributed = pytest.importorskip("distributed")
+    monkeypatch.setattr("mrdamper.app.sweep.runners._ALONE_S", 0.3)
+    with (
+        distributed.LocalCluster(
+            n_workers=0, processes=False, dashboard_address=None, silence_logs=50
+        ) as cluster,
+        pytest.raises(InputError, match="has had no worker for"),
+    ):
+        sweep(folder / "tolerance.toml", folder / "alone", scheduler=cluster.scheduler_address)
+
+
 @pytest.mark.long
 def test_a_cluster_that_loses_a_worker_every_five_seconds_gives_what_one_process_gives(folder: Path):
     """One process, two processes and two Dask workers, one of them killed every 5 s: the same bytes."""
@@ -174,10 +192,9 @@ def test_a_cluster_that_loses_a_worker_every_five_seconds_gives_what_one_process
 
     def kill_every_five_seconds() -> None:
         while not done.wait(5.0):
-            workers = [nanny.process.pid for nanny in cluster.workers.values() if nanny.process.pid]
-            workers = [pid for pid in workers if pid not in killed]
-            if workers:
-                chosen = workers[len(killed) % len(workers)]
+            up = [nanny for nanny in cluster.workers.values() if nanny.worker_address in known(cluster)]
+            if up:
+                chosen = up[len(killed) % len(up)].process.pid
                 os.kill(chosen, signal.SIGKILL)
                 killed.append(chosen)
 
