@@ -75,6 +75,7 @@ class GramSums:
         width = len(self._levels.places) + 1 + bool(sessions)
         self._session = [self._sessions.index(session) if sessions else -1 for _, session in groups]
         self._spread = np.zeros((1, len(groups), self._size, width))
+        self._spread[..., : len(wanted), : len(self._levels.places)] = self._levels.combine
         self._spread[..., -1, -1] = 1.0
         for group, session in enumerate(self._session):
             if session >= 0:

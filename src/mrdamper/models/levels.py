@@ -23,7 +23,7 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Moving:
-    """A coefficient of which some numbers vary."""
+    """A coefficient whose gradient depends on numbers that vary."""
 
     place: int  # in the law
     column: int  # among the places that are differentiated by; -1: none
@@ -32,14 +32,15 @@ class _Moving:
     members: list[int]  # which of them vary,
     sources: list[int]  # and where those stand among the values
     wanted: tuple[tuple[int, int], ...]  # (number of the form, row of the gradient)
-    basis: FloatArray | None  # its gradient where that does not depend on the numbers, shape (k, points)
 
 
 class Levels:
     """Coefficients, and their gradients by the ``wanted`` numbers, while the ``varying`` ones move.
 
     Numbers go by their flat names; one that is no coefficient's (the command lag) is allowed and has no
-    gradient. ``places`` are the coefficients in the law that the wanted numbers move.
+    gradient. ``places`` are the coefficients in the law that the wanted numbers move. ``combine``, shape
+    (points, wanted, places), has the gradients that no number changes: those of coefficients linear in
+    all their numbers.
     """
 
     def __init__(
@@ -52,28 +53,31 @@ class Levels:
     ) -> None:
         self._command = command
         self._temperature = damper.held(temperature)
-        self._fixed = np.ascontiguousarray(damper.coefficients_at(command, temperature).T)
         names = damper.law.names
         self.places = sorted({names.index(w.partition(".")[0]) for w in wanted if "." in w})
+        self.combine = np.zeros((len(command), len(wanted), len(self.places)))
+        self._fixed = np.ascontiguousarray(damper.coefficients_at(command, temperature).T)
+        self._linear = np.zeros((len(varying), *self._fixed.shape))
         self._moving: list[_Moving] = []
         for place, (name, form) in enumerate(damper.coefficients.items()):
             flat = [f"{name}.{number}" for number in form.number_names]
             members = [k for k, number in enumerate(flat) if number in varying]
+            sources = [varying.index(flat[k]) for k in members]
             rows = tuple((k, wanted.index(number)) for k, number in enumerate(flat) if number in wanted)
             if not members and not rows:
                 continue
-            self._moving.append(
-                _Moving(
-                    place,
-                    self.places.index(place) if rows else -1,
-                    form,
-                    np.array(form.numbers)[:, None],
-                    members,
-                    [varying.index(flat[k]) for k in members],
-                    rows,
-                    form.gradient(self._command, self._temperature) if all(form.linear) else None,
-                )
-            )
+            column = self.places.index(place) if rows else -1
+            numbers = np.array(form.numbers)
+            if all(form.linear):
+                gradient = form.gradient(self._command, self._temperature)
+                self._linear[sources, :, place] = gradient[members]
+                numbers[members] = 0.0
+                self._fixed[:, place] = numbers @ gradient
+                for k, row in rows:
+                    self.combine[:, row, column] = gradient[k]
+            else:
+                self._moving.append(_Moving(place, column, form, numbers[:, None], members, sources, rows))
+        self._linear = self._linear.reshape(len(varying), self._fixed.size)
 
     def at(self, values: FloatArray, combine: FloatArray) -> FloatArray:
         """Return the coefficients at values of the varying numbers, shape (candidates, points, m).
@@ -81,22 +85,18 @@ class Levels:
         Parameters
         ----------
         values : one row per candidate, shape (candidates, varying)
-        combine : where to put the gradients, shape (candidates, points, wanted, places); what no number
-            moves is left as it is
+        combine : where to put the gradients, shape (candidates, points, wanted, places); those that no number
+            changes are left as they are
         """
         count = len(values)
-        coefficients = np.empty((count, *self._fixed.shape))
-        coefficients[:] = self._fixed
+        coefficients = (values @ self._linear).reshape(count, *self._fixed.shape)
+        coefficients += self._fixed
         for moving in self._moving:
             numbers = moving.fixed
             if moving.members:
                 numbers = np.repeat(moving.fixed, count, axis=1)
                 numbers[moving.members] = values[:, moving.sources].T
-            gradient: Sequence[FloatArray]
-            if moving.basis is None:
-                value, gradient = moving.form.many(numbers, self._command, self._temperature)
-            else:
-                value, gradient = numbers.T @ moving.basis, list(moving.basis)
+            value, gradient = moving.form.many(numbers, self._command, self._temperature)
             coefficients[:, :, moving.place] = value
             for k, row in moving.wanted:
                 combine[:, :, row, moving.column] = gradient[k]
