@@ -1,4 +1,4 @@
-"""Walks beside the main way: dropping, bringing, comparing, stopping, printing, a lost server, two of them."""
+"""Walks beside the main way: dropping, bringing, comparing, stopping, printing, a lost server, two."""
 
 from __future__ import annotations
 

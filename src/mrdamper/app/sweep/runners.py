@@ -6,6 +6,7 @@ given to another. A task at which workers keep dying is an error of its own.
 
 from __future__ import annotations
 
+import logging
 import os
 import threading
 import time
@@ -100,8 +101,8 @@ def run_on_cluster(tasks: Sequence[Task], address: str) -> Iterator[tuple[Task, 
     Raises
     ------
     InputError
-        No scheduler answers at the address, it goes away or has no workers for a long time, or workers die again
-        and again at one task.
+        No scheduler answers at the address, it goes away or has no workers for a long time, or workers die
+        again and again at one task.
     MissingExtraError
         dask.distributed is not installed.
     """
@@ -112,6 +113,7 @@ def run_on_cluster(tasks: Sequence[Task], address: str) -> Iterator[tuple[Task, 
             "a sweep on a cluster needs dask.distributed, which is not installed; "
             "pip install 'mrdamper[scale]'"
         ) from fault
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # what ends a sweep is told once, by us
     try:
         client = Client(address, timeout=_CONNECT_S, set_as_default=False)
     except (OSError, ValueError) as fault:
