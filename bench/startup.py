@@ -87,14 +87,15 @@ def _jobs(folder: Path) -> dict[str, _Job]:
     known, there = peers.versions(), peers.interpreter().is_file()
     if there:
         jobs[_BARE] = _Job([theirs, "-c", "pass"], group=BESIDE)
-    for name in peers.PEERS:
-        job = _Job([theirs, "-c", f"import {name}"], _BARE, BESIDE, known[name])
+    for name in (*peers.PEERS, _WORKS):
+        job = _Job([theirs, "-c", f"import {name}"], _BARE, BESIDE, known[name.partition(".")[0]])
         job.fault = "" if there else "no environment: python -m bench --peers makes it"
         jobs[f"import {name}"] = job
     return jobs
 
 
 _BARE = "python -c pass, in the peers' environment"
+_WORKS = "sysidentpy.model_structure_selection"  # the package itself loads next to nothing
 
 
 def _row(title: str, job: _Job, jobs: dict[str, _Job]) -> Row:

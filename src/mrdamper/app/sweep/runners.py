@@ -113,7 +113,7 @@ def run_on_cluster(tasks: Sequence[Task], address: str) -> Iterator[tuple[Task, 
             "a sweep on a cluster needs dask.distributed, which is not installed; "
             "pip install 'mrdamper[scale]'"
         ) from fault
-    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # what ends a sweep is told once, by us
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # we tell it, once
     try:
         client = Client(address, timeout=_CONNECT_S, set_as_default=False)
     except (OSError, ValueError) as fault:
