@@ -781,6 +781,30 @@ def test_an_ensemble_s_squared_errors_are_those_of_its_members(name, friction):
             assert found[j, k] == pytest.approx(expected, rel=1e-12)
 
 
+@every_law
+@pytest.mark.parametrize("ones", [False, True], ids=["tangents and residual", "and a one"])
+def test_gram_sums_of_candidates_are_those_of_their_columns(name, ones):
+    """From tangents and force of one run at a time, multiplied by NumPy."""
+    draw = np.random.default_rng(1)
+    paths = [random_drive(seed, rate=200.0) for seed in (0, 1)]
+    records = [core.open_record(path) for path in paths]
+    measured = [draw.normal(scale=300.0, size=len(path)) for path in paths]
+    starts, law = [0, 77], number_of(damper(name))
+    base = coefficients_of(damper(name, **FRICTION))
+    candidates = base * draw.uniform(0.9, 1.1, (3, 2, len(base)))
+    candidates[:, :, LAWS[name].names.index("viscous_exponent")] = 1.0
+    places = [len(base) - 1, 0, len(base) - 2]
+    found = core.gram_sums(law, records, measured, starts, candidates, places, ones=ones)
+    for j in range(3):
+        for k in range(2):
+            force, columns = core.run(law, records[k], candidates[j, k].copy(), places)
+            rows = [*columns, *([np.ones_like(force)] if ones else []), measured[k] - force]
+            scored = np.array(rows)[:, starts[k] :]
+            size = np.linalg.norm(scored, axis=1)
+            np.testing.assert_allclose(found[j, k], scored @ scored.T, atol=1e-12 * float(size.max()) ** 2)
+            np.testing.assert_array_equal(found[j, k], found[j, k].T)
+
+
 @pytest.fixture
 def _level() -> Iterator[None]:
     """Put the instruction-set level back."""
@@ -804,8 +828,11 @@ def test_every_instruction_set_gives_the_same_bits(name):
         record = core.open_record(trajectory)
         force, columns = core.run(number_of(d), record, values, range(len(values)))
         errors = core.squared_errors(number_of(d), [record], [force * 0.9], [3], plain.reshape(1, 1, -1))
+        sums = core.gram_sums(
+            number_of(d), [record], [force * 0.9], [3], values.reshape(1, 1, -1), [0, len(values) - 1]
+        )
         seen.append(
-            (force, columns, core.causal(number_of(d), record, values), errors, core.gram(columns, 3))
+            (force, columns, core.causal(number_of(d), record, values), errors, core.gram(columns, 3), sums)
         )
     for other in seen[1:]:
         for one, two in zip(seen[0], other, strict=True):
@@ -1022,6 +1049,21 @@ def test_wrong_shapes_and_laws_are_refused():
         core.squared_errors(0, [record], [np.zeros(n - 1)], [0], good.reshape(1, 1, -1))
     with pytest.raises(ValueError, match=r"\[candidate\]\[run\]\[coefficient\]"):
         core.squared_errors(0, [record], [np.zeros(n)], [0], np.ones((1, 1, 3)))
+    one = good.reshape(1, 1, -1)
+    with pytest.raises(ValueError, match="its record's length"):
+        core.gram_sums(0, [record], [np.zeros(n - 1)], [0], one, [0])
+    with pytest.raises(ValueError, match="starts beyond it"):
+        core.gram_sums(0, [record], [np.zeros(n)], [n + 1], one, [0])
+    with pytest.raises(ValueError, match="no coefficient number 13"):
+        core.gram_sums(0, [record], [np.zeros(n)], [0], one, [13])
+    with pytest.raises(ValueError, match="at most 48 directions"):
+        core.gram_sums(0, [record], [np.zeros(n)], [0], one, [0] * 49)
+    with pytest.raises(ValueError, match="one, nonzero length"):
+        core.gram_sums(0, [record], [], [0], one, [0])
+    with pytest.raises(ValueError, match="no such law"):
+        core.gram_sums(99, [record], [np.zeros(n)], [0], one, [0])
+    with pytest.raises(ValueError, match=r"out \[candidate\]\[run\]\[row\]\[row\]"):
+        core.gram_sums(0, [record], [np.zeros(n)], [0], np.ones((1, 1, 3)), [0])
     with pytest.raises(TypeError, match="expected a Record"):
         _kernel.run(0, trajectory, good, (), None, None, None, None)  # type: ignore[arg-type]
 

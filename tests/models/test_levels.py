@@ -1,0 +1,79 @@
+"""Coefficients at many sets of numbers at once are those of a damper with each set."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mrdamper.models.damper import Damper
+from mrdamper.models.dependence import (
+    Bipolynomial,
+    Constant,
+    Exponential,
+    Hill,
+    ParameterLaw,
+    Polynomial,
+    Tempered,
+)
+from mrdamper.models.laws import LAWS
+from mrdamper.models.levels import Levels
+from mrdamper.models.simulate import LAG
+from mrdamper.models.temperature import Arrhenius, Linear, PolynomialFactor, Reynolds, Vft
+
+COMMAND = np.array([0.0, 0.7, 2.0, 1.3])
+TEMPERATURE = np.array([293.15, 330.0, 360.0, 280.0])
+FORMS: dict[str, ParameterLaw] = {
+    "constant": Constant(3.0),
+    "polynomial": Polynomial((3.0, -0.4, 0.2)),
+    "hill": Hill(30.0, 600.0, 0.5, 1.7, 2.0),
+    "exponential": Exponential(900.0, -0.4),
+    "bipolynomial": Bipolynomial((5.0, 0.01, -0.3, 0.002), 1),
+    "linear in temperature": Tempered(Polynomial((3.0, 0.4)), Linear(0.002)),
+    "arrhenius": Tempered(Hill(30.0, 600.0, 0.5, 0.7), Arrhenius(1200.0)),
+    "reynolds": Tempered(Exponential(30.0, 0.3), Reynolds(0.01)),
+    "vft": Tempered(Constant(30.0), Vft(700.0, 150.0)),
+    "polynomial in temperature": Tempered(Polynomial((3.0, 0.4)), PolynomialFactor((0.01, -1e-4))),
+}
+
+
+def damper_with(form: ParameterLaw) -> Damper:
+    coefficients = {
+        "yield_force": form,
+        "rho": Exponential(2000.0, -0.1),
+        "kappa": Constant(-0.4),
+        "n": Constant(1.5),
+    }
+    return Damper(LAWS["bouc-wen"], coefficients, temperature_range=(285.0, 350.0))
+
+
+@pytest.mark.parametrize("kind", FORMS)
+@pytest.mark.parametrize("held", [0, 1], ids=["every number moves", "the first one does not"])
+def test_coefficients_and_gradients_are_those_of_each_damper(kind: str, held: int) -> None:
+    damper = damper_with(FORMS[kind])
+    names = list(damper.numbers)
+    varying = [*[name for name in names if name.startswith("yield_force.")][held:], "rho.rate", LAG]
+    wanted = [LAG, *varying[:-1]][::-1]
+    levels = Levels(damper, varying, wanted, COMMAND, TEMPERATURE)
+    draw = np.random.default_rng(0)
+    given = np.array([{**damper.numbers, LAG: 0.0}[name] for name in varying])
+    values = given * draw.uniform(0.9, 1.1, (5, len(varying)))
+    combine = np.repeat(levels.combine[None], 5, axis=0)
+    coefficients = levels.at(values, combine)
+    for k in range(5):
+        one = damper.with_numbers(dict(zip(varying[:-1], values[k, :-1].tolist(), strict=True)))
+        np.testing.assert_allclose(coefficients[k], one.coefficients_at(COMMAND, TEMPERATURE).T, rtol=1e-12)
+        for row, name in enumerate(wanted):
+            expected = np.zeros((len(COMMAND), len(levels.places)))
+            if name != LAG:
+                coefficient, _, number = name.partition(".")
+                form = one.coefficients[coefficient]
+                gradient = form.gradient(COMMAND, damper.held(TEMPERATURE))[form.number_names.index(number)]
+                expected[:, levels.places.index(damper.law.names.index(coefficient))] = gradient
+            np.testing.assert_allclose(combine[k, :, row], expected, rtol=1e-12, atol=1e-300)
+
+
+def test_nothing_that_moves_gives_the_damper_s_own_coefficients() -> None:
+    damper = damper_with(FORMS["hill"])
+    levels = Levels(damper, (), (), COMMAND, TEMPERATURE)
+    found = levels.at(np.empty((2, 0)), np.empty((2, 4, 0, 0)))
+    np.testing.assert_array_equal(found, np.stack([damper.coefficients_at(COMMAND, TEMPERATURE).T] * 2))
