@@ -99,7 +99,8 @@ def keep(place: Path, name: str, rows: list[Row], here: dict[str, object]) -> No
     known = {*page.NOT_RESULTS, *results.get("runs", {})}  # an older form had no runs
     results = {key: value for key, value in results.items() if key in known}
     results[name] = [row.as_json() for row in rows]
-    results["machine"] = {key: here[key] for key in ("processor", "system", "python", "packages", "programs")}
+    of_all = ("processor", "system", "python", "packages", "peers", "programs")
+    results["machine"] = {key: here[key] for key in of_all}
     results.setdefault("runs", {})[name] = here
     place.parent.mkdir(parents=True, exist_ok=True)
     partial = place.with_suffix(".part")

@@ -1,8 +1,8 @@
 """One step of a controller: in C over many samples, from Python, in an FMU under FMPy, in plain NumPy.
 
-All are given the same readings, and their commands are compared with ours: more than ``LIMIT`` of the largest
-command (root mean square) is disqualified. Where no current gives the wanted force the nearest one is a matter
-of the table's steps: those samples are left out of the comparison, for the peers that have no such table.
+All are given the same readings, and their commands are compared with ours: more than ``LIMIT`` of the
+largest command (root mean square) is disqualified. Where no current gives the wanted force the nearest one is
+a matter of the table's steps: for the peers that have no such table those samples are left out.
 What is made once (tables, compiling, unpacking) is not counted. The slow ones are timed on fewer samples.
 """
 
@@ -12,6 +12,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -177,7 +178,9 @@ def _one_by_one(made: ForceController, told: FloatArray) -> Job:
     return job
 
 
-def _plain(make: Callable[[], Any], readings: Callable[[list[float]], tuple[float, ...]], told: FloatArray) -> Job:
+def _plain(
+    make: Callable[[], Any], readings: Callable[[list[float]], tuple[float, ...]], told: FloatArray
+) -> Job:
     given = [readings(row) for row in told.tolist()]
     made = [make() for _ in range(12)]  # the tables are made once, not in the job
 
@@ -196,9 +199,7 @@ def _card() -> ModelCard:
 
 def _in_fmpy(name: str, folder: Path, told: FloatArray) -> Job:
     """Step our exported FMU (FMI 3.0) as a master does: set the readings, do the step, get the command."""
-    import fmpy
-    from fmpy.fmi3 import FMU3Slave
-
+    fmpy, fmi3 = import_module("fmpy"), import_module("fmpy.fmi3")
     target = target_of(_card(), content="controller", controller=name, name=name)
     sources = sources_sha256(c_files(target))
     passed = Verification(passed=True, sources_sha256=sources, precision=target.precision, samples=1)
@@ -207,7 +208,7 @@ def _in_fmpy(name: str, folder: Path, told: FloatArray) -> Job:
     place = fmpy.extract(str(path), unzipdir=str(folder / name))
     description = fmpy.read_model_description(place)
     numbers = {each.name: each.valueReference for each in description.modelVariables}
-    fmu = FMU3Slave(
+    fmu = fmi3.FMU3Slave(
         guid=description.guid,
         modelIdentifier=description.coSimulation.modelIdentifier,
         unzipDirectory=place,

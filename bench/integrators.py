@@ -388,7 +388,9 @@ def octave_lsode(problem: Problem, tolerance: float = 1e-6) -> Job:
     )  # fmt: skip
 
     def job() -> FloatArray:
-        subprocess.run([str(program), "--norc", "--quiet", str(script)], check=True, capture_output=True)
+        subprocess.run(
+            [str(program), "--no-gui", "--norc", "--quiet", str(script)], check=True, capture_output=True
+        )
         return np.fromfile(out)
 
     return job

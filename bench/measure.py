@@ -35,7 +35,10 @@ __all__ = [
 
 PACKAGES = ("mrdamper", "numpy", "scipy", "numba", "jax", "diffrax", "scikit-sundae", "pymoo", "pygad", "cma",
             "lmfit", "fmpy")  # fmt: skip
-PROGRAMS = {"cc": "--version", "octave-cli": "--version", "FreeFem++": "", "valgrind": "--version"}
+PROGRAMS = {
+    **{"cc": "--version", "octave": "--version", "FreeFem++": "-nw", "ccx": "-v", "valgrind": "--version"},
+    **{"arm-none-eabi-gcc": "--version", "qemu-system-arm": "--version"},
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,6 +154,7 @@ def machine() -> dict[str, object]:
             line.partition(":")[2].strip() for line in info.read_text().splitlines() if "model name" in line
         ]
         model = f"{names[0]} ({len(names)} logical)" if names else model
+    from bench import peers
     from mrdamper.core import _kernel
 
     return {
@@ -160,6 +164,7 @@ def machine() -> dict[str, object]:
         "kernel": _kernel.level(),
         "load": round(os.getloadavg()[0], 1),
         "packages": {name: _version(name) for name in PACKAGES},
+        "peers": peers.versions(),
         "programs": {name: _program(name, flag) for name, flag in PROGRAMS.items()},
     }
 
@@ -175,10 +180,9 @@ def _program(name: str, flag: str) -> str:
     found = shutil.which(name)
     if found is None:
         return "absent"
-    if not flag:
-        return "there"
     done = subprocess.run([found, flag], capture_output=True, text=True, check=False)
-    return (done.stdout.splitlines() or ["there"])[0]
+    lines = [line.strip() for line in done.stdout.splitlines() if any(map(str.isdigit, line))]
+    return (lines or ["there"])[0]
 
 
 def table(title: str, rows: list[Row]) -> str:

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from bench.measure import Asked, Row, asked_table, table
+from bench.measure import Asked, Row, asked_table, number, table
 
 __all__ = [
     "PAGE",
@@ -20,6 +20,7 @@ __all__ = [
     "draw",
     "growth_lines",
     "rows_of",
+    "search_points",
     "table_of",
     "tables",
     "write",
@@ -32,6 +33,8 @@ PAGE = ROOT / "docs" / "benchmarks.md"
 PICTURES = ROOT / "docs" / "pictures"
 NOT_RESULTS = {"machine", "runs"}
 
+_COST = re.compile(r"cost ([\d.]+) x the floor")
+_OF_THEIR_OWN = "In an environment of their own: "
 _MADE = re.compile(r"(<!-- bench:(?P<name>\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
@@ -72,12 +75,13 @@ def table_of(results: Mapping[str, Any], name: str) -> str:
 def _machine(results: Mapping[str, Any]) -> str:
     here = results["machine"]
     said = [f"{here['processor']}, {here['system']}, Python {here['python']}."]
-    for kind in ("packages", "programs"):
+    for kind in ("packages", "peers", "programs"):
         each = (
             version if version.startswith(name) else f"{name} {version}"
-            for name, version in here[kind].items()
+            for name, version in here.get(kind, {}).items()
         )
-        said.append(", ".join(each) + ".")
+        listed = ", ".join(each)
+        said += [f"{_OF_THEIR_OWN if kind == 'peers' else ''}{listed}."] if listed else []
     return "\n".join(said)
 
 
@@ -105,6 +109,10 @@ def draw(results: Mapping[str, Any], folder: Path) -> list[Path]:
         drawn.append(_accuracy(rows_of(results["simulation"]), folder / "bench_accuracy.png"))
     if "growth" in results:
         drawn.append(_growth(results["growth"], folder / "bench_growth.png"))
+    if "identification" in results:
+        drawn.append(_searches(rows_of(results["identification"]), folder / "bench_identification.png"))
+    if "startup" in results:
+        drawn.append(_starts(rows_of(results["startup"]), folder / "bench_startup.png"))
     return drawn
 
 
@@ -149,6 +157,50 @@ def _growth(rows: Sequence[Mapping[str, Any]], place: Path) -> Path:
     axes.set_ylabel("CPU time [s]")
     axes.grid(which="major", alpha=0.3)
     figure.legend(loc="outside right upper", fontsize="small")
+    return _saved(figure, place)
+
+
+def search_points(rows: Sequence[Row]) -> dict[str, tuple[float, float]]:
+    """Return CPU time over ours and cost over the floor of each search that ran on the campaign."""
+    points = {}
+    for row in rows:
+        cost = _COST.search(row.accuracy)
+        if cost is not None and row.ratio is not None:
+            points[row.contender] = (row.ratio, float(cost[1]))
+    return points
+
+
+def _searches(rows: Sequence[Row], place: Path) -> Path:
+    """Draw cost over the noise floor against CPU time over ours: the lower left corner is better."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8.5, 4.5), layout="constrained")
+    axes = figure.add_subplot()
+    for (name, point), mark in zip(search_points(rows).items(), "*sov^<>DPXhd", strict=False):
+        axes.loglog(*point, mark, markersize=14 if mark == "*" else 7, label=name)
+    axes.axhline(1.01, color="0.6", linewidth=0.8, linestyle="--", label="1 % above the floor")
+    axes.set_xlabel("CPU time over that of variable projection")
+    axes.set_ylabel("cost over the noise floor")
+    axes.grid(which="major", alpha=0.3)
+    figure.legend(loc="outside lower center", ncols=2, fontsize="small")
+    return _saved(figure, place)
+
+
+def _starts(rows: Sequence[Row], place: Path) -> Path:
+    """Draw the CPU time of starting as bars, ours in another colour."""
+    from matplotlib.figure import Figure
+
+    shown = [row for row in rows if row.cpu_s is not None and not row.contender.startswith("python -c")]
+    figure = Figure(figsize=(8.0, 0.6 + 0.3 * len(shown)), layout="constrained")
+    axes = figure.add_subplot()
+    times = [1e3 * (row.cpu_s or 0.0) for row in shown]
+    colours = ["C1" if "mrdamper" in row.contender else "C0" for row in shown]
+    bars = axes.barh([row.contender for row in shown], times, color=colours)
+    axes.bar_label(bars, [f"{number(time)} ms" for time in times], padding=3, fontsize="small")
+    axes.invert_yaxis()
+    axes.set_xscale("log")
+    axes.set_xlim(right=3.0 * max(times))
+    axes.set_xlabel("CPU time [ms]; of an import, the interpreter's taken off")
     return _saved(figure, place)
 
 

@@ -1,4 +1,4 @@
-"""Peers that cannot live beside the others: their pins hold back NumPy. They have an environment of their own.
+"""Peers that cannot live beside the others, as their pins hold NumPy back: an environment of their own.
 
 ``python -m bench --peers`` makes it, in ``build/bench/peers``, from ``requirements-peers.lock`` (the group
 ``peers`` of ``pyproject.toml``); ``make bench`` does so first. Without it these peers are gaps in the tables.

@@ -83,7 +83,9 @@ class PlainBank:
             v / c["transition_velocity"]
         )
         yields = c["yield_force"] * self.w[0] + c["second_force"] * self.w[1]
-        return np.asarray(c["viscosity"] * v * bent + c["stiffness"] * self.x + c["offset"] + friction + yields)
+        return np.asarray(
+            c["viscosity"] * v * bent + c["stiffness"] * self.x + c["offset"] + friction + yields
+        )
 
     def _between(self, off: FloatArray) -> float:
         """Return the lowest current at which the models' forces, joined by lines, are the wanted one."""

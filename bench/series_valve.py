@@ -14,7 +14,7 @@ from pathlib import Path
 
 import mrdamper
 from bench.measure import Row
-from bench.tracking import TARGETS, followed, in_words, measured
+from bench.tracking import in_words, measured
 from mrdamper.control.card_plant import CardPlant
 from mrdamper.control.controllers import controllers_for
 from mrdamper.control.loop import course_of, run_loop
@@ -24,6 +24,7 @@ from mrdamper.models.actuation import Actuation
 from mrdamper.models.card import ModelCard
 from mrdamper.rig.campaign import Campaign
 from mrdamper.rig.plant import PRESETS
+from tests.acceptance.followed import TARGETS, followed
 
 __all__ = ["run"]
 

@@ -18,30 +18,31 @@ import mrdamper
 from bench import quarter_car
 from bench.measure import Asked, Row, interleaved
 from mrdamper.control.controllers import ForceController, controllers_for
-from mrdamper.control.loop import course_of, run_loop
 from mrdamper.control.optimum import search_optimum
 from mrdamper.control.protocol import Seen, Wanted
 from mrdamper.control.scenario import SCENARIOS, Disturbance, Dropout, Scenario, Sensing
-from mrdamper.control.score import Reach, Score, reach_of, score_run, worst
+from mrdamper.control.score import Score, worst
 from mrdamper.data.records import RigRun
 from mrdamper.errors import MrdamperError
 from mrdamper.models.card import ModelCard
 from mrdamper.rig.campaign import Campaign
 from mrdamper.rig.measurement import measure
-from mrdamper.rig.plant import PRESETS, STEP_S, Plant, VirtualDamper
+from mrdamper.rig.plant import PRESETS, Plant, VirtualDamper
+from tests.acceptance.followed import (
+    FAST,
+    MUST,
+    OF_THE_PAPERS,
+    SLOW,
+    TARGETS,
+    TEMPERATURES,
+    UNEVEN,
+    followed,
+    forget_reaches,
+    scores,
+)
 
-__all__ = ["drawn_damper", "followed", "in_words", "measured", "run"]
+__all__ = ["drawn_damper", "in_words", "measured", "run"]
 
-TEMPERATURES, SEEDS = (20.0, 60.0, 100.0, 123.0), (1, 2)
-SLOW, FAST, UNEVEN = TARGETS = ("sine-900N-1Hz", "sine-1100N-2Hz", "non-periodic")
-MUST = {  # largest of all, largest feasible, RMSE feasible [N]
-    ("nominal", SLOW): (120.0, 62.5, 21.0),
-    ("nominal", FAST): (175.0, 75.0, 25.0),
-    ("nominal", UNEVEN): (300.0, 160.0, 33.0),
-    ("hard", SLOW): (180.0, 90.0, 33.0),
-    ("hard", FAST): (265.0, 125.0, 48.0),
-    ("hard", UNEVEN): (400.0, 225.0, 63.0),
-}
 AIMS = {  # largest feasible, RMSE feasible [N]
     ("nominal", SLOW): (45.0, 12.0),
     ("nominal", FAST): (60.0, 18.0),
@@ -50,14 +51,11 @@ AIMS = {  # largest feasible, RMSE feasible [N]
     ("hard", FAST): (90.0, 30.0),
     ("hard", UNEVEN): (180.0, 45.0),
 }
-OF_THE_PAPERS = {SLOW: 0.3, FAST: 0.25, UNEVEN: 0.35}
 OTHERS = ("recommended-causal", "paper", "paper-unaware", "paper-preview", "static-preview", "exact",
           "clipped-on-off", "pi", "feed-forward-pi", "inverse-bouc-wen")  # fmt: skip
 LEARNT_S = 3.0
 PLANTS, PLANTS_SEED, SPREAD = 20, 5, 0.3
 KEPT = ("name", "full_current_A", "copper_per_K")  # of a drawn plant: what is no property of its own
-
-Kept = dict[tuple[VirtualDamper, str, float, float], Reach]
 
 
 def run() -> list[Row]:
@@ -81,34 +79,6 @@ def measured(damper: VirtualDamper, campaign: Campaign) -> list[RigRun]:
 
 
 # --------------------------------------------------------------------------------------- one figure
-
-_REACHES: Kept = {}
-
-
-def _reach(damper: VirtualDamper, scenario: Scenario) -> Reach:
-    """Return the reach of the damper, its force's gain included; kept, as controllers share it."""
-    key = damper, scenario.name, scenario.temperature_degC, scenario.duration_s
-    if key not in _REACHES:
-        course = course_of(scenario, STEP_S)
-        _REACHES[key] = reach_of(Plant(damper), course, scenario.temperature_degC, scenario.highest_A)
-    gain = scenario.disturbance.force_gain
-    return Reach(gain * _REACHES[key].low, gain * _REACHES[key].high)
-
-
-def _scores(damper: VirtualDamper, controller: ForceController, scenario: Scenario) -> dict[float, Score]:
-    """Return the worse of the seeds by temperature [degC]."""
-    found = {}
-    for degrees in TEMPERATURES:
-        warm = replace(scenario, temperature_degC=degrees)
-        reach, resistance = _reach(damper, warm), damper.coil_resistance_ohm(degrees)
-        runs = [run_loop(Plant(damper), controller, replace(warm, seed=seed)) for seed in SEEDS]
-        found[degrees] = worst([score_run(each, reach, resistance_ohm=resistance) for each in runs])
-    return found
-
-
-def followed(damper: VirtualDamper, controller: ForceController, scenario: Scenario) -> Score:
-    """Return the worst of temperatures and seeds."""
-    return worst(list(_scores(damper, controller, scenario).values()))
 
 
 def _rmse(score: Score) -> float:
@@ -220,7 +190,7 @@ def _unaware(card: ModelCard, runs: Sequence[RigRun]) -> Iterable[Row]:
 def _optimum(card: ModelCard) -> Iterable[Row]:
     """Return the best current that a search finds at 900 N, by temperature."""
     nominal, controller = PRESETS["nominal"], controllers_for(card)["recommended"]
-    ours = _scores(nominal, controller, SCENARIOS[SLOW])
+    ours = scores(nominal, controller, SCENARIOS[SLOW])
     for degrees in TEMPERATURES:
         begin = time.process_time()
         best = search_optimum(Plant(nominal), replace(SCENARIOS[SLOW], temperature_degC=degrees)).score
@@ -242,10 +212,10 @@ def _robustness(card: ModelCard) -> Iterable[Row]:
     """Return what disturbances add to the RMSE at 900 N on ``nominal``."""
     nominal, base = PRESETS["nominal"], SCENARIOS[SLOW]
     usual = controllers_for(card)["recommended"]
-    calm = _scores(nominal, usual, base)
+    calm = scores(nominal, usual, base)
 
     def told(title: str, controller: ForceController, scenario: Scenario, bar_N: float | None = None) -> Row:
-        found = _scores(nominal, controller, scenario)
+        found = scores(nominal, controller, scenario)
         more = max(map(_rmse, found.values())) - max(map(_rmse, calm.values()))
         most = max(_rmse(found[t]) - _rmse(calm[t]) for t in TEMPERATURES)
         said = f"{more:+.1f} N (at one temperature at most {most:+.1f} N); "
@@ -369,7 +339,7 @@ def _drawn() -> Iterable[Row]:
                 followed(damper, controllers[name], SCENARIOS[target]) for name in ("recommended", "paper")
             )
             found[target].append((damper.name, ours, paper))
-        _REACHES.clear()
+        forget_reaches()
     spent = time.process_time() - begin
     for target, each in found.items():
         yield Row(

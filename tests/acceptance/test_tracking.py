@@ -8,7 +8,7 @@ these eight runs. A bar that could be read in two ways is read the stricter way.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cache
 
@@ -17,31 +17,29 @@ import pytest
 
 import mrdamper
 from mrdamper.control.controllers import ForceController, controllers_for
-from mrdamper.control.loop import course_of, run_loop
+from mrdamper.control.loop import run_loop
 from mrdamper.control.optimum import search_optimum
 from mrdamper.control.protocol import Seen, Wanted
 from mrdamper.control.scenario import SCENARIOS, Dropout, Scenario
-from mrdamper.control.score import Reach, Score, reach_of, score_run, worst
+from mrdamper.control.score import Score, score_run
 from mrdamper.data.records import Dataset
 from mrdamper.models.actuation import PLAY_SHARE
 from mrdamper.models.card import ModelCard
-from mrdamper.quantities import FloatArray
 from mrdamper.rig.campaign import Campaign
 from mrdamper.rig.measurement import measure
-from mrdamper.rig.plant import PRESETS, STEP_S, Plant, VirtualDamper
+from mrdamper.rig.plant import PRESETS, Plant
+from tests.acceptance.followed import (
+    FAST,
+    MUST,
+    OF_THE_PAPERS,
+    SEEDS,
+    SLOW,
+    TARGETS,
+    TEMPERATURES,
+    UNEVEN,
+    followed,
+)
 
-TEMPERATURES, SEEDS = (20.0, 60.0, 100.0, 123.0), (1, 2)
-SLOW, FAST, UNEVEN = TARGETS = ("sine-900N-1Hz", "sine-1100N-2Hz", "non-periodic")
-
-MUST = {  # max over all, max feasible, RMSE feasible [N]
-    ("nominal", SLOW): (120.0, 62.5, 21.0),
-    ("nominal", FAST): (175.0, 75.0, 25.0),
-    ("nominal", UNEVEN): (300.0, 160.0, 33.0),
-    ("hard", SLOW): (180.0, 90.0, 33.0),
-    ("hard", FAST): (265.0, 125.0, 48.0),
-    ("hard", UNEVEN): (400.0, 225.0, 63.0),
-}
-OF_THE_PAPERS = {SLOW: 0.3, FAST: 0.25, UNEVEN: 0.35}  # of its controller's RMSE
 PLANTS_AND_TARGETS = list(MUST)
 
 
@@ -72,30 +70,6 @@ def blind_card(known: str) -> ModelCard:
 @cache
 def controllers_of(preset: str) -> Mapping[str, ForceController]:
     return controllers_for(card_of(preset))
-
-
-@cache
-def reach(damper: VirtualDamper, target: str, degrees: float, duration_s: float) -> Sequence[FloatArray]:
-    """Return the lowest and the highest force [N] of an undisturbed damper along a target's motion."""
-    scenario = replace(SCENARIOS[target], duration_s=duration_s)
-    found = reach_of(Plant(damper), course_of(scenario, STEP_S), degrees, scenario.highest_A)
-    return found.low, found.high
-
-
-def followed(damper: VirtualDamper, controller: ForceController, scenario: Scenario) -> Score:
-    """Return the worst of each score over temperatures and seeds."""
-    scores = []
-    gain = scenario.disturbance.force_gain  # is the damper's, and so of its reach
-    for degrees in TEMPERATURES:
-        warm = replace(scenario, temperature_degC=degrees)
-        low, high = reach(damper, scenario.name, degrees, scenario.duration_s)
-        for seed in SEEDS:
-            run = run_loop(Plant(damper), controller, replace(warm, seed=seed))
-            score = score_run(
-                run, Reach(gain * low, gain * high), resistance_ohm=damper.coil_resistance_ohm(degrees)
-            )
-            scores.append(score)
-    return worst(scores)
 
 
 @cache

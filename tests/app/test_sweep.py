@@ -10,6 +10,7 @@ import sys
 import threading
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -140,7 +141,7 @@ def test_results_of_another_plan_are_not_taken(folder: Path, reference: bytes):
     assert reference
     other = folder / "other.toml"
     other.write_text(TOLERANCE.replace("seed = 7", "seed = 8"), encoding="utf-8")
-    with pytest.raises(InputError, match="another run .another plan, seed"):
+    with pytest.raises(InputError, match=r"another run \(another plan, seed\)"):
         sweep(other, folder / "one", workers=1, resume=True)
     with pytest.raises(InputError, match="holds results of a sweep"):
         sweep(folder / "tolerance.toml", folder / "one", workers=1)
@@ -160,14 +161,29 @@ def test_a_cluster_that_loses_a_worker_gives_what_one_process_gives(folder: Path
     assert (folder / "dask" / "sweep.json").read_bytes() == reference
 
 
+def known(cluster: Any) -> set[str]:
+    """Return the workers that are up: one that is killed while it starts is given up by Dask."""
+    return set(cluster.scheduler.workers)
+
+
+def test_a_cluster_without_workers_is_one_message(folder: Path, monkeypatch: pytest.MonkeyPatch):
+    distributed = pytest.importorskip("distributed")
+    monkeypatch.setattr("mrdamper.app.sweep.runners._ALONE_S", 0.3)
+    with (
+        distributed.LocalCluster(
+            n_workers=0, processes=False, dashboard_address=None, silence_logs=50
+        ) as cluster,
+        pytest.raises(InputError, match="has had no worker for"),
+    ):
+        sweep(folder / "tolerance.toml", folder / "alone", scheduler=cluster.scheduler_address)
+
+
 @pytest.mark.long
 def test_a_cluster_that_loses_a_worker_every_five_seconds_gives_what_one_process_gives(folder: Path):
     """One process, two processes and two Dask workers, one of them killed every 5 s: the same bytes."""
     distributed = pytest.importorskip("distributed")
     plan = folder / "many.toml"
-    plan.write_text(
-        TOLERANCE.replace("draws = 5", "draws = 60").replace("[60]", "[20, 60, 100]"), encoding="utf-8"
-    )
+    plan.write_text(TOLERANCE.replace("draws = 5", "draws = 40"), encoding="utf-8")
     for workers in (1, 2):
         sweep(plan, folder / f"many-{workers}", workers=workers)
     expected = (folder / "many-1" / "sweep.json").read_bytes()
@@ -176,10 +192,9 @@ def test_a_cluster_that_loses_a_worker_every_five_seconds_gives_what_one_process
 
     def kill_every_five_seconds() -> None:
         while not done.wait(5.0):
-            workers = [nanny.process.pid for nanny in cluster.workers.values() if nanny.process.pid]
-            workers = [pid for pid in workers if pid not in killed]
-            if workers:
-                chosen = workers[len(killed) % len(workers)]
+            up = [nanny for nanny in cluster.workers.values() if nanny.worker_address in known(cluster)]
+            if up:
+                chosen = up[len(killed) % len(up)].process.pid
                 os.kill(chosen, signal.SIGKILL)
                 killed.append(chosen)
 
@@ -195,7 +210,7 @@ def test_a_cluster_that_loses_a_worker_every_five_seconds_gives_what_one_process
             done.set()
             killer.join()
     seconds = time.monotonic() - begun
-    print(f"{len(killed)} workers killed in {seconds:.0f} s, {len(answer['rows'])} of 60 results")
+    print(f"{len(killed)} workers killed in {seconds:.0f} s, {len(answer['rows'])} of 40 results")
     assert len(killed) >= 4
     assert (folder / "many-dask" / "sweep.json").read_bytes() == expected
 

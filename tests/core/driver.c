@@ -148,7 +148,7 @@ int main(void)
             double *x = malloc(n * sizeof *x), *v = malloc(n * sizeof *v), *a = malloc(n * sizeof *a);
             double *coefficient = malloc(count * n * sizeof *coefficient), *force = malloc(n * sizeof *force);
             double *columns = malloc(count * n * sizeof *columns), *seed = malloc(n * sizeof *seed);
-            double *sums = malloc(count * count * sizeof *sums), c[MRD_COEFFICIENTS], error = 0.0;
+            double *sums = malloc(2 * (count + 2) * (count + 2) * sizeof *sums), c[MRD_COEFFICIENTS], error = 0.0;
             mrd_record record;
             if (!x || !v || !a || !coefficient || !force || !columns || !seed || !sums) return 2;
             move(round % 4, size, step, n, x, v, a);
@@ -177,6 +177,13 @@ int main(void)
             const double *const measured[] = {force};
             const size_t from[] = {n / 3};
             if (api->squared_errors(law, 1, records, measured, from, 1, c, &error) != MRD_OK) return 6;
+            int by[MRD_COEFFICIENTS];
+            double two[2 * MRD_COEFFICIENTS];
+            for (size_t k = 0; k < count; k++) {
+                by[k] = (int)k;
+                two[k] = two[count + k] = c[k];
+            }
+            if (api->gram_sums(law, 1, records, measured, from, 2, two, count, by, 1, sums) != MRD_OK) return 9;
 
             for (size_t k = 0; k < count; k++) {
                 const int shape = (law == MRD_BOUC_WEN && k >= BW_KAPPA) || (law == MRD_SATURATING && k >= SAT_KAPPA)

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import itertools
+import json
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.optimize import minimize
 
 from mrdamper.errors import InputError
+from mrdamper.identify.objective import Objective, _bounded_least_squares
 from mrdamper.identify.problem import FitProblem, Free
 from mrdamper.identify.templates import template
 from mrdamper.identify.variable_projection import (
-    Objective,
     Progress,
-    _bounded_least_squares,
     fit_variable_projection,
     latin_hypercube,
 )
@@ -56,28 +59,61 @@ def test_eliminating_linear_numbers_is_least_squares() -> None:
     """At given rho, kappa, n no other linear coefficients do better: the gradient by them is zero."""
     problem = problem_of("bouc-wen")
     objective = Objective(problem, problem.prepare())
-    damper = problem.template.with_numbers({"rho.value": 1800.0, "kappa.value": -0.5, "n.value": 1.4})
-    cost, best, _, _ = objective.eliminate(damper, {})
+    nonlinear = np.array([[1800.0, -0.5, 1.4]])
+    assert objective.nonlinear == ("rho.value", "kappa.value", "n.value")
+    guess = objective.numbers_of(problem.template)[1]
+    found = objective.eliminate(nonlinear, guess, np.empty((1, 0)))
+    values = dict(zip(objective.nonlinear, nonlinear[0].tolist(), strict=True))
+    best = problem.template.with_numbers(
+        {**values, **dict(zip(objective.linear, found.linear[0].tolist(), strict=True))}
+    )
+    assert objective.gram(best, (), {})[-1, -1] == pytest.approx(found.cost[0], rel=1e-9)
     for name in objective.linear:
         value = best.numbers[name]
         for change in (0.99, 1.01):
             moved = best.with_numbers({name: value * change})
-            assert objective.gram(moved, (), {})[-1, -1] > cost
+            assert objective.gram(moved, (), {})[-1, -1] > found.cost[0]
 
 
 def test_the_projected_gradient_is_the_gradient_of_the_eliminated_cost() -> None:
     problem = problem_of("bouc-wen")
     objective = Objective(problem, problem.prepare())
-    values = {"rho.value": 1500.0, "kappa.value": -0.2, "n.value": 1.0}
-    _, best, offsets, _ = objective.eliminate(problem.template.with_numbers(values), {})
-    _, gradient = objective.projected(best, offsets, None)
-    for place, name in enumerate(objective.nonlinear):
-        step = 1e-5 * abs(values[name])
-        above, below = (
-            objective.eliminate(problem.template.with_numbers({**values, name: values[name] + s}), {})[0]
-            for s in (step, -step)
-        )
-        assert -2.0 * gradient[place] == pytest.approx((above - below) / (2.0 * step), rel=1e-4)
+    at, none = np.array([[1500.0, -0.2, 1.0]]), np.empty((1, 0))
+    best = objective.eliminate(at, objective.numbers_of(problem.template)[1], none)
+    _, gradient, _ = objective.projected(objective.sums(at, best.linear, none), best.linear)
+    for place in range(3):
+        step = np.zeros(3)
+        step[place] = 1e-5 * abs(at[0, place])
+        above, below = objective.eliminate(
+            np.concatenate([at + step, at - step]), np.repeat(best.linear, 2, axis=0), np.empty((2, 0))
+        ).cost
+        assert -2.0 * gradient[0, place] == pytest.approx((above - below) / (2.0 * step[place]), rel=1e-4)
+
+
+def test_candidates_side_by_side_are_those_of_one_at_a_time() -> None:
+    """Steady runs, runs whose command varies and session offsets among them."""
+    problem = problem_of("bouc-wen", session_offsets=True)
+    last = problem.runs[-1]
+    command = np.linspace(0.0, 1.0, len(last.trajectory))
+    varying = replace(last, trajectory=replace(last.trajectory, command=command))
+    sessions = itertools.cycle("ab")
+    runs = tuple(
+        replace(run, run=replace(run.run, session=session))
+        for run, session in zip((*problem.runs[:-1], varying), sessions, strict=False)
+    )
+    problem = replace(problem, runs=runs)
+    objective = Objective(problem, problem.prepare())
+    draw = np.random.default_rng(0)
+    nonlinear = np.array([[1500.0, -0.2, 1.0]]) * draw.uniform(0.8, 1.2, (4, 3))
+    linear = objective.numbers_of(problem.template)[1] * draw.uniform(0.5, 1.5, (4, 1))
+    tares = draw.normal(scale=20.0, size=(4, 2))
+    together = objective.sums(nonlinear, linear, tares)
+    names = (*objective.nonlinear, *objective.linear)
+    for k in range(4):
+        values = dict(zip(names, [*nonlinear[k].tolist(), *linear[k].tolist()], strict=True))
+        offsets = dict(zip(objective.sessions, tares[k].tolist(), strict=True))
+        alone = objective.gram(problem.template.with_numbers(values), names, offsets)
+        np.testing.assert_allclose(together[k], alone, rtol=1e-9, atol=1e-9 * float(np.abs(alone).max()))
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -86,7 +122,7 @@ def test_bounded_least_squares_agrees_with_a_general_solver(seed: int) -> None:
     root = rng.standard_normal((9, 5))
     matrix, right = root.T @ root, rng.standard_normal(5) * 3.0
     rows, floor = rng.standard_normal((4, 5)), rng.standard_normal(4) * 0.3
-    found = _bounded_least_squares(matrix, right, rows, floor)
+    found = _bounded_least_squares(matrix[None], right[None], rows, floor[None])[0]
     other = minimize(  # type: ignore[call-overload]  # the stub asks for more than SLSQP needs
         lambda x: 0.5 * x @ matrix @ x - right @ x,
         np.zeros(5),
@@ -137,6 +173,48 @@ def test_an_interrupt_keeps_the_best_so_far() -> None:
     result = fit_variable_projection(problem_of("series-valve"), starts=5, seed=0, report=stop_after_three)
     assert result.cancelled
     assert result.cost_percent == pytest.approx(told[-1].best_percent)
+
+
+class Notebook:
+    """A ledger in memory, which keeps what a JSON file would."""
+
+    def __init__(self) -> None:
+        self.pages: dict[str, str] = {}
+
+    def recall(self, key: str) -> Mapping[str, Any] | None:
+        return json.loads(self.pages[key]) if key in self.pages else None
+
+    def keep(self, key: str, value: Mapping[str, Any]) -> None:
+        self.pages[key] = json.dumps(value)
+
+
+def test_a_fit_that_goes_on_from_a_ledger_ends_with_the_same_bits() -> None:
+    problem, whole = problem_of("series-valve"), Notebook()
+    once = fit_variable_projection(problem, starts=3, seed=0, ledger=whole)
+    made = len(whole.pages)
+    assert made >= 2
+    for count in range(made + 1):
+        part = Notebook()
+        part.pages = dict(list(whole.pages.items())[:count])
+        again = fit_variable_projection(problem, starts=3, seed=0, ledger=part)
+        assert again.damper.numbers == once.damper.numbers
+        assert (again.starts, again.history, again.cost_percent) == (
+            once.starts,
+            once.history,
+            once.cost_percent,
+        )
+        assert part.pages == whole.pages
+
+
+def test_a_start_that_joined_a_former_one_would_have_ended_where_that_one_did() -> None:
+    problem = problem_of("bouc-wen")
+    result = fit_variable_projection(problem, starts=5, seed=0)
+    assert [start.index for start in result.starts] == list(range(5))
+    joined = [start for start in result.starts if start.joined is not None]
+    assert joined
+    for start in joined:
+        alone = fit_variable_projection(problem, starts=1, seed=7919 * start.index)
+        assert alone.cost_percent == pytest.approx(start.cost_percent, rel=1e-6)
 
 
 def test_progress_never_gets_worse() -> None:

@@ -27,7 +27,7 @@ from mrdamper.errors import InputError
 from mrdamper.identify.actuation import ActuationFit, fit_actuation
 from mrdamper.identify.assess import Assessment, Kind
 from mrdamper.identify.assess import assess as assess_fit
-from mrdamper.identify.ledger import Ledger, keep_fit, recall_fit
+from mrdamper.identify.ledger import Ledger
 from mrdamper.identify.problem import Estimate, FitProblem, FitResult, envelope_of
 from mrdamper.identify.tempering import TEMPERATURES, FluidFactors, Temperature, settled
 from mrdamper.identify.templates import command_levels, template
@@ -185,18 +185,13 @@ def fit(  # noqa: PLR0913 - the options of a fit, by keyword
     )
     problem = FitProblem(damper, free, steady, session_offsets)
     prepared_in = time.process_time() - clock
-    known = None if ledger is None else recall_fit(ledger, "fit", damper)
-    if known is not None:
-        result = known
-    elif method == "varpro":
-        result = fit_variable_projection(problem, starts=starts, seed=seed, report=report)
+    if method == "varpro":
+        result = fit_variable_projection(problem, starts=starts, seed=seed, report=report, ledger=ledger)
     else:
         from mrdamper.identify.population import fit_cma, fit_genetic
 
         search = fit_genetic if method == "genetic" else fit_cma
         result = search(problem, seed=seed, report=report, ledger=ledger)
-    if known is None and ledger is not None:
-        keep_fit(ledger, "fit", damper, result)
     if fluid is not None:
         result = replace(result, damper=settled(result.damper))
     spent, actuation = prepared_in + result.cpu_s, None

@@ -36,6 +36,7 @@ __all__ = [
     "causal",
     "curve",
     "gram",
+    "gram_sums",
     "lagged",
     "open_batch",
     "open_record",
@@ -112,7 +113,7 @@ def open_batch(
     ----------
     kinematics : displacement [m], velocity [m/s] and acceleration [m/s^2], shape (n,) each: the last
         settled sample of the batch before (``behind`` is 1, but for the first), those not settled, new ones
-    motion : where the motion stands, shape (MOTION_NUMBERS,), zeros before the first batch; brought up to the end
+    motion : where the motion stands, shape (MOTION_NUMBERS,), zeros before the first batch; brought to the end
     patience : samples behind the furthest of the motion that may wait for being settled
     last : all are settled, since the run ends here
     """
@@ -150,6 +151,32 @@ def gram(columns: FloatArray, start: int = 0) -> FloatArray:
     """Return the sums of products of the rows of ``columns`` from sample ``start`` on, shape (rows, rows)."""
     out = np.empty((len(columns), len(columns)))
     _kernel.gram(columns, len(columns), start, out)
+    return out
+
+
+def gram_sums(
+    law: int,
+    records: Sequence[Record],
+    measured: Sequence[FloatArray],
+    starts: Sequence[int],
+    coefficients: FloatArray,
+    places: Sequence[int],
+    *,
+    ones: bool = False,
+) -> FloatArray:
+    """Return the sums of products of every candidate's tangents and residual on every run.
+
+    Rows are the tangents by the coefficients at ``places``, a one if ``ones``, and measured less computed
+    force: shape (candidates, runs, rows, rows).
+
+    Parameters
+    ----------
+    coefficients : constant over each run, shape (candidates, runs, m)
+    starts : first sample of each run that counts
+    """
+    rows = len(places) + 1 + ones
+    out = np.empty((*coefficients.shape[:2], rows, rows))
+    _kernel.gram_sums(law, records, measured, starts, coefficients, places, ones, out)
     return out
 
 

@@ -107,6 +107,17 @@ def squared_errors(
     errors: FloatArray,
     /,
 ) -> None: ...
+def gram_sums(
+    law: int,
+    records: Sequence[Record],
+    measured: Sequence[FloatArray],
+    starts: Sequence[int],
+    coefficients: FloatArray,
+    places: Sequence[int],
+    ones: bool,
+    out: FloatArray,
+    /,
+) -> None: ...
 def gram(columns: FloatArray, rows: int, start: int, out: FloatArray, /) -> None: ...
 def curve(
     kappa: float,

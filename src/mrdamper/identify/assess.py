@@ -27,7 +27,7 @@ from mrdamper.identify.identifiability import (
     sentence,
     worst_direction,
 )
-from mrdamper.identify.ledger import Ledger, NoLedger, Section, keep_fit, recall_fit
+from mrdamper.identify.ledger import Ledger, NoLedger, Section
 from mrdamper.identify.problem import FitProblem, FitResult, envelope_of
 from mrdamper.identify.scores import RunError, score_run, summary
 from mrdamper.identify.tempering import Temperature, temperature_levels
@@ -223,12 +223,9 @@ def choose_law(
             continue
         clock = time.process_time()
         damper, free = template(law, runs, one_command=one_command, temperature=temperature)
-        whole = recall_fit(own, "fit", damper)
-        if whole is None:
-            whole = fit_variable_projection(
-                FitProblem(damper, free, tuple(runs)), starts=starts, seed=seed, report=report
-            )
-            keep_fit(own, "fit", damper, whole)
+        whole = fit_variable_projection(
+            FitProblem(damper, free, tuple(runs)), starts=starts, seed=seed, report=report, ledger=own
+        )
 
         def fit(
             some: Sequence[PreparedRun], law: str | HysteresisLaw = law, start: Damper = whole.damper

@@ -11,16 +11,13 @@ given: a float keeps all its digits.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict
 from typing import Any, Protocol
 
-import numpy as np
-
-from mrdamper.identify.problem import Estimate, FitResult, Start, move
+from mrdamper.identify.problem import move
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import LAG
 
-__all__ = ["Ledger", "NoLedger", "Section", "damper_of", "keep_fit", "numbers_of", "recall_fit"]
+__all__ = ["Ledger", "NoLedger", "Section", "damper_of", "numbers_of"]
 
 
 class Ledger(Protocol):
@@ -65,48 +62,3 @@ def numbers_of(damper: Damper) -> dict[str, float]:
 def damper_of(template: Damper, numbers: Mapping[str, float]) -> Damper:
     """Return the template with all numbers replaced."""
     return move(template, dict(numbers))
-
-
-def keep_fit(ledger: Ledger, key: str, template: Damper, result: FitResult) -> None:
-    """Keep a fit that came to its end; one that was interrupted, or is no template with numbers, is not."""
-    numbers = numbers_of(result.damper)
-    if result.cancelled or damper_of(template, numbers) != result.damper:
-        return
-    ledger.keep(
-        key,
-        {
-            "numbers": numbers,
-            "method": result.method,
-            "cost_percent": result.cost_percent,
-            "estimates": [asdict(estimate) for estimate in result.estimates],
-            "correlation": np.asarray(result.correlation).tolist(),
-            "starts": [asdict(start) for start in result.starts],
-            "offsets_N": dict(result.offsets_N),
-            "history": list(result.history),
-            "seed": result.seed,
-            "cpu_s": result.cpu_s,
-            "notes": list(result.notes),
-        },
-    )
-
-
-def recall_fit(ledger: Ledger, key: str, template: Damper) -> FitResult | None:
-    """Return a fit that was kept, or None."""
-    found = ledger.recall(key)
-    if found is None:
-        return None
-    count = len(found["estimates"])
-    return FitResult(
-        damper=damper_of(template, found["numbers"]),
-        method=found["method"],
-        cost_percent=found["cost_percent"],
-        estimates=tuple(Estimate(**estimate) for estimate in found["estimates"]),
-        correlation=np.array(found["correlation"], dtype=np.float64).reshape(count, count),
-        starts=tuple(Start(**start) for start in found["starts"]),
-        offsets_N=found["offsets_N"],
-        history=tuple(found["history"]),
-        seed=found["seed"],
-        cpu_s=found["cpu_s"],
-        cancelled=False,
-        notes=tuple(found["notes"]),
-    )

@@ -179,12 +179,17 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """The outcome of one start of the search; the cost is in percent (root of the mean squared error)."""
+    """The outcome of one start of the search; the cost is in percent (root of the mean squared error).
+
+    ``joined`` is the former start whose place this one came to on short stretches of the runs: from there on
+    their ways are one.
+    """
 
     index: int
     cost_percent: float
     evaluations: int
     converged: bool
+    joined: int | None = None
 
 
 @dataclass(frozen=True)
@@ -226,9 +231,11 @@ def lifted(problem: FitProblem, damper: Damper) -> Damper:
     for free in problem.linear:
         name, _, number = free.name.partition(".")
         law, floor = damper.coefficients[name], damper.law[name].lower
+        if number != law.number_names[0] or not math.isfinite(floor):
+            continue
         values = law.value(commands, temperatures if law.tempered else None)
         least = float(values.min()) - 2e-6 * float(np.ptp(values))  # a parabola's dip between two of them
-        if number == law.number_names[0] and least < floor:
+        if least < floor:
             moved[free.name] = law.numbers[0] + (floor - least) * (1.0 + 1e-9)
     return damper.with_numbers(moved) if moved else damper
 

@@ -1,14 +1,14 @@
 """Variable projection with Levenberg-Marquardt: the usual way to fit a damper.
 
 The force is linear in most of its numbers; those are eliminated by least squares at every step, kept
-inside the law's conditions (a yield force that is nowhere negative), and only the rest is searched for:
+inside the law's conditions, and only the rest is searched for:
 
     minimise over theta   min over c   | y - F(theta, c) |^2,   F affine in c.
 
 The derivative of the eliminated problem is taken in Kaufman's approximation: the tangents of theta,
-projected off the space of the linear columns. All sums are Gram sums over the runs, so a step costs one
-or two passes of the kernel however many numbers there are. A law without linear numbers (the series
-valve) is the same algorithm with nothing to eliminate.
+projected off the space of the linear columns. A law without linear numbers (the series valve) is the same
+algorithm with nothing to eliminate. The elimination is in ``objective``, the steps are in ``descent``; here
+is where starts come from and what becomes of them.
 
 Golub & Pereyra (1973), Kaufman (1975): cited from memory, not re-read.
 """
@@ -19,49 +19,35 @@ import itertools
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve, null_space
-from scipy.optimize import nnls
-from scipy.stats import qmc
 
-from mrdamper import core
-from mrdamper.errors import ConvergenceError, InputError
-from mrdamper.identify.problem import (
-    FitProblem,
-    FitResult,
-    Free,
-    PreparedFit,
-    Start,
-    envelope_of,
-    lifted,
-    move,
-    ordered,
-)
+from mrdamper.errors import ConvergenceError
+from mrdamper.identify.descent import Box, Descents
+from mrdamper.identify.ledger import Ledger, NoLedger
+from mrdamper.identify.objective import Objective
+from mrdamper.identify.problem import FitProblem, FitResult, Free, PreparedFit, Start, lifted, move, ordered
 from mrdamper.identify.uncertainty import estimates_of
 from mrdamper.models.damper import Damper
-from mrdamper.models.dependence import Bipolynomial
-from mrdamper.models.simulate import LAG, Tangents
-from mrdamper.models.temperature import REFERENCE_K
 
 __all__ = ["Objective", "Progress", "Report", "fit_variable_projection", "latin_hypercube"]
 
 FloatArray = NDArray[np.float64]
 
-_COMMANDS = 17  # commands over the data's range at which linear coefficients are kept admissible,
-_TEMPERATURES = 3  # at so many temperatures where the form itself depends on temperature
-_PULL = 1e-6  # of session offsets towards zero, as a share of what the data say
-_LIGHT = 1e-6  # [%^2] that a linear number at its bound costs: one that moves nothing stays near zero
-_LONGEST = 1.5  # longest step of a search coordinate per iteration, in e-folds on a log scale
 _MOST_ITERATIONS = 150
+_TOGETHER = 8  # starts that are screened side by side
 _DRAWN_PER_NUMBER = 8  # points looked at for each start, per nonlinear number,
 _DRAWN = 80  # but no more
+_GLANCE = 16  # of which so many by each of several starts, to begin with
 _DRAWN_PYTHON = 8  # the same for a law in Python, which is slow
 _DESCENDING = 5  # of which so many descend on short stretches
 _FEW_ITERATIONS = 10  # of each of those
 _FINALISTS = 2  # of which so many go on
 _SHORT_ITERATIONS = 30  # for so long
+_ALIKE = 1e-3  # share of the cost within which starts have come to the same cost,
+_SAME = 1e-3  # and within which the curvature says that two places are one
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,145 +65,6 @@ class Progress:
 Report = Callable[[Progress], None]
 
 
-class Objective:
-    """The cost of a problem, its Gram sums, and the elimination of the linear numbers.
-
-    Order of the rows of every Gram matrix: the numbers asked for, the session offsets, the residual.
-    """
-
-    def __init__(self, problem: FitProblem, runs: Sequence[PreparedFit]) -> None:
-        self.problem = problem
-        self.runs = tuple(runs)
-        self.nonlinear = tuple(free.name for free in problem.nonlinear)
-        self.linear = tuple(free.name for free in problem.linear)
-        self.sessions = tuple(sorted({run.session for run in runs})) if problem.session_offsets else ()
-        self.evaluations = 0
-        self._widest = max(len(run.force) for run in runs)
-        self._store = np.empty((core.MOST_DIRECTIONS + 2) * self._widest)
-        self._drives = [run.drive for run in runs]
-        self._rows, self._floor = self._conditions()
-        size = np.array([max(abs(free.lower), abs(free.upper)) for free in problem.linear])
-        self._light = _LIGHT / size**2
-
-    def gram(self, damper: Damper, numbers: Sequence[str], offsets: Mapping[str, float]) -> FloatArray:
-        """Return the weighted Gram matrix of the tangents, session offsets and residual at a damper."""
-        self.evaluations += 1
-        size = len(numbers) + len(self.sessions) + 1
-        total = np.zeros((size, size))
-        tangents = Tangents(damper, numbers, self._drives)
-        for index, run in enumerate(self.runs):
-            n = len(run.force)
-            store = self._store[: (core.MOST_DIRECTIONS + 2) * n].reshape(-1, n)
-            s = tangents.along(index, store=store)
-            d = len(s.columns)
-            if not np.shares_memory(store, s.columns):
-                store[:d] = s.columns
-            store[d] = 1.0
-            np.subtract(run.force, s.force, out=store[d + 1])
-            if run.session in offsets:
-                store[d + 1] -= offsets[run.session]
-            g = core.gram(store[: d + 2], run.start)
-            spread = np.zeros((size, d + 2))
-            spread[: len(numbers), :d] = s.combine
-            if self.sessions:
-                spread[len(numbers) + self.sessions.index(run.session), d] = 1.0
-            spread[-1, d + 1] = 1.0
-            total += run.weight * (spread @ g @ spread.T)
-        # What all sessions share is the law's own offset: a light pull of each tare towards zero.
-        pull = _PULL * float(np.mean(np.diag(total)[len(numbers) : -1])) if self.sessions else 0.0
-        for place, session in enumerate(self.sessions, len(numbers)):
-            tare = offsets.get(session, 0.0)
-            total[place, place] += pull
-            total[place, -1] -= pull * tare
-            total[-1, place] -= pull * tare
-            total[-1, -1] += pull * tare**2
-        return total
-
-    def eliminate(
-        self, damper: Damper, offsets: Mapping[str, float], *, tangents: bool = True
-    ) -> tuple[float, Damper, dict[str, float], FloatArray | None]:
-        """Return the cost [%^2] with the best linear numbers, the damper that has them, and the offsets.
-
-        When there is nothing to eliminate, the Gram matrix of the nonlinear numbers comes as well (unless
-        ``tangents`` are not wanted).
-        """
-        if not self.linear and not self.sessions:
-            g = self.gram(damper, self.nonlinear if tangents else (), offsets)
-            return float(g[-1, -1]), damper, {}, g if tangents else None
-        g = self.gram(damper, self.linear, offsets)
-        values = damper.numbers
-        present = np.array([values[name] for name in self.linear])
-        floor = self._floor - self._rows[:, : len(present)] @ present
-        pulled, right = g[:-1, :-1].copy(), g[:-1, -1].copy()
-        places = np.arange(len(present))
-        pulled[places, places] += self._light
-        right[places] -= self._light * present
-        moved = _bounded_least_squares(pulled, right, self._rows, floor)
-        cost = float(g[-1, -1] - 2.0 * moved @ g[:-1, -1] + moved @ g[:-1, :-1] @ moved)
-        change = dict(zip(self.linear, (present + moved[: len(present)]).tolist(), strict=True))
-        shifts = moved[len(present) :].tolist()
-        tares = {s: offsets.get(s, 0.0) + d for s, d in zip(self.sessions, shifts, strict=True)}
-        return max(cost, 0.0), move(damper, change), tares, None
-
-    def projected(
-        self, damper: Damper, offsets: Mapping[str, float], g: FloatArray | None
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return the Gauss-Newton matrix and gradient of the nonlinear numbers, linear ones projected out."""
-        names = (*self.nonlinear, *self.linear)
-        if g is None:
-            g = self.gram(damper, names, offsets)
-        n = len(self.nonlinear)
-        hessian, gradient = g[:n, :n], g[:n, -1]
-        if len(names) + len(self.sessions) == n:
-            return hessian, gradient
-        inner, cross, right = g[n:-1, n:-1], g[n:-1, :n], g[n:-1, -1]
-        values = damper.numbers
-        present = np.array([values[name] for name in self.linear])
-        slack = self._rows[:, : len(present)] @ present - self._floor
-        size = np.abs(self._rows[:, : len(present)]) @ np.abs(present)
-        active = self._rows[slack <= 1e-7 * size]
-        if len(active):
-            basis = null_space(active / np.linalg.norm(active, axis=1, keepdims=True))
-            inner, cross, right = basis.T @ inner @ basis, basis.T @ cross, basis.T @ right
-        if not len(inner):
-            return hessian, gradient
-        solved = _solve_scaled(inner, np.column_stack([cross, right]))
-        return hessian - cross.T @ solved[:, :n], gradient - cross.T @ solved[:, n]
-
-    def _conditions(self) -> tuple[FloatArray, FloatArray]:
-        """Return rows A and floor b of A c >= b: every linear coefficient admissible at the commands."""
-        template = self.problem.template
-        envelope = envelope_of(self.problem.runs)
-        grid = np.unique(np.linspace(*envelope.command, _COMMANDS))
-        warm = np.unique(np.linspace(*(template.temperature_range or (REFERENCE_K,) * 2), _TEMPERATURES))
-        width = len(self.linear) + len(self.sessions)
-        rows: list[FloatArray] = []
-        floor: list[float] = []
-        for name, law in template.coefficients.items():
-            members = [i for i, number in enumerate(self.linear) if number.partition(".")[0] == name]
-            least = template.law[name].lower
-            if not members or not np.isfinite(least):
-                continue
-            at = np.array([law.number_names.index(self.linear[i].partition(".")[2]) for i in members])
-            commands, temperatures = (
-                each.ravel()
-                for each in np.meshgrid(
-                    grid if law.kind != "constant" else grid[:1],
-                    warm if isinstance(law, Bipolynomial) else [REFERENCE_K],
-                )
-            )
-            held = [0.0 if i in at else number for i, number in enumerate(law.numbers)]
-            # The share of the numbers that do not move.
-            fixed = law.with_numbers(held).value(commands, temperatures)
-            for gradient, share in zip(law.gradient(commands, temperatures).T, fixed, strict=True):
-                if gradient[at].any():
-                    row = np.zeros(width)
-                    row[members] = gradient[at]
-                    rows.append(row)
-                    floor.append(least - share)
-        return np.array(rows).reshape(len(rows), width), np.array(floor)
-
-
 def fit_variable_projection(
     problem: FitProblem,
     *,
@@ -226,6 +73,7 @@ def fit_variable_projection(
     report: Report | None = None,
     first: Damper | None = None,
     prepared: Sequence[PreparedFit] | None = None,
+    ledger: Ledger | None = None,
 ) -> FitResult:
     """Fit by variable projection from ``starts`` Latin-hypercube starts; the best one is returned.
 
@@ -234,6 +82,7 @@ def fit_variable_projection(
     first : a damper to start from as well, before the drawn ones (a former fit); alone with ``starts=0``
     prepared : the runs as ``problem.prepare()`` gives them, for many fits of one set of runs
     report : told of every accepted step; an interrupt (Ctrl-C) keeps the best so far
+    ledger : asked for every start before it is made, and told of it after
 
     Raises
     ------
@@ -242,27 +91,48 @@ def fit_variable_projection(
     """
     clock = time.process_time()
     full = problem.prepare() if prepared is None else tuple(prepared)
+    ledger = ledger or NoLedger()
     objective = Objective(problem, full)
     count = starts if problem.nonlinear else 1
-    origins: Iterator[_State] = _screened(problem, count, seed)
+    places = _places(objective, count, seed, ledger)
     if first is not None:
-        origins = itertools.chain([_opening(objective, first)], origins)
+        places = itertools.chain([_opening(objective, first)], places)
         count += 1
     outcomes: list[Start] = []
+    finished: list[_Place] = []
     history: list[float] = []
-    best: _State | None = None
+    best: _Place | None = None
     cancelled = False
+    offset = int(first is not None)
     try:
-        for index, origin in enumerate(origins):
-            for state in _descend(objective, origin.point, origin.damper, _MOST_ITERATIONS):
+        for index, place in enumerate(places):
+            if place.joined is not None:
+                joined = place.joined + offset
+                state = replace(finished[joined], evaluations=place.evaluations)
+                finished.append(state)
+                outcomes.append(replace(_outcome(index, state), joined=joined))
+                continue
+            key = f"start-{index}"
+            kept = ledger.recall(key)
+            costs: list[float] = []
+            if kept is None:
+                for state in _descend(objective, place):
+                    costs.append(state.cost)
+                    if best is None or state.cost < best.cost:
+                        best = state
+                    history.append(float(np.sqrt(best.cost)))
+                    if report:
+                        now = float(np.sqrt(state.cost))
+                        report(Progress("varpro", index, count, len(costs) - 1, now, history[-1]))
+                ledger.keep(key, {**state.plain(), "costs": costs})
+            else:
+                state = _Place.read(kept)
+                for cost in kept["costs"]:
+                    history.append(float(np.sqrt(cost if best is None else min(cost, best.cost))))
                 if best is None or state.cost < best.cost:
                     best = state
-                history.append(float(np.sqrt(best.cost)))
-                if report:
-                    now = float(np.sqrt(state.cost))
-                    report(Progress("varpro", index, count, state.iteration, now, history[-1]))
-            spent = origin.evaluations + state.evaluations
-            outcomes.append(Start(index, float(np.sqrt(state.cost)), spent, state.converged))
+            finished.append(state)
+            outcomes.append(_outcome(index, state))
     except KeyboardInterrupt:
         if best is None:
             raise
@@ -272,8 +142,11 @@ def fit_variable_projection(
             f"{problem.template.law.name}: no start reached a finite cost in {count} tries; check the runs "
             "(mrdamper predict shows them) or give more --starts"
         )
-    damper = ordered(lifted(problem, best.damper))
-    numbers, correlation = estimates_of(problem, full, damper, best.offsets)
+    values = np.concatenate([Box.of(problem).outward(best.point), best.linear]).tolist()
+    found = move(problem.template, dict(zip((*objective.nonlinear, *objective.linear), values, strict=True)))
+    offsets = dict(zip(objective.sessions, best.tares.tolist(), strict=True))
+    damper = ordered(lifted(problem, found))
+    numbers, correlation = estimates_of(problem, full, damper, offsets)
     return FitResult(
         damper=damper,
         method="varpro",
@@ -281,7 +154,7 @@ def fit_variable_projection(
         estimates=numbers,
         correlation=correlation,
         starts=tuple(outcomes),
-        offsets_N=best.offsets,
+        offsets_N=offsets,
         history=tuple(history),
         seed=seed,
         cpu_s=time.process_time() - clock,
@@ -291,202 +164,233 @@ def fit_variable_projection(
 
 def latin_hypercube(free: Sequence[Free], count: int, seed: int) -> FloatArray:
     """Return ``count`` starts in search coordinates, spread over the inner four fifths of the bounds."""
-    unit = qmc.LatinHypercube(len(free), rng=np.random.default_rng(seed)).random(count)
+    rng = np.random.default_rng(seed)
+    cell = rng.permuted(np.tile(np.arange(count), (len(free), 1)), axis=1).T
+    unit = (cell + rng.random((count, len(free)))) / count
     low = np.array([float(f.inward(f.lower)) for f in free])
     high = np.array([float(f.inward(f.upper)) for f in free])
     return np.asarray(low + (0.1 + 0.8 * unit) * (high - low))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _State:
-    """Where a descent stands."""
+class _Place:
+    """Where a search stands: search coordinates, linear numbers, session offsets and what they cost.
+
+    ``joined`` is the former start whose place this is too.
+    """
 
     point: FloatArray
-    damper: Damper
-    offsets: dict[str, float]
+    linear: FloatArray
+    tares: FloatArray
     cost: float
-    gram: FloatArray | None
-    iteration: int
     evaluations: int
     converged: bool
+    joined: int | None = None
+
+    def plain(self) -> dict[str, Any]:
+        """Return it as plain data; ``read`` gives the same again."""
+        return {
+            "point": self.point.tolist(),
+            "linear": self.linear.tolist(),
+            "tares": self.tares.tolist(),
+            "cost": self.cost,
+            "evaluations": self.evaluations,
+            "converged": self.converged,
+            "joined": self.joined,
+        }
+
+    @classmethod
+    def read(cls, kept: Mapping[str, Any]) -> _Place:
+        point, linear, tares = (
+            np.array(kept[name], dtype=np.float64) for name in ("point", "linear", "tares")
+        )
+        return cls(point, linear, tares, kept["cost"], kept["evaluations"], kept["converged"], kept["joined"])
 
 
-def _opening(objective: Objective, damper: Damper) -> _State:
-    """Return the state at a given damper, its numbers brought inside the bounds."""
-    values = {**damper.numbers, LAG: damper.command_lag_s}
-    free = objective.problem.nonlinear
-    point = np.array([float(f.inward(min(max(values[f.name], f.lower), f.upper))) for f in free])
-    cost, damper, offsets, g = objective.eliminate(_at(objective.problem, point), {})
-    return _State(point, damper, offsets, cost, g, 0, 1, not free)
+def _outcome(index: int, state: _Place) -> Start:
+    return Start(index, float(np.sqrt(state.cost)), state.evaluations, state.converged)
 
 
-def _at(problem: FitProblem, point: FloatArray) -> Damper:
-    """Return the template at a point in search coordinates."""
-    return move(
-        problem.template, {f.name: f.outward(u) for f, u in zip(problem.nonlinear, point, strict=True)}
+def _opening(objective: Objective, damper: Damper) -> _Place:
+    """Return the place of a given damper, its numbers brought inside the bounds."""
+    nonlinear, linear = objective.numbers_of(damper)
+    point = Box.of(objective.problem).inward(nonlinear[0])
+    return _Place(point, linear[0], np.zeros(len(objective.sessions)), np.inf, 0, converged=False)
+
+
+def _descend(objective: Objective, place: _Place) -> Iterator[_Place]:
+    """Yield the states of one descent on whole runs, the first and every accepted one."""
+    descent = Descents(
+        objective, place.point[None], place.linear[None], place.tares[None], most=_MOST_ITERATIONS
+    )
+    while True:
+        state = _state(descent, 0, place.evaluations)
+        yield state
+        while not descent.done[0] and not descent.advance()[0]:
+            pass
+        if descent.converged[0] != state.converged:
+            yield _state(descent, 0, place.evaluations)
+        if descent.done[0]:
+            return
+
+
+def _state(descents: Descents, k: int, before: int = 0) -> _Place:
+    return _Place(
+        descents.points[k].copy(),
+        descents.linear[k].copy(),
+        descents.tares[k].copy(),
+        float(descents.costs[k]),
+        before + int(descents.evaluations[k]),
+        bool(descents.converged[k]),
     )
 
 
-def _off_the_bounds(problem: FitProblem, point: FloatArray) -> FloatArray | None:
-    """Return the point with every number that sits on a bound put back to mid-range; None when none does.
-
-    A term that has died (a yield velocity beyond all speeds) leaves its numbers on bounds; from mid-range
-    it may come to life again.
-    """
-    low = np.array([float(f.inward(f.lower)) for f in problem.nonlinear])
-    high = np.array([float(f.inward(f.upper)) for f in problem.nonlinear])
-    stuck = (point <= low) | (point >= high)
-    return np.where(stuck, 0.5 * (low + high), point) if stuck.any() else None
-
-
-def _screened(problem: FitProblem, starts: int, seed: int) -> Iterator[_State]:
-    """Yield one promising place for each start.
-
-    Wide bounds hold regions from which no descent finds home (a valve that never moves). Each start
-    draws many Latin-hypercube points, looks at them on a short stretch of every run, lets the best few
-    descend there, and hands on the one that came furthest.
-    """
+def _places(whole: Objective, starts: int, seed: int, ledger: Ledger) -> Iterator[_Place]:
+    """Yield one promising place for each start, a few starts at a time."""
+    problem = whole.problem
     if not problem.nonlinear:
-        yield _State(np.empty(0), problem.template, {}, np.inf, None, 0, 0, converged=True)
+        linear = whole.numbers_of(problem.template)[1][0]
+        yield _Place(np.empty(0), linear, np.zeros(len(whole.sessions)), np.inf, 0, converged=True)
         return
-    objective = Objective(problem, problem.prepare(excerpt=True))
-    count = min(_DRAWN, _DRAWN_PER_NUMBER * max(len(problem.nonlinear), 2))
-    if problem.template.law.kernel is None:
-        count = _DRAWN_PYTHON
-    for index in range(starts):
-        before = objective.evaluations
-        costs: list[tuple[float, int]] = []
-        drawn = latin_hypercube(problem.nonlinear, count, seed + 7919 * index)
-        for place, point in enumerate(drawn):
-            cost = objective.eliminate(_at(problem, point), {}, tangents=False)[0]
-            costs.append((cost if np.isfinite(cost) else np.inf, place))
-        tried = []
-        for _, place in sorted(costs)[: min(_DESCENDING, count // 8)]:
-            *_, state = _descend(objective, drawn[place], _at(problem, drawn[place]), _FEW_ITERATIONS)
-            tried.append(state)
-        best: _State | None = None
-        for finalist in sorted(tried, key=lambda s: s.cost)[:_FINALISTS]:
-            *_, state = _descend(objective, finalist.point, finalist.damper, _SHORT_ITERATIONS)
-            freed = _off_the_bounds(problem, state.point)
-            if freed is not None:
-                *_, other = _descend(objective, freed, _at(problem, freed), _SHORT_ITERATIONS)
-                state = min(state, other, key=lambda s: s.cost)
-            if best is None or state.cost < best.cost:
-                best = state
-        if best is not None:
-            yield replace(best, evaluations=objective.evaluations - before)
+    objective: Objective | None = None
+    for begin in range(0, starts, _TOGETHER):
+        group = range(begin, min(begin + _TOGETHER, starts))
+        key = f"places-{group.start}-{group.stop}"
+        kept = ledger.recall(key)
+        if kept is None:
+            objective = objective or Objective(problem, problem.prepare(excerpt=True), like=whole)
+            found = _Screening(objective, group, seed).places()
+            ledger.keep(key, {"places": [place.plain() for place in found]})
+        else:
+            found = [_Place.read(place) for place in kept["places"]]
+        yield from found
 
 
-def _descend(objective: Objective, point: FloatArray, damper: Damper, most: int) -> Iterator[_State]:
-    """Yield the states of one Levenberg-Marquardt descent, the first and every accepted one."""
-    free = objective.problem.nonlinear
-    low = np.array([float(f.inward(f.lower)) for f in free])
-    high = np.array([float(f.inward(f.upper)) for f in free])
-    width = high - low
-    log = np.array([f.scale == "log" for f in free])
-    longest = np.where(log, _LONGEST, 0.3 * width)
-    before = objective.evaluations
+class _Screening:
+    """The search of a group of starts for promising places, on short stretches of the runs.
 
-    cost, damper, offsets, g = objective.eliminate(damper, {})
-    state = _State(point, damper, offsets, cost, g, 0, 1, not len(free))
-    yield state
-    if not len(free):
-        return
-    damping, growth = 1e-2, 2.0
-    quiet = 0
-    for iteration in range(1, most + 1):
-        hessian, gradient = objective.projected(state.damper, state.offsets, state.gram)
-        chain = np.where(log, np.array([f.outward(u) for f, u in zip(free, state.point, strict=True)]), 1.0)
-        hessian, gradient = hessian * np.outer(chain, chain), gradient * chain
-        inside = ~(((state.point <= low) & (gradient < 0.0)) | ((state.point >= high) & (gradient > 0.0)))
-        accepted = None
-        while damping < 1e12:
-            step = _damped_step(hessian, gradient, inside, damping)
-            step *= min(1.0, float(np.min(longest / np.maximum(np.abs(step), 1e-300))))
-            trial = np.clip(state.point + step, low, high)
-            step = trial - state.point
-            promised = float(2.0 * step @ gradient - step @ hessian @ step)
-            if not np.any(step) or 0.0 <= promised <= 1e-9 * state.cost:
-                break
-            if promised < 0.0:  # a bound bent the step uphill
-                damping *= growth
-                growth *= 2.0
-                continue
-            values = {f.name: f.outward(u) for f, u in zip(free, trial, strict=True)}
-            new, damper, offsets, g = objective.eliminate(move(state.damper, values), state.offsets)
-            if np.isfinite(new) and new < state.cost:
-                kept = (state.cost - new) / promised
-                damping *= max(0.1, 1.0 - (2.0 * kept - 1.0) ** 3)
-                growth = 2.0
-                accepted = (trial, damper, offsets, new, g)
-                break
-            damping *= growth
-            growth *= 2.0
-        spent = objective.evaluations - before
-        if accepted is None:
-            yield replace(state, iteration=iteration, evaluations=spent, converged=True)
-            return
-        quiet = quiet + 1 if state.cost - accepted[3] < 1e-5 * state.cost else 0
-        state = _State(*accepted, iteration, spent, quiet >= 2)
-        yield state
-        if state.converged:
-            return
-
-
-def _damped_step(
-    hessian: FloatArray, gradient: FloatArray, inside: NDArray[np.bool_], damping: float
-) -> FloatArray:
-    """Return the Marquardt step of the coordinates that are free to move."""
-    step = np.zeros(len(gradient))
-    if not inside.any():
-        return step
-    h = hessian[np.ix_(inside, inside)]
-    scale = np.diag(h).copy()
-    scale[scale <= 0.0] = 1e-300
-    h = h + np.diag(damping * scale + 1e-14 * scale.max())
-    step[inside] = _solve_scaled(h, gradient[inside])
-    return step
-
-
-def _solve_scaled(matrix: FloatArray, right: FloatArray) -> FloatArray:
-    """Solve a positive semi-definite system, rows scaled to a unit diagonal, lightly regularised."""
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    scaled = matrix * np.outer(scale, scale)
-    scaled[np.diag_indices_from(scaled)] += 1e-12
-    shaped = scale if right.ndim == 1 else scale[:, None]
-    try:
-        return np.asarray(shaped * cho_solve(cho_factor(scaled), shaped * right))
-    except np.linalg.LinAlgError:
-        return np.asarray(shaped * np.linalg.lstsq(scaled, shaped * right, rcond=1e-12)[0])
-
-
-def _bounded_least_squares(
-    matrix: FloatArray, right: FloatArray, rows: FloatArray, floor: FloatArray
-) -> FloatArray:
-    """Minimise x'Mx/2 - r'x subject to rows x >= floor.
-
-    Unconstrained where that is admissible; otherwise the least-distance form of Lawson & Hanson, one
-    non-negative least squares.
+    Wide bounds hold regions from which no descent finds home (a valve that never moves). Every start draws
+    many Latin-hypercube points of its own. Several starts first look at a few of theirs and let the best one
+    descend; where at least half of them come to the same lowest cost that way, those are home. All others
+    look at all of their points, let the best few descend, and go on with those that came furthest.
     """
-    solution = _solve_scaled(matrix, right)
-    slack = rows @ solution - floor
-    if not len(rows) or np.all(slack >= -1e-12 * (np.abs(rows) @ np.abs(solution) + np.abs(floor))):
-        return solution
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    scaled = matrix * np.outer(scale, scale)
-    scaled[np.diag_indices_from(scaled)] += 1e-10
-    factor = np.linalg.cholesky(scaled).T
-    # z = R (x / scale) - d, d = R x_free / scale: minimise |z| subject to G z >= h.
-    g = np.linalg.solve(factor.T, (rows * scale).T).T
-    h = floor - rows @ solution
-    norm = np.linalg.norm(g, axis=1)
-    g, h = g / norm[:, None], h / norm
-    size_h = float(np.abs(h).max())
-    target = np.zeros(len(g[0]) + 1)
-    target[-1] = 1.0
-    u, _ = nnls(np.vstack([g.T, (h / size_h)[None, :]]), target)
-    residual = np.vstack([g.T, (h / size_h)[None, :]]) @ u - target
-    if abs(residual[-1]) < 1e-14:
-        raise InputError("the law's conditions leave no admissible linear coefficients")
-    z = -residual[:-1] / residual[-1] * size_h
-    return np.asarray(solution + scale * np.linalg.solve(factor, z))
+
+    def __init__(self, objective: Objective, group: range, seed: int) -> None:
+        problem, size = objective.problem, len(objective.problem.nonlinear)
+        self._objective, self._group = objective, group
+        self._box = Box.of(problem)
+        self._count = min(_DRAWN, _DRAWN_PER_NUMBER * max(size, 2))
+        if problem.template.law.kernel is None:
+            self._count = _DRAWN_PYTHON
+        draws = [latin_hypercube(problem.nonlinear, self._count, seed + 7919 * index) for index in group]
+        self._points = np.stack(draws)
+        shape = self._points.shape[:2]
+        self._linear = np.tile(objective.numbers_of(problem.template)[1], (*shape, 1))
+        self._tares = np.zeros((*shape, len(objective.sessions)))
+        self._costs = np.full(shape, np.inf)
+        self._spent = np.zeros(len(group), dtype=np.intp)
+
+    def places(self) -> list[_Place]:
+        """Return the place of each start; one that came to the place of a former one has joined it."""
+        everyone = list(range(len(self._group)))
+        ends: list[_Settled] = []
+        away, seen = everyone, 0
+        if len(everyone) > 1:
+            seen = min(_GLANCE, self._count)
+            self._look(everyone, range(seen))
+            ends = self._freed(self._best_drawn(everyone, 1, _SHORT_ITERATIONS))
+            lowest = [min(each.order for each in ends if each.start == start) for start in everyone]
+            home = {s.start for s in ends if s.place.converged and s.order <= (1.0 + _ALIKE) * min(lowest)}
+            if len(home) > 1 and 2 * len(home) >= len(everyone):
+                away = [start for start in everyone if start not in home]
+        if away:
+            self._look(away, range(seen, self._count))
+            tried = self._best_drawn(away, min(_DESCENDING, self._count // 8), _FEW_ITERATIONS)
+            finalists = []
+            for start in away:
+                own = sorted((each for each in tried if each.start == start), key=lambda each: each.order)
+                finalists += own[:_FINALISTS]
+            ends += self._freed(
+                self._further([each.place for each in finalists], [e.start for e in finalists])
+            )
+        best = [min((s for s in ends if s.start == start), key=lambda each: each.order) for start in everyone]
+        return _joined(best, self._spent.tolist(), self._group.start)
+
+    def _look(self, starts: Sequence[int], part: range) -> None:
+        """Work out the costs of some of the points that starts have drawn, and the linear numbers there."""
+        at = np.repeat(starts, len(part)), np.tile(part, len(starts))
+        points = self._box.outward(self._points[at])
+        found = self._objective.eliminate(points, self._linear[at], self._tares[at], tangents=False)
+        self._costs[at] = np.where(np.isfinite(found.cost), found.cost, np.inf)
+        self._linear[at], self._tares[at] = found.linear, found.tares
+        self._spent[list(starts)] += len(part)
+
+    def _best_drawn(self, starts: Sequence[int], few: int, most: int) -> list[_Settled]:
+        """Return where descents from the best few points of each start end."""
+        rank = np.argsort(self._costs[list(starts)], axis=1, kind="stable")[:, :few].ravel()
+        owners = np.repeat(starts, few)
+        at = owners, rank
+        return self._descend(self._points[at], self._linear[at], self._tares[at], owners.tolist(), most)
+
+    def _further(self, places: Sequence[_Place], owners: Sequence[int]) -> list[_Settled]:
+        """Return where descents from places end."""
+        points = np.stack([place.point for place in places])
+        linear, tares = np.stack([p.linear for p in places]), np.stack([p.tares for p in places])
+        return self._descend(points, linear, tares, owners, _SHORT_ITERATIONS)
+
+    def _freed(self, ends: list[_Settled]) -> list[_Settled]:
+        """Return ends and, of those with a number on a bound, where a descent from mid-range ends.
+
+        A term that has died (a yield velocity beyond all speeds) leaves its numbers on bounds; from mid-range
+        it may come to life again.
+        """
+        stuck = [each for each in ends if self._box.stuck(each.place.point).any()]
+        if not stuck:
+            return ends
+        middle = 0.5 * (self._box.low + self._box.high)
+        free = [
+            replace(each.place, point=np.where(self._box.stuck(each.place.point), middle, each.place.point))
+            for each in stuck
+        ]
+        return [*ends, *self._further(free, [each.start for each in stuck])]
+
+    def _descend(
+        self, points: FloatArray, linear: FloatArray, tares: FloatArray, owners: Sequence[int], most: int
+    ) -> list[_Settled]:
+        descents = Descents(self._objective, points, linear, tares, most=most)
+        descents.run()
+        np.add.at(self._spent, list(owners), descents.evaluations)
+        return [_Settled(_state(descents, k), descents.hessians[k], start) for k, start in enumerate(owners)]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Settled:
+    """The end of a descent, the Gauss-Newton matrix there, and the start of the group that it belongs to."""
+
+    place: _Place
+    hessian: FloatArray
+    start: int
+
+    @property
+    def order(self) -> float:
+        """The cost, for comparison."""
+        return self.place.cost if np.isfinite(self.place.cost) else np.inf
+
+
+def _joined(ends: Sequence[_Settled], spent: Sequence[int], begin: int) -> list[_Place]:
+    """Return the places of a group's starts, saying of each which former one it has come to."""
+    places: list[_Place] = []
+    for each, evaluations in zip(ends, spent, strict=True):
+        joined = None
+        for k, other in enumerate(ends[: len(places)]):
+            apart = each.place.point - other.place.point
+            allowed = other.place.cost
+            if (
+                places[k].joined is None
+                and abs(each.place.cost - allowed) <= _ALIKE * allowed
+                and apart @ other.hessian @ apart <= _SAME * allowed
+            ):
+                joined = begin + k
+                break
+        places.append(replace(each.place, evaluations=evaluations, joined=joined, converged=False))
+    return places

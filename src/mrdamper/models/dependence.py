@@ -80,6 +80,16 @@ class ParameterLaw(Protocol):
         """Return d value / d number, shape (numbers, *shape of command)."""
         ...
 
+    def many(
+        self, numbers: FloatArray, command: FloatArray, temperature: FloatArray
+    ) -> tuple[FloatArray, Sequence[FloatArray]]:
+        """Return value and gradient of many forms of this kind at once, as a fit asks for them.
+
+        ``numbers`` has one column per form, shape (numbers, forms); command and temperature have shape
+        (points,). The value, and each row of the gradient, can be broadcast to (forms, points).
+        """
+        ...
+
     def slope(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
         """Return d value / d command, in the command's shape."""
         ...
@@ -116,6 +126,11 @@ class Constant:
 
     def gradient(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
         return np.ones((1, *np.shape(command)))
+
+    def many(
+        self, numbers: FloatArray, command: FloatArray, temperature: FloatArray
+    ) -> tuple[FloatArray, Sequence[FloatArray]]:
+        return _many_linear(self, numbers, command, temperature)
 
     def slope(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
         return np.zeros(np.shape(command))
@@ -156,6 +171,11 @@ class Polynomial:
 
     def gradient(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
         return np.stack([_array(command) ** power for power in range(len(self.numbers))])
+
+    def many(
+        self, numbers: FloatArray, command: FloatArray, temperature: FloatArray
+    ) -> tuple[FloatArray, Sequence[FloatArray]]:
+        return _many_linear(self, numbers, command, temperature)
 
     def slope(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
         derivative = np.polynomial.polynomial.polyder(self.numbers)
@@ -210,12 +230,20 @@ class Hill:
         return np.asarray(self.base + self.gain * self._rise(command)[0], dtype=np.float64)
 
     def gradient(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
-        rise, log_u, free, free_at_reference = self._rise(command)
-        log_h = math.log(self.half_command / self.reference)
-        by_half = rise * (self.exponent / self.half_command) * (free_at_reference - free)
+        return _gradient(self, command, temperature)
+
+    def many(
+        self, numbers: FloatArray, command: FloatArray, temperature: FloatArray
+    ) -> tuple[FloatArray, Sequence[FloatArray]]:
+        base, gain, half, exponent = numbers[:, :, None]
+        rise, log_u, free, free_at_reference = _hill_rise(
+            command / self.reference, half / self.reference, exponent
+        )
+        log_h = np.log(half / self.reference)
+        by_half = rise * (exponent / half) * (free_at_reference - free)
         # At zero command the rise (0) outweighs log u (-inf): the limit is 0.
         by_exponent = rise * (free * (np.where(rise > 0.0, log_u, 0.0) - log_h) + free_at_reference * log_h)
-        return np.stack([np.ones_like(rise), rise, self.gain * by_half, self.gain * by_exponent])
+        return base + gain * rise, (np.ones_like(base), rise, gain * by_half, gain * by_exponent)
 
     def slope(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
         if self.gain == 0.0:
@@ -229,18 +257,12 @@ class Hill:
         steepness = np.divide(steepness, np.abs(signed) / self.reference, out=steepness, where=away)
         return np.asarray(self.gain / self.reference * np.where(signed < 0.0, -1.0, 1.0) * steepness)
 
-    def _rise(self, command: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray, float]:
-        """Return s, log u, and h^q / (u^q + h^q) at the command and at the reference (u = 1).
-
-        Through logarithms, so that a large exponent neither overflows nor loses a limit.
-        """
-        with np.errstate(divide="ignore"):  # log 0 = -inf is the right limit
-            log_u = np.log(np.abs(_array(command)) / self.reference)
-        log_h = math.log(self.half_command / self.reference)
-        beyond = self.exponent * (log_u - log_h)
-        rise = np.exp(np.logaddexp(0.0, self.exponent * log_h) - np.logaddexp(0.0, -beyond))
-        free = np.exp(-np.logaddexp(0.0, beyond))
-        return rise, log_u, free, float(np.exp(-np.logaddexp(0.0, -self.exponent * log_h)))
+    def _rise(self, command: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        return _hill_rise(
+            _array(command) / self.reference,
+            _array(self.half_command / self.reference),
+            _array(self.exponent),
+        )
 
     def with_numbers(self, numbers: Sequence[float]) -> Self:
         return replace(self, **dict(zip(self.number_names, _as_many(self, numbers), strict=True)))
@@ -273,8 +295,16 @@ class Exponential:
         return np.asarray(self.at_zero * self._growth(command))
 
     def gradient(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
-        growth = self._growth(command)
-        return np.stack([growth, self.at_zero * _array(command) * growth])
+        return _gradient(self, command, temperature)
+
+    def many(
+        self, numbers: FloatArray, command: FloatArray, temperature: FloatArray
+    ) -> tuple[FloatArray, Sequence[FloatArray]]:
+        at_zero, rate = numbers[:, :, None]
+        with np.errstate(over="ignore"):
+            growth = np.exp(rate * command)
+        value = at_zero * growth
+        return value, (growth, command * value)
 
     def _growth(self, command: ArrayLike) -> FloatArray:
         with np.errstate(over="ignore"):  # infinity is reported by Damper.violations, with the coefficient
@@ -353,6 +383,11 @@ class Bipolynomial:
         product = powers[0][..., :, None] * powers[1][..., None, :]
         return np.moveaxis(product.reshape(*at.shape, len(self.numbers)), -1, 0)
 
+    def many(
+        self, numbers: FloatArray, command: FloatArray, temperature: FloatArray
+    ) -> tuple[FloatArray, Sequence[FloatArray]]:
+        return _many_linear(self, numbers, command, temperature)
+
     def slope(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
         at, above = _array(command), _above(command, temperature)
         terms = [
@@ -409,13 +444,15 @@ class Tempered:
         return self.form.value(command) * self.factor.value(_kelvin(command, temperature))
 
     def gradient(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
-        at = _kelvin(command, temperature)
-        return np.concatenate(
-            [
-                self.form.gradient(command) * self.factor.value(at),
-                self.factor.gradient(at) * self.form.value(command),
-            ]
-        )
+        return _gradient(self, command, temperature)
+
+    def many(
+        self, numbers: FloatArray, command: FloatArray, temperature: FloatArray
+    ) -> tuple[FloatArray, Sequence[FloatArray]]:
+        split = len(self.form.numbers)
+        value, by_form = self.form.many(numbers[:split], command, temperature)
+        factor, by_factor = self.factor.many(numbers[split:], temperature)
+        return value * factor, (*(g * factor for g in by_form), *(g * value for g in by_factor))
 
     def slope(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
         return self.form.slope(command) * self.factor.value(_kelvin(command, temperature))
@@ -446,6 +483,39 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     if near:
         return f"did you mean {' or '.join(near)}?"
     return f"expected one of: {', '.join(names)}" if names else "expected none"
+
+
+def _many_linear(
+    form: ParameterLaw, numbers: FloatArray, command: FloatArray, temperature: FloatArray
+) -> tuple[FloatArray, Sequence[FloatArray]]:
+    """Return value and gradient of many forms that are linear in all their numbers."""
+    basis = form.gradient(command, temperature)
+    return numbers.T @ basis, list(basis)
+
+
+def _gradient(form: ParameterLaw, command: ArrayLike, temperature: ArrayLike | None) -> FloatArray:
+    """Return the gradient of one form, in the command's shape."""
+    at = _array(command)
+    rows = form.many(np.array(form.numbers)[:, None], at.ravel(), _kelvin(at, temperature).ravel())[1]
+    return np.stack([np.broadcast_to(row, (1, at.size)).reshape(at.shape) for row in rows])
+
+
+def _hill_rise(
+    command: FloatArray, half: FloatArray, exponent: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return s, log u, and h^q / (u^q + h^q) at the command and at the reference (u = 1).
+
+    Through logarithms, so that a large exponent neither overflows nor loses a limit.
+    """
+    with np.errstate(divide="ignore"):  # log 0 = -inf is the right limit
+        log_u = np.log(np.abs(command))
+    log_h = np.log(half)
+    beyond = exponent * (log_u - log_h)
+    far = exponent * log_h
+    top = np.logaddexp(0.0, far)
+    taken = np.logaddexp(0.0, -beyond)
+    # h^q / (u^q + h^q) = exp(-log(1 + exp(beyond))), and log(1 + exp(b)) = b + log(1 + exp(-b)).
+    return np.exp(top - taken), log_u, np.exp(-np.logaddexp(0.0, beyond)), np.exp(far - top)
 
 
 def _array(command: ArrayLike) -> FloatArray:

@@ -25,6 +25,7 @@ __all__ = [
     "Sensitivity",
     "Tangents",
     "open_drive",
+    "operating_point",
     "require_temperature",
     "reversed_valve",
     "sensitivities",
@@ -138,7 +139,7 @@ class Tangents:
                 damper, next(d.trajectory for d in drives if d.trajectory.temperature is None)
             )
         tempered = damper.tempered
-        points = [_point(drive, tempered=tempered) for drive in drives]
+        points = [operating_point(drive, tempered=tempered) for drive in drives]
         levels = {point: k for k, point in enumerate(dict.fromkeys(p for p in points if p is not None))}
         self._level = [None if point is None else levels[point] for point in points]
         # One row of coefficients, and one matrix from kernel columns to numbers, for each level.
@@ -210,8 +211,8 @@ def require_temperature(damper: Damper, trajectory: Trajectory) -> None:
         )
 
 
-def _point(drive: Drive, *, tempered: bool) -> tuple[float, float] | None:
-    """Return command and temperature of a run at one operating point; None where either varies."""
+def operating_point(drive: Drive, *, tempered: bool) -> tuple[float, float] | None:
+    """Return command and temperature [K] of a run at one operating point; None where either varies."""
     if drive.constant is None or (tempered and drive.warms):
         return None
     warm = drive.temperature if tempered else None
@@ -223,7 +224,7 @@ def _applied(damper: Damper, drive: Drive) -> tuple[FloatArray, FloatArray, Floa
 
     One sample each where neither varies.
     """
-    point = _point(drive, tempered=damper.tempered)
+    point = operating_point(drive, tempered=damper.tempered)
     if point is not None:
         return np.array([point[0]]), np.zeros(1), np.array([point[1]])
     path = drive.trajectory

@@ -56,6 +56,13 @@ class TemperatureFactor(Protocol):
         """Return d factor / d number, shape (numbers, *shape of temperature)."""
         ...
 
+    def many(self, numbers: FloatArray, temperature: FloatArray) -> tuple[FloatArray, Sequence[FloatArray]]:
+        """Return value and gradient of many factors of this kind at once.
+
+        ``numbers`` has one column per factor, shape (numbers, factors); the temperature has shape (points,).
+        """
+        ...
+
     def with_numbers(self, numbers: Sequence[float]) -> Self:
         """Return the same factor with other numbers."""
         ...
@@ -95,7 +102,11 @@ class Linear(_Factor):
         return 1.0 - self.temperature_slope * _above(temperature)
 
     def gradient(self, temperature: ArrayLike) -> FloatArray:
-        return -_above(temperature)[None]
+        return _gradient(self, temperature)
+
+    def many(self, numbers: FloatArray, temperature: FloatArray) -> tuple[FloatArray, Sequence[FloatArray]]:
+        above = _above(temperature)
+        return 1.0 - numbers[0][:, None] * above, (-above,)
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,8 +125,12 @@ class Arrhenius(_Factor):
         return _exp(self.activation_K * _inverse(temperature, 0.0))
 
     def gradient(self, temperature: ArrayLike) -> FloatArray:
+        return _gradient(self, temperature)
+
+    def many(self, numbers: FloatArray, temperature: FloatArray) -> tuple[FloatArray, Sequence[FloatArray]]:
         inverse = _inverse(temperature, 0.0)
-        return (inverse * _exp(self.activation_K * inverse))[None]
+        value = _exp(numbers[0][:, None] * inverse)
+        return value, (inverse * value,)
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,8 +146,12 @@ class Reynolds(_Factor):
         return _exp(-self.temperature_rate * _above(temperature))
 
     def gradient(self, temperature: ArrayLike) -> FloatArray:
+        return _gradient(self, temperature)
+
+    def many(self, numbers: FloatArray, temperature: FloatArray) -> tuple[FloatArray, Sequence[FloatArray]]:
         above = _above(temperature)
-        return (-above * _exp(-self.temperature_rate * above))[None]
+        value = _exp(-numbers[0][:, None] * above)
+        return value, (-above * value,)
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,11 +178,14 @@ class Vft(_Factor):
         return _exp(self.vft_K * _inverse(temperature, self.vft_pole_K))
 
     def gradient(self, temperature: ArrayLike) -> FloatArray:
-        inverse = _inverse(temperature, self.vft_pole_K)
-        value = _exp(self.vft_K * inverse)
-        away = np.asarray(temperature, dtype=np.float64) - self.vft_pole_K
-        by_pole = self.vft_K * (1.0 / away**2 - 1.0 / (REFERENCE_K - self.vft_pole_K) ** 2)
-        return np.stack([inverse * value, by_pole * value])
+        return _gradient(self, temperature)
+
+    def many(self, numbers: FloatArray, temperature: FloatArray) -> tuple[FloatArray, Sequence[FloatArray]]:
+        size, pole = numbers[:, :, None]
+        inverse = _inverse(temperature, pole)
+        value = _exp(size * inverse)
+        by_pole = size * (1.0 / (temperature - pole) ** 2 - 1.0 / (REFERENCE_K - pole) ** 2)
+        return value, (inverse * value, by_pole * value)
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,8 +215,12 @@ class PolynomialFactor:
         )
 
     def gradient(self, temperature: ArrayLike) -> FloatArray:
+        return _gradient(self, temperature)
+
+    def many(self, numbers: FloatArray, temperature: FloatArray) -> tuple[FloatArray, Sequence[FloatArray]]:
         above = _above(temperature)
-        return np.stack([above**power for power in range(1, len(self.numbers) + 1)])
+        powers = [above**power for power in range(1, len(numbers) + 1)]
+        return np.asarray(1.0 + numbers.T @ np.stack(powers)), powers
 
     def with_numbers(self, numbers: Sequence[float]) -> Self:
         return type(self)(tuple(numbers))
@@ -210,7 +236,14 @@ def _above(temperature: ArrayLike) -> FloatArray:
     return np.asarray(temperature, dtype=np.float64) - REFERENCE_K
 
 
-def _inverse(temperature: ArrayLike, pole: float) -> FloatArray:
+def _gradient(factor: TemperatureFactor, temperature: ArrayLike) -> FloatArray:
+    """Return the gradient of one factor, in the temperature's shape."""
+    at = np.asarray(temperature, dtype=np.float64)
+    rows = factor.many(np.array(factor.numbers)[:, None], at.ravel())[1]
+    return np.stack([np.broadcast_to(row, (1, at.size)).reshape(at.shape) for row in rows])
+
+
+def _inverse(temperature: ArrayLike, pole: float | FloatArray) -> FloatArray:
     """Return 1/(T - pole) - 1/(293.15 - pole), infinite at and below the pole."""
     away = np.asarray(temperature, dtype=np.float64) - pole
     with np.errstate(divide="ignore"):

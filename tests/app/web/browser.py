@@ -15,7 +15,7 @@ __all__ = ["SCREENS", "SHOTS", "chromium", "contrast", "opened", "palettes", "sh
 SHOTS = Path(__file__).parents[3] / "build" / "web"
 """Where screenshots go, to be looked at by whoever changes a page."""
 
-SCREENS = ((1280, 800), (1024, 768))
+SCREENS = ((1280, 800), (820, 1180))
 
 Scheme = Literal["light", "dark"]
 
@@ -61,10 +61,10 @@ def opened(
         context.close()
 
 
-def shoot(page: Page, name: str) -> None:
-    """Take a picture of what is on the screen."""
+def shoot(page: Page, name: str, *, whole: bool = False) -> None:
+    """Take a picture of what is on the screen, or of the whole page."""
     SHOTS.mkdir(parents=True, exist_ok=True)
-    page.screenshot(path=SHOTS / f"{name}.png")
+    page.screenshot(path=SHOTS / f"{name}.png", full_page=whole)
 
 
 def palettes(sheet: str) -> dict[Scheme, dict[str, str]]:

@@ -20,11 +20,12 @@ from mrdamper.models.card_reading import read_card
 from tests.app.web.browser import SCREENS, contrast, opened, palettes, shoot
 from tests.app.web.served import series_of
 from tests.app.web.walking import (
+    AXES,
+    CUT,
     PAGES,
     STATIC,
     UNNAMED,
     a_logger_file,
-    csv_rows,
     download,
     map_the_logger,
     move,
@@ -89,45 +90,6 @@ def test_markup_in_names_and_headers_stays_text(bare, tmp_path):
     assert "<img src=x onerror=alert(1)>" in page.inner_text("#sheet")
     assert page.locator("main img, main b:text-is('force')").count() == 0
     assert asked == []
-
-
-@pytest.mark.usefixtures("real_data")
-def test_the_laboratories_raw_files_become_runs_and_a_card(bare, real_data):
-    """A logger's text and a MAT file as they were published, mapped by hand, then fitted."""
-    page, folder = bare
-    page.goto("/")
-    page.set_input_files(
-        "#picker", [real_data / "raw" / "ME5mm3Hz.txt", real_data / "raw" / "ensaio.A.1.mat"]
-    )
-    page.get_by_text("not understood").nth(1).wait_for()
-    page.get_by_label("Look into ME5mm3Hz.txt").click()
-    map_the_logger(page, currents="0, 0.25, 0.5, 0.75, 1", rate="1000")
-    page.wait_for_selector("#preview .notice.good")
-    page.click("#save-map")
-    page.get_by_role("link", name="ME5mm3Hz_1.00A").wait_for()
-    page.get_by_label("Look into ensaio.A.1.mat").click()
-    page.get_by_label("dist is").select_option("displacement")
-    page.get_by_label("dist in").select_option("mm")
-    page.get_by_label("forc is", exact=True).select_option("force")
-    page.get_by_label("forc in", exact=True).select_option("N")
-    page.get_by_label("Coil voltage, V").fill("3.212")
-    page.get_by_label("Sampling rate, Hz").fill("100")
-    page.wait_for_selector("#preview .notice.good")
-    page.click("#save-map")
-    page.get_by_role("link", name="ensaio.A.1", exact=True).wait_for()
-    page.get_by_label("Remove ensaio.A.1.mat").wait_for()
-    page.on("dialog", lambda box: box.accept())
-    page.get_by_label("Remove ensaio.A.1.mat").click()  # volts and amperes do not go into one card
-    page.get_by_role("link", name="ensaio.A.1", exact=True).wait_for(state="detached")
-    page.goto("/#/identify")
-    page.fill("#card-name", "press")
-    page.get_by_label("ME5mm3Hz_0.50A").check()
-    page.click("#start-fit")
-    page.wait_for_selector("#fit-tiles")
-    assert page.locator("tr.held", has_text="ME5mm3Hz_0.50A").count() == 1
-    errors = {run["name"]: run for run in csv_rows(folder / "cards" / "press" / "errors.csv")}
-    assert errors["ME5mm3Hz_0.50A"]["split"] == "held_out"
-    shoot(page, "identify-raw")
 
 
 # ------------------------------------------------------------------------------------------------ loops
@@ -360,16 +322,18 @@ def test_the_archive_compiles_and_the_fmu_verifies(page, tool, tmp_path):
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("size", SCREENS, ids=["desk", "tablet"])
 def test_every_page_fits_the_screen(browser, site, size, scheme):
-    """Nothing is wider than the screen, and all that is pressed has a name; pictures are kept."""
+    """Nothing is wider than the screen, what is pressed or filled has a name, every axis a unit."""
     with opened(browser, site[1].address, size=size, scheme=scheme) as page:
         for name in PAGES:
             page.goto(f"/#/{name}")
             page.wait_for_selector(f"[data-shown={name}] h1")
-            page.wait_for_timeout(200)
+            page.wait_for_timeout(300)
             assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth"), name
-            unnamed = page.evaluate(UNNAMED)
-            assert unnamed == [], name
-            shoot(page, f"{name}-{scheme}-{size[0]}")
+            assert page.evaluate(CUT) == [], name
+            assert page.evaluate(UNNAMED) == [], name
+            for said in page.evaluate(AXES):
+                assert re.search(r"\. [^.]+, [^ .,]+.* over [^.]+, [^ .,]+\. Arrow keys", said), said
+            shoot(page, f"{name}-{scheme}-{size[0]}", whole=True)
 
 
 def test_the_pages_are_walked_with_the_keyboard_alone(page):

@@ -5,9 +5,15 @@ from __future__ import annotations
 import asyncio
 import io
 import json
+import signal
+import socket
+import time
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
+from urllib.parse import urlsplit
 
+import h5py
 import numpy as np
 import pytest
 from hypothesis import given
@@ -18,7 +24,7 @@ from mrdamper.app.web.security import Door
 from mrdamper.app.web.server import build
 from mrdamper.errors import InputError
 from tests.app.heated import plain_card
-from tests.app.web.served import Answer, call, living, patiently
+from tests.app.web.served import Answer, call, living, patiently, served
 
 SECRET = "the key of the safe"
 CSV = b"time_s,displacement_mm,force_N,current_A\n0,0,0,1\n0.01,1,5,1\n"
@@ -180,6 +186,40 @@ def test_every_answer_keeps_a_browser_strict(folder):
             assert headers["cache-control"] == "no-store"
 
 
+@pytest.mark.parametrize(
+    ("status", "method", "path", "options"),
+    [
+        (303, "GET", "/", {"query": f"token={TOKEN}", "door": Door("127.0.0.1", TOKEN)}),
+        (401, "GET", "/api/state", {"door": Door("127.0.0.1", TOKEN)}),
+        (403, "GET", "/", {"headers": {"host": "evil.example"}}),
+        (403, "POST", "/api/jobs", {"headers": {"origin": "https://evil.example"}}),
+        (404, "GET", "/api/runs/none/series", {}),
+        (405, "TRACE", "/", {}),
+        (409, "POST", "/api/jobs", {"body": b'{"kind": "identify", "options": {"card": "one"}}'}),
+        (413, "PUT", "/api/files/big.csv", {"most_upload": 10, "body": CSV}),
+        (413, "POST", "/api/jobs", {"body": b" " * 2_000_000}),
+        (422, "PUT", "/api/files/run.exe", {"body": CSV}),
+        (500, "GET", "/api/runs", {}),
+    ],
+)
+def test_errors_leave_with_the_same_strict_headers(folder, monkeypatch, status, method, path, options):
+    from mrdamper.app.web.index import RunIndex
+
+    def broken(_self: RunIndex) -> None:
+        raise RuntimeError(SECRET)
+
+    monkeypatch.setattr(RunIndex, "runs", broken)
+    answer = ask(folder, method, path, **options)
+    assert answer.status == status
+    assert answer.headers["x-content-type-options"] == "nosniff"
+    assert answer.headers["referrer-policy"] == "no-referrer"
+    assert "default-src 'self'" in answer.headers["content-security-policy"]
+    assert answer.headers["content-type"] == "application/json"
+    assert set(answer.json) == {"error", "status"}
+    assert SECRET not in answer.body.decode()
+    assert "Traceback" not in answer.body.decode()
+
+
 # ------------------------------------------------------------------------------------------- names
 
 
@@ -332,6 +372,53 @@ def test_a_request_that_is_no_order_is_told_so(folder, body):
     assert [path.name for path in (folder / "results").iterdir()] == ["check-001"]
 
 
+def part_of_an_upload(address: str) -> socket.socket:
+    """Begin an upload and say no more: the connection stays open."""
+    place = urlsplit(address)
+    line = socket.create_connection((place.hostname, place.port), timeout=10.0)
+    head = (
+        f"PUT /api/files/slow.csv HTTP/1.1\r\nHost: {place.netloc}\r\nContent-Length: 100000\r\n\r\n"
+        "time_s,displacement_mm,force_N,current_A\n0,0,"
+    )
+    line.sendall(head.encode())
+    return line
+
+
+def left_in(folder: Path) -> list[str]:
+    return sorted(path.name for path in (folder / "runs").iterdir())
+
+
+def within(seconds: float, holds: Callable[[], bool]) -> bool:
+    """Tell whether something becomes true in time."""
+    end = time.monotonic() + seconds
+    while not holds():
+        if time.monotonic() > end:
+            return False
+        time.sleep(0.02)
+    return True
+
+
+def test_an_upload_that_is_never_finished_leaves_nothing_and_keeps_nobody_waiting(tmp_path):
+    """Slow senders, one that hangs up, and the server's end while some still send."""
+    folder = tmp_path / "work"
+    with served(folder) as client:
+        lines = [part_of_an_upload(client.address) for _ in range(20)]
+        assert within(5.0, lambda: len(left_in(folder)) == 20)  # each beside its place
+        begin = time.monotonic()
+        assert client.get("/api/state")["files"] == []
+        assert time.monotonic() - begin < 1.0
+        for line in lines[:10]:
+            line.close()
+        assert within(5.0, lambda: len(left_in(folder)) == 10)
+        client.process.send_signal(signal.SIGINT)
+        assert client.process.wait(timeout=10.0) == 0
+        assert client.process.stderr is not None
+        assert "Traceback" not in client.process.stderr.read()
+        for line in lines[10:]:
+            line.close()
+    assert left_in(folder) == []
+
+
 def a_workbook_of_zeros(size: int) -> bytes:
     """Return an archive that looks like a workbook, of a few kB, and unpacks to ``size`` bytes."""
     held = io.BytesIO()
@@ -343,6 +430,15 @@ def a_workbook_of_zeros(size: int) -> bytes:
     return held.getvalue()
 
 
+def an_hdf5_without_end() -> bytes:
+    """Return a file of a few kB that states 800 GB: chunks that were never written read as noughts."""
+    held = io.BytesIO()
+    with h5py.File(held, "w") as file:
+        for name in ("time_s", "displacement_mm", "force_N"):
+            file.create_dataset(name, shape=(10**11,), chunks=(10**6,), dtype="f8", compression="gzip")
+    return held.getvalue()
+
+
 def an_npz() -> bytes:
     held = io.BytesIO()
     np.savez_compressed(held, force=np.zeros(1000))
@@ -350,17 +446,20 @@ def an_npz() -> bytes:
 
 
 @pytest.mark.parametrize(
-    ("name", "body"),
+    ("name", "made"),
     [
-        ("bomb.xlsx", a_workbook_of_zeros(1 << 30)),
-        ("arrays.xlsx", an_npz()),
-        ("many.xlsx", b"PK\x03\x04" + b"\0" * 5000),
-        ("huge.parquet", b"PAR1" + b"\xff" * 4000 + b"PAR1"),
-        ("broken.mat", b"MATLAB 5.0 MAT-file" + b" " * 105 + b"\x00\x01IM" + b"\xff" * 500),
-        ("broken.h5", b"\x89HDF\r\n\x1a\n" + b"\xff" * 500),
+        ("bomb.xlsx", lambda: a_workbook_of_zeros(1 << 30)),
+        ("arrays.xlsx", an_npz),
+        ("many.xlsx", lambda: b"PK\x03\x04" + b"\0" * 5000),
+        ("huge.parquet", lambda: b"PAR1" + b"\xff" * 4000 + b"PAR1"),
+        ("broken.mat", lambda: b"MATLAB 5.0 MAT-file" + b" " * 105 + b"\x00\x01IM" + b"\xff" * 500),
+        ("broken.h5", lambda: b"\x89HDF\r\n\x1a\n" + b"\xff" * 500),
+        ("endless.h5", an_hdf5_without_end),
     ],
 )
-def test_a_trap_is_told_as_a_fault_of_the_file(folder, name, body):
+def test_a_trap_is_told_as_a_fault_of_the_file(folder, name, made):
+    body = made()
+
     async def upload_and_look() -> tuple[Answer, Answer]:
         async with living(build(folder)) as app:
             assert (await call(app, "PUT", f"/api/files/{name}", body=body)).status == 201

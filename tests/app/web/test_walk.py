@@ -14,6 +14,7 @@ import zipfile
 
 import numpy as np
 import pytest
+from playwright.sync_api import expect
 
 from tests.app.rigs import answer_of, mrdamper
 from tests.app.web.browser import opened, shoot
@@ -25,7 +26,7 @@ RATE = 1000
 
 
 @pytest.mark.usefixtures("real_data")
-def test_from_the_raw_files_to_compiled_code(browser, tmp_path, real_data, tool):
+def test_from_the_raw_files_to_compiled_code(browser, tmp_path, real_data, tool):  # noqa: PLR0915 - one way
     compiler = tool("cc")
     fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
     validation = pytest.importorskip("fmpy.validation")
@@ -48,8 +49,7 @@ def test_from_the_raw_files_to_compiled_code(browser, tmp_path, real_data, tool)
 
         page.goto(f"/#/loops?run={RUN}&card=press")
         page.wait_for_selector("#loops-said[data-ms]")
-        head, measured = series_of(client.ask("GET", f"/api/runs/{RUN}/series").content)
-        told, _ = series_of(client.ask("GET", f"/api/runs/{RUN}/model?card=press").content)
+        told, model = series_of(client.ask("GET", f"/api/runs/{RUN}/model?card=press").content)
         assert f"{told['nrmse_percent']:.2f}" in page.inner_text(f"tr:has-text('{RUN}')")
         shoot(page, "walk-loops")
 
@@ -75,22 +75,27 @@ def test_from_the_raw_files_to_compiled_code(browser, tmp_path, real_data, tool)
         page.goto("/#/tracking?card=press")
         page.get_by_label("60 °C").uncheck()
         page.click("#start-track")
+        said = page.get_by_text("its data cover -4.61 to 4.65 mm")  # the usual target moves over 5 mm
+        said.wait_for()
+        shoot(page, "walk-tracking-refused")
+        page.get_by_label("sine-900N-1Hz").uncheck()
+        page.get_by_label("sine-1100N-2Hz").check()
+        page.click("#start-track")
         page.wait_for_selector("#trace")
         assert page.get_by_text("what the damper can give").is_visible()
         shoot(page, "walk-tracking")
 
         page.goto("/#/export?card=press")
-        page.get_by_label("Holds").select_option("model")
+        assert page.get_by_label("Holds").input_value() == "model"  # the card knows no lag to control with
         page.click("#start-export")
         page.get_by_text("Verified: the compiled code is the model").wait_for()
         shoot(page, "walk-export")
         archive = download(page, page.get_by_role("link", name=re.compile(r"damper_c\.zip")).click)
         unit = download(page, page.get_by_role("link", name=re.compile(r"damper\.fmu")).click)
         page.goto("/#/jobs")
-        page.wait_for_selector("table")
-        states = page.locator("td .tag").all_inner_texts()
-        assert states == ["done"] * len(states)
-        assert len(states) == 5  # identify, predict, sink, track, export
+        newest_first = ["done", "done", "failed", "done", "done", "done"]
+        expect(page.locator("td .tag")).to_have_text(newest_first, timeout=5_000)
+        expect(page.locator("#busy")).to_be_hidden()
         shoot(page, "walk-jobs")
 
     # From here on without the server.
@@ -106,14 +111,15 @@ def test_from_the_raw_files_to_compiled_code(browser, tmp_path, real_data, tool)
         capture_output=True, text=True, check=False, cwd=place,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    count = head["samples"]
-    displacement = 1e-3 * measured["displacement_mm"].astype(float)
+    count = told["samples"]
+    names = ("displacement_mm", "velocity_mm_s")
+    displacement, velocity = (1e-3 * model[name].astype(float) for name in names)
     current = np.full(count, 0.5)
     kelvin = np.full(count, 293.15)
-    rows = np.column_stack([np.arange(count) / RATE, displacement, current, kelvin])
+    rows = np.column_stack([np.arange(count) / RATE, displacement, velocity, current, kelvin])
     np.savetxt(
         place / "in.csv", rows, fmt="%.17g", delimiter=",", comments="",
-        header="time_s,displacement_m,current_A,temperature_K",
+        header="time_s,displacement_m,velocity_m_s,current_A,temperature_K",
     )  # fmt: skip
     subprocess.run([place / "replay", "in.csv", "out.csv"], check=True, cwd=place)
     force = np.array([float(row["force_N"]) for row in csv_rows(place / "out.csv")])
@@ -122,19 +128,30 @@ def test_from_the_raw_files_to_compiled_code(browser, tmp_path, real_data, tool)
     fmu.write_bytes(unit)
     assert validation.validate_fmu(str(fmu)) == []
     table = np.rec.fromarrays(
-        [rows[:, 0], displacement, current, kelvin], names=["time", "displacement", "current", "temperature"]
-    )
+        list(rows.T), names=["time", "displacement", "velocity", "current", "temperature"]
+    )  # type: ignore[call-overload]
     found = fmpy.simulate_fmu(
-        str(fmu), stop_time=count / RATE, output_interval=1.0 / RATE, input=table, output=["force"]
+        str(fmu),
+        stop_time=count / RATE,
+        output_interval=1.0 / RATE,
+        start_values={"use_velocity": True},
+        input=table,
+        output=["force"],
     )
-    np.testing.assert_array_equal(found["force"][1 : count + 1], force)  # two ways, the same bits
+    unit_force = found["force"][1 : count + 1].astype(np.float32)
+    np.testing.assert_array_equal(unit_force, force.astype(np.float32))  # two ways, the same bits
 
-    # On a run that the fit has not seen the compiled model is as good as the page said of the card; it has
-    # no velocity but the one that it estimates as it goes.
+    # On a run that the fit has not seen the compiled model, which takes one step a millisecond, is little
+    # farther from the measurement than the force that the page has drawn.
     late = slice(count // 4, None)
-    wanted = measured["force_N"][late].astype(float)
-    percent = 100.0 * np.sqrt(np.mean((force[late] - wanted) ** 2)) / np.std(wanted)
-    assert percent == pytest.approx(told["nrmse_percent"], abs=2.0)
+    measured, drawn = (model[name][late].astype(float) for name in ("measured_N", "force_N"))
+    spread = np.std(measured)
+    assert np.sqrt(np.mean((force[late] - drawn) ** 2)) < 0.05 * spread
+    drawn_off, compiled_off = (
+        100.0 * np.sqrt(np.mean((each - measured) ** 2)) / spread for each in (drawn, force[late])
+    )
+    print(f"on the run that was held out: drawn {drawn_off:.2f} %, compiled {compiled_off:.2f} % off")
+    assert compiled_off < drawn_off + 3.0
 
     # And the command line goes on where the page has stopped.
     card = folder / "cards" / "press" / "card.json"

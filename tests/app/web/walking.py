@@ -15,8 +15,8 @@ import numpy as np
 from playwright.sync_api import Locator, Page, Position
 
 __all__ = [
-    "LOGGER", "PAGES", "STATIC", "UNNAMED", "a_logger_file", "csv_rows", "download", "drop_files",
-    "map_the_logger", "move", "place_of", "plot", "saved_table",
+    "AXES", "CUT", "LOGGER", "PAGES", "STATIC", "UNNAMED", "a_logger_file", "csv_rows", "download",
+    "drop_files", "map_the_logger", "move", "place_of", "plot", "saved_table",
 ]  # fmt: skip
 
 STATIC = Path(__file__).parents[3] / "src" / "mrdamper" / "app" / "web" / "static"
@@ -25,10 +25,26 @@ PAGES = tuple(re.findall(r'data-page="(\w+)"', (STATIC / "index.html").read_text
 """All pages that the rail leads to."""
 
 UNNAMED = """
-[...document.querySelectorAll("main :is(button, select, canvas.plot-over, input:not([hidden]))")]
-  .filter((e) => !(e.textContent.trim() || e.labels?.length || e.getAttribute("aria-label")))
+[...document.querySelectorAll(`main :is(button, a, select, summary, canvas.plot-over, iframe,
+  input:not([hidden]))`)]
+  .filter((e) => {
+    const labels = [...(e.labels ?? [])].map((label) => label.textContent).join("");
+    const says = e.matches("button, a, summary") ? e.textContent : labels;
+    return !(says.trim() || e.getAttribute("aria-label") || (e.matches("iframe") && e.title));
+  })
   .map((e) => e.outerHTML)"""
-"""What one can press or fill and a screen reader cannot name."""
+"""What one can press or fill and a screen reader cannot name; options and placeholders are no name."""
+
+CUT = """
+[...document.querySelectorAll("main :is(button, label, th, h1, h2, h3, .tile b, .tile span, .tag)")]
+  .filter((e) => e.offsetParent && getComputedStyle(e).display !== "inline")
+  .filter((e) => e.scrollWidth > e.clientWidth + 1)
+  .map((e) => e.outerHTML)"""
+"""Words that are wider than the box they stand in."""
+
+AXES = """
+[...document.querySelectorAll("main canvas.plot-over")].map((e) => e.getAttribute("aria-label"))"""
+"""What the plots say of themselves: title, then both axes with their units."""
 
 LOGGER = """\
 Header Size:  7

@@ -6,11 +6,13 @@ given to another. A task at which workers keep dying is an error of its own.
 
 from __future__ import annotations
 
+import logging
 import os
 import threading
+import time
 from collections import deque
 from collections.abc import Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context, parent_process
 
@@ -23,6 +25,8 @@ __all__ = ["run_on_cluster", "run_on_processes"]
 _MOST_DEATHS = 20  # of workers, one after the other, without a result in between
 _ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 _CONNECT_S = 20
+_LOOK_S = 0.05  # between two looks at what is ready
+_ALONE_S = 600.0  # how long a cluster may be without workers
 
 
 def run_on_processes(tasks: Sequence[Task], workers: int) -> Iterator[tuple[Task, What]]:
@@ -97,7 +101,8 @@ def run_on_cluster(tasks: Sequence[Task], address: str) -> Iterator[tuple[Task, 
     Raises
     ------
     InputError
-        No scheduler answers at the address, or workers die again and again at one task.
+        No scheduler answers at the address, it goes away or has no workers for a long time, or workers die
+        again and again at one task.
     MissingExtraError
         dask.distributed is not installed.
     """
@@ -108,6 +113,7 @@ def run_on_cluster(tasks: Sequence[Task], address: str) -> Iterator[tuple[Task, 
             "a sweep on a cluster needs dask.distributed, which is not installed; "
             "pip install 'mrdamper[scale]'"
         ) from fault
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # what ends a sweep is told once, by us
     try:
         client = Client(address, timeout=_CONNECT_S, set_as_default=False)
     except (OSError, ValueError) as fault:
@@ -128,19 +134,39 @@ def run_on_cluster(tasks: Sequence[Task], address: str) -> Iterator[tuple[Task, 
             return future
 
         ready = as_completed([submit(task) for task in tasks], loop=client.loop)
-        for future in ready:
-            task = running.pop(future.key)
-            try:
-                result = future.result()
-            except KilledWorker as fault:
-                if tried[task.name] >= _MOST_DEATHS:
+        alone_since: float | None = None
+        while running:
+            batch = ready.next_batch(block=False)
+            for future in batch:
+                task = running.pop(future.key)
+                try:
+                    result = future.result()
+                except KilledWorker as fault:
+                    if tried[task.name] >= _MOST_DEATHS:
+                        raise InputError(
+                            f"task {task.name}: {tried[task.name]} x the workers died at it; "
+                            "--resume keeps what is done"
+                        ) from fault
+                    ready.add(submit(task))
+                    continue
+                except CancelledError as fault:
                     raise InputError(
-                        f"task {task.name}: {tried[task.name]} x the workers died at it; "
-                        "--resume keeps what is done"
+                        f"scheduler {address!r}: has gone away; start it again, --resume keeps what is done"
                     ) from fault
-                ready.add(submit(task))
+                future.release()
+                yield task, result
+            if batch:
+                alone_since = None
                 continue
-            future.release()
-            yield task, result
+            time.sleep(_LOOK_S)
+            if client.scheduler_info(n_workers=-1)["workers"]:
+                alone_since = None
+                continue
+            alone_since = alone_since or time.monotonic()
+            if time.monotonic() - alone_since > _ALONE_S:
+                raise InputError(
+                    f"scheduler {address!r}: has had no worker for {_ALONE_S:g} s; expected one at least. "
+                    "Start workers there; --resume keeps what is done"
+                )
     finally:
         client.close()

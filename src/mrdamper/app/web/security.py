@@ -9,6 +9,7 @@ what goes wrong inside leaves as one message without a traceback.
 
 from __future__ import annotations
 
+import asyncio
 import hashlib
 import hmac
 import ipaddress
@@ -21,6 +22,7 @@ from http.cookies import CookieError, SimpleCookie
 from typing import Any
 from urllib.parse import parse_qsl, urlencode, urlsplit
 
+from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from mrdamper.app.web.folder import FAULT
@@ -137,6 +139,11 @@ class Guard:
                     await self._app(scope, body, answer)
             if refusal is not None and not answer.started:
                 await _say(answer, *refusal)
+        except ClientDisconnect:
+            pass  # who has hung up in the middle of an upload hears nothing
+        except asyncio.CancelledError:  # the server ends, and somebody is still sending
+            if not answer.started:
+                await _say(answer, 503, "the server is ending; send it again when it is back")
         except Exception:  # the outermost door: the browser hears nothing of the inside
             traceback.print_exc(file=sys.stderr)
             if answer.started and not answer.finished:

@@ -573,6 +573,30 @@ static int open_model(int law, PyObject *object, size_t n, Py_buffer *view, mrd_
     return 1;
 }
 
+/* Coefficients of a law, by their places in it; returns 0 with an exception set on failure. */
+static int read_places(int law, PyObject *object, int *place, size_t *places)
+{
+    const Py_ssize_t wanted = PySequence_Size(object);
+    if (wanted < 0) return 0;
+    if (wanted > MRD_DIRECTIONS) {
+        PyErr_Format(PyExc_ValueError, "at most %d directions, got %zd", MRD_DIRECTIONS, wanted);
+        return 0;
+    }
+    for (Py_ssize_t d = 0; d < wanted; d++) {
+        PyObject *item = PySequence_GetItem(object, d);
+        const long k = item ? PyLong_AsLong(item) : -1;
+        Py_XDECREF(item);
+        if (PyErr_Occurred()) return 0;
+        if (k < 0 || k >= kernel->coefficient_count(law)) {
+            PyErr_Format(PyExc_ValueError, "the law has no coefficient number %ld", k);
+            return 0;
+        }
+        place[d] = (int)k;
+    }
+    *places = (size_t)wanted;
+    return 1;
+}
+
 static PyObject *py_run(PyObject *module, PyObject *args)
 {
     (void)module;
@@ -589,13 +613,10 @@ static PyObject *py_run(PyObject *module, PyObject *args)
     const mrd_record *r = as_record(orecord);
     if (!r) return NULL;
     mrd_direction direction[MRD_DIRECTIONS];
-    const Py_ssize_t wanted = PySequence_Size(odirections);
-    if (wanted < 0) return NULL;
-    if (wanted > MRD_DIRECTIONS) {
-        PyErr_Format(PyExc_ValueError, "at most %d directions, got %zd", MRD_DIRECTIONS, wanted);
-        return NULL;
-    }
-    const size_t directions = (size_t)wanted;
+    int place[MRD_DIRECTIONS];
+    size_t directions;
+    if (!kernel->coefficient_count(law)) return fail(MRD_NOT_A_LAW);
+    if (!read_places(law, odirections, place, &directions)) return NULL;
     Py_buffer coef, seeds, force, columns;
     mrd_model model;
     if (!open_model(law, ocoef, r->known, &coef, &model)) return NULL;
@@ -613,15 +634,7 @@ static PyObject *py_run(PyObject *module, PyObject *args)
         goto close;
     }
     for (size_t d = 0; d < directions; d++) {
-        PyObject *item = PySequence_GetItem(odirections, (Py_ssize_t)d);
-        const long k = item ? PyLong_AsLong(item) : -1;
-        Py_XDECREF(item);
-        if (PyErr_Occurred()) goto close;
-        if (k < 0 || k >= kernel->coefficient_count(law)) {
-            PyErr_Format(PyExc_ValueError, "the law has no coefficient number %ld", k);
-            goto close;
-        }
-        direction[d].coefficient = (int)k;
+        direction[d].coefficient = place[d];
         direction[d].stride = have_seeds && count_of(&seeds) == directions * r->n && r->n != 1;
         direction[d].seed = have_seeds ? (const double *)seeds.buf + (direction[d].stride ? d * r->n : d) : NULL;
     }
@@ -736,56 +749,85 @@ static PyObject *py_causal(PyObject *module, PyObject *args)
     return result;
 }
 
+/* Runs with what was measured on them, and the first sample that counts of each. */
+typedef struct {
+    size_t count;
+    const mrd_record **record;
+    const double **measured;
+    size_t *from;
+    Py_buffer *view;
+    Py_ssize_t opened;
+} open_runs;
+
+static void close_runs(open_runs *runs)
+{
+    for (Py_ssize_t k = 0; k < runs->opened; k++) PyBuffer_Release(runs->view + k);
+    free(runs->record);
+    free(runs->measured);
+    free(runs->from);
+    free(runs->view);
+}
+
+/* Returns 0 with an exception set on failure; close_runs() is due either way. */
+static int open_all_runs(open_runs *runs, PyObject *orecords, PyObject *omeasured, PyObject *ofrom)
+{
+    memset(runs, 0, sizeof *runs);
+    const Py_ssize_t wanted = PySequence_Size(orecords);
+    if (wanted < 0) return 0;
+    if (PySequence_Size(omeasured) != wanted || PySequence_Size(ofrom) != wanted || wanted == 0) {
+        PyErr_SetString(PyExc_ValueError, "records, measured and from must have one, nonzero length");
+        return 0;
+    }
+    runs->count = (size_t)wanted;
+    runs->record = calloc(runs->count, sizeof *runs->record);
+    runs->measured = calloc(runs->count, sizeof *runs->measured);
+    runs->from = calloc(runs->count, sizeof *runs->from);
+    runs->view = calloc(runs->count, sizeof *runs->view);
+    if (!runs->record || !runs->measured || !runs->from || !runs->view) {
+        PyErr_NoMemory();
+        return 0;
+    }
+    for (Py_ssize_t k = 0; k < wanted; k++) {
+        PyObject *orecord = PySequence_GetItem(orecords, k), *oforce = PySequence_GetItem(omeasured, k);
+        PyObject *ostart = PySequence_GetItem(ofrom, k);
+        runs->record[k] = orecord ? as_record(orecord) : NULL;
+        runs->from[k] = ostart ? PyLong_AsSize_t(ostart) : 0;
+        const int fine = runs->record[k] && oforce && !PyErr_Occurred()
+                      && open_doubles(oforce, runs->view + k, 0, "measured force");
+        Py_XDECREF(orecord); /* the caller's sequence keeps it alive */
+        Py_XDECREF(oforce);
+        Py_XDECREF(ostart);
+        if (!fine) return 0;
+        runs->opened++;
+        if (count_of(runs->view + k) != runs->record[k]->n || runs->from[k] > runs->record[k]->n) {
+            PyErr_SetString(PyExc_ValueError, "measured force does not have its record's length, or starts beyond it");
+            return 0;
+        }
+        runs->measured[k] = runs->view[k].buf;
+    }
+    return 1;
+}
+
 static PyObject *py_squared_errors(PyObject *module, PyObject *args)
 {
     (void)module;
     int law;
     PyObject *orecords, *omeasured, *ofrom, *ocoef, *oerrors, *result = NULL;
     if (!PyArg_ParseTuple(args, "iOOOOO", &law, &orecords, &omeasured, &ofrom, &ocoef, &oerrors)) return NULL;
-    const Py_ssize_t wanted = PySequence_Size(orecords);
-    if (wanted < 0) return NULL;
-    if (PySequence_Size(omeasured) != wanted || PySequence_Size(ofrom) != wanted || wanted == 0) {
-        PyErr_SetString(PyExc_ValueError, "records, measured and from must have one, nonzero length");
-        return NULL;
-    }
-    const size_t runs = (size_t)wanted, count = (size_t)kernel->coefficient_count(law);
+    const size_t count = (size_t)kernel->coefficient_count(law);
     if (!count) return fail(MRD_NOT_A_LAW);
-    const mrd_record **record = calloc(runs, sizeof *record);
-    const double **measured = calloc(runs, sizeof *measured);
-    size_t *from = calloc(runs, sizeof *from);
-    Py_buffer *view = calloc(runs, sizeof *view), coef, errors;
-    size_t opened = 0;
-    if (!record || !measured || !from || !view) {
-        PyErr_NoMemory();
-        goto release;
-    }
-    for (; opened < runs; opened++) {
-        const Py_ssize_t k = (Py_ssize_t)opened;
-        PyObject *orecord = PySequence_GetItem(orecords, k), *oforce = PySequence_GetItem(omeasured, k);
-        PyObject *ostart = PySequence_GetItem(ofrom, k);
-        record[opened] = orecord ? as_record(orecord) : NULL;
-        from[opened] = ostart ? PyLong_AsSize_t(ostart) : 0;
-        const int fine = record[opened] && oforce && !PyErr_Occurred() && open_doubles(oforce, view + opened, 0, "measured force");
-        Py_XDECREF(orecord); /* the caller's sequence keeps it alive */
-        Py_XDECREF(oforce);
-        Py_XDECREF(ostart);
-        if (!fine) goto release;
-        if (count_of(view + opened) != record[opened]->n) {
-            opened++;
-            PyErr_SetString(PyExc_ValueError, "measured force does not have its record's length");
-            goto release;
-        }
-        measured[opened] = view[opened].buf;
-    }
-    if (!open_doubles(ocoef, &coef, 0, "coefficients")) goto release;
+    open_runs runs;
+    Py_buffer coef, errors;
+    if (!open_all_runs(&runs, orecords, omeasured, ofrom) || !open_doubles(ocoef, &coef, 0, "coefficients")) goto release;
     if (open_doubles(oerrors, &errors, 1, "errors")) {
-        const size_t candidates = count_of(&errors) / runs;
-        if (candidates * runs != count_of(&errors) || candidates * runs * count != count_of(&coef)) {
+        const size_t candidates = count_of(&errors) / runs.count;
+        if (candidates * runs.count != count_of(&errors) || candidates * runs.count * count != count_of(&coef)) {
             PyErr_SetString(PyExc_ValueError, "coefficients must be [candidate][run][coefficient], errors [candidate][run]");
         } else {
             mrd_status status;
             Py_BEGIN_ALLOW_THREADS
-            status = kernel->squared_errors((mrd_law)law, runs, record, measured, from, candidates, coef.buf, errors.buf);
+            status = kernel->squared_errors((mrd_law)law, runs.count, runs.record, runs.measured, runs.from, candidates,
+                                            coef.buf, errors.buf);
             Py_END_ALLOW_THREADS
             result = status == MRD_OK ? Py_NewRef(Py_None) : fail(status);
         }
@@ -793,11 +835,40 @@ static PyObject *py_squared_errors(PyObject *module, PyObject *args)
     }
     PyBuffer_Release(&coef);
 release:
-    for (size_t k = 0; view && k < opened; k++) PyBuffer_Release(view + k);
-    free(record);
-    free(measured);
-    free(from);
-    free(view);
+    close_runs(&runs);
+    return result;
+}
+
+static PyObject *py_gram_sums(PyObject *module, PyObject *args)
+{
+    (void)module;
+    int law, ones, place[MRD_DIRECTIONS];
+    size_t places;
+    PyObject *orecords, *omeasured, *ofrom, *ocoef, *oplaces, *oout, *result = NULL;
+    if (!PyArg_ParseTuple(args, "iOOOOOpO", &law, &orecords, &omeasured, &ofrom, &ocoef, &oplaces, &ones, &oout)) return NULL;
+    const size_t count = (size_t)kernel->coefficient_count(law);
+    if (!count) return fail(MRD_NOT_A_LAW);
+    if (!read_places(law, oplaces, place, &places)) return NULL;
+    open_runs runs;
+    Py_buffer coef, out;
+    if (!open_all_runs(&runs, orecords, omeasured, ofrom) || !open_doubles(ocoef, &coef, 0, "coefficients")) goto release;
+    if (open_doubles(oout, &out, 1, "out")) {
+        const size_t candidates = count_of(&coef) / (runs.count * count), rows = places + (ones ? 2 : 1);
+        if (candidates * runs.count * count != count_of(&coef) || candidates * runs.count * rows * rows != count_of(&out)) {
+            PyErr_SetString(PyExc_ValueError, "coefficients must be [candidate][run][coefficient], out [candidate][run][row][row]");
+        } else {
+            mrd_status status;
+            Py_BEGIN_ALLOW_THREADS
+            status = kernel->gram_sums((mrd_law)law, runs.count, runs.record, runs.measured, runs.from, candidates,
+                                       coef.buf, places, place, ones, out.buf);
+            Py_END_ALLOW_THREADS
+            result = status == MRD_OK ? Py_NewRef(Py_None) : fail(status);
+        }
+        PyBuffer_Release(&out);
+    }
+    PyBuffer_Release(&coef);
+release:
+    close_runs(&runs);
     return result;
 }
 
@@ -921,6 +992,8 @@ static PyMethodDef methods[] = {
     {"squared_errors", py_squared_errors, METH_VARARGS,
      "squared_errors(law, records, measured, from, coefficients, errors): ensemble over candidates and runs."},
     {"gram", py_gram, METH_VARARGS, "gram(columns, rows, from, out): Gram matrix of the rows."},
+    {"gram_sums", py_gram_sums, METH_VARARGS,
+     "gram_sums(law, records, measured, from, coefficients, places, ones, out): over candidates and runs."},
     {"curve", py_curve, METH_VARARGS, "curve(kappa, n, tau, w, slope, by_kappa, by_n): the universal curve."},
     {"lag", py_lag, METH_VARARGS,
      "lag(step, rise, fall, command, applied, by_lag, before): first-order lag of a command."},

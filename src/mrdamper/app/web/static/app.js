@@ -139,6 +139,9 @@ function changed(what) {
   }, 120);
 }
 
+// A file that is dropped beside its place would be opened by the browser, and the page with what was typed be gone.
+for (const name of ["dragover", "drop"]) window.addEventListener(name, (event) => event.preventDefault());
+
 startTheme(document.getElementById("theme"));
 window.addEventListener("hashchange", () => {
   route().then(() => place.focus({ preventScroll: true }));

@@ -19,7 +19,7 @@ export async function show(place, app, query) {
   const cards = cardField(app, card, (name) => app.go("export", { card: name }));
   const what = [["c", "C99 source, as an archive"], ["fmu", "FMU for co-simulation"], ["table", "force map (CSV) for simulators"]].map(([key, text]) => ({ key, ...check(text, key !== "table", { id: `what-${key}` }) }));
   const fmi = select([["3.0", "FMI 3.0"], ["2.0", "FMI 2.0"]], "3.0");
-  const content = select([["both", "model and controller"], ["model", "the model"], ["controller", "the controller"]], "both");
+  const content = select([["both", "model and controller"], ["model", "the model"], ["controller", "the controller"]], about.actuation ? "both" : "model");
   const precision = select([["float", "float (32 bit)"], ["double", "double (64 bit)"]], "float");
   const controller = select([...new Set([...CONTROLLERS, ...app.state.choices.controllers])], "recommended");
   const period = numberField("Period", "ms", 1, { min: 0.05 });
@@ -76,7 +76,7 @@ export async function show(place, app, query) {
     { class: "panel", "aria-label": "What to export", onsubmit: (event) => event.preventDefault() },
     cards.node,
     el("h3", { class: "gap", text: "Make" }), what.map(({ node }) => node),
-    el("div", { class: "fields gap" }, field("FMU", fmi), field("Numbers", precision), field("Holds", content, { wide: true }), field("Controller", controller, { wide: true }), period.node, field("Prefix of names", name)),
+    el("div", { class: "fields gap" }, field("FMU", fmi), field("Numbers", precision), field("Holds", content, { wide: true, hint: about.actuation ? "" : "no run of this card steps its current: the recommended controllers need to know that lag" }), field("Controller", controller, { wide: true }), period.node, field("Prefix of names", name)),
     el("div", { class: "gap" }, field("Drawing, for a frozen thermometer", damper)),
     el("div", { class: "actions" }, start),
   );

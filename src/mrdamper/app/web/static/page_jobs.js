@@ -53,6 +53,7 @@ export function show(place, app) {
   async function keepFluid(job) {
     const text = await (await fetch(jobFile(job.id, "fluid.toml"))).blob();
     await putInput(new File([text], `${job.id}.toml`));
+    await app.refresh(); // the next page offers it at once
     app.toast("good", `${job.id}.toml lies with the inputs now; Identify can take it.`);
   }
 

@@ -26,7 +26,11 @@ export async function show(place, app, query) {
   const motions = [...new Set(runs.map((run) => run.motion || "other motions"))];
   const commands = [...new Set(runs.map(commandOf))].sort(ordered);
   const warmths = [...new Set(runs.map(warmthOf))].sort(ordered);
-  const unit = runs[0].command_unit || "A";
+  const units = [...new Set(runs.map((run) => run.command_unit).filter(Boolean))].sort();
+  const levelOf = (run) => (units.length > 1 && commandOf(run) !== null ? `${fixed(commandOf(run), 2)} ${run.command_unit}` : commandOf(run)); // 1 V is not 1 A
+  const inOrder = (a, b) => units.indexOf(a.command_unit) - units.indexOf(b.command_unit) || ordered(commandOf(a), commandOf(b));
+  const levels = [...new Set([...runs].sort(inOrder).map(levelOf))];
+  const unit = units[0] ?? "A";
   const off = { command: new Set(), warmth: new Set(warmths.length > 1 ? warmths.slice(1) : []) }; // the coldest at first
   let span = null;
   let shown = []; // {run, data, model}
@@ -50,16 +54,15 @@ export async function show(place, app, query) {
     "div",
     { class: "fields" },
     field("Motion", motion, { wide: true }),
-    el("div", { class: "field wide" }, el("span", { class: "small", text: unit === "V" ? "Voltage, V" : "Current, A" }), chips(commands, off.command, (value) => (value === null ? "varying" : fixed(value, 2)))),
+    el("div", { class: "field wide" }, el("span", { class: "small", text: units.length > 1 ? "Command" : unit === "V" ? "Voltage, V" : "Current, A" }), chips(levels, off.command, (value) => (value === null ? "varying" : units.length > 1 ? value : fixed(value, 2)))),
     warmths.some((value) => value !== null) &&
       el("div", { class: "field wide" }, el("span", { class: "small", text: "Temperature, °C" }), chips(warmths, off.warmth, (value) => (value === null ? "unknown" : String(value)))),
   );
   const cards = cardField(app, card, (name) => {
     card = name;
     load(true);
-  }, { label: "Model on top", none: app.state.cards.length ? "none" : "no card yet: identify one" });
+  }, { label: "Model on top", none: app.state.cards.length ? "none" : "no card yet: identify one", id: "overlay" });
   cards.list.disabled = !app.state.cards.length;
-  cards.list.id = "overlay";
 
   const said = el("p", { class: "small", "aria-live": "polite", id: "loops-said" });
   const wrong = el("div");
@@ -96,7 +99,7 @@ export async function show(place, app, query) {
   function picked() {
     if (one.value) return runs.filter((run) => id(run) === one.value);
     return runs.filter(
-      (run) => (motion.value === "*" || (run.motion || "other motions") === motion.value) && !off.command.has(commandOf(run)) && !off.warmth.has(warmthOf(run)),
+      (run) => (motion.value === "*" || (run.motion || "other motions") === motion.value) && !off.command.has(levelOf(run)) && !off.warmth.has(warmthOf(run)),
     );
   }
 
@@ -147,8 +150,8 @@ export async function show(place, app, query) {
   }
 
   function draw(keepView = false) {
-    const levels = shown.map(({ run }) => run);
-    const byWarmth = new Set(levels.map(commandOf)).size === 1 && new Set(levels.map(warmthOf)).size > 1;
+    const drawn = shown.map(({ run }) => run);
+    const byWarmth = new Set(drawn.map(levelOf)).size === 1 && new Set(drawn.map(warmthOf)).size > 1;
     const scale = byWarmth ? warmths : commands;
     const colour = (run) => {
       const values = scale.filter((value) => value !== null);

@@ -156,7 +156,9 @@ export function show(place, app, query) {
       fill(runs, told.reading ? el("p", { class: "sub", text: `Reading ${told.reading} file${told.reading > 1 ? "s" : ""} …` }) : null);
       return;
     }
-    const unit = told.runs.find((run) => run.command_unit)?.command_unit ?? "A";
+    const units = [...new Set(told.runs.map((run) => run.command_unit).filter(Boolean))];
+    const mixed = units.length > 1;
+    const unit = units[0] ?? "A";
     const findings = told.runs.flatMap((run) => run.findings ?? []).filter((one) => one.severity !== "note");
     fill(
       runs,
@@ -167,7 +169,7 @@ export function show(place, app, query) {
           { title: "run", class: "name", cell: (run) => el("a", { href: `#/loops?${new URLSearchParams({ run: run.name, file: run.file })}`, text: run.name, title: run.file }) },
           { title: "found", cell: (run) => el("span", { class: `tag ${run.error ? "fault" : run.worst ?? "ok"}`, text: run.error ? "not usable" : run.worst ?? "nothing", title: run.error ?? "" }) },
           { title: "motion", class: "whole", cell: (run) => run.motion },
-          { title: unit === "V" ? "voltage" : "current", unit, number: true, cell: (run) => commandOf(run) },
+          { title: mixed ? "command" : unit === "V" ? "voltage" : "current", unit: mixed ? "" : unit, number: true, cell: (run) => (mixed ? `${commandOf(run)} ${run.command_unit ?? ""}` : commandOf(run)) },
           { title: "temperature", unit: "°C", number: true, cell: (run) => spanOf(run.temperature_range_degC, run.temperature_degC) },
           { title: "samples", number: true, cell: (run) => run.samples?.toLocaleString("en-GB").replaceAll(",", " ") },
           { title: "rate", unit: "Hz", number: true, cell: (run) => number(run.rate_Hz, 4) },

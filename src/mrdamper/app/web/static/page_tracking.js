@@ -28,7 +28,9 @@ export async function show(place, app, query) {
   };
   const drawnTargets = targets.map(({ node }) => node);
   for (const [name] of inputsOf(app, ".toml", ["scenario"])) offer(name, false);
-  const controllers = choices.controllers.map((name) => ({ name, ...check(name, ["recommended", "paper"].includes(name)) }));
+  const lagged = cardsOf(app).find((one) => one.name === card).actuation;
+  const usual = lagged ? ["recommended", "paper"] : ["paper"];
+  const controllers = choices.controllers.map((name) => ({ name, ...check(name, usual.includes(name)) }));
   const degrees = DEGREES.map((value) => ({ value, ...check(`${value} °C`, value === 20 || value === 60) }));
   const free = el("input", { type: "text", placeholder: "40, 80", id: "free-degrees", inputmode: "decimal" });
   const warmths = () => [...chosen(degrees, "value"), ...numbersIn(free.value)];
@@ -109,6 +111,7 @@ export async function show(place, app, query) {
     inputPicker(app, "Bring a scenario (TOML)", ".toml", (name) => offer(name, true)),
     el("h3", { class: "gap", text: "Temperature of fluid and coil" }), el("div", { class: "row" }, degrees.map(({ node }) => node)), field("Others", free, { unit: "°C" }),
     el("h3", { class: "gap", text: "Controllers" }), el("div", { class: "picks", tabindex: 0, role: "group", "aria-label": "Controllers" }, controllers.map(({ node }) => node)),
+    !lagged && el("p", { class: "hint", text: "No run of this card steps its current, so that the card does not know how late the force follows: the recommended controllers need that, the paper's does not." }),
     el("details", {}, el("summary", { text: "More" }), el("div", { class: "fields" }, rate.node, seed.node), field("Card that does not know temperature", unaware), field("Card pooled over temperatures", pooled), optimum.node),
     el("div", { class: "actions" }, start),
   );

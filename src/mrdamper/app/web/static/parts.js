@@ -33,9 +33,9 @@ function newest(cards) {
 }
 
 /** Return a choice of cards that remembers itself. */
-export function cardField(app, name, onchange, { label = "Card", none = "" } = {}) {
+export function cardField(app, name, onchange, { label = "Card", none = "", id = null } = {}) {
   const options = cardsOf(app).map((card) => [card.name, `${card.name} (${card.law})`]);
-  const list = select(none ? [["", none], ...options] : options, name);
+  const list = select(none ? [["", none], ...options] : options, name, { id });
   list.addEventListener("change", () => {
     if (!none) app.choose("card", list.value);
     onchange(list.value);
@@ -150,10 +150,12 @@ export class JobPanel {
     try {
       const { id } = await startJob(this.kind, options);
       await this.attach(id);
+      this.showItself();
       return true;
     } catch (fault) {
       this.heard.busy?.(false);
       fill(this.node, note("fault", fault.message));
+      this.showItself();
       return false;
     }
   }
@@ -187,7 +189,10 @@ export class JobPanel {
       message: (told) => {
         if (!cancel.disabled) said.textContent = told.text;
       },
-      end: async () => this.ended(await getJob(id)),
+      end: async () => {
+        this.ended(await getJob(id));
+        await this.app.refresh().catch(() => {}); // the badge knows it now, too
+      },
     });
   }
 
@@ -207,6 +212,12 @@ export class JobPanel {
     this.heard.busy?.(false);
     fill(this.node, job.state !== "done" && endNote(job), job.resumable && el("p", {}, this.again(job)));
     if (job.answer) this.heard.done?.(job);
+    else if (job.state === "failed") this.showItself();
+  }
+
+  /** Bring what the job says into sight: its button may be far below. */
+  showItself() {
+    if (this.node.isConnected) this.node.scrollIntoView({ block: "nearest" });
   }
 
   /** Return a button that goes on with a job from what it had finished. */

@@ -1,0 +1,154 @@
+"""Gram sums of a problem's runs: all that least squares needs to know of them at a set of numbers.
+
+Runs at one operating point go through the kernel together, many candidates in one call; a run whose
+command or temperature varies, and a law in Python, go one by one. Weights, session offsets and the light
+pull on those are applied here; nothing is solved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrdamper import core
+from mrdamper.identify.problem import PreparedFit, move
+from mrdamper.models.damper import Damper
+from mrdamper.models.levels import Levels
+from mrdamper.models.simulate import Tangents, operating_point, require_temperature
+
+__all__ = ["GramSums"]
+
+FloatArray = NDArray[np.float64]
+
+_PULL = 1e-6  # of session offsets towards zero, as a share of what the data say
+_MOST = 1 << 21  # sums of single runs that are kept at a time
+
+
+class GramSums:
+    """Weighted Gram matrices of the tangents by ``wanted`` numbers, the session offsets, and the residual.
+
+    ``varying`` are the numbers that move; all others are the damper's. The order of rows is: wanted
+    numbers, sessions, residual.
+    """
+
+    def __init__(
+        self,
+        damper: Damper,
+        varying: Sequence[str],
+        wanted: Sequence[str],
+        runs: Sequence[PreparedFit],
+        sessions: Sequence[str],
+    ) -> None:
+        self._damper = damper
+        self._varying, self._wanted, self._sessions = tuple(varying), tuple(wanted), tuple(sessions)
+        self._size = len(wanted) + len(sessions) + 1
+        for run in runs:
+            require_temperature(damper, run.drive.trajectory)
+        tempered = damper.tempered
+        points = [
+            None if damper.law.kernel is None else operating_point(run.drive, tempered=tempered)
+            for run in runs
+        ]
+        self._single = [run for run, point in zip(runs, points, strict=True) if point is None]
+        steady = [(run, point) for run, point in zip(runs, points, strict=True) if point is not None]
+        self._runs = [run for run, _ in steady]
+        keys = [(point, run.session if sessions else "") for run, point in steady]
+        groups = {key: k for k, key in enumerate(dict.fromkeys(keys))}
+        self._group = np.array([groups[key] for key in keys], dtype=np.intp)
+        self._weight = np.zeros((len(groups), len(steady)))
+        self._weight[self._group, range(len(steady))] = [run.weight for run in self._runs]
+        if not steady:
+            return
+        self._levels = Levels(
+            damper,
+            self._varying,
+            self._wanted,
+            np.array([point[0] for point, _ in groups], dtype=np.float64),
+            np.array([point[1] for point, _ in groups], dtype=np.float64),
+        )
+        self._records = tuple(run.drive.record for run in self._runs)
+        self._measured = tuple(run.force for run in self._runs)
+        self._starts = tuple(run.start for run in self._runs)
+        # From kernel columns (tangents, one where there are sessions, residual) to rows, group by group.
+        width = len(self._levels.places) + 1 + bool(sessions)
+        self._session = [self._sessions.index(session) if sessions else -1 for _, session in groups]
+        self._spread = np.zeros((1, len(groups), self._size, width))
+        self._spread[..., : len(wanted), : len(self._levels.places)] = self._levels.combine
+        self._spread[..., -1, -1] = 1.0
+        for group, session in enumerate(self._session):
+            if session >= 0:
+                self._spread[:, group, len(wanted) + session, -2] = 1.0
+
+    def at(self, values: FloatArray, tares: FloatArray) -> FloatArray:
+        """Return the Gram matrix of every candidate, shape (candidates, rows, rows).
+
+        Parameters
+        ----------
+        values : of the varying numbers, shape (candidates, varying)
+        tares : the session offsets [N], shape (candidates, sessions)
+        """
+        total = np.zeros((len(values), self._size, self._size))
+        if self._runs:
+            each = len(self._runs) * self._spread.shape[-1] ** 2
+            step = max(1, _MOST // each)
+            for begin in range(0, len(values), step):
+                part = slice(begin, begin + step)
+                total[part] = self._steady(values[part], tares[part])
+        if self._single:
+            for k, (row, tare) in enumerate(zip(values, tares, strict=True)):
+                total[k] += self._one_by_one(row, tare)
+        if self._sessions:
+            self._pulled(total, tares)
+        return total
+
+    def _steady(self, values: FloatArray, tares: FloatArray) -> FloatArray:
+        count, wanted, places = len(values), len(self._wanted), len(self._levels.places)
+        spread = np.repeat(self._spread, count, axis=0)
+        coefficients = self._levels.at(values, spread[:, :, :wanted, :places])
+        if self._sessions:
+            spread[:, :, -1, -2] = -tares[:, self._session]
+        sums = core.gram_sums(
+            self._damper.law.kernel or 0,
+            self._records,
+            self._measured,
+            self._starts,
+            np.take(coefficients, self._group, axis=1),
+            self._levels.places,
+            ones=bool(self._sessions),
+        )
+        groups, width = spread.shape[1], spread.shape[3]
+        grouped = (self._weight @ sums.reshape(count, len(self._runs), width**2)).reshape(
+            count, groups, width, width
+        )
+        left = (spread @ grouped).transpose(0, 2, 1, 3).reshape(count, self._size, groups * width)
+        right = spread.transpose(0, 1, 3, 2).reshape(count, groups * width, self._size)
+        return np.asarray(left @ right)
+
+    def _one_by_one(self, values: FloatArray, tares: FloatArray) -> FloatArray:
+        damper = move(self._damper, dict(zip(self._varying, values.tolist(), strict=True)))
+        total = np.zeros((self._size, self._size))
+        tangents = Tangents(damper, self._wanted, [run.drive for run in self._single])
+        for index, run in enumerate(self._single):
+            s = tangents.along(index)
+            residual = run.force - s.force
+            columns = np.vstack([s.columns, np.ones_like(residual), residual])
+            spread = np.zeros((self._size, len(columns)))
+            spread[: len(self._wanted), :-2] = s.combine
+            spread[-1, -1] = 1.0
+            if self._sessions:
+                session = self._sessions.index(run.session)
+                spread[len(self._wanted) + session, -2] = 1.0
+                spread[-1, -2] = -tares[session]
+            total += run.weight * (spread @ core.gram(columns, run.start) @ spread.T)
+        return total
+
+    def _pulled(self, total: FloatArray, tares: FloatArray) -> None:
+        """Add a light pull of each tare towards zero: what all sessions share is the law's own offset."""
+        rows = np.arange(len(self._wanted), self._size - 1)
+        pull = _PULL * np.mean(total[:, rows, rows], axis=1)[:, None]
+        total[:, rows, rows] += pull
+        total[:, rows, -1] -= pull * tares
+        total[:, -1, rows] -= pull * tares
+        total[:, -1, -1] += np.sum(pull * tares**2, axis=1)

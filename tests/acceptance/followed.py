@@ -1,0 +1,59 @@
+"""A controller followed on a damper of the rig, and the figures that were asked of it.
+
+Shared by ``test_tracking`` and ``python -m bench tracking``: one set-up, so that both judge the same runs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from mrdamper.control.controllers import ForceController
+from mrdamper.control.loop import course_of, run_loop
+from mrdamper.control.scenario import Scenario
+from mrdamper.control.score import Reach, Score, reach_of, score_run, worst
+from mrdamper.rig.plant import STEP_S, Plant, VirtualDamper
+
+TEMPERATURES, SEEDS = (20.0, 60.0, 100.0, 123.0), (1, 2)
+SLOW, FAST, UNEVEN = TARGETS = ("sine-900N-1Hz", "sine-1100N-2Hz", "non-periodic")
+MUST = {  # largest of all, largest feasible, RMSE feasible [N]
+    ("nominal", SLOW): (120.0, 62.5, 21.0),
+    ("nominal", FAST): (175.0, 75.0, 25.0),
+    ("nominal", UNEVEN): (300.0, 160.0, 33.0),
+    ("hard", SLOW): (180.0, 90.0, 33.0),
+    ("hard", FAST): (265.0, 125.0, 48.0),
+    ("hard", UNEVEN): (400.0, 225.0, 63.0),
+}
+OF_THE_PAPERS = {SLOW: 0.3, FAST: 0.25, UNEVEN: 0.35}  # of its controller's RMSE
+
+_REACHES: dict[tuple[VirtualDamper, str, float, float], Reach] = {}
+
+
+def reach(damper: VirtualDamper, scenario: Scenario) -> Reach:
+    """Return the reach of the damper, its force's gain included; kept, as controllers share it."""
+    key = damper, scenario.name, scenario.temperature_degC, scenario.duration_s
+    if key not in _REACHES:
+        course = course_of(scenario, STEP_S)
+        _REACHES[key] = reach_of(Plant(damper), course, scenario.temperature_degC, scenario.highest_A)
+    gain = scenario.disturbance.force_gain  # is the damper's, and so of its reach
+    return Reach(gain * _REACHES[key].low, gain * _REACHES[key].high)
+
+
+def forget_reaches() -> None:
+    """Let go of what is kept, before other dampers fill the memory."""
+    _REACHES.clear()
+
+
+def scores(damper: VirtualDamper, controller: ForceController, scenario: Scenario) -> dict[float, Score]:
+    """Return the worse of the seeds by temperature [degC]."""
+    found = {}
+    for degrees in TEMPERATURES:
+        warm = replace(scenario, temperature_degC=degrees)
+        can, resistance = reach(damper, warm), damper.coil_resistance_ohm(degrees)
+        runs = [run_loop(Plant(damper), controller, replace(warm, seed=seed)) for seed in SEEDS]
+        found[degrees] = worst([score_run(each, can, resistance_ohm=resistance) for each in runs])
+    return found
+
+
+def followed(damper: VirtualDamper, controller: ForceController, scenario: Scenario) -> Score:
+    """Return the worst of each score over temperatures and seeds."""
+    return worst(list(scores(damper, controller, scenario).values()))
