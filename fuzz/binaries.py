@@ -1,7 +1,7 @@
 """Targets: binary formats. Decoders of compiled libraries are asked in a process of their own, as users' are.
 
-``mat``, ``mdf``, ``parquet``, ``tdms`` and ``excel`` run the reader in this process, where its branches are
-seen. Their ``isolated`` twins and ``hdf5`` go through the door that a user's file goes through: whatever the
+``parquet``, ``tdms`` and ``excel`` run the reader in this process, where its branches are seen. HDF5, MAT and
+MDF, whose libraries a damaged file can crash, go through the door that a user's file goes through: whatever the
 library does to its process, one message comes back.
 """
 
@@ -14,8 +14,6 @@ from functools import cache
 from pathlib import Path
 
 from mrdamper.data.formats.excel import read_workbook
-from mrdamper.data.formats.mat import read_mat
-from mrdamper.data.formats.mdf import read_mdf
 from mrdamper.data.formats.parquet import read_parquet
 from mrdamper.data.formats.table import FileOptions, Table
 from mrdamper.data.formats.tdms import read_tdms
@@ -24,23 +22,13 @@ from mrdamper.data.tables import read_table
 from fuzz.contract import promised, require, sound_table, written
 from fuzz.seeds import workbook
 
-__all__ = ["excel", "excel_sheet", "isolated", "mat", "mdf", "parquet", "tdms"]
+__all__ = ["excel", "excel_sheet", "isolated", "parquet", "tdms"]
 
 
 def _here(name: str, content: bytes, reader: Callable[[Path, FileOptions], Table]) -> None:
     path = written(name, content)
     with promised(name):
         sound_table(reader(path, FileOptions()))
-
-
-def mat(content: bytes) -> None:
-    """MAT v5."""
-    _here("input.mat", content, read_mat)
-
-
-def mdf(content: bytes) -> None:
-    """MDF 4."""
-    _here("input.mf4", content, read_mdf)
 
 
 def parquet(content: bytes) -> None:

@@ -82,11 +82,11 @@ def _edit(made: dict[str, Any], draws: Draws) -> None:
         case 1 if isinstance(at, dict):
             at[draws.text()] = at.pop(key)
         case 2 if isinstance(at, dict):
-            at[draws.text()] = draws.pick(ODD)
-        case 3 if isinstance(at[key], int | float) and math.isfinite(at[key]):
+            at[draws.text()] = copy.deepcopy(draws.pick(ODD))
+        case 3 if isinstance(at[key], float) and math.isfinite(at[key]):
             at[key] = at[key] * draws.pick((-1.0, 0.0, 1e-3, 1e3, 1e12, 1.0000001, math.nan))
         case 4:
-            at[key] = copy.deepcopy(made) if draws.whole(8) == 1 else [copy.deepcopy(at[key])]
+            at[key] = [copy.deepcopy(at[key])]
         case 5:
             at[key] = draws.text()
         case _:

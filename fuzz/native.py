@@ -1,17 +1,129 @@
-"""Targets in C: built with clang's libFuzzer and the address and undefined-behaviour sanitizers."""
+"""Targets in C: built with clang's libFuzzer and the address and undefined-behaviour sanitizers.
+
+``laws`` is the kernel's laws, ``tables`` a controller's numbers and tables as the binding takes them, and the
+``exported`` ones what ``mrdamper export --c`` writes for a card, in both number types and both kinds of law.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import subprocess
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
+from unittest import mock
 
-__all__ = ["LONGEST", "TARGETS", "built"]
+__all__ = ["COMPILER", "LONGEST", "TARGETS", "built", "seeds"]
 
-LONGEST = 4096  # bytes of an input
+COMPILER = "clang"
+LONGEST = 2048  # bytes of an input
 
-TARGETS: Mapping[str, str] = MappingProxyType({})
+_HERE = Path(__file__).with_name("kernel")
+_CORE = Path(__file__).parents[1] / "src/mrdamper/core"
+_FLAGS = (
+    *("-std=c99", "-g", "-O1", "-ffp-contract=off", "-fno-omit-frame-pointer"),
+    *("-fsanitize=fuzzer,address,undefined", "-fno-sanitize-recover=all"),
+)
+
+Options = Mapping[str, str]
+
+TARGETS: Mapping[str, Options] = MappingProxyType(
+    {
+        "laws": {},
+        "tables": {},
+        "exported": {"law": "double-bouc-wen", "precision": "double"},
+        "exported-float": {"law": "double-bouc-wen", "precision": "float"},
+        "exported-series": {"law": "series-valve", "precision": "double"},
+        "exported-series-float": {"law": "series-valve", "precision": "float"},
+    }
+)
+"""Name -> what is exported for it."""
 
 
 def built(name: str, folder: Path) -> Path:
-    raise NotImplementedError
+    """Return the program of a target, compiled into a folder; an error shows what the compiler says."""
+    place, program = folder / f"{name}.c", folder / f"{name}.run"
+    place.mkdir(parents=True, exist_ok=True)
+    includes: list[Path] = [_HERE, _CORE / "kernel", _CORE / "binding"]
+    sources = [_HERE / f"{name}.c"]
+    if name == "tables":
+        (place / "parts.h").write_text("\n".join(_parts()), encoding="ascii")
+        includes.append(place)
+    elif name != "laws":
+        from mrdamper.export.c_code import c_files
+        from tests.export.exports import a_target
+
+        for file, text in c_files(a_target(**TARGETS[name])).items():
+            (place / file).write_text(text, encoding="utf-8")
+        includes = [_HERE, place]
+        sources = [_HERE / "exported.c", place / "damper.c", place / "damper_tables.c"]
+    command = [COMPILER, *_FLAGS, *(f"-I{each}" for each in includes), *map(str, sources), "-o", str(program), "-lm"]
+    subprocess.run(command, check=True)
+    return program
+
+
+def seeds(name: str) -> list[bytes]:
+    """Return inputs to start from: each law, each kind of input, and ordinary readings."""
+    ramp = bytes((37 * k + k // 5) % 256 for k in range(600))
+    if name == "laws":
+        return [bytes([law, kind, 9]) + ramp for law in range(9) for kind in (0, 4)]
+    return [ramp, bytes(range(256)) * 2, bytes([1]) + ramp]
+
+
+# ------------------------------------------------------------------------------------------- tables in C
+
+
+def _parts() -> Iterator[str]:
+    """Give a header with the tables of controllers: those that the package hands to its binding."""
+    from mrdamper.control import controllers
+    from tests.export.exports import a_target
+
+    taken: list[tuple[tuple[Any, ...], dict[str, Any]]] = []
+
+    def take(*given: Any, **options: Any) -> Any:  # noqa: ANN401 - as the binding's own
+        taken.append((given, options))
+        return tracker(*given, **options)
+
+    tracker = controllers.core.Tracker
+    with mock.patch.object(controllers.core, "Tracker", take):
+        a_target.__wrapped__("double-bouc-wen", precision="double")
+        a_target.__wrapped__("series-valve", precision="double")
+    for k, (given, options) in enumerate(taken):
+        yield from _part(f"p{k}", given, options.get("series"))
+    yield f"#define PARTS {len(taken)}"
+    yield f"#define PARTS_NUMBERS {len(taken[0][0][0])}"
+    yield f"static const tracker_parts *const all_parts[] = {{{', '.join(f'&p{k}' for k in range(len(taken)))}}};\n"
+
+
+def _part(name: str, given: Sequence[Any], series: Sequence[Any] | None) -> Iterator[str]:
+    numbers, rows, current, factor, column, octaves = given
+    arrays = {"numbers": numbers, "t0": current, "t1": factor, "t2": column}
+    arrays |= {f"t{3 + k}": octave[3] for k, octave in enumerate(octaves)}
+    tables = [each for each in arrays if each != "numbers"]
+    fields = [
+        f"{name}_numbers",
+        *map(str, (len(current), column.shape[1], factor.shape[0], factor.shape[1])),
+        f"{name}_row",
+        _list(f"{name}_{each}" for each in tables),
+        _list(str(arrays[each].size) for each in tables),
+        *(_list(f"{octave[k]!r}" for octave in octaves) for k in range(3)),
+    ]
+    if series is not None:
+        force, chain, powers, functions = series
+        valve = [force, chain, *(table for power in powers for table in power[4:]), *(each[3] for each in functions)]
+        arrays |= {f"s{k}": table for k, table in enumerate(valve)}
+        fields += [
+            *("1", str(force.shape[1]), str(force.shape[0])),
+            _list(f"{name}_s{k}" for k in range(len(valve))),
+            _list(str(table.size) for table in valve),
+            *(_list(f"{power[k]!r}" for power in powers) for k in range(4)),
+            *(_list(f"{each[k]!r}" for each in functions) for k in range(3)),
+        ]
+    for key, values in arrays.items():
+        yield f"static const double {name}_{key}[] = {_list(float(v).hex() for v in values.ravel())};"
+    yield f"static const uint8_t {name}_row[] = {_list(map(str, rows))};"
+    yield f"static const tracker_parts {name} = {_list(fields)};"
+
+
+def _list(items: Iterator[str] | Sequence[str] | map[str]) -> str:
+    return "{" + ", ".join(items) + "}"

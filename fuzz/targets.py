@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 
@@ -91,21 +92,13 @@ TARGETS: Mapping[str, Target] = MappingProxyType(
         "sweep": Target(documents.sweep, _toml("sweep")),
         "binding": Target(calls.binding, lambda: [bytes(range(k, k + 60)) for k in range(8)]),
         "tdms": Target(binaries.tdms, lambda: seeds.binary("run.tdms")[1:], longest=8192),
-        "mat": Target(binaries.mat, lambda: seeds.binary("v5.mat"), longest=8192),
-        "mdf": Target(binaries.mdf, lambda: seeds.binary("run.mf4")[1:], longest=8192),
         "parquet": Target(binaries.parquet, lambda: seeds.binary("run.parquet"), longest=8192),
         "excel": Target(binaries.excel, lambda: [seeds.workbook()], longest=16384),
         "excel-sheet": Target(binaries.excel_sheet, lambda: [seeds.sheet()], longest=8192),
-        "isolated": Target(
-            binaries.isolated,
-            lambda: [
-                each
-                for name in ("run.h5", "v73.mat", "v5.mat", "run.mf4", "run.parquet")
-                for each in seeds.binary(name)[-1:]
-            ],
-            longest=32768,
-            guided=False,
-        ),
+        **{
+            f"isolated-{name}": Target(binaries.isolated, partial(seeds.binary, file), longest=32768, guided=False)
+            for name, file in (("hdf5", "run.h5"), ("mat73", "v73.mat"), ("mat", "v5.mat"), ("mdf", "run.mf4"))
+        },
     }
 )
 

@@ -19,10 +19,30 @@ __all__ = [
 ]
 
 
+_LONGEST_LINE = 4000
+_MOST_LINES = 200
+
+
 class MrdamperError(Exception):
-    """Base of all errors that mrdamper raises on purpose."""
+    """Base of all errors that mrdamper raises on purpose.
+
+    What was found stands in the message as it is; one of any size is cut, so that the rest can be read.
+    """
 
     exit_code: ClassVar[int] = 1
+
+    def __str__(self) -> str:
+        lines = super().__str__().split("\n")
+        more = [f"... and {len(lines) - _MOST_LINES} more lines"] if len(lines) > _MOST_LINES else []
+        return "\n".join([*map(_cut, lines[:_MOST_LINES]), *more])
+
+
+def _cut(line: str) -> str:
+    """Return a line with the middle of a very long one left out: the remedy stands at its end."""
+    half = _LONGEST_LINE // 2
+    if len(line) <= _LONGEST_LINE:
+        return line
+    return f"{line[:half]} ... ({len(line) - 2 * half} characters left out) ... {line[-half:]}"
 
 
 class InputError(MrdamperError, ValueError):

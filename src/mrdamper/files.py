@@ -17,6 +17,7 @@ from mrdamper.errors import InputError
 __all__ = ["parse_toml", "read_small", "read_text", "read_toml", "require_file"]
 
 _MOST_BYTES = 1 << 22  # of a document that people write
+_PAST_INTEGERS = 1 << 63
 
 
 def require_file(path: str | Path, what: str = "file") -> int:
@@ -71,7 +72,9 @@ def read_toml(path: str | Path, what: str) -> dict[str, Any]:
 def parse_toml(text: str) -> dict[str, Any]:
     """Return the document that a TOML text holds; the place is the caller's to say."""
     try:
-        return tomllib.loads(text)
+        document = tomllib.loads(text)
+        _require_whole_numbers(document)
+        return document
     except tomllib.TOMLDecodeError as error:
         raise InputError(str(error)) from error
     except (
@@ -80,3 +83,12 @@ def parse_toml(text: str) -> dict[str, Any]:
         OverflowError,
     ) as error:  # nested too deep, or a number of many digits
         raise InputError(f"nested too deep, or a number too long ({type(error).__name__})") from error
+
+
+def _require_whole_numbers(value: object) -> None:
+    """Refuse whole numbers that 64 bits cannot hold, as TOML asks: no float could be made of the largest."""
+    if isinstance(value, dict | list):
+        for each in value.values() if isinstance(value, dict) else value:
+            _require_whole_numbers(each)
+    elif isinstance(value, int) and not -_PAST_INTEGERS <= value < _PAST_INTEGERS:
+        raise OverflowError

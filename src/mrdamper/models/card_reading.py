@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
@@ -383,8 +384,9 @@ def _refuse_constant(text: str) -> float:
 
 
 def _unique(pairs: list[tuple[str, Any]]) -> Document:
-    names = [name for name, _ in pairs]
-    twice = sorted({name for name in names if names.count(name) > 1})
-    if twice:
-        raise ValueError(f"the key {twice[0]!r} stands twice in one table")
-    return dict(pairs)
+    table = dict(pairs)
+    if len(table) < len(pairs):
+        often = Counter(name for name, _ in pairs)
+        twice = min(name for name in often if often[name] > 1)
+        raise ValueError(f"the key {twice!r} stands twice in one table")
+    return table

@@ -208,7 +208,10 @@ class Fluid:
         """
         from mrdamper.models.fluid_file import arguments_of  # which builds on this module
 
-        return cls(**arguments_of(text, place))
+        try:
+            return cls(**arguments_of(text, place))
+        except InputError as fault:
+            raise fault if place in str(fault) else InputError(f"{place}: {fault}") from fault
 
     def to_toml(self) -> str:
         """Return the fluid as a TOML text; the same fluid gives the same text."""

@@ -8,6 +8,7 @@ campaign is ``measurement``.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from functools import cached_property
@@ -33,6 +34,7 @@ __all__ = ["Body", "Campaign", "PlannedRun", "Procedure"]
 Procedure = Literal["soak", "self-heating"]
 
 _HELD_OUT = {"held_out_temperatures_degC": "temperatures_degC", "held_out_motions": "motions"}
+_MOST_RUNS = 10_000
 _RUN_IN_S = 1.0  # before the log begins, at least; whole periods of a periodic motion
 
 
@@ -116,8 +118,13 @@ class Campaign:
         for name, of in _HELD_OUT.items():
             kept = tuple(value for value in getattr(self, name) if value in getattr(self, of))
             object.__setattr__(self, name, kept)
-        names = [run.name for run in self.runs("x")]
-        twice = next((name for name in names if names.count(name) > 1), None)
+        count = len(self.temperatures_degC) * (len(self.motions) * len(self.currents_A) + 1)
+        if count > _MOST_RUNS:
+            raise InputError(
+                f"campaign: temperatures, motions and currents make {count} runs; expected at most {_MOST_RUNS}"
+            )
+        often = Counter(run.name for run in self.runs("x"))
+        twice = next((name for name, times in often.items() if times > 1), None)
         if twice is not None:
             raise InputError(f"campaign: two runs would be named {twice[2:]!r}; leave one out")
 

@@ -96,7 +96,7 @@ class VirtualDamper:
     leak_N_s_m: float = 1.5e6  # c1: the oil's compliance as a leak, in series with yield and viscous force
 
     def __post_init__(self) -> None:
-        if not _SAFE.fullmatch(str(self.name)):
+        if not isinstance(self.name, str) or not _SAFE.fullmatch(self.name):
             raise InputError(
                 f"virtual damper: name is {self.name!r}; expected letters, digits, dots and dashes, as it "
                 "begins the runs' file names"

@@ -270,7 +270,8 @@ def _sink(document: Document, place: str) -> HeatSink | None:
     if given is None or (isinstance(given, dict) and given.get("fins") == 0):
         return None
     table = _table(document, "sink", place)
-    upright = document.get("body", {}).get("orientation") == "vertical"
+    body = document.get("body")
+    upright = isinstance(body, dict) and body.get("orientation") == "vertical"
     names = {"emissivity": "emissivity", "film_multiplier": "film_multiplier", "contact_m2K_W": "contact"}
     optional = {names[key]: table[key] for key in table if key in names}
     try:

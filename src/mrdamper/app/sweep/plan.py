@@ -36,6 +36,7 @@ What = dict[str, Any]
 KINDS = ("identify", "tolerance", "sink")
 
 _MOST_SPREAD_PERCENT = 30.0
+_MOST_DRAWS = 100_000  # a plan is held as a whole
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,7 +200,7 @@ def _tolerance(table: _Table, folder: Path) -> Iterator[tuple[str, What]]:
         "temperatures_degC": list(table.numbers("temperatures_degC", (20.0, 60.0, 100.0, 123.0))),
         "rate_Hz": table.number("rate_Hz", 1000.0, 100.0, 5000.0),
     }
-    draws = table.whole("draws", 100, 1)
+    draws = table.whole("draws", 100, 1, _MOST_DRAWS)
     for k in range(draws):
         yield f"draw-{k:0{len(str(draws - 1))}d}", dict(what)
 

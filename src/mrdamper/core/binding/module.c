@@ -49,8 +49,9 @@ static void find_levels(void)
 static int open_doubles(PyObject *object, Py_buffer *view, int writable, const char *what)
 {
     if (PyObject_GetBuffer(object, view, PyBUF_C_CONTIGUOUS | PyBUF_FORMAT | (writable ? PyBUF_WRITABLE : 0)) < 0) return 0;
-    if (view->itemsize != (Py_ssize_t)sizeof(double) || !view->format || strcmp(view->format, "d") != 0) {
-        PyErr_Format(PyExc_TypeError, "%s must be contiguous float64", what);
+    if (view->itemsize != (Py_ssize_t)sizeof(double) || !view->format || strcmp(view->format, "d") != 0
+        || (view->len && (uintptr_t)view->buf % sizeof(double))) {
+        PyErr_Format(PyExc_TypeError, "%s must be contiguous, aligned float64", what);
         PyBuffer_Release(view);
         return 0;
     }
@@ -64,6 +65,8 @@ static PyObject *fail(mrd_status status)
     if (status == MRD_NO_MEMORY) return PyErr_NoMemory();
     if (status == MRD_SHAPE_VARIES)
         PyErr_SetString(PyExc_ValueError, "kappa and n must be constant over a run whose command varies");
+    else if (status == MRD_NOT_TABULATED)
+        PyErr_SetString(PyExc_ValueError, "expected -1 <= kappa <= 1, 0.2 <= n <= 20 and rho not negative");
     else
         PyErr_SetString(PyExc_ValueError, "the kernel has no such law");
     return NULL;
@@ -680,7 +683,11 @@ static PyObject *py_batch(PyObject *module, PyObject *args)
     }
     Py_buffer motion;
     if (!open_state(omotion, &motion, sizeof(mrd_motion), "motion")) return NULL;
-    PyObject *out = record_of(record_type, step, arrays, dead_band, longest_step, (size_t)patience, last, motion.buf);
+    PyObject *out = NULL;
+    if (((const mrd_motion *)motion.buf)->path >= 0.0)
+        out = record_of(record_type, step, arrays, dead_band, longest_step, (size_t)patience, last, motion.buf);
+    else /* kept states come back from files: a cell of the curve is found by this one */
+        PyErr_SetString(PyExc_ValueError, "motion: its path is not a travel since a turning point");
     PyBuffer_Release(&motion);
     return out;
 }

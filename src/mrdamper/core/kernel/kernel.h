@@ -32,7 +32,7 @@ typedef enum {
     MRD_DOUBLE = 8
 } mrd_law;
 
-typedef enum { MRD_OK = 0, MRD_NO_MEMORY = 1, MRD_NOT_A_LAW = 2, MRD_SHAPE_VARIES = 3 } mrd_status;
+typedef enum { MRD_OK = 0, MRD_NO_MEMORY = 1, MRD_NOT_A_LAW = 2, MRD_SHAPE_VARIES = 3, MRD_NOT_TABULATED = 4 } mrd_status;
 
 /* Order of the coefficients; laws.py has the same order. The first MRD_COMMON are common to all laws. */
 enum { C_VISCOSITY, C_STIFFNESS, C_OFFSET, C_MASS, C_COULOMB, C_BREAKAWAY, C_STRIBECK, C_TRANSITION,

@@ -128,11 +128,23 @@ static int one_shape(const mrd_model *m, const mrd_record *r, const shape_of_law
     return !r->behind || !state || (state->kappa == shape->kappa_value && state->n == shape->n_value);
 }
 
+/* The curve's cells are found from a travel that is not negative. */
+static int has_curve(const mrd_model *m, const shape_of_law *s, size_t samples)
+{
+    for (size_t i = 0; i < (m->stride ? samples : 1); i++) {
+        for (int e = 0; e < s->elements; e++)
+            if (coefficient_at(m, s->rho[e], i) < 0.0) return 0;
+        if (s->n >= 0 && !is_tabulated(coefficient_at(m, s->kappa, i), coefficient_at(m, s->n, i))) return 0;
+    }
+    return 1;
+}
+
 static mrd_status run_bouc_wen(const mrd_model *m, const mrd_record *r, size_t directions, const mrd_direction *direction,
                                double *force, double *columns, mrd_workspace *workspace, mrd_state *state)
 {
     const shape_of_law shape = shape_at(m);
     if (!one_shape(m, r, &shape, state)) return MRD_SHAPE_VARIES;
+    if (!has_curve(m, &shape, r->n)) return MRD_NOT_TABULATED;
     const size_t n = r->n;
     int by_shape = 0, by_travel = 0;
     for (size_t d = 0; d < directions; d++) {
@@ -231,6 +243,7 @@ static mrd_status run_stepped(const mrd_model *m, const mrd_record *r, size_t wa
     } else if (m->law == MRD_SPENCER) {
         const shape_of_law shape = shape_at(m);
         if (!one_shape(m, r, &shape, state)) return MRD_SHAPE_VARIES;
+        if (!is_tabulated(shape.kappa_value, shape.n_value)) return MRD_NOT_TABULATED;
         mrd_workspace *own = workspace ? workspace : workspace_open();
         if (!own) return MRD_NO_MEMORY;
         spencer_run(m, r, ways, way, force, column, curve_in(own, shape.kappa_value, shape.n_value, ways > 0), state);
@@ -327,6 +340,7 @@ static mrd_status causal(const mrd_model *m, const mrd_record *r, double *force)
     if (!coefficient_count((int)m->law)) return MRD_NOT_A_LAW;
     if (!has_state_w(m->law)) return run(m, r, 0, NULL, force, NULL, NULL);
     const shape_of_law shape = shape_at(m);
+    if (!has_curve(m, &shape, r->n)) return MRD_NOT_TABULATED;
     curve *c = malloc(sizeof *c);
     if (!c) return MRD_NO_MEMORY;
     curve_build(c, shape.kappa_value, shape.n_value, 0);
@@ -443,11 +457,16 @@ static mrd_status squared_errors(mrd_law law, size_t runs, const mrd_record *con
                            && m.coefficient[C_VISCOUS_EXPONENT] == 1.0;
             if ((law == MRD_BOUC_WEN || law == MRD_DAHL) && plain) {
                 const shape_of_law shape = shape_at(&m);
+                if (!has_curve(&m, &shape, 1)) {
+                    status = MRD_NOT_TABULATED;
+                    break;
+                }
                 const curve *c = curve_in(workspace, shape.kappa_value, shape.n_value, 0);
                 errors[j * runs + k] = squared_error_bouc_wen(c, &m, r, measured[k], from[k], m.coefficient[BW_RHO]);
                 continue;
             }
             status = run(&m, r, 0, NULL, force, NULL, workspace);
+            if (status != MRD_OK) break;
             for (size_t i = 0; i < r->n; i++) force[i] -= measured[k][i];
             errors[j * runs + k] = from[k] < r->n ? sum_of_products(force + from[k], force + from[k], r->n - from[k]) : 0.0;
         }

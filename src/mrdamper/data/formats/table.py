@@ -194,9 +194,20 @@ def _talkative() -> list[str]:
 
 
 def plain_names(paths: Sequence[Sequence[str]]) -> list[str]:
-    """Return the last part of each path where it is the only one of that name, else the whole path."""
+    """Return the last part of each path where it is the only one of that name, else the whole path.
+
+    Paths that are the same are counted: a channel must not take the place of its namesake.
+    """
     often = Counter(path[-1] for path in paths)
-    return [path[-1] if often[path[-1]] == 1 else "/".join(path) for path in paths]
+    names: dict[str, None] = {}
+    for path in paths:
+        plain = path[-1] if often[path[-1]] == 1 else "/".join(path)
+        name, number = plain, 1
+        while name in names:
+            number += 1
+            name = f"{plain} ({number})"
+        names[name] = None
+    return list(names)
 
 
 def require_room(samples: int, path: Path, name: str) -> None:

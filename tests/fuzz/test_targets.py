@@ -1,0 +1,113 @@
+"""Fuzzing in short: what once broke a promise, and some hundred new inputs for every target.
+
+The long form, 1e6 executions of each, is marked ``long``; docs/trust.md has what came of it.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from fuzz import native
+from fuzz.contract import BrokenPromiseError, promised
+from fuzz.targets import CORPUS, TARGETS, kept_inputs
+from mrdamper.errors import InputError
+
+ROOT = Path(__file__).parents[2]
+SHORT = 300  # executions of a target in Python
+SHORT_C = 4000
+LONG = 1_000_000
+
+
+@pytest.fixture
+def atheris(tool):
+    """Skip (fail where tools are required) without atheris."""
+    del tool  # asked for its mark: a skip for want of a tool is told apart by it
+    if importlib.util.find_spec("atheris") is None:
+        pytest.skip("atheris is not installed")
+
+
+@pytest.fixture
+def fuzzing_clang(tool, tmp_path):
+    """Skip (fail where tools are required) without clang and the run time of its fuzzer and sanitizers."""
+    compiler, probe = tool(native.COMPILER), tmp_path / "probe.c"
+    probe.write_text("int LLVMFuzzerTestOneInput(const char *d, unsigned long n) { return d && n > 9; }\n")
+    command = [compiler, "-fsanitize=fuzzer,address,undefined", probe, "-o", tmp_path / "probe"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        pytest.skip(f"clang has no fuzzer's run time (libclang-rt-14-dev): {done.stderr.splitlines()[-1:]}")
+
+
+def fuzz(name: str, runs: int, folder: Path) -> str:
+    """Run a target in a folder of its own; return what the engine said at its end."""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "-m", "fuzz", name, f"-runs={runs}", "-seed=1"]
+    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+    log = (folder / "build/fuzz" / name).with_suffix(".log").read_text(encoding="utf-8", errors="replace")
+    assert done.returncode == 0, done.stdout + done.stderr + log[-4000:]
+    return log
+
+
+# -------------------------------------------------------------------------------- without any engine
+
+
+@pytest.mark.parametrize("name", TARGETS)
+def test_sound_inputs_and_those_that_once_broke_a_promise_keep_it(name):
+    for content in [*TARGETS[name].seeds(), *(path.read_bytes() for path in kept_inputs(name))]:
+        TARGETS[name].take(content)
+
+
+def test_every_kept_input_belongs_to_a_target_and_is_small():
+    for path in CORPUS.rglob("*"):
+        if path.is_file():
+            assert path.parent.name in TARGETS or path.parent.name in native.TARGETS
+            assert path.stat().st_size < 20_000
+
+
+def test_the_contract_lets_our_errors_pass_and_nothing_else():
+    with promised("a.csv"):
+        raise InputError("a.csv: is empty; expected columns")
+    with pytest.raises(BrokenPromiseError, match="does not name"), promised("a.csv"):
+        raise InputError("is empty")
+    with pytest.raises(BrokenPromiseError, match="0 characters"), promised():
+        raise InputError("")
+    with pytest.raises(KeyError), promised():
+        raise KeyError("force")
+
+
+# ----------------------------------------------------------------------------------- with an engine
+
+
+@pytest.mark.parametrize("name", [name for name in TARGETS if TARGETS[name].guided])
+def test_a_short_search_breaks_no_promise(name, atheris, tmp_path):
+    log = fuzz(name, SHORT, tmp_path)
+    assert f"Done {SHORT} runs" in log
+    assert "Is the code instrumented for coverage" not in log
+
+
+@pytest.mark.parametrize("name", ["laws", "tables", "exported-series", "exported-float"])
+def test_a_short_search_in_c_is_silent_under_the_sanitizers(name, fuzzing_clang, tmp_path):
+    assert f"Done {SHORT_C} runs" in fuzz(name, SHORT_C, tmp_path)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", [name for name in TARGETS if TARGETS[name].guided])
+def test_a_million_inputs_break_no_promise(name, atheris, tmp_path):
+    assert f"Done {LONG} runs" in fuzz(name, LONG, tmp_path)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", [name for name in TARGETS if not TARGETS[name].guided])
+def test_twenty_thousand_damaged_files_each_end_in_one_message(name, atheris, tmp_path):
+    assert f"Done {LONG // 50} runs" in fuzz(name, LONG // 50, tmp_path)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", native.TARGETS)
+def test_a_million_inputs_in_c_are_silent_under_the_sanitizers(name, fuzzing_clang, tmp_path):
+    assert f"Done {LONG} runs" in fuzz(name, LONG, tmp_path)
