@@ -113,7 +113,7 @@ def open_batch(
     ----------
     kinematics : displacement [m], velocity [m/s] and acceleration [m/s^2], shape (n,) each: the last
         settled sample of the batch before (``behind`` is 1, but for the first), those not settled, new ones
-    motion : where the motion stands, shape (MOTION_NUMBERS,), zeros before the first batch; brought to the end
+    motion : where it stands, shape (MOTION_NUMBERS,), zeros before the first batch; brought to the end
     patience : samples behind the furthest of the motion that may wait for being settled
     last : all are settled, since the run ends here
     """

@@ -121,7 +121,8 @@ class Campaign:
         count = len(self.temperatures_degC) * (len(self.motions) * len(self.currents_A) + 1)
         if count > _MOST_RUNS:
             raise InputError(
-                f"campaign: temperatures, motions and currents make {count} runs; expected at most {_MOST_RUNS}"
+                f"campaign: its temperatures, motions and currents make {count} runs; "
+                f"expected at most {_MOST_RUNS}"
             )
         often = Counter(run.name for run in self.runs("x"))
         twice = next((name for name, times in often.items() if times > 1), None)

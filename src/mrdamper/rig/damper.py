@@ -96,9 +96,10 @@ class VirtualDamper:
     leak_N_s_m: float = 1.5e6  # c1: the oil's compliance as a leak, in series with yield and viscous force
 
     def __post_init__(self) -> None:
-        if not isinstance(self.name, str) or not _SAFE.fullmatch(self.name):
+        name: object = self.name  # a file may have said anything
+        if not isinstance(name, str) or not _SAFE.fullmatch(name):
             raise InputError(
-                f"virtual damper: name is {self.name!r}; expected letters, digits, dots and dashes, as it "
+                f"virtual damper: name is {name!r}; expected letters, digits, dots and dashes, as it "
                 "begins the runs' file names"
             )
         for field in fields(self):

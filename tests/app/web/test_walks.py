@@ -1,4 +1,4 @@
-"""Walks beside the main way: dropping, bringing, comparing, stopping, printing, a lost server, two."""
+"""Walks beside the main way: drop, bring, compare, stop, print, lose the server, two windows at once."""
 
 from __future__ import annotations
 
@@ -322,12 +322,14 @@ def test_every_long_job_is_stopped_from_the_page_and_leaves_nothing_half_done(pa
     pid = int(client.until(job_id, {"running"})["pid"])
     page.goto("/#/jobs")
     page.wait_for_timeout(1500)  # well into its work
-    page.get_by_label(f"Cancel {job_id}").click()
     begin = time.monotonic()
+    page.get_by_label(f"Cancel {job_id}").click()
     job = client.ended(job_id, 5.0)
-    print(f"{kind}: {job['state']} after {time.monotonic() - begin:.2f} s")
     assert job["state"] == "cancelled"
-    assert not is_alive(pid) or client.ended(job_id, 3.0)
+    while is_alive(pid):
+        assert time.monotonic() < begin + 6.0
+        time.sleep(0.02)
+    print(f"{kind}: gone {time.monotonic() - begin:.2f} s after the press")
     page.locator("tr", has_text=job_id).get_by_text("cancelled", exact=True).first.wait_for()
     assert not [path for path in root.rglob(".mrdamper-*") if ".cache" not in path.parts]
     if kind == "rig":
@@ -340,6 +342,7 @@ def a_free_port():
         return str(one.getsockname()[1])
 
 
+@pytest.mark.long
 def test_a_page_that_stays_open_finds_the_server_again(browser, tmp_path):
     """A power cut in the middle of a fit: the open page says so; what was done before is still there."""
     root, port = tmp_path / "damper", a_free_port()
@@ -377,6 +380,7 @@ def test_a_page_that_stays_open_finds_the_server_again(browser, tmp_path):
 # ------------------------------------------------------------------------------------------------ two at once
 
 
+@pytest.mark.long
 def test_two_browsers_and_a_long_fit_keep_quick_and_lose_nothing(browser, rig):
     """Asked: no request over one second apart from uploads. The worst that two windows ask is printed."""
     _, client = rig
