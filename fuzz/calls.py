@@ -1,6 +1,7 @@
 """Target: the binding of the C kernel, called with wrong shapes, kinds and sizes.
 
-A call gives its result or one of Python's errors; what lies beside an array that is written to stays as it was.
+A call gives its result or one of Python's errors; what lies beside an array that is written to stays as it
+was.
 """
 
 from __future__ import annotations
