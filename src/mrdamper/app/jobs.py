@@ -52,7 +52,7 @@ class FitOptions:
 
     law: str | None = None  # a name, ``auto``, ``file.py:Class``; None: the usual one for the runs
     method: Method = "varpro"
-    starts: int = 1
+    starts: int = 3
     seed: int = 0
     hold_out: tuple[str, ...] = ()
     leave_out: tuple[Kind, ...] = ()
