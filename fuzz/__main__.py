@@ -1,8 +1,8 @@
 """Run the fuzzing: ``python -m fuzz [NAME ...] [-runs=N] [OPTION ...]``; without a name, the list of targets.
 
-``python``, ``isolated`` and ``c`` are the targets of one kind, ``all`` is all of them. What begins with a dash
-goes to the engine (libFuzzer's options). The inputs that it finds stay in build/fuzz/NAME; one that breaks a promise is left
-there as crash-*, and belongs into fuzz/corpus/NAME with its fix.
+``python``, ``isolated`` and ``c`` are the targets of one kind, ``all`` is all of them. What begins with a
+dash goes to the engine (libFuzzer's options). The inputs that it finds stay in build/fuzz/NAME; one that
+breaks a promise is left there as crash-*, and belongs into fuzz/corpus/NAME with its fix.
 """
 
 from __future__ import annotations
