@@ -8,13 +8,13 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "src" / "mrdamper"
-TREES = {path.relative_to(PACKAGE).as_posix(): ast.parse(path.read_bytes()) for path in PACKAGE.rglob("*.py")}
 
 # What builds objects or runs text that somebody else wrote.
 MODULES = {
@@ -27,6 +27,20 @@ ATTRIBUTES = {
     *("exec_module", "load_module", "run_path", "run_module", "create_subprocess_shell", "getoutput"),
 }
 OF_MODULES = {"os": {"system", "popen"}, "np": {"load"}, "numpy": {"load"}}
+NETWORK = {
+    *(
+        "socket",
+        "ssl",
+        "urllib.request",
+        "urllib3",
+        "http.client",
+        "http.server",
+        "requests",
+        "httpx",
+        "aiohttp",
+    ),
+    *("pooch", "distributed", "dask", "uvicorn", "ftplib", "smtplib", "socketserver", "webbrowser"),
+}
 KEYWORDS = {"allow_pickle", "shell"}
 
 # The only places that load a module by a name that is not in the source, or run a file: and why.
@@ -35,6 +49,13 @@ ALLOWED = {
     "data/formats/table.py: import_module": "an optional library, by a name in the source",
     "models/reference.py: exec_module": "--law FILE.py:CLASS, which a person gives on the command line",
 }
+
+
+@cache
+def trees() -> dict[str, ast.Module]:
+    return {
+        path.relative_to(PACKAGE).as_posix(): ast.parse(path.read_bytes()) for path in PACKAGE.rglob("*.py")
+    }
 
 
 def module_of(node: ast.AST) -> Iterator[str]:
@@ -62,8 +83,8 @@ def findings(tree: ast.AST) -> Iterator[str]:
 
 
 def test_the_source_runs_no_code_that_it_is_given():
-    assert len(TREES) > 100
-    found = {f"{name}: {what}" for name, tree in TREES.items() for what in findings(tree)}
+    assert len(trees()) > 100
+    found = {f"{name}: {what}" for name, tree in trees().items() for what in findings(tree)}
     assert found == set(ALLOWED)
 
 
@@ -97,11 +118,27 @@ def test_the_only_addresses_are_https_and_ours():
     literal = re.compile(r"\b(http|ftp|ws)://(?!www\.w3\.org/)")
     found = {
         f"{name}: {node.value[:30]}"
-        for name, tree in TREES.items()
+        for name, tree in trees().items()
         for node in ast.walk(tree)
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and literal.search(node.value)
     }
     assert found == {"app/web/server.py: http://"}
+
+
+def test_only_these_modules_can_open_a_connection():
+    found = {
+        name
+        for name, tree in trees().items()
+        for node in ast.walk(tree)
+        for module in module_of(node)
+        if any(module == each or module.startswith(f"{each}.") for each in NETWORK)
+    }
+    assert found == {
+        "data/catalog.py",  # data fetch: https, pinned
+        "app/sweep/runners.py",  # sweep --scheduler
+        "app/web/server.py",  # serve
+        "app/web/security.py",  # the name of this machine
+    }
 
 
 def test_every_test_that_the_promises_name_is_there():
