@@ -12,7 +12,6 @@ import os
 import shutil
 import sys
 import tempfile
-import time
 import traceback
 from collections.abc import Sequence
 from contextlib import redirect_stderr
@@ -67,7 +66,7 @@ def _run(name: str, target: Any, options: list[str]) -> bool:  # noqa: ANN401 - 
     place = BUILD / name
     place.mkdir(parents=True, exist_ok=True)
     program = native.built(name, BUILD) if target is None else None
-    begun, log = time.monotonic(), place.with_suffix(".log")
+    log = place.with_suffix(".log")
     sys.stdout.flush()
     with tempfile.TemporaryDirectory(prefix="mrdamper-fuzz-", dir=_MEMORY) as room:
         process = os.fork()
@@ -83,12 +82,16 @@ def _run(name: str, target: Any, options: list[str]) -> bool:  # noqa: ANN401 - 
             except BaseException:
                 traceback.print_exc()
             os._exit(1)  # an engine ends its process itself
-        _, status = os.waitpid(process, 0)
-    seconds = time.monotonic() - begun
+        _, status, used = os.wait4(process, 0)
+    seconds = used.ru_utime + used.ru_stime
     lines = log.read_text(encoding="utf-8", errors="replace").splitlines()
     count = next((line.split()[1] for line in reversed(lines) if line.startswith("Done ")), "")
-    said = f"{count} executions, {float(count) / seconds:.0f} /s" if count else f"broke off; see {log}"
-    print(f"{name:>21}: {said}, {seconds:.0f} s", flush=True)
+    said = (
+        f"{count} executions, {float(count) / seconds:.0f} per second of CPU"
+        if count
+        else f"broke off; see {log}"
+    )
+    print(f"{name:>21}: {said}, {seconds:.0f} s of CPU", flush=True)
     return status == 0 and bool(count)
 
 
