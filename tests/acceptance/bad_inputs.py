@@ -356,7 +356,7 @@ def mdf_formula(folder: Path) -> Arguments:
 
     time, *others = titled().items()
     with MDF(version="4.10") as file:
-        scaled = {"formula": "__import__('os').system('touch harm') + X"}
+        scaled: dict[str, object] = {"formula": "__import__('os').system('touch harm') + X"}
         for name, values in others:
             file.append([Signal(values, time[1], "", name, conversion=scaled)])
         file.save(folder / "bad.mf4", overwrite=True)

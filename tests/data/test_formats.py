@@ -392,8 +392,8 @@ def test_a_formula_in_an_mdf_file_is_not_run(tmp_path, monkeypatch, version, nes
 
     for blocks in (v2_v3_blocks, v4_blocks):
         monkeypatch.setattr(blocks, "evaluate", lambda text: pytest.fail(f"{text} was run"))
-    formula = {"formula": "2 * X + 1"}
-    table = {"lower_0": 5.0, "upper_0": 6.0, "text_0": b"high", "default_addr": formula}
+    formula: dict[str, object] = {"formula": "2 * X + 1"}
+    table: dict[str, object] = {"lower_0": 5.0, "upper_0": 6.0, "text_0": b"high", "default_addr": formula}
     time = np.arange(8) * 0.1
     with MDF(version=version) as file:
         file.append(
