@@ -319,6 +319,16 @@ def far_cells() -> bytes:
     return workbook(SHEET.replace("@", row).encode())
 
 
+def entity(declared: str) -> bytes:
+    """Return a workbook whose sheet declares the entity ``e`` and uses it as a text beside two numbers."""
+    cells = '<c t="str"><v>&e;</v></c><c><v>1</v></c><c><v>2</v></c>'
+    rows = "".join(f'<row r="{k}">{cells}</row>' for k in range(1, 9))
+    return workbook(f"<!DOCTYPE s [{declared}]>{SHEET.replace('@', rows)}".encode())
+
+
+LAUGHS = '<!ENTITY e0 "ha">' + "".join(f'<!ENTITY e{k + 1} "{f"&e{k};" * 10}">' for k in range(9))
+
+
 def two_sheets(folder: Path) -> Arguments:
     from openpyxl import Workbook
 
@@ -631,6 +641,14 @@ CASES: tuple[Case, ...] = (
     Case("Excel, bomb", bomb(600_000_000), r"unpacks to more than 512 MB"),
     Case("Excel, bomb that denies it", bomb(900), r"unpacks to more than the 900 bytes"),
     Case("Excel, far cells", raw(far_cells(), "bad.xlsx"), r"spans 1048576 rows and 16384 columns"),
+    Case(
+        "Excel, entities of entities", raw(entity(f'{LAUGHS}<!ENTITY e "&e9;">'), "bad.xlsx"), r"entity `&e;`"
+    ),
+    Case(
+        "Excel, another file as entity",
+        raw(entity('<!ENTITY e SYSTEM "good.csv">'), "bad.xlsx"),
+        r"entity `&e;`",
+    ),
     Case("Excel, two sheets", two_sheets, r"sheets 'Run 0', 'Run 1' all hold rows of numbers"),
     Case("Excel, a word", word_in_a_sheet, r"sheet 'Sheet', row 152: column 'force_kN' holds '#DIV/0'"),
     # loggers

@@ -63,6 +63,12 @@ def test_sound_inputs_and_those_that_once_broke_a_promise_keep_it(name):
         TARGETS[name].take(content)
 
 
+def test_the_page_on_trust_has_a_row_for_every_target():
+    page = (ROOT / "docs/trust.md").read_text(encoding="utf-8")
+    rows = {line.split("|")[1].strip(" `") for line in page.splitlines() if line.startswith("| `")}
+    assert {*TARGETS, *native.TARGETS} <= rows
+
+
 def test_every_kept_input_belongs_to_a_target_and_is_small():
     for path in CORPUS.rglob("*"):
         if path.is_file():
