@@ -1,8 +1,8 @@
 """Targets: binary formats. Decoders of compiled libraries are asked in a process of their own, as for users.
 
 ``tdms`` and ``excel`` run the reader in this process, where its branches are seen. HDF5, MAT, MDF and
-Parquet, whose libraries a damaged file can crash, go through the door that a user's file goes through: whatever
-the library does to its process, one message comes back.
+Parquet, whose libraries a damaged file can crash, go through the door that a user's file goes through:
+whatever the library does to its process, one message comes back.
 """
 
 from __future__ import annotations
