@@ -120,10 +120,11 @@ def beyond_envelope(card: ModelCard, runs: Mapping[str, Mapping[str, tuple[float
             continue
         low, high = min(e[0] for e in beyond.values()), max(e[1] for e in beyond.values())
         told = [f"{scale * end + shift:.4g}" for end in (low, high, *allowed)]
+        where = f"in {len(beyond)} of {len(runs)} runs (the first: {next(iter(beyond))})"
+        where = where if len(runs) > 1 else f"in {next(iter(beyond))}"
         held = f", {beyond_in_words(card.damper)}" if what == "temperature" else ""
         said.append(
-            f"{what} is {told[0]} to {told[1]} {unit} in {len(beyond)} of {len(runs)} runs (the first: "
-            f"{next(iter(beyond))}); the card was identified on {told[2]} to {told[3]} {unit}{held}"
+            f"{what} is {told[0]} to {told[1]} {unit} {where}; the card was identified on {told[2]} to {told[3]} {unit}{held}"
         )
     return said
 
