@@ -184,6 +184,19 @@ def test_an_interrupt_keeps_the_model_of_what_was_counted(tmp_path: Path, card: 
     assert len(pl.read_csv(tmp_path / "out" / "cycles.csv")) == answer["cycles"] == 12
 
 
+def test_an_interrupt_before_the_model_could_begin_is_no_fault(tmp_path: Path, card: Path) -> None:
+    record = write_warm(tmp_path / "record.parquet")
+
+    def stop(_rows: int, _of: int | None, _cycles: int) -> None:
+        signal.raise_signal(signal.SIGINT)
+
+    answer = cycles(record, model=card, batch_rows=150, report=stop)
+    assert answer["cancelled"]
+    assert answer["rows"] == 150
+    assert isinstance(answer["model"], dict)
+    assert answer["model"]["cycles"] == 0
+
+
 def test_a_card_of_another_command_is_refused_before_anything_is_read(tmp_path: Path, card: Path) -> None:
     record = write_warm(tmp_path / "record.parquet")
     volts = tmp_path / "volts.parquet"

@@ -131,7 +131,7 @@ def _run(
             if noted:
                 cancelled = True
                 break
-    for part in () if along is None else along.replay.close():
+    for part in () if along is None else along.replay.close(cut_short=cancelled):
         take(counter.feed(part))
     take(counter.close())
     groups.close()

@@ -97,10 +97,18 @@ class Replay:
             self._drive(batch)
         yield from self._released()
 
-    def close(self) -> Iterator[Batch]:
-        """Give back what is left: the record ends here."""
+    def close(self, *, cut_short: bool = False) -> Iterator[Batch]:
+        """Give back what is left: the record ends here.
+
+        Where it was ``cut_short``, a head by which no rules can be chosen leaves its rows without a force.
+        """
         if self._head or self._refused:
-            self._begin(last=True)
+            try:
+                self._begin(last=True)
+            except InputError:
+                if not cut_short:
+                    raise
+                self._seen = self._rows[-1].row + len(self._rows[-1])
         self._end()
         yield from self._released()
 
