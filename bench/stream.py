@@ -51,7 +51,7 @@ def run(*, full: bool = False) -> list[Row]:
     with tempfile.TemporaryDirectory(prefix="mrdamper-") as place:
         card = Path(place) / "card.json"
         _write_card(card)
-        _write(Path(place) / _SMALL, FIXED)
+        _in_a_process("write", str(Path(place) / _SMALL), str(FIXED))
         found = [_measured(Path(place), rows, card) for rows in sizes]
     return [
         *_rows("cycles of a record, streamed from Parquet", sizes, [each[0] for each in found], MOST_ERROR),
@@ -97,8 +97,8 @@ def _rows(group: str, sizes: Sequence[int], found: Sequence[Found], most: float)
 def _measured(place: Path, rows: int, card: Path) -> tuple[Found, Found]:
     """Return what a record of so many rows costs, without and with the model."""
     record = place / "record.parquet"
-    _write(record, rows)
-    plain, out = _in_a_process(record, place / "plain")
+    _in_a_process("write", str(record), str(rows))  # whose memory is not to count
+    plain, out = _job_in_a_process(record, place / "plain")
     table = pl.read_csv(out, columns=["row", "energy_J"])
     number = (table["row"].to_numpy() + _CYCLE // 4) // _CYCLE
     force = _FORCE_N * (1.0 - _FADE * number)
@@ -106,20 +106,25 @@ def _measured(place: Path, rows: int, card: Path) -> tuple[Found, Found]:
     if len(table) != rows // _CYCLE - 1:
         raise RuntimeError(f"stream: {len(table)} cycles in {rows} rows; expected {rows // _CYCLE - 1}")
     plain["error"] = float(np.abs(table["energy_J"].to_numpy() / known - 1.0).max())
-    with_model, out = _in_a_process(record, place / "model", card)
+    with_model, out = _job_in_a_process(record, place / "model", card)
     energy = pl.read_csv(out, columns=["model_energy_J"])["model_energy_J"].to_numpy()
     with_model["error"] = _off(record, energy)
     record.unlink()
     return plain, with_model
 
 
-def _in_a_process(record: Path, out: Path, *card: Path) -> tuple[Found, Path]:
-    asked = [sys.executable, "-m", "bench.stream", *map(str, (record, out, *card))]
-    done = subprocess.run(asked, capture_output=True, text=True, check=False)
+def _job_in_a_process(record: Path, out: Path, *card: Path) -> tuple[Found, Path]:
+    found: Found = json.loads(_in_a_process("job", *map(str, (record, out, *card))))
+    return found, out / "cycles.csv"
+
+
+def _in_a_process(*asked: str) -> str:
+    """Return what this module prints when asked on the command line."""
+    command = [sys.executable, "-m", "bench.stream", *asked]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
         raise RuntimeError(f"stream: {(done.stderr.strip().splitlines() or ['no message'])[-1]}")
-    found: Found = json.loads(done.stdout)
-    return found, out / "cycles.csv"
+    return done.stdout
 
 
 def _off(record: Path, energy: np.ndarray) -> float:
@@ -198,11 +203,20 @@ def _job(record: Path, out: Path, card: Path | None = None) -> Found:
         stop()  # what the process that decodes has used counts once it has ended
         spent.append(cpu_clock())
     wall = time.perf_counter() - start
-    who = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
-    memory = sum(resource.getrusage(each).ru_maxrss for each in who) / 1024.0
+    memory = _own_peak() + resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024.0
     fixed, again, whole = np.diff(spent, prepend=0.0).tolist()
     return {"cpu_s": fixed + whole - again, "fixed_s": fixed, "wall_s": wall, "memory_MB": memory}
 
 
-if __name__ == "__main__":
-    print(json.dumps(_job(*map(Path, sys.argv[1:]))))
+def _own_peak() -> float:
+    """Return the largest memory of this program alone: that of ``getrusage`` may be its parent's."""
+    for line in Path("/proc/self/status").read_text(encoding="ascii").splitlines():
+        if line.startswith("VmHWM:"):
+            return float(line.split()[1]) / 1024.0
+    raise RuntimeError("stream: the system does not tell a process's memory")
+
+
+if __name__ == "__main__" and sys.argv[1] == "write":
+    _write(Path(sys.argv[2]), int(sys.argv[3]))
+elif __name__ == "__main__":
+    print(json.dumps(_job(*map(Path, sys.argv[2:]))))
