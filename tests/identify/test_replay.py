@@ -153,6 +153,16 @@ def test_lost_samples_are_bridged_as_in_a_whole_run() -> None:
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-8 * np.abs(expected).max())
 
 
+def test_what_is_held_does_not_grow_with_the_record() -> None:
+    batch = held(record(12 * HEAD))
+    replay = Replay(WARM, Preparation(), "record", "A", head_rows=HEAD)
+    waiting, out = [], 0
+    for start in range(0, len(batch), HEAD):
+        out += sum(map(len, replay.feed(batch.part(slice(start, start + HEAD)))))
+        waiting.append(start + HEAD - out)
+    assert max(waiting) <= 6 * HEAD  # a window and its reach: 34 s of knots of the temperature's smoothing
+
+
 def test_behind_a_break_the_model_begins_anew() -> None:
     batch = held(record(5 * HEAD))
     broken = 3 * HEAD + 10
