@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -211,3 +213,32 @@ def test_without_a_model_nothing_is_said_of_one(tmp_path: Path) -> None:
     assert answer["model"] is None
     assert "model" not in (tmp_path / "out" / "cycles.csv").read_text()
     assert "The model" not in (tmp_path / "out" / "cycles.html").read_text()
+
+
+LIMITED = """
+import resource, sys
+from pathlib import Path
+from mrdamper.app.cycles_job import cycles
+resource.setrlimit(resource.RLIMIT_DATA, (1_500_000_000, 1_500_000_000))
+answer = cycles(Path(sys.argv[1]), model=Path(sys.argv[2]))
+print(answer["cycles"], answer["model"]["cycles"])
+"""
+
+
+@pytest.mark.long
+def test_a_record_of_2e7_rows_takes_no_more_memory_than_it_may(tmp_path: Path, card: Path) -> None:
+    rows, number = 20_000_000, pl.col("number").cast(pl.Float64)
+    phase = (pl.col("number") % 200).cast(pl.Float64) * (np.pi / 100)
+    record = tmp_path / "record.parquet"
+    pl.LazyFrame().select(number=pl.int_range(rows)).select(
+        time_s=number * 2e-3,
+        displacement_mm=10.0 * phase.sin(),
+        force_N=900.0 * phase.cos() + 500.0 * phase.sin(),
+        current_A=pl.when(pl.col("number") % 100_000 < 50_000).then(1.0).otherwise(0.5),
+        temperature_degC=20.0 + number * 1e-6,
+    ).sink_parquet(record)
+    done = subprocess.run(
+        [sys.executable, "-c", LIMITED, str(record), str(card)], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == ["99999", "99999"]
