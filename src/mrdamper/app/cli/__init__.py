@@ -574,7 +574,8 @@ def sink(
     from mrdamper.app.sink_job import sink as job
 
     chosen = SinkOptions(by_field=not network_only, **options)
-    with terminal.counter() as report:
+    ctrl_c = "leaves nothing" if out is None else "keeps what is finished for --resume"
+    with terminal.counter(ctrl_c=ctrl_c) as report:
         answer = job(
             card, damper, duty=duty, options=chosen, out=out, resume=resume, tell=_tell, report=report
         )
@@ -767,7 +768,7 @@ def sweep(file: Path, out: Path, *, as_json: bool, **options: Any) -> int:  # no
     from mrdamper.app.cli import terminal
     from mrdamper.app.sweep_job import sweep as job
 
-    with terminal.counter("task") as report:
+    with terminal.counter("task", ctrl_c="keeps the results") as report:
         answer = job(file, out, report=report, **options)
     cut_short = "the results so far are kept; the same command with --resume goes on"
     return _finish(answer, terminal.show_sweep, as_json=as_json, cut_short=cut_short)
