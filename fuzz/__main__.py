@@ -105,7 +105,7 @@ def _run_here(name: str, options: list[str]) -> None:
 
 
 class _Sources:
-    """Finds the package's Python files in ``src``: what an editable install's own finder loads is not seen."""
+    """Finds the package's Python files in ``src``: what an editable install's finder loads is not seen."""
 
     @staticmethod
     def find_spec(name: str, path: Sequence[str] | None = None, _target: object = None) -> ModuleSpec | None:

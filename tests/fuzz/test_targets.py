@@ -70,14 +70,17 @@ def test_every_kept_input_belongs_to_a_target_and_is_small():
 
 
 def test_the_contract_lets_our_errors_pass_and_nothing_else():
-    with promised("a.csv"):
-        raise InputError("a.csv: is empty; expected columns")
-    with pytest.raises(BrokenPromiseError, match="does not name"), promised("a.csv"):
-        raise InputError("is empty")
-    with pytest.raises(BrokenPromiseError, match="0 characters"), promised():
-        raise InputError("")
-    with pytest.raises(KeyError), promised():
-        raise KeyError("force")
+    def meet(error, place="a.csv"):
+        with promised(place):
+            raise error
+
+    meet(InputError("a.csv: is empty; expected columns"))
+    with pytest.raises(BrokenPromiseError, match="does not name"):
+        meet(InputError("is empty"))
+    with pytest.raises(BrokenPromiseError, match="0 characters"):
+        meet(InputError(""), place="")
+    with pytest.raises(KeyError):
+        meet(KeyError("force"))
 
 
 # ----------------------------------------------------------------------------------- with an engine
