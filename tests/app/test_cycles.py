@@ -138,3 +138,16 @@ def test_an_interrupt_keeps_what_was_counted(tmp_path: Path) -> None:
     assert answer["cycles"] == 30 - 1  # lower turning points at 150, 350, ... 5950
     assert len(pl.read_csv(tmp_path / "out" / "cycles.csv")) == answer["cycles"]
     assert "Interrupted" in (tmp_path / "out" / "cycles.html").read_text()
+
+
+def test_a_second_interrupt_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    record = write(tmp_path / "record.parquet")
+    monkeypatch.setattr("mrdamper.app.interrupts._ONE_S", 0.0)
+
+    def stop(*_: object) -> None:
+        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)
+
+    with pytest.raises(KeyboardInterrupt):
+        cycles(record, batch_rows=2_000, out=tmp_path / "out", report=stop)
+    assert [path.name for path in tmp_path.iterdir()] == ["record.parquet"]
