@@ -26,7 +26,7 @@ from mrdamper.data.diagnosis.finding import worst_first
 from mrdamper.data.streaming import BATCH_ROWS, LongRecord, open_record
 from mrdamper.quantities import FloatArray
 
-__all__ = ["FIGURES", "MOST_GROUPS", "Groups", "cycles"]
+__all__ = ["FIGURES", "MOST_GROUPS", "Groups", "curves_of", "cycles"]
 
 MOST_GROUPS = 2048
 """Of cycles, in the page and the summary; at twice as many, two neighbours become one."""
@@ -130,6 +130,7 @@ def cycles(
     least_stroke_mm: float | None = None,
     batch_rows: int = BATCH_ROWS,
     out: Path | None = None,
+    curves: bool = False,
     report: Report | None = None,
 ) -> Json:
     """Count a record's cycles; with ``out`` write cycles.csv, cycles.html and summary.json there.
@@ -138,7 +139,7 @@ def cycles(
 
     Returns
     -------
-    The answer of ``--json``.
+    The answer of ``--json``; with ``curves`` what the page draws beside it, ``curves_of`` its groups.
 
     Raises
     ------
@@ -152,7 +153,8 @@ def cycles(
         least_stroke_m=None if least_stroke_mm is None else 1e-3 * least_stroke_mm,
     )
     if out is None:
-        return _run(opened, counter, batch_rows, None, report)[0]
+        answer, groups = _run(opened, counter, batch_rows, None, report)
+        return answer | {"curves": curves_of(groups)} if curves else answer
     with staged(out) as beside:
         with (beside / "cycles.csv").open("wb") as table:
             answer, groups = _run(opened, counter, batch_rows, table, report)
@@ -161,7 +163,28 @@ def cycles(
         answer |= {name: str(out / file) for name, file in _FILES.items()}
         (beside / "cycles.html").write_text(render_cycles(answer, groups), encoding="utf-8")
         write_json(beside / "summary.json", answer)
-    return answer
+    return answer | {"curves": curves_of(groups)} if curves else answer
+
+
+def curves_of(groups: Groups) -> Json:
+    """Return the figures of groups as lists: of each its mean, and least and most where groups have several.
+
+    ``cycle`` is the mean number of a group's cycles; None stands where a figure is not known.
+    """
+    sides = {"mean": groups.mean, "least": groups.least, "most": groups.most}
+    shown = sides if groups.size > 1 else {"mean": groups.mean}
+    return {
+        "cycle": groups.number.tolist(),
+        "figures": {
+            name: {side: _listed(values[:, k]) for side, values in shown.items()}
+            for k, name in enumerate(FIGURES)
+            if len(groups.count) and np.isfinite(groups.mean[:, k]).any()
+        },
+    }
+
+
+def _listed(values: FloatArray) -> list[float | None]:
+    return [float(f"{value:.7g}") if np.isfinite(value) else None for value in values]
 
 
 _FILES = {"report": "cycles.html", "file": "cycles.csv", "summary_file": "summary.json"}
