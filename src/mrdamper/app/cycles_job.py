@@ -24,6 +24,7 @@ from mrdamper.app.outputs import staged, write_json
 from mrdamper.data.cycle_stream import CycleCounter, CycleFigures
 from mrdamper.data.diagnosis.finding import worst_first
 from mrdamper.data.streaming import BATCH_ROWS, LongRecord, open_record
+from mrdamper.models.card_reading import read_card
 from mrdamper.quantities import FloatArray
 
 __all__ = ["FIGURES", "MOST_GROUPS", "Groups", "curves_of", "cycles"]
@@ -128,12 +129,15 @@ def cycles(
     channels: Path | None = None,
     flip_force: bool = False,
     least_stroke_mm: float | None = None,
+    model: Path | None = None,
     batch_rows: int = BATCH_ROWS,
     out: Path | None = None,
     curves: bool = False,
     report: Report | None = None,
 ) -> Json:
     """Count a record's cycles; with ``out`` write cycles.csv, cycles.html and summary.json there.
+
+    ``model`` is a card, replayed over the record beside what was measured.
 
     Ctrl-C ends the reading: what was counted until then is kept, ``cancelled`` says so.
 
@@ -147,6 +151,8 @@ def cycles(
         The record cannot be read, or nothing in it can be used.
     """
     opened = open_record(record, channels)
+    if model is not None:
+        read_card(model)
     counter = CycleCounter(
         record.name,
         force_sign=-1.0 if flip_force else 1.0,

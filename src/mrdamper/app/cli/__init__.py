@@ -733,6 +733,12 @@ def export(card: Path, *, no_verify: bool, as_json: bool, **options: Any) -> int
     help="A smaller to-and-fro is no cycle.  [default: 5 % of the range of the first rows]",
 )
 @click.option(
+    "--model",
+    type=click.Path(path_type=Path),
+    metavar="CARD",
+    help="A card, replayed over the record beside what was measured.",
+)
+@click.option(
     "--out",
     type=click.Path(path_type=Path),
     metavar="DIR",
