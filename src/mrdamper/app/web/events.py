@@ -82,7 +82,7 @@ class Bell:
         if self._watch is None or self._watch.done():
             self._watch = asyncio.create_task(self._watching())
         try:
-            yield event("changed", {"what": ["files", "inputs", "cards", "jobs"]})
+            yield event("changed", {"what": ["files", "records", "inputs", "cards", "jobs"]})
             quiet = 0.0
             while not gone():
                 try:

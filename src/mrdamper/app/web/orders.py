@@ -153,6 +153,7 @@ class Cycles(Order):
     record: Name
     channels: Name | None = None
     least_stroke_mm: Positive | None = None
+    model: Name | None = None
     flip_force: bool = False
 
 

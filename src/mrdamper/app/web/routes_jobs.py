@@ -84,10 +84,12 @@ def _names_are_there(folder: WorkFolder, options: Json) -> None:
     for key in ("files",):
         for name in options.get(key) or ():
             folder.run_file(name)
-    if options.get("record") is not None:
+    if "record" in options:
         folder.record(options["record"])
-    if options.get("channels") is not None:
-        folder.channel_map(options["channels"])
+        if options["channels"] is not None:
+            folder.channel_map(options["channels"])
+        if options["model"] is not None:
+            folder.card(options["model"])
     keys = ["first", "second", "unaware", "pooled"]
     if "replace" not in options:  # identify writes its card
         keys.append("card")

@@ -209,6 +209,7 @@ def _cycles(options: Json, folder: WorkFolder, out: Path, say: Say) -> Json:
         channels=None if channels is None else folder.channel_map(channels),
         flip_force=options["flip_force"],
         least_stroke_mm=options["least_stroke_mm"],
+        model=None if options["model"] is None else folder.card(options["model"]),
         out=out,
         curves=True,
         report=report,

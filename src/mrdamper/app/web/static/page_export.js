@@ -11,7 +11,7 @@ export async function show(place, app, query) {
   const title = heading("Export", "Take the card to its target. The code is compiled and compared with the model before you can download it.");
   if (!cardsOf(app).length) {
     fill(place, title, empty("No card yet", "C code, FMUs and force maps are made from a card. Identify one first.", button("Go to Identify", () => app.go("identify"), { class: "main" })));
-    return {};
+    return { changed: () => cardsOf(app).length && app.again() };
   }
   const card = cardInUse(app, query.get("card"));
   app.choose("card", card);

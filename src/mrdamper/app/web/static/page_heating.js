@@ -9,7 +9,7 @@ export async function show(place, app, query) {
   const title = heading("Heating", "How hot the damper gets, how soon, and how much force that costs. Move a slider and read the curve.");
   if (!cardsOf(app).length) {
     fill(place, title, empty("No card yet", "Heat comes from the force that a card predicts. Identify a model first, or bring a card there.", button("Go to Identify", () => app.go("identify"), { class: "main" })));
-    return {};
+    return { changed: () => cardsOf(app).length && app.again() };
   }
   let card = cardInUse(app, query.get("card"));
   app.choose("card", card);

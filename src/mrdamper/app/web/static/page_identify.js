@@ -273,7 +273,10 @@ export async function show(place, app, query) {
   } else await panel.resume(null, wanted).catch((fault) => fill(result, note("fault", fault.message)));
 
   return {
-    changed: (what) => what.includes("cards") && drawCards(),
+    changed: (what) => {
+      if (!runs.length && what.includes("files")) app.again();
+      else if (what.includes("cards")) drawCards();
+    },
     close() {
       for (const each of [panel, prediction, comparison, cost]) each.close();
     },

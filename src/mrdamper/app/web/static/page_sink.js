@@ -10,7 +10,7 @@ export async function show(place, app, query) {
   const title = heading("Heat sink", "Annular fins on the body: the coolest damper for the least mass, inside what you can build.");
   if (!cardsOf(app).length) {
     fill(place, title, empty("No card yet", "A sink is searched for the heat that a card's force makes. Identify a model first.", button("Go to Identify", () => app.go("identify"), { class: "main" })));
-    return {};
+    return { changed: () => cardsOf(app).length && app.again() };
   }
   const card = cardInUse(app, query.get("card"));
   app.choose("card", card);

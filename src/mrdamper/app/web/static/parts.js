@@ -237,11 +237,14 @@ export class JobPanel {
   }
 }
 
+const SO_FAR = { identify: "what you see is the best so far, not converged.", cycles: "what you see was counted until then." };
+
 function endNote(job) {
   if (job.state === "failed") return note("fault", `${job.id} did not finish.\n${job.message ?? ""}`);
   if (job.state === "interrupted") return note("warning", `${job.id} was interrupted: the server ended while it was at work. ${job.resumable ? "Resume goes on with what it had finished." : "Start it again."}`);
-  if (job.resumable) return note("warning", `${job.id} was stopped; what it had finished is kept. Resume goes on.`);
-  return note("warning", job.answer ? `${job.id} was stopped; what you see is the best so far, not converged.` : `${job.id} was stopped before it had a result.`);
+  const seen = job.answer && (SO_FAR[job.kind] ?? "");
+  if (job.resumable) return note("warning", `${job.id} was stopped; ${seen || "what it had finished is kept."} Resume goes on with what it had finished.`);
+  return note("warning", seen ? `${job.id} was stopped; ${seen}` : `${job.id} was stopped before it had a result.`);
 }
 
 /** Return links to a job's files. */
