@@ -72,7 +72,7 @@ def test_a_record_is_counted_and_drawn_over_its_life(page, rig):
     place = root / "results" / job["id"]
     rows = list(csv.DictReader(io.StringIO((place / "cycles.csv").read_text(encoding="utf-8"))))
     header, drawn = saved_table(page, plot(page, "Energy per cycle"))
-    assert header[0] == "cycle, count"
+    assert header[0] == "cycle, number"
     assert [float(row[1]) for row in drawn] == pytest.approx(
         [float(row["energy_J"]) for row in rows], rel=1e-6
     )

@@ -2,8 +2,9 @@
 
 import { jobFile } from "./api.js";
 import { button, bytes, check, el, empty, field, fill, fixed, note, number, select, table } from "./dom.js";
-import { cardsOf, fileLinks, findingTable, heading, inputChoice, inputsOf, inWords, JobPanel, numberField, tile } from "./parts.js";
+import { cardsOf, fileLinks, findingTable, heading, inputChoice, inputsOf, JobPanel, nameAndUnit, numberField, tile } from "./parts.js";
 import { nth, Plot } from "./plot.js";
+import { tint } from "./theme.js";
 
 const FIGURES = {
   energy_J: ["energy per cycle", "J"],
@@ -14,7 +15,6 @@ const FIGURES = {
   amplitude_mm: ["amplitude", "mm"],
   period_s: ["period", "s"],
 };
-const UNITS = { J: "J", N: "N", N_per_mm: "N/mm", degC: "°C", mm: "mm", s: "s", percent: "%" };
 const PLOTS = [
   { title: "Energy per cycle", y: "energy, J", name: "energy", of: ["energy_J"] },
   { title: "Peak forces", y: "force, N", name: "peak-forces", of: ["highest_force_N", "lowest_force_N"] },
@@ -72,7 +72,7 @@ export async function show(place, app, query) {
     const about = el("p", { class: "small", text: `${job.options.record}: ${answer.understood}` });
     const findings = answer.findings ?? [];
     if (!answer.cycles) {
-      fill(result, el("h2", { text: "No cycle was found" }), about, note("warning", `Nothing moves to and fro by ${number(answer.least_stroke_mm)} mm or more in ${counted(answer.rows)} rows. Set a smaller least stroke, or look at the record's channels on the page Runs.`), findings.length > 0 && findingTable(findings));
+      fill(result, el("h2", { text: "No cycle was found" }), about, note("warning", `Nothing moves to and fro by ${number(answer.least_stroke_mm)} mm or more in ${counted(answer.rows)} rows. Set a smaller least stroke, or look at the record's channels on the page Runs.`), findings.length > 0 && findingTable(findings, { ofOne: true }));
       return;
     }
     fill(
@@ -84,8 +84,8 @@ export async function show(place, app, query) {
         tile("energy in all", energyOf(answer.energy_J)),
         tile("least stroke", `${number(answer.least_stroke_mm)} mm`)),
       about,
-      findings.length > 0 && findingTable(findings),
-      el("div", { class: "pair" }, drawPlots(answer)),
+      findings.length > 0 && findingTable(findings, { ofOne: true }),
+      el("div", { class: "pair gap" }, drawPlots(answer)),
       answer.group_cycles > 1 && el("p", { class: "small", text: `Lines are means of ${counted(answer.group_cycles)} cycles each, bands reach from the least cycle to the most.` }),
       el("h2", { text: "Over the record" }),
       table(
@@ -98,7 +98,7 @@ export async function show(place, app, query) {
           { title: "mean", number: true, cell: ([, one]) => number(one.mean, 4) },
           { title: "least", number: true, cell: ([, one]) => number(one.least, 4) },
           { title: "most", number: true, cell: ([, one]) => number(one.most, 4) },
-          { title: "trend", unit: "per 1000 cycles", number: true, cell: ([, one]) => number(one.trend_per_1000_cycles, 3) },
+          { title: "trend", unit: "per 1000 cycles", number: true, cell: ([, one]) => trendOf(one) },
         ],
         figures,
         { caption: answer.group_cycles > 1 ? `First and last are of ${counted(answer.group_cycles)} cycles each, least and most of single cycles` : "Of single cycles" },
@@ -116,11 +116,10 @@ export async function show(place, app, query) {
     for (const { of, ...options } of [...PLOTS, ...others]) {
       const shown = of.filter((name) => figures[name]);
       if (!shown.length) continue;
-      const plot = new Plot({ x: "cycle, count", height: 230, ...options, name: `cycles-${options.name}`, onView: linked });
-      const colour = (k) => nth(shown.length > 1 ? k : 0);
+      const plot = new Plot({ x: "cycle, number", height: 230, ...options, name: `cycles-${options.name}`, onView: linked });
       plot.set({
-        series: shown.map((name, k) => ({ name: words(name)[0], x: cycle, y: numbers(figures[name].mean), colour: colour(k), width: 1.5, ...(cycle.length < FEW ? { radius: 2 } : {}) })),
-        areas: shown.filter((name) => figures[name].least).map((name) => ({ x: cycle, low: numbers(figures[name].least), high: numbers(figures[name].most), colour: (colours) => colours.band })),
+        series: shown.map((name) => ({ name: words(name)[0], x: cycle, y: numbers(figures[name].mean), colour: nth(of.indexOf(name)), width: 1.5, ...(cycle.length < FEW ? { radius: 2 } : {}) })),
+        areas: shown.filter((name) => figures[name].least).map((name) => ({ x: cycle, low: numbers(figures[name].least), high: numbers(figures[name].most), colour: (colours) => tint(nth(of.indexOf(name))(colours), colours.back) })),
       });
       plots.push(plot);
     }
@@ -133,7 +132,7 @@ export async function show(place, app, query) {
     field("Record", record, { hint: "from the folder's records/ and runs/" }),
     el("div", { class: "gap" }, channels.node),
     el("p", { class: "small" }, button("Map channels on Runs", () => app.go("runs", app.state.files.some((file) => file.name === record.value) ? { file: record.value } : {}), { class: "quiet" })),
-    el("div", { class: "fields gap" }, el("div", { class: "wide" }, least.node)),
+    el("div", { class: "gap" }, least.node),
     el("div", { class: "gap" }, flip.node),
     el("div", { class: "gap" }, field("Card to replay beside it", model)),
     el("div", { class: "actions" }, start),
@@ -164,8 +163,8 @@ function recordsOf(app) {
 /** Return a figure's name in words, and its unit. */
 function words(name) {
   if (FIGURES[name]) return FIGURES[name];
-  const suffix = Object.keys(UNITS).filter((unit) => name.endsWith(`_${unit}`)).sort((a, b) => b.length - a.length)[0];
-  return suffix ? [inWords(name.slice(0, -suffix.length - 1)), UNITS[suffix]] : [inWords(name), "–"];
+  const [said, unit] = nameAndUnit(name);
+  return [said, unit || "–"];
 }
 
 const numbers = (values) => values.map((value) => value ?? NaN);
@@ -174,5 +173,9 @@ const energyOf = (joules) => (Math.abs(joules) >= 1e6 ? `${number(joules / 1e6)}
 
 function changeOf(name, one) {
   if (name === "temperature_degC" || !one.first) return "–"; // degrees have no share
-  return fixed((100 * (one.last - one.first)) / Math.abs(one.first), 1);
+  return fixed(100 * (one.last / one.first - 1), 1); // a force that comes nearer to zero gets less, whatever its sign
+}
+
+function trendOf({ trend_per_1000_cycles: trend, mean }) {
+  return number(Math.abs(trend) < 1e-9 * Math.abs(mean) ? 0 : trend, 3); // else the rounding of sums is shown
 }

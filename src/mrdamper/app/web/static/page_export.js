@@ -58,7 +58,7 @@ export async function show(place, app, query) {
       el(
         "div",
         { class: "tiles" },
-        answer.content && tile("holds", inWords(answer.content)),
+        answer.content && tile("holds", answer.content === "both" ? "model and controller" : inWords(answer.content)),
         answer.precision && tile("numbers", answer.precision),
         answer.step_s && tile("period", `${number(1000 * answer.step_s)} ms`),
         answer.tables_bytes && tile("tables", `${number(answer.tables_bytes / 1024)} KiB`),
@@ -84,7 +84,7 @@ export async function show(place, app, query) {
     "section",
     { class: "panel" },
     el("h3", { text: `The card ${card} itself` }),
-    el("p", { class: "small", text: `${about.title || about.law}, ${about.runs} runs. The card is data: it never holds code.` }),
+    el("p", { class: "small", text: `${about.title || about.law}, ${about.runs} run${about.runs === 1 ? "" : "s"}. The card is data: it never holds code.` }),
     el("div", { class: "row" },
       el("a", { class: "button", href: cardFile(card, "card.json"), download: `${card}.json`, text: "card.json" }),
       about.report && el("a", { class: "button", href: about.report, target: "_blank", rel: "noopener", text: "Report" }),

@@ -36,7 +36,7 @@ export function show(place, app) {
       table(
         [
           { title: "job", class: "whole", cell: (job) => el("b", { text: job.id }) },
-          { title: "of", class: "name", cell: (job) => job.options.card ?? job.card ?? job.options.record ?? "" },
+          { title: "of what", class: "name", cell: (job) => subjectOf(job) },
           { title: "state", cell: (job) => el("span", { class: `tag ${job.state}`, text: job.state }) },
           { title: "asked", class: "whole", cell: (job) => when(job.asked_at) },
           { title: "took", number: true, cell: (job) => took(job) },
@@ -102,12 +102,19 @@ export function show(place, app) {
   };
 }
 
+/** Return what a job is of: a card, a record, a plan. */
+function subjectOf({ options, card }) {
+  const { first, second, record, plan, preset, name, tables } = options;
+  return options.card ?? card ?? record ?? plan ?? (first ? `${first}, ${second}` : preset ?? tables?.join(", ") ?? name ?? "");
+}
+
 const when = (text) => (text ? new Date(text).toLocaleString([], { dateStyle: "medium", timeStyle: "short" }) : "–");
 
 function took(job) {
   if (!job.started_at) return "–";
   const end = job.ended_at ? new Date(job.ended_at) : new Date();
-  return duration((end - new Date(job.started_at)) / 1000);
+  const seconds = (end - new Date(job.started_at)) / 1000;
+  return seconds < 120 ? `${Math.round(seconds)} s` : duration(seconds);
 }
 
 function files(job) {

@@ -82,7 +82,7 @@ export async function show(place, app, query) {
   });
   fill(
     place,
-    heading("Loops", "Force over displacement and over velocity. Choose runs on the left, drag over the time below to see a part of it; drag in a loop to zoom."),
+    heading("Loops", "Force over displacement and over velocity. Choose runs, drag over the time below to see a part of it; drag in a loop to zoom."),
     el(
       "div",
       { class: "split" },

@@ -77,7 +77,7 @@ export async function show(place, app, query) {
     fill(
       result,
       traces.length > 0 && el("div", { class: "row end" }, field("Drawn", which)),
-      traces.length > 0 && [force.node, error.node, current.node],
+      traces.length > 0 && el("div", { class: "gap" }, force.node, error.node, current.node),
       el("h2", { text: "Controllers compared" }),
       el("p", { class: "small", text: answer.scored ?? "" }),
       rowTable(answer.rows),

@@ -41,6 +41,12 @@ export function rampColour(share, colours = palette()) {
   return `#${mixed.map((v) => v.toString(16).padStart(2, "0")).join("")}`;
 }
 
+/** Return a colour thinned with that of the paper, for a band around a line. */
+export function tint(colour, back, share = 0.28) {
+  const [a, b] = [back, colour].map((hex) => [1, 3, 5].map((i) => parseInt(hex.slice(i, i + 2), 16)));
+  return `#${a.map((value, i) => Math.round(value + (b[i] - value) * share).toString(16).padStart(2, "0")).join("")}`;
+}
+
 /** Call `watcher` when the colours change. */
 export function onTheme(watcher) {
   watchers.add(watcher);
