@@ -6,9 +6,9 @@ with whatever is wrong in it: which rows can be used is the business of ``stretc
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
@@ -40,9 +40,32 @@ class Batch:
     command: FloatArray  # [A or V]
     velocity: FloatArray | None = None  # [m/s]
     temperature: FloatArray | None = None  # [K]
+    modelled: FloatArray | None = None  # force of a model that went along [N]; NaN where it has none
 
     def __len__(self) -> int:
         return len(self.time)
+
+    def part(self, rows: slice) -> Batch:
+        """Return some of the rows, which follow on one another."""
+        low = rows.indices(len(self))[0]
+        return Batch(
+            self.row + low,
+            *(None if (column := getattr(self, name)) is None else column[rows] for name in _COLUMNS),
+        )
+
+    @classmethod
+    def joined(cls, parts: Sequence[Batch]) -> Batch:
+        """Return batches that follow on one another as one; a column that one of them lacks is left out."""
+        if len(parts) == 1:
+            return parts[0]
+        whole = []
+        for name in _COLUMNS:
+            columns = [column for each in parts if (column := getattr(each, name)) is not None]
+            whole.append(np.concatenate(columns) if len(columns) == len(parts) else None)
+        return cls(parts[0].row, *whole)
+
+
+_COLUMNS = tuple(field.name for field in fields(Batch))[1:]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -2,7 +2,7 @@
 
 import { jobFile } from "./api.js";
 import { button, bytes, check, el, empty, field, fill, fixed, note, number, select, table } from "./dom.js";
-import { cardsOf, fileLinks, findingTable, heading, inputChoice, inputsOf, JobPanel, nameAndUnit, numberField, tile } from "./parts.js";
+import { cardsOf, fileLinks, findingTable, heading, inputChoice, inputsOf, JobPanel, nameAndUnit, notes, numberField, tile } from "./parts.js";
 import { nth, Plot } from "./plot.js";
 import { tint } from "./theme.js";
 
@@ -14,10 +14,18 @@ const FIGURES = {
   temperature_degC: ["mean temperature", "°C"],
   amplitude_mm: ["amplitude", "mm"],
   period_s: ["period", "s"],
+  model_energy_J: ["the model's energy", "J"],
+  model_highest_force_N: ["the model's highest", "N"],
+  model_lowest_force_N: ["the model's lowest", "N"],
+  error_N: ["RMS error", "N"],
+  mean_error_N: ["mean error", "N"],
+  error_percent: ["RMS error", "% of spread"],
 };
 const PLOTS = [
-  { title: "Energy per cycle", y: "energy, J", name: "energy", of: ["energy_J"] },
-  { title: "Peak forces", y: "force, N", name: "peak-forces", of: ["highest_force_N", "lowest_force_N"] },
+  { title: "Energy per cycle", y: "energy, J", name: "energy", of: ["energy_J"], beside: ["model_energy_J"] },
+  { title: "Peak forces", y: "force, N", name: "peak-forces", of: ["highest_force_N", "lowest_force_N"], beside: ["model_highest_force_N", "model_lowest_force_N"] },
+  { title: "The model's error", y: "error, N", name: "model-error", of: ["error_N", "mean_error_N"] },
+  { title: "The model's error, of the cycle's spread", y: "RMS error, %", name: "model-error-percent", of: ["error_percent"] },
   { title: "Secant stiffness", y: "stiffness, N/mm", name: "stiffness", of: ["stiffness_N_per_mm"] },
   { title: "Mean temperature", y: "temperature, °C", name: "temperature", of: ["temperature_degC"] },
   { title: "Amplitude", y: "amplitude, mm", name: "amplitude", of: ["amplitude_mm"] },
@@ -85,6 +93,7 @@ export async function show(place, app, query) {
         tile("least stroke", `${number(answer.least_stroke_mm)} mm`)),
       about,
       findings.length > 0 && findingTable(findings, { ofOne: true }),
+      answer.model && drawModel(answer.model),
       el("div", { class: "pair gap" }, drawPlots(answer)),
       answer.group_cycles > 1 && el("p", { class: "small", text: `Lines are means of ${counted(answer.group_cycles)} cycles each, bands reach from the least cycle to the most.` }),
       el("h2", { text: "Over the record" }),
@@ -110,15 +119,19 @@ export async function show(place, app, query) {
   /** Return the plots of all figures that are known, one below the other or side by side; their views move together. */
   function drawPlots(answer) {
     const { cycle, figures } = answer.curves;
-    const known = new Set(PLOTS.flatMap((one) => one.of));
+    const known = new Set(PLOTS.flatMap((one) => [...one.of, ...(one.beside ?? [])]));
     const others = Object.keys(figures).filter((name) => !known.has(name)).map((name) => ({ title: words(name)[0], y: words(name).join(", "), name, of: [name] }));
     const linked = (x) => plots.forEach((plot) => plot.setView(x));
-    for (const { of, ...options } of [...PLOTS, ...others]) {
+    for (const { of, beside = [], ...options } of [...PLOTS, ...others]) {
       const shown = of.filter((name) => figures[name]);
       if (!shown.length) continue;
       const plot = new Plot({ x: "cycle, number", height: 230, ...options, name: `cycles-${options.name}`, onView: linked });
+      const line = (name, rest) => ({ name: words(name)[0], x: cycle, y: numbers(figures[name].mean), ...rest });
       plot.set({
-        series: shown.map((name) => ({ name: words(name)[0], x: cycle, y: numbers(figures[name].mean), colour: nth(of.indexOf(name)), width: 1.5, ...(cycle.length < FEW ? { radius: 2 } : {}) })),
+        series: [
+          ...shown.map((name) => line(name, { colour: nth(of.indexOf(name)), width: 1.5, ...(cycle.length < FEW ? { radius: 2 } : {}) })),
+          ...beside.filter((name) => figures[name]).map((name) => line(name, { colour: (colours) => colours.ink, width: 1.2, dash: [6, 4] })),
+        ],
         areas: shown.filter((name) => figures[name].least).map((name) => ({ x: cycle, low: numbers(figures[name].least), high: numbers(figures[name].most), colour: (colours) => tint(nth(of.indexOf(name))(colours), colours.back) })),
       });
       plots.push(plot);
@@ -165,6 +178,36 @@ function words(name) {
   if (FIGURES[name]) return FIGURES[name];
   const [said, unit] = nameAndUnit(name);
   return [said, unit || "–"];
+}
+
+/** Return how far the card that was replayed is off, in all and by temperature. */
+function drawModel(model) {
+  const more = model.energy_J > 0 ? 100 * (model.model_energy_J / model.energy_J - 1) : null;
+  return [
+    el("h2", { text: `The model: ${model.title || model.law}` }),
+    model.cycles > 0
+      ? el("div", { class: "tiles", id: "model-tiles" },
+          tile("RMS error", `${number(model.rmse_N)} N`),
+          tile("of the spread of the force", `${number(model.nrmse_percent)} %`),
+          tile("of its peak", `${number(model.percent_of_peak)} %`),
+          tile("mean error", `${number(model.mean_error_N)} N`),
+          more !== null && tile("energy against measured", `${more > 0 ? "+" : ""}${fixed(more, 1)} %`))
+      : note("warning", "No cycle has a force of the model."),
+    (model.by_temperature ?? []).length > 0 && table(
+      [
+        { title: "cycles at", unit: "°C", class: "whole", cell: (bin) => `${fixed(bin.from_degC, 0)} to ${fixed(bin.to_degC, 0)}` },
+        { title: "cycles", number: true, cell: (bin) => counted(bin.cycles) },
+        { title: "RMS error", unit: "N", number: true, cell: (bin) => number(bin.rmse_N) },
+        { title: "RMS error", unit: "% of spread", number: true, cell: (bin) => number(bin.nrmse_percent) },
+        { title: "mean error", unit: "N", number: true, cell: (bin) => number(bin.mean_error_N) },
+        { title: "energy", unit: "J per cycle", number: true, cell: (bin) => number(bin.energy_J / bin.cycles) },
+        { title: "the model's", unit: "J per cycle", number: true, cell: (bin) => number(bin.model_energy_J / bin.cycles) },
+      ],
+      model.by_temperature,
+      { caption: "Errors by the mean temperature of the cycle", tall: true },
+    ),
+    notes(model.notes),
+  ];
 }
 
 const numbers = (values) => values.map((value) => value ?? NaN);
