@@ -48,7 +48,7 @@ Report = Callable[[int, int | None, int], None]
 """Told how far the job is: rows read, rows in all where that is known, cycles found."""
 
 
-def cycles(
+def cycles(  # noqa: PLR0913 - what a job is told, by keyword
     record: Path,
     *,
     channels: Path | None = None,
