@@ -19,7 +19,13 @@ from tests.app.web.walking import download, plot, saved_table
 
 OF_CYCLE, CYCLES, STEP_S = 100, 600, 2e-3
 FADE = 0.3  # of the force, over the record
-OTHER_NAMES = '[channel.time]\nname = "a"\nunit = "s"\n[channel.displacement]\nname = "b"\nunit = "mm"\n[channel.force]\nname = "c"\nunit = "kN"\n[channel.current]\nname = "d"\nunit = "A"\n'
+OTHER_NAMES = """
+[channel]
+time = { name = "a", unit = "s" }
+displacement = { name = "b", unit = "mm" }
+force = { name = "c", unit = "kN" }
+current = { name = "d", unit = "A" }
+"""
 
 
 def write_record(path, *, names=("time_s", "displacement_mm", "force_N", "current_A"), newton=1.0):

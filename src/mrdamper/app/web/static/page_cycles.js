@@ -25,7 +25,7 @@ const PLOTS = [
   { title: "Energy per cycle", y: "energy, J", name: "energy", of: ["energy_J"], beside: ["model_energy_J"] },
   { title: "Peak forces", y: "force, N", name: "peak-forces", of: ["highest_force_N", "lowest_force_N"], beside: ["model_highest_force_N", "model_lowest_force_N"] },
   { title: "The model's error", y: "error, N", name: "model-error", of: ["error_N", "mean_error_N"] },
-  { title: "The model's error, of the cycle's spread", y: "RMS error, %", name: "model-error-percent", of: ["error_percent"] },
+  { title: "Error, share of spread", y: "RMS error, %", name: "model-error-percent", of: ["error_percent"] },
   { title: "Secant stiffness", y: "stiffness, N/mm", name: "stiffness", of: ["stiffness_N_per_mm"] },
   { title: "Mean temperature", y: "temperature, °C", name: "temperature", of: ["temperature_degC"] },
   { title: "Amplitude", y: "amplitude, mm", name: "amplitude", of: ["amplitude_mm"] },
