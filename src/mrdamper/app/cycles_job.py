@@ -45,7 +45,7 @@ Report = Callable[[int, int | None, int], None]
 """Told how far the job is: rows read, rows in all where that is known, cycles found."""
 
 
-def cycles(
+def cycles(  # noqa: PLR0913 - what a job is told, by keyword
     record: Path,
     *,
     channels: Path | None = None,
@@ -54,6 +54,7 @@ def cycles(
     model: Path | None = None,
     batch_rows: int = BATCH_ROWS,
     out: Path | None = None,
+    curves: bool = False,
     report: Report | None = None,
 ) -> Json:
     """Count a record's cycles; with ``out`` write cycles.csv, cycles.html and summary.json there.
@@ -64,7 +65,7 @@ def cycles(
 
     Returns
     -------
-    The answer of ``--json``.
+    The answer of ``--json``; with ``curves`` beside it those of the page, as ``Groups.curves`` gives them.
 
     Raises
     ------
@@ -79,7 +80,8 @@ def cycles(
         least_stroke_m=None if least_stroke_mm is None else 1e-3 * least_stroke_mm,
     )
     if out is None:
-        return _run(opened, counter, along, batch_rows, None, report)[0]
+        answer, groups = _run(opened, counter, along, batch_rows, None, report)
+        return answer | {"curves": groups.curves()} if curves else answer
     with staged(out) as beside:
         with (beside / "cycles.csv").open("wb") as table:
             answer, groups = _run(opened, counter, along, batch_rows, table, report)
@@ -88,7 +90,7 @@ def cycles(
         answer |= {name: str(out / file) for name, file in _FILES.items()}
         (beside / "cycles.html").write_text(render_cycles(answer, groups), encoding="utf-8")
         write_json(beside / "summary.json", answer)
-    return answer
+    return answer | {"curves": groups.curves()} if curves else answer
 
 
 _FILES = {"report": "cycles.html", "file": "cycles.csv", "summary_file": "summary.json"}

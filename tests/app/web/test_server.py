@@ -90,7 +90,7 @@ def test_an_empty_folder_has_everything_to_begin_with(clean):
     assert ".csv" in state["formats"]
     assert {row["role"] for row in state["choices"]["roles"] if row["needed"]} == {"displacement", "force"}
     assert sorted(path.name for path in root.iterdir() if not path.name.startswith(".")) == [
-        "cards", "inputs", "results", "runs",
+        "cards", "inputs", "records", "results", "runs",
     ]  # fmt: skip
 
 

@@ -149,6 +149,14 @@ class Demo(Order):
     seed: Seed = 0
 
 
+class Cycles(Order):
+    record: Name
+    channels: Name | None = None
+    least_stroke_mm: Positive | None = None
+    model: Name | None = None
+    flip_force: bool = False
+
+
 class Sweep(Order):
     plan: Name
     workers: Annotated[int, Field(ge=1, le=64)] | None = None
@@ -170,6 +178,7 @@ KINDS: dict[str, type[Order]] = {
     "rig": Rig,
     "fluid": Fluid,
     "demo": Demo,
+    "cycles": Cycles,
     "sweep": Sweep,
     "fetch": Fetch,
 }
