@@ -1,6 +1,7 @@
 """Target: the binding of the C kernel, called with wrong shapes, kinds and sizes.
 
-A call gives its result or one of Python's errors; what lies beside an array that is written to stays as it was.
+A call gives its result or one of Python's errors; what lies beside an array that is written to stays as it
+was.
 """
 
 from __future__ import annotations
@@ -10,11 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from mrdamper.core import _kernel
-from mrdamper.quantities import FloatArray
-
 from fuzz.contract import require
 from fuzz.edits import Draws
+from mrdamper.core import _kernel
+from mrdamper.quantities import FloatArray
 
 __all__ = ["binding"]
 
@@ -46,27 +46,25 @@ def _values(draws: Draws, size: int) -> FloatArray:
 
 def _array(draws: Draws, size: int) -> Any:  # noqa: ANN401 - or what is no array
     """Return an array of about so many numbers, now and then of another size or kind."""
+    made: Any = _values(draws, size)
     match draws.whole(24):
         case 0:
-            return _values(draws, draws.whole(_MOST))
+            made = _values(draws, draws.whole(_MOST))
         case 1:
-            return _values(draws, size).astype(np.float32)
+            made = made.astype(np.float32)
         case 2:
-            return np.asfortranarray(np.ones((3, 4)))[::2]
+            made = np.asfortranarray(np.ones((3, 4)))[::2]
         case 3:
-            return draws.pick((None, 1.0, "text", b"bytes", [1.0, 2.0], np.arange(4), np.ones(4, complex)))
+            made = draws.pick((None, 1.0, "text", b"bytes", [1.0, 2.0], np.arange(4), np.ones(4, complex)))
         case 4:
-            fixed = _values(draws, size)
-            fixed.setflags(write=False)
-            return fixed
+            made.setflags(write=False)
         case 5:
-            return memoryview(bytearray(8 * size + 1))[1:].cast("d") if size else np.empty(0)
+            made = memoryview(bytearray(8 * size + 1))[1:].cast("d") if size else np.empty(0)
         case 6:
-            return _values(draws, size).reshape(1, -1)
+            made = made.reshape(1, -1)
         case 7:
-            return _values(draws, size).astype(">f8")
-        case _:
-            return _values(draws, size)
+            made = made.astype(">f8")
+    return made
 
 
 class _Kept:
@@ -165,13 +163,24 @@ def _call_lag(draws: Draws) -> None:
 
 def _call_tracker(draws: Draws) -> None:
     """A controller from odd parts: shapes that do not fit and numbers out of range are refused."""
-    octaves = [(1.0, 1.5, draws.whole(4), _array(draws, 4 << draws.whole(4))) for _ in range(8 + draws.whole(3))]
+    octaves = [
+        (1.0, 1.5, draws.whole(4), _array(draws, 4 << draws.whole(4))) for _ in range(8 + draws.whole(3))
+    ]
     pieces, terms, currents = 1 + draws.whole(3), draws.whole(9), 1 + draws.whole(12)
     columns = draws.whole(terms + 2)
     current, factor = np.linspace(0.0, 2.0, currents), np.zeros((pieces, terms, 3))
     rows = bytes(draws.whole(12) for _ in range(terms))
     numbers = _array(draws, len(_kernel.TRACK_NUMBERS))
-    _answered(_kernel.Tracker, numbers, rows, current, factor, np.zeros((currents, columns)), octaves, bool(terms % 2))
+    _answered(
+        _kernel.Tracker,
+        numbers,
+        rows,
+        current,
+        factor,
+        np.zeros((currents, columns)),
+        octaves,
+        bool(terms % 2),
+    )
 
 
 _CALLS = (_call_run, _call_causal, _call_squared_errors, _call_gram, _call_curve, _call_lag, _call_tracker)

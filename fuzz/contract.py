@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import tempfile
 import warnings
 from collections.abc import Callable, Iterator
@@ -46,10 +45,13 @@ def promised(place: str = "") -> Iterator[None]:
 
 
 @cache
+def _room() -> tempfile.TemporaryDirectory[str]:
+    return tempfile.TemporaryDirectory(prefix="mrdamper-fuzz-")
+
+
 def folder() -> Path:
-    """Return a folder of this process, in memory where there is such a place."""
-    memory = Path("/dev/shm")
-    return Path(tempfile.mkdtemp(prefix=f"mrdamper-fuzz-{os.getpid()}-", dir=memory if memory.is_dir() else None))
+    """Return a folder of this process, which goes with it."""
+    return Path(_room().name)
 
 
 def written(name: str, content: bytes) -> Path:
@@ -59,8 +61,10 @@ def written(name: str, content: bytes) -> Path:
     return path
 
 
-def sound_table(table: Table, read: Callable[[Table, str], object] = lambda table, name: table.columns[name]) -> None:
-    """Require that a table is one: distinct names, numbers in one dimension, no column longer than it says."""
+def sound_table(
+    table: Table, read: Callable[[Table, str], object] = lambda table, name: table.columns[name]
+) -> None:
+    """Require that a table is one: distinct names, numbers in one dimension, no column longer than said."""
     require(len(set(table.names)) == len(table.names), f"names come twice: {table.names}")
     require(set(table.columns) | set(table.texts) <= set(table.names), "a column that has no name")
     require(not set(table.columns) & set(table.texts), "a column of numbers and text")

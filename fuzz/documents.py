@@ -12,6 +12,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from fuzz.contract import folder, promised, require, written
+from fuzz.edits import Draws, edited, toml_of
+from fuzz.seeds import card_documents, drawing_texts, plain_run, toml_texts
 from mrdamper.app.sweep import plan as sweep_plan
 from mrdamper.control.scenario import read_scenario
 from mrdamper.data.channels import read_channel_map
@@ -23,10 +26,6 @@ from mrdamper.models.fluid import find_fluid
 from mrdamper.rig.campaign import Campaign
 from mrdamper.rig.damper import VirtualDamper
 from mrdamper.thermal.drawing_file import drawing_of, sink_of
-
-from fuzz.contract import folder, promised, require, written
-from fuzz.edits import Draws, edited, toml_of
-from fuzz.seeds import card_documents, drawing_texts, plain_run, toml_texts
 
 __all__ = ["campaign", "card", "channel_map", "drawing", "fluid", "scenario", "sweep", "virtual_damper"]
 
@@ -72,7 +71,9 @@ def card(content: bytes) -> None:
 
 def drawing(content: bytes) -> None:
     """A damper's drawing, and the sink in it."""
-    text = _document(content, lambda: [tomllib.loads(text) for text in drawing_texts()]).decode("utf-8", "replace")
+    text = _document(content, lambda: [tomllib.loads(text) for text in drawing_texts()]).decode(
+        "utf-8", "replace"
+    )
     with promised("drawing.toml"):
         drawing_of(text, "drawing.toml")
     with promised("drawing.toml"):

@@ -17,10 +17,10 @@ __all__ = ["ODD", "Draws", "edited", "toml_of"]
 Item = TypeVar("Item")
 
 ODD: tuple[Any, ...] = (
-    0, -1, 1, 2, 3, True, False, 0.0, -0.0, 1e-300, 1e300, -1e300, math.inf, -math.inf, math.nan, 1 << 31, 1 << 63,
-    -(1 << 63), 10**400, 0.5, 1e-6, 1e6, 293.15, "", "A", "V", "\0", "\x7f", "é", "\ud800", "<b>", "../..", "N", "mm",
-    "inf", "nan", "1e999", "x" * 300, "%s{0}", [], {}, [0], [[]], {"a": 1}, [1.0, 2.0], [2.0, 1.0],
-    [math.nan, 1.0], ["a", "b"], [0.0] * 70, {"value": 1.0}, None,
+    0, -1, 1, 2, 3, True, False, 0.0, -0.0, 1e-300, 1e300, -1e300, math.inf, -math.inf, math.nan, 1 << 31,
+    1 << 63, -(1 << 63), 10**400, 0.5, 1e-6, 1e6, 293.15, "", "A", "V", "\0", "\x7f", "é", "\ud800", "<b>",
+    "../..", "N", "mm", "inf", "nan", "1e999", "x" * 300, "%s{0}", [], {}, [0], [[]], {"a": 1}, [1.0, 2.0],
+    [2.0, 1.0], [math.nan, 1.0], ["a", "b"], [0.0] * 70, {"value": 1.0}, None,
 )  # fmt: skip
 """Values that a person or a program may have put where another was meant."""
 
@@ -57,7 +57,7 @@ class Draws:
 
 def edited(document: dict[str, Any], draws: Draws, *, most: int = 8) -> dict[str, Any]:
     """Return a document with as many edits as the bytes ask for."""
-    made: dict[str, Any] = copy.deepcopy(document)
+    made: dict[str, Any] = json.loads(json.dumps(document))  # a copy, in less time than a deep one takes
     for _ in range(most):
         if not draws.left:
             break

@@ -21,8 +21,9 @@ LONGEST = 2048  # bytes of an input
 _HERE = Path(__file__).with_name("kernel")
 _CORE = Path(__file__).parents[1] / "src/mrdamper/core"
 _FLAGS = (
-    *("-std=c99", "-g", "-O1", "-ffp-contract=off", "-fno-omit-frame-pointer"),
+    *("-std=c99", "-gline-tables-only", "-O1", "-ffp-contract=off", "-fno-omit-frame-pointer"),
     *("-fsanitize=fuzzer,address,undefined", "-fno-sanitize-recover=all"),
+    "-fno-sanitize-coverage=trace-cmp",  # of numbers it tells nothing, and takes half of the time
 )
 
 Options = Mapping[str, str]
@@ -57,7 +58,15 @@ def built(name: str, folder: Path) -> Path:
             (place / file).write_text(text, encoding="utf-8")
         includes = [_HERE, place]
         sources = [_HERE / "exported.c", place / "damper.c", place / "damper_tables.c"]
-    command = [COMPILER, *_FLAGS, *(f"-I{each}" for each in includes), *map(str, sources), "-o", str(program), "-lm"]
+    command = [
+        COMPILER,
+        *_FLAGS,
+        *(f"-I{each}" for each in includes),
+        *map(str, sources),
+        "-o",
+        str(program),
+        "-lm",
+    ]
     subprocess.run(command, check=True)
     return program
 
@@ -75,7 +84,7 @@ def seeds(name: str) -> list[bytes]:
 
 def _parts() -> Iterator[str]:
     """Give a header with the tables of controllers: those that the package hands to its binding."""
-    from mrdamper.control import controllers
+    from mrdamper import core
     from tests.export.exports import a_target
 
     taken: list[tuple[tuple[Any, ...], dict[str, Any]]] = []
@@ -84,15 +93,15 @@ def _parts() -> Iterator[str]:
         taken.append((given, options))
         return tracker(*given, **options)
 
-    tracker = controllers.core.Tracker
-    with mock.patch.object(controllers.core, "Tracker", take):
+    tracker = core.Tracker
+    with mock.patch.object(core, "Tracker", take):
         a_target.__wrapped__("double-bouc-wen", precision="double")
         a_target.__wrapped__("series-valve", precision="double")
     for k, (given, options) in enumerate(taken):
         yield from _part(f"p{k}", given, options.get("series"))
     yield f"#define PARTS {len(taken)}"
     yield f"#define PARTS_NUMBERS {len(taken[0][0][0])}"
-    yield f"static const tracker_parts *const all_parts[] = {{{', '.join(f'&p{k}' for k in range(len(taken)))}}};\n"
+    yield f"static const tracker_parts *const all_parts[] = {_list(f'&p{k}' for k in range(len(taken)))};\n"
 
 
 def _part(name: str, given: Sequence[Any], series: Sequence[Any] | None) -> Iterator[str]:
@@ -110,7 +119,12 @@ def _part(name: str, given: Sequence[Any], series: Sequence[Any] | None) -> Iter
     ]
     if series is not None:
         force, chain, powers, functions = series
-        valve = [force, chain, *(table for power in powers for table in power[4:]), *(each[3] for each in functions)]
+        valve = [
+            force,
+            chain,
+            *(table for power in powers for table in power[4:]),
+            *(each[3] for each in functions),
+        ]
         arrays |= {f"s{k}": table for k, table in enumerate(valve)}
         fields += [
             *("1", str(force.shape[1]), str(force.shape[0])),

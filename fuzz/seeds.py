@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from mrdamper.control.scenario import SCENARIOS
 from mrdamper.models.card import card_text
 from mrdamper.rig.campaign import Campaign
 from mrdamper.rig.damper import PRESETS
@@ -82,10 +81,10 @@ def binary(name: str) -> list[bytes]:
 def _small_mat(*, nested: bool) -> bytes:
     from scipy.io import savemat
 
-    made = io.BytesIO()
+    made: Any = io.BytesIO()  # savemat takes a stream, which its type leaves out
     matrix: dict[str, Any] = {"data": np.column_stack(list(_small().values())), "text": "oil"}
     savemat(made, {"run": {**_small(), "more": matrix}} if nested else {**_small(), "n": np.int16(3)})
-    return made.getvalue()
+    return bytes(made.getvalue())
 
 
 def _small_hdf5() -> bytes:
@@ -107,7 +106,9 @@ def _small_tdms() -> bytes:
         for _ in range(2):
             writer.write_segment(
                 [
-                    ChannelObject("run", name, values, properties={"unit_string": "mm", "wf_increment": 0.005})
+                    ChannelObject(
+                        "run", name, values, properties={"unit_string": "mm", "wf_increment": 0.005}
+                    )
                     for name, values in _small().items()
                 ]
             )
@@ -198,10 +199,12 @@ split = "Resume"
 current_A = [0, 0.25, 0.5]
 """
 _SWEEPS = (
-    'kind = "identify"\nseed = 3\n[identify]\ncampaigns = ["a", "b*"]\nlaw = "bouc-wen"\nhold_out = ["*2Hz*"]\nstarts = 2\n',
+    'kind = "identify"\nseed = 3\n[identify]\ncampaigns = ["a", "b*"]\nlaw = "bouc-wen"\n'
+    'hold_out = ["*2Hz*"]\nstarts = 2\n',
     'kind = "tolerance"\n[tolerance]\ncard = "card.json"\nplant = "hard"\ndraws = 5\nspread_percent = 5\n'
     'targets = ["sine-900N-1Hz"]\ntemperatures_degC = [20, 80]\nrate_Hz = 1000\n',
-    'kind = "sink"\n[sink]\ncard = "card.json"\ndampers = ["paper"]\nduties = ["sine:15mm:1Hz:2A:1800s"]\nmethod = "grid"\n',
+    'kind = "sink"\n[sink]\ncard = "card.json"\ndampers = ["paper"]\nduties = ["sine:15mm:1Hz:2A:1800s"]\n'
+    'method = "grid"\n',
 )
 _SCENARIO = """
 name = "own"
@@ -230,7 +233,9 @@ def toml_texts(name: str) -> tuple[str, ...]:
         fluids = sorted((_ROOT / "src/mrdamper/models/fluids").glob("*.toml"))
         return tuple(each.read_text(encoding="utf-8") for each in fluids)
     if name == "campaign":
-        kept = [(examples / f"{each}_campaign.toml").read_text(encoding="utf-8") for each in ("short", "vehicle")]
+        kept = [
+            (examples / f"{each}_campaign.toml").read_text(encoding="utf-8") for each in ("short", "vehicle")
+        ]
         return (*kept, Campaign().to_toml())
     if name == "virtual_damper":
         return tuple(each.to_toml() for each in PRESETS.values())

@@ -30,7 +30,9 @@ class Target:
 def _tables(*headers: str) -> Callable[[], Sequence[bytes]]:
     def made() -> Sequence[bytes]:
         return [
-            seeds.rows_of(header, [sign.join(f"{k + 0.5 * c}" for c in range(header.count(sign) + 1)) for k in range(9)])
+            seeds.rows_of(
+                header, [sign.join(f"{k + 0.5 * c}" for c in range(header.count(sign) + 1)) for k in range(9)]
+            )
             for header in headers
             for sign in (";" if ";" in header else ",",)
         ]
@@ -61,17 +63,30 @@ def _delimited() -> Sequence[bytes]:
 TARGETS: Mapping[str, Target] = MappingProxyType(
     {
         "delimited": Target(texts.delimited, _delimited),
-        "mts": Target(texts.mts, lambda: [seeds.text("mts.dat"), seeds.text("mts.dat") + seeds.text("mts.dat")[30:]]),
+        "mts": Target(
+            texts.mts, lambda: [seeds.text("mts.dat"), seeds.text("mts.dat") + seeds.text("mts.dat")[30:]]
+        ),
         "logger": Target(texts.logger, lambda: [seeds.text("logger.txt")]),
-        "run": Target(texts.run, lambda: [seeds.text("run.csv", 60), seeds.text("logger.txt"), seeds.text("mts.dat")]),
+        "run": Target(
+            texts.run, lambda: [seeds.text("run.csv", 60), seeds.text("logger.txt"), seeds.text("mts.dat")]
+        ),
         "rheometer": Target(
             texts.rheometer,
-            _tables("temperature_degC,viscosity_Pas", "field_mT;T [K];tau y [kPa]", "field_kA_m,temp_K,eta / mPa s"),
+            _tables(
+                "temperature_degC,viscosity_Pas",
+                "field_mT;T [K];tau y [kPa]",
+                "field_kA_m,temp_K,eta / mPa s",
+            ),
         ),
         "curve": Target(texts.curve, _tables("time_s,fluid_degC", "time_min;wall_K;coil_degC")),
         "duty": Target(
             texts.duty,
-            lambda: [b"sine:15mm:1Hz:2A:1800s", b"triangle:5mm:2Hz:0.5A:1min", b"chirp:5mm:0.1Hz:5Hz:1A:60s", b"sine5mm1Hz:1V:2h"],
+            lambda: [
+                b"sine:15mm:1Hz:2A:1800s",
+                b"triangle:5mm:2Hz:0.5A:1min",
+                b"chirp:5mm:0.1Hz:5Hz:1A:60s",
+                b"sine5mm1Hz:1V:2h",
+            ],
             longest=200,
         ),
         "duty-table": Target(
@@ -81,7 +96,10 @@ TARGETS: Mapping[str, Target] = MappingProxyType(
         "channel-map": Target(documents.channel_map, _toml("channel_map")),
         "card": Target(
             documents.card,
-            lambda: [json.dumps(each).encode() for each in seeds.card_documents()] + _edits(len(seeds.card_documents())),
+            lambda: (
+                [json.dumps(each).encode() for each in seeds.card_documents()]
+                + _edits(len(seeds.card_documents()))
+            ),
             longest=8192,
         ),
         "drawing": Target(documents.drawing, lambda: [t.encode() for t in seeds.drawing_texts()] + _edits(1)),
@@ -92,12 +110,19 @@ TARGETS: Mapping[str, Target] = MappingProxyType(
         "sweep": Target(documents.sweep, _toml("sweep")),
         "binding": Target(calls.binding, lambda: [bytes(range(k, k + 60)) for k in range(8)]),
         "tdms": Target(binaries.tdms, lambda: seeds.binary("run.tdms")[1:], longest=8192),
-        "parquet": Target(binaries.parquet, lambda: seeds.binary("run.parquet"), longest=8192),
         "excel": Target(binaries.excel, lambda: [seeds.workbook()], longest=16384),
         "excel-sheet": Target(binaries.excel_sheet, lambda: [seeds.sheet()], longest=8192),
         **{
-            f"isolated-{name}": Target(binaries.isolated, partial(seeds.binary, file), longest=32768, guided=False)
-            for name, file in (("hdf5", "run.h5"), ("mat73", "v73.mat"), ("mat", "v5.mat"), ("mdf", "run.mf4"))
+            f"isolated-{name}": Target(
+                binaries.isolated, partial(seeds.binary, file), longest=32768, guided=False
+            )
+            for name, file in (
+                ("hdf5", "run.h5"),
+                ("mat73", "v73.mat"),
+                ("mat", "v5.mat"),
+                ("mdf", "run.mf4"),
+                ("parquet", "run.parquet"),
+            )
         },
     }
 )

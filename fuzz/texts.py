@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fuzz.contract import promised, sound_table, written
 from mrdamper.data.diagnosis.diagnose import diagnose
 from mrdamper.data.formats.logger import read_logger
 from mrdamper.data.formats.mts import read_mts
@@ -11,8 +12,6 @@ from mrdamper.data.readers import read_file
 from mrdamper.data.rheometer import read_rheometer
 from mrdamper.thermal.curve import read_curve
 from mrdamper.thermal.duty import read_duty
-
-from fuzz.contract import promised, sound_table, written
 
 __all__ = ["curve", "delimited", "duty", "duty_table", "logger", "mts", "rheometer", "run"]
 

@@ -9,10 +9,14 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 import pytest
+from click.testing import CliRunner
 
+from mrdamper.app.cli import cli
 from mrdamper.data.streaming import open_record
 from mrdamper.data.tables import open_rows, read_table
+from mrdamper.errors import InputError
 from mrdamper.quantities import FloatArray
+from tests.app.tracked import write_a_card
 
 SAMPLES = 2_003
 TIME: FloatArray = np.arange(SAMPLES, dtype=np.float64) * 1e-3
@@ -90,3 +94,48 @@ def test_rows_in_parts_are_the_columns(name: str, tmp_path: Path) -> None:
         assert [batch.row for batch in batches] == list(range(11, SAMPLES, size))
         force = np.concatenate([batch.force for batch in batches])
         np.testing.assert_array_equal(force, COLUMNS["force_N"][11:])
+
+
+@pytest.fixture
+def small_machine(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("mrdamper.data.tables.memory_bytes", lambda: 16 << 30)
+
+
+def write_constants(path: Path, rows: int) -> None:
+    """Write rows of ones: a file of less than a megabyte, whatever it says of its rows."""
+    ones = [pl.repeat(1, rows, dtype=pl.Int8).alias(name) for name in ("displacement_mm", "force_N")]
+    pl.LazyFrame({"row": [0]}).select(ones).sink_parquet(path)
+    Path(f"{path}.channels.toml").write_text(
+        "[constant]\nrate_Hz = 1000\ncurrent_A = 1.0\n", encoding="utf-8"
+    )
+
+
+@pytest.mark.usefixtures("small_machine")
+def test_a_record_of_1e8_rows_in_place_of_a_run_ends_in_one_message(tmp_path: Path) -> None:
+    record = tmp_path / "weeks.parquet"
+    write_constants(record, 100_000_000)
+    assert record.stat().st_size < 1e6
+    card = write_a_card(tmp_path / "card.json")
+    commands = (
+        ["identify", str(record), "--out", str(tmp_path / "out")],
+        ["predict", str(card), str(record)],
+        ["check", str(record)],
+    )
+    for command in commands:
+        fault = CliRunner().invoke(cli, command).exception
+        assert isinstance(fault, InputError)
+        assert str(fault).count("\n") == 0
+        assert "weeks.parquet: has 100,000,000 rows, too many for memory at once; expected at" in str(fault)
+        assert "mrdamper cycles (with --model CARD" in str(fault)
+    assert not (tmp_path / "out").exists()
+    assert open_record(record).rows == 100_000_000  # but cycles takes it
+
+
+@pytest.mark.usefixtures("small_machine")
+def test_the_rows_of_a_text_are_judged_by_its_length(tmp_path: Path) -> None:
+    record = tmp_path / "weeks.csv"
+    with record.open("wb") as stream:
+        stream.write(b"time_s,displacement_mm,force_N,current_A\n" + b"0.001,1.0,2.0,1.5\n" * 10_000)
+        stream.truncate(2_000_000_000)  # nothing more is written
+    with pytest.raises(InputError, match=r"has about 1\d\d,\d+,\d+ rows, too many"):
+        read_table(record)

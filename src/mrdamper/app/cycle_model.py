@@ -122,7 +122,7 @@ class ModelOver:
         scored = np.isfinite(done.model.error_N)
         self.lacking += int(len(done) - scored.sum())
         self._all.add(done, scored)
-        bins = np.floor((done.temperature_K - _ZERO_CELSIUS_K) / BIN_K)
+        bins = np.floor((done.temperature_K - _ZERO_CELSIUS_K) / BIN_K + 0.5)  # round ones in the middle
         for number in np.unique(bins[scored & np.isfinite(bins)]).tolist():
             self._warm.setdefault(int(number), _Sums()).add(done, scored & (bins == number))
 
@@ -136,7 +136,7 @@ class ModelOver:
             **self._all.answer(),
             "cycles_without": self.lacking,
             "by_temperature": [
-                {"from_degC": BIN_K * number, "to_degC": BIN_K * (number + 1), **sums.answer()}
+                {"from_degC": BIN_K * (number - 0.5), "to_degC": BIN_K * (number + 0.5), **sums.answer()}
                 for number, sums in sorted(self._warm.items())
             ],
             "conditioning": None

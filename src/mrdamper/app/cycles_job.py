@@ -7,12 +7,8 @@ model is used.
 
 from __future__ import annotations
 
-import signal
-import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
-from types import FrameType
 from typing import BinaryIO
 
 import numpy as np
@@ -22,6 +18,7 @@ from mrdamper.app.answers import Json
 from mrdamper.app.cycle_groups import Groups
 from mrdamper.app.cycle_model import FIGURES as MODEL_FIGURES
 from mrdamper.app.cycle_model import ModelOver, columns_of, open_model
+from mrdamper.app.interrupts import on_interrupt
 from mrdamper.app.outputs import staged, write_json
 from mrdamper.data.cycle_stream import CycleCounter, CycleFigures
 from mrdamper.data.diagnosis.finding import worst_first
@@ -123,7 +120,14 @@ def _run(
             found += len(done)
 
     cancelled = False
-    with _interrupt_is_noted() as noted:
+    noted: list[bool] = []
+
+    def note() -> None:
+        if noted:  # a second time: now
+            raise KeyboardInterrupt
+        noted.append(True)
+
+    with on_interrupt(note):
         for batch in opened.batches(rows=batch_rows):
             read += len(batch)
             for part in (batch,) if along is None else along.replay.feed(batch):
@@ -133,7 +137,7 @@ def _run(
             if noted:
                 cancelled = True
                 break
-    for part in () if along is None else along.replay.close():
+    for part in () if along is None else along.replay.close(cut_short=cancelled):
         take(counter.feed(part))
     take(counter.close())
     groups.close()
@@ -193,22 +197,3 @@ def _answer(
         "findings": [dict(each.to_dict()) for each in sorted(counter.findings(), key=worst_first)],
         "cancelled": cancelled,
     }
-
-
-@contextmanager
-def _interrupt_is_noted() -> Iterator[list[bool]]:
-    """Give a list that is no longer empty after Ctrl-C; a second one ends the program."""
-    noted: list[bool] = []
-    if threading.current_thread() is not threading.main_thread():
-        yield noted
-        return
-
-    def note(_number: int, _frame: FrameType | None) -> None:
-        noted.append(True)
-        signal.signal(signal.SIGINT, before)
-
-    before = signal.signal(signal.SIGINT, note)
-    try:
-        yield noted
-    finally:
-        signal.signal(signal.SIGINT, before)

@@ -51,8 +51,9 @@ def _over_cycles(answer: Json, groups: Groups) -> str:
 
     The model's are dashed.
     """
-    known = answer["figures"]
-    panels = [panel for panel in _PANELS if isinstance(known, dict) and panel[0] in known]
+    figures = answer["figures"]
+    known = set(figures) if isinstance(figures, dict) else set()
+    panels = [panel for panel in _PANELS if panel[0] in known]
     if not panels:
         return ""
     height = 1.35 * len(panels) + 0.4

@@ -124,7 +124,8 @@ def beyond_envelope(card: ModelCard, runs: Mapping[str, Mapping[str, tuple[float
         where = where if len(runs) > 1 else f"in {next(iter(beyond))}"
         held = f", {beyond_in_words(card.damper)}" if what == "temperature" else ""
         said.append(
-            f"{what} is {told[0]} to {told[1]} {unit} {where}; the card was identified on {told[2]} to {told[3]} {unit}{held}"
+            f"{what} is {told[0]} to {told[1]} {unit} {where}; the card was identified on {told[2]} to "
+            f"{told[3]} {unit}{held}"
         )
     return said
 

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -47,22 +48,21 @@ class Batch:
 
     def part(self, rows: slice) -> Batch:
         """Return some of the rows, which follow on one another."""
-        low = rows.indices(len(self))[0]
-        return Batch(
-            self.row + low,
-            *(None if (column := getattr(self, name)) is None else column[rows] for name in _COLUMNS),
-        )
+        cut: dict[str, Any] = {
+            name: None if (column := getattr(self, name)) is None else column[rows] for name in _COLUMNS
+        }
+        return Batch(row=self.row + rows.indices(len(self))[0], **cut)
 
     @classmethod
     def joined(cls, parts: Sequence[Batch]) -> Batch:
         """Return batches that follow on one another as one; a column that one of them lacks is left out."""
         if len(parts) == 1:
             return parts[0]
-        whole = []
+        whole: dict[str, Any] = {}
         for name in _COLUMNS:
             columns = [column for each in parts if (column := getattr(each, name)) is not None]
-            whole.append(np.concatenate(columns) if len(columns) == len(parts) else None)
-        return cls(parts[0].row, *whole)
+            whole[name] = np.concatenate(columns) if len(columns) == len(parts) else None
+        return cls(row=parts[0].row, **whole)
 
 
 _COLUMNS = tuple(field.name for field in fields(Batch))[1:]

@@ -2,11 +2,13 @@
 
 A trial carries the linear numbers that the last step predicts for it; what is left to eliminate is of
 second order in the step, and so one pass of the kernel gives the cost and the next Gauss-Newton matrix.
-Where the prediction was too far off, the pass is repeated at what was found.
+Where the prediction was too far off, the pass is repeated at what was found; so it is before a step that
+fails is held to be too long.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +24,7 @@ Mask = NDArray[np.bool_]
 
 _LONGEST = 1.5  # longest step of a search coordinate per iteration, in e-folds on a log scale
 _DRIFT = 0.03  # share of the force by which guessed linear numbers may be off for the tangents to hold
+_EXACT = 1e-4  # the same, for a step that fails to be the fault of its length and not of the tangents
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,6 +81,7 @@ class Descents:
         self._damping = np.full(count, 1e-2)
         self._growth = np.full(count, 2.0)
         self._quiet = np.zeros(count, dtype=np.intp)
+        self._rough = np.zeros(count, dtype=np.bool_)
         found = objective.eliminate(self._box.outward(points), linear, tares)
         self.costs, self.linear, self.tares = found.cost, found.linear, found.tares
         self._slopes = np.ones((count, size))
@@ -97,9 +101,9 @@ class Descents:
         step = trial - points
         promised = np.sum(step * (2.0 * gradient - np.einsum("bij,bj->bi", hessian, step)), axis=1)
         still = ~step.any(axis=1) | ((promised >= 0.0) & (promised <= 1e-9 * costs)) | ~np.isfinite(promised)
-        self._finish(k[still])
+        self._fail(k[still], self._finish)
         uphill = ~still & (promised < 0.0)  # a bound bent the step
-        self._stiffen(k[uphill])
+        self._fail(k[uphill], self._stiffen)
         go = ~still & ~uphill
         if not go.any():
             return accepted
@@ -111,7 +115,7 @@ class Descents:
         )
         self.evaluations[k] += 1
         better = found.cost < self.costs[k]  # false where it is not a number
-        self._stiffen(k[~better])
+        self._fail(k[~better], self._stiffen)
         if better.any():
             accepted[k[better]] = True
             self._accept(k[better], trial[better], promised[better], _chosen(found, better))
@@ -128,7 +132,7 @@ class Descents:
         gained = self.costs[k] - found.cost
         self._damping[k] *= np.maximum(0.1, 1.0 - (2.0 * gained / promised - 1.0) ** 3)
         self._growth[k] = 2.0
-        self._quiet[k] = np.where(gained < 1e-5 * self.costs[k], self._quiet[k] + 1, 0)
+        self._quiet[k] = np.where(gained < 1e-6 * self.costs[k], self._quiet[k] + 1, 0)
         self.iterations[k] += 1
         self.points[k], self.costs[k] = trial, found.cost
         self.linear[k], self.tares[k] = found.linear, found.tares
@@ -138,16 +142,23 @@ class Descents:
 
     def _renew(self, k: NDArray[np.intp], found: Eliminated) -> None:
         """Take up the Gram matrices of accepted points."""
-        gram = found.gram
-        assert gram is not None
+        assert found.gram is not None
         self._slopes[k] = np.where(self._box.log, self._box.outward(self.points[k]), 1.0)
+        self._rough[k] = found.drift > _EXACT
         off = (found.drift > _DRIFT) & ~self.done[k]
-        if off.any():
-            at = k[off]
-            values = self._box.outward(self.points[at])
-            gram[off] = self._objective.sums(values, self.linear[at], self.tares[at])
-            self.evaluations[at] += 1
-        hessian, gradient, follow = self._objective.projected(gram, found.linear)
+        self._take(k[~off], found.gram[~off])
+        self._refine(k[off])
+
+    def _refine(self, k: NDArray[np.intp]) -> None:
+        """Work out the tangents again, at the linear numbers that were found."""
+        if len(k):
+            values = self._box.outward(self.points[k])
+            self._take(k, self._objective.sums(values, self.linear[k], self.tares[k]))
+            self.evaluations[k] += 1
+            self._rough[k] = False
+
+    def _take(self, k: NDArray[np.intp], gram: FloatArray) -> None:
+        hessian, gradient, follow = self._objective.projected(gram, self.linear[k])
         slopes = self._slopes[k]
         self.hessians[k] = hessian * (slopes[:, :, None] * slopes[:, None, :])
         self._gradients[k] = gradient * slopes
@@ -158,6 +169,12 @@ class Descents:
         below = (points <= self._box.low) & (gradient < 0.0)
         above = (points >= self._box.high) & (gradient > 0.0)
         return np.asarray(~(below | above))
+
+    def _fail(self, k: NDArray[np.intp], give_up: Callable[[NDArray[np.intp]], None]) -> None:
+        """Blame the tangents of steps that failed where those are rough, and the steps elsewhere."""
+        rough = self._rough[k]
+        self._refine(k[rough])
+        give_up(k[~rough])
 
     def _stiffen(self, k: NDArray[np.intp]) -> None:
         """Ask for shorter steps after one that did not help."""

@@ -24,7 +24,9 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.temperature import REFERENCE_K
 from mrdamper.quantities import QUANTITIES, FloatArray
 
-__all__ = ["Replay"]
+__all__ = ["MOST_HEADS", "Replay"]
+
+MOST_HEADS = 8
 
 
 class Replay:
@@ -37,7 +39,8 @@ class Replay:
     preparation : as the card has it
     force_sign : -1.0 for load cells that count compression as positive
     reference_warmth : a record without temperature is at 20 degC
-    head_rows : from which the rules of the conditioning are chosen; a rest before the motion is passed
+    head_rows : from which the rules of the conditioning are chosen; a rest before the motion is passed, and
+        where no run can be made of them, up to ``MOST_HEADS`` times as many are tried
 
     Raises
     ------
@@ -72,6 +75,7 @@ class Replay:
         self._splitter = Splitter()
         self._head: list[Batch] = []
         self._head_held = 0
+        self._refused: list[Batch] = []  # heads by which no rules could be chosen
         self._stretch: _Stretch | None = None
         self._warm_K: float | None = None
         self._rows: list[Batch] = []  # not given back yet
@@ -88,52 +92,76 @@ class Replay:
             self._head_held += len(part)
             batch = batch.part(slice(len(part), None))
             if self._head_held == self._head_rows:
-                self._begin()
+                self._begin(last=False)
         if len(batch):
             self._drive(batch)
         yield from self._released()
 
-    def close(self) -> Iterator[Batch]:
-        """Give back what is left: the record ends here."""
-        if self._head:
-            self._begin()
+    def close(self, *, cut_short: bool = False) -> Iterator[Batch]:
+        """Give back what is left: the record ends here.
+
+        Where it was ``cut_short``, a head by which no rules can be chosen leaves its rows without a force.
+        """
+        if self._head or self._refused:
+            try:
+                self._begin(last=True)
+            except InputError:
+                if not cut_short:
+                    raise
+                self._seen = self._rows[-1].row + len(self._rows[-1])
         self._end()
         yield from self._released()
 
-    def _begin(self) -> None:
+    def _begin(self, *, last: bool) -> None:
         """Choose the rules from the head and drive through it; a head at rest is passed."""
-        head, self._head, self._head_held = Batch.joined(self._head), [], 0
-        counted = usable(head)
+        heads = [*self._refused, *([Batch.joined(self._head)] if self._head else [])]
+        whole, self._head, self._head_held = Batch.joined(heads), [], 0
+        counted = usable(whole)
         if self._splitter.step_s is None:
-            self._splitter.step_s = usual_step(head.time[counted])
-        if self._splitter.step_s is not None and moved_by(head.displacement[counted]):
-            self.rules = self._chosen(head)
-            self._drive(head)
+            self._splitter.step_s = usual_step(whole.time[counted])
+        if self._splitter.step_s is None or not moved_by(whole.displacement[counted]):
+            for _ in self._splitter.feed(whole):
+                pass
+            self._seen, self._refused = whole.row + len(whole), []
             return
-        for _ in self._splitter.feed(head):
-            pass
-        self._seen = head.row + len(head)
+        if self._damper.tempered:
+            self._warm_K = self._first_warmth(whole)
+        try:
+            self.rules = self._chosen(whole)
+        except InputError:
+            self.rules = self._chosen_or_none(heads[-1]) if len(heads) > 1 else None
+            if self.rules is None:
+                if last or len(heads) == MOST_HEADS:
+                    raise
+                self._refused = heads
+                return
+        self._refused = []
+        self._drive(whole)
+
+    def _chosen_or_none(self, head: Batch) -> Rules | None:
+        try:
+            return self._chosen(head)
+        except InputError:
+            return None
 
     def _chosen(self, head: Batch) -> Rules:
-        """Return the rules by the longest stretch of the head."""
-        parts: list[list[Batch]] = []
+        """Return the rules by the longest stretch of a head that moves."""
+        stretches: list[list[Batch]] = []
         for fresh, part in Splitter(self._splitter.step_s).feed(head):
-            parts += [[]] if fresh or not parts else []
-            parts[-1].append(part)
-        longest = Batch.joined(max(parts, key=lambda stretch: sum(map(len, stretch))))
-        if self._damper.tempered:
-            self._warm_K = self._first_warmth(longest)
-        run = RigRun(
-            name=self.name,
-            time=longest.time,
-            displacement=longest.displacement,
-            force=self._sign * longest.force,
-            command=longest.command,
-            command_unit=self._unit,
-            velocity=longest.velocity if self._preparation.velocity == "channel" else None,
-            temperature=None,
-        )
+            stretches += [[]] if fresh or not stretches else []
+            stretches[-1].append(part)
+        joined = [Batch.joined(parts) for parts in stretches]
+        longest = max(joined, key=lambda stretch: (moved_by(stretch.displacement) > 0.0, len(stretch)))
         try:
+            run = RigRun(
+                name=self.name,
+                time=longest.time,
+                displacement=longest.displacement,
+                force=self._sign * longest.force,
+                command=longest.command,
+                command_unit=self._unit,
+                velocity=longest.velocity if self._preparation.velocity == "channel" else None,
+            )
             return choose_rules(run, replace(self._preparation, from_s=None, to_s=None))
         except InputError as error:
             raise InputError(

@@ -24,6 +24,7 @@ FloatArray = NDArray[np.float64]
 
 _PULL = 1e-6  # of session offsets towards zero, as a share of what the data say
 _MOST = 1 << 21  # sums of single runs that are kept at a time
+_ONE_THREAD = 1 << 17  # products that OpenBLAS does not share out to threads, which would wait in a loop
 
 
 class GramSums:
@@ -53,12 +54,14 @@ class GramSums:
         ]
         self._single = [run for run, point in zip(runs, points, strict=True) if point is None]
         steady = [(run, point) for run, point in zip(runs, points, strict=True) if point is not None]
-        self._runs = [run for run, _ in steady]
         keys = [(point, run.session if sessions else "") for run, point in steady]
         groups = {key: k for k, key in enumerate(dict.fromkeys(keys))}
-        self._group = np.array([groups[key] for key in keys], dtype=np.intp)
-        self._weight = np.zeros((len(groups), len(steady)))
-        self._weight[self._group, range(len(steady))] = [run.weight for run in self._runs]
+        group = np.array([groups[key] for key in keys], dtype=np.intp)
+        order = np.argsort(group, kind="stable")
+        self._runs = [steady[k][0] for k in order]
+        self._group = group[order]
+        self._first = np.searchsorted(self._group, range(len(groups)))  # of each group's runs
+        self._weight = np.array([run.weight for run in self._runs])[:, None]
         if not steady:
             return
         self._levels = Levels(
@@ -119,12 +122,16 @@ class GramSums:
             ones=bool(self._sessions),
         )
         groups, width = spread.shape[1], spread.shape[3]
-        grouped = (self._weight @ sums.reshape(count, len(self._runs), width**2)).reshape(
-            count, groups, width, width
-        )
+        weighted = self._weight * sums.reshape(count, len(self._runs), width**2)
+        grouped = np.add.reduceat(weighted, self._first, axis=1).reshape(count, groups, width, width)
         left = (spread @ grouped).transpose(0, 2, 1, 3).reshape(count, self._size, groups * width)
         right = spread.transpose(0, 1, 3, 2).reshape(count, groups * width, self._size)
-        return np.asarray(left @ right)
+        step = max(1, _ONE_THREAD // self._size**2)
+        total = np.zeros((count, self._size, self._size))
+        for begin in range(0, groups * width, step):
+            part = slice(begin, begin + step)
+            total += left[:, :, part] @ right[:, part]
+        return total
 
     def _one_by_one(self, values: FloatArray, tares: FloatArray) -> FloatArray:
         damper = move(self._damper, dict(zip(self._varying, values.tolist(), strict=True)))

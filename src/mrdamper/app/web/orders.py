@@ -39,7 +39,7 @@ class Identify(Order):
     files: Files = None
     law: Word | None = None
     method: Literal["varpro", "genetic", "cma"] = "varpro"
-    starts: Annotated[int, Field(ge=1, le=100)] = 1
+    starts: Annotated[int, Field(ge=1, le=100)] = 3
     seed: Seed = 0
     hold_out: Annotated[list[Glob], Field(max_length=20_000)] = []
     leave_out: list[Literal["run", "current", "motion", "temperature"]] = []

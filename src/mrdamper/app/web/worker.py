@@ -19,6 +19,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, NoReturn
 
+from mrdamper.app.interrupts import Interrupted
 from mrdamper.app.web.folder import FAULT, NoSpaceError, WorkFolder, is_full
 from mrdamper.app.web.record import JobRecord, write_whole
 
@@ -89,7 +90,7 @@ def main(root: str, job_id: str) -> int:
             return 4
         record.end("done")
         return 0
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, Interrupted):
         record.end(*_stopped(orphaned, _without_result(record)))
         return 4
     except BaseException as fault:
@@ -112,12 +113,8 @@ def _do(record: JobRecord, folder: WorkFolder, sayer: _Sayer) -> dict[str, Any]:
 
 def _fail(record: JobRecord, orphaned: threading.Event, fault: BaseException) -> int:
     """Write down why a job failed: what was wrong in the data's words, a fault of ours without its inside."""
-    from mrdamper.app.interrupts import Interrupted
     from mrdamper.errors import MrdamperError
 
-    if isinstance(fault, Interrupted):
-        record.end(*_stopped(orphaned, _without_result(record)))
-        return 4
     if is_full(fault) or is_full(fault.__cause__ or fault):
         record.end("failed", str(NoSpaceError(f"{record.id} could not write its files")))
         return 1

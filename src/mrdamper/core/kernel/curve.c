@@ -244,8 +244,11 @@ static void branch_build(branch *b, double k, double n, int tangents, int to_one
     b->last = cubic_at(b->cell, b->base, b->shift, b->top);
 }
 
-/* What a curve is tabulated for. */
-static int is_tabulated(double kappa, double n) { return kappa >= -1.0 && kappa <= 1.0 && n >= 0.2 && n <= 20.0; }
+/* What a curve is tabulated for; a bound that went through a logarithm is not refused for its last digits. */
+static int is_tabulated(double kappa, double n)
+{
+    return fabs(kappa) <= 1.0 + 1e-9 && n >= 0.2 - 1e-9 && n <= 20.0 + 1e-9;
+}
 
 static void curve_build(curve *c, double kappa, double n, int tangents)
 {

@@ -25,7 +25,7 @@ export async function show(place, app, query) {
   const temperature = select(choices.temperature.map((each) => [each, each === "auto" ? "as the runs have it" : each]), "auto");
   const fluid = select([["", "none"], ...choices.fluids.map((each) => [each, each]), ...inputsOf(app, ".toml")], "");
   const method = select(choices.methods.map((each) => [each, { varpro: "variable projection", genetic: "genetic", cma: "CMA-ES" }[each] ?? each]), choices.methods[0]);
-  const starts = numberField("Starts", "", 1, { min: 1, step: 1 });
+  const starts = numberField("Starts", "", 3, { min: 1, step: 1 });
   const seed = numberField("Seed", "", 0, { min: 0, step: 1 });
   const draws = numberField("Bootstrap draws", "", 0, { min: 0, step: 1 });
   const resistance = numberField("Coil resistance at 20 °C", "Ω", null, { min: 0, placeholder: "not known" });
@@ -100,7 +100,7 @@ export async function show(place, app, query) {
       files: units.length > 1 ? filesIn(runs, commanded.value) : null,
       law: law.value || null,
       method: method.value,
-      starts: starts.read() ?? 1,
+      starts: starts.read() ?? 3,
       seed: seed.read() ?? 0,
       hold_out: [...offered().filter(({ box }) => box.checked).map(({ run }) => literal(run.name)), ...globs.value.split(/[,;]+/).map((each) => each.trim()).filter(Boolean)],
       leave_out: leave.filter(({ box }) => box.checked).map(({ each }) => each),

@@ -145,7 +145,7 @@ seed = 0
 campaigns = ["../runs"]
 hold_out = ["*_060C_*"]
 temperature = "auto"
-starts = 1
+starts = 3
 `,
   sink: (card) => `# Heat sinks for many dampers and duties; drawings of your own are named as files
 kind = "sink"
