@@ -41,7 +41,10 @@ export async function show(place, app, query) {
   const commanded = select(units.map((unit) => [unit, `in ${unit}: ${counted(runs, unit)}`]), units[0] ?? "", { id: "commanded" });
   const picks = el("div", { class: "picks", tabindex: 0, "aria-label": "Runs to hold out", role: "group" });
   const offered = () => held.filter(({ run }) => units.length < 2 || run.command_unit === commanded.value);
-  const drawPicks = () => fill(picks, offered().map(({ node }) => node));
+  const drawPicks = () => {
+    fill(picks, offered().map(({ node }) => node));
+    picks.hidden = !offered().length;
+  };
   commanded.addEventListener("change", drawPicks);
   drawPicks();
   const globs = el("input", { type: "text", placeholder: "*_060C_*", "aria-label": "Hold out by pattern", id: "globs" });

@@ -196,13 +196,13 @@ export class JobPanel {
     });
   }
 
-  /** Show the newest job of the kind that is at work, else the newest that is done (of a card, when it is named). */
+  /** Show the newest job of the kind that is at work, else the newest that is done or waits to be resumed (of a card, when it is named). */
   async resume(card = null, wanted = null) {
     const mine = this.app.state.jobs.filter((job) => job.kind === this.kind);
     const found =
       mine.find((job) => job.id === wanted) ??
       mine.find((job) => BUSY.has(job.state)) ??
-      mine.find((job) => job.state === "done" && (!card || job.options.card === card));
+      mine.find((job) => (job.state === "done" || job.resumable) && (!card || job.options.card === card));
     if (found) await this.attach(found.id);
     return found ?? null;
   }
@@ -243,7 +243,7 @@ function endNote(job) {
   if (job.state === "failed") return note("fault", `${job.id} did not finish.\n${job.message ?? ""}`);
   if (job.state === "interrupted") return note("warning", `${job.id} was interrupted: the server ended while it was at work. ${job.resumable ? "Resume goes on with what it had finished." : "Start it again."}`);
   const seen = job.answer && (SO_FAR[job.kind] ?? "");
-  if (job.resumable) return note("warning", `${job.id} was stopped; ${seen || "what it had finished is kept."} Resume goes on with what it had finished.`);
+  if (job.resumable) return note("warning", `${job.id} was stopped; ${seen ? `${seen} Resume goes on with what it had finished.` : "what it had finished is kept, and Resume goes on with it."}`);
   return note("warning", seen ? `${job.id} was stopped; ${seen}` : `${job.id} was stopped before it had a result.`);
 }
 
