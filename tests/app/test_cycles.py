@@ -73,7 +73,10 @@ def test_an_interrupt_keeps_what_was_counted(tmp_path: Path) -> None:
     assert "Interrupted" in (tmp_path / "out" / "cycles.html").read_text()
 
 
-def test_a_second_interrupt_leaves_what_was_there_before_and_nothing_beside_it(tmp_path: Path) -> None:
+def test_a_second_interrupt_leaves_what_was_there_before_and_nothing_beside_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("mrdamper.app.interrupts._ONE_S", 0.0)
     record = write(tmp_path / "record.parquet")
     out = tmp_path / "out"
     out.mkdir()

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from mrdamper.app.answers import Json
 from mrdamper.quantities import FloatArray
 
 __all__ = ["MOST_GROUPS", "Groups"]
@@ -85,6 +86,22 @@ class Groups:
             else None,
         }
 
+    def curves(self) -> Json:
+        """Return each figure's mean as lists; its least and most where groups are of several cycles.
+
+        ``cycle`` is the mean number of a group's cycles; None stands where a figure is not known.
+        """
+        sides = {"mean": self.mean, "least": self.least, "most": self.most}
+        shown = sides if self.size > 1 else {"mean": self.mean}
+        return {
+            "cycle": self.number.tolist(),
+            "figures": {
+                name: {side: _listed(values[:, k]) for side, values in shown.items()}
+                for k, name in enumerate(self.names)
+                if self.known[:, k].any()
+            },
+        }
+
     def _take(self, values: FloatArray, size: int) -> None:
         parts = values.reshape(-1, size, len(self.names))
         there = np.isfinite(parts)
@@ -110,3 +127,7 @@ class Groups:
         self.most = np.fmax(self.most[0::2], self.most[1::2])
         self.size *= 2
         self.count = np.full(len(self.mean), float(self.size))
+
+
+def _listed(values: FloatArray) -> list[float | None]:
+    return [float(f"{value:.7g}") if np.isfinite(value) else None for value in values.tolist()]

@@ -7,12 +7,8 @@ model is used.
 
 from __future__ import annotations
 
-import signal
-import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
-from types import FrameType
 from typing import BinaryIO
 
 import numpy as np
@@ -22,6 +18,7 @@ from mrdamper.app.answers import Json
 from mrdamper.app.cycle_groups import Groups
 from mrdamper.app.cycle_model import FIGURES as MODEL_FIGURES
 from mrdamper.app.cycle_model import ModelOver, columns_of, open_model
+from mrdamper.app.interrupts import on_interrupt
 from mrdamper.app.outputs import staged, write_json
 from mrdamper.data.cycle_stream import CycleCounter, CycleFigures
 from mrdamper.data.diagnosis.finding import worst_first
@@ -48,7 +45,7 @@ Report = Callable[[int, int | None, int], None]
 """Told how far the job is: rows read, rows in all where that is known, cycles found."""
 
 
-def cycles(
+def cycles(  # noqa: PLR0913 - what a job is told, by keyword
     record: Path,
     *,
     channels: Path | None = None,
@@ -57,6 +54,7 @@ def cycles(
     model: Path | None = None,
     batch_rows: int = BATCH_ROWS,
     out: Path | None = None,
+    curves: bool = False,
     report: Report | None = None,
 ) -> Json:
     """Count a record's cycles; with ``out`` write cycles.csv, cycles.html and summary.json there.
@@ -67,7 +65,7 @@ def cycles(
 
     Returns
     -------
-    The answer of ``--json``.
+    The answer of ``--json``; with ``curves`` beside it those of the page, as ``Groups.curves`` gives them.
 
     Raises
     ------
@@ -82,7 +80,8 @@ def cycles(
         least_stroke_m=None if least_stroke_mm is None else 1e-3 * least_stroke_mm,
     )
     if out is None:
-        return _run(opened, counter, along, batch_rows, None, report)[0]
+        answer, groups = _run(opened, counter, along, batch_rows, None, report)
+        return answer | {"curves": groups.curves()} if curves else answer
     with staged(out) as beside:
         with (beside / "cycles.csv").open("wb") as table:
             answer, groups = _run(opened, counter, along, batch_rows, table, report)
@@ -91,7 +90,7 @@ def cycles(
         answer |= {name: str(out / file) for name, file in _FILES.items()}
         (beside / "cycles.html").write_text(render_cycles(answer, groups), encoding="utf-8")
         write_json(beside / "summary.json", answer)
-    return answer
+    return answer | {"curves": groups.curves()} if curves else answer
 
 
 _FILES = {"report": "cycles.html", "file": "cycles.csv", "summary_file": "summary.json"}
@@ -121,7 +120,14 @@ def _run(
             found += len(done)
 
     cancelled = False
-    with _interrupt_is_noted() as noted:
+    noted: list[bool] = []
+
+    def note() -> None:
+        if noted:  # a second time: now
+            raise KeyboardInterrupt
+        noted.append(True)
+
+    with on_interrupt(note):
         for batch in opened.batches(rows=batch_rows):
             read += len(batch)
             for part in (batch,) if along is None else along.replay.feed(batch):
@@ -191,22 +197,3 @@ def _answer(
         "findings": [dict(each.to_dict()) for each in sorted(counter.findings(), key=worst_first)],
         "cancelled": cancelled,
     }
-
-
-@contextmanager
-def _interrupt_is_noted() -> Iterator[list[bool]]:
-    """Give a list that is no longer empty after Ctrl-C; a second one ends the program."""
-    noted: list[bool] = []
-    if threading.current_thread() is not threading.main_thread():
-        yield noted
-        return
-
-    def note(_number: int, _frame: FrameType | None) -> None:
-        noted.append(True)
-        signal.signal(signal.SIGINT, before)
-
-    before = signal.signal(signal.SIGINT, note)
-    try:
-        yield noted
-    finally:
-        signal.signal(signal.SIGINT, before)

@@ -69,7 +69,9 @@ def progress() -> Iterator[Report | None]:
 
 
 @contextmanager
-def counter(word: str = "run") -> Iterator[Callable[[int, int, str], None] | None]:
+def counter(
+    word: str = "run", *, ctrl_c: str = "leaves nothing"
+) -> Iterator[Callable[[int, int, str], None] | None]:
     """Give a function that shows which of many runs comes now; None when standard error is no terminal."""
     if not sys.stderr.isatty():
         yield None
@@ -81,7 +83,7 @@ def counter(word: str = "run") -> Iterator[Callable[[int, int, str], None] | Non
             clock = time.monotonic()
             if clock - shown[0] >= _LEAST_INTERVAL:
                 shown[0] = clock
-                live.update(Text(f"{word} {done + 1} of {of}  {name}  (Ctrl-C leaves nothing)"), refresh=True)
+                live.update(Text(f"{word} {done + 1} of {of}  {name}  (Ctrl-C {ctrl_c})"), refresh=True)
 
         yield report
 
