@@ -1,4 +1,4 @@
-"""Killing commands in the middle, and looking at what they leave behind.
+"""Ending commands in the middle, and looking at what they leave behind.
 
 ``Nursery`` is a process that has loaded the program once and forks a child for each command, so that a kill
 finds the child at its work and not at its imports. Everything that a command starts carries a mark in its
@@ -20,10 +20,42 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from mrdamper.app.sweep.store import CHECKPOINT
+
 MARK = "MRDAMPER_TEST_MARK"
 
+CAMPAIGN = """
+motions = ["sine5mm1Hz", "nonperiodic"]
+currents_A = [0.0, 1.0, 2.0]
+temperatures_degC = [20.0, 60.0, 100.0]
+duration_s = 3.0
+held_out_temperatures_degC = []
+held_out_motions = []
+"""
+PLANS = {
+    "tolerance": """
+kind = "tolerance"
+seed = 7
+[tolerance]
+card = "card.json"
+spread_percent = 10
+draws = 4
+targets = ["sine-900N-1Hz"]
+temperatures_degC = [60]
+""",
+    "sinks": """
+kind = "sink"
+[sink]
+card = "card.json"
+duties = ["sine:15mm:1Hz:2A:600s"]
+""",
+}
+IDENTIFY = ("identify", "runs", "--law", "dahl", "--starts", 3, "--temperature", "none",
+            "--leave-out", "current", "--leave-out", "motion", "--profile", "--bootstrap", 3)  # fmt: skip
+SINK = ("sink", "card.json", "--damper", "paper", "--network-only", "--duty", "sine:15mm:1Hz:2A:600s")
+
 _NURSERY = """
-import json, os, resource, sys
+import json, os, resource, sys, traceback
 import mrdamper.app.jobs, mrdamper.app.sink_job, mrdamper.app.rig_job, mrdamper.app.demo_job
 import mrdamper.app.cli.terminal, mrdamper.app.report, mrdamper.app.sink_page
 from mrdamper.app.cli import main
@@ -45,6 +77,8 @@ for line in sys.stdin:
         except SystemExit as end:
             sys.stdout.flush()
             os._exit(end.code or 0)
+        except BaseException:
+            traceback.print_exc()
         os._exit(9)
     print(child, flush=True)
     print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]), flush=True)
@@ -106,24 +140,26 @@ class Nursery:
         return self._process.stdout.readline().strip()
 
 
-def kill_after(seconds: float) -> Callable[[int], None]:
-    """Kill at a moment; a process that has ended by then is not killed."""
+def kill_after(seconds: float, how: signal.Signals = signal.SIGKILL) -> Callable[[int], None]:
+    """End a process at a moment; nothing is done to one that has ended by then."""
 
     def kill(process: int) -> None:
         until = time.monotonic() + seconds
         while time.monotonic() < until and alive(process):
             time.sleep(0.002)
-        kill_hard(process)
+        send(process, how)
 
     return kill
 
 
-def kill_when(ready: Callable[[], bool], seconds: float = 120.0) -> Callable[[int], None]:
-    """Kill as soon as something is there."""
+def kill_when(ready: Callable[[], bool], *how: signal.Signals, apart_s: float = 0.0) -> Callable[[int], None]:
+    """End a process as soon as something is there; several signals follow each other ``apart_s``."""
 
     def kill(process: int) -> None:
-        wait_for(ready, process, seconds)
-        kill_hard(process)
+        wait_for(ready, process)
+        for number in how or (signal.SIGKILL,):
+            send(process, number)
+            time.sleep(apart_s)
 
     return kill
 
@@ -135,10 +171,10 @@ def wait_for(ready: Callable[[], bool], process: int, seconds: float = 120.0) ->
         time.sleep(0.001)
 
 
-def kill_hard(process: int) -> None:
+def send(process: int, number: signal.Signals) -> None:
     assert process > 1, "0 and below are groups of processes"
     with contextlib.suppress(ProcessLookupError):
-        os.kill(process, signal.SIGKILL)
+        os.kill(process, number)
 
 
 def alive(process: int) -> bool:
@@ -174,14 +210,34 @@ def orphans(mark: str, but: int = 0, patience_s: float = 10.0) -> list[int]:
 
 
 def written(out: Path) -> dict[str, str] | None:
-    """Return what a command wrote, by name, without CPU figures and dates; None when there is nothing."""
-    if not out.exists():
-        return None
-    return {
+    """Return what a command wrote, by name, without CPU figures and dates; None when there is nothing.
+
+    What a sweep goes on from is no output of it: with two workers its lines come in any order.
+    """
+    found = {
         path.relative_to(out).as_posix(): _plain(path)
         for path in sorted(out.rglob("*"))
-        if path.is_file() and not any(part.startswith(".mrdamper-") for part in path.relative_to(out).parts)
+        if path.is_file()
+        and path.name != CHECKPOINT
+        and not any(part.startswith(".mrdamper-") for part in path.relative_to(out).parts)
     }
+    return found or None
+
+
+def of_any_folder(files: dict[str, str] | None, out: Path) -> dict[str, str]:
+    """Return what was written with the name of its folder taken out."""
+    assert files is not None
+    return {name: text.replace(str(out), "OUT") for name, text in files.items()}
+
+
+def rows(path: Path) -> int:
+    """Return how many whole lines a file has; none when it is not there."""
+    return path.read_bytes().count(b"\n") if path.exists() else 0
+
+
+def has_more(path: Path, count: int) -> Callable[[], bool]:
+    """Return whether a file has more lines than that, to be asked again and again."""
+    return lambda: rows(path) > count
 
 
 def left_behind(folder: Path) -> list[str]:

@@ -6,6 +6,7 @@ import json
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +41,7 @@ class Relaxing:
 '''
 
 
+@cache
 def short_runs() -> tuple[RigRun, ...]:
     return measure(SHORT, seed=1)
 

@@ -346,6 +346,7 @@ def test_an_interrupt_while_leaving_runs_out_keeps_the_fit_and_drops_the_table(f
     answer = jobs.identify([folder / "runs"], folder / "half", options)
     assert answer["left_out"] == []
     assert "interrupted while fitting again" in str(answer["notes"])
+    assert answer["cancelled"] is True  # a script must not take it for the whole
     assert (folder / "half" / "card.json").is_file()
 
 

@@ -5,23 +5,19 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from mrdamper.app.outputs import staged
+from mrdamper.errors import InputError
 from tests.app.kills import Nursery, left_behind, written
 from tests.app.rigs import command
+from tests.app.tracked import write_a_card
 
-CAMPAIGN = """
-motions = ["sine5mm1Hz", "sine3mm2Hz"]
-currents_A = [0.0, 1.0, 2.0]
-temperatures_degC = [20.0, 60.0, 100.0]
-duration_s = 3.0
-held_out_temperatures_degC = []
-held_out_motions = []
-"""
 COMMANDS: dict[str, tuple[str, ...]] = {
     "rig": ("rig", "--campaign", "campaign.toml"),
     "check": ("check", "runs"),
@@ -36,29 +32,16 @@ COMMANDS: dict[str, tuple[str, ...]] = {
               "--controller", "paper"),
     "export c": ("export", "card.json", "--no-verify"),
     "export table": ("export", "card.json"),
-    "sweep": ("sweep", "plan.toml", "--workers", "1"),
+    "sweep": ("sweep", "sinks.toml", "--workers", "1"),
 }  # fmt: skip
-PLAN = """
-kind = "sink"
-[sink]
-card = "card.json"
-duties = ["sine:15mm:1Hz:2A:600s"]
-"""
 FLUID = "temperature_degC,viscosity_mPas\n" + "".join(
     f"{t},{112.0 * 0.985 ** (t - 20):.4f}\n" for t in range(20, 101, 10)
 )
 
 
-@pytest.fixture(scope="module")
-def nursery(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Nursery]:
-    folder = tmp_path_factory.mktemp("room")
-    for name, text in (("campaign.toml", CAMPAIGN), ("plan.toml", PLAN), ("fluid.csv", FLUID)):
-        (folder / name).write_text(text, encoding="utf-8")
-    with Nursery(folder) as running:
-        assert running.run("rig", "--campaign", "campaign.toml", "--out", "runs") == 0, running.said
-        assert running.run("identify", "runs", "--law", "bouc-wen", "--out", "made") == 0, running.said
-        shutil.copy(folder / "made" / "card.json", folder / "card.json")
-        yield running
+@pytest.fixture(scope="module", autouse=True)
+def _fluid(nursery: Nursery) -> None:
+    (nursery.folder / "fluid.csv").write_text(FLUID, encoding="utf-8")
 
 
 def asked(name: str, out: Path) -> tuple[str, ...]:
@@ -101,7 +84,12 @@ def disk(place: Path, *options: str) -> Iterator[Path]:
         subprocess.run(["umount", str(place)], check=True)
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+def marked(names: Iterable[str], *slow: str) -> list[Any]:
+    """Return names as parameters, slow ones for the long suite."""
+    return [pytest.param(name, marks=[pytest.mark.long] if name in slow else []) for name in names]
+
+
+@pytest.mark.parametrize("name", marked(COMMANDS, "heat", "sweep"))
 def test_a_file_that_may_not_grow(nursery: Nursery, tmp_path: Path, name: str):
     """``ulimit -f``: what stood there stands there still, and nothing else does."""
     out = tmp_path / "out"
@@ -118,7 +106,9 @@ def test_a_file_that_may_not_grow(nursery: Nursery, tmp_path: Path, name: str):
     assert [left for left in left_behind(tmp_path) if not left.endswith(".progress")] == []
 
 
-@pytest.mark.parametrize("name", ["rig", "identify", "sink", "export c", "sweep"])
+@pytest.mark.parametrize(
+    "name", marked(["rig", "identify", "sink", "export c", "sweep"], "identify", "sink", "sweep")
+)
 def test_a_full_disk(nursery: Nursery, tmp_path: Path, name: str):
     """The message names the place and what is free; with more room the same command goes to its end."""
     with disk(tmp_path / "disk", "-o", "size=48k") as small:
@@ -136,7 +126,19 @@ def test_a_full_disk(nursery: Nursery, tmp_path: Path, name: str):
         assert left_behind(small) == []
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+def test_a_card_on_a_full_disk_is_told_of_by_the_job_s_place(tmp_path: Path):
+    """What writes a card has words of its own; the hidden folder that they name is nothing to a user."""
+    with disk(tmp_path / "disk", "-o", "size=16k") as small:
+        (small / "ballast").write_bytes(bytes(12_000))
+        said = r"the disk is full .* nothing was changed"
+        with pytest.raises(InputError, match=said) as refused, staged(small / "out") as beside:
+            write_a_card(beside / "card.json")
+        assert str(refused.value).startswith(f"{small / 'out'}: ")
+        assert ".mrdamper-" not in str(refused.value)
+        assert left_behind(small) == []
+
+
+@pytest.mark.parametrize("name", marked(COMMANDS, "sweep"))
 def test_a_folder_that_cannot_be_written_to(nursery: Nursery, tmp_path: Path, name: str):
     if os.geteuid() == 0:  # whom permissions do not stop
         with disk(tmp_path / "disk", "-o", "ro") as closed:
@@ -152,7 +154,7 @@ def test_a_folder_that_cannot_be_written_to(nursery: Nursery, tmp_path: Path, na
         closed.chmod(0o755)
 
 
-@pytest.mark.parametrize("arguments", [("data", "list", "--json"), ("data", "list"), ("--help",)])
+@pytest.mark.parametrize("arguments", [("data", "list"), ("--help",)])
 def test_standard_output_on_a_full_disk(arguments: tuple[str, ...]):
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(

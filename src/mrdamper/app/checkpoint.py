@@ -16,8 +16,9 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
+from mrdamper.app.interrupts import Interrupted
 from mrdamper.app.locks import lock
 from mrdamper.errors import InputError
 
@@ -53,25 +54,21 @@ class Checkpoint:
         self.done: dict[str, Any] = {}
         self.finished = False
         self._always, self._synced = always, -_LONGEST_UNSYNCED_S
+        self._file = _taken(path)
         try:
-            self._file = path.open("ab")
-        except OSError as fault:
-            raise InputError(f"{path}: cannot write there: {fault.strerror}; choose another --out") from fault
-        try:
-            if lock(self._file.fileno()) is False:
-                raise InputError(
-                    f"{path}: another run is at work with it; expected none. Wait until it has ended, or "
-                    "choose another --out"
-                )
             if resume:
                 self._read(head)
             else:
                 self._file.truncate(0)
-            if not path.stat().st_size:
-                self._write(dict(head))
         except BaseException:
             self._file.close()
             raise
+        if not path.stat().st_size:
+            try:
+                self._write(dict(head))
+            except InputError:
+                self.close()
+                raise
 
     def recall(self, key: str) -> Mapping[str, Any] | None:
         """Return what was kept under a key, or None."""
@@ -118,7 +115,7 @@ class Checkpoint:
         if rows and rows[0] != json.loads(json.dumps(head)):
             raise InputError(
                 f"{self.path}: holds results of {_apart(rows[0], head)}; expected those of this one. Choose "
-                "another --out, or begin anew without --resume"
+                "another --out, or remove that file to begin anew"
             )
         self.done = {row["name"]: row["result"] for row in rows[1:]}
         self._file.truncate(whole)
@@ -138,7 +135,7 @@ def checkpointed(
         return
     try:
         path = place_of(out)
-        left = path.exists() and path.stat().st_size > 0
+        left = path.exists() and sum(1 for _ in _lines(path)) > 1
         made = None if path.parent.exists() else path.parent
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as fault:
@@ -152,6 +149,10 @@ def checkpointed(
             tell(f"going on from {path}: {told}")
     try:
         yield kept
+    except (KeyboardInterrupt, Interrupted) as end:
+        if kept.done:
+            end.add_note("what was finished is kept: the same command with --resume goes on")
+        raise
     finally:
         kept.close()
         if made is not None:
@@ -164,14 +165,29 @@ def place_of(out: Path) -> Path:
 
     Where only the folder itself can be written to, ``OUT/.progress``.
     """
-    place = out.absolute() if out.name not in {"", ".."} else out.resolve()
-    if place.is_dir() and (not place.name or not os.access(place.parent, os.W_OK)):
+    place = out if out.name not in {"", ".."} else out.resolve()
+    if place.is_dir() and (not place.name or not os.access(place.absolute().parent, os.W_OK)):
         return place / ".progress"
-    return (
-        out.with_name(f"{out.name}.progress")
-        if out.name not in {"", ".."}
-        else place.with_name(f"{place.name}.progress")
-    )
+    return place.with_name(f"{place.name}.progress")
+
+
+def _taken(path: Path) -> BinaryIO:
+    """Open a file to append to, for this process alone."""
+    while True:
+        try:
+            file = path.open("ab")
+        except OSError as fault:
+            raise InputError(f"{path}: cannot write there: {fault.strerror}; choose another --out") from fault
+        if lock(file.fileno()) is False:
+            file.close()
+            raise InputError(
+                f"{path}: another run is at work with it; expected none. Wait until it has ended, or choose "
+                "another --out"
+            )
+        with suppress(FileNotFoundError):
+            if os.path.samestat(os.fstat(file.fileno()), path.stat()):
+                return file
+        file.close()  # the run before this one had it, and has just removed it
 
 
 def _lines(path: Path) -> Iterator[tuple[bytes, int]]:

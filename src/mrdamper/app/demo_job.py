@@ -20,6 +20,7 @@ from mrdamper.app.answers import Json
 from mrdamper.app.api import Identification, assess, fit, versions
 from mrdamper.app.export_job import ExportOptions, export
 from mrdamper.app.heat_job import HeatRun, heat_damper, write_heat
+from mrdamper.app.interrupts import interrupt_ends_all
 from mrdamper.app.jobs import read_dataset, write_identification
 from mrdamper.app.outputs import staged, write_json
 from mrdamper.app.paper.claims import claims_of
@@ -88,7 +89,7 @@ def demo(out: Path, *, quick: bool = False, seed: int = 0, report: Report | None
         if report is not None:
             report(step, len(_STEPS), _STEPS[step])
 
-    with staged(out) as beside:
+    with staged(out) as beside, interrupt_ends_all():  # claims are made of whole fits
         place = _Place(beside, out)
         now(0)
         dataset = _measured(place, campaign, seed)

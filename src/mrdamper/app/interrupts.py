@@ -1,4 +1,8 @@
-"""Ctrl-C outside the one fit whose best-so-far is worth keeping.
+"""Interrupts: Ctrl-C, and what is asked of a program in other ways to end now.
+
+For the command line SIGTERM (a cluster's scheduler, ``timeout``, a service that is stopped) and SIGHUP (a
+terminal that is closed) are what Ctrl-C is: a KeyboardInterrupt. What was switched off for the program when
+it was started stays off (``nohup``). A program that uses this as a library keeps its own ways.
 
 A fit that is interrupted returns the best it has. That is right for the fit that a card is made of, and wrong
 for the fits that only judge it: a table of half-finished ones would be believed.
@@ -6,31 +10,105 @@ for the fits that only judge it: a table of half-finished ones would be believed
 
 from __future__ import annotations
 
+import os
 import signal
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-__all__ = ["Interrupted", "interrupt_ends_all"]
+__all__ = [
+    "Interrupted",
+    "heed_interrupts",
+    "interrupt_ends_all",
+    "interrupts_end_at_once",
+    "not_to_be_interrupted",
+    "on_interrupt",
+]
+
+Act = Callable[[], None]
+
+_SIGNALS = [signal.Signals[n] for n in ("SIGINT", "SIGTERM", "SIGHUP") if n in signal.Signals.__members__]
+_ONE_S = 0.2  # two within this are one: ``timeout`` sends its signal twice, a key that is held down repeats
+
+_last_s = -_ONE_S
 
 
 class Interrupted(BaseException):
-    """Ctrl-C, where nothing half-finished may be kept; no fit catches it."""
+    """An interrupt, where nothing half-finished may be kept; no fit catches it."""
+
+
+def heed_interrupts() -> None:
+    """Make SIGTERM and SIGHUP what Ctrl-C is, for the rest of the program."""
+    for each in _SIGNALS:
+        if signal.getsignal(each) in {signal.SIG_DFL, signal.default_int_handler}:
+            signal.signal(each, _heard(_raise))
+
+
+def interrupts_end_at_once() -> None:
+    """End the program without a word at the next interrupt: all is done, and nothing is left to tidy up."""
+    for each in _heeded():
+        signal.signal(each, signal.SIG_DFL)
+
+
+@contextmanager
+def on_interrupt(act: Act) -> Iterator[None]:
+    """Call ``act`` at an interrupt inside the block (signals reach the main thread only)."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {each: signal.signal(each, _heard(act)) for each in _heeded()}
+    try:
+        yield
+    finally:
+        for each, handler in before.items():
+            signal.signal(each, handler)
 
 
 @contextmanager
 def interrupt_ends_all() -> Iterator[None]:
-    """Turn Ctrl-C into ``Interrupted`` inside the block (signals reach the main thread only)."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
+    """Turn an interrupt inside the block into ``Interrupted``."""
 
-    def stop(_number: int, _frame: FrameType | None) -> None:
+    def stop() -> None:
         raise Interrupted
 
-    before = signal.signal(signal.SIGINT, stop)
-    try:
+    with on_interrupt(stop):
         yield
-    finally:
-        signal.signal(signal.SIGINT, before)
+
+
+@contextmanager
+def not_to_be_interrupted() -> Iterator[None]:
+    """Let interrupts inside the block pass: it takes a moment, and the work is done with it."""
+    with on_interrupt(lambda: None):
+        yield
+
+
+def _heeded() -> list[signal.Signals]:
+    """Return the signals that are neither switched off nor left to the system."""
+    return [each for each in _SIGNALS if callable(signal.getsignal(each))]
+
+
+def _heard(act: Act) -> Callable[[int, FrameType | None], None]:
+    def heard(number: int, _frame: FrameType | None) -> None:
+        global _last_s
+        since, _last_s = time.monotonic() - _last_s, time.monotonic()
+        if signal.Signals(number).name == "SIGHUP":
+            _leave_dead_terminal()
+        if since >= _ONE_S:
+            act()
+
+    return heard
+
+
+def _raise() -> None:
+    raise KeyboardInterrupt
+
+
+def _leave_dead_terminal() -> None:
+    """Say nothing more to a terminal that is gone: each word would be a fault."""
+    for said in (1, 2):
+        try:
+            os.write(said, b"")
+        except OSError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), said)

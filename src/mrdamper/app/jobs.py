@@ -53,7 +53,7 @@ class FitOptions:
 
     law: str | None = None  # a name, ``auto``, ``file.py:Class``; None: the usual one for the runs
     method: Method = "varpro"
-    starts: int = 1
+    starts: int = 3
     seed: int = 0
     hold_out: tuple[str, ...] = ()
     leave_out: tuple[Kind, ...] = ()
@@ -95,7 +95,7 @@ def identify(
                 dataset, beside, out, options, sources=sources, report=report, ledger=kept
             )
         if kept is not None:
-            kept.finished = not answer["cancelled"] and _CUT_SHORT not in str(answer["notes"])
+            kept.finished = not answer["cancelled"]
         return answer
 
 
@@ -184,9 +184,10 @@ def run_identification(  # noqa: PLR0913 - what a job is told, by keyword
         ledger=ledger,
     )
     fitted, judged = _assessed(fitted, options, report, ledger)
-    return write_identification(
+    answer = write_identification(
         fitted, judged, beside, out, law_table=table, sources=sources, simulated=simulated, title=title
     )
+    return answer | {"cancelled": answer["cancelled"] or _CUT_SHORT in fitted.result.notes}
 
 
 def write_identification(

@@ -21,6 +21,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from mrdamper.app.interrupts import not_to_be_interrupted
 from mrdamper.app.locks import lock
 from mrdamper.errors import InputError
 
@@ -63,17 +64,21 @@ def staged(out: Path) -> Iterator[Path]:
             raise _cannot(out, standing, fault) from fault
         try:
             yield beside
-        except OSError as fault:
-            if no_room(fault) and _is_ours(fault, hidden):
-                raise _cannot(out, standing, fault, hidden) from fault
+        except (OSError, InputError) as fault:
+            # an inner room may have put it into words already, about a file that is gone when they are read
+            cause = fault if isinstance(fault, OSError) else fault.__cause__
+            if isinstance(cause, OSError) and no_room(cause) and _is_ours(cause, hidden):
+                raise _cannot(out, standing, cause, hidden) from fault
             raise
         try:
             _flush(beside)
-            _settle(hidden, place)
+            with not_to_be_interrupted():
+                _settle(hidden, place)
         except OSError as fault:
             raise _cannot(out, standing, fault, hidden) from fault
     finally:
-        shutil.rmtree(hidden, ignore_errors=True)
+        if not (hidden / _WHOLE).exists():  # else it is for the next job to bring to its end
+            shutil.rmtree(hidden, ignore_errors=True)
         os.close(handle)
 
 
@@ -159,6 +164,7 @@ def _move(whole: Path, place: Path) -> None:
         else:
             target.parent.mkdir(parents=True, exist_ok=True)
             path.replace(target)
+    shutil.rmtree(whole)
 
 
 def _is_ours(fault: OSError, hidden: Path) -> bool:
@@ -169,6 +175,11 @@ def _is_ours(fault: OSError, hidden: Path) -> bool:
 def _cannot(out: Path, standing: Path, fault: OSError, hidden: Path | None = None) -> InputError:
     """Return what to say when files cannot be written."""
     why = no_room(fault)
+    if hidden is not None and (hidden / _WHOLE).exists():
+        return InputError(
+            f"{out}: {why or fault.strerror}; some files are in their place, and the others in {hidden}. The "
+            "next job there moves them"
+        )
     if fault.errno in _FULL:
         with suppress(OSError):
             free = shutil.disk_usage(standing).free

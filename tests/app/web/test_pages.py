@@ -22,6 +22,7 @@ from tests.app.web.served import series_of
 from tests.app.web.walking import (
     AXES,
     CUT,
+    FAINT,
     PAGES,
     STATIC,
     UNNAMED,
@@ -322,7 +323,7 @@ def test_the_archive_compiles_and_the_fmu_verifies(page, tool, tmp_path):
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("size", SCREENS, ids=["desk", "tablet"])
 def test_every_page_fits_the_screen(browser, site, size, scheme):
-    """Nothing is wider than the screen, what is pressed or filled has a name, every axis a unit."""
+    """Nothing is wider than the screen, words can be read, what is pressed has a name, every axis a unit."""
     with opened(browser, site[1].address, size=size, scheme=scheme) as page:
         for name in PAGES:
             page.goto(f"/#/{name}")
@@ -331,6 +332,7 @@ def test_every_page_fits_the_screen(browser, site, size, scheme):
             assert page.evaluate("document.documentElement.scrollWidth <= window.innerWidth"), name
             assert page.evaluate(CUT) == [], name
             assert page.evaluate(UNNAMED) == [], name
+            assert page.evaluate(FAINT) == [], name
             for said in page.evaluate(AXES):
                 assert re.search(r"\. [^.]+, [^ .,]+.* over [^.]+, [^ .,]+\. Arrow keys", said), said
             shoot(page, f"{name}-{scheme}-{size[0]}", whole=True)
@@ -373,6 +375,18 @@ def test_text_is_readable(scheme, ink, back):
     """WCAG 2 AA: a contrast of at least 4.5 for text of usual size."""
     colours = palettes((STATIC / "style.css").read_text())[scheme]
     assert contrast(colours[ink], colours[back]) >= 4.5
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_lines_of_plots_and_edges_of_fields_are_seen(scheme):
+    """WCAG 2 AA of what is not text: a contrast of at least 3."""
+    sheet = palettes((STATIC / "style.css").read_text())[scheme]
+    assert min(contrast(sheet["edge"], sheet[back]) for back in ("back", "panel")) >= 3.0
+    text = (STATIC / "theme.js").read_text().split(f"const {scheme.upper()} = {{")[1].split("};")[0]
+    drawn = re.findall(r"#[0-9a-f]{6}", "".join(re.findall(r"(?:colours|ramp): \[[^]]*\]", text)))
+    drawn += re.findall(r'(?:measured|accent): "(#[0-9a-f]{6})"', text)
+    assert len(drawn) == 8 + 5 + 2
+    assert [each for each in drawn if contrast(each, sheet["back"]) < 3.0] == []
 
 
 def test_no_page_can_write_markup():

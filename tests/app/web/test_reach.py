@@ -45,7 +45,7 @@ PAGE_OF = {
     "identify": "page_identify", "predict": "page_identify", "compare": "page_identify",
     "check": "more_runs", "fetch": "more_runs", "rig": "page_runs", "heat": "page_heating",
     "sink": "page_sink", "track": "page_tracking", "export": "page_export", "fluid": "page_jobs",
-    "demo": "page_jobs", "sweep": "page_sweeps",
+    "demo": "page_jobs", "sweep": "page_sweeps", "cycles": "page_cycles",
 }  # fmt: skip
 
 UNASKED = {("check", "files"), ("export", "verify")}

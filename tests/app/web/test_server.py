@@ -90,7 +90,7 @@ def test_an_empty_folder_has_everything_to_begin_with(clean):
     assert ".csv" in state["formats"]
     assert {row["role"] for row in state["choices"]["roles"] if row["needed"]} == {"displacement", "force"}
     assert sorted(path.name for path in root.iterdir() if not path.name.startswith(".")) == [
-        "cards", "inputs", "results", "runs",
+        "cards", "inputs", "records", "results", "runs",
     ]  # fmt: skip
 
 
@@ -646,10 +646,12 @@ def test_a_port_in_use_and_a_host_without_token_end_in_one_message(site, tmp_pat
         assert "Traceback" not in run.stderr
 
 
-def test_an_interrupt_ends_the_server_quietly(tmp_path):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_an_interrupt_ends_the_server_quietly(tmp_path, number):
+    """Ctrl-C, a service that is stopped, a terminal that is closed."""
     with served(tmp_path / "work") as client:
         client.get("/api/state")
-        client.process.send_signal(signal.SIGINT)
+        client.process.send_signal(number)
         assert client.process.wait(timeout=10.0) == 0
         assert client.process.stderr is not None
         assert client.process.stderr.read() == ""

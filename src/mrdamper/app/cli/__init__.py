@@ -18,7 +18,7 @@ from typing import Any, NoReturn, TypeVar
 
 import click
 
-from mrdamper.app.interrupts import Interrupted
+from mrdamper.app.interrupts import Interrupted, heed_interrupts, interrupts_end_at_once
 from mrdamper.errors import MissingExtraError, MrdamperError
 
 __all__ = ["cli", "main"]
@@ -27,23 +27,23 @@ Answer = dict[str, Any]
 Command = TypeVar("Command", bound=Callable[..., Any])
 
 _INTERNAL, _UNREADABLE, _NOT_CONVERGED, _FAILED = 1, 3, 4, 5
+_INTERRUPTED = "interrupted before there was a result; nothing was written"
+_BEST_SO_FAR = "what was written is the best so far, marked as cancelled"
 _LAWS = "series-valve, double-bouc-wen, bouc-wen, bouc-wen-saturating, spencer, lugre, dahl, bingham, tanh"
 
 
 def main() -> NoReturn:
     """Run the command line; whatever goes wrong ends in one message and an exit code."""
     try:
+        heed_interrupts()
         answer = cli(standalone_mode=False)
         sys.stdout.flush()
-    except click.exceptions.Abort:
-        _leave("interrupted before there was a result; nothing was written", _NOT_CONVERGED)
     except click.ClickException as fault:
         fault.show()
         sys.exit(fault.exit_code)
-    except KeyboardInterrupt:
-        _leave("interrupted before there was a result; nothing was written", _NOT_CONVERGED)
-    except Interrupted:
-        _leave("interrupted while comparing; nothing was written", _NOT_CONVERGED)
+    except (click.exceptions.Abort, KeyboardInterrupt, Interrupted) as end:
+        kept = getattr(end.__cause__ or end, "__notes__", ())
+        _leave("; ".join((_INTERRUPTED, *kept)), _NOT_CONVERGED)
     except MrdamperError as fault:
         _leave(str(fault), fault.exit_code)
     except BrokenPipeError:  # the reader of our output has left
@@ -58,6 +58,7 @@ def main() -> NoReturn:
         _leave(
             f"internal fault: {said}\nThis is a fault of mrdamper; MRDAMPER_DEBUG=1 shows where", _INTERNAL
         )
+    interrupts_end_at_once()
     sys.exit(answer if isinstance(answer, int) else 0)
 
 
@@ -81,6 +82,7 @@ def _tell(message: str) -> None:
 
 
 def _leave(message: str, code: int) -> NoReturn:
+    interrupts_end_at_once()
     click.echo(f"mrdamper: {message}", err=True)
     sys.exit(code)
 
@@ -185,7 +187,7 @@ def check(paths: tuple[str, ...], *, channels: Path | None, out: Path | None, as
 @click.option(
     "--starts",
     type=click.IntRange(min=1),
-    default=1,
+    default=3,
     show_default=True,
     help="Starts of the search (varpro); each draws many points.",
 )
@@ -271,7 +273,8 @@ def identify(
             tell=_tell,
             report=report,
         )
-    return _finish(answer, terminal.show_identification, as_json=as_json)
+    cut_short = f"{_BEST_SO_FAR}; the same command with --resume goes on"
+    return _finish(answer, terminal.show_identification, as_json=as_json, cut_short=cut_short)
 
 
 @cli.command()
@@ -571,7 +574,8 @@ def sink(
     from mrdamper.app.sink_job import sink as job
 
     chosen = SinkOptions(by_field=not network_only, **options)
-    with terminal.counter() as report:
+    ctrl_c = "leaves nothing" if out is None else "keeps what is finished for --resume"
+    with terminal.counter(ctrl_c=ctrl_c) as report:
         answer = job(
             card, damper, duty=duty, options=chosen, out=out, resume=resume, tell=_tell, report=report
         )
@@ -733,6 +737,12 @@ def export(card: Path, *, no_verify: bool, as_json: bool, **options: Any) -> int
     help="A smaller to-and-fro is no cycle.  [default: 5 % of the range of the first rows]",
 )
 @click.option(
+    "--model",
+    type=click.Path(path_type=Path),
+    metavar="CARD",
+    help="A card, replayed over the record beside what was measured.",
+)
+@click.option(
     "--out",
     type=click.Path(path_type=Path),
     metavar="DIR",
@@ -764,9 +774,10 @@ def sweep(file: Path, out: Path, *, as_json: bool, **options: Any) -> int:  # no
     from mrdamper.app.cli import terminal
     from mrdamper.app.sweep_job import sweep as job
 
-    with terminal.counter("task") as report:
+    with terminal.counter("task", ctrl_c="keeps the results") as report:
         answer = job(file, out, report=report, **options)
-    return _finish(answer, terminal.show_sweep, as_json=as_json)
+    cut_short = "the results so far are kept; the same command with --resume goes on"
+    return _finish(answer, terminal.show_sweep, as_json=as_json, cut_short=cut_short)
 
 
 @cli.command()
@@ -801,15 +812,15 @@ def serve(folder: Path, *, port: int, open_browser: bool, host: str, token: str 
     return 0
 
 
-def _finish(answer: Answer, show: Callable[[Answer], None], *, as_json: bool) -> int:
-    """Print a job's answer and return the exit code."""
+def _finish(
+    answer: Answer, show: Callable[[Answer], None], *, as_json: bool, cut_short: str = _BEST_SO_FAR
+) -> int:
+    """Print a job's answer and return the exit code; ``cut_short`` is what an interrupted one has left."""
     if as_json:
         click.echo(json.dumps(answer, ensure_ascii=False, allow_nan=False))
     else:
         show(answer)
     if answer.get("cancelled"):
-        click.echo(
-            "mrdamper: interrupted: what was written is the best so far, marked as cancelled", err=True
-        )
+        _tell(f"interrupted: {cut_short}")
         return _NOT_CONVERGED
     return 0

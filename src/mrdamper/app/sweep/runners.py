@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import logging
 import os
+import signal
 import threading
 import time
 from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from multiprocessing import get_context, parent_process
 
 from mrdamper.app.sweep.plan import Task, What
@@ -50,7 +52,8 @@ def run_on_processes(tasks: Sequence[Task], workers: int) -> Iterator[tuple[Task
                 while left or running:
                     while left and len(running) < 2 * workers:
                         task = left.popleft()
-                        running[pool.submit(run_task, task.kind, task.seed, task.what)] = task
+                        with _deaf_children():
+                            running[pool.submit(run_task, task.kind, task.seed, task.what)] = task
                     ready, _ = wait(running, return_when=FIRST_COMPLETED)
                     for future in ready:
                         result = future.result()
@@ -70,6 +73,23 @@ def run_on_processes(tasks: Sequence[Task], workers: int) -> Iterator[tuple[Task
                     future.cancel()
                 _stop(pool)
                 raise
+
+
+@contextmanager
+def _deaf_children() -> Iterator[None]:
+    """Give a block in which processes are started that do not hear a terminal's Ctrl-C, nor its end.
+
+    The sweep ends them. A fit of theirs would keep the best so far, and that is no result. What this process
+    is sent inside the block reaches it after.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGHUP})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _end_with_the_sweep() -> None:

@@ -11,7 +11,7 @@ import socket
 import threading
 import webbrowser
 from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager, suppress
+from contextlib import asynccontextmanager
 from pathlib import Path
 
 import uvicorn
@@ -22,6 +22,7 @@ from starlette.responses import FileResponse, JSONResponse, Response
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp
 
+from mrdamper.app.interrupts import on_interrupt
 from mrdamper.app.web.crew import ConflictError
 from mrdamper.app.web.desk import NotYetError
 from mrdamper.app.web.folder import FAULT, NoSpaceError, NotThereError, TooLargeError, is_full
@@ -128,8 +129,13 @@ def serve(
             lifespan="on",
             ws="none",
         )
-        with suppress(KeyboardInterrupt):  # it has ended in good order by then
-            uvicorn.Server(config).run(sockets=[listener])
+        server = uvicorn.Server(config)
+
+        def close() -> None:
+            server.should_exit = True
+
+        with on_interrupt(close):  # before and after uvicorn listens itself, and for SIGHUP
+            server.run(sockets=[listener])
 
 
 def _listening(host: str, port: int) -> socket.socket:

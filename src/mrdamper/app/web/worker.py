@@ -19,6 +19,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, NoReturn
 
+from mrdamper.app.interrupts import Interrupted
 from mrdamper.app.web.folder import FAULT, NoSpaceError, WorkFolder, is_full
 from mrdamper.app.web.record import JobRecord, write_whole
 
@@ -29,6 +30,13 @@ GRACE_S = 3.0
 
 _LEAST_INTERVAL_S, _MOST_INTERVAL_S = 0.02, 2.0  # between two lines of progress
 _NICE = 10  # pages come before jobs
+
+
+_KEPT = {
+    "identify": "what was written is the best so far, marked as cancelled",
+    "cycles": "what was counted until then is kept",
+}
+"""What a job that was interrupted leaves, by kind."""
 
 
 class _Sayer:
@@ -77,12 +85,13 @@ def main(root: str, job_id: str) -> int:
         sayer.flush()
         write_whole(record.folder / "answer.json", answer)
         if answer.get("cancelled"):
-            record.end(*_stopped(orphaned, "what was written is the best so far, marked as cancelled"))
+            kept = _KEPT.get(record.read()["kind"], "what was finished is kept")
+            record.end(*_stopped(orphaned, kept))
             return 4
         record.end("done")
         return 0
-    except KeyboardInterrupt:
-        record.end(*_stopped(orphaned, "there was no result yet; nothing was written"))
+    except (KeyboardInterrupt, Interrupted):
+        record.end(*_stopped(orphaned, _without_result(record)))
         return 4
     except BaseException as fault:
         return _fail(record, orphaned, fault)
@@ -104,12 +113,8 @@ def _do(record: JobRecord, folder: WorkFolder, sayer: _Sayer) -> dict[str, Any]:
 
 def _fail(record: JobRecord, orphaned: threading.Event, fault: BaseException) -> int:
     """Write down why a job failed: what was wrong in the data's words, a fault of ours without its inside."""
-    from mrdamper.app.interrupts import Interrupted
     from mrdamper.errors import MrdamperError
 
-    if isinstance(fault, Interrupted):
-        record.end(*_stopped(orphaned, "interrupted while comparing; nothing was written"))
-        return 4
     if is_full(fault) or is_full(fault.__cause__ or fault):
         record.end("failed", str(NoSpaceError(f"{record.id} could not write its files")))
         return 1
@@ -128,6 +133,15 @@ def record_words(message: str, folder: Path) -> str:
     """Return a message with the paths of the work folder cut short to what is below it."""
     root = str(folder.parent.parent) + os.sep
     return message.replace(root, "")
+
+
+def _without_result(record: JobRecord) -> str:
+    left = record.left(record.read() | {"state": "cancelled"})
+    return (
+        "there was no result yet; nothing was written"
+        if left is None
+        else "there was no result yet; what was finished is kept to go on from"
+    )
 
 
 def _stopped(orphaned: threading.Event, what: str) -> tuple[str, str]:
