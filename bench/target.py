@@ -135,16 +135,16 @@ def run() -> list[Row]:
                 f"code {held.code}, tables {held.tables}, stack {m4.stack_bytes} bytes; "
                 f"bits {'the same' if same else 'DIFFER'} on x86-64, M4F, M7 and from Python",
                 bar=f"{bar}1.25 x the mean; 8 kB of code, 16 kB of tables",
-                asked=() if shown.most is None else _asked(title, shown.most, m4, held),
+                asked=() if shown.most is None else _asked(title, shown.most, shown.code_kB, m4, held),
             )
         )
     return rows
 
 
-def _asked(title: str, most: int, run: Replay, held: Sizes) -> tuple[Asked, ...]:
+def _asked(title: str, most: int, code_kB: float, run: Replay, held: Sizes) -> tuple[Asked, ...]:
     return (
         Asked(f"{title}: worst step", most, run.most, "instructions"),
         Asked(f"{title}: worst step over the mean", 1.25, run.most / run.mean, "x"),
-        Asked(f"{title}: code", float(shown.code_kB), held.code / 1024, "kB"),
+        Asked(f"{title}: code", code_kB, held.code / 1024, "kB"),
         Asked(f"{title}: tables", 16.0, held.tables / 1024, "kB"),
     )
