@@ -7,6 +7,8 @@
 #   make docs        the documentation, into build/docs; a warning is an error
 #   make bench       the benchmarks; NAME=simulation for one, FULL=1 for whole sizes
 #   make check-long   the tests that take minutes
+#   make fuzz        a million executions of each fuzzing target, hours; NAME=card for one, RUNS=20000 for fewer
+#   make audit       asks which pinned versions have a known vulnerability; needs the network
 #   make wheel       a wheel, into dist        make lock         renew requirements.lock (asks the registry)
 
 PYTHON ?= python3
@@ -22,7 +24,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 COMPILED := pyproject.toml CMakeLists.txt $(shell find src -name '*.[ch]' 2>/dev/null)
 
 .DELETE_ON_ERROR:
-.PHONY: help install demo test check lint docs check-long bench lock wheel clean
+.PHONY: help install demo test check lint docs check-long fuzz audit bench lock wheel clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -68,6 +70,18 @@ test: install $(VENV)/.tested
 
 check-long: install $(VENV)/.tested
 	$(RUN) -m pytest $(PYTEST_ARGS) -m long
+
+# Damaged files that go to another process (NAME=isolated) are some tens a second: a fiftieth of them, see check-long.
+fuzz: install $(VENV)/.tested
+	$(RUN) -m fuzz $(or $(NAME),c python) -runs=$(or $(RUNS),1000000)
+
+# Strict: a package of which nothing could be asked is a failure, as is a machine without network.
+audit:
+	@$(PYTHON) -m venv build/audit
+	@build/audit/bin/python -m pip install --quiet pip-audit==2.10.1
+	@failed=0; for lock in requirements*.lock; do echo "$$lock"; \
+	  build/audit/bin/pip-audit --strict --disable-pip --require-hashes --progress-spinner off -r $$lock || failed=1; \
+	done; exit $$failed
 
 bench: install $(VENV)/.benched
 	-$(RUN) -m bench --peers

@@ -1,79 +1,118 @@
 """Run the fuzzing: ``python -m fuzz [NAME ...] [-runs=N] [OPTION ...]``; without a name, the list of targets.
 
-``all`` is every target, ``python`` and ``c`` those of one kind. What begins with a dash goes to the engine
-(libFuzzer's options). The inputs that it finds stay in build/fuzz/NAME; one that breaks a promise is left
-there as crash-*, and belongs into fuzz/corpus/NAME with its fix.
+``python``, ``isolated`` and ``c`` are the targets of one kind, ``all`` is all of them. What begins with a
+dash goes to the engine (libFuzzer's options). The inputs that it finds stay in build/fuzz/NAME; one that
+breaks a promise is left there as crash-*, and belongs into fuzz/corpus/NAME with its fix.
 """
 
 from __future__ import annotations
 
+import ctypes
+import io
 import os
 import shutil
-import subprocess
 import sys
-import time
+import tempfile
+import traceback
 from collections.abc import Sequence
+from contextlib import redirect_stderr
 from importlib import import_module
 from importlib.machinery import FileFinder, ModuleSpec, SourceFileLoader
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from fuzz import native
 
 __all__ = ["main"]
 
 BUILD = Path("build/fuzz")
+_MEMORY = "/dev/shm" if Path("/dev/shm").is_dir() else None  # a file system in memory
 _SECONDS = 120  # for one input, on a machine that has other work
 _MEGABYTES = 4096
-_SEEN = ["mrdamper", "nptdms", "tomllib", "fuzz.calls"]  # packages whose branches guide the search
-_APART = "--here"  # asked of the process that runs one target
+_SEEN = ["mrdamper", "nptdms", "fuzz.calls"]  # whose branches guide the search; the parsers of others do not
 
 
 def main(given: list[str]) -> int:
     """Run what is asked for; return 1 when a target broke a promise."""
     options = [each for each in given if each.startswith("-")]
     asked = [each for each in given if not each.startswith("-")]
-    if _APART in options:
-        options.remove(_APART)
-        _run_here(asked[0], options)
-    kinds = {"python": [*_targets()], "c": [*native.TARGETS]}
-    kinds["all"] = [*kinds["c"], *kinds["python"]]
+    python = {} if asked and set(asked) <= {"c", *native.TARGETS} else _targets()
+    kinds = {"c": [*native.TARGETS], "all": [*native.TARGETS, *python]}
+    kinds["python"] = [name for name, target in python.items() if target.guided]
+    kinds["isolated"] = [name for name, target in python.items() if not target.guided]
     names = [name for each in asked for name in kinds.get(each, [each])]
     unknown = [name for name in names if name not in kinds["all"]]
     if unknown or not names:
-        print("targets in Python:", *kinds["python"], "\ntargets in C:", *kinds["c"])
+        for kind in ("python", "isolated", "c"):
+            print(f"{kind}:", *kinds[kind])
         return 2 if unknown else 0
-    failed = [name for name in names if not _run_apart(name, options)]
+    failed = [name for name in names if not _run(name, python.get(name), options)]
     if failed:
         print(f"promises broken by: {', '.join(failed)}; the inputs are in {BUILD}/")
     return bool(failed)
 
 
 def _targets() -> dict[str, Any]:
-    return dict(import_module("fuzz.targets").TARGETS)
+    """Return the targets in Python, with what they call instrumented."""
+    os.environ.setdefault("POLARS_MAX_THREADS", "1")
+    import atheris
+
+    sys.meta_path.insert(0, _Sources)
+    with redirect_stderr(io.StringIO()), atheris.instrument_imports(include=_SEEN):  # a line for each module
+        return dict(import_module("fuzz.targets").TARGETS)
 
 
-def _run_apart(name: str, options: list[str]) -> bool:
+def _run(name: str, target: Any, options: list[str]) -> bool:  # noqa: ANN401 - a Target, or None of one in C
     """Run one target in a process of its own; tell how far it came."""
     place = BUILD / name
     place.mkdir(parents=True, exist_ok=True)
-    if name in native.TARGETS:
-        kept = Path(__file__).with_name("corpus") / name
-        for k, seed in enumerate(native.seeds(name)):
-            (place / f"seed-{k}").write_bytes(seed)
-        inputs = [str(each) for each in (place, kept) if each.is_dir()]
-        command = [str(native.built(name, BUILD)), *_engine_options(place, native.LONGEST), *options, *inputs]
-    else:
-        command = [sys.executable, "-m", "fuzz", name, _APART, *options]
-    begun, log = time.monotonic(), place.with_suffix(".log")
-    with log.open("wb") as stream:
-        done = subprocess.run(command, stdout=stream, stderr=subprocess.STDOUT, check=False)
-    seconds = time.monotonic() - begun
+    program = native.built(name, BUILD) if target is None else None
+    log = place.with_suffix(".log")
+    sys.stdout.flush()
+    with tempfile.TemporaryDirectory(prefix="mrdamper-fuzz-", dir=_MEMORY) as room:
+        process = os.fork()
+        if process == 0:
+            tempfile.tempdir = room
+            stream = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
+            os.dup2(stream, 1)
+            os.dup2(stream, 2)
+            try:
+                if program is not None:
+                    _become(program, name, place, options)
+                _fuzz(name, target, place, options)
+            except BaseException:
+                traceback.print_exc()
+            ctypes.CDLL(None).exit(1)  # by the C library: the engine's handler keeps the input at fault
+        _, status, used = os.wait4(process, 0)
+    seconds = used.ru_utime + used.ru_stime
     lines = log.read_text(encoding="utf-8", errors="replace").splitlines()
     count = next((line.split()[1] for line in reversed(lines) if line.startswith("Done ")), "")
-    said = f"{count} executions, {float(count) / seconds:.0f} /s" if count else f"broke off; see {log}"
-    print(f"{name:>16}: {said}, {seconds:.0f} s", flush=True)
-    return done.returncode == 0
+    said = (
+        f"{count} executions, {float(count) / seconds:.0f} per second of CPU"
+        if count
+        else f"broke off; see {log}"
+    )
+    print(f"{name:>21}: {said}, {seconds:.0f} s of CPU", flush=True)
+    return status == 0 and bool(count)
+
+
+def _become(program: Path, name: str, place: Path, options: list[str]) -> NoReturn:
+    kept = Path(__file__).with_name("corpus") / name
+    for k, seed in enumerate(native.seeds(name)):
+        (place / f"seed-{k}").write_bytes(seed)
+    inputs = [str(each) for each in (place, kept) if each.is_dir()]
+    os.execv(program, [str(program), *_engine_options(place, native.LONGEST), *options, *inputs])
+
+
+def _fuzz(name: str, target: Any, place: Path, options: list[str]) -> None:  # noqa: ANN401 - a Target
+    import atheris
+
+    for k, seed in enumerate(target.seeds()):
+        (place / f"seed-{k}").write_bytes(seed)
+    for path in sys.modules["fuzz.targets"].kept_inputs(name):
+        shutil.copyfile(path, place / f"kept-{path.name}")
+    atheris.Setup([sys.argv[0], *_engine_options(place, target.longest), *options, str(place)], target.take)
+    atheris.Fuzz()
 
 
 def _engine_options(place: Path, longest: int) -> list[str]:
@@ -84,24 +123,6 @@ def _engine_options(place: Path, longest: int) -> list[str]:
         f"-artifact_prefix={place}/",
         "-print_final_stats=1",
     ]
-
-
-def _run_here(name: str, options: list[str]) -> None:
-    """Run a target in this process, which ends with it."""
-    os.environ.setdefault("POLARS_MAX_THREADS", "1")
-    import atheris
-
-    sys.meta_path.insert(0, _Sources)
-    with atheris.instrument_imports(include=_SEEN):
-        targets = import_module("fuzz.targets")
-    target, place = targets.TARGETS[name], BUILD / name
-    place.mkdir(parents=True, exist_ok=True)
-    for k, seed in enumerate(target.seeds()):
-        (place / f"seed-{k}").write_bytes(seed)
-    for path in targets.kept_inputs(name):
-        shutil.copyfile(path, place / f"kept-{path.name}")
-    atheris.Setup([sys.argv[0], *_engine_options(place, target.longest), *options, str(place)], target.take)
-    atheris.Fuzz()
 
 
 class _Sources:

@@ -1,8 +1,8 @@
 """Targets: binary formats. Decoders of compiled libraries are asked in a process of their own, as for users.
 
-``parquet``, ``tdms`` and ``excel`` run the reader in this process, where its branches are seen. HDF5, MAT and
-MDF, whose libraries a damaged file can crash, go through the door that a user's file goes through: whatever
-the library does to its process, one message comes back.
+``tdms`` and ``excel`` run the reader in this process, where its branches are seen. HDF5, MAT, MDF and
+Parquet, whose libraries a damaged file can crash, go through the door that a user's file goes through:
+whatever the library does to its process, one message comes back.
 """
 
 from __future__ import annotations
@@ -16,23 +16,17 @@ from pathlib import Path
 from fuzz.contract import promised, require, sound_table, written
 from fuzz.seeds import workbook
 from mrdamper.data.formats.excel import read_workbook
-from mrdamper.data.formats.parquet import read_parquet
 from mrdamper.data.formats.table import FileOptions, Table
 from mrdamper.data.formats.tdms import read_tdms
 from mrdamper.data.tables import read_table
 
-__all__ = ["excel", "excel_sheet", "isolated", "parquet", "tdms"]
+__all__ = ["excel", "excel_sheet", "isolated", "tdms"]
 
 
 def _here(name: str, content: bytes, reader: Callable[[Path, FileOptions], Table]) -> None:
     path = written(name, content)
     with promised(name):
         sound_table(reader(path, FileOptions()))
-
-
-def parquet(content: bytes) -> None:
-    """Parquet."""
-    _here("input.parquet", content, read_parquet)
 
 
 def tdms(content: bytes) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import tempfile
 import warnings
 from collections.abc import Callable, Iterator
@@ -46,12 +45,13 @@ def promised(place: str = "") -> Iterator[None]:
 
 
 @cache
+def _room() -> tempfile.TemporaryDirectory[str]:
+    return tempfile.TemporaryDirectory(prefix="mrdamper-fuzz-")
+
+
 def folder() -> Path:
-    """Return a folder of this process, in memory where there is such a place."""
-    memory = Path("/dev/shm")
-    return Path(
-        tempfile.mkdtemp(prefix=f"mrdamper-fuzz-{os.getpid()}-", dir=memory if memory.is_dir() else None)
-    )
+    """Return a folder of this process, which goes with it."""
+    return Path(_room().name)
 
 
 def written(name: str, content: bytes) -> Path:

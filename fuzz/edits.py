@@ -57,7 +57,7 @@ class Draws:
 
 def edited(document: dict[str, Any], draws: Draws, *, most: int = 8) -> dict[str, Any]:
     """Return a document with as many edits as the bytes ask for."""
-    made: dict[str, Any] = copy.deepcopy(document)
+    made: dict[str, Any] = json.loads(json.dumps(document))  # a copy, in less time than a deep one takes
     for _ in range(most):
         if not draws.left:
             break

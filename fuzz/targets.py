@@ -110,7 +110,6 @@ TARGETS: Mapping[str, Target] = MappingProxyType(
         "sweep": Target(documents.sweep, _toml("sweep")),
         "binding": Target(calls.binding, lambda: [bytes(range(k, k + 60)) for k in range(8)]),
         "tdms": Target(binaries.tdms, lambda: seeds.binary("run.tdms")[1:], longest=8192),
-        "parquet": Target(binaries.parquet, lambda: seeds.binary("run.parquet"), longest=8192),
         "excel": Target(binaries.excel, lambda: [seeds.workbook()], longest=16384),
         "excel-sheet": Target(binaries.excel_sheet, lambda: [seeds.sheet()], longest=8192),
         **{
@@ -122,6 +121,7 @@ TARGETS: Mapping[str, Target] = MappingProxyType(
                 ("mat73", "v73.mat"),
                 ("mat", "v5.mat"),
                 ("mdf", "run.mf4"),
+                ("parquet", "run.parquet"),
             )
         },
     }

@@ -24,6 +24,7 @@ from tests.data.rig_files import WRITERS, titled
 __all__ = ["CASES", "Case", "write_good_run"]
 
 GIGABYTES = 2 * 10**9
+TOO_LONG = 300 * "x"  # for a file system
 HEADER = "time_s,displacement_mm,force_kN,current_A"
 CARD = Path(__file__).parents[1] / "models" / "card_version_1.json"
 
@@ -201,6 +202,34 @@ def damaged(name: str, at: float) -> Callable[[Path], Arguments]:
     return make
 
 
+HEAD = 24  # bytes by which every format is told
+
+
+def headed(name: str, change: Callable[[bytes], bytes]) -> Callable[[Path], Arguments]:
+    """Return what writes a file by its format's own library, and changes it."""
+
+    def make(folder: Path) -> Arguments:
+        WRITERS[name](folder / name)
+        (folder / name).write_bytes(change((folder / name).read_bytes()))
+        return identify(name)
+
+    return make
+
+
+def without_head(content: bytes) -> bytes:
+    return bytes(HEAD) + content[HEAD:]
+
+
+def nothing_but_head(content: bytes) -> bytes:
+    return content[:HEAD] + bytes(37 * k * k % 251 for k in range(3000))
+
+
+def empty_files(folder: Path) -> Arguments:
+    for name in WRITERS:
+        (folder / f"empty_{name}").write_bytes(b"")
+    return identify("empty_*")
+
+
 def parquet_without_rows(folder: Path) -> Arguments:
     import polars as pl
 
@@ -291,6 +320,16 @@ def far_cells() -> bytes:
     return workbook(SHEET.replace("@", row).encode())
 
 
+def entity(declared: str) -> bytes:
+    """Return a workbook whose sheet declares the entity ``e`` and uses it as a text beside two numbers."""
+    cells = '<c t="str"><v>&e;</v></c><c><v>1</v></c><c><v>2</v></c>'
+    rows = "".join(f'<row r="{k}">{cells}</row>' for k in range(1, 9))
+    return workbook(f"<!DOCTYPE s [{declared}]>{SHEET.replace('@', rows)}".encode())
+
+
+LAUGHS = '<!ENTITY e0 "ha">' + "".join(f'<!ENTITY e{k + 1} "{f"&e{k};" * 10}">' for k in range(9))
+
+
 def two_sheets(folder: Path) -> Arguments:
     from openpyxl import Workbook
 
@@ -321,6 +360,18 @@ def archive_of_a_run(folder: Path) -> Arguments:
     with zipfile.ZipFile(folder / "bad.xlsx", "w") as archive:
         archive.writestr("run.csv", GOOD)
     return identify("bad.xlsx")
+
+
+def mdf_formula(folder: Path) -> Arguments:
+    from asammdf import MDF, Signal
+
+    time, *others = titled().items()
+    with MDF(version="4.10") as file:
+        scaled: dict[str, object] = {"formula": "__import__('os').system('touch harm') + X"}
+        for name, values in others:
+            file.append([Signal(values, time[1], "", name, conversion=scaled)])
+        file.save(folder / "bad.mf4", overwrite=True)
+    return identify("bad.mf4")
 
 
 def clocks(folder: Path) -> Arguments:
@@ -464,6 +515,26 @@ CASES: tuple[Case, ...] = (
     Case("folder of notes and a pipe", folder_of_notes, r"runs: no runs in this folder"),
     Case("pipe", fifo, r"pipe\.csv: is a pipe or a device; expected a file"),
     Case("device", lambda folder: identify("/dev/zero"), r"/dev/zero: is a pipe or a device"),
+    Case(
+        "name too long",
+        lambda folder: identify(f"{TOO_LONG}.csv"),
+        r"x\.csv: cannot be read: File name too long",
+    ),
+    Case(
+        "name too long for what is written",
+        lambda folder: ["identify", "good.csv", "--one-command", "--out", TOO_LONG],
+        r"x: cannot write there: File name too long",
+    ),
+    Case(
+        "duty too long for a name",
+        lambda folder: ["heat", "card.json", "--damper", "paper", "--duty", TOO_LONG, "--out", "out"],
+        r"duty 'x+': there are less than three parts",
+    ),
+    Case(
+        "law in a file that is not there",
+        lambda folder: [*identify("good.csv"), "--law", f"{TOO_LONG}.py:Law"],
+        r"law 'x+\.py:Law': there is no file x+\.py",
+    ),
     Case("link to itself", loop, r"a\.csv: no such file or folder"),
     Case("gigabytes of zeros", sparse(b"", "bad.csv"), r"bad\.csv: not a format that is read here"),
     Case("a run, then zeros", sparse(GOOD.encode(), "bad.csv"), r"holds zero bytes after about line"),
@@ -591,6 +662,14 @@ CASES: tuple[Case, ...] = (
     Case("Excel, bomb", bomb(600_000_000), r"unpacks to more than 512 MB"),
     Case("Excel, bomb that denies it", bomb(900), r"unpacks to more than the 900 bytes"),
     Case("Excel, far cells", raw(far_cells(), "bad.xlsx"), r"spans 1048576 rows and 16384 columns"),
+    Case(
+        "Excel, entities of entities", raw(entity(f'{LAUGHS}<!ENTITY e "&e9;">'), "bad.xlsx"), r"entity `&e;`"
+    ),
+    Case(
+        "Excel, another file as entity",
+        raw(entity('<!ENTITY e SYSTEM "good.csv">'), "bad.xlsx"),
+        r"entity `&e;`",
+    ),
     Case("Excel, two sheets", two_sheets, r"sheets 'Run 0', 'Run 1' all hold rows of numbers"),
     Case("Excel, a word", word_in_a_sheet, r"sheet 'Sheet', row 152: column 'force_kN' holds '#DIV/0'"),
     # loggers
@@ -612,6 +691,32 @@ CASES: tuple[Case, ...] = (
     ),
     Case("MTS, other columns", mts(other_columns), r"are not those of the first acquisition"),
     Case("MTS, gigabytes", sparse(b"MTS793|MPT|ENU|1|2|.|/|:|1|0|0|A\n", "bad.dat"), r"line 2 does not end"),
+    # every format: nothing in it, another's head, its own head and nothing else
+    Case("empty, every format", empty_files, rf"(?s)(is empty.*){{8}}and {len(WRITERS) - 8} more"),
+    *(
+        Case(f"{name}, without its head", headed(name, without_head), rf"{name}: not a format that is read")
+        for name in WRITERS
+    ),
+    *(
+        Case(f"{name}, nothing but its head", headed(name, nothing_but_head), rf"{name}: .*{said}")
+        for name, said in (
+            ("run.csv", "not a format that is read here"),
+            ("mts.dat", "is not UTF-8 text"),
+            ("logger.txt", "is not UTF-8 text"),
+            ("v5.mat", "not a readable MAT file"),
+            ("v73.mat", "not a readable MAT v7.3 file"),
+            ("run.h5", "not a readable HDF5 file"),
+            ("run.tdms", "no columns of numbers found"),
+            ("run.mf4", "not a readable MDF file"),
+            ("run.parquet", "not a readable Parquet file"),
+            ("run.xlsx", "not a readable Excel file"),
+        )
+    ),
+    Case(
+        "MDF, a formula",
+        mdf_formula,
+        r"bad\.mf4: channel 'displacement_mm' is scaled by the formula .*not run",
+    ),
     # channel maps
     Case("map missing", channel_map(None), r"map\.toml: cannot read the channel map"),
     Case("map is no TOML", channel_map("[channel\n"), r"map\.toml: not a TOML file"),

@@ -71,6 +71,11 @@ def test_the_corpus_is_large_and_every_case_has_its_name():
     assert len({case.name for case in CASES}) == len(CASES)
 
 
+def test_the_page_on_trust_says_how_many_there_are():
+    page = (Path(__file__).parents[2] / "docs/trust.md").read_text(encoding="utf-8")
+    assert f"| tried | {len(CASES)} |" in page
+
+
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 def test_a_bad_input_ends_in_its_own_message(case: Case, folder, monkeypatch, capfd):
     arguments = case.make(folder)

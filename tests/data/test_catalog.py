@@ -1,7 +1,6 @@
 """The catalogue, against a local mirror: nothing is downloaded here."""
 
 import hashlib
-import json
 import re
 from pathlib import Path
 
@@ -16,12 +15,13 @@ CONTENT = b"time_s,force_N\n0,1\n"
 
 @pytest.fixture
 def small_set(monkeypatch, tmp_path):
-    """Return a set of two files, one with its hash known, and a mirror that holds both."""
+    """Return a set of two files, and a mirror that holds both."""
     mirror = tmp_path / "mirror"
     (mirror / "raw").mkdir(parents=True)
     (mirror / "raw" / "a.csv").write_bytes(CONTENT)
     (mirror / "raw" / "b.csv").write_bytes(CONTENT * 2)
-    files = (RemoteFile("data/a.csv", hashlib.sha256(CONTENT).hexdigest()), RemoteFile("data/b.csv"))
+    given = {"a": CONTENT, "b": CONTENT * 2}
+    files = tuple(RemoteFile(f"data/{k}.csv", hashlib.sha256(v).hexdigest()) for k, v in given.items())
     chosen = DataSet("small", "", "MIT", "", "owner/name", "0" * 40, "", "", files)
     monkeypatch.setattr(catalog, "DATA_SETS", (chosen,))
     monkeypatch.setenv("MRDAMPER_DATA", str(mirror))
@@ -35,7 +35,7 @@ def test_every_set_is_pinned_and_licensed():
         assert known.licence == "MIT"
         assert known.files
         for file in known.files:
-            assert file.sha256 is None or re.fullmatch(r"[0-9a-f]{64}", file.sha256)
+            assert re.fullmatch(r"[0-9a-f]{64}", file.sha256)
             assert known.url(file).startswith(
                 f"https://raw.githubusercontent.com/{known.repository}/{known.commit}/"
             )
@@ -43,13 +43,11 @@ def test_every_set_is_pinned_and_licensed():
         assert (Path(__file__).parents[2] / "examples" / known.channels).is_file()
 
 
-def test_files_come_from_the_mirror_and_are_recorded(small_set, tmp_path):
+def test_files_come_from_the_mirror(small_set, tmp_path):
     target = fetch("small", folder=tmp_path / "kept")
     assert (target / "a.csv").read_bytes() == CONTENT
     assert (target / "b.csv").read_bytes() == CONTENT * 2
-    record = json.loads((target / "sha256.json").read_text())
-    assert record["data/b.csv"] == hashlib.sha256(CONTENT * 2).hexdigest()
-    assert sorted(file.name for file in target.iterdir()) == ["a.csv", "b.csv", "sha256.json"]
+    assert sorted(file.name for file in target.iterdir()) == ["a.csv", "b.csv"]
 
 
 def test_a_file_that_is_not_the_pinned_one_is_refused(small_set, tmp_path):
@@ -59,15 +57,32 @@ def test_a_file_that_is_not_the_pinned_one_is_refused(small_set, tmp_path):
     assert not (tmp_path / "kept" / "a.csv").exists()
 
 
-def test_what_was_recorded_at_first_is_held_to(small_set, tmp_path):
+def test_a_kept_file_that_was_altered_is_fetched_again(small_set, tmp_path):
     target = fetch("small", folder=tmp_path / "kept")
     (target / "b.csv").write_bytes(b"damaged")
     fetch("small", folder=target)
     assert (target / "b.csv").read_bytes() == CONTENT * 2
-    (target / "b.csv").unlink()
-    (small_set / "raw" / "b.csv").write_bytes(b"other")
-    with pytest.raises(InputError, match=r"is not b\.csv of small"):
-        fetch("small", folder=target)
+
+
+def test_a_download_is_held_to_its_hash(small_set, tmp_path, monkeypatch):
+    """Pooch is asked to check, and what it gives is checked again."""
+    import pooch
+
+    asked = []
+
+    def forge(url, known_hash, path, **_options):
+        asked.append((url, known_hash))
+        (tmp_path / "forged").write_bytes(b"other")
+        return str(tmp_path / "forged")
+
+    monkeypatch.delenv("MRDAMPER_DATA")
+    monkeypatch.setattr(pooch, "retrieve", forge)
+    monkeypatch.setattr(catalog, "_cache", lambda: tmp_path / "cache")
+    with pytest.raises(InputError, match=r"forged: is not a\.csv of small"):
+        fetch("small", folder=tmp_path / "kept")
+    url, known_hash = asked[0]
+    assert url.startswith("https://")
+    assert known_hash == f"sha256:{hashlib.sha256(CONTENT).hexdigest()}"
 
 
 def test_a_mirror_may_hold_a_part_but_not_nothing(small_set, tmp_path):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import builtins
+import os
+import resource
 import sys
 from contextlib import suppress
 from pathlib import Path
@@ -14,6 +16,8 @@ from mrdamper.data.channels import ChannelMap
 from mrdamper.data.diagnosis.diagnose import diagnose
 from mrdamper.data.formats import isolated
 from mrdamper.data.formats import text as text_format
+from mrdamper.data.formats.mdf import read_mdf
+from mrdamper.data.formats.table import FileOptions
 from mrdamper.data.readers import read_file, read_run, read_runs
 from mrdamper.data.tables import read_table
 from mrdamper.errors import InputError, MissingExtraError
@@ -235,6 +239,31 @@ def test_a_crash_costs_one_file_and_not_the_next(tmp_path):
     assert np.array_equal(first.force, read_run(tmp_path / "c.h5")[0].force)
 
 
+def test_what_a_small_file_unpacks_to_is_bounded_by_the_memory_of_its_process(tmp_path, decoder):
+    """A MAT file of 0.2 MB that unpacks to 128 MB, where the decoder may have 220 MB, itself included."""
+    from scipy.io import savemat
+
+    savemat(tmp_path / "bomb.mat", {"run": {"force": np.zeros(16_000_000)}}, do_compression=True)
+    assert (tmp_path / "bomb.mat").stat().st_size < 300_000
+    WRITERS["v5.mat"](tmp_path / "v5.mat")
+    names = "import sys; from mrdamper.data.formats.decoder import hold_memory, serve"
+    decoder(f"{names}; hold_memory(220 << 20); serve(sys.stdin.buffer, sys.stdout.buffer)")
+    with pytest.raises(InputError, match=r"bomb\.mat: not a readable MAT file"):
+        read_table(tmp_path / "bomb.mat")
+    assert read_table(tmp_path / "v5.mat").rows > 1
+
+
+def test_the_decoder_holds_its_memory(tmp_path):
+    """As it is started for users: not more than three quarters of the machine's, and 12 GB."""
+    WRITERS["v5.mat"](tmp_path / "v5.mat")
+    read_table(tmp_path / "v5.mat")
+    process = isolated._DECODER._process
+    assert process is not None
+    soft, _ = resource.prlimit(process.pid, resource.RLIMIT_DATA)
+    machine = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    assert 0 < soft <= min(12 << 30, 0.75 * machine)
+
+
 def test_files_read_in_turn_are_not_mixed_up(tmp_path):
     """One process serves all files: a column comes from the file that was asked."""
     import h5py
@@ -353,6 +382,32 @@ def test_mdf_groups_with_clocks_of_their_own_are_not_resampled(tmp_path):
         file.save(tmp_path / "run.mf4", overwrite=True)
     with pytest.raises(InputError, match=r"\(displacement .*\) have clocks of their own"):
         read_run(tmp_path / "run.mf4")
+
+
+@pytest.mark.parametrize(("version", "nested"), [("3.30", False), ("4.10", False), ("4.10", True)])
+def test_a_formula_in_an_mdf_file_is_not_run(tmp_path, monkeypatch, version, nested):
+    """The library would give its text to an evaluator, which is Python's own in the end."""
+    from asammdf import MDF, Signal
+    from asammdf.blocks import v2_v3_blocks, v4_blocks
+
+    for blocks in (v2_v3_blocks, v4_blocks):
+        monkeypatch.setattr(blocks, "evaluate", lambda text: pytest.fail(f"{text} was run"))
+    formula: dict[str, object] = {"formula": "2 * X + 1"}
+    table: dict[str, object] = {"lower_0": 5.0, "upper_0": 6.0, "text_0": b"high", "default_addr": formula}
+    time = np.arange(8) * 0.1
+    with MDF(version=version) as file:
+        file.append(
+            [
+                Signal(time.copy(), time, "N", "plain"),
+                Signal(time.copy(), time, "N", "force", conversion=table if nested else formula),
+            ]
+        )
+        file.save(tmp_path / "run", overwrite=True)
+    (written,) = tmp_path.glob("run.*")
+    with pytest.raises(InputError, match=r"'force' is scaled by the formula '2 \* X1? \+ 1'.*not run"):
+        read_mdf(written, FileOptions())
+    with pytest.raises(InputError, match=r"'force' is scaled by the formula"):
+        read_table(written)
 
 
 def test_mdf_groups_of_one_clock_are_one_table(tmp_path):

@@ -287,6 +287,13 @@ def test_a_pole_inside_the_temperatures_is_refused():
     assert said == "bouc-wen: viscosity is inf; it must be finite (at 0 A, 1.9 degC)"
 
 
+def test_nothing_times_infinity_is_refused_without_a_warning():
+    """A form of 0 whose factor overflows: NaN, which numpy would warn of beside the message."""
+    wild = warm(held=None, viscosity=Tempered(Constant(0.0), Vft(50.0, 280.0)))
+    (said,) = wild.violations([0.0], [275.0])
+    assert said == "bouc-wen: viscosity is nan; it must be finite (at 0 A, 1.9 degC)"
+
+
 def test_an_envelope_spreads_its_temperatures_from_edge_to_edge():
     assert ENVELOPE.temperatures() is None
     found = WARM_ENVELOPE.temperatures()

@@ -124,7 +124,7 @@ def fit(  # noqa: PLR0913 - the options of a fit, by keyword
     law: Law | None = None,
     *,
     method: Method = "varpro",
-    starts: int = 1,
+    starts: int = 3,
     seed: int = 0,
     hold_out: Sequence[str] = (),
     session_offsets: bool = False,

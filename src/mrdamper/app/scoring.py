@@ -6,7 +6,7 @@ Kept apart from ``api`` so that a card is scored without loading what fits one.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, replace
 from typing import TYPE_CHECKING
 
@@ -24,7 +24,17 @@ from mrdamper.models.temperature import REFERENCE_K
 if TYPE_CHECKING:
     from mrdamper.app.api import Identification
 
-__all__ = ["at_reference", "beyond_in_words", "finite", "outside_envelope", "predict", "prepare_all", "row"]
+__all__ = [
+    "all_assumed",
+    "at_reference",
+    "beyond_envelope",
+    "beyond_in_words",
+    "finite",
+    "outside_envelope",
+    "predict",
+    "prepare_all",
+    "row",
+]
 
 _ZERO_CELSIUS_K = 273.15
 
@@ -50,7 +60,7 @@ def predict(
         seen = {run.name: np.nan for run in model.training}
     damper = model if isinstance(model, Damper) else model.damper
     prepared = prepare_all(runs, preparation or Preparation())
-    if damper.assumed and len(damper.assumed) == sum(f.tempered for f in damper.coefficients.values()):
+    if all_assumed(damper):
         prepared = tuple(map(at_reference, prepared))
     _need_temperature(damper, prepared)
     if isinstance(model, ModelCard):
@@ -80,6 +90,19 @@ def _need_temperature(damper: Damper, runs: Sequence[PreparedRun]) -> None:
 
 def outside_envelope(card: ModelCard, runs: Sequence[PreparedRun]) -> list[str]:
     """Say where runs leave what the card was identified on, one sentence per quantity, with numbers."""
+    tracks = {
+        run.name: {
+            what: (float(track.min()), float(track.max()))
+            for what in ("command", "displacement", "velocity", "temperature")
+            if (track := getattr(run.trajectory, what)) is not None
+        }
+        for run in runs
+    }
+    return beyond_envelope(card, tracks)
+
+
+def beyond_envelope(card: ModelCard, runs: Mapping[str, Mapping[str, tuple[float, float]]]) -> list[str]:
+    """Say the same by the runs' least and most of each quantity [SI], by name."""
     seen = card.envelope
     said = []
     for what, unit, scale, shift, allowed in (
@@ -88,8 +111,7 @@ def outside_envelope(card: ModelCard, runs: Sequence[PreparedRun]) -> list[str]:
         ("velocity", "mm/s", 1e3, 0.0, seen.velocity),
         ("temperature", "degC", 1.0, -273.15, seen.temperature),
     ):
-        tracks = {run.name: getattr(run.trajectory, what) for run in runs}
-        known = {name: (float(t.min()), float(t.max())) for name, t in tracks.items() if t is not None}
+        known = {name: ends[what] for name, ends in runs.items() if what in ends}
         if allowed is None or not known:
             continue
         slack = 5.0 if what == "temperature" else 0.05 * max(map(abs, allowed))
@@ -98,12 +120,21 @@ def outside_envelope(card: ModelCard, runs: Sequence[PreparedRun]) -> list[str]:
             continue
         low, high = min(e[0] for e in beyond.values()), max(e[1] for e in beyond.values())
         told = [f"{scale * end + shift:.4g}" for end in (low, high, *allowed)]
+        where = f"in {len(beyond)} of {len(runs)} runs (the first: {next(iter(beyond))})"
+        where = where if len(runs) > 1 else f"in {next(iter(beyond))}"
         held = f", {beyond_in_words(card.damper)}" if what == "temperature" else ""
         said.append(
-            f"{what} is {told[0]} to {told[1]} {unit} in {len(beyond)} of {len(runs)} runs (the first: "
-            f"{next(iter(beyond))}); the card was identified on {told[2]} to {told[3]} {unit}{held}"
+            f"{what} is {told[0]} to {told[1]} {unit} {where}; the card was identified on {told[2]} to "
+            f"{told[3]} {unit}{held}"
         )
     return said
+
+
+def all_assumed(damper: Damper) -> bool:
+    """Tell whether all that a damper knows of temperature is assumed: without one, it is taken at 20 degC."""
+    return bool(damper.assumed) and len(damper.assumed) == sum(
+        form.tempered for form in damper.coefficients.values()
+    )
 
 
 def beyond_in_words(damper: Damper) -> str:

@@ -1,14 +1,12 @@
-"""Catalogue of public data sets: real dampers, measured by others, at pinned commits.
+"""Catalogue of public data sets: real dampers, measured by others, each file pinned by its SHA-256.
 
 ``fetch`` downloads a set into a cache and checks it; with ``MRDAMPER_DATA`` set it takes files from that
-folder instead and downloads nothing. A SHA-256 that is not known here is recorded at the first download and
-held to afterwards.
+folder instead and downloads nothing. A file whose SHA-256 is not known here is not in the catalogue.
 """
 
 from __future__ import annotations
 
 import hashlib
-import json
 import os
 import shutil
 from dataclasses import dataclass
@@ -20,15 +18,13 @@ from mrdamper.errors import InputError
 
 __all__ = ["DATA_SETS", "DataSet", "RemoteFile", "fetch", "list_sets"]
 
-_RECORD = "sha256.json"  # beside the files: what was found at the first download
-
 
 @dataclass(frozen=True, slots=True)
 class RemoteFile:
     """A file of a public repository."""
 
     path: str  # in the repository
-    sha256: str | None = None  # None: not known here
+    sha256: str
 
     @property
     def name(self) -> str:
@@ -54,8 +50,7 @@ class DataSet:
         return f"https://raw.githubusercontent.com/{self.repository}/{self.commit}/{quote(file.path)}"
 
 
-_UTFSM_1 = "Cap7_ModeloMR/BoucWen Ajuste 1/Preprocesamiento-sinusoidales/Datos_crudos"
-_UTFSM_2 = "Cap7_ModeloMR/BoucWen Ajuste 2/Preprocesamiento-sinusoidales/Datos_crudos"
+_UTFSM = "Cap7_ModeloMR/BoucWen Ajuste 2/Preprocesamiento-sinusoidales/Datos_crudos"
 
 DATA_SETS: tuple[DataSet, ...] = (
     DataSet(
@@ -66,15 +61,12 @@ DATA_SETS: tuple[DataSet, ...] = (
         repository="DanielMaurelE/vRTHS_AMBC_MRdamper",
         commit="08753ffd7abd5b19053f7e79149c3a68f49bf73c",
         channels="utfsm_logger.toml",
-        notes="Logger text at 1 kHz, sines at 0, 0.25, 0.5, 0.75 and 1 A one after the other in each file.",
+        notes="Logger text at 1 kHz, sines at 0, 0.25, 0.5, 0.75 and 1 A one after the other in the file.",
         files=(
             RemoteFile(
-                f"{_UTFSM_2}/ME5mm3Hz.txt",
+                f"{_UTFSM}/ME5mm3Hz.txt",
                 "b7a896cd893b99806dd473e9ab49ed3ebab487afe0e86171ba80f07928de6e92",
             ),
-            RemoteFile(f"{_UTFSM_2}/ME10mm2Hz.txt"),
-            RemoteFile(f"{_UTFSM_2}/ME25mm0x5Hz.txt"),
-            RemoteFile(f"{_UTFSM_1}/ME25mm0x25Hz.txt"),
         ),
     ),
     DataSet(
@@ -125,23 +117,19 @@ def fetch(name: str, *, folder: Path | None = None) -> Path:
     target = folder if folder is not None else _cache() / chosen.name
     target.mkdir(parents=True, exist_ok=True)
     mirror = os.environ.get("MRDAMPER_DATA", "")
-    recorded = _read_record(target)
     kept = 0
     for file in chosen.files:
-        expected = file.sha256 or recorded.get(file.path)
         here = target / file.name
-        if not (here.is_file() and (expected is None or _sha256(here) == expected)):
+        if not (here.is_file() and _sha256(here) == file.sha256):
             source = _find_in(Path(mirror), chosen, file) if mirror else _download(chosen, file)
             if source is None:
                 continue
-            _check(chosen, file, source, expected)
+            _check(chosen, file, source)
             _place(source, here)
-        recorded[file.path] = expected or _sha256(here)
         kept += 1
     if not kept:
         looked = ", ".join(file.name for file in chosen.files)
         raise InputError(f"MRDAMPER_DATA={mirror} holds no file of {name!r}; expected any of: {looked}")
-    _write_record(target, recorded)
     return target
 
 
@@ -160,14 +148,14 @@ def _find_in(mirror: Path, chosen: DataSet, file: RemoteFile) -> Path | None:
 
 
 def _download(chosen: DataSet, file: RemoteFile) -> Path:
-    """Return the file as downloaded (pooch checks what is pinned)."""
+    """Return the file as downloaded; pooch checks its hash."""
     import pooch
     import requests
 
     url = chosen.url(file)
-    known = f"sha256:{file.sha256}" if file.sha256 else None
+    known, place = f"sha256:{file.sha256}", _cache() / "downloads"
     try:
-        return Path(pooch.retrieve(url, known_hash=known, path=_cache() / "downloads", progressbar=False))
+        return Path(pooch.retrieve(url, known_hash=known, path=place, progressbar=False))
     except (requests.RequestException, OSError, ValueError) as error:
         raise InputError(
             f"{chosen.name}: cannot download {url} ({error}). Check the connection, or name a folder that "
@@ -175,14 +163,12 @@ def _download(chosen: DataSet, file: RemoteFile) -> Path:
         ) from error
 
 
-def _check(chosen: DataSet, file: RemoteFile, source: Path, expected: str | None) -> None:
-    if expected is None:
-        return
+def _check(chosen: DataSet, file: RemoteFile, source: Path) -> None:
     found = _sha256(source)
-    if found != expected:
+    if found != file.sha256:
         raise InputError(
             f"{source}: is not {file.name} of {chosen.name} at {chosen.commit[:8]}: SHA-256 {found[:12]}..., "
-            f"expected {expected[:12]}.... Delete it and fetch again"
+            f"expected {file.sha256[:12]}.... Delete it and fetch again"
         )
 
 
@@ -196,20 +182,3 @@ def _place(source: Path, here: Path) -> None:
 def _sha256(path: Path) -> str:
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
-
-
-def _read_record(target: Path) -> dict[str, str]:
-    record = target / _RECORD
-    if not record.is_file():
-        return {}
-    try:
-        given = json.loads(record.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise InputError(f"{record}: not a readable record of hashes; delete it and fetch again") from error
-    return {str(path): str(digest) for path, digest in given.items()}
-
-
-def _write_record(target: Path, recorded: dict[str, str]) -> None:
-    partial = target / f".{_RECORD}.partial"
-    partial.write_text(json.dumps(recorded, indent=1, sort_keys=True) + "\n", encoding="utf-8")
-    partial.replace(target / _RECORD)

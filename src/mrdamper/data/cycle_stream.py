@@ -4,38 +4,47 @@ What is held is the head of the record, from which the rules are chosen, and the
 lower turning point: memory does not grow with the record, and a cycle's figures do not depend on how its
 rows came. Nothing is smoothed and nothing is resampled.
 
-A row counts when time, displacement, force and command are numbers. Rows that do not count, times that do not
-increase and gaps break the record: no cycle crosses a break.
+No cycle crosses a break of the record (``stretches``). Where a model's force comes with the rows
+(``identify.replay``), its figures stand beside the measured ones.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields
-from itertools import pairwise
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrdamper.data.diagnosis.finding import Finding
-from mrdamper.data.records import GAP
 from mrdamper.data.reversals import TurningPoints
 from mrdamper.data.streaming import Batch
+from mrdamper.data.stretches import HEAD_ROWS, Count, Splitter, STILL_m, moved_by, usable, usual_step
 from mrdamper.errors import InputError
 from mrdamper.quantities import FloatArray
 
-__all__ = ["HEAD_ROWS", "LONGEST_CYCLE", "CycleCounter", "CycleFigures"]
-
-HEAD_ROWS = 1 << 18
-"""Rows from which the usual step and the least stroke are chosen; a rest before the motion is passed."""
+__all__ = ["LONGEST_CYCLE", "CycleCounter", "CycleFigures", "ModelFigures"]
 
 LONGEST_CYCLE = 1 << 22
 """Samples after which a cycle whose end is not in sight is left out."""
 
 _SWING = 0.05  # of the head's range: smaller to-and-fro does not begin a cycle
-_STILL_m = 50e-6  # a motion below is none
-_OUTLIERS = 0.1  # per cent at either end that do not count in the head's range
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ModelFigures:
+    """What a model's force comes to over cycles, arrays of shape (m,); NaN where a sample has none.
+
+    Energy and extremes as those of the measured force, over the same samples and the same displacement. The
+    error is the model's force less the measured one, over a <= k < b.
+    """
+
+    energy_J: FloatArray
+    highest_force_N: FloatArray
+    lowest_force_N: FloatArray
+    error_N: FloatArray  # RMS
+    mean_error_N: FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,6 +71,9 @@ class CycleFigures:
     temperature_K: FloatArray  # mean; NaN where no sample has one
     command: FloatArray  # mean [A or V]
     samples: NDArray[np.int64]
+    mean_force_N: FloatArray
+    force_spread_N: FloatArray  # standard deviation
+    model: ModelFigures | None = None
 
     def __len__(self) -> int:
         return len(self.row)
@@ -71,31 +83,22 @@ class CycleFigures:
         """Return the cycles of several, in order."""
         if len(parts) == 1:
             return parts[0]
-        whole = [0, 10]  # row, samples
-        none = [np.empty(0, np.int64 if k in whole else np.float64) for k in range(len(fields(cls)))]
-        columns = [[none[k], *(getattr(p, f.name) for p in parts)] for k, f in enumerate(fields(cls))]
-        return cls(*(np.concatenate(column) for column in columns))
+        none = {f.name: np.empty(0, np.int64 if f.name in _WHOLE else np.float64) for f in fields(cls)}
+        columns = {
+            name: np.concatenate([none[name], *(getattr(part, name) for part in parts)])
+            for name in none
+            if name != "model"
+        }
+        models = [part.model for part in parts if part.model is not None]
+        joined = {
+            f.name: np.concatenate([getattr(model, f.name) for model in models])
+            for f in fields(ModelFigures)
+            if models
+        }
+        return cls(**columns, model=ModelFigures(**joined) if models else None)
 
 
-@dataclass(slots=True)
-class _Count:
-    """How often something was met: where first and last, and how large at most."""
-
-    times: int = 0
-    from_s: float = math.nan
-    to_s: float = math.nan
-    most: float = 0.0
-
-    def add(self, at_s: FloatArray, sizes: FloatArray | None = None) -> None:
-        if not len(at_s):
-            return
-        self.times += len(at_s)
-        known = at_s[np.isfinite(at_s)]
-        if len(known):
-            self.from_s = float(known[0]) if math.isnan(self.from_s) else self.from_s
-            self.to_s = float(known[-1])
-        if sizes is not None:
-            self.most = max(self.most, float(sizes.max()))
+_WHOLE = ("row", "samples")  # counted
 
 
 class CycleCounter:
@@ -106,40 +109,52 @@ class CycleCounter:
     name : of the record, for messages
     force_sign : -1.0 for load cells that count compression as positive
     least_stroke_m : a smaller to-and-fro does not begin a cycle; None: 5 % of the range of displacement in
-        the first ``HEAD_ROWS`` rows that move
+        the first ``head_rows`` rows that move
+    longest_cycle : samples after which a cycle whose end is not in sight is left out
     """
 
-    def __init__(self, name: str, *, force_sign: float = 1.0, least_stroke_m: float | None = None) -> None:
+    def __init__(
+        self,
+        name: str,
+        *,
+        force_sign: float = 1.0,
+        least_stroke_m: float | None = None,
+        head_rows: int = HEAD_ROWS,
+        longest_cycle: int = LONGEST_CYCLE,
+    ) -> None:
         if least_stroke_m is not None and not 0.0 < least_stroke_m < math.inf:
             raise InputError(f"least stroke: {least_stroke_m:g} m; expected more than 0")
         self._name, self._sign = name, force_sign
-        self._given = least_stroke_m
+        self._given, self._head_rows, self._longest = least_stroke_m, head_rows, longest_cycle
         self.least_stroke_m: float | None = None  # None until the head is read
-        self.step_s: float | None = None  # usual
         self.rows = 0
         self.cycles = 0
         self.broken = 0  # cycles left out because the record breaks in them
         self._energy = 0.0
         self._head: list[Batch] = []
         self._waiting = 0  # rows in it
-        self._last_row, self._last_s = -1, math.nan  # that counted
-        self._missing, self._back, self._gaps, self._long = _Count(), _Count(), _Count(), _Count()
+        self._splitter, self._long = Splitter(), Count()
         self._turns = TurningPoints(0.0)
         self._events: list[int] = []  # turning points from the last lower one on: lower, upper, ...
-        self._held: list[FloatArray] = []  # columns of samples, shape (5, n) each
+        self._held: list[FloatArray] = []  # columns of samples, shape (5 or 6, n) each
         self._base = 0  # sample of the stretch that the held ones begin with
         self._row = 0  # of the stretch's first sample
+
+    @property
+    def step_s(self) -> float | None:
+        """The usual step; None until the head is read."""
+        return self._splitter.step_s
 
     def feed(self, batch: Batch) -> CycleFigures:
         """Take the next rows; return the cycles that are certain now."""
         self.rows += len(batch)
         done: list[CycleFigures] = []
         while len(batch) and self._waits():
-            room = HEAD_ROWS - self._waiting
-            self._head.append(_cut(batch, slice(0, room)))
+            room = self._head_rows - self._waiting
+            self._head.append(batch.part(slice(0, room)))
             self._waiting += len(self._head[-1])
-            batch = _cut(batch, slice(room, None))
-            if self._waiting == HEAD_ROWS:
+            batch = batch.part(slice(room, None))
+            if self._waiting == self._head_rows:
                 done.append(self._begin())
         if len(batch):
             done.append(self._count(batch))
@@ -157,7 +172,7 @@ class CycleCounter:
         if self.step_s is None:
             raise InputError(
                 f"{self._name}: none of its {self.rows} rows follows on another; expected time that "
-                "increases and numbers in displacement, force and command. Look at it with: mrdamper check"
+                "increases, and numbers of a possible size in displacement, force and command (their units?)"
             )
         return left
 
@@ -166,24 +181,21 @@ class CycleCounter:
 
     def _begin(self) -> CycleFigures:
         """Choose the rules from the head and count in it; a head at rest is passed."""
-        head = _joined(self._head)
+        head = Batch.joined(self._head)
         self._head, self._waiting = [], 0
-        usable = _usable(head)
-        time, x = head.time[usable], head.displacement[usable]
-        if self.step_s is None:
-            steps = np.diff(time)
-            steps = steps[steps > 0.0]
-            if not len(steps):
-                self._missing.add(head.time[~usable])
+        counted = usable(head)
+        if self._splitter.step_s is None:
+            self._splitter.step_s = usual_step(head.time[counted])
+            if self._splitter.step_s is None:
+                self._splitter.missing.add(head.time[~counted])
                 return CycleFigures.joined([])
-            self.step_s = float(np.median(steps))
-        low, high = np.percentile(x, [_OUTLIERS, 100.0 - _OUTLIERS]) if len(x) else (0.0, 0.0)
+        moved = moved_by(head.displacement[counted])
         if self._given is not None:
             self.least_stroke_m = self._given
-        elif high - low >= _STILL_m:
-            self.least_stroke_m = max(_SWING * float(high - low), _STILL_m)
+        elif moved:
+            self.least_stroke_m = max(_SWING * moved, STILL_m)
         else:
-            for _ in self._stretches(head):
+            for _ in self._splitter.feed(head):
                 pass
             return CycleFigures.joined([])
         self._turns = TurningPoints(self.least_stroke_m)
@@ -191,7 +203,7 @@ class CycleCounter:
 
     def _count(self, batch: Batch) -> CycleFigures:
         done = []
-        for fresh, part in self._stretches(batch):
+        for fresh, part in self._splitter.feed(batch):
             if fresh:
                 self._break_off()
             done.append(self._advance(part))
@@ -206,39 +218,13 @@ class CycleCounter:
         self._turns = TurningPoints(self._turns.dead_band)
         self._events, self._held, self._base = [], [], 0
 
-    def _stretches(self, batch: Batch) -> Iterator[tuple[bool, Batch]]:
-        """Give the parts of a batch without a break in them, each with whether a break is before it."""
-        usable = _usable(batch)
-        self._missing.add(batch.time[~usable])
-        numbers = np.flatnonzero(usable)
-        if not len(numbers):
-            return
-        time = batch.time[numbers]
-        rows = batch.row + numbers
-        steps = np.diff(time, prepend=self._last_s)
-        jumps = np.diff(rows, prepend=self._last_row) > 1
-        if self._last_row < 0:
-            jumps[0], steps[0] = True, 0.0
-        late = ~jumps & ~(steps > 0.0)
-        gap = ~jumps & (steps > GAP * (self.step_s or math.inf))
-        self._back.add(time[late], -steps[late])
-        self._gaps.add(time[gap], steps[gap])
-        self._last_row, self._last_s = int(rows[-1]), float(time[-1])
-        breaks = np.flatnonzero(jumps | late | gap)
-        edges = [0, *breaks[breaks > 0].tolist(), len(numbers)]
-        fresh = bool(len(breaks)) and breaks[0] == 0
-        for low, high in pairwise(edges):
-            yield fresh, _cut(batch, slice(int(numbers[low]), int(numbers[high - 1]) + 1))
-            fresh = True
-
     def _advance(self, part: Batch) -> CycleFigures:
         """Return the cycles that end with the next samples of a stretch."""
         warm = part.temperature if part.temperature is not None else np.full(len(part), math.nan)
         if not self._turns.taken:
             self._row = part.row
-        self._held.append(
-            np.stack([part.time, part.displacement, self._sign * part.force, part.command, warm])
-        )
+        columns = [part.time, part.displacement, self._sign * part.force, part.command, warm]
+        self._held.append(np.stack([*columns, *([] if part.modelled is None else [part.modelled])]))
         for sample, side in self._turns.feed(part.displacement):
             if self._events or side < 0:
                 self._events.append(sample)
@@ -255,42 +241,37 @@ class CycleCounter:
         highs = np.array(self._events[1::2]) - self._base
         self._events = self._events[2 * (len(lows) - 1) :]
         a, b, u = lows[:-1], lows[1:], highs[: len(lows) - 1]
-        counted = (a >= 0) & (b - a <= LONGEST_CYCLE)
+        counted = (a >= 0) & (b - a <= self._longest)
         self._long.add(columns[0, b[~counted]])
         if not counted.any():
             return CycleFigures.joined([])
         a, b, u = a[counted], b[counted], u[counted]
         first, last = int(a[0]), int(b[-1])
-        time, x, force, command, warm = columns[:, first : last + 1]
+        time, x, force, command, warm, *modelled = columns[:, first : last + 1]
         a, b, u = a - first, b - first, u - first
-        # sums over [a, b) of each: the parts between two cycles, where one was left out, fall away
-        edges = np.unique(np.concatenate([a, b[:-1]]))
-        place = np.searchsorted(edges, a)
-
-        def sums(values: FloatArray) -> FloatArray:
-            return np.asarray(np.add.reduceat(values[:last_sample], edges)[place])
-
-        last_sample = len(x) - 1
+        over = _Over(x, a, b)
         n = b - a
         xa, xb, fa, fb = x[a], x[b], force[a], force[b]
-        work = 0.5 * (force[1:] + force[:-1]) * np.diff(x)
         known = np.isfinite(warm)
         with np.errstate(invalid="ignore"):
-            mean_warm = sums(np.where(known, warm, 0.0)) / sums(known.astype(np.float64))
-        high_x = np.maximum(np.maximum.reduceat(x[:-1], edges)[place], xb)
-        low_x = np.minimum(np.minimum.reduceat(x[:-1], edges)[place], xb)
+            mean_warm = over.sums(np.where(known, warm, 0.0)) / over.sums(known.astype(np.float64))
+        mean = over.sums(force) / n
+        square = over.sums(force * force) / n
         return CycleFigures(
             row=(self._row + self._base + first + a).astype(np.int64),
             start_s=time[a],
             period_s=time[b] - time[a],
-            amplitude_m=0.5 * (high_x - low_x),
-            energy_J=sums(work) + 0.5 * (fa + fb) * (xa - xb),
+            amplitude_m=0.5 * (over.most(x) - over.least(x)),
+            energy_J=over.energy(force),
             stiffness_N_per_m=(force[u] - 0.5 * (fa + fb)) / (x[u] - 0.5 * (xa + xb)),
-            highest_force_N=np.maximum(np.maximum.reduceat(force[:-1], edges)[place], fb),
-            lowest_force_N=np.minimum(np.minimum.reduceat(force[:-1], edges)[place], fb),
+            highest_force_N=over.most(force),
+            lowest_force_N=over.least(force),
             temperature_K=mean_warm,
-            command=sums(command) / n,
+            command=over.sums(command) / n,
             samples=n.astype(np.int64),
+            mean_force_N=mean,
+            force_spread_N=np.sqrt(np.maximum(square - mean * mean, 0.0)),
+            model=_of_model(over, modelled[0], force, n) if modelled else None,
         )
 
     def _let_go(self) -> None:
@@ -299,7 +280,7 @@ class CycleCounter:
         needed = taken
         begins = [*self._events[:1], *([] if (low := self._turns.pending_low) is None else [low])]
         for sample in begins:
-            if taken - sample <= LONGEST_CYCLE:
+            if taken - sample <= self._longest:
                 needed = sample
                 break
         while self._held and self._base + self._held[0].shape[1] <= needed:
@@ -310,51 +291,14 @@ class CycleCounter:
 
     def findings(self) -> list[Finding]:
         """Return what is wrong with the record, and what it did to the cycles."""
-        found = []
-        out = "The cycles it touches are left out"
-
-        def add(
-            kind: str, channel: str, count: _Count, said: str, remedy: str, size: float, unit: str
-        ) -> None:
-            if count.times:
-                ends = [None if math.isnan(t) else t for t in (count.from_s, count.to_s)]
-                found.append(
-                    Finding(
-                        kind=kind,
-                        severity="warning",
-                        channel=channel,
-                        size=size,
-                        unit=unit,
-                        from_s=ends[0],
-                        to_s=ends[1],
-                        found=said,
-                        effect=out,
-                        remedy=remedy,
-                        run=self._name,
-                    )
-                )
-
-        missing, back, gaps, long = self._missing, self._back, self._gaps, self._long
-        add(
-            "missing_rows", "", missing,
-            f"{missing.times} rows lack a number in time, displacement, force or command",
-            "Look at what the recorder wrote there", float(missing.times), "rows",
-        )  # fmt: skip
-        add(
-            "time_back", "time", back,
-            f"Time does not increase at {back.times} rows; it goes back by up to {back.most:.6g} s",
-            "Recordings that were put together belong in files of their own", back.most, "s",
-        )  # fmt: skip
-        add(
-            "gap", "time", gaps,
-            f"{gaps.times} gaps in time, the longest of {gaps.most:.6g} s",
-            "Look for lost samples, or pauses of the rig", gaps.most, "s",
-        )  # fmt: skip
-        add(
-            "long_cycle", "displacement", long,
-            f"{long.times} cycles have more than {LONGEST_CYCLE} samples",
-            "Cut long rests out of the record", float(long.times), "cycles",
-        )  # fmt: skip
+        long = self._long
+        found = [
+            *self._splitter.findings(),
+            *long.finding(
+                "long_cycle", "displacement", f"{long.times} cycles have more than {self._longest} samples",
+                "Cut long rests out of the record", float(long.times), "cycles",
+            ),
+        ]  # fmt: skip
         if self.cycles and self._energy < 0.0:
             found.append(
                 Finding(
@@ -366,7 +310,6 @@ class CycleCounter:
                     found=f"The cycles give off {-self._energy:.4g} J in all, where a damper takes up energy",
                     effect="Energies and stiffness have the wrong sign",
                     remedy="Turn the force with --flip-force",
-                    run=self._name,
                 )
             )
         if not self.cycles:
@@ -380,41 +323,48 @@ class CycleCounter:
                     + ("; the record is at rest" if least is None else f" of more than {1e3 * least:.4g} mm"),
                     effect="There are no figures",
                     remedy="Look at displacement and its unit; --least-stroke-mm counts smaller cycles",
-                    run=self._name,
                 )
             )
-        return found
+        return [replace(each, run=self._name) for each in found]
 
 
-def _usable(batch: Batch) -> NDArray[np.bool_]:
-    """Return which rows count, shape (n,)."""
-    usable = np.isfinite(batch.time) & np.isfinite(batch.displacement)
-    return np.asarray(usable & np.isfinite(batch.force) & np.isfinite(batch.command))
+class _Over:
+    """Sums and extremes over cycles a <= k < b of samples, b belonging to the next one."""
+
+    def __init__(self, x: FloatArray, a: NDArray[np.intp], b: NDArray[np.intp]) -> None:
+        # the parts between two cycles, where one was left out, fall away
+        self._edges = np.unique(np.concatenate([a, b[:-1]]))
+        self._place = np.searchsorted(self._edges, a)
+        self._a, self._b, self._x = a, b, x
+        self._moves = np.diff(x)
+
+    def sums(self, values: FloatArray) -> FloatArray:
+        return self._reduced(np.add.reduceat, values)
+
+    def most(self, values: FloatArray) -> FloatArray:
+        """Return the largest, that of b among them."""
+        return np.maximum(self._reduced(np.maximum.reduceat, values), values[self._b])
+
+    def least(self, values: FloatArray) -> FloatArray:
+        """Return the least, that of b among them."""
+        return np.minimum(self._reduced(np.minimum.reduceat, values), values[self._b])
+
+    def energy(self, force: FloatArray) -> FloatArray:
+        """Return the energy [J] of a force by the formula of ``CycleFigures``."""
+        work = self.sums(0.5 * (force[1:] + force[:-1]) * self._moves)
+        ends = 0.5 * (force[self._a] + force[self._b])
+        return np.asarray(work + ends * (self._x[self._a] - self._x[self._b]))
+
+    def _reduced(self, how: Callable[..., FloatArray], values: FloatArray) -> FloatArray:
+        return np.asarray(how(values[: len(self._moves)], self._edges)[self._place])
 
 
-def _cut(batch: Batch, rows: slice) -> Batch:
-    low = rows.indices(len(batch))[0]
-    return Batch(
-        batch.row + low,
-        batch.time[rows],
-        batch.displacement[rows],
-        batch.force[rows],
-        batch.command[rows],
-        None,
-        None if batch.temperature is None else batch.temperature[rows],
-    )
-
-
-def _joined(parts: Sequence[Batch]) -> Batch:
-    if len(parts) == 1:
-        return parts[0]
-    warm = [part.temperature for part in parts if part.temperature is not None]
-    return Batch(
-        parts[0].row,
-        np.concatenate([part.time for part in parts]),
-        np.concatenate([part.displacement for part in parts]),
-        np.concatenate([part.force for part in parts]),
-        np.concatenate([part.command for part in parts]),
-        None,
-        np.concatenate(warm) if len(warm) == len(parts) else None,
+def _of_model(over: _Over, modelled: FloatArray, force: FloatArray, n: NDArray[np.intp]) -> ModelFigures:
+    error = modelled - force
+    return ModelFigures(
+        energy_J=over.energy(modelled),
+        highest_force_N=over.most(modelled),
+        lowest_force_N=over.least(modelled),
+        error_N=np.sqrt(over.sums(error * error) / n),
+        mean_error_N=over.sums(error) / n,
     )

@@ -30,7 +30,7 @@ from mrdamper.errors import InputError
 from mrdamper.excitation import Trajectory
 from mrdamper.quantities import FloatArray, read_only
 
-__all__ = ["Preparation", "PreparedRun", "decimate", "prepare_run"]
+__all__ = ["Preparation", "PreparedRun", "decimate", "even_step", "prepare_run"]
 
 Reference = Literal["start", "mean", "none"]
 VelocitySource = Literal["displacement", "channel"]
@@ -111,6 +111,7 @@ class PreparedRun:
     cutoff_Hz: float  # of the smoothing; the Nyquist frequency of the run when nothing was removed
     dead_band_m: float
     motion: str
+    reference_m: float = 0.0  # measured displacement that counts as zero
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "force", read_only(self.force))
@@ -191,10 +192,12 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
 
     x = moved.displacement
     started = int(np.argmax(np.abs(x - x[0]) > _MOVED * np.ptp(x)))
+    reference = 0.0
     if chosen.reference == "start":
-        x = x - _where_it_rests(displacement[: max(1, started // 2)], moved, dead_band)
+        reference = _where_it_rests(displacement[: max(1, started // 2)], moved, dead_band)
     elif chosen.reference == "mean":
-        x = x - float(np.mean(x))
+        reference = float(np.mean(x))
+    x = x - reference
 
     velocity, acceleration = moved.velocity, moved.acceleration
     if chosen.velocity == "channel":
@@ -217,7 +220,9 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
         else condition_temperature(channels["temperature"], step, chosen.thermocouple_lag_s),
     )
     motion = run.motion or found.label
-    return PreparedRun(run, trajectory, force, scored_from, found.period_s, cutoff, dead_band, motion)
+    return PreparedRun(
+        run, trajectory, force, scored_from, found.period_s, cutoff, dead_band, motion, reference
+    )
 
 
 def decimate(prepared: PreparedRun, rate_Hz: float) -> PreparedRun:
@@ -287,16 +292,22 @@ def _on_uniform_grid(run: RigRun) -> tuple[float, FloatArray, dict[str, FloatArr
     if run.temperature is not None:
         channels["temperature"] = run.temperature
     time = run.time
-    step = float(time[-1] - time[0]) / (len(time) - 1)
-    off = float(np.max(np.abs(time - (time[0] + step * np.arange(len(time))))))
-    if off <= max(_JITTER * step, 0.6 * _rounding(time, off)):
-        return step, run.displacement, channels
+    even = even_step(time)
+    if even is not None:
+        return even, run.displacement, channels
     from scipy.interpolate import CubicSpline
 
     step = float(np.median(np.diff(time)))
     grid = time[0] + step * np.arange(int((time[-1] - time[0]) / step * (1.0 + 1e-12)) + 1)
     resampled = {name: np.interp(grid, time, values) for name, values in channels.items()}
     return step, np.asarray(CubicSpline(time, run.displacement)(grid), dtype=np.float64), resampled
+
+
+def even_step(time: FloatArray) -> float | None:
+    """Return the step [s] of time stamps that are taken as a uniform grid; None where they are resampled."""
+    step = float(time[-1] - time[0]) / (len(time) - 1)
+    off = float(np.max(np.abs(time - (time[0] + step * np.arange(len(time))))))
+    return step if off <= max(_JITTER * step, 0.6 * _rounding(time, off)) else None
 
 
 def _rounding(time: FloatArray, off: float) -> float:

@@ -29,7 +29,9 @@ __all__ = [
     "Recording",
     "RigRun",
     "changes_of_pace",
+    "command_slack",
     "nearest_names",
+    "steady_command",
 ]
 
 CommandUnit = Literal["A", "V"]
@@ -128,11 +130,7 @@ class RigRun:
         A measured one keeps still while 98 % of its samples stay within 2 % of its median (or within 20 mA
         or 20 mV) on either side: its median, then.
         """
-        first = float(self.command[0])
-        if bool((self.command == first).all()):
-            return first
-        low, middle, high = np.quantile(self.command, (0.01, 0.5, 0.99)).tolist()
-        return middle if max(high - middle, middle - low) <= max(0.02 * abs(middle), 0.02) else None
+        return steady_command(self.command)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -193,6 +191,20 @@ class Dataset:
         if self.runs and not training.runs:
             raise InputError(f"hold-out {', '.join(globs)} leaves no run to train on; hold out fewer runs")
         return training, held_out
+
+
+def steady_command(command: FloatArray) -> float | None:
+    """Return the command [A or V] when it keeps still as ``RigRun.constant_command`` says, else None."""
+    first = float(command[0])
+    if bool((command == first).all()):
+        return first
+    low, middle, high = np.quantile(command, (0.01, 0.5, 0.99)).tolist()
+    return middle if max(high - middle, middle - low) <= command_slack(middle) else None
+
+
+def command_slack(command: float) -> float:
+    """Return by how much [A or V] a command that keeps still may be measured off: 2 %, or 20 mA (mV)."""
+    return max(0.02 * abs(command), 0.02)
 
 
 def nearest_names(name: str, known: Sequence[str], count: int = 3) -> list[str]:

@@ -6,10 +6,11 @@ with whatever is wrong in it: which rows can be used is the business of ``stretc
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from mrdamper.data.readers import Column, find_columns, map_beside
 from mrdamper.data.records import CommandUnit
 from mrdamper.data.tables import open_rows
 from mrdamper.errors import InputError
+from mrdamper.files import is_folder
 from mrdamper.quantities import QUANTITIES, FloatArray
 
 __all__ = ["BATCH_ROWS", "Batch", "LongRecord", "open_record"]
@@ -40,9 +42,31 @@ class Batch:
     command: FloatArray  # [A or V]
     velocity: FloatArray | None = None  # [m/s]
     temperature: FloatArray | None = None  # [K]
+    modelled: FloatArray | None = None  # force of a model that went along [N]; NaN where it has none
 
     def __len__(self) -> int:
         return len(self.time)
+
+    def part(self, rows: slice) -> Batch:
+        """Return some of the rows, which follow on one another."""
+        cut: dict[str, Any] = {
+            name: None if (column := getattr(self, name)) is None else column[rows] for name in _COLUMNS
+        }
+        return Batch(row=self.row + rows.indices(len(self))[0], **cut)
+
+    @classmethod
+    def joined(cls, parts: Sequence[Batch]) -> Batch:
+        """Return batches that follow on one another as one; a column that one of them lacks is left out."""
+        if len(parts) == 1:
+            return parts[0]
+        whole: dict[str, Any] = {}
+        for name in _COLUMNS:
+            columns = [column for each in parts if (column := getattr(each, name)) is not None]
+            whole[name] = np.concatenate(columns) if len(columns) == len(parts) else None
+        return cls(row=parts[0].row, **whole)
+
+
+_COLUMNS = tuple(field.name for field in fields(Batch))[1:]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -133,7 +157,7 @@ def open_record(path: str | Path, channels: ChannelMap | str | Path | None = Non
         The file cannot be read, a column or a unit is missing, or the map splits the file into tests.
     """
     file = Path(path)
-    if file.is_dir():
+    if is_folder(file):
         raise InputError(f"{file}: is a folder; expected the file of one record")
     given = map_beside(file) if channels is None else channels
     chosen = (

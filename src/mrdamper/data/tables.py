@@ -6,8 +6,9 @@ Which column is the force is the business of ``channels``; runs are made in ``re
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from mrdamper.data.formats.excel import is_workbook, read_workbook
@@ -46,6 +47,10 @@ FORMATS: tuple[Format, ...] = (
 )
 
 _MOST_WHOLE = 20_000_000  # rows of a format that cannot be read in parts
+_BYTES_OF_ROW = 400  # that preparing, fitting and scoring a run takes
+_USUAL_MEMORY = 16 << 30  # where the system does not tell
+_HEAD_BYTES = 1 << 16
+_TEXTS = (read_logger, read_mts, read_text)
 
 # What is often given instead, and what to do about it.
 _OTHERS: tuple[tuple[bytes, str], ...] = (
@@ -61,9 +66,16 @@ _OTHERS: tuple[tuple[bytes, str], ...] = (
 
 
 def read_table(path: Path, options: FileOptions | None = None) -> Table:
-    """Return the table in a file, its format recognised by its content."""
+    """Return the table in a file, its format recognised by its content.
+
+    One of more rows than memory holds the work on is refused before its columns are read.
+    """
     with _reading(path):
-        table = _recognised(path).read(path, options or FileOptions())
+        known = _recognised(path)
+        if known.read in _TEXTS:
+            require_memory(path, _about(path), "about ")
+        table = known.read(path, options or FileOptions())
+    require_memory(path, table.rows)
     return _with_numbers(table, path, table.rows)
 
 
@@ -102,6 +114,36 @@ def open_rows(path: Path, options: FileOptions | None = None) -> Rows:
             yield part
 
     return Rows(table, read)
+
+
+def require_memory(path: Path, rows: int, how: str = "") -> None:
+    """Refuse a file of more rows than can be worked on at once in this machine's memory."""
+    memory = memory_bytes()
+    most = memory // _BYTES_OF_ROW
+    if rows > most:
+        raise InputError(
+            f"{path}: has {how}{rows:,} rows, too many for memory at once; expected at most {most:,} in "
+            f"{memory / 1e9:.3g} GB. Count its cycles with: mrdamper cycles (with --model CARD a card goes "
+            "along), which reads it in parts; or cut the file"
+        )
+
+
+def memory_bytes() -> int:
+    """Return the memory that this process may have: the machine's, or its control group's."""
+    try:
+        memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (AttributeError, OSError, ValueError):  # no such system
+        memory = _USUAL_MEMORY
+    with suppress(OSError, ValueError):  # "max": none
+        memory = min(memory, int(Path("/sys/fs/cgroup/memory.max").read_text(encoding="ascii")))
+    return memory
+
+
+def _about(path: Path) -> int:
+    """Return the rows of a text, by the length of its first lines."""
+    with path.open("rb") as stream:
+        head = stream.read(_HEAD_BYTES)
+    return path.stat().st_size * head.count(b"\n") // max(len(head), 1)
 
 
 @contextmanager

@@ -9,11 +9,11 @@ import numpy as np
 from mrdamper.data.signals import smooth
 from mrdamper.quantities import FloatArray
 
-__all__ = ["condition_temperature"]
+__all__ = ["CUTOFF_Hz", "condition_temperature"]
 
 _STEADY_K = 1.0  # a run that drifts by less is at one temperature
 _PARTS = 8  # of a run, whose means tell one that warms up and cools again
-_CUTOFF_Hz = 0.25  # of the smoothing of one that drifts: heat is slow
+CUTOFF_Hz = 0.25  # of the smoothing of one that drifts: heat is slow
 
 
 def condition_temperature(temperature: FloatArray, step: float, lag_s: float = 0.0) -> FloatArray:
@@ -30,7 +30,7 @@ def condition_temperature(temperature: FloatArray, step: float, lag_s: float = 0
     mean = float(np.mean(temperature))
     noise = float(np.std(temperature - mean - slope * time))
     drift = abs(slope) * step * n
-    short = step * n < 4.0 / _CUTOFF_Hz  # too short for knots
+    short = step * n < 4.0 / CUTOFF_Hz  # too short for knots
     wander = 0.0 if short else float(np.ptp([part.mean() for part in np.array_split(temperature, _PARTS)]))
     if drift < max(_STEADY_K, 3.0 * noise * math.sqrt(12.0 / n)) and wander < max(
         _STEADY_K, 6.0 * noise * math.sqrt(_PARTS / n)
@@ -38,5 +38,5 @@ def condition_temperature(temperature: FloatArray, step: float, lag_s: float = 0
         return np.full(n, mean)
     if short:
         return np.asarray(mean + slope * (time + lag_s))
-    smoothed = smooth(temperature, step, _CUTOFF_Hz)
+    smoothed = smooth(temperature, step, CUTOFF_Hz)
     return smoothed.displacement + lag_s * smoothed.velocity

@@ -174,7 +174,8 @@ class Damper:
         at, warm = self._grid(commands, temperatures)
         found = []
         for name, form in self.coefficients.items():
-            values = form.value(at, warm)
+            with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is said below
+                values = form.value(at, warm)
             if not self.law.violations({name: values}) and np.isfinite(values).all():
                 continue
             for k, value in enumerate(values.tolist()):
@@ -230,12 +231,13 @@ class Damper:
     def _reversed_valve(self, envelope: OperatingEnvelope) -> list[str]:
         """Say where 1 + position_gain x > 0 fails: the valve force must keep its sign over the stroke."""
         commands = envelope.commands()
-        gain = self.coefficients["position_gain"].value(commands)
         for x in envelope.displacement:
-            bad = np.flatnonzero(~(1.0 + gain * x > 0.0))
+            with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is not positive
+                side = 1.0 + self.coefficients["position_gain"].value(commands) * x
+            bad = np.flatnonzero(~(side > 0.0))
             if bad.size:
                 return [
-                    f"{self.law.name}: 1 + position_gain x is {1.0 + gain[bad[0]] * x:g} at x = {x:g} m and "
+                    f"{self.law.name}: 1 + position_gain x is {side[bad[0]]:g} at x = {x:g} m and "
                     f"{commands[bad[0]]:g} {self.command_unit}; it must be positive over the stroke (bring "
                     f"position_gain nearer to 0, or narrow the envelope)"
                 ]

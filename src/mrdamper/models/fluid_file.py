@@ -116,7 +116,7 @@ def _completed(given: Document, place: str) -> Document:
     if "like" not in given:
         return given
     like = given["like"]
-    if like not in PRESETS:
+    if not isinstance(like, str) or like not in PRESETS:
         raise InputError(f"{place}: like is {like!r}; expected one of: {', '.join(PRESETS)}")
     base = _document_of(find_fluid(like))
     if "viscosity" in given:
@@ -194,7 +194,7 @@ class _Reader:
         """Return the temperature law of a section, whose other keys are named."""
         table = self.document[section]
         kind = table.get("law")
-        if kind not in FACTORS:
+        if not isinstance(kind, str) or kind not in FACTORS:
             raise InputError(
                 f"{self.place}: {section}.law is {kind!r}; expected one of: {', '.join(FACTORS)}"
             )

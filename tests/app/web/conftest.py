@@ -15,7 +15,7 @@ def browser(tool):
         yield started
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def site(tmp_path_factory):
     """Return a folder with runs of the virtual rig and a card, and a client of its server."""
     root = tmp_path_factory.mktemp("pages") / "damper"

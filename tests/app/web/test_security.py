@@ -7,8 +7,10 @@ import io
 import json
 import signal
 import socket
+import struct
 import time
 import zipfile
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -251,6 +253,9 @@ def test_no_name_leads_out_of_the_folder(folder, name):
                 ("predict", {"card": name}),
                 ("identify", {"card": name}),
                 ("compare", {"first": "one", "second": name}),
+                ("cycles", {"record": name}),
+                ("cycles", {"record": "a.csv", "channels": name}),
+                ("cycles", {"record": "a.csv", "model": name}),
             ):
                 order = {"kind": kind, "options": options}
                 found.append(await call(app, "POST", "/api/jobs", body=json.dumps(order).encode()))
@@ -264,6 +269,15 @@ def test_no_name_leads_out_of_the_folder(folder, name):
     after = snapshot(folder.parent)
     assert {key: after[key] for key in before} == before
     assert after.keys() == before.keys()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_job_finds_nothing_outside_the_folder(folder, name):
+    """Names that stand in a job's options are looked up by these, in the job's own process."""
+    work = WorkFolder(folder)
+    for look_up in (work.run_file, work.record, work.channel_map, work.card, work.input):
+        with pytest.raises(NotThereError):
+            look_up(name)
 
 
 @given(name=st.text(alphabet=st.characters(codec="utf-8"), max_size=12) | st.sampled_from(NAMES))
@@ -342,6 +356,15 @@ def test_an_upload_beyond_the_bound_is_refused_and_leaves_nothing(folder, stated
     )
     assert answer.status == 413
     assert sorted(path.name for path in (folder / "runs").iterdir()) == ["a.csv"]
+
+
+@pytest.mark.parametrize(
+    ("path", "most"), [("/api/inputs/big.toml", 4_000_000), ("/api/cards/big", 8_000_000)]
+)
+def test_inputs_and_cards_are_bounded_too(folder, path, most):
+    before = snapshot(folder)
+    assert ask(folder, "PUT", path, body=b"#" * (most + 1), pieces=9).status == 413
+    assert snapshot(folder) == before
 
 
 def test_a_length_that_is_a_lie_does_not_help(folder):
@@ -445,10 +468,24 @@ def an_npz() -> bytes:
     return held.getvalue()
 
 
+def a_mat_file_of_zeros(stated: int, held: int) -> bytes:
+    """Return a MAT file of some kB whose one array states 8 * ``stated`` bytes, and unpacks to ``held``."""
+    flags = struct.pack("<IIII", 6, 8, 6, 0)  # an array of doubles
+    shape = struct.pack("<IIii", 5, 8, stated, 1)
+    name = struct.pack("<HH4s", 1, 4, b"data")
+    numbers = struct.pack("<II", 9, min(8 * stated, 2**32 - 8))
+    head = flags + shape + name + numbers
+    packer = zlib.compressobj(1)
+    packed = packer.compress(struct.pack("<II", 14, min(len(head) + 8 * stated, 2**32 - 8)) + head)
+    packed += b"".join(packer.compress(bytes(1 << 20)) for _ in range(held >> 20)) + packer.flush()
+    return b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM" + struct.pack("<II", 15, len(packed)) + packed
+
+
 @pytest.mark.parametrize(
     ("name", "made"),
     [
-        ("bomb.xlsx", lambda: a_workbook_of_zeros(1 << 30)),
+        ("bomb.mat", lambda: a_mat_file_of_zeros(2**31 - 1, 1 << 26)),
+        ("bomb.xlsx", lambda: a_workbook_of_zeros(600 << 20)),
         ("arrays.xlsx", an_npz),
         ("many.xlsx", lambda: b"PK\x03\x04" + b"\0" * 5000),
         ("huge.parquet", lambda: b"PAR1" + b"\xff" * 4000 + b"PAR1"),

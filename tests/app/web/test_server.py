@@ -90,7 +90,7 @@ def test_an_empty_folder_has_everything_to_begin_with(clean):
     assert ".csv" in state["formats"]
     assert {row["role"] for row in state["choices"]["roles"] if row["needed"]} == {"displacement", "force"}
     assert sorted(path.name for path in root.iterdir() if not path.name.startswith(".")) == [
-        "cards", "inputs", "results", "runs",
+        "cards", "inputs", "records", "results", "runs",
     ]  # fmt: skip
 
 
@@ -499,6 +499,7 @@ def test_the_short_campaign_is_one():
     assert campaign.steps is not None  # the lag can be identified
 
 
+@pytest.mark.long
 def test_a_controller_is_tracked_and_drawn_and_exported(clean, tool):
     tool("cc")
     root, client = clean
@@ -529,6 +530,7 @@ def test_a_controller_is_tracked_and_drawn_and_exported(clean, tool):
     assert got.content == place.read_bytes()
 
 
+@pytest.mark.long
 def test_two_clients_and_a_long_fit_keep_the_pages_quick(clean, runs):
     """No request takes more than a second while a fit has the machine for itself."""
     root, client = clean

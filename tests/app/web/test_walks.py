@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import shutil
+import signal
 import socket
 import subprocess
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
 from playwright.sync_api import expect
 
+from mrdamper.app.jobs import FitOptions, identify
+from mrdamper.app.sink_job import SinkOptions, sink
 from mrdamper.models.card_reading import read_card
 from tests.app.heated import DRAWING
 from tests.app.rigs import short_runs, write_runs
@@ -58,6 +63,10 @@ def choose(page, button, path):
 
 def newest(client, kind):
     return next(job for job in client.get("/api/jobs")["jobs"] if job["kind"] == kind)
+
+
+def newest_options(client, kind):
+    return client.get(f"/api/jobs/{newest(client, kind)['id']}")["options"]
 
 
 # --------------------------------------------------------------------------------------- dropping, bringing
@@ -334,6 +343,84 @@ def test_every_long_job_is_stopped_from_the_page_and_leaves_nothing_half_done(pa
     assert not [path for path in root.rglob(".mrdamper-*") if ".cache" not in path.parts]
     if kind == "rig":
         assert {path.name for path in (root / "runs").iterdir()} == before
+
+
+def rows_in(path):
+    return path.read_bytes().count(b"\n") if path.exists() else 0
+
+
+def wait_until(page, holds, seconds=30.0):
+    end = time.monotonic() + seconds
+    while not holds():
+        assert time.monotonic() < end
+        page.wait_for_timeout(10)
+
+
+def test_a_fit_that_was_cancelled_is_resumed_to_the_same_card(page, rig, tmp_path):
+    """The best so far is shown; Resume takes up the starts that were finished, and replaces it."""
+    root, client = rig
+    page.goto("/#/identify")
+    page.fill("#card-name", "resumed")
+    page.get_by_text("More", exact=True).click()
+    page.select_option("#law", "bouc-wen")
+    page.get_by_label("Starts").fill("40")
+    page.click("#start-fit")
+    kept = root / "cards" / "resumed.progress"
+    wait_until(page, lambda: rows_in(kept) > 3)
+    page.get_by_role("button", name="Cancel").click()
+    page.get_by_text("was stopped").wait_for()
+    stopped = newest(client, "identify")
+    assert stopped["state"] == "cancelled"
+    assert stopped["resumable"]
+    shoot(page, "identify-cancelled")
+    page.reload()
+    page.get_by_role("button", name=f"Resume {stopped['id']}").click()
+    page.wait_for_selector("#fit-tiles")
+    expect(page.locator("[data-job=identify] .notice")).to_have_count(0)
+    told = (root / "results" / stopped["id"] / "progress.jsonl").read_text(encoding="utf-8")
+    assert re.search(r"going on from cards/resumed\.progress: [1-9]\d* finished parts", told)
+    assert not kept.exists()
+    files = [root / "runs" / name for name in newest_options(client, "identify")["files"]]
+    identify(files, tmp_path / "whole", FitOptions(law="bouc-wen", starts=40))
+    assert (root / "cards" / "resumed" / "card.json").read_text() == (
+        tmp_path / "whole" / "card.json"
+    ).read_text()
+
+
+def test_a_search_whose_process_died_is_resumed_to_the_same_front(page, rig, tmp_path):
+    root, client = rig
+    chosen = SinkOptions(by_field=False, least_thickness_mm=2.0)
+    duty = "sine:15mm:1Hz:2A:120s"
+    job = client.job("sink", card="strong", duty=duty, by_field=False, least_thickness_mm=2.0)
+    kept = root / "results" / f"{job}.progress"
+    wait_until(page, lambda: rows_in(kept) > 2)
+    os.kill(int(client.get(f"/api/jobs/{job}")["pid"]), signal.SIGKILL)
+    assert client.ended(job)["state"] == "failed"
+    page.goto(f"/#/sink?card=strong&job={job}")
+    expect(page.locator("[data-job=sink] .notice.fault")).to_contain_text("what it had finished is kept")
+    page.get_by_role("button", name=f"Resume {job}").click()
+    page.wait_for_selector("#section svg")
+    assert not kept.exists()
+    card = root / "cards" / "strong" / "card.json"
+    sink(card, Path("paper"), duty=duty, options=chosen, out=tmp_path / "whole")
+    found = (root / "results" / job / "front.csv").read_text(encoding="utf-8")
+    assert found == (tmp_path / "whole" / "front.csv").read_text(encoding="utf-8")
+    assert client.get(f"/api/jobs/{job}")["resumed"] == 1
+
+
+def test_a_job_that_is_removed_takes_along_what_it_had_left(rig):
+    root, client = rig
+    job = client.job("sink", card="strong", method="nsga2", by_field=False)
+    kept = root / "results" / f"{job}.progress"
+    end = time.monotonic() + 30.0
+    while rows_in(kept) < 2:
+        assert time.monotonic() < end
+        time.sleep(0.02)
+    client.ask("POST", f"/api/jobs/{job}/cancel")
+    assert client.ended(job)["resumable"]
+    assert kept.exists()
+    assert client.ask("DELETE", f"/api/jobs/{job}").status_code == 200
+    assert not kept.exists()
 
 
 def a_free_port():

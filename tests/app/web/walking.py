@@ -15,7 +15,7 @@ import numpy as np
 from playwright.sync_api import Locator, Page, Position
 
 __all__ = [
-    "AXES", "CUT", "LOGGER", "PAGES", "STATIC", "UNNAMED", "a_logger_file", "csv_rows", "download",
+    "AXES", "CUT", "FAINT", "LOGGER", "PAGES", "STATIC", "UNNAMED", "a_logger_file", "csv_rows", "download",
     "drop_files", "map_the_logger", "move", "place_of", "plot", "saved_table",
 ]  # fmt: skip
 
@@ -41,6 +41,43 @@ CUT = """
   .filter((e) => e.scrollWidth > e.clientWidth + 1)
   .map((e) => e.outerHTML)"""
 """Words that are wider than the box they stand in."""
+
+FAINT = """
+(() => {
+  const parsed = (said) => {
+    const [r, g, b, a = 1] = said.match(/[\\d.]+/g).map(Number);
+    return { rgb: [r, g, b], a };
+  };
+  const over = (top, share, below) => below.map((value, k) => value + (top[k] - value) * share);
+  const luminance = (rgb) => {
+    const linear = (v) => (v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4);
+    const [r, g, b] = rgb.map((v) => linear(v / 255));
+    return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+  };
+  const backOf = (e) => {
+    const above = [];
+    for (; e; e = e.parentElement) above.push(parsed(getComputedStyle(e).backgroundColor));
+    return above.reverse().reduce((below, { rgb, a }) => over(rgb, a, below), [255, 255, 255]);
+  };
+  const opacity = (e) => (e ? Number(getComputedStyle(e).opacity) * opacity(e.parentElement) : 1);
+  const texts = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  const found = [];
+  while (texts.nextNode()) {
+    const e = texts.currentNode.parentElement;
+    const inactive = e.closest(":disabled, .dim, option, script, noscript, [aria-pressed=false].key");
+    if (!texts.currentNode.data.trim() || inactive || !e.checkVisibility()) continue;
+    const style = getComputedStyle(e);
+    const back = backOf(e);
+    const { rgb, a } = parsed(style.color);
+    const [low, high] = [luminance(over(rgb, a * opacity(e), back)), luminance(back)].sort((p, q) => p - q);
+    const size = parseFloat(style.fontSize);
+    const large = size >= 24 || (size >= 18.66 && Number(style.fontWeight) >= 700);
+    const ratio = (high + 0.05) / (low + 0.05);
+    if (ratio < (large ? 3 : 4.5)) found.push(`${ratio.toFixed(2)} ${e.outerHTML.slice(0, 160)}`);
+  }
+  return found;
+})()"""
+"""Words that are too faint by WCAG 2 AA, as the browser shows them; what cannot be pressed is exempt."""
 
 AXES = """
 [...document.querySelectorAll("main canvas.plot-over")].map((e) => e.getAttribute("aria-label"))"""

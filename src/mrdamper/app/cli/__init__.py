@@ -187,7 +187,7 @@ def check(paths: tuple[str, ...], *, channels: Path | None, out: Path | None, as
 @click.option(
     "--starts",
     type=click.IntRange(min=1),
-    default=1,
+    default=3,
     show_default=True,
     help="Starts of the search (varpro); each draws many points.",
 )
@@ -735,6 +735,12 @@ def export(card: Path, *, no_verify: bool, as_json: bool, **options: Any) -> int
     type=float,
     metavar="MM",
     help="A smaller to-and-fro is no cycle.  [default: 5 % of the range of the first rows]",
+)
+@click.option(
+    "--model",
+    type=click.Path(path_type=Path),
+    metavar="CARD",
+    help="A card, replayed over the record beside what was measured.",
 )
 @click.option(
     "--out",

@@ -309,10 +309,29 @@ def show_cycles(answer: Answer) -> None:
         )
         table.add_row(name, *("-" if value is None else f"{value:.5g}" for value in values))
     console.print(table)
+    if answer["model"] is not None:
+        _print_model(console, answer["model"])
     for each in answer["findings"]:
         console.print(escape(f"- {each['severity']}: {each['found']}. {each['effect']}. {each['remedy']}."))
     if "report" in answer:
         console.print(f"wrote {escape(answer['report'])} and {escape(answer['file'])}")
+
+
+def _print_model(console: Console, model: Answer) -> None:
+    """Print how far a card is from a record, in all and by temperature."""
+    if not model["cycles"]:
+        console.print("no cycle has a force of the model")
+    else:
+        table = Table(title=escape(f"{model['card']} over {model['cycles']:,} cycles"))
+        for name in ("temperature, degC", "cycles", "RMS error, N", "% of the spread", "mean error, N"):
+            table.add_column(name, justify="right")
+        bins = [(f"{b['from_degC']:g} to {b['to_degC']:g}", b) for b in model["by_temperature"]]
+        for name, of in [*bins, ("all", model)]:
+            numbers = (of["rmse_N"], of["nrmse_percent"], of["mean_error_N"])
+            table.add_row(name, f"{of['cycles']:,}", *("-" if n is None else f"{n:.4g}" for n in numbers))
+        console.print(table)
+    for note in model["notes"]:
+        console.print(escape(f"- {note}"))
 
 
 def show_fluid(answer: Answer) -> None:

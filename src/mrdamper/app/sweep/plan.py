@@ -178,7 +178,7 @@ def _identify(table: _Table, folder: Path) -> Iterator[tuple[str, What]]:
     options = {
         "law": law,
         "hold_out": list(table.texts("hold_out", ())),
-        "starts": table.whole("starts", 1, 1, 100),
+        "starts": table.whole("starts", 3, 1, 100),
         "temperature": table.text("temperature", "auto", TEMPERATURES),
         "channels": table.text("channels", "") or None,
     }

@@ -10,6 +10,7 @@ import os
 import shutil
 import signal
 import sys
+import time
 from asyncio.subprocess import DEVNULL, PIPE, Process
 from collections import deque
 from collections.abc import Callable
@@ -17,7 +18,7 @@ from contextlib import suppress
 from typing import Any
 
 from mrdamper.app.outputs import clear_left
-from mrdamper.app.web.folder import WorkFolder
+from mrdamper.app.web.folder import NotThereError, WorkFolder, stamp
 from mrdamper.app.web.orders import Order
 from mrdamper.app.web.record import ENDED, JobRecord, job_ids, new_id
 from mrdamper.errors import InputError
@@ -52,7 +53,9 @@ class Crew:
             record = self.record(job_id)
             with suppress(InputError):
                 if record.read()["state"] not in ENDED:
-                    record.end("interrupted", "the server was stopped before it was done; ask for it again")
+                    record.end(
+                        "interrupted", f"the server was stopped before it was done; {_next_step(record)}"
+                    )
             _clear(record)
         self._folder.clear()
 
@@ -87,12 +90,21 @@ class Crew:
             raise ConflictError(f"{job_id} is at work")
         if record.left(found) is None:
             raise ConflictError(f"{job_id} has left nothing to go on with; ask for it again")
-        if found.get("card") is not None:
-            self._claim(found["card"], replace=found["options"]["replace"])
+        card = found.get("card")
+        if card is not None:
+            self._claim(card, replace=found["options"]["replace"] or self._is_own(card, found))
         record.reopen()
         self._waiting.append(job_id)
         self._next()
         self._changed("jobs")
+
+    async def settled(self, job_id: str) -> None:
+        """Wait a moment for the process of a job that has ended to be gone."""
+        end = time.monotonic() + _GRACE_S
+        while job_id in self._running and self.record(job_id).read()["state"] in ENDED:
+            if time.monotonic() > end:
+                return
+            await asyncio.sleep(0.02)
 
     def _claim(self, card: str, *, replace: bool) -> None:
         """Refuse a card's name that is taken."""
@@ -102,6 +114,14 @@ class Crew:
         for job_id in (*self._waiting, *self._running):
             if self.record(job_id).read().get("card") == card:
                 raise ConflictError(f"{job_id} is to write the card {card!r}; wait, or choose another name")
+
+    def _is_own(self, card: str, found: Json) -> bool:
+        """Tell whether the card that is there is what an ended job has written: the best it had."""
+        try:
+            written = stamp(self._folder.card(card).stat().st_mtime)
+        except NotThereError:
+            return False
+        return written <= str(found["ended_at"])
 
     def cancel(self, job_id: str) -> None:
         """Stop a job: at once when it waits; else by an interrupt, and for good three seconds later."""
@@ -124,7 +144,7 @@ class Crew:
         record.read()
         if job_id in self._waiting or job_id in self._running:
             raise ConflictError(f"{job_id} has not ended; cancel it first")
-        shutil.rmtree(record.folder, ignore_errors=True)
+        record.forget()
         self._changed("jobs")
 
     async def close(self) -> None:
@@ -179,13 +199,16 @@ class Crew:
         with suppress(InputError, OSError):
             if record.read()["state"] not in ENDED:
                 if self._closing:
-                    record.end("interrupted", "the server was stopped before it was done; ask for it again")
+                    record.end(
+                        "interrupted", f"the server was stopped before it was done; {_next_step(record)}"
+                    )
                 elif record.id in self._cancelled:
-                    record.end("cancelled", "cancelled; it was ended by force, and nothing was written")
+                    record.end("cancelled", f"cancelled; it was ended by force; {_next_step(record)}")
                 else:
                     record.end(
                         "failed",
-                        f"the job's process ended by itself (exit code {code}); was there enough memory?",
+                        f"the job's process ended by itself (exit code {code}); was there enough memory? "
+                        f"Then {_next_step(record)}",
                     )
         _clear(record)
         clear_left(self._folder.cards)
@@ -203,6 +226,13 @@ def _kill(process: Process) -> None:
     """End a job's process and whatever it started."""
     with suppress(ProcessLookupError, PermissionError):
         os.killpg(process.pid, signal.SIGKILL)
+
+
+def _next_step(record: JobRecord) -> str:
+    """Say what to do about a job whose process has ended without a word."""
+    if record.left(record.read() | {"state": "interrupted"}) is None:
+        return "nothing was written: ask for it again"
+    return "what it had finished is kept: Resume goes on with it"
 
 
 def _clear(record: JobRecord) -> None:

@@ -82,7 +82,7 @@ class Bell:
         if self._watch is None or self._watch.done():
             self._watch = asyncio.create_task(self._watching())
         try:
-            yield event("changed", {"what": ["files", "inputs", "cards", "jobs"]})
+            yield event("changed", {"what": ["files", "records", "inputs", "cards", "jobs"]})
             quiet = 0.0
             while not gone():
                 try:
@@ -105,6 +105,7 @@ class Bell:
         """Look at the folder while somebody listens."""
         places = {
             "files": self._folder.runs,
+            "records": self._folder.records,
             "inputs": self._folder.inputs,
             "cards": self._folder.cards,
             "jobs": self._folder.results,
@@ -124,7 +125,8 @@ def _signature(place: Path) -> int:
     found = []
     with suppress(OSError):
         for path in place.iterdir():
-            if not path.name.startswith("."):
+            # what a job keeps to go on from grows all the time
+            if not path.name.startswith(".") and path.suffix != ".progress":
                 with suppress(OSError):
                     found.append((path.name, path.stat().st_mtime_ns))
     return hash(tuple(sorted(found)))

@@ -1,6 +1,7 @@
 """The folder that holds all work, as files that the command line reads too; and names that stay inside it.
 
     runs/         measured files, each with NAME.channels.toml beside it when it was mapped
+    records/      long records, for their cycles alone: put there by hand, never read whole
     inputs/       what people write: drawings, sinks, fluids, targets, campaigns (TOML), duties (CSV)
     cards/NAME/   what ``mrdamper identify --out`` writes
     results/ID/   each job: job.json, progress.jsonl, answer.json beside its own files
@@ -75,7 +76,7 @@ class WorkFolder:
     def __init__(self, root: Path) -> None:
         self.root = root.resolve()
         try:
-            for part in ("runs", "inputs", "cards", "results", ".cache"):
+            for part in ("runs", "records", "inputs", "cards", "results", ".cache"):
                 (self.root / part).mkdir(parents=True, exist_ok=True)
                 if not (self.root / part).resolve().is_relative_to(self.root):
                     raise InputError(f"{self.root / part}: is a link that leads out of the folder; remove it")
@@ -94,6 +95,10 @@ class WorkFolder:
     @property
     def runs(self) -> Path:
         return self.root / "runs"
+
+    @property
+    def records(self) -> Path:
+        return self.root / "records"
 
     @property
     def inputs(self) -> Path:
@@ -161,6 +166,19 @@ class WorkFolder:
             raise NotThereError(f"{name[:60]!r}: no run's file")
         return self.there(self.runs, name)
 
+    def record(self, name: str) -> Path:
+        """Return the long record of a name, or the measured file."""
+        if self._is_there(self.records, name) and not name.endswith(MAP_SUFFIX):
+            return self.there(self.records, name)
+        return self.run_file(name)
+
+    def channel_map(self, name: str) -> Path:
+        """Return a channel map that somebody wrote, or the one beside the measured file of a name."""
+        if name.endswith(".toml"):
+            return self.input(name)
+        path = self.map_of(self.record(name))
+        return self.there(path.parent, path.name)
+
     def map_of(self, file: Path) -> Path:
         """Return where the channel map of a measured file lies, or would."""
         return file.with_name(file.name + MAP_SUFFIX)
@@ -177,7 +195,14 @@ class WorkFolder:
 
     def run_files(self, formats: tuple[str, ...]) -> list[Path]:
         """Return the measured files, by name."""
-        found = [path for path in self._listed(self.runs) if path.suffix.lower() in formats]
+        return self._measured(self.runs, formats)
+
+    def record_files(self, formats: tuple[str, ...]) -> list[Path]:
+        """Return the long records, by name."""
+        return self._measured(self.records, formats)
+
+    def _measured(self, place: Path, formats: tuple[str, ...]) -> list[Path]:
+        found = [path for path in self._listed(place) if path.suffix.lower() in formats]
         return [path for path in found if not path.name.endswith(MAP_SUFFIX)]
 
     def input_files(self) -> list[Path]:

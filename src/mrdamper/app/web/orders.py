@@ -39,7 +39,7 @@ class Identify(Order):
     files: Files = None
     law: Word | None = None
     method: Literal["varpro", "genetic", "cma"] = "varpro"
-    starts: Annotated[int, Field(ge=1, le=100)] = 1
+    starts: Annotated[int, Field(ge=1, le=100)] = 3
     seed: Seed = 0
     hold_out: Annotated[list[Glob], Field(max_length=20_000)] = []
     leave_out: list[Literal["run", "current", "motion", "temperature"]] = []
@@ -149,6 +149,14 @@ class Demo(Order):
     seed: Seed = 0
 
 
+class Cycles(Order):
+    record: Name
+    channels: Name | None = None
+    least_stroke_mm: Positive | None = None
+    model: Name | None = None
+    flip_force: bool = False
+
+
 class Sweep(Order):
     plan: Name
     workers: Annotated[int, Field(ge=1, le=64)] | None = None
@@ -170,6 +178,7 @@ KINDS: dict[str, type[Order]] = {
     "rig": Rig,
     "fluid": Fluid,
     "demo": Demo,
+    "cycles": Cycles,
     "sweep": Sweep,
     "fetch": Fetch,
 }

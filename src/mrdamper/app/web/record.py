@@ -19,6 +19,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from mrdamper.app.checkpoint import place_of
 from mrdamper.app.web.folder import NotThereError, now
 
 __all__ = ["ENDED", "JobRecord", "job_ids", "new_id", "write_whole"]
@@ -93,12 +94,32 @@ class JobRecord:
         self._write(self.read() | {"state": state, "ended_at": now(), "message": message})
 
     def left(self, found: Json) -> Path | None:
-        """Return what a job that ended early has finished so far, for kinds that can go on from there."""
-        if found["state"] not in ENDED - {"done"}:
+        """Return what a job that ended early has finished so far, for kinds that can go on from there.
+
+        A fit may be done, and have been stopped before all that was to follow it.
+        """
+        if found["state"] not in ENDED or (found["state"] == "done" and found["kind"] == "sweep"):
             return None
-        places = {"sweep": self.folder / "sweep.jsonl"}
-        place = places.get(found["kind"])
+        place = self._kept(found)
         return place if place is not None and place.is_file() and place.stat().st_size else None
+
+    def forget(self) -> None:
+        """Delete the job's files, and what it has left to go on with."""
+        left = self.left(self.read())
+        shutil.rmtree(self.folder, ignore_errors=True)
+        if left is not None:
+            left.unlink(missing_ok=True)
+
+    def _kept(self, found: Json) -> Path | None:
+        """Return where a job of this kind keeps what it has finished."""
+        if found["kind"] == "sweep":
+            return self.folder / "sweep.jsonl"
+        if found["kind"] == "sink":
+            return place_of(self.folder)
+        card = found.get("card")
+        if found["kind"] == "identify" and isinstance(card, str) and Path(card).name == card:
+            return place_of(self.folder.parent.parent / "cards" / card)
+        return None
 
     def said(self) -> Json | None:
         """Return the last line of progress."""

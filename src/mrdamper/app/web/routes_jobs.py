@@ -59,11 +59,13 @@ def job_routes(shop: Shop) -> APIRouter:
 
     @routes.post("/api/jobs/{job_id}/resume")
     async def resume(job_id: str) -> Response:
+        await crew.settled(job_id)
         crew.resume(job_id)
         return say(crew.record(job_id).shown())
 
     @routes.delete("/api/jobs/{job_id}")
     async def forget(job_id: str) -> Response:
+        await crew.settled(job_id)
         crew.forget(job_id)
         return say({"deleted": job_id})
 
@@ -82,6 +84,12 @@ def _names_are_there(folder: WorkFolder, options: Json) -> None:
     for key in ("files",):
         for name in options.get(key) or ():
             folder.run_file(name)
+    if "record" in options:
+        folder.record(options["record"])
+        if options["channels"] is not None:
+            folder.channel_map(options["channels"])
+        if options["model"] is not None:
+            folder.card(options["model"])
     keys = ["first", "second", "unaware", "pooled"]
     if "replace" not in options:  # identify writes its card
         keys.append("card")

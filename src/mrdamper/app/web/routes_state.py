@@ -51,10 +51,21 @@ def _state(shop: Shop) -> Json:
         "folder_name": folder.root.name,
         "most_upload_bytes": shop.most_upload,
         "formats": list(shop.formats),
+        "records": [_record(folder, path) for path in folder.record_files(shop.formats)],
         "inputs": [_input(path) for path in folder.input_files()],
         "cards": [_card(folder, name) for name in folder.card_names()],
         "jobs": job_rows(shop),
         "choices": shop.choices,
+    }
+
+
+def _record(folder: WorkFolder, path: Path) -> Json:
+    found = path.stat()
+    return {
+        "name": path.name,
+        "bytes": found.st_size,
+        "modified": stamp(found.st_mtime),
+        "mapped": folder.map_of(path).is_file(),
     }
 
 

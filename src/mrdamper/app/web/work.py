@@ -34,14 +34,15 @@ held_out_motions = []
 def do(kind: str, options: Json, folder: WorkFolder, out: Path, say: Say, *, resume: bool = False) -> Json:
     """Do a job, its files into ``out`` (a card's into its own folder); return its answer.
 
-    With ``resume`` it goes on with what it has finished when it ended early, where its kind can.
+    With ``resume`` it goes on with what it has finished when it ended early, where its kind can; what those
+    kinds have finished is kept where ``record.JobRecord.left`` looks for it.
     """
     if kind in _LONG:
         return _LONG[kind](options, folder, out, say, resume)
     return _WORK[kind](options, folder, out, say)
 
 
-def _identify(options: Json, folder: WorkFolder, _out: Path, say: Say) -> Json:
+def _identify(options: Json, folder: WorkFolder, _out: Path, say: Say, resume: bool) -> Json:  # noqa: FBT001 - as all of _LONG
     from mrdamper.app.jobs import FitOptions, identify
 
     def report(now: Any) -> None:  # noqa: ANN401 - the Progress of a fit
@@ -68,6 +69,8 @@ def _identify(options: Json, folder: WorkFolder, _out: Path, say: Say) -> Json:
         place,
         FitOptions(**given),
         flip_force=options["flip_force"],
+        resume=resume,
+        tell=_told(say, folder),
         report=report,
     )
 
@@ -112,7 +115,7 @@ def _heat(options: Json, folder: WorkFolder, out: Path, _say: Say) -> Json:
     )
 
 
-def _sink(options: Json, folder: WorkFolder, out: Path, say: Say) -> Json:
+def _sink(options: Json, folder: WorkFolder, out: Path, say: Say, resume: bool) -> Json:  # noqa: FBT001 - as all of _LONG
     from mrdamper.app.sink_job import SinkOptions, sink
 
     given = {key: options[key] for key in options if key not in {"card", "damper", "duty"}}
@@ -123,6 +126,8 @@ def _sink(options: Json, folder: WorkFolder, out: Path, say: Say) -> Json:
         duty=_duty(folder, options["duty"]),
         options=SinkOptions(**given),
         out=out,
+        resume=resume,
+        tell=_told(say, folder),
         report=_counted(say),
     )
 
@@ -190,6 +195,27 @@ def _fluid(options: Json, folder: WorkFolder, out: Path, _say: Say) -> Json:
     )
 
 
+def _cycles(options: Json, folder: WorkFolder, out: Path, say: Say) -> Json:
+    import mrdamper.app.cycles_page  # noqa: F401 - loaded now, so that what is counted can be kept at once
+    from mrdamper.app.cycles_job import cycles
+
+    def report(rows: int, of: int | None, found: int) -> None:
+        share = f"{rows:,}" if of is None else f"{rows:,} of {of:,}"
+        say(done=rows, of=of or 0, text=f"{share} rows read, {found:,} cycles")
+
+    channels = options["channels"]
+    return cycles(
+        folder.record(options["record"]),
+        channels=None if channels is None else folder.channel_map(channels),
+        flip_force=options["flip_force"],
+        least_stroke_mm=options["least_stroke_mm"],
+        model=None if options["model"] is None else folder.card(options["model"]),
+        out=out,
+        curves=True,
+        report=report,
+    )
+
+
 def _demo(options: Json, _folder: WorkFolder, out: Path, say: Say) -> Json:
     from mrdamper.app.demo_job import demo
 
@@ -215,20 +241,23 @@ def _sweep(options: Json, folder: WorkFolder, out: Path, say: Say, resume: bool)
 
 
 _WORK: dict[str, Callable[[Json, WorkFolder, Path, Say], Json]] = {
-    "identify": _identify,
     "predict": _predict,
     "check": _check,
     "compare": _compare,
     "heat": _heat,
-    "sink": _sink,
     "track": _track,
     "export": _export,
     "rig": _rig,
     "fluid": _fluid,
+    "cycles": _cycles,
     "demo": _demo,
     "fetch": _fetch,
 }
-_LONG: dict[str, Callable[[Json, WorkFolder, Path, Say, bool], Json]] = {"sweep": _sweep}
+_LONG: dict[str, Callable[[Json, WorkFolder, Path, Say, bool], Json]] = {
+    "identify": _identify,
+    "sink": _sink,
+    "sweep": _sweep,
+}
 
 
 # ------------------------------------------------------------------------------------------- names to paths
@@ -300,6 +329,10 @@ def _duty(folder: WorkFolder, text: str) -> str:
 
 def _counted(say: Say) -> Callable[[int, int, str], None]:
     return lambda done, of, text: say(done=done, of=of, text=text)
+
+
+def _told(say: Say, folder: WorkFolder) -> Callable[[str], None]:
+    return lambda text: say(done=0, of=0, text=text.replace(str(folder.root) + os.sep, ""))
 
 
 def _finite(value: float) -> float | None:

@@ -32,6 +32,13 @@ _LEAST_INTERVAL_S, _MOST_INTERVAL_S = 0.02, 2.0  # between two lines of progress
 _NICE = 10  # pages come before jobs
 
 
+_KEPT = {
+    "identify": "what was written is the best so far, marked as cancelled",
+    "cycles": "what was counted until then is kept",
+}
+"""What a job that was interrupted leaves, by kind."""
+
+
 class _Sayer:
     """Appends progress to the job's file: often at first, more seldom later, the last in any case."""
 
@@ -78,12 +85,13 @@ def main(root: str, job_id: str) -> int:
         sayer.flush()
         write_whole(record.folder / "answer.json", answer)
         if answer.get("cancelled"):
-            record.end(*_stopped(orphaned, "what was written is the best so far, marked as cancelled"))
+            kept = _KEPT.get(record.read()["kind"], "what was finished is kept")
+            record.end(*_stopped(orphaned, kept))
             return 4
         record.end("done")
         return 0
     except (KeyboardInterrupt, Interrupted):
-        record.end(*_stopped(orphaned, "there was no result yet; nothing was written"))
+        record.end(*_stopped(orphaned, _without_result(record)))
         return 4
     except BaseException as fault:
         return _fail(record, orphaned, fault)
@@ -125,6 +133,15 @@ def record_words(message: str, folder: Path) -> str:
     """Return a message with the paths of the work folder cut short to what is below it."""
     root = str(folder.parent.parent) + os.sep
     return message.replace(root, "")
+
+
+def _without_result(record: JobRecord) -> str:
+    left = record.left(record.read() | {"state": "cancelled"})
+    return (
+        "there was no result yet; nothing was written"
+        if left is None
+        else "there was no result yet; what was finished is kept to go on from"
+    )
 
 
 def _stopped(orphaned: threading.Event, what: str) -> tuple[str, str]:

@@ -5,12 +5,16 @@ answer one on standard output: ``{"open": path, "format": name, "options": {...}
 beside its columns, ``{"column": name}`` how many samples follow as float64 bytes, ``{"rows": names, "start":
 row, "count": rows}`` how many of each column follow, ``{"text": name}`` the cells of a text column. An answer
 with ``error`` is the message of an ``InputError``.
+
+The process may not take more memory than ``_MOST_SHARE`` of the machine's, nor than ``_MOST_BYTES``: what a
+small file unpacks to ends this process, not the user's others.
 """
 
 from __future__ import annotations
 
 import json
 import os
+import resource
 import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -26,11 +30,24 @@ from mrdamper.data.formats.parquet import read_parquet
 from mrdamper.data.formats.table import FileOptions, Table
 from mrdamper.errors import InputError
 
-__all__ = ["READERS", "serve"]
+__all__ = ["READERS", "hold_memory", "serve"]
+
+_MOST_BYTES = 12 << 30  # three times the longest column that is read
+_MOST_SHARE = 0.75
 
 READERS: Mapping[str, Callable[[Path, FileOptions], Table]] = MappingProxyType(
     {"hdf5": read_hdf5, "mat": read_mat, "mdf": read_mdf, "parquet": read_parquet}
 )
+
+
+def hold_memory(most_bytes: float = _MOST_BYTES) -> None:
+    """Bound the memory of this process; what asks for more gets an error, or ends it."""
+    machine = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    _, hard = resource.getrlimit(resource.RLIMIT_DATA)
+    wanted = int(min(most_bytes, _MOST_SHARE * machine))
+    resource.setrlimit(
+        resource.RLIMIT_DATA, (wanted if hard == resource.RLIM_INFINITY else min(wanted, hard), hard)
+    )
 
 
 def serve(questions: IO[bytes], answers: IO[bytes]) -> None:
@@ -80,6 +97,7 @@ def _say(answers: IO[bytes], value: Mapping[str, Any]) -> None:
 
 
 if __name__ == "__main__":
+    hold_memory()
     kept = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what a library prints is no answer
     serve(sys.stdin.buffer, kept)

@@ -2,6 +2,8 @@
 
 Groups of one clock become one table with one time. Where groups have clocks of their own, each group has its
 ``time`` and nothing is resampled: name the group at ``[file] part``, or write the file with one raster.
+
+A file may scale a channel by a formula. asammdf would run that text as code; here such a file is refused.
 """
 
 from __future__ import annotations
@@ -25,6 +27,7 @@ from mrdamper.data.formats.table import (
     plain_names,
     require_room,
 )
+from mrdamper.errors import InputError
 from mrdamper.quantities import FloatArray
 
 __all__ = ["is_mdf", "read_mdf"]
@@ -65,9 +68,28 @@ def _opened(path: Path) -> Iterator[Any]:
     with (
         path.open("rb") as stream,
         decoding(path, "MDF file", "export the run as CSV"),
-        asammdf.MDF(stream) as file,
+        asammdf.MDF(stream, process_bus_logging=False) as file,
     ):
+        _require_no_formula(file, path)
         yield file
+
+
+def _require_no_formula(file: Any, path: Path) -> None:  # noqa: ANN401 - asammdf's file
+    for group in file.groups:
+        for channel in group.channels:
+            said = _formula(channel.conversion)
+            if said:
+                raise InputError(
+                    f"{path}: channel {str(channel.name)!r} is scaled by the formula {said[:60]!r}, which "
+                    "is not run; expected a factor and an offset. Export the run with its values scaled"
+                )
+
+
+def _formula(conversion: Any) -> str:  # noqa: ANN401 - asammdf's conversion, or what stands for one
+    """Return the formula in a conversion, or in one that it refers to."""
+    own = str(getattr(conversion, "formula", "") or "")
+    others = getattr(conversion, "referenced_blocks", None) or {}
+    return own or next((said for each in others.values() if (said := _formula(each))), "")
 
 
 def _find_columns(file: Any, path: Path, part: str) -> list[Found]:  # noqa: ANN401 - asammdf's file

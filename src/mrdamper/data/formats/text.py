@@ -233,12 +233,12 @@ def find_data(lines: Sequence[str], wanted: str = "") -> tuple[str, int | None]:
     found: tuple[str, int | None] = (wanted or ",", None)
     for rank, delimiter in enumerate((wanted,) if wanted else _DELIMITERS):
         for k, line in enumerate(lines):
-            if _COMMENT.match(line) or not line.strip():
+            if (delimiter not in line and delimiter != " ") or _COMMENT.match(line):
                 continue
             fields = split_line(line, delimiter)
-            following = split_line("".join(lines[k + 1 : k + 2]) or line, delimiter)
             numbers = count_numbers(fields)
-            if numbers < 2 or count_numbers(following) < 2:
+            following = "".join(lines[k + 1 : k + 2]) or line
+            if numbers < 2 or count_numbers(split_line(following, delimiter)) < 2:
                 continue
             score = (numbers == len(fields), numbers, -rank)
             if best is None or score > best:

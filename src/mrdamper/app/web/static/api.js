@@ -124,6 +124,6 @@ export function follow(id, heard) {
 export function watchFolder(changed) {
   const source = new EventSource("/api/events");
   source.addEventListener("changed", (event) => changed(JSON.parse(event.data).what ?? []));
-  source.addEventListener("open", () => changed(["files", "cards", "jobs", "inputs"]));
+  source.addEventListener("open", () => changed(["files", "records", "cards", "jobs", "inputs"]));
   return source;
 }

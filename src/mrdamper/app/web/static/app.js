@@ -15,10 +15,11 @@ const PAGES = {
   sink: () => import("./page_sink.js"),
   tracking: () => import("./page_tracking.js"),
   export: () => import("./page_export.js"),
+  cycles: () => import("./page_cycles.js"),
   sweeps: () => import("./page_sweeps.js"),
   jobs: () => import("./page_jobs.js"),
 };
-const TITLES = { runs: "Runs", loops: "Loops", identify: "Identify", heating: "Heating", sink: "Heat sink", tracking: "Tracking", export: "Export", sweeps: "Sweeps", jobs: "Jobs" };
+const TITLES = { runs: "Runs", loops: "Loops", identify: "Identify", heating: "Heating", sink: "Heat sink", tracking: "Tracking", export: "Export", cycles: "Cycles", sweeps: "Sweeps", jobs: "Jobs" };
 const TOAST_MS = { fault: 15000, warning: 12000, info: 6000, good: 5000 };
 
 const place = document.getElementById("page");
@@ -64,6 +65,9 @@ const app = {
       // kept for this page only
     }
   },
+
+  /** Show the page anew: what it was empty for is there now. */
+  again: () => route(),
 
   /** Go to a page. */
   go(page, query = {}) {

@@ -22,7 +22,7 @@ export function drawDamper(place, facts, design) {
   const out = 0.16 * length;
   const tall = radius + Math.max(width, 6);
   const edge = 22;
-  const box = [-out - 10, -tall - edge, length + 2 * out + 20, 2 * tall + 2 * edge + 8];
+  const box = [-out - 10, -tall - edge, length + 2 * out + 28, 2 * tall + 2 * edge + 8];
   const image = svg("svg", { class: "drawing", viewBox: box.map((value) => value.toFixed(2)).join(" "), role: "img" });
   image.append(svg("title", {}, `Section of the damper with ${design.fins} fins, to scale`));
   const rect = (name, x, y, w, h) => image.append(svg("rect", { class: name, x: x.toFixed(3), y: y.toFixed(3), width: w.toFixed(3), height: h.toFixed(3) }));
@@ -48,7 +48,7 @@ export function drawDamper(place, facts, design) {
     image.append(svg("path", { class: "dim", d: `M${x} ${-tall - 7}v-4M${x} ${-tall - 9}H${x + span}M${x + span} ${-tall - 7}v-4` }));
     text(length / 2, -tall - 12, `${design.fins} × ${mm(thick)}${design.fins > 1 ? `, pitch ${mm(pitch)}` : ""}, ${mm(width)} wide`);
   }
-  text(length + out + 4, -radius + size * 0.3, `⌀ ${mm(2 * radius)}`, "end");
+  text(length + 3, -radius + size, `⌀ ${mm(2 * radius)}`, "start");
   const saving = button("SVG", () => saveImage(image), { title: "Save this drawing as SVG" });
   const head = el("div", { class: "plot-head" }, el("figcaption", { text: "To scale, section along the axis" }), el("div", { class: "tools" }, saving));
   fill(place, head, image, el("p", { class: "small", text: "Body, fins and lengths as in the drawing; rod, piston and wall are sketched." }));

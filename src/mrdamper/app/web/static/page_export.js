@@ -11,7 +11,7 @@ export async function show(place, app, query) {
   const title = heading("Export", "Take the card to its target. The code is compiled and compared with the model before you can download it.");
   if (!cardsOf(app).length) {
     fill(place, title, empty("No card yet", "C code, FMUs and force maps are made from a card. Identify one first.", button("Go to Identify", () => app.go("identify"), { class: "main" })));
-    return {};
+    return { changed: () => cardsOf(app).length && app.again() };
   }
   const card = cardInUse(app, query.get("card"));
   app.choose("card", card);
@@ -58,7 +58,7 @@ export async function show(place, app, query) {
       el(
         "div",
         { class: "tiles" },
-        answer.content && tile("holds", inWords(answer.content)),
+        answer.content && tile("holds", answer.content === "both" ? "model and controller" : inWords(answer.content)),
         answer.precision && tile("numbers", answer.precision),
         answer.step_s && tile("period", `${number(1000 * answer.step_s)} ms`),
         answer.tables_bytes && tile("tables", `${number(answer.tables_bytes / 1024)} KiB`),
@@ -84,7 +84,7 @@ export async function show(place, app, query) {
     "section",
     { class: "panel" },
     el("h3", { text: `The card ${card} itself` }),
-    el("p", { class: "small", text: `${about.title || about.law}, ${about.runs} runs. The card is data: it never holds code.` }),
+    el("p", { class: "small", text: `${about.title || about.law}, ${about.runs} run${about.runs === 1 ? "" : "s"}. The card is data: it never holds code.` }),
     el("div", { class: "row" },
       el("a", { class: "button", href: cardFile(card, "card.json"), download: `${card}.json`, text: "card.json" }),
       about.report && el("a", { class: "button", href: about.report, target: "_blank", rel: "noopener", text: "Report" }),

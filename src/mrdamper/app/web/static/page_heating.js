@@ -9,7 +9,7 @@ export async function show(place, app, query) {
   const title = heading("Heating", "How hot the damper gets, how soon, and how much force that costs. Move a slider and read the curve.");
   if (!cardsOf(app).length) {
     fill(place, title, empty("No card yet", "Heat comes from the force that a card predicts. Identify a model first, or bring a card there.", button("Go to Identify", () => app.go("identify"), { class: "main" })));
-    return {};
+    return { changed: () => cardsOf(app).length && app.again() };
   }
   let card = cardInUse(app, query.get("card"));
   app.choose("card", card);
@@ -142,8 +142,8 @@ export async function show(place, app, query) {
       fill(
         study,
         el("h2", { text: `Full study: ${answer.duty}` }),
-        el("p", { class: "small", text: `Of the energy, ${number(100 * Math.abs(answer.energy_closure), 2)} % does not close. Sink: ${answer.sink ?? "none"}.` }),
-        fileLinks(job),
+        el("p", { class: "small", text: `${Math.abs(answer.energy_closure) < 1e-4 ? "The energies close" : `Of the energy, ${number(100 * Math.abs(answer.energy_closure), 2)} % does not close`}. Sink: ${answer.sink ?? "none"}.` }),
+        el("div", { class: "actions" }, el("a", { class: "button", href: jobFile(job.id, "heat.html"), target: "_blank", rel: "noopener", text: "Open the report" }), fileLinks(job, { only: (path) => !path.endsWith(".html") })),
         (job.files ?? []).some((file) => file.path === "calibrated.toml") && button("Take the calibrated drawing", () => app.attempt(() => take(job)), { id: "take-calibrated" }),
         notes(answer.notes),
         el("iframe", { class: "report", src: jobFile(job.id, "heat.html"), title: "Report of the heating study", sandbox: "", loading: "lazy" }),
@@ -188,7 +188,7 @@ export async function show(place, app, query) {
         cards.node,
         el("div", { class: "gap" }, field("Damper's drawing", damper)),
         bring,
-        el("div", { class: "gap" }, [ambient, air, share, command, amplitude, frequency, time].map(({ node }) => node)),
+        el("div", { class: "gap sliders" }, [ambient, air, share, command, amplitude, frequency, time].map(({ node }) => node)),
         el("div", { class: "gap" }, sink.node, past.node)),
       el("div", {}, tiles, wrong, curve.node, force.node, told,
         el("div", { class: "actions" }, full, el("span", { class: "small", text: "at 100 % duty; about half a minute" })),

@@ -12,6 +12,7 @@ export async function show(place, app, query) {
   const runs = all.filter((run) => !run.error);
   const { choices } = app.state;
   const result = el("div");
+  const tables = el("div"); // below, where there is room for them
   const cards = el("div");
   const predicted = el("div");
   const cost = new Plot({ title: "Cost while fitting", x: "evaluation, steps", y: "error, % of spread", name: "cost", height: 220 });
@@ -24,7 +25,7 @@ export async function show(place, app, query) {
   const temperature = select(choices.temperature.map((each) => [each, each === "auto" ? "as the runs have it" : each]), "auto");
   const fluid = select([["", "none"], ...choices.fluids.map((each) => [each, each]), ...inputsOf(app, ".toml")], "");
   const method = select(choices.methods.map((each) => [each, { varpro: "variable projection", genetic: "genetic", cma: "CMA-ES" }[each] ?? each]), choices.methods[0]);
-  const starts = numberField("Starts", "", 1, { min: 1, step: 1 });
+  const starts = numberField("Starts", "", 3, { min: 1, step: 1 });
   const seed = numberField("Seed", "", 0, { min: 0, step: 1 });
   const draws = numberField("Bootstrap draws", "", 0, { min: 0, step: 1 });
   const resistance = numberField("Coil resistance at 20 °C", "Ω", null, { min: 0, placeholder: "not known" });
@@ -40,7 +41,10 @@ export async function show(place, app, query) {
   const commanded = select(units.map((unit) => [unit, `in ${unit}: ${counted(runs, unit)}`]), units[0] ?? "", { id: "commanded" });
   const picks = el("div", { class: "picks", tabindex: 0, "aria-label": "Runs to hold out", role: "group" });
   const offered = () => held.filter(({ run }) => units.length < 2 || run.command_unit === commanded.value);
-  const drawPicks = () => fill(picks, offered().map(({ node }) => node));
+  const drawPicks = () => {
+    fill(picks, offered().map(({ node }) => node));
+    picks.hidden = !offered().length;
+  };
   commanded.addEventListener("change", drawPicks);
   drawPicks();
   const globs = el("input", { type: "text", placeholder: "*_060C_*", "aria-label": "Hold out by pattern", id: "globs" });
@@ -55,6 +59,7 @@ export async function show(place, app, query) {
       course.best.length = 0;
       costBox.hidden = true;
       fill(result);
+      fill(tables);
     },
     busy: (on) => {
       start.disabled = on || !runs.length;
@@ -95,7 +100,7 @@ export async function show(place, app, query) {
       files: units.length > 1 ? filesIn(runs, commanded.value) : null,
       law: law.value || null,
       method: method.value,
-      starts: starts.read() ?? 1,
+      starts: starts.read() ?? 3,
       seed: seed.read() ?? 0,
       hold_out: [...offered().filter(({ box }) => box.checked).map(({ run }) => literal(run.name)), ...globs.value.split(/[,;]+/).map((each) => each.trim()).filter(Boolean)],
       leave_out: leave.filter(({ box }) => box.checked).map(({ each }) => each),
@@ -140,6 +145,9 @@ export async function show(place, app, query) {
       answer.notes?.length > 0 && el("h3", { class: "gap", text: "What to know before using the numbers" }),
       notes(answer.notes),
       answer.law_table?.length > 0 && lawTable(answer.law_table),
+    );
+    fill(
+      tables,
       el("h2", { text: "Error by run" }),
       errorTable(answer.runs),
       el("h2", { text: "Parameters" }),
@@ -257,6 +265,7 @@ export async function show(place, app, query) {
     place,
     heading("Identify", "One law over all currents and temperatures at once. What comes out is a card: the only thing that heating, heat sink, tracking and export need."),
     el("div", { class: "split" }, form, el("div", {}, panel.node, costBox, result)),
+    tables,
     el("h2", { text: "Cards" }),
     cards,
     prediction.node,
@@ -273,7 +282,10 @@ export async function show(place, app, query) {
   } else await panel.resume(null, wanted).catch((fault) => fill(result, note("fault", fault.message)));
 
   return {
-    changed: (what) => what.includes("cards") && drawCards(),
+    changed: (what) => {
+      if (!runs.length && what.includes("files")) app.again();
+      else if (what.includes("cards")) drawCards();
+    },
     close() {
       for (const each of [panel, prediction, comparison, cost]) each.close();
     },

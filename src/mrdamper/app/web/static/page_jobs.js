@@ -4,7 +4,8 @@ import { cancelJob, deleteInput, deleteJob, inputFile, jobFile, putInput, resume
 import { bytes, button, check, duration, el, empty, field, fill, select, table } from "./dom.js";
 import { heading, inputPicker, inputsOf, numberField } from "./parts.js";
 
-const PAGE_OF = { identify: "identify", predict: "identify", heat: "heating", sink: "sink", track: "tracking", export: "export", sweep: "sweeps", check: "runs" };
+const PAGE_OF = { identify: "identify", predict: "identify", heat: "heating", sink: "sink", track: "tracking", export: "export", cycles: "cycles", sweep: "sweeps", check: "runs" };
+const KEPT = ["identify", "cycles"]; // kinds that keep what they have when they are cancelled
 
 export function show(place, app) {
   const list = el("div");
@@ -17,7 +18,7 @@ export function show(place, app) {
       "span",
       { class: "row" },
       busy && button("Cancel", () => app.attempt(() => cancelJob(job.id)), { class: "quiet", "aria-label": `Cancel ${job.id}` }),
-      !busy && job.state === "done" && PAGE_OF[job.kind] &&
+      (job.state === "done" || (job.state === "cancelled" && KEPT.includes(job.kind))) && PAGE_OF[job.kind] &&
         button("Show", () => app.go(PAGE_OF[job.kind], { job: job.id, ...(job.options.card ? { card: job.options.card } : {}) }), { class: "quiet", "aria-label": `Show ${job.id}` }),
       job.kind === "fluid" && job.state === "done" && button("Use", () => app.attempt(() => keepFluid(job)), { class: "quiet", "aria-label": `Use the fluid of ${job.id}` }),
       job.resumable && button("Resume", () => app.attempt(() => resumeJob(job.id)), { class: "quiet", "aria-label": `Resume ${job.id}` }),
@@ -35,7 +36,7 @@ export function show(place, app) {
       table(
         [
           { title: "job", class: "whole", cell: (job) => el("b", { text: job.id }) },
-          { title: "card", cell: (job) => job.options.card ?? job.card ?? "" },
+          { title: "of what", class: "name", cell: (job) => subjectOf(job) },
           { title: "state", cell: (job) => el("span", { class: `tag ${job.state}`, text: job.state }) },
           { title: "asked", class: "whole", cell: (job) => when(job.asked_at) },
           { title: "took", number: true, cell: (job) => took(job) },
@@ -101,12 +102,19 @@ export function show(place, app) {
   };
 }
 
+/** Return what a job is of: a card, a record, a plan. */
+function subjectOf({ options, card }) {
+  const { first, second, record, plan, preset, name, tables } = options;
+  return options.card ?? card ?? record ?? plan ?? (first ? `${first}, ${second}` : preset ?? tables?.join(", ") ?? name ?? "");
+}
+
 const when = (text) => (text ? new Date(text).toLocaleString([], { dateStyle: "medium", timeStyle: "short" }) : "–");
 
 function took(job) {
   if (!job.started_at) return "–";
   const end = job.ended_at ? new Date(job.ended_at) : new Date();
-  return duration((end - new Date(job.started_at)) / 1000);
+  const seconds = (end - new Date(job.started_at)) / 1000;
+  return seconds < 120 ? `${Math.round(seconds)} s` : duration(seconds);
 }
 
 function files(job) {

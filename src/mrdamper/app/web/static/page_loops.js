@@ -17,7 +17,7 @@ export async function show(place, app, query) {
   const runs = all.filter((run) => !run.error);
   if (!runs.length) {
     fill(place, heading("Loops", "Force over displacement and over velocity, as damper engineers look at it."), empty("No runs to draw", "Loops are drawn from the runs in the folder. Add files first, and map their channels if they are not understood.", button("Go to Runs", () => app.go("runs"), { class: "main" })));
-    return {};
+    return { changed: async (what) => what.includes("files") && (await getRuns()).runs.some((run) => !run.error) && app.again() };
   }
 
   const id = (run) => `${run.file}\u0000${run.name}`;
@@ -82,7 +82,7 @@ export async function show(place, app, query) {
   });
   fill(
     place,
-    heading("Loops", "Force over displacement and over velocity. Choose runs on the left, drag over the time below to see a part of it; drag in a loop to zoom."),
+    heading("Loops", "Force over displacement and over velocity. Choose runs, drag over the time below to see a part of it; drag in a loop to zoom."),
     el(
       "div",
       { class: "split" },

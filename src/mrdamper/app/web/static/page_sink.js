@@ -1,6 +1,6 @@
 // Heat sink: the Pareto front of coolness against mass; click a design to see it to scale, with its curve.
 
-import { getDamper, heatCurve } from "./api.js";
+import { getDamper, heatCurve, jobFile } from "./api.js";
 import { button, check, el, empty, field, fill, fixed, note, number, select, table } from "./dom.js";
 import { drawDamper } from "./drawing.js";
 import { cardField, cardInUse, cardsOf, dutyFields, fileLinks, heading, inputPicker, inputsOf, JobPanel, notes, numberField, numbersIn, tile } from "./parts.js";
@@ -10,7 +10,7 @@ export async function show(place, app, query) {
   const title = heading("Heat sink", "Annular fins on the body: the coolest damper for the least mass, inside what you can build.");
   if (!cardsOf(app).length) {
     fill(place, title, empty("No card yet", "A sink is searched for the heat that a card's force makes. Identify a model first.", button("Go to Identify", () => app.go("identify"), { class: "main" })));
-    return {};
+    return { changed: () => cardsOf(app).length && app.again() };
   }
   const card = cardInUse(app, query.get("card"));
   app.choose("card", card);
@@ -86,7 +86,7 @@ export async function show(place, app, query) {
       el("div", { class: "pair" }, front.node, drawn),
       chosenTiles,
       el("div", { class: "pair" }, el("div", {}, curve.node, curveSaid), list),
-      fileLinks(job),
+      el("div", { class: "actions" }, el("a", { class: "button", href: jobFile(job.id, "sink.html"), target: "_blank", rel: "noopener", text: "Open the report" }), fileLinks(job, { only: (path) => !path.endsWith(".html") })),
       notes(answer.notes),
     );
     const designs = answer.front;

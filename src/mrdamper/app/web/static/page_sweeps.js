@@ -2,7 +2,7 @@
 
 import { inputFile, jobFile, putInput } from "./api.js";
 import { button, el, empty, field, fill, note, number, select, table } from "./dom.js";
-import { cardInUse, fileLinks, heading, inputChoice, inputsOf, inWords, JobPanel, notes, numberField, tile } from "./parts.js";
+import { cardInUse, fileLinks, heading, inputChoice, inputsOf, JobPanel, nameAndUnit, notes, numberField, tile } from "./parts.js";
 
 const MOST_COLUMNS = 8;
 const MOST_ROWS = 500;
@@ -73,7 +73,8 @@ export async function show(place, app, query) {
       el("div", { class: "tiles" }, tile("tasks", String(answer.tasks)), tile("failed", String(failed.length)), tile("seed", String(answer.seed)), answer.taken_up > 0 && tile("kept from before", String(answer.taken_up))),
       figures.length > 0 && table(
         [
-          { title: "figure", class: "name", cell: ([key]) => inWords(key) },
+          { title: "figure", class: "name", cell: ([key]) => nameAndUnit(key)[0] },
+          { title: "unit", class: "whole", cell: ([key]) => nameAndUnit(key)[1] || "–" },
           { title: "count", number: true, cell: ([, one]) => String(one.count) },
           ...[["least", "least"], ["5 %", "p5"], ["median", "median"], ["95 %", "p95"], ["most", "most"]].map(([title, key]) => ({ title, number: true, cell: ([, one]) => number(one[key], 4) })),
         ],
@@ -84,7 +85,7 @@ export async function show(place, app, query) {
       failed.length > 0 && table([{ title: "task", class: "name", cell: (one) => one.name }, { title: "why", class: "name", cell: (one) => one.error }], failed, { caption: "Tasks without a result" }),
       el("h2", { text: "Each task" }),
       table(
-        [{ title: "task", class: "whole", cell: (row) => row.name }, ...columns.map((key) => ({ title: inWords(key), number: typeof answer.rows[0]?.[key] === "number", cell: (row) => (typeof row[key] === "number" ? number(row[key], 4) : row[key]) }))],
+        [{ title: "task", class: "whole", cell: (row) => row.name }, ...columns.map((key) => ({ title: nameAndUnit(key)[0], unit: nameAndUnit(key)[1], number: typeof answer.rows[0]?.[key] === "number", cell: (row) => (typeof row[key] === "number" ? number(row[key], 4) : row[key]) }))],
         answer.rows.slice(0, MOST_ROWS),
         { caption: answer.rows.length > MOST_ROWS ? `The first ${MOST_ROWS} of ${answer.rows.length}; all are in the files` : "Results by task", tall: true },
       ),
@@ -144,7 +145,7 @@ seed = 0
 campaigns = ["../runs"]
 hold_out = ["*_060C_*"]
 temperature = "auto"
-starts = 1
+starts = 3
 `,
   sink: (card) => `# Heat sinks for many dampers and duties; drawings of your own are named as files
 kind = "sink"

@@ -11,7 +11,7 @@ export async function show(place, app, query) {
   const title = heading("Tracking", "Force without a force sensor: controllers made from a card follow targets on a virtual damper whose physics is none of the laws.");
   if (!cardsOf(app).length) {
     fill(place, title, empty("No card yet", "A controller is made from a card whose command is in amperes. Identify one first.", button("Go to Identify", () => app.go("identify"), { class: "main" })));
-    return {};
+    return { changed: () => cardsOf(app).length && app.again() };
   }
   const { choices } = app.state;
   const card = cardInUse(app, query.get("card"));
@@ -77,7 +77,7 @@ export async function show(place, app, query) {
     fill(
       result,
       traces.length > 0 && el("div", { class: "row end" }, field("Drawn", which)),
-      traces.length > 0 && [force.node, error.node, current.node],
+      traces.length > 0 && el("div", { class: "gap" }, force.node, error.node, current.node),
       el("h2", { text: "Controllers compared" }),
       el("p", { class: "small", text: answer.scored ?? "" }),
       rowTable(answer.rows),

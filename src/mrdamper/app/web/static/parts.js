@@ -196,13 +196,13 @@ export class JobPanel {
     });
   }
 
-  /** Show the newest job of the kind that is at work, else the newest that is done (of a card, when it is named). */
+  /** Show the newest job of the kind that is at work, else the newest that is done or waits to be resumed (of a card, when it is named). */
   async resume(card = null, wanted = null) {
     const mine = this.app.state.jobs.filter((job) => job.kind === this.kind);
     const found =
       mine.find((job) => job.id === wanted) ??
       mine.find((job) => BUSY.has(job.state)) ??
-      mine.find((job) => job.state === "done" && (!card || job.options.card === card));
+      mine.find((job) => (job.state === "done" || job.resumable) && (!card || job.options.card === card));
     if (found) await this.attach(found.id);
     return found ?? null;
   }
@@ -237,11 +237,14 @@ export class JobPanel {
   }
 }
 
+const SO_FAR = { identify: "what you see is the best so far, not converged.", cycles: "what you see was counted until then." };
+
 function endNote(job) {
   if (job.state === "failed") return note("fault", `${job.id} did not finish.\n${job.message ?? ""}`);
   if (job.state === "interrupted") return note("warning", `${job.id} was interrupted: the server ended while it was at work. ${job.resumable ? "Resume goes on with what it had finished." : "Start it again."}`);
-  if (job.resumable) return note("warning", `${job.id} was stopped; what it had finished is kept. Resume goes on.`);
-  return note("warning", job.answer ? `${job.id} was stopped; what you see is the best so far, not converged.` : `${job.id} was stopped before it had a result.`);
+  const seen = job.answer && (SO_FAR[job.kind] ?? "");
+  if (job.resumable) return note("warning", `${job.id} was stopped; ${seen ? `${seen} Resume goes on with what it had finished.` : "what it had finished is kept, and Resume goes on with it."}`);
+  return note("warning", seen ? `${job.id} was stopped; ${seen}` : `${job.id} was stopped before it had a result.`);
 }
 
 /** Return links to a job's files. */
@@ -255,15 +258,23 @@ export function fileLinks(job, { only = null } = {}) {
 /** Return a coefficient's or controller's name as words. */
 export const inWords = (name) => name.replaceAll("_", " ");
 
-/** Return findings as a table: where, what, what it does, what to do. */
-export function findingTable(findings) {
+const UNITS = { J: "J", N: "N", A: "A", V: "V", W: "W", K: "K", N_per_mm: "N/mm", degC: "°C", mm: "mm", m: "m", g: "g", kg: "kg", s: "s", percent: "%" };
+
+/** Return the key of a figure, such as `rmse_N`, as its name in words and its unit (empty where it has none). */
+export function nameAndUnit(key) {
+  const suffix = Object.keys(UNITS).filter((unit) => key.endsWith(`_${unit}`)).sort((a, b) => b.length - a.length)[0];
+  return suffix ? [inWords(key.slice(0, -suffix.length - 1)), UNITS[suffix]] : [inWords(key), ""];
+}
+
+/** Return findings as a table: where, what, what it does, what to do; `ofOne`: they are all of one record. */
+export function findingTable(findings, { ofOne = false } = {}) {
   return table(
     [
       { title: "", cell: (one) => el("span", { class: `tag ${one.severity}`, text: one.severity }) },
-      { title: "run", class: "name", cell: (one) => one.run },
+      ...(ofOne ? [] : [{ title: "run", class: "name", cell: (one) => one.run }]),
       { title: "where", class: "whole", cell: (one) => whereOf(one) },
       { title: "found", class: "name", cell: (one) => one.found },
-      { title: "what it does to a fit", class: "name", cell: (one) => one.effect },
+      { title: ofOne ? "what it does" : "what it does to a fit", class: "name", cell: (one) => one.effect },
       { title: "what to do", class: "name", cell: (one) => one.remedy },
     ],
     findings,
@@ -274,6 +285,6 @@ export function findingTable(findings) {
 function whereOf(one) {
   const channel = one.channel || "";
   if (one.from_s === null || one.from_s === undefined) return channel;
-  const to = one.to_s === null || one.to_s === undefined || one.to_s === one.from_s ? "" : ` to ${number(one.to_s, 4)}`;
-  return `${channel} at ${number(one.from_s, 4)}${to} s`;
+  const [from, to] = [one.from_s, one.to_s].map((seconds) => number(seconds, 4));
+  return `${channel} at ${from}${to === "–" || to === from ? "" : ` to ${to}`} s`;
 }

@@ -188,7 +188,9 @@ export class Plot {
   /** Draw everything with a pen; returns the frame (ranges, and how values become pixels). */
   render(pen, width, height, colours, legend = false) {
     const ranges = this.ranges();
-    const yTicks = ticks(...ranges.y, Math.max(3, height / 55));
+    const empty = !this.series.length && !this.areas.length; // its axes have nothing to count yet
+    const none = { values: [], decimals: 0 };
+    const yTicks = empty ? none : ticks(...ranges.y, Math.max(3, height / 55));
     const labels = yTicks.values.map((value) => told(value, yTicks.decimals));
     const left = 30 + Math.max(38, ...labels.map((label) => pen.width(label, SMALL)));
     const top = legend ? 30 : 8;
@@ -202,7 +204,7 @@ export class Plot {
       toY: linear(ranges.y, top + inner.height, top),
     };
     pen.rect(0, 0, width, height, colours.back);
-    const xTicks = ticks(...ranges.x, Math.max(3, inner.width / 90));
+    const xTicks = empty ? none : ticks(...ranges.x, Math.max(3, inner.width / 90));
     for (const value of yTicks.values) {
       const y = Math.round(frame.toY(value)) + 0.5;
       pen.line([left, y, left + inner.width, y], { colour: colours.grid });
@@ -240,10 +242,13 @@ export class Plot {
     const there = [];
     const back = [];
     for (let k = from; k < to; k += step) {
+      const end = Math.min(k + step, to); // of several in half a pixel the least and the most are drawn
+      const [low] = extent(area.low, k, end) ?? [NaN];
+      const [, high] = extent(area.high, k, end) ?? [NaN, NaN];
+      if (!Number.isFinite(low) || !Number.isFinite(high)) continue;
       const x = frame.toX(area.x[k]);
-      if (!Number.isFinite(area.low[k]) || !Number.isFinite(area.high[k])) continue;
-      there.push(x, frame.toY(area.low[k]));
-      back.push([x, frame.toY(area.high[k])]);
+      there.push(x, frame.toY(low));
+      back.push([x, frame.toY(high)]);
     }
     if (there.length) pen.area([...there, ...back.reverse().flat()], area.colour(colours));
   }
@@ -616,7 +621,7 @@ const linear = ([low, high], a, b) => {
 const unlinear = (pixel, [low, high], a, b) => low + ((pixel - a) / (b - a)) * (high - low);
 const apart = ([low, high]) => (high - low > 1e-12 * Math.max(1, Math.abs(low)) ? [low, high] : [low - 0.5, high + 0.5]);
 const padded = ([low, high]) => {
-  const margin = 0.05 * (high - low) || Math.max(0.05 * Math.abs(high), 1e-9);
+  const margin = 0.05 * (high - low) || 0.05 * Math.abs(high) || 1;
   return [low - margin, high + margin];
 };
 const told = (value, decimals) => {

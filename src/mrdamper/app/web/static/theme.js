@@ -3,10 +3,10 @@
 // The style sheet has the page's own colours; canvases cannot read them, so that theirs stand here.
 
 const LIGHT = {
-  ink: "#22282e", soft: "#5b646d", line: "#c9ced3", grid: "#eceff1", back: "#ffffff", measured: "#9aa3ab",
+  ink: "#22282e", soft: "#5b646d", line: "#c9ced3", grid: "#eceff1", back: "#ffffff", measured: "#89929a",
   band: "#e9edf0", outside: "#f3e4de", brush: "rgba(47, 103, 148, 0.14)", accent: "#2f6794",
   colours: ["#2f6794", "#c8553d", "#8a7420", "#75588f", "#2c7f73", "#a04a72", "#55616c", "#7a8f2a"],
-  ramp: ["#2f5f98", "#3f8f94", "#8f9a3a", "#cf8a2e", "#c2412d"],
+  ramp: ["#2f5f98", "#3f8f94", "#8f9a3a", "#bf7d22", "#c2412d"],
 };
 const DARK = {
   ink: "#e4e8eb", soft: "#9aa5ae", line: "#4a545d", grid: "#2a3138", back: "#1a1f24", measured: "#7f8a93",
@@ -39,6 +39,12 @@ export function rampColour(share, colours = palette()) {
   const [a, b] = [ramp[k], ramp[k + 1]].map((hex) => [1, 3, 5].map((i) => parseInt(hex.slice(i, i + 2), 16)));
   const mixed = a.map((value, i) => Math.round(value + (b[i] - value) * (at - k)));
   return `#${mixed.map((v) => v.toString(16).padStart(2, "0")).join("")}`;
+}
+
+/** Return a colour thinned with that of the paper, for a band around a line. */
+export function tint(colour, back, share = 0.28) {
+  const [a, b] = [back, colour].map((hex) => [1, 3, 5].map((i) => parseInt(hex.slice(i, i + 2), 16)));
+  return `#${a.map((value, i) => Math.round(value + (b[i] - value) * share).toString(16).padStart(2, "0")).join("")}`;
 }
 
 /** Call `watcher` when the colours change. */

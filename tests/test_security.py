@@ -1,0 +1,154 @@
+"""No code is run that a file brings: facts about the package's source, read as syntax and not as text.
+
+SECURITY.md says what is promised, and names these tests.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PACKAGE = ROOT / "src" / "mrdamper"
+
+# What builds objects or runs text that somebody else wrote.
+MODULES = {
+    *("pickle", "cPickle", "_pickle", "dill", "cloudpickle", "joblib", "marshal", "shelve", "code", "codeop"),
+    *("yaml", "ruamel", "jsonpickle", "xmlrpc", "numexpr", "sympy", "pandas", "torch"),
+}
+BUILTINS = {"eval", "exec", "compile", "__import__", "execfile"}
+ATTRIBUTES = {
+    *("extractall", "unpack_archive", "mktemp", "read_pickle", "to_pickle", "fromregex", "import_module"),
+    *("exec_module", "load_module", "run_path", "run_module", "create_subprocess_shell", "getoutput"),
+}
+OF_MODULES = {"os": {"system", "popen"}, "np": {"load"}, "numpy": {"load"}}
+NETWORK = {
+    *(
+        "socket",
+        "ssl",
+        "urllib.request",
+        "urllib3",
+        "http.client",
+        "http.server",
+        "requests",
+        "httpx",
+        "aiohttp",
+    ),
+    *("pooch", "distributed", "dask", "uvicorn", "ftplib", "smtplib", "socketserver", "webbrowser"),
+}
+KEYWORDS = {"allow_pickle", "shell"}
+
+# The only places that load a module by a name that is not in the source, or run a file: and why.
+ALLOWED = {
+    "__init__.py: import_module": "the package's own rooms, by the names in its table",
+    "data/formats/table.py: import_module": "an optional library, by a name in the source",
+    "models/reference.py: exec_module": "--law FILE.py:CLASS, which a person gives on the command line",
+}
+
+
+@cache
+def trees() -> dict[str, ast.Module]:
+    return {
+        path.relative_to(PACKAGE).as_posix(): ast.parse(path.read_bytes()) for path in PACKAGE.rglob("*.py")
+    }
+
+
+def module_of(node: ast.AST) -> Iterator[str]:
+    if isinstance(node, ast.Import):
+        yield from (alias.name for alias in node.names)
+    if isinstance(node, ast.ImportFrom) and node.module:
+        yield node.module
+
+
+def findings(tree: ast.AST) -> Iterator[str]:
+    """Give what a piece of source does that it should not."""
+    for node in ast.walk(tree):
+        yield from (f"import {name}" for name in module_of(node) if name.split(".")[0] in MODULES)
+        if isinstance(node, ast.ImportFrom):
+            refused = ATTRIBUTES | OF_MODULES.get(node.module or "", set())
+            yield from (alias.name for alias in node.names if alias.name in refused)
+        if isinstance(node, ast.Name) and node.id in BUILTINS:
+            yield node.id
+        if isinstance(node, ast.Attribute):
+            of = OF_MODULES.get(node.value.id, set()) if isinstance(node.value, ast.Name) else set()
+            if node.attr in ATTRIBUTES | of:
+                yield node.attr
+        if isinstance(node, ast.keyword) and node.arg in KEYWORDS:
+            yield f"{node.arg}="
+
+
+def test_the_source_runs_no_code_that_it_is_given():
+    assert len(trees()) > 100
+    found = {f"{name}: {what}" for name, tree in trees().items() for what in findings(tree)}
+    assert found == set(ALLOWED)
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        "import pickle",
+        "def f():\n    from pickle import loads",
+        "import yaml as harmless",
+        "x = eval(text)",
+        "run = exec",
+        "numpy.load(path)",
+        "read(path, allow_pickle=True)",
+        "subprocess.run(text, shell=True)",
+        "os.system(text)",
+        "archive.extractall(folder)",
+        "from os import system",
+        "import importlib\nimportlib.import_module(name)",
+    ],
+)
+def test_what_is_looked_for_is_found(source):
+    assert list(findings(ast.parse(source)))
+
+
+def test_words_in_a_docstring_are_no_finding():
+    assert not list(findings(ast.parse('"""Never eval( or pickle.loads(."""\nx = "exec(1)"')))
+
+
+def test_the_only_addresses_are_https_and_ours():
+    """A namespace of XML is a name; the server prints its own address."""
+    literal = re.compile(r"\b(http|ftp|ws)://(?!www\.w3\.org/)")
+    found = {
+        f"{name}: {node.value[:30]}"
+        for name, tree in trees().items()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Constant) and isinstance(node.value, str) and literal.search(node.value)
+    }
+    assert found == {"app/web/server.py: http://"}
+
+
+def test_only_these_modules_can_open_a_connection():
+    found = {
+        name
+        for name, tree in trees().items()
+        for node in ast.walk(tree)
+        for module in module_of(node)
+        if any(module == each or module.startswith(f"{each}.") for each in NETWORK)
+    }
+    assert found == {
+        "data/catalog.py",  # data fetch: https, pinned
+        "app/sweep/runners.py",  # sweep --scheduler
+        "app/web/server.py",  # serve
+        "app/web/security.py",  # the name of this machine
+    }
+
+
+def test_every_test_that_the_promises_name_is_there():
+    """SECURITY.md names a test for each promise as path::name."""
+    text = (ROOT / "SECURITY.md").read_text(encoding="utf-8")
+    named = re.findall(r"`(tests/[\w/]+\.py)::(\w+)`", text)
+    assert len(named) > 20
+    missing = [
+        f"{file}::{name}"
+        for file, name in named
+        if not (ROOT / file).is_file() or f"def {name}(" not in (ROOT / file).read_text(encoding="utf-8")
+    ]
+    assert missing == []
