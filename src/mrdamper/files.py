@@ -14,10 +14,42 @@ from typing import Any
 
 from mrdamper.errors import InputError
 
-__all__ = ["parse_toml", "read_small", "read_text", "read_toml", "require_file"]
+__all__ = [
+    "is_file",
+    "is_folder",
+    "is_there",
+    "parse_toml",
+    "read_small",
+    "read_text",
+    "read_toml",
+    "require_file",
+]
 
 _MOST_BYTES = 1 << 22  # of a document that people write
 _PAST_INTEGERS = 1 << 63
+
+
+def is_there(path: str | Path) -> bool:
+    """Tell whether anything has this name; no file system has a name that is too long for it."""
+    return _mode(path) != 0
+
+
+def is_file(path: str | Path) -> bool:
+    """Tell whether a regular file has this name."""
+    return stat.S_ISREG(_mode(path))
+
+
+def is_folder(path: str | Path) -> bool:
+    """Tell whether a folder has this name."""
+    return stat.S_ISDIR(_mode(path))
+
+
+def _mode(path: str | Path) -> int:
+    """Return the mode of what has this name; 0 where the system finds nothing, for whatever reason."""
+    try:
+        return Path(path).stat().st_mode
+    except (OSError, ValueError):
+        return 0
 
 
 def require_file(path: str | Path, what: str = "file") -> int:

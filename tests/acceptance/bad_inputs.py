@@ -24,6 +24,7 @@ from tests.data.rig_files import WRITERS, titled
 __all__ = ["CASES", "Case", "write_good_run"]
 
 GIGABYTES = 2 * 10**9
+TOO_LONG = 300 * "x"  # for a file system
 HEADER = "time_s,displacement_mm,force_kN,current_A"
 CARD = Path(__file__).parents[1] / "models" / "card_version_1.json"
 
@@ -514,6 +515,26 @@ CASES: tuple[Case, ...] = (
     Case("folder of notes and a pipe", folder_of_notes, r"runs: no runs in this folder"),
     Case("pipe", fifo, r"pipe\.csv: is a pipe or a device; expected a file"),
     Case("device", lambda folder: identify("/dev/zero"), r"/dev/zero: is a pipe or a device"),
+    Case(
+        "name too long",
+        lambda folder: identify(f"{TOO_LONG}.csv"),
+        r"x\.csv: cannot be read: File name too long",
+    ),
+    Case(
+        "name too long for what is written",
+        lambda folder: ["identify", "good.csv", "--one-command", "--out", TOO_LONG],
+        r"x: cannot write there: File name too long",
+    ),
+    Case(
+        "duty too long for a name",
+        lambda folder: ["heat", "card.json", "--damper", "paper", "--duty", TOO_LONG, "--out", "out"],
+        r"duty 'x+': there are less than three parts",
+    ),
+    Case(
+        "law in a file that is not there",
+        lambda folder: [*identify("good.csv"), "--law", f"{TOO_LONG}.py:Law"],
+        r"law 'x+\.py:Law': there is no file x+\.py",
+    ),
     Case("link to itself", loop, r"a\.csv: no such file or folder"),
     Case("gigabytes of zeros", sparse(b"", "bad.csv"), r"bad\.csv: not a format that is read here"),
     Case("a run, then zeros", sparse(GOOD.encode(), "bad.csv"), r"holds zero bytes after about line"),

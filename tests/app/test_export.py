@@ -247,7 +247,9 @@ def test_a_place_that_cannot_be_written_to_is_told_before_anything_is_made(tmp_p
 
 @pytest.mark.skipif(not Path("/proc/self").exists(), reason="no /proc, which is closed even to root")
 def test_a_folder_that_is_closed_is_told():
-    with pytest.raises(InputError, match=r"c: cannot write there: .*; choose another folder"):
+    with pytest.raises(
+        InputError, match=r"c: cannot write there: .*; nothing was changed. Choose another folder"
+    ):
         export(Path("card.json"), ExportOptions(c=Path("/proc/self/c"), verify=False))
 
 

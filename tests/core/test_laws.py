@@ -1041,7 +1041,7 @@ def test_wrong_shapes_and_laws_are_refused():
         core.run(0, record, good, [0, 1], np.ones(3))
     with pytest.raises(ValueError, match="record's length"):
         _kernel.run(0, record, good, (), None, np.empty(n - 1), None, None)
-    with pytest.raises(TypeError, match="contiguous float64"):
+    with pytest.raises(TypeError, match="contiguous, aligned float64"):
         core.run(0, record, good.astype(np.float32))
     with pytest.raises(ValueError, match="must be rows x samples"):
         core.gram(np.ones((2, 5)), 6)

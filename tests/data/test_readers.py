@@ -11,6 +11,7 @@ from mrdamper.data.channels import ChannelMap
 from mrdamper.data.readers import read_run, read_runs
 from mrdamper.errors import InputError
 from tests.data.example_runs import make_run
+from tests.data.rig_files import write_csv
 
 RUN = make_run(duration=2.0, rate_Hz=200.0)
 ROWS = list(zip(RUN.time, RUN.displacement, RUN.force, RUN.command, strict=True))
@@ -312,3 +313,9 @@ def test_text_where_numbers_are_expected_is_told(tmp_path):
     channels = ChannelMap.from_dict({**LOGGER_MAP, "channel": {"force": {"name": "Date/Time", "unit": "N"}}})
     with pytest.raises(InputError, match=r"channel\.force: column 'Date/Time' holds text; expected numbers"):
         read_run(tmp_path / "log.txt", channels)
+
+
+def test_a_name_as_long_as_a_disk_takes_is_read(tmp_path):
+    """The channel map that could lie beside it would have a name that is too long."""
+    write_csv(tmp_path / f"{'x' * 251}.csv")
+    assert len(read_run(tmp_path / f"{'x' * 251}.csv")) == 1

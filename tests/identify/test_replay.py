@@ -22,8 +22,8 @@ from mrdamper.models.simulate import simulate
 from mrdamper.models.temperature import Arrhenius, Linear
 from mrdamper.quantities import FloatArray
 
-RATE_Hz = 200.0
-HEAD = 4_000  # rows
+RATE_Hz = 50.0
+HEAD = 4_003  # rows: no whole number of knots, neither of the displacement nor of the temperature
 CHANNELS = ("time", "displacement", "force", "command", "temperature")
 
 WARM = Damper(
@@ -127,10 +127,23 @@ def test_a_longer_record_is_that_of_the_whole_run_by_the_rules_of_its_head(
     np.testing.assert_allclose(found, whole, rtol=0.0, atol=1e-9 * np.abs(whole).max())
 
 
+def test_of_the_ends_of_windows_nothing_is_left() -> None:
+    """The same without temperature, to the rounding."""
+    cold = Damper(
+        WARM.law, {**WARM.coefficients, "viscosity": Constant(5e3), "yield_force": Polynomial((60.0, 500.0))}
+    )
+    batch = replace(stepped(record(8 * HEAD)), temperature=None)
+    replay, found = replayed(batch, 7_777, damper=cold)
+    assert replay.rules is not None
+    assert replay.rules.spacing > 1
+    whole = simulate(cold, prepared(batch, told(replay)).trajectory)
+    np.testing.assert_allclose(found, whole, rtol=0.0, atol=1e-12 * np.abs(whole).max())
+
+
 def test_a_record_that_is_resampled_is_the_whole_run_that_is_resampled() -> None:
     batch = held(record(8 * HEAD))
     time = batch.time.copy()
-    time[2::5] += 2e-4 * np.random.default_rng(0).uniform(-1.0, 1.0, len(time[2::5]))
+    time[2::5] += 8e-4 * np.random.default_rng(0).uniform(-1.0, 1.0, len(time[2::5]))
     batch = replace(batch, time=time)
     replay, found = replayed(batch, 1_000)
     assert replay.rules is not None
@@ -184,7 +197,9 @@ def test_another_pace_of_sampling_is_followed() -> None:
     replay, found = replayed(batch, 1_000)
     _, full = replayed(whole, 1_000)
     assert replay.pace == pytest.approx(1.0)
-    np.testing.assert_allclose(found, full[there], rtol=0.0, atol=2e-3 * np.abs(full).max())
+    inner = slice(None, -5)  # ends are smoothed as ends
+    most = 2e-3 * np.abs(full).max()
+    np.testing.assert_allclose(found[inner], full[there][inner], rtol=0.0, atol=most)
 
 
 def test_a_measured_velocity_and_a_tare_are_taken_where_the_card_says_so() -> None:
@@ -224,7 +239,7 @@ def test_a_rest_before_the_motion_is_passed() -> None:
 def test_a_head_that_is_no_run_yet_waits_for_more() -> None:
     """A rest nearly as long as the head: one reversal is not enough to choose rules by."""
     moving = held(record(3 * HEAD))
-    rest = HEAD - 160  # 0.3 s of motion are left to the head
+    rest = HEAD - 40  # 0.3 s of motion are left to the head
     columns = {
         name: np.concatenate([np.full(rest, getattr(moving, name)[0]), getattr(moving, name)])
         for name in CHANNELS
@@ -242,7 +257,7 @@ def test_rules_come_from_the_next_head_where_the_sensor_jumps_in_the_first() -> 
     assert replay.rules.cutoff_Hz == prepared(batch.part(slice(HEAD, 2 * HEAD))).cutoff_Hz
     assert np.isfinite(found).all()
     short = batch.part(slice(0, HEAD))
-    with pytest.raises(InputError, match=r"a jump of the sensor[^$]*rows 0 to 3999"):
+    with pytest.raises(InputError, match=rf"a jump of the sensor[^$]*rows 0 to {HEAD - 1}"):
         replayed(short, 777)
 
 
@@ -274,7 +289,7 @@ def test_a_command_of_another_unit_is_refused() -> None:
 
 def test_what_a_run_would_be_refused_for_is_said_with_its_rows() -> None:
     batch = held(record(HEAD))
-    with pytest.raises(InputError, match=r"opposite signs[^$]*rows 0 to 3999"):
+    with pytest.raises(InputError, match=rf"opposite signs[^$]*rows 0 to {HEAD - 1}"):
         replayed(replace(batch, force=-batch.force), 1_000)
 
 

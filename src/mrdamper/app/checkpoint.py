@@ -133,10 +133,10 @@ def checkpointed(
     if resume is None:
         yield None
         return
-    path = place_of(out)
-    left = path.exists() and sum(1 for _ in _lines(path)) > 1
-    made = None if path.parent.exists() else path.parent
     try:
+        path = place_of(out)
+        left = path.exists() and sum(1 for _ in _lines(path)) > 1
+        made = None if path.parent.exists() else path.parent
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as fault:
         raise InputError(f"{out}: cannot write there: {fault.strerror}; choose another --out") from fault

@@ -20,6 +20,7 @@ from mrdamper.export.record import Verification
 from mrdamper.export.table import force_map
 from mrdamper.export.target import Target, target_of
 from mrdamper.export.verify import not_verified, verify_c
+from mrdamper.files import is_folder
 from mrdamper.models.card import ModelCard
 from mrdamper.models.card_reading import read_card
 from mrdamper.thermal.drawing import read_drawing
@@ -75,7 +76,7 @@ def export(card: Path, options: ExportOptions) -> Json:
     if options.fmu is not None and not options.verify:
         raise InputError("export: an FMU is made from verified sources only; leave out --no-verify")
     for path in (options.fmu, options.table):
-        if path is not None and path.is_dir():
+        if path is not None and is_folder(path):
             raise InputError(f"{path}: is a folder; expected the name of a file to write")
     files: list[Path] = []
     with ExitStack() as places:

@@ -23,6 +23,7 @@ from mrdamper.app.predict_job import predict
 from mrdamper.app.scoring import row
 from mrdamper.data.prepare import Preparation
 from mrdamper.data.records import Dataset
+from mrdamper.files import is_file
 from mrdamper.identify.assess import Assessment, Kind, LawScore, choose_law
 from mrdamper.identify.ledger import Ledger, Section
 from mrdamper.identify.tempering import Temperature
@@ -103,8 +104,9 @@ def _decisive(dataset: Dataset, options: FitOptions) -> Json:
     digest = hashlib.sha256(dataset.fingerprint.encode())
     for run in dataset:
         digest.update(f"{run.name}\0{run.session}\0{run.motion}\0".encode())
-    if options.law is not None and ".py:" in options.law:
-        digest.update(Path(options.law.rpartition(":")[0]).read_bytes())
+    own = options.law.rpartition(":")[0] if options.law is not None and ".py:" in options.law else ""
+    if own and is_file(own):  # one that is not there is told by who reads it
+        digest.update(Path(own).read_bytes())
     if options.fluid is not None:
         digest.update(repr(find_fluid(options.fluid)).encode())
     return {

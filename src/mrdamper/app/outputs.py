@@ -44,7 +44,10 @@ def staged(out: Path) -> Iterator[Path]:
         ``out`` is a file, or cannot be written to; the disk is full.
     """
     place = out.absolute()
-    standing = next(folder for folder in (place, *place.parents) if folder.exists())
+    try:
+        standing = next(folder for folder in (place, *place.parents) if folder.exists())
+    except OSError as fault:  # a name that no disk has, or a folder that nobody may look into
+        raise _cannot(out, place, fault) from fault
     if not standing.is_dir():
         raise InputError(f"{out}: {standing} is a file; expected a folder to write to. Choose another --out")
     clear_left(standing)

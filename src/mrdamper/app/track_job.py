@@ -25,6 +25,7 @@ from mrdamper.control.protocol import Controller, Plant
 from mrdamper.control.scenario import SCENARIOS, Scenario, find_scenario, read_scenario
 from mrdamper.control.score import Reach, Score, reach_of, score_run, worst
 from mrdamper.errors import InputError
+from mrdamper.files import is_there
 from mrdamper.models.card import ModelCard
 from mrdamper.models.card_reading import read_card
 from mrdamper.models.dependence import did_you_mean
@@ -280,7 +281,7 @@ def _find_damper(name: str, card: ModelCard) -> _Damper:
         virtual = PRESETS[name] if name in PRESETS else VirtualDamper.from_toml(name)
         highest = min(_HIGHEST_A, card.envelope.command[1])
         return _Damper(virtual.name, RigPlant(virtual), virtual.coil_ohm, highest, None, virtual.copper_per_K)
-    if not name.endswith(".json") and not Path(name).exists():
+    if not name.endswith(".json") and not is_there(name):
         raise InputError(
             f"there is no plant {name!r}; {did_you_mean(name, PRESETS)} (or the path of a card, or of a "
             "virtual damper's TOML)"

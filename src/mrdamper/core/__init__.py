@@ -54,7 +54,10 @@ MOST_DIRECTIONS = 48
 
 
 def open_record(trajectory: Trajectory, *, longest_step: float = LONGEST_STEP) -> Record:
-    """Return the kernel's view of a trajectory, with its turning points; it holds on to the arrays."""
+    """Return the kernel's view of a trajectory, with its turning points; it holds on to the arrays.
+
+    The implicit laws take no step longer than ``longest_step`` [s].
+    """
     return Record(
         trajectory.step,
         trajectory.displacement,

@@ -6,6 +6,7 @@ file or the map does not say is asked for.
 
 from __future__ import annotations
 
+import errno
 import glob
 import itertools
 from collections.abc import Iterable, Sequence
@@ -19,6 +20,7 @@ from mrdamper.data.channels import Channel, ChannelMap, parse_header, read_chann
 from mrdamper.data.records import CommandUnit, Dataset, Recording, RigRun
 from mrdamper.data.tables import FORMATS, Layout, Table, read_table
 from mrdamper.errors import InputError
+from mrdamper.files import is_file, is_folder, is_there
 from mrdamper.quantities import QUANTITIES, FloatArray
 
 __all__ = [
@@ -88,7 +90,7 @@ def read_file(path: PathLike, channels: ChannelMap | PathLike | None = None) -> 
         The file cannot be read, or a column or a unit is missing.
     """
     file = Path(path)
-    if file.is_dir():
+    if is_folder(file):
         raise InputError(f"{file}: is a folder; expected a file (read_runs takes folders)")
     chosen = _load_map(map_beside(file) if channels is None else channels)
     return runs_in(read_table(file, chosen.file), chosen, file)
@@ -155,7 +157,7 @@ def map_beside(file: Path) -> Path | None:
     It is the file's own, and taken where no other map is given.
     """
     beside = file.with_name(f"{file.name}.channels.toml")
-    return beside if beside.is_file() else None
+    return beside if is_file(beside) else None
 
 
 def told_at_once(faults: Sequence[str], most: int = 8) -> str:
@@ -178,12 +180,12 @@ def find_files(paths: Sequence[PathLike]) -> list[Path]:
         raise InputError("no paths given; expected files, folders or patterns")
     for given in paths:
         path = Path(given)
-        if path.is_dir():
+        if is_folder(path):
             inside = sorted(file for file in path.iterdir() if file.suffix.lower() in suffixes)
             inside = [file for file in inside if file.is_file()]
             if not inside:
                 raise InputError(f"{path}: no runs in this folder; expected {', '.join(sorted(suffixes))}")
-        elif path.exists():
+        elif is_there(path):
             inside = [path]
         elif glob.has_magic(str(given)):
             inside = sorted(Path(name) for name in glob.glob(str(given), recursive=True))  # noqa: PTH207
@@ -191,9 +193,18 @@ def find_files(paths: Sequence[PathLike]) -> list[Path]:
             if not inside:
                 raise InputError(f"{given}: the pattern matches no file")
         else:
-            raise InputError(f"{path}: no such file or folder")
+            raise InputError(f"{path}: {_why_absent(path)}")
         files |= dict.fromkeys(inside)
     return list(files)
+
+
+def _why_absent(path: Path) -> str:
+    try:
+        path.stat()
+    except OSError as error:
+        if error.errno not in {errno.ENOENT, errno.ENOTDIR, errno.ELOOP}:
+            return f"cannot be read: {error.strerror}"
+    return "no such file or folder"
 
 
 def _find_channels(

@@ -20,6 +20,7 @@ from mrdamper.data.readers import Column, find_columns, map_beside
 from mrdamper.data.records import CommandUnit
 from mrdamper.data.tables import open_rows
 from mrdamper.errors import InputError
+from mrdamper.files import is_folder
 from mrdamper.quantities import QUANTITIES, FloatArray
 
 __all__ = ["BATCH_ROWS", "Batch", "LongRecord", "open_record"]
@@ -156,7 +157,7 @@ def open_record(path: str | Path, channels: ChannelMap | str | Path | None = Non
         The file cannot be read, a column or a unit is missing, or the map splits the file into tests.
     """
     file = Path(path)
-    if file.is_dir():
+    if is_folder(file):
         raise InputError(f"{file}: is a folder; expected the file of one record")
     given = map_beside(file) if channels is None else channels
     chosen = (

@@ -28,6 +28,7 @@ from mrdamper.export.record import Verification
 from mrdamper.export.target import Target
 from mrdamper.export.variables import Variable, variables_of
 from mrdamper.export.verify import FLAGS, find_compiler
+from mrdamper.files import is_folder
 
 __all__ = ["FMI_VERSIONS", "FmiVersion", "fmu_files", "write_fmu"]
 
@@ -66,7 +67,7 @@ def write_fmu(
     place = Path(path)
     if version not in FMI_VERSIONS:
         raise InputError(f"FMI version is {version!r}; expected one of {', '.join(FMI_VERSIONS)}")
-    if not place.parent.is_dir():
+    if not is_folder(place.parent):
         raise InputError(f"{place}: cannot write: there is no folder {place.parent}; choose another folder")
     _check_verified(target, verification)
     content = {name: text.encode("utf-8") for name, text in fmu_files(target, version=version).items()}

@@ -80,9 +80,9 @@ class GramSums:
         self._spread = np.zeros((1, len(groups), self._size, width))
         self._spread[..., : len(wanted), : len(self._levels.places)] = self._levels.combine
         self._spread[..., -1, -1] = 1.0
-        for group, session in enumerate(self._session):
+        for k, session in enumerate(self._session):
             if session >= 0:
-                self._spread[:, group, len(wanted) + session, -2] = 1.0
+                self._spread[:, k, len(wanted) + session, -2] = 1.0
 
     def at(self, values: FloatArray, tares: FloatArray) -> FloatArray:
         """Return the Gram matrix of every candidate, shape (candidates, rows, rows).

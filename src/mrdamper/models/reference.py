@@ -24,6 +24,7 @@ from scipy.special import digamma, hyp2f1
 
 from mrdamper.errors import ConvergenceError, InputError
 from mrdamper.excitation import Trajectory
+from mrdamper.files import is_file
 from mrdamper.models.damper import Damper
 from mrdamper.models.laws import LAWS, Coefficient, HysteresisLaw, PythonLaw
 from mrdamper.models.temperature import REFERENCE_K
@@ -480,7 +481,7 @@ def load_python_law(reference: str) -> HysteresisLaw:
     path = Path(file)
     if not colon or not name.isidentifier() or path.suffix != ".py":
         raise InputError(f"law {reference!r}: expected path/to/file.py:ClassName")
-    if not path.is_file():
+    if not is_file(path):
         raise InputError(f"law {reference!r}: there is no file {path}; give its path from {Path.cwd()}")
     spec = importlib.util.spec_from_file_location(f"mrdamper_user_law_{path.stem}", path)
     if spec is None or spec.loader is None:

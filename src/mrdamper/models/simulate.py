@@ -235,7 +235,7 @@ def _applied(damper: Damper, drive: Drive) -> tuple[FloatArray, FloatArray, Floa
 
 
 def reversed_valve(damper: Damper, coefficients: FloatArray, displacement: FloatArray) -> tuple[str, ...]:
-    """Say where along the run the series valve would push: its equation has no bounded solution there."""
+    """Say where along a displacement [m] the series valve would push: it has no bounded solution there."""
     if damper.law.name != "series-valve":
         return ()
     share = 1.0 + coefficients[damper.law.names.index("position_gain")] * displacement

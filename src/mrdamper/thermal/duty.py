@@ -22,6 +22,7 @@ from mrdamper.data.signals import differentiate
 from mrdamper.data.tables import Table, read_table
 from mrdamper.errors import InputError
 from mrdamper.excitation import Motion, Sine, Trajectory, drive, motion_from_text
+from mrdamper.files import is_file
 from mrdamper.quantities import FloatArray, to_si
 
 __all__ = ["DEFAULT_DUTY", "Duty", "Stretch", "read_duty"]
@@ -85,7 +86,7 @@ def read_duty(text: str | Path) -> Duty:
         Neither, or a table that does not say what is needed.
     """
     words = str(text).split(":")
-    if Path(text).suffix.lower() == ".csv" or (len(words) < 3 and Path(text).is_file()):
+    if Path(text).suffix.lower() == ".csv" or (len(words) < 3 and is_file(text)):
         return _duty_of_table(read_table(Path(text)), Path(text).name)
     try:
         if len(words) > 1 and _is_command(words[-1]):
