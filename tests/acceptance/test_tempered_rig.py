@@ -398,3 +398,18 @@ def test_one_start_on_sixty_runs_stays_within_its_time(law, bar_s, seeds):
         while len(spent) < 8 and min(spent, default=np.inf) > bar_s:
             spent.append(mrdamper.fit(runs, name, seed=seed).cpu_s)
         assert min(spent) <= bar_s, f"seed {seed}"
+
+
+# ---------------------------------------------------------------------- few data
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_cost_of_a_fit_to_little_data_is_that_of_its_damper(seed):
+    """One motion leaves much unsaid: friction that is a thousand times too large must not look like a fit."""
+    runs = [run for run in runs_of("nominal") if "sine5mm1Hz" in run.name]
+    model = mrdamper.fit(runs, seed=seed, hold_out=("*_060C_*",))
+    errors = [error.nrmse_percent for error in mrdamper.predict(model, runs) if error.split == "training"]
+    assert len(errors) == 30
+    assert np.sqrt(np.mean(np.square(errors))) == pytest.approx(model.result.cost_percent, rel=0.2)
+    other = [run for run in runs_of("nominal") if "sine3mm2Hz" in run.name]
+    assert np.median([error.nrmse_percent for error in mrdamper.predict(model, other)]) < 5.0

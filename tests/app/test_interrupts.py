@@ -232,7 +232,7 @@ def test_a_demonstration_makes_no_claims_from_half_a_fit(tmp_path: Path, monkeyp
 @pytest.mark.long
 def test_interrupts_at_random_moments_cost_nothing(nursery: Nursery, tmp_path: Path):
     """Whatever was written says of itself that it is the best so far; --resume ends in the whole."""
-    times = int(os.environ.get("MRDAMPER_INTERRUPTS", "60"))
+    times = int(os.environ.get("MRDAMPER_INTERRUPTS", "40"))
     random, counts = np.random.default_rng(1), Counter[str]()
     jobs: dict[str, tuple[object, ...]] = {
         "identify": (*IDENTIFY, "--resume"),
@@ -247,7 +247,7 @@ def test_interrupts_at_random_moments_cost_nothing(nursery: Nursery, tmp_path: P
         wholes[name] = of_any_folder(written(tmp_path / name), tmp_path / name)
         spans[name] = time.monotonic() - begun
     for k in range(times):
-        name = list(jobs)[min(k % 7, 3)] if k % 7 else "identify"
+        name = ("identify", "sink", "identify", "rig", "sink", "identify", "sink", "demo")[k % 8]
         number, out = (INT, TERM, HUP)[k % 3], tmp_path / f"out-{k}"
         end = kill_after(float(random.uniform(0.0, spans[name])), number)
         code = nursery.run(*jobs[name], "--out", out, kill=end)
@@ -259,7 +259,7 @@ def test_interrupts_at_random_moments_cost_nothing(nursery: Nursery, tmp_path: P
         assert code in {4, -number}, nursery.said
         if written(out) is not None and code == 4:
             assert name == "identify"
-            assert "best so far" in one_line(nursery.said)
+            assert "best so far" in nursery.said
         assert nursery.run(*jobs[name], "--out", out) == 0, nursery.said
         assert of_any_folder(written(out), out) == wholes[name]
         assert not left_behind(tmp_path)

@@ -26,10 +26,12 @@ from mrdamper.models.temperature import REFERENCE_K
 __all__ = ["Eliminated", "Objective", "solve_scaled"]
 
 FloatArray = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 _COMMANDS = 17  # commands over the data's range at which linear coefficients are kept admissible,
 _TEMPERATURES = 3  # at so many temperatures where the form itself depends on temperature
 _LIGHT = 1e-6  # [%^2] that a linear number at its bound costs: one that moves nothing stays near zero
+_RESOLVED = 1e-9  # share of the guess' own cost below which what is left has no digits
 _ROUNDS = 12  # of active sets, before the slower way is taken
 _HOLD = 1e8  # stiffness, beside one, of a condition that holds with equality
 
@@ -95,20 +97,43 @@ class Objective:
     ) -> Eliminated:
         """Return candidates with their best linear numbers, from a guess of those.
 
-        ``tangents`` are those of the nonlinear numbers; without them there is no Gram matrix.
+        ``tangents`` are those of the nonlinear numbers; without them there is no Gram matrix. A cost is the
+        difference of sums as large as the guess' own cost: where that leaves no digits, what was found is the
+        next guess, and where it still leaves none, that guess and its cost stand.
         """
+        found, blurred = self._from_guess(nonlinear, linear, tares, tangents=tangents, last=False)
+        k = np.flatnonzero(blurred)
+        if len(k):
+            again, _ = self._from_guess(
+                nonlinear[k], found.linear[k], found.tares[k], tangents=tangents, last=True
+            )
+            found.cost[k], found.linear[k], found.tares[k] = again.cost, again.linear, again.tares
+            found.drift[k] = again.drift
+            if found.gram is not None:
+                found.gram[k] = again.gram
+        return found
+
+    def _from_guess(
+        self, nonlinear: FloatArray, linear: FloatArray, tares: FloatArray, *, tangents: bool, last: bool
+    ) -> tuple[Eliminated, Mask]:
+        """Do it in one pass; say which costs have no digits (of the ``last`` pass, the guess' stand then)."""
         g = self.sums(nonlinear, linear, tares, tangents=tangents)
         skip = len(self.nonlinear) if tangents else 0
         inner, right = g[:, skip:-1, skip:-1], g[:, skip:-1, -1]
+        guessed = g[:, -1, -1].copy()
         if not inner.shape[1]:
-            return Eliminated(g[:, -1, -1], linear, tares, g if tangents else None, np.zeros(len(g)))
+            nothing = np.zeros(len(g))
+            return Eliminated(guessed, linear, tares, g if tangents else None, nothing), nothing > 0.0
         count = len(self.linear)
         present = np.concatenate([linear, tares], axis=1)
         floor = self._floor - linear @ self._rows[:, :count].T
         pulled = inner + np.diag(self._light)
         moved = _bounded_least_squares(pulled, right - self._light * present, self._rows, floor)
         change = np.einsum("bij,bj->bi", inner, moved)
-        cost = np.maximum(g[:, -1, -1] + np.sum(moved * (change - 2.0 * right), axis=1), 0.0)
+        cost = np.maximum(guessed + np.sum(moved * (change - 2.0 * right), axis=1), 0.0)
+        blurred = cost < _RESOLVED * guessed
+        if last:
+            moved[blurred], change[blurred], cost[blurred] = 0.0, 0.0, guessed[blurred]
         present += moved
         force = np.einsum("bi,bij,bj->b", present[:, :count], inner[:, :count, :count], present[:, :count])
         drift = np.sqrt(np.maximum(np.sum(moved * change, axis=1), 0.0) / np.maximum(force, 1e-300))
@@ -116,7 +141,8 @@ class Objective:
             g[:, :-1, -1] -= np.einsum("bij,bj->bi", g[:, :-1, skip:-1], moved)
             g[:, -1, :-1] = g[:, :-1, -1]
             g[:, -1, -1] = cost
-        return Eliminated(cost, present[:, :count], present[:, count:], g if tangents else None, drift)
+        found = Eliminated(cost, present[:, :count], present[:, count:], g if tangents else None, drift)
+        return found, blurred
 
     def sums(
         self, nonlinear: FloatArray, linear: FloatArray, tares: FloatArray, *, tangents: bool = True

@@ -278,7 +278,7 @@ def test_the_archive_compiles_and_the_fmu_verifies(page, tool, tmp_path):
     compiler = tool("cc")
     page.goto("/#/export?card=strong")
     page.click("#start-export")
-    page.get_by_text("Verified: the compiled code is the model").wait_for()
+    page.get_by_text("Verified: the compiled code is the model").wait_for(timeout=90_000)
     shoot(page, "export")
     archive = download(page, page.get_by_role("link", name=re.compile(r"damper_c\.zip")).click)
     with zipfile.ZipFile(io.BytesIO(archive)) as files:

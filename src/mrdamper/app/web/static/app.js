@@ -117,8 +117,9 @@ async function route() {
     const body = el("div", { "data-shown": name });
     fill(place, body);
     window.scrollTo(0, 0);
-    shown.page = (await module.show(body, app, new URLSearchParams(asked ?? ""))) ?? {};
-    if (mine !== turn) shown.page?.close?.();
+    const page = (await module.show(body, app, new URLSearchParams(asked ?? ""))) ?? {};
+    if (mine === turn) shown.page = page;
+    else page.close?.(); // another was asked for meanwhile: what this one listens to would stay open
   } catch (fault) {
     if (mine === turn) fill(place, el("h1", { text: TITLES[name] }), note("fault", fault.message), button("Try again", route));
   }

@@ -138,7 +138,7 @@ export class JobPanel {
    * @param {{done?: (job: object) => void, progress?: (told: object) => void, begun?: () => void, busy?: (on: boolean) => void}} heard
    */
   constructor(app, kind, heard = {}) {
-    Object.assign(this, { app, kind, heard, job: null, stop: null });
+    Object.assign(this, { app, kind, heard, job: null, stop: null, gone: false });
     this.node = el("div", { class: "job", "data-job": kind });
   }
 
@@ -162,8 +162,9 @@ export class JobPanel {
 
   /** Show a job that exists: follow it while it runs, else show its end. */
   async attach(id) {
-    this.close();
+    this.leave();
     const job = await getJob(id);
+    if (this.gone) return;
     this.job = job;
     this.node.dataset.id = id;
     if (!BUSY.has(job.state)) {
@@ -231,9 +232,16 @@ export class JobPanel {
     }, { "aria-label": `Resume ${job.id}` });
   }
 
-  close() {
+  /** Stop following the job. */
+  leave() {
     this.stop?.();
     this.stop = null;
+  }
+
+  /** Forget the job: the page is left. */
+  close() {
+    this.gone = true;
+    this.leave();
   }
 }
 
