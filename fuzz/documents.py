@@ -5,12 +5,14 @@ A document that is accepted is written and read again: it must come back the sam
 
 from __future__ import annotations
 
+import glob
 import json
 import tomllib
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 from fuzz.contract import folder, promised, require, written
 from fuzz.edits import Draws, edited, toml_of
@@ -115,8 +117,7 @@ def scenario(content: bytes) -> None:
 def sweep(content: bytes) -> None:
     """A sweep's plan; its patterns find files of this folder only."""
     path = written("sweep.toml", _document(content, lambda: _kept("sweep")))
-    sweep_plan.glob.glob = _no_walk  # type: ignore[attr-defined] # a pattern such as /** would walk the machine
-    with promised():
+    with mock.patch.object(glob, "glob", _no_walk), promised():  # such as /** would walk the machine
         found = sweep_plan.read_plan(path)
         require(len({task.name for task in found.tasks}) == len(found.tasks), "two tasks of one name")
         require(len(found.fingerprint) == 64, "no fingerprint")
