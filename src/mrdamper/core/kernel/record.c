@@ -102,7 +102,7 @@ static int never_falls(const mrd_record *r)
         const double side = r->side[p], start = p || !r->behind ? 0.0 : r->travelled;
         if (from < to && !(side * (r->x[from] - r->turn[p]) >= start)) return 0;
         size_t falls = 0;
-        for (size_t i = from + 1; i < to; i++) falls += !(side * (r->x[i] - r->x[i - 1]) >= 0.0);
+        for (size_t i = from + 1; i < to; i++) falls += side * (r->x[i] - r->x[i - 1]) >= 0.0 ? 0 : 1;
         if (falls) return 0;
     }
     return 1;
