@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import random
 import shutil
+import signal
 from collections.abc import Callable, Generator
 from pathlib import Path
 
@@ -32,6 +33,16 @@ def _do_without(reason: str) -> None:
     if _tools_are_required():
         pytest.fail(f"{reason} (MRDAMPER_REQUIRE_TOOLS=1)", pytrace=False)
     pytest.skip(reason)
+
+
+@pytest.fixture(autouse=True)
+def _signals_stay() -> Generator[None]:
+    """Give signals back what they did before: a command that a test runs here sets them for its process."""
+    kept = {each: signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+    yield
+    for each, handler in kept.items():
+        if signal.getsignal(each) is not handler:
+            signal.signal(each, handler)
 
 
 @pytest.fixture(scope="session")
