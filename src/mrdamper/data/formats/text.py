@@ -5,6 +5,7 @@ Rows are parsed in blocks, so that a file of gigabytes needs the memory of its n
 
 from __future__ import annotations
 
+import io
 import itertools
 import re
 from collections.abc import Iterator, Sequence
@@ -36,6 +37,7 @@ __all__ = [
 ]
 
 _HEAD_BYTES = 1 << 20
+_SMALL_BYTES = 1 << 20
 _HEAD_LINES = 400  # the data must begin within these
 _BLOCK = 1 << 25  # bytes that are parsed at a time
 _COMMENT = re.compile(r"^\s*(#|%|//|!)+\s?")
@@ -207,6 +209,11 @@ def _number_blocks(
     """
     is_number: list[bool] | None = None
     for content, first_line in _blocks(path, found.start, stop, found.header_lines + 1):
+        plain = None if found.decimal == "," else _plain_numbers(content, found.delimiter, len(order))
+        if plain is not None and is_number is None:
+            is_number = [True] * len(plain)
+            yield plain, [[] for _ in plain]
+            continue
         columns = _parse_block(
             path, content, found.delimiter, found.decimal, len(order), first_line, wanted if is_number else ()
         )
@@ -333,6 +340,19 @@ def _blocks(path: Path, start: int, stop: int | None, first_line: int) -> Iterat
             rest = content[cut:]
     if rest.strip():
         yield rest, first_line
+
+
+def _plain_numbers(content: bytes, delimiter: str, count: int) -> list[FloatArray | None] | None:
+    """Return the columns of a small block of numbers and nothing else, read sooner than Polars is loaded."""
+    if len(content) > _SMALL_BYTES or not content.strip() or b"#" in content or b'"' in content:
+        return None
+    try:
+        columns = np.loadtxt(
+            io.BytesIO(content), delimiter=None if delimiter == " " else delimiter, comments=None, ndmin=2
+        ).T
+    except ValueError:
+        return None
+    return [np.ascontiguousarray(column) for column in columns] if len(columns) == count else None
 
 
 def _parse_block(
