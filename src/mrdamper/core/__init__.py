@@ -41,6 +41,7 @@ __all__ = [
     "open_batch",
     "open_record",
     "run",
+    "solve_banded",
     "squared_errors",
 ]
 
@@ -226,3 +227,20 @@ def curve(kappa: float, n: float, tau: FloatArray) -> tuple[FloatArray, FloatArr
     out = [np.empty_like(tau) for _ in range(4)]
     _kernel.curve(kappa, n, tau, *out)
     return out[0], out[1], out[2], out[3]
+
+
+def solve_banded(lower: FloatArray, right: FloatArray) -> FloatArray:
+    """Return the solution of a symmetric positive definite system of a narrow band; ``right`` becomes it.
+
+    Parameters
+    ----------
+    lower : ``lower[d, j]`` is the matrix' element (j + d, j), shape (bands, n); its factor afterwards
+    right : shape (n,)
+
+    Raises
+    ------
+    ValueError
+        The matrix is not positive definite.
+    """
+    _kernel.banded(lower, right)
+    return right

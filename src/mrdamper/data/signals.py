@@ -11,6 +11,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from mrdamper.core import solve_banded
 from mrdamper.quantities import FloatArray
 
 __all__ = [
@@ -122,8 +123,6 @@ def smooth(displacement: FloatArray, step: float, cutoff_Hz: float) -> Kinematic
 
     Without anything to remove (a spacing of one sample) the derivatives are sixth-order differences.
     """
-    from scipy.linalg import solveh_banded
-
     n = len(displacement)
     spacing = min(knot_spacing(step, cutoff_Hz), max(1, n // 4))
     if spacing == 1:
@@ -149,7 +148,7 @@ def smooth(displacement: FloatArray, step: float, cutoff_Hz: float) -> Kinematic
     right = np.zeros(count)
     for j in range(_DEGREE + 1):
         right[j : j + blocks] += moments[:, j]
-    coefficients = solveh_banded(normal, right, lower=True)
+    coefficients = solve_banded(normal, right)
     active = np.lib.stride_tricks.sliding_window_view(coefficients, _DEGREE + 1)
     x, v, a = ((active @ weights).ravel()[:n] for weights in basis)
     return Kinematics(x, v / step, a / step**2)

@@ -960,6 +960,30 @@ release:
     return result;
 }
 
+static PyObject *py_banded(PyObject *module, PyObject *args)
+{
+    (void)module;
+    PyObject *olower, *oright, *result = NULL;
+    Py_buffer lower, right;
+    if (!PyArg_ParseTuple(args, "OO", &olower, &oright) || !open_doubles(olower, &lower, 1, "lower")) return NULL;
+    if (open_doubles(oright, &right, 1, "right")) {
+        const size_t n = count_of(&right), rows = n ? count_of(&lower) / n : 0;
+        int solved = 0;
+        if (!rows || rows * n != count_of(&lower)) {
+            PyErr_SetString(PyExc_ValueError, "lower must have whole rows of the length of right");
+        } else {
+            Py_BEGIN_ALLOW_THREADS
+            solved = kernel->banded(n, rows - 1, lower.buf, right.buf);
+            Py_END_ALLOW_THREADS
+            if (solved) result = Py_NewRef(Py_None);
+            else PyErr_SetString(PyExc_ValueError, "the matrix is not positive definite");
+        }
+        PyBuffer_Release(&right);
+    }
+    PyBuffer_Release(&lower);
+    return result;
+}
+
 static PyObject *py_levels(PyObject *module, PyObject *unused)
 {
     (void)module;
@@ -1004,6 +1028,8 @@ static PyMethodDef methods[] = {
     {"curve", py_curve, METH_VARARGS, "curve(kappa, n, tau, w, slope, by_kappa, by_n): the universal curve."},
     {"lag", py_lag, METH_VARARGS,
      "lag(step, rise, fall, command, applied, by_lag, before): first-order lag of a command."},
+    {"banded", py_banded, METH_VARARGS,
+     "banded(lower, right): solve a symmetric positive definite system of a narrow band, in place."},
     {"batch", py_batch, METH_VARARGS,
      "batch(step, displacement, velocity, acceleration, dead_band, longest_step, patience, last, motion): a Record."},
     {"carry", py_carry, METH_VARARGS,

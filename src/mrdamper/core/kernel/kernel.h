@@ -134,6 +134,7 @@ typedef struct {
                   double *by_n);
     void (*lag)(size_t n, double step, double rise, double fall, const double *command, double *applied, double *by_lag,
                 const double *before);
+    int (*banded)(size_t n, size_t width, double *lower, double *right);
     void (*track_start)(const mrd_track *controller, mrd_track_state *state);
     mrd_real (*track_step)(const mrd_track *controller, mrd_track_state *state, const mrd_told *told);
     mrd_real (*model_step)(const mrd_track *model, mrd_track_state *state, const mrd_driven *told);
