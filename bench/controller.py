@@ -167,13 +167,14 @@ def _in_c(made: ForceController, told: FloatArray) -> Job:
 def _one_by_one(made: ForceController, told: FloatArray) -> Job:
     wanted = [Wanted(row[0], row[1]) for row in told.tolist()]
     seen = [Seen(row[2], row[3], row[4]) for row in told.tolist()]
-    command = np.empty(len(told))
 
     def job() -> FloatArray:
         state, step = made.start(), made.step
-        for k, (w, s) in enumerate(zip(wanted, seen, strict=True)):
-            state, command[k] = step(state, w, s)
-        return command
+        commands = []
+        for w, s in zip(wanted, seen, strict=True):
+            state, command = step(state, w, s)
+            commands.append(command)
+        return np.array(commands)
 
     return job
 
