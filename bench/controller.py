@@ -140,7 +140,8 @@ def _side_by_side(group: str, contenders: list[_Contender]) -> list[Row]:
         )
     sizes = {each.name: each.samples for each in contenders}
     spent = timed(jobs)
-    first = next(iter(spent.values())).cpu_s / SAMPLES
+    measure = next(iter(spent))
+    first = spent[measure].cpu_s / sizes[measure]
     for name, found in spent.items():
         ns, most = 1e9 * found.cpu_s / sizes[name], MOST_NS.get(name)
         row = replace(
