@@ -94,18 +94,26 @@ def demo(out: Path, *, quick: bool = False, seed: int = 0, report: Report | None
         now(0)
         dataset = _measured(place, campaign, seed)
         now(1)
+        starts = 1 if quick else 3  # of the fits that are compared with this one
         fitted = fit(dataset, seed=seed, hold_out=campaign.hold_out)
         judged = assess(fitted)
         first = _write_identification(fitted, judged, place)
         now(2)
-        literal = fit(dataset, "bouc-wen", temperature="paper", seed=seed, hold_out=campaign.hold_out)
+        literal = fit(
+            dataset,
+            "bouc-wen",
+            temperature="paper",
+            starts=starts,
+            seed=seed,
+            hold_out=campaign.hold_out,
+        )
         literally = assess(literal)
-        cold = fit(dataset.select("*_020C_*"), temperature="none", seed=seed)
+        cold = fit(dataset.select("*_020C_*"), temperature="none", starts=starts, seed=seed)
         write_card(cold.card(title="identified at 20 degC alone"), beside / "cold_card.json")
         now(3)
         warmer = _QUICKLY_WARMED if quick else _WARMED
         runs = [run for run, _ in measure(find_preset("paper"), warmer, seed=seed)]
-        warm = fit(runs, seed=seed).card(title="the virtual rig's preset paper")
+        warm = fit(runs, starts=starts, seed=seed).card(title="the virtual rig's preset paper")
         write_card(warm, beside / "paper_card.json")
         now(4)
         heated = [_heated(warm, text, past_limit=text == _WARM_UP) for text in (_WARM_UP, *_OTHERS)]

@@ -374,6 +374,7 @@ def test_a_fit_that_was_cancelled_is_resumed_to_the_same_card(page, rig):
     shoot(page, "identify-cancelled")
     page.reload()
     page.get_by_role("button", name=f"Resume {stopped['id']}").click()
+    wait_until(page, lambda: not kept.exists())
     page.wait_for_selector("#fit-tiles")
     expect(page.locator("[data-job=identify] .notice")).to_have_count(0)
     told = (root / "results" / stopped["id"] / "progress.jsonl").read_text(encoding="utf-8")
