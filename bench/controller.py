@@ -150,7 +150,7 @@ def _side_by_side(group: str, contenders: list[_Contender]) -> list[Row]:
             wall_s=found.wall_s,
             spread=found.spread,
             ns_per_sample=ns,
-            ratio=1e-9 * ns / first,
+            ratio=found.cpu_s / sizes[name] / first,
             bar="" if most is None else f"{most:g} ns",
             asked=() if most is None else (Asked(f"{name}, one step", most, ns, "ns"),),
         )

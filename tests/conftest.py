@@ -17,6 +17,7 @@ import pytest
 from hypothesis import settings
 
 os.environ["MPLBACKEND"] = "Agg"
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # two workers: more threads would only wait in loops
 
 # Same examples on every run and machine; a loaded machine is not a fault of the code.
 settings.register_profile("mrdamper", derandomize=True, deadline=None)
