@@ -192,8 +192,12 @@ def test_an_interrupt_keeps_the_model_of_what_was_counted(tmp_path: Path, card: 
 def test_an_interrupt_before_the_model_could_begin_is_no_fault(tmp_path: Path, card: Path) -> None:
     record = write_warm(tmp_path / "record.parquet")
 
-    def stop(_rows: int, _of: int | None, _cycles: int) -> None:
-        signal.raise_signal(signal.SIGINT)
+    asked: list[int] = []
+
+    def stop(rows: int, _of: int | None, _cycles: int) -> None:
+        if not asked:  # a second time, it would be the end
+            asked.append(rows)
+            signal.raise_signal(signal.SIGINT)
 
     answer = cycles(record, model=card, batch_rows=40, report=stop)
     assert answer["cancelled"]
