@@ -13,6 +13,7 @@ import os
 import shutil
 import sys
 import tempfile
+import time
 import traceback
 from collections.abc import Sequence
 from contextlib import redirect_stderr
@@ -69,6 +70,7 @@ def _run(name: str, target: Any, options: list[str]) -> bool:  # noqa: ANN401 - 
     program = native.built(name, BUILD) if target is None else None
     log = place.with_suffix(".log")
     sys.stdout.flush()
+    began = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="mrdamper-fuzz-", dir=_MEMORY) as room:
         process = os.fork()
         if process == 0:
@@ -84,15 +86,17 @@ def _run(name: str, target: Any, options: list[str]) -> bool:  # noqa: ANN401 - 
                 traceback.print_exc()
             ctypes.CDLL(None).exit(1)  # by the C library: the engine's handler keeps the input at fault
         _, status, used = os.wait4(process, 0)
-    seconds = used.ru_utime + used.ru_stime
+    apart = target is not None and not target.guided  # the work is done by processes that are not waited for
+    seconds = time.monotonic() - began if apart else used.ru_utime + used.ru_stime
+    clock = "time" if apart else "CPU"
     lines = log.read_text(encoding="utf-8", errors="replace").splitlines()
     count = next((line.split()[1] for line in reversed(lines) if line.startswith("Done ")), "")
     said = (
-        f"{count} executions, {float(count) / seconds:.0f} per second of CPU"
+        f"{count} executions, {float(count) / seconds:.0f} per second of {clock}"
         if count
         else f"broke off; see {log}"
     )
-    print(f"{name:>21}: {said}, {seconds:.0f} s of CPU", flush=True)
+    print(f"{name:>21}: {said}, {seconds:.0f} s of {clock}", flush=True)
     return status == 0 and bool(count)
 
 
@@ -107,6 +111,8 @@ def _become(program: Path, name: str, place: Path, options: list[str]) -> NoRetu
 def _fuzz(name: str, target: Any, place: Path, options: list[str]) -> None:  # noqa: ANN401 - a Target
     import atheris
 
+    if not target.guided:
+        vars(sys.modules["mrdamper.data.formats.isolated"])["_start"] = import_module("fuzz.forks").Forked
     for k, seed in enumerate(target.seeds()):
         (place / f"seed-{k}").write_bytes(seed)
     for path in sys.modules["fuzz.targets"].kept_inputs(name):

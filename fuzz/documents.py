@@ -16,7 +16,7 @@ from unittest import mock
 
 from fuzz.contract import folder, promised, require, written
 from fuzz.edits import Draws, edited, toml_of
-from fuzz.seeds import card_documents, drawing_texts, plain_run, toml_texts
+from fuzz.seeds import card_documents, drawing_texts, text, toml_texts
 from mrdamper.app.sweep import plan as sweep_plan
 from mrdamper.control.scenario import read_scenario
 from mrdamper.data.channels import read_channel_map
@@ -32,6 +32,8 @@ from mrdamper.thermal.drawing_file import drawing_of, sink_of
 __all__ = ["campaign", "card", "channel_map", "drawing", "fluid", "scenario", "sweep", "virtual_damper"]
 
 _EDITS = 1  # a first byte of 1: what follows are edits of the kept document that the next byte chooses
+
+_LINES = 40  # of the run that a channel map is tried on
 
 
 def _document(content: bytes, kept: Callable[[], list[dict[str, Any]]]) -> bytes:
@@ -54,7 +56,7 @@ def channel_map(content: bytes) -> None:
         chosen = read_channel_map(path)
         run = folder() / "run.csv"
         if not run.exists():
-            run.write_bytes(plain_run())
+            run.write_bytes(text("run.csv", _LINES))
         with promised("run"):
             runs_in(read_table(run, chosen.file), chosen, run)
 

@@ -21,7 +21,6 @@ __all__ = [
     "binary",
     "card_documents",
     "drawing_texts",
-    "plain_run",
     "rows_of",
     "sheet",
     "text",
@@ -48,12 +47,6 @@ def _written(name: str) -> bytes:
         path = Path(folder) / name
         WRITERS[name](path)
         return path.read_bytes()
-
-
-@cache
-def plain_run() -> bytes:
-    """Return a run as comma-separated text."""
-    return _written("run.csv")
 
 
 def text(name: str, lines: int = 16) -> bytes:

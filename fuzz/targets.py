@@ -23,7 +23,7 @@ class Target:
 
     take: Callable[[bytes], None]  # returns, or raises what is a finding
     seeds: Callable[[], Sequence[bytes]]
-    longest: int = 4096  # bytes of an input
+    longest: int = 2048  # bytes of an input
     guided: bool = True  # False: the work is done in another process, whose branches are not seen
 
 

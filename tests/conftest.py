@@ -20,6 +20,10 @@ from hypothesis import settings
 os.environ["MPLBACKEND"] = "Agg"
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # two workers: more threads would only wait in loops
 
+# Under nohup, or in a shell's background, these are ignored: what the tests start must hear them.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
 # Same examples on every run and machine; a loaded machine is not a fault of the code.
 settings.register_profile("mrdamper", derandomize=True, deadline=None)
 settings.load_profile("mrdamper")

@@ -384,6 +384,59 @@ def test_mdf_groups_with_clocks_of_their_own_are_not_resampled(tmp_path):
         read_run(tmp_path / "run.mf4")
 
 
+def test_samples_that_an_mdf_file_calls_invalid_are_not_numbers(tmp_path):
+    from asammdf import MDF, Signal
+
+    time, values = np.arange(9) * 0.1, np.arange(9)
+    for name, given in (("force", values.astype(float)), ("counts", values.astype("<i4"))):
+        with MDF(version="4.10") as file:
+            odd = values % 4 == 1
+            file.append(
+                [Signal(given, time, "N", name, invalidation_bits=odd), Signal(time.copy(), time, "mm", "x")]
+            )
+            file.save(tmp_path / f"{name}.mf4", overwrite=True)
+        table = read_table(tmp_path / f"{name}.mf4")
+        assert np.array_equal(table.columns[name], np.where(odd, np.nan, values), equal_nan=True)
+        assert np.isfinite(table.columns["x"]).all()
+        assert table.read_rows is not None
+        (part,) = table.read_rows([name], 4, 3)
+        assert np.array_equal(part, [4.0, np.nan, 6.0], equal_nan=True)
+
+
+def test_records_that_an_mdf_file_cannot_hold_get_no_memory(tmp_path):
+    """Damaged counts of some kB once made gigabytes of zeros, and took most of a minute."""
+    WRITERS["run.mf4"](tmp_path / "run.mf4")
+    content = bytearray((tmp_path / "run.mf4").read_bytes())
+    count = content.index(b"##CG") + 80  # after the head of the block, its six links and its number
+    assert int.from_bytes(content[count : count + 8], "little") == len(RUN)
+    content[count : count + 8] = (1 << 26).to_bytes(8, "little")
+    (tmp_path / "run.mf4").write_bytes(content)
+    with pytest.raises(InputError, match=r"states 67108864 samples of 32 bytes, more than a file of"):
+        read_table(tmp_path / "run.mf4")
+
+
+def test_the_blocks_of_an_mdf_file_are_parsed_once(tmp_path, monkeypatch):
+    import asammdf
+
+    WRITERS["run.mf4"](tmp_path / "run.mf4")
+    opened = []
+    usual = asammdf.MDF
+
+    def noted(*given, **how):
+        opened.append(given)
+        return usual(*given, **how)
+
+    monkeypatch.setattr(asammdf, "MDF", noted)
+    table = read_mdf(tmp_path / "run.mf4", FileOptions())
+    for name in table.names:
+        assert len(table.columns[name]) == table.rows
+    assert len(opened) == 1
+    held = Path(f"/proc/{os.getpid()}/fd")
+    assert any(each.resolve() == tmp_path / "run.mf4" for each in held.iterdir())
+    del table
+    assert not any(each.resolve() == tmp_path / "run.mf4" for each in held.iterdir())
+
+
 @pytest.mark.parametrize(("version", "nested"), [("3.30", False), ("4.10", False), ("4.10", True)])
 def test_a_formula_in_an_mdf_file_is_not_run(tmp_path, monkeypatch, version, nested):
     """The library would give its text to an evaluator, which is Python's own in the end."""

@@ -44,6 +44,12 @@ from tests.app.rigs import answer_of, command, mrdamper, short_runs, write_csv, 
 from tests.app.tracked import write_a_card
 from tests.app.web.served import series_of, served
 
+TINY = (
+    'motions = ["sine5mm1Hz"]\ncurrents_A = [0, 1]\ntemperatures_degC = [20]\nsteps = false\n'
+    "held_out_temperatures_degC = []\nheld_out_motions = []\n"
+)
+"""A campaign of two runs."""
+
 SILENT = "a b c\n"  # headers that say nothing
 
 
@@ -475,16 +481,40 @@ def test_a_drawing_of_one_s_own_is_taken(clean):
     assert "outer_diameter_mm" in bad.json()["error"]
 
 
+def test_files_that_come_and_go_do_no_harm_to_what_is_listed(clean):
+    """A program beside the server writes and removes files, each for some microseconds."""
+    root, client = clean
+    put_card(root)
+    (root / "inputs" / "tiny.toml").write_text(TINY, encoding="utf-8")
+    job = client.job("rig", campaign="tiny.toml")
+    client.ended(job)
+    places = [root / "inputs", root / "records", root / "runs", root / "results" / job]
+    over = threading.Event()
+
+    def coming_and_going():
+        while not over.is_set():
+            for place in places:
+                (place / "passing.csv").write_text("time_s,force_N\n0,1\n")
+            for place in places:
+                (place / "passing.csv").unlink()
+
+    other = threading.Thread(target=coming_and_going)
+    other.start()
+    try:
+        for _ in range(60):
+            client.get("/api/state")
+            client.get(f"/api/jobs/{job}")
+    finally:
+        over.set()
+        other.join()
+
+
 # ------------------------------------------------------------------------------------------- jobs
 
 
 def test_the_virtual_rig_fills_an_empty_folder(clean):
     root, client = clean
-    campaign = (
-        'motions = ["sine5mm1Hz"]\ncurrents_A = [0, 1]\ntemperatures_degC = [20]\nsteps = false\n'
-        "held_out_temperatures_degC = []\nheld_out_motions = []\n"
-    )
-    (root / "inputs" / "tiny.toml").write_text(campaign, encoding="utf-8")
+    (root / "inputs" / "tiny.toml").write_text(TINY, encoding="utf-8")
     job = client.ended(client.job("rig", campaign="tiny.toml"))
     assert job["state"] == "done", job["message"]
     assert len(client.read_all()) == 2

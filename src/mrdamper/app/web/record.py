@@ -14,6 +14,7 @@ import json
 import os
 import re
 import shutil
+import stat
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -101,7 +102,7 @@ class JobRecord:
         if found["state"] not in ENDED or (found["state"] == "done" and found["kind"] == "sweep"):
             return None
         place = self._kept(found)
-        return place if place is not None and place.is_file() and place.stat().st_size else None
+        return place if place is not None and _size(place) else None
 
     def forget(self) -> None:
         """Delete the job's files, and what it has left to go on with."""
@@ -164,12 +165,16 @@ class JobRecord:
         }
 
     def files(self) -> list[Json]:
-        """Return the job's own files."""
-        found = [path for path in sorted(self.folder.rglob("*")) if path.is_file() and not path.is_symlink()]
-        names = [(path, path.relative_to(self.folder)) for path in found]
+        """Return the job's own files; those that a running job has put elsewhere meanwhile are none."""
+        found: dict[Path, int] = {}
+        for folder, _, names in os.walk(self.folder):
+            for name in names:
+                size = _size(Path(folder) / name)
+                if size is not None:
+                    found[(Path(folder) / name).relative_to(self.folder)] = size
         return [
-            {"path": name.as_posix(), "bytes": path.stat().st_size}
-            for path, name in names
+            {"path": name.as_posix(), "bytes": found[name]}
+            for name in sorted(found)
             if str(name) not in _OWN and not any(part.startswith(".") for part in name.parts)
         ][:_MOST_FILES]
 
@@ -178,6 +183,15 @@ class JobRecord:
 
     def _write(self, value: Json) -> None:
         write_whole(self.folder / "job.json", value)
+
+
+def _size(path: Path) -> int | None:
+    """Return the bytes of a file, None where there is none; a link is none."""
+    try:
+        found = path.lstat()
+    except OSError:
+        return None
+    return found.st_size if stat.S_ISREG(found.st_mode) else None
 
 
 def write_whole(path: Path, value: Mapping[str, Any]) -> None:

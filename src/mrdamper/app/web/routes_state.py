@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import asyncio
 import platform
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from fastapi import APIRouter
 from starlette.responses import Response
 
 from mrdamper.app.card_line import card_line
-from mrdamper.app.web.folder import WorkFolder, stamp
+from mrdamper.app.web.folder import NotThereError, WorkFolder, stamp
 from mrdamper.app.web.inputs import kind_of_input
 from mrdamper.app.web.routes_jobs import job_rows
 from mrdamper.app.web.shop import Shop, say, stream
@@ -20,6 +23,7 @@ from mrdamper.app.web.shop import Shop, say, stream
 __all__ = ["state_routes"]
 
 Json = dict[str, Any]
+Item = TypeVar("Item")
 
 
 def state_routes(shop: Shop) -> APIRouter:
@@ -51,12 +55,21 @@ def _state(shop: Shop) -> Json:
         "folder_name": folder.root.name,
         "most_upload_bytes": shop.most_upload,
         "formats": list(shop.formats),
-        "records": [_record(folder, path) for path in folder.record_files(shop.formats)],
-        "inputs": [_input(path) for path in folder.input_files()],
-        "cards": [_card(folder, name) for name in folder.card_names()],
+        "records": _of_each(folder.record_files(shop.formats), partial(_record, folder)),
+        "inputs": _of_each(folder.input_files(), _input),
+        "cards": _of_each(folder.card_names(), partial(_card, folder)),
         "jobs": job_rows(shop),
         "choices": shop.choices,
     }
+
+
+def _of_each(found: Iterable[Item], told: Callable[[Item], Json]) -> list[Json]:
+    """Return what is told of each; a file that went away meanwhile is left out."""
+    rows = []
+    for each in found:
+        with suppress(FileNotFoundError, NotThereError):
+            rows.append(told(each))
+    return rows
 
 
 def _record(folder: WorkFolder, path: Path) -> Json:

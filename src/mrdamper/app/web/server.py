@@ -72,6 +72,7 @@ def build(root: Path, door: Door | None = None, *, most_upload: int = MOST_UPLOA
     for kind, status in _STATUS:
         app.add_exception_handler(kind, _told_with(status))
     app.add_exception_handler(OSError, _no_space)
+    app.add_exception_handler(FileNotFoundError, _gone)
     app.add_exception_handler(NotYetError, _not_yet)
     app.add_exception_handler(HTTPException, _plain)
     app.add_exception_handler(Exception, _fault)
@@ -173,6 +174,12 @@ def _no_space(request: Request, fault: Exception) -> Response:
     if not is_full(fault):
         raise fault
     return _told_with(507)(request, NoSpaceError("nothing was written"))
+
+
+def _gone(request: Request, fault: Exception) -> Response:
+    """Tell that what a list had shown has been deleted or moved since."""
+    name = Path(str(getattr(fault, "filename", None) or "a file")).name
+    return _told_with(404)(request, NotThereError(f"{name!r}: is no longer there"))
 
 
 def _not_yet(_: Request, _fault: Exception) -> Response:

@@ -15,11 +15,10 @@ from __future__ import annotations
 import json
 import os
 import resource
-import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType
-from typing import IO, Any
+from typing import IO, Any, NoReturn
 
 import numpy as np
 
@@ -30,7 +29,7 @@ from mrdamper.data.formats.parquet import read_parquet
 from mrdamper.data.formats.table import FileOptions, Table
 from mrdamper.errors import InputError
 
-__all__ = ["READERS", "hold_memory", "serve"]
+__all__ = ["READERS", "hold_memory", "main", "serve"]
 
 _MOST_BYTES = 12 << 30  # three times the longest column that is read
 _MOST_SHARE = 0.75
@@ -96,10 +95,15 @@ def _say(answers: IO[bytes], value: Mapping[str, Any]) -> None:
     answers.write(json.dumps(value).encode() + b"\n")
 
 
-if __name__ == "__main__":
+def main() -> NoReturn:
+    """Serve standard input and output until the questions end."""
     hold_memory()
     kept = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what a library prints is no answer
-    serve(sys.stdin.buffer, kept)
+    serve(os.fdopen(0, "rb"), kept)
     kept.flush()
     os._exit(0)  # closing what is left may crash
+
+
+if __name__ == "__main__":
+    main()

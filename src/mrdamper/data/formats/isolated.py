@@ -11,13 +11,15 @@ from __future__ import annotations
 import atexit
 import json
 import os
+import select
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from threading import RLock, Timer
-from typing import Any
+from threading import RLock
+from typing import IO, Any
 
 import numpy as np
 
@@ -28,6 +30,7 @@ from mrdamper.quantities import FloatArray
 __all__ = ["isolated", "stop"]
 
 _PATIENCE_s = 600.0  # for one answer
+_PIECE = 1 << 16  # bytes that are taken at once: what a pipe holds
 _COMMAND = (sys.executable, "-P", "-m", "mrdamper.data.formats.decoder")
 
 
@@ -87,12 +90,55 @@ def _rows(
         return _DECODER.rows(path, names, start, count)
 
 
+def _start() -> subprocess.Popen[bytes]:
+    return subprocess.Popen(
+        _COMMAND, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
+    )
+
+
+class _Answers:
+    """What the process writes; what does not come in time, or at all, is told by its absence."""
+
+    def __init__(self, stream: IO[bytes] | None = None) -> None:
+        self._place = -1 if stream is None else stream.fileno()
+        self._poll = select.poll()
+        if stream is not None:
+            self._poll.register(self._place, select.POLLIN)
+        self._ahead = b""  # what came with the last answer, and belongs to the next
+
+    def line(self) -> bytes:
+        """Return the next line with its end, or what there is of it."""
+        pieces, until = [self._ahead], time.monotonic() + _PATIENCE_s
+        while b"\n" not in pieces[-1] and self._waits(until):
+            pieces.append(os.read(self._place, _PIECE))
+            if not pieces[-1]:
+                break
+        line, end, self._ahead = b"".join(pieces).partition(b"\n")
+        return line + end
+
+    def fill(self, room: memoryview) -> bool:
+        """Take as many bytes as there is room for; tell whether they all came."""
+        until, at = time.monotonic() + _PATIENCE_s, min(len(self._ahead), len(room))
+        room[:at], self._ahead = self._ahead[:at], self._ahead[at:]
+        while at < len(room) and self._waits(until):
+            count = os.readv(self._place, [room[at:]])
+            if not count:
+                break
+            at += count
+        return at == len(room)
+
+    def _waits(self, until: float) -> bool:
+        """Tell whether something comes before a time, be it the end."""
+        return bool(self._poll.poll(1e3 * max(until - time.monotonic(), 0.0)))
+
+
 class _Decoder:
     """The process that decodes, started when it is needed."""
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
         self._started_by = 0
+        self._answers = _Answers()
         self.opened: Mapping[str, Any] = {}  # the last file that it opened
 
     def ask(self, path: Path, question: Mapping[str, Any]) -> dict[str, Any]:
@@ -123,7 +169,7 @@ class _Decoder:
         try:
             process.stdin.write(json.dumps(question).encode() + b"\n")
             process.stdin.flush()
-            line = self._take(process, None)
+            line = self._answers.line()
         except OSError:
             line = b""
         if line[:1] + line[-1:] == b"{\n":
@@ -143,14 +189,14 @@ class _Decoder:
 
     def _column(self, path: Path, name: str, samples: int) -> FloatArray:
         """Return the numbers that follow an answer."""
-        size = 8 * samples
-        values = self._take(self._running(), size)
-        if len(values) < size:
+        values = np.empty(samples)
+        if not self._answers.fill(values.data.cast("B")):
             self.stop()
             raise InputError(
                 f"{path}: column {name!r}: its decoder has crashed. The file is damaged: copy it again"
             )
-        return np.frombuffer(values, dtype=np.float64)
+        values.setflags(write=False)
+        return values
 
     def stop(self) -> None:
         """End the process."""
@@ -169,22 +215,10 @@ class _Decoder:
     def _running(self) -> subprocess.Popen[bytes]:
         if self._process is None or self._started_by != os.getpid() or self._process.poll() is not None:
             self.stop()
-            self._process = subprocess.Popen(
-                _COMMAND, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
-            )
+            self._process = _start()
             self._started_by = os.getpid()
+            self._answers = _Answers(self._process.stdout)
         return self._process
-
-    @staticmethod
-    def _take(process: subprocess.Popen[bytes], size: int | None) -> bytes:
-        assert process.stdout is not None
-        timer = Timer(_PATIENCE_s, process.kill)
-        timer.daemon = True
-        timer.start()
-        try:
-            return process.stdout.readline() if size is None else process.stdout.read(size)
-        finally:
-            timer.cancel()
 
 
 _LOCK = RLock()

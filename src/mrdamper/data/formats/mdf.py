@@ -3,16 +3,19 @@
 Groups of one clock become one table with one time. Where groups have clocks of their own, each group has its
 ``time`` and nothing is resampled: name the group at ``[file] part``, or write the file with one raster.
 
+Samples that the file marks as invalid are not numbers here: ``check`` counts them.
+
 A file may scale a channel by a formula. asammdf would run that text as code; here such a file is refused.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
+from weakref import finalize
 
 import numpy as np
 
@@ -33,6 +36,8 @@ from mrdamper.quantities import FloatArray
 __all__ = ["is_mdf", "read_mdf"]
 
 _MOST_GROUPS = 4096
+_WORDS = ("MDF file", "export the run as CSV")
+_MOST_UNPACKED = 1032  # bytes from one: no more come from a deflated one
 _TIME = -1  # in place of a channel: the clock of the group
 
 Found = tuple[tuple[str, str], int, int, str, int, int]  # path, group, channel, unit, samples, clock
@@ -44,34 +49,42 @@ def is_mdf(head: bytes) -> bool:
 
 
 def read_mdf(path: Path, options: FileOptions) -> Table:
-    """Return the channels of an MDF file."""
-    with _opened(path) as file:
-        found = _find_columns(file, path, options.part)
+    """Return the channels of an MDF file, which is open for as long as the table is there."""
+    file = _File(path)
+    with file.asked() as source:
+        _require_no_formula(source, path)
+        found = _find_columns(source, path, options.part)
     names = plain_names([where for where, *_ in found])
     named = dict(zip(names, found, strict=True))
     return Table(
         names=tuple(names),
-        columns=OnUse({name: partial(_read, path, each[1], each[2]) for name, each in named.items()}),
+        columns=OnUse({name: partial(_read, file, each[1], each[2]) for name, each in named.items()}),
         texts={},
         layout=Layout("MDF file", part=options.part),
         rows=max((each[4] for each in found), default=0),
         units={name: each[3] for name, each in named.items() if each[3]},
         clocks={name: each[5] for name, each in named.items()},
-        read_rows=partial(_rows, path, {name: (each[1], each[2]) for name, each in named.items()}),
+        read_rows=partial(_rows, file, {name: (each[1], each[2]) for name, each in named.items()}),
     )
 
 
-@contextmanager
-def _opened(path: Path) -> Iterator[Any]:
-    asammdf = load_extra("asammdf", "asammdf", "MDF files")
-    # an open stream, not a path: by its name asammdf would unpack archives and write beside them
-    with (
-        path.open("rb") as stream,
-        decoding(path, "MDF file", "export the run as CSV"),
-        asammdf.MDF(stream, process_bus_logging=False) as file,
-    ):
-        _require_no_formula(file, path)
-        yield file
+class _File:
+    """An open file of asammdf: its blocks are parsed once, not for every channel."""
+
+    def __init__(self, path: Path) -> None:
+        asammdf = load_extra("asammdf", "asammdf", "MDF files")
+        self._path, self._kept = path, ExitStack()
+        finalize(self, self._kept.close)
+        # an open stream, not a path: by its name asammdf would unpack archives and write beside them
+        stream = self._kept.enter_context(path.open("rb"))
+        with decoding(path, *_WORDS):
+            self._file = self._kept.enter_context(asammdf.MDF(stream, process_bus_logging=False))
+
+    @contextmanager
+    def asked(self) -> Iterator[Any]:
+        """Give asammdf's file; what it raises is the fault of the bytes."""
+        with decoding(self._path, *_WORDS):
+            yield self._file
 
 
 def _require_no_formula(file: Any, path: Path) -> None:  # noqa: ANN401 - asammdf's file
@@ -92,6 +105,16 @@ def _formula(conversion: Any) -> str:  # noqa: ANN401 - asammdf's conversion, or
     return own or next((said for each in others.values() if (said := _formula(each))), "")
 
 
+def _require_held(group: Any, samples: int, path: Path, title: str) -> None:  # noqa: ANN401 - asammdf's group
+    """Refuse more records than a file of this size unpacks to: memory would be given to them all the same."""
+    size, most = int(group.channel_group.samples_byte_nr), _MOST_UNPACKED * path.stat().st_size
+    if samples * size > most:
+        raise InputError(
+            f"{path}: {title!r} states {samples} samples of {size} bytes, more than a file of this "
+            "size holds. The file is damaged: copy it again, or export the run as CSV"
+        )
+
+
 def _find_columns(file: Any, path: Path, part: str) -> list[Found]:  # noqa: ANN401 - asammdf's file
     found: list[Found] = []
     clocks: list[FloatArray] = []
@@ -101,7 +124,8 @@ def _find_columns(file: Any, path: Path, part: str) -> list[Found]:  # noqa: ANN
         if part not in {"", title} or samples < 1:
             continue
         require_room(samples, path, title)
-        clock = _column(file, g, _TIME)
+        _require_held(group, samples, path, title)
+        clock = _samples(file, g, _TIME)
         number = next((k for k, other in enumerate(clocks) if np.array_equal(clock, other)), len(clocks))
         if number == len(clocks):
             clocks.append(clock)
@@ -114,26 +138,29 @@ def _find_columns(file: Any, path: Path, part: str) -> list[Found]:  # noqa: ANN
     return found
 
 
-def _column(file: Any, group: int, channel: int) -> FloatArray:  # noqa: ANN401 - asammdf's file
-    values = file.get_master(group) if channel == _TIME else file.get(group=group, index=channel).samples
-    return as_column(np.asarray(values))[0]
+def _samples(file: Any, group: int, channel: int, **rows: int) -> FloatArray:  # noqa: ANN401 - asammdf's file
+    """Return the samples of a channel, or some rows; not a number where the file calls one invalid."""
+    if channel == _TIME:
+        return as_column(np.asarray(file.get_master(group, **rows)))[0]
+    every = {"samples_only": True, "ignore_invalidation_bits": True}  # asammdf would leave invalid ones out
+    read, invalid = file.get(group=group, index=channel, **every, **rows)
+    values = as_column(np.asarray(read))[0]
+    if invalid is not None:
+        values[np.asarray(invalid, dtype=bool)] = np.nan
+    return values
 
 
-def _read(path: Path, group: int, channel: int) -> FloatArray:
-    with _opened(path) as file:
-        return _column(file, group, channel)
+def _read(file: _File, group: int, channel: int) -> FloatArray:
+    with file.asked() as source:
+        return _samples(source, group, channel)
 
 
 def _rows(
-    path: Path, places: Mapping[str, tuple[int, int]], names: Sequence[str], start: int, count: int
+    file: _File, places: Mapping[str, tuple[int, int]], names: Sequence[str], start: int, count: int
 ) -> list[FloatArray]:
     """Return some rows of channels."""
     columns = []
-    with _opened(path) as file:
+    with file.asked() as source:
         for group, channel in (places[name] for name in names):
-            if channel == _TIME:
-                values = file.get_master(group, record_offset=start, record_count=count)
-            else:
-                values = file.get(group=group, index=channel, record_offset=start, record_count=count).samples
-            columns.append(as_column(np.asarray(values))[0])
+            columns.append(_samples(source, group, channel, record_offset=start, record_count=count))
     return columns

@@ -298,18 +298,24 @@ def split_line(line: str, delimiter: str) -> list[str]:
 class _Column:
     """One column of one block: its cells as text, and as numbers where they are."""
 
-    def __init__(self, text: pl.Series, rows: pl.Series, decimal: str) -> None:
+    def __init__(self, cells: pl.DataFrame, name: str) -> None:
+        self.text, self.parsed = cells[name], cells[f"{name} parsed"]
+        self.rows, self.wrong = cells["row"], cells[f"{name} wrong"]
+        self.bad = int(self.wrong.sum())
+        self.mostly_text = self.bad > 0.5 * (len(self.parsed) - self.parsed.null_count() + self.bad)
+
+    @staticmethod
+    def asked(name: str, decimal: str) -> list[pl.Expr]:
+        """Return what is asked about the column of a name: its cells, as numbers, and which are none."""
         import polars as pl
 
-        self.text, self.rows = text.str.strip_chars(' \t"'), rows
-        filled = self.text.is_not_null() & (self.text != "")
-        spelled = self.text
+        text = pl.col(name).str.strip_chars(' \t"')
+        spelled = text
         if decimal == ",":  # a point would separate thousands
-            spelled = spelled.str.replace(".", "?", literal=True).str.replace(",", ".", literal=True)
-        self.parsed = spelled.cast(pl.Float64, strict=False)
-        self.wrong = filled & self.parsed.is_null()
-        self.bad = int(self.wrong.sum())
-        self.mostly_text = self.bad > 0.5 * int(filled.sum())
+            spelled = text.str.replace(".", "?", literal=True).str.replace(",", ".", literal=True)
+        parsed = spelled.cast(pl.Float64, strict=False)
+        wrong = (text != "").fill_null(value=False) & parsed.is_null()
+        return [text, parsed.alias(f"{name} parsed"), wrong.alias(f"{name} wrong")]
 
     def numbers(self) -> FloatArray:
         return np.array(self.parsed.fill_null(float("nan")).to_numpy(), dtype=np.float64)
@@ -383,10 +389,9 @@ def _parse_block(
         _require_utf8(path, content)
         raise InputError(f"{path}: not a table of numbers ({str(error).splitlines()[0]})") from error
     frame = frame.with_row_index("row", first_line).filter(~pl.all_horizontal(pl.exclude("row").is_null()))
-    return [
-        _Column(frame[f"{k}"], frame["row"], decimal) if not wanted or k in wanted else None
-        for k in range(count)
-    ]
+    asked = [f"{k}" for k in wanted or range(count)]
+    cells = frame.select("row", *(each for name in asked for each in _Column.asked(name, decimal)))
+    return [_Column(cells, f"{k}") if f"{k}" in asked else None for k in range(count)]
 
 
 # ------------------------------------------------------------------------------------------- looking
