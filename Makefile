@@ -73,7 +73,7 @@ check-long: install $(VENV)/.tested
 
 # Damaged files that go to another process (NAME=isolated) are some tens a second: a fiftieth of them, see check-long.
 fuzz: install $(VENV)/.tested
-	$(RUN) -m fuzz $(or $(NAME),c python) -runs=$(or $(RUNS),1000000)
+	$(RUN) -m fuzz $(or $(NAME),all) -runs=$(or $(RUNS),1000000)
 
 # Strict: a package of which nothing could be asked is a failure, as is a machine without network.
 audit:

@@ -17,6 +17,7 @@ import time
 import traceback
 from collections.abc import Sequence
 from contextlib import redirect_stderr
+from functools import partial
 from importlib import import_module
 from importlib.machinery import FileFinder, ModuleSpec, SourceFileLoader
 from pathlib import Path
@@ -39,8 +40,8 @@ def main(given: list[str]) -> int:
     asked = [each for each in given if not each.startswith("-")]
     python = {} if asked and set(asked) <= {"c", *native.TARGETS} else _targets()
     kinds = {"c": [*native.TARGETS], "all": [*native.TARGETS, *python]}
-    kinds["python"] = [name for name, target in python.items() if target.guided]
-    kinds["isolated"] = [name for name, target in python.items() if not target.guided]
+    kinds["python"] = [name for name, target in python.items() if not target.library]
+    kinds["isolated"] = [name for name, target in python.items() if target.library]
     names = [name for each in asked for name in kinds.get(each, [each])]
     unknown = [name for name in names if name not in kinds["all"]]
     if unknown or not names:
@@ -86,7 +87,9 @@ def _run(name: str, target: Any, options: list[str]) -> bool:  # noqa: ANN401 - 
                 traceback.print_exc()
             ctypes.CDLL(None).exit(1)  # by the C library: the engine's handler keeps the input at fault
         _, status, used = os.wait4(process, 0)
-    apart = target is not None and not target.guided  # the work is done by processes that are not waited for
+    apart = target is not None and bool(
+        target.library
+    )  # the work is done by processes that are not waited for
     seconds = time.monotonic() - began if apart else used.ru_utime + used.ru_stime
     clock = "time" if apart else "CPU"
     lines = log.read_text(encoding="utf-8", errors="replace").splitlines()
@@ -111,8 +114,9 @@ def _become(program: Path, name: str, place: Path, options: list[str]) -> NoRetu
 def _fuzz(name: str, target: Any, place: Path, options: list[str]) -> None:  # noqa: ANN401 - a Target
     import atheris
 
-    if not target.guided:
-        vars(sys.modules["mrdamper.data.formats.isolated"])["_start"] = import_module("fuzz.forks").Forked
+    if target.library:
+        start = partial(import_module("fuzz.forks").Forked, target.library)
+        vars(sys.modules["mrdamper.data.formats.isolated"])["_start"] = start
     for k, seed in enumerate(target.seeds()):
         (place / f"seed-{k}").write_bytes(seed)
     for path in sys.modules["fuzz.targets"].kept_inputs(name):

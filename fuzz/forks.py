@@ -2,7 +2,7 @@
 
 A file that crashes a library costs the start of another decoder: half a second, most of it for imports. Here
 a process that has imported them, and has done nothing else, forks one for each start: some milliseconds.
-``python -m fuzz.forks NUMBER`` is that process; the socket of that number brings it the ends of the pipes.
+``python -m fuzz.forks NUMBER LIBRARY`` is that process; the socket of that number brings the pipes' ends.
 """
 
 from __future__ import annotations
@@ -19,17 +19,15 @@ from mrdamper.data.formats import decoder
 
 __all__ = ["Forked"]
 
-_LIBRARIES = ("asammdf", "h5py", "polars", "scipy.io")
-
 
 class Forked:
     """Stands for ``subprocess.Popen`` where a decoder is started."""
 
     _source: socket.socket | None = None
 
-    def __init__(self) -> None:
+    def __init__(self, library: str) -> None:
         asked, answers = os.pipe(), os.pipe()
-        source = self._running()
+        source = self._running(library)
         socket.send_fds(source, [b"+"], [asked[0], answers[1]])
         self.pid = int.from_bytes(source.recv(4), "little")
         os.close(asked[0])
@@ -38,10 +36,10 @@ class Forked:
         self.stdout: IO[bytes] = os.fdopen(answers[0], "rb")
 
     @classmethod
-    def _running(cls) -> socket.socket:
+    def _running(cls, library: str) -> socket.socket:
         if cls._source is None:
             cls._source, other = socket.socketpair()
-            command = [sys.executable, "-m", "fuzz.forks", f"{other.fileno()}"]
+            command = [sys.executable, "-m", "fuzz.forks", f"{other.fileno()}", library]
             subprocess.Popen(command, pass_fds=[other.fileno()], stderr=subprocess.DEVNULL)
             other.close()
         return cls._source
@@ -62,8 +60,6 @@ class Forked:
 
 def _serve(orders: socket.socket) -> None:
     """Fork a decoder for each pair of pipe ends that is sent, until no more can come."""
-    for name in _LIBRARIES:
-        importlib.import_module(name)
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)
     while True:
         said, ends, _, _ = socket.recv_fds(orders, 1, 2)
@@ -82,4 +78,5 @@ def _serve(orders: socket.socket) -> None:
 
 
 if __name__ == "__main__":
+    importlib.import_module(sys.argv[2])
     _serve(socket.socket(fileno=int(sys.argv[1])))

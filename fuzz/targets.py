@@ -24,7 +24,7 @@ class Target:
     take: Callable[[bytes], None]  # returns, or raises what is a finding
     seeds: Callable[[], Sequence[bytes]]
     longest: int = 2048  # bytes of an input
-    guided: bool = True  # False: the work is done in another process, whose branches are not seen
+    library: str = ""  # which decodes in another process, whose branches are not seen
 
 
 def _tables(*headers: str) -> Callable[[], Sequence[bytes]]:
@@ -114,14 +114,14 @@ TARGETS: Mapping[str, Target] = MappingProxyType(
         "excel-sheet": Target(binaries.excel_sheet, lambda: [seeds.sheet()], longest=8192),
         **{
             f"isolated-{name}": Target(
-                binaries.isolated, partial(seeds.binary, file), longest=32768, guided=False
+                binaries.isolated, partial(seeds.binary, file), longest=32768, library=library
             )
-            for name, file in (
-                ("hdf5", "run.h5"),
-                ("mat73", "v73.mat"),
-                ("mat", "v5.mat"),
-                ("mdf", "run.mf4"),
-                ("parquet", "run.parquet"),
+            for name, file, library in (
+                ("hdf5", "run.h5", "h5py"),
+                ("mat73", "v73.mat", "h5py"),
+                ("mat", "v5.mat", "scipy.io"),
+                ("mdf", "run.mf4", "asammdf"),
+                ("parquet", "run.parquet", "polars"),
             )
         },
     }

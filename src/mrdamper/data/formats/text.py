@@ -390,7 +390,7 @@ def _parse_block(
         raise InputError(f"{path}: not a table of numbers ({str(error).splitlines()[0]})") from error
     frame = frame.with_row_index("row", first_line).filter(~pl.all_horizontal(pl.exclude("row").is_null()))
     asked = [f"{k}" for k in wanted or range(count)]
-    cells = frame.select("row", *(each for name in asked for each in _Column.asked(name, decimal)))
+    cells = frame.select_seq("row", *(each for name in asked for each in _Column.asked(name, decimal)))
     return [_Column(cells, f"{k}") if f"{k}" in asked else None for k in range(count)]
 
 
