@@ -54,9 +54,9 @@ def _parts() -> dict[str, bytes]:
         return {name: archive.read(name) for name in archive.namelist()}
 
 
-def isolated(content: bytes) -> None:
-    """Whatever format the bytes are of, through the door; numbers of a crash are asked for as well."""
-    path = written("input.bin", content)
+def isolated(start: bytes, content: bytes) -> None:
+    """A format that begins with ``start``, through the door; numbers of a crash are asked for as well."""
+    path = written("input.bin", start + content[len(start) :])
     with promised("input.bin"):
         table = read_table(path)
         require(table.rows > 1, "a table of one row")

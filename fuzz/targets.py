@@ -114,14 +114,14 @@ TARGETS: Mapping[str, Target] = MappingProxyType(
         "excel-sheet": Target(binaries.excel_sheet, lambda: [seeds.sheet()], longest=8192),
         **{
             f"isolated-{name}": Target(
-                binaries.isolated, partial(seeds.binary, file), longest=32768, library=library
+                partial(binaries.isolated, start), partial(seeds.binary, file), longest=32768, library=library
             )
-            for name, file, library in (
-                ("hdf5", "run.h5", "h5py"),
-                ("mat73", "v73.mat", "h5py"),
-                ("mat", "v5.mat", "scipy.io"),
-                ("mdf", "run.mf4", "asammdf"),
-                ("parquet", "run.parquet", "polars"),
+            for name, file, library, start in (
+                ("hdf5", "run.h5", "h5py", b"\x89HDF"),
+                ("mat73", "v73.mat", "h5py", b"MATLAB 7.3"),
+                ("mat", "v5.mat", "scipy.io", b"MATLAB 5.0"),
+                ("mdf", "run.mf4", "asammdf", b"MDF     "),
+                ("parquet", "run.parquet", "polars", b"PAR1"),
             )
         },
     }
