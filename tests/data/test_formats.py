@@ -411,7 +411,7 @@ def test_records_that_an_mdf_file_cannot_hold_get_no_memory(tmp_path):
     assert int.from_bytes(content[count : count + 8], "little") == len(RUN)
     content[count : count + 8] = (1 << 26).to_bytes(8, "little")
     (tmp_path / "run.mf4").write_bytes(content)
-    with pytest.raises(InputError, match=r"states 67108864 samples of 32 bytes, more than a file of"):
+    with pytest.raises(InputError, match=r"states 67108864 samples of 32 bytes, which a file of"):
         read_table(tmp_path / "run.mf4")
 
 

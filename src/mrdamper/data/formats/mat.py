@@ -6,6 +6,7 @@ Version 7.3 is HDF5 and read there.
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from mrdamper.data.formats.table import (
     as_column,
     decoding,
     plain_names,
+    require_held,
     require_room,
 )
 from mrdamper.errors import InputError
@@ -27,6 +29,7 @@ from mrdamper.quantities import FloatArray
 
 __all__ = ["is_mat", "read_mat"]
 
+_LEAST_BYTES = dict.fromkeys(("struct", "cell", "object"), 8)  # of one element; of a number, one
 _DEEPEST = 6  # structures in structures
 
 
@@ -40,9 +43,12 @@ def read_mat(path: Path, options: FileOptions) -> Table:
     from scipy.io import loadmat, whosmat
 
     with decoding(path, "MAT file", "save it again with '-v7'"):
-        held = {name: shape for name, shape, _ in whosmat(str(path))}
-        for name, shape in held.items():
-            require_room(int(np.prod([float(n) for n in shape])), path, name)
+        held = []
+        for name, shape, kind in whosmat(str(path)):
+            count = math.prod(abs(int(n)) for n in shape)  # damaged sizes can be negative
+            require_room(count, path, name)
+            require_held(count, _LEAST_BYTES.get(kind, 1), path, name)
+            held.append(name)
         variables = loadmat(str(path), simplify_cells=True)
     found: list[tuple[tuple[str, ...], FloatArray]] = []
     for name in held:

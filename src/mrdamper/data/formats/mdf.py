@@ -28,6 +28,7 @@ from mrdamper.data.formats.table import (
     decoding,
     load_extra,
     plain_names,
+    require_held,
     require_room,
 )
 from mrdamper.errors import InputError
@@ -37,7 +38,6 @@ __all__ = ["is_mdf", "read_mdf"]
 
 _MOST_GROUPS = 4096
 _WORDS = ("MDF file", "export the run as CSV")
-_MOST_UNPACKED = 1032  # bytes from one: no more come from a deflated one
 _TIME = -1  # in place of a channel: the clock of the group
 
 Found = tuple[tuple[str, str], int, int, str, int, int]  # path, group, channel, unit, samples, clock
@@ -105,16 +105,6 @@ def _formula(conversion: Any) -> str:  # noqa: ANN401 - asammdf's conversion, or
     return own or next((said for each in others.values() if (said := _formula(each))), "")
 
 
-def _require_held(group: Any, samples: int, path: Path, title: str) -> None:  # noqa: ANN401 - asammdf's group
-    """Refuse more records than a file of this size unpacks to: memory would be given to them all the same."""
-    size, most = int(group.channel_group.samples_byte_nr), _MOST_UNPACKED * path.stat().st_size
-    if samples * size > most:
-        raise InputError(
-            f"{path}: {title!r} states {samples} samples of {size} bytes, more than a file of this "
-            "size holds. The file is damaged: copy it again, or export the run as CSV"
-        )
-
-
 def _find_columns(file: Any, path: Path, part: str) -> list[Found]:  # noqa: ANN401 - asammdf's file
     found: list[Found] = []
     clocks: list[FloatArray] = []
@@ -124,7 +114,7 @@ def _find_columns(file: Any, path: Path, part: str) -> list[Found]:  # noqa: ANN
         if part not in {"", title} or samples < 1:
             continue
         require_room(samples, path, title)
-        _require_held(group, samples, path, title)
+        require_held(samples, int(group.channel_group.samples_byte_nr), path, title)
         clock = _samples(file, g, _TIME)
         number = next((k for k, other in enumerate(clocks) if np.array_equal(clock, other)), len(clocks))
         if number == len(clocks):

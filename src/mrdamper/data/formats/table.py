@@ -37,9 +37,11 @@ __all__ = [
     "load_extra",
     "plain_names",
     "require_extra",
+    "require_held",
     "require_room",
 ]
 
+_MOST_UNPACKED = 1032  # bytes from one: no more come from a deflated one
 MOST_SAMPLES = 400_000_000  # of one column (3.2 GB): more is a damaged header or a trap
 MOST_COLUMNS = 64  # of a matrix; a wider one is no table of channels
 
@@ -216,6 +218,15 @@ def require_room(samples: int, path: Path, name: str) -> None:
         raise InputError(
             f"{path}: column {name!r} states {samples} samples; expected at most {MOST_SAMPLES}. The file is "
             "damaged, or has to be split"
+        )
+
+
+def require_held(samples: int, size: int, path: Path, name: str) -> None:
+    """Refuse more samples of some bytes than a file of its size unpacks to: they would be given memory."""
+    if not 0 <= samples * size <= _MOST_UNPACKED * path.stat().st_size:
+        raise InputError(
+            f"{path}: {name!r} states {samples} samples of {size} bytes, which a file of its size does not "
+            "hold. The file is damaged: copy it again"
         )
 
 
