@@ -55,17 +55,30 @@ _TABLE = (
         "time", "t", "s", -np.inf, np.inf, ("time", "running time", "t", "zeit", "tempo"), ("s", "ms", "min")
     ),
     Quantity(
-        "displacement", "x", "m", -2, 2, ("displacement", "axial displacement", "position", "stroke", "x"),
+        "displacement", "x", "m", -2, 2,
+        (
+            "displacement", "axial displacement", "disp", "displ", "position", "stroke", "x", "weg",
+            "desplazamiento", "deslocamento",
+        ),
         ("m", "mm", "in"),
     ),
-    Quantity("velocity", "v", "m/s", -10, 10, ("velocity", "speed", "vel"), ("m/s", "mm/s", "in/s")),
     Quantity(
-        "force", "F", "N", -1e6, 1e6, ("force", "axial force", "load", "axial load"),
+        "velocity", "v", "m/s", -10, 10,
+        ("velocity", "speed", "vel", "geschwindigkeit", "velocidad", "velocidade"),
+        ("m/s", "mm/s", "in/s"),
+    ),
+    Quantity(
+        "force", "F", "N", -1e6, 1e6,
+        ("force", "axial force", "load", "axial load", "kraft", "fuerza", "força"),
         ("N", "kN", "kgf", "lbf"),
     ),
-    Quantity("current", "I", "A", -100, 100, ("current",), ("A", "mA")),
-    Quantity("voltage", "U", "V", -1000, 1000, ("voltage",), ("V", "mV")),
-    Quantity("temperature", "T", "K", 223, 453, ("temperature", "temp"), ("K", "degC", "degF")),
+    Quantity("current", "I", "A", -100, 100, ("current", "strom", "corriente", "corrente"), ("A", "mA")),
+    Quantity("voltage", "U", "V", -1000, 1000, ("voltage", "spannung"), ("V", "mV")),
+    Quantity(
+        "temperature", "T", "K", 223, 453,
+        ("temperature", "temp", "temperatur", "temperatura"),
+        ("K", "degC", "degF"),
+    ),
 )  # fmt: skip
 
 QUANTITIES: Mapping[str, Quantity] = MappingProxyType({quantity.role: quantity for quantity in _TABLE})

@@ -228,6 +228,20 @@ def test_a_decoder_that_crashes_is_a_message(tmp_path, decoder, name, code):
         read_run(tmp_path / name)
 
 
+def test_a_decoder_that_loops_is_ended_and_told(tmp_path, decoder, monkeypatch):
+    """Damaged links lead libhdf5 in a circle; a file that is good is read by the next process."""
+    WRITERS["v5.mat"](tmp_path / "v5.mat")
+    monkeypatch.setattr(isolated, "_PATIENCE_s", 0.5)
+    decoder("import time; time.sleep(60)")
+    with pytest.raises(
+        InputError, match=r"v5\.mat: not a readable file: its decoder has not come to an end in \d s"
+    ):
+        read_run(tmp_path / "v5.mat")
+    monkeypatch.undo()
+    isolated.stop()
+    assert read_table(tmp_path / "v5.mat").rows > 1
+
+
 def test_a_crash_costs_one_file_and_not_the_next(tmp_path):
     for name in ("a.h5", "b.mf4", "c.h5"):
         WRITERS["run" + name[1:]](tmp_path / name)

@@ -311,7 +311,7 @@ def test_a_column_and_a_constant_of_one_command_are_one_too_many(tmp_path):
 def test_text_where_numbers_are_expected_is_told(tmp_path):
     (tmp_path / "log.txt").write_text(_logger_text(1))
     channels = ChannelMap.from_dict({**LOGGER_MAP, "channel": {"force": {"name": "Date/Time", "unit": "N"}}})
-    with pytest.raises(InputError, match=r"channel\.force: column 'Date/Time' holds text; expected numbers"):
+    with pytest.raises(InputError, match=r"channel\.force: column 'Date/Time' holds times; expected numbers"):
         read_run(tmp_path / "log.txt", channels)
 
 

@@ -229,10 +229,12 @@ def find_columns(table: Table, chosen: ChannelMap, place: str) -> tuple[Column, 
     said: dict[str, list[Column]] = {}
     for name in table.columns:
         header = parse_header(name)
-        if header is not None:
+        if header is not None and name not in table.stamps:
             said.setdefault(header[0], []).append(
                 Column(header[0], name, _unit(table, name, header[1], place))
             )
+    if chosen.rate_Hz is None and table.step_s is None:
+        said.setdefault("time", [Column("time", name, "s") for name in table.names if name in table.stamps])
     columns: list[Column] = []
     for role in QUANTITIES:
         channel = _channel_of(chosen, role)
@@ -277,6 +279,8 @@ def _column_of(table: Table, channel: Channel, said: Sequence[Column], place: st
         name = table.names[position]
         if name in table.texts:
             raise InputError(f"{place}: channel.{role}: column {name!r} holds text; expected numbers")
+        if name in table.stamps and role != "time":
+            raise InputError(f"{place}: channel.{role}: column {name!r} holds times; expected numbers")
         return next(
             (column for column in said if column.name == name), Column(role, name, table.units.get(name, ""))
         )

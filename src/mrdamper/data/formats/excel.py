@@ -11,12 +11,14 @@ import zipfile
 import zlib
 from array import array
 from collections.abc import Iterator
+from datetime import date, datetime, time, timedelta
 from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from mrdamper.data.formats.stamps import Stamps
 from mrdamper.data.formats.table import FileOptions, Layout, Table, Texts, decoding, load_extra
 from mrdamper.data.formats.text import find_data, find_header
 from mrdamper.errors import InputError
@@ -77,6 +79,7 @@ def _table(path: Path, sheet: str, titles: list[str], first: int, rows: Iterator
     order = [f"{title} ({k + 1})" if title in order[:k] else title for k, title in enumerate(order)]
     numbers: dict[int, array[float]] = {}
     words: dict[int, Texts] = {}
+    starts: dict[int, datetime] = {}  # of columns of times
     count = 0
     for at, row in enumerate(rows, first + 1):
         if not count:
@@ -85,26 +88,50 @@ def _table(path: Path, sheet: str, titles: list[str], first: int, rows: Iterator
             }
             numbers = {k: array("d") for k in range(len(order)) if k not in texts}
             words = {k: [] for k in range(len(order)) if k in texts}
+            starts = {k: start for k in numbers if (start := _moment(row[k])) is not None}
         if all(cell in {"", None} for cell in row):
             continue
         count += 1
         for k, column in numbers.items():
-            value = _number(row[k])
+            value = _seconds(row[k], starts[k]) if k in starts else _number(row[k])
             if value is None:
+                wanted = "time" if k in starts else "number"
                 raise InputError(
                     f"{path}, sheet {sheet!r}, row {at}: column {order[k]!r} holds {str(row[k])[:40]!r}; "
-                    "expected a number. Correct the cell, or leave it out with its row"
+                    f"expected a {wanted}. Correct the cell, or leave it out with its row"
                 )
             column.append(value)
         for k, cells in words.items():
             cells.append(None if row[k] is None else str(row[k]))
+    columns = {k: np.array(column, dtype=np.float64) for k, column in numbers.items()}
+    columns |= {k: times for k, cells in words.items() if (times := Stamps.in_texts(cells)) is not None}
+    stamps = frozenset(order[k] for k in {*starts, *words} & {*columns})
     return Table(
         names=tuple(order),
-        columns={order[k]: np.array(column, dtype=np.float64) for k, column in numbers.items()},
-        texts={order[k]: cells for k, cells in words.items()},
+        columns={order[k]: column for k, column in columns.items()},
+        texts={order[k]: cells for k, cells in words.items() if k not in columns},
         layout=Layout("Excel file", header_lines=first, part=sheet),
         rows=count,
+        units=dict.fromkeys(stamps, "s"),
+        stamps=stamps,
     )
+
+
+def _moment(cell: object) -> datetime | None:
+    """Return the moment in a cell, a time of day or a duration as one of the first day; else None."""
+    if isinstance(cell, datetime):
+        return cell
+    if isinstance(cell, time):
+        return datetime.combine(date.min, cell)
+    return datetime.combine(date.min, time()) + cell if isinstance(cell, timedelta) else None
+
+
+def _seconds(cell: object, start: datetime) -> float | None:
+    """Return the time of a cell after the first, NaN for an empty one, None when it holds something else."""
+    if cell is None or cell == "":
+        return float("nan")
+    moment = _moment(cell)
+    return None if moment is None else (moment - start).total_seconds()
 
 
 def _number(cell: object) -> float | None:

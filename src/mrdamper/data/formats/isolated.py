@@ -29,7 +29,8 @@ from mrdamper.quantities import FloatArray
 
 __all__ = ["isolated", "stop"]
 
-_PATIENCE_s = 600.0  # for one answer
+_PATIENCE_s = 30.0  # for one answer, and a second more for each megabyte of the file; some loop for ever
+_MOST_PATIENCE_s = 600.0
 _PIECE = 1 << 16  # bytes that are taken at once: what a pipe holds
 _COMMAND = (sys.executable, "-P", "-m", "mrdamper.data.formats.decoder")
 
@@ -96,6 +97,14 @@ def _start() -> subprocess.Popen[bytes]:
     )
 
 
+def _patience_s(path: Path) -> float:
+    try:
+        size = path.stat().st_size
+    except OSError:  # what cannot be looked at is the decoder's to tell
+        size = 0
+    return min(_PATIENCE_s + 1e-6 * size, _MOST_PATIENCE_s)
+
+
 class _Answers:
     """What the process writes; what does not come in time, or at all, is told by its absence."""
 
@@ -105,10 +114,11 @@ class _Answers:
         if stream is not None:
             self._poll.register(self._place, select.POLLIN)
         self._ahead = b""  # what came with the last answer, and belongs to the next
+        self.late = False
 
-    def line(self) -> bytes:
+    def line(self, patience_s: float) -> bytes:
         """Return the next line with its end, or what there is of it."""
-        pieces, until = [self._ahead], time.monotonic() + _PATIENCE_s
+        pieces, until = [self._ahead], time.monotonic() + patience_s
         while b"\n" not in pieces[-1] and self._waits(until):
             pieces.append(os.read(self._place, _PIECE))
             if not pieces[-1]:
@@ -116,9 +126,9 @@ class _Answers:
         line, end, self._ahead = b"".join(pieces).partition(b"\n")
         return line + end
 
-    def fill(self, room: memoryview) -> bool:
+    def fill(self, room: memoryview, patience_s: float) -> bool:
         """Take as many bytes as there is room for; tell whether they all came."""
-        until, at = time.monotonic() + _PATIENCE_s, min(len(self._ahead), len(room))
+        until, at = time.monotonic() + patience_s, min(len(self._ahead), len(room))
         room[:at], self._ahead = self._ahead[:at], self._ahead[at:]
         while at < len(room) and self._waits(until):
             count = os.readv(self._place, [room[at:]])
@@ -129,7 +139,8 @@ class _Answers:
 
     def _waits(self, until: float) -> bool:
         """Tell whether something comes before a time, be it the end."""
-        return bool(self._poll.poll(1e3 * max(until - time.monotonic(), 0.0)))
+        self.late = not self._poll.poll(1e3 * max(until - time.monotonic(), 0.0))
+        return not self.late
 
 
 class _Decoder:
@@ -147,12 +158,12 @@ class _Decoder:
         A decoder that has served other files may have been harmed by them: a new one is asked once more.
         """
         used = bool(self.opened)
-        line = self._put(question)
-        if line is None and used and "open" in question:
-            line = self._put(question)
+        line = self._put(path, question)
+        if line is None and used and "open" in question and not self._answers.late:
+            line = self._put(path, question)
         if line is None:
             raise InputError(
-                f"{path}: not a readable file: its decoder has crashed. The file is damaged: copy it again, "
+                f"{path}: not a readable file: {self._fault(path)}. The file is damaged: copy it again, "
                 "or export the run as CSV"
             )
         answer: dict[str, Any] = json.loads(line)
@@ -162,14 +173,19 @@ class _Decoder:
             raise InputError(str(answer["error"]).replace(str(path.absolute()), str(path)))
         return answer
 
-    def _put(self, question: Mapping[str, Any]) -> bytes | None:
+    def _fault(self, path: Path) -> str:
+        if self._answers.late:
+            return f"its decoder has not come to an end in {_patience_s(path):.0f} s"
+        return "its decoder has crashed"
+
+    def _put(self, path: Path, question: Mapping[str, Any]) -> bytes | None:
         """Return the line of an answer, None when the decoder has crashed."""
         process = self._running()
         assert process.stdin is not None
         try:
             process.stdin.write(json.dumps(question).encode() + b"\n")
             process.stdin.flush()
-            line = self._answers.line()
+            line = self._answers.line(_patience_s(path))
         except OSError:
             line = b""
         if line[:1] + line[-1:] == b"{\n":
@@ -190,10 +206,10 @@ class _Decoder:
     def _column(self, path: Path, name: str, samples: int) -> FloatArray:
         """Return the numbers that follow an answer."""
         values = np.empty(samples)
-        if not self._answers.fill(values.data.cast("B")):
+        if not self._answers.fill(values.data.cast("B"), _patience_s(path)):
             self.stop()
             raise InputError(
-                f"{path}: column {name!r}: its decoder has crashed. The file is damaged: copy it again"
+                f"{path}: column {name!r}: {self._fault(path)}. The file is damaged: copy it again"
             )
         values.setflags(write=False)
         return values

@@ -103,6 +103,7 @@ class Table:
     units: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))  # stated beside names
     parts: tuple[int, ...] = ()  # rows at which the file itself begins a new recording
     clocks: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))  # column -> its clock
+    stamps: frozenset[str] = frozenset()  # columns of times of day or dates, in seconds from the first
     read_rows: ReadRows | None = None  # where the format can read some rows without the others
 
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mrdamper.data.formats.stamps import Stamps
 from mrdamper.data.formats.table import FileOptions, Layout, Rows, Table, Texts
 from mrdamper.errors import InputError
 from mrdamper.quantities import FloatArray, is_unit
@@ -89,7 +90,8 @@ def open_text(path: Path, options: FileOptions) -> Rows:
     """Return a delimited text whose rows are read a block at a time; how many there are is not known."""
     found = _look(path, options)
     order = tuple(_distinct(found.names))
-    first = next(iter(_number_blocks(path, found, order)), ([], []))
+    stamps: dict[int, Stamps] = {}
+    first = next(iter(_number_blocks(path, found, order, stamps=stamps)), ([], []))
     numbers = {name: column for name, column in zip(order, first[0], strict=True) if column is not None}
     table = Table(
         names=order,
@@ -97,6 +99,8 @@ def open_text(path: Path, options: FileOptions) -> Rows:
         texts={name: [] for name in order if name not in numbers},
         layout=Layout("delimited text", found.delimiter, found.decimal, found.header_lines),
         rows=0,
+        units={order[k]: "s" for k in stamps},
+        stamps=frozenset(order[k] for k in stamps),
     )
 
     def read(names: Sequence[str], start: int, _: int) -> Iterator[list[FloatArray]]:
@@ -177,7 +181,8 @@ def parse_rows(
     texts: list[Texts] = [[] for _ in order]
     found = _Found(start, tuple(names), delimiter, decimal, header_lines)
     is_number: list[bool] | None = None
-    for columns, words_of in _number_blocks(path, found, order, stop):
+    stamps: dict[int, Stamps] = {}
+    for columns, words_of in _number_blocks(path, found, order, stop, stamps=stamps):
         is_number = [column is not None for column in columns]
         for k, column in enumerate(columns):
             if column is not None:
@@ -197,17 +202,26 @@ def parse_rows(
         texts=words,
         layout=Layout(name, delimiter, decimal, header_lines),
         rows=max([*map(len, numbers.values()), *map(len, words.values())], default=0),
+        units={order[k]: "s" for k in stamps},
+        stamps=frozenset(order[k] for k in stamps),
     )
 
 
 def _number_blocks(
-    path: Path, found: _Found, order: Sequence[str], stop: int | None = None, wanted: Sequence[int] = ()
+    path: Path,
+    found: _Found,
+    order: Sequence[str],
+    stop: int | None = None,
+    wanted: Sequence[int] = (),
+    stamps: dict[int, Stamps] | None = None,
 ) -> Iterator[tuple[list[FloatArray | None], list[Texts]]]:
     """Give the columns of each block: numbers, or None and its cells where the first block has texts.
 
     Of the columns of numbers all are parsed, or the ``wanted`` ones; cells that are none are an error.
+    Columns of times of day or dates are numbers, too; they are put into ``stamps``.
     """
     is_number: list[bool] | None = None
+    stamps = {} if stamps is None else stamps
     for content, first_line in _blocks(path, found.start, stop, found.header_lines + 1):
         plain = None if found.decimal == "," else _plain_numbers(content, found.delimiter, len(order))
         if plain is not None and is_number is None:
@@ -217,6 +231,13 @@ def _number_blocks(
         columns = _parse_block(
             path, content, found.delimiter, found.decimal, len(order), first_line, wanted if is_number else ()
         )
+        for k, column in enumerate(columns):
+            if column is not None and k in stamps:
+                column.hold_times(stamps[k])
+            elif column is not None and is_number is None and column.mostly_text:
+                reader = Stamps()
+                if column.hold_times(reader, at_least=0.5):
+                    stamps[k] = reader
         if is_number is None:
             is_number = [column is not None and not column.mostly_text for column in columns]
         numbers: list[FloatArray | None] = []
@@ -225,9 +246,10 @@ def _number_blocks(
             numeric = column is not None and is_number[k]
             if column is not None and numeric and column.bad and (not wanted or k in wanted):
                 row, cell = column.first_bad()
+                wanted_cell = "time" if k in stamps else "number"
                 raise InputError(
                     f"{path}, line {row}: column {order[k]!r} holds {cell!r} ({column.bad} such cells); "
-                    "expected a number. Correct the cell, or leave it out with its row"
+                    f"expected a {wanted_cell}. Correct the cell, or leave it out with its row"
                 )
             numbers.append(column.numbers() if column is not None and numeric else None)
             texts.append([] if column is None or numeric else column.text.to_list())
@@ -302,7 +324,19 @@ class _Column:
         self.text, self.parsed = cells[name], cells[f"{name} parsed"]
         self.rows, self.wrong = cells["row"], cells[f"{name} wrong"]
         self.bad = int(self.wrong.sum())
-        self.mostly_text = self.bad > 0.5 * (len(self.parsed) - self.parsed.null_count() + self.bad)
+        self.filled = len(self.parsed) - self.parsed.null_count() + self.bad
+        self.mostly_text = self.bad > 0.5 * self.filled
+
+    def hold_times(self, reader: Stamps, at_least: float = 0.0) -> bool:
+        """Take the cells as times of day or dates, if at least a share of them are; tell whether."""
+        import polars as pl
+
+        found = pl.Series(reader.seconds(self.text), nan_to_null=True)
+        if found.len() - found.null_count() < at_least * self.filled:
+            return False
+        self.wrong = (self.wrong | self.parsed.is_not_null()) & found.is_null()
+        self.parsed, self.bad, self.mostly_text = found, int(self.wrong.sum()), False
+        return True
 
     @staticmethod
     def asked(name: str, decimal: str) -> list[pl.Expr]:

@@ -1,0 +1,159 @@
+"""Times of day and dates as clocks show them: seconds from the first, whatever the spelling."""
+
+from __future__ import annotations
+
+from datetime import datetime, timedelta
+
+import numpy as np
+import polars as pl
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mrdamper.data.formats.stamps import Stamps
+from mrdamper.data.readers import read_run
+from mrdamper.data.tables import open_rows, read_table
+from mrdamper.errors import InputError
+from tests.data.rig_files import RUN
+
+START = datetime(2026, 2, 28, 23, 59, 59)
+SPELLINGS = (
+    "%Y-%m-%dT%H:%M:%S.%f",
+    "%Y-%m-%d %H:%M:%S,%fZ",
+    "%Y/%m/%d %H:%M:%S.%f +01:00",
+    "%d.%m.%Y %H:%M:%S.%f",
+    "%d.%m.%Y %I:%M:%S.%f %p",
+    "%H:%M:%S.%f",
+)
+"""A run over midnight at the end of a month, as six programs write it."""
+
+
+def spelled(seconds, form, start=START):
+    return [(start + timedelta(seconds=float(each))).strftime(form) for each in seconds]
+
+
+def seconds(*cells):
+    return Stamps().seconds(pl.Series(list(cells), dtype=pl.String))
+
+
+@pytest.mark.parametrize("form", SPELLINGS)
+def test_a_run_over_midnight_counts_from_its_first_time(form):
+    time = np.arange(500) * 0.005
+    assert np.allclose(seconds(*spelled(time, form)), time, atol=1e-10)
+
+
+@given(st.lists(st.integers(0, 40_000_000), min_size=1, max_size=30), st.integers(0, 86_399))
+def test_what_is_written_is_read_to_the_microsecond(steps_us, start):
+    time = np.concatenate([[0.0], np.cumsum(steps_us) * 1e-6])
+    for form in SPELLINGS:
+        assert np.allclose(
+            seconds(*spelled(time, form, datetime(2024, 2, 28) + timedelta(seconds=start))), time, atol=1.1e-6
+        )
+
+
+@pytest.mark.parametrize("form", SPELLINGS)
+@pytest.mark.parametrize("size", [1, 7, 499])
+def test_blocks_join_where_they_were_cut(form, size):
+    time = np.arange(500) * 0.01
+    cells, reader = spelled(time, form), Stamps()
+    parts = [reader.seconds(pl.Series(cells[k : k + size])) for k in range(0, len(cells), size)]
+    assert np.allclose(np.concatenate(parts), time, atol=1e-10)
+
+
+@pytest.mark.parametrize(
+    "cell", ["", "12", "10:15", "25:00:00", "10:61:00", "10:15:02 o'clock", "2026-02-30 1:00:00"]
+)
+def test_what_is_no_time_is_no_number(cell):
+    assert np.isnan(seconds(cell)).all()
+
+
+def test_a_date_of_two_meanings_is_taken_only_where_it_does_not_change():
+    same = seconds("11/12/2026 10:00:00", "11/12/2026 10:00:01")
+    assert np.array_equal(same, [0.0, 1.0])
+    assert np.isnan(seconds("11/12/2026 23:59:59", "12/12/2026 00:00:00")).tolist() == [False, True]
+
+
+def test_noon_and_midnight_of_twelve_hours():
+    assert np.array_equal(seconds("12:00:00 AM", "12:00:00 PM", "1:00:00 pm"), [0.0, 43200.0, 46800.0])
+
+
+def a_file(path, form="%Y-%m-%dT%H:%M:%S.%f", header="Timestamp"):
+    stamps = spelled(RUN.time - RUN.time[0], form)
+    rows = zip(stamps, RUN.displacement * 1e3, RUN.force, RUN.command, strict=True)
+    lines = [f"{at};{x:.9f};{force:.9f};{current}" for at, x, force, current in rows]
+    path.write_text("\n".join([f"{header};displacement_mm;force_N;current_A", *lines, ""]), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("header", ["Timestamp", "Time", "Time [hh:mm:ss]", "Date and time"])
+def test_a_run_with_times_of_day_is_the_run(tmp_path, header):
+    (run,) = read_run(a_file(tmp_path / "run.csv", header=header))
+    assert np.allclose(run.time, RUN.time - RUN.time[0], atol=2e-6)
+    assert np.allclose(run.force, RUN.force, atol=1e-6)
+
+
+def test_a_rate_of_the_map_comes_before_times_of_day(tmp_path):
+    """Clocks of one second, as many programs write them beside samples of milliseconds."""
+    file = a_file(tmp_path / "run.csv", "%H:%M:%S")
+    (tmp_path / "map.toml").write_text("[constant]\nrate_Hz = 200\n", encoding="utf-8")
+    (run,) = read_run(file, tmp_path / "map.toml")
+    assert np.allclose(run.time, np.arange(len(RUN)) / 200.0)
+
+
+def test_a_time_in_numbers_comes_before_times_of_day(tmp_path):
+    file = a_file(tmp_path / "run.csv")
+    lines = file.read_text(encoding="utf-8").splitlines()
+    numbered = [f"{line};{k * 0.25}" for k, line in enumerate(lines[1:])]
+    file.write_text("\n".join([lines[0] + ";time_s", *numbered, ""]), encoding="utf-8")
+    (run,) = read_run(file)
+    assert np.allclose(run.time, np.arange(len(RUN)) * 0.25)
+
+
+def test_two_columns_of_times_are_asked_about(tmp_path):
+    file = a_file(tmp_path / "run.csv")
+    lines = file.read_text(encoding="utf-8").splitlines()
+    file.write_text("\n".join([lines[0] + ";saved", *[f"{line};10:00:00" for line in lines[1:]], ""]))
+    with pytest.raises(InputError, match=r"'Timestamp', 'saved' all hold time; expected one"):
+        read_run(file)
+
+
+def test_a_cell_that_is_no_time_is_told_with_its_line(tmp_path):
+    file = a_file(tmp_path / "run.csv")
+    lines = file.read_text(encoding="utf-8").splitlines()
+    lines[41] = "noon" + lines[41][lines[41].index(";") :]
+    file.write_text("\n".join([*lines, ""]), encoding="utf-8")
+    with pytest.raises(
+        InputError, match=r"run\.csv, line 42: column 'Timestamp' holds 'noon'.*expected a time"
+    ):
+        read_run(file)
+
+
+def test_rows_in_batches_have_the_same_times(tmp_path):
+    rows = open_rows(a_file(tmp_path / "run.csv"))
+    assert rows.table.units["Timestamp"] == "s"
+    (whole,) = rows.read(["Timestamp"], 0, 50)
+    assert np.allclose(whole[0], RUN.time - RUN.time[0], atol=2e-6)
+
+
+@pytest.mark.parametrize("kind", ["moments", "times of day", "durations", "texts"])
+def test_times_in_a_workbook_count_from_the_first(tmp_path, kind):
+    from openpyxl import Workbook
+
+    book, start = Workbook(), datetime(2026, 11, 21, 10, 0, 0)
+    sheet = book.active
+    sheet.append(["Logged", "displacement_mm", "force_N", "current_A"])
+    for k in range(40):
+        moment = start + timedelta(seconds=0.25 * k)
+        spelled_so = {
+            "moments": moment,
+            "times of day": moment.time(),
+            "durations": timedelta(seconds=0.25 * k),
+            "texts": f"{moment:%H:%M:%S.%f}",
+        }[kind]
+        sheet.append([spelled_so, np.sin(0.3 * k), 100.0 * np.cos(0.3 * k), 1.0])
+    book.save(tmp_path / "run.xlsx")
+    table = read_table(tmp_path / "run.xlsx")
+    assert table.stamps == {"Logged"}
+    assert np.allclose(table.columns["Logged"], 0.25 * np.arange(40), atol=1.1e-3)  # what a workbook keeps
+    (run,) = read_run(tmp_path / "run.xlsx")
+    assert run.time[-1] == pytest.approx(9.75, abs=2e-3)
