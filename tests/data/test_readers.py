@@ -315,6 +315,38 @@ def test_text_where_numbers_are_expected_is_told(tmp_path):
         read_run(tmp_path / "log.txt", channels)
 
 
+@pytest.mark.parametrize(
+    ("header", "said"),
+    [
+        (
+            "time_s,Piston displacement [mm],force_N,current_A",
+            r"no displacement .*perhaps \[channel\.displacement\] name = 'Piston displacement \[mm\]'$",
+        ),
+        (
+            "time_s,x_mm,Damper force,current_A",
+            r"no force .*perhaps \[channel\.force\] name = 'Damper force'$",
+        ),
+        ("time_s,x_mm,F_N,current_A", r"no force .*perhaps \[channel\.force\] name = 'F_N'$"),
+        ("time_s,x_mm,force_N,I (A)", r"no current .*perhaps \[channel\.current\] name = 'I \(A\)'$"),
+        ("Clock [ms],x_mm,force_N,current_A", r"no time .*perhaps \[channel\.time\] name = 'Clock \[ms\]'$"),
+        ("time_s,CH1,CH2,CH3", r"no displacement .*\(--channels FILE\)$"),
+    ],
+)
+def test_a_column_that_may_be_meant_is_named_as_a_map_would(tmp_path, header, said):
+    with pytest.raises(InputError, match=said):
+        _read(tmp_path, _text(header))
+
+
+def test_a_named_channel_takes_the_unit_in_its_brackets(tmp_path):
+    channels = {"channel": {"force": {"name": "Damper force [kN]"}, "displacement": {"name": "Piston {mm}"}}}
+    run = _read(
+        tmp_path, _text("time_s,Piston {mm},Damper force [kN],current_A"), ChannelMap.from_dict(channels)
+    )
+    plain = _read(tmp_path, _text("time_s,displacement_mm,force_kN,current_A"))
+    assert np.array_equal(run.force, plain.force)
+    assert np.array_equal(run.displacement, plain.displacement)
+
+
 def test_a_name_as_long_as_a_disk_takes_is_read(tmp_path):
     """The channel map that could lie beside it would have a name that is too long."""
     write_csv(tmp_path / f"{'x' * 251}.csv")

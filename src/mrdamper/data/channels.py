@@ -45,7 +45,15 @@ from mrdamper.errors import InputError
 from mrdamper.files import read_toml
 from mrdamper.quantities import QUANTITIES, FloatArray, find_quantity, spell_unit, to_si
 
-__all__ = ["Channel", "ChannelMap", "Segments", "parse_header", "read_channel_map"]
+__all__ = [
+    "Channel",
+    "ChannelMap",
+    "Segments",
+    "candidates",
+    "parse_header",
+    "read_channel_map",
+    "unit_in_brackets",
+]
 
 _COMMANDS = ("current", "voltage")
 
@@ -199,6 +207,28 @@ def parse_header(header: str) -> tuple[str, str] | None:
             if role is not None:
                 return role, match[2].strip()
     return None
+
+
+def unit_in_brackets(header: str) -> str:
+    """Return the unit in the brackets at the end of a header, whatever it is the unit of; "" without."""
+    match = re.fullmatch(r".*[\[({]([^\[({]*)[\])}]\s*", header)
+    return match[1].strip() if match else ""
+
+
+def candidates(role: str, headers: Sequence[str]) -> list[str]:
+    """Return the headers that may well mean a role: by a word in them, else by their unit; for messages."""
+    words = [word for word in QUANTITIES[role].headers if len(word) > 2]
+    named = [header for header in headers if any(word in header.lower() for word in words)]
+    units = {header: unit_in_brackets(header) or header.rpartition("_")[2] for header in headers}
+    return named or [header for header in headers if _is_unit_of(role, units[header])]
+
+
+def _is_unit_of(role: str, unit: str) -> bool:
+    try:
+        to_si(1.0, unit, role)
+    except InputError:
+        return False
+    return bool(unit)
 
 
 def _role_of(word: str) -> str | None:

@@ -16,7 +16,14 @@ from typing import get_args
 
 import numpy as np
 
-from mrdamper.data.channels import Channel, ChannelMap, parse_header, read_channel_map
+from mrdamper.data.channels import (
+    Channel,
+    ChannelMap,
+    candidates,
+    parse_header,
+    read_channel_map,
+    unit_in_brackets,
+)
 from mrdamper.data.records import CommandUnit, Dataset, Recording, RigRun
 from mrdamper.data.tables import FORMATS, Layout, Table, read_table
 from mrdamper.errors import InputError
@@ -104,7 +111,7 @@ def runs_in(table: Table, chosen: ChannelMap, file: Path) -> RigFile:
     parts = _split(table, chosen, len(time), place)
     recordings = []
     for number, (part, command) in enumerate(parts):
-        given = _command(found, chosen, part, place) if command is None else command
+        given = _command(found, chosen, part, table, place) if command is None else command
         name = file.stem
         if command is not None:
             same = [other.values[0] for _, other in parts[:number] if other is not None]
@@ -251,9 +258,17 @@ def find_columns(table: Table, chosen: ChannelMap, place: str) -> tuple[Column, 
             raise InputError(
                 f"{place}: no {role} column; the columns are: {_listed(table.names)}. Expected a header such "
                 f"as {role}_{QUANTITIES[role].unit}, or [channel.{role}] in a channel map (--channels FILE)"
+                f"{_perhaps([role], table)}"
             )
     _require_one_clock(table, columns, place)
     return tuple(columns)
+
+
+def _perhaps(roles: Iterable[str], table: Table) -> str:
+    """Return the end of a message: which column may be the one that is missed, as a map names it."""
+    found = [(role, name) for role in roles for name in candidates(role, [*table.columns])]
+    lines = " or ".join(f"[channel.{role}] name = {name!r}" for role, name in found[:3])
+    return f"; perhaps {lines}" if found else ""
 
 
 def _channel_of(chosen: ChannelMap, role: str) -> Channel:
@@ -282,7 +297,8 @@ def _column_of(table: Table, channel: Channel, said: Sequence[Column], place: st
         if name in table.stamps and role != "time":
             raise InputError(f"{place}: channel.{role}: column {name!r} holds times; expected numbers")
         return next(
-            (column for column in said if column.name == name), Column(role, name, table.units.get(name, ""))
+            (column for column in said if column.name == name),
+            Column(role, name, table.units.get(name, "") or unit_in_brackets(name)),
         )
     with_unit = [column for column in said if column.unit] or said
     if len(with_unit) > 1:
@@ -325,6 +341,7 @@ def _time(table: Table, found: dict[str, FloatArray], chosen: ChannelMap, place:
         raise InputError(
             f"{place}: no time column; the columns are: {_listed(table.names)}. Expected a header such as "
             "time_s, [channel.time] in a channel map (--channels FILE), or rate_Hz at its [constant]"
+            f"{_perhaps(['time'], table)}"
         )
     return np.arange(samples, dtype=np.float64) * step
 
@@ -362,7 +379,9 @@ def _cut(values: FloatArray, part: slice) -> FloatArray:
     return values
 
 
-def _command(found: dict[str, FloatArray], chosen: ChannelMap, part: slice, place: str) -> _Command:
+def _command(
+    found: dict[str, FloatArray], chosen: ChannelMap, part: slice, table: Table, place: str
+) -> _Command:
     samples = len(found["displacement"][part])
     for role in _COMMAND_UNITS:
         if role in chosen.constant and role in found:
@@ -375,5 +394,5 @@ def _command(found: dict[str, FloatArray], chosen: ChannelMap, part: slice, plac
             return _Command(np.full(samples, chosen.constant[role]), unit)
     raise InputError(
         f"{place}: no current or voltage; expected a column such as current_A or voltage_V, or the same at "
-        "[constant] in a channel map (--channels FILE)"
+        f"[constant] in a channel map (--channels FILE){_perhaps(_COMMAND_UNITS, table)}"
     )
