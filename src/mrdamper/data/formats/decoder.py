@@ -98,6 +98,7 @@ def _say(answers: IO[bytes], value: Mapping[str, Any]) -> None:
 def main() -> NoReturn:
     """Serve standard input and output until the questions end."""
     hold_memory()
+    os.environ["RUST_BACKTRACE"] = "0"  # which nobody would read, and takes a tenth of a second
     kept = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what a library prints is no answer
     serve(os.fdopen(0, "rb"), kept)
