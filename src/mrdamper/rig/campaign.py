@@ -124,10 +124,18 @@ class Campaign:
                 f"campaign: its temperatures, motions and currents make {count} runs; "
                 f"expected at most {_MOST_RUNS}"
             )
-        often = Counter(run.name for run in self.runs("x"))
-        twice = next((name for name, times in often.items() if times > 1), None)
-        if twice is not None:
-            raise InputError(f"campaign: two runs would be named {twice[2:]!r}; leave one out")
+        if self.steps is not None:
+            motion_from_text(self.steps_motion)
+        parts = (
+            [_degrees(value) for value in self.temperatures_degC],
+            [f"{value:.2f}A" for value in self.currents_A],
+            [_label(text) for text in self._motions],
+        )
+        if any(len(set(part)) < len(part) for part in parts):
+            often = Counter(run.name for run in self.runs("x"))
+            twice = next((name for name, times in often.items() if times > 1), None)
+            if twice is not None:
+                raise InputError(f"campaign: two runs would be named {twice[2:]!r}; leave one out")
 
     @property
     def rate_Hz(self) -> float:
