@@ -5,6 +5,8 @@ from __future__ import annotations
 import builtins
 import os
 import resource
+import signal
+import subprocess
 import sys
 from contextlib import suppress
 from pathlib import Path
@@ -226,6 +228,27 @@ def test_a_decoder_that_crashes_is_a_message(tmp_path, decoder, name, code):
     decoder(code)
     with pytest.raises(InputError, match=rf"{name}: not a readable file: its decoder has crashed"):
         read_run(tmp_path / name)
+
+
+def test_a_decoder_that_loops_ends_where_nobody_waits(tmp_path):
+    """Its user was killed meanwhile: the loop would go on for ever; and it leaves no core."""
+    code = """if True:
+        import numpy as np
+        from mrdamper.data.formats import decoder
+        from mrdamper.data.formats.table import Layout, Table
+        def circle(path, options):
+            while True:
+                pass
+        decoder.READERS = {"odd": circle}
+        decoder.main()
+    """
+    question = b'{"open": "x", "format": "odd", "options": {}, "seconds": 0.1}\n'
+    with subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, cwd=tmp_path) as process:
+        assert process.stdin is not None
+        process.stdin.write(question)
+        process.stdin.flush()
+        assert process.wait(60) == -signal.SIGXCPU
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_decoder_that_loops_is_ended_and_told(tmp_path, decoder, monkeypatch):

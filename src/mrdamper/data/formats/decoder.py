@@ -7,12 +7,14 @@ row, "count": rows}`` how many of each column follow, ``{"text": name}`` the cel
 with ``error`` is the message of an ``InputError``.
 
 The process may not take more memory than ``_MOST_SHARE`` of the machine's, nor than ``_MOST_BYTES``: what a
-small file unpacks to ends this process, not the user's others.
+small file unpacks to ends this process, not the user's others. Nor may it take more processor time for a
+question than its ``seconds``: what loops for ever ends, even where nobody waits any more. It leaves no core.
 """
 
 from __future__ import annotations
 
 import json
+import math
 import os
 import resource
 from collections.abc import Callable, Mapping
@@ -29,7 +31,7 @@ from mrdamper.data.formats.parquet import read_parquet
 from mrdamper.data.formats.table import FileOptions, Table
 from mrdamper.errors import InputError
 
-__all__ = ["READERS", "hold_memory", "main", "serve"]
+__all__ = ["READERS", "hold_memory", "hold_time", "main", "serve"]
 
 _MOST_BYTES = 12 << 30  # three times the longest column that is read
 _MOST_SHARE = 0.75
@@ -49,11 +51,22 @@ def hold_memory(most_bytes: float = _MOST_BYTES) -> None:
     )
 
 
+def hold_time(seconds: float) -> None:
+    """Bound the processor time that this process may take from now on, on each of its processors."""
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    _, hard = resource.getrlimit(resource.RLIMIT_CPU)
+    most = math.ceil(used.ru_utime + used.ru_stime + seconds * (os.cpu_count() or 1)) + 1
+    resource.setrlimit(
+        resource.RLIMIT_CPU, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard)
+    )
+
+
 def serve(questions: IO[bytes], answers: IO[bytes]) -> None:
     """Answer questions until they end."""
     table: Table | None = None
     for line in questions:
         question = json.loads(line)
+        hold_time(question["seconds"])
         try:
             if "open" in question:
                 reader = READERS[question["format"]]
@@ -98,6 +111,7 @@ def _say(answers: IO[bytes], value: Mapping[str, Any]) -> None:
 def main() -> NoReturn:
     """Serve standard input and output until the questions end."""
     hold_memory()
+    resource.setrlimit(resource.RLIMIT_CORE, (0, resource.getrlimit(resource.RLIMIT_CORE)[1]))
     os.environ["RUST_BACKTRACE"] = "0"  # which nobody would read, and takes a tenth of a second
     kept = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what a library prints is no answer

@@ -183,9 +183,10 @@ class _Decoder:
         process = self._running()
         assert process.stdin is not None
         try:
-            process.stdin.write(json.dumps(question).encode() + b"\n")
+            patience_s = _patience_s(path)
+            process.stdin.write(json.dumps({**question, "seconds": patience_s}).encode() + b"\n")
             process.stdin.flush()
-            line = self._answers.line(_patience_s(path))
+            line = self._answers.line(patience_s)
         except OSError:
             line = b""
         if line[:1] + line[-1:] == b"{\n":
