@@ -29,7 +29,7 @@ from mrdamper.quantities import FloatArray
 
 __all__ = ["isolated", "stop"]
 
-_PATIENCE_s = 30.0  # for one answer, and a second more for each megabyte of the file; some loop for ever
+_PATIENCE_s = 60.0  # for one answer, and a second more for each megabyte of the file; some loop for ever
 _MOST_PATIENCE_s = 600.0
 _PIECE = 1 << 16  # bytes that are taken at once: what a pipe holds
 _COMMAND = (sys.executable, "-P", "-m", "mrdamper.data.formats.decoder")
