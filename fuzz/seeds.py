@@ -21,6 +21,7 @@ __all__ = [
     "binary",
     "card_documents",
     "drawing_texts",
+    "lvm",
     "rows_of",
     "sheet",
     "text",
@@ -53,6 +54,17 @@ def text(name: str, lines: int = 16) -> bytes:
     """Return the first lines of a text that ``WRITERS`` writes, its sample count as it then is."""
     kept = _written(name).splitlines(keepends=True)[:lines]
     return b"".join(b"Sample Count:  9\n" if line.startswith(b"Sample Count") else line for line in kept)
+
+
+def lvm(clocks: str) -> bytes:
+    """Return a LabVIEW measurement text with one column of x, none, or one for each channel."""
+    at = {"One": "{0}\t1\t2\t", "No": "\t1\t2\t", "Multi": "{0}\t1\t{0}\t2\t"}[clocks]
+    labels = "X_Value\tForce (N)\tX_Value\tx" if clocks == "Multi" else "X_Value\tForce (N)\tx"
+    tags = ["LabVIEW Measurement", "Separator\tTab", "Decimal_Separator\t.", f"X_Columns\t{clocks}"]
+    end = "***End_of_Header***"
+    segment = ["Channels\t2", "Y_Unit_Label\tN\tmm", "X_Dimension\tTime\tTime", "Delta_X\t0.5\t0.5"]
+    rows = [at.format(0.5 * k) for k in range(5)]
+    return "\n".join([*tags, end, "", *segment, end, f"{labels}\tComment", *rows, ""]).encode()
 
 
 def binary(name: str) -> list[bytes]:

@@ -57,6 +57,8 @@ def _delimited() -> Sequence[bytes]:
         b"# a remark\n\nTime\tForce\nSec\tkN\n0\t1\n0.1\t2\n\n0.2\t3\n",
         b"  time_s   force_N\n  0.0   1e3\n  0.1  -2.5e+2\n",
         b"\x00time_s,note\n0,a\n1,b\n",
+        b"at,x,force\n2026-11-21T23:59:59.5,1,2\n2026-11-22T00:00:00,2,3\n",
+        b"Uhr;x;T [\xb0C]\n11:59:59,5 pm;1;2\n12:00:00 am;2;3\n",
     ]
 
 
@@ -67,8 +69,16 @@ TARGETS: Mapping[str, Target] = MappingProxyType(
             texts.mts, lambda: [seeds.text("mts.dat"), seeds.text("mts.dat") + seeds.text("mts.dat")[30:]]
         ),
         "logger": Target(texts.logger, lambda: [seeds.text("logger.txt")]),
+        "lvm": Target(texts.lvm, lambda: [seeds.lvm("One"), seeds.lvm("No"), seeds.lvm("Multi")]),
         "run": Target(
-            texts.run, lambda: [seeds.text("run.csv", 60), seeds.text("logger.txt"), seeds.text("mts.dat")]
+            texts.run,
+            lambda: [
+                seeds.text("run.csv", 60),
+                seeds.text("logger.txt"),
+                seeds.text("mts.dat"),
+                seeds.lvm("One"),
+                b"at,displacement_mm,force_N,current_A\n10:00:00,1,2,0\n10:00:01,2,3,0\n10:00:02,1,2,0\n",
+            ],
         ),
         "rheometer": Target(
             texts.rheometer,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from fuzz.contract import promised, sound_table, written
 from mrdamper.data.diagnosis.diagnose import diagnose
 from mrdamper.data.formats.logger import read_logger
+from mrdamper.data.formats.lvm import read_lvm
 from mrdamper.data.formats.mts import read_mts
 from mrdamper.data.formats.table import FileOptions
 from mrdamper.data.formats.text import read_text
@@ -13,7 +14,7 @@ from mrdamper.data.rheometer import read_rheometer
 from mrdamper.thermal.curve import read_curve
 from mrdamper.thermal.duty import read_duty
 
-__all__ = ["curve", "delimited", "duty", "duty_table", "logger", "mts", "rheometer", "run"]
+__all__ = ["curve", "delimited", "duty", "duty_table", "logger", "lvm", "mts", "rheometer", "run"]
 
 _LONGEST_DUTY = 200
 _OPTIONS = (
@@ -44,6 +45,13 @@ def logger(content: bytes) -> None:
     path = written("input.txt", content)
     with promised("input.txt"):
         sound_table(read_logger(path, FileOptions()))
+
+
+def lvm(content: bytes) -> None:
+    """LabVIEW measurement text."""
+    path = written("input.lvm", content)
+    with promised("input.lvm"):
+        sound_table(read_lvm(path, FileOptions()))
 
 
 def run(content: bytes) -> None:

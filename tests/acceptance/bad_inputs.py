@@ -549,7 +549,11 @@ CASES: tuple[Case, ...] = (
     Case("UTF-16", raw(GOOD.encode("utf-16")), r"the text is UTF-16; expected UTF-8"),
     Case("UTF-16 without a mark", raw(GOOD.encode("utf-16-le")), r"the text is UTF-16; expected UTF-8"),
     Case("UTF-32", raw(GOOD.encode("utf-32")), r"the text is UTF-16|not a format"),
-    Case("Latin-1", raw(("# Weg in µm\n" + GOOD).encode("latin-1")), r"byte 9 is not UTF-8 text \(0xb5\)"),
+    Case(
+        "Shift JIS",
+        raw(("# 変位 荷重\n" * 9 + GOOD[:60]).encode("shift-jis")),
+        r"byte 2 is not UTF-8 text \(0x95\)",
+    ),
     Case("CR line ends", raw(GOOD.replace("\n", "\r").encode()), r"lines end in CR alone"),
     Case("no line end", raw(b"1,2," * 600_000), r"the first line has more than 1048576 bytes"),
     Case("noise", raw(np.random.default_rng(0).bytes(5000)), r"not a format that is read here|not UTF-8"),

@@ -8,7 +8,9 @@ import pytest
 from scipy.io import savemat
 
 from mrdamper.data.channels import ChannelMap
-from mrdamper.data.readers import read_run, read_runs
+from mrdamper.data.formats import text as text_format
+from mrdamper.data.readers import read_file, read_run, read_runs
+from mrdamper.data.tables import read_table
 from mrdamper.errors import InputError
 from tests.data.example_runs import make_run
 from tests.data.rig_files import write_csv
@@ -228,7 +230,17 @@ def test_what_cannot_be_read_says_why(tmp_path, text, message):
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        ("latin.csv", _text("Time [s];Weg é").encode("latin-1"), r"byte 13 is not UTF-8 text \(0xe9\); save"),
+        (
+            "odd.csv",
+            _text("Time [s];Weg é\x07").encode("latin-1"),
+            r"byte 13 is not UTF-8 text \(0xe9\); save",
+        ),
+        ("many.csv", _text("変位,荷重" * 40).encode("shift-jis"), r"byte 0 is not UTF-8 text \(0x95\); save"),
+        (
+            "spelled.csv",
+            _text("time_s,displacement_mm,note,current_A").replace(",force", "").encode(),
+            r"no force column",
+        ),
         ("old.bin", b"\x00\x01\x02\x03" * 100, "not a format that is read here"),
         ("broken.parquet", b"PAR1 and nothing", "not a readable Parquet file"),
         ("broken.mat", b"MATLAB 5.0 MAT-file, and nothing", "not a readable MAT file"),
@@ -351,3 +363,49 @@ def test_a_name_as_long_as_a_disk_takes_is_read(tmp_path):
     """The channel map that could lie beside it would have a name that is too long."""
     write_csv(tmp_path / f"{'x' * 251}.csv")
     assert len(read_run(tmp_path / f"{'x' * 251}.csv")) == 1
+
+
+@pytest.mark.parametrize("line", [0, 3, 900])
+def test_a_text_in_windows_letters_is_read_and_told(tmp_path, line):
+    """As spreadsheets of western Europe write it: a degree sign or an umlaut that is not UTF-8."""
+    rows = [
+        f"{k * 0.01:.2f};{np.sin(k):.4f};{np.cos(k):.4f};1,0;25,{k % 9};gut".replace(".", ",")
+        for k in range(1000)
+    ]
+    lines = ["Zeit [s];Weg [mm];Kraft [N];Strom [A];Temperatur [°C];Bemerkung", *rows]
+    lines[line] = lines[line].replace("gut", "schön").replace("Bemerkung", "Prüfer")
+    file = tmp_path / "run.csv"
+    file.write_bytes("\n".join([*lines, ""]).encode("cp1252"))
+    read = read_file(file)
+    assert "Windows-1252" in read.layout.in_words()
+    (recording,) = read.recordings
+    assert np.allclose(recording.force, np.cos(np.arange(1000)), atol=1e-4)
+    assert recording.temperature is not None
+    assert np.allclose(recording.temperature, 298.15 + 0.1 * (np.arange(1000) % 9))
+    texts = read_table(file).texts
+    assert texts["Bemerkung" if line else "Prüfer"][max(line - 1, 0)] == ("schön" if line else "gut")
+
+
+def test_a_letter_of_windows_far_down_is_read_where_it_stands(tmp_path, monkeypatch):
+    monkeypatch.setattr(text_format, "_BLOCK", 4096)
+    rows = [f"{k * 0.01:.2f},{np.sin(k):.4f},{np.cos(k):.4f},1.0,gut" for k in range(9000)]
+    rows[8000] = rows[8000].replace("gut", "schön")
+    content = "\n".join(["time_s,displacement_mm,force_N,current_A,note", *rows, ""]).encode("cp1252")
+    (tmp_path / "run.csv").write_bytes(content)
+    table = read_table(tmp_path / "run.csv")
+    assert table.texts["note"][8000] == "schön"
+    assert np.allclose(table.columns["force_N"], np.cos(np.arange(9000)), atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("role", "cell"),
+    [("force_N", "1,234.50"), ("displacement_mm", "5 mm"), ("current_A", "1 A"), ("time_s", "tick")],
+)
+def test_a_channel_whose_cells_are_text_is_told_with_one_of_them(tmp_path, role, cell):
+    names = ("time_s", "displacement_mm", "force_N", "current_A")
+    rows = [";".join(cell if name == role else f"{k}.5" for name in names) for k in range(20)]
+    (tmp_path / "run.csv").write_text("\n".join([";".join(names), *rows, ""]), encoding="utf-8")
+    with pytest.raises(
+        InputError, match=rf"column '{role}' \(\w+\) holds text, such as '{cell}'; expected num"
+    ):
+        read_run(tmp_path / "run.csv")

@@ -38,7 +38,7 @@ _MOST_RUNS = 200
 _QUICKLY = 200_000  # samples that are diagnosed while somebody waits
 _GLANCE = 1 << 18  # bytes of a text that are looked at while somebody waits
 _LARGE = 1 << 21  # bytes from which on a file is worth a glance
-_TEXTS = (".csv", ".tsv", ".txt", ".dat", ".asc")
+_TEXTS = (".csv", ".tsv", ".txt", ".dat", ".asc", ".lvm")
 _ZERO_CELSIUS_K = 273.15
 
 

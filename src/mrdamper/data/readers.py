@@ -255,6 +255,7 @@ def find_columns(table: Table, chosen: ChannelMap, place: str) -> tuple[Column, 
             columns.append(Column(role, column.name, channel.unit or column.unit))
     for role in _NEEDED:
         if role not in {column.role for column in columns}:
+            _require_no_text(role, table, place)
             raise InputError(
                 f"{place}: no {role} column; the columns are: {_listed(table.names)}. Expected a header such "
                 f"as {role}_{QUANTITIES[role].unit}, or [channel.{role}] in a channel map (--channels FILE)"
@@ -262,6 +263,18 @@ def find_columns(table: Table, chosen: ChannelMap, place: str) -> tuple[Column, 
             )
     _require_one_clock(table, columns, place)
     return tuple(columns)
+
+
+def _require_no_text(role: str, table: Table, place: str) -> None:
+    """Refuse a column of texts whose header says that it is what is missed."""
+    for name, cells in table.texts.items():
+        header = parse_header(name)
+        if header is not None and header[0] == role:
+            cell = next((cell for cell in cells if cell), "")
+            raise InputError(
+                f"{place}: column {name!r} ({role}) holds text, such as {cell[:40]!r}; expected numbers, "
+                "without units or separators of thousands in the cells. Export the file again"
+            )
 
 
 def _perhaps(roles: Iterable[str], table: Table) -> str:
@@ -338,6 +351,7 @@ def _time(table: Table, found: dict[str, FloatArray], chosen: ChannelMap, place:
     elif chosen.rate_Hz is not None:
         step = 1.0 / chosen.rate_Hz
     if step is None:
+        _require_no_text("time", table, place)
         raise InputError(
             f"{place}: no time column; the columns are: {_listed(table.names)}. Expected a header such as "
             "time_s, [channel.time] in a channel map (--channels FILE), or rate_Hz at its [constant]"
@@ -392,6 +406,8 @@ def _command(
     for role, unit in _COMMAND_UNITS.items():
         if role in chosen.constant:
             return _Command(np.full(samples, chosen.constant[role]), unit)
+    for role in _COMMAND_UNITS:
+        _require_no_text(role, table, place)
     raise InputError(
         f"{place}: no current or voltage; expected a column such as current_A or voltage_V, or the same at "
         f"[constant] in a channel map (--channels FILE){_perhaps(_COMMAND_UNITS, table)}"

@@ -15,6 +15,7 @@ from mrdamper.data.formats.excel import is_workbook, read_workbook
 from mrdamper.data.formats.hdf5 import is_hdf5
 from mrdamper.data.formats.isolated import isolated
 from mrdamper.data.formats.logger import is_logger, read_logger
+from mrdamper.data.formats.lvm import is_lvm, read_lvm
 from mrdamper.data.formats.mat import is_mat
 from mrdamper.data.formats.mdf import is_mdf
 from mrdamper.data.formats.mts import is_mts, read_mts
@@ -41,6 +42,7 @@ FORMATS: tuple[Format, ...] = (
     Format("TDMS", (".tdms",), is_tdms, read_tdms),
     Format("MDF", (".mf4", ".mdf"), is_mdf, _READ_MDF),
     Format("Excel", (".xlsx", ".xlsm"), is_workbook, read_workbook),
+    Format("LabVIEW text", (".lvm",), is_lvm, read_lvm),
     Format("logger text", (".txt",), is_logger, read_logger),
     Format("MTS 793 text", (".txt", ".dat"), is_mts, read_mts),
     Format("delimited text", (".csv", ".tsv", ".txt", ".dat", ".asc"), is_text, read_text),
@@ -50,7 +52,7 @@ _MOST_WHOLE = 20_000_000  # rows of a format that cannot be read in parts
 _BYTES_OF_ROW = 400  # that preparing, fitting and scoring a run takes
 _USUAL_MEMORY = 16 << 30  # where the system does not tell
 _HEAD_BYTES = 1 << 16
-_TEXTS = (read_logger, read_mts, read_text)
+_TEXTS = (read_lvm, read_logger, read_mts, read_text)
 
 # What is often given instead, and what to do about it.
 _OTHERS: tuple[tuple[bytes, str], ...] = (

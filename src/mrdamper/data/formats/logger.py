@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from mrdamper.data.formats.table import FileOptions, Table
+from mrdamper.data.formats.table import FileOptions, Layout, Table
 from mrdamper.data.formats.text import parse_rows, read_head
 from mrdamper.errors import InputError
 
@@ -37,7 +37,7 @@ def read_logger(path: Path, _options: FileOptions) -> Table:
     if not 0 < size < len(head.lines) or not step > 0.0:
         raise InputError(f"{path}: no samples after a header of {size} lines; expected rows of numbers")
     table = parse_rows(
-        path, head.starts[size], names, delimiter=",", decimal=".", header_lines=size, name="logger text"
+        path, head.starts[size], names, Layout("logger text", ",", ".", size, notes=head.notes)
     )
     if table.rows < count:
         raise InputError(

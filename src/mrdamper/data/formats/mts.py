@@ -23,7 +23,7 @@ from types import MappingProxyType
 import numpy as np
 
 from mrdamper.data.channels import parse_header
-from mrdamper.data.formats.table import FileOptions, Table, Texts
+from mrdamper.data.formats.table import FileOptions, Layout, Table, Texts
 from mrdamper.data.formats.text import count_numbers, find_header, parse_rows, read_head, split_line
 from mrdamper.errors import InputError
 
@@ -118,11 +118,8 @@ def _read_acquisition(path: Path, each: _Acquisition, delimiter: str, decimal: s
         path,
         each.start,
         find_header(lines, len(lines) - 1, delimiter),
-        delimiter=delimiter,
-        decimal=decimal,
-        header_lines=each.lines_above,
-        name="MTS 793 text",
-        stop=each.stop,
+        Layout("MTS 793 text", delimiter, decimal, each.lines_above),
+        each.stop,
     )
 
 

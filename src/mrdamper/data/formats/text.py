@@ -45,6 +45,9 @@ _COMMENT = re.compile(r"^\s*(#|%|//|!)+\s?")
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)(e[+-]?\d+)?|nan|[+-]?inf", re.IGNORECASE)
 _WHOLE = re.compile(r"[+-]?\d+")
 _DELIMITERS = ("\t", ";", ",", " ")
+_UTF8, _WINDOWS = "utf-8-sig", "cp1252"
+_NO_TEXT = re.compile(rb"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\x81\x8d\x8f\x90\x9d]")  # in Windows-1252
+_MOST_LETTERS = 0.05  # beyond ASCII, of a text of numbers
 _UTF16 = (b"\xff\xfe", b"\xfe\xff")
 
 
@@ -54,6 +57,7 @@ class Head:
 
     lines: tuple[str, ...]
     starts: tuple[int, ...]
+    notes: tuple[str, ...] = ()  # on how it was read
 
 
 def is_text(head: bytes) -> bool:
@@ -67,23 +71,13 @@ class _Found:
 
     start: int  # byte
     names: tuple[str, ...]
-    delimiter: str
-    decimal: str
-    header_lines: int
+    layout: Layout
 
 
 def read_text(path: Path, options: FileOptions) -> Table:
     """Return the table in a delimited text."""
     found = _look(path, options)
-    return parse_rows(
-        path,
-        found.start,
-        found.names,
-        delimiter=found.delimiter,
-        decimal=found.decimal,
-        header_lines=found.header_lines,
-        name="delimited text",
-    )
+    return parse_rows(path, found.start, found.names, found.layout)
 
 
 def open_text(path: Path, options: FileOptions) -> Rows:
@@ -97,7 +91,7 @@ def open_text(path: Path, options: FileOptions) -> Rows:
         names=order,
         columns=numbers,  # of the first block
         texts={name: [] for name in order if name not in numbers},
-        layout=Layout("delimited text", found.delimiter, found.decimal, found.header_lines),
+        layout=found.layout,
         rows=0,
         units={order[k]: "s" for k in stamps},
         stamps=frozenset(order[k] for k in stamps),
@@ -128,11 +122,12 @@ def _look(path: Path, options: FileOptions) -> _Found:
     names = find_header(head.lines, first, delimiter)
     _refuse_two_commas(path, head.lines, first, delimiter)
     decimal = options.decimal or find_decimal(path, head.lines[first:], delimiter)
-    return _Found(head.starts[first], tuple(names), delimiter, decimal, first)
+    layout = Layout("delimited text", delimiter, decimal, first, notes=head.notes)
+    return _Found(head.starts[first], tuple(names), layout)
 
 
 def read_head(path: Path) -> Head:
-    """Return the first lines of a text; what is not UTF-8 with usual line ends is an ``InputError``."""
+    """Return the first lines of a text; what has no usual encoding or line ends is an ``InputError``."""
     with path.open("rb") as stream:
         content = stream.read(_HEAD_BYTES)
     if content.startswith(_UTF16) or _wide(content[:512]):
@@ -153,23 +148,15 @@ def read_head(path: Path) -> Head:
         raise InputError(
             f"{path}: the first line has more than {_HEAD_BYTES} bytes; expected rows of numbers"
         )
-    _require_utf8(path, content[: edges[-1]])
+    encoding = _encoding(path, content[: edges[-1]])
     if content.startswith(b"\xef\xbb\xbf"):
         edges[0] = 3
-    lines = tuple(content[a:b].decode("utf-8-sig").rstrip("\r\n") for a, b in itertools.pairwise(edges))
-    return Head(lines, tuple(edges))
+    lines = tuple(content[a:b].decode(encoding).rstrip("\r\n") for a, b in itertools.pairwise(edges))
+    return Head(lines, tuple(edges), ("not UTF-8: read as Windows-1252",) if encoding == _WINDOWS else ())
 
 
 def parse_rows(
-    path: Path,
-    start: int,
-    names: Sequence[str],
-    *,
-    delimiter: str,
-    decimal: str,
-    header_lines: int,
-    name: str,
-    stop: int | None = None,
+    path: Path, start: int, names: Sequence[str], layout: Layout, stop: int | None = None
 ) -> Table:
     """Return the columns of the rows from byte ``start`` on, to byte ``stop`` or the end.
 
@@ -179,7 +166,7 @@ def parse_rows(
     order = _distinct(names)
     kept: list[list[FloatArray]] = [[] for _ in order]
     texts: list[Texts] = [[] for _ in order]
-    found = _Found(start, tuple(names), delimiter, decimal, header_lines)
+    found = _Found(start, tuple(names), layout)
     is_number: list[bool] | None = None
     stamps: dict[int, Stamps] = {}
     for columns, words_of in _number_blocks(path, found, order, stop, stamps=stamps):
@@ -200,7 +187,7 @@ def parse_rows(
         names=tuple(order),
         columns=numbers,
         texts=words,
-        layout=Layout(name, delimiter, decimal, header_lines),
+        layout=layout,
         rows=max([*map(len, numbers.values()), *map(len, words.values())], default=0),
         units={order[k]: "s" for k in stamps},
         stamps=frozenset(order[k] for k in stamps),
@@ -221,15 +208,21 @@ def _number_blocks(
     Columns of times of day or dates are numbers, too; they are put into ``stamps``.
     """
     is_number: list[bool] | None = None
-    stamps = {} if stamps is None else stamps
-    for content, first_line in _blocks(path, found.start, stop, found.header_lines + 1):
-        plain = None if found.decimal == "," else _plain_numbers(content, found.delimiter, len(order))
+    layout, stamps = found.layout, {} if stamps is None else stamps
+    for content, first_line in _blocks(path, found.start, stop, (layout.header_lines or 0) + 1):
+        plain = None if layout.decimal == "," else _plain_numbers(content, layout.delimiter, len(order))
         if plain is not None and is_number is None:
             is_number = [True] * len(plain)
             yield plain, [[] for _ in plain]
             continue
         columns = _parse_block(
-            path, content, found.delimiter, found.decimal, len(order), first_line, wanted if is_number else ()
+            path,
+            content,
+            layout.delimiter,
+            layout.decimal,
+            len(order),
+            first_line,
+            wanted if is_number else (),
         )
         for k, column in enumerate(columns):
             if column is not None and k in stamps:
@@ -420,7 +413,9 @@ def _parse_block(
             truncate_ragged_lines=True,
         )
     except pl.exceptions.PolarsError as error:
-        _require_utf8(path, content)
+        if _encoding(path, content) == _WINDOWS:
+            told = content.decode(_WINDOWS).encode()
+            return _parse_block(path, told, delimiter, decimal, count, first_line, wanted)
         raise InputError(f"{path}: not a table of numbers ({str(error).splitlines()[0]})") from error
     frame = frame.with_row_index("row", first_line).filter(~pl.all_horizontal(pl.exclude("row").is_null()))
     asked = [f"{k}" for k in wanted or range(count)]
@@ -466,14 +461,19 @@ def _wide(head: bytes) -> bool:
     )
 
 
-def _require_utf8(path: Path, content: bytes) -> None:
+def _encoding(path: Path, content: bytes) -> str:
+    """Return the encoding of a text: UTF-8, else Windows-1252 where it may well be that."""
     try:
         content.decode("utf-8")
     except UnicodeDecodeError as error:
+        letters = len(content) - len(content.translate(None, bytes(range(128, 256))))
+        if _NO_TEXT.search(content) is None and letters <= _MOST_LETTERS * len(content):
+            return _WINDOWS
         raise InputError(
             f"{path}: byte {error.start} is not UTF-8 text (0x{content[error.start]:02x}); "
             "save the file as UTF-8"
         ) from error
+    return _UTF8
 
 
 def _distinct(names: Sequence[str]) -> list[str]:
