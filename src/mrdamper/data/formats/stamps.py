@@ -7,6 +7,7 @@ another form (11/12/2026 has two meanings) must all be the same.
 
 from __future__ import annotations
 
+import re
 from datetime import date
 from typing import TYPE_CHECKING
 
@@ -24,6 +25,8 @@ _FORM = (
     r"^(?:(\d{1,4}[-./]\d{1,2}[-./]\d{1,4})[T ,]\s*)?(\d{1,2}):(\d{2}):(\d{2})(?:[.,](\d{1,9}))?"
     r"\s*([AaPp][Mm])?(?:Z|[+-]\d{2}:?\d{2})?$"
 )
+_TIME = re.compile(_FORM)
+_LOOKED_AT = 100  # cells
 _DAY_S = 86400.0
 
 
@@ -48,24 +51,31 @@ class Stamps:
         """Return seconds from the first time of all blocks; not a number where a cell is no time."""
         import polars as pl
 
-        parts = cells.str.extract_groups(_FORM).struct
-        numbers = [parts.field(f"{k}").cast(pl.Float64).to_numpy() for k in (2, 3, 4)]
-        share = pl.concat_str(pl.lit("0."), pl.col("5").fill_null("0")).cast(pl.Float64)
-        fraction = parts.unnest().select(share).to_series().to_numpy()
-        half = parts.field("6").str.to_lowercase()
-        hours = numbers[0]
-        twelve = half.is_not_null().fill_null(value=False).to_numpy()
-        hours = np.where(
-            twelve, hours % 12.0 + 12.0 * (half == "pm").fill_null(value=False).to_numpy(), hours
+        if not self._may_be(cells):
+            return np.full(len(cells), np.nan)
+        parts = cells.to_frame("cell").select_seq(pl.col("cell").str.extract_groups(_FORM)).unnest("cell")
+        share = pl.concat_str(pl.lit("0."), pl.col("5").fill_null("0"))
+        read = parts.select_seq(
+            *(pl.col(f"{k}").cast(pl.Float64) for k in (2, 3, 4)),
+            share.cast(pl.Float64).alias("share"),
+            pl.col("6").is_not_null().alias("twelve"),
+            (pl.col("6").str.to_lowercase() == "pm").fill_null(value=False).alias("pm"),
         )
-        of_day = 3600.0 * hours + 60.0 * numbers[1] + numbers[2] + fraction
-        of_day[~((hours < 24.0) & (numbers[1] < 60.0) & (numbers[2] < 61.0))] = np.nan
-        days = self._days(parts.field("1"), of_day)
+        hours, minutes, whole, rest, twelve, pm = (column.to_numpy() for column in read)
+        hours = np.where(twelve, hours % 12.0 + 12.0 * pm, hours)
+        of_day = 3600.0 * hours + 60.0 * minutes + whole + rest
+        of_day[~((hours < 24.0) & (minutes < 60.0) & (whole < 61.0))] = np.nan
+        days = self._days(parts["1"], of_day)
         there = np.flatnonzero(np.isfinite(of_day) & np.isfinite(days))
         if self._first is None and len(there):
             self._first = int(days[there[0]]), float(of_day[there[0]])
         first = self._first or (0, 0.0)
         return np.asarray(_DAY_S * (days - first[0]) + (of_day - first[1]), dtype=np.float64)
+
+    def _may_be(self, cells: pl.Series) -> bool:
+        """Tell whether one of the first cells is a time, or a time has been there: most texts are not."""
+        first = [cell for cell in cells.head(_LOOKED_AT).to_list() if cell]
+        return self._first is not None or not first or any(map(_TIME.match, first))
 
     def _days(self, dates: pl.Series, of_day: FloatArray) -> FloatArray:
         """Return the day of each cell, counted from any; without dates, how often midnight has passed."""
