@@ -29,6 +29,7 @@ __all__ = ["main"]
 
 BUILD = Path("build/fuzz")
 _MEMORY = "/dev/shm" if Path("/dev/shm").is_dir() else None  # a file system in memory
+_PART = 100_000  # executions of one process
 _SECONDS = 120  # for one input, on a machine that has other work
 _MEGABYTES = 4096
 _SEEN = ["mrdamper", "nptdms", "fuzz.calls"]  # whose branches guide the search; the parsers of others do not
@@ -67,11 +68,37 @@ def _targets() -> dict[str, Any]:
 
 
 def _run(name: str, target: Any, options: list[str]) -> bool:  # noqa: ANN401 - a Target, or None of one in C
-    """Run one target in a process of its own; tell how far it came."""
+    """Run one target in processes of its own, one after the other; tell how far it came."""
     place = BUILD / name
     place.mkdir(parents=True, exist_ok=True)
     program = native.built(name, BUILD) if target is None else None
     log = place.with_suffix(".log")
+    count, seconds, sound = 0, 0.0, True
+    for part in _parts(options):
+        done, took = _run_part(name, target, program, part)
+        count, seconds, sound = count + done, seconds + took, done > 0
+        if not sound:
+            break
+    said = f"{count} executions, {count / max(seconds, 1e-3):.0f} per second"
+    print(f"{name:>21}: {said}, {seconds:.0f} s{'' if sound else f'; broke off, see {log}'}", flush=True)
+    return sound
+
+
+def _parts(options: list[str]) -> list[list[str]]:
+    """Return the options of each process; none runs long, as the engine keeps arrays that are compared."""
+    given = {each.partition("=")[0]: each.partition("=")[2] for each in options}
+    runs = int(given.pop("-runs", "0"))
+    most = [min(_PART, runs - start) for start in range(0, runs, _PART)]
+    seed = int(given.pop("-seed", "0"))
+    others = [each for each in options if each.partition("=")[0] in given]
+    return [
+        [*others, f"-runs={n}", *([f"-seed={seed + k}"] if seed else [])] for k, n in enumerate(most)
+    ] or [options]
+
+
+def _run_part(name: str, target: Any, program: Path | None, options: list[str]) -> tuple[int, float]:  # noqa: ANN401 - a Target, or None of one in C
+    """Return the executions in one process (0: it broke off) and the seconds of its processor, or of all."""
+    place, log = BUILD / name, (BUILD / name).with_suffix(".log")
     sys.stdout.flush()
     began = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="mrdamper-fuzz-", dir=_MEMORY) as room:
@@ -89,20 +116,11 @@ def _run(name: str, target: Any, options: list[str]) -> bool:  # noqa: ANN401 - 
                 traceback.print_exc()
             ctypes.CDLL(None).exit(1)  # by the C library: the engine's handler keeps the input at fault
         _, status, used = os.wait4(process, 0)
-    apart = target is not None and bool(
-        target.library
-    )  # the work is done by processes that are not waited for
-    seconds = time.monotonic() - began if apart else used.ru_utime + used.ru_stime
-    clock = "time" if apart else "CPU"
+    isolated = target is not None and target.library  # the work is done by processes that are not waited for
+    seconds = time.monotonic() - began if isolated else used.ru_utime + used.ru_stime
     lines = log.read_text(encoding="utf-8", errors="replace").splitlines()
-    count = next((line.split()[1] for line in reversed(lines) if line.startswith("Done ")), "")
-    said = (
-        f"{count} executions, {float(count) / seconds:.0f} per second of {clock}"
-        if count
-        else f"broke off; see {log}"
-    )
-    print(f"{name:>21}: {said}, {seconds:.0f} s of {clock}", flush=True)
-    return status == 0 and bool(count)
+    count = next((line.split()[1] for line in reversed(lines) if line.startswith("Done ")), "0")
+    return int(count) if status == 0 else 0, seconds
 
 
 def _become(program: Path, name: str, place: Path, options: list[str]) -> NoReturn:
