@@ -72,6 +72,8 @@ def binary(name: str) -> list[bytes]:
     found = [_written(name)]
     if name == "v5.mat":
         found += [_small_mat(nested=False), _small_mat(nested=True)]
+    if name == "run.xlsx":
+        found = [workbook()]
     if name == "run.h5":
         found.append(_small_hdf5())
     if name == "run.tdms":

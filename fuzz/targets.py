@@ -120,13 +120,15 @@ TARGETS: Mapping[str, Target] = MappingProxyType(
         "sweep": Target(documents.sweep, _toml("sweep")),
         "binding": Target(calls.binding, lambda: [bytes(range(k, k + 60)) for k in range(8)]),
         "tdms": Target(binaries.tdms, lambda: seeds.binary("run.tdms")[1:], longest=8192),
-        "excel": Target(binaries.excel, lambda: [seeds.workbook()], longest=16384),
-        "excel-sheet": Target(binaries.excel_sheet, lambda: [seeds.sheet()], longest=8192),
+        "isolated-excel-sheet": Target(
+            binaries.excel_sheet, lambda: [seeds.sheet()], longest=8192, library="python_calamine"
+        ),
         **{
             f"isolated-{name}": Target(
                 partial(binaries.isolated, start), partial(seeds.binary, file), longest=32768, library=library
             )
             for name, file, library, start in (
+                ("excel", "run.xlsx", "python_calamine", b"PK\x03\x04"),
                 ("hdf5", "run.h5", "h5py", b"\x89HDF"),
                 ("mat73", "v73.mat", "h5py", b"MATLAB 7.3"),
                 ("mat", "v5.mat", "scipy.io", b"MATLAB 5.0"),

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from mrdamper.data.formats.excel import is_workbook, read_workbook
+from mrdamper.data.formats.excel import is_workbook
 from mrdamper.data.formats.hdf5 import is_hdf5
 from mrdamper.data.formats.isolated import isolated
 from mrdamper.data.formats.logger import is_logger, read_logger
@@ -29,6 +29,7 @@ from mrdamper.quantities import FloatArray
 
 __all__ = ["FORMATS", "FileOptions", "Format", "Layout", "Rows", "Table", "open_rows", "read_table"]
 
+_READ_EXCEL = isolated("excel", "python-calamine", "Excel files", "python_calamine")
 _READ_HDF5 = isolated("hdf5", "h5py", "HDF5 files and MAT files of version 7.3")
 _READ_MAT = isolated("mat", "scipy", "MAT files")
 _READ_MDF = isolated("mdf", "asammdf", "MDF files")
@@ -41,7 +42,7 @@ FORMATS: tuple[Format, ...] = (
     Format("HDF5 and MAT v7.3", (".h5", ".hdf5", ".hdf"), is_hdf5, _READ_HDF5),
     Format("TDMS", (".tdms",), is_tdms, read_tdms),
     Format("MDF", (".mf4", ".mdf"), is_mdf, _READ_MDF),
-    Format("Excel", (".xlsx", ".xlsm"), is_workbook, read_workbook),
+    Format("Excel", (".xlsx", ".xlsm"), is_workbook, _READ_EXCEL),
     Format("LabVIEW text", (".lvm",), is_lvm, read_lvm),
     Format("logger text", (".txt",), is_logger, read_logger),
     Format("MTS 793 text", (".txt", ".dat"), is_mts, read_mts),

@@ -24,6 +24,7 @@ from typing import IO, Any, NoReturn
 
 import numpy as np
 
+from mrdamper.data.formats.excel import read_workbook
 from mrdamper.data.formats.hdf5 import read_hdf5
 from mrdamper.data.formats.mat import read_mat
 from mrdamper.data.formats.mdf import read_mdf
@@ -37,7 +38,13 @@ _MOST_BYTES = 12 << 30  # three times the longest column that is read
 _MOST_SHARE = 0.75
 
 READERS: Mapping[str, Callable[[Path, FileOptions], Table]] = MappingProxyType(
-    {"hdf5": read_hdf5, "mat": read_mat, "mdf": read_mdf, "parquet": read_parquet}
+    {
+        "excel": read_workbook,
+        "hdf5": read_hdf5,
+        "mat": read_mat,
+        "mdf": read_mdf,
+        "parquet": read_parquet,
+    }
 )
 
 
@@ -99,6 +106,7 @@ def _beside_columns(table: Table) -> dict[str, Any]:
         "rows": table.rows,
         "units": dict(table.units),
         "clocks": dict(table.clocks),
+        "stamps": sorted(table.stamps),
         "layout": table.layout.to_dict(),
         "by_rows": table.read_rows is not None,
     }

@@ -1,7 +1,7 @@
 """Excel workbooks (.xlsx, .xlsm): the one sheet that holds rows of numbers, or the one that is named.
 
 A workbook is an archive, and archives can be traps: what it unpacks to, and the cells that it spans, are
-counted before anything is built from it.
+counted before anything is built from it. It is read in the decoder's process, which what is not counted ends.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _MOST_CELLS = 32_000_000  # from the first to the last one, empty ones too
 _LOOKED_AT = 400  # rows in which the data must begin
 _PIECE = 1 << 20
 _REMEDY = "save it again as .xlsx, or export the run as CSV"
-_CELL = re.compile(rb"\br\s*=\s*[\"']([A-Z]{1,4})(\d{1,9})[\"']")
+_CELL = re.compile(rb"\br\s*=\s*[\"']([A-Za-z]{1,9})(\d{1,12})[\"']")
 
 Row = list[Any]
 
@@ -188,7 +188,7 @@ def _require_true_size(path: Path, archive: zipfile.ZipFile, member: zipfile.Zip
             continue
         for letters, digits in set(_CELL.findall(tail + piece)):
             row, column = max(row, int(digits)), max(column, _column_number(letters))
-        tail = piece[-24:]
+        tail = piece[-40:]
         if row * column > _MOST_CELLS:
             raise InputError(
                 f"{path}: {member.filename} spans {row} rows and {column} columns; expected at most "
@@ -218,6 +218,6 @@ def _pieces(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> Iterator[bytes
 
 def _column_number(letters: bytes) -> int:
     number = 0
-    for letter in letters:
+    for letter in letters.upper():
         number = 26 * number + letter - 64
     return number

@@ -1,9 +1,9 @@
 """Formats that are decoded in a process of their own, because a damaged file can crash their libraries.
 
-On some damaged bytes libhdf5 and the compiled parts of SciPy's MAT reader and of asammdf end the process, and
-Polars prints a trace of its own; a run that cannot be read must end in one message instead. The process
-(``decoder``) is started at the first such file and serves the next ones; when it crashes, the file is at
-fault, and another is started for the next.
+On some damaged bytes libhdf5 and the compiled parts of SciPy's MAT reader, of asammdf and of calamine end
+the process, and Polars prints a trace of its own; a run that cannot be read must end in one message instead.
+The process (``decoder``) is started at the first such file and serves the next ones; when it crashes, the file
+is at fault, and another is started for the next.
 """
 
 from __future__ import annotations
@@ -35,11 +35,16 @@ _PIECE = 1 << 16  # bytes that are taken at once: what a pipe holds
 _COMMAND = (sys.executable, "-P", "-m", "mrdamper.data.formats.decoder")
 
 
-def isolated(format_name: str, package: str, what: str) -> Callable[[Path, FileOptions], Table]:
-    """Return the reader of a format that asks the decoder; ``package`` is the library it needs there."""
+def isolated(
+    format_name: str, package: str, what: str, module: str = ""
+) -> Callable[[Path, FileOptions], Table]:
+    """Return the reader of a format that asks the decoder; ``package`` is the library it needs there.
+
+    ``module`` is what the library is imported as, where that is not its name.
+    """
 
     def read(path: Path, options: FileOptions) -> Table:
-        require_extra(package, package, what)
+        require_extra(module or package, package, what)
         asked = {
             "open": str(path.absolute()),
             "format": format_name,
@@ -62,6 +67,7 @@ def isolated(format_name: str, package: str, what: str) -> Callable[[Path, FileO
             rows=int(given["rows"]),
             units=given["units"],
             clocks=given["clocks"],
+            stamps=frozenset(given["stamps"]),
             read_rows=partial(_rows, path, asked) if given["by_rows"] else None,
         )
 
