@@ -2,8 +2,8 @@
 
 On some damaged bytes libhdf5 and the compiled parts of SciPy's MAT reader, of asammdf and of calamine end
 the process, and Polars prints a trace of its own; a run that cannot be read must end in one message instead.
-The process (``decoder``) is started at the first such file and serves the next ones; when it crashes, the file
-is at fault, and another is started for the next.
+The process (``decoder``) is started at the first such file and serves the next ones; when it crashes, the
+file is at fault, and another is started for the next.
 """
 
 from __future__ import annotations
