@@ -51,8 +51,6 @@ class Stamps:
         """Return seconds from the first time of all blocks; not a number where a cell is no time."""
         import polars as pl
 
-        if not self._may_be(cells):
-            return np.full(len(cells), np.nan)
         parts = cells.to_frame("cell").select_seq(pl.col("cell").str.extract_groups(_FORM)).unnest("cell")
         share = pl.concat_str(pl.lit("0."), pl.col("5").fill_null("0"))
         read = parts.select_seq(
@@ -72,10 +70,10 @@ class Stamps:
         first = self._first or (0, 0.0)
         return np.asarray(_DAY_S * (days - first[0]) + (of_day - first[1]), dtype=np.float64)
 
-    def _may_be(self, cells: pl.Series) -> bool:
-        """Tell whether one of the first cells is a time, or a time has been there: most texts are not."""
-        first = [cell for cell in cells.head(_LOOKED_AT).to_list() if cell]
-        return self._first is not None or not first or any(map(_TIME.match, first))
+    @staticmethod
+    def may_be(cells: Texts) -> bool:
+        """Tell whether one of the first cells is a time: most texts are none, which costs little to see."""
+        return any(cell and _TIME.match(cell) for cell in cells[:_LOOKED_AT])
 
     def _days(self, dates: pl.Series, of_day: FloatArray) -> FloatArray:
         """Return the day of each cell, counted from any; without dates, how often midnight has passed."""

@@ -11,17 +11,14 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mrdamper.data.formats.cells import Cells, FewCells, ManyCells
 from mrdamper.data.formats.stamps import Stamps
 from mrdamper.data.formats.table import FileOptions, Layout, Rows, Table, Texts
 from mrdamper.errors import InputError
 from mrdamper.quantities import FloatArray, is_unit
-
-if TYPE_CHECKING:
-    import polars as pl
 
 __all__ = [
     "Head",
@@ -38,7 +35,8 @@ __all__ = [
 ]
 
 _HEAD_BYTES = 1 << 20
-_SMALL_BYTES = 1 << 20
+_SMALL_BYTES = 1 << 20  # of numbers alone
+_FEW_BYTES = 1 << 16
 _HEAD_LINES = 400  # the data must begin within these
 _BLOCK = 1 << 25  # bytes that are parsed at a time
 _COMMENT = re.compile(r"^\s*(#|%|//|!)+\s?")
@@ -245,7 +243,7 @@ def _number_blocks(
                     f"expected a {wanted_cell}. Correct the cell, or leave it out with its row"
                 )
             numbers.append(column.numbers() if column is not None and numeric else None)
-            texts.append([] if column is None or numeric else column.text.to_list())
+            texts.append([] if column is None or numeric else column.texts())
         yield numbers, texts
 
 
@@ -310,48 +308,6 @@ def split_line(line: str, delimiter: str) -> list[str]:
 # ------------------------------------------------------------------------------------------- blocks
 
 
-class _Column:
-    """One column of one block: its cells as text, and as numbers where they are."""
-
-    def __init__(self, cells: pl.DataFrame, name: str) -> None:
-        self.text, self.parsed = cells[name], cells[f"{name} parsed"]
-        self.rows, self.wrong = cells["row"], cells[f"{name} wrong"]
-        self.bad = int(self.wrong.sum())
-        self.filled = len(self.parsed) - self.parsed.null_count() + self.bad
-        self.mostly_text = self.bad > 0.5 * self.filled
-
-    def hold_times(self, reader: Stamps, at_least: float = 0.0) -> bool:
-        """Take the cells as times of day or dates, if at least a share of them are; tell whether."""
-        import polars as pl
-
-        found = pl.Series(reader.seconds(self.text), nan_to_null=True)
-        if found.len() - found.null_count() < at_least * self.filled:
-            return False
-        self.wrong = (self.wrong | self.parsed.is_not_null()) & found.is_null()
-        self.parsed, self.bad, self.mostly_text = found, int(self.wrong.sum()), False
-        return True
-
-    @staticmethod
-    def asked(name: str, decimal: str) -> list[pl.Expr]:
-        """Return what is asked about the column of a name: its cells, as numbers, and which are none."""
-        import polars as pl
-
-        text = pl.col(name).str.strip_chars(' \t"')
-        spelled = text
-        if decimal == ",":  # a point would separate thousands
-            spelled = text.str.replace(".", "?", literal=True).str.replace(",", ".", literal=True)
-        parsed = spelled.cast(pl.Float64, strict=False)
-        wrong = (text != "").fill_null(value=False) & parsed.is_null()
-        return [text, parsed.alias(f"{name} parsed"), wrong.alias(f"{name} wrong")]
-
-    def numbers(self) -> FloatArray:
-        return np.array(self.parsed.fill_null(float("nan")).to_numpy(), dtype=np.float64)
-
-    def first_bad(self) -> tuple[int, str]:
-        k = int(self.wrong.arg_max() or 0)
-        return int(self.rows[k]), str(self.text[k])[:40]
-
-
 def _blocks(path: Path, start: int, stop: int | None, first_line: int) -> Iterator[tuple[bytes, int]]:
     """Give whole lines of a file in blocks, each with the number of its first line."""
     rest, end = b"", path.stat().st_size if stop is None else stop
@@ -396,13 +352,47 @@ def _parse_block(
     count: int,
     first_line: int,
     wanted: Sequence[int] = (),
-) -> list[_Column | None]:
+) -> Sequence[Cells | None]:
     """Return the columns of a block, all of them or those that are wanted."""
-    import polars as pl
-
     if delimiter == " ":
         content = re.sub(rb"(?m)^[ \t]+|[ \t]+(?=\r?$)", b"", content)
         content, delimiter = re.sub(rb"[ \t]+", b"\t", content), "\t"
+    asked = wanted or range(count)
+    ends = content.count(b"\r") == content.count(b"\r\n")
+    if len(content) <= _FEW_BYTES and ends and b'"' not in content and b"#" not in content:
+        return _few(path, content, delimiter, decimal, count, first_line, asked)
+    return _many(path, content, delimiter, decimal, count, first_line, asked)
+
+
+def _few(
+    path: Path,
+    content: bytes,
+    delimiter: str,
+    decimal: str,
+    count: int,
+    first_line: int,
+    asked: Sequence[int],
+) -> Sequence[Cells | None]:
+    encoding = _encoding(path, content)
+    lines = content.decode("utf-8" if encoding == _UTF8 else encoding).split("\n")
+    rows = [(k, line.removesuffix("\r").split(delimiter)) for k, line in enumerate(lines, first_line)]
+    rows = [(k, fields) for k, fields in rows if any(fields[:count])]
+    cells = [[fields[k] or None if k < len(fields) else None for _, fields in rows] for k in range(count)]
+    numbers = [k for k, _ in rows]
+    return [FewCells(cells[k], numbers, decimal) if k in asked else None for k in range(count)]
+
+
+def _many(
+    path: Path,
+    content: bytes,
+    delimiter: str,
+    decimal: str,
+    count: int,
+    first_line: int,
+    asked: Sequence[int],
+) -> Sequence[Cells | None]:
+    import polars as pl
+
     numbered = delimiter.join(f"{k}" for k in range(count)).encode() + b"\n"  # a first row may be short
     try:
         frame = pl.read_csv(
@@ -415,12 +405,12 @@ def _parse_block(
     except pl.exceptions.PolarsError as error:
         if _encoding(path, content) == _WINDOWS:
             told = content.decode(_WINDOWS).encode()
-            return _parse_block(path, told, delimiter, decimal, count, first_line, wanted)
+            return _many(path, told, delimiter, decimal, count, first_line, asked)
         raise InputError(f"{path}: not a table of numbers ({str(error).splitlines()[0]})") from error
     frame = frame.with_row_index("row", first_line).filter(~pl.all_horizontal(pl.exclude("row").is_null()))
-    asked = [f"{k}" for k in wanted or range(count)]
-    cells = frame.select_seq("row", *(each for name in asked for each in _Column.asked(name, decimal)))
-    return [_Column(cells, f"{k}") if f"{k}" in asked else None for k in range(count)]
+    parts = (each for k in asked for each in ManyCells.asked(f"{k}", decimal))
+    cells = frame.select_seq("row", *parts)
+    return [ManyCells(cells, f"{k}") if k in asked else None for k in range(count)]
 
 
 # ------------------------------------------------------------------------------------------- looking
