@@ -67,6 +67,26 @@ def test_what_is_no_time_is_no_number(cell):
     assert np.isnan(seconds(cell)).all()
 
 
+@given(
+    st.lists(
+        st.one_of(
+            st.none(),
+            st.sampled_from(["", "noon", "2026-02-30 1:00:00"]),
+            st.times().map(str),
+            st.datetimes().map(str),
+            st.text(alphabet="0123456789:.,-/T apmZ", max_size=24),
+        ),
+        max_size=12,
+    )
+)
+def test_a_list_of_cells_and_one_of_polars_are_the_same(cells):
+    few, many = Stamps(), Stamps()
+    for part in (cells[:5], cells[5:]):
+        assert np.array_equal(
+            few.seconds(part), many.seconds(pl.Series(part, dtype=pl.String)), equal_nan=True
+        )
+
+
 def test_a_date_of_two_meanings_is_taken_only_where_it_does_not_change():
     same = seconds("11/12/2026 10:00:00", "11/12/2026 10:00:01")
     assert np.array_equal(same, [0.0, 1.0])

@@ -84,9 +84,7 @@ class FewCells(Cells):
     def hold_times(self, reader: Stamps, at_least: float = 0.0) -> bool:
         if at_least and not reader.may_be(self._texts):
             return False
-        import polars as pl
-
-        found = reader.seconds(pl.Series(self._texts, dtype=pl.String))
+        found = reader.seconds(self._texts)
         there = np.isfinite(found)
         if np.count_nonzero(there) < at_least * self.filled:
             return False

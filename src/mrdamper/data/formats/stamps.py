@@ -22,11 +22,12 @@ if TYPE_CHECKING:
 __all__ = ["Stamps"]
 
 _FORM = (
-    r"^(?:(\d{1,4}[-./]\d{1,2}[-./]\d{1,4})[T ,]\s*)?(\d{1,2}):(\d{2}):(\d{2})(?:[.,](\d{1,9}))?"
-    r"\s*([AaPp][Mm])?(?:Z|[+-]\d{2}:?\d{2})?$"
+    r"^(?:([0-9]{1,4}[-./][0-9]{1,2}[-./][0-9]{1,4})[T ,] *)?"
+    r"([0-9]{1,2}):([0-9]{2}):([0-9]{2})(?:[.,]([0-9]{1,9}))? *([AaPp][Mm])?(?:Z|[+-][0-9]{2}:?[0-9]{2})?$"
 )
 _TIME = re.compile(_FORM)
 _LOOKED_AT = 100  # cells
+_PM = ("pm", "PM", "Pm", "pM")
 _DAY_S = 86400.0
 
 
@@ -41,29 +42,21 @@ class Stamps:
     @classmethod
     def in_texts(cls, cells: Texts) -> FloatArray | None:
         """Return the times in a whole column, None where a cell that is filled holds something else."""
-        import polars as pl
-
         filled = np.array([bool(cell and cell.strip()) for cell in cells], dtype=bool)
-        found = cls().seconds(pl.Series(cells, dtype=pl.String).str.strip_chars())
+        found = cls().seconds([cell and cell.strip() for cell in cells])
         return found if filled.any() and np.isfinite(found[filled]).all() else None
 
-    def seconds(self, cells: pl.Series) -> FloatArray:
-        """Return seconds from the first time of all blocks; not a number where a cell is no time."""
-        import polars as pl
+    def seconds(self, cells: pl.Series | Texts) -> FloatArray:
+        """Return seconds from the first time of all blocks; not a number where a cell is no time.
 
-        parts = cells.to_frame("cell").select_seq(pl.col("cell").str.extract_groups(_FORM)).unnest("cell")
-        share = pl.concat_str(pl.lit("0."), pl.col("5").fill_null("0"))
-        read = parts.select_seq(
-            *(pl.col(f"{k}").cast(pl.Float64) for k in (2, 3, 4)),
-            share.cast(pl.Float64).alias("share"),
-            pl.col("6").is_not_null().alias("twelve"),
-            (pl.col("6").str.to_lowercase() == "pm").fill_null(value=False).alias("pm"),
-        )
-        hours, minutes, whole, rest, twelve, pm = (column.to_numpy() for column in read)
-        hours = np.where(twelve, hours % 12.0 + 12.0 * pm, hours)
+        ``cells`` are a list, or of Polars where they are many.
+        """
+        dates, read = _in_list(cells) if isinstance(cells, list) else _in_series(cells)
+        hours, minutes, whole, rest, twelve, pm = read
+        hours = np.where(twelve > 0.0, hours % 12.0 + 12.0 * pm, hours)
         of_day = 3600.0 * hours + 60.0 * minutes + whole + rest
         of_day[~((hours < 24.0) & (minutes < 60.0) & (whole < 61.0))] = np.nan
-        days = self._days(parts["1"], of_day)
+        days = self._days(dates, of_day)
         there = np.flatnonzero(np.isfinite(of_day) & np.isfinite(days))
         if self._first is None and len(there):
             self._first = int(days[there[0]]), float(of_day[there[0]])
@@ -75,10 +68,10 @@ class Stamps:
         """Tell whether one of the first cells is a time: most texts are none, which costs little to see."""
         return any(cell and _TIME.match(cell) for cell in cells[:_LOOKED_AT])
 
-    def _days(self, dates: pl.Series, of_day: FloatArray) -> FloatArray:
+    def _days(self, dates: Texts, of_day: FloatArray) -> FloatArray:
         """Return the day of each cell, counted from any; without dates, how often midnight has passed."""
-        found = dates.unique(maintain_order=True).to_list()
-        if found == [None] or not found:
+        found = dict.fromkeys(dates)
+        if not found.keys() - {None}:
             there = np.flatnonzero(np.isfinite(of_day))
             days = np.zeros(len(of_day))
             if len(there):
@@ -87,9 +80,7 @@ class Stamps:
                 self._last_s, self._midnights = float(of_day[there[-1]]), int(days[there[-1]])
             return days
         day_of = {text: self._day(text) for text in found}
-        if len(found) == 1:
-            return np.full(len(of_day), day_of[found[0]])
-        return np.array([day_of[text] for text in dates.to_list()])
+        return np.array([day_of[text] for text in dates])
 
     def _day(self, text: str | None) -> float:
         """Return the number of a date; not a number where its meaning is not sure."""
@@ -106,3 +97,37 @@ class Stamps:
             return np.nan
         self._only = self._only or text
         return 0.0 if text == self._only else np.nan
+
+
+def _in_list(cells: Texts) -> tuple[Texts, list[FloatArray]]:
+    """Return the date of each cell, and what else is in it: hour, minute, second, its part, 12 hours, pm."""
+    nothing = (None,) * 6
+    found = [
+        match.groups() if cell is not None and (match := _TIME.match(cell)) else nothing for cell in cells
+    ]
+    read = [
+        (
+            float(hour or "nan"),
+            float(minute or "nan"),
+            float(second or "nan"),
+            float(f"0.{part or 0}"),
+            float(half is not None),
+            float(half in _PM),
+        )
+        for _, hour, minute, second, part, half in found
+    ]
+    return [date for date, *_ in found], list(np.array(read, dtype=np.float64).reshape(-1, 6).T)
+
+
+def _in_series(cells: pl.Series) -> tuple[Texts, list[FloatArray]]:
+    """Return the same of cells of Polars."""
+    import polars as pl
+
+    parts = cells.to_frame("cell").select_seq(pl.col("cell").str.extract_groups(_FORM)).unnest("cell")
+    read = parts.select_seq(
+        *(pl.col(f"{k}").cast(pl.Float64) for k in (2, 3, 4)),
+        pl.concat_str(pl.lit("0."), pl.col("5").fill_null("0")).cast(pl.Float64).alias("part"),
+        pl.col("6").is_not_null().cast(pl.Float64).alias("twelve"),
+        pl.col("6").is_in(_PM).fill_null(value=False).cast(pl.Float64).alias("pm"),
+    )
+    return parts["1"].to_list(), [column.to_numpy() for column in read]
