@@ -57,7 +57,7 @@ def isolated(
             names=tuple(given["names"]),
             columns=OnUse(
                 {
-                    name: partial(_numbers, path, asked, name)
+                    name: partial(_numbers, path, asked, name, int(given["rows"]))
                     for name in given["names"]
                     if name not in given["texts"]
                 }
@@ -74,11 +74,17 @@ def isolated(
     return read
 
 
-def _numbers(path: Path, asked: Mapping[str, Any], name: str) -> FloatArray:
+def _numbers(path: Path, asked: Mapping[str, Any], name: str, rows: int) -> FloatArray:
     with _LOCK:
         if _DECODER.opened != asked:
             _DECODER.ask(path, asked)
-        return _DECODER.column(path, name)
+        values = _DECODER.column(path, name)
+    if len(values) > rows:
+        raise InputError(
+            f"{path}: column {name!r} holds {len(values)} numbers in {rows} rows; expected one in each. The "
+            "file is damaged, or holds arrays: export the run as CSV"
+        )
+    return values
 
 
 def _words(path: Path, asked: Mapping[str, Any], name: str) -> Texts:
