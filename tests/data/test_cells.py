@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from mrdamper.data.formats import text as text_format
 from mrdamper.data.formats.stamps import Stamps
+from mrdamper.data.formats.table import Layout
 from mrdamper.data.readers import read_run
 from tests.data.rig_files import WRITERS
 
@@ -30,10 +31,9 @@ CELL = st.one_of(
 def both(rows, delimiter, decimal, count, end="\n"):
     content = end.join(delimiter.join(row) for row in rows).encode()
     place = Path("run.csv")
-    return [
-        getattr(text_format, f"_{how}")(place, content, delimiter, decimal, count, 1, range(count))
-        for how in ASKED
-    ]
+    layout = Layout("delimited text", delimiter, decimal)
+    made = [getattr(text_format, f"_{how}")(place, content, layout, count, 1) for how in ASKED]
+    return [[each(k) for k in range(count)] for each in made]
 
 
 @settings(max_examples=300)

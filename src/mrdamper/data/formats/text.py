@@ -8,8 +8,8 @@ from __future__ import annotations
 import io
 import itertools
 import re
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -213,15 +213,7 @@ def _number_blocks(
             is_number = [True] * len(plain)
             yield plain, [[] for _ in plain]
             continue
-        columns = _parse_block(
-            path,
-            content,
-            layout.delimiter,
-            layout.decimal,
-            len(order),
-            first_line,
-            wanted if is_number else (),
-        )
+        columns = _parse_block(path, content, layout, len(order), first_line, wanted if is_number else ())
         for k, column in enumerate(columns):
             if column is not None and k in stamps:
                 column.hold_times(stamps[k])
@@ -345,72 +337,50 @@ def _plain_numbers(content: bytes, delimiter: str, count: int) -> list[FloatArra
 
 
 def _parse_block(
-    path: Path,
-    content: bytes,
-    delimiter: str,
-    decimal: str,
-    count: int,
-    first_line: int,
-    wanted: Sequence[int] = (),
+    path: Path, content: bytes, layout: Layout, count: int, first_line: int, wanted: Sequence[int] = ()
 ) -> Sequence[Cells | None]:
     """Return the columns of a block, all of them or those that are wanted."""
-    if delimiter == " ":
+    if layout.delimiter == " ":
         content = re.sub(rb"(?m)^[ \t]+|[ \t]+(?=\r?$)", b"", content)
-        content, delimiter = re.sub(rb"[ \t]+", b"\t", content), "\t"
-    asked = wanted or range(count)
+        content, layout = re.sub(rb"[ \t]+", b"\t", content), replace(layout, delimiter="\t")
     ends = content.count(b"\r") == content.count(b"\r\n")
-    if len(content) <= _FEW_BYTES and ends and b'"' not in content and b"#" not in content:
-        return _few(path, content, delimiter, decimal, count, first_line, asked)
-    return _many(path, content, delimiter, decimal, count, first_line, asked)
+    few = len(content) <= _FEW_BYTES and ends and b'"' not in content and b"#" not in content
+    made = (_few if few else _many)(path, content, layout, count, first_line)
+    return [made(k) if not wanted or k in wanted else None for k in range(count)]
 
 
-def _few(
-    path: Path,
-    content: bytes,
-    delimiter: str,
-    decimal: str,
-    count: int,
-    first_line: int,
-    asked: Sequence[int],
-) -> Sequence[Cells | None]:
-    encoding = _encoding(path, content)
-    lines = content.decode("utf-8" if encoding == _UTF8 else encoding).split("\n")
-    rows = [(k, line.removesuffix("\r").split(delimiter)) for k, line in enumerate(lines, first_line)]
+def _few(path: Path, content: bytes, layout: Layout, count: int, first_line: int) -> Callable[[int], Cells]:
+    """Return what gives the cells of a column, by Python."""
+    lines = content.decode(_encoding(path, content)).split("\n")
+    rows = [(k, line.removesuffix("\r").split(layout.delimiter)) for k, line in enumerate(lines, first_line)]
     rows = [(k, fields) for k, fields in rows if any(fields[:count])]
-    cells = [[fields[k] or None if k < len(fields) else None for _, fields in rows] for k in range(count)]
     numbers = [k for k, _ in rows]
-    return [FewCells(cells[k], numbers, decimal) if k in asked else None for k in range(count)]
+    return lambda k: FewCells(
+        [fields[k] or None if k < len(fields) else None for _, fields in rows], numbers, layout.decimal
+    )
 
 
-def _many(
-    path: Path,
-    content: bytes,
-    delimiter: str,
-    decimal: str,
-    count: int,
-    first_line: int,
-    asked: Sequence[int],
-) -> Sequence[Cells | None]:
+def _many(path: Path, content: bytes, layout: Layout, count: int, first_line: int) -> Callable[[int], Cells]:
+    """Return the same, by Polars."""
     import polars as pl
 
-    numbered = delimiter.join(f"{k}" for k in range(count)).encode() + b"\n"  # a first row may be short
+    numbered = (
+        layout.delimiter.join(f"{k}" for k in range(count)).encode() + b"\n"
+    )  # a first row may be short
     try:
         frame = pl.read_csv(
             numbered + content,
             schema={f"{k}": pl.String for k in range(count)},
-            separator=delimiter,
+            separator=layout.delimiter,
             comment_prefix="#",
             truncate_ragged_lines=True,
         )
     except pl.exceptions.PolarsError as error:
         if _encoding(path, content) == _WINDOWS:
-            told = content.decode(_WINDOWS).encode()
-            return _many(path, told, delimiter, decimal, count, first_line, asked)
+            return _many(path, content.decode(_WINDOWS).encode(), layout, count, first_line)
         raise InputError(f"{path}: not a table of numbers ({str(error).splitlines()[0]})") from error
     frame = frame.with_row_index("row", first_line).filter(~pl.all_horizontal(pl.exclude("row").is_null()))
-    parts = (each for k in asked for each in ManyCells.asked(f"{k}", decimal))
-    cells = frame.select_seq("row", *parts)
-    return [ManyCells(cells, f"{k}") if k in asked else None for k in range(count)]
+    return lambda k: ManyCells(frame.select_seq("row", *ManyCells.asked(f"{k}", layout.decimal)), f"{k}")
 
 
 # ------------------------------------------------------------------------------------------- looking
