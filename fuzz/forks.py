@@ -78,6 +78,7 @@ def _serve(orders: socket.socket) -> None:
 
 
 if __name__ == "__main__":
+    decoder.leave_no_file()
     importlib.import_module(sys.argv[2])
     if sys.argv[2] == "asammdf":  # names in no known encoding: the guesser takes a tenth of a second to load
         importlib.import_module("chardet").detect(bytes(range(128, 192)))

@@ -251,6 +251,20 @@ def test_a_decoder_that_loops_ends_where_nobody_waits(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("name", sorted(WRITERS))
+def test_reading_leaves_nothing_behind(tmp_path, monkeypatch, name):
+    """Libraries put files aside, and the decoder's process is ended, not asked to end."""
+    (aside := tmp_path / "aside").mkdir()
+    (runs := tmp_path / "runs").mkdir()
+    monkeypatch.setenv("TMPDIR", str(aside))
+    WRITERS[name](runs / name)
+    isolated.stop()
+    read_file(runs / name)
+    isolated.stop()
+    assert [*aside.iterdir()] == []
+    assert [each.name for each in runs.iterdir()] == [name]
+
+
 def test_a_decoder_that_loops_is_ended_and_told(tmp_path, decoder, monkeypatch):
     """Damaged links lead libhdf5 in a circle; a file that is good is read by the next process."""
     WRITERS["v5.mat"](tmp_path / "v5.mat")

@@ -8,7 +8,8 @@ with ``error`` is the message of an ``InputError``.
 
 The process may not take more memory than ``_MOST_SHARE`` of the machine's, nor than ``_MOST_BYTES``: what a
 small file unpacks to ends this process, not the user's others. Nor may it take more processor time for a
-question than its ``seconds``: what loops for ever ends, even where nobody waits any more. It leaves no core.
+question than its ``seconds``: what loops for ever ends, even where nobody waits any more. It leaves no core,
+and no temporary file.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import json
 import math
 import os
 import resource
+import tempfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -32,7 +34,7 @@ from mrdamper.data.formats.parquet import read_parquet
 from mrdamper.data.formats.table import FileOptions, Table
 from mrdamper.errors import InputError
 
-__all__ = ["READERS", "hold_memory", "hold_time", "main", "serve"]
+__all__ = ["READERS", "hold_memory", "hold_time", "leave_no_file", "main", "serve"]
 
 _MOST_BYTES = 12 << 30  # three times the longest column that is read
 _MOST_SHARE = 0.75
@@ -66,6 +68,11 @@ def hold_time(seconds: float) -> None:
     resource.setrlimit(
         resource.RLIMIT_CPU, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard)
     )
+
+
+def leave_no_file() -> None:
+    """Give no name to what libraries loaded from now on put aside: it goes with the process."""
+    tempfile.NamedTemporaryFile = tempfile.TemporaryFile  # type: ignore[assignment]
 
 
 def serve(questions: IO[bytes], answers: IO[bytes]) -> None:
@@ -119,6 +126,7 @@ def _say(answers: IO[bytes], value: Mapping[str, Any]) -> None:
 def main() -> NoReturn:
     """Serve standard input and output until the questions end."""
     hold_memory()
+    leave_no_file()
     resource.setrlimit(resource.RLIMIT_CORE, (0, resource.getrlimit(resource.RLIMIT_CORE)[1]))
     os.environ["RUST_BACKTRACE"] = "0"  # which nobody would read, and takes a tenth of a second
     kept = os.fdopen(os.dup(1), "wb")
