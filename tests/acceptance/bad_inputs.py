@@ -356,10 +356,13 @@ def word_in_a_sheet(folder: Path) -> Arguments:
     return identify("bad.xlsx")
 
 
-def archive_of_a_run(folder: Path) -> Arguments:
-    with zipfile.ZipFile(folder / "bad.xlsx", "w") as archive:
-        archive.writestr("run.csv", GOOD)
-    return identify("bad.xlsx")
+def archive_with(name: str, other: str) -> Callable[[Path], Arguments]:
+    def write(folder: Path) -> Arguments:
+        with zipfile.ZipFile(folder / name, "w") as archive:
+            archive.writestr(other, GOOD)
+        return identify(name)
+
+    return write
 
 
 def mdf_formula(folder: Path) -> Arguments:
@@ -662,7 +665,9 @@ CASES: tuple[Case, ...] = (
     Case("MDF of many clocks", clocks, r"have clocks of their own"),
     Case("Excel, cut", cut("run.xlsx", 0.6), r"not a readable Excel file"),
     Case("Excel, damaged", damaged("run.xlsx", 0.3), r"not a readable Excel file|no sheet"),
-    Case("Excel, no workbook", archive_of_a_run, r"is a ZIP archive without a workbook"),
+    Case("Excel, no workbook", archive_with("bad.xlsx", "run.csv"), r"is a ZIP archive without a workbook"),
+    Case("NumPy archive", archive_with("bad.npz", "force.npy"), r"bad\.npz: is a NumPy archive"),
+    Case("OpenDocument", archive_with("bad.ods", "content.xml"), r"bad\.ods: is an OpenDocument file"),
     Case("Excel, bomb", bomb(600_000_000), r"unpacks to more than 512 MB"),
     Case("Excel, bomb that denies it", bomb(900), r"unpacks to more than the 900 bytes"),
     Case("Excel, far cells", raw(far_cells(), "bad.xlsx"), r"spans 1048576 rows and 16384 columns"),

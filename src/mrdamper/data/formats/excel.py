@@ -152,13 +152,22 @@ def _spelled(cell: object) -> str:
     return "" if cell is None else f"{cell}".replace("\t", " ").replace("\n", " ")
 
 
+def _other_archive(names: set[str]) -> str:
+    """Tell what a ZIP archive without a workbook is, and what to do with it."""
+    if names and all(name.endswith(".npy") for name in names):
+        return "a NumPy archive: export the run as CSV or Parquet"
+    if "content.xml" in names:
+        return "an OpenDocument file: save its sheet as .xlsx or CSV"
+    return "a ZIP archive without a workbook; expected .xlsx. Unpack it first"
+
+
 def _require_harmless(path: Path) -> None:
     """Refuse an archive that is no workbook, or unpacks to more than any run needs."""
     with decoding(path, "Excel file", _REMEDY), zipfile.ZipFile(path) as archive:
         members = archive.infolist()
         names = {member.filename for member in members}
         if "xl/workbook.xml" not in names:
-            raise InputError(f"{path}: is a ZIP archive without a workbook; expected .xlsx. Unpack it first")
+            raise InputError(f"{path}: is {_other_archive(names)}")
         if len(members) > _MOST_PARTS:
             raise InputError(
                 f"{path}: holds {len(members)} parts; expected an Excel file of at most {_MOST_PARTS}"
