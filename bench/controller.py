@@ -20,8 +20,9 @@ import numpy as np
 
 from bench.measure import Asked, Row, absent, judged, timed
 from bench.plain import PlainBank
-from mrdamper.control.controllers import Flag, ForceController, controllers_for
+from mrdamper.control.controllers import ForceController, controllers_for
 from mrdamper.control.protocol import Seen, Wanted
+from mrdamper.control.stepper import Flag
 from mrdamper.excitation import MOTIONS
 from mrdamper.export.c_code import c_files, sources_sha256
 from mrdamper.export.fmu import write_fmu

@@ -14,8 +14,9 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from mrdamper.control.card_plant import CardPlant
-from mrdamper.control.controllers import NAMES, Flag, ForceController, Safety, controllers_for
+from mrdamper.control.controllers import NAMES, ForceController, Safety, controllers_for
 from mrdamper.control.protocol import Seen, Wanted
+from mrdamper.control.stepper import Flag
 from mrdamper.control.tuning import PREVIEW_SHARE
 from mrdamper.core import _kernel
 from mrdamper.errors import InputError

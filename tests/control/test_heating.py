@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from mrdamper.control.controllers import Flag, ForceController, controllers_for
+from mrdamper.control.controllers import ForceController, controllers_for
 from mrdamper.control.heating import NO_HEATING, Heating
 from mrdamper.control.realtime import RealtimeDamper, realtime_model
+from mrdamper.control.stepper import Flag
 from mrdamper.errors import InputError
 from mrdamper.excitation import Sine
 from mrdamper.quantities import FloatArray

@@ -12,10 +12,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mrdamper.control.controllers import Flag, controllers_for
+from mrdamper.control.controllers import controllers_for
 from mrdamper.control.heating import NO_HEATING
 from mrdamper.control.protocol import Seen, Wanted
 from mrdamper.control.realtime import RealtimeDamper, realtime_model
+from mrdamper.control.stepper import Flag
 from mrdamper.core import _kernel
 from mrdamper.errors import InputError
 from mrdamper.excitation import MOTIONS, Motion, Road, Sine, drive

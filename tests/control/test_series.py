@@ -17,7 +17,6 @@ from hypothesis import strategies as st
 from mrdamper.control.card_plant import CardPlant
 from mrdamper.control.controllers import (
     NAMES,
-    Flag,
     ForceController,
     Safety,
     check_name,
@@ -31,6 +30,7 @@ from mrdamper.control.realtime import realtime_model
 from mrdamper.control.scenario import SCENARIOS, Sensing
 from mrdamper.control.score import reach_of, score_run
 from mrdamper.control.series_tables import tabulate_power, tabulate_series
+from mrdamper.control.stepper import Flag
 from mrdamper.errors import InputError
 from mrdamper.excitation import MOTIONS, Trajectory
 from mrdamper.models.actuation import Actuation

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrdamper import core
-from mrdamper.control.controllers import Flag
+from mrdamper.control.stepper import Flag
 from mrdamper.errors import InputError
 from mrdamper.export.c_code import banner, c_files, flag_texts, kernel_files, literal, tables_bytes
 from mrdamper.export.target import target_of

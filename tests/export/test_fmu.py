@@ -18,7 +18,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mrdamper.control.controllers import Flag
+from mrdamper.control.stepper import Flag
 from mrdamper.errors import InputError
 from mrdamper.export.c_code import flag_texts
 from mrdamper.export.fmu import fmu_files, write_fmu

@@ -18,18 +18,16 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from enum import IntFlag
-from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamper import core
 from mrdamper.control import tuning
 from mrdamper.control.heating import Heating
 from mrdamper.control.protocol import Seen, Wanted
+from mrdamper.control.stepper import Stepper
 from mrdamper.control.tables import DamperTables, tabulate
 from mrdamper.errors import InputError
 from mrdamper.models.actuation import PLAY_SHARE, Actuation
@@ -38,45 +36,15 @@ from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.quantities import FloatArray
 
 __all__ = [
-    "FAULTS",
     "NAMES",
-    "Belief",
-    "Flag",
     "ForceController",
     "Safety",
-    "belief_of",
     "check_name",
     "controllers_for",
     "names_for",
-    "native_of",
 ]
 
 _ROOM_K = 293.15
-
-
-class Flag(IntFlag):
-    """What a step had to say about its readings and its answer; ``FAULTS`` are those of readings."""
-
-    NO_DISPLACEMENT = 1  # not a number, or far outside
-    FROZEN = 2  # the displacement stands still though the damper moved
-    MOTION_UNKNOWN = 4  # for too long: the command is the fall-back
-    NO_TEMPERATURE = 8  # not a number, or beyond its limits: the last good one is used
-    TEMPERATURE_JUMP = 16  # faster than a damper can warm: the same
-    NOMINAL_TEMPERATURE = 32  # for too long: the nominal one is used
-    NO_TARGET = 64  # not a number: zero is taken
-    NO_FORCE = 128  # no reading where the controller feeds force back
-    OUTSIDE_MOTION = 256  # outside the data's displacement or velocity
-    OUTSIDE_TEMPERATURE = 512  # outside the model's: its edge is held
-    INFEASIBLE = 1024  # no current gives the wanted force
-    CLAMPED = 2048  # the reversal clamp holds
-    SATURATED = 4096  # the command is at one of its ends, or a model's current beyond them
-    NO_CURRENT = 8192  # a model's: not a number, or far outside; the last good one is used, then none
-    FROZEN_TEMPERATURE = 16384  # it stands still though the damper warms: carried on by the energy put in
-    NO_VELOCITY = 32768  # a model's: beyond what can be; estimated from the displacement instead
-
-
-FAULTS = Flag(127) | Flag.NO_CURRENT | Flag.FROZEN_TEMPERATURE | Flag.NO_VELOCITY
-"""The flags that say that a reading was not believed."""
 
 
 _READ_FORCE = ("clipped-on-off", "pi", "feed-forward-pi", "recommended-observer", "recommended-adaptive")
@@ -120,110 +88,26 @@ class Safety:
             )
 
 
-@dataclass(frozen=True, slots=True)
-class Belief:
-    """What a controller holds to be true after a step."""
-
-    displacement: float  # [m]
-    velocity: float  # [m/s]
-    acceleration: float  # [m/s^2]
-    command: float  # the last one given [A or V]
-    applied: float  # what the force feels of the commands [A or V]
-    temperature: float  # [K]
-    yield_force: float  # parts of the model's force at the applied command [N]
-    viscous_force: float
-    friction_force: float
-    other_force: float
-    gains: tuple[float, float, float]  # learnt, of the first three parts
-    disturbance: float  # observed, in the direction of motion [N]
-    flags: Flag
-
-    @property
-    def force(self) -> float:
-        """The model's force [N]."""
-        return self.yield_force + self.viscous_force + self.friction_force + self.other_force
-
-
-def native_of(numbers: Mapping[str, float], tables: DamperTables, *, single: bool) -> core.Tracker:
-    """Return the kernel's part of a controller or model."""
-    return core.Tracker(
-        np.array(list(numbers.values())),
-        bytes(tables.rows),
-        tables.currents,
-        tables.factor,
-        tables.column,
-        [(o.offset, o.top, o.bits, o.cell) for o in tables.octaves],
-        single=single,
-        series=None if tables.series is None else tables.series.native,
-    )
-
-
-def belief_of(native: core.Tracker, state: bytes) -> Belief:
-    """Return what is held to be true in a state."""
-    read = native.read(state)
-    return Belief(
-        *read["motion"],
-        read["command"],
-        read["applied"],
-        read["temperature"],
-        *read["parts"],
-        read["gains"],
-        read["disturbance"],
-        Flag(read["flags"]),
-    )
-
-
 @dataclass(frozen=True, slots=True, eq=False)
-class ForceController:
+class ForceController(Stepper):
     """A controller: ``step(state, wanted, seen)`` gives the next state, which is bytes, and the command.
 
-    Whatever it is told, the command stays within 0 and ``largest``.
+    Whatever it is told, the command stays within 0 and ``largest`` [A or V].
     """
 
-    name: str
-    numbers: Mapping[str, float]  # the kernel's, by name
-    tables: DamperTables
-    needs_force: bool = False
-    known_ahead: bool = True  # whether it is told the target ahead of time
-    single: bool = False  # the arithmetic, tables and state of a target without double precision
-    _native: core.Tracker = field(init=False, repr=False)
-    _step: Callable[..., tuple[bytes, float]] = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        numbers = MappingProxyType({name: float(self.numbers[name]) for name in core.TRACK_NUMBERS})
-        object.__setattr__(self, "numbers", numbers)
-        native = native_of(numbers, self.tables, single=self.single)
-        object.__setattr__(self, "_native", native)
-        object.__setattr__(self, "_step", native.step)
-
-    def __reduce__(self) -> tuple[type[ForceController], tuple[object, ...]]:
-        """Pickle through the constructor: the kernel's part cannot be pickled."""
-        parts = (self.name, dict(self.numbers), self.tables, self.needs_force, self.known_ahead, self.single)
-        return ForceController, parts
-
-    @property
-    def period_s(self) -> float:
-        """Sampling period [s]."""
-        return self.numbers["period"]
+    name: str = field(kw_only=True)
+    needs_force: bool = field(default=False, kw_only=True)
+    known_ahead: bool = field(default=True, kw_only=True)  # whether it is told the target ahead of time
 
     @property
     def preview_s(self) -> float:
         """How far ahead it looks at the target [s]; 0 where it does not, or extrapolates."""
         return self.numbers["preview"] if self.known_ahead else 0.0
 
-    @property
-    def largest(self) -> float:
-        """Largest command [A or V]."""
-        return self.numbers["largest"]
-
-    def start(self) -> bytes:
-        """Return the state before the first sample: no motion, no current."""
-        return self._native.start()
-
     def step(self, state: bytes, wanted: Wanted, seen: Seen) -> tuple[bytes, float]:
         """Return the next state and the command [A or V]; the same arguments give the same answer."""
         ahead = wanted.ahead if self.known_ahead else None
-        return self._step(state, wanted.now, ahead, seen.displacement, seen.temperature, seen.force)
+        return self._native.step(state, wanted.now, ahead, seen.displacement, seen.temperature, seen.force)
 
     def run(self, state: bytes, told: FloatArray) -> tuple[bytes, FloatArray, NDArray[np.int64]]:
         """Take many steps at once; return the last state, the commands and the flags, shape (n,).
@@ -239,14 +123,6 @@ class ForceController:
             rows[:, 1] = np.nan
         current, flags = np.empty(len(rows)), np.empty(len(rows))
         return self._native.run(state, rows, current, flags), current, flags.astype(np.int64)
-
-    def believes(self, state: bytes) -> Belief:
-        """Return what the controller holds to be true in a state."""
-        return belief_of(self._native, state)
-
-    def flags(self, state: bytes) -> Flag:
-        """Return the flags of the last step."""
-        return self.believes(state).flags
 
     def scaled(
         self, yield_gain: float = 1.0, viscous_gain: float = 1.0, friction_gain: float = 1.0
@@ -402,9 +278,9 @@ def _controller(name: str, made: _Source) -> ForceController:
     }
     numbers |= changes[name]
     return ForceController(
-        name,
         numbers,
         made.tables,
+        name=name,
         needs_force=name in _READ_FORCE,
         known_ahead=name != "recommended-causal",
     )

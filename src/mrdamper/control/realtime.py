@@ -10,17 +10,14 @@ a clean displacement: a sensor's noise of 10 um wants ``displacement_noise_m=10e
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from types import MappingProxyType
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamper import core
-from mrdamper.control.controllers import Belief, Flag, Safety, belief_of, controllers_for, native_of
+from mrdamper.control.controllers import Safety, controllers_for
 from mrdamper.control.heating import Heating
-from mrdamper.control.tables import DamperTables
+from mrdamper.control.stepper import Stepper
 from mrdamper.errors import InputError
 from mrdamper.models.card import ModelCard
 from mrdamper.models.damper import Damper
@@ -40,42 +37,11 @@ JERK_DENSITY = 30.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RealtimeDamper:
+class RealtimeDamper(Stepper):
     """A damper's model: ``step(state, ...)`` gives the next state, which is bytes, and the force [N].
 
     Whatever it is told, the force is finite, and the flags say what was wrong.
     """
-
-    numbers: Mapping[str, float]  # the kernel's, by name
-    tables: DamperTables
-    single: bool = False  # the arithmetic, tables and state of a target without double precision
-    _native: core.Tracker = field(init=False, repr=False)
-    _step: Callable[..., tuple[bytes, float]] = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        numbers = MappingProxyType({name: float(self.numbers[name]) for name in core.TRACK_NUMBERS})
-        object.__setattr__(self, "numbers", numbers)
-        native = native_of(numbers, self.tables, single=self.single)
-        object.__setattr__(self, "_native", native)
-        object.__setattr__(self, "_step", native.model)
-
-    def __reduce__(self) -> tuple[type[RealtimeDamper], tuple[object, ...]]:
-        """Pickle through the constructor: the kernel's part cannot be pickled."""
-        return RealtimeDamper, (dict(self.numbers), self.tables, self.single)
-
-    @property
-    def period_s(self) -> float:
-        """Sampling period [s]."""
-        return self.numbers["period"]
-
-    @property
-    def largest(self) -> float:
-        """Largest current of the tables [A or V]."""
-        return self.numbers["largest"]
-
-    def start(self) -> bytes:
-        """Return the state before the first sample: no motion, no current."""
-        return self._native.start()
 
     def step(
         self, state: bytes, displacement: float, velocity: float | None, current: float, temperature: float
@@ -89,7 +55,7 @@ class RealtimeDamper:
         current : through the period that ends now [A or V]
         temperature : [K]
         """
-        return self._step(state, displacement, velocity, current, temperature)
+        return self._native.model(state, displacement, velocity, current, temperature)
 
     def run(self, state: bytes, rows: FloatArray) -> tuple[bytes, FloatArray, NDArray[np.int64]]:
         """Take many steps at once; return the last state, the forces [N] and the flags, shape (n,).
@@ -102,14 +68,6 @@ class RealtimeDamper:
             raise InputError(f"real-time model: rows have shape {told.shape}; expected (n, 4)")
         force, flags = np.empty(len(told)), np.empty(len(told))
         return self._native.simulate(state, told, force, flags), force, flags.astype(np.int64)
-
-    def believes(self, state: bytes) -> Belief:
-        """Return what the model holds to be true in a state."""
-        return belief_of(self._native, state)
-
-    def flags(self, state: bytes) -> Flag:
-        """Return the flags of the last step."""
-        return self.believes(state).flags
 
 
 def realtime_model(  # noqa: PLR0913 - what a caller may know better than the rules

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from mrdamper.control.controllers import FAULTS, Flag
+from mrdamper.control.stepper import FAULTS, Flag
 from mrdamper.export.c_code import flag_texts
 
 if TYPE_CHECKING:

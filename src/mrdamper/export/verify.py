@@ -20,8 +20,9 @@ from pathlib import Path
 import numpy as np
 
 from mrdamper import __version__
-from mrdamper.control.controllers import Belief, Flag, ForceController
+from mrdamper.control.controllers import ForceController
 from mrdamper.control.realtime import RealtimeDamper
+from mrdamper.control.stepper import Belief, Flag
 from mrdamper.errors import CheckError, InputError
 from mrdamper.export.c_code import c_files, sources_sha256, tables_bytes
 from mrdamper.export.record import Difference, Verification

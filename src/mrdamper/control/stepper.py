@@ -1,0 +1,134 @@
+"""What a step in C is told and tells: the part that controllers and the real-time model share.
+
+A stepper is a small frozen value of numbers and tables, from which the kernel's part is built once
+(``core/kernel/track_*.c``). Its state is bytes; what the bytes hold to be true is a ``Belief``, and what a
+step had to say about its readings are its flags.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from enum import IntFlag
+from functools import partial
+from types import MappingProxyType
+from typing import Self
+
+import numpy as np
+
+from mrdamper import core
+from mrdamper.control.tables import DamperTables
+
+__all__ = ["FAULTS", "Belief", "Flag", "Stepper"]
+
+
+class Flag(IntFlag):
+    """What a step had to say about its readings and its answer; ``FAULTS`` are those of readings."""
+
+    NO_DISPLACEMENT = 1  # not a number, or far outside
+    FROZEN = 2  # the displacement stands still though the damper moved
+    MOTION_UNKNOWN = 4  # for too long: the command is the fall-back
+    NO_TEMPERATURE = 8  # not a number, or beyond its limits: the last good one is used
+    TEMPERATURE_JUMP = 16  # faster than a damper can warm: the same
+    NOMINAL_TEMPERATURE = 32  # for too long: the nominal one is used
+    NO_TARGET = 64  # not a number: zero is taken
+    NO_FORCE = 128  # no reading where the controller feeds force back
+    OUTSIDE_MOTION = 256  # outside the data's displacement or velocity
+    OUTSIDE_TEMPERATURE = 512  # outside the model's: its edge is held
+    INFEASIBLE = 1024  # no current gives the wanted force
+    CLAMPED = 2048  # the reversal clamp holds
+    SATURATED = 4096  # the command is at one of its ends, or a model's current beyond them
+    NO_CURRENT = 8192  # a model's: not a number, or far outside; the last good one is used, then none
+    FROZEN_TEMPERATURE = 16384  # it stands still though the damper warms: carried on by the energy put in
+    NO_VELOCITY = 32768  # a model's: beyond what can be; estimated from the displacement instead
+
+
+FAULTS = Flag(127) | Flag.NO_CURRENT | Flag.FROZEN_TEMPERATURE | Flag.NO_VELOCITY
+"""The flags that say that a reading was not believed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Belief:
+    """What a controller holds to be true after a step."""
+
+    displacement: float  # [m]
+    velocity: float  # [m/s]
+    acceleration: float  # [m/s^2]
+    command: float  # the last one given [A or V]
+    applied: float  # what the force feels of the commands [A or V]
+    temperature: float  # [K]
+    yield_force: float  # parts of the model's force at the applied command [N]
+    viscous_force: float
+    friction_force: float
+    other_force: float
+    gains: tuple[float, float, float]  # learnt, of the first three parts
+    disturbance: float  # observed, in the direction of motion [N]
+    flags: Flag
+
+    @property
+    def force(self) -> float:
+        """The model's force [N]."""
+        return self.yield_force + self.viscous_force + self.friction_force + self.other_force
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stepper:
+    """Numbers and tables in the kernel's form; those who inherit say what a step is told and gives."""
+
+    numbers: Mapping[str, float]  # the kernel's, by name
+    tables: DamperTables
+    single: bool = False  # the arithmetic, tables and state of a target without double precision
+    _native: core.Tracker = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        numbers = {name: float(self.numbers[name]) for name in core.TRACK_NUMBERS}
+        tables = self.tables
+        native = core.Tracker(
+            np.array(list(numbers.values())),
+            bytes(tables.rows),
+            tables.currents,
+            tables.factor,
+            tables.column,
+            [(o.offset, o.top, o.bits, o.cell) for o in tables.octaves],
+            single=self.single,
+            series=None if tables.series is None else tables.series.native,
+        )
+        object.__setattr__(self, "numbers", MappingProxyType(numbers))
+        object.__setattr__(self, "_native", native)
+
+    def __reduce__(self) -> tuple[partial[Self], tuple[()]]:
+        """Pickle through the constructor: the kernel's part cannot be pickled."""
+        parts = {each.name: getattr(self, each.name) for each in fields(self) if each.init}
+        return partial(type(self), **parts | {"numbers": dict(self.numbers)}), ()
+
+    @property
+    def period_s(self) -> float:
+        """Sampling period [s]."""
+        return self.numbers["period"]
+
+    @property
+    def largest(self) -> float:
+        """Largest command, or current of the tables [A or V]."""
+        return self.numbers["largest"]
+
+    def start(self) -> bytes:
+        """Return the state before the first sample: no motion, no current."""
+        return self._native.start()
+
+    def believes(self, state: bytes) -> Belief:
+        """Return what is held to be true in a state."""
+        read = self._native.read(state)
+        return Belief(
+            *read["motion"],
+            read["command"],
+            read["applied"],
+            read["temperature"],
+            *read["parts"],
+            read["gains"],
+            read["disturbance"],
+            Flag(read["flags"]),
+        )
+
+    def flags(self, state: bytes) -> Flag:
+        """Return the flags of the last step."""
+        return self.believes(state).flags
