@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from types import MappingProxyType
@@ -209,11 +209,11 @@ def _line_to_si(spelled: str, role: str, found: str) -> tuple[float, float]:
     return one - zero, zero
 
 
-def is_unit(word: str) -> bool:
-    """Tell whether a word is the spelling of a unit of any role (a row of units under a header)."""
-    for quantity in _TABLE:
+def is_unit(word: str, roles: Iterable[str] = QUANTITIES) -> bool:
+    """Tell whether a word is the spelling of a unit of a role, of any unless told (a row under a header)."""
+    for role in roles:
         try:
-            to_si(0.0, word, quantity.role)
+            to_si(0.0, word, role)
         except InputError:
             continue
         return True

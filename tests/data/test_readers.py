@@ -205,6 +205,18 @@ def test_a_session_may_be_named(tmp_path):
     assert run.session == "13 May"
 
 
+def test_what_the_sensor_gave_stands_beside_what_it_measures(tmp_path):
+    """Loggers write both; the unit tells which is the channel, and a sensor's voltage is no command."""
+    rows = np.array(ROWS).tolist()
+    lines = "\n".join(f"{t!r},{f / 198.4!r},{f!r},{x * 104.0!r},{1e3 * x!r}" for t, x, f, _ in rows)
+    text = f"Time (s),Force (V),Force (N),Displacement (V),Displacement (mm)\n{lines}\n"
+    run = _read(tmp_path, text, ChannelMap.from_dict({"constant": {"current_A": 0.5}}))
+    assert np.array_equal(run.force, RUN.force)
+    assert np.allclose(run.displacement, RUN.displacement, rtol=1e-15)
+    with pytest.raises(InputError, match=r"no current or voltage; .* channel map \(--channels FILE\)$"):
+        _read(tmp_path, text)
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

@@ -43,7 +43,7 @@ from mrdamper.data.formats.table import FileOptions
 from mrdamper.data.records import nearest_names
 from mrdamper.errors import InputError
 from mrdamper.files import read_toml
-from mrdamper.quantities import QUANTITIES, FloatArray, find_quantity, spell_unit, to_si
+from mrdamper.quantities import QUANTITIES, FloatArray, find_quantity, is_unit, spell_unit, to_si
 
 __all__ = [
     "Channel",
@@ -219,16 +219,12 @@ def candidates(role: str, headers: Sequence[str]) -> list[str]:
     """Return the headers that may well mean a role: by a word in them, else by their unit; for messages."""
     words = [word for word in QUANTITIES[role].headers if len(word) > 2]
     named = [header for header in headers if any(word in header.lower() for word in words)]
-    units = {header: unit_in_brackets(header) or header.rpartition("_")[2] for header in headers}
-    return named or [header for header in headers if _is_unit_of(role, units[header])]
-
-
-def _is_unit_of(role: str, unit: str) -> bool:
-    try:
-        to_si(1.0, unit, role)
-    except InputError:
-        return False
-    return bool(unit)
+    units = {
+        header: unit_in_brackets(header) or header.rpartition("_")[2]
+        for header in headers
+        if parse_header(header) is None  # "Force (V)" is no voltage
+    }
+    return named or [header for header, unit in units.items() if is_unit(unit, [role])]
 
 
 def _role_of(word: str) -> str | None:

@@ -28,7 +28,7 @@ from mrdamper.data.records import CommandUnit, Dataset, Recording, RigRun
 from mrdamper.data.tables import FORMATS, Layout, Table, read_table
 from mrdamper.errors import InputError
 from mrdamper.files import is_file, is_folder, is_there
-from mrdamper.quantities import QUANTITIES, FloatArray
+from mrdamper.quantities import QUANTITIES, FloatArray, is_unit
 
 __all__ = [
     "Column",
@@ -313,14 +313,16 @@ def _column_of(table: Table, channel: Channel, said: Sequence[Column], place: st
             (column for column in said if column.name == name),
             Column(role, name, table.units.get(name, "") or unit_in_brackets(name)),
         )
-    with_unit = [column for column in said if column.unit] or said
-    if len(with_unit) > 1:
-        columns = ", ".join(repr(column.name) for column in with_unit)
+    left = [column for column in said if column.unit] or said
+    if len(left) > 1:  # "Force (V)" beside "Force (N)" is what the sensor gave
+        left = [column for column in left if is_unit(column.unit, [role])] or left
+    if len(left) > 1:
+        columns = ", ".join(repr(column.name) for column in left)
         raise InputError(
             f"{place}: columns {columns} all hold {role}; expected one. Name it at [channel.{role}] in "
             "the channel map"
         )
-    return with_unit[0] if with_unit else None
+    return left[0] if left else None
 
 
 def _unit(table: Table, name: str, of_header: str, place: str) -> str:
