@@ -59,6 +59,7 @@ def _delimited() -> Sequence[bytes]:
         b"\x00time_s,note\n0,a\n1,b\n",
         b"at,x,force\n2026-11-21T23:59:59.5,1,2\n2026-11-22T00:00:00,2,3\n",
         b"Uhr;x;T [\xb0C]\n11:59:59,5 pm;1;2\n12:00:00 am;2;3\n",
+        "时间(s),位移（mm）,力(N),力(V),备注\n0,1,2,3,好的\n0.1,2,3,4,好\n".encode("gb18030"),
     ]
 
 

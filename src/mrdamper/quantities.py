@@ -52,31 +52,47 @@ class Quantity:
 
 _TABLE = (
     Quantity(
-        "time", "t", "s", -np.inf, np.inf, ("time", "running time", "t", "zeit", "tempo"), ("s", "ms", "min")
+        "time", "t", "s", -np.inf, np.inf,
+        ("time", "running time", "t", "zeit", "tempo", "temps", "时间", "時間", "시간"),
+        ("s", "ms", "min"),
     ),
     Quantity(
         "displacement", "x", "m", -2, 2,
         (
             "displacement", "axial displacement", "disp", "displ", "position", "stroke", "x", "weg",
-            "desplazamiento", "deslocamento",
+            "desplazamiento", "deslocamento", "déplacement", "spostamento", "位移", "行程", "変位", "변위",
         ),
         ("m", "mm", "in"),
     ),
     Quantity(
         "velocity", "v", "m/s", -10, 10,
-        ("velocity", "speed", "vel", "geschwindigkeit", "velocidad", "velocidade"),
+        (
+            "velocity", "speed", "vel", "geschwindigkeit", "velocidad", "velocidade", "vitesse", "velocità",
+            "速度", "속도",
+        ),
         ("m/s", "mm/s", "in/s"),
     ),
     Quantity(
         "force", "F", "N", -1e6, 1e6,
-        ("force", "axial force", "load", "axial load", "kraft", "fuerza", "força"),
+        (
+            "force", "axial force", "load", "axial load", "kraft", "fuerza", "força", "forza", "力", "阻尼力",
+            "载荷", "荷重", "하중",
+        ),
         ("N", "kN", "kgf", "lbf"),
     ),
-    Quantity("current", "I", "A", -100, 100, ("current", "strom", "corriente", "corrente"), ("A", "mA")),
-    Quantity("voltage", "U", "V", -1000, 1000, ("voltage", "spannung"), ("V", "mV")),
+    Quantity(
+        "current", "I", "A", -100, 100,
+        ("current", "strom", "corriente", "corrente", "courant", "电流", "電流", "전류"),
+        ("A", "mA"),
+    ),
+    Quantity(
+        "voltage", "U", "V", -1000, 1000,
+        ("voltage", "spannung", "tensione", "电压", "電圧", "전압"),
+        ("V", "mV"),
+    ),
     Quantity(
         "temperature", "T", "K", 223, 453,
-        ("temperature", "temp", "temperatur", "temperatura"),
+        ("temperature", "temp", "temperatur", "temperatura", "température", "温度", "온도"),
         ("K", "degC", "degF"),
     ),
 )  # fmt: skip

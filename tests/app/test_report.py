@@ -12,7 +12,7 @@ import mrdamper
 from mrdamper.app.report import render_report
 from tests.app.rigs import short_runs
 
-NASTY = "<script>alert('x')</script> & \"run\" $x_1^"
+NASTY = "阻尼器 <script>alert('x')</script> & \"run\" $x_1^"
 
 
 class Page(HTMLParser):

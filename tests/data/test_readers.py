@@ -398,6 +398,19 @@ def test_a_text_in_windows_letters_is_read_and_told(tmp_path, line):
     assert texts["Bemerkung" if line else "Prüfer"][max(line - 1, 0)] == ("schön" if line else "gut")
 
 
+@pytest.mark.parametrize("encoding", ["gb18030", "utf-8"])
+@pytest.mark.parametrize("note", ["好", "1.5"])
+def test_a_text_in_chinese_is_read_in_either_encoding(tmp_path, encoding, note):
+    rows = [f"{k * 0.01:.2f},{np.sin(k):.4f},{np.cos(k):.4f},1.0,{note}" for k in range(500)]
+    content = "\n".join(["时间(s),位移（mm）,阻尼力(N),电流(A),备注", *rows, ""]).encode(encoding)
+    (tmp_path / "run.csv").write_bytes(content)
+    read = read_file(tmp_path / "run.csv")
+    assert ("GB 18030" in read.layout.in_words()) == (encoding != "utf-8")
+    assert np.allclose(read.recordings[0].force, np.cos(np.arange(500)), atol=1e-4)
+    assert np.allclose(read.recordings[0].displacement, 1e-3 * np.sin(np.arange(500)), atol=1e-7)
+    assert "备注" in read_table(tmp_path / "run.csv").names
+
+
 def test_a_letter_of_windows_far_down_is_read_where_it_stands(tmp_path, monkeypatch):
     monkeypatch.setattr(text_format, "_BLOCK", 4096)
     rows = [f"{k * 0.01:.2f},{np.sin(k):.4f},{np.cos(k):.4f},1.0,gut" for k in range(9000)]

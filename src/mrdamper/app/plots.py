@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Sequence
-from contextlib import AbstractContextManager
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -333,9 +334,12 @@ def correlations(names: Sequence[str], matrix: FloatArray, strong: float = 0.8) 
         return svg_of(figure, "Correlations of the numbers")
 
 
-def drawing_style() -> AbstractContextManager[None]:
-    """Return the context in which every figure is drawn."""
-    return mpl.rc_context(_STYLE)  # type: ignore[arg-type]  # the stubs list every key there is
+@contextmanager
+def drawing_style() -> Iterator[None]:
+    """Give the context in which every figure is drawn; letters that its font lacks are the browser's."""
+    with mpl.rc_context(_STYLE), warnings.catch_warnings():  # type: ignore[arg-type]  # stubs list every key
+        warnings.filterwarnings("ignore", r"Glyph \d+ .* missing from font", UserWarning)
+        yield
 
 
 def _widened(ends: tuple[float, float]) -> tuple[float, float]:

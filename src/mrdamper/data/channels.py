@@ -56,6 +56,7 @@ __all__ = [
 ]
 
 _COMMANDS = ("current", "voltage")
+_NARROW = str.maketrans("（）［］／", "()[]/")
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,7 +199,7 @@ def read_channel_map(path: str | Path) -> ChannelMap:
 
 def parse_header(header: str) -> tuple[str, str] | None:
     """Return (role, unit) of a header that speaks for itself, unit "" when it names a role only, or None."""
-    text = header.strip()
+    text = header.translate(_NARROW).strip()
     forms = (r"(.+?)\s*[\[({](.*)[\])}]", r"(.+?)\s+/\s*(.+)", r"([^_]+)_(.+)", r"(.+)()")
     for form in forms:
         match = re.fullmatch(form, text)
@@ -211,13 +212,13 @@ def parse_header(header: str) -> tuple[str, str] | None:
 
 def unit_in_brackets(header: str) -> str:
     """Return the unit in the brackets at the end of a header, whatever it is the unit of; "" without."""
-    match = re.fullmatch(r".*[\[({]([^\[({]*)[\])}]\s*", header)
+    match = re.fullmatch(r".*[\[({]([^\[({]*)[\])}]\s*", header.translate(_NARROW))
     return match[1].strip() if match else ""
 
 
 def candidates(role: str, headers: Sequence[str]) -> list[str]:
     """Return the headers that may well mean a role: by a word in them, else by their unit; for messages."""
-    words = [word for word in QUANTITIES[role].headers if len(word) > 2]
+    words = [word for word in QUANTITIES[role].headers if len(word) > (2 if word.isascii() else 1)]
     named = [header for header in headers if any(word in header.lower() for word in words)]
     units = {
         header: unit_in_brackets(header) or header.rpartition("_")[2]

@@ -43,7 +43,8 @@ _COMMENT = re.compile(r"^\s*(#|%|//|!)+\s?")
 _NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)(e[+-]?\d+)?|nan|[+-]?inf", re.IGNORECASE)
 _WHOLE = re.compile(r"[+-]?\d+")
 _DELIMITERS = ("\t", ";", ",", " ")
-_UTF8, _WINDOWS = "utf-8-sig", "cp1252"
+_UTF8, _WINDOWS, _CHINESE = "utf-8-sig", "cp1252", "gb18030"
+_READ_AS = {_WINDOWS: ("not UTF-8: read as Windows-1252",), _CHINESE: ("not UTF-8: read as GB 18030",)}
 _NO_TEXT = re.compile(rb"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\x81\x8d\x8f\x90\x9d]")  # in Windows-1252
 _MOST_LETTERS = 0.05  # beyond ASCII, of a text of numbers
 _UTF16 = (b"\xff\xfe", b"\xfe\xff")
@@ -150,7 +151,7 @@ def read_head(path: Path) -> Head:
     if content.startswith(b"\xef\xbb\xbf"):
         edges[0] = 3
     lines = tuple(content[a:b].decode(encoding).rstrip("\r\n") for a, b in itertools.pairwise(edges))
-    return Head(lines, tuple(edges), ("not UTF-8: read as Windows-1252",) if encoding == _WINDOWS else ())
+    return Head(lines, tuple(edges), _READ_AS.get(encoding, ()))
 
 
 def parse_rows(
@@ -376,8 +377,8 @@ def _many(path: Path, content: bytes, layout: Layout, count: int, first_line: in
             truncate_ragged_lines=True,
         )
     except pl.exceptions.PolarsError as error:
-        if _encoding(path, content) == _WINDOWS:
-            return _many(path, content.decode(_WINDOWS).encode(), layout, count, first_line)
+        if (encoding := _encoding(path, content)) != _UTF8:
+            return _many(path, content.decode(encoding).encode(), layout, count, first_line)
         raise InputError(f"{path}: not a table of numbers ({str(error).splitlines()[0]})") from error
     frame = frame.with_row_index("row", first_line).filter(~pl.all_horizontal(pl.exclude("row").is_null()))
     return lambda k: ManyCells(frame.select_seq("row", *ManyCells.asked(f"{k}", layout.decimal)), f"{k}")
@@ -422,11 +423,13 @@ def _wide(head: bytes) -> bool:
 
 
 def _encoding(path: Path, content: bytes) -> str:
-    """Return the encoding of a text: UTF-8, else Windows-1252 where it may well be that."""
+    """Return the encoding of a text: UTF-8, else a Chinese one or Windows-1252 where it may well be that."""
     try:
         content.decode("utf-8")
     except UnicodeDecodeError as error:
         letters = len(content) - len(content.translate(None, bytes(range(128, 256))))
+        if _NO_TEXT.search(content) is None and _is_chinese(content):
+            return _CHINESE
         if _NO_TEXT.search(content) is None and letters <= _MOST_LETTERS * len(content):
             return _WINDOWS
         raise InputError(
@@ -434,6 +437,14 @@ def _encoding(path: Path, content: bytes) -> str:
             "save the file as UTF-8"
         ) from error
     return _UTF8
+
+
+def _is_chinese(content: bytes) -> bool:
+    """Tell whether all bytes beyond ASCII are pairs of GB 2312, two at least: umlauts stand alone."""
+    try:
+        return len(content) - len(content.decode("gb2312")) > 1
+    except UnicodeDecodeError:
+        return False
 
 
 def _distinct(names: Sequence[str]) -> list[str]:
