@@ -1,12 +1,15 @@
 """MAT files up to version 7.2: variables, fields of structures, and columns of matrices.
 
-A structure's field ``run.force`` is a column of its own; a matrix gives ``column 1 of data`` and so on.
-Version 7.3 is HDF5 and read there.
+A structure's field ``run.force`` is a column of its own; a matrix gives ``column 1 of data`` and so on. A
+structure that holds one signal and its name, as dSPACE's ``Y(2).Name`` and ``Y(2).Data`` or Simulink's
+``signals(2).label`` and ``signals(2).values``, is a column of that name. Version 7.3 is HDF5 and read there.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +34,8 @@ __all__ = ["is_mat", "read_mat"]
 
 _LEAST_BYTES = dict.fromkeys(("struct", "cell", "object"), 8)  # of one element; of a number, one
 _DEEPEST = 6  # structures in structures
+_MOST_ELEMENTS = 4096  # of an array of structures that are looked at
+_NAMES, _SIGNALS, _UNITS = ("name", "label", "title"), ("data", "values"), ("unit", "units")
 
 
 def is_mat(head: bytes) -> bool:
@@ -50,13 +55,13 @@ def read_mat(path: Path, options: FileOptions) -> Table:
             require_held(count, _LEAST_BYTES.get(kind, 1), path, name)
             held.append(name)
         variables = loadmat(str(path), simplify_cells=True)
-    found: list[tuple[tuple[str, ...], FloatArray]] = []
+    found: list[_Found] = []
     for name in held:
         _collect((name,), variables.get(name), found)
     if options.part:
-        found = [pair for pair in found if options.part in pair[0][:-1]]
-    names = plain_names([path for path, _ in found])
-    columns = dict(zip(names, (column for _, column in found), strict=True))
+        found = [each for each in found if options.part in each.path[:-1]]
+    names = plain_names([each.path for each in found])
+    columns = {name: each.column for name, each in zip(names, found, strict=True)}
     if sum(map(len, columns.values())) > MOST_SAMPLES:
         raise InputError(f"{path}: holds more than {MOST_SAMPLES} numbers; split the file")
     return Table(
@@ -65,22 +70,65 @@ def read_mat(path: Path, options: FileOptions) -> Table:
         texts={},
         layout=Layout("MAT file", part=options.part),
         rows=max(map(len, columns.values()), default=0),
+        units={name: each.unit for name, each in zip(names, found, strict=True) if each.unit},
     )
 
 
-def _collect(path: tuple[str, ...], value: Any, found: list[tuple[tuple[str, ...], FloatArray]]) -> None:  # noqa: ANN401 - what loadmat made
-    if isinstance(value, dict) and len(path) < _DEEPEST:
+@dataclass(frozen=True, slots=True, eq=False)
+class _Found:
+    path: tuple[str, ...]
+    column: FloatArray
+    unit: str = ""
+
+
+def _collect(
+    path: tuple[str, ...],
+    value: Any,  # noqa: ANN401 - what loadmat made
+    found: list[_Found],
+    depth: int = _DEEPEST,
+    unit: str = "",
+) -> None:
+    if isinstance(value, dict) and depth:
+        if signal := _signal(path, value):
+            found.append(signal)
+            return
         for name, inner in value.items():
             if not str(name).startswith("__"):
-                _collect((*path, str(name)), inner, found)
+                seconds = name == "time" and "signals" in value  # as Simulink saves them
+                _collect((*path, str(name)), inner, found, depth - 1, "s" if seconds else "")
+        return
+    if isinstance(value, np.ndarray) and value.dtype == object:
+        value = [*value.flat]
+    if isinstance(value, list) and depth:
+        for k, inner in enumerate(value[:_MOST_ELEMENTS]):
+            _collect((*path[:-1], f"{path[-1]}({k + 1})"), inner, found, depth - 1)
         return
     if isinstance(value, bool | int | float):
         value = np.array([value])
-    if not isinstance(value, np.ndarray) or value.dtype.kind not in "fiub" or not value.size:
+    if not _is_numbers(value):
         return
     if value.size == max(value.shape, default=1):
-        found.append((path, as_column(value)[0]))
+        found.append(_Found(path, as_column(value)[0], unit))
     elif value.ndim == 2 and min(value.shape) <= MOST_COLUMNS:
         across = value if value.shape[0] >= value.shape[1] else value.T
         for k in range(across.shape[1]):
-            found.append(((*path[:-1], f"column {k + 1} of {path[-1]}"), as_column(across[:, k])[0]))
+            found.append(_Found((*path[:-1], f"column {k + 1} of {path[-1]}"), as_column(across[:, k])[0]))
+
+
+def _signal(path: tuple[str, ...], fields: Mapping[str, Any]) -> _Found | None:
+    """Return the column of a structure that holds one signal and its name."""
+    known = {str(key).lower(): value for key, value in fields.items()}
+    texts = {key: value.strip() for key, value in known.items() if isinstance(value, str) and value.strip()}
+    name = next((texts[key] for key in _NAMES if key in texts), "")
+    arrays = {key: value for key, value in known.items() if _is_numbers(value) and value.size > 1}
+    signal = next((arrays[key] for key in _SIGNALS if key in arrays), None)
+    if not name or signal is None or signal.size != max(signal.shape):
+        return None
+    if sum(other.size == signal.size for other in arrays.values()) > 1:  # a table under a title
+        return None
+    unit = next((texts[key] for key in _UNITS if key in texts), "")
+    return _Found((*path, name), as_column(signal)[0], unit)
+
+
+def _is_numbers(value: Any) -> bool:  # noqa: ANN401 - what loadmat made
+    return isinstance(value, np.ndarray) and value.dtype.kind in "fiub" and value.size > 0

@@ -1,0 +1,111 @@
+"""MAT files as the tools of a test bench save them: signals in structures, by name."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from mrdamper.data.formats.mat import read_mat
+from mrdamper.data.formats.table import FileOptions
+from mrdamper.data.readers import read_run
+
+TIME = np.arange(0.0, 2.0, 0.002)
+SIGNALS = {
+    "displacement": (5.0 * np.sin(2 * np.pi * TIME), "mm"),
+    "force": (300.0 * np.cos(2 * np.pi * TIME), "N"),
+    "current": (np.full(TIME.size, 0.5), "A"),
+}
+
+
+def structures(names, rows):
+    """Return an array of structures."""
+    made = np.zeros(len(rows), dtype=[(name, object) for name in names])
+    for k, row in enumerate(rows):
+        made[k] = row
+    return made
+
+
+def dspace(count=3):
+    """Return what a recording of dSPACE's is: X the time, Y the signals."""
+    fields = ("Name", "Type", "Data", "Unit", "XIndex", "Raster")
+    rows = [(name, 4, values, unit, 1, "HostService") for name, (values, unit) in SIGNALS.items()]
+    x = structures(fields, [("Time", 4, TIME, "s", 0, "HostService")])
+    return {
+        "X": x,
+        "Y": structures(fields, rows[:count]),
+        "Capture": {"SamplingPeriod": 0.002},
+        "RTProgram": "rig",
+    }
+
+
+def simulink(labels):
+    """Return a structure with time, as Simulink's scopes and To Workspace blocks save it."""
+    rows = [
+        (values[:, None], 1, label, "") for (values, _), label in zip(SIGNALS.values(), labels, strict=True)
+    ]
+    signals = structures(("values", "dimensions", "label", "title"), rows)
+    return {"time": TIME[:, None], "signals": signals, "blockName": "rig/Scope"}
+
+
+@pytest.fixture
+def table(tmp_path):
+    """Return a function that saves variables and reads them again."""
+
+    def read(part="", **variables):
+        savemat(tmp_path / "run.mat", variables)
+        return read_mat(tmp_path / "run.mat", FileOptions(part))
+
+    return read
+
+
+@pytest.mark.parametrize(
+    "variables",
+    [
+        {"rec1": dspace()},
+        {"ScopeData": simulink(["displacement_mm", "force_N", "current_A"]), "tout": TIME[:, None]},
+    ],
+)
+def test_a_recording_of_named_signals_needs_no_map(tmp_path, variables):
+    savemat(tmp_path / "run.mat", variables)
+    (run,) = read_run(tmp_path / "run.mat")
+    assert np.array_equal(run.time, TIME)
+    assert np.allclose(run.displacement, 1e-3 * SIGNALS["displacement"][0], rtol=1e-15)
+    assert np.array_equal(run.force, SIGNALS["force"][0])
+    assert run.constant_command == 0.5
+
+
+def test_one_signal_is_a_structure_and_no_array_of_them(table):
+    read = table(rec1=dspace(count=1))
+    assert {"Time", "displacement"} <= set(read.names)
+    assert read.units["displacement"] == "mm"
+
+
+def test_signals_without_a_name_are_told_by_their_place(table):
+    read = table(ScopeData=simulink(["", "", "force_N"]))
+    assert {"ScopeData/signals(1)/values", "ScopeData/signals(2)/values", "force_N"} <= set(read.names)
+    assert np.array_equal(read.columns["ScopeData/signals(2)/values"], SIGNALS["force"][0])
+
+
+def test_recordings_of_the_same_signals_are_told_apart_by_the_part(table):
+    read = table(rec1=dspace(), rec2=dspace(), part="rec2")
+    assert {"Time", "displacement", "force", "current"} <= set(read.names)
+    assert "rec1/Y(1)/displacement" in table(rec1=dspace(), rec2=dspace()).names
+
+
+def test_a_table_under_a_title_keeps_its_columns(table):
+    read = table(run={"name": "MR damper, 1 A", "data": SIGNALS["force"][0], "time_s": TIME})
+    assert set(read.names) == {"data", "time_s"}
+
+
+def test_a_matrix_under_a_name_keeps_its_columns(table):
+    both = np.column_stack([TIME, SIGNALS["force"][0]])
+    assert set(table(run={"name": "x", "data": both}).names) == {"column 1 of data", "column 2 of data"}
+
+
+def test_cells_are_columns_by_their_place(table):
+    cells = np.empty(2, dtype=object)
+    cells[0], cells[1] = TIME, SIGNALS["force"][0]
+    read = table(runs=cells)
+    assert read.names == ("runs(1)", "runs(2)")
+    assert np.array_equal(read.columns["runs(2)"], SIGNALS["force"][0])
