@@ -350,6 +350,7 @@ def test_text_where_numbers_are_expected_is_told(tmp_path):
             "time_s,x_mm,Damper force,current_A",
             r"no force .*perhaps \[channel\.force\] name = 'Damper force'$",
         ),
+        ("t,x,F,I", r"no force .*perhaps \[channel\.force\] name = 'F'$"),
         ("time_s,x_mm,F_N,current_A", r"no force .*perhaps \[channel\.force\] name = 'F_N'$"),
         ("time_s,x_mm,force_N,I (A)", r"no current .*perhaps \[channel\.current\] name = 'I \(A\)'$"),
         ("Clock [ms],x_mm,force_N,current_A", r"no time .*perhaps \[channel\.time\] name = 'Clock \[ms\]'$"),

@@ -217,9 +217,14 @@ def unit_in_brackets(header: str) -> str:
 
 
 def candidates(role: str, headers: Sequence[str]) -> list[str]:
-    """Return the headers that may well mean a role: by a word in them, else by their unit; for messages."""
-    words = [word for word in QUANTITIES[role].headers if len(word) > (2 if word.isascii() else 1)]
-    named = [header for header in headers if any(word in header.lower() for word in words)]
+    """Return the headers that may mean a role: by a word or its symbol, else by their unit; for messages."""
+    quantity = QUANTITIES[role]
+    words = [word for word in quantity.headers if len(word) > (2 if word.isascii() else 1)]
+    named = [
+        header
+        for header in headers
+        if header.strip() == quantity.symbol or any(word in header.lower() for word in words)
+    ]
     units = {
         header: unit_in_brackets(header) or header.rpartition("_")[2]
         for header in headers
