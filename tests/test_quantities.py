@@ -145,6 +145,22 @@ def test_si_needs_no_unit_library():
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
+def test_a_unit_of_another_role_is_refused_without_the_unit_library():
+    """A duty such as ``sine:15mm:1Hz:2A`` asks of each of its parts what it is."""
+    code = (
+        "import sys; from mrdamper.quantities import is_unit; "
+        "sys.exit(is_unit('mm', ['current']) or 'pint' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+@pytest.mark.parametrize("role", QUANTITIES)
+@pytest.mark.parametrize("of", QUANTITIES)
+def test_a_unit_belongs_to_one_role(role, of):
+    for unit in (QUANTITIES[of].unit, *QUANTITIES[of].units):
+        assert is_unit(unit, [role]) == (role == of)
+
+
 def test_a_read_only_array_is_nobody_elses():
     given_array = np.arange(4.0)
     kept = read_only(given_array)

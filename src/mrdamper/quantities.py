@@ -140,6 +140,9 @@ _USUAL: Mapping[tuple[str, str], tuple[float, float]] = MappingProxyType(
         ("temperature", "degC"): (1.0, 273.15),
     }
 )
+_ROLE_OF: Mapping[str, str] = MappingProxyType(
+    {unit: quantity.role for quantity in _TABLE for unit in (quantity.unit, *quantity.units)}
+)
 _UNIT = re.compile(r"[\w\s°℃%/*^·².+()-]{1,32}")  # longer, or of other signs, is no unit
 
 
@@ -197,18 +200,18 @@ def _line_to_si(spelled: str, role: str, found: str) -> tuple[float, float]:
     usual = _USUAL.get((role, spelled))
     if usual is not None:
         return usual
-    import tokenize
-
-    import pint
-
     quantity = QUANTITIES[role]
     choices = ", ".join(quantity.units)
     if not spelled:
         raise InputError(f"{role} has no unit; give one of: {choices}")
     stored = "" if role == "time" else f" (stored in {quantity.unit})"
     refusal = f"unit {found[:40]!r} is not a unit of {role}{stored}; use one of: {choices}"
-    if not _UNIT.fullmatch(spelled):
+    if not _UNIT.fullmatch(spelled) or _ROLE_OF.get(spelled, role) != role:
         raise InputError(refusal)
+    import tokenize
+
+    import pint
+
     try:
         unit = pint.application_registry.Unit(spelled)
         zero, one = (

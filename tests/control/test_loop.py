@@ -28,6 +28,17 @@ def test_the_exact_inverse_of_a_plant_without_lag_tracks_it_up_to_the_hold():
     assert 0.9 * most < np.abs(run.error[feasible]).max() <= 1.001 * most
 
 
+def test_a_course_that_is_known_already_changes_nothing_and_another_one_is_refused():
+    plant = Ideal()
+    course = course_of(SHORT, plant.step_s)
+    known, found = run_loop(plant, Inverse(), SHORT, course), run_loop(plant, Inverse(), SHORT)
+    assert np.array_equal(known.force, found.force)
+    assert np.array_equal(known.current, found.current)
+    for other in (course_of(SHORT, 2.0 * plant.step_s), course_of(replace(SHORT, duration_s=2.0), 1e-4)):
+        with pytest.raises(InputError, match="expected the scenario's, of"):
+            run_loop(plant, Inverse(), SHORT, other)
+
+
 def test_faster_sampling_shrinks_that_error_in_proportion():
     errors = []
     for period in (4e-3, 2e-3, 1e-3, 5e-4):

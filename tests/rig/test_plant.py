@@ -410,6 +410,19 @@ def test_a_sample_that_cannot_be_is_refused_and_nothing_has_moved(sample, spoilt
     assert plant.state == before
 
 
+def test_a_current_and_a_temperature_that_are_held_are_as_good_as_samples():
+    x, v, _, _ = rough_run(100)
+    samples = simulate(NOMINAL, x, v, np.full(100, 1.3), np.full(100, 60.0))
+    for current, degrees in ((1.3, 60.0), (np.float64(1.3), np.array([60.0])), ([1.3], 60)):
+        held = simulate(NOMINAL, x, v, current, degrees)
+        assert np.array_equal(held.force, samples.force)
+        assert np.array_equal(held.coil_current, samples.coil_current)
+        assert np.array_equal(held.field_current, samples.field_current)
+        assert np.array_equal(Plant(NOMINAL).advance_many(x, v, current, degrees), samples.force)
+    with pytest.raises(InputError, match="sample 0: expected finite numbers"):
+        simulate(NOMINAL, x, v, float("nan"), 60.0)
+
+
 def test_shapes_states_and_steps_that_do_not_fit_are_refused():
     with pytest.raises(InputError, match="velocity has 4 values; expected 5"):
         simulate(NOMINAL, np.zeros(5), np.zeros(4), 0.0, 20.0)

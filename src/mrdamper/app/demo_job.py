@@ -29,7 +29,9 @@ from mrdamper.app.paper.findings import Findings
 from mrdamper.app.paper.page import render_paper
 from mrdamper.app.rig_job import write_campaign
 from mrdamper.app.sink_job import SinkOptions, search_sinks, write_sink
+from mrdamper.app.sink_plots import SinkPictures
 from mrdamper.app.track_job import TrackOptions, track_card, write_track
+from mrdamper.app.track_plots import TrackPictures
 from mrdamper.data.records import Dataset
 from mrdamper.errors import InputError
 from mrdamper.identify.assess import Assessment
@@ -121,7 +123,10 @@ def demo(out: Path, *, quick: bool = False, seed: int = 0, report: Report | None
         now(5)
         options = SinkOptions(by_field=not quick)
         sinks = search_sinks(warm, read_drawing("paper"), read_duty(_HALF_HOUR), options)
-        sink = write_sink(sinks, options, out / "paper_card.json", "paper", *place.part("sink"))
+        sink_pictures = SinkPictures(sinks)
+        sink = write_sink(
+            sinks, options, out / "paper_card.json", "paper", *place.part("sink"), pictures=sink_pictures
+        )
         now(6)
         tracked = track_card(
             beside / "card.json",
@@ -132,7 +137,8 @@ def demo(out: Path, *, quick: bool = False, seed: int = 0, report: Report | None
                 seed=seed + 1,
             ),
         )
-        tracking = write_track(tracked, out / "card.json", *place.part("tracking"))
+        track_pictures = TrackPictures(tracked)
+        tracking = write_track(tracked, out / "card.json", *place.part("tracking"), pictures=track_pictures)
         now(7)
         target = _exported(beside)
         now(8)
@@ -145,8 +151,8 @@ def demo(out: Path, *, quick: bool = False, seed: int = 0, report: Report | None
             small=heated[1],
             fast=heated[2],
             works=tuple((each.duty.text, works_of(warm.damper, each.duty)[0]) for each in heated),
-            sink=sinks,
-            track=tracked,
+            sink_pictures=sink_pictures,
+            track_pictures=track_pictures,
         )
         claims = claims_of(found)
         answer: Json = {

@@ -11,7 +11,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Literal, cast
+from typing import TYPE_CHECKING, Literal, cast
 
 import numpy as np
 
@@ -46,6 +46,9 @@ from mrdamper.thermal.evolution import search_genetic
 from mrdamper.thermal.heatsink import FinLaw
 from mrdamper.thermal.materials import find_material
 from mrdamper.thermal.rise import loads_of, notes_of, works_of
+
+if TYPE_CHECKING:
+    from mrdamper.app.sink_plots import SinkPictures
 
 __all__ = ["Method", "SinkOptions", "SinkRun", "search_sinks", "sink", "write_sink"]
 
@@ -188,14 +191,22 @@ def _duty_digest(duty: Duty) -> str:
 
 
 def write_sink(
-    run: SinkRun, options: SinkOptions, card: Path, damper: str | Path, beside: Path, out: Path
+    run: SinkRun,
+    options: SinkOptions,
+    card: Path,
+    damper: str | Path,
+    beside: Path,
+    out: Path,
+    *,
+    pictures: SinkPictures | None = None,
 ) -> Json:
     """Write sink.html, sink.json, front.csv and best.toml into ``beside``, of what will lie in ``out``."""
     from mrdamper.app.sink_page import render_sink
+    from mrdamper.app.sink_plots import SinkPictures
 
     files = {"report": str(out / "sink.html"), "file": str(out / "sink.json")}
     answer: Json = {"card": str(card), "damper": str(damper), **_answer(run, options), **files}
-    (beside / "sink.html").write_text(render_sink(run), encoding="utf-8")
+    (beside / "sink.html").write_text(render_sink(pictures or SinkPictures(run)), encoding="utf-8")
     write_json(beside / "sink.json", answer)
     write_table(beside / "front.csv", [_design(each) for each in run.front])
     (beside / "best.toml").write_text(_toml(run), encoding="utf-8")

@@ -6,7 +6,7 @@ from mrdamper.app.damper_section import draw_dampers
 from mrdamper.app.heat_job import sink_in_words
 from mrdamper.app.report import environment
 from mrdamper.app.sink_job import SinkRun
-from mrdamper.app.sink_plots import draw_front, draw_sweeps
+from mrdamper.app.sink_plots import SinkPictures
 from mrdamper.thermal.design import SinkDesign
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.efficiency import DEFAULT_EFFICIENCY, EFFICIENCIES
@@ -16,9 +16,9 @@ __all__ = ["render_sink"]
 _ZERO_CELSIUS_K = 273.15
 
 
-def render_sink(run: SinkRun) -> str:
+def render_sink(pictures: SinkPictures) -> str:
     """Return the page's HTML."""
-    limit = run.drawing.filling.valid_K[1]
+    run = pictures.run
     return (
         environment()
         .get_template("sink.html.j2")
@@ -26,9 +26,9 @@ def render_sink(run: SinkRun) -> str:
             it=run,
             zero=_ZERO_CELSIUS_K,
             words=[sink_in_words(each.sink) for each in run.front if each.sink is not None],
-            front=draw_front(run.found.designs, run.front, run.reference, limit),
+            front=pictures.front,
             dampers=draw_dampers(_dampers(run), "Best sink and reference, to scale"),
-            sweeps="" if run.sweeps is None else draw_sweeps(run.sweeps),
+            sweeps=pictures.sweeps,
             definitions=list(EFFICIENCIES.values()),
             default=DEFAULT_EFFICIENCY,
         )

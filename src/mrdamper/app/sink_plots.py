@@ -3,21 +3,41 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from mrdamper.app.plots import HELD_OUT, INK, MEASURED, TRAINING, WIDE, drawing_style, svg_of
+from mrdamper.app.sink_job import SinkRun
 from mrdamper.thermal.design import SinkDesign
 from mrdamper.thermal.efficiency import DEFAULT_EFFICIENCY, EFFICIENCIES, Sweep
 
-__all__ = ["draw_front", "draw_sweeps"]
+__all__ = ["SinkPictures"]
 
 _ZERO_CELSIUS_K = 273.15
 _FOLLOWS, _OTHER = HELD_OUT, "#8a8a8a"
 
 
-def draw_front(
+@dataclass(frozen=True)
+class SinkPictures:
+    """The figures of a search, each drawn once for all pages that show it."""
+
+    run: SinkRun
+
+    @cached_property
+    def front(self) -> str:
+        run = self.run
+        return _draw_front(run.found.designs, run.front, run.reference, run.drawing.filling.valid_K[1])
+
+    @cached_property
+    def sweeps(self) -> str:
+        """The paper's sweeps; empty where there are none."""
+        return "" if self.run.sweeps is None else _draw_sweeps(self.run.sweeps)
+
+
+def _draw_front(
     whole: Sequence[SinkDesign], shown: Sequence[SinkDesign], reference: SinkDesign, limit_K: float
 ) -> str:
     """Return temperature over mass: the network's front, its members judged again, the reference."""
@@ -81,7 +101,7 @@ def draw_front(
         return svg_of(figure, "Front of temperature against mass")
 
 
-def draw_sweeps(sweeps: Sequence[Sweep]) -> str:
+def _draw_sweeps(sweeps: Sequence[Sweep]) -> str:
     """Return the paper's sweeps: the temperature, and every candidate's efficiency, a small panel each.
 
     What has the paper's trend is coloured; every panel has its own scale.

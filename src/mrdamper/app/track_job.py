@@ -33,6 +33,7 @@ from mrdamper.rig.plant import PRESETS, VirtualDamper
 from mrdamper.rig.plant import Plant as RigPlant
 
 if TYPE_CHECKING:
+    from mrdamper.app.track_plots import TrackPictures
     from mrdamper.control.controllers import ForceController
 
 __all__ = [
@@ -157,13 +158,16 @@ def track(
         return write_track(run, card, beside, out)
 
 
-def write_track(run: TrackRun, card: Path, beside: Path, out: Path) -> Json:
+def write_track(
+    run: TrackRun, card: Path, beside: Path, out: Path, *, pictures: TrackPictures | None = None
+) -> Json:
     """Write track.html, track.json and track.csv into ``beside``, of what will lie in ``out``."""
     from mrdamper.app.track_page import render_track
+    from mrdamper.app.track_plots import TrackPictures
 
     files = {"report": str(out / "track.html"), "file": str(out / "track.json")}
     answer: Json = {"card": str(card), **_answer(run), **files}
-    (beside / "track.html").write_text(render_track(run), encoding="utf-8")
+    (beside / "track.html").write_text(render_track(pictures or TrackPictures(run)), encoding="utf-8")
     write_json(beside / "track.json", answer)
     write_table(beside / "track.csv", [_row(row, run.plant) for row in run.rows])
     return answer
@@ -255,7 +259,7 @@ class _Tests:
         for name, controller in controllers.items():
             scores = []
             for seed in self._seeds:
-                run = run_loop(damper.plant, controller, replace(scenario, seed=seed))
+                run = run_loop(damper.plant, controller, replace(scenario, seed=seed), course)
                 firsts.setdefault(name, replace(run, controller=name))
                 scores.append(score_run(run, reach, resistance_ohm=resistance, optimum=best))
             rows.append(Row(name, scenario.name, degrees, worst(scores)))

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from mrdamper.app.report import environment
-from mrdamper.app.track_job import TrackRun
-from mrdamper.app.track_plots import draw_temperatures, draw_tracking
+from mrdamper.app.track_plots import TrackPictures
 
 __all__ = ["render_track"]
 
 
-def render_track(run: TrackRun) -> str:
+def render_track(pictures: TrackPictures) -> str:
     """Return the page's HTML."""
-    drawn = [each.controller for each in run.traced[0].runs] if run.traced else []
-    warm = len({row.temperature_degC for row in run.rows}) > 1
+    run = pictures.run
     targets = list(dict.fromkeys(row.target for row in run.rows))
     worst = run.worst
     return (
@@ -24,7 +22,7 @@ def render_track(run: TrackRun) -> str:
             summary=[(target, [row for row in worst if row.target == target]) for target in targets],
             rows=[(target, [row for row in run.rows if row.target == target]) for target in targets],
             has_optimum=any(row.score.max_over_optimum is not None for row in run.rows),
-            pictures=[draw_tracking(each) for each in run.traced],
-            over_temperature=draw_temperatures(run, drawn) if warm else "",
+            pictures=pictures.over_time,
+            over_temperature=pictures.over_temperature,
         )
     )

@@ -6,6 +6,8 @@ target lies outside of it, less a margin, the lower panels are grey.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,7 +22,7 @@ if TYPE_CHECKING:
     from mrdamper.control.score import BoolArray
     from mrdamper.quantities import FloatArray
 
-__all__ = ["draw_temperatures", "draw_tracking"]
+__all__ = ["TrackPictures"]
 
 _COLOURS = (TRAINING, "#b08a3c", HELD_OUT, "#7a5c8e")
 _REACH, _OUTSIDE = "#ececec", "#f1efe9"
@@ -28,7 +30,27 @@ _DRAWN_HZ = 500.0
 _CYCLES_S = 4.0  # the longest stretch that is drawn
 
 
-def draw_tracking(traced: Traced) -> str:
+@dataclass(frozen=True)
+class TrackPictures:
+    """The figures of a tracking, each drawn once for all pages that show it."""
+
+    run: TrackRun
+
+    @cached_property
+    def over_time(self) -> tuple[str, ...]:
+        """One for each of the traced targets."""
+        return tuple(_draw_tracking(each) for each in self.run.traced)
+
+    @cached_property
+    def over_temperature(self) -> str:
+        """Errors over temperature; empty where there is one temperature."""
+        if len({row.temperature_degC for row in self.run.rows}) < 2:
+            return ""
+        traced = self.run.traced
+        return _draw_temperatures(self.run, [each.controller for each in traced[0].runs] if traced else [])
+
+
+def _draw_tracking(traced: Traced) -> str:
     """Return wanted force and reach, error, and current of a target's runs."""
     course = traced.course
     thin = max(round(1.0 / (_DRAWN_HZ * course.step_s)), 1)
@@ -67,7 +89,7 @@ def draw_tracking(traced: Traced) -> str:
         return svg_of(figure, f"Tracking of {traced.target}")
 
 
-def draw_temperatures(run: TrackRun, controllers: list[str]) -> str:
+def _draw_temperatures(run: TrackRun, controllers: list[str]) -> str:
     """Return the feasible RMS error over temperature, a panel per target, a line per controller."""
     targets = list(dict.fromkeys(row.target for row in run.rows))
     with drawing_style():

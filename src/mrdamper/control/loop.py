@@ -101,8 +101,13 @@ def steps_per_sample(period_s: float, step_s: float) -> int:
     return steps
 
 
-def run_loop(plant: Plant, controller: Controller, scenario: Scenario) -> LoopRun:
+def run_loop(
+    plant: Plant, controller: Controller, scenario: Scenario, course: Course | None = None
+) -> LoopRun:
     """Run a controller on a copy of the plant, in the state that it has.
+
+    ``course`` is the scenario's at the plant's steps, where it is known already (``course_of``); scenarios
+    that differ in seed, sensors or disturbance have the same.
 
     Raises
     ------
@@ -111,7 +116,13 @@ def run_loop(plant: Plant, controller: Controller, scenario: Scenario) -> LoopRu
         finite number.
     """
     plant = plant.copy()
-    course = course_of(scenario, plant.step_s)
+    if course is None:
+        course = course_of(scenario, plant.step_s)
+    elif course.step_s != plant.step_s or len(course) != round(scenario.duration_s / plant.step_s):
+        raise InputError(
+            f"course: {len(course)} steps of {1e3 * course.step_s:g} ms; expected the scenario's, of "
+            f"{1e3 * plant.step_s:g} ms"
+        )
     every = steps_per_sample(controller.period_s, plant.step_s)
     late, apart = divmod(round(scenario.disturbance.command_delay_s / plant.step_s), every)
     samples = -(-len(course) // every)
@@ -123,12 +134,13 @@ def run_loop(plant: Plant, controller: Controller, scenario: Scenario) -> LoopRu
     gain, warm = scenario.disturbance.force_gain, scenario.temperature_degC
     driver = _Driver(scenario.highest_A, scenario.disturbance.command_step_A)
 
-    force, applied = np.empty(len(course)), np.empty(len(course))
-    given = [0.0] * (late + 1)  # commands on their way: given[-1 - late] is the one that has arrived
+    force, count = np.empty(len(course)), len(course)
+    given = [0.0] * (late + 1)  # commands on their way: sample k begins with given[k], given[k + 1] arrives
+    x, v, advance = course.displacement, course.velocity, plant.advance_many
     state, step, felt = controller.start(), controller.step, 0.0
+    feels_force = controller.needs_force
     for k in range(samples):
-        read = sensor.read(k, felt) if controller.needs_force else None
-        seen = Seen(displacement[k], temperature[k], read)
+        seen = Seen(displacement[k], temperature[k], sensor.read(k, felt) if feels_force else None)
         wanted = Wanted(now[k], None if ahead is None else ahead[k])
         state, current = step(state, wanted, seen)
         if not math.isfinite(current):
@@ -137,15 +149,15 @@ def run_loop(plant: Plant, controller: Controller, scenario: Scenario) -> LoopRu
                 "number"
             )
         given.append(driver.of(current))
-        begin, end = k * every, min((k + 1) * every, len(course))
+        begin, end = k * every, min((k + 1) * every, count)
         switch = min(begin + apart, end)
-        for start, stop, command in ((begin, switch, given[-2 - late]), (switch, end, given[-1 - late])):
-            if start < stop:
-                force[start:stop] = plant.advance_many(
-                    course.displacement[start:stop], course.velocity[start:stop], command, warm
-                )
-                applied[start:stop] = command
-        felt = gain * float(force[end - 1])
+        if begin < switch:
+            force[begin:switch] = advance(x[begin:switch], v[begin:switch], given[k], warm)
+        if switch < end:
+            force[switch:end] = advance(x[switch:end], v[switch:end], given[k + 1], warm)
+        if feels_force:
+            felt = gain * float(force[end - 1])
+    applied = np.repeat(given, every)[every - apart :][:count]
     return LoopRun(controller.name, scenario, course, gain * force, applied, every)
 
 

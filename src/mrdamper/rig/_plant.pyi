@@ -14,11 +14,11 @@ class Plant:
         self,
         displacement: FloatArray,
         velocity: FloatArray,
-        current: FloatArray,
-        kelvin: FloatArray,
+        current: float | FloatArray,
+        kelvin: float | FloatArray,
         force: FloatArray,
-        coil: FloatArray,
-        field: FloatArray,
+        coil: FloatArray | None,
+        field: FloatArray | None,
         /,
     ) -> None: ...
     def copy(self) -> Plant: ...

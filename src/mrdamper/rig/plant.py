@@ -108,7 +108,8 @@ class Plant:
         Bit-equal to ``advance`` on each sample. ``current`` and ``temperature_degC`` may be one number, held.
         When a sample is refused the state is as it was before the call.
         """
-        return self.respond(displacement, velocity, current, temperature_degC).force
+        force: FloatArray = self._run(displacement, velocity, current, temperature_degC, whole=False)[0]
+        return force
 
     def respond(
         self,
@@ -118,16 +119,36 @@ class Plant:
         temperature_degC: ArrayLike,
     ) -> PlantResponse:
         """Move on as ``advance_many`` does; return the currents as well."""
+        force, coil, field = self._run(displacement, velocity, current, temperature_degC, whole=True)
+        return PlantResponse(force, coil, field)
+
+    def _run(
+        self,
+        displacement: ArrayLike,
+        velocity: ArrayLike,
+        current: ArrayLike,
+        temperature_degC: ArrayLike,
+        *,
+        whole: bool,
+    ) -> FloatArray:
+        """Return the force, shape (1, n); with the currents where the whole is asked for, shape (3, n)."""
         x = np.ascontiguousarray(displacement, dtype=np.float64)
         v = np.ascontiguousarray(velocity, dtype=np.float64)
-        command = np.ascontiguousarray(current, dtype=np.float64)
-        kelvin = np.ascontiguousarray(np.asarray(temperature_degC, dtype=np.float64) + _KELVIN)
-        out = np.empty((3, x.size))
+        out = np.empty((3 if whole else 1, x.size))
+        rows = (out[0], out[1], out[2]) if whole else (out[0], None, None)
         try:
-            self._native.run(x, v, command, kelvin, out[0], out[1], out[2])
+            self._native.run(x, v, _held(current), _held(temperature_degC, _KELVIN), *rows)
         except ValueError as error:
             raise InputError(f"plant: {error}") from error
-        return PlantResponse(out[0], out[1], out[2])
+        return out
+
+
+def _held(given: float | ArrayLike, above: float = 0.0) -> float | FloatArray:
+    """Return a number as it is and samples as an array, with what is added to them."""
+    if isinstance(given, float):
+        return float(given) + above
+    values: FloatArray = np.ascontiguousarray(given, dtype=np.float64)
+    return values + above if above else values
 
 
 def simulate(

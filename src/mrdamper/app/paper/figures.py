@@ -15,9 +15,6 @@ from mrdamper.app.loop_sections import loop_pictures
 from mrdamper.app.panels import colour_of_warmth
 from mrdamper.app.paper.findings import Findings
 from mrdamper.app.plots import HELD_OUT, INK, TRAINING, WIDE, drawing_style, svg_of
-from mrdamper.app.sink_plots import draw_front, draw_sweeps
-from mrdamper.app.track_plots import draw_temperatures as draw_tracking_over_temperature
-from mrdamper.app.track_plots import draw_tracking
 from mrdamper.models.fluid import Fluid
 
 __all__ = ["Plate", "Section", "sections_of"]
@@ -202,13 +199,13 @@ def _sink_plates(found: Findings) -> Iterator[Plate]:
             "First panel of each row: the temperature, which falls all the way. The others are readings "
             "of its “heat "
             "dissipation efficiency”, whose equation is lost; those with the paper's trend are coloured.",
-            draw_sweeps(run.sweeps),
+            found.sink_pictures.sweeps,
         )
     yield Plate(
         "beyond the paper",
         "Which heat sink to build",
         "Temperature after 30 min against mass, within the envelope of the paper's heat sink.",
-        draw_front(run.found.designs, run.front, run.reference, run.drawing.filling.valid_K[1]),
+        found.sink_pictures.front,
     )
     pictures = [("the paper's", run.reference), ("coolest", run.best)]
     yield Plate(
@@ -229,17 +226,14 @@ def _sink_plates(found: Findings) -> Iterator[Plate]:
 
 
 def _tracking_plates(found: Findings) -> Iterator[Plate]:
-    run = found.track
+    pictures = found.track_pictures
     numbers = {"sine-900N-1Hz": "28 and 29", "sine-1100N-2Hz": "30", "non-periodic": "31"}
-    for traced in run.traced:
+    for traced, picture in zip(found.track.traced, pictures.over_time, strict=True):
         yield Plate(
             numbers.get(traced.target, ""),
             f"{traced.target} at {traced.temperature_degC:g} °C",
             "The grey band is what the damper could give at that instant; below, grey is out of reach.",
-            draw_tracking(traced),
+            picture,
         )
-    drawn = [each.controller for each in run.traced[0].runs] if run.traced else []
-    if len({row.temperature_degC for row in run.rows}) > 1:
-        yield Plate(
-            "beyond the paper", "RMS error over temperature", "", draw_tracking_over_temperature(run, drawn)
-        )
+    if pictures.over_temperature:
+        yield Plate("beyond the paper", "RMS error over temperature", "", pictures.over_temperature)

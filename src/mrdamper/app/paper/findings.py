@@ -7,7 +7,9 @@ from dataclasses import dataclass
 from mrdamper.app.api import Identification
 from mrdamper.app.heat_job import HeatRun
 from mrdamper.app.sink_job import SinkRun
+from mrdamper.app.sink_plots import SinkPictures
 from mrdamper.app.track_job import TrackRun
+from mrdamper.app.track_plots import TrackPictures
 from mrdamper.identify.assess import Assessment
 from mrdamper.models.fluid import Fluid
 from mrdamper.thermal.work import LoopWork
@@ -27,5 +29,13 @@ class Findings:
     small: HeatRun  # 5 mm, 1 Hz
     fast: HeatRun  # 3 mm, 2 Hz
     works: tuple[tuple[str, LoopWork], ...]  # the same three motions
-    sink: SinkRun
-    track: TrackRun
+    sink_pictures: SinkPictures
+    track_pictures: TrackPictures
+
+    @property
+    def sink(self) -> SinkRun:
+        return self.sink_pictures.run
+
+    @property
+    def track(self) -> TrackRun:
+        return self.track_pictures.run

@@ -49,6 +49,13 @@ static int open_doubles(PyObject *object, Py_buffer *view, int writable, const c
     return 1;
 }
 
+/* A Python float, held over the run, as a buffer of one. */
+static int hold_double(PyObject *object, Py_buffer *view, double *held)
+{
+    *held = PyFloat_AsDouble(object);
+    return PyBuffer_FillInfo(view, NULL, held, sizeof *held, 1, PyBUF_SIMPLE) == 0;
+}
+
 static size_t count_of(const Py_buffer *view) { return (size_t)view->len / sizeof(double); }
 
 static PlantObject *make_plant(PyTypeObject *type)
@@ -122,18 +129,27 @@ static PyObject *plant_run(PyObject *object, PyObject *args)
     PlantObject *self = (PlantObject *)object;
     PyObject *given[ARRAYS], *result = NULL;
     Py_buffer view[ARRAYS];
-    double *array[ARRAYS];
+    double *array[ARRAYS], held[ARRAYS];
     if (!PyArg_ParseTuple(args, "OOOOOOO", given, given + 1, given + 2, given + 3, given + 4, given + 5, given + 6))
         return NULL;
     int opened = 0;
     size_t n = 0;
     for (; opened < ARRAYS; opened++) {
-        if (!open_doubles(given[opened], view + opened, opened >= FORCE, what[opened])) goto release;
+        const int may_hold = opened == COMMAND || opened == KELVIN;
+        if (opened >= COIL && given[opened] == Py_None) { /* not asked for */
+            array[opened] = NULL;
+            PyBuffer_FillInfo(view + opened, NULL, NULL, 0, 1, PyBUF_SIMPLE);
+            continue;
+        }
+        if (!(may_hold && PyFloat_CheckExact(given[opened])
+                  ? hold_double(given[opened], view + opened, held + opened)
+                  : open_doubles(given[opened], view + opened, opened >= FORCE, what[opened])))
+            goto release;
         array[opened] = view[opened].buf;
         const size_t count = count_of(view + opened);
         if (opened == DISPLACEMENT) n = count;
         /* a current or a temperature of one value is held */
-        if (count != n && !(count == 1 && (opened == COMMAND || opened == KELVIN))) {
+        if (count != n && !(count == 1 && may_hold)) {
             PyErr_Format(PyExc_ValueError, "%s has %zu values; expected %zu", what[opened], count, n);
             opened++;
             goto release;
@@ -152,8 +168,10 @@ static PyObject *plant_run(PyObject *object, PyObject *args)
             const double command = array[COMMAND][along * k], kelvin = array[KELVIN][warming * k];
             if (!is_usable(&parameters, x, v, command, kelvin)) break;
             if (kelvin != climate.kelvin) rig_settle(&parameters, step, kelvin, &climate);
-            array[FORCE][k] = rig_step(&parameters, &climate, step, x, v, command, &state, array[FIELD] + k);
-            array[COIL][k] = state.coil_A;
+            double field;
+            array[FORCE][k] = rig_step(&parameters, &climate, step, x, v, command, &state, &field);
+            if (array[COIL]) array[COIL][k] = state.coil_A;
+            if (array[FIELD]) array[FIELD][k] = field;
         }
         Py_END_ALLOW_THREADS
         if (k < n) {
@@ -217,7 +235,8 @@ static PyMethodDef plant_methods[] = {
     {"advance", plant_advance, METH_VARARGS,
      "advance(displacement, velocity, current, kelvin): one step; returns the force [N] at its end."},
     {"run", plant_run, METH_VARARGS,
-     "run(displacement, velocity, current, kelvin, force, coil, field): a step per sample; fills the last three."},
+     "run(displacement, velocity, current, kelvin, force, coil, field): a step per sample; fills the last three, of\n"
+     "which coil and field may be None. A current or a temperature that is a float is held."},
     {"copy", plant_copy, METH_NOARGS, "A damper in the same state, which goes its own way from here."},
     {NULL, NULL, 0, NULL}};
 

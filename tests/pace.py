@@ -1,0 +1,36 @@
+"""How fast this machine is just now, so that a budget of processor time means the same on all of them.
+
+A budget is written in seconds of a reference: a quiet core on which ``WORK`` takes ``REFERENCE_S``. Shared
+machines are slower, and at some moments much slower; what is measured beside a test is taken off its time.
+"""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+__all__ = ["REFERENCE_S", "pace"]
+
+REFERENCE_S = 0.0043
+"""CPU time of the work below on a quiet core of an AMD EPYC, measured in seconds."""
+
+
+def pace() -> float:
+    """Return how many times longer than on the reference a fixed piece of work takes here and now."""
+    begun = time.process_time()
+    _work()
+    return (time.process_time() - begun) / REFERENCE_S
+
+
+def _work() -> float:
+    """Do what most of the package's time goes into: small arrays, calls, attributes, strings."""
+    values = np.linspace(0.0, 1.0, 200)
+    total, seen = 0.0, {}
+    for k in range(1500):
+        values = 0.5 * values + np.sqrt(values + 1.0)
+        seen[f"{k % 50}:{values.size}"] = total
+        for j in range(20):
+            total += j * 0.5
+        total += float(values[k % 200])
+    return total + len(seen)
