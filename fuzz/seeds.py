@@ -56,7 +56,7 @@ def text(name: str, lines: int = 16) -> bytes:
     return b"".join(b"Sample Count:  9\n" if line.startswith(b"Sample Count") else line for line in kept)
 
 
-def lvm(clocks: str) -> bytes:
+def lvm(clocks: str, *, segments: int = 1) -> bytes:
     """Return a LabVIEW measurement text with one column of x, none, or one for each channel."""
     at = {"One": "{0}\t1\t2\t", "No": "\t1\t2\t", "Multi": "{0}\t1\t{0}\t2\t"}[clocks]
     labels = "X_Value\tForce (N)\tX_Value\tx" if clocks == "Multi" else "X_Value\tForce (N)\tx"
@@ -64,7 +64,8 @@ def lvm(clocks: str) -> bytes:
     end = "***End_of_Header***"
     segment = ["Channels\t2", "Y_Unit_Label\tN\tmm", "X_Dimension\tTime\tTime", "Delta_X\t0.5\t0.5"]
     rows = [at.format(0.5 * k) for k in range(5)]
-    return "\n".join([*tags, end, "", *segment, end, f"{labels}\tComment", *rows, ""]).encode()
+    one = [*segment, end, f"{labels}\tComment", *rows, ""]
+    return "\n".join([*tags, end, "", *one * segments]).encode()
 
 
 def binary(name: str) -> list[bytes]:
@@ -74,6 +75,8 @@ def binary(name: str) -> list[bytes]:
         found += [_small_mat(nested=False), _small_mat(nested=True)]
     if name == "run.xlsx":
         found = [workbook()]
+    if name == "v73.mat":
+        found.append(_small_mat73())
     if name == "run.h5":
         found.append(_small_hdf5())
     if name == "run.tdms":
@@ -92,6 +95,18 @@ def _small_mat(*, nested: bool) -> bytes:
     matrix: dict[str, Any] = {"data": np.column_stack(list(_small().values())), "text": "oil"}
     savemat(made, {"run": {**_small(), "more": matrix}} if nested else {**_small(), "n": np.int16(3)})
     return bytes(made.getvalue())
+
+
+def _small_mat73() -> bytes:
+    from tests.data.rig_files import save_mat73
+
+    signals = np.zeros(3, dtype=[("Name", object), ("Data", object), ("Unit", object)])
+    for k, (name, values) in enumerate(_small().items()):
+        signals[k % 3] = (name, values, "s")
+    cells = np.array([signals[:1], {"more": np.eye(3)}], dtype=object)
+    with tempfile.TemporaryDirectory() as folder:
+        save_mat73(Path(folder) / "run.mat", {"rec": {"Y": signals}, "cells": cells, "note": ""})
+        return (Path(folder) / "run.mat").read_bytes()
 
 
 def _small_hdf5() -> bytes:

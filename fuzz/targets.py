@@ -70,7 +70,10 @@ TARGETS: Mapping[str, Target] = MappingProxyType(
             texts.mts, lambda: [seeds.text("mts.dat"), seeds.text("mts.dat") + seeds.text("mts.dat")[30:]]
         ),
         "logger": Target(texts.logger, lambda: [seeds.text("logger.txt")]),
-        "lvm": Target(texts.lvm, lambda: [seeds.lvm("One"), seeds.lvm("No"), seeds.lvm("Multi")]),
+        "lvm": Target(
+            texts.lvm,
+            lambda: [*(seeds.lvm(clocks) for clocks in ("One", "No", "Multi")), seeds.lvm("One", segments=2)],
+        ),
         "run": Target(
             texts.run,
             lambda: [

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from itertools import count
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -89,18 +91,47 @@ def write_hdf5(path: Path) -> None:
 
 
 def write_mat73(path: Path) -> None:
-    """Write as MATLAB does: a user block, and every column a matrix of one row (stored transposed)."""
+    save_mat73(path, titled() | {"remark": "oil"})
+
+
+def save_mat73(path: Path, variables: Mapping[str, Any]) -> None:
+    """Save as MATLAB does with -v7.3: HDF5 behind a head, arrays of structures and cells as references."""
     import h5py
 
     with h5py.File(path, "w", userblock_size=512) as file:
-        for name, values in titled().items():
-            file.create_dataset(name, data=values[None, :]).attrs["MATLAB_class"] = np.bytes_("double")
-        file.create_dataset("remark", data=np.frombuffer(b"oil\0", np.uint16)).attrs["MATLAB_class"] = (
-            np.bytes_("char")
-        )
-    content = bytearray(path.read_bytes())
-    content[:512] = b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\0\x02IM" + b"\0" * 384
-    path.write_bytes(bytes(content))
+        apart, names = file.create_group("#refs#"), map(str, count())
+
+        def refer(values: Iterable[Any]) -> np.ndarray:
+            return np.array([[put(apart, next(names), value).ref] for value in values], h5py.ref_dtype)
+
+        def put(place: Any, name: str, value: Any) -> Any:
+            fields = getattr(getattr(value, "dtype", None), "names", None)
+            if isinstance(value, dict) or (fields and value.size == 1):
+                made = place.create_group(name)
+                for field in fields or value:
+                    put(made, field, value[0][field] if fields else value[field])
+                kind = "struct"
+            elif fields:
+                made = place.create_group(name)
+                for field in fields:
+                    made.create_dataset(field, data=refer(value[field]))
+                kind = "struct"
+            elif isinstance(value, str):
+                given = np.array([ord(letter) for letter in value] or [0, 0], np.uint16)
+                made, kind = place.create_dataset(name, data=given[:, None] if value else given), "char"
+                if not value:
+                    made.attrs["MATLAB_empty"] = np.uint8(1)
+            elif np.asarray(value).dtype == object:
+                made, kind = place.create_dataset(name, data=refer(value)), "cell"
+            else:
+                made, kind = place.create_dataset(name, data=np.atleast_2d(value).T), "double"
+            made.attrs["MATLAB_class"] = np.bytes_(kind)
+            return made
+
+        for name, value in variables.items():
+            put(file, name, value)
+    with path.open("r+b") as file:
+        file.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\0\x02IM")
 
 
 def write_tdms(path: Path) -> None:

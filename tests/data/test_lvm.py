@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from datetime import datetime, timedelta
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -15,7 +18,10 @@ STEP = float(RUN.time[1] - RUN.time[0])
 END = "***End_of_Header***"
 
 
-def lvm(*, x="One", comma=False, dimension="Time", segments=1, units=None, labels=CHANNELS):
+def lvm(
+    *, x="One", comma=False, dimension="Time", units=None, labels=CHANNELS, cuts=(), anew=False, late_s=0.0
+):
+    """Return a text of segments that begin at the rows ``cuts``; ``anew``: with clocks that begin at zero."""
     sign, point = ("\t", ",") if comma else ("\t", ".")
     tags = [
         "LabVIEW Measurement", "Writer_Version\t2", "Reader_Version\t2", "Separator\tTab",
@@ -23,12 +29,19 @@ def lvm(*, x="One", comma=False, dimension="Time", segments=1, units=None, label
         "Operator\tlab", "Date\t2026/11/21", "Time\t10:15:02.1234567", END, "",
     ]  # fmt: skip
     values = (RUN.displacement * 1e3, RUN.force, RUN.command)
-    for _ in range(segments):
+    for start, stop in pairwise((0, *cuts, len(RUN))):
+        begun = datetime(2026, 11, 21, 10, 15, 2) + timedelta(seconds=start * STEP + late_s * (start > 0))
+        shift = start if anew else 0
         tags += [f"Channels\t{len(values)}", "Samples" + f"\t{len(RUN)}" * 3, "Date" + "\t2026/11/21" * 3]
-        tags += ["Time" + "\t10:15:02.12" * 3, "X_Dimension" + f"\t{dimension}" * 3]
+        clock = f"{begun:%H:%M:%S}{point}{begun:%f}0" if anew else f"10:15:02{point}12"
+        tags += ["Time" + f"\t{clock}" * 3, "X_Dimension" + f"\t{dimension}" * 3]
         if units:
             tags.append("\t".join(["Y_Unit_Label", *units]))
-        tags += ["X0" + "\t0.0E+0" * 3, "Delta_X" + f"\t{STEP!r}".replace(".", point) * 3, END]
+        tags += [
+            "X0" + f"\t{(start - shift) * STEP!r}".replace(".", point) * 3,
+            "Delta_X" + f"\t{STEP!r}".replace(".", point) * 3,
+            END,
+        ]
         wide = x == "Multi"
         tags.append(
             sign.join(
@@ -39,15 +52,49 @@ def lvm(*, x="One", comma=False, dimension="Time", segments=1, units=None, label
                 ]
             )
         )
-        for k in range(len(RUN)):
-            at = "" if x == "No" else f"{k * STEP!r}"
+        for k in range(start, stop):
+            at = "" if x == "No" else f"{(k - shift) * STEP!r}"
             cells = [
                 at,
                 *(f"{sign}{at}{sign}" if wide else sign).join(f"{v[k]!r}" for v in values).split(sign),
                 "",
             ]
             tags.append(sign.join(cells).replace("np.float64(", "").replace(")", "").replace(".", point))
+        tags.append("")
     return "\r\n".join([*tags, ""])
+
+
+@pytest.mark.parametrize("anew", [False, True])
+@pytest.mark.parametrize("cuts", [(100,), (3, 50, 51, 390), tuple(range(1, len(RUN)))])
+@pytest.mark.parametrize("x", ["One", "No"])
+def test_segments_whose_time_goes_on_are_one_run(tmp_path, x, cuts, anew):
+    """Also of one sample each; by x, or where that begins anew by date and time of day."""
+    (tmp_path / "run.lvm").write_text(lvm(x=x, cuts=cuts, anew=anew), encoding="utf-8", newline="")
+    (run,) = read_run(tmp_path / "run.lvm")
+    assert np.allclose(run.time, RUN.time - RUN.time[0], atol=1e-5)
+    assert np.array_equal(run.force, RUN.force)
+    assert f"{len(cuts) + 1} segments" in read_table(tmp_path / "run.lvm").layout.in_words()
+
+
+@pytest.mark.parametrize("forgotten", ["", "Time\t10:15", "Date\t2026"])
+@pytest.mark.parametrize("x", ["One", "No"])
+def test_a_segment_that_began_later_is_a_run_of_its_own(tmp_path, x, forgotten):
+    content = lvm(x=x, cuts=(100,), anew=True, late_s=7.5)
+    if forgotten:
+        content = "\r\n".join(line for line in content.splitlines() if not line.startswith(forgotten))
+    (tmp_path / "run.lvm").write_text(content, encoding="utf-8", newline="")
+    runs = read_run(tmp_path / "run.lvm")
+    assert [len(run) for run in runs] == [100, len(RUN) - 100]
+    assert np.array_equal(np.concatenate([run.force for run in runs]), RUN.force)
+    assert np.allclose(np.diff(runs[1].time), STEP)
+
+
+def test_a_last_segment_without_rows_is_left_out(tmp_path):
+    content = lvm(cuts=(len(RUN) - 1,), anew=True)
+    for cut in (content.rindex("Channels") + 12, content.rindex(END) + 3, content.rindex("X_Value") - 2):
+        (tmp_path / "run.lvm").write_text(content[:cut], encoding="utf-8", newline="")
+        (run,) = read_run(tmp_path / "run.lvm")
+        assert len(run) == len(RUN) - 1
 
 
 @pytest.mark.parametrize("x", ["One", "No", "Multi"])
@@ -79,7 +126,7 @@ def test_an_x_that_is_no_time_is_a_column_like_others(tmp_path):
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        (lvm(segments=2), r"run\.lvm"),
+        (lvm(cuts=(9,)).replace("Force (N)", "Force (kN)", 1), r"line 41: the columns are not those of the"),
         (lvm()[:200], r"no \*\*\*End_of_Header\*\*\* in the first \d+ lines; it was cut off"),
         (lvm()[: lvm().rindex("X_Value") + 8], r"no rows after its header"),
         (

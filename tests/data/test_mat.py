@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import h5py
 import numpy as np
 import pytest
 from scipy.io import savemat
 
+from mrdamper.data.formats.hdf5 import read_hdf5
 from mrdamper.data.formats.mat import read_mat
 from mrdamper.data.formats.table import FileOptions
 from mrdamper.data.readers import read_run
+from tests.data.rig_files import save_mat73
 
 TIME = np.arange(0.0, 2.0, 0.002)
 SIGNALS = {
@@ -48,13 +51,20 @@ def simulink(labels):
     return {"time": TIME[:, None], "signals": signals, "blockName": "rig/Scope"}
 
 
+@pytest.fixture(params=["7", "7.3"])
+def save(request):
+    """Return a function that saves variables as one of the versions."""
+    return savemat if request.param == "7" else save_mat73
+
+
 @pytest.fixture
-def table(tmp_path):
+def table(tmp_path, save):
     """Return a function that saves variables and reads them again."""
 
     def read(part="", **variables):
-        savemat(tmp_path / "run.mat", variables)
-        return read_mat(tmp_path / "run.mat", FileOptions(part))
+        path = tmp_path / "run.mat"
+        save(path, variables)
+        return (read_mat if save is savemat else read_hdf5)(path, FileOptions(part))
 
     return read
 
@@ -66,8 +76,8 @@ def table(tmp_path):
         {"ScopeData": simulink(["displacement_mm", "force_N", "current_A"]), "tout": TIME[:, None]},
     ],
 )
-def test_a_recording_of_named_signals_needs_no_map(tmp_path, variables):
-    savemat(tmp_path / "run.mat", variables)
+def test_a_recording_of_named_signals_needs_no_map(tmp_path, save, variables):
+    save(tmp_path / "run.mat", variables)
     (run,) = read_run(tmp_path / "run.mat")
     assert np.array_equal(run.time, TIME)
     assert np.allclose(run.displacement, 1e-3 * SIGNALS["displacement"][0], rtol=1e-15)
@@ -109,3 +119,32 @@ def test_cells_are_columns_by_their_place(table):
     read = table(runs=cells)
     assert read.names == ("runs(1)", "runs(2)")
     assert np.array_equal(read.columns["runs(2)"], SIGNALS["force"][0])
+
+
+def test_cells_of_structures_and_structures_of_cells_go_by_their_place(table):
+    cells = np.empty(2, dtype=object)
+    cells[0], cells[1] = {"force_N": SIGNALS["force"][0]}, {"time_s": TIME}
+    read = table(runs=cells, kept={"parts": cells[::-1], "note": "", "at": TIME})
+    assert {"runs(1)/force_N", "kept/parts(2)/force_N", "at"} <= set(read.names)
+    assert np.array_equal(read.columns["kept/parts(1)/time_s"], TIME)
+
+
+def test_rings_of_links_and_references_to_nothing_are_no_columns(tmp_path):
+    path = tmp_path / "run.mat"
+    save_mat73(path, {"run": {"time_s": TIME}, "runs": np.array([{"a": TIME}, {"a": TIME}], dtype=object)})
+    with h5py.File(path, "r+") as file:
+        file["run/again"] = file["run"]
+        file["run/soft"] = h5py.SoftLink("/run/time_s")
+        file["runs"][0] = file["run"].ref
+        file["runs"][1] = h5py.Reference()
+        to_itself = file.create_dataset("ring", (1, 1), h5py.ref_dtype)
+        to_itself[0, 0] = to_itself.ref
+    assert read_hdf5(path, FileOptions()).names == ("time_s",)
+
+
+def test_an_empty_matrix_is_no_column_though_it_holds_its_shape(tmp_path):
+    path = tmp_path / "run.mat"
+    save_mat73(path, {"time_s": TIME, "empty": np.array([0.0, 3.0])})
+    with h5py.File(path, "r+") as file:
+        file["empty"].attrs["MATLAB_empty"] = np.uint8(1)
+    assert read_hdf5(path, FileOptions()).names == ("time_s",)

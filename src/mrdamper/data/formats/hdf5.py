@@ -1,19 +1,22 @@
 """HDF5, and the MAT files of version 7.3 that are HDF5 inside.
 
 A column is a data set of one dimension, a field of a compound one, or a column of a matrix
-(``column 1 of data``); attributes ``unit`` or ``units`` tell its unit. Only what the file itself stores is
-read: external and virtual data sets would lead to other files.
+(``column 1 of data``); attributes ``unit`` or ``units`` tell its unit. In a MAT file arrays of structures
+and cells are lists of references, which are followed; a structure of one signal and its name is a column of
+that name (``signals``). Only what the file itself stores is read: external and virtual data sets would lead
+to other files.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from mrdamper.data.formats.signals import MOST_ELEMENTS, Signal, find_signal, unit_of_field
 from mrdamper.data.formats.table import (
     MOST_COLUMNS,
     FileOptions,
@@ -33,6 +36,8 @@ __all__ = ["is_hdf5", "read_hdf5"]
 _MATLAB = b"MATLAB 7.3"
 _REMEDY = "save it again, or export the run as CSV"
 _MOST_RATIO = 2000  # of numbers to stored bytes: deflate reaches 1032
+_DEEPEST = 32  # groups in groups, structures in structures
+_LONGEST_TEXT = 1000
 
 Selection = Callable[[Any, slice], Any]  # of a data set, some rows
 
@@ -49,7 +54,7 @@ def read_hdf5(path: Path, options: FileOptions) -> Table:
         matlab = stream.read(len(_MATLAB)) == _MATLAB
     what = "MAT v7.3 file" if matlab else "HDF5 file"
     with decoding(path, what, _REMEDY), h5py.File(path, "r") as file:
-        found = _find_columns(h5py, file, options.part)
+        found = _find_columns(h5py, file, options.part, matlab=matlab)
     names = plain_names([leaf for leaf, *_ in found])
     readers = {
         name: partial(_read, path, what, address, selection)
@@ -73,39 +78,117 @@ def read_hdf5(path: Path, options: FileOptions) -> Table:
 Found = tuple[tuple[str, ...], str, Selection | None, str, int]  # path, address, selection, unit, samples
 
 
-def _find_columns(h5py: Any, file: Any, part: str) -> list[Found]:  # noqa: ANN401 - h5py has no types
-    found: list[Found] = []
+def _find_columns(h5py: Any, file: Any, part: str, *, matlab: bool) -> list[Found]:  # noqa: ANN401 - no types
+    search = _Search(h5py, file, matlab)
+    search.fields((), search.inside(file), _DEEPEST)
+    return [each for each in search.found if not part or part in each[0][:-1]]
 
-    def look(address: str, item: Any) -> None:  # noqa: ANN401 - h5py has no types
-        inside = tuple(address.split("/"))
-        if (
-            not isinstance(item, h5py.Dataset)
-            or inside[0].startswith("#")
-            or (part and part not in inside[:-1])
-        ):
-            return
-        if item.external or item.is_virtual or item.attrs.get("MATLAB_class", b"") in {b"char", b"cell"}:
-            return
-        stored = item.id.get_storage_size()
-        if not item.size or item.size * item.dtype.itemsize > _MOST_RATIO * max(stored, 1):
-            return
-        unit = _unit(item)
-        if item.dtype.names:
-            for name in item.dtype.names:
-                if item.ndim == 1 and item.dtype[name].kind in "fiub" and item.dtype[name].shape == ():
-                    found.append(((*inside, name), address, partial(_field, name), unit, item.size))
-        elif item.dtype.kind not in "fiub":
-            return
-        elif item.size == max(item.shape, default=1):
-            found.append((inside, address, None, unit, item.size))
-        elif item.ndim == 2 and min(item.shape) <= MOST_COLUMNS:
-            across = int(np.argmin(item.shape))
-            for k in range(item.shape[across]):
-                title = (*inside[:-1], f"column {k + 1} of {inside[-1]}")
-                found.append((title, address, partial(_line, across, k), unit, item.shape[1 - across]))
 
-    file.visititems(look)
-    return found
+class _Search:
+    """Looks for columns in groups, and in what the structures and cells of MATLAB refer to."""
+
+    def __init__(self, h5py: Any, file: Any, matlab: bool) -> None:  # noqa: ANN401, FBT001 - no types
+        self._h5py, self._file, self._matlab = h5py, file, matlab
+        self._seen: set[int] = set()  # groups and lists of references: links can form rings
+        self.found: list[Found] = []
+
+    def inside(self, group: Any) -> dict[str, Any]:  # noqa: ANN401 - h5py has no types
+        """Return the members of a group that the file itself stores."""
+        names = [name for name in group if not (self._matlab and name.startswith("#"))]  # #refs#
+        links = {name: group.get(name, getlink=True) for name in names}
+        return {name: group[name] for name, link in links.items() if isinstance(link, self._h5py.HardLink)}
+
+    def fields(self, path: tuple[str, ...], members: Mapping[str, Any], depth: int) -> None:
+        """Look at the members of a group, or at the fields of a structure."""
+        signal = self._signal(members) if self._matlab else None
+        if signal is not None:
+            item = members[signal.field]
+            self.found.append(((*path, signal.name), item.name, None, signal.unit, item.size))
+            return
+        for name, item in members.items():
+            self._look((*path, name), item, depth, unit_of_field(name, members) if self._matlab else "")
+
+    def _look(self, path: tuple[str, ...], item: Any, depth: int, unit: str = "") -> None:  # noqa: ANN401
+        if isinstance(item, self._h5py.Group):
+            if depth and self._is_new(item):
+                self._group(path, self.inside(item), depth - 1)
+        elif not isinstance(item, self._h5py.Dataset) or not _is_stored(item):
+            return
+        elif self._refers(item):
+            if depth and self._is_new(item):
+                for k, inner in enumerate(self._referred(item)):
+                    self._look(_element(path, k), inner, depth - 1)
+        elif item.attrs.get("MATLAB_class", b"") != b"char":
+            self.found.extend(_columns(path, item, _unit(item) or unit))
+
+    def _group(self, path: tuple[str, ...], members: Mapping[str, Any], depth: int) -> None:
+        """Look into a group: an array of structures is one of as many references for each field."""
+        listed = [self._refers(item) and "MATLAB_class" not in item.attrs for item in members.values()]
+        if not listed or not all(listed) or len({item.size for item in members.values()}) > 1:
+            self.fields(path, members, depth)
+            return
+        rows = zip(*(self._referred(item) for item in members.values()), strict=True)
+        for k, row in enumerate(rows):
+            self.fields(_element(path, k), dict(zip(members, row, strict=True)), depth)
+
+    def _signal(self, members: Mapping[str, Any]) -> Signal | None:
+        sets = {name: item for name, item in members.items() if isinstance(item, self._h5py.Dataset)}
+        sets = {name: item for name, item in sets.items() if _is_stored(item)}
+        texts = {
+            name: "".join(map(chr, np.ravel(item[()]).tolist()))
+            for name, item in sets.items()
+            if item.attrs.get("MATLAB_class", b"") == b"char"
+            and item.dtype.kind == "u"
+            and item.size <= _LONGEST_TEXT
+        }
+        numbers = {name: item.shape for name, item in sets.items() if item.dtype.kind in "fiub"}
+        return find_signal(texts, {name: numbers[name] for name in numbers.keys() - texts.keys()})
+
+    def _refers(self, item: Any) -> bool:  # noqa: ANN401 - h5py has no types
+        """Tell whether a data set is one of MATLAB's lists of references: cells, or a field of structures."""
+        if not self._matlab or not isinstance(item, self._h5py.Dataset) or not _is_stored(item):
+            return False
+        return self._h5py.check_ref_dtype(item.dtype) is self._h5py.Reference
+
+    def _referred(self, item: Any) -> list[Any]:  # noqa: ANN401 - h5py has no types
+        # MATLAB counts along columns, which are the rows of what it stores
+        given = np.ravel(item[()])[:MOST_ELEMENTS]
+        return [self._file[reference] if reference else None for reference in given]
+
+    def _is_new(self, item: Any) -> bool:  # noqa: ANN401 - h5py has no types
+        address = self._h5py.h5o.get_info(item.id).addr
+        new = address not in self._seen
+        self._seen.add(address)
+        return new
+
+
+def _element(path: tuple[str, ...], k: int) -> tuple[str, ...]:
+    return (*path[:-1], f"{path[-1]}({k + 1})")
+
+
+def _is_stored(item: Any) -> bool:  # noqa: ANN401 - h5py has no types
+    """Tell whether the file itself holds the numbers that a data set states; MATLAB's [] holds its shape."""
+    if item.external or item.is_virtual or not item.size or item.attrs.get("MATLAB_empty", 0):
+        return False
+    stored = item.id.get_storage_size()
+    return bool(item.size * item.dtype.itemsize <= _MOST_RATIO * max(stored, 1))
+
+
+def _columns(path: tuple[str, ...], item: Any, unit: str) -> Iterator[Found]:  # noqa: ANN401 - no types
+    """Return the columns of a data set."""
+    if item.dtype.names:
+        for name in item.dtype.names:
+            if item.ndim == 1 and item.dtype[name].kind in "fiub" and item.dtype[name].shape == ():
+                yield (*path, name), item.name, partial(_field, name), unit, item.size
+    elif item.dtype.kind not in "fiub":
+        return
+    elif item.size == max(item.shape, default=1):
+        yield path, item.name, None, unit, item.size
+    elif item.ndim == 2 and min(item.shape) <= MOST_COLUMNS:
+        across = int(np.argmin(item.shape))
+        for k in range(item.shape[across]):
+            title = (*path[:-1], f"column {k + 1} of {path[-1]}")
+            yield title, item.name, partial(_line, across, k), unit, item.shape[1 - across]
 
 
 def _field(name: str, data: Any, rows: slice) -> Any:  # noqa: ANN401 - h5py has no types

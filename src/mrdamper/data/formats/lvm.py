@@ -1,20 +1,24 @@
-"""LabVIEW measurement text (.lvm): a header of tags, a header of the segment, then columns.
+"""LabVIEW measurement text (.lvm): a header of tags, then segments, each with a header and columns.
 
-After NI's "Specification for the LabVIEW Measurement File (.lvm)". Of several segments, each of which could
-have columns and clocks of its own, none is chosen: a file holds one here.
+After NI's "Specification for the LabVIEW Measurement File (.lvm)". Each call that writes to a file makes a
+segment. A segment whose time goes on from the one before belongs to it, any other is a recording of its own;
+where x begins anew in each, its date and time of day say when that was.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from datetime import datetime
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from mrdamper.data.formats.table import FileOptions, Layout, Table
+from mrdamper.data.formats.table import FileOptions, Layout, Table, Texts, parts_of
 from mrdamper.data.formats.text import Head, parse_rows, read_head, split_line
 from mrdamper.errors import InputError
+from mrdamper.quantities import FloatArray
 
 __all__ = ["is_lvm", "read_lvm"]
 
@@ -22,6 +26,21 @@ _FIRST = "LabVIEW Measurement"
 _END = "***End_of_Header***"
 _SEPARATORS = {"tab": "\t", "comma": ","}
 _X = "X_Value"
+_LONGEST = 1 << 20  # bytes of a line
+_MOST_TAGS = 200  # lines of a header
+
+Tags = Mapping[str, list[str]]
+
+
+@dataclass(frozen=True, slots=True)
+class _Segment:
+    """Where the rows of one segment lie in the file, and what its header says."""
+
+    tags: Tags
+    labels: bytes
+    start: int  # bytes
+    stop: int
+    lines_above: int
 
 
 def is_lvm(head: bytes) -> bool:
@@ -30,42 +49,90 @@ def is_lvm(head: bytes) -> bool:
 
 
 def read_lvm(path: Path, _options: FileOptions) -> Table:
-    """Return the table of a LabVIEW measurement text."""
+    """Return the table of a LabVIEW measurement text, its segments one after the other."""
     head = read_head(path)
-    tags, labels_at = _tags(path, head)
+    tags, labels_at = _head_tags(path, head)
     delimiter = _SEPARATORS.get(tags.get("Separator", ["Tab"])[0].lower(), "\t")
     decimal = tags.get("Decimal_Separator", ["."])[0] or "."
     if delimiter == decimal:
         raise InputError(f"{path}: commas separate columns and decimals; save the file with tabs")
     names = split_line(head.lines[labels_at], delimiter)
-    table = parse_rows(
-        path,
-        head.starts[labels_at + 1],
-        names,
-        Layout("LabVIEW measurement text", delimiter, decimal, labels_at + 1, notes=head.notes),
-    )
-    return _with_clock(path, table, tags, names)
+    layout = Layout("LabVIEW measurement text", delimiter, decimal, labels_at + 1, notes=head.notes)
+    segments = list(_segments(path, head.starts[labels_at], labels_at + 1, tags))
+    tables = []
+    for each in segments:
+        if each.labels != segments[0].labels:
+            raise InputError(
+                f"{path}, line {each.lines_above}: the columns are not those of the first segment; expected "
+                "the same. Split the file there"
+            )
+        table = parse_rows(path, each.start, names, replace(layout, header_lines=each.lines_above), each.stop)
+        tables.append(_with_clock(path, table, each.tags, names))
+    return tables[0] if len(tables) == 1 else _joined(path, segments, tables)
 
 
-def _tags(path: Path, head: Head) -> tuple[Mapping[str, list[str]], int]:
-    """Return what the tags say (a cell of the first column apart), and the line of the columns' labels."""
+def _head_tags(path: Path, head: Head) -> tuple[Tags, int]:
+    """Return what the file's and the first segment's tags say, and the line of the columns' labels."""
     ends = [k for k, line in enumerate(head.lines) if line.startswith(_END)]
     if not ends:
         raise InputError(
             f"{path}: no {_END} in the first {len(head.lines)} lines; it was cut off: copy it again"
         )
-    if len(ends) > 2:
-        raise InputError(f"{path}: holds {len(ends) - 1} segments; expected one. Save each in its own file")
-    if ends[-1] + 2 >= len(head.lines):
+    after = next((line for line in head.lines[ends[0] + 1 :] if line.strip()), "")
+    end = ends[1] if len(ends) > 1 and _begins_segment(after.encode()) else ends[0]
+    if end + 2 >= len(head.lines):
         raise InputError(f"{path}: no rows after its header; expected rows of numbers")
+    return _tags_of(head.lines[:end]), end + 1
+
+
+def _tags_of(lines: tuple[str, ...] | list[str]) -> Tags:
+    """Return what the tags say: the cells beside them."""
     tags: dict[str, list[str]] = {}
-    for line in head.lines[: ends[-1]]:
+    for line in lines:
         name, *cells = [cell.strip() for cell in line.split("," if "\t" not in line else "\t")]
         tags[name] = cells or [""]
-    return tags, ends[-1] + 1
+    return tags
 
 
-def _with_clock(path: Path, table: Table, tags: Mapping[str, list[str]], names: list[str]) -> Table:
+def _begins_segment(line: bytes) -> bool:
+    return line.startswith((b"Channels\t", b"Channels,"))
+
+
+def _segments(path: Path, labels_start: int, lines_above: int, tags: Tags) -> Iterator[_Segment]:
+    """Return the segments; the first one's tags are known."""
+    header: list[bytes] | None = None  # of the next segment, while it is read
+    ended = False
+    with path.open("rb") as stream:
+        stream.seek(labels_start)
+        labels = stream.readline()
+        at = labels_start + len(labels)
+        now = _Segment(tags, labels.rstrip(), at, at, lines_above)
+        for number, line in enumerate(iter(partial(stream.readline, _LONGEST), b""), lines_above + 1):
+            if len(line) == _LONGEST:
+                raise InputError(f"{path}, line {number}: does not end; expected rows of numbers")
+            at += len(line)
+            if header is None and _begins_segment(line):
+                yield replace(now, stop=at - len(line))
+                header, ended = [line], False
+            elif header is None:
+                continue
+            elif ended:
+                said = [each.decode("utf-8", "replace") for each in header]
+                now = _Segment({**tags, **_tags_of(said)}, line.rstrip(), at, at, number)
+                header = None
+            elif line.startswith(_END.encode()):
+                ended = True
+            elif len(header) < _MOST_TAGS:
+                header.append(line)
+            else:
+                raise InputError(
+                    f"{path}, line {number}: the header of a segment does not end; copy it again"
+                )
+    if header is None:
+        yield replace(now, stop=at)
+
+
+def _with_clock(path: Path, table: Table, tags: Tags, names: list[str]) -> Table:
     """Name the columns of x as what they are, with units that the header states."""
     columns, units = dict(table.columns), dict(table.units)
     for name, unit in zip([each for each in names if each != _X], tags.get("Y_Unit_Label", []), strict=False):
@@ -93,9 +160,76 @@ def _with_clock(path: Path, table: Table, tags: Mapping[str, list[str]], names: 
     )
 
 
-def _step(tags: Mapping[str, list[str]]) -> float | None:
-    try:
-        step = float(tags["Delta_X"][0].replace(",", "."))
-    except (KeyError, ValueError):
+def _joined(path: Path, segments: list[_Segment], tables: list[Table]) -> Table:
+    """Return one table of all segments; recordings begin where the time does not go on."""
+    first = tables[0]
+    for each, table in zip(segments, tables, strict=True):
+        if table.columns.keys() != first.columns.keys() or table.units != first.units:
+            raise InputError(
+                f"{path}, line {each.lines_above}: columns of numbers, or units, are not those of the first "
+                "segment; expected the same. Split the file there"
+            )
+    columns = {name: np.concatenate([table.columns[name] for table in tables]) for name in first.columns}
+    clocks = [_clock(each, table) for each, table in zip(segments, tables, strict=True)]
+    known = [clock for clock in clocks if clock is not None]
+    time = _one_clock(segments, known) if len(known) == len(clocks) else None
+    texts: dict[str, Texts] = {
+        name: [cell for table in tables for cell in table.texts[name]] for name in first.texts
+    }
+    edges = np.cumsum([0, *(table.rows for table in tables)]).tolist()
+    named = time is not None and "time" not in columns
+    return replace(
+        first,
+        names=("time", *first.names) if named else first.names,
+        columns=columns if time is None else {**columns, "time": time},
+        texts=texts,
+        rows=edges[-1],
+        units=first.units if time is None else {**first.units, "time": "s"},
+        step_s=None,
+        parts=parts_of(time, edges),
+        layout=replace(first.layout, notes=(*first.layout.notes, f"{len(tables)} segments")),
+    )
+
+
+def _clock(segment: _Segment, table: Table) -> FloatArray | None:
+    """Return the time [s] of a segment's rows as it says it, or None."""
+    if "time" in table.columns:
+        return table.columns["time"]
+    if table.step_s is None:
         return None
-    return step if 0.0 < step < np.inf else None
+    return np.asarray(_number(segment.tags, "X0", 0.0) + table.step_s * np.arange(table.rows))
+
+
+def _one_clock(segments: list[_Segment], clocks: list[FloatArray]) -> FloatArray:
+    """Return the clocks one after the other; one that begins anew is moved to its date and time of day."""
+    begun, moved = _stamp(segments[0].tags), [clocks[0]]
+    for each, clock in zip(segments[1:], clocks[1:], strict=True):
+        now = _stamp(each.tags)
+        goes_on = not len(clock) or not len(moved[-1]) or clock[0] > moved[-1][-1]
+        if not goes_on and begun is not None and now is not None:
+            clock = clock + (now - begun).total_seconds()  # noqa: PLW2901 - the same clock, moved
+        moved.append(clock)
+    return np.concatenate(moved)
+
+
+def _stamp(tags: Tags) -> datetime | None:
+    """Return date and time of day of a segment; ten digits of a second are cut to six."""
+    date, time = tags.get("Date", [""])[0], tags.get("Time", [""])[0].replace(",", ".")
+    whole, _, part = time.partition(".")
+    try:
+        return datetime.strptime(f"{date} {whole}.{part[:6] or '0'}", "%Y/%m/%d %H:%M:%S.%f")
+    except ValueError:
+        return None
+
+
+def _number(tags: Tags, name: str, otherwise: float) -> float:
+    try:
+        number = float(tags[name][0].replace(",", "."))
+    except (KeyError, ValueError):
+        return otherwise
+    return number if np.isfinite(number) else otherwise
+
+
+def _step(tags: Tags) -> float | None:
+    step = _number(tags, "Delta_X", 0.0)
+    return step if step > 0.0 else None

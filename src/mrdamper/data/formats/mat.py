@@ -1,8 +1,8 @@
 """MAT files up to version 7.2: variables, fields of structures, and columns of matrices.
 
 A structure's field ``run.force`` is a column of its own; a matrix gives ``column 1 of data`` and so on. A
-structure that holds one signal and its name, as dSPACE's ``Y(2).Name`` and ``Y(2).Data`` or Simulink's
-``signals(2).label`` and ``signals(2).values``, is a column of that name. Version 7.3 is HDF5 and read there.
+structure that holds one signal and its name is a column of that name (``signals``). Version 7.3 is HDF5 and
+read there.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from mrdamper.data.formats.signals import MOST_ELEMENTS, find_signal, unit_of_field
 from mrdamper.data.formats.table import (
     MOST_COLUMNS,
     MOST_SAMPLES,
@@ -34,8 +35,6 @@ __all__ = ["is_mat", "read_mat"]
 
 _LEAST_BYTES = dict.fromkeys(("struct", "cell", "object"), 8)  # of one element; of a number, one
 _DEEPEST = 6  # structures in structures
-_MOST_ELEMENTS = 4096  # of an array of structures that are looked at
-_NAMES, _SIGNALS, _UNITS = ("name", "label", "title"), ("data", "values"), ("unit", "units")
 
 
 def is_mat(head: bytes) -> bool:
@@ -94,13 +93,12 @@ def _collect(
             return
         for name, inner in value.items():
             if not str(name).startswith("__"):
-                seconds = name == "time" and "signals" in value  # as Simulink saves them
-                _collect((*path, str(name)), inner, found, depth - 1, "s" if seconds else "")
+                _collect((*path, str(name)), inner, found, depth - 1, unit_of_field(str(name), value))
         return
     if isinstance(value, np.ndarray) and value.dtype == object:
         value = [*value.flat]
     if isinstance(value, list) and depth:
-        for k, inner in enumerate(value[:_MOST_ELEMENTS]):
+        for k, inner in enumerate(value[:MOST_ELEMENTS]):
             _collect((*path[:-1], f"{path[-1]}({k + 1})"), inner, found, depth - 1)
         return
     if isinstance(value, bool | int | float):
@@ -117,17 +115,12 @@ def _collect(
 
 def _signal(path: tuple[str, ...], fields: Mapping[str, Any]) -> _Found | None:
     """Return the column of a structure that holds one signal and its name."""
-    known = {str(key).lower(): value for key, value in fields.items()}
-    texts = {key: value.strip() for key, value in known.items() if isinstance(value, str) and value.strip()}
-    name = next((texts[key] for key in _NAMES if key in texts), "")
-    arrays = {key: value for key, value in known.items() if _is_numbers(value) and value.size > 1}
-    signal = next((arrays[key] for key in _SIGNALS if key in arrays), None)
-    if not name or signal is None or signal.size != max(signal.shape):
+    texts = {str(key): value for key, value in fields.items() if isinstance(value, str)}
+    arrays = {str(key): value for key, value in fields.items() if _is_numbers(value)}
+    signal = find_signal(texts, {key: value.shape for key, value in arrays.items()})
+    if signal is None:
         return None
-    if sum(other.size == signal.size for other in arrays.values()) > 1:  # a table under a title
-        return None
-    unit = next((texts[key] for key in _UNITS if key in texts), "")
-    return _Found((*path, name), as_column(signal)[0], unit)
+    return _Found((*path, signal.name), as_column(arrays[signal.field])[0], signal.unit)
 
 
 def _is_numbers(value: Any) -> bool:  # noqa: ANN401 - what loadmat made

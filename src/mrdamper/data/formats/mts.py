@@ -23,7 +23,7 @@ from types import MappingProxyType
 import numpy as np
 
 from mrdamper.data.channels import parse_header
-from mrdamper.data.formats.table import FileOptions, Layout, Table, Texts
+from mrdamper.data.formats.table import FileOptions, Layout, Table, Texts, parts_of
 from mrdamper.data.formats.text import count_numbers, find_header, parse_rows, read_head, split_line
 from mrdamper.errors import InputError
 
@@ -31,7 +31,6 @@ __all__ = ["is_mts", "read_mts"]
 
 _DELIMITERS: Mapping[str, str] = MappingProxyType({"0": " ", "1": ",", "2": "\t"})
 _BEGINS_A_NUMBER = frozenset(b"0123456789+-.,")
-_GOES_ON = 1.5  # steps of time: further apart, an acquisition is a new recording
 _MOST_HEADER_LINES = 64
 _LONGEST = 1 << 20  # bytes of a line
 
@@ -140,21 +139,13 @@ def _joined(found: list[_Acquisition], tables: list[Table]) -> Table:
         begins += [said.decode("utf-8", "replace").strip(), *[None] * (table.rows - 1)]
     edges = np.cumsum([0, *(table.rows for table in tables)])
     time = next((name for name in columns if (parse_header(name) or ("",))[0] == "time"), None)
-    parts = [0]
-    for edge in edges[1:-1].tolist():
-        if time is not None:
-            usual = (
-                float(np.median(np.diff(columns[time][parts[-1] : edge]))) if edge - parts[-1] > 1 else 0.0
-            )
-            if 0.0 < columns[time][edge] - columns[time][edge - 1] < _GOES_ON * usual:
-                continue
-        parts.append(edge)
+    parts = parts_of(None if time is None else columns[time], edges.tolist())
     return replace(
         first,
         names=(*first.names, "acquisition"),
         columns=columns,
         texts={**texts, "acquisition": begins},
         rows=int(edges[-1]),
-        parts=tuple(parts) if len(parts) > 1 else (),
+        parts=parts,
         layout=replace(first.layout, notes=(f"{len(tables)} acquisitions",)),
     )

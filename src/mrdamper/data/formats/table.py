@@ -35,6 +35,7 @@ __all__ = [
     "as_column",
     "decoding",
     "load_extra",
+    "parts_of",
     "plain_names",
     "require_extra",
     "require_held",
@@ -43,6 +44,7 @@ __all__ = [
 
 _MOST_UNPACKED = 1032  # bytes from one: no more come from a deflated one
 MOST_SAMPLES = 400_000_000  # of one column (3.2 GB): more is a damaged header or a trap
+_GOES_ON = 1.5  # steps of time: further apart, a piece is a recording of its own
 MOST_COLUMNS = 64  # of a matrix; a wider one is no table of channels
 
 Value = TypeVar("Value")
@@ -211,6 +213,23 @@ def plain_names(paths: Sequence[Sequence[str]]) -> list[str]:
             name = f"{plain} ({number})"
         names[name] = None
     return list(names)
+
+
+def parts_of(time: FloatArray | None, edges: Sequence[int]) -> tuple[int, ...]:
+    """Return the rows at which recordings begin, of pieces that lie one after the other; empty for one.
+
+    A piece belongs to the one before where its time goes on from it; ``edges`` are the first rows of the
+    pieces, and the number of all rows.
+    """
+    begins = [edges[0]]
+    for edge in edges[1:-1]:
+        if time is not None:
+            before = time[begins[-1] : edge] if edge - begins[-1] > 1 else time
+            usual = float(np.median(np.diff(before)))
+            if 0.0 < time[edge] - time[edge - 1] < _GOES_ON * usual:
+                continue
+        begins.append(edge)
+    return tuple(begins) if len(begins) > 1 else ()
 
 
 def require_room(samples: int, path: Path, name: str) -> None:

@@ -1,0 +1,50 @@
+"""Signals in structures: how the tools of a test bench save a recording as MAT files.
+
+A structure that holds one signal and its name, as dSPACE's ``Y(2).Name`` and ``Y(2).Data`` or Simulink's
+``signals(2).label`` and ``signals(2).values``, is a column of that name. Reading is ``mat`` and ``hdf5``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+
+__all__ = ["MOST_ELEMENTS", "Signal", "find_signal", "unit_of_field"]
+
+MOST_ELEMENTS = 4096
+"""Elements of an array of structures, or of cells, that are looked at."""
+
+_NAMES, _SIGNALS, _UNITS = ("name", "label", "title"), ("data", "values"), ("unit", "units")
+
+
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """What a structure says of its one signal."""
+
+    name: str
+    field: str  # that holds the samples
+    unit: str
+
+
+def find_signal(texts: Mapping[str, str], shapes: Mapping[str, tuple[int, ...]]) -> Signal | None:
+    """Return the signal of a structure, told by its texts and by the shapes of its arrays of numbers.
+
+    None where it has no name, or holds more: a table under a title, say.
+    """
+    said = {key.lower(): text.strip() for key, text in texts.items() if text.strip()}
+    long = {key: shape for key, shape in shapes.items() if math.prod(shape) > 1}
+    fields = {key.lower(): key for key in long}
+    name = next((said[key] for key in _NAMES if key in said), "")
+    field = next((fields[key] for key in _SIGNALS if key in fields), "")
+    if not name or not field:
+        return None
+    size = math.prod(long[field])
+    if size != max(long[field]) or sum(math.prod(shape) == size for shape in long.values()) > 1:
+        return None
+    return Signal(name, field, next((said[key] for key in _UNITS if key in said), ""))
+
+
+def unit_of_field(name: str, beside: Collection[str]) -> str:
+    """Return the unit that a field has without saying so: Simulink's structure with time is in seconds."""
+    return "s" if name == "time" and "signals" in beside else ""
