@@ -1,16 +1,18 @@
 """How fast this machine is just now, so that a budget of processor time means the same on all of them.
 
-A budget is written in seconds of a reference: a quiet core on which ``WORK`` takes ``REFERENCE_S``. Shared
-machines are slower, and at some moments much slower; what is measured beside a test is taken off its time.
+A budget is written in seconds of a reference: a quiet core on which a piece of work takes ``REFERENCE_S``.
+Shared machines are slower, and at some moments much slower; a time is told in units of what the same piece of
+work takes beside it.
 """
 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 
 import numpy as np
 
-__all__ = ["REFERENCE_S", "pace"]
+__all__ = ["REFERENCE_S", "pace", "taken"]
 
 REFERENCE_S = 0.0043
 """CPU time of the work below on a quiet core of an AMD EPYC, measured in seconds."""
@@ -21,6 +23,14 @@ def pace() -> float:
     begun = time.process_time()
     _work()
     return (time.process_time() - begun) / REFERENCE_S
+
+
+def taken(job: Callable[[], object]) -> float:
+    """Return the CPU time [s] of a job, as it would be on the reference."""
+    before, begun = pace(), time.process_time()
+    job()
+    spent = time.process_time() - begun
+    return 2.0 * spent / (before + pace())
 
 
 def _work() -> float:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 import pytest
@@ -28,6 +28,7 @@ from mrdamper.rig.campaign import Campaign
 from mrdamper.rig.measurement import measure
 from mrdamper.rig.paper import CLAIMED_LOSSES, THERMAL_MOTION, peak_force
 from mrdamper.rig.plant import PRESETS, STEP_S, Plant
+from tests.pace import taken
 
 TRAINED, HELD_OUT = (20, 40, 80, 120), (60, 100, 123)
 TRAINED_MOTIONS = ("sine5mm1Hz", "sine3mm2Hz", "nonperiodic")
@@ -385,8 +386,8 @@ def test_without_the_actuation_the_steps_are_told_far_worse():
 def test_one_start_on_sixty_runs_stays_within_its_time(law, bar_s, seeds):
     """5 currents, 4 temperatures, 3 motions, 4 s at 500 Hz; preparation included.
 
-    CPU time, the best of eight rounds: a loaded machine is not a fault. The usual law is held to the bar of
-    the plain one.
+    CPU time, the best of eight rounds: a slow or loaded machine is not a fault. The usual law is held to the
+    bar of the plain one.
     """
     training, _ = runs_of("nominal").split(Campaign().hold_out)
     runs = [run for run in training if run.constant_command is not None]
@@ -396,7 +397,7 @@ def test_one_start_on_sixty_runs_stays_within_its_time(law, bar_s, seeds):
         name = None if law == USUAL else law
         spent: list[float] = []
         while len(spent) < 8 and min(spent, default=np.inf) > bar_s:
-            spent.append(mrdamper.fit(runs, name, starts=1, seed=seed).cpu_s)
+            spent.append(taken(partial(mrdamper.fit, runs, name, starts=1, seed=seed)))
         assert min(spent) <= bar_s, f"seed {seed}"
 
 

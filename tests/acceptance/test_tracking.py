@@ -7,7 +7,6 @@ these eight runs. A bar that could be read in two ways is read the stricter way.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cache
@@ -39,6 +38,7 @@ from tests.acceptance.followed import (
     UNEVEN,
     followed,
 )
+from tests.pace import taken
 
 PLANTS_AND_TARGETS = list(MUST)
 
@@ -268,12 +268,10 @@ def test_on_an_aged_damper_adaptation_is_not_worse_than_none(target):
 
 
 def cpu_per_step(job: Callable[[], object], steps: int, bar_s: float) -> float:
-    """Return the CPU time [s] of a step: the best of rounds, as a loaded machine is not a fault."""
+    """Return the CPU time [s] of a step: the best of rounds, as a slow or loaded machine is not a fault."""
     best = float("inf")
     for _ in range(20):
-        begin = time.process_time()
-        job()
-        best = min(best, (time.process_time() - begin) / steps)
+        best = min(best, taken(job) / steps)
         if best <= bar_s:
             break
     return best
