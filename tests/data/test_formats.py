@@ -170,18 +170,46 @@ def test_a_channel_map_may_say_what_looking_does_not_tell(tmp_path):
             ChannelMap.from_dict({"file": given})
 
 
-def test_a_unit_beside_the_name_and_another_in_it_are_refused(tmp_path):
+@pytest.fixture
+def with_force(tmp_path):
+    """Return a function that writes a TDMS file whose force has a header, and a unit beside it."""
     from nptdms import ChannelObject, TdmsWriter
 
-    with TdmsWriter(str(tmp_path / "run.tdms")) as writer:
-        writer.write_segment(
-            [
-                ChannelObject("run", name, values, properties={"unit_string": "N"} if "force" in name else {})
-                for name, values in titled().items()
-            ]
-        )
-    with pytest.raises(InputError, match="column 'force_kN' states 'N' as its unit beside the name"):
-        read_run(tmp_path / "run.tdms")
+    def write(header, unit):
+        path = tmp_path / "run.tdms"
+        with TdmsWriter(str(path)) as writer:
+            writer.write_segment(
+                [
+                    ChannelObject("run", header, values, properties={"unit_string": unit})
+                    if "force" in name
+                    else ChannelObject("run", name, values)
+                    for name, values in titled().items()
+                ]
+            )
+        return path
+
+    return write
+
+
+def test_a_unit_beside_the_name_and_another_in_it_are_refused(with_force):
+    for header, unit in (("force_kN", "N"), ("Force (kN)", "V")):
+        with pytest.raises(InputError, match=f"states '{unit}' as its unit beside the name"):
+            read_run(with_force(header, unit))
+
+
+@pytest.mark.parametrize(
+    ("header", "unit"),
+    [
+        ("Force (kN)", "kilonewton"),
+        ("Force (Trigger)", "kN"),
+        ("Force (filtered, 50 Hz)", "kN"),
+        ("Force (kN)", "-"),
+        ("Force", "kN"),
+    ],
+)
+def test_what_is_no_unit_does_not_speak_against_one_that_is(with_force, header, unit):
+    (run,) = read_run(with_force(header, unit))
+    assert np.allclose(run.force, RUN.force)
 
 
 # ------------------------------------------------------------------------------------------- damage

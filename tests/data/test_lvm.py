@@ -36,7 +36,9 @@ def lvm(
         clock = f"{begun:%H:%M:%S}{point}{begun:%f}0" if anew else f"10:15:02{point}12"
         tags += ["Time" + f"\t{clock}" * 3, "X_Dimension" + f"\t{dimension}" * 3]
         if units:
-            tags.append("\t".join(["Y_Unit_Label", *units]))
+            tags.append(
+                "\t".join(["Y_Unit_Label", *("\t\t" if x == "Multi" else "\t").join(units).split("\t")])
+            )
         tags += [
             "X0" + f"\t{(start - shift) * STEP!r}".replace(".", point) * 3,
             "Delta_X" + f"\t{STEP!r}".replace(".", point) * 3,
@@ -108,11 +110,25 @@ def test_a_run_is_read_with_its_clock(tmp_path, x, comma):
     assert np.array_equal(run.command, RUN.command)
 
 
-def test_units_of_the_header_hold_where_the_labels_state_none(tmp_path):
-    given = lvm(units=("mm", "N", "Volts"), labels=("Displacement", "Force", "Current (A)"))
+@pytest.mark.parametrize("cuts", [(), (7, 300)])
+def test_notes_stand_above_a_segment_and_comments_beside_its_rows(tmp_path, cuts):
+    content = lvm(cuts=cuts).replace(
+        "Channels\t", "Notes\tX values guaranteed valid only for Force\r\nChannels\t"
+    )
+    content = content.removesuffix("\t\r\n\r\n") + "\tLOST COMMUNICATION\r\n\r\n"  # in the last segment alone
+    (tmp_path / "run.lvm").write_text(content, encoding="utf-8", newline="")
+    (run,) = read_run(tmp_path / "run.lvm")
+    assert np.array_equal(run.force, RUN.force)
+    assert read_table(tmp_path / "run.lvm").texts["Comment"][-2:] == [None, "LOST COMMUNICATION"]
+
+
+@pytest.mark.parametrize("x", ["One", "No", "Multi"])
+@pytest.mark.parametrize("force", ["Force", "Force (Trigger)"])
+def test_units_of_the_header_hold_where_the_labels_state_none(tmp_path, x, force):
+    given = lvm(x=x, units=("mm", "N", "Volts"), labels=("Displacement", force, "Current (A)"))
     (tmp_path / "run.lvm").write_text(given, encoding="utf-8", newline="")
     table = read_table(tmp_path / "run.lvm")
-    assert table.units == {"Displacement": "mm", "Force": "N", "time": "s"}
+    assert table.units == {"Displacement": "mm", force: "N"} | ({} if x == "No" else {"time": "s"})
     (run,) = read_run(tmp_path / "run.lvm")
     assert np.allclose(run.displacement, RUN.displacement, atol=1e-15)
 

@@ -28,7 +28,7 @@ from mrdamper.data.records import CommandUnit, Dataset, Recording, RigRun
 from mrdamper.data.tables import FORMATS, Layout, Table, read_table
 from mrdamper.errors import InputError
 from mrdamper.files import is_file, is_folder, is_there
-from mrdamper.quantities import QUANTITIES, FloatArray, is_unit
+from mrdamper.quantities import QUANTITIES, FloatArray, is_unit, spell_unit
 
 __all__ = [
     "Column",
@@ -237,9 +237,7 @@ def find_columns(table: Table, chosen: ChannelMap, place: str) -> tuple[Column, 
     for name in table.columns:
         header = parse_header(name)
         if header is not None and name not in table.stamps:
-            said.setdefault(header[0], []).append(
-                Column(header[0], name, _unit(table, name, header[1], place))
-            )
+            said.setdefault(header[0], []).append(Column(header[0], name, _unit(table, name, header, place)))
     if chosen.rate_Hz is None and table.step_s is None:
         said.setdefault("time", [Column("time", name, "s") for name in table.names if name in table.stamps])
     columns: list[Column] = []
@@ -325,15 +323,22 @@ def _column_of(table: Table, channel: Channel, said: Sequence[Column], place: st
     return left[0] if left else None
 
 
-def _unit(table: Table, name: str, of_header: str, place: str) -> str:
-    """Return the unit of a column; a header and a file that state different ones are an error."""
+def _unit(table: Table, name: str, header: tuple[str, str], place: str) -> str:
+    """Return the unit of a column; a header and a file that state different ones are an error.
+
+    What is no unit at all, as the brackets of ``Force (Trigger)``, does not speak against one that is.
+    """
+    role, of_header = header
     stated = table.units.get(name, "")
-    if stated and of_header and stated != of_header:
+    if not (stated and of_header) or spell_unit(stated, role) == spell_unit(of_header, role):
+        return of_header or stated
+    units = [word for word in (of_header, stated) if is_unit(word)]
+    if len(units) == 2:
         raise InputError(
             f"{place}: column {name!r} states {stated!r} as its unit beside the name; expected one and the "
             "same. Correct the file"
         )
-    return of_header or stated
+    return units[0] if units else of_header
 
 
 def _listed(names: Sequence[str], most: int = 24) -> str:

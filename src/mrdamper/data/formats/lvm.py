@@ -7,6 +7,7 @@ where x begins anew in each, its date and time of day say when that was.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -15,10 +16,11 @@ from pathlib import Path
 
 import numpy as np
 
+from mrdamper.data.channels import unit_in_brackets
 from mrdamper.data.formats.table import FileOptions, Layout, Table, Texts, parts_of
 from mrdamper.data.formats.text import Head, parse_rows, read_head, split_line
 from mrdamper.errors import InputError
-from mrdamper.quantities import FloatArray
+from mrdamper.quantities import FloatArray, is_unit
 
 __all__ = ["is_lvm", "read_lvm"]
 
@@ -67,7 +69,7 @@ def read_lvm(path: Path, _options: FileOptions) -> Table:
                 "the same. Split the file there"
             )
         table = parse_rows(path, each.start, names, replace(layout, header_lines=each.lines_above), each.stop)
-        tables.append(_with_clock(path, table, each.tags, names))
+        tables.append(_with_clock(path, table, each.tags))
     return tables[0] if len(tables) == 1 else _joined(path, segments, tables)
 
 
@@ -78,8 +80,7 @@ def _head_tags(path: Path, head: Head) -> tuple[Tags, int]:
         raise InputError(
             f"{path}: no {_END} in the first {len(head.lines)} lines; it was cut off: copy it again"
         )
-    after = next((line for line in head.lines[ends[0] + 1 :] if line.strip()), "")
-    end = ends[1] if len(ends) > 1 and _begins_segment(after.encode()) else ends[0]
+    end = ends[:2][-1]  # the second is the first segment's
     if end + 2 >= len(head.lines):
         raise InputError(f"{path}: no rows after its header; expected rows of numbers")
     return _tags_of(head.lines[:end]), end + 1
@@ -95,7 +96,8 @@ def _tags_of(lines: tuple[str, ...] | list[str]) -> Tags:
 
 
 def _begins_segment(line: bytes) -> bool:
-    return line.startswith((b"Channels\t", b"Channels,"))
+    """Tell whether a line is a header's first: notes are optional, and stand above the number of channels."""
+    return re.match(rb"(Notes|Channels)[\t,]", line) is not None
 
 
 def _segments(path: Path, labels_start: int, lines_above: int, tags: Tags) -> Iterator[_Segment]:
@@ -132,13 +134,14 @@ def _segments(path: Path, labels_start: int, lines_above: int, tags: Tags) -> It
         yield replace(now, stop=at)
 
 
-def _with_clock(path: Path, table: Table, tags: Tags, names: list[str]) -> Table:
+def _with_clock(path: Path, table: Table, tags: Tags) -> Table:
     """Name the columns of x as what they are, with units that the header states."""
     columns, units = dict(table.columns), dict(table.units)
-    for name, unit in zip([each for each in names if each != _X], tags.get("Y_Unit_Label", []), strict=False):
-        if unit and name in columns and not name.endswith((")", "]")):
-            units[name] = unit
     clocks = [name for name in columns if name == _X or name.startswith(f"{_X} (")]
+    for name, unit in zip(table.names[1:], tags.get("Y_Unit_Label", []), strict=False):  # a cell above each
+        said = unit_in_brackets(name)
+        if unit and name in columns.keys() - clocks and not (said and is_unit(said)):
+            units[name] = unit
     times = [columns[name] for name in clocks]
     if any(not np.array_equal(other, times[0], equal_nan=True) for other in times[1:]):
         raise InputError(f"{path}: its channels have clocks of their own; expected one for all. Save X once")
@@ -162,6 +165,8 @@ def _with_clock(path: Path, table: Table, tags: Tags, names: list[str]) -> Table
 
 def _joined(path: Path, segments: list[_Segment], tables: list[Table]) -> Table:
     """Return one table of all segments; recordings begin where the time does not go on."""
+    words = {name for table in tables for name in table.texts}
+    tables = [_as_texts(table, words) for table in tables]
     first = tables[0]
     for each, table in zip(segments, tables, strict=True):
         if table.columns.keys() != first.columns.keys() or table.units != first.units:
@@ -188,6 +193,16 @@ def _joined(path: Path, segments: list[_Segment], tables: list[Table]) -> Table:
         step_s=None,
         parts=parts_of(time, edges),
         layout=replace(first.layout, notes=(*first.layout.notes, f"{len(tables)} segments")),
+    )
+
+
+def _as_texts(table: Table, words: set[str]) -> Table:
+    """Return the table with columns that are empty here, and text elsewhere, as texts: comments, mostly."""
+    empty = [name for name in words & table.columns.keys() if np.isnan(table.columns[name]).all()]
+    return replace(
+        table,
+        columns={name: column for name, column in table.columns.items() if name not in empty},
+        texts={**table.texts, **{name: [None] * table.rows for name in empty}},
     )
 
 
