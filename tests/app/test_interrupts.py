@@ -139,11 +139,72 @@ def test_what_was_switched_off_stays_off():
     assert done.stdout.split() == ["SIG_IGN", "True"]
 
 
+IN_A_FINALIZER = """
+import os, signal, sys, time, weakref
+from mrdamper.app.interrupts import Interrupted, heed_interrupts, interrupt_ends_all
+heed_interrupts()
+
+def interrupted(*_):
+    os.kill(os.getpid(), int(sys.argv[1]))
+    for _ in range(1000):
+        pass
+
+class Plain:
+    pass
+
+class Final:
+    __del__ = interrupted
+
+def wait():
+    thing = Final() if sys.argv[2] == "del" else Plain()
+    watched = weakref.ref(thing, interrupted) if sys.argv[2] == "weakref" else None
+    del thing
+    for _ in range(1000):
+        time.sleep(0.01)
+
+try:
+    if sys.argv[3] == "all":
+        with interrupt_ends_all():
+            wait()
+    wait()
+except (KeyboardInterrupt, Interrupted) as interrupt:
+    print(type(interrupt).__name__)
+"""
+
+
+@pytest.mark.parametrize("number", [INT, TERM, HUP])
+@pytest.mark.parametrize("where", ["del", "weakref"])
+@pytest.mark.parametrize(("ends", "raised"), [("here", "KeyboardInterrupt"), ("all", "Interrupted")])
+def test_an_interrupt_in_a_finalizer_is_not_lost(number: signal.Signals, where: str, ends: str, raised: str):
+    """Python can only drop what is raised there, and says so in a traceback."""
+    begun = time.monotonic()
+    done = subprocess.run(
+        [sys.executable, "-c", IN_A_FINALIZER, str(int(number)), where, ends],
+        capture_output=True, text=True, check=False, timeout=60,
+    )  # fmt: skip
+    assert (done.stdout.split(), done.stderr) == ([raised], "")
+    assert time.monotonic() - begun < 9.0  # the wait is of ten
+
+
+def test_other_faults_in_a_finalizer_are_told_as_ever():
+    code = (
+        "from mrdamper.app.interrupts import heed_interrupts\n"
+        "heed_interrupts()\n"
+        "class Thing:\n"
+        "    def __del__(self):\n"
+        "        raise ValueError('a fault')\n"
+        "Thing()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "ValueError: a fault" in done.stderr
+
+
 @pytest.fixture
 def heeded(monkeypatch: pytest.MonkeyPatch):
     """Let this process take interrupts as the command line does."""
     before = {number: signal.getsignal(number) for number in (INT, TERM, HUP)}
-    monkeypatch.setattr("mrdamper.app.interrupts._last_s", -1.0)
+    monkeypatch.setattr("mrdamper.app.interrupts._LAST.at_s", -1.0)
+    monkeypatch.setattr(sys, "unraisablehook", sys.unraisablehook)
     heed_interrupts()
     yield
     for number, handler in before.items():

@@ -351,8 +351,8 @@ def test_text_where_numbers_are_expected_is_told(tmp_path):
             r"no force .*perhaps \[channel\.force\] name = 'Damper force'$",
         ),
         ("t,x,F,I", r"no force .*perhaps \[channel\.force\] name = 'F'$"),
-        ("time_s,x_mm,F_N,current_A", r"no force .*perhaps \[channel\.force\] name = 'F_N'$"),
-        ("time_s,x_mm,force_N,I (A)", r"no current .*perhaps \[channel\.current\] name = 'I \(A\)'$"),
+        ("time_s,x_mm,F_max_N,current_A", r"no force .*perhaps \[channel\.force\] name = 'F_max_N'$"),
+        ("time_s,x_mm,force_N,I1 (A)", r"no current .*perhaps \[channel\.current\] name = 'I1 \(A\)'$"),
         ("Clock [ms],x_mm,force_N,current_A", r"no time .*perhaps \[channel\.time\] name = 'Clock \[ms\]'$"),
         ("time_s,CH1,CH2,CH3", r"no displacement .*\(--channels FILE\)$"),
     ],
@@ -360,6 +360,19 @@ def test_text_where_numbers_are_expected_is_told(tmp_path):
 def test_a_column_that_may_be_meant_is_named_as_a_map_would(tmp_path, header, said):
     with pytest.raises(InputError, match=said):
         _read(tmp_path, _text(header))
+
+
+def test_symbols_with_their_units_are_a_header(tmp_path):
+    run = _read(tmp_path, _text("t [s],x [mm],F [N],I [A]"))
+    worded = _read(tmp_path, _text("time_s,x_mm,force_N,current_A"))
+    assert np.array_equal(run.force, worded.force)
+    assert np.array_equal(run.command, worded.command)
+
+
+def test_a_word_says_more_than_a_symbol(tmp_path):
+    text = _text("time_s,x_mm,force_N,current_A").replace("\n", ",1e5\n")
+    run = _read(tmp_path, text.replace("1e5", "F_N", 1))
+    assert np.abs(run.force).max() < 1e4
 
 
 def test_a_named_channel_takes_the_unit_in_its_brackets(tmp_path):

@@ -4,18 +4,24 @@ For the command line SIGTERM (a cluster's scheduler, ``timeout``, a service that
 terminal that is closed) are what Ctrl-C is: a KeyboardInterrupt. What was switched off for the program when
 it was started stays off (``nohup``). A program that uses this as a library keeps its own ways.
 
+An interrupt is raised where the program happens to be, and where that is a finalizer, Python drops it with a
+traceback: it is made again a moment later.
+
 A fit that is interrupted returns the best it has. That is right for the fit that a card is made of, and wrong
 for the fits that only judge it: a table of half-finished ones would be believed.
 """
 
 from __future__ import annotations
 
+import _thread
 import os
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from types import FrameType
 
 __all__ = [
@@ -31,8 +37,18 @@ Act = Callable[[], None]
 
 _SIGNALS = [signal.Signals[n] for n in ("SIGINT", "SIGTERM", "SIGHUP") if n in signal.Signals.__members__]
 _ONE_S = 0.2  # two within this are one: ``timeout`` sends its signal twice, a key that is held down repeats
+_AGAIN_S = 0.01  # until a dropped one is made again
 
-_last_s = -_ONE_S
+
+@dataclass(slots=True)
+class _Heard:
+    """The last interrupt."""
+
+    at_s: float = -_ONE_S
+    number: int = signal.SIGINT
+
+
+_LAST = _Heard()
 
 
 class Interrupted(BaseException):
@@ -44,6 +60,15 @@ def heed_interrupts() -> None:
     for each in _SIGNALS:
         if signal.getsignal(each) in {signal.SIG_DFL, signal.default_int_handler}:
             signal.signal(each, _heard(_raise))
+    usual = sys.unraisablehook
+
+    def hook(dropped: sys.UnraisableHookArgs) -> None:
+        if issubclass(dropped.exc_type, (KeyboardInterrupt, Interrupted)):
+            _interrupt_again()
+        else:
+            usual(dropped)
+
+    sys.unraisablehook = hook
 
 
 def interrupts_end_at_once() -> None:
@@ -91,8 +116,7 @@ def _heeded() -> list[signal.Signals]:
 
 def _heard(act: Act) -> Callable[[int, FrameType | None], None]:
     def heard(number: int, _frame: FrameType | None) -> None:
-        global _last_s
-        since, _last_s = time.monotonic() - _last_s, time.monotonic()
+        since, _LAST.at_s, _LAST.number = time.monotonic() - _LAST.at_s, time.monotonic(), number
         if signal.Signals(number).name == "SIGHUP":
             _leave_dead_terminal()
         if since >= _ONE_S:
@@ -103,6 +127,18 @@ def _heard(act: Act) -> Callable[[int, FrameType | None], None]:
 
 def _raise() -> None:
     raise KeyboardInterrupt
+
+
+def _interrupt_again() -> None:
+    """Make the last interrupt again, as soon as what dropped it has come to its end."""
+
+    def again() -> None:
+        _LAST.at_s = -_ONE_S
+        _thread.interrupt_main(signal.Signals(_LAST.number))
+
+    timer = threading.Timer(_AGAIN_S, again)
+    timer.daemon = True
+    timer.start()
 
 
 def _leave_dead_terminal() -> None:

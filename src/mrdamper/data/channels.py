@@ -50,12 +50,21 @@ __all__ = [
     "ChannelMap",
     "Segments",
     "candidates",
+    "names_by_symbol",
     "parse_header",
     "read_channel_map",
     "unit_in_brackets",
 ]
 
 _COMMANDS = ("current", "voltage")
+_NOTED = re.compile(r"(.+?)\s*[\[({].*[\])}]\s*[\[({]([^\[({]*)[\])}]")  # a note, then the unit
+_BRACKETS = re.compile(r"(.+?)\s*[\[({](.*)[\])}]")
+_SLASH, _LINE = re.compile(r"(.+?)\s+/\s*(.+)"), re.compile(r"([^_]+)_(.+)")
+_FORMS = (_NOTED, _BRACKETS, _SLASH, _LINE, re.compile(r"(.+)()"))
+_FORMS_WITH_UNIT = (
+    *(_BRACKETS, re.compile(r"(.+?)\s*/\s*(.+)"), _LINE),
+    *(re.compile(r"(.+?)\s*,\s*(.+)"), re.compile(r"(.+?)\s+in\s+(.+)", re.IGNORECASE)),
+)
 _NARROW = str.maketrans("（）［］／", "()[]/")
 
 
@@ -198,16 +207,30 @@ def read_channel_map(path: str | Path) -> ChannelMap:
 
 
 def parse_header(header: str) -> tuple[str, str] | None:
-    """Return (role, unit) of a header that speaks for itself, unit "" when it names a role only, or None."""
+    """Return (role, unit) of a header that speaks for itself, unit "" when it names a role only, or None.
+
+    A word with a unit of its role beside it may stand in more ways than one with brackets: ``Force, N``,
+    ``Kraft in N``, ``Force (filtered) [N]``; and with such a unit a symbol will do, as ``F [N]``.
+    """
     text = header.translate(_NARROW).strip()
-    forms = (r"(.+?)\s*[\[({](.*)[\])}]", r"(.+?)\s+/\s*(.+)", r"([^_]+)_(.+)", r"(.+)()")
-    for form in forms:
-        match = re.fullmatch(form, text)
-        if match:
-            role = _role_of(match[1])
-            if role is not None:
-                return role, match[2].strip()
+    for form in _FORMS:
+        match = form.fullmatch(text)
+        if match and (role := _role_of(match[1])) is not None:
+            return role, match[2].strip()
+    for form in _FORMS_WITH_UNIT:
+        match = form.fullmatch(text)
+        if match is None:
+            continue
+        word, unit = match[1].strip(), match[2].strip()
+        role = _role_of(word) or next((q.role for q in QUANTITIES.values() if word == q.symbol), None)
+        if role is not None and unit and is_unit(unit, [role]):
+            return role, unit
     return None
+
+
+def names_by_symbol(header: str) -> bool:
+    """Tell whether a header names its role by one letter."""
+    return re.match(r"\s*[A-Za-z](?![^\W\d_])", header) is not None
 
 
 def unit_in_brackets(header: str) -> str:

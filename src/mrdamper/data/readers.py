@@ -20,6 +20,7 @@ from mrdamper.data.channels import (
     Channel,
     ChannelMap,
     candidates,
+    names_by_symbol,
     parse_header,
     read_channel_map,
     unit_in_brackets,
@@ -314,6 +315,8 @@ def _column_of(table: Table, channel: Channel, said: Sequence[Column], place: st
     left = [column for column in said if column.unit] or said
     if len(left) > 1:  # "Force (V)" beside "Force (N)" is what the sensor gave
         left = [column for column in left if is_unit(column.unit, [role])] or left
+    if len(left) > 1:  # a word says more than a symbol: "F [N]" beside "Force [N]"
+        left = [column for column in left if not names_by_symbol(column.name)] or left
     if len(left) > 1:
         columns = ", ".join(repr(column.name) for column in left)
         raise InputError(

@@ -45,9 +45,11 @@ def run_on_processes(tasks: Sequence[Task], workers: int) -> Iterator[tuple[Task
         os.environ.setdefault(name, "1")
     while left:
         running: dict[Future[What], Task] = {}
-        with ProcessPoolExecutor(
-            workers, mp_context=get_context("spawn"), initializer=_end_with_the_sweep
-        ) as pool:
+        with _deaf_children():  # the first pool starts the process that keeps its locks
+            pool = ProcessPoolExecutor(
+                workers, mp_context=get_context("spawn"), initializer=_end_with_the_sweep
+            )
+        with pool:
             try:
                 while left or running:
                     while left and len(running) < 2 * workers:
