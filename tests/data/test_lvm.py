@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from datetime import datetime, timedelta
 from itertools import pairwise
 
@@ -89,6 +90,16 @@ def test_a_segment_that_began_later_is_a_run_of_its_own(tmp_path, x, forgotten):
     assert [len(run) for run in runs] == [100, len(RUN) - 100]
     assert np.array_equal(np.concatenate([run.force for run in runs]), RUN.force)
     assert np.allclose(np.diff(runs[1].time), STEP)
+
+
+def test_segments_without_rows_are_left_out(tmp_path):
+    content = lvm(cuts=(50, 300))
+    rows = re.compile(r"(?<=Comment\r\n)([\d.]+\t.*\r\n)+")
+    spans = [match.span() for match in rows.finditer(content)]
+    assert len(spans) == 3
+    for (start, stop), lost in zip(spans, (50, 250, len(RUN) - 300), strict=True):
+        (tmp_path / "run.lvm").write_text(content[:start] + content[stop:], encoding="utf-8", newline="")
+        assert sum(map(len, read_run(tmp_path / "run.lvm"))) == len(RUN) - lost
 
 
 def test_a_last_segment_without_rows_is_left_out(tmp_path):

@@ -8,7 +8,7 @@ where x begins anew in each, its date and time of day say when that was.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from functools import partial
@@ -61,7 +61,7 @@ def read_lvm(path: Path, _options: FileOptions) -> Table:
     names = split_line(head.lines[labels_at], delimiter)
     layout = Layout("LabVIEW measurement text", delimiter, decimal, labels_at + 1, notes=head.notes)
     segments = list(_segments(path, head.starts[labels_at], labels_at + 1, tags))
-    tables = []
+    pieces = []
     for each in segments:
         if each.labels != segments[0].labels:
             raise InputError(
@@ -69,8 +69,9 @@ def read_lvm(path: Path, _options: FileOptions) -> Table:
                 "the same. Split the file there"
             )
         table = parse_rows(path, each.start, names, replace(layout, header_lines=each.lines_above), each.stop)
-        tables.append(_with_clock(path, table, each.tags))
-    return tables[0] if len(tables) == 1 else _joined(path, segments, tables)
+        pieces.append((each, _with_clock(path, table, each.tags)))
+    filled = [piece for piece in pieces if piece[1].rows] or pieces[:1]
+    return filled[0][1] if len(filled) == 1 else _joined(path, filled)
 
 
 def _head_tags(path: Path, head: Head) -> tuple[Tags, int]:
@@ -163,10 +164,11 @@ def _with_clock(path: Path, table: Table, tags: Tags) -> Table:
     )
 
 
-def _joined(path: Path, segments: list[_Segment], tables: list[Table]) -> Table:
-    """Return one table of all segments; recordings begin where the time does not go on."""
-    words = {name for table in tables for name in table.texts}
-    tables = [_as_texts(table, words) for table in tables]
+def _joined(path: Path, pieces: Sequence[tuple[_Segment, Table]]) -> Table:
+    """Return one table of segments that hold rows; recordings begin where the time does not go on."""
+    words = {name for _, table in pieces for name in table.texts}
+    segments = [segment for segment, _ in pieces]
+    tables = [_as_texts(table, words) for _, table in pieces]
     first = tables[0]
     for each, table in zip(segments, tables, strict=True):
         if table.columns.keys() != first.columns.keys() or table.units != first.units:
