@@ -218,7 +218,7 @@ def plain_names(paths: Sequence[Sequence[str]]) -> list[str]:
 def parts_of(time: FloatArray | None, edges: Sequence[int]) -> tuple[int, ...]:
     """Return the rows at which recordings begin, of pieces that lie one after the other; empty for one.
 
-    A piece belongs to the one before where its time goes on from it; ``edges``, which rise, are the first
+    A piece belongs to the one before where its time [s] goes on from it; ``edges``, which rise, are the first
     rows of the pieces, and the number of all rows.
     """
     begins = [edges[0]]
