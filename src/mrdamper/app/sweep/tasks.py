@@ -78,8 +78,9 @@ def _tolerance(seed: int, what: What) -> What:
             scenario = replace(
                 find_scenario(target), temperature_degC=degrees, highest_A=largest, seed=seed % 2**31
             )
-            reach = reach_of(plant, course_of(scenario, plant.step_s), degrees, largest)
-            run = run_loop(plant, controller, scenario)
+            course = course_of(scenario, plant.step_s)
+            reach = reach_of(plant, course, degrees, largest)
+            run = run_loop(plant, controller, scenario, course)
             scores.append(score_run(run, reach, resistance_ohm=damper.coil_resistance_ohm(degrees)))
         score = worst(scores)
         figures |= {
