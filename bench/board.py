@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamper import core
+from mrdamper.arrays import FloatArray
 from mrdamper.control.controllers import ForceController
 from mrdamper.export.track_struct import Nested, Pointer, Table, Value, track_members
-from mrdamper.quantities import FloatArray
 
 __all__ = [
     "BOARDS",

@@ -20,6 +20,7 @@ import numpy as np
 
 from bench.measure import Asked, Row, absent, judged, timed
 from bench.plain import PlainBank
+from mrdamper.arrays import FloatArray
 from mrdamper.control.controllers import ForceController, controllers_for
 from mrdamper.control.protocol import Seen, Wanted
 from mrdamper.control.stepper import Flag
@@ -34,7 +35,6 @@ from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.dependence import Bipolynomial, Constant, Exponential, Polynomial, Tempered
 from mrdamper.models.laws import LAWS
 from mrdamper.models.temperature import Arrhenius
-from mrdamper.quantities import FloatArray
 from tests.control.slow_step import SlowController
 
 __all__ = ["DAMPER", "LIMIT", "run"]

@@ -31,19 +31,19 @@ import numpy as np
 from bench.measure import Asked, Row, timed
 from bench.problem import Problem
 from mrdamper import core
-from mrdamper.app.cycles_job import cycles
-from mrdamper.data.formats.isolated import stop
+from mrdamper.data.formats.sandbox import stop
 from mrdamper.data.prepare import PreparedRun, prepare_run
 from mrdamper.data.records import RigRun
 from mrdamper.excitation import Sine, drive
 from mrdamper.identify.problem import FitProblem
 from mrdamper.identify.templates import template
 from mrdamper.identify.variable_projection import fit_variable_projection
-from mrdamper.models.carried import CarriedRun
+from mrdamper.jobs.cycles import cycles
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant, Polynomial
 from mrdamper.models.laws import LAWS
 from mrdamper.models.simulate import open_drive, simulate
+from mrdamper.models.streaming import CarriedRun
 
 __all__ = ["LEAST_WORK", "exponent", "run"]
 

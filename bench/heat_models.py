@@ -20,22 +20,22 @@ import numpy as np
 from scipy.special import i0, i1, k0, k1
 
 from bench.measure import Asked, Row
-from mrdamper.app.heat_job import heat_damper
-from mrdamper.quantities import FloatArray
+from mrdamper.arrays import FloatArray
+from mrdamper.jobs.heat import heat_damper
 from mrdamper.thermal.cross_check import check_calculix, check_freefem, check_gmsh
-from mrdamper.thermal.design import HeatedDamper, confirm, limits_of, search_grid
 from mrdamper.thermal.duty import read_duty
-from mrdamper.thermal.finite_element import FieldModel, build_field, discretise, heat_field
+from mrdamper.thermal.estimation.network_calibration import NetworkError, calibrate_network, network_error
 from mrdamper.thermal.freefem import run_freefem, write_freefem
-from mrdamper.thermal.heat_equation import heat_through, settle
-from mrdamper.thermal.mesh import mesh_section
-from mrdamper.thermal.network import loss_grid, zone_network
-from mrdamper.thermal.network_calibration import NetworkError, calibrate_network, network_error
-from mrdamper.thermal.reduced import reduce_field
-from mrdamper.thermal.rise import loads_of, works_of
-from mrdamper.thermal.section import Block, Edge, Region, Section, Surface, section_of
-from mrdamper.thermal.stepping import Load
-from mrdamper.thermal.transient import heat_up, steady_state
+from mrdamper.thermal.model.finite_element import FieldModel, build_field, discretise, heat_field
+from mrdamper.thermal.model.heat_equation import heat_through, settle
+from mrdamper.thermal.model.mesh import mesh_section
+from mrdamper.thermal.model.network import loss_grid, zone_network
+from mrdamper.thermal.model.reduced import reduce_field
+from mrdamper.thermal.model.section import Block, Edge, Region, Section, Surface, section_of
+from mrdamper.thermal.model.stepping import Load
+from mrdamper.thermal.model.transient import heat_up, steady_state
+from mrdamper.thermal.sinks.design import HeatedDamper, confirm, limits_of, search_grid
+from mrdamper.thermal.temperature_rise import loads_of, works_of
 from tests.app.heated import paper_card
 from tests.thermal import test_outlook, test_prediction
 from tests.thermal.designs import DRAWING, draw_designs

@@ -23,18 +23,18 @@ import numpy as np
 
 from bench.heat_models import BARE, fading
 from bench.measure import Asked, Row, absent, judged, timed
-from mrdamper.quantities import FloatArray
+from mrdamper.arrays import FloatArray
 from mrdamper.thermal.calculix import run_calculix, write_calculix
 from mrdamper.thermal.cross_check import backward_euler
 from mrdamper.thermal.drawing import DamperDrawing
-from mrdamper.thermal.finite_element import build_field, discretise
 from mrdamper.thermal.freefem import run_freefem, write_freefem
-from mrdamper.thermal.heat_equation import FieldHeating, heat_through
-from mrdamper.thermal.network import ThermalNetwork, zone_network
+from mrdamper.thermal.model.finite_element import build_field, discretise
+from mrdamper.thermal.model.heat_equation import FieldHeating, heat_through
+from mrdamper.thermal.model.network import ThermalNetwork, zone_network
+from mrdamper.thermal.model.reduced import reduce_field
+from mrdamper.thermal.model.stepping import Load
+from mrdamper.thermal.model.transient import Heating, _Stepper, heat_up
 from mrdamper.thermal.programs import run_program
-from mrdamper.thermal.reduced import reduce_field
-from mrdamper.thermal.stepping import Load
-from mrdamper.thermal.transient import Heating, _Stepper, heat_up
 from tests.thermal.designs import DRAWING
 
 __all__ = ["LIMIT_K", "MARKS_S", "run", "scipy_on"]

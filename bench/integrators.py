@@ -21,8 +21,8 @@ import numpy as np
 from bench.native import library, pointer
 from bench.problem import Problem
 from mrdamper import core
+from mrdamper.arrays import FloatArray
 from mrdamper.models.laws import LAWS
-from mrdamper.quantities import FloatArray
 
 __all__ = [
     "Job",

@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 
 from mrdamper import core
+from mrdamper.arrays import FloatArray
 from mrdamper.control.controllers import ForceController
 from mrdamper.models.damper import Damper
-from mrdamper.quantities import FloatArray
 
 __all__ = ["PlainBank"]
 

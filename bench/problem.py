@@ -13,12 +13,12 @@ from functools import cached_property
 import numpy as np
 
 from mrdamper import core
+from mrdamper.arrays import FloatArray
 from mrdamper.excitation import Sine, Trajectory, drive
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant
 from mrdamper.models.laws import COMMON, LAWS
 from mrdamper.models.reference import bouc_wen_closed_form
-from mrdamper.quantities import FloatArray
 
 __all__ = ["LIMIT", "STIFF", "USUAL", "Problem", "Shape"]
 

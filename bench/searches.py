@@ -22,6 +22,7 @@ import numpy as np
 from bench import integrators
 from bench.measure import Asked, Row, absent, timed
 from bench.problem import Problem
+from mrdamper.arrays import FloatArray
 from mrdamper.data.prepare import PreparedRun, prepare_run
 from mrdamper.data.records import RigRun
 from mrdamper.excitation import Sine, drive
@@ -31,7 +32,6 @@ from mrdamper.identify.templates import template
 from mrdamper.identify.variable_projection import fit_variable_projection
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import open_drive, simulate
-from mrdamper.quantities import FloatArray
 
 __all__ = ["Campaign", "campaign", "rows"]
 

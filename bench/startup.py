@@ -27,7 +27,7 @@ REPEATS = 7
 OURS, BESIDE = "ours", "a user would import instead"
 OTHERS = ("scipy.integrate", "jax", "numba", "diffrax")  # in our environment
 MOST_S = {"import mrdamper": 0.030, "mrdamper --help": 0.200, "mrdamper predict, a small card": 0.500}
-COMMAND = "import sys; sys.argv[0] = 'mrdamper'; from mrdamper.app.cli import main; main()"
+COMMAND = "import sys; sys.argv[0] = 'mrdamper'; from mrdamper.cli import main; main()"
 
 
 @dataclass(slots=True)

@@ -131,7 +131,7 @@ def _off(record: Path, energy: np.ndarray) -> float:
     """Return by how much the model's energies are off those of the whole run, the first cycles of it."""
     from mrdamper.data.prepare import prepare_run
     from mrdamper.data.records import RigRun
-    from mrdamper.models.card_reading import read_card
+    from mrdamper.models.card_schema import read_card
     from mrdamper.models.simulate import simulate
 
     head = pl.scan_parquet(record).head(_WHOLE).collect()
@@ -193,8 +193,8 @@ def _write_card(place: Path) -> None:
 
 def _job(record: Path, out: Path, card: Path | None = None) -> Found:
     """Return what the record costs a process that does nothing else."""
-    from mrdamper.app.cycles_job import cycles
-    from mrdamper.data.formats.isolated import stop
+    from mrdamper.data.formats.sandbox import stop
+    from mrdamper.jobs.cycles import cycles
 
     spent = []
     for each in (record.with_name(_SMALL), record.with_name(_SMALL), record):

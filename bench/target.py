@@ -14,10 +14,10 @@ from scipy.signal import lfilter
 
 from bench.board import BOARDS, Replay, Sizes, hash_of, on_board, on_host, sizes
 from bench.measure import Asked, Row, absent
+from mrdamper.arrays import FloatArray
 from mrdamper.control.controllers import ForceController, controllers_for
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant
-from mrdamper.quantities import FloatArray
 from tests.control.dampers import DAMPERS, SERIES
 
 __all__ = ["CARD_RANGE_K", "SHOWN", "Shown", "dampers", "readings", "run"]

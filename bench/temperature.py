@@ -14,9 +14,9 @@ import numpy as np
 
 import mrdamper
 from bench.measure import Row
-from mrdamper.app.api import Identification
 from mrdamper.data.records import RigRun
 from mrdamper.identify.assess import RunError
+from mrdamper.identify.fit import Identification
 from mrdamper.identify.population import fit_genetic
 from mrdamper.rig.campaign import Campaign
 from mrdamper.rig.measurement import measure

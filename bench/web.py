@@ -38,7 +38,7 @@ def run() -> list[Row]:
         folder = Path(name)
         _write_run(folder / "long.csv")
         _write_card(folder / "cards" / "plain")
-        code = "from mrdamper.app.cli import main; main()"
+        code = "from mrdamper.cli import main; main()"
         begin = time.monotonic()
         server = subprocess.Popen(
             [sys.executable, "-c", code, "serve", "--port", "0", "--folder", name],

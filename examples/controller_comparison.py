@@ -10,7 +10,7 @@ from mrdamper.control.controllers import controllers_for
 from mrdamper.control.loop import run_loop
 from mrdamper.control.scenario import SCENARIOS
 from mrdamper.control.score import reach_of, score_run
-from mrdamper.models.card_reading import read_card
+from mrdamper.models.card_schema import read_card
 from mrdamper.rig.plant import PRESETS, Plant
 
 made = controllers_for(read_card(sys.argv[1]))

@@ -6,11 +6,11 @@ python examples/heat_sink_study.py CARD [DRAWING]    (default drawing: the paper
 import sys
 from dataclasses import replace
 
-from mrdamper.models.card_reading import read_card
-from mrdamper.thermal.design import HeatedDamper, lightest_as_cool, limits_of, search_grid
+from mrdamper.models.card_schema import read_card
 from mrdamper.thermal.drawing import read_drawing
 from mrdamper.thermal.duty import read_duty
-from mrdamper.thermal.rise import loads_of, works_of
+from mrdamper.thermal.sinks.design import HeatedDamper, lightest_as_cool, limits_of, search_grid
+from mrdamper.thermal.temperature_rise import loads_of, works_of
 
 card, drawing = read_card(sys.argv[1]), read_drawing(sys.argv[2] if len(sys.argv) > 2 else "paper")
 duty = read_duty("sine:15mm:1Hz:2A:1800s")

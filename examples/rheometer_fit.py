@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mrdamper.models.viscosity_fit import fit_viscosity
+from mrdamper.models.fluids.viscosity_fit import fit_viscosity
 
 celsius = np.arange(20.0, 131.0, 10.0)
 millipascal_s = np.array([117.9, 98.3, 82.6, 70.9, 59.7, 52.7, 45.7, 40.9, 36.2, 32.4, 28.9, 25.8])

@@ -33,7 +33,7 @@ _PART = 100_000  # executions of one process
 _SECONDS = 120  # for one input, on a machine that has other work
 _MEGABYTES = 4096
 _SEEN = ["mrdamper", "nptdms", "fuzz.calls"]  # whose branches guide the search; the parsers of others do not
-_DOOR = "mrdamper.data.formats.isolated"  # nor does what becomes of a decoder that crashes, or loops
+_DOOR = "mrdamper.data.formats.sandbox"  # nor does what becomes of a decoder that crashes, or loops
 _PATIENCE_S = 3.0  # with a decoder: files that make a library loop should not take all the time
 
 

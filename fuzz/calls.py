@@ -13,8 +13,8 @@ import numpy as np
 
 from fuzz.contract import require
 from fuzz.edits import Draws
+from mrdamper.arrays import FloatArray
 from mrdamper.core import _kernel
-from mrdamper.quantities import FloatArray
 
 __all__ = ["binding"]
 

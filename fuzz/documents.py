@@ -17,14 +17,14 @@ from unittest import mock
 from fuzz.contract import folder, promised, require, written
 from fuzz.edits import Draws, edited, toml_of
 from fuzz.seeds import card_documents, drawing_texts, text, toml_texts
-from mrdamper.app.sweep import plan as sweep_plan
 from mrdamper.control.scenario import read_scenario
 from mrdamper.data.channels import read_channel_map
 from mrdamper.data.readers import runs_in
 from mrdamper.data.tables import read_table
+from mrdamper.jobs.sweep import plan as sweep_plan
 from mrdamper.models.card import card_text
-from mrdamper.models.card_reading import card_from_json, read_card
-from mrdamper.models.fluid import find_fluid
+from mrdamper.models.card_schema import card_from_json, read_card
+from mrdamper.models.fluids.fluid import find_fluid
 from mrdamper.rig.campaign import Campaign
 from mrdamper.rig.damper import VirtualDamper
 from mrdamper.thermal.drawing_file import drawing_of, sink_of

@@ -11,8 +11,8 @@ from mrdamper.data.formats.table import FileOptions
 from mrdamper.data.formats.text import read_text
 from mrdamper.data.readers import read_file
 from mrdamper.data.rheometer import read_rheometer
-from mrdamper.thermal.curve import read_curve
 from mrdamper.thermal.duty import read_duty
+from mrdamper.thermal.estimation.measured_curve import read_curve
 
 __all__ = ["curve", "delimited", "duty", "duty_table", "logger", "lvm", "mts", "rheometer", "run"]
 

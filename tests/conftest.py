@@ -46,7 +46,7 @@ def _signals_stay() -> Generator[None]:
     """Give signals back what they did before: a command that a test runs here sets them for its process."""
     kept = {each: signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
     yield
-    interrupts = sys.modules.get("mrdamper.app.interrupts")
+    interrupts = sys.modules.get("mrdamper.runtime.signals")
     if interrupts is not None:
         vars(interrupts)["_last_s"] = -1.0  # an interrupt of the next test is not this one's, heard twice
     for each, handler in kept.items():

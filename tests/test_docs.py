@@ -176,7 +176,7 @@ def follow(page: Path, text: str, folder: Path, *, also: str = "", tool: Tool | 
 
 def run_here(command: str) -> tuple[int, str, str]:
     """Run ``mrdamper ...`` in this process, libraries being loaded; return status, output, messages."""
-    from mrdamper.app.cli import main
+    from mrdamper.cli import main
 
     out, err, status = io.StringIO(), io.StringIO(), 0
     with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings():

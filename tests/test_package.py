@@ -43,12 +43,12 @@ def test_importing_the_package_loads_none_of_the_heavy_libraries():
 
 
 def test_the_command_line_loads_none_of_the_heavy_libraries_before_a_job_starts():
-    assert modules_after("import mrdamper.app.cli") & HEAVY == set()
+    assert modules_after("import mrdamper.cli") & HEAVY == set()
 
 
 def test_a_card_is_scored_without_loading_what_fits_one():
     """Nor Pint: ``mrdamper predict`` has half a second of CPU, measured by ``python -m bench startup``."""
-    loaded = modules_after("import mrdamper.app.predict_job, mrdamper.app.cli.terminal")
+    loaded = modules_after("import mrdamper.jobs.predict, mrdamper.cli.terminal")
     unwanted = {"scipy.optimize", "scipy.stats", "scipy.linalg", "pint", "polars", "jinja2", "matplotlib"}
     assert loaded & unwanted == set()
     assert "mrdamper.identify.variable_projection" not in loaded

@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from scipy import constants
 
 from mrdamper import quantities
+from mrdamper.arrays import read_only
 from mrdamper.errors import InputError
-from mrdamper.quantities import QUANTITIES, find_quantity, is_unit, read_only, spell_unit, to_si
+from mrdamper.quantities import QUANTITIES, find_quantity, is_unit, spell_unit, to_si
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,7 @@ from mrdamper.rig.measurement import measure
 from mrdamper.rig.plant import PRESETS, Plant
 from mrdamper.thermal.drawing import read_drawing
 from mrdamper.thermal.heatsink import HeatSink
-from mrdamper.thermal.rise import predict_rise
+from mrdamper.thermal.temperature_rise import predict_rise
 
 MEASURED, MODEL = "#9aa5b1", "#c2410c"
 COLD, WARM, COOL = "#1d4e89", "#c2410c", "#2f855a"

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING
 from mrdamper.errors import ConvergenceError, EnvelopeError, InputError, MissingExtraError, MrdamperError
 
 if TYPE_CHECKING:
-    from mrdamper.app.api import assess, fit
-    from mrdamper.app.scoring import predict
     from mrdamper.data.prepare import prepare_run
     from mrdamper.data.readers import read_runs
     from mrdamper.data.records import Dataset, RigRun
+    from mrdamper.identify.fit import assess, fit
+    from mrdamper.identify.predict import predict
     from mrdamper.models.card import ModelCard
-    from mrdamper.models.card_reading import read_card
+    from mrdamper.models.card_schema import read_card
     from mrdamper.models.damper import Damper
     from mrdamper.models.simulate import simulate
 
@@ -51,11 +51,11 @@ _ROOM_OF = {
     "Dataset": "mrdamper.data.records",
     "ModelCard": "mrdamper.models.card",
     "RigRun": "mrdamper.data.records",
-    "assess": "mrdamper.app.api",
-    "fit": "mrdamper.app.api",
-    "predict": "mrdamper.app.scoring",
+    "assess": "mrdamper.identify.fit",
+    "fit": "mrdamper.identify.fit",
+    "predict": "mrdamper.identify.predict",
     "prepare_run": "mrdamper.data.prepare",
-    "read_card": "mrdamper.models.card_reading",
+    "read_card": "mrdamper.models.card_schema",
     "read_runs": "mrdamper.data.readers",
     "simulate": "mrdamper.models.simulate",
 }

@@ -19,8 +19,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mrdamper.arrays import FloatArray, read_only
 from mrdamper.errors import InputError
-from mrdamper.quantities import FloatArray, read_only, to_si
+from mrdamper.quantities import to_si
 
 __all__ = [
     "CURRENT_STEPS",

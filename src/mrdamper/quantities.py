@@ -12,24 +12,32 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from types import MappingProxyType
-
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from typing import TYPE_CHECKING
 
 from mrdamper.errors import InputError
 
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from mrdamper.arrays import FloatArray
+
 __all__ = [
     "QUANTITIES",
-    "FloatArray",
+    "ROOM_K",
+    "ZERO_CELSIUS_K",
     "Quantity",
     "find_quantity",
     "is_unit",
-    "read_only",
     "spell_unit",
+    "to_degC",
     "to_si",
 ]
 
-FloatArray = NDArray[np.float64]
+ZERO_CELSIUS_K = 273.15
+"""0 degC [K]: inside the package temperatures are kelvin; jobs and their faces speak degC."""
+
+ROOM_K = 293.15
+"""20 degC [K], where temperature factors are 1 and coil resistances are stated."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +60,7 @@ class Quantity:
 
 _TABLE = (
     Quantity(
-        "time", "t", "s", -np.inf, np.inf,
+        "time", "t", "s", -math.inf, math.inf,
         ("time", "running time", "t", "zeit", "tempo", "temps", "时间", "時間", "시간"),
         ("s", "ms", "min"),
     ),
@@ -137,7 +145,7 @@ _USUAL: Mapping[tuple[str, str], tuple[float, float]] = MappingProxyType(
         ("force", "kN"): (1e3, 0.0),
         ("current", "mA"): (1e-3, 0.0),
         ("voltage", "mV"): (1e-3, 0.0),
-        ("temperature", "degC"): (1.0, 273.15),
+        ("temperature", "degC"): (1.0, ZERO_CELSIUS_K),
     }
 )
 _ROLE_OF: Mapping[str, str] = MappingProxyType(
@@ -146,22 +154,16 @@ _ROLE_OF: Mapping[str, str] = MappingProxyType(
 _UNIT = re.compile(r"[\w\s°℃%/*^·².+()-]{1,32}")  # longer, or of other signs, is no unit
 
 
-def read_only(values: ArrayLike) -> FloatArray:
-    """Return the values as a read-only, C-contiguous float64 array that nobody else can write to."""
-    given = values if isinstance(values, np.ndarray) else None
-    safe = given is not None and given.base is None and not given.flags.writeable
-    if given is not None and safe and given.dtype == np.float64 and given.flags.c_contiguous:
-        return given
-    array = np.array(values, dtype=np.float64, order="C")
-    array.setflags(write=False)
-    return array
-
-
 def find_quantity(role: str) -> Quantity:
     """Return the quantity of a role; an unknown role is an error that names the known ones."""
     if role not in QUANTITIES:
         raise InputError(f"{role!r} is not a role of a channel; use one of: {', '.join(QUANTITIES)}")
     return QUANTITIES[role]
+
+
+def to_degC(kelvin: float) -> float:
+    """Return a temperature in degC."""
+    return kelvin - ZERO_CELSIUS_K
 
 
 def spell_unit(unit: str, role: str) -> str:
@@ -184,6 +186,8 @@ def to_si(values: ArrayLike, unit: str, role: str) -> FloatArray:
     InputError
         The unit is not known, or is not one of the role.
     """
+    import numpy as np
+
     array = np.asarray(values, dtype=np.float64)
     quantity = find_quantity(role)
     spelled = spell_unit(unit, role)

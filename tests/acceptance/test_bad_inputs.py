@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from mrdamper.app.cli import main
+from mrdamper.cli import main
 from tests.acceptance.bad_inputs import CARD, CASES, GOOD, Case, write_good_run
 
 _MOST_CPU_s = 2.0

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import mrdamper
-from mrdamper.app.api import Identification
 from mrdamper.identify.assess import Assessment, summary
+from mrdamper.identify.fit import Identification
 
 
 @pytest.fixture(scope="module")

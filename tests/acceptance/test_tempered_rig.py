@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 
 import mrdamper
-from mrdamper.app.api import Identification
 from mrdamper.data.prepare import Preparation
 from mrdamper.data.records import Dataset, RigRun
 from mrdamper.excitation import MOTIONS, Trajectory, drive
+from mrdamper.identify.fit import Identification
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Bipolynomial, Constant, Tempered
 from mrdamper.models.laws import LAWS

@@ -5,8 +5,8 @@ from __future__ import annotations
 from functools import cache
 from pathlib import Path
 
-from mrdamper.app.api import fit
 from mrdamper.data.records import Dataset
+from mrdamper.identify.fit import fit
 from mrdamper.models.card import Evidence, ModelCard, write_card
 from mrdamper.models.damper import CommandUnit, Damper, OperatingEnvelope
 from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial, Tempered

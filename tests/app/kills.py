@@ -20,7 +20,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from mrdamper.app.sweep.store import CHECKPOINT
+from mrdamper.jobs.sweep.results import CHECKPOINT
 
 MARK = "MRDAMPER_TEST_MARK"
 
@@ -56,9 +56,9 @@ SINK = ("sink", "card.json", "--damper", "paper", "--network-only", "--duty", "s
 
 _NURSERY = """
 import json, os, resource, sys, traceback
-import mrdamper.app.jobs, mrdamper.app.sink_job, mrdamper.app.rig_job, mrdamper.app.demo_job
-import mrdamper.app.cli.terminal, mrdamper.app.report, mrdamper.app.sink_page
-from mrdamper.app.cli import main
+import mrdamper.jobs.identify, mrdamper.jobs.sink, mrdamper.jobs.rig, mrdamper.paper.demo
+import mrdamper.cli.terminal, mrdamper.report.page, mrdamper.report.sink_page
+from mrdamper.cli import main
 print("ready", flush=True)
 for line in sys.stdin:
     asked = json.loads(line)

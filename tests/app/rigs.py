@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from mrdamper.arrays import FloatArray
 from mrdamper.data.records import RigRun
 from mrdamper.excitation import Sine
-from mrdamper.quantities import FloatArray
 from mrdamper.rig.spencer import Campaign, measure
 
 SHORT = Campaign(
@@ -69,7 +69,7 @@ def write_runs(folder: Path, runs: Sequence[RigRun]) -> list[Path]:
 
 
 def command(*arguments: object) -> list[str]:
-    code = "from mrdamper.app.cli import main; main()"
+    code = "from mrdamper.cli import main; main()"
     return [sys.executable, "-c", code, *map(str, arguments)]
 
 

@@ -8,10 +8,10 @@ from dataclasses import replace
 import pytest
 
 import mrdamper
-from mrdamper.app.outputs import staged
 from mrdamper.models.card import card_to_json, verify_excerpt
-from mrdamper.models.card_reading import card_from_json
+from mrdamper.models.card_schema import card_from_json
 from mrdamper.models.simulate import simulate
+from mrdamper.runtime.outputs import staged
 from tests.app.rigs import PYTHON_LAW, short_runs
 
 

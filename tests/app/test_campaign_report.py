@@ -11,15 +11,22 @@ import numpy as np
 import pytest
 
 import mrdamper
-from mrdamper.app.campaign import Campaign
-from mrdamper.app.groups import error_table, levels_of, main_sine, measured_peak, measured_pick, sine_of
-from mrdamper.app.report import render_report, significant
-from mrdamper.app.warm_sections import characteristics_section, temperature_section
 from mrdamper.data.prepare import Preparation, prepare_run
 from mrdamper.excitation import Sine
 from mrdamper.identify.assess import RunError
 from mrdamper.models.characteristics import settled_cycle
 from mrdamper.models.dependence import Tempered
+from mrdamper.report.identification.campaign import Campaign
+from mrdamper.report.identification.groups import (
+    error_table,
+    levels_of,
+    main_sine,
+    measured_peak,
+    measured_pick,
+    sine_of,
+)
+from mrdamper.report.identification.temperature import characteristics_section, temperature_section
+from mrdamper.report.page import render_report, significant
 from tests.app.warm import MOTIONS, NOISE_N, warm_damper, warm_runs
 
 AS_IT_IS = Preparation(cutoff_Hz=math.inf, reference="none")

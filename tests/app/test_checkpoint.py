@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from mrdamper.app import checkpoint
-from mrdamper.app.checkpoint import Checkpoint, checkpointed, place_of
-from mrdamper.app.interrupts import Interrupted
 from mrdamper.errors import InputError
+from mrdamper.runtime import checkpoint
+from mrdamper.runtime.checkpoint import Checkpoint, checkpointed, place_of
+from mrdamper.runtime.signals import Interrupted
 from tests.app.kills import rows
 
 HEAD = {"job": "sink", "seed": 1, "options": {"members": 12}}

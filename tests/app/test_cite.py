@@ -11,9 +11,9 @@ import pytest
 from click.testing import CliRunner
 
 import mrdamper
-from mrdamper.app.cite_job import LAW_SOURCES, METHOD_SOURCES, cite
-from mrdamper.app.cli import cli
+from mrdamper.cli import cli
 from mrdamper.errors import InputError
+from mrdamper.jobs.cite import LAW_SOURCES, METHOD_SOURCES, cite
 from mrdamper.models.card import ModelCard, write_card
 from mrdamper.models.laws import LAWS
 from mrdamper.rig.campaign import Campaign
@@ -33,7 +33,7 @@ def card() -> ModelCard:
 
 def cited(card: ModelCard, folder: Path) -> dict[str, dict[str, object]]:
     write_card(card, folder / "card.json")
-    return {each["key"]: each for each in cite(folder / "card.json")["citations"]}  # type: ignore[attr-defined]
+    return {each["key"]: each for each in cite(folder / "card.json")["citations"]}
 
 
 def test_law_method_and_program_are_cited(card, tmp_path):

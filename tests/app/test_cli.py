@@ -144,7 +144,8 @@ def test_wrong_usage_ends_with_exit_code_2(arguments, tmp_path):
 
 
 def test_an_internal_fault_ends_with_exit_code_1_and_no_traceback(monkeypatch, capsys, folder):
-    from mrdamper.app import cli, predict_job
+    from mrdamper import cli
+    from mrdamper.jobs import predict as predict_job
 
     def broken(*_args, **_options):
         raise ZeroDivisionError("made for this test")
@@ -331,7 +332,8 @@ def test_an_interrupt_keeps_the_best_so_far_and_says_so(folder):
 
 
 def test_an_interrupt_while_leaving_runs_out_keeps_the_fit_and_drops_the_table(folder, monkeypatch):
-    from mrdamper.app import api, jobs
+    from mrdamper.identify import fit as api
+    from mrdamper.jobs import identify as jobs
 
     whole = api.assess
 

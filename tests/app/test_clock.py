@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import mrdamper
-from mrdamper.app.web.record import JobRecord, job_ids, new_id
+from mrdamper.web.job_record import JobRecord, job_ids, new_id
 from tests.app.rigs import short_runs, write_runs
 
 SOURCE = Path(mrdamper.__file__).parent
@@ -40,7 +40,7 @@ def test_the_clock_on_the_wall_is_read_for_stamps_alone():
 
 def test_jobs_stay_in_the_order_in_which_they_were_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     stamps = iter([stamp for stamp in STAMPS for _ in range(3)])
-    monkeypatch.setattr("mrdamper.app.web.record.now", lambda: next(stamps))
+    monkeypatch.setattr("mrdamper.web.job_record.now", lambda: next(stamps))
     for _ in STAMPS:
         record = JobRecord(tmp_path, new_id(tmp_path, "check"))
         record.open("check", {}, None)

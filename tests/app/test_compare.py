@@ -9,16 +9,16 @@ from dataclasses import replace
 
 import pytest
 
-from mrdamper.app.compare_job import compare
-from mrdamper.app.compare_report import render_comparison
-from mrdamper.app.comparison import common_envelope, compare_cards
 from mrdamper.errors import InputError
+from mrdamper.jobs.compare import compare
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.card import Evidence, ModelCard, write_card
+from mrdamper.models.comparison import common_envelope, compare_cards
 from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial, Tempered
 from mrdamper.models.laws import LAWS
 from mrdamper.models.temperature import Linear
+from mrdamper.report.compare import render_comparison
 from tests.app.rigs import answer_of, mrdamper
 
 NASTY = "<script>alert('x')</script>"

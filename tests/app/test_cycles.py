@@ -13,14 +13,14 @@ import polars as pl
 import pytest
 from click.testing import CliRunner
 
-from mrdamper.app.cli import cli
-from mrdamper.app.cycles_job import cycles
+from mrdamper.arrays import FloatArray
+from mrdamper.cli import cli
 from mrdamper.data.prepare import prepare_run
 from mrdamper.data.readers import read_run
 from mrdamper.errors import InputError
+from mrdamper.jobs.cycles import cycles
 from mrdamper.models.damper import OperatingEnvelope
 from mrdamper.models.simulate import simulate
-from mrdamper.quantities import FloatArray
 from tests.app.tracked import write_a_card
 from tests.data.test_cycle_stream import ENERGY_J, sine
 from tests.identify.test_replay import WARM
@@ -76,7 +76,7 @@ def test_an_interrupt_keeps_what_was_counted(tmp_path: Path) -> None:
 def test_a_second_interrupt_leaves_what_was_there_before_and_nothing_beside_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("mrdamper.app.interrupts._ONE_S", 0.0)
+    monkeypatch.setattr("mrdamper.runtime.signals._ONE_S", 0.0)
     record = write(tmp_path / "record.parquet")
     out = tmp_path / "out"
     out.mkdir()
@@ -192,7 +192,7 @@ def test_an_interrupt_keeps_the_model_of_what_was_counted(tmp_path: Path, card: 
 def test_an_interrupt_before_the_model_could_begin_is_no_fault(
     tmp_path: Path, card: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("mrdamper.app.interrupts._ONE_S", 0.0)  # the test before may have just asked, too
+    monkeypatch.setattr("mrdamper.runtime.signals._ONE_S", 0.0)  # the test before may have just asked, too
     record = write_warm(tmp_path / "record.parquet")
 
     asked: list[int] = []
@@ -228,7 +228,7 @@ def test_without_a_model_nothing_is_said_of_one(tmp_path: Path) -> None:
 LIMITED = """
 import resource, sys
 from pathlib import Path
-from mrdamper.app.cycles_job import cycles
+from mrdamper.jobs.cycles import cycles
 resource.setrlimit(resource.RLIMIT_DATA, (1_500_000_000, 1_500_000_000))
 answer = cycles(Path(sys.argv[1]), model=Path(sys.argv[2]))
 print(answer["cycles"], answer["model"]["cycles"])

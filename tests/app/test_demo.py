@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mrdamper.app.demo_job import Report, demo
-from mrdamper.app.paper.claims import ROWS, judge
+from mrdamper.paper.claims import ROWS, judge
+from mrdamper.paper.demo import Report, demo
 from tests.pace import REFERENCE_S, pace
 
 NAMES = {
@@ -40,7 +40,7 @@ def timed(out: Path, report: Report | None = None) -> tuple[dict[str, Any], floa
             report(done, of, name)
 
     answer = demo(out, quick=True, report=told)
-    spent = float(answer["cpu_s"])  # type: ignore[arg-type]  # a number
+    spent = float(answer["cpu_s"])  # a number
     return answer, spent / float(np.mean(paces)) - REFERENCE_S * len(paces)
 
 

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from mrdamper.app.export_job import ExportOptions, export
 from mrdamper.errors import InputError
 from mrdamper.export.c_code import kernel_files
+from mrdamper.jobs.export import ExportOptions, export
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial
@@ -135,7 +135,7 @@ def test_folder_fmu_and_map_come_from_one_check(folder, tmp_path):
         c=tmp_path / "c", fmu=tmp_path / "damper.fmu", table=tmp_path / "map.csv", content="model", fmi="2.0"
     )
     answer = export(folder / "card.json", options)
-    assert str(tmp_path / "damper.fmu") in answer["files"]  # type: ignore[operator]
+    assert str(tmp_path / "damper.fmu") in answer["files"]
     with zipfile.ZipFile(tmp_path / "damper.fmu") as archive:
         names = archive.namelist()
         record = json.loads(archive.read("documentation/verification.json"))
@@ -257,7 +257,7 @@ def test_a_map_that_fails_takes_the_folder_with_it(folder, tmp_path, monkeypatch
     def refuse(_: object) -> str:
         raise InputError("no map today")
 
-    monkeypatch.setattr("mrdamper.app.export_job.force_map", refuse)
+    monkeypatch.setattr("mrdamper.jobs.export.force_map", refuse)
     options = ExportOptions(c=tmp_path / "c", table=tmp_path / "map.csv", verify=False)
     with pytest.raises(InputError, match="no map today"):
         export(folder / "card.json", options)

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mrdamper.app import fluid_job
 from mrdamper.errors import InputError
-from mrdamper.models.carlson import Carlson, flux_density
-from mrdamper.models.fluid import find_fluid
+from mrdamper.jobs import fluid as fluid_job
+from mrdamper.models.fluids.carlson import Carlson, flux_density
+from mrdamper.models.fluids.fluid import find_fluid
 from mrdamper.models.temperature import Arrhenius, Linear, Vft
 from tests.app.rigs import answer_of, mrdamper
 

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from scipy.interpolate import PchipInterpolator
 
-from mrdamper.app.heat_job import HeatOptions, heat, heat_damper, sink_in_words
 from mrdamper.errors import InputError
-from mrdamper.models.card_reading import read_card
+from mrdamper.jobs.heat import HeatOptions, heat, heat_damper, sink_in_words
+from mrdamper.models.card_schema import read_card
 from mrdamper.thermal.drawing import read_drawing, read_sink
 from mrdamper.thermal.duty import read_duty
-from mrdamper.thermal.rise import predict_rise
+from mrdamper.thermal.temperature_rise import predict_rise
 from tests.app.heated import DRAWING, paper_card, plain_card
 from tests.app.rigs import answer_of, mrdamper
 
@@ -160,7 +160,7 @@ def test_another_sink_takes_the_drawing_s_place(folder):
     sink.write_text("[sink]\nfins = 2\nwidth_mm = 10\nthickness_mm = 2\npitch_mm = 30\n", encoding="utf-8")
     found = heat(folder / "card.json", DRAWING, sink=sink)
     assert found["sink"] == "2 fins, 10 mm wide, 2 mm thick at 30 mm pitch, aluminium-alloy"
-    assert found["correlations"]["fins"] == "channel law of Elenbaas"  # type: ignore[index]
+    assert found["correlations"]["fins"] == "channel law of Elenbaas"
 
 
 def test_a_drawing_without_sink_is_run_once(folder):

@@ -18,9 +18,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mrdamper.app.interrupts import Interrupted, heed_interrupts, interrupt_ends_all, on_interrupt
-from mrdamper.app.outputs import staged
-from mrdamper.app.sweep.store import CHECKPOINT
+from mrdamper.jobs.sweep.results import CHECKPOINT
+from mrdamper.runtime.outputs import staged
+from mrdamper.runtime.signals import Interrupted, heed_interrupts, interrupt_ends_all, on_interrupt
 from tests.app.kills import (
     IDENTIFY,
     MARK,
@@ -105,7 +105,7 @@ def test_a_sweep_takes_its_workers_with_it(nursery: Nursery, tmp_path: Path, num
 
 IN_A_TERMINAL = """
 import os, sys, time
-from mrdamper.app.interrupts import heed_interrupts
+from mrdamper.runtime.signals import heed_interrupts
 heed_interrupts()
 try:
     print("ready", flush=True)
@@ -129,7 +129,7 @@ def test_a_closed_terminal_is_not_spoken_to():
 def test_what_was_switched_off_stays_off():
     code = (
         "import signal\n"
-        "from mrdamper.app.interrupts import heed_interrupts, on_interrupt\n"
+        "from mrdamper.runtime.signals import heed_interrupts, on_interrupt\n"
         "signal.signal(signal.SIGHUP, signal.SIG_IGN)\n"
         "heed_interrupts()\n"
         "with on_interrupt(print):\n"
@@ -141,7 +141,7 @@ def test_what_was_switched_off_stays_off():
 
 IN_A_FINALIZER = """
 import os, signal, sys, time, weakref
-from mrdamper.app.interrupts import Interrupted, heed_interrupts, interrupt_ends_all
+from mrdamper.runtime.signals import Interrupted, heed_interrupts, interrupt_ends_all
 heed_interrupts()
 
 def interrupted(*_):
@@ -188,7 +188,7 @@ def test_an_interrupt_in_a_finalizer_is_not_lost(number: signal.Signals, where: 
 
 def test_other_faults_in_a_finalizer_are_told_as_ever():
     code = (
-        "from mrdamper.app.interrupts import heed_interrupts\n"
+        "from mrdamper.runtime.signals import heed_interrupts\n"
         "heed_interrupts()\n"
         "class Thing:\n"
         "    def __del__(self):\n"
@@ -203,7 +203,7 @@ def test_other_faults_in_a_finalizer_are_told_as_ever():
 def heeded(monkeypatch: pytest.MonkeyPatch):
     """Let this process take interrupts as the command line does."""
     before = {number: signal.getsignal(number) for number in (INT, TERM, HUP)}
-    monkeypatch.setattr("mrdamper.app.interrupts._LAST.at_s", -1.0)
+    monkeypatch.setattr("mrdamper.runtime.signals._LAST.at_s", -1.0)
     monkeypatch.setattr(sys, "unraisablehook", sys.unraisablehook)
     heed_interrupts()
     yield
@@ -263,7 +263,7 @@ def test_files_that_cannot_all_be_moved_are_moved_by_the_next_job(
 @pytest.mark.usefixtures("heeded")
 def test_an_interrupt_is_what_the_innermost_block_makes_of_it(monkeypatch: pytest.MonkeyPatch):
     heard: list[str] = []
-    monkeypatch.setattr("mrdamper.app.interrupts._ONE_S", 0.0)
+    monkeypatch.setattr("mrdamper.runtime.signals._ONE_S", 0.0)
     with on_interrupt(lambda: heard.append("outer")):
         with on_interrupt(lambda: heard.append("inner")):
             signal.raise_signal(TERM)
@@ -278,7 +278,7 @@ def test_an_interrupt_is_what_the_innermost_block_makes_of_it(monkeypatch: pytes
 @pytest.mark.usefixtures("heeded")
 def test_a_demonstration_makes_no_claims_from_half_a_fit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """A fit that is interrupted returns its best so far; here nobody would be told."""
-    from mrdamper.app import demo_job
+    from mrdamper.paper import demo as demo_job
 
     def fit(*_: object, **__: object) -> None:
         signal.raise_signal(INT)

@@ -115,7 +115,7 @@ def test_a_population_search_is_gone_through_again_with_what_was_told(method: st
 
 KILLED_WHILE_MOVING = """
 import os, pathlib, signal, sys
-from mrdamper.app.outputs import staged
+from mrdamper.runtime.outputs import staged
 moves, replace = [], pathlib.Path.replace
 def counted(self, target):
     moves.append(target)
@@ -131,7 +131,7 @@ with staged(pathlib.Path(sys.argv[1])) as beside:
 
 def test_files_that_were_being_moved_are_moved_by_the_next_job(tmp_path: Path):
     """Two of five have their place when the job is killed: they are a whole set again with the next job."""
-    from mrdamper.app.outputs import staged
+    from mrdamper.runtime.outputs import staged
 
     out = tmp_path / "out"
     out.mkdir()
@@ -147,11 +147,11 @@ def test_files_that_were_being_moved_are_moved_by_the_next_job(tmp_path: Path):
 
 
 def test_what_a_killed_job_wrote_is_removed_and_what_a_living_one_writes_is_not(tmp_path: Path):
-    from mrdamper.app.outputs import clear_left, staged
+    from mrdamper.runtime.outputs import clear_left, staged
 
     code = (
         "import os, pathlib, signal, sys\n"
-        "from mrdamper.app.outputs import staged\n"
+        "from mrdamper.runtime.outputs import staged\n"
         "with staged(pathlib.Path(sys.argv[1])) as beside:\n"
         "    (beside / 'half').write_text('half')\n"
         "    os.kill(os.getpid(), signal.SIGKILL)\n"

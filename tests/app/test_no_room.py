@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 
-from mrdamper.app.outputs import staged
 from mrdamper.errors import InputError
+from mrdamper.runtime.outputs import staged
 from tests.app.kills import Nursery, left_behind, written
 from tests.app.rigs import command
 from tests.app.tracked import write_a_card

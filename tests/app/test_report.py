@@ -9,7 +9,7 @@ from html.parser import HTMLParser
 import pytest
 
 import mrdamper
-from mrdamper.app.report import render_report
+from mrdamper.report.page import render_report
 from tests.app.rigs import short_runs
 
 NASTY = "阻尼器 <script>alert('x')</script> & \"run\" $x_1^"

@@ -9,11 +9,11 @@ import click
 import numpy as np
 import pytest
 
-from mrdamper.app.cli import cli
-from mrdamper.app.rig_job import rig, truth_folder
+from mrdamper.cli import cli
 from mrdamper.data.channels import read_channel_map
 from mrdamper.data.readers import read_runs
 from mrdamper.errors import InputError
+from mrdamper.jobs.rig import rig, truth_folder
 from mrdamper.rig.campaign import Campaign
 from mrdamper.rig.measurement import measure
 from mrdamper.rig.plant import PRESETS, VirtualDamper

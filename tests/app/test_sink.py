@@ -9,13 +9,13 @@ from typing import Any
 
 import pytest
 
-from mrdamper.app import sink_job
-from mrdamper.app.heat_job import heat
-from mrdamper.app.sink_job import SinkOptions, sink
 from mrdamper.errors import InputError, MissingExtraError
+from mrdamper.jobs import sink as sink_job
+from mrdamper.jobs.heat import heat
+from mrdamper.jobs.sink import SinkOptions, sink
 from mrdamper.thermal.drawing import read_drawing, read_sink
 from mrdamper.thermal.duty import DEFAULT_DUTY, read_duty
-from mrdamper.thermal.evolution import search_genetic
+from mrdamper.thermal.sinks.evolution import search_genetic
 from tests.app.heated import DRAWING, paper_card, plain_card
 from tests.app.rigs import answer_of, mrdamper
 from tests.app.test_heat import changed

@@ -15,12 +15,12 @@ from typing import Any
 import pytest
 
 import mrdamper
-from mrdamper.app.sweep.plan import Plan, Task, read_plan
-from mrdamper.app.sweep.runners import run_on_processes
-from mrdamper.app.sweep.store import CHECKPOINT, Store
-from mrdamper.app.sweep.tasks import run_task
-from mrdamper.app.sweep_job import sweep
 from mrdamper.errors import InputError
+from mrdamper.jobs.sweep.executors import run_on_processes
+from mrdamper.jobs.sweep.plan import Plan, Task, read_plan
+from mrdamper.jobs.sweep.results import CHECKPOINT, Store
+from mrdamper.jobs.sweep.sweep import sweep
+from mrdamper.jobs.sweep.tasks import run_task
 from mrdamper.models.card import write_card
 from mrdamper.rig.campaign import Campaign
 from mrdamper.rig.measurement import measure
@@ -106,7 +106,7 @@ def test_killed_workers_cost_no_result(folder: Path, reference: bytes):
 def test_a_sweep_that_was_killed_is_taken_up_where_it_ended(folder: Path, reference: bytes):
     out = folder / "resumed"
     code = (
-        "from pathlib import Path; from mrdamper.app.sweep_job import sweep\n"
+        "from pathlib import Path; from mrdamper.jobs.sweep.sweep import sweep\n"
         "if __name__ == '__main__':\n"
         f"    sweep(Path({str(folder / 'tolerance.toml')!r}), Path({str(out)!r}), workers=1)\n"
     )
@@ -168,7 +168,7 @@ def known(cluster: Any) -> set[str]:
 
 def test_a_cluster_without_workers_is_one_message(folder: Path, monkeypatch: pytest.MonkeyPatch):
     distributed = pytest.importorskip("distributed")
-    monkeypatch.setattr("mrdamper.app.sweep.runners._ALONE_S", 0.3)
+    monkeypatch.setattr("mrdamper.jobs.sweep.executors._ALONE_S", 0.3)
     with (
         distributed.LocalCluster(
             n_workers=0, processes=False, dashboard_address=None, silence_logs=50
@@ -230,14 +230,14 @@ def sweep_while_workers_die(plan: Path, out: Path) -> int:
 
 def test_no_scheduler_is_one_message(folder: Path, monkeypatch: pytest.MonkeyPatch):
     pytest.importorskip("distributed")
-    monkeypatch.setattr("mrdamper.app.sweep.runners._CONNECT_S", 0.5)
+    monkeypatch.setattr("mrdamper.jobs.sweep.executors._CONNECT_S", 0.5)
     with pytest.raises(InputError, match="no answer within"):
         sweep(folder / "tolerance.toml", folder / "none", scheduler="tcp://127.0.0.1:9")
 
 
 def test_campaigns_are_identified_each_for_itself(folder: Path):
     """A file that is no run costs its own result and no other."""
-    from mrdamper.app.rig_job import write_campaign
+    from mrdamper.jobs.rig import write_campaign
 
     for seed in (1, 2):
         for name in (f"lab-{seed}", f"lab-{seed}.truth"):

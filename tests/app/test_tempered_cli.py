@@ -13,9 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from mrdamper.app import cli
+from mrdamper import cli
 from mrdamper.models.card import write_card
-from mrdamper.models.card_reading import read_card
+from mrdamper.models.card_schema import read_card
 from tests.app.rigs import answer_of, mrdamper
 
 CAMPAIGN = """

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import pytest
 
-from mrdamper.app.track_job import TrackOptions, track, track_card
 from mrdamper.control.controllers import NAMES
 from mrdamper.errors import InputError
+from mrdamper.jobs.track import TrackOptions, track, track_card
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.dependence import Constant

@@ -12,8 +12,8 @@ from bench import controller, heating, page, peers, startup
 from bench.measure import Row, table
 from bench.plain import PlainBank
 from mrdamper.control.controllers import controllers_for
-from mrdamper.thermal.network import zone_network
-from mrdamper.thermal.transient import heat_up
+from mrdamper.thermal.model.network import zone_network
+from mrdamper.thermal.model.transient import heat_up
 from tests.thermal.designs import DRAWING
 
 RESULTS = json.loads(page.RESULTS.read_text(encoding="utf-8"))

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from mrdamper.arrays import FloatArray
 from mrdamper.control.protocol import Seen, Wanted
-from mrdamper.quantities import FloatArray
 
 
 class Ideal:

@@ -13,9 +13,9 @@ import numpy as np
 from scipy.optimize import brentq
 
 from mrdamper import core
+from mrdamper.arrays import FloatArray
 from mrdamper.control.estimators import AppliedCurrent, Motion, MotionFilter, Underway
 from mrdamper.models.damper import Damper
-from mrdamper.quantities import FloatArray
 
 
 @dataclass

@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from mrdamper.arrays import FloatArray
 from mrdamper.control.card_plant import CardPlant
 from mrdamper.control.controllers import NAMES, ForceController, Safety, controllers_for
 from mrdamper.control.protocol import Seen, Wanted
@@ -25,7 +26,6 @@ from mrdamper.models.actuation import Actuation
 from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial
 from mrdamper.models.laws import LAWS
 from mrdamper.models.simulate import simulate
-from mrdamper.quantities import FloatArray
 from tests.control.dampers import DAMPERS, DOUBLE, LAGS, at_once
 from tests.control.slow_step import SlowController
 

@@ -10,18 +10,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from mrdamper.arrays import FloatArray
 from mrdamper.control.controllers import ForceController, controllers_for
-from mrdamper.control.heating import NO_HEATING, Heating
 from mrdamper.control.realtime import RealtimeDamper, realtime_model
 from mrdamper.control.stepper import Flag
+from mrdamper.control.tables.heating import NO_HEATING, Heating
 from mrdamper.errors import InputError
 from mrdamper.excitation import Sine
-from mrdamper.quantities import FloatArray
 from mrdamper.thermal.drawing import DamperDrawing, read_drawing
-from mrdamper.thermal.lumped import constant_heating
-from mrdamper.thermal.network import zone_network
-from mrdamper.thermal.stepping import Load
-from mrdamper.thermal.transient import heat_up
+from mrdamper.thermal.model.lumped import constant_heating
+from mrdamper.thermal.model.network import zone_network
+from mrdamper.thermal.model.stepping import Load
+from mrdamper.thermal.model.transient import heat_up
 from tests.control.dampers import DOUBLE
 
 PERIOD, ROOM = 5e-3, 293.15  # a slow sampling will do: half an hour is 360,000 steps

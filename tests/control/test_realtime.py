@@ -12,17 +12,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mrdamper.arrays import FloatArray
 from mrdamper.control.controllers import controllers_for
-from mrdamper.control.heating import NO_HEATING
 from mrdamper.control.protocol import Seen, Wanted
 from mrdamper.control.realtime import RealtimeDamper, realtime_model
 from mrdamper.control.stepper import Flag
+from mrdamper.control.tables.heating import NO_HEATING
 from mrdamper.core import _kernel
 from mrdamper.errors import InputError
 from mrdamper.excitation import MOTIONS, Motion, Road, Sine, drive
 from mrdamper.models.dependence import Constant
 from mrdamper.models.simulate import simulate
-from mrdamper.quantities import FloatArray
 from tests.control.dampers import DAMPERS, DOUBLE, LAGS, at_once
 
 PERIOD, ROOM = 1e-3, 293.15

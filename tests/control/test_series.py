@@ -14,6 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mrdamper.arrays import FloatArray
 from mrdamper.control.card_plant import CardPlant
 from mrdamper.control.controllers import (
     NAMES,
@@ -23,14 +24,14 @@ from mrdamper.control.controllers import (
     controllers_for,
     names_for,
 )
-from mrdamper.control.heating import NO_HEATING
 from mrdamper.control.loop import course_of, run_loop
 from mrdamper.control.protocol import Seen, Wanted
 from mrdamper.control.realtime import realtime_model
 from mrdamper.control.scenario import SCENARIOS, Sensing
 from mrdamper.control.score import reach_of, score_run
-from mrdamper.control.series_tables import tabulate_power, tabulate_series
 from mrdamper.control.stepper import Flag
+from mrdamper.control.tables.heating import NO_HEATING
+from mrdamper.control.tables.series import tabulate_power, tabulate_series
 from mrdamper.errors import InputError
 from mrdamper.excitation import MOTIONS, Trajectory
 from mrdamper.models.actuation import Actuation
@@ -38,7 +39,6 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant, Exponential, Hill, ParameterLaw, Polynomial, Tempered
 from mrdamper.models.simulate import simulate
 from mrdamper.models.temperature import Linear
-from mrdamper.quantities import FloatArray
 from tests.control.dampers import DOUBLE, LAGS, SERIES
 
 AT_ONCE = Actuation(0.0, 0.0, largest_command=2.0)

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mrdamper import core
-from mrdamper.control.octaves import fit_octaves, tabulate_octaves, universal_curve
-from mrdamper.control.tables import CURRENTS, ROWS, TABULATED, tabulate
+from mrdamper.control.tables.card_tables import CURRENTS, ROWS, TABULATED, tabulate
+from mrdamper.control.tables.lookup import fit_octaves, tabulate_octaves, universal_curve
 from mrdamper.errors import InputError
 from mrdamper.models.dependence import Hill, ParameterLaw, Tempered
 from mrdamper.models.temperature import Linear

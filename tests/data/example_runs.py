@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from mrdamper.arrays import FloatArray
 from mrdamper.data.records import RigRun
 from mrdamper.excitation import Motion, Sine
-from mrdamper.quantities import FloatArray
 
 SINE = Sine(0.010, 2.0)
 

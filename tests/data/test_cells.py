@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mrdamper.data.formats import text as text_format
-from mrdamper.data.formats.stamps import Stamps
 from mrdamper.data.formats.table import Layout
+from mrdamper.data.formats.timestamps import Stamps
 from mrdamper.data.readers import read_run
 from tests.data.rig_files import WRITERS
 

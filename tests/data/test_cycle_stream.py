@@ -10,12 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mrdamper.arrays import FloatArray
 from mrdamper.data.cycle_stream import CycleCounter, CycleFigures
 from mrdamper.data.cycles import cycles
 from mrdamper.data.prepare import prepare_run
 from mrdamper.data.records import RigRun
 from mrdamper.data.streaming import Batch
-from mrdamper.quantities import FloatArray
 
 STEP_s, OF_CYCLE = 1e-3, 200
 STROKE_m, FORCE_N, STIFFNESS_N_m = 0.01, 900.0, 5e4

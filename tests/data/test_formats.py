@@ -16,7 +16,7 @@ import pytest
 
 from mrdamper.data.channels import ChannelMap
 from mrdamper.data.diagnosis.diagnose import diagnose
-from mrdamper.data.formats import isolated
+from mrdamper.data.formats import sandbox as isolated
 from mrdamper.data.formats import text as text_format
 from mrdamper.data.formats.mdf import read_mdf
 from mrdamper.data.formats.table import FileOptions

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mrdamper.data.formats.stamps import Stamps
+from mrdamper.data.formats.timestamps import Stamps
 from mrdamper.data.readers import read_run
 from mrdamper.data.tables import open_rows, read_table
 from mrdamper.errors import InputError

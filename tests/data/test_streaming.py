@@ -11,11 +11,11 @@ import polars as pl
 import pytest
 from click.testing import CliRunner
 
-from mrdamper.app.cli import cli
+from mrdamper.arrays import FloatArray
+from mrdamper.cli import cli
 from mrdamper.data.streaming import open_record
 from mrdamper.data.tables import open_rows, read_table
 from mrdamper.errors import InputError
-from mrdamper.quantities import FloatArray
 from tests.app.tracked import write_a_card
 
 SAMPLES = 2_003

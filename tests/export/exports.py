@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
+from mrdamper.arrays import FloatArray
 from mrdamper.export.c_code import c_files
 from mrdamper.export.target import Target, target_of
 from mrdamper.models.card import Evidence, ModelCard
 from mrdamper.models.damper import Damper, OperatingEnvelope
-from mrdamper.quantities import FloatArray
 from tests.control.dampers import DAMPERS, SERIES
 
 ENVELOPE = OperatingEnvelope((0.0, 2.0), (-0.012, 0.012), (-0.08, 0.08), (293.15, 393.15))

@@ -25,7 +25,7 @@ from mrdamper.export.fmu import fmu_files, write_fmu
 from mrdamper.export.target import target_of
 from mrdamper.export.variables import _SAID, variables_of
 from mrdamper.export.verify import FLAGS, WARNINGS, not_verified, verify_c
-from mrdamper.models.card_reading import read_card
+from mrdamper.models.card_schema import read_card
 from tests.app.tracked import write_a_card
 from tests.export.masters import (
     FmiRefusal,
@@ -822,8 +822,8 @@ def test_in_the_tracking_loop_the_fmu_has_the_rows_of_mrdamper_track(
     loaded, place, monkeypatch, version, precision
 ):
     """The card's controller and its FMU, sample by sample against the virtual rig's physics."""
-    from mrdamper.app.track_job import TrackOptions, track
     from mrdamper.control import controllers
+    from mrdamper.jobs.track import TrackOptions, track
 
     options = TrackOptions(
         plant="nominal", targets=("sine-900N-1Hz",), temperatures_degC=(60.0,), controllers=("recommended",)

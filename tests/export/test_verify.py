@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mrdamper.control.heating import Heating
+from mrdamper.control.tables.heating import Heating
 from mrdamper.errors import CheckError, InputError
 from mrdamper.export import verify
 from mrdamper.export.c_code import c_files, sources_sha256

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mrdamper.arrays import FloatArray
 from mrdamper.data.prepare import Preparation, PreparedRun, prepare_run
 from mrdamper.data.records import RigRun
 from mrdamper.data.streaming import Batch
@@ -20,7 +21,6 @@ from mrdamper.models.dependence import Constant, Polynomial, Tempered
 from mrdamper.models.laws import LAWS
 from mrdamper.models.simulate import simulate
 from mrdamper.models.temperature import Arrhenius, Linear
-from mrdamper.quantities import FloatArray
 
 RATE_Hz = 50.0
 HEAD = 4_003  # rows: no whole number of knots, neither of the displacement nor of the temperature

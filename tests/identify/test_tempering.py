@@ -15,7 +15,14 @@ from mrdamper.data.records import RigRun
 from mrdamper.errors import InputError
 from mrdamper.excitation import Sine, drive
 from mrdamper.identify.problem import FitProblem, Free
-from mrdamper.identify.tempering import TEMPERATURES, Temperature, assume, settled, temper, temperature_levels
+from mrdamper.identify.temperature import (
+    TEMPERATURES,
+    Temperature,
+    assume,
+    settled,
+    temper,
+    temperature_levels,
+)
 from mrdamper.identify.templates import HELD_BEYOND_K, template
 from mrdamper.identify.variable_projection import fit_variable_projection
 from mrdamper.models.damper import Damper

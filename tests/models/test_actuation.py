@@ -13,9 +13,9 @@ from scipy.integrate import solve_ivp
 from scipy.special import lambertw
 
 from mrdamper import core
+from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 from mrdamper.models.actuation import Actuation
-from mrdamper.quantities import FloatArray
 
 T63 = 1.0 - math.exp(-1.0)
 TEXT: Any = "fast"

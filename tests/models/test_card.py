@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from mrdamper.errors import InputError
 from mrdamper.excitation import Sine, drive
-from mrdamper.models import card_reading
+from mrdamper.models import card_schema as card_reading
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.card import (
     SCHEMA_VERSION,
@@ -29,7 +29,7 @@ from mrdamper.models.card import (
     verify_excerpt,
     write_card,
 )
-from mrdamper.models.card_reading import card_from_json, read_card
+from mrdamper.models.card_schema import card_from_json, read_card
 from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.dependence import (
     Bipolynomial,

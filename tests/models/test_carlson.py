@@ -10,7 +10,7 @@ from scipy import constants
 from scipy.optimize import brentq
 
 from mrdamper.errors import InputError
-from mrdamper.models.carlson import (
+from mrdamper.models.fluids.carlson import (
     CARRIERS,
     MU_0,
     Carlson,

@@ -15,11 +15,11 @@ from mrdamper import core
 from mrdamper.errors import InputError
 from mrdamper.excitation import Trajectory
 from mrdamper.models.actuation import Actuation
-from mrdamper.models.carried import CarriedRun
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial, Tempered
 from mrdamper.models.laws import LAWS
 from mrdamper.models.simulate import open_drive, simulate
+from mrdamper.models.streaming import CarriedRun
 from mrdamper.models.temperature import Linear
 from tests.core.test_laws import FRICTION, TYPICAL, random_drive, with_command
 

@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrdamper.errors import EnvelopeError, EnvelopeWarning, InputError
-from mrdamper.models.carlson import Carlson, saturation_stress
-from mrdamper.models.fluid import PRESETS, Collapse, Fluid, Origin, fall_percent, find_fluid
+from mrdamper.models.fluids.carlson import Carlson, saturation_stress
+from mrdamper.models.fluids.fluid import PRESETS, Collapse, Fluid, Origin, fall_percent, find_fluid
 from mrdamper.models.temperature import Arrhenius, Linear, PolynomialFactor, Reynolds, Vft
 
 PAPER = find_fluid("paper")

@@ -10,11 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrdamper.errors import InputError
-from mrdamper.models.carlson import Carlson, FIELD_SCALE_A_m, field_strength
-from mrdamper.models.rheometer import enlargement_of
+from mrdamper.models.fluids.carlson import Carlson, FIELD_SCALE_A_m, field_strength
+from mrdamper.models.fluids.rheometer import enlargement_of
+from mrdamper.models.fluids.viscosity_fit import fit_viscosity
+from mrdamper.models.fluids.yield_fit import fit_yield_stress
 from mrdamper.models.temperature import Arrhenius, Linear, Reynolds, Vft
-from mrdamper.models.viscosity_fit import fit_viscosity
-from mrdamper.models.yield_fit import fit_yield_stress
 
 KELVIN = np.linspace(293.15, 403.15, 23)
 LAWS = (Arrhenius(1435.5), Reynolds(0.013), Vft(753.0, 165.4))

@@ -16,7 +16,7 @@ from mrdamper.models.dependence import (
     Tempered,
 )
 from mrdamper.models.laws import LAWS
-from mrdamper.models.levels import Levels
+from mrdamper.models.operating_points import Levels
 from mrdamper.models.simulate import LAG
 from mrdamper.models.temperature import Arrhenius, Linear, PolynomialFactor, Reynolds, Vft
 

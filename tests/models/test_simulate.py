@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from numpy.typing import ArrayLike
 
 from mrdamper import core
+from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 from mrdamper.excitation import Sine, drive
 from mrdamper.models.actuation import Actuation
@@ -30,7 +31,6 @@ from mrdamper.models.laws import LAWS, Coefficient
 from mrdamper.models.reference import law_from_python, simulate_reference
 from mrdamper.models.simulate import LAG, Tangents, open_drive, sensitivities, simulate
 from mrdamper.models.temperature import Arrhenius, Linear, PolynomialFactor, Reynolds, TemperatureFactor, Vft
-from mrdamper.quantities import FloatArray
 from tests.identify.truths import TRUTHS
 
 MOTION = Sine(0.010, 2.0)

@@ -12,9 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
-from mrdamper.quantities import FloatArray
-from mrdamper.thermal.curve import HeatingCurve, Place, lag_signal
 from mrdamper.thermal.drawing import (
     Body,
     Calibration,
@@ -25,10 +24,11 @@ from mrdamper.thermal.drawing import (
     Surroundings,
     find_filling,
 )
+from mrdamper.thermal.estimation.measured_curve import HeatingCurve, Place, lag_signal
 from mrdamper.thermal.heatsink import HeatSink
-from mrdamper.thermal.network import zone_network
-from mrdamper.thermal.stepping import Load
-from mrdamper.thermal.transient import heat_up
+from mrdamper.thermal.model.network import zone_network
+from mrdamper.thermal.model.stepping import Load
+from mrdamper.thermal.model.transient import heat_up
 
 DURATION_S = 1800.0
 

@@ -11,20 +11,26 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import PchipInterpolator
 
+from mrdamper.arrays import FloatArray
 from mrdamper.errors import ConvergenceError, InputError
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant
 from mrdamper.models.laws import LAWS
-from mrdamper.quantities import FloatArray
-from mrdamper.thermal.calibration import calibrate_drawing, calibrate_with, fit_heating
-from mrdamper.thermal.curve import HeatingCurve, Place, clean_curve, lag_signal, read_curve
-from mrdamper.thermal.doubt import Doubt
+from mrdamper.thermal.dissipation import LoopWork
 from mrdamper.thermal.drawing import Calibration, DamperDrawing, read_drawing
 from mrdamper.thermal.drawing_file import calibrated_text, drawing_of
 from mrdamper.thermal.duty import Duty, read_duty
-from mrdamper.thermal.lumped import constant_heating
-from mrdamper.thermal.rise import Rise, heat_with, predict_rise
-from mrdamper.thermal.work import LoopWork
+from mrdamper.thermal.estimation.calibration import calibrate_drawing, calibrate_with, fit_heating
+from mrdamper.thermal.estimation.measured_curve import (
+    HeatingCurve,
+    Place,
+    clean_curve,
+    lag_signal,
+    read_curve,
+)
+from mrdamper.thermal.estimation.uncertainty import Doubt
+from mrdamper.thermal.model.lumped import constant_heating
+from mrdamper.thermal.temperature_rise import Rise, heat_with, predict_rise
 
 DRAWING = read_drawing(Path(__file__).parents[2] / "examples" / "paper_damper.toml")
 BARE = DRAWING.with_sink(None)

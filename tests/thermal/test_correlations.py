@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_bvp
 
 from mrdamper.errors import EnvelopeError, InputError
-from mrdamper.thermal.air import air_at
-from mrdamper.thermal.correlations import (
+from mrdamper.thermal.films.air import air_at
+from mrdamper.thermal.films.correlations import (
     STEFAN_BOLTZMANN,
     annular_fin_efficiency,
     groove_emissivity,

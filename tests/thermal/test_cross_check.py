@@ -11,13 +11,13 @@ import pytest
 
 from mrdamper.errors import InputError
 from mrdamper.thermal.cross_check import backward_euler, check_calculix, check_freefem, check_gmsh
-from mrdamper.thermal.finite_element import FieldModel, build_field, discretise
 from mrdamper.thermal.gmsh_mesh import mesh_with_gmsh, read_gmsh, write_geometry
-from mrdamper.thermal.heat_equation import heat_through
-from mrdamper.thermal.mesh import mesh_section
+from mrdamper.thermal.model.finite_element import FieldModel, build_field, discretise
+from mrdamper.thermal.model.heat_equation import heat_through
+from mrdamper.thermal.model.mesh import mesh_section
+from mrdamper.thermal.model.section import section_of
+from mrdamper.thermal.model.stepping import Load
 from mrdamper.thermal.programs import run_program
-from mrdamper.thermal.section import section_of
-from mrdamper.thermal.stepping import Load
 from tests.thermal.designs import DRAWING
 
 BARE = DRAWING.with_sink(None)

@@ -12,8 +12,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrdamper.errors import EnvelopeError, InputError
-from mrdamper.thermal import design
-from mrdamper.thermal.design import (
+from mrdamper.thermal.drawing import read_drawing, read_sink
+from mrdamper.thermal.freefem import run_freefem, write_freefem
+from mrdamper.thermal.materials import MATERIALS
+from mrdamper.thermal.model.finite_element import build_field
+from mrdamper.thermal.model.network import zone_network
+from mrdamper.thermal.model.stepping import Load
+from mrdamper.thermal.model.transient import heat_up
+from mrdamper.thermal.sinks import design
+from mrdamper.thermal.sinks.design import (
     HeatedDamper,
     SinkDesign,
     confirm,
@@ -24,14 +31,7 @@ from mrdamper.thermal.design import (
     spread,
     thinned,
 )
-from mrdamper.thermal.drawing import read_drawing, read_sink
-from mrdamper.thermal.evolution import search_genetic
-from mrdamper.thermal.finite_element import build_field
-from mrdamper.thermal.freefem import run_freefem, write_freefem
-from mrdamper.thermal.materials import MATERIALS
-from mrdamper.thermal.network import zone_network
-from mrdamper.thermal.stepping import Load
-from mrdamper.thermal.transient import heat_up
+from mrdamper.thermal.sinks.evolution import search_genetic
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "paper_damper.toml"
 DRAWING, SINK = read_drawing(EXAMPLE), read_sink(EXAMPLE)

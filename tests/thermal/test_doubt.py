@@ -10,14 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
-from mrdamper.quantities import FloatArray
-from mrdamper.thermal.doubt import FACTORS, Doubt, DoubtedNetwork
 from mrdamper.thermal.drawing import read_drawing
-from mrdamper.thermal.lumped import lumped_network
-from mrdamper.thermal.network import ThermalNetwork, zone_network
-from mrdamper.thermal.stepping import Load
-from mrdamper.thermal.transient import heat_up
+from mrdamper.thermal.estimation.uncertainty import FACTORS, Doubt, DoubtedNetwork
+from mrdamper.thermal.model.lumped import lumped_network
+from mrdamper.thermal.model.network import ThermalNetwork, zone_network
+from mrdamper.thermal.model.stepping import Load
+from mrdamper.thermal.model.transient import heat_up
 
 DRAWING = read_drawing(Path(__file__).parents[2] / "examples" / "paper_damper.toml")
 LIMIT = 403.15
@@ -126,7 +126,7 @@ def test_more_doubt_is_a_wider_interval_and_an_earlier_and_later_limit():
 
 
 def test_a_load_of_days_ends_in_the_steady_state():
-    from mrdamper.thermal.transient import steady_state
+    from mrdamper.thermal.model.transient import steady_state
 
     network, load = zone_network(DRAWING), Load(9e5, power, 16.8)
     fluid = run(network, state_of(network), loads=[load])

@@ -13,7 +13,10 @@ from hypothesis import strategies as st
 
 from mrdamper.errors import InputError
 from mrdamper.thermal.drawing import read_drawing, read_sink
-from mrdamper.thermal.efficiency import (
+from mrdamper.thermal.heatsink import HeatSink
+from mrdamper.thermal.model.section import section_of
+from mrdamper.thermal.model.stepping import Load
+from mrdamper.thermal.sinks.efficiency import (
     DEFAULT_EFFICIENCY,
     EFFICIENCIES,
     PAPER_PITCH,
@@ -25,9 +28,6 @@ from mrdamper.thermal.efficiency import (
     paper_sweeps,
     trend_of,
 )
-from mrdamper.thermal.heatsink import HeatSink
-from mrdamper.thermal.section import section_of
-from mrdamper.thermal.stepping import Load
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "paper_damper.toml"
 DRAWING, SINK = read_drawing(EXAMPLE), read_sink(EXAMPLE)

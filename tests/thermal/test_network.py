@@ -13,20 +13,20 @@ from hypothesis import strategies as st
 from scipy.integrate import quad, solve_bvp
 
 from mrdamper.errors import ConvergenceError, EnvelopeError, InputError
-from mrdamper.thermal import network as network_module
-from mrdamper.thermal.correlations import annular_fin_efficiency
 from mrdamper.thermal.drawing import DamperDrawing, read_drawing
+from mrdamper.thermal.films.correlations import annular_fin_efficiency
 from mrdamper.thermal.heatsink import HeatSink
-from mrdamper.thermal.lumped import constant_heating, lumped_network
-from mrdamper.thermal.network import (
+from mrdamper.thermal.model import network as network_module
+from mrdamper.thermal.model.lumped import constant_heating, lumped_network
+from mrdamper.thermal.model.network import (
     ThermalNetwork,
     _from_mean,
     _to_inner_from_mean,
     loss_grid,
     zone_network,
 )
-from mrdamper.thermal.stepping import Load
-from mrdamper.thermal.transient import heat_up, steady_state
+from mrdamper.thermal.model.stepping import Load
+from mrdamper.thermal.model.transient import heat_up, steady_state
 
 DRAWING = read_drawing(Path(__file__).parents[2] / "examples" / "paper_damper.toml")
 BARE = DRAWING.with_sink(None)
@@ -183,7 +183,7 @@ def test_the_method_is_of_second_order():
 
 def heat_up_evenly(network: ThermalNetwork, loads: list[Load], start):
     """Return the fluid's temperature after steps of equal size, one per load."""
-    from mrdamper.thermal.transient import _Stepper
+    from mrdamper.thermal.model.transient import _Stepper
 
     stepper = _Stepper(network)
     stepper.take(loads[0])

@@ -11,20 +11,20 @@ import pytest
 from scipy.interpolate import PchipInterpolator
 from scipy.stats import chi2
 
+from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
-from mrdamper.quantities import FloatArray
-from mrdamper.thermal.doubt import FACTORS, Doubt
 from mrdamper.thermal.drawing import DamperDrawing, read_drawing
-from mrdamper.thermal.network import zone_network
-from mrdamper.thermal.observer import (
+from mrdamper.thermal.estimation.observer import (
     ObserverState,
     TemperatureObserver,
     ThermalSeen,
     Thermometers,
     time_left,
 )
-from mrdamper.thermal.stepping import Load
-from mrdamper.thermal.transient import heat_up
+from mrdamper.thermal.estimation.uncertainty import FACTORS, Doubt
+from mrdamper.thermal.model.network import zone_network
+from mrdamper.thermal.model.stepping import Load
+from mrdamper.thermal.model.transient import heat_up
 from tests.thermal.astray import perturbed
 
 DRAWING = read_drawing(Path(__file__).parents[2] / "examples" / "paper_damper.toml")

@@ -9,17 +9,17 @@ import numpy as np
 import pytest
 from scipy.interpolate import PchipInterpolator
 
-from mrdamper.quantities import FloatArray
-from mrdamper.thermal.calibration import calibrate_with
-from mrdamper.thermal.curve import HeatingCurve, Place
-from mrdamper.thermal.doubt import Doubt, Outlook
+from mrdamper.arrays import FloatArray
+from mrdamper.thermal.dissipation import LoopWork
 from mrdamper.thermal.drawing import DamperDrawing, read_drawing
 from mrdamper.thermal.duty import read_duty
-from mrdamper.thermal.network import zone_network
-from mrdamper.thermal.outlook import look_out
-from mrdamper.thermal.stepping import Load
-from mrdamper.thermal.transient import Heating, heat_up
-from mrdamper.thermal.work import LoopWork
+from mrdamper.thermal.estimation.calibration import calibrate_with
+from mrdamper.thermal.estimation.measured_curve import HeatingCurve, Place
+from mrdamper.thermal.estimation.prediction_interval import look_out
+from mrdamper.thermal.estimation.uncertainty import Doubt, Outlook
+from mrdamper.thermal.model.network import zone_network
+from mrdamper.thermal.model.stepping import Load
+from mrdamper.thermal.model.transient import Heating, heat_up
 from tests.thermal.astray import perturbed
 
 DRAWING = read_drawing(Path(__file__).parents[2] / "examples" / "paper_damper.toml")
@@ -88,7 +88,7 @@ def test_before_anything_was_measured_the_interval_holds_on_dampers_off_their_dr
 
 
 def test_the_interval_lies_about_the_curve_and_its_times_about_the_curve_s_time():
-    from mrdamper.thermal.rise import heat_with
+    from mrdamper.thermal.temperature_rise import heat_with
 
     hour = read_duty("sine:15mm:1Hz:2A:3600s")
     rise, outlook = heat_with([WORK], BARE, hour, stop_at_limit=False), look_out([WORK], BARE, hour)

@@ -15,12 +15,12 @@ from mrdamper.errors import InputError
 from mrdamper.excitation import Sine
 from mrdamper.rig.damper import PRESETS
 from mrdamper.rig.plant import STEP_S, simulate
-from mrdamper.thermal.correlations import annular_fin_efficiency, radiation_film
+from mrdamper.thermal.dissipation import LoopWork
 from mrdamper.thermal.drawing import DamperDrawing, read_drawing
 from mrdamper.thermal.duty import read_duty
-from mrdamper.thermal.rise import Rise, heat_with
-from mrdamper.thermal.surfaces import fin_film, fin_radiation
-from mrdamper.thermal.work import LoopWork
+from mrdamper.thermal.films.correlations import annular_fin_efficiency, radiation_film
+from mrdamper.thermal.films.surfaces import fin_film, fin_radiation
+from mrdamper.thermal.temperature_rise import Rise, heat_with
 
 FINNED = read_drawing(Path(__file__).parents[2] / "examples" / "paper_damper.toml")
 BARE = FINNED.with_sink(None)

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from mrdamper.errors import ConvergenceError, InputError
-from mrdamper.thermal.curve import HeatingCurve
-from mrdamper.thermal.lean import NUMBERS, PRIOR, heat_lean
-from mrdamper.thermal.lumped import constant_heating
-from mrdamper.thermal.prediction import EarlyPrediction, _Problem, predict_early
+from mrdamper.thermal.estimation.measured_curve import HeatingCurve
+from mrdamper.thermal.estimation.prediction import EarlyPrediction, _Problem, predict_early
+from mrdamper.thermal.estimation.two_node import NUMBERS, PRIOR, heat_lean
+from mrdamper.thermal.model.lumped import constant_heating
 from tests.thermal.fleet import Member, draw_fleet
 
 AMBIENT = 293.15

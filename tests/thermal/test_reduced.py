@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from mrdamper.errors import InputError
-from mrdamper.thermal.finite_element import build_field
-from mrdamper.thermal.heat_equation import heat_through
-from mrdamper.thermal.reduced import reduce_field
-from mrdamper.thermal.stepping import Load
+from mrdamper.thermal.model.finite_element import build_field
+from mrdamper.thermal.model.heat_equation import heat_through
+from mrdamper.thermal.model.reduced import reduce_field
+from mrdamper.thermal.model.stepping import Load
 from tests.thermal.designs import DRAWING, draw_designs
 
 BARE = DRAWING.with_sink(None)

@@ -16,10 +16,10 @@ from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial, Tempered
 from mrdamper.models.laws import LAWS
 from mrdamper.models.temperature import Arrhenius, Linear
+from mrdamper.thermal.dissipation import LoopWork, tabulate_work
 from mrdamper.thermal.drawing import read_drawing
 from mrdamper.thermal.duty import Duty, read_duty, stretch_of
-from mrdamper.thermal.rise import heat_with, predict_rise
-from mrdamper.thermal.work import LoopWork, tabulate_work
+from mrdamper.thermal.temperature_rise import heat_with, predict_rise
 
 DRAWING = read_drawing(Path(__file__).parents[2] / "examples" / "paper_damper.toml")
 BARE = DRAWING.with_sink(None)

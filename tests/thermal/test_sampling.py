@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import norm
 
-from mrdamper.thermal.sampling import draw_evenly, first_crossing, interval_of, summarise_times
+from mrdamper.thermal.estimation.sampling import draw_evenly, first_crossing, interval_of, summarise_times
 
 
 @given(rows=st.integers(1, 12), half=st.integers(13, 60), seed=st.integers(0, 1000))

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrdamper.errors import InputError
-from mrdamper.thermal.stepping import Load, growing_steps, loads_until
+from mrdamper.thermal.model.stepping import Load, growing_steps, loads_until
 
 
 def constant(watts: float):

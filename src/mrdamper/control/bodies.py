@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mrdamper.arrays import FloatArray
 from mrdamper.errors import ConvergenceError, InputError
-from mrdamper.quantities import FloatArray
 
 __all__ = ["Bodies", "identify_bodies", "warm_bodies"]
 

@@ -17,11 +17,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mrdamper import core
+from mrdamper.arrays import FloatArray
 from mrdamper.control.series_plant import carry_chain
 from mrdamper.errors import InputError
 from mrdamper.models.actuation import PLAY_SHARE
 from mrdamper.models.damper import Damper
-from mrdamper.quantities import FloatArray
+from mrdamper.quantities import ZERO_CELSIUS_K
 
 __all__ = ["LAWS_AS_PLANT", "CardPlant"]
 
@@ -44,7 +45,6 @@ _CHAIN = (
 )  # fmt: skip
 _LEVELS = 401  # commands of the coefficients' table
 _VISCOUS_SPEED = 0.1  # [m/s], where the viscosity is viscous force over speed
-_KELVIN = 273.15
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -212,7 +212,7 @@ class CardPlant:
         """Return the coefficients at the applied commands, from a table for the temperature."""
         if self._table is None or self._table[0] != temperature_degC:
             levels = np.linspace(0.0, self._highest, _LEVELS)
-            warm = temperature_degC + _KELVIN if self._damper.tempered else None
+            warm = temperature_degC + ZERO_CELSIUS_K if self._damper.tempered else None
             rows = self._damper.coefficients_at(levels, warm)
             self._table = (
                 temperature_degC,

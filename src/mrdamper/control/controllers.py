@@ -24,16 +24,17 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from mrdamper.arrays import FloatArray
 from mrdamper.control import tuning
-from mrdamper.control.heating import Heating
 from mrdamper.control.protocol import Seen, Wanted
 from mrdamper.control.stepper import Stepper
-from mrdamper.control.tables import DamperTables, tabulate
+from mrdamper.control.tables.card_tables import DamperTables, tabulate
+from mrdamper.control.tables.heating import Heating
 from mrdamper.errors import InputError
 from mrdamper.models.actuation import PLAY_SHARE, Actuation
 from mrdamper.models.card import ModelCard
 from mrdamper.models.damper import Damper, OperatingEnvelope
-from mrdamper.quantities import FloatArray
+from mrdamper.quantities import ROOM_K
 
 __all__ = [
     "NAMES",
@@ -43,8 +44,6 @@ __all__ = [
     "controllers_for",
     "names_for",
 ]
-
-_ROOM_K = 293.15
 
 
 _READ_FORCE = ("clipped-on-off", "pi", "feed-forward-pi", "recommended-observer", "recommended-adaptive")
@@ -265,7 +264,7 @@ def _controller(name: str, made: _Source) -> ForceController:
         "paper-2": literal | {"bank": 2.0},
         "paper-3": literal | {"bank": 3.0},
         "paper-9": literal | {"bank": 9.0},
-        "paper-unaware": literal | {"bank": 5.0, "held_temperature": _ROOM_K},
+        "paper-unaware": literal | {"bank": 5.0, "held_temperature": ROOM_K},
         "paper-preview": bank | {"bank": 5.0},
         "static-preview": {"reach": 0.0, "margin": -1.0, "is_static": 1.0},
         "exact": present,

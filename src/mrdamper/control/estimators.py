@@ -17,10 +17,11 @@ from enum import Enum
 
 import numpy as np
 
+from mrdamper.arrays import FloatArray
 from mrdamper.control import tuning
 from mrdamper.errors import InputError
 from mrdamper.models.actuation import PLAY_SHARE, Actuation
-from mrdamper.quantities import FloatArray
+from mrdamper.quantities import ROOM_K
 from mrdamper.thermal.materials import COPPER_PER_K
 
 __all__ = [
@@ -34,8 +35,6 @@ __all__ = [
     "Motion",
     "MotionFilter",
 ]
-
-_ROOM_K = 293.15
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,14 +194,14 @@ class CoilThermometer:
             return after, CoilReading(math.nan, CoilFault.OPEN)
         if ohm < 0.5 * self.resistance_at(self.cold_K):
             return after, CoilReading(math.nan, CoilFault.SHORT)
-        read = _ROOM_K + (ohm / self.resistance_20_ohm - 1.0) / COPPER_PER_K
+        read = ROOM_K + (ohm / self.resistance_20_ohm - 1.0) / COPPER_PER_K
         keep = math.exp(-self.period_s / self.smooth_s)
         smooth = read if math.isnan(kelvin) else read + keep * (kelvin - read)
         return (smooth, current), CoilReading(smooth, CoilFault.NONE)
 
     def resistance_at(self, kelvin: float) -> float:
         """Return the coil's resistance [ohm] at a temperature."""
-        return self.resistance_20_ohm * (1.0 + COPPER_PER_K * (kelvin - _ROOM_K))
+        return self.resistance_20_ohm * (1.0 + COPPER_PER_K * (kelvin - ROOM_K))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,22 +14,19 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mrdamper.arrays import BoolArray, FloatArray
 from mrdamper.control.protocol import Controller, Plant, Seen, Wanted
 from mrdamper.control.scenario import Scenario, Sensing, Sensor
 from mrdamper.errors import InputError
-from mrdamper.quantities import FloatArray
+from mrdamper.quantities import ZERO_CELSIUS_K
 
 __all__ = ["FASTEST_HZ", "SLOWEST_HZ", "Course", "LoopRun", "course_of", "run_loop", "steps_per_sample"]
 
 SLOWEST_HZ, FASTEST_HZ = 100.0, 5000.0
 """Sampling of a controller."""
 
-_KELVIN = 273.15
 _SENSORS: tuple[Sensor, ...] = ("displacement", "temperature", "force")
-
-BoolArray = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -205,7 +202,7 @@ def _read_sensors(
     white = {sensor: noise[sensor].standard_normal(samples) for sensor in _SENSORS}
     x = scenario.path.displacement(time - sensing.displacement_delay_s)
     x = x + sensing.displacement_noise_m * white["displacement"]
-    offset = scenario.temperature_degC + sensing.temperature_offset_K + _KELVIN
+    offset = scenario.temperature_degC + sensing.temperature_offset_K + ZERO_CELSIUS_K
     kelvin = offset + sensing.temperature_noise_K * white["temperature"]
     force = sensing.force_noise_N * white["force"]
     if sensing.displacement_step_m > 0.0:

@@ -18,12 +18,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mrdamper.arrays import FloatArray
 from mrdamper.control.loop import Course, course_of, steps_per_sample
 from mrdamper.control.protocol import Plant
 from mrdamper.control.scenario import Scenario
 from mrdamper.control.score import Reach, Score, reach_of, score_forces
 from mrdamper.errors import InputError
-from mrdamper.quantities import FloatArray
 
 __all__ = ["Optimum", "search_optimum"]
 

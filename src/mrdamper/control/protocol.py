@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from mrdamper.quantities import FloatArray
+from mrdamper.arrays import FloatArray
 
 __all__ = ["Controller", "Plant", "Seen", "Wanted"]
 

@@ -15,13 +15,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mrdamper.arrays import FloatArray
 from mrdamper.control.controllers import Safety, controllers_for
-from mrdamper.control.heating import Heating
 from mrdamper.control.stepper import Stepper
+from mrdamper.control.tables.heating import Heating
 from mrdamper.errors import InputError
 from mrdamper.models.card import ModelCard
 from mrdamper.models.damper import Damper
-from mrdamper.quantities import FloatArray
 
 __all__ = ["DISPLACEMENT_NOISE_M", "JERK_DENSITY", "RealtimeDamper", "realtime_model"]
 

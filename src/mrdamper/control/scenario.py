@@ -19,11 +19,11 @@ from typing import Any, Literal, Protocol, TypeVar, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 from mrdamper.excitation import Motion, motion_from_text
 from mrdamper.files import read_toml
 from mrdamper.models.dependence import did_you_mean
-from mrdamper.quantities import FloatArray
 
 __all__ = [
     "SCENARIOS",

@@ -14,19 +14,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mrdamper.arrays import BoolArray, FloatArray
 from mrdamper.control.loop import Course, LoopRun
 from mrdamper.control.protocol import Plant
 from mrdamper.errors import InputError
-from mrdamper.quantities import FloatArray
 
 __all__ = ["MARGIN_N", "Reach", "Score", "reach_of", "score_forces", "score_run", "worst"]
 
 MARGIN_N = 20.0
 """How far inside the reach a feasible target lies."""
-
-BoolArray = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

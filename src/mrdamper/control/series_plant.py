@@ -11,8 +11,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from mrdamper.arrays import FloatArray
 from mrdamper.errors import ConvergenceError
-from mrdamper.quantities import FloatArray
 
 __all__ = ["carry_chain"]
 

@@ -17,7 +17,7 @@ from typing import Self
 import numpy as np
 
 from mrdamper import core
-from mrdamper.control.tables import DamperTables
+from mrdamper.control.tables.card_tables import DamperTables
 
 __all__ = ["FAULTS", "Belief", "Flag", "Stepper"]
 

@@ -27,11 +27,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mrdamper.arrays import FloatArray
 from mrdamper.control.loop import SLOWEST_HZ
 from mrdamper.errors import InputError
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper
-from mrdamper.quantities import FloatArray
 
 __all__ = [
     "CLAMP_SHARE",

@@ -24,11 +24,12 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from mrdamper.arrays import FloatArray
 from mrdamper.control.loop import steps_per_sample
 from mrdamper.control.protocol import Controller, Seen, Wanted
 from mrdamper.errors import InputError
 from mrdamper.excitation import Motion, Road
-from mrdamper.quantities import FloatArray
+from mrdamper.quantities import ZERO_CELSIUS_K
 
 __all__ = [
     "CarDamper",
@@ -49,7 +50,6 @@ __all__ = [
     "warm_up",
 ]
 
-_KELVIN = 273.15
 _MOST_TRAVEL_M = 1.0
 _CHUNK_S = 5.0  # of road that is worked out at once
 
@@ -344,7 +344,7 @@ def _readings(stretch: Stretch, start: float, samples: int) -> Iterator[tuple[fl
     return zip(
         (stretch.velocity_noise_m_s * velocity).tolist(),
         (stretch.displacement_noise_m * x).tolist(),
-        (seen + _KELVIN + stretch.temperature_noise_K * kelvin).tolist(),
+        (seen + ZERO_CELSIUS_K + stretch.temperature_noise_K * kelvin).tolist(),
         strict=True,
     )
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mrdamper.arrays import FloatArray
 from mrdamper.core import _kernel
 from mrdamper.core._kernel import (
     MOTION_NUMBERS,
@@ -45,7 +45,6 @@ __all__ = [
     "squared_errors",
 ]
 
-FloatArray = NDArray[np.float64]
 
 LONGEST_STEP = 2.5e-3
 """Longest step [s] of the implicit laws; a longer sample interval is divided."""

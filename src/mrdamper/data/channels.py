@@ -39,11 +39,12 @@ from typing import Any, NoReturn
 
 import numpy as np
 
+from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.table import FileOptions
 from mrdamper.data.records import nearest_names
 from mrdamper.errors import InputError
 from mrdamper.files import read_toml
-from mrdamper.quantities import QUANTITIES, FloatArray, find_quantity, is_unit, spell_unit, to_si
+from mrdamper.quantities import QUANTITIES, find_quantity, is_unit, spell_unit, to_si
 
 __all__ = [
     "Channel",

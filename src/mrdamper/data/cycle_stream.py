@@ -17,12 +17,12 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from mrdamper.arrays import FloatArray
 from mrdamper.data.diagnosis.finding import Finding
 from mrdamper.data.reversals import TurningPoints
+from mrdamper.data.segments import HEAD_ROWS, Count, Splitter, STILL_m, moved_by, usable, usual_step
 from mrdamper.data.streaming import Batch
-from mrdamper.data.stretches import HEAD_ROWS, Count, Splitter, STILL_m, moved_by, usable, usual_step
 from mrdamper.errors import InputError
-from mrdamper.quantities import FloatArray
 
 __all__ = ["LONGEST_CYCLE", "CycleCounter", "CycleFigures", "ModelFigures"]
 

@@ -11,9 +11,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from mrdamper.arrays import FloatArray
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.data.reversals import turning_points
-from mrdamper.quantities import FloatArray
 
 __all__ = ["Cycle", "Drift", "cycles", "drift", "estimate_lag", "repeatability"]
 

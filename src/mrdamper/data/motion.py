@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy import fft
 
+from mrdamper.arrays import FloatArray
 from mrdamper.data.reversals import turning_points
-from mrdamper.quantities import FloatArray
 
 __all__ = ["MotionFound", "describe_motion"]
 

@@ -15,6 +15,7 @@ from typing import Literal
 
 import numpy as np
 
+from mrdamper.arrays import FloatArray, read_only
 from mrdamper.data.motion import describe_motion
 from mrdamper.data.records import WITHOUT_MOTION, RigRun, nearest_names
 from mrdamper.data.signals import (
@@ -25,10 +26,9 @@ from mrdamper.data.signals import (
     smallest_step,
     smooth,
 )
-from mrdamper.data.warmth import condition_temperature
+from mrdamper.data.temperature import condition_temperature
 from mrdamper.errors import InputError
 from mrdamper.excitation import Trajectory
-from mrdamper.quantities import FloatArray, read_only
 
 __all__ = ["Preparation", "PreparedRun", "decimate", "even_step", "prepare_run"]
 

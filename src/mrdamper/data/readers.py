@@ -16,6 +16,7 @@ from typing import get_args
 
 import numpy as np
 
+from mrdamper.arrays import FloatArray
 from mrdamper.data.channels import (
     Channel,
     ChannelMap,
@@ -29,7 +30,7 @@ from mrdamper.data.records import CommandUnit, Dataset, Recording, RigRun
 from mrdamper.data.tables import FORMATS, Layout, Table, read_table
 from mrdamper.errors import InputError
 from mrdamper.files import is_file, is_folder, is_there
-from mrdamper.quantities import QUANTITIES, FloatArray, is_unit, spell_unit
+from mrdamper.quantities import QUANTITIES, is_unit, spell_unit
 
 __all__ = [
     "Column",

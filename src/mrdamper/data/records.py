@@ -17,9 +17,10 @@ from typing import Literal
 
 import numpy as np
 
+from mrdamper.arrays import FloatArray, read_only
 from mrdamper.data.reversals import turning_points
 from mrdamper.errors import InputError
-from mrdamper.quantities import QUANTITIES, FloatArray, read_only
+from mrdamper.quantities import QUANTITIES, to_degC
 
 __all__ = [
     "GAP",
@@ -344,8 +345,8 @@ def _range_faults(role: str, array: FloatArray) -> list[str]:
     if role == "temperature":
         hint = f"{_looks_like(float(array[k]))}: check the column's unit in the channel map"
         return [
-            f"temperature is {array[k] - 273.15:.4g} degC ({array[k]:.4g} K) at sample {k} ({len(outside)} "
-            f"such samples); expected {quantity.low - 273.15:.0f} to {quantity.high - 273.15:.0f} degC. "
+            f"temperature is {to_degC(array[k]):.4g} degC ({array[k]:.4g} K) at sample {k} ({len(outside)} "
+            f"such samples); expected {to_degC(quantity.low):.0f} to {to_degC(quantity.high):.0f} degC. "
             f"{hint}"
         ]
     return [

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mrdamper.quantities import FloatArray
+from mrdamper.arrays import FloatArray
 
 __all__ = ["TurningPoints", "turning_points"]
 

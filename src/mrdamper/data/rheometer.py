@@ -16,9 +16,10 @@ from types import MappingProxyType
 
 import numpy as np
 
+from mrdamper.arrays import FloatArray
 from mrdamper.data.tables import read_table
 from mrdamper.errors import InputError
-from mrdamper.quantities import QUANTITIES, FloatArray, to_si
+from mrdamper.quantities import QUANTITIES, to_si
 
 __all__ = ["RheometerTable", "read_rheometer"]
 

@@ -11,8 +11,8 @@ from functools import lru_cache
 
 import numpy as np
 
+from mrdamper.arrays import FloatArray
 from mrdamper.core import solve_banded
-from mrdamper.quantities import FloatArray
 
 __all__ = [
     "Kinematics",

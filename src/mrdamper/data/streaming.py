@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from mrdamper.arrays import FloatArray
 from mrdamper.data.channels import Channel, ChannelMap, read_channel_map
 from mrdamper.data.formats.table import Rows
 from mrdamper.data.readers import Column, find_columns, map_beside
@@ -21,7 +22,7 @@ from mrdamper.data.records import CommandUnit
 from mrdamper.data.tables import open_rows
 from mrdamper.errors import InputError
 from mrdamper.files import is_folder
-from mrdamper.quantities import QUANTITIES, FloatArray
+from mrdamper.quantities import QUANTITIES
 
 __all__ = ["BATCH_ROWS", "Batch", "LongRecord", "open_record"]
 

@@ -11,21 +11,21 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.excel import is_workbook
 from mrdamper.data.formats.hdf5 import is_hdf5
-from mrdamper.data.formats.isolated import isolated
 from mrdamper.data.formats.logger import is_logger, read_logger
 from mrdamper.data.formats.lvm import is_lvm, read_lvm
 from mrdamper.data.formats.mat import is_mat
 from mrdamper.data.formats.mdf import is_mdf
 from mrdamper.data.formats.mts import is_mts, read_mts
 from mrdamper.data.formats.parquet import is_parquet
+from mrdamper.data.formats.sandbox import isolated
 from mrdamper.data.formats.table import FileOptions, Format, Layout, Rows, Table
 from mrdamper.data.formats.tdms import is_tdms, read_tdms
 from mrdamper.data.formats.text import is_text, open_text, read_text
 from mrdamper.errors import InputError
 from mrdamper.files import require_file
-from mrdamper.quantities import FloatArray
 
 __all__ = ["FORMATS", "FileOptions", "Format", "Layout", "Rows", "Table", "open_rows", "read_table"]
 

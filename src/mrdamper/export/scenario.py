@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mrdamper.arrays import FloatArray
 from mrdamper.excitation import Sine
 from mrdamper.export.target import Target
 from mrdamper.models.characteristics import settled_cycle
-from mrdamper.quantities import FloatArray
 
 __all__ = ["COLUMNS", "envelope_rows"]
 

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrdamper import __version__
+from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 from mrdamper.excitation import Sine, drive
 from mrdamper.export.target import card_fingerprint
@@ -24,7 +25,7 @@ from mrdamper.models.card import ModelCard
 from mrdamper.models.characteristics import peak_velocity_pick
 from mrdamper.models.simulate import simulate
 from mrdamper.models.temperature import REFERENCE_K
-from mrdamper.quantities import FloatArray
+from mrdamper.quantities import ZERO_CELSIUS_K
 
 __all__ = ["ForceMap", "force_map"]
 
@@ -33,7 +34,6 @@ _COMMANDS = 9
 _TEMPERATURE_STEP_K = 20.0
 _LOOP_SAMPLES = 4000  # of a period of the loop whose branches are read
 _PERIODS = 3  # from rest; the last one is read
-_KELVIN = 273.15
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,7 +76,7 @@ class ForceMap:
             for j, command in enumerate(self.command.tolist()):
                 for k, velocity in enumerate(self.velocity.tolist()):
                     forces = (self.pick[i, j, k], self.rising[i, j, k], self.falling[i, j, k])
-                    place = (f"{kelvin - _KELVIN:.6g}", f"{command:.9g}", f"{velocity:.9g}")
+                    place = (f"{kelvin - ZERO_CELSIUS_K:.6g}", f"{command:.9g}", f"{velocity:.9g}")
                     rows.writerow([*place, *(f"{force:.9g}" for force in forces)])
         return text.getvalue()
 

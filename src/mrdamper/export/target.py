@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from typing import Literal, cast
 
 from mrdamper.control.controllers import ForceController, check_name, controllers_for
-from mrdamper.control.heating import Heating
 from mrdamper.control.realtime import RealtimeDamper, realtime_model
+from mrdamper.control.tables.heating import Heating
 from mrdamper.errors import InputError
 from mrdamper.models.card import ModelCard, card_text
 from mrdamper.models.dependence import did_you_mean

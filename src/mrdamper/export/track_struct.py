@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamper.control.controllers import ForceController
-from mrdamper.control.octaves import Octaves
 from mrdamper.control.realtime import RealtimeDamper
-from mrdamper.control.series_tables import CHAIN, Power, SeriesTables
+from mrdamper.control.tables.lookup import Octaves
+from mrdamper.control.tables.series import CHAIN, Power, SeriesTables
 
 __all__ = ["Nested", "Pointer", "Table", "Value", "track_members"]
 

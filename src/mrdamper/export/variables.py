@@ -16,6 +16,7 @@ import numpy as np
 
 from mrdamper.control.stepper import FAULTS, Flag
 from mrdamper.export.c_code import flag_texts
+from mrdamper.quantities import ZERO_CELSIUS_K
 
 if TYPE_CHECKING:
     from mrdamper.export.target import Target
@@ -42,7 +43,7 @@ UNITS: Mapping[str, Unit] = {
     "m": Unit({"m": 1}, "mm", 1000.0),
     "m/s": Unit({"m": 1, "s": -1}, "mm/s", 1000.0),
     "N": Unit({"kg": 1, "m": 1, "s": -2}),
-    "K": Unit({"K": 1}, "degC", 1.0, -273.15),
+    "K": Unit({"K": 1}, "degC", 1.0, -ZERO_CELSIUS_K),
     "A": Unit({"A": 1}),
     "V": Unit({"kg": 1, "m": 2, "s": -3, "A": -1}),
     "A/N": Unit({"A": 1, "kg": -1, "m": -1, "s": 2}),

@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from mrdamper import __version__
+from mrdamper.arrays import FloatArray
 from mrdamper.control.controllers import ForceController
 from mrdamper.control.realtime import RealtimeDamper
 from mrdamper.control.stepper import Belief, Flag
@@ -28,7 +29,6 @@ from mrdamper.export.c_code import c_files, sources_sha256, tables_bytes
 from mrdamper.export.record import Difference, Verification
 from mrdamper.export.scenario import COLUMNS, envelope_rows
 from mrdamper.export.target import Target
-from mrdamper.quantities import FloatArray
 
 __all__ = [
     "DOUBLE_TOLERANCE",

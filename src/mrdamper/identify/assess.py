@@ -14,10 +14,10 @@ from itertools import product
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import InputError
+from mrdamper.identify.checkpoint import Ledger, NoLedger, Section
 from mrdamper.identify.identifiability import (
     Bootstrap,
     Direction,
@@ -27,16 +27,16 @@ from mrdamper.identify.identifiability import (
     sentence,
     worst_direction,
 )
-from mrdamper.identify.ledger import Ledger, NoLedger, Section
 from mrdamper.identify.problem import FitProblem, FitResult, envelope_of
 from mrdamper.identify.scores import RunError, score_run, summary
-from mrdamper.identify.tempering import Temperature, temperature_levels
+from mrdamper.identify.temperature import Temperature, temperature_levels
 from mrdamper.identify.templates import template
 from mrdamper.identify.variable_projection import Report, fit_variable_projection
 from mrdamper.models.damper import Damper
 from mrdamper.models.laws import HysteresisLaw
 from mrdamper.models.simulate import simulate
 from mrdamper.models.temperature import REFERENCE_K
+from mrdamper.quantities import ZERO_CELSIUS_K
 
 __all__ = [
     "Assessment",
@@ -51,7 +51,6 @@ __all__ = [
     "summary",
 ]
 
-FloatArray = NDArray[np.float64]
 Kind = Literal["run", "current", "motion", "temperature"]
 
 _FOLDS = 5  # most fits per law when laws are compared
@@ -341,7 +340,7 @@ def _temperature_labels(runs: Sequence[PreparedRun]) -> dict[str, str]:
     warm = {run.name: run.trajectory.temperature for run in runs}
     means = {name: float(np.mean(track)) for name, track in warm.items() if track is not None}
     return {
-        name: f"{min(levels, key=lambda level: abs(level - mean)) - 273.15:.0f} degC"
+        name: f"{min(levels, key=lambda level: abs(level - mean)) - ZERO_CELSIUS_K:.0f} degC"
         for name, mean in sorted(means.items(), key=lambda pair: pair[1])
     }
 
@@ -363,7 +362,7 @@ def _edges(result: FitResult, training: Sequence[PreparedRun]) -> list[str]:
         if values.min() <= least + max(size, 3e-3 * float(np.ptp(values))):
             where = f"{commands[values.argmin()]:g} {unit}"
             if form.tempered:
-                where += f" and {temperatures[values.argmin()] - 273.15:.0f} degC"
+                where += f" and {temperatures[values.argmin()] - ZERO_CELSIUS_K:.0f} degC"
             said.append(
                 f"{name} is held at the law's limit ({least:g}) near {where}: left alone, the data would "
                 "take it beyond."

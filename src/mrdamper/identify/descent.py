@@ -14,13 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mrdamper.arrays import BoolArray, FloatArray
 from mrdamper.identify.objective import Eliminated, Objective, solve_scaled
 from mrdamper.identify.problem import FitProblem
 
 __all__ = ["Box", "Descents"]
 
-FloatArray = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 _LONGEST = 1.5  # longest step of a search coordinate per iteration, in e-folds on a log scale
 _DRIFT = 0.03  # share of the force by which guessed linear numbers may be off for the tangents to hold
@@ -33,7 +32,7 @@ class Box:
 
     low: FloatArray
     high: FloatArray
-    log: Mask
+    log: BoolArray
 
     @classmethod
     def of(cls, problem: FitProblem) -> Box:
@@ -53,7 +52,7 @@ class Box:
         points = np.log(values, where=self.log & (values > 0.0), out=values.copy())
         return np.clip(points, self.low, self.high)
 
-    def stuck(self, points: FloatArray) -> Mask:
+    def stuck(self, points: FloatArray) -> BoolArray:
         """Say which coordinates sit on a bound."""
         return np.asarray((points <= self.low) | (points >= self.high))
 
@@ -90,7 +89,7 @@ class Descents:
         self._follow = np.empty((count, linear.shape[1] + tares.shape[1], size))
         self._renew(np.arange(count), found)
 
-    def advance(self) -> Mask:
+    def advance(self) -> BoolArray:
         """Try one step of every descent that is not done; return which were accepted."""
         accepted = np.zeros(len(self.done), dtype=np.bool_)
         k = np.flatnonzero(~self.done)
@@ -164,7 +163,7 @@ class Descents:
         self._gradients[k] = gradient * slopes
         self._follow[k] = follow
 
-    def _inside(self, points: FloatArray, gradient: FloatArray) -> Mask:
+    def _inside(self, points: FloatArray, gradient: FloatArray) -> BoolArray:
         """Say which coordinates are free to move: not those that a bound stops."""
         below = (points <= self._box.low) & (gradient < 0.0)
         above = (points >= self._box.high) & (gradient > 0.0)
@@ -187,12 +186,14 @@ class Descents:
         self.done[k] = True
 
 
-def _chosen(found: Eliminated, which: Mask) -> Eliminated:
+def _chosen(found: Eliminated, which: BoolArray) -> Eliminated:
     gram = None if found.gram is None else found.gram[which]
     return Eliminated(found.cost[which], found.linear[which], found.tares[which], gram, found.drift[which])
 
 
-def _damped_steps(hessian: FloatArray, gradient: FloatArray, inside: Mask, damping: FloatArray) -> FloatArray:
+def _damped_steps(
+    hessian: FloatArray, gradient: FloatArray, inside: BoolArray, damping: FloatArray
+) -> FloatArray:
     """Return the Marquardt steps of the coordinates that are free to move."""
     h = np.where(inside[:, :, None] & inside[:, None, :], hessian, 0.0)
     scale = np.diagonal(hessian, axis1=1, axis2=2)

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from mrdamper.arrays import FloatArray
 from mrdamper.errors import ConvergenceError, InputError
 from mrdamper.identify.problem import FitProblem, FitResult, Free, PreparedFit, move
 from mrdamper.identify.uncertainty import covariances
@@ -22,7 +23,6 @@ from mrdamper.models.damper import Damper
 
 __all__ = ["Direction", "fit_held", "half_cycles", "worst_direction"]
 
-FloatArray = NDArray[np.float64]
 
 _NOTHING = 1e-12  # least eigenvalue of the curvature at unit diagonal: below it there is only rounding
 _NAMED = 0.25  # of the heaviest weight: from there on a number is named in the sentence

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.linalg import lstsq
 from scipy.optimize import nnls
 
+from mrdamper.arrays import BoolArray, FloatArray
 from mrdamper.errors import InputError
 from mrdamper.identify.problem import FitProblem, PreparedFit, envelope_of
 from mrdamper.identify.sums import GramSums
@@ -25,8 +26,6 @@ from mrdamper.models.temperature import REFERENCE_K
 
 __all__ = ["Eliminated", "Objective", "solve_scaled"]
 
-FloatArray = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 _COMMANDS = 17  # commands over the data's range at which linear coefficients are kept admissible,
 _TEMPERATURES = 3  # at so many temperatures where the form itself depends on temperature
@@ -115,7 +114,7 @@ class Objective:
 
     def _from_guess(
         self, nonlinear: FloatArray, linear: FloatArray, tares: FloatArray, *, tangents: bool, last: bool
-    ) -> tuple[Eliminated, Mask]:
+    ) -> tuple[Eliminated, BoolArray]:
         """Do it in one pass; say which costs have no digits (of the ``last`` pass, the guess' stand then)."""
         g = self.sums(nonlinear, linear, tares, tangents=tangents)
         skip = len(self.nonlinear) if tangents else 0

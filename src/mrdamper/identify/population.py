@@ -13,11 +13,11 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrdamper import core
+from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError, MissingExtraError
-from mrdamper.identify.ledger import Ledger, NoLedger
+from mrdamper.identify.checkpoint import Ledger, NoLedger
 from mrdamper.identify.problem import FitProblem, FitResult, PreparedFit, Start, lifted, move, ordered
 from mrdamper.identify.uncertainty import estimates_of
 from mrdamper.identify.variable_projection import Progress, Report
@@ -27,7 +27,6 @@ from mrdamper.models.temperature import REFERENCE_K
 
 __all__ = ["Ensemble", "fit_cma", "fit_genetic"]
 
-FloatArray = NDArray[np.float64]
 
 _PENALTY = 1e6  # [%^2] of a candidate whose law is well posed on no run
 

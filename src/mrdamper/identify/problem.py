@@ -15,9 +15,9 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrdamper import core
+from mrdamper.arrays import FloatArray
 from mrdamper.data.prepare import PreparedRun, decimate
 from mrdamper.errors import InputError
 from mrdamper.models.damper import Damper, OperatingEnvelope
@@ -37,7 +37,6 @@ __all__ = [
     "ordered",
 ]
 
-FloatArray = NDArray[np.float64]
 
 _FINE = 1001  # commands at which a fitted damper is checked against its law's range
 

@@ -17,8 +17,8 @@ from typing import Any, Literal
 import numpy as np
 
 from mrdamper.errors import ConvergenceError, InputError
+from mrdamper.identify.checkpoint import Ledger, NoLedger, damper_of, numbers_of
 from mrdamper.identify.direction import Direction, fit_held, half_cycles
-from mrdamper.identify.ledger import Ledger, NoLedger, damper_of, numbers_of
 from mrdamper.identify.problem import Estimate, FitProblem, FitResult, Free, PreparedFit
 from mrdamper.identify.uncertainty import covariances
 from mrdamper.identify.variable_projection import Objective, Progress, Report

@@ -12,17 +12,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from mrdamper.data.conditioning import Conditioner, Rules, choose_rules, known_temperature
+from mrdamper.arrays import FloatArray
 from mrdamper.data.prepare import Preparation
 from mrdamper.data.records import CommandUnit, RigRun
+from mrdamper.data.segments import HEAD_ROWS, Splitter, moved_by, usable, usual_step
+from mrdamper.data.stream_prepare import Conditioner, Rules, choose_rules, known_temperature
 from mrdamper.data.streaming import Batch
-from mrdamper.data.stretches import HEAD_ROWS, Splitter, moved_by, usable, usual_step
 from mrdamper.errors import InputError
 from mrdamper.excitation import Trajectory
-from mrdamper.models.carried import CarriedRun
 from mrdamper.models.damper import Damper
+from mrdamper.models.streaming import CarriedRun
 from mrdamper.models.temperature import REFERENCE_K
-from mrdamper.quantities import QUANTITIES, FloatArray
+from mrdamper.quantities import QUANTITIES
 
 __all__ = ["MOST_HEADS", "Replay"]
 

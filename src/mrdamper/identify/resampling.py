@@ -12,15 +12,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from mrdamper.arrays import FloatArray
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import ConvergenceError, InputError
-from mrdamper.identify.ledger import Ledger, NoLedger
+from mrdamper.identify.checkpoint import Ledger, NoLedger
 from mrdamper.identify.problem import FitProblem, FitResult
 from mrdamper.identify.variable_projection import Progress, Report, fit_variable_projection
 
 __all__ = ["Bootstrap", "bootstrap"]
 
-FloatArray = NDArray[np.float64]
 
 _SAME_LEVEL_K = 5.0  # runs whose mean temperatures are no further apart are at one level
 

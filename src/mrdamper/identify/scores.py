@@ -13,11 +13,12 @@ from typing import Literal
 
 import numpy as np
 
+from mrdamper.arrays import FloatArray
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import InputError
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import simulate
-from mrdamper.quantities import FloatArray
+from mrdamper.quantities import ZERO_CELSIUS_K
 
 __all__ = ["RunError", "Split", "score_run", "summary"]
 
@@ -84,7 +85,7 @@ def score_run(damper: Damper, prepared: PreparedRun, split: Split = "held_out") 
         command=run.constant_command,
         command_unit=run.command_unit,
         motion=prepared.motion,
-        temperature_degC=None if warm is None else float(np.mean(warm)) - 273.15,
+        temperature_degC=None if warm is None else float(np.mean(warm)) - ZERO_CELSIUS_K,
         energy_measured_J=float(prepared.force[span] @ power),
         energy_model_J=float(force[span] @ power),
         peak_measured_N=float(np.abs(prepared.force[start:]).max()),

@@ -10,17 +10,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrdamper import core
+from mrdamper.arrays import FloatArray
 from mrdamper.identify.problem import PreparedFit, move
 from mrdamper.models.damper import Damper
-from mrdamper.models.levels import Levels
+from mrdamper.models.operating_points import Levels
 from mrdamper.models.simulate import Tangents, operating_point, require_temperature
 
 __all__ = ["GramSums"]
 
-FloatArray = NDArray[np.float64]
 
 _PULL = 1e-6  # of session offsets towards zero, as a share of what the data say
 _MOST = 1 << 21  # sums of single runs that are kept at a time

@@ -17,7 +17,7 @@ import numpy as np
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import InputError
 from mrdamper.identify.problem import Free
-from mrdamper.identify.tempering import FluidFactors, Temperature, assume, temper, temperature_levels
+from mrdamper.identify.temperature import FluidFactors, Temperature, assume, temper, temperature_levels
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant, Exponential, Hill, ParameterLaw, Polynomial
 from mrdamper.models.laws import HysteresisLaw, find_law

@@ -11,16 +11,14 @@ from collections.abc import Mapping, Sequence
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrdamper import core
+from mrdamper.arrays import FloatArray
 from mrdamper.identify.problem import Estimate, FitProblem, Free, PreparedFit
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import LAG, Tangents
 
 __all__ = ["covariances", "estimates_of"]
-
-FloatArray = NDArray[np.float64]
 
 
 def estimates_of(

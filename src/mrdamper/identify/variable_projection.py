@@ -22,11 +22,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mrdamper.arrays import FloatArray
 from mrdamper.errors import ConvergenceError
+from mrdamper.identify.checkpoint import Ledger, NoLedger
 from mrdamper.identify.descent import Box, Descents
-from mrdamper.identify.ledger import Ledger, NoLedger
 from mrdamper.identify.objective import Objective
 from mrdamper.identify.problem import FitProblem, FitResult, Free, PreparedFit, Start, lifted, move, ordered
 from mrdamper.identify.uncertainty import estimates_of
@@ -34,7 +34,6 @@ from mrdamper.models.damper import Damper
 
 __all__ = ["Objective", "Progress", "Report", "fit_variable_projection", "latin_hypercube"]
 
-FloatArray = NDArray[np.float64]
 
 _MOST_ITERATIONS = 150
 _TOGETHER = 8  # starts that are screened side by side

@@ -15,8 +15,8 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from mrdamper import core
+from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
-from mrdamper.quantities import FloatArray
 
 __all__ = ["PLAY_SHARE", "Actuation", "Applied"]
 

@@ -21,12 +21,12 @@ from typing import Any
 
 import numpy as np
 
+from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 from mrdamper.excitation import Trajectory
 from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.dependence import did_you_mean
 from mrdamper.models.dependence_json import dependence_to_json
-from mrdamper.quantities import FloatArray
 
 __all__ = [
     "LAG",

@@ -17,12 +17,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 from mrdamper.excitation import Sine, Trajectory, drive
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import simulate
 from mrdamper.models.temperature import REFERENCE_K
-from mrdamper.quantities import FloatArray
 
 __all__ = [
     "ForceResponse",

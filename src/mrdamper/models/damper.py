@@ -16,11 +16,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.dependence import Constant, ParameterLaw, Tempered, did_you_mean
 from mrdamper.models.laws import HysteresisLaw
-from mrdamper.quantities import FloatArray
+from mrdamper.quantities import ZERO_CELSIUS_K
 
 __all__ = ["CommandUnit", "Damper", "OperatingEnvelope"]
 
@@ -185,7 +186,7 @@ class Damper:
                 if said:
                     where = f"{at[k]:g} {self.command_unit}"
                     if warm is not None and form.tempered:
-                        where += f", {warm[k] - 273.15:.1f} degC"
+                        where += f", {warm[k] - ZERO_CELSIUS_K:.1f} degC"
                     found.append(f"{said[0]} (at {where})")
                     break
         return tuple(found)

@@ -22,9 +22,9 @@ from typing import ClassVar, Protocol, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 from mrdamper.models.temperature import REFERENCE_K, PolynomialFactor, TemperatureFactor
-from mrdamper.quantities import FloatArray
 
 __all__ = [
     "Bipolynomial",

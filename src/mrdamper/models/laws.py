@@ -22,13 +22,11 @@ from types import MappingProxyType
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 
 __all__ = ["COMMON", "LAWS", "Coefficient", "HysteresisLaw", "PythonLaw", "find_law"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,13 +22,13 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from scipy.special import digamma, hyp2f1
 
+from mrdamper.arrays import FloatArray
 from mrdamper.errors import ConvergenceError, InputError
 from mrdamper.excitation import Trajectory
 from mrdamper.files import is_file
 from mrdamper.models.damper import Damper
 from mrdamper.models.laws import LAWS, Coefficient, HysteresisLaw, PythonLaw
 from mrdamper.models.temperature import REFERENCE_K
-from mrdamper.quantities import FloatArray
 
 __all__ = [
     "bouc_wen_closed_form",

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mrdamper import core
+from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 from mrdamper.excitation import Trajectory
 from mrdamper.models.damper import Damper
@@ -32,7 +32,6 @@ __all__ = [
     "simulate",
 ]
 
-FloatArray = NDArray[np.float64]
 
 LAG = "command_lag_s"
 """The name under which a damper's command lag stands among its numbers."""

@@ -18,8 +18,8 @@ from typing import ClassVar, Protocol, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
-from mrdamper.quantities import FloatArray
 
 __all__ = [
     "FACTORS",

@@ -18,10 +18,10 @@ import numpy as np
 from mrdamper.data.records import nearest_names
 from mrdamper.errors import InputError
 from mrdamper.files import read_toml
+from mrdamper.quantities import ROOM_K, ZERO_CELSIUS_K
 
 __all__ = ["PRESETS", "VirtualDamper", "draw_damper", "find_preset"]
 
-_ROOM_K = 293.15
 _SAFE = re.compile(r"[A-Za-z0-9][A-Za-z0-9.-]*")  # what may begin a file's name
 _POSITIVE = (
     "coil_ohm", "coil_henry", "supply_V", "eddy_rise_s", "eddy_fall_s", "fluid_lag_s", "full_current_A",
@@ -119,7 +119,7 @@ class VirtualDamper:
 
     def coil_resistance_ohm(self, temperature_degC: float) -> float:
         """Return the coil's resistance [ohm] at a temperature."""
-        return self.coil_ohm * (1.0 + self.copper_per_K * (temperature_degC + 273.15 - _ROOM_K))
+        return self.coil_ohm * (1.0 + self.copper_per_K * (temperature_degC + ZERO_CELSIUS_K - ROOM_K))
 
     @classmethod
     def from_mapping(cls, given: Mapping[str, Any], place: str = "virtual damper") -> VirtualDamper:

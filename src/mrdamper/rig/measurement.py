@@ -12,17 +12,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mrdamper.arrays import FloatArray
 from mrdamper.data.records import RigRun
 from mrdamper.errors import InputError
 from mrdamper.excitation import CurrentSteps
-from mrdamper.quantities import FloatArray
+from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.rig.campaign import Body, Campaign, PlannedRun
 from mrdamper.rig.plant import STEP_S, Plant, VirtualDamper
 from mrdamper.rig.sensors import Sensors
 
 __all__ = ["Truth", "measure", "measure_run"]
 
-_KELVIN = 273.15
 _BLOCK = 500  # steps of the plant at one temperature, when it heats itself
 
 
@@ -89,7 +89,7 @@ def measure_run(
         force=read.force,
         command=command[::every],
         command_unit="A",
-        temperature=read.temperature_degC + _KELVIN,
+        temperature=read.temperature_degC + ZERO_CELSIUS_K,
         session=f"virtual rig {damper.name}",
         motion=run.label,
         source=f"simulated: virtual damper {damper.name}, seed {seed}",

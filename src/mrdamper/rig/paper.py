@@ -10,9 +10,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from mrdamper.arrays import FloatArray
 from mrdamper.errors import ConvergenceError
 from mrdamper.excitation import Motion, Sine
-from mrdamper.quantities import FloatArray
 from mrdamper.rig.damper import PRESETS, VirtualDamper
 from mrdamper.rig.plant import STEP_S, simulate
 

@@ -25,8 +25,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
-from mrdamper.quantities import FloatArray
+from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.rig import _plant
 from mrdamper.rig.damper import PRESETS, VirtualDamper, find_preset
 
@@ -34,8 +35,6 @@ __all__ = ["PRESETS", "STEP_S", "Plant", "PlantResponse", "VirtualDamper", "find
 
 STEP_S = 1e-4
 """Time step of the plant [s]."""
-
-_KELVIN = 273.15
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,7 +91,7 @@ class Plant:
     def advance(self, displacement: float, velocity: float, current: float, temperature_degC: float) -> float:
         """Move on by one step; return the force [N] at its end, where motion and commanded current hold."""
         try:
-            return self._native.advance(displacement, velocity, current, temperature_degC + _KELVIN)
+            return self._native.advance(displacement, velocity, current, temperature_degC + ZERO_CELSIUS_K)
         except ValueError as error:
             raise InputError(f"plant: {error}") from error
 
@@ -137,7 +136,7 @@ class Plant:
         out = np.empty((3 if whole else 1, x.size))
         rows = (out[0], out[1], out[2]) if whole else (out[0], None, None)
         try:
-            self._native.run(x, v, _held(current), _held(temperature_degC, _KELVIN), *rows)
+            self._native.run(x, v, _held(current), _held(temperature_degC, ZERO_CELSIUS_K), *rows)
         except ValueError as error:
             raise InputError(f"plant: {error}") from error
         return out

@@ -10,8 +10,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
-from mrdamper.quantities import FloatArray
 from mrdamper.rig.plant import STEP_S
 
 __all__ = ["Readings", "Sensors"]

@@ -20,10 +20,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mrdamper.arrays import FloatArray
 from mrdamper.data.records import RigRun
 from mrdamper.errors import InputError
 from mrdamper.excitation import Harmonics, Motion, Sine
-from mrdamper.quantities import FloatArray
 
 __all__ = ["SENSORS", "Campaign", "Sensors", "SpencerDamper", "campaign", "measure", "simulate"]
 

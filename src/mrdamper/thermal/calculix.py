@@ -11,12 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
+from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
-from mrdamper.quantities import FloatArray
-from mrdamper.thermal.correlations import STEFAN_BOLTZMANN
-from mrdamper.thermal.finite_element import FieldModel
+from mrdamper.thermal.films.correlations import STEFAN_BOLTZMANN
+from mrdamper.thermal.model.finite_element import FieldModel
+from mrdamper.thermal.model.section import Role
 from mrdamper.thermal.programs import run_program
-from mrdamper.thermal.section import Role
 
 __all__ = ["run_calculix", "write_calculix"]
 

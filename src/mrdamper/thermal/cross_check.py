@@ -12,14 +12,14 @@ from pathlib import Path
 
 import numpy as np
 
+from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
-from mrdamper.quantities import FloatArray
 from mrdamper.thermal.calculix import run_calculix, write_calculix
-from mrdamper.thermal.finite_element import FieldModel, discretise
 from mrdamper.thermal.freefem import run_freefem, write_freefem
 from mrdamper.thermal.gmsh_mesh import mesh_with_gmsh
-from mrdamper.thermal.heat_equation import FieldHeating, HeatEquation, heat_through, one_step_backward
-from mrdamper.thermal.stepping import Load
+from mrdamper.thermal.model.finite_element import FieldModel, discretise
+from mrdamper.thermal.model.heat_equation import FieldHeating, HeatEquation, heat_through, one_step_backward
+from mrdamper.thermal.model.stepping import Load
 
 __all__ = ["Comparison", "backward_euler", "check_calculix", "check_freefem", "check_gmsh"]
 

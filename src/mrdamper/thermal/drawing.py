@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import Literal
 
 from mrdamper.errors import InputError
-from mrdamper.models.fluid import Fluid, find_fluid
+from mrdamper.models.fluids.fluid import Fluid, find_fluid
+from mrdamper.quantities import to_degC
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.materials import COPPER_PER_K, MATERIALS, Material
 
@@ -328,7 +329,7 @@ def _check_surroundings(drawing: DamperDrawing) -> None:
     around, place = drawing.surroundings, f"{drawing.name}: surroundings"
     if not 223.15 <= around.ambient <= 373.15:
         raise InputError(
-            f"{place}.ambient_degC is {around.ambient - 273.15:g}; expected -50 to 100 (air around a damper, "
+            f"{place}.ambient_degC is {to_degC(around.ambient):g}; expected -50 to 100 (air around a damper, "
             "in degrees Celsius)"
         )
     if not 0.0 <= around.air_speed <= 50.0:

@@ -16,6 +16,7 @@ from typing import Any, Literal, cast, get_args
 from mrdamper.errors import InputError
 from mrdamper.files import parse_toml, read_text
 from mrdamper.models.dependence import did_you_mean
+from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.thermal.drawing import (
     Body,
     Calibration,
@@ -204,7 +205,7 @@ def _value(given: object, kind: Kind, where: str) -> Any:  # noqa: ANN401  # wha
     if kind == "mm":
         return float(cast("float", given)) / 1e3
     if kind == "degC":
-        return float(cast("float", given)) + 273.15
+        return float(cast("float", given)) + ZERO_CELSIUS_K
     return float(cast("float", given)) if kind == "number" else given
 
 

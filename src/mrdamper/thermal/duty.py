@@ -17,13 +17,14 @@ from pathlib import Path
 
 import numpy as np
 
+from mrdamper.arrays import FloatArray
 from mrdamper.data.channels import parse_header
 from mrdamper.data.signals import differentiate
 from mrdamper.data.tables import Table, read_table
 from mrdamper.errors import InputError
 from mrdamper.excitation import Motion, Sine, Trajectory, drive, motion_from_text
 from mrdamper.files import is_file
-from mrdamper.quantities import FloatArray, to_si
+from mrdamper.quantities import to_si
 
 __all__ = ["DEFAULT_DUTY", "Duty", "Stretch", "read_duty"]
 

@@ -13,13 +13,13 @@ from pathlib import Path
 
 import numpy as np
 
-from mrdamper.quantities import FloatArray
-from mrdamper.thermal.correlations import STEFAN_BOLTZMANN
-from mrdamper.thermal.finite_element import FieldModel
+from mrdamper.arrays import FloatArray
+from mrdamper.thermal.films.correlations import STEFAN_BOLTZMANN
 from mrdamper.thermal.materials import COPPER_PER_K
-from mrdamper.thermal.mesh import SectionMesh
+from mrdamper.thermal.model.finite_element import FieldModel
+from mrdamper.thermal.model.mesh import SectionMesh
+from mrdamper.thermal.model.stepping import Load
 from mrdamper.thermal.programs import run_program
-from mrdamper.thermal.stepping import Load
 
 __all__ = ["FreefemCourse", "run_freefem", "write_freefem"]
 

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from mrdamper.errors import InputError
-from mrdamper.thermal.mesh import SectionMesh
+from mrdamper.thermal.model.mesh import SectionMesh
+from mrdamper.thermal.model.section import Section
 from mrdamper.thermal.programs import run_program
-from mrdamper.thermal.section import Section
 
 __all__ = ["mesh_with_gmsh", "read_gmsh", "write_geometry"]
 

@@ -13,9 +13,9 @@ from typing import Literal, get_args
 
 import numpy as np
 
+from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
-from mrdamper.quantities import FloatArray
-from mrdamper.thermal.correlations import groove_emissivity
+from mrdamper.thermal.films.correlations import groove_emissivity
 from mrdamper.thermal.materials import MATERIALS, Material
 
 __all__ = ["FinLaw", "HeatSink"]

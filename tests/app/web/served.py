@@ -218,7 +218,7 @@ def python_processes_of(folder: Path) -> list[int]:
                 words = (each / "cmdline").read_bytes().split(b"\0")
             except OSError:
                 continue
-            if str(folder).encode() in words and any(b"mrdamper.app.web." in word for word in words):
+            if str(folder).encode() in words and any(b"mrdamper.web." in word for word in words):
                 found.append(int(each.name))
     return [pid for pid in found if is_alive(pid)]
 

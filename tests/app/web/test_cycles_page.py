@@ -12,7 +12,7 @@ import polars as pl
 import pytest
 from playwright.sync_api import expect
 
-from mrdamper.app.cycles_job import cycles as count_cycles
+from mrdamper.jobs.cycles import cycles as count_cycles
 from tests.app.web.browser import opened, shoot
 from tests.app.web.served import served
 from tests.app.web.walking import download, plot, saved_table

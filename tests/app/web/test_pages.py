@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import expect
 
-from mrdamper.models.card_reading import read_card
+from mrdamper.models.card_schema import read_card
 from tests.app.web.browser import SCREENS, contrast, opened, palettes, shoot
 from tests.app.web.served import series_of
 from tests.app.web.walking import (

@@ -13,14 +13,14 @@ import click
 import pytest
 from playwright.sync_api import Route, expect
 
-from mrdamper.app.cli import cli
-from mrdamper.app.look_job import glance
-from mrdamper.app.public_data_job import MAPS
-from mrdamper.app.sweep.plan import KINDS as PLANS
-from mrdamper.app.sweep.plan import read_plan
-from mrdamper.app.web.orders import KINDS
-from mrdamper.app.web.words import FIELDS
+from mrdamper.cli import cli
 from mrdamper.data.catalog import list_sets
+from mrdamper.jobs.datasets import MAPS
+from mrdamper.jobs.preview import glance
+from mrdamper.jobs.sweep.plan import KINDS as PLANS
+from mrdamper.jobs.sweep.plan import read_plan
+from mrdamper.web.schemas import KINDS
+from mrdamper.web.words import FIELDS
 from tests.app.web.browser import opened
 from tests.app.web.served import served
 from tests.app.web.walking import STATIC

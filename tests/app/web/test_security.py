@@ -21,10 +21,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mrdamper.app.web.folder import NotThereError, WorkFolder
-from mrdamper.app.web.security import Door
-from mrdamper.app.web.server import build
 from mrdamper.errors import InputError
+from mrdamper.web.security import Door
+from mrdamper.web.server import build
+from mrdamper.web.workspace import NotThereError, WorkFolder
 from tests.app.heated import plain_card
 from tests.app.web.served import Answer, call, living, patiently, served
 
@@ -205,7 +205,7 @@ def test_every_answer_keeps_a_browser_strict(folder):
     ],
 )
 def test_errors_leave_with_the_same_strict_headers(folder, monkeypatch, status, method, path, options):
-    from mrdamper.app.web.index import RunIndex
+    from mrdamper.web.run_index import RunIndex
 
     def broken(_self: RunIndex) -> None:
         raise RuntimeError(SECRET)
@@ -572,7 +572,7 @@ def test_what_is_no_card_is_not_stored(folder, body):
 
 
 def test_a_fault_of_ours_tells_nothing_of_the_inside(folder, monkeypatch, capsys):
-    from mrdamper.app.web.index import RunIndex
+    from mrdamper.web.run_index import RunIndex
 
     def broken(_self: RunIndex) -> None:
         raise RuntimeError(SECRET)

@@ -20,25 +20,25 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mrdamper.app import choices_job
-from mrdamper.app.api import METHODS
-from mrdamper.app.export_job import ExportOptions
-from mrdamper.app.jobs import FitOptions
-from mrdamper.app.look_job import channels_toml
-from mrdamper.app.series_job import keep_runs, keep_window, read_series
-from mrdamper.app.sink_job import SinkOptions
-from mrdamper.app.track_job import TrackOptions
-from mrdamper.app.web.desk import Desk, NotYetError, Patience
-from mrdamper.app.web.folder import WorkFolder
-from mrdamper.app.web.orders import KINDS
 from mrdamper.data.channels import ChannelMap
 from mrdamper.data.prepare import prepare_run
 from mrdamper.data.readers import read_run
 from mrdamper.errors import InputError
 from mrdamper.files import parse_toml
 from mrdamper.identify.assess import Kind
-from mrdamper.identify.tempering import TEMPERATURES
+from mrdamper.identify.fit import METHODS
+from mrdamper.identify.temperature import TEMPERATURES
+from mrdamper.jobs import choices as choices_job
+from mrdamper.jobs.export import ExportOptions
+from mrdamper.jobs.identify import FitOptions
+from mrdamper.jobs.preview import channels_toml
+from mrdamper.jobs.series import keep_runs, keep_window, read_series
+from mrdamper.jobs.sink import SinkOptions
+from mrdamper.jobs.track import TrackOptions
 from mrdamper.thermal.duty import DEFAULT_DUTY
+from mrdamper.web.schemas import KINDS
+from mrdamper.web.worker_client import Desk, NotYetError, Patience
+from mrdamper.web.workspace import WorkFolder
 from tests.app.heated import DRAWING, plain_card
 from tests.app.rigs import answer_of, command, mrdamper, short_runs, write_csv, write_runs
 from tests.app.tracked import write_a_card
@@ -130,7 +130,7 @@ def test_an_order_takes_every_option_of_its_job_with_the_same_default(kind, opti
 def test_the_server_loads_neither_a_table_reader_nor_scipy():
     """An idle server is small: whatever is heavy is in other processes."""
     code = (
-        "import sys, tempfile, pathlib; from mrdamper.app.web.server import build;"
+        "import sys, tempfile, pathlib; from mrdamper.web.server import build;"
         "build(pathlib.Path(tempfile.mkdtemp()));"
         "print([m for m in ('scipy', 'polars', 'matplotlib', 'pint') if m in sys.modules])"
     )
@@ -521,8 +521,8 @@ def test_the_virtual_rig_fills_an_empty_folder(clean):
 
 
 def test_the_short_campaign_is_one():
-    from mrdamper.app.web.work import _SHORT
     from mrdamper.rig.campaign import Campaign
+    from mrdamper.web.adapters import _SHORT
 
     campaign = Campaign.from_mapping(parse_toml(_SHORT))
     assert len(campaign.runs()) == 27

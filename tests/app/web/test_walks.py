@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 from playwright.sync_api import expect
 
-from mrdamper.app.sink_job import SinkOptions, sink
-from mrdamper.models.card_reading import read_card
+from mrdamper.jobs.sink import SinkOptions, sink
+from mrdamper.models.card_schema import read_card
 from tests.app.heated import DRAWING
 from tests.app.rigs import short_runs, write_runs
 from tests.app.tracked import a_damper, write_a_card

@@ -11,11 +11,11 @@ from collections.abc import Iterator
 import numpy as np
 from scipy import fft
 
+from mrdamper.arrays import FloatArray
 from mrdamper.data.cycles import cycles, drift, estimate_lag
 from mrdamper.data.diagnosis.finding import Finding, percent
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.data.records import Recording, RigRun
-from mrdamper.quantities import FloatArray
 
 __all__ = [
     "find_drift",

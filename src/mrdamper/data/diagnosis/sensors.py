@@ -6,10 +6,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from mrdamper.arrays import FloatArray
 from mrdamper.data.diagnosis.finding import Finding, percent
 from mrdamper.data.diagnosis.timing import channels_of
 from mrdamper.data.records import Recording
-from mrdamper.quantities import QUANTITIES, FloatArray
+from mrdamper.quantities import QUANTITIES
 
 __all__ = [
     "find_clipping",

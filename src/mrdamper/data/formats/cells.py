@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mrdamper.data.formats.stamps import Stamps
+from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.table import Texts
-from mrdamper.quantities import FloatArray
+from mrdamper.data.formats.timestamps import Stamps
 
 if TYPE_CHECKING:
     import polars as pl

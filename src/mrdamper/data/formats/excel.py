@@ -18,9 +18,9 @@ from typing import Any
 
 import numpy as np
 
-from mrdamper.data.formats.stamps import Stamps
 from mrdamper.data.formats.table import FileOptions, Layout, Table, Texts, decoding, load_extra
 from mrdamper.data.formats.text import find_data, find_header
+from mrdamper.data.formats.timestamps import Stamps
 from mrdamper.errors import InputError
 
 __all__ = ["is_workbook", "read_workbook"]

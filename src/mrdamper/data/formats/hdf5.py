@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.signals import MOST_ELEMENTS, Signal, find_signal, unit_of_field
 from mrdamper.data.formats.table import (
     MOST_COLUMNS,
@@ -29,7 +30,6 @@ from mrdamper.data.formats.table import (
     plain_names,
     require_room,
 )
-from mrdamper.quantities import FloatArray
 
 __all__ = ["is_hdf5", "read_hdf5"]
 

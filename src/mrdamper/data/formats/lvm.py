@@ -16,11 +16,12 @@ from pathlib import Path
 
 import numpy as np
 
+from mrdamper.arrays import FloatArray
 from mrdamper.data.channels import unit_in_brackets
 from mrdamper.data.formats.table import FileOptions, Layout, Table, Texts, parts_of
 from mrdamper.data.formats.text import Head, parse_rows, read_head, split_line
 from mrdamper.errors import InputError
-from mrdamper.quantities import FloatArray, is_unit
+from mrdamper.quantities import is_unit
 
 __all__ = ["is_lvm", "read_lvm"]
 

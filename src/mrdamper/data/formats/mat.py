@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.signals import MOST_ELEMENTS, find_signal, unit_of_field
 from mrdamper.data.formats.table import (
     MOST_COLUMNS,
@@ -29,7 +30,6 @@ from mrdamper.data.formats.table import (
     require_room,
 )
 from mrdamper.errors import InputError
-from mrdamper.quantities import FloatArray
 
 __all__ = ["is_mat", "read_mat"]
 

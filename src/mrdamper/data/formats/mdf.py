@@ -19,6 +19,7 @@ from weakref import finalize
 
 import numpy as np
 
+from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.table import (
     FileOptions,
     Layout,
@@ -32,7 +33,6 @@ from mrdamper.data.formats.table import (
     require_room,
 )
 from mrdamper.errors import InputError
-from mrdamper.quantities import FloatArray
 
 __all__ = ["is_mdf", "read_mdf"]
 

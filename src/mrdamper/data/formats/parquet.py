@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
+from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.table import (
     FileOptions,
     Layout,
@@ -16,7 +17,6 @@ from mrdamper.data.formats.table import (
     decoding,
     require_room,
 )
-from mrdamper.quantities import FloatArray
 
 __all__ = ["is_parquet", "read_parquet"]
 

@@ -20,8 +20,8 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError, MissingExtraError
-from mrdamper.quantities import FloatArray
 
 __all__ = [
     "MOST_SAMPLES",

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.table import (
     FileOptions,
     Layout,
@@ -21,7 +22,6 @@ from mrdamper.data.formats.table import (
     plain_names,
     require_room,
 )
-from mrdamper.quantities import FloatArray
 
 __all__ = ["is_tdms", "read_tdms"]
 

@@ -14,11 +14,12 @@ from pathlib import Path
 
 import numpy as np
 
+from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.cells import Cells, FewCells, ManyCells
-from mrdamper.data.formats.stamps import Stamps
 from mrdamper.data.formats.table import FileOptions, Layout, Rows, Table, Texts
+from mrdamper.data.formats.timestamps import Stamps
 from mrdamper.errors import InputError
-from mrdamper.quantities import FloatArray, is_unit
+from mrdamper.quantities import is_unit
 
 __all__ = [
     "Head",

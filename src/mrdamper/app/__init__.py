@@ -1,1 +1,0 @@
-"""The jobs end to end, their reports, and the command line."""

@@ -1,0 +1,22 @@
+"""Types of arrays, and what makes an array a value: one that nobody can write to."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["BoolArray", "FloatArray", "read_only"]
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+
+def read_only(values: ArrayLike) -> FloatArray:
+    """Return the values as a read-only, C-contiguous float64 array that nobody else can write to."""
+    given = values if isinstance(values, np.ndarray) else None
+    safe = given is not None and given.base is None and not given.flags.writeable
+    if given is not None and safe and given.dtype == np.float64 and given.flags.c_contiguous:
+        return given
+    array = np.array(values, dtype=np.float64, order="C")
+    array.setflags(write=False)
+    return array

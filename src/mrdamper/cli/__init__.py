@@ -1,0 +1,826 @@
+"""The command line: options in, one job called, its answer printed.
+
+Only click is imported here; a job's libraries are loaded when it starts, so that help answers at once.
+With ``--json`` standard output holds one JSON object and nothing else. Exit codes: 0 done, 1 internal fault,
+2 usage, 3 bad data or units, 4 did not converge (or interrupted), 5 a check failed.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, NoReturn, TypeVar
+
+import click
+
+from mrdamper.errors import MissingExtraError, MrdamperError
+from mrdamper.runtime.signals import Interrupted, heed_interrupts, interrupts_end_at_once
+
+__all__ = ["cli", "main"]
+
+Answer = dict[str, Any]
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+_INTERNAL, _UNREADABLE, _NOT_CONVERGED, _FAILED = 1, 3, 4, 5
+_INTERRUPTED = "interrupted before there was a result; nothing was written"
+_BEST_SO_FAR = "what was written is the best so far, marked as cancelled"
+_LAWS = "series-valve, double-bouc-wen, bouc-wen, bouc-wen-saturating, spencer, lugre, dahl, bingham, tanh"
+
+
+def main() -> NoReturn:
+    """Run the command line; whatever goes wrong ends in one message and an exit code."""
+    try:
+        heed_interrupts()
+        answer = cli(standalone_mode=False)
+        sys.stdout.flush()
+    except click.ClickException as fault:
+        fault.show()
+        sys.exit(fault.exit_code)
+    except (click.exceptions.Abort, KeyboardInterrupt, Interrupted) as end:
+        kept = getattr(end.__cause__ or end, "__notes__", ())
+        _leave("; ".join((_INTERRUPTED, *kept)), _NOT_CONVERGED)
+    except MrdamperError as fault:
+        _leave(str(fault), fault.exit_code)
+    except BrokenPipeError:  # the reader of our output has left
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(0)
+    except Exception as fault:  # the outermost door: nothing behind it
+        if isinstance(fault, OSError):
+            _leave_for_room(fault)
+        if os.environ.get("MRDAMPER_DEBUG") == "1":
+            raise
+        said = f"{type(fault).__name__}: {fault}"
+        _leave(
+            f"internal fault: {said}\nThis is a fault of mrdamper; MRDAMPER_DEBUG=1 shows where", _INTERNAL
+        )
+    interrupts_end_at_once()
+    sys.exit(answer if isinstance(answer, int) else 0)
+
+
+def _leave_for_room(fault: OSError) -> None:
+    """Leave when there is no room for what was to be written; return when it is another fault."""
+    from mrdamper.runtime.outputs import no_room
+
+    why = no_room(fault)
+    if not why:
+        return
+    where = fault.filename
+    if where is None:
+        where = "standard output, or a temporary file"
+        with suppress(OSError):  # else it fails once more when Python ends
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    _leave(f"{where}: {why}; make room there, or write elsewhere", _UNREADABLE)
+
+
+def _tell(message: str) -> None:
+    click.echo(f"mrdamper: {message}", err=True)
+
+
+def _leave(message: str, code: int) -> NoReturn:
+    interrupts_end_at_once()
+    click.echo(f"mrdamper: {message}", err=True)
+    sys.exit(code)
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.version_option(package_name="mrdamper")
+def cli() -> None:
+    """From a magnetorheological damper's rig files to a model card with honest errors."""
+
+
+_paths = click.argument("paths", nargs=-1, required=True, metavar="PATH...")
+_channels = click.option(
+    "--channels",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Channel map (TOML) for headers that do not speak.",
+)
+_flip = click.option(
+    "--flip-force", is_flag=True, help="Turn the sign of the force (compression-positive load cells)."
+)
+_json = click.option(
+    "--json", "as_json", is_flag=True, help="Print one JSON object on standard output, nothing else."
+)
+_seed = click.option("--seed", type=int, default=0, show_default=True, help="Of every random draw.")
+_resume = click.option(
+    "--resume",
+    is_flag=True,
+    help="Go on with what a run of this same command had finished when it ended; it is in OUT.progress.",
+)
+_damper = click.option(
+    "--damper",
+    type=click.Path(path_type=Path),
+    required=True,
+    metavar="FILE|paper",
+    help="The drawing of the damper (TOML), or the paper's.",
+)
+_duty = click.option(
+    "--duty",
+    default="sine:15mm:1Hz:2A:1800s",
+    show_default=True,
+    metavar="DUTY",
+    help="MOTION:COMMAND:DURATION, or a CSV of time, motion and command.",
+)
+
+
+@cli.command()
+@_paths
+@_channels
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="For check.html, check.json, findings.csv.",
+)
+@_json
+def check(paths: tuple[str, ...], *, channels: Path | None, out: Path | None, as_json: bool) -> int:
+    """Tell what is wrong with runs before they are fitted, and how their files were understood.
+
+    PATH: files, folders or patterns of runs. Exit code 5 when a run has a fault.
+    """
+    from mrdamper.cli.check_view import show_check
+    from mrdamper.jobs.check import check as job
+
+    answer = job(paths, channels=channels, out=out)
+    code = _finish(answer, show_check, as_json=as_json)
+    for each in answer["unreadable"]:
+        click.echo(f"mrdamper: {each['error']}", err=True)
+    if answer["unreadable"]:
+        return _UNREADABLE
+    return code if answer["usable"] else _FAILED
+
+
+@cli.command()
+@_paths
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    required=True,
+    metavar="DIR",
+    help="For card.json, report.html, errors.csv.",
+)
+@click.option(
+    "--law",
+    metavar="LAW",
+    help=f"{_LAWS}; auto; or file.py:Class.  [default: series-valve; double-bouc-wen for tempered runs]",
+)
+@click.option(
+    "--method",
+    type=click.Choice(["varpro", "genetic", "cma"]),
+    default="varpro",
+    show_default=True,
+    help="How to search.",
+)
+@click.option(
+    "--hold-out",
+    multiple=True,
+    metavar="GLOB",
+    help="Runs that the fit must not see (by name; may be repeated).",
+)
+@_channels
+@_seed
+@click.option(
+    "--starts",
+    type=click.IntRange(min=1),
+    default=3,
+    show_default=True,
+    help="Starts of the search (varpro); each draws many points.",
+)
+@click.option(
+    "--leave-out",
+    type=click.Choice(["run", "current", "motion", "temperature"]),
+    multiple=True,
+    help="Fit again without each run, current, motion or temperature in turn.",
+)
+@click.option(
+    "--profile", "profiled", is_flag=True, help="Follow the least known combination along its profile."
+)
+@click.option(
+    "--bootstrap",
+    "draws",
+    type=click.IntRange(min=0),
+    default=0,
+    metavar="DRAWS",
+    help="Fit again to runs drawn with replacement, so many times.",
+)
+@click.option("--session-offsets", is_flag=True, help="Let each session have its own constant force.")
+@click.option(
+    "--one-command", is_flag=True, help="Accept runs at a single command; the model holds for it alone."
+)
+@click.option(
+    "--term",
+    "terms",
+    type=click.Choice(["friction", "mass", "viscosity", "thinning", "none"]),
+    multiple=True,
+    help="Add a parallel term to the law (may be repeated).  [default: friction, thinning for tempered runs]",
+)
+@click.option(
+    "--temperature",
+    type=click.Choice(["auto", "none", "arrhenius", "reynolds", "vft", "paper"]),
+    default="auto",
+    show_default=True,
+    help="How coefficients follow temperature (auto: arrhenius where the runs have one; none: not at all).",
+)
+@click.option(
+    "--fluid",
+    metavar="PRESET|FILE",
+    help="Take temperature laws from a fluid (paper, lord-mrf-132dg, a file), marked as assumed.",
+)
+@click.option(
+    "--coil-resistance",
+    "coil_resistance_ohm",
+    type=click.FloatRange(min=0.0, min_open=True),
+    metavar="OHM",
+    help="Of the coil at 20 degC, for the card.",
+)
+@_flip
+@_resume
+@_json
+def identify(
+    paths: tuple[str, ...],
+    out: Path,
+    *,
+    resume: bool,
+    channels: Path | None,
+    flip_force: bool,
+    as_json: bool,
+    **options: Any,  # noqa: ANN401 - click checks them, FitOptions names them
+) -> int:
+    """Fit one hysteresis law to measured runs over all currents and temperatures at once.
+
+    PATH: files, folders or patterns of runs.
+    """
+    from mrdamper.cli import terminal
+    from mrdamper.jobs.identify import FitOptions
+    from mrdamper.jobs.identify import identify as job
+
+    terms = options.pop("terms")
+    options["terms"] = tuple(t for t in terms if t != "none") if terms else None
+
+    with terminal.progress() as report:
+        answer = job(
+            paths,
+            out,
+            FitOptions(**options),
+            channels=channels,
+            flip_force=flip_force,
+            resume=resume,
+            tell=_tell,
+            report=report,
+        )
+    cut_short = f"{_BEST_SO_FAR}; the same command with --resume goes on"
+    return _finish(answer, terminal.show_identification, as_json=as_json, cut_short=cut_short)
+
+
+@cli.command()
+@click.argument("card", type=click.Path(path_type=Path))
+@_paths
+@_channels
+@click.option(
+    "--law", metavar="FILE.py:CLASS", help="The user's own law, for a card that was identified with one."
+)
+@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write errors.csv there.")
+@_flip
+@_json
+def predict(card: Path, paths: tuple[str, ...], *, as_json: bool, **options: Any) -> int:  # noqa: ANN401 - click checks them
+    """Score a model card on runs that it has not seen."""
+    from mrdamper.cli import terminal
+    from mrdamper.jobs.predict import predict as job
+
+    return _finish(job(card, paths, **options), terminal.show_prediction, as_json=as_json)
+
+
+@cli.command()
+@click.argument("first", type=click.Path(path_type=Path), metavar="CARD")
+@click.argument("second", type=click.Path(path_type=Path), metavar="CARD")
+@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="For compare.html, compare.json.")
+@click.option(
+    "--law", metavar="FILE.py:CLASS", help="The user's own law, for cards that were identified with one."
+)
+@_json
+def compare(first: Path, second: Path, *, as_json: bool, **options: Any) -> int:  # noqa: ANN401 - click checks them
+    """Compare two dampers, or one before and after: forces, energy, response, numbers.
+
+    Differences are second minus first, inside what both were identified on.
+    """
+    from mrdamper.cli import terminal
+    from mrdamper.jobs.compare import compare as job
+
+    return _finish(job(first, second, **options), terminal.show_comparison, as_json=as_json)
+
+
+@cli.command()
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("build/demo"),
+    show_default=True,
+    metavar="DIR",
+    help="Where to.",
+)
+@click.option("--quick", is_flag=True, help="Fewer and shorter runs.")
+@_seed
+@_json
+def demo(*, as_json: bool, **options: Any) -> int:  # noqa: ANN401 - click checks them
+    """Run every job on the virtual rig and compare with the paper (no measured data needed)."""
+    from mrdamper.cli import terminal
+    from mrdamper.paper.demo import demo as job
+
+    with terminal.counter("step") as report:
+        answer = job(report=report, **options)
+    return _finish(answer, terminal.show_demo, as_json=as_json)
+
+
+@cli.command()
+@click.argument("card", type=click.Path(path_type=Path))
+@click.option(
+    "--law", metavar="FILE.py:CLASS", help="The user's own law, for a card that was identified with one."
+)
+@_json
+def cite(card: Path, *, law: str | None, as_json: bool) -> int:
+    """Tell what to cite for a card: law, method, data and program, as text and BibTeX."""
+    from mrdamper.cli import terminal
+    from mrdamper.jobs.cite import cite as job
+
+    return _finish(job(card, law=law), terminal.show_citations, as_json=as_json)
+
+
+@cli.group()
+def data() -> None:
+    """Public data sets: what there is, and fetching it."""
+
+
+@data.command("list")
+@_json
+def list_data(*, as_json: bool) -> int:
+    """List the public data sets."""
+    from mrdamper.cli import terminal
+    from mrdamper.jobs.identify import data_list
+
+    return _finish({"datasets": data_list()}, terminal.show_datasets, as_json=as_json)
+
+
+@data.command()
+@click.argument("name")
+@_json
+def fetch(name: str, *, as_json: bool) -> int:
+    """Fetch a public data set and print where its files lie."""
+    from mrdamper.cli import terminal
+    from mrdamper.jobs.identify import data_fetch
+
+    return _finish(data_fetch(name), terminal.show_files, as_json=as_json)
+
+
+@cli.command("rig")
+@click.option(
+    "--preset",
+    type=click.Choice(["nominal", "hard", "stiff", "vehicle", "paper"]),
+    help="Whose parameters the virtual damper has.  [default: nominal]",
+)
+@click.option(
+    "--damper",
+    "damper_file",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Own parameters (TOML: preset, and what differs from it).",
+)
+@click.option(
+    "--campaign",
+    "campaign_file",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Motions, currents, temperatures, sensors (TOML).",
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    required=True,
+    metavar="DIR",
+    help="For the runs (CSV); the truth goes to DIR.truth beside it.",
+)
+@_seed
+@_json
+def run_rig(out: Path, *, preset: str | None, as_json: bool, **options: Any) -> int:  # noqa: ANN401 - click checks them
+    """Run a campaign of tests on the virtual rig: a damper whose physics is none of the laws."""
+    if preset is not None and options["damper_file"] is not None:
+        raise click.UsageError(
+            "--preset and --damper exclude each other; name the preset in the damper's file"
+        )
+    from mrdamper.cli import terminal
+    from mrdamper.jobs.rig import rig as job
+
+    with terminal.counter() as report:
+        answer = job(out, preset=preset or "nominal", report=report, **options)
+    return _finish(answer, terminal.show_rig, as_json=as_json)
+
+
+@cli.command()
+@click.argument("tables", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="TABLE.csv...")
+@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="For fluid.toml and fluid.svg.")
+@click.option(
+    "--like",
+    default="paper",
+    show_default=True,
+    metavar="PRESET|FILE",
+    help="Fluid that gives what the tables do not hold: paper, lord-mrf-132dg, or a fluid.toml.",
+)
+@click.option(
+    "--particle-fraction",
+    type=float,
+    metavar="SHARE",
+    help="Volume share of iron, which leads from mT to kA/m.  [default: that of --like]",
+)
+@_json
+def fluid(tables: tuple[Path, ...], *, as_json: bool, **options: Any) -> int:  # noqa: ANN401 - click checks them
+    """Fit viscosity and yield-stress laws to rheometer tables.
+
+    TABLE.csv: temperature_degC and viscosity_mPas, or field_mT (field_kA_m), temperature_degC and
+    yield_stress_kPa.
+    """
+    from mrdamper.cli import terminal
+    from mrdamper.jobs.fluid import fluid as job
+
+    return _finish(job(tables, **options), terminal.show_fluid, as_json=as_json)
+
+
+@cli.command()
+@click.argument("card", type=click.Path(path_type=Path))
+@_damper
+@_duty
+@click.option(
+    "--sink",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="A heat sink (TOML table [sink]) in place of the drawing's.",
+)
+@click.option(
+    "--out", type=click.Path(path_type=Path), metavar="DIR", help="For heat.html, heat.json, heat.csv."
+)
+@click.option(
+    "--calibrate",
+    type=click.Path(path_type=Path),
+    metavar="CURVE.csv",
+    help="A curve measured under this duty (time_s and fluid_degC, body_degC or coil_degC): it corrects the "
+    "drawing and narrows the interval.",
+)
+@click.option("--past-limit", is_flag=True, help="Go on beyond the fluid's limit instead of ending there.")
+@click.option(
+    "--model",
+    type=click.Choice(["zones", "lumped"]),
+    default="zones",
+    show_default=True,
+    help="Three axial zones, or the paper's one node.",
+)
+@click.option(
+    "--start-degC", "start_degC", type=float, help="Of everything at the start.  [default: ambient]"
+)
+@_json
+def heat(
+    card: Path,
+    damper: Path,
+    *,
+    duty: str,
+    sink: Path | None,
+    calibrate: Path | None,
+    out: Path | None,
+    as_json: bool,
+    **options: Any,  # noqa: ANN401 - click checks them, HeatOptions names them
+) -> int:
+    """Tell how hot a damper gets under a duty, how soon, and where the heat goes."""
+    from mrdamper.cli import terminal
+    from mrdamper.jobs.heat import HeatOptions
+    from mrdamper.jobs.heat import heat as job
+
+    chosen = HeatOptions(**options)
+    answer = job(card, damper, duty=duty, sink=sink, calibrate=calibrate, options=chosen, out=out)
+    return _finish(answer, terminal.show_heat, as_json=as_json)
+
+
+@cli.command()
+@click.argument("card", type=click.Path(path_type=Path))
+@_damper
+@_duty
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="For sink.html, sink.json, front.csv, best.toml.",
+)
+@click.option(
+    "--span-mm", type=float, help="Length of the body to stand on.  [default: the drawing's sink's]"
+)
+@click.option("--width-mm", type=float, help="Greatest width of a fin.  [default: the drawing's sink's]")
+@click.option("--mass-g", type=float, help="Greatest mass of all fins.  [default: the drawing's sink's]")
+@click.option(
+    "--least-thickness-mm", type=float, default=1.0, show_default=True, help="Of a fin that can be made."
+)
+@click.option("--least-gap-mm", type=float, default=3.0, show_default=True, help="Between two fins.")
+@click.option(
+    "--material",
+    "materials",
+    multiple=True,
+    metavar="NAME",
+    help="aluminium-alloy, copper, steel, stainless-steel (may be repeated).",
+)
+@click.option(
+    "--emissivity",
+    "emissivities",
+    type=float,
+    multiple=True,
+    metavar="SHARE",
+    help="Of the finish: 0.1 bare, 0.85 anodised (may be repeated).",
+)
+@click.option("--correlation", type=click.Choice(["channel", "vdi", "disc"]), help="The fins' law.")
+@click.option("--film-multiplier", type=float, metavar="NUMBER", help="On the fins' law.")
+@click.option(
+    "--method",
+    type=click.Choice(["grid", "nsga2"]),
+    default="grid",
+    show_default=True,
+    help="Every sink of a grid, or NSGA-II.",
+)
+@click.option(
+    "--front",
+    "members",
+    type=click.IntRange(min=2),
+    default=12,
+    show_default=True,
+    metavar="NUMBER",
+    help="Members of the front that are shown and judged by finite elements.",
+)
+@click.option("--network-only", is_flag=True, help="Do not judge by finite elements.")
+@_seed
+@_resume
+@_json
+def sink(
+    card: Path,
+    damper: Path,
+    *,
+    duty: str,
+    out: Path | None,
+    resume: bool,
+    network_only: bool,
+    as_json: bool,
+    **options: Any,  # noqa: ANN401 - click checks them, SinkOptions names them
+) -> int:
+    """Search annular-fin heat sinks: the coolest damper for the least mass, inside limits."""
+    from mrdamper.cli import terminal
+    from mrdamper.jobs.sink import SinkOptions
+    from mrdamper.jobs.sink import sink as job
+
+    chosen = SinkOptions(by_field=not network_only, **options)
+    ctrl_c = "leaves nothing" if out is None else "keeps what is finished for --resume"
+    with terminal.counter(ctrl_c=ctrl_c) as report:
+        answer = job(
+            card, damper, duty=duty, options=chosen, out=out, resume=resume, tell=_tell, report=report
+        )
+    return _finish(answer, terminal.show_sink, as_json=as_json)
+
+
+@cli.command()
+@click.argument("card", type=click.Path(path_type=Path))
+@click.option(
+    "--plant",
+    default="nominal",
+    show_default=True,
+    metavar="PRESET|FILE|CARD",
+    help="The damper that is tracked: nominal, hard, stiff, ..., a virtual damper (TOML), or a card (JSON).",
+)
+@click.option(
+    "--target",
+    "targets",
+    multiple=True,
+    metavar="NAME|FILE",
+    help="sine-900N-1Hz, sine-1100N-2Hz, non-periodic, or a scenario (may be repeated).  [default: all]",
+)
+@click.option(
+    "--temperature",
+    "temperatures_degC",
+    type=float,
+    multiple=True,
+    metavar="DEGC",
+    help="Of fluid and coil (may be repeated).  [default: 20, 60, 100, 123]",
+)
+@click.option(
+    "--controller",
+    "controllers",
+    multiple=True,
+    metavar="NAME",
+    help="recommended, paper, ... (may be repeated).  [default: all]",
+)
+@click.option(
+    "--rate",
+    "rate_Hz",
+    type=float,
+    default=1000.0,
+    show_default=True,
+    metavar="HZ",
+    help="Sampling, 100 to 5000 Hz.",
+)
+@click.option(
+    "--unaware",
+    type=click.Path(path_type=Path),
+    metavar="CARD",
+    help="Identified at one temperature: adds recommended-unaware and paper-unaware.",
+)
+@click.option(
+    "--pooled",
+    type=click.Path(path_type=Path),
+    metavar="CARD",
+    help="Identified over all temperatures without knowing them: adds recommended-pooled.",
+)
+@click.option("--optimum", is_flag=True, help="Search the best current, too (minutes), for the ratios to it.")
+@click.option(
+    "--seed",
+    type=int,
+    default=1,
+    show_default=True,
+    help="Of the sensors' noise; the next one is run as well.",
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="For track.html, track.json, track.csv.",
+)
+@_json
+def track(card: Path, *, out: Path | None, as_json: bool, **options: Any) -> int:  # noqa: ANN401 - click checks them
+    """Track forces on a virtual damper with controllers made from a card, without a force sensor."""
+    from mrdamper.cli import terminal
+    from mrdamper.jobs.track import TrackOptions
+    from mrdamper.jobs.track import track as job
+
+    with terminal.counter() as report:
+        answer = job(card, TrackOptions(**options), out=out, report=report)
+    return _finish(answer, terminal.show_track, as_json=as_json)
+
+
+def _seconds(_: click.Context, __: click.Parameter, text: str) -> float:
+    """Return a time such as 1ms, 500us or 0.001s in seconds."""
+    found = re.fullmatch(r"\s*(\d+\.?\d*(?:e-?\d+)?|\.\d+)\s*(us|ms|s)\s*", text, re.IGNORECASE)
+    if found is None:
+        raise click.BadParameter(f"{text!r} is not a time; expected such as 1ms, 500us or 0.001s")
+    return float(found[1]) * {"us": 1e-6, "ms": 1e-3, "s": 1.0}[found[2].lower()]
+
+
+@cli.command()
+@click.argument("card", type=click.Path(path_type=Path))
+@click.option("--c", type=click.Path(path_type=Path), metavar="DIR", help="Write C99 source there.")
+@click.option("--fmu", type=click.Path(path_type=Path), metavar="FILE", help="Write a co-simulation FMU.")
+@click.option(
+    "--table", type=click.Path(path_type=Path), metavar="FILE", help="Write a force map (CSV) for simulators."
+)
+@click.option(
+    "--fmi", type=click.Choice(["2.0", "3.0"]), default="3.0", show_default=True, help="Version of the FMU."
+)
+@click.option(
+    "--content",
+    type=click.Choice(["model", "controller", "both"]),
+    default="both",
+    show_default=True,
+    help="The damper's model, its force controller, or both.",
+)
+@click.option(
+    "--precision",
+    type=click.Choice(["float", "double"]),
+    default="float",
+    show_default=True,
+    help="The target's number type.",
+)
+@click.option(
+    "--step", "period_s", default="1ms", show_default=True, metavar="TIME", callback=_seconds, help="Period."
+)
+@click.option(
+    "--controller",
+    default="recommended",
+    show_default=True,
+    metavar="NAME",
+    help="recommended, recommended-causal, paper, ...",
+)
+@click.option(
+    "--name", default="damper", show_default=True, metavar="IDENT", help="Prefix of every name in the code."
+)
+@click.option(
+    "--damper",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="The drawing (TOML), whose heat capacity tells a frozen thermometer.  [default: the paper's]",
+)
+@click.option("--no-verify", is_flag=True, help="Write the C folder without compiling and comparing it.")
+@_json
+def export(card: Path, *, no_verify: bool, as_json: bool, **options: Any) -> int:  # noqa: ANN401 - click checks them
+    """Export a card as C source, as FMU or as force map, proved against the model before it is written."""
+    if options["c"] is None and options["fmu"] is None and options["table"] is None:
+        raise click.UsageError("nothing to write: give --c DIR, --fmu FILE or --table FILE")
+    if options["fmu"] is not None and no_verify:
+        raise click.UsageError("--fmu and --no-verify exclude each other: an FMU is made from proved sources")
+    from mrdamper.cli import terminal
+    from mrdamper.jobs.export import ExportOptions
+    from mrdamper.jobs.export import export as job
+
+    answer = job(card, ExportOptions(verify=not no_verify, **options))
+    return _finish(answer, terminal.show_export, as_json=as_json)
+
+
+@cli.command()
+@click.argument("record", type=click.Path(path_type=Path))
+@_channels
+@click.option(
+    "--least-stroke-mm",
+    type=float,
+    metavar="MM",
+    help="A smaller to-and-fro is no cycle.  [default: 5 % of the range of the first rows]",
+)
+@click.option(
+    "--model",
+    type=click.Path(path_type=Path),
+    metavar="CARD",
+    help="A card, replayed over the record beside what was measured.",
+)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="For cycles.csv, cycles.html, summary.json.",
+)
+@_flip
+@_json
+def cycles(record: Path, *, as_json: bool, **options: Any) -> int:  # noqa: ANN401 - click checks them
+    """Count the cycles of a record of any length: energy, peak forces, stiffness and temperature of each."""
+    from mrdamper.cli import terminal
+    from mrdamper.jobs.cycles import cycles as job
+
+    with terminal.reading() as report:
+        answer = job(record, report=report, **options)
+    return _finish(answer, terminal.show_cycles, as_json=as_json)
+
+
+@cli.command()
+@click.argument("file", type=click.Path(path_type=Path), metavar="FILE.toml")
+@click.option("--out", type=click.Path(path_type=Path), required=True, metavar="DIR", help="For the results.")
+@click.option(
+    "--workers", type=int, metavar="NUMBER", help="Processes of this machine.  [default: its cores]"
+)
+@click.option("--scheduler", metavar="tcp://HOST:PORT", help="A Dask scheduler, whose workers do the tasks.")
+@click.option("--resume", is_flag=True, help="Go on with the results that are in DIR.")
+@_json
+def sweep(file: Path, out: Path, *, as_json: bool, **options: Any) -> int:  # noqa: ANN401 - click checks them
+    """Run many jobs of one kind: campaigns to identify, a tolerance of tracking, heat sinks."""
+    from mrdamper.cli import terminal
+    from mrdamper.jobs.sweep.sweep import sweep as job
+
+    with terminal.counter("task", ctrl_c="keeps the results") as report:
+        answer = job(file, out, report=report, **options)
+    cut_short = "the results so far are kept; the same command with --resume goes on"
+    return _finish(answer, terminal.show_sweep, as_json=as_json, cut_short=cut_short)
+
+
+@cli.command()
+@click.option(
+    "--port", type=click.IntRange(0, 65535), default=8765, show_default=True, help="0: any that is free."
+)
+@click.option(
+    "--folder",
+    type=click.Path(path_type=Path),
+    default=Path(),
+    metavar="DIR",
+    help="Where runs, cards and results lie.  [default: here]",
+)
+@click.option("--open", "open_browser", is_flag=True, help="Open the page in the browser.")
+@click.option(
+    "--host", default="127.0.0.1", show_default=True, help="Address to listen on; others need a --token."
+)
+@click.option("--token", metavar="TEXT", help="What a browser must know; 16 characters or more.")
+def serve(folder: Path, *, port: int, open_browser: bool, host: str, token: str | None) -> int:
+    """Show runs, fit, heat, track and export in the browser; work stays in the folder, as files."""
+    try:
+        from mrdamper.web.server import serve as start
+    except ImportError as fault:
+        raise MissingExtraError(
+            f"mrdamper serve needs {fault.name}, which is not installed; pip install 'mrdamper[web]'"
+        ) from fault
+
+    def announce(address: str) -> None:
+        click.echo(f"mrdamper: {folder.resolve()} at {address} (Ctrl-C stops it)", err=True)
+
+    start(folder, port=port, host=host, token=token, open_browser=open_browser, announce=announce)
+    return 0
+
+
+def _finish(
+    answer: Answer, show: Callable[[Answer], None], *, as_json: bool, cut_short: str = _BEST_SO_FAR
+) -> int:
+    """Print a job's answer and return the exit code; ``cut_short`` is what an interrupted one has left."""
+    if as_json:
+        click.echo(json.dumps(answer, ensure_ascii=False, allow_nan=False))
+    else:
+        show(answer)
+    if answer.get("cancelled"):
+        _tell(f"interrupted: {cut_short}")
+        return _NOT_CONVERGED
+    return 0

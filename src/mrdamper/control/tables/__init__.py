@@ -1,0 +1,1 @@
+"""Tables that a controller steps on, made from a card."""

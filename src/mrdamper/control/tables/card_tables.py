@@ -1,0 +1,360 @@
+"""A damper in tables: what the controller's step reads instead of powers, exponentials and polynomials.
+
+Every coefficient over current and temperature is a sum of terms, each a column over a few currents times a
+factor that temperature moves; a coefficient that current does not move is one factor, and one that is zero is
+not there. The universal curve of the hysteresis and the functions of speed that the force is made of are
+cubics on cells of their own (``octaves``). ``track_tables.c`` reads all that.
+
+The tables are as small as their accuracy lets them be, which is stated, and measured when they are built.
+Between two currents a straight line is at most ``CURRENT_SHARE`` of the largest yield force off what makes up
+the force (of its own largest value off a viscosity or an inverse yield displacement); between two
+temperatures a parabola is off by at most ``TEMPERATURE_SHARE``. With the errors that ``octaves`` states that
+is about a thousandth of the peak force together. A yield force that rises like a root from zero current can
+take more currents than there may be; then the first share is doubled until it does not.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mrdamper.arrays import FloatArray
+from mrdamper.control.tables.lookup import Octaves, built_up, functions_of_speed, universal_curve
+from mrdamper.errors import InputError
+from mrdamper.models.damper import Damper
+
+if TYPE_CHECKING:
+    from mrdamper.control.tables.series import SeriesTables
+
+__all__ = ["CURRENTS", "CURRENT_SHARE", "ROWS", "TABULATED", "TEMPERATURE_SHARE", "DamperTables", "tabulate"]
+
+CURRENTS = 41
+"""Most currents of a table; the eighths of the largest, where the models of a bank lie, are always there."""
+
+CURRENT_SHARE = 8e-4
+TEMPERATURE_SHARE = 1e-4
+
+ROWS = (
+    "offset", "stiffness", "mass", "viscous", "sliding", "breakaway", "yield", "second", "rho", "second_rho",
+)  # fmt: skip
+"""Rows: what multiplies 1, x, a, the functions of speed, and the two hysteretic states; and what these have
+as inverse yield displacement."""
+
+TABULATED = ("bouc-wen", "dahl", "bouc-wen-saturating", "double-bouc-wen", "bingham")
+"""Laws whose force is a sum over current-dependent rows, and whose shape does not depend on current."""
+
+_LEVELS = 6  # the first rows: those that may be a level
+_GROUPS = (0, 6, 7, 8, 9)  # first rows of the kernel's groups
+_PIECES = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48)
+_KELVINS = 193  # at which coefficients are looked at: every piece has its ends and its middle among them
+_TERMS = 48  # MRD_TRACK_TERMS of the kernel
+_RANK_SHARE = 1e-7
+_STROKE = 0.05  # [m]
+_ACCELERATION = 50.0  # [m/s^2]
+_SHAPES = (
+    "viscous_exponent", "stribeck_velocity", "transition_velocity", "kappa", "n", "saturation_velocity",
+    "yield_velocity",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DamperTables:
+    """All tables of a damper, and the axes that they lie on."""
+
+    currents: FloatArray  # [A or V], rising from 0, closer where the force bends more, shape (n,)
+    temperatures: FloatArray  # ends of the pieces [K], evenly, shape (pieces + 1,)
+    rows: tuple[int, ...]  # row of each term, place in ROWS; levels first, then the columns in their order
+    factor: FloatArray  # of each term, a parabola over each piece, shape (pieces, terms, 3)
+    column: FloatArray  # of each term that is no level, shape (n, columns)
+    elements: int
+    saturating: bool
+    unloaded: float  # travel of the universal curve from w = -1 to 0 [-]
+    loading: Octaves
+    unloading: Octaves
+    from_loading: Octaves
+    from_unloading: Octaves
+    from_unloaded: Octaves
+    viscous: Octaves
+    sliding: Octaves
+    breakaway: Octaves
+    built_up: Octaves
+    series: SeriesTables | None = None  # of the series valve law, which uses none of those above
+
+    @property
+    def octaves(self) -> tuple[Octaves, ...]:
+        """The functions in the kernel's order."""
+        turns = (self.from_loading, self.from_unloading, self.from_unloaded)
+        return (
+            self.loading,
+            self.unloading,
+            *turns,
+            self.viscous,
+            self.sliding,
+            self.breakaway,
+            self.built_up,
+        )
+
+    @property
+    def levels(self) -> int:
+        """How many terms have no column."""
+        return len(self.rows) - int(self.column.shape[1])
+
+    @property
+    def begin(self) -> tuple[int, ...]:
+        """First column of each of the kernel's groups of rows, and how many there are."""
+        of_columns = self.rows[self.levels :]
+        return tuple(sum(row < first for row in of_columns) for first in (*_GROUPS, len(ROWS)))
+
+    @property
+    def eighths(self) -> tuple[int, ...]:
+        """Which of the currents the eighths of the largest are."""
+        wanted = np.linspace(0.0, float(self.currents[-1]), 9)
+        return tuple(int(np.argmin(np.abs(self.currents - each))) for each in wanted)
+
+    @property
+    def shared(self) -> bool:
+        """Whether the inverse yield displacements are the same at all currents: one column of ones each."""
+        return bool((self.column[:, self.begin[3] :] == 1.0).all())
+
+    @property
+    def peak_yield(self) -> float:
+        """Largest yield force of the tables, both elements together [N]."""
+        return max(float(self.at(kelvin)[6:8].sum(axis=0).max()) for kelvin in self.temperatures)
+
+    def at(self, kelvin: float) -> FloatArray:
+        """Return all rows over the currents at a temperature, as the kernel reads them, shape (10, n)."""
+        low, high, pieces = self.temperatures[0], self.temperatures[-1], len(self.factor)
+        share = (kelvin - low) / (high - low) if high > low else 0.0
+        place = float(np.clip(share, 0.0, 1.0)) * pieces
+        piece = min(int(place), pieces - 1)
+        of_terms = self.factor[piece] @ (place - piece) ** np.arange(3)
+        out = np.zeros((len(ROWS), len(self.currents)))
+        columns = np.concatenate([np.ones((self.levels, len(self.currents))), self.column.T])
+        np.add.at(out, list(self.rows), of_terms[:, None] * columns)
+        return out
+
+    def scaled(
+        self, yield_gain: float = 1.0, viscous_gain: float = 1.0, friction_gain: float = 1.0
+    ) -> DamperTables:
+        """Return the tables with the force's parts multiplied."""
+        factors = dict.fromkeys(ROWS, 1.0)
+        factors |= {"yield": yield_gain, "second": yield_gain, "viscous": viscous_gain}
+        factors |= {"sliding": friction_gain, "breakaway": friction_gain}
+        gains = np.array([factors[ROWS[row]] for row in self.rows])
+        return replace(self, factor=np.ascontiguousarray(self.factor * gains[:, None]))
+
+
+def tabulate(
+    damper: Damper,
+    largest: float,
+    *,
+    speed: float = 1.0,
+    temperatures: tuple[float, float] | None = None,
+) -> DamperTables:
+    """Return the tables of a damper from 0 to the ``largest`` current [A or V].
+
+    Parameters
+    ----------
+    speed : speed up to which the functions of speed are tabulated [m/s]
+    temperatures : lowest and highest [K]; None: the damper's own range, or 20 degC alone where it has none
+
+    Raises
+    ------
+    InputError
+        A law that has no such tables, or one whose shape moves with current or temperature; a force that does
+        not depend on the current; a law that is not well posed somewhere on the grid.
+    """
+    if damper.law.name == "series-valve":
+        from mrdamper.control.tables.series import tabulate_series
+
+        return tabulate_series(damper, largest, temperatures=temperatures)
+    if damper.law.name not in TABULATED:
+        raise InputError(
+            f"controller: the law is {damper.law.name!r}; expected one of {', '.join(TABULATED)}, "
+            "series-valve. Identify the same runs with one of these"
+        )
+    if not (math.isfinite(largest) and largest > 0.0):
+        raise InputError(f"controller: the largest command is {largest}; expected a positive number")
+    low, high = temperatures or damper.temperature_range or (293.15, 293.15)
+    if not damper.tempered or high <= low:
+        high = low
+    fine = _coefficients(damper, np.linspace(0.0, largest, 1025), np.linspace(low, high, 7))
+    shapes = {name: _constant(name, fine[name]) for name in _SHAPES if name in fine}
+    scale = _scales(_rows(fine))
+    yields = _rows(fine)[6:8].sum(axis=0)
+    if np.ptp(yields[0]) <= 1e-9 * float(np.max(yields[0])):
+        raise InputError(
+            f"controller: the yield force of this card does not depend on the command (it is "
+            f"{yields[0, 0]:g} N from 0 to {largest:g} {damper.command_unit}), so no "
+            "command can track a force. Identify runs at two or more commands"
+        )
+    at = largest * _enough_currents(_rows(fine), scale)
+    warm = np.linspace(low, high, _KELVINS)
+    rows, factor, column, pieces = _terms(_rows(_coefficients(damper, at, warm)), scale)
+    if len(rows) > _TERMS:
+        raise InputError(
+            f"controller: the coefficients of this card are a sum of {len(rows)} products of current and "
+            f"temperature; expected at most {_TERMS}. Identify with simpler temperature laws"
+        )
+
+    kappa, n = shapes.get("kappa", -1.0), shapes.get("n", 1.0)  # those of the Dahl law
+    elements = 0 if damper.law.name == "bingham" else 2 if "second_force" in fine else 1
+    curve = universal_curve(kappa, n, needed=elements > 0)
+    speeds = functions_of_speed(
+        {ROWS[row] for row in rows},
+        shapes["viscous_exponent"],
+        shapes["stribeck_velocity"],
+        shapes["transition_velocity"],
+        speed,
+    )
+    return DamperTables(
+        currents=at,
+        temperatures=np.linspace(low, high, pieces + 1),
+        rows=rows,
+        factor=factor,
+        column=column,
+        elements=elements,
+        saturating="rate_force" in fine,
+        unloaded=curve.unloaded,
+        loading=curve.loading,
+        unloading=curve.unloading,
+        from_loading=curve.from_loading,
+        from_unloading=curve.from_unloading,
+        from_unloaded=curve.from_unloaded,
+        viscous=speeds["viscous"],
+        sliding=speeds["sliding"],
+        breakaway=speeds["breakaway"],
+        built_up=built_up(shapes.get("saturation_velocity"), shapes.get("yield_velocity"), speed),
+    )
+
+
+def _coefficients(damper: Damper, at: FloatArray, warm: FloatArray) -> dict[str, FloatArray]:
+    """Return every coefficient of the law over temperatures and currents, shape (t, n)."""
+    current, kelvin = np.tile(at, len(warm)), np.repeat(warm, len(at))
+    problems = damper.violations(current, kelvin)
+    if problems:
+        raise InputError(f"controller: {problems[0]}")
+    values = damper.coefficients_at(current, kelvin)
+    return dict(zip(damper.law.names, values.reshape(-1, len(warm), len(at)), strict=True))
+
+
+def _rows(values: dict[str, FloatArray]) -> FloatArray:
+    """Return the rows of the table over temperatures and currents, shape (10, t, n)."""
+    zero = np.zeros_like(values["offset"])
+    second = values.get("second_force", values.get("rate_force", zero))
+    return np.stack([
+        values["offset"], values["stiffness"], values["mass"], values["viscosity"],
+        values["coulomb_friction"], values["breakaway_friction"], values["yield_force"], second,
+        values.get("rho", zero), values.get("second_rho", zero),
+    ])  # fmt: skip
+
+
+def _scales(rows: FloatArray) -> FloatArray:
+    """Return what an error of each row is held against: for what adds up to a force, all yield force.
+
+    Stiffness and mass are forces at a stroke and an acceleration that few dampers exceed. A viscosity and an
+    inverse yield displacement are held against themselves.
+    """
+    own = np.abs(rows).max(axis=(1, 2))
+    force = float(np.abs(rows[6] + rows[7]).max())
+    at = {"stiffness": force / _STROKE, "mass": force / _ACCELERATION, "viscous": own[3], "rho": own[8]}
+    at["second_rho"] = own[9]
+    return np.array([at.get(name, force) for name in ROWS])
+
+
+def _enough_currents(rows: FloatArray, scale: FloatArray, share: float = CURRENT_SHARE) -> FloatArray:
+    """Return shares of the largest current between which straight lines are near enough.
+
+    The eighths, and from each as far as a line may go, until the next; where that is too many, with twice the
+    error.
+    """
+    count = rows.shape[2] - 1
+    there = scale > 0.0
+    lines = rows[there] / scale[there, None, None]
+    adding = np.array([name not in ("viscous", "rho", "second_rho") for name in np.array(ROWS)[there]])
+
+    def is_near(low: int, high: int) -> bool:
+        inside = np.linspace(0.0, 1.0, high - low + 1)
+        chord = lines[:, :, [low]] + inside * (lines[:, :, [high]] - lines[:, :, [low]])
+        off = np.abs(lines[:, :, low : high + 1] - chord)
+        return bool(off[adding].sum(axis=0).max() <= share and off.max() <= share)
+
+    knots = [0]
+    while knots[-1] < count:
+        low, high = knots[-1], (knots[-1] // (count // 8) + 1) * (count // 8)
+        far = low + 1
+        while far < high:  # bisection: what is near enough is no further than what is not
+            middle = (far + high + 1) // 2
+            if is_near(low, middle):
+                far = middle
+            else:
+                high = middle - 1
+        knots.append(far)
+    if len(knots) > CURRENTS:
+        return _enough_currents(rows, scale, 2.0 * share)
+    return np.asarray(np.array(knots) / count)
+
+
+def _terms(rows: FloatArray, scale: FloatArray) -> tuple[tuple[int, ...], FloatArray, FloatArray, int]:
+    """Return rows, factors and columns of the terms, and the pieces of the temperature axis.
+
+    A row is taken apart by its largest entry: the column through it, times the row through it, is a term;
+    what that leaves is taken apart again.
+    """
+    levels: list[tuple[int, FloatArray]] = []
+    columns: list[tuple[int, FloatArray, FloatArray]] = []
+    for r, values in enumerate(rows):
+        left, size = values.copy(), float(np.abs(values).max())
+        if size > 0.0 and np.ptp(values, axis=1).max() <= 1e-12 * size:
+            if r < _LEVELS:
+                levels.append((r, values[:, 0]))
+            else:
+                columns.append((r, values[:, 0], np.ones(values.shape[1])))
+            continue
+        while float(np.abs(left).max()) > _RANK_SHARE * size:
+            i, j = np.unravel_index(int(np.argmax(np.abs(left))), left.shape)
+            factor, column = left[:, j].copy(), left[i] / left[i, j]
+            left -= np.outer(factor, column)
+            columns.append((r, factor, column))
+    terms = [*levels, *((r, factor) for r, factor, _ in columns)]
+    dense = np.array([factor for _, factor in terms])
+    allowed = np.array([
+        TEMPERATURE_SHARE * scale[r] / sum(other == r for other, _ in terms) for r, _ in terms
+    ])  # fmt: skip
+    for pieces in _PIECES:
+        cells = _parabolas(dense, pieces)
+        if (np.abs(_along(cells, dense.shape[1]) - dense).max(axis=1) <= allowed).all():
+            break
+    rows_of = tuple(r for r, _ in terms)
+    column_of = np.ascontiguousarray(np.transpose([column for _, _, column in columns]))
+    return rows_of, np.ascontiguousarray(cells.transpose(1, 0, 2)), column_of, pieces
+
+
+def _parabolas(values: FloatArray, pieces: int) -> FloatArray:
+    """Return parabolas through the ends and middles of pieces, shape (terms, pieces, 3)."""
+    step = (values.shape[1] - 1) // pieces
+    begin, middle, end = values[:, :-1:step], values[:, step // 2 :: step], values[:, step::step]
+    return np.stack([begin, 4.0 * middle - 3.0 * begin - end, 2.0 * (begin + end) - 4.0 * middle], axis=2)
+
+
+def _along(cells: FloatArray, count: int) -> FloatArray:
+    """Return parabolas at evenly spaced places, shape (terms, count)."""
+    place = np.linspace(0.0, cells.shape[1], count)
+    piece = np.minimum(place.astype(np.intp), cells.shape[1] - 1)
+    share = place - piece
+    c = cells[:, piece]
+    return np.asarray(c[..., 0] + share * (c[..., 1] + share * c[..., 2]))
+
+
+def _constant(name: str, values: FloatArray) -> float:
+    """Return the one value of a coefficient that must not move over the grid."""
+    first = float(values.flat[0])
+    if float(np.ptp(values)) > 1e-9 * abs(first):
+        raise InputError(
+            f"controller: {name} goes from {values.min():g} to {values.max():g} over current and "
+            "temperature; the controller's tables need it constant. Identify with this coefficient constant"
+        )
+    return first

@@ -1,0 +1,230 @@
+"""The series valve law in tables: what ``core/kernel/track_series.c`` reads.
+
+Its yield force over an even grid of commands and temperatures, its other coefficients over temperature, the
+powers of speed by octaves, and three functions that are the same for every damper: tanh u, exp(-u^2), and
+the rounded corner of the free play, (sqrt(u^2 + 1) - u) / 2.
+
+The inverse of the law is explicit because the yield force alone follows the command; the exponents are
+constant, everything else may move with temperature.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mrdamper.arrays import FloatArray
+from mrdamper.control.tables.card_tables import ROWS, DamperTables
+from mrdamper.control.tables.lookup import Octaves, tabulate_octaves
+from mrdamper.errors import InputError
+from mrdamper.models.damper import Damper
+
+__all__ = ["CHAIN", "CURRENTS", "Power", "SeriesTables", "tabulate_power", "tabulate_series"]
+
+CURRENTS = 33
+"""Commands of the yield force's table: one more than a power of two."""
+
+CHAIN = (
+    "offset", "stiffness", "thinning", "yield_velocity", "position_gain", "gap_stiffness", "gap",
+    "gap_corner", "leak_damping", "mass", "viscosity", "coulomb_friction", "breakaway_friction",
+    "transition_velocity", "stribeck_velocity",
+)  # fmt: skip
+"""Coefficients over temperature, in the kernel's order."""
+
+_INVERTED = ("yield_velocity", "gap_corner", "transition_velocity", "stribeck_velocity")
+_EXPONENTS = ("thinning_exponent", "leak_exponent", "viscous_exponent")
+_VISCOUS_SPEED = 0.1  # [m/s], MRD_VISCOUS_SPEED of the kernel
+_LEAST_SPEED = 2.0**-20  # [m/s], below which a power goes straight to zero
+_SPEEDS = 23  # octaves from there: to 8 m/s
+_TEMPERATURE_STEP_K = 5.0
+_BITS = 3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Power:
+    """A power of a size: cubics over one octave, shape (2^bits, 4), and a factor per octave."""
+
+    exponent: float
+    least: float
+    top: float
+    bits: int
+    scale: FloatArray
+    cell: FloatArray
+
+    def at(self, size: FloatArray | float) -> FloatArray:
+        """Return the power at sizes, as the kernel reads it."""
+        u = np.asarray(size, dtype=np.float64)
+        t = np.clip(u, self.least, self.top)
+        octave = np.floor(np.log2(t / self.least))
+        share = (t / (self.least * 2.0**octave) - 1.0) * 2.0**self.bits
+        index = np.minimum(np.floor(share), 2.0**self.bits - 1.0)
+        c: FloatArray = self.cell[index.astype(np.intp)]
+        place = share - index
+        value = c[..., 0] + place * (c[..., 1] + place * (c[..., 2] + place * c[..., 3]))
+        return np.asarray(self.scale[octave.astype(np.intp)] * value * np.minimum(u / self.least, 1.0))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SeriesTables:
+    """The tables of the series valve law."""
+
+    yield_force: FloatArray  # [N], shape (temperatures, CURRENTS)
+    chain: FloatArray  # in the order of ``CHAIN``, lengths and speeds inverted, shape (temperatures, 15)
+    thinning: Power
+    leak: Power
+    viscous: Power
+    side: Octaves
+    fade: Octaves
+    corner: Octaves
+
+    @property
+    def native(
+        self,
+    ) -> tuple[
+        FloatArray,
+        FloatArray,
+        list[tuple[float, float, float, int, FloatArray, FloatArray]],
+        list[tuple[float, float, int, FloatArray]],
+    ]:
+        """What the kernel's binding takes."""
+        powers = [
+            (p.exponent, p.least, p.top, p.bits, p.scale, p.cell)
+            for p in (self.thinning, self.leak, self.viscous)
+        ]
+        octaves = [(o.offset, o.top, o.bits, o.cell) for o in (self.side, self.fade, self.corner)]
+        return self.yield_force, self.chain, powers, octaves
+
+    def scaled(
+        self, yield_gain: float = 1.0, viscous_gain: float = 1.0, friction_gain: float = 1.0
+    ) -> SeriesTables:
+        """Return the tables with the parts of the force multiplied."""
+        factors = dict.fromkeys(CHAIN, 1.0)
+        factors |= {"thinning": viscous_gain / yield_gain, "viscosity": viscous_gain}
+        factors |= {"coulomb_friction": friction_gain, "breakaway_friction": friction_gain}
+        chain = self.chain * np.array([factors[name] for name in CHAIN])
+        return replace(self, yield_force=yield_gain * self.yield_force, chain=np.ascontiguousarray(chain))
+
+
+def tabulate_series(
+    damper: Damper, largest: float, *, temperatures: tuple[float, float] | None = None
+) -> DamperTables:
+    """Return the tables of a series valve from 0 to the ``largest`` command [A or V].
+
+    Raises
+    ------
+    InputError
+        A coefficient other than the yield force that follows the command, an exponent that follows
+        temperature, a yield force that does not rise with the command, a law that is not well posed.
+    """
+    if not (math.isfinite(largest) and largest > 0.0):
+        raise InputError(f"controller: the largest command is {largest}; expected a positive number")
+    low, high = temperatures or damper.temperature_range or (293.15, 293.15)
+    single = not damper.tempered or high <= low
+    sheets = 1 if single else max(2, math.ceil((high - low) / _TEMPERATURE_STEP_K) + 1)
+    warm = np.linspace(low, high, sheets)
+    at = np.linspace(0.0, largest, CURRENTS)
+    grid = np.stack([damper.coefficients_at(at, kelvin) for kelvin in warm], axis=1)
+    values: Mapping[str, FloatArray] = dict(zip(damper.law.names, grid, strict=True))
+    problems = damper.violations(np.tile(at, sheets), np.repeat(warm, CURRENTS))
+    if problems:
+        raise InputError(f"controller: {problems[0]}")
+    _check_inverse(values, damper.command_unit, largest)
+    exponents = {name: float(values[name].flat[0]) for name in _EXPONENTS}
+    chain = {name: values[name][:, 0].copy() for name in CHAIN}
+    for name in _INVERTED:
+        chain[name] = 1.0 / chain[name]
+    chain["viscosity"] *= _VISCOUS_SPEED ** (1.0 - exponents["viscous_exponent"])
+    nothing = tabulate_octaves(np.zeros_like, np.zeros_like, 0.25, 1.0, bits=0)
+    pieces = max(sheets - 1, 1)
+    return DamperTables(
+        currents=np.linspace(0.0, largest, 9),
+        temperatures=np.linspace(warm[0], warm[-1], pieces + 1),
+        rows=(ROWS.index("yield"),),
+        factor=np.zeros((pieces, 1, 3)),
+        column=np.zeros((9, 1)),
+        elements=1,
+        saturating=False,
+        unloaded=1.0,
+        **dict.fromkeys(
+            (
+                "loading",
+                "unloading",
+                "from_loading",
+                "from_unloading",
+                "from_unloaded",
+                "viscous",
+                "sliding",
+                "breakaway",
+                "built_up",
+            ),
+            nothing,
+        ),
+        series=SeriesTables(
+            yield_force=np.ascontiguousarray(values["yield_force"]),
+            chain=np.ascontiguousarray(np.stack([chain[name] for name in CHAIN], axis=1)),
+            thinning=tabulate_power(exponents["thinning_exponent"]),
+            leak=tabulate_power(exponents["leak_exponent"]),
+            viscous=tabulate_power(exponents["viscous_exponent"]),
+            side=tabulate_octaves(
+                np.tanh, lambda u: 1.0 - np.tanh(u) ** 2, 0.25, 9.0, bits=_BITS, rising=True
+            ),
+            fade=tabulate_octaves(
+                lambda u: np.exp(-u * u), lambda u: -2.0 * u * np.exp(-u * u), 0.25, 4.5, bits=_BITS
+            ),
+            corner=tabulate_octaves(_corner, _corner_slope, 0.25, 250.0, bits=_BITS),
+        ),
+    )
+
+
+def tabulate_power(exponent: float) -> Power:
+    """Return the power u^exponent of a speed [m/s], from 1e-6 to 8 m/s."""
+    knots = 1.0 + np.arange(2**_BITS + 1) / 2**_BITS
+    f, d = knots**exponent, exponent * knots ** (exponent - 1.0) / 2**_BITS
+    rise = np.diff(f)
+    cell = np.stack([f[:-1], d[:-1], 3.0 * rise - 2.0 * d[:-1] - d[1:], d[:-1] + d[1:] - 2.0 * rise], axis=1)
+    scale = np.asarray((_LEAST_SPEED * 2.0 ** np.arange(_SPEEDS)) ** exponent, dtype=np.float64)
+    top = _LEAST_SPEED * 2.0**_SPEEDS * (1.0 - 1e-6)
+    return Power(exponent, _LEAST_SPEED, top, _BITS, scale, np.ascontiguousarray(cell))
+
+
+def _corner(u: FloatArray) -> FloatArray:
+    return np.asarray(0.5 / (np.sqrt(u * u + 1.0) + u))
+
+
+def _corner_slope(u: FloatArray) -> FloatArray:
+    return np.asarray(-_corner(u) / np.sqrt(u * u + 1.0))
+
+
+def _check_inverse(values: Mapping[str, FloatArray], unit: str, largest: float) -> None:
+    """Raise ``InputError`` where the command for a force cannot be found from the yield force alone."""
+    for name, rows in values.items():
+        if name != "yield_force" and float(np.ptp(rows, axis=1).max()) > 1e-9 * float(np.abs(rows).max()):
+            raise InputError(
+                f"controller: {name} of this series-valve card depends on the command; expected the yield "
+                f"force alone to follow it. Identify with {name} constant in the command"
+            )
+    for name in _EXPONENTS:
+        rows = values[name]
+        if float(np.ptp(rows)) > 1e-9 * float(rows.flat[0]):
+            raise InputError(
+                f"controller: {name} goes from {rows.min():g} to {rows.max():g} over temperature; the "
+                "controller's tables need it constant. Identify with this coefficient constant"
+            )
+    rows = values["yield_force"]
+    if float(np.ptp(rows, axis=1).min()) <= 1e-9 * float(rows.max()):
+        raise InputError(
+            f"controller: the yield force of this card does not depend on the command (it is "
+            f"{rows[0, 0]:g} N from 0 to {largest:g} {unit}), so no command can track a force. Identify runs "
+            "at two or more commands"
+        )
+    falls = np.diff(rows, axis=1) < 0.0
+    if falls.any():
+        place = largest * float(np.argmax(falls.any(axis=0))) / (rows.shape[1] - 1)
+        raise InputError(
+            f"controller: the yield force of this series-valve card falls with the command above {place:g} "
+            f"{unit}; expected one that rises. Identify with a form that rises (hill), or lower the largest "
+            "command"
+        )

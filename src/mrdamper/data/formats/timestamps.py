@@ -1,0 +1,133 @@
+"""Times as clocks show them: ``10:15:02.250``, ``2026-11-21T10:15:02.250``, ``21.11.2026 10:15:02,250 PM``.
+
+They become seconds from the first. A time of day that falls by more than half a day has passed midnight. Of a
+date only the differences count: it begins with the year, or has points and begins with the day. Dates of
+another form (11/12/2026 has two meanings) must all be the same.
+"""
+
+from __future__ import annotations
+
+import re
+from datetime import date
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mrdamper.arrays import FloatArray
+from mrdamper.data.formats.table import Texts
+
+if TYPE_CHECKING:
+    import polars as pl
+
+__all__ = ["Stamps"]
+
+_FORM = (
+    r"^(?:([0-9]{1,4}[-./][0-9]{1,2}[-./][0-9]{1,4})[T ,] *)?"
+    r"([0-9]{1,2}):([0-9]{2}):([0-9]{2})(?:[.,]([0-9]{1,9}))? *([AaPp][Mm])?(?:Z|[+-][0-9]{2}:?[0-9]{2})?$"
+)
+_TIME = re.compile(_FORM)
+_LOOKED_AT = 100  # cells
+_PM = ("pm", "PM", "Pm", "pM")
+_DAY_S = 86400.0
+
+
+class Stamps:
+    """Reads the cells of one column, a block at a time."""
+
+    def __init__(self) -> None:
+        self._first: tuple[int, float] | None = None  # day, seconds of that day
+        self._last_s, self._midnights = -np.inf, 0
+        self._only = ""  # a date of another form
+
+    @classmethod
+    def in_texts(cls, cells: Texts) -> FloatArray | None:
+        """Return the times in a whole column, None where a cell that is filled holds something else."""
+        filled = np.array([bool(cell and cell.strip()) for cell in cells], dtype=bool)
+        found = cls().seconds([cell and cell.strip() for cell in cells])
+        return found if filled.any() and np.isfinite(found[filled]).all() else None
+
+    def seconds(self, cells: pl.Series | Texts) -> FloatArray:
+        """Return seconds from the first time of all blocks; not a number where a cell is no time.
+
+        ``cells`` are a list, or of Polars where they are many.
+        """
+        dates, read = _in_list(cells) if isinstance(cells, list) else _in_series(cells)
+        hours, minutes, whole, rest, twelve, pm = read
+        hours = np.where(twelve > 0.0, hours % 12.0 + 12.0 * pm, hours)
+        of_day = 3600.0 * hours + 60.0 * minutes + whole + rest
+        of_day[~((hours < 24.0) & (minutes < 60.0) & (whole < 61.0))] = np.nan
+        days = self._days(dates, of_day)
+        there = np.flatnonzero(np.isfinite(of_day) & np.isfinite(days))
+        if self._first is None and len(there):
+            self._first = int(days[there[0]]), float(of_day[there[0]])
+        first = self._first or (0, 0.0)
+        return np.asarray(_DAY_S * (days - first[0]) + (of_day - first[1]), dtype=np.float64)
+
+    @staticmethod
+    def may_be(cells: Texts) -> bool:
+        """Tell whether one of the first cells is a time: most texts are none, which costs little to see."""
+        return any(cell and _TIME.match(cell) for cell in cells[:_LOOKED_AT])
+
+    def _days(self, dates: Texts, of_day: FloatArray) -> FloatArray:
+        """Return the day of each cell, counted from any; without dates, how often midnight has passed."""
+        found = dict.fromkeys(dates)
+        if not found.keys() - {None}:
+            there = np.flatnonzero(np.isfinite(of_day))
+            days = np.zeros(len(of_day))
+            if len(there):
+                steps = np.diff(of_day[there], prepend=self._last_s)
+                days[there] = self._midnights + np.cumsum(steps < -0.5 * _DAY_S)
+                self._last_s, self._midnights = float(of_day[there[-1]]), int(days[there[-1]])
+            return days
+        day_of = {text: self._day(text) for text in found}
+        return np.array([day_of[text] for text in dates])
+
+    def _day(self, text: str | None) -> float:
+        """Return the number of a date; not a number where its meaning is not sure."""
+        if text is None:
+            return np.nan
+        parts = text.replace("/", "-").replace(".", "-").split("-")
+        numbers = [int(part) for part in parts]
+        try:
+            if len(parts[0]) == 4:
+                return float(date(*numbers).toordinal())
+            if len(parts[2]) == 4 and "." in text:
+                return float(date(*reversed(numbers)).toordinal())
+        except ValueError:
+            return np.nan
+        self._only = self._only or text
+        return 0.0 if text == self._only else np.nan
+
+
+def _in_list(cells: Texts) -> tuple[Texts, list[FloatArray]]:
+    """Return the date of each cell, and what else is in it: hour, minute, second, its part, 12 hours, pm."""
+    nothing = (None,) * 6
+    found = [
+        match.groups() if cell is not None and (match := _TIME.match(cell)) else nothing for cell in cells
+    ]
+    read = [
+        (
+            float(hour or "nan"),
+            float(minute or "nan"),
+            float(second or "nan"),
+            float(f"0.{part or 0}"),
+            float(half is not None),
+            float(half in _PM),
+        )
+        for _, hour, minute, second, part, half in found
+    ]
+    return [date for date, *_ in found], list(np.array(read, dtype=np.float64).reshape(-1, 6).T)
+
+
+def _in_series(cells: pl.Series) -> tuple[Texts, list[FloatArray]]:
+    """Return the same of cells of Polars."""
+    import polars as pl
+
+    parts = cells.to_frame("cell").select_seq(pl.col("cell").str.extract_groups(_FORM)).unnest("cell")
+    read = parts.select_seq(
+        *(pl.col(f"{k}").cast(pl.Float64) for k in (2, 3, 4)),
+        pl.concat_str(pl.lit("0."), pl.col("5").fill_null("0")).cast(pl.Float64).alias("part"),
+        pl.col("6").is_not_null().cast(pl.Float64).alias("twelve"),
+        pl.col("6").is_in(_PM).fill_null(value=False).cast(pl.Float64).alias("pm"),
+    )
+    return parts["1"].to_list(), [column.to_numpy() for column in read]

@@ -1,0 +1,187 @@
+"""What ``mrdamper cycles --model`` says of a card over a record: errors, in all and by temperature."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrdamper.arrays import FloatArray
+from mrdamper.data.cycle_stream import CycleFigures
+from mrdamper.data.prepare import Preparation
+from mrdamper.data.streaming import LongRecord
+from mrdamper.identify.predict import all_assumed, beyond_envelope
+from mrdamper.identify.replay import Replay
+from mrdamper.models.card import ModelCard
+from mrdamper.models.card_schema import read_card
+from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.schema import Json
+
+__all__ = ["BIN_K", "FIGURES", "ModelOver", "columns_of", "open_model"]
+
+FIGURES = (
+    "model_energy_J",
+    "model_highest_force_N",
+    "model_lowest_force_N",
+    "error_N",
+    "error_percent",
+    "mean_error_N",
+)
+
+BIN_K = 10.0
+"""Width of the temperatures [K] by which errors are told."""
+
+_PACE = 0.01  # of the usual step: a sampling that differs by more is told
+
+
+def columns_of(done: CycleFigures) -> dict[str, FloatArray]:
+    """Return the columns of cycles.csv that tell of the model; none without one."""
+    model = done.model
+    if model is None:
+        return {}
+    with np.errstate(divide="ignore", invalid="ignore"):
+        percent = 100.0 * model.error_N / done.force_spread_N
+    percent[~np.isfinite(percent)] = np.nan
+    values = (
+        model.energy_J,
+        model.highest_force_N,
+        model.lowest_force_N,
+        model.error_N,
+        percent,
+        model.mean_error_N,
+    )
+    return dict(zip(FIGURES, values, strict=True))
+
+
+@dataclass(slots=True)
+class _Sums:
+    """Sums over cycles, from which errors follow."""
+
+    cycles: int = 0
+    samples: float = 0.0
+    squared_error: float = 0.0
+    error: float = 0.0
+    force: float = 0.0
+    squared_force: float = 0.0
+    peak_N: float = 0.0
+    energy_J: float = 0.0
+    model_energy_J: float = 0.0
+
+    def add(self, done: CycleFigures, which: NDArray[np.bool_]) -> None:
+        model = done.model
+        if model is None or not which.any():
+            return
+        n, mean = done.samples[which].astype(np.float64), done.mean_force_N[which]
+        self.cycles += int(which.sum())
+        self.samples += float(n.sum())
+        self.squared_error += float(n @ model.error_N[which] ** 2)
+        self.error += float(n @ model.mean_error_N[which])
+        self.force += float(n @ mean)
+        self.squared_force += float(n @ (done.force_spread_N[which] ** 2 + mean**2))
+        peaks = np.maximum(done.highest_force_N[which], -done.lowest_force_N[which])
+        self.peak_N = max(self.peak_N, float(peaks.max()))
+        self.energy_J += float(done.energy_J[which].sum())
+        self.model_energy_J += float(model.energy_J[which].sum())
+
+    def answer(self) -> Json:
+        """Return errors of the samples of all these cycles together, and energies."""
+        if not self.cycles:
+            return {"cycles": 0}
+        rmse = math.sqrt(self.squared_error / self.samples)
+        variance = self.squared_force / self.samples - (self.force / self.samples) ** 2
+        return {
+            "cycles": self.cycles,
+            "rmse_N": rmse,
+            "nrmse_percent": 100.0 * rmse / math.sqrt(variance) if variance > 0.0 else None,
+            "percent_of_peak": 100.0 * rmse / self.peak_N if self.peak_N > 0.0 else None,
+            "mean_error_N": self.error / self.samples,
+            "peak_N": self.peak_N,
+            "energy_J": self.energy_J,
+            "model_energy_J": self.model_energy_J,
+        }
+
+
+@dataclass(slots=True)
+class ModelOver:
+    """A card that goes along with a record, and its errors so far."""
+
+    path: Path
+    card: ModelCard
+    replay: Replay
+    lacking: int = 0  # cycles without a model's force
+    _all: _Sums = field(default_factory=_Sums)
+    _warm: dict[int, _Sums] = field(default_factory=dict)  # by number of the bin of temperature
+
+    def add(self, done: CycleFigures) -> None:
+        """Take the next cycles."""
+        if done.model is None:
+            return
+        scored = np.isfinite(done.model.error_N)
+        self.lacking += int(len(done) - scored.sum())
+        self._all.add(done, scored)
+        bins = np.floor((done.temperature_K - ZERO_CELSIUS_K) / BIN_K + 0.5)  # round ones in the middle
+        for number in np.unique(bins[scored & np.isfinite(bins)]).tolist():
+            self._warm.setdefault(int(number), _Sums()).add(done, scored & (bins == number))
+
+    def answer(self) -> Json:
+        """Return what ``--json`` says of the model."""
+        rules = self.replay.rules
+        return {
+            "card": str(self.path),
+            "title": self.card.title,
+            "law": self.card.damper.law.name,
+            **self._all.answer(),
+            "cycles_without": self.lacking,
+            "by_temperature": [
+                {"from_degC": BIN_K * (number - 0.5), "to_degC": BIN_K * (number + 0.5), **sums.answer()}
+                for number, sums in sorted(self._warm.items())
+            ],
+            "conditioning": None
+            if rules is None
+            else {
+                "step_s": rules.step_s,
+                "resampled": not rules.even,
+                "cutoff_Hz": rules.cutoff_Hz,
+                "dead_band_mm": 1e3 * rules.dead_band_m,
+                "reference_mm": 1e3 * rules.reference_m,
+            },
+            "stretches": self.replay.stretches,
+            "notes": self._notes(),
+        }
+
+    def _notes(self) -> list[str]:
+        notes = beyond_envelope(self.card, {self.replay.name: self.replay.extremes})
+        if self.replay.stretches > 1:
+            notes.append(
+                f"the record breaks into {self.replay.stretches} stretches; the model begins each from rest, "
+                "so that its force over the first part of a stroke may be off"
+            )
+        if abs(self.replay.pace - 1.0) > _PACE:
+            notes.append(
+                f"a stretch is sampled at {self.replay.pace:.4g} times the step of the head, and was taken "
+                "as if at that step: the model's velocities are off by as much. Cut the record there"
+            )
+        return notes
+
+
+def open_model(path: Path, record: LongRecord, *, flip_force: bool) -> ModelOver:
+    """Return a card ready to go along with a record.
+
+    Raises
+    ------
+    InputError
+        The card cannot be read or is of another command; it needs a temperature that the record lacks.
+    """
+    card = read_card(path)
+    replay = Replay(
+        card.damper,
+        Preparation.from_dict(card.preparation),
+        record.path.name,
+        record.command_unit,
+        force_sign=-1.0 if flip_force else 1.0,
+        reference_warmth=all_assumed(card.damper),
+    )
+    return ModelOver(path, card, replay)

@@ -1,0 +1,187 @@
+"""Scoring a model on runs: the public ``predict``, and errors as JSON takes them. Nothing is fitted here.
+
+Kept apart from ``api`` so that a card is scored without loading what fits one.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mrdamper.data.prepare import Preparation, PreparedRun, prepare_run
+from mrdamper.data.readers import told_at_once
+from mrdamper.data.records import Dataset, RigRun
+from mrdamper.errors import EnvelopeWarning, InputError
+from mrdamper.identify.scores import RunError, score_run
+from mrdamper.models.card import ModelCard
+from mrdamper.models.damper import Damper
+from mrdamper.models.temperature import REFERENCE_K
+from mrdamper.quantities import ZERO_CELSIUS_K
+
+if TYPE_CHECKING:
+    from mrdamper.identify.fit import Identification
+
+__all__ = [
+    "all_assumed",
+    "at_reference",
+    "beyond_envelope",
+    "beyond_in_words",
+    "finite",
+    "outside_envelope",
+    "predict",
+    "prepare_all",
+    "row",
+]
+
+
+def predict(
+    model: ModelCard | Damper | Identification,
+    runs: Dataset | Iterable[RigRun],
+    *,
+    preparation: Preparation | None = None,
+) -> tuple[RunError, ...]:
+    """Return the force error of a model on runs, at full rate, no offset removed.
+
+    The runs are prepared as the card says. A run that the card was identified on (same name, same error)
+    is marked ``training``, any other ``held_out``. Runs outside the card's envelope are scored all the same,
+    with one ``EnvelopeWarning`` that says how far.
+    """
+    seen: dict[str, float] = {}
+    if isinstance(model, ModelCard):
+        preparation = preparation or Preparation.from_dict(model.preparation)
+        seen = {run["name"]: run["rmse_N"] for run in model.evidence.runs if run["split"] == "training"}
+    elif not isinstance(model, Damper):
+        preparation = preparation or model.preparation
+        seen = {run.name: np.nan for run in model.training}
+    damper = model if isinstance(model, Damper) else model.damper
+    prepared = prepare_all(runs, preparation or Preparation())
+    if all_assumed(damper):
+        prepared = tuple(map(at_reference, prepared))
+    _need_temperature(damper, prepared)
+    if isinstance(model, ModelCard):
+        outside = outside_envelope(model, prepared)
+        if outside:
+            warnings.warn("; ".join(outside), EnvelopeWarning, stacklevel=2)
+    errors = (score_run(damper, run) for run in prepared)
+    return tuple(
+        replace(error, split="training")
+        if error.name in seen and not abs(error.rmse_N - seen[error.name]) > 1e-6 * error.rmse_N
+        else error
+        for error in errors
+    )
+
+
+def _need_temperature(damper: Damper, runs: Sequence[PreparedRun]) -> None:
+    """Raise ``InputError`` that names the runs on which a damper that depends on temperature has none."""
+    lacking = [run.name for run in runs if damper.tempered and run.trajectory.temperature is None]
+    if lacking:
+        more = f" (and {len(lacking) - 1} more of {len(runs)} runs)" if len(lacking) > 1 else ""
+        raise InputError(
+            f"{lacking[0]}{more}: has no temperature channel, and the model depends on temperature; expected "
+            "a column such as temperature_degC. Map the channel, or state it as a constant in the channel "
+            "map ([constant] temperature_degC = 20)"
+        )
+
+
+def outside_envelope(card: ModelCard, runs: Sequence[PreparedRun]) -> list[str]:
+    """Say where runs leave what the card was identified on, one sentence per quantity, with numbers."""
+    tracks = {
+        run.name: {
+            what: (float(track.min()), float(track.max()))
+            for what in ("command", "displacement", "velocity", "temperature")
+            if (track := getattr(run.trajectory, what)) is not None
+        }
+        for run in runs
+    }
+    return beyond_envelope(card, tracks)
+
+
+def beyond_envelope(card: ModelCard, runs: Mapping[str, Mapping[str, tuple[float, float]]]) -> list[str]:
+    """Say the same by the runs' least and most of each quantity [SI], by name."""
+    seen = card.envelope
+    said = []
+    for what, unit, scale, shift, allowed in (
+        ("command", card.damper.command_unit, 1.0, 0.0, seen.command),
+        ("displacement", "mm", 1e3, 0.0, seen.displacement),
+        ("velocity", "mm/s", 1e3, 0.0, seen.velocity),
+        ("temperature", "degC", 1.0, -ZERO_CELSIUS_K, seen.temperature),
+    ):
+        known = {name: ends[what] for name, ends in runs.items() if what in ends}
+        if allowed is None or not known:
+            continue
+        slack = 5.0 if what == "temperature" else 0.05 * max(map(abs, allowed))
+        beyond = {n: e for n, e in known.items() if e[0] < allowed[0] - slack or e[1] > allowed[1] + slack}
+        if not beyond:
+            continue
+        low, high = min(e[0] for e in beyond.values()), max(e[1] for e in beyond.values())
+        told = [f"{scale * end + shift:.4g}" for end in (low, high, *allowed)]
+        where = f"in {len(beyond)} of {len(runs)} runs (the first: {next(iter(beyond))})"
+        where = where if len(runs) > 1 else f"in {next(iter(beyond))}"
+        held = f", {beyond_in_words(card.damper)}" if what == "temperature" else ""
+        said.append(
+            f"{what} is {told[0]} to {told[1]} {unit} {where}; the card was identified on {told[2]} to "
+            f"{told[3]} {unit}{held}"
+        )
+    return said
+
+
+def all_assumed(damper: Damper) -> bool:
+    """Tell whether all that a damper knows of temperature is assumed: without one, it is taken at 20 degC."""
+    return bool(damper.assumed) and len(damper.assumed) == sum(
+        form.tempered for form in damper.coefficients.values()
+    )
+
+
+def beyond_in_words(damper: Damper) -> str:
+    """Return what a damper's force does beyond the temperatures that it was identified at."""
+    if not damper.tempered:
+        return "and its force does not depend on temperature"
+    if damper.temperature_range is None:
+        return "and beyond that its temperature laws are extrapolated"
+    low, high = (kelvin - ZERO_CELSIUS_K for kelvin in damper.temperature_range)
+    return f"and below {low:.4g} or above {high:.4g} degC its coefficients keep their value at that edge"
+
+
+def at_reference(run: PreparedRun) -> PreparedRun:
+    """Return a run without a temperature channel as one at 20 degC."""
+    if run.trajectory.temperature is not None:
+        return run
+    warm = np.full(len(run), REFERENCE_K)
+    return replace(run, trajectory=replace(run.trajectory, temperature=warm))
+
+
+def row(error: RunError) -> dict[str, object]:
+    """Return a run's error as JSON takes it, the contract's keys first."""
+    values = asdict(error)
+    first = ("name", "split", "rmse_N", "nrmse_percent", "nrmse_whole_percent", "nrmse_offset_free_percent")
+    current = error.command if error.command_unit == "A" else None
+    return {
+        **{key: values.pop(key) for key in first},
+        "command": values.pop("command"),
+        "command_unit": values.pop("command_unit"),
+        "current_A": current,
+        "temperature_degC": values.pop("temperature_degC"),
+        **values,
+    }
+
+
+def prepare_all(runs: Iterable[RigRun], preparation: Preparation) -> tuple[PreparedRun, ...]:
+    """Prepare every run; what is wrong with them is told at once."""
+    prepared, faults = [], []
+    for run in runs:
+        try:
+            prepared.append(prepare_run(run, preparation))
+        except InputError as fault:
+            faults.append(str(fault))
+    if faults:
+        raise InputError(told_at_once(faults))
+    return tuple(prepared)
+
+
+def finite(value: float) -> float | None:
+    """Return a number that JSON can hold, None for what is not finite."""
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,1 @@
+"""The jobs: options in, a result out. One module a job."""

@@ -1,0 +1,61 @@
+"""A card in a line, for a list of cards: read as JSON and not checked; whoever uses the card checks it.
+
+Only light modules are loaded, but by ``require_card``, which reads it as a card.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+from mrdamper.errors import InputError
+from mrdamper.files import read_text
+from mrdamper.quantities import ZERO_CELSIUS_K
+
+__all__ = ["card_line", "require_card"]
+
+_MOST_BYTES = 8_000_000
+
+
+def card_line(path: Path) -> dict[str, object]:
+    """Return title, law, envelope and error of a card; ``error`` says that it is none."""
+    row: dict[str, object] = dict.fromkeys(
+        ("title", "law", "method", "command_unit", "runs", "cost_percent", "tempered", "envelope", "error")
+    )
+    try:
+        card = json.loads(read_text(path, "card", _MOST_BYTES))
+        seen, evidence = card["envelope"], card["evidence"]
+        warm = seen["temperature_K"]
+        return row | {
+            "title": str(card["title"]),
+            "law": str(card["law"]),
+            "method": str(evidence["method"]),
+            "command_unit": str(card["command_unit"]),
+            "runs": len(evidence["runs"]),
+            "cost_percent": _number(evidence["cost"]),
+            "tempered": card["temperature_range_K"] is not None,
+            "actuation": card.get("actuation") is not None,
+            "cancelled": "cancelled" in card["notes"],
+            "envelope": {
+                "command": [_number(end) for end in seen["command"]],
+                "displacement_mm": [1e3 * _number(end) for end in seen["displacement_m"]],
+                "velocity_mm_s": [1e3 * _number(end) for end in seen["velocity_m_s"]],
+                "temperature_degC": None if warm is None else [_number(end) - ZERO_CELSIUS_K for end in warm],
+            },
+        }
+    except (InputError, ValueError, RecursionError, LookupError, TypeError, AttributeError) as fault:
+        return row | {"error": f"not a readable card ({type(fault).__name__})"}
+
+
+def require_card(path: Path) -> None:
+    """Raise an ``InputError`` with all that is wrong with a card; nothing in it is ever run."""
+    from mrdamper.models.card_schema import read_card
+
+    read_card(path)
+
+
+def _number(value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise TypeError
+    return float(value)

@@ -1,0 +1,231 @@
+"""Heating curves while somebody moves a slider, and a heating job in changed surroundings.
+
+The quick curve is ``mrdamper heat``'s own (card, drawing, duty, zone network), with what does not change from
+one to the next kept: the card, the drawing, and the work of the loop. Finite elements and pages are left out.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+import warnings
+from collections import OrderedDict
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TypeVar
+
+from mrdamper.errors import EnvelopeWarning
+from mrdamper.excitation import Sine
+from mrdamper.identify.predict import finite
+from mrdamper.jobs.heat import heat_damper, write_heat
+from mrdamper.models.card_schema import read_card
+from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.runtime.outputs import staged
+from mrdamper.schema import Json
+from mrdamper.thermal.drawing import DamperDrawing, read_drawing, read_sink
+from mrdamper.thermal.drawing_file import calibrated_text, text_of
+from mrdamper.thermal.duty import Duty, Stretch, read_duty, stretch_of
+from mrdamper.thermal.estimation.measured_curve import read_curve
+from mrdamper.thermal.heatsink import HeatSink
+from mrdamper.thermal.materials import find_material
+from mrdamper.thermal.sinks.design import HeatedDamper
+from mrdamper.thermal.temperature_rise import Model, heat_with, notes_of, works_of
+
+__all__ = ["QuickHeat", "damper_facts", "heat_changed"]
+
+_MOST_KEPT = 64
+
+Value = TypeVar("Value")
+
+
+class QuickHeat:
+    """Curves one after another; what they share is kept."""
+
+    def __init__(self) -> None:
+        self._kept: OrderedDict[object, object] = OrderedDict()
+
+    def curve(  # noqa: PLR0913 - a slider each
+        self,
+        card: Path,
+        damper: str,
+        *,
+        amplitude_mm: float = 15.0,
+        frequency_Hz: float = 1.0,
+        command: float = 2.0,
+        duty_share: float = 1.0,
+        duration_s: float = 1800.0,
+        ambient_degC: float | None = None,
+        air_m_s: float | None = None,
+        with_sink: bool = True,
+        fins: Mapping[str, float | str] | None = None,
+        past_limit: bool = False,
+    ) -> Json:
+        """Return a damper's temperatures under a sine.
+
+        Parameters
+        ----------
+        card, damper : the card's file; the drawing's file, or ``paper``
+        duty_share : share of the time at work; power and coil heat are averaged over work and rest
+        ambient_degC, air_m_s, with_sink : in place of the drawing's
+        fins : a heat sink that takes the place of the drawing's: fins, width_mm, thickness_mm, pitch_mm,
+            material, emissivity
+        """
+        begin = time.perf_counter()
+        model = self._once(("card", *_version(card)), lambda: read_card(card))
+        drawing = self._once(("drawing", damper, *_version(Path(damper))), lambda: read_drawing(damper))
+        drawing = _changed(drawing, ambient_degC, air_m_s, with_sink=with_sink)
+        if fins is not None and with_sink:
+            drawing = drawing.with_sink(_finned(drawing, fins))
+        unit = model.damper.command_unit
+        duty = _duty(amplitude_mm, frequency_Hz, command, duration_s, unit)
+        key = ("work", *_version(card), amplitude_mm, frequency_Hz, command)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", EnvelopeWarning)  # notes_of says the same
+            works = self._once(key, lambda: works_of(model.damper, duty))
+            notes = notes_of(model, duty)
+            works = [replace(w, power=duty_share * w.power, ripple=duty_share * w.ripple) for w in works]
+            resting = tuple(replace(s, command=math.sqrt(duty_share) * s.command) for s in duty.stretches)
+            duty = replace(duty, stretches=resting)
+            rise = heat_with(works, drawing, duty, stop_at_limit=not past_limit, notes=notes)
+        return {
+            "curve": {
+                "time_s": rise.time.tolist(),
+                "fluid_degC": rise.fluid_degC.tolist(),
+                "coil_degC": rise.coil_degC.tolist(),
+                "wall_degC": rise.wall_degC.tolist(),
+                "peak_force_N": [finite(force) for force in rise.peak_force_N.tolist()],
+            },
+            "time_to_limit_s": rise.time_to_limit_s,
+            "limit_degC": rise.limit_K - ZERO_CELSIUS_K,
+            "force_loss_percent": None
+            if rise.force_loss_percent is None
+            else finite(rise.force_loss_percent),
+            "power_W": {"mechanical": float(rise.mechanical_W[0]), "coil": float(rise.coil_W[0])},
+            "notes": list(rise.notes),
+            "computed_ms": round(1e3 * (time.perf_counter() - begin), 2),
+        }
+
+    def _once(self, key: object, make: Callable[[], Value]) -> Value:
+        if key not in self._kept:
+            self._kept[key] = make()
+        self._kept.move_to_end(key)
+        while len(self._kept) > _MOST_KEPT:
+            self._kept.popitem(last=False)
+        return self._kept[key]  # type: ignore[return-value]  # what make made
+
+
+def heat_changed(  # noqa: PLR0913 - the options of a heating job, by keyword
+    card: Path,
+    damper: str,
+    *,
+    out: Path,
+    duty: str,
+    sink: Path | None = None,
+    with_sink: bool = True,
+    ambient_degC: float | None = None,
+    air_m_s: float | None = None,
+    past_limit: bool = False,
+    model: Model = "zones",
+    start_degC: float | None = None,
+    calibrate: Path | None = None,
+    by_field: bool = True,
+) -> Json:
+    """Do the heating job with another sink or in other surroundings than the drawing's; files as ever.
+
+    ``calibrate`` is a curve that was measured in those surroundings; the drawing that follows it goes to
+    calibrated.toml, with the surroundings that the drawing itself has.
+    """
+    drawing = read_drawing(damper)
+    if sink is not None:
+        drawing = drawing.with_sink(read_sink(sink))
+    run = heat_damper(
+        read_card(card),
+        _changed(drawing, ambient_degC, air_m_s, with_sink=with_sink),
+        read_duty(duty),
+        past_limit=past_limit,
+        model=model,
+        start_degC=start_degC,
+        measured=None if calibrate is None else read_curve(calibrate),
+        by_field=by_field,
+    )
+    with staged(out) as beside:
+        answer = write_heat(run, card, damper, beside, out)
+        if run.calibrated is not None:
+            (beside / "calibrated.toml").write_text(
+                calibrated_text(
+                    text_of(damper),
+                    run.calibrated.entries,
+                    f"{Path(damper).name}, calibrated by {run.calibrated.curve.name}",
+                    sink_text=None if sink is None else text_of(sink),
+                ),
+                encoding="utf-8",
+            )
+            answer["drawing"] = str(out / "calibrated.toml")
+        return answer
+
+
+def damper_facts(damper: str, shown: str) -> Json:
+    """Return what of a drawing a form needs."""
+    drawing = read_drawing(damper)
+    around, sink = drawing.surroundings, drawing.sink
+    return {
+        "name": shown,
+        "ambient_degC": around.ambient - ZERO_CELSIUS_K,
+        "air_m_s": around.air_speed,
+        "limit_degC": drawing.filling.valid_K[1] - ZERO_CELSIUS_K,
+        "coil_resistance_ohm": drawing.coil.resistance,
+        "outer_diameter_mm": 1e3 * drawing.body.outer_diameter,
+        "length_mm": 1e3 * drawing.body.length,
+        "orientation": drawing.body.orientation,
+        "sink": None
+        if sink is None
+        else {
+            "fins": sink.fins,
+            "width_mm": 1e3 * sink.width,
+            "thickness_mm": 1e3 * sink.thickness,
+            "pitch_mm": 1e3 * sink.pitch,
+            "material": sink.material.name,
+        },
+    }
+
+
+def _changed(
+    drawing: DamperDrawing, ambient_degC: float | None, air_m_s: float | None, *, with_sink: bool
+) -> DamperDrawing:
+    around = drawing.surroundings
+    if ambient_degC is not None:
+        around = replace(around, ambient=ambient_degC + ZERO_CELSIUS_K)
+    if air_m_s is not None:
+        around = replace(around, air_speed=air_m_s)
+    return replace(drawing, surroundings=around, sink=drawing.sink if with_sink else None)
+
+
+def _finned(drawing: DamperDrawing, fins: Mapping[str, float | str]) -> HeatSink:
+    """Return a sink that convects as the drawing's own does (as the search for sinks has it)."""
+    return replace(
+        HeatedDamper(drawing, ()).pattern,
+        fins=int(fins["fins"]),
+        width=1e-3 * float(fins["width_mm"]),
+        thickness=1e-3 * float(fins["thickness_mm"]),
+        pitch=1e-3 * float(fins["pitch_mm"]),
+        material=find_material(str(fins["material"]), "fins.material"),
+        emissivity=float(fins["emissivity"]),
+    )
+
+
+def _duty(amplitude_mm: float, frequency_Hz: float, command: float, duration_s: float, unit: str) -> Duty:
+    """Return a sine's duty; without amplitude, rest with a current in the coil."""
+    if amplitude_mm == 0.0:
+        return Duty((Stretch(duration_s, None, 0, abs(command)),), unit, f"rest at {command:g} {unit}")
+    text = f"sine:{amplitude_mm:g}mm:{frequency_Hz:g}Hz:{command:g}{unit}:{duration_s:g}s"
+    return Duty((stretch_of(Sine(1e-3 * amplitude_mm, frequency_Hz), command, duration_s),), unit, text)
+
+
+def _version(path: Path) -> tuple[str, int, int]:
+    """Return what changes when a file does."""
+    try:
+        found = path.stat()
+    except OSError:
+        return str(path), 0, 0
+    return str(path), found.st_mtime_ns, found.st_size

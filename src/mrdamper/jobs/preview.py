@@ -1,0 +1,288 @@
+"""A look into a file: its columns, how it was understood, what is taken for what, and what is wrong with it.
+
+For whoever maps channels: a file whose runs cannot be read is shown all the same, with the reason beside it.
+Nothing is written.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mrdamper.arrays import FloatArray
+from mrdamper.data.channels import ChannelMap, parse_header
+from mrdamper.data.readers import RigFile, map_beside, read_file, runs_in
+from mrdamper.data.records import Recording
+from mrdamper.data.tables import Table, read_table
+from mrdamper.errors import InputError, MrdamperError
+from mrdamper.files import parse_toml, read_toml
+from mrdamper.quantities import ZERO_CELSIUS_K, to_si
+from mrdamper.schema import Json
+
+if TYPE_CHECKING:  # heavy, and not needed for a glance
+    from mrdamper.data.prepare import PreparedRun
+
+__all__ = ["channels_toml", "findings_in", "glance", "look", "look_into", "run_row"]
+
+
+_FIRST = 12  # values of a column that are shown
+_BUCKETS = 32  # of a thumbnail
+_MOST_COLUMNS = 64
+_MOST_TEXT = 120  # characters of a cell
+_MOST_RUNS = 200
+_QUICKLY = 200_000  # samples that are diagnosed while somebody waits
+_GLANCE = 1 << 18  # bytes of a text that are looked at while somebody waits
+_LARGE = 1 << 21  # bytes from which on a file is worth a glance
+_TEXTS = (".csv", ".tsv", ".txt", ".dat", ".asc", ".lvm")
+
+
+def look(path: Path, given: Mapping[str, Any] | None = None) -> Json:
+    """Return what a file holds, and the runs in it by a channel map.
+
+    Parameters
+    ----------
+    given : the map; None: the one beside the file, if there is one
+
+    Raises
+    ------
+    InputError
+        The map itself is not one.
+    """
+    answer, read = look_into(path, given)
+    if read is None:
+        return answer
+    described = [run_row(recording) for recording in read.recordings[:_MOST_RUNS]]
+    answer["runs"] = [{**row, "file": path.name} for row, _ in described]
+    if sum(map(len, read.recordings)) <= _QUICKLY:
+        from mrdamper.data.diagnosis.diagnose import diagnose
+
+        answer["checked"] = True
+        answer["findings"] = [
+            dict(finding.to_dict())
+            for recording, (_, prepared) in zip(read.recordings, described, strict=False)
+            for finding in diagnose(recording, prepared)
+        ]
+    return answer
+
+
+def glance(path: Path, given: Mapping[str, Any] | None = None) -> Json | None:
+    """Return what the beginning of a large text holds, as ``look`` does; None where only the whole tells.
+
+    ``head_share`` is the share of the file that was read, ``rows`` None: there are more. Runs are not made: a
+    test may go on beyond what is seen. Where the map cuts the file into tests, nor is an error told.
+    """
+    size = path.stat().st_size
+    if size < _LARGE or path.suffix.lower() not in _TEXTS:
+        return None
+    with path.open("rb") as file:
+        head = file.read(_GLANCE)
+    if b"\x00" in head or b"\n" not in head:  # no text, or none of eight bits
+        return None
+    head = head[: head.rfind(b"\n") + 1]
+    document = _document_beside(path) if given is None else dict(given)
+    with tempfile.TemporaryDirectory(prefix="mrdamper-") as beside:
+        place = Path(beside) / path.name
+        place.write_bytes(head)
+        answer, read = look_into(place, document or {})
+    if not answer["columns"]:
+        return None
+    if read is not None or (document or {}).get("segments"):
+        answer["error"] = None
+    return answer | {
+        "bytes": size,
+        "rows": None,
+        "map": document,
+        "head_share": len(head) / size,
+    }
+
+
+def look_into(path: Path, given: Mapping[str, Any] | None = None) -> tuple[Json, RigFile | None]:
+    """Return what a file holds, and its recordings; None when they cannot be read (``error`` says why)."""
+    document = _document_beside(path) if given is None else dict(given)
+    chosen = ChannelMap.from_dict(document or {}, "channel map")
+    answer: Json = {
+        "name": path.name,
+        "bytes": path.stat().st_size,
+        "understood": None,
+        "rows": None,
+        "columns": [],
+        "more_columns": 0,
+        "step_s": None,
+        "map": document,
+        "runs": [],
+        "findings": [],
+        "checked": False,
+        "error": None,
+    }
+    read: RigFile | None = None
+    try:
+        table = read_table(path, chosen.file)
+        answer |= {"understood": table.layout.in_words(), "rows": table.rows, "step_s": table.step_s}
+        roles = {}
+        try:
+            read = runs_in(table, chosen, path)
+            roles = {column.name: column.role for column in read.columns}
+        except InputError as fault:
+            answer["error"] = _short(str(fault), path)
+        answer["columns"] = [
+            _column(table, k, name, roles.get(name)) for k, name in enumerate(table.names[:_MOST_COLUMNS])
+        ]
+        answer["more_columns"] = max(0, len(table.names) - _MOST_COLUMNS)
+    except InputError as fault:
+        answer["error"] = _short(str(fault), path)
+    return answer, read
+
+
+def findings_in(path: Path) -> Json:
+    """Return what is wrong with the runs in a file, by the number of the run; minutes for very long ones."""
+    from mrdamper.data.diagnosis.diagnose import diagnose
+
+    try:
+        read = read_file(path)
+    except InputError:
+        return {"findings": []}
+    return {"findings": [[dict(each.to_dict()) for each in diagnose(run)] for run in read.recordings]}
+
+
+def run_row(recording: Recording) -> tuple[Json, PreparedRun | None]:
+    """Return a run in figures, and as prepared for a fit where it can be."""
+    from mrdamper.data.prepare import prepare_run
+
+    prepared, error = None, None
+    try:
+        prepared = prepare_run(recording.checked())
+    except InputError as fault:
+        error = str(fault)
+    time, command, warm = recording.time, recording.command, recording.temperature
+    steps = np.diff(time)
+    step = float(np.median(steps)) if len(steps) and np.isfinite(steps).all() else 0.0
+    held = None if prepared is None else prepared.run.constant_command
+    degrees = None if warm is None else warm - ZERO_CELSIUS_K
+    row: Json = {
+        "name": recording.name,
+        "motion": "" if prepared is None else prepared.motion,
+        "command": held,
+        "command_unit": recording.command_unit,
+        "command_range": _ends(command),
+        "current_A": held if recording.command_unit == "A" else None,
+        "temperature_degC": None if degrees is None or not len(degrees) else _finite(float(np.mean(degrees))),
+        "temperature_range_degC": None if degrees is None else _ends(degrees),
+        "samples": len(recording),
+        "rate_Hz": 1.0 / step if step > 0.0 else None,
+        "duration_s": _finite(float(time[-1] - time[0])) if len(time) else None,
+        "stroke_mm": None if len(recording.displacement) == 0 else _span(recording.displacement * 1e3),
+        "peak_velocity_mm_s": None
+        if prepared is None
+        else 1e3 * float(np.abs(prepared.trajectory.velocity).max()),
+        "force_range_N": _ends(recording.force),
+        "usable": error is None,
+        "error": error,
+    }
+    return row, prepared
+
+
+def channels_toml(document: Mapping[str, Any]) -> str:
+    """Return a channel map as TOML that reads back as the same map.
+
+    Raises
+    ------
+    InputError
+        It is no channel map.
+    """
+    ChannelMap.from_dict(document, "channel map")
+    lines = ["# channel map, written by mrdamper serve"]
+    for name, table in document.items():
+        if name == "channel":
+            for role, channel in table.items():
+                lines += [f"[channel.{_key(role)}]", *_pairs(channel)]
+        else:
+            lines += [f"[{_key(name)}]", *_pairs(table)]
+    text = "\n".join([*lines, ""])
+    if ChannelMap.from_dict(parse_toml(text)) != ChannelMap.from_dict(document):
+        raise InputError("channel map: it cannot be written as TOML; use plain texts and numbers")
+    return text
+
+
+def _pairs(table: Mapping[str, Any]) -> list[str]:
+    return [f"{_key(key)} = {_toml(value)}" for key, value in table.items()]
+
+
+def _key(key: str) -> str:
+    return key if key.replace("_", "").isalnum() and key.isascii() else _toml(key)
+
+
+def _toml(value: object) -> str:
+    if isinstance(value, list):
+        return f"[{', '.join(map(_toml, value))}]"
+    # JSON's texts and numbers are TOML's, but for what is not written here: a lone surrogate, DEL
+    return json.dumps(value, ensure_ascii=False, allow_nan=False).replace("\x7f", "\\u007f")
+
+
+def _document_beside(path: Path) -> dict[str, Any] | None:
+    beside = map_beside(path)
+    return None if beside is None else read_toml(beside, "channel map")
+
+
+def _column(table: Table, k: int, name: str, role: str | None) -> Json:
+    column: Json = {
+        "index": k + 1,
+        "name": name[:_MOST_TEXT],
+        "unit": table.units.get(name, ""),
+        "role": role,
+    }
+    said = parse_header(name)
+    column["guess"] = None if said is None else {"role": said[0], "unit": _unit(said, table, name)}
+    if name in table.texts:
+        cells = [None if cell is None else cell[:_MOST_TEXT] for cell in table.texts[name][:_FIRST]]
+        return column | {"kind": "text", "first": cells, "least": None, "most": None, "thumbnail": None}
+    values = table.columns[name]
+    low_high = _ends(values) or [None, None]
+    return column | {
+        "kind": "number",
+        "first": [_finite(value) for value in values[:_FIRST].tolist()],
+        "least": low_high[0],
+        "most": low_high[1],
+        "thumbnail": _thumbnail(values),
+    }
+
+
+def _unit(said: tuple[str, str], table: Table, name: str) -> str:
+    unit = said[1] or table.units.get(name, "")
+    try:
+        to_si(0.0, unit, said[0])
+    except MrdamperError:
+        return ""
+    return unit
+
+
+def _thumbnail(values: FloatArray) -> list[float | None] | None:
+    """Return least and greatest of each of equal stretches."""
+    if len(values) < 2:
+        return None
+    edges = np.unique(np.linspace(0, len(values), _BUCKETS + 1).astype(int)[:-1])
+    least, most = np.fmin.reduceat(values, edges), np.fmax.reduceat(values, edges)
+    return [_finite(float(value)) for pair in zip(least, most, strict=True) for value in pair]
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _ends(values: FloatArray) -> list[float | None] | None:
+    known = values[np.isfinite(values)]
+    return [float(known.min()), float(known.max())] if len(known) else None
+
+
+def _span(values: FloatArray) -> float | None:
+    return _finite(float(np.max(values) - np.min(values)))
+
+
+def _short(message: str, path: Path) -> str:
+    """Return a message that names the file, without the way to it."""
+    return message.replace(str(path), path.name)

@@ -1,0 +1,55 @@
+"""What a sweep's plan names, for whoever must know before it is run: texts as written, and their files.
+
+A server that runs plans of others looks here first; what a plan is, is the business of ``sweep.plan``.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from mrdamper.files import read_toml
+from mrdamper.jobs.sweep.plan import read_plan
+from mrdamper.thermal.drawing_file import DRAWINGS
+
+__all__ = ["files_of_plan", "texts_of_plan"]
+
+_PATHS = ("campaigns", "channels", "card", "dampers", "duties")  # keys whose texts may be paths
+
+
+def texts_of_plan(plan: Path) -> list[str]:
+    """Return the texts in a plan that may name files; nothing is looked for yet.
+
+    Raises
+    ------
+    InputError
+        Not a TOML file.
+    """
+    found: list[object] = []
+    for table in read_toml(plan, "sweep").values():
+        if isinstance(table, dict):
+            for key in _PATHS:
+                given = table.get(key, [])
+                found += given if isinstance(given, list) else [given]
+    return [text for text in found if isinstance(text, str) and text not in DRAWINGS and not _is_words(text)]
+
+
+def files_of_plan(plan: Path) -> list[Path]:
+    """Return the files that the tasks of a plan read.
+
+    Raises
+    ------
+    InputError
+        A plan that cannot be, or a pattern that nothing matches.
+    """
+    named = [
+        text
+        for task in read_plan(plan).tasks
+        for key in ("path", "channels", "card", "damper", "duty")
+        if isinstance(text := task.what.get(key), str) and text not in DRAWINGS and not _is_words(text)
+    ]
+    return [Path(text) for text in dict.fromkeys(named)]
+
+
+def _is_words(text: str) -> bool:
+    """Tell a duty in words, sine:15mm:1Hz:2A:1800s, from the name of a table."""
+    return len(text.split(":")) >= 3 and not text.lower().endswith(".csv")

@@ -1,0 +1,56 @@
+"""Results as they come: one line of JSON each, on the disk before the next one is asked for.
+
+A sweep that is killed keeps every result that was told. The file itself is the business of ``checkpoint``; it
+stays in the sweep's folder when the sweep is done.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from mrdamper.errors import InputError
+from mrdamper.jobs.sweep.plan import Plan, What
+from mrdamper.runtime.checkpoint import Checkpoint
+
+__all__ = ["CHECKPOINT", "Store"]
+
+CHECKPOINT = "sweep.jsonl"
+
+
+class Store:
+    """The checkpoint of one sweep in its folder; opened, it holds what is already done.
+
+    Raises
+    ------
+    InputError
+        The folder holds results and ``resume`` was not asked for, they are of another plan, or another sweep
+        is at work there.
+    """
+
+    def __init__(self, folder: Path, plan: Plan, *, resume: bool) -> None:
+        path = folder / CHECKPOINT
+        head = {"plan": plan.fingerprint, "kind": plan.kind, "seed": plan.seed, "tasks": len(plan.tasks)}
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as fault:
+            raise InputError(
+                f"{folder}: cannot write there: {fault.strerror}; choose another --out"
+            ) from fault
+        if not resume and path.exists() and path.stat().st_size > 0:
+            raise InputError(
+                f"{folder}: holds results of a sweep; expected an empty place. Pass --resume to go "
+                "on with it, or another --out"
+            )
+        self._kept = Checkpoint(path, head, resume=True, always=True)
+
+    @property
+    def done(self) -> Mapping[str, What]:
+        return self._kept.done
+
+    def add(self, name: str, result: What) -> None:
+        """Keep a result; it is on the disk when this returns."""
+        self._kept.keep(name, result)
+
+    def close(self) -> None:
+        self._kept.close()

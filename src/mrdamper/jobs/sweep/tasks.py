@@ -1,0 +1,135 @@
+"""What a worker does with a task: one function, importable in any process, JSON in and JSON out.
+
+A result holds no time and no path of the worker, so that the same task gives the same result everywhere. A
+fault of the input is a result, too; a fault of the program is raised.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+import numpy as np
+
+from mrdamper.errors import MrdamperError
+from mrdamper.jobs.sweep.plan import What
+from mrdamper.quantities import ZERO_CELSIUS_K
+
+__all__ = ["run_task"]
+
+
+def run_task(kind: str, seed: int, what: What) -> What:
+    """Return ``{"figures": numbers by name}``, ``card`` where one was identified, or ``{"error": why}``."""
+    try:
+        return _KINDS[kind](seed, what)
+    except MrdamperError as fault:
+        return {"error": str(fault)}
+
+
+def _identify(seed: int, what: What) -> What:
+    from mrdamper.identify.assess import summary
+    from mrdamper.identify.fit import assess, fit
+    from mrdamper.jobs.identify import read_dataset
+    from mrdamper.models.card import card_text
+
+    channels = what["channels"]
+    dataset = read_dataset([what["path"]], None if channels is None else Path(channels))
+    present = [glob for glob in what["hold_out"] if any(fnmatchcase(name, glob) for name in dataset.names)]
+    fitted = fit(
+        dataset,
+        what["law"],
+        hold_out=present,
+        starts=what["starts"],
+        temperature=what["temperature"],
+        seed=seed,
+    )
+    judged = assess(fitted)
+    figures: dict[str, float | None] = {}
+    for split in ("training", "held_out"):
+        errors = [error for error in judged.runs if error.split == split]
+        if errors:
+            figures |= {f"{split}_{name}": value for name, value in summary(errors).items()}
+    figures |= {f"{each.name}": each.value for each in fitted.estimates}
+    return {"figures": _plain(figures), "card": json.loads(card_text(fitted.card(judged)))}
+
+
+def _tolerance(seed: int, what: What) -> What:
+    from mrdamper.control.controllers import controllers_for
+    from mrdamper.control.loop import course_of, run_loop
+    from mrdamper.control.scenario import find_scenario
+    from mrdamper.control.score import reach_of, score_run, worst
+    from mrdamper.models.card_schema import read_card
+    from mrdamper.rig.damper import draw_damper, find_preset
+    from mrdamper.rig.plant import Plant
+
+    card = read_card(what["card"])
+    damper = draw_damper(
+        find_preset(what["plant"]), np.random.default_rng(seed), what["spread_percent"] / 100.0
+    )
+    largest = min(2.0, card.envelope.command[1])
+    controller = controllers_for(card, period_s=1.0 / what["rate_Hz"], largest=largest)[what["controller"]]
+    plant = Plant(damper)
+    figures: dict[str, float | None] = {}
+    for target in what["targets"]:
+        scores = []
+        for degrees in what["temperatures_degC"]:
+            scenario = replace(
+                find_scenario(target), temperature_degC=degrees, highest_A=largest, seed=seed % 2**31
+            )
+            course = course_of(scenario, plant.step_s)
+            reach = reach_of(plant, course, degrees, largest)
+            run = run_loop(plant, controller, scenario, course)
+            scores.append(score_run(run, reach, resistance_ohm=damper.coil_resistance_ohm(degrees)))
+        score = worst(scores)
+        figures |= {
+            f"{target}_max_N": score.max_N,
+            f"{target}_max_feasible_N": score.max_feasible_N,
+            f"{target}_rmse_feasible_N": score.rmse_feasible_N,
+            f"{target}_feasible_share": score.feasible_share,
+        }
+    return {"figures": _plain(figures)}
+
+
+def _sink(seed: int, what: What) -> What:
+    from mrdamper.jobs.sink import SinkOptions, search_sinks
+    from mrdamper.models.card_schema import read_card
+    from mrdamper.thermal.drawing import read_drawing
+    from mrdamper.thermal.duty import read_duty
+
+    options = SinkOptions(method=what["method"], by_field=False, seed=seed % 2**31)
+    run = search_sinks(
+        read_card(what["card"]), read_drawing(what["damper"]), read_duty(what["duty"]), options
+    )
+    best = run.best.sink
+    assert best is not None  # a search returns sinks
+    return {
+        "figures": _plain(
+            {
+                "bare_degC": run.bare.fluid - ZERO_CELSIUS_K,
+                "reference_degC": run.reference.fluid - ZERO_CELSIUS_K,
+                "best_degC": run.best.fluid - ZERO_CELSIUS_K,
+                "best_mass_kg": run.best.mass,
+                "best_fins": float(best.fins),
+                "best_width_m": best.width,
+                "best_thickness_m": best.thickness,
+            }
+        )
+    }
+
+
+def _plain(figures: Mapping[str, float | None]) -> dict[str, float | None]:
+    """Return figures as JSON has them: what is not finite is None."""
+    return {
+        name: None if value is None or not np.isfinite(value) else float(value)
+        for name, value in figures.items()
+    }
+
+
+_KINDS: Mapping[str, Callable[[int, What], What]] = {
+    "identify": _identify,
+    "tolerance": _tolerance,
+    "sink": _sink,
+}

@@ -1,0 +1,122 @@
+"""Yield stress of an MR fluid over the magnetic field, and its magnetisation curve, after Carlson.
+
+    tau(H) = tau_s tanh(H / H_s)        tau_s = C 271700 Pa phi^1.5239,  1 / H_s = 6.33e-6 m/A
+    B(H) = 1.91 phi^1.133 [1 - exp(-10.97 mu0 H)] + mu0 H                (B, mu0 H in tesla)
+
+phi is the volume fraction of iron; C depends on the carrier: 1 for hydrocarbon, 0.95 for silicone, 1.16 for
+water. How the yield stress changes with temperature is the business of ``temperature``; the magnetisation
+curve is taken as the same at every temperature. The sign of the field does not matter to the stress, and B
+is odd in H.
+
+Source: Carlson's empirical formulas, from a public source file; the values of C from memory, not re-read.
+Against the manufacturer's points for MRF-132DG (second hand: 4.64, 13.77 and 23.47 kPa at 18, 46 and
+80 kA/m) the formula with phi = 0.32, C = 1 gives +17, -2 and -5 %.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from mrdamper.arrays import FloatArray
+from mrdamper.errors import InputError
+
+__all__ = [
+    "CARRIERS",
+    "MU_0",
+    "Carlson",
+    "FIELD_SCALE_A_m",
+    "checked_fraction",
+    "field_strength",
+    "flux_density",
+    "saturation_stress",
+]
+
+MU_0 = 1.25663706212e-6
+"""Magnetic constant [V s/(A m)], CODATA 2018."""
+
+FIELD_SCALE_A_m = 1.0 / 6.33e-6
+"""Carlson's field scale H_s [A/m], 158 kA/m."""
+
+CARRIERS: Mapping[str, float] = MappingProxyType({"hydrocarbon": 1.0, "silicone": 0.95, "water": 1.16})
+"""Carlson's constant C of a carrier [-]; from memory, not re-read."""
+
+_STRESS_PA, _STRESS_POWER = 271700.0, 1.5239
+_IRON_T, _IRON_POWER, _IRON_RATE = 1.91, 1.133, 10.97
+
+
+@dataclass(frozen=True, slots=True)
+class Carlson:
+    """Yield stress over the field at 20 degC: saturation tanh(H / field_scale)."""
+
+    saturation_Pa: float
+    field_scale_A_m: float = FIELD_SCALE_A_m
+
+    def __post_init__(self) -> None:
+        for name, unit in (("saturation_Pa", "Pa"), ("field_scale_A_m", "A/m")):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0.0):
+                raise InputError(f"yield stress: {name} is {value:g} {unit}; it must be positive")
+
+    def stress(self, field_A_m: ArrayLike) -> FloatArray:
+        """Return the yield stress [Pa] at field strengths H [A/m], in their shape."""
+        field = np.abs(np.asarray(field_A_m, dtype=np.float64))
+        return np.asarray(self.saturation_Pa * np.tanh(field / self.field_scale_A_m))
+
+
+def saturation_stress(particle_fraction: float, carrier_constant: float = 1.0) -> float:
+    """Return Carlson's saturated yield stress C 271700 phi^1.5239 [Pa].
+
+    Parameters
+    ----------
+    particle_fraction : volume fraction of iron phi [-], 0 to 0.6
+    carrier_constant : C [-], see ``CARRIERS``
+    """
+    return carrier_constant * _STRESS_PA * math.pow(checked_fraction(particle_fraction), _STRESS_POWER)
+
+
+def flux_density(field_A_m: ArrayLike, particle_fraction: float) -> FloatArray:
+    """Return the flux density B [T] in the fluid at field strengths H [A/m], in their shape."""
+    outside = MU_0 * np.asarray(field_A_m, dtype=np.float64)
+    iron = _iron(particle_fraction)
+    return np.asarray(outside - np.sign(outside) * iron * np.expm1(-_IRON_RATE * np.abs(outside)))
+
+
+def field_strength(flux_density_T: ArrayLike, particle_fraction: float) -> FloatArray:
+    """Return the field strength H [A/m] that makes flux densities B [T] in the fluid: B(H) inverted.
+
+    With b = mu0 H, a = 1.91 phi^1.133 and k = 10.97/T the curve is b + a (1 - exp(-k b)) = B, whose solution
+    is b = B - a + W(k a exp[k (a - B)]) / k with Lambert's W. One Newton step after it removes the
+    cancellation that is left at small B.
+    """
+    from scipy.special import lambertw
+
+    given = np.asarray(flux_density_T, dtype=np.float64)
+    target = np.abs(given)
+    iron = _iron(particle_fraction)
+    k = _IRON_RATE
+    branch = lambertw(k * iron * np.exp(k * (iron - target)))  # type: ignore[call-overload]  # any shape
+    outside = target - iron + np.real(branch) / k
+    excess = outside - iron * np.expm1(-k * outside) - target
+    outside = outside - excess / (1.0 + iron * k * np.exp(-k * outside))
+    return np.asarray(np.sign(given) * outside / MU_0)
+
+
+def _iron(particle_fraction: float) -> float:
+    """Return the saturated polarisation of the iron in the fluid [T]."""
+    return _IRON_T * math.pow(checked_fraction(particle_fraction), _IRON_POWER)
+
+
+def checked_fraction(particle_fraction: float) -> float:
+    """Return the volume fraction of iron, checked: spheres do not pack denser than about 0.64."""
+    if not 0.0 < particle_fraction <= 0.6:
+        raise InputError(
+            f"particle fraction is {particle_fraction:g}; expected the volume fraction of iron, above 0 and "
+            "up to 0.6 (32 % by volume is 0.32)"
+        )
+    return particle_fraction

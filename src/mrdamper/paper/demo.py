@@ -1,0 +1,262 @@
+"""The demo: every job in order on the embedded default, the virtual rig, in one report along the paper.
+
+A campaign on the preset ``nominal`` is written as any laboratory would write it, and identified with
+temperatures and a motion held out; the paper's own law and a card of one temperature stand beside it. The
+preset ``paper``, which loses its force as the paper's damper does, is heated, finned and cooled. Controllers
+made from the card track forces on the virtual damper; what they are made of is exported and verified.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from mrdamper.data.records import Dataset
+from mrdamper.errors import InputError
+from mrdamper.identify.assess import Assessment
+from mrdamper.identify.fit import Identification, assess, fit, versions
+from mrdamper.jobs.export import ExportOptions, export
+from mrdamper.jobs.heat import HeatRun, heat_damper, write_heat
+from mrdamper.jobs.identify import read_dataset, write_identification
+from mrdamper.jobs.rig import write_campaign
+from mrdamper.jobs.sink import SinkOptions, search_sinks, write_sink
+from mrdamper.jobs.track import TrackOptions, track_card, write_track
+from mrdamper.models.card import ModelCard, write_card
+from mrdamper.models.fluids.fluid import find_fluid
+from mrdamper.paper.claims import claims_of
+from mrdamper.paper.figures import sections_of
+from mrdamper.paper.findings import Findings
+from mrdamper.paper.page import render_paper
+from mrdamper.report import answers
+from mrdamper.report.sink import SinkPictures
+from mrdamper.report.track import TrackPictures
+from mrdamper.rig.campaign import Campaign
+from mrdamper.rig.measurement import measure
+from mrdamper.rig.plant import find_preset
+from mrdamper.runtime.outputs import staged, write_json
+from mrdamper.runtime.signals import interrupt_ends_all
+from mrdamper.schema import Json
+from mrdamper.thermal.drawing import read_drawing
+from mrdamper.thermal.duty import read_duty
+from mrdamper.thermal.temperature_rise import works_of
+
+__all__ = ["Report", "demo"]
+
+Report = Callable[[int, int, str], None]
+"""Told how many of how many steps are done, and which one comes now."""
+
+_LABEL = "simulated: virtual rig, damper nominal; not measured"
+_WARM_UP = "sine:15mm:1Hz:2A:2100s"  # the paper's 35 min
+_HALF_HOUR = "sine:15mm:1Hz:2A:1800s"
+_OTHERS = ("sine:5mm:1Hz:2A:1800s", "sine:3mm:2Hz:2A:1800s")
+_WARMED = Campaign(
+    temperatures_degC=(20.0, 40.0, 60.0, 80.0, 100.0, 120.0, 140.0)
+)  # 140: the paper's hottest
+_QUICKLY_WARMED = Campaign(
+    motions=("sine5mm1Hz", "sine3mm2Hz", "nonperiodic", "chirp3mm"),
+    currents_A=(0.0, 1.0, 2.0),
+    temperatures_degC=(20.0, 60.0, 100.0, 140.0),
+)
+_CONTROLLERS = ("recommended", "paper", "recommended-unaware", "paper-unaware")
+_FILES = (
+    ("card.json", "the model card: all that the other jobs need of a damper"),
+    ("identification/report.html", "identification: loops, errors by run, parameters with uncertainty"),
+    ("heating/heat.html", "heating of the preset paper, with the paper's heat sink and without"),
+    ("sink/sink.html", "search of heat sinks"),
+    ("sink/best.toml", "the best heat sink, as mrdamper heat reads it"),
+    ("tracking/track.html", "force tracking"),
+    ("c/README.md", "model and controller as C99, with the record of their verification"),
+    ("damper.fmu", "the same as a functional mock-up unit (FMI 3.0), sources inside"),
+    ("summary.json", "all figures, with the claims"),
+)
+_STEPS = (
+    "campaign on the virtual rig", "identification", "the paper's law, and one temperature alone",
+    "the paper's damper", "heating", "heat sinks", "force tracking", "C code and FMU", "report",
+)  # fmt: skip
+
+
+def demo(out: Path, *, quick: bool = False, seed: int = 0, report: Report | None = None) -> Json:
+    """Run every job on the virtual rig; write report.html, summary.json, card.json and what they are made of.
+
+    ``quick`` runs a small campaign, tracks at two temperatures and judges heat sinks by the network alone.
+    """
+    clock = time.process_time()
+    campaign = _quick() if quick else Campaign()
+
+    def now(step: int) -> None:
+        if report is not None:
+            report(step, len(_STEPS), _STEPS[step])
+
+    with staged(out) as beside, interrupt_ends_all():  # claims are made of whole fits
+        place = _Place(beside, out)
+        now(0)
+        dataset = _measured(place, campaign, seed)
+        now(1)
+        starts = 1 if quick else 3  # of the fits that are compared with this one
+        fitted = fit(dataset, seed=seed, hold_out=campaign.hold_out)
+        judged = assess(fitted)
+        first = _write_identification(fitted, judged, place)
+        now(2)
+        literal = fit(
+            dataset,
+            "bouc-wen",
+            temperature="paper",
+            starts=starts,
+            seed=seed,
+            hold_out=campaign.hold_out,
+        )
+        literally = assess(literal)
+        cold = fit(dataset.select("*_020C_*"), temperature="none", starts=starts, seed=seed)
+        write_card(cold.card(title="identified at 20 degC alone"), beside / "cold_card.json")
+        now(3)
+        warmer = _QUICKLY_WARMED if quick else _WARMED
+        runs = [run for run, _ in measure(find_preset("paper"), warmer, seed=seed)]
+        warm = fit(runs, starts=starts, seed=seed).card(title="the virtual rig's preset paper")
+        write_card(warm, beside / "paper_card.json")
+        now(4)
+        heated = [_heated(warm, text, past_limit=text == _WARM_UP) for text in (_WARM_UP, *_OTHERS)]
+        heating = write_heat(heated[0], out / "paper_card.json", "paper", *place.part("heating"))
+        now(5)
+        options = SinkOptions(by_field=not quick)
+        sinks = search_sinks(warm, read_drawing("paper"), read_duty(_HALF_HOUR), options)
+        sink_pictures = SinkPictures(sinks)
+        sink = write_sink(
+            sinks, options, out / "paper_card.json", "paper", *place.part("sink"), pictures=sink_pictures
+        )
+        now(6)
+        tracked = track_card(
+            beside / "card.json",
+            TrackOptions(
+                controllers=_CONTROLLERS,
+                unaware=beside / "cold_card.json",
+                temperatures_degC=(20.0, 123.0) if quick else (),
+                seed=seed + 1,
+            ),
+        )
+        track_pictures = TrackPictures(tracked)
+        tracking = write_track(tracked, out / "card.json", *place.part("tracking"), pictures=track_pictures)
+        now(7)
+        target = _exported(beside)
+        now(8)
+        found = Findings(
+            fitted=fitted,
+            judged=judged,
+            paper_law=literally,
+            fluid=find_fluid("paper"),
+            warm_up=heated[0],
+            small=heated[1],
+            fast=heated[2],
+            works=tuple((each.duty.text, works_of(warm.damper, each.duty)[0]) for each in heated),
+            sink_pictures=sink_pictures,
+            track_pictures=track_pictures,
+        )
+        claims = claims_of(found)
+        answer: Json = {
+            **first,
+            "simulated": True,
+            "runs_are": _LABEL,
+            "laws": [
+                answers.line(first),
+                answers.line(answers.identification(literal, literally, out, ())),
+            ],
+            "claims": [claim.to_json() for claim in claims],
+            "heating": {
+                key: heating[key] for key in ("time_to_limit_s", "force_loss_percent", "energy_closure")
+            },
+            "sink": {"reference": sink["reference"], "best": sink["best"], "cooler_K": sink["cooler_K"]},
+            "tracking": tracking["worst"],
+            "target": target,
+            "cpu_s": round(time.process_time() - clock, 3),
+            "report": str(out / "report.html"),
+            "summary_file": str(out / "summary.json"),
+            "versions": versions(),
+        }
+        page = render_paper(
+            sections_of(found),
+            claims,
+            [(path, words) for path, words in _FILES if (beside / path).exists()],
+            target=_target_in_words(target),
+            quick=quick,
+            fingerprint=fitted.fingerprint,
+            seed=seed,
+            versions=versions(),
+        )
+        (beside / "report.html").write_text(page, encoding="utf-8")
+        write_json(beside / "summary.json", answer)
+    return answer
+
+
+@dataclass(frozen=True, slots=True)
+class _Place:
+    """Where files are written, and where they will lie."""
+
+    beside: Path
+    out: Path
+
+    def part(self, name: str) -> tuple[Path, Path]:
+        """Return a new folder of that name, and where it will lie."""
+        (self.beside / name).mkdir()
+        return self.beside / name, self.out / name
+
+
+def _measured(place: _Place, campaign: Campaign, seed: int) -> Dataset:
+    """Run a campaign on the preset ``nominal``, write it and read it back as any rig's runs."""
+    runs, _ = place.part("runs")
+    truth, _ = place.part("runs.truth")
+    write_campaign(runs, truth, find_preset("nominal"), campaign, seed=seed)
+    return read_dataset([runs], None)
+
+
+def _write_identification(fitted: Identification, judged: Assessment, place: _Place) -> Json:
+    """Write the identification's files; the card lies at the top."""
+    beside, out = place.part("identification")
+    title = "The virtual rig's preset nominal"
+    answer = write_identification(
+        fitted, judged, beside, out, sources=(_LABEL,), simulated=_LABEL, title=title
+    )
+    (beside / "card.json").replace(place.beside / "card.json")
+    return {**answer, "card": str(place.out / "card.json")}
+
+
+def _exported(beside: Path) -> dict[str, Any]:
+    """Export controller and model as C and FMU, or say why not: no C compiler, say."""
+    options = ExportOptions(c=beside / "c", fmu=beside / "damper.fmu")
+    try:
+        answer = export(beside / "card.json", options)
+    except InputError as fault:
+        return {"written": False, "why": str(fault)}
+    return {
+        "written": True,
+        **{key: answer[key] for key in ("precision", "step_s", "controller", "code_bytes", "tables_bytes")},
+        "verification": json.loads(json.dumps(answer["verification"])),
+    }
+
+
+def _target_in_words(target: dict[str, Any]) -> str:
+    if not target["written"]:
+        return f"C code and FMU were not written: {target['why']}"
+    record = target["verification"]
+    return (
+        f"C code and FMU: the controller {target['controller']} and the model in {target['precision']}, a "
+        f"step every {1e3 * target['step_s']:g} ms, compiled here and compared with the model in Python over "
+        f"{record['samples']} samples."
+    )
+
+
+def _heated(card: ModelCard, duty: str, *, past_limit: bool) -> HeatRun:
+    return heat_damper(card, read_drawing("paper"), read_duty(duty), past_limit=past_limit)
+
+
+def _quick() -> Campaign:
+    """Return a campaign of 30 runs that still has a temperature and a motion to hold out."""
+    return Campaign(
+        motions=("sine5mm1Hz", "nonperiodic"),
+        currents_A=(0.0, 1.0, 2.0),
+        temperatures_degC=(20.0, 60.0, 80.0, 120.0),
+        held_out_temperatures_degC=(60.0,),
+        held_out_motions=(),
+    )

@@ -1,0 +1,239 @@
+"""The paper's figures, drawn again from the demo's runs: what each shows there, and what it shows here."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from mrdamper.models.fluids.fluid import Fluid
+from mrdamper.paper.findings import Findings
+from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.report.damper_section import draw_dampers
+from mrdamper.report.figures import HELD_OUT, INK, TRAINING, WIDE, drawing_style, svg_of
+from mrdamper.report.heat import draw_fade, draw_paths, draw_temperatures
+from mrdamper.report.identification.campaign import Campaign
+from mrdamper.report.identification.loops import loop_pictures
+from mrdamper.report.small_multiples import colour_of_warmth
+
+__all__ = ["Plate", "Section", "sections_of"]
+
+_FIELDS_T = (0.1, 0.2, 0.4, 0.6)
+_ROWS: Mapping[str, tuple[int, ...]] = {
+    "tests": (1, 2, 12, 13, 14),
+    "fluid": (4, 5, 6, 7, 8, 9, 10, 11, 16),
+    "forces": (15, 29),
+    "heat": (3, 17, 18, 24, 25, 26, 27, 28),
+    "sinks": (19, 20, 21, 22, 23),
+    "tracking": (30, 31, 32, 33, 34, 35),
+    "lost": (36, 37),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Plate:
+    """One picture, the paper's figures that it stands for, and what to see in it."""
+
+    figures: str
+    title: str
+    said: str
+    svg: str
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """A part of the paper: its claims by row, and its pictures."""
+
+    title: str
+    said: str
+    rows: tuple[int, ...]
+    plates: tuple[Plate, ...]
+
+
+def sections_of(found: Findings) -> list[Section]:
+    """Return the paper's parts in its order."""
+    return [
+        Section("The fluid", "Section 2.2 of the paper.", _ROWS["fluid"], (_fluid_plate(found.fluid),)),
+        Section(
+            "Tests and hysteresis",
+            "Sections 2.1, 2.3 and 4.1: loops over temperature and current, and the model that is "
+            "identified from "
+            "them, here on the virtual rig. Grey is measured; what was held out of the fit is marked.",
+            (*_ROWS["tests"], *_ROWS["forces"]),
+            tuple(_loop_plates(found)),
+        ),
+        Section(
+            "Heating",
+            "Sections 2.1, 3.1 and 3.3: 15 mm, 1 Hz and 2 A, with the five fins and without.",
+            _ROWS["heat"],
+            tuple(_heat_plates(found)),
+        ),
+        Section(
+            "Heat sinks",
+            "Section 3.2: widths and numbers of fins; and which to build instead.",
+            _ROWS["sinks"],
+            tuple(_sink_plates(found)),
+        ),
+        Section(
+            "Force tracking",
+            "Section 4.2: a wanted force without a force sensor. The controller knows the virtual "
+            "damper only through "
+            "its card.",
+            _ROWS["tracking"],
+            tuple(_tracking_plates(found)),
+        ),
+        Section("What cannot be checked", "", _ROWS["lost"], ()),
+    ]
+
+
+def _fluid_plate(fluid: Fluid) -> Plate:
+    warm = np.linspace(20.0, 130.0, 111)
+    over = np.linspace(20.0, 150.0, 261)
+    viscosity = fluid.viscosity_Pa_s * np.asarray(fluid.viscosity_factor.value(over + ZERO_CELSIUS_K))
+    if fluid.collapse is not None:
+        viscosity = viscosity * fluid.collapse.value(over + ZERO_CELSIUS_K)
+    with drawing_style():
+        figure = Figure(figsize=(WIDE, 2.9))
+        left, right = figure.subplots(1, 2)
+        left.plot(over, 1e3 * viscosity, color=HELD_OUT, linewidth=1.6)
+        left.axvspan(20.0, 60.0, color="#f1efe9", linewidth=0, zorder=0)
+        left.annotate("20 to 60 °C", (21.5, 4.0), fontsize=6.5, color="#777777")
+        left.set_ylim(bottom=0.0)
+        left.set_ylabel("viscosity, mPa s")
+        for k, tesla in enumerate(_FIELDS_T):
+            stress = fluid.yield_stress(warm + ZERO_CELSIUS_K, flux_density_T=tesla)
+            right.plot(
+                warm,
+                stress / 1e3,
+                color=colour_of_warmth(k, range(len(_FIELDS_T))),
+                label=f"{1e3 * tesla:.0f} mT",
+            )
+        right.set_ylim(bottom=0.0)
+        right.set_ylabel("yield stress, kPa")
+        right.legend(ncols=4, loc="lower left")
+        for axes in (left, right):
+            axes.set_xlabel("temperature, °C", labelpad=1.5)
+            axes.margins(x=0.0)
+        figure.subplots_adjust(left=0.055, right=0.99, top=0.97, bottom=0.15, wspace=0.14)
+        svg = svg_of(figure, "Viscosity and yield stress over temperature")
+    return Plate(
+        "4 and 5",
+        "Viscosity without field, yield stress at four fields",
+        "A law through the paper's 65 % fall, with its collapse above 138 °C; Carlson's formula, "
+        "falling linearly.",
+        svg,
+    )
+
+
+def _loop_plates(found: Findings) -> Iterator[Plate]:
+    campaign = Campaign(found.fitted, found.judged.runs)
+    figures = ("6", "7", "8 to 10")
+    for number, picture in zip(figures, loop_pictures(campaign), strict=False):
+        yield Plate(number, picture.title, picture.said, picture.svg)
+    yield Plate(
+        "21 to 27",
+        "RMS error over temperature",
+        "Every run of constant current; the line joins the means. The paper's own law, one Bouc-Wen "
+        "element with "
+        "polynomials in current and temperature, is fitted to the same runs.",
+        _errors(found),
+    )
+
+
+def _errors(found: Findings) -> str:
+    with drawing_style():
+        figure = Figure(figsize=(WIDE, 2.7))
+        axes = figure.add_subplot()
+        for judged, colour, label in (
+            (found.paper_law, HELD_OUT, "the paper's law"),
+            (found.judged, TRAINING, f"{found.fitted.damper.law.name}, the usual law"),
+        ):
+            points = [
+                (round(e.temperature_degC), e.rmse_N)
+                for e in judged.runs
+                if e.command is not None and e.temperature_degC is not None
+            ]
+            levels = sorted({degrees for degrees, _ in points})
+            axes.plot(*zip(*points, strict=True), "o", color=colour, markersize=2.4, alpha=0.4)
+            means = [float(np.mean([rmse for at, rmse in points if at == level])) for level in levels]
+            axes.plot(levels, means, color=colour, linewidth=1.6, label=label)
+        axes.plot(
+            (20.0, 40.0, 80.0, 120.0),
+            (65.2, 64.8, 71.3, 72.6),
+            "D",
+            color=INK,
+            markersize=4.0,
+            label="printed in the paper (its own damper)",
+        )
+        axes.set_ylim(bottom=0.0)
+        axes.set_xlabel("temperature, °C", labelpad=1.5)
+        axes.set_ylabel("RMS error, N")
+        axes.legend(loc="upper right", ncols=3)
+        figure.subplots_adjust(left=0.055, right=0.99, top=0.97, bottom=0.16)
+        return svg_of(figure, "RMS error over temperature")
+
+
+def _heat_plates(found: Findings) -> Iterator[Plate]:
+    rises = found.warm_up.rises
+    yield Plate(
+        "2, 13 and 19",
+        "Temperature rise, with the paper's heat sink and without",
+        "Crossing 130 °C is the end of the fluid; the curve is drawn on to the paper's 35 min.",
+        draw_temperatures(rises),
+    )
+    yield Plate(
+        "11 and 12", "Where the heat goes", "Heat given off by each path, stacked.", draw_paths(rises)
+    )
+    yield Plate("19", "Fade of force", "Peak force of the cycle as the damper warms up.", draw_fade(rises))
+    yield Plate("20", "3 mm, 2 Hz", "Another duty, the same damper.", draw_temperatures(found.fast.rises))
+
+
+def _sink_plates(found: Findings) -> Iterator[Plate]:
+    run = found.sink
+    if run.sweeps is not None:
+        yield Plate(
+            "14 to 17",
+            "The paper's sweeps of width and number",
+            "First panel of each row: the temperature, which falls all the way. The others are readings "
+            "of its “heat "
+            "dissipation efficiency”, whose equation is lost; those with the paper's trend are coloured.",
+            found.sink_pictures.sweeps,
+        )
+    yield Plate(
+        "beyond the paper",
+        "Which heat sink to build",
+        "Temperature after 30 min against mass, within the envelope of the paper's heat sink.",
+        found.sink_pictures.front,
+    )
+    pictures = [("the paper's", run.reference), ("coolest", run.best)]
+    yield Plate(
+        "18",
+        "The paper's heat sink and the coolest, to scale",
+        "",
+        draw_dampers(
+            [
+                (
+                    f"{word}: {each.fluid - ZERO_CELSIUS_K:.1f} °C, {1e3 * each.mass:.0f} g",
+                    run.drawing.with_sink(each.sink),
+                )
+                for word, each in pictures
+            ],
+            "Two heat sinks to scale",
+        ),
+    )
+
+
+def _tracking_plates(found: Findings) -> Iterator[Plate]:
+    pictures = found.track_pictures
+    numbers = {"sine-900N-1Hz": "28 and 29", "sine-1100N-2Hz": "30", "non-periodic": "31"}
+    for traced, picture in zip(found.track.traced, pictures.over_time, strict=True):
+        yield Plate(
+            numbers.get(traced.target, ""),
+            f"{traced.target} at {traced.temperature_degC:g} °C",
+            "The grey band is what the damper could give at that instant; below, grey is out of reach.",
+            picture,
+        )
+    if pictures.over_temperature:
+        yield Plate("beyond the paper", "RMS error over temperature", "", pictures.over_temperature)

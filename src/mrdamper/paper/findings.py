@@ -1,0 +1,41 @@
+"""What the demo found, job by job: all that claims and figures are made from. Nothing is computed here."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mrdamper.identify.assess import Assessment
+from mrdamper.identify.fit import Identification
+from mrdamper.jobs.heat import HeatRun
+from mrdamper.jobs.sink import SinkRun
+from mrdamper.jobs.track import TrackRun
+from mrdamper.models.fluids.fluid import Fluid
+from mrdamper.report.sink import SinkPictures
+from mrdamper.report.track import TrackPictures
+from mrdamper.thermal.dissipation import LoopWork
+
+__all__ = ["Findings"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Findings:
+    """The demo's results; temperatures of the thermal runs are those of the rig's preset ``paper``."""
+
+    fitted: Identification  # preset nominal, the usual law
+    judged: Assessment
+    paper_law: Assessment  # the same runs, one Bouc-Wen law with polynomials, as in the paper
+    fluid: Fluid
+    warm_up: HeatRun  # 15 mm, 1 Hz, 2 A for 35 min, past the limit, with fins and without
+    small: HeatRun  # 5 mm, 1 Hz
+    fast: HeatRun  # 3 mm, 2 Hz
+    works: tuple[tuple[str, LoopWork], ...]  # the same three motions
+    sink_pictures: SinkPictures
+    track_pictures: TrackPictures
+
+    @property
+    def sink(self) -> SinkRun:
+        return self.sink_pictures.run
+
+    @property
+    def track(self) -> TrackRun:
+        return self.track_pictures.run

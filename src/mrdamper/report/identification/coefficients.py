@@ -1,0 +1,119 @@
+"""Curves of the fitted coefficients over command and temperature, with standard errors by first order."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mrdamper.arrays import FloatArray
+from mrdamper.identify.fit import Identification
+from mrdamper.identify.problem import envelope_of
+from mrdamper.models.characterisation import spread_out, usual_scope
+from mrdamper.models.dependence import ParameterLaw
+from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.report import figures as plots
+from mrdamper.report import small_multiples as panels
+from mrdamper.report.identification.campaign import Campaign
+
+__all__ = ["coefficient_figure"]
+
+_MOST_CURVES = 4  # temperatures at which a coefficient is drawn
+_WARM_GRID = 41  # temperatures of a coefficient's curve
+
+
+def coefficient_figure(campaign: Campaign) -> str:
+    """Return the coefficients over the command (and over temperature), with standard errors; or nothing."""
+    fitted = campaign.fitted
+    if fitted.damper.tempered:
+        warm = _tempered_curves(campaign)
+        return panels.curves(warm, "temperature") if warm else ""
+    curves = _coefficient_curves(fitted)
+    return plots.curves(curves, fitted.damper.command_unit) if curves else ""
+
+
+def _coefficient_curves(fitted: Identification) -> list[plots.CoefficientCurve]:
+    """Return the coefficients that depend on the command, with their standard error by first order."""
+    low, high = envelope_of(fitted.training).command
+    grid = np.linspace(low, high, 81)
+    trained = [np.unique(run.trajectory.command[:: max(len(run) // 50, 1)]) for run in fitted.training]
+    return [
+        plots.CoefficientCurve(
+            name,
+            fitted.damper.law[name].unit,
+            grid,
+            form.value(grid),
+            _band(fitted, name, form, grid, None),
+            np.unique(np.concatenate(trained)),
+        )
+        for name, form in fitted.damper.coefficients.items()
+        if form.kind != "constant" and high > low
+    ]
+
+
+def _tempered_curves(
+    campaign: Campaign,
+) -> list[tuple[str, str, list[panels.Band], FloatArray | None]]:
+    """Return each coefficient over the command at several temperatures, or over temperature alone."""
+    fitted, damper = campaign.fitted, campaign.fitted.damper
+    envelope = envelope_of(fitted.training)
+    commands = np.linspace(*envelope.command, 81)
+    if campaign.warm:
+        levels = [degrees + ZERO_CELSIUS_K for degrees in spread_out(campaign.levels.values, _MOST_CURVES)]
+    else:
+        levels = [warm for warm in usual_scope(damper, envelope).temperatures if warm is not None]
+    unit = "current, A" if damper.command_unit == "A" else "voltage, V"
+    trained = np.array([c for c in campaign.commands if commands[0] <= c <= commands[-1]])
+    found: list[tuple[str, str, list[panels.Band], FloatArray | None]] = []
+    for name, form in damper.coefficients.items():
+        title = f"{name.replace('_', ' ')}, {damper.law[name].unit}"
+        title += " (assumed)" if name in damper.assumed else ""
+        flat = commands[0] == commands[-1] or bool(
+            np.ptp(form.value(commands, _like(commands, levels[0]))) == 0.0
+        )
+        if flat and not form.tempered:
+            continue
+        if flat:
+            grid = np.linspace(levels[0], levels[-1], _WARM_GRID)
+            at = np.full(len(grid), commands[0])
+            series = panels.Series("", plots.TRAINING, grid - ZERO_CELSIUS_K, form.value(at, grid))
+            found.append(
+                (title, "temperature, °C", [panels.Band(series, _band(fitted, name, form, at, grid))], None)
+            )
+            continue
+        bands = []
+        for warm in levels if form.tempered else levels[:1]:
+            label = f"{warm - ZERO_CELSIUS_K:.0f} °C" if form.tempered else ""
+            colour = panels.colour_of_warmth(warm, levels) if form.tempered else plots.TRAINING
+            at = _like(commands, warm)
+            series = panels.Series(label, colour, commands, form.value(commands, at))
+            bands.append(panels.Band(series, _band(fitted, name, form, commands, at)))
+        found.append((title, unit, bands, trained))
+    return found
+
+
+def _like(commands: FloatArray, temperature: float) -> FloatArray:
+    return np.full(len(commands), temperature)
+
+
+def _band(
+    fitted: Identification, name: str, form: ParameterLaw, command: FloatArray, temperature: FloatArray | None
+) -> FloatArray | None:
+    """Return the standard error along a coefficient's curve by first order; None: nothing fitted."""
+    places = {estimate.name: k for k, estimate in enumerate(fitted.estimates)}
+    members = [places.get(f"{name}.{number}") for number in form.number_names]
+    rows = [row for row, place in enumerate(members) if place is not None]
+    chosen = [place for place in members if place is not None]
+    return _propagated(fitted, form.gradient(command, temperature)[rows], chosen)
+
+
+def _propagated(fitted: Identification, gradient: FloatArray, places: Sequence[int]) -> FloatArray | None:
+    """Return the standard error along a curve; numbers on a bound count as known."""
+    if not places:
+        return None
+    spread = np.nan_to_num(np.array([fitted.estimates[k].standard_error for k in places]))
+    correlation = np.nan_to_num(fitted.result.correlation[np.ix_(places, places)])
+    covariance = correlation * np.outer(spread, spread)
+    variance = np.asarray(np.einsum("ik,ij,jk->k", gradient, covariance, gradient))
+    band: FloatArray = np.sqrt(np.maximum(variance, 0.0))
+    return band

@@ -1,0 +1,190 @@
+"""Runs of a campaign by motion, temperature and command: their errors pooled, and what they measured.
+
+A run belongs to the level of temperature (or of command) that its mean is near to. Everything here reads
+runs and their errors; figures are drawn by ``panels`` and ``plots``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+
+from mrdamper.arrays import FloatArray
+from mrdamper.data.cycles import cycles
+from mrdamper.data.prepare import PreparedRun
+from mrdamper.excitation import Sine
+from mrdamper.identify.assess import RunError
+
+__all__ = [
+    "ErrorCell",
+    "ErrorTable",
+    "Levels",
+    "Pick",
+    "error_table",
+    "levels_of",
+    "main_sine",
+    "measured_peak",
+    "measured_pick",
+    "pooled_rms",
+    "sine_of",
+]
+
+_APART_K = 1.5  # mean temperatures closer than this are one level
+_LIKE = 0.03  # share by which a cycle may differ from the median one
+_PHASES = 200  # points of a mean cycle
+_NEAR_PEAK = 0.95  # share of the peak velocity above which the force counts as that at the peak
+
+
+@dataclass(frozen=True, slots=True)
+class Levels:
+    """What the columns of a report are: temperatures [degC] or commands [A or V]."""
+
+    kind: Literal["temperature", "command"]
+    values: tuple[float, ...]
+    unit: str
+
+    def of(self, error: RunError) -> float | None:
+        """Return the level that a run belongs to; None for a run whose command varies."""
+        value = error.temperature_degC if self.kind == "temperature" else error.command
+        return None if value is None else min(self.values, key=lambda level: abs(level - value))
+
+    def label(self, level: float) -> str:
+        return f"{level:.0f} {self.unit}" if self.kind == "temperature" else f"{level:g} {self.unit}"
+
+
+def levels_of(errors: Sequence[RunError]) -> Levels:
+    """Return the temperatures of the runs when there are two or more, else their commands."""
+    known = sorted(e.temperature_degC for e in errors if e.temperature_degC is not None)
+    if len(known) == len(errors) and known:
+        clusters = [[known[0]]]
+        for before, now in pairwise(known):
+            if now - before > _APART_K:
+                clusters.append([])
+            clusters[-1].append(now)
+        if len(clusters) > 1:
+            return Levels("temperature", tuple(float(np.median(c)) for c in clusters), "°C")
+    commands = sorted({e.command for e in errors if e.command is not None})
+    return Levels("command", tuple(commands) or (0.0,), errors[0].command_unit)
+
+
+# ------------------------------------------------------------------------------------------- errors
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorCell:
+    """RMS error [N] pooled over the runs of one motion and level, by split; None where there is no run."""
+
+    training: float | None
+    held_out: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorTable:
+    """Pooled RMS errors, a row for each motion and one for all of them together."""
+
+    levels: Levels
+    rows: tuple[tuple[str, tuple[ErrorCell, ...]], ...]
+    together: tuple[ErrorCell, ...]
+
+    @property
+    def has_held_out(self) -> bool:
+        return any(cell.held_out is not None for cell in self.together)
+
+
+def error_table(errors: Sequence[RunError], levels: Levels) -> ErrorTable:
+    """Return the errors pooled by motion and level; runs that belong to no level are left out."""
+
+    def cells(members: Sequence[RunError]) -> tuple[ErrorCell, ...]:
+        return tuple(
+            ErrorCell(
+                *(
+                    pooled_rms(e for e in members if levels.of(e) == level and e.split == split)
+                    for split in ("training", "held_out")
+                )
+            )
+            for level in levels.values
+        )
+
+    placed = [error for error in errors if levels.of(error) is not None]
+    motions = dict.fromkeys(error.motion for error in placed)
+    rows = tuple((motion, cells([e for e in placed if e.motion == motion])) for motion in motions)
+    return ErrorTable(levels, rows, cells(placed))
+
+
+def pooled_rms(errors: Iterable[RunError]) -> float | None:
+    """Return the root mean square of the runs' RMS errors [N]; None without runs."""
+    squares = [error.rmse_N**2 for error in errors]
+    return math.sqrt(sum(squares) / len(squares)) if squares else None
+
+
+# ------------------------------------------------------------------------------------------- motions
+
+
+def main_sine(errors: Sequence[RunError], levels: Levels) -> str | None:
+    """Return the sine run at most levels and commands (of those the longest stroke); None: no sine."""
+    counts: dict[str, set[tuple[float | None, float | None]]] = {}
+    for error in errors:
+        if error.motion.startswith("sine") and error.command is not None:
+            counts.setdefault(error.motion, set()).add((levels.of(error), error.command))
+    if not counts:
+        return None
+    return max(counts, key=lambda motion: (len(counts[motion]), _stroke_in(motion), motion))
+
+
+def sine_of(runs: Sequence[PreparedRun]) -> Sine | None:
+    """Return the sine that runs of one periodic motion have made; None where they have no period."""
+    periods = [run.period_s for run in runs if run.period_s]
+    swings = [0.5 * float(np.ptp(run.trajectory.displacement[run.scored_from :])) for run in runs]
+    return Sine(float(np.median(swings)), 1.0 / float(np.median(periods))) if periods else None
+
+
+def _stroke_in(motion: str) -> float:
+    """Return the amplitude that a motion's label states, for sorting."""
+    parts = motion.split()
+    return float(parts[1]) if len(parts) > 1 and parts[1].replace(".", "", 1).isdigit() else 0.0
+
+
+# ------------------------------------------------------------------------------------------- measured
+
+
+@dataclass(frozen=True, slots=True)
+class Pick:
+    """Measured force at the peak velocity of a sine: means over the samples near it."""
+
+    velocity: float  # [m/s]
+    extension: float  # [N]
+    retraction: float  # [N]
+
+
+def measured_peak(run: PreparedRun) -> float | None:
+    """Return the largest |force| of the mean cycle [N], in which noise counts little; None: no cycle."""
+    found = cycles(run)
+    if run.period_s is None or not found:
+        return None
+    stroke = float(np.median([cycle.stroke_m for cycle in found]))
+    phase = np.linspace(0.0, 1.0, _PHASES, endpoint=False)
+    samples = np.arange(len(run))
+    forces = [
+        np.interp(cycle.start + phase * (cycle.stop - cycle.start), samples, run.force)
+        for cycle in found
+        if abs(cycle.stroke_m / stroke - 1.0) < _LIKE
+    ]
+    mean: FloatArray = np.mean(forces, axis=0)
+    return float(np.abs(mean).max())
+
+
+def measured_pick(run: PreparedRun) -> Pick | None:
+    """Return the peak-velocity pick of a run of a sine; None for any other motion."""
+    if run.period_s is None or not run.motion.startswith("sine"):
+        return None
+    velocity, force = run.trajectory.velocity[run.scored_from :], run.force[run.scored_from :]
+    peak = math.sqrt(2.0) * float(np.std(velocity))
+    ways = [velocity > _NEAR_PEAK * peak, velocity < -_NEAR_PEAK * peak]
+    if not all(way.any() for way in ways):
+        return None
+    return Pick(peak, *(float(force[way].mean()) for way in ways))

@@ -1,0 +1,230 @@
+"""Sections of the report on the damper itself: what warmth does to it, and what engineers ask first."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from mrdamper.excitation import Sine
+from mrdamper.identify.problem import envelope_of
+from mrdamper.models.characterisation import Characterisation, characterise, spread_out, usual_scope
+from mrdamper.models.characteristics import settled_cycle
+from mrdamper.models.temperature import REFERENCE_K
+from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.report import small_multiples as panels
+from mrdamper.report.characteristics import MeasuredPick, PickPanel, peak_velocity
+from mrdamper.report.figures import colour_of
+from mrdamper.report.identification.campaign import MOST_COLUMNS, Campaign
+from mrdamper.report.identification.groups import measured_peak, measured_pick, sine_of
+from mrdamper.report.small_multiples import Point, Series
+
+__all__ = ["Characteristics", "Warmth", "assumed_words", "characteristics_section", "temperature_section"]
+
+_CURVE = 25  # temperatures of a modelled curve,
+_CURVE_PYTHON = 4  # of a law in Python, which is slow
+_APART_K = 5.0  # further from the tested temperatures, assumed factors show
+_NEAR_K = 2.5  # a level so near to 20 degC is the reference
+
+
+@dataclass(frozen=True, slots=True)
+class Warmth:
+    """What warmth does to the damper: peak force, relative loss and energy over temperature, and in words."""
+
+    motion: str
+    said: str
+    svg: str
+    reference: str
+    assumed: bool  # every factor is a fluid's
+
+
+def temperature_section(campaign: Campaign) -> Warmth | None:
+    """Return force, relative loss and energy over temperature; None for a damper that knows none."""
+    damper = campaign.fitted.damper
+    if not damper.tempered:
+        return None
+    envelope = envelope_of(campaign.fitted.training)
+    sines = [campaign.runs[error.name] for error in campaign.errors if error.motion == campaign.main]
+    motion = (sine_of(sines) if sines else None) or usual_scope(damper, envelope).motion
+    commands = spread_out(campaign.commands or sorted(set(envelope.command)), MOST_COLUMNS)
+    if campaign.warm:
+        low, high = (end + ZERO_CELSIUS_K for end in (campaign.levels.values[0], campaign.levels.values[-1]))
+        near = min(campaign.levels.values, key=lambda level: abs(level + ZERO_CELSIUS_K - REFERENCE_K))
+        near += ZERO_CELSIUS_K
+        reference = near if abs(near - REFERENCE_K) <= _NEAR_K else low
+    else:
+        low, high = damper.temperature_range or (REFERENCE_K, REFERENCE_K + 100.0)
+        reference = float(np.clip(REFERENCE_K, low, high))
+    count = _CURVE if damper.law.kernel is not None else _CURVE_PYTHON
+    grid = np.linspace(low, high, count)
+    found: tuple[list[Series], list[Series], list[Series]] = ([], [], [])
+    ends = []
+    for command in reversed(commands):
+        at_reference = settled_cycle(damper, motion, command, reference).peak_N
+        cycles = [settled_cycle(damper, motion, command, warm) for warm in grid.tolist()]
+        peak = np.array([cycle.peak_N for cycle in cycles])
+        energy = np.array([cycle.energy_J for cycle in cycles])
+        measured = _measured(campaign, command, reference)
+        ends.append((command, 100.0 * (1.0 - peak[-1] / at_reference), _last(measured[1])))
+        label = f"{command:g} {damper.command_unit}"
+        colour = colour_of(command, campaign.highest)
+        values = (peak, 100.0 * (1.0 - peak / at_reference), energy)
+        for series, y, points in zip(found, values, measured, strict=True):
+            series.append(Series(label, colour, grid - ZERO_CELSIUS_K, y, points))
+    degrees = reference - ZERO_CELSIUS_K
+    titles = ("peak force, N", f"peak force lost against {degrees:.0f} °C, %", "energy per cycle, J")
+    label = f"sine {1e3 * motion.amplitude:.3g} mm {motion.frequency:.3g} Hz"
+    name = campaign.main or label
+    return Warmth(
+        name,
+        _loss_in_words(name, ends[::-1], high - ZERO_CELSIUS_K, degrees, damper.command_unit),
+        panels.against_temperature(
+            list(zip(titles, found, strict=True)), "Force and energy over temperature"
+        ),
+        f"{degrees:.0f} °C",
+        bool(damper.assumed),
+    )
+
+
+def _measured(
+    campaign: Campaign, command: float, reference: float
+) -> tuple[tuple[Point, ...], tuple[Point, ...], tuple[Point, ...]]:
+    """Return measured peak force [N], its relative loss [%] and energy per cycle [J] at each temperature."""
+    if not campaign.warm or campaign.main is None:
+        return (), (), ()
+    runs = [(level, campaign.at(campaign.main, level, command)) for level in campaign.levels.values]
+    known = [(level, error, measured_peak(campaign.runs[error.name])) for level, error in runs if error]
+    peaks = [Point(level, peak, error.split) for level, error, peak in known if peak is not None]
+    first = next((p.y for p in peaks if abs(p.x + ZERO_CELSIUS_K - reference) < _NEAR_K), None)
+    lost = [] if not first else [Point(p.x, 100.0 * (1.0 - p.y / first), p.split) for p in peaks]
+    energies = [Point(level, error.energy_measured_J, error.split) for level, error, _ in known]
+    return tuple(peaks), tuple(lost), tuple(energies)
+
+
+def _last(points: Sequence[Point]) -> float | None:
+    return points[-1].y if points else None
+
+
+def _loss_in_words(
+    motion: str,
+    ends: Sequence[tuple[float, float, float | None]],
+    hottest: float,
+    reference: float,
+    unit: str,
+) -> str:
+    """Say what each command loses at the hottest temperature, and whether more command means less loss."""
+    told = [
+        f"{lost:.0f} %"
+        + ("" if measured is None else f" (measured {measured:.0f} %)")
+        + f" at {command:g} {unit}"
+        for command, lost, measured in spread_out(ends, 3)
+    ]
+    head = f"From {reference:.0f} to {hottest:.0f} °C the {motion} loses of its peak force {', '.join(told)}"
+    if len(ends) < 2:
+        return f"{head}."
+    by_size = sorted(ends, key=lambda end: abs(end[0]))
+
+    def falls(values: Sequence[float]) -> bool:
+        return all(after < before for before, after in pairwise(values))
+
+    claim = f"the relative loss is smaller at higher {'current' if unit == 'A' else 'voltage'}"
+    model = falls([lost for _, lost, _ in by_size])
+    seen = [measured for _, _, measured in by_size if measured is not None]
+    if len(seen) < 2:
+        return f"{head}: {claim}." if model else f"{head}. That {claim} does not hold here throughout."
+    both = (model, falls(seen))
+    if all(both):
+        return f"{head}: {claim}, measured and modelled."
+    if not any(both):
+        return f"{head}. That {claim} does not hold here throughout, neither measured nor modelled."
+    holds = (
+        "in the model but not in the measured runs" if model else "in the measured runs but not in the model"
+    )
+    return f"{head}. That {claim} holds {holds} throughout."
+
+
+def assumed_words(campaign: Campaign) -> str:
+    """Say which coefficients follow temperature by assumption; empty when none does."""
+    assumed = campaign.fitted.damper.assumed
+    if not assumed:
+        return ""
+    names = ", ".join(name.replace("_", " ") for name in assumed)
+    return f"The temperature factor of {names} is taken from a fluid's data, not identified on this damper."
+
+
+@dataclass(frozen=True, eq=False)
+class Characteristics:
+    """The figures that a damper engineer asks first, with the curves they belong to."""
+
+    found: Characterisation
+    svg: str
+    titles: tuple[str, ...]  # of each temperature, empty for a damper that knows none
+    motion: str
+    assumed: tuple[bool, ...]  # of each temperature: away from the tested one, by a fluid's factors
+
+
+def characteristics_section(campaign: Campaign) -> Characteristics:
+    """Return peak-velocity-pick curves with measured points, dynamic range, response and gas force."""
+    damper = campaign.fitted.damper
+    steady = [run for run in campaign.fitted.training if run.run.constant_command is not None]
+    envelope = envelope_of(steady or campaign.fitted.training)
+    sines = [campaign.runs[error.name] for error in campaign.errors if error.motion == campaign.main]
+    motion: Sine | None = sine_of(sines) if sines else None
+    scope = usual_scope(
+        damper,
+        envelope,
+        commands=spread_out(campaign.commands, 5) or None,
+        temperatures=[level + ZERO_CELSIUS_K for level in spread_out(campaign.levels.values, 3)]
+        if campaign.warm
+        else None,
+        motion=motion,
+    )
+    found = characterise(damper, scope)
+    titles = tuple("" if warm is None else f"{warm - ZERO_CELSIUS_K:.0f} °C" for warm in scope.temperatures)
+    assumed = tuple(bool(damper.assumed) and not _was_tested(campaign, warm) for warm in scope.temperatures)
+    picks = [
+        PickPanel(
+            f"{title} (assumed)" if by_fluid else title, (curves,), _picks(campaign, scope.commands, warm)
+        )
+        for title, by_fluid, curves, warm in zip(
+            titles, assumed, found.curves, scope.temperatures, strict=True
+        )
+    ]
+    name = campaign.main if motion is not None else None
+    return Characteristics(
+        found,
+        peak_velocity(picks, damper.command_unit),
+        titles,
+        name or f"sine {1e3 * scope.motion.amplitude:.3g} mm {scope.motion.frequency:.3g} Hz",
+        assumed,
+    )
+
+
+def _was_tested(campaign: Campaign, temperature: float | None) -> bool:
+    """Say whether training runs were near a temperature [K]; runs that do not tell theirs were at 20 degC."""
+    tested = envelope_of(campaign.fitted.training).temperature or (REFERENCE_K, REFERENCE_K)
+    return temperature is None or tested[0] - _APART_K <= temperature <= tested[1] + _APART_K
+
+
+def _picks(
+    campaign: Campaign, commands: Sequence[float], temperature: float | None
+) -> tuple[MeasuredPick, ...]:
+    """Return the measured picks of all sines at a temperature (all of them for a damper that knows none)."""
+    found = []
+    if not campaign.warm and not _was_tested(campaign, temperature):
+        return ()
+    for error in campaign.errors:
+        if error.command not in commands or error.command is None:
+            continue
+        if campaign.warm and temperature is not None:
+            level = campaign.levels.of(error)
+            if level is None or abs(level + ZERO_CELSIUS_K - temperature) > 1e-6:
+                continue
+        pick = measured_pick(campaign.runs[error.name])
+        if pick is not None:
+            found.append(
+                MeasuredPick(error.command, pick.velocity, pick.extension, pick.retraction, error.split)
+            )
+    return tuple(found)

@@ -1,0 +1,203 @@
+"""Files that a job leaves behind: all of them or none.
+
+They are written into a hidden folder beside their place (``.mrdamper-...``) and moved there when the job is
+done. A job that fails, is interrupted or killed leaves what was there before.
+
+A place that is not there yet comes into being in one step. Into a folder that is there, files are moved one
+by one after the hidden folder has been marked as whole: when that is cut short, the next job there moves the
+rest (``clear_left``). What a job left that was killed earlier is removed: its lock is gone.
+"""
+
+from __future__ import annotations
+
+import csv
+import errno
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from mrdamper.errors import InputError
+from mrdamper.runtime.locks import lock
+from mrdamper.runtime.signals import not_to_be_interrupted
+
+__all__ = ["clear_left", "no_room", "staged", "write_json", "write_table"]
+
+_PREFIX = ".mrdamper-"
+_FILES, _WHOLE, _TO = "files", "whole", "to"  # in a hidden folder: being written, all there, and to where
+_FULL = (errno.ENOSPC, errno.EDQUOT)
+_REFUSED = (errno.EACCES, errno.EPERM, errno.EROFS)
+_FLUSHING = 8  # files at once
+
+
+@contextmanager
+def staged(out: Path) -> Iterator[Path]:
+    """Give a folder to write into; on success its files are moved into ``out``, else it vanishes.
+
+    Raises
+    ------
+    InputError
+        ``out`` is a file, or cannot be written to; the disk is full.
+    """
+    place = out.absolute()
+    try:
+        standing = next(folder for folder in (place, *place.parents) if folder.exists())
+    except OSError as fault:  # a name that no disk has, or a folder that nobody may look into
+        raise _cannot(out, place, fault) from fault
+    if not standing.is_dir():
+        raise InputError(f"{out}: {standing} is a file; expected a folder to write to. Choose another --out")
+    clear_left(standing)
+    try:
+        hidden, handle = _hidden_in(standing)
+    except OSError as fault:
+        raise _cannot(out, standing, fault) from fault
+    try:
+        try:
+            beside = hidden / _FILES
+            beside.mkdir()
+            (hidden / _TO).write_text(os.path.relpath(place, standing), encoding="utf-8")
+        except OSError as fault:
+            raise _cannot(out, standing, fault) from fault
+        try:
+            yield beside
+        except (OSError, InputError) as fault:
+            # an inner room may have put it into words already, about a file that is gone when they are read
+            cause = fault if isinstance(fault, OSError) else fault.__cause__
+            if isinstance(cause, OSError) and no_room(cause) and _is_ours(cause, hidden):
+                raise _cannot(out, standing, cause, hidden) from fault
+            raise
+        try:
+            _flush(beside)
+            with not_to_be_interrupted():
+                _settle(hidden, place)
+        except OSError as fault:
+            raise _cannot(out, standing, fault, hidden) from fault
+    finally:
+        if not (hidden / _WHOLE).exists():  # else it is for the next job to bring to its end
+            shutil.rmtree(hidden, ignore_errors=True)
+        os.close(handle)
+
+
+def clear_left(folder: Path) -> None:
+    """Bring to its end what jobs that were killed left in a folder: move what was whole, remove the rest."""
+    for hidden in folder.glob(f"{_PREFIX}*"):
+        with suppress(OSError):
+            handle = os.open(hidden, os.O_RDONLY)
+            try:
+                if hidden.is_dir() and lock(handle):  # else a job is at work in it
+                    if (hidden / _WHOLE).is_dir():
+                        _move(hidden / _WHOLE, folder / (hidden / _TO).read_text(encoding="utf-8"))
+                    shutil.rmtree(hidden)
+            finally:
+                os.close(handle)
+
+
+def no_room(fault: OSError) -> str:
+    """Say why there is no room for a file; nothing when it is another fault."""
+    if fault.errno in _FULL:
+        return "the disk is full"
+    if fault.errno == errno.EFBIG:
+        return "a file would be larger than this session may write (ulimit -f)"
+    if fault.errno in _REFUSED and fault.filename is not None:
+        return f"cannot write there: {fault.strerror}"
+    return ""
+
+
+def _hidden_in(folder: Path) -> tuple[Path, int]:
+    """Return a new hidden folder, and the handle on it that holds its lock."""
+    while True:
+        hidden = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=folder))
+        try:
+            handle = os.open(hidden, os.O_RDONLY)
+        except FileNotFoundError:  # another job took it for one that was left
+            continue
+        if lock(handle) is not False and hidden.is_dir():
+            return hidden, handle
+        os.close(handle)
+
+
+def _flush(folder: Path) -> None:
+    """Bring a folder's files to the disk: names must not outlive a loss of power without what they hold."""
+
+    def flush(path: Path) -> None:
+        handle = os.open(path, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+
+    with ThreadPoolExecutor(_FLUSHING) as pool:
+        list(pool.map(flush, [path for path in folder.rglob("*") if path.is_file()]))
+
+
+def _settle(hidden: Path, place: Path) -> None:
+    """Move what was written to its place."""
+    files = hidden / _FILES
+    if not place.exists():
+        place.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            files.rename(place)
+        except OSError:
+            if not place.exists():  # else another job made it in the meantime
+                raise
+        else:
+            return
+    for path in files.rglob("*"):
+        target = place / path.relative_to(files)
+        if path.is_dir() != target.is_dir() and target.exists():
+            raise IsADirectoryError(errno.EISDIR, "a folder and a file of one name", str(target))
+        if target.parent.is_dir() and not os.access(target.parent, os.W_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(target))
+    whole = files.rename(hidden / _WHOLE)
+    _move(whole, place)
+
+
+def _move(whole: Path, place: Path) -> None:
+    for path in sorted(whole.rglob("*")):
+        target = place / path.relative_to(whole)
+        if path.is_dir():
+            target.mkdir(parents=True, exist_ok=True)
+        else:
+            target.parent.mkdir(parents=True, exist_ok=True)
+            path.replace(target)
+    shutil.rmtree(whole)
+
+
+def _is_ours(fault: OSError, hidden: Path) -> bool:
+    """Whether a fault is about the files of a job; one about no file at all is a file's that is written."""
+    return fault.filename is None or Path(os.fsdecode(fault.filename)).is_relative_to(hidden)
+
+
+def _cannot(out: Path, standing: Path, fault: OSError, hidden: Path | None = None) -> InputError:
+    """Return what to say when files cannot be written."""
+    why = no_room(fault)
+    if hidden is not None and (hidden / _WHOLE).exists():
+        return InputError(
+            f"{out}: {why or fault.strerror}; some files are in their place, and the others in {hidden}. The "
+            "next job there moves them"
+        )
+    if fault.errno in _FULL:
+        with suppress(OSError):
+            free = shutil.disk_usage(standing).free
+            written = 0 if hidden is None else sum(p.stat().st_size for p in hidden.rglob("*") if p.is_file())
+            why += f" ({free / 1e6:.1f} MB are free, {written / 1e6:.1f} MB were written so far)"
+        return InputError(f"{out}: {why}; nothing was changed. Make room, or choose another --out")
+    why = why or f"cannot write there: {fault.strerror}"
+    return InputError(f"{out}: {why}; nothing was changed. Choose another folder")
+
+
+def write_json(path: Path, value: Mapping[str, object]) -> None:
+    """Write one JSON object."""
+    path.write_text(json.dumps(value, indent=1, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def write_table(path: Path, rows: Sequence[Mapping[str, object]]) -> None:
+    """Write rows as CSV, the keys of the first as header; None is an empty cell."""
+    with path.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, fieldnames=list(rows[0]) if rows else [], lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)

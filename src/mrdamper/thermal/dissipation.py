@@ -1,0 +1,109 @@
+"""The mechanical power that a damper takes from its motion, over temperature: the card's own loop.
+
+A loop is simulated at some temperatures, its work averaged over whole cycles; between them power and peak
+force are interpolated monotonely (Fritsch and Carlson), so that the thermal network costs no simulation.
+Averaging is safe: within a cycle the fluid's temperature swings by less than a tenth of a kelvin, which is
+reported as the ripple.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import PchipInterpolator
+
+from mrdamper.arrays import FloatArray, read_only
+from mrdamper.errors import InputError
+from mrdamper.models.damper import Damper
+from mrdamper.models.simulate import simulate
+from mrdamper.models.temperature import REFERENCE_K
+from mrdamper.thermal.duty import Stretch
+
+__all__ = ["LoopWork", "tabulate_work"]
+
+_SPAN_K = (273.15, 423.15)  # where a card's loop is asked for, if its own range does not end before
+_POINTS = 11
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LoopWork:
+    """Mean power and peak force of one motion at one command, over temperature; held beyond the ends."""
+
+    temperature: FloatArray  # [K], shape (k,), rising
+    power: FloatArray  # into the damper, averaged over cycles [W], shape (k,)
+    peak: FloatArray  # greatest force, either way [N], shape (k,)
+    ripple: float = 0.0  # swing of the heat taken in about its mean, at the coldest point [J]
+
+    def __post_init__(self) -> None:
+        for name in ("temperature", "power", "peak"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+        lengths = {len(self.temperature), len(self.power), len(self.peak)}
+        values = np.concatenate([self.temperature, self.power, self.peak])
+        if len(lengths) != 1 or not len(self.power) or not np.isfinite(values).all():
+            raise InputError("loop work: expected as many powers and peaks as temperatures, all finite")
+        if not (np.diff(self.temperature) > 0.0).all():
+            raise InputError("loop work: temperatures do not rise; expected them in order, none twice")
+
+    @property
+    def constant(self) -> bool:
+        """Whether it is known at one temperature only, and held there."""
+        return len(self.temperature) == 1
+
+    def power_at(self, temperature_K: ArrayLike) -> FloatArray:
+        """Return the mean power [W] at temperatures [K], in their shape."""
+        return self._at(self.power, temperature_K)
+
+    def peak_at(self, temperature_K: ArrayLike) -> FloatArray:
+        """Return the peak force [N] at temperatures [K], in their shape."""
+        return self._at(self.peak, temperature_K)
+
+    def _at(self, values: FloatArray, temperature_K: ArrayLike) -> FloatArray:
+        kelvin = np.asarray(temperature_K, dtype=np.float64)
+        if self.constant:
+            return np.full(kelvin.shape, values[0])
+        held = np.clip(kelvin, self.temperature[0], self.temperature[-1])
+        return np.asarray(PchipInterpolator(self.temperature, values)(held))
+
+
+def tabulate_work(damper: Damper, stretch: Stretch, *, temperature_K: FloatArray | None = None) -> LoopWork:
+    """Return the work of a damper on a stretch of a duty.
+
+    Parameters
+    ----------
+    temperature_K : where to simulate; None: 11 temperatures over the damper's range within 0 to 150 degC,
+        20 degC among them; one only for a damper that does not depend on temperature
+    """
+    at = _temperatures(damper) if temperature_K is None else np.asarray(temperature_K, dtype=np.float64)
+    if stretch.path is None:
+        return LoopWork(at, np.zeros_like(at), np.zeros_like(at))
+    path, first = stretch.path, stretch.counted_from
+    x = path.displacement[first:]
+    power, peak = np.empty_like(at), np.empty_like(at)
+    ripple = 0.0
+    for k, kelvin in enumerate(at):
+        warm = replace(path, temperature=np.full(len(path), kelvin))
+        force = simulate(damper, warm)[first:]
+        taken = 0.5 * (force[1:] + force[:-1]) * np.diff(x)
+        power[k] = taken.sum() / (path.step * len(taken))
+        peak[k] = np.abs(force).max()
+        if k == 0:
+            ripple = float(np.ptp(np.cumsum(taken - taken.mean())))
+    return LoopWork(at, power, peak, ripple)
+
+
+def _temperatures(damper: Damper) -> FloatArray:
+    if not damper.tempered:
+        return np.array([REFERENCE_K])
+    low, high = _SPAN_K
+    if damper.temperature_range is not None:
+        low, high = max(low, damper.temperature_range[0]), min(high, damper.temperature_range[1])
+    if not low < high:
+        middle = 0.5 * sum(damper.temperature_range or _SPAN_K)
+        return np.array([middle])
+    found = np.linspace(low, high, _POINTS)
+    if low < REFERENCE_K < high and not math.isclose(float(np.abs(found - REFERENCE_K).min()), 0.0):
+        found = np.sort(np.append(found, REFERENCE_K))
+    return found

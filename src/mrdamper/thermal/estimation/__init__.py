@@ -1,0 +1,1 @@
+"""What measured temperatures tell: calibration, uncertainty, prediction, observers."""

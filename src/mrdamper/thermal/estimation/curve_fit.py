@@ -1,0 +1,224 @@
+"""Least squares of a drawing's heating against a measured curve.
+
+The network's multipliers are searched within wide bounds, with or without beliefs about them. What the found
+numbers tell of P/C and UA/C, and in which words, is the business of ``calibration``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from types import MappingProxyType
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+from scipy.optimize import least_squares
+
+from mrdamper.arrays import FloatArray
+from mrdamper.errors import ConvergenceError, EnvelopeError
+from mrdamper.thermal.drawing import DamperDrawing
+from mrdamper.thermal.estimation.measured_curve import HeatingCurve, lag_signal
+from mrdamper.thermal.estimation.uncertainty import Doubt
+from mrdamper.thermal.model.stepping import Load, loads_until
+from mrdamper.thermal.model.transient import Heating, heat_up
+from mrdamper.thermal.temperature_rise import Model, build_network
+
+__all__ = ["CARRIED", "CurveFit", "inverse_of", "multiplied", "variance_of"]
+
+_LONGEST_STEP_S = 20.0
+_FACTOR_RANGE = (0.05, 20.0)  # of a multiplier
+_START_RANGE_K = 50.0  # of the start about the first readings
+_AT_EDGE = 0.01  # of the range's logarithm
+_AT_EXCESS_K = 40.0  # over ambient: where the losses are believed to be the drawing's
+_MOST_CORRELATED = 0.999
+_LEAST_NOISE_K = 0.02
+_TINY_K = 1e-9
+_MOST_NOISE_K = 2.0  # of a thermometer
+_MOST_LEFT = 0.03  # of a curve's range that a drawing may be off it
+_INCREDIBLE = 5.0  # deviations of what was believed
+_SURE = 1e-6  # stands for no doubt at all [-]
+_FAR_OFF_K = 1e3  # stands for a trial that leaves the temperatures that the network knows
+
+CARRIED: Mapping[str, str] = MappingProxyType(
+    {"fluid_wall": "fluid_body", "fluid_core": "fluid_body", "core_axial": "fluid_body", "coil": "coil"}
+)
+"""Multipliers that are carried along where a doubt is given, and what of the doubt is believed of each."""
+
+
+class CurveFit:
+    """Least squares of a drawing's heating against a curve.
+
+    What is fitted: the start [K], then logarithms of multipliers: the heat capacity's, that of all
+    convection, and with ``doubt`` those that mend the network's first minutes (``CARRIED``). What is
+    believed of them, and of capacity and losses, is then fitted too, as residuals of variance 1.
+    """
+
+    def __init__(
+        self,
+        curve: HeatingCurve,
+        drawing: DamperDrawing,
+        loads: Sequence[Load],
+        model: Model,
+        doubt: Doubt | None,
+    ) -> None:
+        self._curve, self._drawing, self._model = curve, drawing, model
+        self._loads = loads_until(loads, float(curve.time[-1]))
+        self._carried = tuple(CARRIED) if doubt is not None else ()
+        self._size = 3 + len(self._carried)
+        # before the curve: covariance of log capacity and losses (a power that is off shows in both), carried
+        self._believed = np.zeros((0, 0))
+        if doubt is not None:
+            self._believed = np.diag(
+                [doubt.capacity**2, doubt.loss**2]
+                + [getattr(doubt, CARRIED[name]) ** 2 for name in self._carried]
+            )
+            self._believed[:2, :2] += doubt.power**2
+            self._believed += _SURE**2 * np.eye(len(self._believed))
+        self._whiten = np.linalg.inv(np.linalg.cholesky(self._believed))
+        self._drawn = self._logarithms(np.zeros(self._size))
+
+    def drawing(self, at: FloatArray) -> DamperDrawing:
+        """Return the drawing with the multipliers at a point."""
+        carried = dict(zip(self._carried, np.exp(at[3:]).tolist(), strict=True))
+        return multiplied(self._drawing, math.exp(at[1]), math.exp(at[2]), carried)
+
+    def solve(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray | None]:
+        """Return the point of least squares, its covariance, and what it leaves of the curve [K].
+
+        Last comes the covariance of the two multipliers' logarithms before the curve; None without a doubt.
+        """
+        at, deviation = self._first_point(), max(self._curve.noise_K, _LEAST_NOISE_K)
+        at, residual, jacobian = self._search(at, deviation)
+        found = max(math.sqrt(variance_of(residual, 3)), _TINY_K)
+        if self._carried:  # once more, with the deviation that was found beside the beliefs
+            deviation = found
+            at, residual, jacobian = self._search(at, deviation)
+            found = max(math.sqrt(variance_of(residual, 3)), _TINY_K)
+        self._check(at, residual)
+        jacobian[: len(residual)] *= deviation / found
+        beliefs = jacobian[len(residual) :, 1:3]
+        beforehand = inverse_of(beliefs.T @ beliefs) if self._carried else None
+        return at, inverse_of(jacobian.T @ jacobian), residual, beforehand
+
+    def _search(self, first: FloatArray, deviation: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the point, what it leaves of the curve [K], and the derivatives of all residuals."""
+        low, high = (np.full(self._size, math.log(factor)) for factor in _FACTOR_RANGE)
+        low[0], high[0] = first[0] - _START_RANGE_K, first[0] + _START_RANGE_K
+
+        def miss(at: FloatArray) -> FloatArray:
+            return np.append(self._off(at) / deviation, self._disbelief(at))
+
+        found = least_squares(
+            miss, first, jac="2-point", bounds=(low, high), x_scale=[1.0, *[0.1] * (self._size - 1)],
+            xtol=1e-9, ftol=1e-11, gtol=1e-11,
+        )  # fmt: skip
+        at = np.asarray(found.x)
+        if (np.minimum(at - low, high - at)[1:3] < _AT_EDGE).any():
+            raise ConvergenceError(
+                f"{self._curve.name}: no multipliers from {_FACTOR_RANGE[0]:g} to {_FACTOR_RANGE[1]:g} "
+                f"follow it (heat_capacity {math.exp(at[1]):.3g}, film {math.exp(at[2]):.3g}); expected a "
+                "curve of this damper and duty. Check the duty, and emissivity and mount_W_K: losses cannot "
+                "be less than theirs"
+            )
+        return at, np.asarray(found.fun)[: len(self._curve)] * deviation, np.array(found.jac)
+
+    def _check(self, at: FloatArray, residual: FloatArray) -> None:
+        """Refuse a curve that is not this damper's under this duty."""
+        curve = self._curve
+        left = float(np.sqrt(np.mean(residual**2)))
+        most = max(
+            3.0 * min(curve.noise_K, _MOST_NOISE_K), _MOST_LEFT * float(np.ptp(curve.temperature)), 1.0
+        )
+        if left > most:
+            raise ConvergenceError(
+                f"{curve.name}: this damper under this duty is {left:.2g} K off it at best; expected "
+                f"{most:.2g} K or less. Check the duty, that time counts from its start, and the sensor"
+            )
+        off = self._disbelief(at)
+        if off.size and float(np.abs(off).max()) > _INCREDIBLE:
+            raise ConvergenceError(
+                f"{curve.name}: it takes a heat capacity {math.exp(at[1]):.3g} times and a film "
+                f"{math.exp(at[2]):.3g} times the drawing's; expected a curve of this damper and duty. Check "
+                "the duty, that time counts from its start, and the drawing's lengths"
+            )
+
+    def _first_point(self) -> FloatArray:
+        """Return where the search starts: the drawing, with more capacity where its network cannot be run."""
+        at = np.zeros(self._size)
+        at[0] = float(np.median(self._curve.temperature[:5]))
+        while True:
+            try:
+                self._course(at)
+            except EnvelopeError as fault:  # a rise that is too high shrinks with more capacity
+                at[1] += math.log(2.0)
+                if at[1] > math.log(_FACTOR_RANGE[1]):
+                    raise ConvergenceError(
+                        f"{self._curve.name}: the network leaves its range: {fault}"
+                    ) from fault
+            else:
+                return at
+
+    def _course(self, at: FloatArray) -> Heating:
+        network = build_network(self.drawing(at), self._model)
+        return heat_up(network, self._loads, start=float(at[0]), longest_step=_LONGEST_STEP_S)
+
+    def _off(self, at: FloatArray) -> FloatArray:
+        """Return how far a point's curve is off the measured one [K], shape (n,)."""
+        curve = self._curve
+        try:
+            course = self._course(at)
+        except EnvelopeError:  # a trial of the search, not the user's
+            return np.full(len(curve), _FAR_OFF_K)
+        values = {"fluid": course.fluid, "wall": course.wall, "coil": course.coil}[curve.place]
+        shown = PchipInterpolator(course.time, values)(np.minimum(curve.time, course.time[-1]))
+        return lag_signal(curve.time, shown, curve.lag_s) - curve.temperature
+
+    def _logarithms(self, at: FloatArray) -> FloatArray:
+        """Return what something is believed of: nothing without doubt."""
+        if not self._carried:
+            return np.zeros(0)
+        network = build_network(self.drawing(at), self._model)
+        warm = network.ambient + _AT_EXCESS_K
+        lost = sum(float(np.interp(warm, network.grid, row)) for row in network.watts)
+        return np.append(np.log([network.total_capacity, max(lost, 1e-300)]), at[3:])
+
+    def _disbelief(self, at: FloatArray) -> FloatArray:
+        return np.asarray(self._whiten @ (self._logarithms(at) - self._drawn))
+
+
+def multiplied(
+    drawing: DamperDrawing, capacity: float, film: float, carried: Mapping[str, float] | None = None
+) -> DamperDrawing:
+    """Return the drawing with heat capacity, all convection and what is carried, multiplied."""
+    given = drawing.calibration
+    changed = replace(
+        given,
+        heat_capacity=given.heat_capacity * capacity,
+        film=given.film * film,
+        **{name: getattr(given, name) * factor for name, factor in (carried or {}).items()},
+    )
+    sink = drawing.sink
+    if sink is not None:
+        sink = replace(sink, film_multiplier=sink.film_multiplier * film)
+    return replace(drawing, calibration=changed, sink=sink)
+
+
+def variance_of(residual: FloatArray, numbers: int) -> float:
+    """Return the variance of what is left of a fit, raised for residuals that follow each other.
+
+    By the factor (1 + r)/(1 - r) with r the correlation of neighbouring residuals, as for a first order
+    autoregression; it also counts what the model cannot follow.
+    """
+    total = float(residual @ residual)
+    follow = float(residual[1:] @ residual[:-1]) / total if total > 0.0 else 0.0
+    follow = min(max(follow, 0.0), _MOST_CORRELATED)
+    return total / max(len(residual) - numbers, 1) * (1.0 + follow) / (1.0 - follow)
+
+
+def inverse_of(precision: FloatArray) -> FloatArray:
+    """Return a covariance from its inverse, whose numbers may be of very different size."""
+    scale = np.sqrt(np.diag(precision))
+    scale = np.where(scale == 0.0, 1.0, scale)
+    joint = np.outer(scale, scale)
+    return np.asarray(np.linalg.pinv(precision / joint, hermitian=True) / joint)

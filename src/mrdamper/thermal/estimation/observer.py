@@ -1,0 +1,278 @@
+"""Temperature of the fluid from what can be measured: an extended Kalman filter on the thermal network.
+
+It sees the coil's resistance, a thermocouple on the body, or both, and is told the mechanical power by the
+model. Beside the nodes' temperatures it estimates the factors by which the drawing may be off
+(``doubt.FACTORS``): among them the conductance from fluid to body, so that T_fluid = T_body + P/G goes by an
+estimated G, and the coil's resistance at 20 degC, which a cold start zeroes.
+
+What it cannot know it says: without current there is no resistance to read, the spread grows, and a small
+probing current brings it back; power, capacity and losses share a common factor that no thermometer tells.
+
+An observer is a value; the state is handed back. The time steps may be anything from a control loop's
+millisecond to ten seconds.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mrdamper.arrays import FloatArray, read_only
+from mrdamper.errors import InputError
+from mrdamper.thermal.estimation.sampling import TimeToLimit
+from mrdamper.thermal.estimation.uncertainty import (
+    BODY,
+    CAPACITY,
+    COIL,
+    FACTORS,
+    LOSS,
+    POWER,
+    RESISTANCE,
+    ROOM_K,
+    Doubt,
+    DoubtedNetwork,
+)
+from mrdamper.thermal.materials import COPPER_PER_K
+from mrdamper.thermal.model.network import ThermalNetwork
+from mrdamper.thermal.model.stepping import Load
+
+__all__ = ["ObserverState", "TemperatureObserver", "ThermalSeen", "Thermometers", "time_left"]
+
+
+@dataclass(frozen=True, slots=True)
+class Thermometers:
+    """Standard deviations of the readings, of one sample each.
+
+    The resistance is voltage over current: its noise is relative, and the voltage's over the current.
+    """
+
+    resistance: float = 0.01  # relative [-]
+    voltage_V: float = 0.005
+    body_K: float = 0.5
+
+    def __post_init__(self) -> None:
+        if not (self.resistance >= 0.0 and self.voltage_V >= 0.0 and self.body_K > 0.0):
+            raise InputError(f"observer: thermometers are {self}; expected positive noise")
+        if not self.resistance + self.voltage_V > 0.0:
+            raise InputError("observer: the resistance has no noise at all; expected resistance or voltage_V")
+
+    def resistance_error(self, resistance_ohm: float, current_A: float) -> float:
+        """Return the standard deviation of a resistance [ohm]; infinite without current."""
+        if current_A == 0.0:
+            return math.inf
+        return math.hypot(self.resistance * resistance_ohm, self.voltage_V / abs(current_A))
+
+
+@dataclass(frozen=True, slots=True)
+class ThermalSeen:
+    """What happened since the last step, and what the thermometers say now; None or NaN is no reading."""
+
+    elapsed_s: float
+    power_W: float  # mechanical, by the model, mean over the time
+    current_A: float  # root mean square over the time
+    resistance_ohm: float | None = None
+    body_K: float | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ObserverState:
+    """Temperatures of the nodes [K], then the logarithms of the factors; and their covariance."""
+
+    time_s: float
+    mean: FloatArray  # shape (n + 6,)
+    covariance: FloatArray  # shape (n + 6, n + 6)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TemperatureObserver:
+    """An extended Kalman filter on a network.
+
+    ``resistance_20_ohm`` is the drawing's; the true one is estimated. The thermocouple sees the network's
+    ``wall``, or the nodes weighted by ``body``.
+    """
+
+    network: ThermalNetwork
+    resistance_20_ohm: float
+    doubt: Doubt = field(default_factory=Doubt)
+    thermometers: Thermometers = field(default_factory=Thermometers)
+    body: FloatArray | None = None
+    doubted: DoubtedNetwork = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.resistance_20_ohm) and self.resistance_20_ohm > 0.0):
+            raise InputError(
+                f"observer: resistance_20_ohm is {self.resistance_20_ohm}; expected the coil's at 20 degC, "
+                "above zero"
+            )
+        body = self.network.wall if self.body is None else read_only(self.body)
+        if body.shape != (len(self.network.names),) or not math.isclose(float(body.sum()), 1.0, rel_tol=1e-9):
+            raise InputError("observer: body is not one weight per node, sum 1")
+        object.__setattr__(self, "body", body)
+        object.__setattr__(self, "doubted", DoubtedNetwork(self.network))
+
+    def start(
+        self,
+        temperature_K: float | None = None,
+        *,
+        spread_K: float = 0.5,
+        learnt: ObserverState | None = None,
+    ) -> ObserverState:
+        """Return the state of a damper that has been left alone.
+
+        Parameters
+        ----------
+        temperature_K : of everything; None: the network's ambient. This is the cold start that zeroes the
+            resistance: its error goes into the thermometer
+        spread_K : its standard deviation; of a damper that is still warm, give the mean and a wide one
+        learnt : an earlier state, whose factors are kept
+        """
+        n, size = self.doubted.nodes, self.doubted.nodes + len(FACTORS)
+        start = self.network.ambient if temperature_K is None else temperature_K
+        if not (math.isfinite(start) and spread_K > 0.0):
+            raise InputError(
+                f"observer: starts at {start} K, spread {spread_K} K; expected a positive spread"
+            )
+        mean, covariance = np.zeros(size), np.zeros((size, size))
+        mean[:n] = start
+        # the nodes are off together, and a little each
+        covariance[:n, :n] = spread_K**2 * (0.96 + 0.04 * np.eye(n))
+        if learnt is None:
+            covariance[n:, n:] = self.doubt.covariance
+        else:
+            mean[n:] = learnt.mean[n:]
+            covariance[n:, n:] = learnt.covariance[n:, n:]
+        return ObserverState(0.0, read_only(mean), read_only(covariance))
+
+    def step(self, state: ObserverState, seen: ThermalSeen) -> ObserverState:
+        """Return the state after the time that passed and the readings at its end."""
+        if not seen.elapsed_s >= 0.0:
+            raise InputError(f"observer: {seen.elapsed_s} s passed; expected zero or more")
+        mean, covariance = np.array(state.mean), np.array(state.covariance)
+        if seen.elapsed_s > 0.0:
+            mean, covariance = self._advance(mean, covariance, seen)
+        if _reads(seen.resistance_ohm) and seen.current_A != 0.0:
+            mean, covariance = self._see_resistance(mean, covariance, seen)
+        if _reads(seen.body_K):
+            row = np.zeros(len(mean))
+            row[: self.doubted.nodes] = self.body
+            noise = self.thermometers.body_K
+            off = float(seen.body_K or 0.0) - float(row @ mean)
+            mean, covariance = _correct(mean, covariance, row, off, noise)
+        return ObserverState(state.time_s + seen.elapsed_s, read_only(mean), read_only(covariance))
+
+    def fluid(self, state: ObserverState) -> tuple[float, float]:
+        """Return the fluid's mean temperature and its standard deviation [K]."""
+        return self._weighted(state, self.network.fluid)
+
+    def coil(self, state: ObserverState) -> tuple[float, float]:
+        """Return the coil's temperature and its standard deviation [K]."""
+        return self._weighted(state, self.network.coil)
+
+    def wall(self, state: ObserverState) -> tuple[float, float]:
+        """Return the wall's mean temperature and its standard deviation [K]."""
+        return self._weighted(state, self.network.wall)
+
+    def factors(self, state: ObserverState) -> Mapping[str, tuple[float, float]]:
+        """Return each factor and its relative standard deviation."""
+        n = self.doubted.nodes
+        spread = np.sqrt(np.diag(state.covariance)[n:])
+        return {
+            name: (math.exp(float(state.mean[n + k])), float(spread[k])) for k, name in enumerate(FACTORS)
+        }
+
+    def _weighted(self, state: ObserverState, weight: FloatArray) -> tuple[float, float]:
+        n = self.doubted.nodes
+        variance = float(weight @ state.covariance[:n, :n] @ weight)
+        return float(weight @ state.mean[:n]), math.sqrt(max(variance, 0.0))
+
+    def _advance(
+        self, mean: FloatArray, covariance: FloatArray, seen: ThermalSeen
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return mean and covariance after the time that passed: Euler, implicit in the temperatures."""
+        n, network, doubted, h = self.doubted.nodes, self.network, self.doubted, seen.elapsed_s
+        nodes, factor = mean[:n], np.exp(mean[n:])
+        stored = factor[CAPACITY] / h * network.capacity
+        lost, lost_slope = doubted.losses(nodes)
+        joule = factor[RESISTANCE] * seen.current_A**2 * self.resistance_20_ohm
+        by_coil = joule * COPPER_PER_K * np.outer(network.electrical, network.coil)
+        driven = factor[POWER] * seen.power_W * network.mechanical
+        matrix = -doubted.rest - factor[BODY] * doubted.of_body - factor[COIL] * doubted.of_coil - by_coil
+        matrix[np.diag_indices(n)] += stored + factor[LOSS] * lost_slope
+        inverse = np.linalg.inv(matrix)
+        heated = joule * (1.0 - COPPER_PER_K * ROOM_K) * network.electrical
+        right = stored * nodes + driven + heated - factor[LOSS] * (lost - lost_slope * nodes)
+        new = inverse @ right
+        move = new - nodes
+        by_factor = np.empty((n, len(FACTORS)))
+        by_factor[:, POWER] = driven
+        by_factor[:, CAPACITY] = -stored * move
+        by_factor[:, LOSS] = -factor[LOSS] * (lost + lost_slope * move)
+        by_factor[:, BODY] = factor[BODY] * (doubted.of_body @ new)
+        by_factor[:, COIL] = factor[COIL] * (doubted.of_coil @ new)
+        by_factor[:, RESISTANCE] = heated + by_coil @ new
+        slope = np.eye(len(mean))
+        slope[:n, :n] = inverse * stored
+        slope[:n, n:] = inverse @ by_factor
+        ahead = slope @ covariance @ slope.T
+        ahead[np.diag_indices_from(ahead)] += h * self._walk()
+        return np.concatenate([new, mean[n:]]), ahead
+
+    def _walk(self) -> FloatArray:
+        """Return the variance by which each of a state's numbers wanders in a second."""
+        drift = np.full(len(FACTORS), self.doubt.drift_per_sqrt_h**2 / 3600.0)
+        drift[RESISTANCE] = 0.0
+        return np.append(np.full(self.doubted.nodes, self.doubt.node_K_per_sqrt_s**2), drift)
+
+    def _see_resistance(
+        self, mean: FloatArray, covariance: FloatArray, seen: ThermalSeen
+    ) -> tuple[FloatArray, FloatArray]:
+        n = self.doubted.nodes
+        cold = self.resistance_20_ohm * math.exp(mean[n + RESISTANCE])
+        expected = cold * (1.0 + COPPER_PER_K * (float(self.network.coil @ mean[:n]) - ROOM_K))
+        row = np.zeros(len(mean))
+        row[:n] = cold * COPPER_PER_K * self.network.coil
+        row[n + RESISTANCE] = expected
+        noise = self.thermometers.resistance_error(expected, seen.current_A)
+        return _correct(mean, covariance, row, float(seen.resistance_ohm or 0.0) - expected, noise)
+
+
+def time_left(
+    observer: TemperatureObserver,
+    state: ObserverState,
+    load: Load,
+    limit_K: float,
+    *,
+    probability: float = 0.90,
+    dampers: int = 200,
+    seed: int = 0,
+) -> TimeToLimit:
+    """Return in how long the fluid's mean temperature reaches a limit under a load.
+
+    Dampers are drawn from the state, temperatures and factors together (so the doubt about the capacity is
+    in the interval), and run ahead.
+
+    Parameters
+    ----------
+    load : what heats from now on; its duration is how far is looked, and what is not reached until then is
+        "not reached", infinity. Its ``coil_W`` goes with the drawing's resistance
+    """
+    return observer.doubted.look_ahead(
+        state.mean, state.covariance, [load], limit_K, probability=probability, dampers=dampers, seed=seed
+    ).to_limit
+
+
+def _reads(reading: float | None) -> bool:
+    return reading is not None and math.isfinite(reading)
+
+
+def _correct(
+    mean: FloatArray, covariance: FloatArray, row: FloatArray, off: float, noise: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return mean and covariance after one reading (Joseph's form: it stays symmetric and positive)."""
+    toward = covariance @ row
+    gain = toward / (float(row @ toward) + noise**2)
+    left = np.eye(len(mean)) - np.outer(gain, row)
+    return mean + gain * off, left @ covariance @ left.T + noise**2 * np.outer(gain, gain)

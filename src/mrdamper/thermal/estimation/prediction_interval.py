@@ -1,0 +1,92 @@
+"""How sure a heating curve is: the interval about it, and about the time to the fluid's limit.
+
+Before anything was measured the drawing and the card may be off as ``Doubt`` says. A measured curve leaves of
+that what it could not tell: the covariance of P/C and UA/C, and of what lies between the thermometer and the
+fluid. Beyond the curve's last time this is the early prediction for a damper that was drawn; for one that
+nobody has drawn see ``prediction``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+
+import numpy as np
+
+from mrdamper.arrays import FloatArray
+from mrdamper.thermal.dissipation import LoopWork
+from mrdamper.thermal.drawing import DamperDrawing
+from mrdamper.thermal.duty import Duty
+from mrdamper.thermal.estimation.calibration import CalibratedDrawing
+from mrdamper.thermal.estimation.measured_curve import Place
+from mrdamper.thermal.estimation.uncertainty import (
+    BODY,
+    CAPACITY,
+    COIL,
+    FACTORS,
+    LOSS,
+    Doubt,
+    DoubtedNetwork,
+    Outlook,
+)
+from mrdamper.thermal.temperature_rise import Model, build_network, loads_of
+
+__all__ = ["look_out"]
+
+_MISFITS: Mapping[Place, float] = MappingProxyType({"fluid": 0.002, "wall": 0.004, "coil": 0.004})
+"""What no multiplier mends of a calibrated network: share of the rise [-], by the thermometer's place."""
+
+_DAMPERS = 800  # drawn: the ends of the interval are then smooth over time
+
+
+def look_out(
+    works: Sequence[LoopWork],
+    drawing: DamperDrawing,
+    duty: Duty,
+    *,
+    calibrated: CalibratedDrawing | None = None,
+    doubt: Doubt | None = None,
+    model: Model = "zones",
+    start_K: float | None = None,
+    probability: float = 0.90,
+) -> Outlook:
+    """Return the interval about a drawing's heating under a duty.
+
+    Parameters
+    ----------
+    works : one for each stretch of the duty
+    calibrated : what a measured curve told of this very drawing; None: nothing was measured
+    doubt : how far drawing and card may be off before anything was measured; None: as usual (``Doubt``)
+    start_K : temperature of everything at the start; None: the fitted one, else ambient
+    """
+    believed = doubt or Doubt()
+    doubted = DoubtedNetwork(build_network(drawing, model))
+    n = doubted.nodes
+    mean, covariance = np.zeros(n + len(FACTORS)), np.zeros((n + len(FACTORS),) * 2)
+    mean[:n] = drawing.surroundings.ambient
+    if calibrated is None:
+        covariance[n:, n:] = believed.covariance
+    else:
+        mean[:n] = calibrated.numbers.start_K
+        covariance = _told_by(calibrated, n)
+    if start_K is not None:
+        mean[:n] = start_K
+        covariance[:n, :] = covariance[:, :n] = 0.0
+    return doubted.look_ahead(
+        mean,
+        covariance,
+        loads_of(works, drawing, duty),
+        drawing.filling.valid_K[1],
+        misfit=0.0 if calibrated is None else _MISFITS[calibrated.curve.place],
+        probability=probability,
+        dampers=_DAMPERS,
+    )
+
+
+def _told_by(calibrated: CalibratedDrawing, nodes: int) -> FloatArray:
+    """Return the covariance that a fit left, of a state: the start is that of all nodes."""
+    where = np.zeros((nodes + len(FACTORS), 5))
+    where[:nodes, 0] = 1.0
+    for column, factor in enumerate((CAPACITY, LOSS, BODY, COIL), 1):
+        where[nodes + factor, column] = 1.0
+    return np.asarray(where @ calibrated.spread @ where.T)

@@ -1,0 +1,161 @@
+r"""A damper's heating in a few numbers, all per heat capacity: the model of a damper nobody has drawn.
+
+Two nodes: what the fluid's temperature reaches at once (fluid, wall, fins), which takes the heat in and gives
+it off, and a core behind it, which only stores.
+
+.. math::
+    \phi\,\dot T = q\,p(T) - u\,e\,\Bigl(\frac{e^2+\delta^2}{40^2+\delta^2}\Bigr)^{m/2}
+    - \kappa (T - T_c), \qquad (1-\phi)\,\dot T_c = \kappa (T - T_c), \quad e = T - T_a
+
+with q = P/C at ambient temperature and u = UA/C at 40 K above it. The power falls with temperature: a share
+v as a fluid's viscosity does (Arrhenius, 1400 K), the rest along a straight line of slope s. The loss rises
+with the exponent m: about 0.25 in still air and by radiation, 0 in a wind and through mountings. Scaling
+power, capacity and losses together changes nothing: nothing absolute is in here, and nothing absolute comes
+out.
+
+Which numbers are likely is ``PRIOR``, a proposal for laboratory and car dampers with or without fins; its
+share, settling and lags are what the model needs to follow zone networks of such dampers. What a measured
+curve says to it is the business of ``prediction``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from mrdamper.arrays import FloatArray
+from mrdamper.thermal.model.stepping import GAMMA, growing_steps
+
+__all__ = ["NUMBERS", "PRIOR", "Belief", "heat_lean"]
+
+_VISCOSITY_K = 1400.0
+_AT_EXCESS_K = 40.0
+_SMOOTH_K = 5.0  # delta: keeps the film's power smooth through ambient
+_LEAST_POWER = 0.05  # of the power at ambient
+_FIRST_STEP, _GROWTH, _LONGEST = 2.0, 1.3, 40.0  # [s]
+
+
+@dataclass(frozen=True, slots=True)
+class Belief:
+    """What is believed of a number before a curve is seen: a normal law of it, its logarithm or logit."""
+
+    mean: float
+    spread: float
+    scale: str  # "line", "log" or "logit"
+    unit: str
+    description: str
+
+    def value(self, coordinate: FloatArray) -> FloatArray:
+        """Return the number [unit] at a coordinate of mean 0 and spread 1."""
+        raw = self.mean + self.spread * coordinate
+        if self.scale == "log":
+            return np.exp(raw)
+        return np.asarray(1.0 / (1.0 + np.exp(-raw)) if self.scale == "logit" else raw)
+
+
+def _log(middle: float, factor: float, unit: str, description: str) -> Belief:
+    return Belief(math.log(middle), math.log(factor), "log", unit, description)
+
+
+PRIOR: Mapping[str, Belief] = MappingProxyType(
+    {
+        "heating": _log(0.05, 3.0, "K/s", "P/C at ambient temperature"),
+        "loss": _log(1.0 / 1200.0, 2.0, "1/s", "UA/C at 40 K above ambient"),
+        "viscous": Belief(-0.9, 0.7, "logit", "-", "share of the power that falls as a viscosity"),
+        "slope": Belief(0.001, 0.0007, "line", "1/K", "fall of the rest of the power"),
+        "exponent": Belief(0.12, 0.08, "line", "-", "growth of the loss coefficient with the excess"),
+        "share": Belief(1.0, 0.8, "logit", "-", "share of the capacity that is at the fluid's temperature"),
+        "settling": _log(20.0, 3.0, "s", "time constant between fluid and core"),
+        "lag": _log(4.0, 2.0, "s", "time constant of the thermometer, where it is not known"),
+        "body lag": _log(12.0, 2.2, "s", "the same of one on the body, with the way through the wall"),
+    }
+)
+"""Beliefs about a damper that nobody has drawn; of the two lags, the one of the thermometer's place holds."""
+
+NUMBERS = tuple(name for name in PRIOR if "lag" not in name)
+"""What ``heat_lean`` asks for, in the order of its sums."""
+
+
+def heat_lean(
+    numbers: Mapping[str, FloatArray], start: FloatArray, ambient: float, time: FloatArray
+) -> FloatArray:
+    """Return the temperature of k dampers at given times [K], shape (t, k).
+
+    Parameters
+    ----------
+    numbers : each of ``NUMBERS``, shape (k,)
+    start : temperature of everything at the first time [K], shape (k,)
+    ambient : [K]
+    time : rising [s], shape (t,), at least two
+
+    Notes
+    -----
+    ROS2 with steps of 2 s that grow to 40 s, and cubic Hermite polynomials between them.
+    """
+    share, settling = numbers["share"], numbers["settling"]
+    exchange = share * (1.0 - share) / settling
+    to_near, to_core = exchange / share, exchange / (1.0 - share)
+    balance = _balance(numbers, ambient)
+    steps = growing_steps(float(time[-1] - time[0]), _FIRST_STEP, _LONGEST, growth=_GROWTH)
+    grid = float(time[0]) + np.append(0.0, np.cumsum(steps))
+    values, rates = np.empty((len(grid), len(start))), np.empty((len(grid), len(start)))
+    near, core = start.copy(), start.copy()
+    for k, now in enumerate(grid):
+        gain, gain_slope = balance(near)
+        rate = gain / share - to_near * (near - core)
+        values[k], rates[k] = near, rate
+        if k + 1 == len(grid):
+            break
+        h = grid[k + 1] - now
+        # I - gamma h J, solved by hand
+        g = GAMMA * h
+        a11, a12 = 1.0 + g * (to_near - gain_slope / share), -g * to_near
+        a21, a22 = -g * to_core, 1.0 + g * to_core
+        over = 1.0 / (a11 * a22 - a12 * a21)
+        core_rate = to_core * (near - core)
+        first, first_core = (a22 * rate - a12 * core_rate) * over, (a11 * core_rate - a21 * rate) * over
+        middle, middle_core = near + h * first, core + h * first_core
+        gain, _ = balance(middle)
+        rate = gain / share - to_near * (middle - middle_core) - 2.0 * first
+        core_rate = to_core * (middle - middle_core) - 2.0 * first_core
+        near = near + h * (1.5 * first + 0.5 * (a22 * rate - a12 * core_rate) * over)
+        core = core + h * (1.5 * first_core + 0.5 * (a11 * core_rate - a21 * rate) * over)
+    return _hermite(grid, values, rates, time)
+
+
+def _balance(
+    numbers: Mapping[str, FloatArray], ambient: float
+) -> Callable[[FloatArray], tuple[FloatArray, FloatArray]]:
+    """Return the function that gives power less loss over the capacity [K/s], and its slope [1/s]."""
+    q, u, v, s, m = (numbers[name] for name in NUMBERS[:5])
+    bottom = _AT_EXCESS_K**2 + _SMOOTH_K**2
+
+    def balance(near: FloatArray) -> tuple[FloatArray, FloatArray]:
+        viscous = v * np.exp(_VISCOSITY_K * (1.0 / near - 1.0 / ambient))
+        excess = near - ambient
+        power = viscous + (1.0 - v) * (1.0 - s * excess)
+        falls = -viscous * _VISCOSITY_K / near**2 - (1.0 - v) * s
+        held = power < _LEAST_POWER
+        square = excess**2 + _SMOOTH_K**2
+        film = u * (square / bottom) ** (0.5 * m)
+        return (
+            q * np.where(held, _LEAST_POWER, power) - film * excess,
+            q * np.where(held, 0.0, falls) - film * (1.0 + m * excess**2 / square),
+        )
+
+    return balance
+
+
+def _hermite(grid: FloatArray, values: FloatArray, rates: FloatArray, time: FloatArray) -> FloatArray:
+    place = np.clip(np.searchsorted(grid, time, side="right") - 1, 0, len(grid) - 2)
+    h = (grid[place + 1] - grid[place])[:, None]
+    x = (time - grid[place])[:, None] / h
+    return np.asarray(
+        values[place] * (1.0 + 2.0 * x) * (1.0 - x) ** 2
+        + values[place + 1] * (3.0 - 2.0 * x) * x**2
+        + h * x * (1.0 - x) * (rates[place] * (1.0 - x) - rates[place + 1] * x)
+    )

@@ -1,0 +1,212 @@
+"""How far a drawing may be off, and what that leaves open about its heating.
+
+Six factors (``FACTORS``) stand for all that may be off: power, capacity, losses, the conductance from fluid
+to body, that from the coil, and the coil's resistance at 20 degC. ``Doubt`` says how large each may be;
+``DoubtedNetwork`` runs dampers with such factors ahead, many at once. The observer learns the factors from
+thermometers, ``outlook`` takes them as believed or as a measured curve tells them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from mrdamper.arrays import FloatArray, read_only
+from mrdamper.errors import InputError
+from mrdamper.thermal.estimation.sampling import (
+    TimeToLimit,
+    draw_evenly,
+    first_crossing,
+    interval_of,
+    summarise_times,
+)
+from mrdamper.thermal.materials import COPPER_PER_K
+from mrdamper.thermal.model.network import ThermalNetwork
+from mrdamper.thermal.model.stepping import GAMMA, Load
+
+__all__ = ["FACTORS", "Doubt", "DoubtedNetwork", "Outlook"]
+
+FACTORS = ("power", "capacity", "loss", "fluid_body", "coil", "resistance")
+"""What the drawing may be off by; states hold the logarithm of each factor."""
+
+POWER, CAPACITY, LOSS, BODY, COIL, RESISTANCE = range(len(FACTORS))
+ROOM_K = 293.15
+
+_FIRST_STEP_S, _LONGEST_STEP_S, _GROWTH = 2.0, 60.0, 1.4
+_MOST_STEPS = 300  # of the longest, in a load that goes on for days
+_BEYOND_LIMIT_K = 100.0  # where dampers are held: nothing is asked of them there
+
+
+@dataclass(frozen=True, slots=True)
+class Doubt:
+    """How far the drawing and the model may be off: relative standard deviations, and random walks."""
+
+    power: float = 0.10
+    capacity: float = 0.10
+    loss: float = 0.25
+    fluid_body: float = 0.30
+    coil: float = 0.30
+    resistance: float = 0.02
+    drift_per_sqrt_h: float = 0.02  # of each factor but the resistance [1/sqrt(h)]
+    node_K_per_sqrt_s: float = 0.02  # of each node [K/sqrt(s)]
+
+    def __post_init__(self) -> None:
+        for name in self.__dataclass_fields__:
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= 0.0):
+                raise InputError(f"observer: doubt.{name} is {value}; expected zero or more, finite")
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Covariance of the factors' logarithms, shape (6, 6)."""
+        return np.diag([getattr(self, name) ** 2 for name in FACTORS])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Outlook:
+    """What a heating curve may be: the interval of the fluid's temperature, and of the time to a limit."""
+
+    time: FloatArray  # since the start [s], shape (t,)
+    median: FloatArray  # of the fluid [K], shape (t,)
+    low: FloatArray  # with ``high``, holds it with the probability, at each time [K], shape (t,)
+    high: FloatArray
+    probability: float
+    to_limit: TimeToLimit
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DoubtedNetwork:
+    """A network's numbers such that factors may stand before them; made once."""
+
+    network: ThermalNetwork
+    watts: FloatArray = field(init=False, repr=False)  # losses of each node over the grid, shape (n, g)
+    of_coil: FloatArray = field(init=False, repr=False)  # minus Laplacians of the three kinds of
+    of_body: FloatArray = field(init=False, repr=False)  # conductances: from the coil, fluid to wall,
+    rest: FloatArray = field(init=False, repr=False)  # all others, shape (n, n) each
+
+    def __post_init__(self) -> None:
+        network = self.network
+        watts = np.zeros((len(network.names), len(network.grid)))
+        for node, row in zip(network.loss_node, network.watts, strict=True):
+            watts[node] += row
+        fluid, wall, coil = network.fluid > 0.0, network.wall > 0.0, network.coil > 0.0
+        of_coil = coil[:, None] != coil[None, :]
+        of_body = ((fluid[:, None] & wall[None, :]) | (wall[:, None] & fluid[None, :])) & ~of_coil
+        for name, which in (("of_coil", of_coil), ("of_body", of_body), ("rest", ~(of_coil | of_body))):
+            conductance = np.where(which, network.conductance, 0.0)
+            object.__setattr__(self, name, read_only(conductance - np.diag(conductance.sum(axis=1))))
+        object.__setattr__(self, "watts", read_only(watts))
+
+    @property
+    def nodes(self) -> int:
+        """Number of nodes; a state is their temperatures, then the logarithms of the factors."""
+        return len(self.network.names)
+
+    def losses(self, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return what the nodes give off [W] and the slopes [W/K], in the nodes' shape (..., n)."""
+        grid = self.network.grid
+        width = float(grid[1] - grid[0])
+        at = (nodes - grid[0]) / width
+        place = np.clip(at.astype(np.intp), 0, len(grid) - 2)
+        node = np.arange(self.nodes)
+        below = self.watts[node, place]
+        slope = (self.watts[node, place + 1] - below) / width
+        return below + slope * (at - place) * width, slope
+
+    def look_ahead(
+        self,
+        mean: FloatArray,
+        covariance: FloatArray,
+        loads: Sequence[Load],
+        limit_K: float,
+        *,
+        misfit: float = 0.0,
+        probability: float = 0.90,
+        dampers: int = 200,
+        seed: int = 0,
+    ) -> Outlook:
+        """Return what dampers drawn from a state do under loads.
+
+        Parameters
+        ----------
+        mean, covariance : of a state [K, then -], shape (n + 6,) and (n + 6, n + 6)
+        loads : what heats from now on; how long they last is how far is looked
+        limit_K : of the fluid's mean temperature; dampers beyond it go on
+        misfit : standard deviation of what no factor mends, as a share of the rise [-]
+        """
+        values, vectors = np.linalg.eigh(covariance)
+        root = vectors * np.sqrt(np.maximum(values, 0.0))
+        *normal, off = draw_evenly(np.random.default_rng(seed), len(mean) + 1, dampers)
+        states = mean + (root @ np.array(normal)).T
+        time, fluid = self.run_ahead(states, loads, hottest_K=limit_K + _BEYOND_LIMIT_K)
+        fluid = fluid + misfit * off * (fluid - fluid[0])
+        looked = math.fsum(load.duration for load in loads)
+        reached = summarise_times(first_crossing(time, fluid, limit_K), limit_K, probability, looked)
+        return Outlook(time, *interval_of(fluid, probability), probability, reached)
+
+    def run_ahead(
+        self, states: FloatArray, loads: Sequence[Load], *, hottest_K: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return times [s], shape (t,), and the fluid's temperature of k dampers [K], shape (t, k).
+
+        Parameters
+        ----------
+        states : shape (k, n + 6)
+        hottest_K : nodes are held at this temperature
+        """
+        n, network = self.nodes, self.network
+        nodes, factor = states[:, :n].copy(), np.exp(states[:, n:])
+        longest = max(_LONGEST_STEP_S, math.fsum(load.duration for load in loads) / _MOST_STEPS)
+        step, time, fluid = _FIRST_STEP_S, [0.0], [nodes @ network.fluid]
+        for load in loads:
+            stepper = _Stepper(self, factor, load)
+            end = time[-1] + load.duration
+            while time[-1] < end - 1e-9:
+                size = min(step, end - time[-1])
+                nodes = np.minimum(stepper.step(nodes, size), hottest_K)
+                time.append(time[-1] + size)
+                fluid.append(nodes @ network.fluid)
+                step = min(step * _GROWTH, longest)
+        return np.array(time), np.array(fluid)
+
+
+class _Stepper:
+    """ROS2 on k dampers at once, under one load."""
+
+    def __init__(self, doubted: DoubtedNetwork, factor: FloatArray, load: Load) -> None:
+        network = doubted.network
+        self._doubted, self._network = doubted, network
+        self._capacity = factor[:, CAPACITY, None] * network.capacity
+        self._loss, self._share = factor[:, LOSS, None], factor[:, POWER, None]
+        joule = factor[:, RESISTANCE, None] * load.coil_W
+        self._linear = (
+            doubted.rest
+            + factor[:, BODY, None, None] * doubted.of_body
+            + factor[:, COIL, None, None] * doubted.of_coil
+            + joule[:, :, None] * COPPER_PER_K * np.outer(network.electrical, network.coil)
+        )
+        self._heated = joule * (1.0 - COPPER_PER_K * ROOM_K) * network.electrical
+        self._watts = load.power_on(network.grid)
+        self._falls = np.gradient(self._watts, network.grid)
+
+    def step(self, nodes: FloatArray, size: float) -> FloatArray:
+        """Return the temperatures after a step [s], shape (k, n)."""
+        n = self._doubted.nodes
+        jacobian = self._linear.copy()
+        jacobian[:, range(n), range(n)] -= self._loss * self._doubted.losses(nodes)[1]
+        falls = self._share[:, 0] * np.interp(nodes @ self._network.fluid, self._network.grid, self._falls)
+        jacobian += falls[:, None, None] * np.outer(self._network.mechanical, self._network.fluid)
+        inverse = np.linalg.inv(np.eye(n) - GAMMA * size * jacobian / self._capacity[:, :, None])
+        first = (inverse @ self._rate(nodes)[:, :, None])[:, :, 0]
+        second = (inverse @ (self._rate(nodes + size * first) - 2.0 * first)[:, :, None])[:, :, 0]
+        return np.asarray(nodes + size * (1.5 * first + 0.5 * second))
+
+    def _rate(self, nodes: FloatArray) -> FloatArray:
+        network = self._network
+        power = self._share[:, 0] * np.interp(nodes @ network.fluid, network.grid, self._watts)
+        flow = (self._linear @ nodes[:, :, None])[:, :, 0] + self._heated
+        flow += power[:, None] * network.mechanical - self._loss * self._doubted.losses(nodes)[0]
+        return np.asarray(flow / self._capacity)

@@ -1,0 +1,1 @@
+"""Heat models of a damper: network, reduced and finite-element, with their time stepping."""

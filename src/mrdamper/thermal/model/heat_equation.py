@@ -1,0 +1,401 @@
+"""The heat equation once space is discretised, and its course through time by ROS2.
+
+    M dθ/dt = -K θ + p P(mean fluid) + W (c + E θ) - Bᵀ a q(B θ)        θ = T - ambient
+
+with mass M, conduction K, the loads p and c of mechanical and coil heat, the coil's rise of resistance E, and
+the heat q given off per area at the points B of the surface, each of area a. The finite elements fill it with
+sparse matrices, the reduced model with small dense ones; the stepping is the same.
+
+ROS2: see ``stepping``. Energies in and out are carried through both stages with the step's own derivatives,
+so that the account closes to rounding. The Jacobian is exact: the mean fluid's part, which would fill the
+matrix, goes in by Sherman's and Morrison's formula.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+from scipy.interpolate import CubicSpline
+from scipy.linalg import lu_factor, lu_solve
+
+from mrdamper.arrays import FloatArray
+from mrdamper.errors import ConvergenceError, EnvelopeError, InputError
+from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.thermal.films.correlations import STEFAN_BOLTZMANN
+from mrdamper.thermal.model.mesh import IntArray
+from mrdamper.thermal.model.network import PATHS
+from mrdamper.thermal.model.stepping import FIRST_STEP_S, GAMMA, EnergyAccount, Load, march
+
+__all__ = [
+    "Cooling",
+    "FieldHeating",
+    "HeatEquation",
+    "Matrix",
+    "factorise",
+    "heat_through",
+    "one_step_backward",
+    "settle",
+]
+
+Matrix = Any  # a sparse matrix or an array: both know @ and .T
+Solver = Callable[[FloatArray], FloatArray]
+
+_ROUNDING_K = 1e-5  # moves of a Newton step that may be rounding
+
+
+class Cooling:
+    """What points of the surface give off, by their temperature: film laws over a grid, radiation, mountings.
+
+    Parameters
+    ----------
+    ambient : [K]
+    grid, films : film coefficients over temperature, as in ``Section``
+    law : row of ``films`` of each point, shape (p,)
+    emissivity, mount : of each point, shape (p,)
+    paths : columns of ``network.PATHS`` that each point's convection and radiation count for, shape (2, p)
+    """
+
+    def __init__(
+        self,
+        ambient: float,
+        grid: FloatArray,
+        films: FloatArray,
+        *,
+        law: IntArray,
+        emissivity: FloatArray,
+        mount: FloatArray,
+        paths: IntArray,
+    ) -> None:
+        self.ambient, self.grid = ambient, grid
+        self._law, self._mount = law, mount
+        self._black = emissivity * STEFAN_BOLTZMANN
+        self._low, self._width = float(grid[0]) - ambient, float(grid[1] - grid[0])
+        # the heat flux itself is tabulated, as in the network: (knots, 4) per law
+        self._cubics = CubicSpline(grid, (films * (grid - ambient)).T).c.transpose(2, 1, 0).copy()
+        points = np.arange(len(law))
+        mount_column = np.full(len(law), PATHS.index("mount"))
+        # columns x (convection, radiation, mount of every point)
+        where = np.concatenate([paths[0], paths[1], mount_column])
+        self._sort = sparse.csr_array(
+            (np.ones(3 * len(law)), (where, np.concatenate([points + k * len(law) for k in range(3)]))),
+            shape=(len(PATHS), 3 * len(law)),
+        )
+
+    def fluxes(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the fluxes by convection, radiation and mount [W/m^2], and their slopes, each (3, p)."""
+        at = (theta - self._low) / self._width
+        place = at.astype(np.intp)
+        if theta.size and not (at.min() >= 0.0 and at.max() < self._cubics.shape[1]):
+            raise self.refusal(theta)
+        c3, c2, c1, c0 = self._cubics[self._law, place].T
+        x = (at - place) * self._width
+        kelvin = theta + self.ambient
+        cube = self._black * kelvin**3
+        flux = np.stack(
+            [
+                ((c3 * x + c2) * x + c1) * x + c0,
+                cube * kelvin - self._black * self.ambient**4,
+                self._mount * theta,
+            ]
+        )
+        slope = np.stack([(3.0 * c3 * x + 2.0 * c2) * x + c1, 4.0 * cube, self._mount])
+        return flux, slope
+
+    def by_path(self, fluxes: FloatArray, area: FloatArray) -> FloatArray:
+        """Return the heat of each path [W] from fluxes of shape (3, p)."""
+        return np.asarray(self._sort @ (fluxes * area).ravel())
+
+    def refusal(self, theta: FloatArray) -> EnvelopeError:
+        """Return the error for temperatures at which nothing is known of the losses."""
+        worst = (
+            theta[np.argmax(np.where(np.isfinite(theta), np.abs(theta), np.inf))]
+            + self.ambient
+            - ZERO_CELSIUS_K
+        )
+        low, high = self.grid[0] - ZERO_CELSIUS_K, self.grid[-1] - ZERO_CELSIUS_K
+        return EnvelopeError(
+            f"heating: a surface is at {worst:.4g} degC; expected {low:.0f} to {high:.0f} degC. Lower the "
+            "duty, check the drawing's dimensions, or stop at the fluid's limit"
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HeatEquation:
+    """The matrices of the equation above, n unknowns; sparse or dense alike."""
+
+    ambient: float  # [K]
+    mass: Matrix  # [J/K], shape (n, n)
+    stiffness: Matrix  # [W/K], shape (n, n)
+    mechanical: FloatArray  # load of 1 W, shape (n,)
+    electrical: FloatArray  # load of 1 W, shape (n,)
+    warming: Matrix  # rise of a coil heat of 1 W at 20 degC, at the local temperature [1/K], shape (n, n)
+    surface: Matrix  # values at the points of the surface, shape (p, n)
+    area: FloatArray  # of the points [m^2], shape (p,)
+    cooling: Cooling
+    fluid: FloatArray  # mean of the fluid, shape (n,)
+    coil: FloatArray  # shape (n,)
+    wall: FloatArray  # shape (n,)
+    uniform: FloatArray  # unknowns of a temperature of 1 K everywhere, shape (n,)
+    reference_growth: float  # coil heat at ambient over that at 20 degC [-]
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return len(self.uniform)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FieldHeating(EnergyAccount):
+    """A course of the heat equation: temperatures, powers and energies at the ends of the steps taken.
+
+    Columns of ``flow`` and ``energy`` are the paths of ``network.PATHS``, then mechanical power, coil heat.
+    """
+
+    equation: HeatEquation
+    time: FloatArray  # [s], shape (k,)
+    state: FloatArray  # unknowns above ambient [K], shape (k, n)
+    flow: FloatArray  # [W], shape (k, 7)
+    energy: FloatArray  # since the start [J], shape (k, 7)
+    stopped: bool  # the fluid reached the temperature at which to stop
+
+    def _mean(self, weights: FloatArray) -> FloatArray:
+        return np.asarray(self.state @ weights + self.equation.ambient)
+
+    @property
+    def fluid(self) -> FloatArray:
+        """Mean temperature of the fluid [K], shape (k,)."""
+        return self._mean(self.equation.fluid)
+
+    @property
+    def coil(self) -> FloatArray:
+        """Mean temperature of the coil [K], shape (k,)."""
+        return self._mean(self.equation.coil)
+
+    @property
+    def wall(self) -> FloatArray:
+        """Mean temperature of tube and caps [K], shape (k,)."""
+        return self._mean(self.equation.wall)
+
+    @property
+    def paths_W(self) -> Mapping[str, FloatArray]:
+        """Heat given off, by path."""
+        return MappingProxyType({path: self.flow[:, k] for k, path in enumerate(PATHS)})
+
+    @property
+    def mechanical_W(self) -> FloatArray:
+        return np.asarray(self.flow[:, -2])
+
+    @property
+    def coil_W(self) -> FloatArray:
+        return np.asarray(self.flow[:, -1])
+
+    @property
+    def stored(self) -> FloatArray:
+        """Heat stored since the start [J], shape (k,)."""
+        weights = self.equation.mass @ self.equation.uniform
+        return np.asarray((self.state - self.state[0]) @ weights)
+
+
+def heat_through(
+    equation: HeatEquation,
+    loads: Sequence[Load],
+    *,
+    start: float | FloatArray | None = None,
+    longest_step: float = 60.0,
+    first_step: float = FIRST_STEP_S,
+    stop_at: float = math.inf,
+) -> FieldHeating:
+    """Run a heat equation through loads, one after the other.
+
+    Parameters
+    ----------
+    start : temperature of everything at the start [K], or unknowns above ambient, shape (n,); None: ambient
+    longest_step : steps grow from ``first_step`` to this [s] after each change of load
+    stop_at : the fluid's mean temperature at which the run ends [K]
+
+    Raises
+    ------
+    EnvelopeError
+        A surface leaves the temperatures at which its losses are known.
+    """
+    return FieldHeating(
+        equation,
+        *march(
+            _Stepper(equation),
+            loads,
+            _first_state(equation, start),
+            first_step=first_step,
+            longest_step=longest_step,
+            stop_at=stop_at,
+        ),
+    )
+
+
+def settle(equation: HeatEquation, load: Load, *, start: float | FloatArray | None = None) -> FloatArray:
+    """Return the unknowns above ambient that a load ends in [K], shape (n,), by Newton's method.
+
+    Raises
+    ------
+    ConvergenceError
+        There is no steady state (nothing is given off), or the iteration did not reach it.
+    """
+    stepper = _Stepper(equation)
+    stepper.take(load)
+    state = _first_state(equation, equation.ambient + 50.0 if start is None else start)
+    before = math.inf
+    for _ in range(60):
+        here = stepper.evaluate(state)
+        move = stepper.solver(here, 1.0, 0.0)(here.rate)
+        largest = float(np.abs(move).max())
+        if not math.isfinite(largest) or largest > 1e9:
+            break
+        state = np.asarray(state + move * min(1.0, 50.0 / max(largest, 1e-300)))
+        # settled, or as far as rounding allows
+        if largest < 1e-9 or before <= 2.0 * largest < 2.0 * _ROUNDING_K:
+            return state
+        before = largest
+    raise ConvergenceError(
+        "steady state: Newton's method did not settle in 60 steps. If nothing carries the heat "
+        "away, there is none"
+    )
+
+
+def one_step_backward(equation: HeatEquation, load: Load, state: FloatArray, size: float) -> FloatArray:
+    """Return the state after one step of backward Euler [s], by Newton's method; for comparisons only.
+
+    Raises
+    ------
+    ConvergenceError
+        The iteration did not settle to 1e-9 K in 20 turns.
+    """
+    stepper = _Stepper(equation)
+    stepper.take(load)
+    new = state.copy()
+    for _ in range(20):
+        here = stepper.evaluate(new)
+        move = stepper.solver(here, 1.0, 1.0 / size)(here.rate - equation.mass @ (new - state) / size)
+        new = new + move
+        if float(np.abs(move).max()) < 1e-9:
+            return new
+    raise ConvergenceError("backward Euler: Newton's method did not settle to 1e-9 K in 20 turns")
+
+
+def _first_state(equation: HeatEquation, start: float | FloatArray | None) -> FloatArray:
+    given = np.asarray(equation.ambient if start is None else start, dtype=np.float64)
+    if given.ndim == 0:
+        return np.asarray(equation.uniform * (float(given) - equation.ambient))
+    if given.shape != (equation.size,):
+        raise InputError(f"heating: start has shape {given.shape}; expected one number or ({equation.size},)")
+    return given.copy()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Here:
+    """The equation at one state."""
+
+    rate: FloatArray  # M dθ/dt [W], shape (n,)
+    flow: FloatArray  # [W], shape (7,)
+    slopes: FloatArray  # of the surface's fluxes [W/(m^2 K)], shape (3, p)
+    power_slope: float  # of the mechanical power [W/K]
+
+
+class _Stepper:
+    """ROS2 on a heat equation with one load at a time."""
+
+    def __init__(self, equation: HeatEquation) -> None:
+        self.equation = equation
+        # 1ᵀ E: what a state adds to the heat of a coil of 1 W
+        self._warm_row = np.asarray(equation.warming.T @ equation.uniform)
+
+    def take(self, load: Load) -> None:
+        """Put a load in: its power becomes a spline over the grid of the films, as in the network."""
+        grid = self.equation.cooling.grid
+        self._power = CubicSpline(grid - self.equation.ambient, load.power_on(grid))
+        self._coil_W = load.coil_W
+
+    def fluid(self, state: FloatArray) -> float:
+        """Return the fluid's mean temperature [K]."""
+        return float(self.equation.fluid @ state) + self.equation.ambient
+
+    def flow(self, state: FloatArray) -> FloatArray:
+        """Return losses by path, then the sources [W], shape (7,)."""
+        return self.evaluate(state).flow
+
+    def evaluate(self, state: FloatArray) -> _Here:
+        """Return the equation's right side at a state."""
+        e = self.equation
+        fluxes, slopes = e.cooling.fluxes(e.surface @ state)
+        mean = float(e.fluid @ state)
+        power, power_slope = float(self._power(mean)), float(self._power(mean, 1))
+        coil = self._coil_W * (e.reference_growth + float(self._warm_row @ state))
+        rate = power * e.mechanical + (self._coil_W * e.reference_growth) * e.electrical
+        rate += self._coil_W * (e.warming @ state) - e.stiffness @ state
+        rate -= e.surface.T @ (e.area * fluxes.sum(axis=0))
+        flow = np.concatenate([e.cooling.by_path(fluxes, e.area), [power, coil]])
+        return _Here(rate, flow, slopes, power_slope)
+
+    def flow_change(self, here: _Here, move: FloatArray) -> FloatArray:
+        """Return how the flows change, to first order, when the state moves [W]."""
+        e = self.equation
+        lost = e.cooling.by_path(here.slopes * (e.surface @ move), e.area)
+        gained = [here.power_slope * (e.fluid @ move), self._coil_W * (self._warm_row @ move)]
+        return np.concatenate([lost, gained])
+
+    def solver(self, here: _Here, shrunk: float, inertia: float) -> Solver:
+        """Return the solver of (inertia M - shrunk J) x = b, with J the derivative of the rate."""
+        e = self.equation
+        weight = e.area * here.slopes.sum(axis=0)
+        bend = shrunk * here.power_slope
+        matrix = inertia * e.mass + shrunk * (e.stiffness - self._coil_W * e.warming)
+        if isinstance(matrix, np.ndarray):
+            matrix += shrunk * (e.surface.T * weight) @ e.surface
+            matrix -= bend * np.outer(e.mechanical, e.fluid)
+            factors = lu_factor(matrix, check_finite=False)
+            return lambda right: np.asarray(lu_solve(factors, right, check_finite=False))
+        matrix = matrix + shrunk * (e.surface.T @ (e.surface * weight[:, None]))
+        solve = factorise(matrix)
+        if bend == 0.0:
+            return solve
+        spread = solve(e.mechanical)
+        gain = bend / (1.0 - bend * float(e.fluid @ spread))
+
+        def corrected(right: FloatArray) -> FloatArray:
+            plain = solve(right)
+            return np.asarray(plain + spread * (gain * float(e.fluid @ plain)))
+
+        return corrected
+
+    def step(self, state: FloatArray, size: float) -> tuple[FloatArray, FloatArray]:
+        """Return the state after a step [s], and the energies that went through each column in it [J]."""
+        e = self.equation
+        shrunk = GAMMA * size
+        here = self.evaluate(state)
+        solve = self.solver(here, shrunk, 1.0)
+        first = solve(here.rate)
+        middle = self.evaluate(state + size * first)
+        second = solve(middle.rate - 2.0 * (e.mass @ first))
+        energy_first = here.flow + shrunk * self.flow_change(here, first)
+        energy_second = middle.flow - 2.0 * energy_first + shrunk * self.flow_change(here, second)
+        return (
+            state + size * (1.5 * first + 0.5 * second),
+            size * (1.5 * energy_first + 0.5 * energy_second),
+        )
+
+
+def factorise(matrix: Matrix) -> Solver:
+    """Return the solver of a sparse, nearly symmetric matrix."""
+    from scipy.sparse.linalg import splu
+
+    factors = splu(
+        sparse.csc_array(matrix),
+        permc_spec="MMD_AT_PLUS_A",
+        diag_pivot_thresh=0.01,
+        options={"SymmetricMode": True},
+    )
+    return lambda right: np.asarray(factors.solve(right))

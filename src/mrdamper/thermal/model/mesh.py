@@ -1,0 +1,258 @@
+"""Triangle meshes of a section: a grid that follows every block's sides, graded towards its corners.
+
+Where three materials meet, or a fin stands on the body, the heat flux is singular: there the sides that
+leave the corner are cut again and again, which needs few nodes and leaves no hanging ones. A mesh is a value:
+nodes, triangles with their region, facets with their surface. ``mesh_section`` makes ours, ``gmsh_mesh`` has
+gmsh make one of the same section.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrdamper.arrays import FloatArray, read_only
+from mrdamper.errors import InputError
+from mrdamper.thermal.model.section import Edge, Section
+
+__all__ = ["IntArray", "SectionMesh", "mesh_section"]
+
+IntArray = NDArray[np.int64]
+
+_SAME = 1e-9  # sides closer than this are one [m]
+_CUT = 0.35  # of a side that leaves a corner, at each level
+_NARROW = 0.15  # of a cell next to a side, over the size asked for
+_GROWTH = 1.0  # of a cell's side with the distance from a block's side
+_SHARE = (
+    0.2  # of a block's radial width that its first cell takes: the gap conducts far better along than across
+)
+_SAMPLES = 129  # of an interval, over which cells are counted
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SectionMesh:
+    """Straight triangles in (r, z), anticlockwise, and the facets of the outline that cool."""
+
+    corners: FloatArray  # (r, z) [m], shape (c, 2)
+    triangles: IntArray  # corners, shape (t, 3)
+    region: IntArray  # of each triangle, shape (t,)
+    facets: IntArray  # corners, shape (f, 2)
+    surface: IntArray  # of each facet, shape (f,)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "corners", read_only(self.corners))
+        for name in ("triangles", "region", "facets", "surface"):
+            array = np.array(getattr(self, name), dtype=np.int64)
+            array.setflags(write=False)
+            object.__setattr__(self, name, array)
+        if not (self.doubled_areas() > 0.0).all():
+            raise InputError("mesh: a triangle is flat or runs clockwise; expected them anticlockwise")
+
+    def doubled_areas(self) -> FloatArray:
+        """Return twice the area of each triangle [m^2], positive when it runs anticlockwise."""
+        a, b, c = (self.corners[self.triangles[:, k]] for k in range(3))
+        return np.asarray(
+            (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (c[:, 0] - a[:, 0]) * (b[:, 1] - a[:, 1])
+        )
+
+    def volumes(self) -> FloatArray:
+        """Return the volume of each triangle turned about the axis [m^3]."""
+        return np.asarray(math.pi * self.doubled_areas() * self.corners[self.triangles, 0].mean(axis=1))
+
+    def areas(self) -> FloatArray:
+        """Return the area of each facet turned about the axis [m^2]."""
+        ends = self.corners[self.facets]
+        length = np.hypot(*(ends[:, 1] - ends[:, 0]).T)
+        return np.asarray(2.0 * math.pi * length * ends[:, :, 0].mean(axis=1))
+
+    def refined(self) -> SectionMesh:
+        """Return the mesh with every triangle cut into four."""
+        pairs = np.sort(
+            np.concatenate([self.triangles[:, [0, 1]], self.triangles[:, [1, 2]], self.triangles[:, [2, 0]]]),
+            1,
+        )
+        sides, which = np.unique(pairs, axis=0, return_inverse=True)
+        middle = len(self.corners) + which.reshape(3, -1).T
+        corners = np.concatenate([self.corners, self.corners[sides].mean(axis=1)])
+        a, b, c = self.triangles.T
+        ab, bc, ca = middle.T
+        triangles = np.concatenate(
+            [np.stack(three, axis=1) for three in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))]
+        )
+        number = {(int(p), int(q)): len(self.corners) + k for k, (p, q) in enumerate(sides)}
+        half = np.array([number[min(p, q), max(p, q)] for p, q in self.facets.tolist()], dtype=np.int64)
+        facets = np.concatenate(
+            [np.stack([self.facets[:, 0], half], axis=1), np.stack([half, self.facets[:, 1]], axis=1)]
+        )
+        return SectionMesh(corners, triangles, np.tile(self.region, 4), facets, np.tile(self.surface, 2))
+
+
+def mesh_section(section: Section, size: float = 0.008, *, levels: int = 3) -> SectionMesh:
+    """Return a mesh of a section, symmetric about its middle if the section is.
+
+    Parameters
+    ----------
+    size : longest side of a cell along r or z [m]; those next to a block's side are smaller
+    levels : how often the mesh is graded towards corners
+
+    Raises
+    ------
+    InputError
+        Blocks overlap, or an edge lies on no triangle.
+    """
+    if not (math.isfinite(size) and size > 0.0):
+        raise InputError(f"mesh: size is {size} m; expected a positive, finite number")
+    radii = _lines([r for block in section.blocks for r in (block.inner, block.outer)], size, _SHARE)
+    heights = _lines([z for block in section.blocks for z in (block.low, block.high)], size, 1.0)
+    region = np.full((len(radii) - 1, len(heights) - 1), -1, dtype=np.int64)
+    for block in section.blocks:
+        cells = region[_cells(radii, block.inner, block.outer), _cells(heights, block.low, block.high)]
+        if (cells != -1).any():
+            raise InputError(
+                f"section: a block of {section.regions[block.region].name!r} overlaps another one"
+            )
+        cells[...] = block.region
+    i, j = np.nonzero(region >= 0)
+    across = len(heights)
+    low_in, low_out = i * across + j, (i + 1) * across + j
+    high_in, high_out = low_in + 1, low_out + 1
+    # the diagonal is mirrored about the middle, so that a symmetric section has a symmetric mesh
+    rising = heights[j] + heights[j + 1] < heights[0] + heights[-1]
+    first = np.where(rising, [low_in, low_out, high_out], [low_in, low_out, high_in]).T
+    second = np.where(rising, [low_in, high_out, high_in], [low_out, high_out, high_in]).T
+    nodes = np.stack(np.meshgrid(radii, heights, indexing="ij"), axis=-1).reshape(-1, 2)
+    facets, surface = _facets(section.edges, radii, heights)
+    grid = _Triangles(nodes, np.concatenate([first, second]), np.tile(region[i, j], 2), facets, surface)
+    for corner in _corners(region):
+        for _ in range(levels):
+            grid.cut_around(corner)
+    return grid.mesh()
+
+
+class _Triangles:
+    """A mesh in the making, with nodes that no triangle uses."""
+
+    def __init__(
+        self, nodes: FloatArray, triangles: IntArray, region: IntArray, facets: IntArray, surface: IntArray
+    ) -> None:
+        self.nodes, self.triangles, self.region = nodes, triangles, region
+        self.facets, self.surface = facets, surface
+
+    def cut_around(self, corner: int) -> None:
+        """Cut every side that leaves a corner, and the triangles there into three."""
+        at, place = np.nonzero(self.triangles == corner)
+        ring = self.triangles[at]
+        a, b = ring[np.arange(len(at)), (place + 1) % 3], ring[np.arange(len(at)), (place + 2) % 3]
+        far, which = np.unique(np.concatenate([a, b]), return_inverse=True)
+        near = len(self.nodes) + np.arange(len(far))
+        new_a, new_b = near[which].reshape(2, -1)
+        self.nodes = np.concatenate(
+            [self.nodes, self.nodes[corner] + _CUT * (self.nodes[far] - self.nodes[corner])]
+        )
+        # the shorter diagonal of what is left; of two equal ones the one that starts nearer the axis
+        diagonal = np.hypot(*(self.nodes[new_a] - self.nodes[b]).T) - np.hypot(
+            *(self.nodes[a] - self.nodes[new_b]).T
+        )
+        tie = np.abs(diagonal) < _SAME
+        falls = np.where(tie, self.nodes[new_a, 0] < self.nodes[new_b, 0], diagonal < 0.0)
+        third = np.where(falls, b, new_b)
+        fourth = np.where(falls, new_a, a)
+        tip = np.full(len(at), corner)
+        self.triangles = np.concatenate(
+            [
+                np.delete(self.triangles, at, axis=0),
+                np.stack([tip, new_a, new_b], axis=1),
+                np.stack([new_a, a, third], axis=1),
+                np.stack([fourth, b, new_b], axis=1),
+            ]
+        )
+        self.region = np.concatenate([np.delete(self.region, at), np.tile(self.region[at], 3)])
+        for side in (0, 1):
+            touching = np.flatnonzero(self.facets[:, side] == corner)
+            other = self.facets[touching, 1 - side]
+            cut = near[np.searchsorted(far, other)]
+            self.facets[touching, 1 - side] = cut
+            self.facets = np.concatenate([self.facets, np.stack([cut, other], axis=1)])
+            self.surface = np.concatenate([self.surface, self.surface[touching]])
+
+    def mesh(self) -> SectionMesh:
+        """Return the mesh without the nodes that no triangle uses."""
+        used, compact = np.unique(self.triangles, return_inverse=True)
+        if not np.isin(self.facets, used).all():
+            raise InputError("section: an edge lies outside all blocks")
+        return SectionMesh(
+            self.nodes[used],
+            compact.reshape(-1, 3),
+            self.region,
+            np.searchsorted(used, self.facets),
+            self.surface,
+        )
+
+
+def _corners(region: IntArray) -> list[int]:
+    """Return the nodes of the grid where regions meet in a corner, inside or in a re-entrant corner.
+
+    Mirrored ones follow each other, so that a symmetric grid stays so.
+    """
+    padded = np.pad(region, 1, constant_values=-1)
+    quarters = np.stack([padded[:-1, :-1], padded[1:, :-1], padded[:-1, 1:], padded[1:, 1:]])
+    straight = (quarters[0] == quarters[1]) & (quarters[2] == quarters[3])
+    straight |= (quarters[0] == quarters[2]) & (quarters[1] == quarters[3])
+    i, j = np.nonzero(~straight & ((quarters == -1).sum(axis=0) <= 1))
+    across = region.shape[1] + 1
+    order = np.lexsort((j, np.abs(2 * j - region.shape[1]), i))
+    return [int(node) for node in (i * across + j)[order]]
+
+
+def _lines(sides: list[float], size: float, share: float) -> FloatArray:
+    """Return the sides, those that are equal but for rounding as one, and lines between them.
+
+    Cells grow from the sides towards the middle of each interval; the first takes at most ``share`` of it.
+    """
+    ordered = np.unique(sides)
+    distinct = ordered[np.concatenate([[True], np.diff(ordered) > _SAME])]
+    pieces = []
+    for start, stop in pairwise(distinct.tolist()):
+        at = np.linspace(start, stop, _SAMPLES)
+        wanted = np.minimum(
+            size, min(_NARROW * size, share * (stop - start)) + _GROWTH * np.minimum(at - start, stop - at)
+        )
+        cells = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(at) * (1.0 / wanted[1:] + 1.0 / wanted[:-1]))])
+        count = max(1, math.ceil(cells[-1] - 1e-6))
+        if abs(start + stop - distinct[0] - distinct[-1]) < _SAME:
+            count += count % 2  # no cell across the middle, where diagonals are mirrored
+        pieces.append(np.interp(np.arange(count) * (cells[-1] / count), cells, at))
+    return np.concatenate([*pieces, distinct[-1:]])
+
+
+def _cells(lines: FloatArray, low: float, high: float) -> slice:
+    """Return the cells between two sides."""
+    return slice(_line(lines, low), _line(lines, high))
+
+
+def _line(lines: FloatArray, side: float) -> int:
+    found = int(np.abs(lines - side).argmin())
+    if abs(lines[found] - side) > 2.0 * _SAME:
+        raise InputError(f"section: an edge has an end at {side:g} m, where no block has a side or a corner")
+    return found
+
+
+def _facets(edges: tuple[Edge, ...], radii: FloatArray, heights: FloatArray) -> tuple[IntArray, IntArray]:
+    """Return the facets that edges are cut into, by nodes of the grid, and the surface of each."""
+    across = len(heights)
+    found, surface = [], []
+    for edge in edges:
+        r, z = _cells(radii, edge.inner, edge.outer), _cells(heights, edge.low, edge.high)
+        if r.start == r.stop:
+            nodes = r.start * across + np.arange(z.start, z.stop + 1)
+        else:
+            nodes = np.arange(r.start, r.stop + 1) * across + z.start
+        found.append(np.stack([nodes[:-1], nodes[1:]], axis=1))
+        surface.append(np.full(len(nodes) - 1, edge.surface))
+    if not found:
+        return np.zeros((0, 2), dtype=np.int64), np.zeros(0, dtype=np.int64)
+    return np.concatenate(found), np.concatenate(surface)

@@ -1,0 +1,390 @@
+"""Thermal networks: nodes with heat capacity, conductances between them, losses to ambient, heat going in.
+
+A network is a value that says how heat may move; running it through time is the business of ``transient``,
+where the heat comes from that of ``rise``. ``zone_network`` builds it from a drawing: three axial zones
+(chamber, piston, chamber), in each the core (rod or piston), the fluid and the wall, besides the coil and one
+node per group of fins; ten to thirteen nodes. ``lumped`` builds the paper's network of one node.
+
+What a surface gives off depends on its own temperature alone, since the ambient is fixed: so every loss is a
+table of watts over temperature, made once, and the stepping needs no correlation.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrdamper.arrays import FloatArray, read_only
+from mrdamper.errors import InputError
+from mrdamper.thermal.drawing import DamperDrawing
+from mrdamper.thermal.films.correlations import annular_fin_efficiency, radiation_film
+from mrdamper.thermal.films.surfaces import body_film, cap_area, fin_film, fin_radiation
+from mrdamper.thermal.heatsink import HeatSink
+
+__all__ = ["PATHS", "ThermalNetwork", "loss_grid", "zone_network"]
+
+PATHS = ("body convection", "body radiation", "fin convection", "fin radiation", "mount")
+"""The ways out, in the order in which they are reported."""
+
+_STEP_K = 2.0  # between the knots of the loss tables
+_GRID_K = (233.15, 653.15)
+_FIN_EXCESS_K = 60.0  # above ambient: where the fins' conductance is taken (it hardly depends on it)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ThermalNetwork:
+    """Nodes, what joins them, and what they give off; arrays are read-only.
+
+    ``watts[j]`` is what loss j takes from node ``loss_node[j]`` when that node has the temperatures ``grid``.
+    Mechanical power and coil heat are spread over the nodes by shares that sum to 1. ``fluid``, ``coil`` and
+    ``wall`` are the weights (summing to 1) of the nodes in the temperature of that name.
+    """
+
+    model: str  # "zones" or "lumped"
+    names: tuple[str, ...]
+    capacity: FloatArray  # [J/K], shape (n,)
+    conductance: FloatArray  # [W/K], shape (n, n), symmetric, zero diagonal
+    mechanical: FloatArray  # [-], shape (n,)
+    electrical: FloatArray  # [-], shape (n,)
+    fluid: FloatArray  # [-], shape (n,)
+    coil: FloatArray  # [-], shape (n,)
+    wall: FloatArray  # [-], shape (n,)
+    ambient: float  # [K]
+    grid: FloatArray  # [K], shape (g,), uniform
+    loss_node: tuple[int, ...]  # of each loss
+    loss_path: tuple[str, ...]  # of each loss, one of PATHS
+    watts: FloatArray  # [W], shape (m, g)
+
+    def __post_init__(self) -> None:
+        n, m = len(self.names), len(self.loss_node)
+        shapes = {
+            "capacity": (n,),
+            "conductance": (n, n),
+            **dict.fromkeys(("mechanical", "electrical", "fluid", "coil", "wall"), (n,)),
+            "watts": (m, len(self.grid)),
+            "grid": (len(self.grid),),
+        }
+        for name, shape in shapes.items():
+            array = read_only(getattr(self, name))
+            object.__setattr__(self, name, array)
+            if array.shape != shape or not np.isfinite(array).all():
+                raise InputError(f"network: {name} has shape {array.shape}; expected {shape}, all finite")
+        if not (self.capacity > 0.0).all():
+            raise InputError("network: a capacity is not positive; expected J/K above zero")
+        if (self.conductance < 0.0).any() or not np.array_equal(self.conductance, self.conductance.T):
+            raise InputError("network: conductance is negative or one-sided; expected W/K, both ways equal")
+        for name in ("mechanical", "electrical", "fluid", "coil", "wall"):
+            if not math.isclose(float(getattr(self, name).sum()), 1.0, rel_tol=1e-9):
+                raise InputError(f"network: {name} sums to {getattr(self, name).sum()}; expected 1")
+
+    @property
+    def total_capacity(self) -> float:
+        """Heat capacity of the whole damper [J/K]."""
+        return float(self.capacity.sum())
+
+
+def loss_grid(ambient: float) -> FloatArray:
+    """Return the temperatures at which losses are tabulated [K], the ambient among them, uniform."""
+    below = math.floor((ambient - _GRID_K[0]) / _STEP_K)
+    above = math.floor((_GRID_K[1] - ambient) / _STEP_K)
+    steps = np.arange(-below, above + 1, dtype=np.float64)
+    return np.asarray(ambient + _STEP_K * steps)
+
+
+def zone_network(drawing: DamperDrawing) -> ThermalNetwork:
+    """Return the network of three axial zones of a drawing.
+
+    Conductances are those of the annuli and discs between the nodes' middles; a node with heat of its own
+    (coil, fluid) counts from its mean. The fins' conductance makes their steady heat that of the exact
+    efficiency. Calibration multipliers are applied.
+    """
+    parts = _Parts()
+    _add_solids(parts, drawing)
+    _join_radially(parts, drawing)
+    _join_axially(parts, drawing)
+    losses = _Losses(drawing)
+    _add_walls(parts, losses, drawing)
+    if drawing.sink is not None:
+        _add_fins(parts, losses, drawing, drawing.sink)
+    names = tuple(parts.capacity)
+    order = {name: k for k, name in enumerate(names)}
+    conductance = np.zeros((len(names), len(names)))
+    for (one, other), value in parts.conductance.items():
+        conductance[order[one], order[other]] += value
+        conductance[order[other], order[one]] += value
+    capacity = np.array(list(parts.capacity.values()))
+
+    def share(*chosen: str) -> FloatArray:
+        weights = np.array([capacity[order[name]] if name in chosen else 0.0 for name in names])
+        return np.asarray(weights / weights.sum())
+
+    return ThermalNetwork(
+        model="zones",
+        names=names,
+        capacity=capacity,
+        conductance=conductance,
+        mechanical=share("fluid 1"),
+        electrical=share("coil"),
+        fluid=share("fluid 0", "fluid 1", "fluid 2"),
+        coil=share("coil"),
+        wall=share("wall 0", "wall 1", "wall 2"),
+        ambient=drawing.surroundings.ambient,
+        grid=losses.grid,
+        loss_node=tuple(order[name] for name in losses.nodes),
+        loss_path=tuple(losses.paths),
+        watts=np.array(losses.watts),
+    )
+
+
+class _Parts:
+    """What a network is put together from: capacities by node, conductances by pair of nodes."""
+
+    def __init__(self) -> None:
+        self.capacity: dict[str, float] = {}
+        self.conductance: dict[tuple[str, str], float] = {}
+
+    def join(self, one: str, other: str, value: float) -> None:
+        if one in self.capacity and other in self.capacity and value > 0.0:
+            self.conductance[one, other] = self.conductance.get((one, other), 0.0) + value
+
+
+def _add_solids(parts: _Parts, drawing: DamperDrawing) -> None:
+    """Add the nodes of core, fluid, wall and coil with their capacities."""
+    body, piston, rod, coil = drawing.body, drawing.piston, drawing.rod, drawing.coil
+    factor = drawing.calibration.heat_capacity
+    steel, fluid = body.material.volumetric_heat, drawing.filling.volumetric_heat
+    bore, chamber = 0.5 * body.bore, drawing.chamber_length
+    for zone in (0, 1, 2):
+        shaft = _rod_radius(drawing, zone)
+        tube = _ring(bore, 0.5 * body.outer_diameter)
+        if zone == 1:
+            winding = _ring(0.5 * piston.diameter - coil.depth, 0.5 * piston.diameter) * coil.length
+            iron = _ring(shaft, 0.5 * piston.diameter) * piston.length - winding
+            shaft_heat = _ring(0.0, shaft) * piston.length * rod.material.volumetric_heat
+            parts.capacity["core 1"] = factor * (iron * piston.material.volumetric_heat + shaft_heat)
+            parts.capacity["fluid 1"] = factor * fluid * _ring(0.5 * piston.diameter, bore) * piston.length
+            parts.capacity["wall 1"] = factor * steel * tube * piston.length
+            parts.capacity["coil"] = factor * winding * coil.material.volumetric_heat
+            continue
+        if shaft > 0.0:
+            length = chamber + body.cap
+            parts.capacity[f"core {zone}"] = (
+                factor * _ring(0.0, shaft) * length * rod.material.volumetric_heat
+            )
+        parts.capacity[f"fluid {zone}"] = factor * fluid * _ring(shaft, bore) * chamber
+        parts.capacity[f"wall {zone}"] = (
+            factor * steel * (tube * (chamber + body.cap) + _ring(shaft, bore) * body.cap)
+        )
+
+
+def _join_radially(parts: _Parts, drawing: DamperDrawing) -> None:
+    """Join core, fluid and wall in every zone, and the coil with what lies around it."""
+    body, piston, rod, coil = drawing.body, drawing.piston, drawing.rod, drawing.coil
+    multiplier = drawing.calibration
+    stirred, steel = drawing.filling.effective_conductivity, body.material.conductivity
+    bore, face, outer = 0.5 * body.bore, 0.5 * piston.diameter, 0.5 * body.outer_diameter
+    chamber = drawing.chamber_length
+    half_wall = math.log((bore + outer) / (2.0 * bore)) / (2.0 * math.pi * steel)  # [m K/W], per length
+    for zone in (0, 2):
+        shaft = _rod_radius(drawing, zone)
+        outwards = _from_mean(shaft, bore) / (2.0 * math.pi * stirred) + half_wall
+        to_cap = _ring(shaft, bore) / (chamber / (6.0 * stirred) + 0.5 * body.cap / steel)
+        parts.join(f"fluid {zone}", f"wall {zone}", multiplier.fluid_wall * (chamber / outwards + to_cap))
+        if shaft > 0.0:
+            inwards = _to_inner_from_mean(shaft, bore) / (2.0 * math.pi * stirred)
+            inwards += 1.0 / (8.0 * math.pi * rod.material.conductivity)
+            parts.join(f"fluid {zone}", f"core {zone}", multiplier.fluid_core * chamber / inwards)
+            along = rod.material.conductivity * _ring(0.0, shaft) / (0.5 * chamber)
+            parts.join(f"core {zone}", f"wall {zone}", along)
+    # the gap: each half from its own mean; its heat goes both ways
+    middle = 0.5 * (face + bore)
+    half_gap = math.log(bore / middle) / (2.0 * math.pi * stirred) / 3.0
+    parts.join("fluid 1", "wall 1", multiplier.fluid_wall * piston.length / (half_gap + half_wall))
+    half_gap = math.log(middle / face) / (2.0 * math.pi * stirred) / 3.0
+    iron = piston.length - coil.length
+    if iron > 0.0:
+        solid = 1.0 / (8.0 * math.pi * piston.material.conductivity)
+        parts.join("fluid 1", "core 1", multiplier.fluid_core * iron / (half_gap + solid))
+    across, root = coil.material.conductivity, face - coil.depth
+    half = face - 0.5 * coil.depth
+    outwards = half_gap + math.log(face / half) / (2.0 * math.pi * across) / 3.0
+    parts.join("fluid 1", "coil", multiplier.coil * coil.length / outwards)
+    inwards = math.log(half / root) / (2.0 * math.pi * across) / 3.0
+    ends = 2.0 * _ring(root, face) * across / (coil.length / 6.0)
+    parts.join("coil", "core 1", multiplier.coil * (coil.length / inwards + (ends if iron > 0.0 else 0.0)))
+
+
+def _join_axially(parts: _Parts, drawing: DamperDrawing) -> None:
+    """Join the zones: along the tube, along the rod, by the pumped fluid, and at the piston's ends."""
+    body, piston, rod = drawing.body, drawing.piston, drawing.rod
+    multiplier, chamber = drawing.calibration, drawing.chamber_length
+    tube = body.material.conductivity * _ring(0.5 * body.bore, 0.5 * body.outer_diameter)
+    for zone in (0, 2):
+        shaft = _rod_radius(drawing, zone)
+        parts.join(f"wall {zone}", "wall 1", multiplier.wall_axial * 2.0 * tube / (chamber + piston.length))
+        parts.join(f"fluid {zone}", "fluid 1", drawing.filling.exchange)
+        if shaft > 0.0:
+            resistance = 0.5 * chamber / (rod.material.conductivity * _ring(0.0, shaft))
+            resistance += (
+                0.5 * piston.length / (piston.material.conductivity * _ring(0.0, 0.5 * piston.diameter))
+            )
+            parts.join(f"core {zone}", "core 1", multiplier.core_axial / resistance)
+        end = _ring(shaft, 0.5 * piston.diameter)
+        resistance = chamber / (6.0 * drawing.filling.effective_conductivity)
+        resistance += 0.5 * piston.length / piston.material.conductivity
+        parts.join(f"fluid {zone}", "core 1", multiplier.fluid_core * end / resistance)
+
+
+class _Losses:
+    """Losses to ambient as they are added: a node, a path, and watts over the grid."""
+
+    def __init__(self, drawing: DamperDrawing) -> None:
+        self.drawing = drawing
+        self.grid = loss_grid(drawing.surroundings.ambient)
+        self.excess = self.grid - drawing.surroundings.ambient
+        self.body_film = body_film(drawing, self.grid)
+        self.black_film = radiation_film(1.0, self.grid, drawing.surroundings.ambient)
+        self.fin_film = fin_film(drawing, self.grid) if drawing.sink is not None else None
+        self.nodes: list[str] = []
+        self.paths: list[str] = []
+        self.watts: list[FloatArray] = []
+
+    def add(self, node: str, path: str, conductance: FloatArray | float) -> None:
+        """Add a loss by its conductance over the grid [W/K]; none at all is left out."""
+        watts = np.asarray(conductance * self.excess)
+        if watts.any():
+            self.nodes.append(node)
+            self.paths.append(path)
+            self.watts.append(watts)
+
+
+def _add_walls(parts: _Parts, losses: _Losses, drawing: DamperDrawing) -> None:
+    """Add what the tube, the caps and the mountings give off."""
+    around, sink = drawing.surroundings, drawing.sink
+    edges = _zone_edges(drawing)
+    circumference = math.pi * drawing.body.outer_diameter
+    groove = fin_radiation(drawing)[1] if sink is not None else 0.0
+    for zone in (0, 1, 2):
+        low, high = edges[zone], edges[zone + 1]
+        covered, floors = (0.0, 0.0) if sink is None else _covered(sink, drawing.body.length, low, high)
+        bare = circumference * (high - low - covered)
+        if zone != 1:
+            bare += cap_area(drawing, with_rod=_rod_radius(drawing, zone) > 0.0)
+        floor = circumference * floors
+        film = bare * losses.body_film
+        radiating = bare * around.emissivity + floor * groove
+        if losses.fin_film is not None:
+            film = film + floor * losses.fin_film
+        losses.add(f"wall {zone}", "body convection", film)
+        losses.add(f"wall {zone}", "body radiation", radiating * losses.black_film)
+        if zone != 1:
+            losses.add(f"wall {zone}", "mount", 0.5 * around.mount)
+
+
+def _add_fins(parts: _Parts, losses: _Losses, drawing: DamperDrawing, sink: HeatSink) -> None:
+    """Add a node for the fins of every zone that has any, its root conductance and its losses."""
+    diameter = drawing.body.outer_diameter
+    edges = _zone_edges(drawing)
+    area = sink.fin_area(diameter)
+    emissivity, _ = fin_radiation(drawing)
+    root = fin_root_conductance(drawing)
+    for zone in (0, 1, 2):
+        count = _fins_on(sink, drawing.body.length, edges[zone], edges[zone + 1])
+        if count == 0.0:
+            continue
+        name = f"fins {zone}"
+        heat = sink.material.volumetric_heat
+        parts.capacity[name] = count * sink.fin_volume(diameter) * heat
+        parts.join(f"wall {zone}", name, drawing.calibration.fin_root * count * root)
+        losses.add(name, "fin convection", count * area * fin_film(drawing, losses.grid))
+        losses.add(name, "fin radiation", count * area * emissivity * losses.black_film)
+
+
+def fin_root_conductance(drawing: DamperDrawing) -> float:
+    """Return the conductance from the body to one fin's mean temperature [W/K], contact included.
+
+    With a film h on the area A and the efficiency eta, h A eta / (1 - eta) gives a fin at its mean
+    temperature the steady heat of the exact solution. It is taken 60 K above ambient.
+    """
+    sink = drawing.sink
+    if sink is None:
+        raise ValueError("the drawing has no heat sink")  # a fault of ours: callers ask first
+    diameter, ambient = drawing.body.outer_diameter, drawing.surroundings.ambient
+    at = ambient + _FIN_EXCESS_K
+    emissivity, _ = fin_radiation(drawing)
+    film = float(fin_film(drawing, at)) + float(radiation_film(emissivity, at, ambient))
+    efficiency = float(
+        annular_fin_efficiency(
+            film,
+            0.5 * diameter,
+            sink.corrected_radius(diameter),
+            sink.thickness,
+            sink.material.conductivity,
+        )
+    )
+    conduction = film * sink.fin_area(diameter) * efficiency / (1.0 - efficiency)
+    contact = sink.contact / (math.pi * diameter * sink.thickness)
+    return 1.0 / (1.0 / conduction + contact)
+
+
+# ------------------------------------------------------------------------------------------------ geometry
+
+
+def _ring(inner: float, outer: float) -> float:
+    """Return the area between two radii [m^2]."""
+    return math.pi * (outer**2 - inner**2)
+
+
+def _rod_radius(drawing: DamperDrawing, zone: int) -> float:
+    """Return the rod's radius in a zone [m]; zero where there is none (zone 2 without a through rod)."""
+    return 0.5 * drawing.rod.diameter if zone != 2 or drawing.rod.through else 0.0
+
+
+def _zone_edges(drawing: DamperDrawing) -> tuple[float, float, float, float]:
+    """Return the axial positions of the zones' ends on the body [m]."""
+    first = drawing.body.cap + drawing.chamber_length
+    return 0.0, first, first + drawing.piston.length, drawing.body.length
+
+
+def _covered(sink: HeatSink, body_length: float, low: float, high: float) -> tuple[float, float]:
+    """Return how much of a stretch the sink spans [m], and how much of that is floor between fins [m]."""
+    centres, half = sink.centres(body_length), 0.5 * sink.thickness
+
+    def overlap(start: FloatArray, stop: FloatArray) -> float:
+        return float(np.maximum(np.minimum(stop, high) - np.maximum(start, low), 0.0).sum())
+
+    span = overlap(centres[:1] - half, centres[-1:] + half)
+    return span, overlap(centres[:-1] + half, centres[1:] - half)
+
+
+def _fins_on(sink: HeatSink, body_length: float, low: float, high: float) -> float:
+    """Return how many fins stand on a stretch; one across its end counts by its share."""
+    centres, half = sink.centres(body_length), 0.5 * sink.thickness
+    shares = np.minimum(centres + half, high) - np.maximum(centres - half, low)
+    return float(np.maximum(shares, 0.0).sum() / sink.thickness)
+
+
+def _from_mean(inner: float, outer: float) -> float:
+    """Return 2 pi k L times the resistance from an annulus' mean to its outer face.
+
+    Heat arises evenly in it and leaves by the outer face alone: 1/4 for a full cylinder.
+    """
+    if inner == 0.0:
+        return 0.25
+    area = outer**2 - inner**2
+    ratio = math.log(outer / inner)
+    # mean of (r2^2 - r^2)/4 - r1^2/2 ln(r2/r), per unit of source over conductivity
+    mean = (area**2 / 16.0 - 0.25 * inner**2 * (0.5 * area - inner**2 * ratio)) * 2.0 / area
+    return 2.0 * mean / area
+
+
+def _to_inner_from_mean(inner: float, outer: float) -> float:
+    """Return the same to the inner face, the outer one being tight."""
+    area = outer**2 - inner**2
+    ratio = math.log(outer / inner)
+    # mean of r2^2/2 ln(r/r1) - (r^2 - r1^2)/4
+    logs = 0.5 * (outer**2 * ratio - 0.5 * area)
+    mean = (0.5 * outer**2 * logs - area**2 / 16.0) * 2.0 / area
+    return 2.0 * mean / area

@@ -1,0 +1,104 @@
+"""Reduced models of the finite elements: sixteen unknowns by a rational Krylov space, no training run.
+
+The space holds the uniform field, so that heat is neither made nor lost, and the linear problem's responses
+to mechanical power, coil heat and each kind of surface at a few frequencies: solutions of
+(K + film + s M) x = b. Film coefficients and radiation are not reduced: they are taken point by point on the
+surface from the reduced field, hence at its own temperature as in the full model.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mrdamper.arrays import FloatArray
+from mrdamper.errors import InputError
+from mrdamper.thermal.model.finite_element import FieldModel
+from mrdamper.thermal.model.heat_equation import HeatEquation, Matrix, factorise
+from mrdamper.thermal.model.mesh import IntArray
+
+__all__ = ["ReducedModel", "reduce_field"]
+
+_REFERENCE_K = 60.0  # above ambient: where the film is taken for the space
+_SHIFTS = (0.0, 3e-4, 3e-3, 3e-2, 0.3)  # [1/s]
+_SURFACE_SHIFTS = (0.0, 3e-3)
+_MECHANICAL_W, _COIL_W, _SURFACE_K = (
+    100.0,
+    20.0,
+    20.0,
+)  # by which the responses are weighed against each other
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ReducedModel:
+    """A reduced heat equation and the way back to the nodes: ``basis @ state`` is the field above ambient."""
+
+    full: FieldModel
+    basis: FloatArray  # shape (n, r)
+    equation: HeatEquation
+
+    @property
+    def order(self) -> int:
+        """Number of unknowns."""
+        return self.equation.size
+
+    def field(self, state: FloatArray) -> FloatArray:
+        """Return the temperatures at the full model's nodes [K] for reduced unknowns."""
+        return np.asarray(state @ self.basis.T + self.equation.ambient)
+
+
+def reduce_field(model: FieldModel, *, order: int = 16) -> ReducedModel:
+    """Return the reduced model of a finite-element model.
+
+    Parameters
+    ----------
+    order : number of unknowns, at most
+    """
+    if order < 3:
+        raise InputError(f"reduced model: order is {order}; expected 3 or more")
+    basis = _space(model.equation, model.surface, order)
+    return ReducedModel(model, basis, project(model.equation, basis))
+
+
+def project(equation: HeatEquation, basis: FloatArray) -> HeatEquation:
+    """Return a heat equation restricted to the fields that a basis spans, by Galerkin's method."""
+    heat = equation.mass @ basis
+
+    def small(matrix: Matrix) -> FloatArray:
+        return np.asarray(basis.T @ (matrix @ basis))
+
+    return replace(
+        equation,
+        mass=np.asarray(basis.T @ heat),
+        stiffness=small(equation.stiffness),
+        mechanical=basis.T @ equation.mechanical,
+        electrical=basis.T @ equation.electrical,
+        warming=small(equation.warming),
+        surface=np.asarray(equation.surface @ basis),
+        fluid=basis.T @ equation.fluid,
+        coil=basis.T @ equation.coil,
+        wall=basis.T @ equation.wall,
+        uniform=heat.T @ equation.uniform,  # the basis is orthonormal in the mass
+    )
+
+
+def _space(equation: HeatEquation, kinds: IntArray, order: int) -> FloatArray:
+    """Return a basis that is orthonormal in the mass, the uniform field first, shape (n, order or less)."""
+    weight = equation.cooling.fluxes(np.full(len(equation.area), _REFERENCE_K))[1].sum(axis=0) * equation.area
+    film = equation.surface.T @ (equation.surface * weight[:, None])
+    surfaces = [equation.surface.T @ np.where(kinds == kind, weight, 0.0) for kind in np.unique(kinds)]
+    basis = [equation.uniform / np.sqrt(equation.uniform @ (equation.mass @ equation.uniform))]
+    found = []
+    for shift in _SHIFTS:
+        solve = factorise(equation.stiffness + film + shift * equation.mass)
+        found += [solve(_MECHANICAL_W * equation.mechanical), solve(_COIL_W * equation.electrical)]
+        if shift in _SURFACE_SHIFTS:
+            found += [solve(_SURFACE_K * load) for load in surfaces]
+    fields = np.array(found).T
+    for _ in range(2):  # once more against rounding
+        fields -= np.outer(basis[0], basis[0] @ (equation.mass @ fields))
+    values, vectors = np.linalg.eigh(fields.T @ (equation.mass @ fields))
+    keep = np.argsort(values)[::-1][: order - 1]
+    keep = keep[values[keep] > 1e-14 * values.max()]
+    return np.column_stack([basis[0], fields @ (vectors[:, keep] / np.sqrt(values[keep]))])

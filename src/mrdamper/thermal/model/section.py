@@ -1,0 +1,257 @@
+"""The meridian section of a damper: rectangles of material, and the edges at which they cool.
+
+The one statement of the problem that the finite elements solve and that other programs are given
+(``cross_check``). Nothing here knows of meshes. ``section_of`` makes it from a drawing; a test may make its
+own.
+
+The rod is cut off at the caps, its ends insulated. Fluid that moves is a solid that conducts: across the
+chambers and the gap by its stirred conductivity, along them besides by what the pumping carries.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from mrdamper.arrays import FloatArray, read_only
+from mrdamper.errors import InputError
+from mrdamper.thermal.drawing import DamperDrawing
+from mrdamper.thermal.films.surfaces import body_film, cap_area, fin_film
+from mrdamper.thermal.heatsink import HeatSink
+from mrdamper.thermal.materials import Material
+from mrdamper.thermal.model.network import loss_grid
+
+__all__ = ["Block", "Edge", "Region", "Section", "Surface", "section_of"]
+
+Role = Literal["core", "coil", "gap", "chamber", "wall", "fins"]
+
+_CONTACT_LAYER = 0.5e-3  # of a fin's foot that a contact resistance is spread over, at most [m]
+
+
+@dataclass(frozen=True, slots=True)
+class Region:
+    """A material where it lies: what it conducts along r and z, what it stores, what part it plays."""
+
+    name: str
+    role: Role
+    conductivity_r: float  # [W/(m K)]
+    conductivity_z: float  # [W/(m K)]
+    volumetric_heat: float  # [J/(m^3 K)]
+
+    def __post_init__(self) -> None:
+        for value in (self.conductivity_r, self.conductivity_z, self.volumetric_heat):
+            if not (math.isfinite(value) and value > 0.0):
+                raise InputError(
+                    f"section: region {self.name!r} conducts or stores {value}; expected positive numbers"
+                )
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """A rectangle of a region; two blocks share no area."""
+
+    region: int
+    inner: float  # radius [m]
+    outer: float  # radius [m]
+    low: float  # axial position [m]
+    high: float  # axial position [m]
+
+    @property
+    def volume(self) -> float:
+        """Volume of the ring [m^3]."""
+        return math.pi * (self.outer**2 - self.inner**2) * (self.high - self.low)
+
+
+@dataclass(frozen=True, slots=True)
+class Surface:
+    """How a kind of outer surface cools: the film law it uses, how it radiates, what a mounting takes."""
+
+    name: str
+    law: int  # row of ``Section.films``
+    emissivity: float
+    mount: float  # conductance into the mountings per area [W/(m^2 K)]
+    convection_path: str  # one of network.PATHS
+    radiation_path: str
+
+
+@dataclass(frozen=True, slots=True)
+class Edge:
+    """A straight piece of the outline, along r or along z, and the surface it is; all else is insulated."""
+
+    surface: int
+    inner: float  # radius [m]
+    outer: float  # radius; equal to ``inner`` along z [m]
+    low: float  # [m]
+    high: float  # [m]
+
+    @property
+    def area(self) -> float:
+        """Area of the surface of revolution [m^2]."""
+        if self.inner == self.outer:
+            return 2.0 * math.pi * self.inner * (self.high - self.low)
+        return math.pi * (self.outer**2 - self.inner**2)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Section:
+    """Regions, blocks, surfaces and edges; ``films`` are film coefficients over the temperatures ``grid``.
+
+    Mechanical power goes evenly into the regions with the role ``gap``, the coil's heat into those with the
+    role ``coil``; the fluid's temperature is the mean over ``gap`` and ``chamber``.
+    """
+
+    regions: tuple[Region, ...]
+    blocks: tuple[Block, ...]
+    surfaces: tuple[Surface, ...]
+    edges: tuple[Edge, ...]
+    ambient: float  # [K]
+    grid: FloatArray  # [K], shape (g,), uniform
+    films: FloatArray  # [W/(m^2 K)], shape (laws, g)
+
+    def __post_init__(self) -> None:
+        for name in ("grid", "films"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
+        if self.films.ndim != 2 or self.films.shape[1] != len(self.grid) or not (self.films >= 0.0).all():
+            raise InputError(
+                f"section: films have shape {self.films.shape}; expected one row per law over "
+                f"{len(self.grid)} temperatures, zero or more"
+            )
+        if not (np.diff(self.grid) > 0.0).all() or len(self.grid) < 4:
+            raise InputError("section: expected a grid of four or more rising temperatures")
+
+    def volume(self, *roles: Role) -> float:
+        """Return the volume of the regions with these roles [m^3]."""
+        return math.fsum(block.volume for block in self.blocks if self.regions[block.region].role in roles)
+
+    @property
+    def heat_capacity(self) -> float:
+        """Heat capacity of everything [J/K]."""
+        return math.fsum(block.volume * self.regions[block.region].volumetric_heat for block in self.blocks)
+
+    def with_constant_films(self, films: FloatArray) -> Section:
+        """Return the same section with one film coefficient for each law, whatever the temperature."""
+        return replace(self, films=np.repeat(np.asarray(films)[:, None], len(self.grid), axis=1))
+
+
+def section_of(drawing: DamperDrawing) -> Section:
+    """Return the section of a drawing, with the film coefficients of ``surfaces``.
+
+    The multipliers ``heat_capacity`` and ``film`` of its calibration are applied; the others belong to the
+    network alone.
+    """
+    regions, blocks = _insides(drawing)
+    around, sink = drawing.surroundings, drawing.sink
+    grid = loss_grid(around.ambient)
+    films = [body_film(drawing, grid)]
+    surfaces = [Surface("bare", 0, around.emissivity, 0.0, "body convection", "body radiation")]
+    edges = _caps(drawing, surfaces)
+    outer, length = 0.5 * drawing.body.outer_diameter, drawing.body.length
+    if sink is None:
+        edges.append(Edge(0, outer, outer, 0.0, length))
+    else:
+        films.append(fin_film(drawing, grid))
+        groove = sink.groove_share(drawing.body.outer_diameter, around.emissivity)
+        surfaces += [
+            Surface("floor", 1, groove, 0.0, "body convection", "body radiation"),
+            Surface("groove", 1, groove, 0.0, "fin convection", "fin radiation"),
+            Surface("outside", 1, sink.emissivity, 0.0, "fin convection", "fin radiation"),
+        ]
+        _add_fins(regions, blocks, edges, drawing, sink)
+    return Section(
+        tuple(regions), tuple(blocks), tuple(surfaces), tuple(edges), around.ambient, grid, np.array(films)
+    )
+
+
+def _insides(drawing: DamperDrawing) -> tuple[list[Region], list[Block]]:
+    """Return everything but the fins."""
+    body, piston, rod, coil = drawing.body, drawing.piston, drawing.rod, drawing.coil
+    factor = drawing.calibration.heat_capacity
+    shaft, face, bore, outer = (
+        0.5 * diameter for diameter in (rod.diameter, piston.diameter, body.bore, body.outer_diameter)
+    )
+    far_shaft = shaft if rod.through else 0.0
+    root = face - coil.depth
+    start = body.cap + drawing.chamber_length
+    stop, end, length = start + piston.length, body.length - body.cap, body.length
+    first, last = 0.5 * (length - coil.length), 0.5 * (length + coil.length)
+
+    def solid(name: str, role: Role, material: Material) -> Region:
+        k = material.conductivity
+        return Region(name, role, k, k, factor * material.volumetric_heat)
+
+    def fluid(name: str, role: Role, inner: float, outer: float) -> Region:
+        across = drawing.filling.effective_conductivity
+        along = across + drawing.exchange_conductivity / (math.pi * (outer**2 - inner**2))
+        return Region(name, role, across, along, factor * drawing.filling.volumetric_heat)
+
+    regions = [
+        solid("rod", "core", rod.material),
+        solid("piston", "core", piston.material),
+        solid("coil", "coil", coil.material),
+        solid("body", "wall", body.material),
+        fluid("gap", "gap", face, bore),
+        fluid("near chamber", "chamber", shaft, bore),
+        fluid("far chamber", "chamber", far_shaft, bore),
+    ]
+    blocks = [
+        Block(0, 0.0, shaft, 0.0, length if rod.through else stop),
+        Block(1, shaft, root, start, stop),
+        Block(1, root, face, start, first),
+        Block(1, root, face, last, stop),
+        Block(2, root, face, first, last),
+        Block(3, bore, outer, 0.0, length),
+        Block(3, shaft, bore, 0.0, body.cap),
+        Block(3, far_shaft, bore, end, length),
+        Block(4, face, bore, start, stop),
+        Block(5, shaft, bore, body.cap, start),
+        Block(6, far_shaft, bore, stop, end),
+    ]
+    return regions, [block for block in blocks if block.high > block.low]
+
+
+def _caps(drawing: DamperDrawing, surfaces: list[Surface]) -> list[Edge]:
+    """Return the caps' outer faces, each a surface of its own, with half of the mounting's conductance."""
+    around, rod = drawing.surroundings, drawing.rod
+    edges = []
+    for name, at, shaft in (("near cap", 0.0, True), ("far cap", drawing.body.length, rod.through)):
+        mount = 0.5 * around.mount / cap_area(drawing, with_rod=shaft)
+        edges.append(
+            Edge(
+                len(surfaces), 0.5 * rod.diameter if shaft else 0.0, 0.5 * drawing.body.outer_diameter, at, at
+            )
+        )
+        surfaces.append(Surface(name, 0, around.emissivity, mount, "body convection", "body radiation"))
+    return edges
+
+
+def _add_fins(
+    regions: list[Region], blocks: list[Block], edges: list[Edge], drawing: DamperDrawing, sink: HeatSink
+) -> None:
+    """Add the fins, the faces of each, and the tube's outside around and between them."""
+    bare, floor, groove, outside = 0, 3, 4, 5
+    root, length = 0.5 * drawing.body.outer_diameter, drawing.body.length
+    tip, half, k = root + sink.width, 0.5 * sink.thickness, sink.material.conductivity
+    regions.append(Region("fins", "fins", k, k, sink.material.volumetric_heat))
+    fins, foot = len(regions) - 1, root
+    if sink.contact > 0.0:
+        layer = min(_CONTACT_LAYER, 0.1 * sink.width)
+        foot = root + layer
+        tight = layer / (sink.contact + layer / k)
+        regions.append(Region("fin feet", "fins", tight, k, sink.material.volumetric_heat))
+    centres = [float(centre) for centre in sink.centres(length)]
+    for number, centre in enumerate(centres):
+        low, high = max(centre - half, 0.0), min(centre + half, length)
+        blocks.append(Block(fins, foot, tip, low, high))
+        if foot > root:
+            blocks.append(Block(fins + 1, root, foot, low, high))
+        edges.append(Edge(outside, tip, tip, low, high))
+        edges.append(Edge(outside if number == 0 else groove, root, tip, low, low))
+        edges.append(Edge(outside if number == len(centres) - 1 else groove, root, tip, high, high))
+        if number > 0:
+            edges.append(Edge(floor, root, root, centres[number - 1] + half, low))
+    for low, high in ((0.0, max(centres[0] - half, 0.0)), (min(centres[-1] + half, length), length)):
+        if high > low:
+            edges.append(Edge(bare, root, root, low, high))

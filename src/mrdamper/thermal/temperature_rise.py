@@ -1,0 +1,319 @@
+"""Temperature rise: card, drawing and duty together give temperatures, fade of force, heat paths and account.
+
+The mechanical power is that of the card's own loop at the running temperature (``work``), the coil's follows
+its resistance; where they go is the network's business (``network``, ``lumped``). A card without temperature
+laws holds its force constant, and the result says so. The curve stops where the fluid reaches its limit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+
+from mrdamper.arrays import FloatArray
+from mrdamper.errors import InputError
+from mrdamper.models.card import ModelCard
+from mrdamper.models.damper import Damper
+from mrdamper.models.temperature import REFERENCE_K
+from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.thermal.dissipation import LoopWork, tabulate_work
+from mrdamper.thermal.drawing import DamperDrawing
+from mrdamper.thermal.duty import DEFAULT_DUTY, Duty, read_duty
+from mrdamper.thermal.films.surfaces import name_correlations
+from mrdamper.thermal.model.lumped import lumped_network
+from mrdamper.thermal.model.network import PATHS, ThermalNetwork, zone_network
+from mrdamper.thermal.model.stepping import Load
+from mrdamper.thermal.model.transient import Heating, heat_up
+
+__all__ = [
+    "NETWORKS", "Model", "Rise", "build_network", "heat_with", "loads_of", "notes_of", "predict_rise",
+    "works_of",
+]  # fmt: skip
+
+Model = Literal["zones", "lumped"]
+
+NETWORKS = MappingProxyType({"zones": zone_network, "lumped": lumped_network})
+"""How a drawing becomes a network, by the model's name."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rise:
+    """What a duty does to a damper; arrays over the ends of the steps taken, shape (k,)."""
+
+    time: FloatArray  # [s]
+    fluid: FloatArray  # mean of the fluid [K]
+    coil: FloatArray  # [K]
+    wall: FloatArray  # mean of the wall [K]
+    mechanical_W: FloatArray  # power from the motion
+    coil_W: FloatArray
+    paths_W: Mapping[str, FloatArray]  # heat given off, by path
+    energy_J: Mapping[str, float]  # at the end: in, out, stored, and each path
+    energy_closure: float  # largest miss of the account over the energy [-]
+    peak_force_N: FloatArray  # of the cycle; NaN at rest
+    force_loss_percent: float | None  # of the peak force at the end, against 20 degC; None at rest
+    limit_K: float  # of the fluid
+    time_to_limit_s: float | None  # None: not reached
+    ripple_K: float  # swing of the fluid's temperature within a cycle, if none of the heat left it
+    model: Model
+    correlations: Mapping[str, str]  # by surface
+    notes: tuple[str, ...]
+    heating: Heating
+
+    @property
+    def fluid_degC(self) -> FloatArray:
+        return self.fluid - ZERO_CELSIUS_K
+
+    @property
+    def coil_degC(self) -> FloatArray:
+        return self.coil - ZERO_CELSIUS_K
+
+    @property
+    def wall_degC(self) -> FloatArray:
+        return self.wall - ZERO_CELSIUS_K
+
+    def fluid_at(self, time_s: float) -> float:
+        """Return the fluid's mean temperature at a time [K], between steps by monotone cubics.
+
+        Raises
+        ------
+        InputError
+            The curve does not reach that time.
+        """
+        if not 0.0 <= time_s <= self.time[-1] * (1.0 + 1e-12):
+            raise InputError(f"rise: no temperature at {time_s:g} s; the curve ends at {self.time[-1]:g} s")
+        from scipy.interpolate import PchipInterpolator
+
+        return float(PchipInterpolator(self.time, self.fluid)(min(time_s, self.time[-1])))
+
+
+def predict_rise(
+    card: ModelCard | Damper,
+    drawing: DamperDrawing,
+    duty: Duty | str = DEFAULT_DUTY,
+    *,
+    model: Model = "zones",
+    start_K: float | None = None,
+    stop_at_limit: bool = True,
+    longest_step: float = 60.0,
+) -> Rise:
+    """Return how a damper heats under a duty.
+
+    Parameters
+    ----------
+    card : the damper's model, whose loop gives the mechanical power
+    drawing : the damper as heat sees it
+    duty : a duty, its text or a CSV file
+    model : ``zones`` (three axial zones) or ``lumped`` (the paper's Eq. (8))
+    start_K : temperature of everything at the start; None: ambient
+    stop_at_limit : end the curve where the fluid reaches its limit; else go on, and say when it did
+    longest_step : of time [s]
+
+    Raises
+    ------
+    InputError
+        A command of another unit than the card's, or in volts without ``coil.A_per_V``.
+    """
+    damper = card.damper if isinstance(card, ModelCard) else card
+    plan = duty if isinstance(duty, Duty) else read_duty(duty)
+    works = works_of(damper, plan)
+    notes = notes_of(card, plan)
+    return heat_with(
+        works,
+        drawing,
+        plan,
+        model=model,
+        start_K=start_K,
+        stop_at_limit=stop_at_limit,
+        longest_step=longest_step,
+        notes=notes,
+    )
+
+
+def heat_with(  # keyword-only options beside the three things joined
+    works: Sequence[LoopWork],
+    drawing: DamperDrawing,
+    duty: Duty,
+    *,
+    model: Model = "zones",
+    start_K: float | None = None,
+    stop_at_limit: bool = True,
+    longest_step: float = 60.0,
+    notes: tuple[str, ...] = (),
+) -> Rise:
+    """Return the rise for work that is known already, one ``LoopWork`` for each stretch of the duty.
+
+    ``longest_step`` is in [s], the rest as in ``predict_rise``.
+    """
+    network = build_network(drawing, model)
+    limit = drawing.filling.valid_K[1]
+    loads = loads_of(works, drawing, duty)
+    heating = heat_up(network, loads, start=start_K, longest_step=longest_step, stop_at=limit)
+    reached = float(heating.time[-1]) if heating.stopped else None
+    if heating.stopped and not stop_at_limit:
+        heating = heat_up(network, loads, start=start_K, longest_step=longest_step)
+    if reached is not None:
+        does = "the curve ends there" if stop_at_limit else "the curve goes on, outside what the fluid is for"
+        notes = (
+            *notes,
+            f"the fluid reaches its limit, {limit - ZERO_CELSIUS_K:.4g} degC, after {reached:.0f} s; {does}",
+        )
+    peak, loss = _fade(works, duty, heating)
+    return Rise(
+        time=heating.time,
+        fluid=heating.fluid,
+        coil=heating.coil,
+        wall=heating.wall,
+        mechanical_W=heating.flow[:, -2],
+        coil_W=heating.flow[:, -1],
+        paths_W=_by_path(heating),
+        energy_J=_account(heating),
+        energy_closure=heating.closure,
+        peak_force_N=peak,
+        force_loss_percent=loss,
+        limit_K=limit,
+        time_to_limit_s=reached,
+        ripple_K=max(work.ripple for work in works) / _fluid_heat(drawing),
+        model=model,
+        correlations=name_correlations(drawing),
+        notes=notes,
+        heating=heating,
+    )
+
+
+def works_of(damper: Damper, duty: Duty) -> list[LoopWork]:
+    """Return the work of a damper on each stretch of a duty.
+
+    Raises
+    ------
+    InputError
+        The duty's command is in another unit than the damper's.
+    """
+    if duty.command_unit != damper.command_unit:
+        raise InputError(
+            f"duty {duty.text!r}: its command is in {duty.command_unit}, the card's in "
+            f"{damper.command_unit}; expected the same unit, as in sine:15mm:1Hz:2{damper.command_unit}:1800s"
+        )
+    try:
+        return [tabulate_work(damper, stretch) for stretch in duty.stretches]
+    except InputError as fault:
+        raise InputError(
+            f"duty {duty.text!r}: the card's law cannot be run there: {fault}. Keep to commands that the "
+            "card was identified at"
+        ) from fault
+
+
+def loads_of(works: Sequence[LoopWork], drawing: DamperDrawing, duty: Duty) -> list[Load]:
+    """Return what heats a damper, stretch by stretch: the work of its loop and its coil's heat."""
+    return [
+        Load(stretch.duration, work.power_at, _coil_heat(drawing, duty.command_unit, stretch.command))
+        for stretch, work in zip(duty.stretches, works, strict=True)
+    ]
+
+
+def build_network(drawing: DamperDrawing, model: Model = "zones") -> ThermalNetwork:
+    """Return the network of a drawing by its model's name."""
+    if model not in NETWORKS:
+        raise InputError(f"thermal model {model!r} is not known; use one of: {', '.join(NETWORKS)}")
+    return NETWORKS[model](drawing)
+
+
+def _coil_heat(drawing: DamperDrawing, unit: str, command: float) -> float:
+    """Return the coil's heat at 20 degC [W] for a command's root mean square."""
+    coil = drawing.coil
+    if unit == "A" or command == 0.0 or coil.resistance == 0.0:
+        return command**2 * coil.resistance
+    if coil.amperes_per_volt is None:
+        raise InputError(
+            f"{drawing.name}: the card's command is a voltage, and the coil's heat goes by its current; "
+            "expected coil.A_per_V, the amperes that the driver sends per volt of command"
+        )
+    return (command * coil.amperes_per_volt) ** 2 * coil.resistance
+
+
+def _fluid_heat(drawing: DamperDrawing) -> float:
+    """Return the heat capacity of the fluid alone [J/K]."""
+    network = zone_network(drawing)
+    return float(network.capacity[network.fluid > 0.0].sum())
+
+
+def _by_path(heating: Heating) -> Mapping[str, FloatArray]:
+    return MappingProxyType(
+        {path: heating.flow[:, columns].sum(axis=1) for path, columns in _columns(heating.network).items()}
+    )
+
+
+def _columns(network: ThermalNetwork) -> dict[str, list[int]]:
+    """Return the losses of each path that there is, by path."""
+    return {
+        path: [k for k, each in enumerate(network.loss_path) if each == path]
+        for path in PATHS
+        if path in network.loss_path
+    }
+
+
+def _account(heating: Heating) -> Mapping[str, float]:
+    last = heating.energy[-1]
+    found = {
+        "mechanical": float(last[-2]),
+        "coil": float(last[-1]),
+        "out": float(heating.energy_out[-1]),
+        "stored": float(heating.stored[-1]),
+    }
+    found |= {path: float(last[columns].sum()) for path, columns in _columns(heating.network).items()}
+    return MappingProxyType(found)
+
+
+def _fade(works: Sequence[LoopWork], duty: Duty, heating: Heating) -> tuple[FloatArray, float | None]:
+    """Return the peak force over time [N], and its fall at the end against 20 degC [%]."""
+    ends = np.cumsum([stretch.duration for stretch in duty.stretches])
+    which = np.minimum(np.searchsorted(ends - 1e-9, heating.time), len(works) - 1)
+    fluid = heating.fluid
+    peak = np.full(len(fluid), np.nan)
+    for k, (work, stretch) in enumerate(zip(works, duty.stretches, strict=True)):
+        here = which == k
+        if stretch.path is not None and here.any():
+            peak[here] = work.peak_at(fluid[here])
+    moving = np.flatnonzero(np.isfinite(peak))
+    if not moving.size:
+        return peak, None
+    cold = float(works[which[moving[-1]]].peak_at(REFERENCE_K))
+    return peak, 100.0 * (1.0 - float(peak[moving[-1]]) / cold) if cold > 0.0 else None
+
+
+def notes_of(card: ModelCard | Damper, duty: Duty) -> tuple[str, ...]:
+    """Say what a reader of a rise should know about the card."""
+    damper = card.damper if isinstance(card, ModelCard) else card
+    notes = []
+    if not damper.tempered:
+        notes.append("the card does not depend on temperature: its force is held constant")
+    elif damper.assumed:
+        notes.append(
+            f"the temperature laws of {', '.join(damper.assumed)} are assumed from a fluid, not identified"
+        )
+    if isinstance(card, ModelCard):
+        notes += _beyond(card, duty)
+    return tuple(notes)
+
+
+def _beyond(card: ModelCard, duty: Duty) -> list[str]:
+    """Say where the duty leaves what the card was identified on."""
+    found = []
+    paths = [stretch.path for stretch in duty.stretches if stretch.path is not None]
+    for name, unit, scale in (("displacement", "mm", 1e3), ("velocity", "mm/s", 1e3), ("command", "", 1.0)):
+        low, high = getattr(card.envelope, name)
+        values = [getattr(path, name) for path in paths]
+        if not values:
+            continue
+        least, most = min(float(v.min()) for v in values), max(float(v.max()) for v in values)
+        room = 1e-3 * max(high - low, abs(high))
+        if least < low - room or most > high + room:
+            spelled = unit or duty.command_unit
+            found.append(
+                f"the duty's {name} runs from {scale * least:.4g} to {scale * most:.4g} {spelled}; the card "
+                f"was identified from {scale * low:.4g} to {scale * high:.4g} {spelled}"
+            )
+    return found

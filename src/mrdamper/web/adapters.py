@@ -1,0 +1,346 @@
+"""What a worker does for each kind of job: names in the folder become paths, and the app's job is called.
+
+These are the functions that the command line calls; nothing is computed here.
+"""
+
+from __future__ import annotations
+
+import os
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from mrdamper.errors import InputError
+from mrdamper.schema import Json
+from mrdamper.web.workspace import MAP_SUFFIX, NotThereError, WorkFolder
+
+__all__ = ["Say", "do"]
+
+Say = Callable[..., None]
+"""Told of progress by keyword: done, of, text, and what a fit says beside them."""
+
+_SHORT = """\
+# three temperatures, four currents, two motions and current steps: enough for a first card
+motions = ["sine5mm1Hz", "sine3mm2Hz"]
+currents_A = [0.0, 0.5, 1.0, 2.0]
+temperatures_degC = [20.0, 60.0, 100.0]
+duration_s = 3.0
+held_out_temperatures_degC = [60.0]
+held_out_motions = []
+"""
+
+
+def do(kind: str, options: Json, folder: WorkFolder, out: Path, say: Say, *, resume: bool = False) -> Json:
+    """Do a job, its files into ``out`` (a card's into its own folder); return its answer.
+
+    With ``resume`` it goes on with what it has finished when it ended early, where its kind can; what those
+    kinds have finished is kept where ``record.JobRecord.left`` looks for it.
+    """
+    if kind in _LONG:
+        return _LONG[kind](options, folder, out, say, resume)
+    return _WORK[kind](options, folder, out, say)
+
+
+def _identify(options: Json, folder: WorkFolder, _out: Path, say: Say, resume: bool) -> Json:  # noqa: FBT001 - as all of _LONG
+    from mrdamper.jobs.identify import FitOptions, identify
+
+    def report(now: Any) -> None:  # noqa: ANN401 - the Progress of a fit
+
+        say(
+            done=now.start,
+            of=now.starts,
+            text=f"start {now.start + 1} of {now.starts}, iteration {now.iteration}",
+            method=now.method,
+            start=now.start,
+            starts=now.starts,
+            iteration=now.iteration,
+            cost_percent=_finite(now.cost_percent),
+            best_percent=_finite(now.best_percent),
+        )
+
+    given = {key: options[key] for key in options if key not in {"card", "files", "flip_force", "replace"}}
+    for key in ("hold_out", "leave_out", "terms"):
+        given[key] = None if given[key] is None else tuple(given[key])
+    given["fluid"] = _preset_or_input(folder, given["fluid"], "fluids")
+    place = folder.new(folder.cards, options["card"])
+    return identify(
+        _runs(folder, options["files"]),
+        place,
+        FitOptions(**given),
+        flip_force=options["flip_force"],
+        resume=resume,
+        tell=_told(say, folder),
+        report=report,
+    )
+
+
+def _predict(options: Json, folder: WorkFolder, out: Path, _say: Say) -> Json:
+    from mrdamper.jobs.identify import predict
+
+    paths = _runs(folder, options["files"])
+    return predict(folder.card(options["card"]), paths, out=out, flip_force=options["flip_force"])
+
+
+def _check(options: Json, folder: WorkFolder, out: Path, _say: Say) -> Json:
+    from mrdamper.jobs.check import check
+
+    return check(_runs(folder, options["files"]), out=out)
+
+
+def _compare(options: Json, folder: WorkFolder, out: Path, _say: Say) -> Json:
+    from mrdamper.jobs.compare import compare
+
+    return compare(folder.card(options["first"]), folder.card(options["second"]), out=out)
+
+
+def _heat(options: Json, folder: WorkFolder, out: Path, _say: Say) -> Json:
+    from mrdamper.jobs.heat_preview import heat_changed
+
+    sink = options["sink"]
+    return heat_changed(
+        folder.card(options["card"]),
+        _preset_or_input(folder, options["damper"], "dampers"),
+        duty=_duty(folder, options["duty"]),
+        sink=None if sink is None else folder.input(sink),
+        with_sink=options["with_sink"],
+        ambient_degC=options["ambient_degC"],
+        air_m_s=options["air_m_s"],
+        past_limit=options["past_limit"],
+        model=options["model"],
+        start_degC=options["start_degC"],
+        calibrate=None if options["calibrate"] is None else folder.input(options["calibrate"]),
+        by_field=options["field"],
+        out=out,
+    )
+
+
+def _sink(options: Json, folder: WorkFolder, out: Path, say: Say, resume: bool) -> Json:  # noqa: FBT001 - as all of _LONG
+    from mrdamper.jobs.sink import SinkOptions, sink
+
+    given = {key: options[key] for key in options if key not in {"card", "damper", "duty"}}
+    given |= {key: tuple(given[key]) for key in ("materials", "emissivities")}
+    return sink(
+        folder.card(options["card"]),
+        Path(_preset_or_input(folder, options["damper"], "dampers")),
+        duty=_duty(folder, options["duty"]),
+        options=SinkOptions(**given),
+        out=out,
+        resume=resume,
+        tell=_told(say, folder),
+        report=_counted(say),
+    )
+
+
+def _track(options: Json, folder: WorkFolder, out: Path, say: Say) -> Json:
+    from mrdamper.jobs.track import TrackOptions, track_card, write_track
+    from mrdamper.jobs.track_traces import traces_of
+    from mrdamper.runtime.outputs import staged
+
+    card = folder.card(options["card"])
+    given = {key: options[key] for key in options if key != "card"}
+    given["plant"] = _plant(folder, given["plant"])
+    given["targets"] = tuple(_preset_or_input(folder, each, "targets") for each in given["targets"])
+    given |= {key: tuple(given[key]) for key in ("temperatures_degC", "controllers")}
+    given |= {k: None if given[k] is None else folder.card(given[k]) for k in ("unaware", "pooled")}
+    run = track_card(card, TrackOptions(**given), report=_counted(say))
+    with staged(out) as beside:
+        return {**write_track(run, card, beside, out), "traces": traces_of(run)}
+
+
+def _export(options: Json, folder: WorkFolder, out: Path, _say: Say) -> Json:
+    from mrdamper.jobs.export import ExportOptions, export
+
+    name, what, damper = options["name"], options["what"], options["damper"]
+    given = {key: options[key] for key in options if key not in {"card", "what", "damper"}}
+    if "fmu" in what and not options["verify"]:
+        raise InputError("export: an FMU is made from proved sources; leave verify on")
+    places = {"c": out / f"{name}_c", "fmu": out / f"{name}.fmu", "table": out / f"{name}_map.csv"}
+    wanted: dict[str, Any] = {key: places[key] for key in what}
+    if damper is not None:
+        given["damper"] = Path(_preset_or_input(folder, damper, "dampers"))
+    answer = export(folder.card(options["card"]), ExportOptions(**given, **wanted))
+    if "c" in what:
+        _zip(places["c"], out / f"{name}_c.zip")
+    return answer
+
+
+def _rig(options: Json, folder: WorkFolder, out: Path, say: Say) -> Json:
+    from mrdamper.jobs.rig import rig
+
+    campaign: Path | None = None
+    if options["campaign"] == "short":
+        campaign = out / "campaign.toml"
+        campaign.write_text(_SHORT, encoding="utf-8")
+    elif options["campaign"] != "full":
+        campaign = folder.input(options["campaign"])
+    return rig(
+        folder.runs,
+        preset=options["preset"],
+        damper_file=None if options["damper"] is None else folder.input(options["damper"]),
+        campaign_file=campaign,
+        seed=options["seed"],
+        report=_counted(say),
+    )
+
+
+def _fluid(options: Json, folder: WorkFolder, out: Path, _say: Say) -> Json:
+    from mrdamper.jobs.fluid import fluid
+
+    return fluid(
+        [folder.input(each) for each in options["tables"]],
+        out=out,
+        like=_preset_or_input(folder, options["like"], "fluids"),
+        particle_fraction=options["particle_fraction"],
+    )
+
+
+def _cycles(options: Json, folder: WorkFolder, out: Path, say: Say) -> Json:
+    import mrdamper.report.cycles  # noqa: F401 - loaded now, so that what is counted can be kept at once
+    from mrdamper.jobs.cycles import cycles
+
+    def report(rows: int, of: int | None, found: int) -> None:
+        share = f"{rows:,}" if of is None else f"{rows:,} of {of:,}"
+        say(done=rows, of=of or 0, text=f"{share} rows read, {found:,} cycles")
+
+    channels = options["channels"]
+    return cycles(
+        folder.record(options["record"]),
+        channels=None if channels is None else folder.channel_map(channels),
+        flip_force=options["flip_force"],
+        least_stroke_mm=options["least_stroke_mm"],
+        model=None if options["model"] is None else folder.card(options["model"]),
+        out=out,
+        curves=True,
+        report=report,
+    )
+
+
+def _demo(options: Json, _folder: WorkFolder, out: Path, say: Say) -> Json:
+    from mrdamper.paper.demo import demo
+
+    return demo(out, quick=options["quick"], seed=options["seed"], report=_counted(say))
+
+
+def _fetch(options: Json, folder: WorkFolder, _out: Path, say: Say) -> Json:
+    from mrdamper.jobs.datasets import fetch_into
+
+    return fetch_into(folder.runs, options["name"], MAP_SUFFIX, report=_counted(say))
+
+
+def _sweep(options: Json, folder: WorkFolder, out: Path, say: Say, resume: bool) -> Json:  # noqa: FBT001 - as all of _LONG
+    from mrdamper.jobs.sweep.plan_files import files_of_plan, texts_of_plan
+    from mrdamper.jobs.sweep.sweep import sweep
+
+    plan = folder.input(options["plan"])
+    for text in texts_of_plan(plan):  # before anything is looked for
+        _inside(folder, plan, text)
+    for file in files_of_plan(plan):  # links are followed
+        _inside(folder, plan, os.path.relpath(file.resolve(), plan.parent))
+    return sweep(plan, out, workers=options["workers"], resume=resume, report=_counted(say))
+
+
+_WORK: dict[str, Callable[[Json, WorkFolder, Path, Say], Json]] = {
+    "predict": _predict,
+    "check": _check,
+    "compare": _compare,
+    "heat": _heat,
+    "track": _track,
+    "export": _export,
+    "rig": _rig,
+    "fluid": _fluid,
+    "cycles": _cycles,
+    "demo": _demo,
+    "fetch": _fetch,
+}
+_LONG: dict[str, Callable[[Json, WorkFolder, Path, Say, bool], Json]] = {
+    "identify": _identify,
+    "sink": _sink,
+    "sweep": _sweep,
+}
+
+
+# ------------------------------------------------------------------------------------------- names to paths
+
+
+def _runs(folder: WorkFolder, names: list[str] | None) -> list[Path]:
+    """Return the runs' files of these names, or all there are."""
+    from mrdamper.jobs.choices import run_formats
+
+    if names is not None:
+        return [folder.run_file(name) for name in names]
+    found = folder.run_files(tuple(run_formats()))
+    if not found:
+        raise InputError(f"no runs in the folder; add files first (those with {MAP_SUFFIX} go beside them)")
+    return found
+
+
+def _inside(folder: WorkFolder, plan: Path, text: str) -> None:
+    """Refuse a path in a plan, or a pattern of paths, that leads out of the folder."""
+    parent, before = (
+        plan.parent,
+        text.split("*", maxsplit=1)[0].split("?", maxsplit=1)[0].split("[", maxsplit=1)[0],
+    )
+    if "\x00" in text or Path(text).is_absolute():
+        raise InputError(
+            f"{plan.name}: {text[:80]!r} is an absolute path; expected one such as ../runs/*.csv"
+        )
+    for each in (text, before):
+        if not (parent / each).resolve().is_relative_to(folder.root):
+            raise InputError(
+                f"{plan.name}: {text[:80]!r} leads out of the folder; expected what lies in it, such as "
+                "../runs/*.csv or ../cards/NAME/card.json"
+            )
+
+
+def _preset_or_input(folder: WorkFolder, name: Any, group: str) -> Any:  # noqa: ANN401 - None or a text
+    """Return a preset's name as it is, or the path of an input."""
+    from mrdamper.jobs.choices import choices
+
+    presets = choices()[group]
+    if name is None or name in presets:  # type: ignore[operator]  # a list
+        return name
+    try:
+        return str(folder.input(name))
+    except NotThereError as fault:
+        said = ", ".join(map(str, presets))  # type: ignore[call-overload]
+        raise InputError(f"{name!r}: neither an input in the folder nor one of: {said}") from fault
+
+
+def _plant(folder: WorkFolder, name: str) -> str:
+    """Return a preset's name, the path of a virtual damper's TOML, or that of a card."""
+    try:
+        return str(_preset_or_input(folder, name, "plants"))
+    except InputError:
+        return str(folder.card(name))
+
+
+def _duty(folder: WorkFolder, text: str) -> str:
+    """Return a duty in words as it is, or the path of a table; never a path from outside."""
+    if not text.lower().endswith(".csv") and len(text.split(":")) >= 3:
+        return text
+    try:
+        return str(folder.input(text))
+    except NotThereError as fault:
+        raise InputError(
+            f"duty {text!r}: neither an input in the folder nor such as sine:15mm:1Hz:2A:1800s"
+        ) from fault
+
+
+def _counted(say: Say) -> Callable[[int, int, str], None]:
+    return lambda done, of, text: say(done=done, of=of, text=text)
+
+
+def _told(say: Say, folder: WorkFolder) -> Callable[[str], None]:
+    return lambda text: say(done=0, of=0, text=text.replace(str(folder.root) + os.sep, ""))
+
+
+def _finite(value: float) -> float | None:
+    return value if abs(value) < float("inf") else None
+
+
+def _zip(folder: Path, path: Path) -> None:
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for each in sorted(folder.rglob("*")):
+            if each.is_file():
+                archive.write(each, Path(folder.name) / each.relative_to(folder))

@@ -1,0 +1,132 @@
+"""Server-sent events: what a job says, from its beginning; and that something in the folder has changed."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import AsyncIterator, Callable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from mrdamper.errors import InputError
+from mrdamper.web.job_record import ENDED, JobRecord
+from mrdamper.web.words import spoken
+from mrdamper.web.workspace import WorkFolder
+
+__all__ = ["Bell", "job_events"]
+
+_LOOK_S = 0.2
+_WATCH_S = 1.5
+_BEAT_S = 15.0  # a comment, so that nothing between takes the line for dead
+_MOST_WAITING = 64
+
+Gone = Callable[[], bool]
+
+
+def event(name: str, told: Mapping[str, Any], number: int | None = None) -> str:
+    """Return one event; JSON has no line breaks of its own."""
+    numbered = "" if number is None else f"id: {number}\n"
+    return (
+        f"{numbered}event: {name}\ndata: {json.dumps(spoken(told), ensure_ascii=False, allow_nan=False)}\n\n"
+    )
+
+
+async def job_events(record: JobRecord, after: int, gone: Gone) -> AsyncIterator[str]:
+    """Give all that a job has said after line ``after``, then what it says, and its end."""
+    place, line, rest, quiet = 0, 0, b"", 0.0
+    while not gone():
+        try:
+            state = record.read()["state"]
+        except InputError:  # deleted
+            return
+        with suppress(OSError), (record.folder / "progress.jsonl").open("rb") as file:
+            file.seek(place)
+            found = file.read()
+            place += len(found)
+            *whole, rest = (rest + found).split(b"\n")
+            for each in whole:
+                line += 1
+                if line <= after:
+                    continue
+                with suppress(ValueError):
+                    told = json.loads(each)
+                    yield event(told.pop("event"), told, line)
+                quiet = 0.0
+        if state in ENDED:
+            yield event("end", record.shown())
+            return
+        await asyncio.sleep(_LOOK_S)
+        quiet += _LOOK_S
+        if quiet >= _BEAT_S:
+            quiet = 0.0
+            yield ": still here\n\n"
+
+
+class Bell:
+    """Tells everybody who listens what kind of thing has changed, also when another program changed it."""
+
+    def __init__(self, folder: WorkFolder) -> None:
+        self._folder = folder
+        self._listeners: set[asyncio.Queue[str]] = set()
+        self._watch: asyncio.Task[None] | None = None
+
+    def ring(self, what: str) -> None:
+        for queue in self._listeners:
+            if queue.qsize() < _MOST_WAITING:
+                queue.put_nowait(what)
+
+    async def listen(self, gone: Gone) -> AsyncIterator[str]:
+        queue: asyncio.Queue[str] = asyncio.Queue()
+        self._listeners.add(queue)
+        if self._watch is None or self._watch.done():
+            self._watch = asyncio.create_task(self._watching())
+        try:
+            yield event("changed", {"what": ["files", "records", "inputs", "cards", "jobs"]})
+            quiet = 0.0
+            while not gone():
+                try:
+                    async with asyncio.timeout(1.0):
+                        heard = {await queue.get()}
+                except TimeoutError:
+                    quiet += 1.0
+                    if quiet >= _BEAT_S:
+                        quiet = 0.0
+                        yield ": still here\n\n"
+                    continue
+                await asyncio.sleep(_LOOK_S)  # several at once
+                while not queue.empty():
+                    heard.add(queue.get_nowait())
+                yield event("changed", {"what": sorted(heard)})
+        finally:
+            self._listeners.discard(queue)
+
+    async def _watching(self) -> None:
+        """Look at the folder while somebody listens."""
+        places = {
+            "files": self._folder.runs,
+            "records": self._folder.records,
+            "inputs": self._folder.inputs,
+            "cards": self._folder.cards,
+            "jobs": self._folder.results,
+        }
+        before = {what: await asyncio.to_thread(_signature, place) for what, place in places.items()}
+        while self._listeners:
+            await asyncio.sleep(_WATCH_S)
+            for what, place in places.items():
+                now = await asyncio.to_thread(_signature, place)
+                if now != before[what]:
+                    before[what] = now
+                    self.ring(what)
+
+
+def _signature(place: Path) -> int:
+    """Return a number that changes with what is in a folder."""
+    found = []
+    with suppress(OSError):
+        for path in place.iterdir():
+            # what a job keeps to go on from grows all the time
+            if not path.name.startswith(".") and path.suffix != ".progress":
+                with suppress(OSError):
+                    found.append((path.name, path.stat().st_mtime_ns))
+    return hash(tuple(sorted(found)))

@@ -1,0 +1,68 @@
+"""Routes: cards."""
+
+from __future__ import annotations
+
+import asyncio
+import secrets
+
+from fastapi import APIRouter
+from starlette.requests import Request
+from starlette.responses import Response
+
+from mrdamper.errors import InputError
+from mrdamper.web.context import Shop, say, send_file
+from mrdamper.web.job_queue import ConflictError
+
+__all__ = ["card_routes"]
+
+_MOST_CARD = 8_000_000  # bytes
+
+
+def card_routes(shop: Shop) -> APIRouter:
+    """Return the routes below /api/cards."""
+    routes, folder = APIRouter(), shop.folder
+
+    @routes.get("/api/cards/{name}")
+    async def card(name: str) -> Response:
+        return send_file(folder.card(name))
+
+    @routes.get("/api/cards/{name}/cite")
+    async def cite(name: str) -> Response:
+        path = folder.card(name)
+        key = ("cite", str(path), path.stat().st_mtime_ns)
+        question = {"ask": "cite", "card": str(path)}
+        return say(await shop.patience.wait(key, lambda: shop.desk.ask(question)))
+
+    @routes.get("/api/cards/{name}/files/{path:path}")
+    async def card_file(name: str, path: str, request: Request) -> Response:
+        folder.card(name)
+        found = folder.there(folder.cards / name, *path.split("/"))
+        return send_file(found, download="download" in request.query_params)
+
+    @routes.put("/api/cards/{name}")
+    async def put_card(name: str, request: Request) -> Response:
+        place = folder.new(folder.cards, name)
+        if place.exists():
+            raise ConflictError(f"there is a card {name!r} already; choose another name, or delete it")
+        beside = folder.cards / f".upload-{secrets.token_hex(8)}.json"
+        try:
+            await folder.store(beside, request.stream(), _MOST_CARD, request.headers.get("content-length"))
+            try:
+                await shop.desk.ask({"ask": "card", "card": str(beside)})
+            except InputError as fault:
+                raise InputError(str(fault).replace(str(beside), name)) from fault
+            place.mkdir()
+            folder.move(beside, place / "card.json")
+        finally:
+            beside.unlink(missing_ok=True)
+        shop.bell.ring("cards")
+        return say({"name": name}, 201)
+
+    @routes.delete("/api/cards/{name}")
+    async def remove_card(name: str) -> Response:
+        folder.card(name)
+        await asyncio.to_thread(folder.remove, folder.cards / name)
+        shop.bell.ring("cards")
+        return say({"deleted": name})
+
+    return routes

@@ -1,0 +1,107 @@
+"""Routes: jobs, what they say, and what they make."""
+
+from __future__ import annotations
+
+import asyncio
+
+from fastapi import APIRouter
+from starlette.requests import Request
+from starlette.responses import Response
+
+from mrdamper.schema import Json
+from mrdamper.web.context import Shop, body_of, say, send_file, stream
+from mrdamper.web.events import job_events
+from mrdamper.web.job_record import job_ids
+from mrdamper.web.schemas import read_order
+from mrdamper.web.workspace import NotThereError, WorkFolder
+
+__all__ = ["job_routes", "job_rows"]
+
+_MOST_JOBS = 200  # listed
+
+
+def job_routes(shop: Shop) -> APIRouter:
+    """Return the routes below /api/jobs."""
+    routes, crew = APIRouter(), shop.crew
+
+    @routes.post("/api/jobs")
+    async def ask(request: Request) -> Response:
+        body = await body_of(request)
+        order = read_order(body.get("kind"), body.get("options", {}))
+        if order.needs_runs and getattr(order, "files", None) is None:
+            order = order.model_copy(update={"files": shop.index.usable() or None})
+        _names_are_there(shop.folder, order.model_dump())
+        return say({"id": crew.ask(str(body["kind"]), order)}, 201)
+
+    @routes.get("/api/jobs")
+    async def listed() -> Response:
+        return say({"jobs": await asyncio.to_thread(job_rows, shop)})
+
+    @routes.get("/api/jobs/{job_id}")
+    async def one(job_id: str) -> Response:
+        record = crew.record(job_id)
+        return say({**record.shown(), "answer": await asyncio.to_thread(record.answer)})
+
+    @routes.get("/api/jobs/{job_id}/events")
+    async def follow(job_id: str, request: Request) -> Response:
+        record = crew.record(job_id)
+        record.read()
+        last = request.headers.get("last-event-id", "0")
+        after = int(last) if last.isdecimal() and len(last) < 9 else 0
+        return stream(job_events(record, after, shop.is_closing))
+
+    @routes.post("/api/jobs/{job_id}/cancel")
+    async def cancel(job_id: str) -> Response:
+        crew.cancel(job_id)
+        return say(crew.record(job_id).shown())
+
+    @routes.post("/api/jobs/{job_id}/resume")
+    async def resume(job_id: str) -> Response:
+        await crew.settled(job_id)
+        crew.resume(job_id)
+        return say(crew.record(job_id).shown())
+
+    @routes.delete("/api/jobs/{job_id}")
+    async def forget(job_id: str) -> Response:
+        await crew.settled(job_id)
+        crew.forget(job_id)
+        return say({"deleted": job_id})
+
+    @routes.get("/api/jobs/{job_id}/files/{path:path}")
+    async def file(job_id: str, path: str, request: Request) -> Response:
+        record = crew.record(job_id)
+        record.read()
+        found = shop.folder.there(record.folder, *path.split("/"))
+        return send_file(found, download="download" in request.query_params)
+
+    return routes
+
+
+def _names_are_there(folder: WorkFolder, options: Json) -> None:
+    """Refuse an order for what is not there, before it is queued."""
+    for key in ("files",):
+        for name in options.get(key) or ():
+            folder.run_file(name)
+    if "record" in options:
+        folder.record(options["record"])
+        if options["channels"] is not None:
+            folder.channel_map(options["channels"])
+        if options["model"] is not None:
+            folder.card(options["model"])
+    keys = ["first", "second", "unaware", "pooled"]
+    if "replace" not in options:  # identify writes its card
+        keys.append("card")
+    for key in keys:
+        if options.get(key) is not None:
+            folder.card(options[key])
+
+
+def job_rows(shop: Shop) -> list[Json]:
+    """Return the jobs as the pages see them, the newest first."""
+    found = []
+    for job_id in job_ids(shop.folder.results)[:_MOST_JOBS]:
+        try:
+            found.append(shop.crew.record(job_id).row())
+        except NotThereError:
+            continue
+    return found

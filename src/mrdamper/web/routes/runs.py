@@ -1,0 +1,129 @@
+"""Routes: runs, their samples for drawing, the force that a card models on them; quick heating curves."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from pathlib import Path
+from typing import Any
+
+from fastapi import APIRouter
+from starlette.requests import Request
+from starlette.responses import FileResponse, Response
+
+from mrdamper.errors import InputError
+from mrdamper.web.context import Shop, order_in, say
+from mrdamper.web.routes.files import drawing_of
+from mrdamper.web.run_index import Kept
+from mrdamper.web.schemas import HeatCurve
+
+__all__ = ["run_routes"]
+
+_MOST_SAMPLES = 2_000_000
+
+
+def run_routes(shop: Shop) -> APIRouter:
+    """Return the routes below /api/runs and /api/heat."""
+    routes = APIRouter()
+
+    @routes.get("/api/runs")
+    async def runs() -> Response:
+        return say(shop.index.runs())
+
+    @routes.get("/api/runs/{name}/series")
+    async def series(name: str, request: Request) -> Response:
+        window = _window(request)
+        kept = await _kept(shop, name, request)
+        if window == (None, None, None):
+            return _binary(kept.series)
+        place = kept.place / f"{kept.number}-{_digest(window)}.window"
+        if not place.is_file():
+            await _ask(shop, kept, kept.series, place, window)
+        return _binary(place)
+
+    @routes.get("/api/runs/{name}/model")
+    async def model(name: str, request: Request) -> Response:
+        window = _window(request)
+        card_name = request.query_params.get("card", "")
+        card = shop.folder.card(card_name)
+        kept = await _kept(shop, name, request)
+        version = (card_name, card.stat().st_mtime_ns)
+        whole = kept.place / f"{kept.number}-{_digest(version)}.model"
+        if not whole.is_file():
+            question = {
+                "ask": "model",
+                "card": str(card),
+                "file": str(kept.file),
+                "run": kept.number,
+                "place": str(whole),
+                "name": card_name,
+            }
+            await shop.patience.wait(("model", str(whole)), lambda: shop.desk.ask(question))
+            shop.index.trim(kept)
+        if window == (None, None, None):
+            return _binary(whole)
+        place = kept.place / f"{kept.number}-{_digest((*version, *window))}.window"
+        if not place.is_file():
+            await _ask(shop, kept, whole, place, window)
+        return _binary(place)
+
+    @routes.post("/api/heat/curve")
+    async def curve(request: Request) -> Response:
+        order: HeatCurve = await order_in(request, HeatCurve)
+        options = order.model_dump(exclude={"card", "damper"})
+        question = {
+            "ask": "curve",
+            "card": str(shop.folder.card(order.card)),
+            "damper": drawing_of(shop, order.damper),
+            "options": options,
+        }
+        return say(await shop.patience.wait(("curve", str(question)), lambda: shop.quick.ask(question)))
+
+    return routes
+
+
+async def _kept(shop: Shop, name: str, request: Request) -> Kept:
+    file = request.query_params.get("file")
+    found = await shop.patience.wait(("find", name, file), lambda: shop.index.find(name, file))
+    assert isinstance(found, Kept)
+    return found
+
+
+async def _ask(shop: Shop, kept: Kept, series: Path, place: Path, window: tuple[Any, ...]) -> None:
+    most, from_s, to_s = window
+    question = {
+        "ask": "window",
+        "series": str(series),
+        "place": str(place),
+        "most": most,
+        "from_s": from_s,
+        "to_s": to_s,
+        "samples_of": None if series == kept.series else str(kept.series),
+    }
+    await shop.patience.wait(("window", str(place)), lambda: shop.desk.ask(question))
+    shop.index.trim(kept)
+
+
+def _window(request: Request) -> tuple[int | None, float | None, float | None]:
+    """Return most samples, begin and end that a request asks for."""
+    asked = request.query_params
+    try:
+        most = int(asked["max"]) if "max" in asked else None
+        ends = [float(asked[key]) if key in asked else None for key in ("from_s", "to_s")]
+    except ValueError as fault:
+        raise InputError("max, from_s, to_s: expected numbers") from fault
+    if most is not None and not 64 <= most <= _MOST_SAMPLES:
+        raise InputError(f"max is {most}; expected 64 to {_MOST_SAMPLES}")
+    if any(end is not None and not math.isfinite(end) for end in ends):
+        raise InputError("from_s, to_s: expected finite numbers")
+    return most, ends[0], ends[1]
+
+
+def _digest(parts: tuple[Any, ...]) -> str:
+    return hashlib.sha256(repr(parts).encode()).hexdigest()[:16]
+
+
+def _binary(path: Path) -> Response:
+    response = FileResponse(path, media_type="application/octet-stream")
+    response.chunk_size = 1 << 20
+    return response

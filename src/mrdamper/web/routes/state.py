@@ -1,0 +1,103 @@
+"""Routes: the state of all, and that it has changed."""
+
+from __future__ import annotations
+
+import asyncio
+import platform
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from functools import partial
+from importlib.metadata import version
+from pathlib import Path
+from typing import TypeVar
+
+from fastapi import APIRouter
+from starlette.responses import Response
+
+from mrdamper.jobs.card_summary import card_line
+from mrdamper.schema import Json
+from mrdamper.web.context import Shop, say, stream
+from mrdamper.web.inputs import kind_of_input
+from mrdamper.web.routes.jobs import job_rows
+from mrdamper.web.workspace import NotThereError, WorkFolder, stamp
+
+__all__ = ["state_routes"]
+
+Item = TypeVar("Item")
+
+
+def state_routes(shop: Shop) -> APIRouter:
+    """Return the routes /api/state and /api/events."""
+    routes = APIRouter()
+
+    @routes.get("/api/state")
+    async def state() -> Response:
+        files = shop.index.files()
+        rest = await asyncio.to_thread(_state, shop)
+        return say({**rest, "files": files})
+
+    @routes.get("/api/data")
+    async def public_data() -> Response:
+        return say(await shop.patience.wait("data", lambda: shop.desk.ask({"ask": "catalogue"})))
+
+    @routes.get("/api/events")
+    async def events() -> Response:
+        return stream(shop.bell.listen(shop.is_closing))
+
+    return routes
+
+
+def _state(shop: Shop) -> Json:
+    folder = shop.folder
+    return {
+        "versions": {"mrdamper": version("mrdamper"), "python": platform.python_version()},
+        "folder": str(folder.root) if shop.local else None,
+        "folder_name": folder.root.name,
+        "most_upload_bytes": shop.most_upload,
+        "formats": list(shop.formats),
+        "records": _of_each(folder.record_files(shop.formats), partial(_record, folder)),
+        "inputs": _of_each(folder.input_files(), _input),
+        "cards": _of_each(folder.card_names(), partial(_card, folder)),
+        "jobs": job_rows(shop),
+        "choices": shop.choices,
+    }
+
+
+def _of_each(found: Iterable[Item], told: Callable[[Item], Json]) -> list[Json]:
+    """Return what is told of each; a file that went away meanwhile is left out."""
+    rows = []
+    for each in found:
+        with suppress(FileNotFoundError, NotThereError):
+            rows.append(told(each))
+    return rows
+
+
+def _record(folder: WorkFolder, path: Path) -> Json:
+    found = path.stat()
+    return {
+        "name": path.name,
+        "bytes": found.st_size,
+        "modified": stamp(found.st_mtime),
+        "mapped": folder.map_of(path).is_file(),
+    }
+
+
+def _input(path: Path) -> Json:
+    found = path.stat()
+    return {
+        "name": path.name,
+        "bytes": found.st_size,
+        "modified": stamp(found.st_mtime),
+        "kind": kind_of_input(path),
+    }
+
+
+def _card(folder: WorkFolder, name: str) -> Json:
+    path = folder.card(name)
+    report = folder.cards / name / "report.html"
+    return {
+        "name": name,
+        **card_line(path),
+        "report": f"/api/cards/{name}/files/report.html" if report.is_file() else None,
+        "modified": stamp(path.stat().st_mtime),
+    }

@@ -1,0 +1,267 @@
+"""Who may come in: the guard before every request.
+
+Pages of other sites can make a browser send requests here. They are known by the Origin and Sec-Fetch-Site
+that a browser adds and no page can forge; a site that gives its own name our address (DNS rebinding) is known
+by its Host. Beyond loopback a token is needed as well. Bodies are bounded here, but for the uploads, which
+``folder`` counts while it writes them. Every answer leaves with the headers that keep a browser strict, and
+what goes wrong inside leaves as one message without a traceback.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+import hmac
+import ipaddress
+import json
+import socket
+import sys
+import traceback
+from dataclasses import dataclass
+from http.cookies import CookieError, SimpleCookie
+from typing import Any
+from urllib.parse import parse_qsl, urlencode, urlsplit
+
+from starlette.requests import ClientDisconnect
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from mrdamper.errors import InputError
+from mrdamper.web.workspace import FAULT
+
+__all__ = ["PAGE_POLICY", "REPORT_POLICY", "Door", "Guard"]
+
+PAGE_POLICY = (
+    "default-src 'self'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; "
+    "connect-src 'self'; font-src 'self'; object-src 'none'; base-uri 'none'; form-action 'self'; "
+    "frame-src 'self'; frame-ancestors 'none'"
+)
+REPORT_POLICY = (
+    "sandbox allow-popups; default-src 'none'; style-src 'unsafe-inline'; img-src data:; font-src data:; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'self'"
+)
+"""Of a file that a job made or somebody put into the folder: it is shown, nothing in it runs."""
+
+_COOKIE = "mrdamper"
+_LEAST_TOKEN = 16
+_MOST_BODY = 1 << 20  # bytes, of anything but an upload
+_UPLOADS = ("/api/files/", "/api/inputs/", "/api/cards/")
+_WRITES = frozenset({"POST", "PUT", "PATCH", "DELETE"})
+_READS = frozenset({"GET", "HEAD"})
+_LOOPBACK = frozenset({"127.0.0.1", "localhost", "::1"})
+_SECURE = (
+    (b"x-content-type-options", b"nosniff"),
+    (b"referrer-policy", b"no-referrer"),
+    (b"cross-origin-opener-policy", b"same-origin"),
+    (b"cross-origin-resource-policy", b"same-origin"),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Door:
+    """Where the server listens, and the token that opens it; None: nobody but this machine comes near."""
+
+    host: str = "127.0.0.1"
+    token: str | None = None
+
+    def __post_init__(self) -> None:
+        if not self.is_loopback and self.token is None:
+            raise InputError(
+                f"--host {self.host}: others could reach the folder; expected a --token with it, or no --host"
+            )
+        if self.token is not None and (len(self.token) < _LEAST_TOKEN or not self.token.isprintable()):
+            raise InputError(
+                f"--token: has {len(self.token)} characters; expected {_LEAST_TOKEN} or more that can be "
+                "printed, such as 32 random letters and digits"
+            )
+
+    @property
+    def is_loopback(self) -> bool:
+        """Whether nobody but this machine can reach it."""
+        return self.host in _LOOPBACK
+
+    @property
+    def pass_word(self) -> str:
+        """What the cookie holds: it opens this server and does not tell the token."""
+        return hmac.new((self.token or "").encode(), b"mrdamper cookie", hashlib.sha256).hexdigest()
+
+    def knows(self, host: str) -> bool:
+        """Tell whether a Host header names this server, not a site that borrowed its address."""
+        name = _host_name(host)
+        if name is None:
+            return False
+        if name in _LOOPBACK or name == self.host.lower():
+            return True
+        if self.is_loopback:
+            return False
+        try:  # an address is no name that a site could borrow
+            ipaddress.ip_address(name)
+        except ValueError:
+            return name in {socket.gethostname().lower(), socket.getfqdn().lower()}
+        return True
+
+    def opens(self, headers: dict[str, str]) -> bool:
+        """Tell whether a request carries the token, or the cookie that it was traded for."""
+        if self.token is None:
+            return True
+        scheme, _, given = headers.get("authorization", "").partition(" ")
+        if scheme.lower() == "bearer" and _same(given.strip(), self.token):
+            return True
+        try:
+            cookies = SimpleCookie(headers.get("cookie", ""))
+        except CookieError:
+            return False
+        return _COOKIE in cookies and _same(cookies[_COOKIE].value, self.pass_word)
+
+    def trades(self, token: str) -> bool:
+        """Tell whether a token in an address is the one."""
+        return self.token is not None and _same(token, self.token)
+
+
+class Guard:
+    """The ASGI layer before the app."""
+
+    def __init__(self, app: ASGIApp, door: Door) -> None:
+        self._app, self._door = app, door
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http":
+            if scope["type"] == "lifespan":
+                await self._app(scope, receive, send)
+            return
+        answer = _Strict(send, scope["path"])
+        try:
+            refusal = await self._refuse(scope, answer)
+            if refusal is None:
+                body = await _bounded(scope, receive)
+                if body is None:
+                    refusal = 413, f"the request is larger than {_MOST_BODY} bytes; expected a shorter one"
+                else:
+                    await self._app(scope, body, answer)
+            if refusal is not None and not answer.started:
+                await _say(answer, *refusal)
+        except ClientDisconnect:
+            pass  # who has hung up in the middle of an upload hears nothing
+        except asyncio.CancelledError:  # the server ends, and somebody is still sending
+            if not answer.started:
+                await _say(answer, 503, "the server is ending; send it again when it is back")
+        except Exception:  # the outermost door: the browser hears nothing of the inside
+            traceback.print_exc(file=sys.stderr)
+            if answer.started and not answer.finished:
+                raise  # cut off, so that nobody takes it for whole
+            if not answer.started:
+                await _say(answer, 500, FAULT)
+
+    async def _refuse(self, scope: Scope, send: _Strict) -> tuple[int, str] | None:
+        """Return why a request is not let in; None lets it in, or answered it already."""
+        headers = {key.decode("latin-1"): value.decode("latin-1") for key, value in scope["headers"]}
+        host = headers.get("host", "")
+        if [key for key, _ in scope["headers"]].count(b"host") != 1 or not self._door.knows(host):
+            return 403, "the request names another host; open the page by the address that the server printed"
+        method, path = scope["method"], scope["path"]
+        if method not in _WRITES | _READS:
+            return 405, f"{method} is not answered here"
+        if not _is_own(headers, host, write=method in _WRITES, api=path.startswith("/api/")):
+            return 403, "the request comes from another site; open the page itself"
+        if self._door.opens(headers):
+            return None
+        query = parse_qsl(scope["query_string"].decode("latin-1"), keep_blank_values=True)
+        given = [value for key, value in query if key == "token"]
+        if method == "GET" and given and self._door.trades(given[0]):
+            rest = urlencode([(key, value) for key, value in query if key != "token"])
+            cookie = f"{_COOKIE}={self._door.pass_word}; HttpOnly; SameSite=Strict; Path=/"
+            place = "/" + path.lstrip("/\\") + (f"?{rest}" if rest else "")
+            await _say(
+                send,
+                303,
+                "see the page",
+                location=place.encode("ascii", "ignore"),
+                set_cookie=cookie.encode(),
+            )
+            return 303, ""
+        return 401, "a token is needed: open the address with ?token=... that the server printed"
+
+
+class _Strict:
+    """Send, with the headers that every answer has."""
+
+    def __init__(self, send: Send, path: str) -> None:
+        self._send, self._path = send, path
+        self.started = self.finished = False
+
+    async def __call__(self, message: Message) -> None:
+        if message["type"] == "http.response.start":
+            self.started = True
+            headers = [(key.lower(), value) for key, value in message.get("headers", ())]
+            own = {key for key, _ in headers}
+            stored = b"no-store" if self._path.startswith("/api/") else b"no-cache"
+            usual = (
+                *_SECURE,
+                (b"content-security-policy", PAGE_POLICY.encode()),
+                (b"cache-control", stored),
+            )
+            message = {**message, "headers": [*headers, *((k, v) for k, v in usual if k not in own)]}
+        else:
+            self.finished = not message.get("more_body", False)
+        await self._send(message)
+
+
+async def _bounded(scope: Scope, receive: Receive) -> Receive | None:
+    """Return a body that is no longer than it may be; None when it is. Uploads are counted where written."""
+    if scope["method"] not in _WRITES or scope["path"].startswith(_UPLOADS):
+        return receive
+    pieces, size, more = [], 0, True
+    while more:
+        message = await receive()
+        if message["type"] != "http.request":
+            break
+        pieces.append(message.get("body", b""))
+        size, more = size + len(pieces[-1]), message.get("more_body", False)
+        if size > _MOST_BODY:
+            return None
+    whole: list[Message] = [{"type": "http.request", "body": b"".join(pieces), "more_body": False}]
+
+    async def again() -> Message:
+        return whole.pop() if whole else await receive()
+
+    return again
+
+
+def _is_own(headers: dict[str, str], host: str, *, write: bool, api: bool) -> bool:
+    """Tell whether a request was made by our own page, by a person, or by no browser at all."""
+    site = headers.get("sec-fetch-site")
+    if write or api:
+        if site not in {None, "same-origin", "none"}:
+            return False
+        origin = headers.get("origin")
+        if origin is not None:
+            parts = urlsplit(origin) if origin != "null" else None
+            return parts is not None and parts.scheme in {"http", "https"} and parts.netloc == host
+    return True
+
+
+def _host_name(host: str) -> str | None:
+    """Return the name in a Host header, lower case, without port and brackets; None when it is none."""
+    try:
+        parts = urlsplit(f"//{host}")
+        _ = parts.port
+    except ValueError:
+        return None
+    if not host or parts.netloc != host or "@" in host:
+        return None
+    return parts.hostname
+
+
+def _same(given: str, wanted: str) -> bool:
+    return hmac.compare_digest(given.encode(), wanted.encode())
+
+
+async def _say(send: _Strict, status: int, said: str, **headers: bytes) -> None:
+    """Answer with a message."""
+    body = json.dumps({"error": said, "status": status}).encode()
+    listed: list[tuple[bytes, Any]] = [
+        (b"content-type", b"application/json"),
+        (b"content-length", str(len(body)).encode()),
+        *((key.replace("_", "-").encode(), value) for key, value in headers.items()),
+    ]
+    await send({"type": "http.response.start", "status": status, "headers": listed})
+    await send({"type": "http.response.body", "body": body})

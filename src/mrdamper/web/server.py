@@ -1,0 +1,199 @@
+"""The server: the app of all routes behind its guard, and ``mrdamper serve``.
+
+One process answers requests and does nothing that takes long. It works in one folder, and no other server in
+the same.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import socket
+import threading
+import webbrowser
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import uvicorn
+from fastapi import FastAPI
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import FileResponse, JSONResponse, Response
+from starlette.staticfiles import StaticFiles
+from starlette.types import ASGIApp
+
+from mrdamper.errors import InputError, MrdamperError
+from mrdamper.runtime.signals import on_interrupt
+from mrdamper.web.context import MOST_UPLOAD, Shop
+from mrdamper.web.job_queue import ConflictError
+from mrdamper.web.routes.cards import card_routes
+from mrdamper.web.routes.files import file_routes
+from mrdamper.web.routes.jobs import job_routes
+from mrdamper.web.routes.runs import run_routes
+from mrdamper.web.routes.state import state_routes
+from mrdamper.web.run_index import SameNameError
+from mrdamper.web.security import Door, Guard
+from mrdamper.web.words import in_page_words
+from mrdamper.web.worker_client import NotYetError
+from mrdamper.web.workspace import FAULT, NoSpaceError, NotThereError, TooLargeError, is_full
+
+__all__ = ["DEFAULT_PORT", "build", "serve"]
+
+DEFAULT_PORT = 8765
+
+_STATIC = Path(__file__).parent / "static"
+_RETRY_MS = 300
+_STATUS: tuple[tuple[type[Exception], int], ...] = (
+    (NotThereError, 404),
+    (ConflictError, 409),
+    (SameNameError, 409),
+    (TooLargeError, 413),
+    (NoSpaceError, 507),
+    (MrdamperError, 422),
+)
+
+
+def build(root: Path, door: Door | None = None, *, most_upload: int = MOST_UPLOAD) -> ASGIApp:
+    """Return the server of a folder as an ASGI app; its processes live from lifespan's start to its end."""
+    door = door or Door()
+    shop = Shop(root, most_upload=most_upload, local=door.is_loopback)
+
+    @asynccontextmanager
+    async def lifespan(_: FastAPI) -> AsyncIterator[None]:
+        shop.open()
+        yield
+        await shop.close()
+
+    app = FastAPI(lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None)
+    for routes in (state_routes, file_routes, run_routes, card_routes, job_routes):
+        app.include_router(routes(shop))
+    app.mount("/static", StaticFiles(directory=_STATIC, check_dir=False))
+    app.add_api_route("/{path:path}", _page, methods=["GET"], response_model=None)
+    for kind, status in _STATUS:
+        app.add_exception_handler(kind, _told_with(status))
+    app.add_exception_handler(OSError, _no_space)
+    app.add_exception_handler(FileNotFoundError, _gone)
+    app.add_exception_handler(NotYetError, _not_yet)
+    app.add_exception_handler(HTTPException, _plain)
+    app.add_exception_handler(Exception, _fault)
+    return Guard(app, door)
+
+
+def serve(
+    root: Path,
+    *,
+    port: int = DEFAULT_PORT,
+    host: str = "127.0.0.1",
+    token: str | None = None,
+    open_browser: bool = False,
+    announce: Callable[[str], None] = print,
+) -> None:
+    """Serve a folder until interrupted.
+
+    Parameters
+    ----------
+    port : 0: any that is free
+    host : beyond loopback only with a token
+    announce : told the address to open
+
+    Raises
+    ------
+    InputError
+        The port is in use, another server has the folder, or a host without a token.
+    """
+    door = Door(host, token)
+    app = build(root, door)
+    lock = (root.resolve() / ".cache" / "server.lock").open("w")
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as fault:
+        raise InputError(
+            f"{root}: another server works in this folder; stop it, or choose another"
+        ) from fault
+    with _listening(host, port) as listener, lock:
+        bound = listener.getsockname()[1]
+        shown = f"[{host}]" if ":" in host else socket.gethostname() if host == "0.0.0.0" else host
+        address = f"http://{shown}:{bound}/" + ("" if token is None else f"?token={token}")
+        announce(address)
+        if open_browser:
+            opener = threading.Timer(0.5, webbrowser.open, (address,))
+            opener.daemon = True
+            opener.start()
+        config = uvicorn.Config(
+            app,
+            log_level="warning",
+            access_log=False,
+            server_header=False,
+            date_header=False,
+            proxy_headers=False,
+            timeout_graceful_shutdown=2,
+            lifespan="on",
+            ws="none",
+        )
+        server = uvicorn.Server(config)
+
+        def close() -> None:
+            server.should_exit = True
+
+        with on_interrupt(close):  # before and after uvicorn listens itself, and for SIGHUP
+            server.run(sockets=[listener])
+
+
+def _listening(host: str, port: int) -> socket.socket:
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    # with the protocol named, or asyncio leaves Nagle's delay on: 40 ms for each answer
+    listener = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind((host, port))
+        listener.listen()  # before the address is told
+    except (OSError, OverflowError) as fault:
+        listener.close()
+        raise InputError(
+            f"--host {host} --port {port}: cannot be listened on ({fault}); choose another --port, or 0"
+        ) from fault
+    return listener
+
+
+async def _page(path: str) -> Response:
+    """Send the one page, under every address that is no file's."""
+    if path.startswith("api/") or "." in path:
+        raise HTTPException(404)
+    return FileResponse(_STATIC / "index.html", media_type="text/html; charset=utf-8")
+
+
+def _told_with(status: int) -> Callable[[Request, Exception], Response]:
+    def told(_: Request, fault: Exception) -> Response:
+        return JSONResponse({"error": in_page_words(str(fault)), "status": status}, status)
+
+    return told
+
+
+def _no_space(request: Request, fault: Exception) -> Response:
+    """Tell that the disk is full, wherever it was noticed; any other such fault is one of ours."""
+    if not is_full(fault):
+        raise fault
+    return _told_with(507)(request, NoSpaceError("nothing was written"))
+
+
+def _gone(request: Request, fault: Exception) -> Response:
+    """Tell that what a list had shown has been deleted or moved since."""
+    name = Path(str(getattr(fault, "filename", None) or "a file")).name
+    return _told_with(404)(request, NotThereError(f"{name!r}: is no longer there"))
+
+
+def _not_yet(_: Request, _fault: Exception) -> Response:
+    return JSONResponse({"state": "working", "retry_ms": _RETRY_MS}, 202)
+
+
+def _fault(_: Request, _fault: Exception) -> Response:
+    return JSONResponse({"error": FAULT, "status": 500}, 500)
+
+
+def _plain(_: Request, fault: Exception) -> Response:
+    assert isinstance(fault, HTTPException)
+    said = {404: "nothing is at this address", 405: "this is not answered here"}
+    status = fault.status_code
+    return JSONResponse(
+        {"error": said.get(status, "the request cannot be answered"), "status": status}, status
+    )

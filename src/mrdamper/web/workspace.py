@@ -1,0 +1,288 @@
+"""The folder that holds all work, as files that the command line reads too; and names that stay inside it.
+
+    runs/         measured files, each with NAME.channels.toml beside it when it was mapped
+    records/      long records, for their cycles alone: put there by hand, never read whole
+    inputs/       what people write: drawings, sinks, fluids, targets, campaigns (TOML), duties (CSV)
+    cards/NAME/   what ``mrdamper identify --out`` writes
+    results/ID/   each job: job.json, progress.jsonl, answer.json beside its own files
+    .cache/       runs as they are drawn; may be deleted at any time
+
+A name from outside becomes a path here and nowhere else. It names something directly in its folder, is no
+link that leads out, and new ones are plain.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import re
+import secrets
+import shutil
+import tempfile
+from collections.abc import AsyncIterator
+from contextlib import suppress
+from datetime import UTC, datetime
+from pathlib import Path
+
+from mrdamper.errors import InputError, MrdamperError
+from mrdamper.runtime.outputs import clear_left
+
+__all__ = [
+    "FAULT",
+    "MAP_SUFFIX",
+    "NoSpaceError",
+    "NotThereError",
+    "TooLargeError",
+    "WorkFolder",
+    "is_full",
+    "now",
+    "stamp",
+]
+
+MAP_SUFFIX = ".channels.toml"
+FAULT = "internal fault: this is a fault of mrdamper; the server's terminal says where"
+"""What is told of a fault of ours: nothing of the inside."""
+
+_PLAIN = re.compile(r"[\w ._\-+=,()\[\]@#%&]+")
+_LONGEST = 150  # bytes of a name
+_INPUTS = (".toml", ".csv", ".json")
+_ESCAPED = re.compile(r"%[0-9a-fA-F]{2}")  # somebody else may take it for another sign
+_RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
+
+
+class NotThereError(InputError):
+    """A name that nothing in the folder has."""
+
+
+class TooLargeError(InputError):
+    """An upload beyond what may be stored."""
+
+
+class NoSpaceError(MrdamperError):
+    """The disk is full, or the user's share of it."""
+
+    def __init__(self, what: str) -> None:
+        super().__init__(f"the disk is full: {what}. Make room on the disk of the folder, then try again")
+
+
+def is_full(fault: BaseException) -> bool:
+    """Tell whether it is for want of room that something could not be written."""
+    return isinstance(fault, OSError) and fault.errno in {errno.ENOSPC, errno.EDQUOT}
+
+
+class WorkFolder:
+    """The folder of one server."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root.resolve()
+        try:
+            for part in ("runs", "records", "inputs", "cards", "results", ".cache"):
+                (self.root / part).mkdir(parents=True, exist_ok=True)
+                if not (self.root / part).resolve().is_relative_to(self.root):
+                    raise InputError(f"{self.root / part}: is a link that leads out of the folder; remove it")
+        except OSError as fault:
+            raise InputError(
+                f"{root}: cannot be worked in: {fault.strerror}; choose another --folder"
+            ) from fault
+
+    def clear(self) -> None:
+        """Delete what a server that was killed left half-written; no other process may be at work."""
+        for place in (self.runs, self.inputs, self.cards):
+            clear_left(place)
+            for left in place.glob(".upload-*"):
+                self.remove(left)
+
+    @property
+    def runs(self) -> Path:
+        return self.root / "runs"
+
+    @property
+    def records(self) -> Path:
+        return self.root / "records"
+
+    @property
+    def inputs(self) -> Path:
+        return self.root / "inputs"
+
+    @property
+    def cards(self) -> Path:
+        return self.root / "cards"
+
+    @property
+    def results(self) -> Path:
+        return self.root / "results"
+
+    @property
+    def cache(self) -> Path:
+        return self.root / ".cache"
+
+    # ---------------------------------------------------------------------------------- names to paths
+
+    def new(self, place: Path, name: str, suffixes: tuple[str, ...] = ()) -> Path:
+        """Return where a new file or folder of this name goes."""
+        shown = name[:60]
+        if (
+            not _PLAIN.fullmatch(name)
+            or name.startswith((".", " "))
+            or name.endswith((".", " "))
+            or len(name.encode()) > _LONGEST
+            or _RESERVED.fullmatch(name)
+            or _ESCAPED.search(name)
+        ):
+            raise InputError(
+                f"name {shown!r}: cannot be used; expected letters, digits, blanks and ._-+=,()[]@#%&, not "
+                f"beginning with a dot, at most {_LONGEST} bytes. Rename the file"
+            )
+        if suffixes and (Path(name).suffix.lower() not in suffixes or name.endswith(MAP_SUFFIX)):
+            raise InputError(
+                f"name {shown!r}: not a kind of file that goes there; expected one of {', '.join(suffixes)}"
+            )
+        return place / name
+
+    def there(self, place: Path, *names: str, folder: bool = False) -> Path:
+        """Return the file (or folder) of these names below a place of the folder.
+
+        Raises
+        ------
+        NotThereError
+            Nothing of that name, or a link that leads out.
+        """
+        for name in names:
+            if not name or name in {".", ".."} or re.search(r"[/\\\x00]", name):
+                raise NotThereError(f"{name[:60]!r}: no such name here")
+        path = place.joinpath(*names)
+        try:
+            real = path.resolve(strict=True)
+        except (OSError, ValueError, RuntimeError):
+            real = None
+        is_kind = real is not None and (real.is_dir() if folder else real.is_file())
+        if real is None or not is_kind or not real.is_relative_to(place.resolve()):
+            raise NotThereError(f"{names[-1][:60]!r}: nothing of that name here")
+        return path
+
+    def run_file(self, name: str) -> Path:
+        """Return the measured file of a name."""
+        if name.endswith(MAP_SUFFIX) or name.startswith("."):
+            raise NotThereError(f"{name[:60]!r}: no run's file")
+        return self.there(self.runs, name)
+
+    def record(self, name: str) -> Path:
+        """Return the long record of a name, or the measured file."""
+        if self._is_there(self.records, name) and not name.endswith(MAP_SUFFIX):
+            return self.there(self.records, name)
+        return self.run_file(name)
+
+    def channel_map(self, name: str) -> Path:
+        """Return a channel map that somebody wrote, or the one beside the measured file of a name."""
+        if name.endswith(".toml"):
+            return self.input(name)
+        path = self.map_of(self.record(name))
+        return self.there(path.parent, path.name)
+
+    def map_of(self, file: Path) -> Path:
+        """Return where the channel map of a measured file lies, or would."""
+        return file.with_name(file.name + MAP_SUFFIX)
+
+    def card(self, name: str) -> Path:
+        """Return the card.json of a name."""
+        return self.there(self.cards, name, "card.json")
+
+    def input(self, name: str) -> Path:
+        """Return what somebody wrote."""
+        return self.there(self.inputs, name)
+
+    # ------------------------------------------------------------------------------------- what there is
+
+    def run_files(self, formats: tuple[str, ...]) -> list[Path]:
+        """Return the measured files, by name."""
+        return self._measured(self.runs, formats)
+
+    def record_files(self, formats: tuple[str, ...]) -> list[Path]:
+        """Return the long records, by name."""
+        return self._measured(self.records, formats)
+
+    def _measured(self, place: Path, formats: tuple[str, ...]) -> list[Path]:
+        found = [path for path in self._listed(place) if path.suffix.lower() in formats]
+        return [path for path in found if not path.name.endswith(MAP_SUFFIX)]
+
+    def input_files(self) -> list[Path]:
+        return [path for path in self._listed(self.inputs) if path.suffix.lower() in _INPUTS]
+
+    def card_names(self) -> list[str]:
+        names = sorted(path.name for path in self.cards.iterdir() if not path.name.startswith("."))
+        return [name for name in names if self._is_there(self.cards, name, "card.json")]
+
+    def _listed(self, place: Path) -> list[Path]:
+        found = sorted(path for path in place.iterdir() if not path.name.startswith("."))
+        return [path for path in found if self._is_there(place, path.name)]
+
+    def _is_there(self, place: Path, *names: str) -> bool:
+        try:
+            self.there(place, *names)
+        except NotThereError:
+            return False
+        return True
+
+    # ---------------------------------------------------------------------------------------- writing
+
+    async def store(self, path: Path, body: AsyncIterator[bytes], most_bytes: int, stated: str | None) -> int:
+        """Write an upload beside its place and move it there whole; return its size [bytes]."""
+        too_large = TooLargeError(
+            f"{path.name}: is larger than {most_bytes / 1e6:g} MB; split the file, or put it into the folder "
+            "by hand"
+        )
+        if stated is not None and (not stated.isdigit() or int(stated) > most_bytes):
+            raise too_large
+        beside = path.with_name(f".upload-{secrets.token_hex(8)}")
+        size = 0
+        try:
+            with beside.open("xb") as file:
+                async for piece in body:
+                    size += len(piece)
+                    if size > most_bytes:
+                        raise too_large
+                    file.write(piece)
+            self.move(beside, path)
+        except OSError as fault:
+            if is_full(fault):
+                raise NoSpaceError(f"{path.name} was not stored") from fault
+            raise TooLargeError(f"{path.name}: cannot be written: {fault.strerror}") from fault
+        finally:
+            beside.unlink(missing_ok=True)
+        return size
+
+    def move(self, beside: Path, path: Path) -> None:
+        """Put a finished file into its place; a link there is replaced, not followed."""
+        if path.is_dir() and not path.is_symlink():
+            raise InputError(f"{path.name}: is a folder; choose another name")
+        beside.replace(path)
+
+    def write(self, path: Path, text: str) -> None:
+        """Write a text whole or not at all."""
+        handle, name = tempfile.mkstemp(prefix=".upload-", dir=path.parent)
+        beside = Path(name)
+        try:
+            with os.fdopen(handle, "w", encoding="utf-8") as file:
+                file.write(text)
+            beside.chmod(0o644)
+            self.move(beside, path)
+        finally:
+            beside.unlink(missing_ok=True)
+
+    def remove(self, path: Path) -> None:
+        """Delete a file, a link, or a folder of ours."""
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path, ignore_errors=True)
+        else:
+            with suppress(FileNotFoundError):
+                path.unlink()
+
+
+def now() -> str:
+    """Return the time as it stands in records: UTC, ISO 8601."""
+    return stamp(datetime.now(UTC).timestamp())
+
+
+def stamp(seconds: float) -> str:
+    """Return a file's time as it stands in records."""
+    return datetime.fromtimestamp(seconds, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
