@@ -22,7 +22,7 @@ from bench.measure import Asked, Row, absent, judged, timed
 from bench.plain import PlainBank
 from mrdamper.arrays import FloatArray
 from mrdamper.control.controllers import ForceController, controllers_for
-from mrdamper.control.protocol import Seen, Wanted
+from mrdamper.control.protocol import Measurement, Reference
 from mrdamper.control.stepper import Flag
 from mrdamper.excitation import MOTIONS
 from mrdamper.export.c_code import c_files, sources_sha256
@@ -32,7 +32,7 @@ from mrdamper.export.target import target_of
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.card import Evidence, ModelCard
 from mrdamper.models.damper import Damper, OperatingEnvelope
-from mrdamper.models.dependence import Bipolynomial, Constant, Exponential, Polynomial, Tempered
+from mrdamper.models.dependence import Bipolynomial, Constant, Exponential, Polynomial, TemperatureDependent
 from mrdamper.models.laws import LAWS
 from mrdamper.models.temperature import Arrhenius
 from tests.control.slow_step import SlowController
@@ -53,7 +53,7 @@ MOST_NS = {
 DAMPER = Damper(
     LAWS["double-bouc-wen"],
     {
-        "viscosity": Tempered(Polynomial((7000.0, 700.0)), Arrhenius(1500.0)),
+        "viscosity": TemperatureDependent(Polynomial((7000.0, 700.0)), Arrhenius(1500.0)),
         "viscous_exponent": Constant(0.9),
         "stiffness": Constant(1400.0),
         "offset": Polynomial((6.0, 10.0)),
@@ -167,8 +167,8 @@ def _in_c(made: ForceController, told: FloatArray) -> Job:
 
 
 def _one_by_one(made: ForceController, told: FloatArray) -> Job:
-    wanted = [Wanted(row[0], row[1]) for row in told.tolist()]
-    seen = [Seen(row[2], row[3], row[4]) for row in told.tolist()]
+    wanted = [Reference(row[0], row[1]) for row in told.tolist()]
+    seen = [Measurement(row[2], row[3], row[4]) for row in told.tolist()]
 
     def job() -> list[float]:
         state, step = made.start(), made.step

@@ -17,9 +17,9 @@ from bench.measure import Row
 from bench.tracking import in_words, measured
 from mrdamper.control.card_plant import CardPlant
 from mrdamper.control.controllers import controllers_for
-from mrdamper.control.loop import course_of, run_loop
+from mrdamper.control.loop import reference_trajectory, run_loop
 from mrdamper.control.scenario import SCENARIOS
-from mrdamper.control.score import reach_of, score_run, worst
+from mrdamper.control.score import attainable_range, score_run, worst
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.card import ModelCard
 from mrdamper.rig.campaign import Campaign
@@ -63,7 +63,7 @@ def _on_cards(folder: Path) -> Iterable[Row]:
         plant = CardPlant(other.damper, highest=1.0)
         for target in TARGETS:
             scenario = replace(SCENARIOS[target], highest_A=1.0, temperature_degC=20.0)
-            reach = reach_of(plant, course_of(scenario, plant.step_s), 20.0, 1.0)
+            reach = attainable_range(plant, reference_trajectory(scenario, plant.step_s), 20.0, 1.0)
             for law in LAWS:
                 made = controllers_for(cards[law])
                 for name in ("recommended", "series-inverse"):

@@ -170,16 +170,16 @@ def _write(place: Path, rows: int) -> None:
 def _write_card(place: Path) -> None:
     from mrdamper.models.card import Evidence, ModelCard, write_card
     from mrdamper.models.damper import Damper, OperatingEnvelope
-    from mrdamper.models.dependence import Constant, Polynomial, Tempered
+    from mrdamper.models.dependence import Constant, Polynomial, TemperatureDependent
     from mrdamper.models.laws import LAWS
     from mrdamper.models.temperature import Arrhenius, Linear
 
     damper = Damper(
         LAWS["bouc-wen"],
         {
-            "viscosity": Tempered(Polynomial((600.0, 300.0)), Arrhenius(1511.0)),
+            "viscosity": TemperatureDependent(Polynomial((600.0, 300.0)), Arrhenius(1511.0)),
             "stiffness": Constant(700.0),
-            "yield_force": Tempered(Polynomial((60.0, 500.0)), Linear(1.5e-3)),
+            "yield_force": TemperatureDependent(Polynomial((60.0, 500.0)), Linear(1.5e-3)),
             "rho": Constant(1500.0),
             "kappa": Constant(-0.4),
             "n": Constant(1.6),

@@ -19,7 +19,7 @@ from bench import quarter_car
 from bench.measure import Asked, Row, interleaved
 from mrdamper.control.controllers import ForceController, controllers_for
 from mrdamper.control.optimum import search_optimum
-from mrdamper.control.protocol import Seen, Wanted
+from mrdamper.control.protocol import Measurement, Reference
 from mrdamper.control.scenario import SCENARIOS, Disturbance, Dropout, Scenario, Sensing
 from mrdamper.control.score import Score, worst
 from mrdamper.data.records import RigRun
@@ -389,16 +389,16 @@ def _steps(card: ModelCard) -> Iterable[Row]:
         controller = controllers_for(card)[name]
         wanted = scenario.force(at), scenario.force(at + controller.preview_s)
         told = np.column_stack([*wanted, x, np.full(n, 333.15), np.full(n, np.nan)])
-        targets = [Wanted(now, ahead) for now, ahead in zip(*(w.tolist() for w in wanted), strict=True)]
-        seen = [Seen(place, 333.15) for place in x.tolist()]
+        targets = [Reference(now, ahead) for now, ahead in zip(*(w.tolist() for w in wanted), strict=True)]
+        seen = [Measurement(place, 333.15) for place in x.tolist()]
 
         def in_c(controller: ForceController = controller, told: np.ndarray = told) -> None:
             controller.run(controller.start(), told)
 
         def from_python(
             controller: ForceController = controller,
-            targets: list[Wanted] = targets,
-            seen: list[Seen] = seen,
+            targets: list[Reference] = targets,
+            seen: list[Measurement] = seen,
         ) -> None:
             state, step = controller.start(), controller.step
             for each, reading in zip(targets, seen, strict=True):

@@ -8,9 +8,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 from mrdamper.control.controllers import ForceController
-from mrdamper.control.loop import course_of, run_loop
+from mrdamper.control.loop import reference_trajectory, run_loop
 from mrdamper.control.scenario import Scenario
-from mrdamper.control.score import Reach, Score, reach_of, score_run, worst
+from mrdamper.control.score import AttainableRange, Score, attainable_range, score_run, worst
 from mrdamper.rig.plant import STEP_S, Plant, VirtualDamper
 
 TEMPERATURES, SEEDS = (20.0, 60.0, 100.0, 123.0), (1, 2)
@@ -25,17 +25,17 @@ MUST = {  # largest of all, largest feasible, RMSE feasible [N]
 }
 OF_THE_PAPERS = {SLOW: 0.3, FAST: 0.25, UNEVEN: 0.35}  # of its controller's RMSE
 
-_REACHES: dict[tuple[VirtualDamper, str, float, float], Reach] = {}
+_REACHES: dict[tuple[VirtualDamper, str, float, float], AttainableRange] = {}
 
 
-def reach(damper: VirtualDamper, scenario: Scenario) -> Reach:
+def reach(damper: VirtualDamper, scenario: Scenario) -> AttainableRange:
     """Return the reach of the damper, its force's gain included; kept, as controllers share it."""
     key = damper, scenario.name, scenario.temperature_degC, scenario.duration_s
     if key not in _REACHES:
-        course = course_of(scenario, STEP_S)
-        _REACHES[key] = reach_of(Plant(damper), course, scenario.temperature_degC, scenario.highest_A)
+        course = reference_trajectory(scenario, STEP_S)
+        _REACHES[key] = attainable_range(Plant(damper), course, scenario.temperature_degC, scenario.highest_A)
     gain = scenario.disturbance.force_gain  # is the damper's, and so of its reach
-    return Reach(gain * _REACHES[key].low, gain * _REACHES[key].high)
+    return AttainableRange(gain * _REACHES[key].low, gain * _REACHES[key].high)
 
 
 def forget_reaches() -> None:

@@ -20,7 +20,7 @@ from mrdamper.data.records import Dataset, RigRun
 from mrdamper.excitation import MOTIONS, Trajectory, drive
 from mrdamper.identify.fit import Identification
 from mrdamper.models.damper import Damper
-from mrdamper.models.dependence import Bipolynomial, Constant, Tempered
+from mrdamper.models.dependence import Bipolynomial, Constant, TemperatureDependent
 from mrdamper.models.laws import LAWS
 from mrdamper.models.simulate import simulate
 from mrdamper.models.temperature import Arrhenius
@@ -151,7 +151,7 @@ def errors_of_unaware(preset: str, known: str) -> Errors:
     steady = [run for run in training if run.constant_command is not None]
     given = steady if known == "pooled" else [run for run in steady if "_020C_" in run.name]
     fitted = mrdamper.fit(given, law, temperature="none", terms=("friction", "thinning"))
-    assert not fitted.damper.tempered
+    assert not fitted.damper.temperature_dependent
     return by_temperature(fitted, preset)
 
 
@@ -199,7 +199,7 @@ def test_the_paper_s_way_is_run_and_is_further_off(preset):
 KNOWN = Damper(
     LAWS[PLAIN],
     {
-        "viscosity": Tempered(Constant(7000.0), Arrhenius(1500.0)),
+        "viscosity": TemperatureDependent(Constant(7000.0), Arrhenius(1500.0)),
         "stiffness": Constant(1500.0),
         "offset": Constant(6.0),
         "yield_force": Bipolynomial((40.0, -0.1, 600.0, -0.9, 50.0, 0.0), 1),

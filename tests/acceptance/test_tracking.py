@@ -18,7 +18,7 @@ import mrdamper
 from mrdamper.control.controllers import ForceController, controllers_for
 from mrdamper.control.loop import run_loop
 from mrdamper.control.optimum import search_optimum
-from mrdamper.control.protocol import Seen, Wanted
+from mrdamper.control.protocol import Measurement, Reference
 from mrdamper.control.scenario import SCENARIOS, Dropout, Scenario
 from mrdamper.control.score import Score, score_run
 from mrdamper.data.records import Dataset
@@ -284,8 +284,8 @@ def test_one_step_takes_a_microsecond_in_c_and_two_from_python():
     x = scenario.path.displacement(at) + np.random.default_rng(1).normal(0.0, 10e-6, steps)
     now, ahead = scenario.force(at), scenario.force(at + controller.preview_s)
     told = np.column_stack([now, ahead, x, kelvin, np.full(steps, np.nan)])
-    wanted = [Wanted(*pair) for pair in zip(now.tolist(), ahead.tolist(), strict=True)]
-    seen = [Seen(*pair) for pair in zip(x.tolist(), kelvin.tolist(), strict=True)]
+    wanted = [Reference(*pair) for pair in zip(now.tolist(), ahead.tolist(), strict=True)]
+    seen = [Measurement(*pair) for pair in zip(x.tolist(), kelvin.tolist(), strict=True)]
 
     def one_by_one() -> None:
         state, step = controller.start(), controller.step

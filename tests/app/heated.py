@@ -9,7 +9,7 @@ from mrdamper.data.records import Dataset
 from mrdamper.identify.fit import fit
 from mrdamper.models.card import Evidence, ModelCard, write_card
 from mrdamper.models.damper import CommandUnit, Damper, OperatingEnvelope
-from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial, Tempered
+from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial, TemperatureDependent
 from mrdamper.models.laws import LAWS
 from mrdamper.models.temperature import Arrhenius, Linear
 from mrdamper.rig.campaign import Campaign
@@ -42,14 +42,18 @@ def plain_card(
     name: str = "card.json",
     *,
     unit: CommandUnit = "A",
-    tempered: bool = True,
+    temperature_dependent: bool = True,
     assumed: bool = False,
 ) -> Path:
     """Write the card of a Dahl damper of some 75 W at 15 mm, 1 Hz and 2 A (or 2 V); return its path."""
     viscosity, force = Constant(3e3), Polynomial((60.0, 450.0))
     forms: dict[str, ParameterLaw] = {
-        "viscosity": Tempered(viscosity, Arrhenius(1435.5), assumed=assumed) if tempered else viscosity,
-        "yield_force": Tempered(force, Linear(1.3e-3), assumed=assumed) if tempered else force,
+        "viscosity": TemperatureDependent(viscosity, Arrhenius(1435.5), assumed=assumed)
+        if temperature_dependent
+        else viscosity,
+        "yield_force": TemperatureDependent(force, Linear(1.3e-3), assumed=assumed)
+        if temperature_dependent
+        else force,
         "rho": Constant(4e3),
         "offset": Constant(0.0),
     }
@@ -57,7 +61,10 @@ def plain_card(
         title="plain",
         damper=Damper(LAWS["dahl"], forms, command_unit=unit),
         envelope=OperatingEnvelope(
-            (0.0, 2.0), (-0.015, 0.015), (-0.0943, 0.0943), (293.15, 403.15) if tempered else None
+            (0.0, 2.0),
+            (-0.015, 0.015),
+            (-0.0943, 0.0943),
+            (293.15, 403.15) if temperature_dependent else None,
         ),
         evidence=Evidence(
             runs=({"name": "a", "split": "training", "rmse_N": 1.0, "nrmse_percent": 1.0},),

@@ -11,7 +11,7 @@ import mrdamper
 from mrdamper.models.card import card_to_json, verify_excerpt
 from mrdamper.models.card_schema import card_from_json
 from mrdamper.models.simulate import simulate
-from mrdamper.runtime.outputs import staged
+from mrdamper.runtime.outputs import atomic_output
 from tests.app.rigs import PYTHON_LAW, short_runs
 
 
@@ -79,14 +79,14 @@ def test_files_appear_together_or_not_at_all(tmp_path):
     out = tmp_path / "new" / "out"
 
     def fail_half_way():
-        with staged(out) as beside:
+        with atomic_output(out) as beside:
             (beside / "card.json").write_text("half", encoding="utf-8")
             raise RuntimeError
 
     with pytest.raises(RuntimeError):
         fail_half_way()
     assert list(tmp_path.iterdir()) == []
-    with staged(out) as beside:
+    with atomic_output(out) as beside:
         (beside / "card.json").write_text("whole", encoding="utf-8")
     assert [p.name for p in out.iterdir()] == ["card.json"]
     assert [p.name for p in tmp_path.iterdir()] == ["new"]

@@ -15,7 +15,7 @@ from mrdamper.data.prepare import Preparation, prepare_run
 from mrdamper.excitation import Sine
 from mrdamper.identify.assess import RunError
 from mrdamper.models.characteristics import settled_cycle
-from mrdamper.models.dependence import Tempered
+from mrdamper.models.dependence import TemperatureDependent
 from mrdamper.report.identification.campaign import Campaign
 from mrdamper.report.identification.groups import (
     error_table,
@@ -210,7 +210,9 @@ def test_the_same_campaign_gives_the_same_bytes(fitted, judged, text):
 def test_assumed_factors_are_marked_wherever_they_show(fitted, judged, text):
     assert "assumed" not in said_in(text)
     forms = {
-        name: replace(form, assumed=True) if isinstance(form, Tempered) and name == "viscosity" else form
+        name: replace(form, assumed=True)
+        if isinstance(form, TemperatureDependent) and name == "viscosity"
+        else form
         for name, form in fitted.damper.coefficients.items()
     }
     damper = replace(fitted.damper, coefficients=forms)

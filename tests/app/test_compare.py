@@ -15,7 +15,7 @@ from mrdamper.models.actuation import Actuation
 from mrdamper.models.card import Evidence, ModelCard, write_card
 from mrdamper.models.comparison import common_envelope, compare_cards
 from mrdamper.models.damper import Damper, OperatingEnvelope
-from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial, Tempered
+from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial, TemperatureDependent
 from mrdamper.models.laws import LAWS
 from mrdamper.models.temperature import Linear
 from mrdamper.report.compare import render_comparison
@@ -52,7 +52,7 @@ def a_card(
 
 
 def warm_damper(slope: float = 1e-3) -> Damper:
-    return a_damper(yield_force=Tempered(Polynomial((60.0, 600.0)), Linear(slope)))
+    return a_damper(yield_force=TemperatureDependent(Polynomial((60.0, 600.0)), Linear(slope)))
 
 
 # ------------------------------------------------------------------------------------------- differences
@@ -180,7 +180,9 @@ def test_temperatures_that_do_not_meet_are_refused():
 
 @pytest.fixture(scope="module")
 def page():
-    assumed = a_damper(yield_force=Tempered(Polynomial((60.0, 600.0)), Linear(1e-3), assumed=True))
+    assumed = a_damper(
+        yield_force=TemperatureDependent(Polynomial((60.0, 600.0)), Linear(1e-3), assumed=True)
+    )
     cards = a_card(warm_damper(), WARM, title=NASTY), a_card(assumed, WARM)
     return render_comparison(compare_cards(*cards, names=(NASTY, "b")))
 

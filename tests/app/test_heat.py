@@ -185,7 +185,7 @@ def test_the_curve_ends_at_the_fluid_s_limit_and_says_when(folder):
 
 
 def test_a_card_without_temperature_holds_its_power_and_says_so(folder):
-    card = plain_card(folder, "cold.json", tempered=False)
+    card = plain_card(folder, "cold.json", temperature_dependent=False)
     found: Any = heat(card, DRAWING, out=folder / "cold")
     assert np.ptp(found["power_W"]["mechanical"]) == 0.0
     assert found["force_loss_percent"] == 0.0

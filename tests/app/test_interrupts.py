@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 from mrdamper.jobs.sweep.results import CHECKPOINT
-from mrdamper.runtime.outputs import staged
+from mrdamper.runtime.outputs import atomic_output
 from mrdamper.runtime.signals import Interrupted, heed_interrupts, interrupt_ends_all, on_interrupt
 from tests.app.kills import (
     IDENTIFY,
@@ -224,11 +224,11 @@ def test_files_that_are_being_moved_are_moved_to_the_last(
             signal.raise_signal(number)
         return replace(self, target)
 
-    with staged(tmp_path / "out") as beside:
+    with atomic_output(tmp_path / "out") as beside:
         for k in range(4):
             (beside / str(k)).write_text("old")
     monkeypatch.setattr(Path, "replace", interrupted)
-    with staged(tmp_path / "out") as beside:
+    with atomic_output(tmp_path / "out") as beside:
         for k in range(4):
             (beside / str(k)).write_text("new")
     assert [path.read_text() for path in sorted((tmp_path / "out").iterdir())] == ["new"] * 4
@@ -250,11 +250,11 @@ def test_files_that_cannot_all_be_moved_are_moved_by_the_next_job(
     out = tmp_path / "out"
     out.mkdir()
     monkeypatch.setattr(Path, "replace", failing)
-    with pytest.raises(Exception, match=r"some files are in their place"), staged(out) as beside:  # noqa: PT012
+    with pytest.raises(Exception, match=r"some files are in their place"), atomic_output(out) as beside:  # noqa: PT012
         for k in range(4):
             (beside / str(k)).write_text("new")
     assert len(list(out.glob("?"))) == 1
-    with staged(out) as beside:
+    with atomic_output(out) as beside:
         (beside / "more").write_text("new")
     assert len(list(out.glob("?"))) == 4
     assert not left_behind(tmp_path)

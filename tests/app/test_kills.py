@@ -131,7 +131,7 @@ with staged(pathlib.Path(sys.argv[1])) as beside:
 
 def test_files_that_were_being_moved_are_moved_by_the_next_job(tmp_path: Path):
     """Two of five have their place when the job is killed: they are a whole set again with the next job."""
-    from mrdamper.runtime.outputs import staged
+    from mrdamper.runtime.outputs import atomic_output
 
     out = tmp_path / "out"
     out.mkdir()
@@ -140,14 +140,14 @@ def test_files_that_were_being_moved_are_moved_by_the_next_job(tmp_path: Path):
     done = subprocess.run([sys.executable, "-c", KILLED_WHILE_MOVING, str(out)], check=False)
     assert done.returncode == -9
     assert sorted(path.read_text() for path in out.glob("*.txt")) == ["new"] * 2 + ["old"] * 3
-    with pytest.raises(ValueError, match="of no matter"), staged(out):
+    with pytest.raises(ValueError, match="of no matter"), atomic_output(out):
         raise ValueError("of no matter")
     assert {path.read_text() for path in out.glob("*.txt")} == {"new"}
     assert not left_behind(tmp_path)
 
 
 def test_what_a_killed_job_wrote_is_removed_and_what_a_living_one_writes_is_not(tmp_path: Path):
-    from mrdamper.runtime.outputs import clear_left, staged
+    from mrdamper.runtime.outputs import atomic_output, recover_staging
 
     code = (
         "import os, pathlib, signal, sys\n"
@@ -159,9 +159,9 @@ def test_what_a_killed_job_wrote_is_removed_and_what_a_living_one_writes_is_not(
     for _ in range(3):
         subprocess.run([sys.executable, "-c", code, str(tmp_path / "out")], check=False)
         assert len(left_behind(tmp_path)) == 1  # they do not pile up
-    with staged(tmp_path / "other") as beside:
+    with atomic_output(tmp_path / "other") as beside:
         (beside / "mine.txt").write_text("mine")
-        clear_left(tmp_path)
+        recover_staging(tmp_path)
         assert left_behind(tmp_path) == [str(beside.parent.relative_to(tmp_path))]
     assert (tmp_path / "other" / "mine.txt").read_text() == "mine"
     assert not (tmp_path / "out").exists()

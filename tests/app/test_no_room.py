@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from mrdamper.errors import InputError
-from mrdamper.runtime.outputs import staged
+from mrdamper.runtime.outputs import atomic_output
 from tests.app.kills import Nursery, left_behind, written
 from tests.app.rigs import command
 from tests.app.tracked import write_a_card
@@ -131,7 +131,7 @@ def test_a_card_on_a_full_disk_is_told_of_by_the_job_s_place(tmp_path: Path):
     with disk(tmp_path / "disk", "-o", "size=16k") as small:
         (small / "ballast").write_bytes(bytes(12_000))
         said = r"the disk is full .* nothing was changed"
-        with pytest.raises(InputError, match=said) as refused, staged(small / "out") as beside:
+        with pytest.raises(InputError, match=said) as refused, atomic_output(small / "out") as beside:
             write_a_card(beside / "card.json")
         assert str(refused.value).startswith(f"{small / 'out'}: ")
         assert ".mrdamper-" not in str(refused.value)

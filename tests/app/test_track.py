@@ -32,7 +32,7 @@ temperature_degC = 60
 def folder(tmp_path_factory):
     place = tmp_path_factory.mktemp("track")
     write_a_card(place / "card.json")
-    write_a_card(place / "cold.json", a_damper(tempered=False))
+    write_a_card(place / "cold.json", a_damper(temperature_dependent=False))
     (place / "short.toml").write_text(SHORT, encoding="utf-8")
     return place
 

@@ -7,22 +7,29 @@ from pathlib import Path
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.card import Evidence, ModelCard, write_card
 from mrdamper.models.damper import Damper, OperatingEnvelope
-from mrdamper.models.dependence import Constant, Exponential, Hill, ParameterLaw, Polynomial, Tempered
+from mrdamper.models.dependence import (
+    Constant,
+    Exponential,
+    Hill,
+    ParameterLaw,
+    Polynomial,
+    TemperatureDependent,
+)
 from mrdamper.models.laws import LAWS
 from mrdamper.models.temperature import Arrhenius, Linear
 
 LAG = Actuation(0.008, 0.0063, 0.0031, 0.0036, resistance_20_ohm=5.0, largest_command=2.0)
 
 FORMS: dict[str, ParameterLaw] = {
-    "viscosity": Tempered(Polynomial((6950.0, 620.0)), Arrhenius(1511.0)),
+    "viscosity": TemperatureDependent(Polynomial((6950.0, 620.0)), Arrhenius(1511.0)),
     "viscous_exponent": Constant(0.888),
     "stiffness": Constant(1420.0),
     "offset": Constant(6.0),
     "breakaway_friction": Constant(25.0),
     "stribeck_velocity": Constant(0.0023),
     "transition_velocity": Constant(0.0038),
-    "yield_force": Tempered(Hill(50.0, 310.0, 5.54, 0.6, reference=2.0), Linear(1.6e-3)),
-    "second_force": Tempered(Hill(0.0, 970.0, 1.2, 1.93, reference=2.0), Linear(1.4e-3)),
+    "yield_force": TemperatureDependent(Hill(50.0, 310.0, 5.54, 0.6, reference=2.0), Linear(1.6e-3)),
+    "second_force": TemperatureDependent(Hill(0.0, 970.0, 1.2, 1.93, reference=2.0), Linear(1.4e-3)),
     "rho": Exponential(15e3, 0.466),
     "second_rho": Exponential(4808.0, -0.063),
     "kappa": Constant(-0.41),
@@ -35,10 +42,10 @@ RUN = {"name": "nobody_measured_this", "split": "training", "rmse_N": 20.0, "nrm
 ENVELOPE = OperatingEnvelope((0.0, 2.0), (-0.012, 0.012), (-0.04, 0.04), (293.15, 393.15))
 
 
-def a_damper(*, lag: Actuation | None = LAG, tempered: bool = True) -> Damper:
+def a_damper(*, lag: Actuation | None = LAG, temperature_dependent: bool = True) -> Damper:
     """Return the damper; without ``tempered`` as if it had been identified at 20 degC alone."""
     forms = {
-        name: form if tempered or not isinstance(form, Tempered) else form.form
+        name: form if temperature_dependent or not isinstance(form, TemperatureDependent) else form.form
         for name, form in FORMS.items()
     }
     held = (288.15, 398.15)

@@ -9,7 +9,7 @@ import numpy as np
 from mrdamper.data.records import RigRun
 from mrdamper.excitation import Motion, Sine, drive
 from mrdamper.models.damper import Damper
-from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial, Tempered
+from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial, TemperatureDependent
 from mrdamper.models.laws import LAWS
 from mrdamper.models.simulate import simulate
 from mrdamper.models.temperature import Arrhenius, Linear
@@ -23,8 +23,8 @@ NOISE_N = 4.0
 def warm_damper(*, viscous_loss_K: float = 1435.5, yield_slope: float = 1e-3) -> Damper:
     """Return a Dahl damper that loses viscosity (Arrhenius) and yield force (linear) with warmth."""
     forms: dict[str, ParameterLaw] = {
-        "viscosity": Tempered(Constant(5e3), Arrhenius(viscous_loss_K)),
-        "yield_force": Tempered(Polynomial((60.0, 500.0)), Linear(yield_slope)),
+        "viscosity": TemperatureDependent(Constant(5e3), Arrhenius(viscous_loss_K)),
+        "yield_force": TemperatureDependent(Polynomial((60.0, 500.0)), Linear(yield_slope)),
         "rho": Constant(4e3),
         "offset": Constant(20.0),
     }

@@ -13,7 +13,7 @@ from mrdamper.models.dependence import (
     Hill,
     ParameterLaw,
     Polynomial,
-    Tempered,
+    TemperatureDependent,
 )
 from mrdamper.models.laws import LAWS
 from mrdamper.models.temperature import Arrhenius, Linear
@@ -21,7 +21,7 @@ from mrdamper.models.temperature import Arrhenius, Linear
 LAGS = Actuation(0.008, 0.0065, 0.003, 0.0035, largest_command=2.0, play=0.025)
 
 _COMMON: dict[str, ParameterLaw] = {
-    "viscosity": Tempered(Polynomial((7000.0, 700.0)), Arrhenius(1500.0)),
+    "viscosity": TemperatureDependent(Polynomial((7000.0, 700.0)), Arrhenius(1500.0)),
     "viscous_exponent": Constant(0.9),
     "stiffness": Constant(1400.0),
     "offset": Polynomial((6.0, 10.0)),
@@ -81,7 +81,7 @@ DAMPERS = {
 
 # Numbers like those that the law has on a rig damper and on a real one of half a millimetre of free play.
 _SERIES: dict[str, ParameterLaw] = {
-    "viscosity": Tempered(Constant(2500.0), Arrhenius(1500.0)),
+    "viscosity": TemperatureDependent(Constant(2500.0), Arrhenius(1500.0)),
     "viscous_exponent": Constant(0.9),
     "mass": Constant(0.4),
     "coulomb_friction": Constant(12.0),
@@ -90,15 +90,15 @@ _SERIES: dict[str, ParameterLaw] = {
     "transition_velocity": Constant(1e-3),
     "stiffness": Constant(1400.0),
     "offset": Constant(12.0),
-    "yield_force": Tempered(Hill(60.0, 900.0, 1.3, 1.5, 2.0), Linear(1.4e-3)),
-    "thinning": Tempered(Constant(2.5), Arrhenius(600.0)),
+    "yield_force": TemperatureDependent(Hill(60.0, 900.0, 1.3, 1.5, 2.0), Linear(1.4e-3)),
+    "thinning": TemperatureDependent(Constant(2.5), Arrhenius(600.0)),
     "thinning_exponent": Constant(0.43),
     "yield_velocity": Constant(2.5e-3),
     "position_gain": Constant(-2.3),
     "gap_stiffness": Constant(1.2e7),
     "gap": Constant(1.67e-4),
     "gap_corner": Constant(4.6e-5),
-    "leak_damping": Tempered(Constant(3e4), Arrhenius(1400.0)),
+    "leak_damping": TemperatureDependent(Constant(3e4), Arrhenius(1400.0)),
     "leak_exponent": Constant(0.95),
 }
 SERIES = Damper(LAWS["series-valve"], _SERIES, actuation=LAGS, temperature_range=(288.15, 398.15))

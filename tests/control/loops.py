@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.control.protocol import Seen, Wanted
+from mrdamper.control.protocol import Measurement, Reference
 
 
 class Ideal:
@@ -70,7 +70,7 @@ class Constant:
     def start(self) -> Any:
         return None
 
-    def step(self, state: Any, wanted: Wanted, seen: Seen) -> tuple[Any, float]:
+    def step(self, state: Any, wanted: Reference, seen: Measurement) -> tuple[Any, float]:
         return state, self.current
 
 
@@ -115,7 +115,7 @@ class Recording(Constant):
         return (*state, (wanted, seen)), self.slope * self.period_s * len(state)
 
 
-LAST: list[tuple[Wanted, Seen]] = []
+LAST: list[tuple[Reference, Measurement]] = []
 """What the last ``Recording`` was told, a pair per sample."""
 
 

@@ -10,14 +10,14 @@ from mrdamper.errors import InputError
 from mrdamper.excitation import MOTIONS, drive
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper
-from mrdamper.models.dependence import Constant, Hill, ParameterLaw, Polynomial, Tempered
+from mrdamper.models.dependence import Constant, Hill, ParameterLaw, Polynomial, TemperatureDependent
 from mrdamper.models.laws import LAWS
 from mrdamper.models.simulate import simulate
 from mrdamper.models.temperature import Arrhenius, Linear
 
 FORMS: dict[str, ParameterLaw] = {
-    "viscosity": Tempered(Polynomial((900.0, 300.0)), Arrhenius(1435.5)),
-    "yield_force": Tempered(Hill(60.0, 1200.0, 1.2, 1.4), Linear(1.5e-3)),
+    "viscosity": TemperatureDependent(Polynomial((900.0, 300.0)), Arrhenius(1435.5)),
+    "yield_force": TemperatureDependent(Hill(60.0, 1200.0, 1.2, 1.4), Linear(1.5e-3)),
     "second_force": Polynomial((10.0, 90.0)),
     "stiffness": Constant(1500.0),
     "offset": Constant(6.0),
@@ -34,13 +34,13 @@ FORMS: dict[str, ParameterLaw] = {
     "yield_velocity": Constant(2e-3),
     "slope": Constant(300.0),
     "shift": Constant(0.4),
-    "thinning": Tempered(Constant(3.2), Arrhenius(600.0)),
+    "thinning": TemperatureDependent(Constant(3.2), Arrhenius(600.0)),
     "thinning_exponent": Constant(0.43),
     "position_gain": Constant(-2.3),
     "gap_stiffness": Constant(1.2e7),
     "gap": Constant(1.67e-4),
     "gap_corner": Constant(4.6e-5),
-    "leak_damping": Tempered(Constant(3e4), Arrhenius(1400.0)),
+    "leak_damping": TemperatureDependent(Constant(3e4), Arrhenius(1400.0)),
     "leak_exponent": Constant(0.95),
 }
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from mrdamper.arrays import FloatArray
 from mrdamper.control.card_plant import CardPlant
 from mrdamper.control.controllers import NAMES, ForceController, Safety, controllers_for
-from mrdamper.control.protocol import Seen, Wanted
+from mrdamper.control.protocol import Measurement, Reference
 from mrdamper.control.stepper import Flag
 from mrdamper.control.tuning import PREVIEW_SHARE
 from mrdamper.core import _kernel
@@ -72,8 +72,8 @@ def at_speed(controller: ForceController, speed: float = 0.03, *, seconds: float
 
 
 def answer(controller: ForceController, state: bytes, wanted: float, speed: float = 0.03) -> float:
-    ahead = Wanted(wanted, wanted)
-    return controller.step(state, ahead, Seen(speed * controller.period_s, ROOM, wanted))[1]
+    ahead = Reference(wanted, wanted)
+    return controller.step(state, ahead, Measurement(speed * controller.period_s, ROOM, wanted))[1]
 
 
 # ------------------------------------------------------------------------------------- the inverse
@@ -170,8 +170,8 @@ def test_the_state_is_handed_back_and_one_by_one_is_all_at_once(name):
     state, currents = made.start(), []
     for row in rows:
         kept = bytes(state)
-        seen = Seen(row[2], row[3], row[4])
-        wanted = Wanted(row[0], row[1])
+        seen = Measurement(row[2], row[3], row[4])
+        wanted = Reference(row[0], row[1])
         after, current = made.step(state, wanted, seen)
         assert (after, current) == made.step(state, wanted, seen)
         assert state == kept
@@ -214,7 +214,7 @@ def test_every_instruction_set_gives_the_same_bits():
 
 def test_bytes_that_are_no_state_are_refused():
     with pytest.raises(ValueError, match="not a controller's state"):
-        RECOMMENDED.step(b"no state", Wanted(0.0), Seen(0.0, ROOM))
+        RECOMMENDED.step(b"no state", Reference(0.0), Measurement(0.0, ROOM))
 
 
 # ------------------------------------------------------------------------------------- safety
@@ -261,7 +261,7 @@ def test_a_bank_of_controllers_stepped_in_turn_is_each_of_them_alone():
     for i in range(len(rows[0])):
         for k, c in enumerate(made):
             now, ahead, x, kelvin, force = rows[k][i]
-            states[k], current = c.step(states[k], Wanted(now, ahead), Seen(x, kelvin, force))
+            states[k], current = c.step(states[k], Reference(now, ahead), Measurement(x, kelvin, force))
             assert current == alone[k][i]
 
 
@@ -432,7 +432,7 @@ def test_what_is_measured_teaches_the_gains():
     x, v = MOTION.displacement(t), MOTION.velocity(t)
     state, force = made.start(), 0.0
     for k, row in enumerate(rows):
-        state, current = made.step(state, Wanted(row[0], row[1]), Seen(row[2], row[3], force))
+        state, current = made.step(state, Reference(row[0], row[1]), Measurement(row[2], row[3], force))
         force = float(plant.advance_many(x[k : k + 1], v[k : k + 1], current, ROOM - 273.15)[0])
     gains = made.believes(state).gains
     assert gains[0] == pytest.approx(0.88, abs=0.05)
@@ -459,7 +459,7 @@ def test_the_clipped_on_off_gives_all_or_nothing():
         (-800.0, 900.0, 0.0),
         (-800.0, -500.0, 2.0),
     ):
-        assert made.step(state, Wanted(wanted), Seen(0.0, ROOM, force))[1] == expected
+        assert made.step(state, Reference(wanted), Measurement(0.0, ROOM, force))[1] == expected
 
 
 # ------------------------------------------------------------------------------------- what is refused

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mrdamper.control.loop import course_of, run_loop, steps_per_sample
+from mrdamper.control.loop import reference_trajectory, run_loop, steps_per_sample
 from mrdamper.control.scenario import SCENARIOS, Disturbance, Dropout, Scenario, Sensing, SineTarget
-from mrdamper.control.score import reach_of, score_run
+from mrdamper.control.score import attainable_range, score_run
 from mrdamper.errors import InputError
 from mrdamper.excitation import MOTIONS
 from mrdamper.rig.plant import PRESETS, Plant
@@ -23,18 +23,21 @@ SHORT = quiet(Scenario(duration_s=1.0, unscored_s=0.25))
 def test_the_exact_inverse_of_a_plant_without_lag_tracks_it_up_to_the_hold():
     """Held for a period P, a target of greatest slope 2 pi f A is missed by no more than that times P."""
     run = run_loop(Ideal(), Inverse(), SHORT)
-    feasible = reach_of(Ideal(), run.course, 20.0, 2.0).feasible(run.course.target)
+    feasible = attainable_range(Ideal(), run.course, 20.0, 2.0).feasible(run.course.target)
     most = 2 * np.pi * 900.0 * 1e-3
     assert 0.9 * most < np.abs(run.error[feasible]).max() <= 1.001 * most
 
 
 def test_a_course_that_is_known_already_changes_nothing_and_another_one_is_refused():
     plant = Ideal()
-    course = course_of(SHORT, plant.step_s)
+    course = reference_trajectory(SHORT, plant.step_s)
     known, found = run_loop(plant, Inverse(), SHORT, course), run_loop(plant, Inverse(), SHORT)
     assert np.array_equal(known.force, found.force)
     assert np.array_equal(known.current, found.current)
-    for other in (course_of(SHORT, 2.0 * plant.step_s), course_of(replace(SHORT, duration_s=2.0), 1e-4)):
+    for other in (
+        reference_trajectory(SHORT, 2.0 * plant.step_s),
+        reference_trajectory(replace(SHORT, duration_s=2.0), 1e-4),
+    ):
         with pytest.raises(InputError, match="expected the scenario's, of"):
             run_loop(plant, Inverse(), SHORT, other)
 
@@ -43,7 +46,7 @@ def test_faster_sampling_shrinks_that_error_in_proportion():
     errors = []
     for period in (4e-3, 2e-3, 1e-3, 5e-4):
         run = run_loop(Ideal(), Inverse(period_s=period), SHORT)
-        score = score_run(run, reach_of(Ideal(), run.course, 20.0, 2.0))
+        score = score_run(run, attainable_range(Ideal(), run.course, 20.0, 2.0))
         errors.append(score.rmse_feasible_N)
     assert np.array(errors[:-1]) / errors[1:] == pytest.approx(2.0, rel=0.1)
 
@@ -51,7 +54,7 @@ def test_faster_sampling_shrinks_that_error_in_proportion():
 def test_a_target_known_ahead_by_half_the_hold_halves_the_error():
     late = run_loop(Ideal(), Inverse(), SHORT)
     centred = run_loop(Ideal(), Inverse(preview_s=5e-4), SHORT)
-    inside = reach_of(Ideal(), late.course, 20.0, 2.0).feasible(late.course.target)
+    inside = attainable_range(Ideal(), late.course, 20.0, 2.0).feasible(late.course.target)
     assert np.abs(centred.error[inside]).max() == pytest.approx(
         0.5 * np.abs(late.error[inside]).max(), rel=0.02
     )
@@ -187,7 +190,7 @@ def test_the_plant_that_is_given_stays_as_it_was():
 def test_blocks_of_the_loop_are_the_whole_run_of_the_plant():
     """A constant current: the loop is nothing but the plant."""
     run = run_loop(Plant(PRESETS["hard"]), Constant(1.3), SHORT)
-    course = course_of(SHORT, 1e-4)
+    course = reference_trajectory(SHORT, 1e-4)
     whole = Plant(PRESETS["hard"]).advance_many(course.displacement, course.velocity, 1.3, 20.0)
     assert np.array_equal(run.force, whole)
 
@@ -206,11 +209,11 @@ def test_the_targets_have_the_phase_and_the_size_that_they_say():
         ("sine-900N-1Hz", 900.0, "sine5mm1Hz"),
         ("sine-1100N-2Hz", 1100.0, "sine3mm2Hz"),
     ):
-        course = course_of(SCENARIOS[name], 1e-4)
+        course = reference_trajectory(SCENARIOS[name], 1e-4)
         assert SCENARIOS[name].motion == motion
         share = course.velocity / np.abs(MOTIONS[motion].velocity(0.0))
         assert course.target == pytest.approx(amplitude * share, abs=1e-6)
-    course = course_of(SCENARIOS["non-periodic"], 1e-4)
+    course = reference_trajectory(SCENARIOS["non-periodic"], 1e-4)
     gain = 1.0 + 0.35 * np.sin(2 * np.pi * 0.31 * course.time + 1.0)
     assert course.target == pytest.approx(1000.0 * np.tanh(course.velocity / 0.022 * gain))
     assert [SCENARIOS[name].duration_s for name in SCENARIOS] == [4.0, 3.0, 10.0]

@@ -11,7 +11,7 @@ from scipy.optimize import lsq_linear
 from mrdamper.control.loop import run_loop
 from mrdamper.control.optimum import _boxed_step, _normal_equations, _times, search_optimum
 from mrdamper.control.scenario import SCENARIOS, Scenario
-from mrdamper.control.score import reach_of, score_run
+from mrdamper.control.score import attainable_range, score_run
 from mrdamper.errors import InputError
 from mrdamper.rig.plant import PRESETS, Plant
 from tests.control.loops import Constant, Ideal, Inverse, Lagging, quiet
@@ -143,5 +143,5 @@ def test_the_physical_limit_on_the_nominal_damper(target, highest):
         for degrees in (20.0, 60.0, 100.0, 123.0)
     ]
     assert max(each.score.max_N for each in found) <= highest
-    reach = reach_of(Plant(PRESETS["nominal"]), found[0].course, 20.0, 2.0)
+    reach = attainable_range(Plant(PRESETS["nominal"]), found[0].course, 20.0, 2.0)
     assert np.array_equal(reach.low, found[0].reach.low)

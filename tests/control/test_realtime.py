@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from mrdamper.arrays import FloatArray
 from mrdamper.control.controllers import controllers_for
-from mrdamper.control.protocol import Seen, Wanted
+from mrdamper.control.protocol import Measurement, Reference
 from mrdamper.control.realtime import RealtimeDamper, realtime_model
 from mrdamper.control.stepper import Flag
 from mrdamper.control.tables.heating import NO_HEATING
@@ -152,7 +152,7 @@ def test_the_model_and_the_controller_s_observer_are_one():
     state, observed, command = made.start(), model.start(), 0.0
     for k in range(600):
         x = float(MOVED.displacement(np.array(k * PERIOD)))
-        state, given = made.step(state, Wanted(500.0, 500.0), Seen(x, ROOM))
+        state, given = made.step(state, Reference(500.0, 500.0), Measurement(x, ROOM))
         observed, force = model.step(observed, x, None, command, ROOM)
         command = given
         mine, theirs = model.believes(observed), made.believes(state)

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mrdamper.control.loop import course_of, run_loop
+from mrdamper.control.loop import reference_trajectory, run_loop
 from mrdamper.control.scenario import SCENARIOS, Scenario, SineTarget
-from mrdamper.control.score import Reach, Score, reach_of, score_forces, score_run, worst
+from mrdamper.control.score import AttainableRange, Score, attainable_range, score_forces, score_run, worst
 from mrdamper.errors import InputError
 from mrdamper.rig.plant import PRESETS, Plant
 from tests.control.loops import Constant, Ideal
@@ -20,7 +20,7 @@ N = 20_000
 TIME = np.arange(N) * 1e-4
 SINE = np.sin(2 * np.pi * TIME)  # two whole periods
 ZERO = np.zeros(N)
-EVERYTHING = Reach(np.full(N, -1e4), np.full(N, 1e4))
+EVERYTHING = AttainableRange(np.full(N, -1e4), np.full(N, 1e4))
 
 
 def scored(target, force, current=ZERO, reach=EVERYTHING, **more):
@@ -39,7 +39,7 @@ def test_a_sine_error_has_its_amplitude_as_maximum_and_its_root_half_as_rms():
 def test_what_is_infeasible_counts_in_all_samples_and_not_in_the_feasible_ones():
     target = np.full(N, 100.0)
     force = np.where(TIME < 0.5, 400.0, 103.0)
-    reach = Reach(np.where(TIME < 0.5, 400.0, 0.0), np.full(N, 1000.0))
+    reach = AttainableRange(np.where(TIME < 0.5, 400.0, 0.0), np.full(N, 1000.0))
     score = scored(target, force, reach=reach)
     assert (score.max_N, score.max_feasible_N) == (300.0, 3.0)
     assert score.rmse_N == pytest.approx(np.sqrt(0.25 * 300.0**2 + 0.75 * 3.0**2))
@@ -49,13 +49,13 @@ def test_what_is_infeasible_counts_in_all_samples_and_not_in_the_feasible_ones()
 
 @given(gap=st.floats(0.0, 100.0))
 def test_a_target_is_feasible_from_20_N_inside_the_reach_on(gap):
-    ends = Reach(np.array([100.0, -500.0]), np.array([500.0, -100.0]))
+    ends = AttainableRange(np.array([100.0, -500.0]), np.array([500.0, -100.0]))
     inside = ends.feasible(np.array([100.0 + gap, -100.0 - gap]))
     assert inside.tolist() == [gap >= 20.0] * 2 or gap == pytest.approx(20.0)
 
 
 def test_nothing_feasible_leaves_those_figures_open():
-    score = scored(SINE, SINE, reach=Reach(ZERO + 5e3, ZERO + 6e3))
+    score = scored(SINE, SINE, reach=AttainableRange(ZERO + 5e3, ZERO + 6e3))
     assert score.feasible_share == 0.0
     assert score.max_feasible_N is None
     assert score.rmse_feasible_N is None
@@ -112,7 +112,7 @@ def test_the_unscored_beginning_is_not_scored():
     scenario = Scenario(duration_s=2.0, unscored_s=1.0)
     run = run_loop(Ideal(), Constant(0.0), scenario)
     spoilt = replace(run, force=np.where(run.course.time <= 1.0, 1e6, run.course.target + 7.0))
-    assert score_run(spoilt, reach_of(Ideal(), run.course, 20.0, 2.0)).max_N == pytest.approx(7.0)
+    assert score_run(spoilt, attainable_range(Ideal(), run.course, 20.0, 2.0)).max_N == pytest.approx(7.0)
 
 
 # ------------------------------------------------------------------------------- what is feasible
@@ -121,8 +121,8 @@ def test_the_unscored_beginning_is_not_scored():
 def share(phase_deg: float, degrees: float) -> float:
     scenario = Scenario(target=SineTarget(900.0, 1.0, phase_deg), temperature_degC=degrees)
     plant = Plant(PRESETS["nominal"])
-    course = course_of(scenario, plant.step_s)
-    reach = reach_of(plant, course, degrees, 2.0)
+    course = reference_trajectory(scenario, plant.step_s)
+    reach = attainable_range(plant, course, degrees, 2.0)
     return float(reach.feasible(course.target)[course.scored_from :].mean())
 
 
@@ -139,8 +139,8 @@ def test_a_damper_follows_its_own_velocity_and_cannot_push(degrees):
 
 def test_for_a_plain_coulomb_damper_the_share_has_a_closed_form():
     """50 to 1650 N: a sine of 900 N is feasible where 70 N <= |F*|, which is 1 - (2/pi) asin(70/900)."""
-    course = course_of(Scenario(duration_s=2.0), 1e-4)
-    inside = reach_of(Ideal(), course, 20.0, 2.0).feasible(course.target)
+    course = reference_trajectory(Scenario(duration_s=2.0), 1e-4)
+    inside = attainable_range(Ideal(), course, 20.0, 2.0).feasible(course.target)
     assert inside.mean() == pytest.approx(1.0 - 2 / np.pi * np.arcsin(70.0 / 900.0), abs=2e-4)
 
 
@@ -148,6 +148,6 @@ def test_for_a_plain_coulomb_damper_the_share_has_a_closed_form():
 def test_the_named_targets_are_feasible_most_of_the_time_on_every_preset(name):
     for preset in ("nominal", "hard", "stiff"):
         plant = Plant(PRESETS[preset])
-        course = course_of(SCENARIOS[name], plant.step_s)
-        reach = reach_of(plant, course, 123.0, 2.0)
+        course = reference_trajectory(SCENARIOS[name], plant.step_s)
+        reach = attainable_range(plant, course, 123.0, 2.0)
         assert reach.feasible(course.target)[course.scored_from :].mean() > 0.65

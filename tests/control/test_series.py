@@ -24,11 +24,11 @@ from mrdamper.control.controllers import (
     controllers_for,
     names_for,
 )
-from mrdamper.control.loop import course_of, run_loop
-from mrdamper.control.protocol import Seen, Wanted
+from mrdamper.control.loop import reference_trajectory, run_loop
+from mrdamper.control.protocol import Measurement, Reference
 from mrdamper.control.realtime import realtime_model
 from mrdamper.control.scenario import SCENARIOS, Sensing
-from mrdamper.control.score import reach_of, score_run
+from mrdamper.control.score import attainable_range, score_run
 from mrdamper.control.stepper import Flag
 from mrdamper.control.tables.heating import NO_HEATING
 from mrdamper.control.tables.series import tabulate_power, tabulate_series
@@ -36,7 +36,14 @@ from mrdamper.errors import InputError
 from mrdamper.excitation import MOTIONS, Trajectory
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper
-from mrdamper.models.dependence import Constant, Exponential, Hill, ParameterLaw, Polynomial, Tempered
+from mrdamper.models.dependence import (
+    Constant,
+    Exponential,
+    Hill,
+    ParameterLaw,
+    Polynomial,
+    TemperatureDependent,
+)
 from mrdamper.models.simulate import simulate
 from mrdamper.models.temperature import Linear
 from tests.control.dampers import DOUBLE, LAGS, SERIES
@@ -209,7 +216,7 @@ def at_speed(made: ForceController, speed: float, kelvin: float = 333.15) -> byt
 
 
 def answer(made: ForceController, state: bytes, wanted: float) -> float:
-    return made.step(state, Wanted(wanted, wanted), Seen(0.0, 333.15))[1]
+    return made.step(state, Reference(wanted, wanted), Measurement(0.0, 333.15))[1]
 
 
 @pytest.mark.parametrize("speed", [0.03, -0.03])
@@ -251,7 +258,7 @@ def feasible_rms(model: Damper, name: str, **changed: float) -> float:
         scenario, sensors=Sensing(displacement_noise_m=1e-9, force_noise_N=0.0, temperature_noise_K=0.0)
     )
     plant = CardPlant(model)
-    reach = reach_of(plant, course_of(scenario, plant.step_s), 60.0, 2.0)
+    reach = attainable_range(plant, reference_trajectory(scenario, plant.step_s), 60.0, 2.0)
     found = score_run(run_loop(plant, made, scenario), reach).rmse_feasible_N
     assert found is not None
     return found
@@ -327,7 +334,7 @@ def test_the_gains_are_those_of_the_parts() -> None:
 
 def test_a_measured_force_teaches_the_gain_of_the_yield_force() -> None:
     """A damper whose yield force has fallen by 15 %, told its force for 4 s."""
-    aged = damper(AT_ONCE, yield_force=Tempered(Hill(51.0, 765.0, 1.3, 1.5, 2.0), Linear(1.4e-3)))
+    aged = damper(AT_ONCE, yield_force=TemperatureDependent(Hill(51.0, 765.0, 1.3, 1.5, 2.0), Linear(1.4e-3)))
     made = controllers_for(damper(AT_ONCE))["recommended-adaptive"]
     rows, plant = told(made, 4.0), CardPlant(aged, step_s=made.period_s)
     motion = MOTIONS["nonperiodic"]
@@ -335,7 +342,9 @@ def test_a_measured_force_teaches_the_gain_of_the_yield_force() -> None:
     for k, row in enumerate(rows):
         t = np.array([k * made.period_s])
         force = plant.advance_many(motion.displacement(t), motion.velocity(t), current, 60.0)
-        state, current = made.step(state, Wanted(row[0], row[1]), Seen(row[2], row[3], float(force[0])))
+        state, current = made.step(
+            state, Reference(row[0], row[1]), Measurement(row[2], row[3], float(force[0]))
+        )
     # the thinning part carries the yield force: both gains have to come down
     assert made.believes(state).gains[0] == pytest.approx(0.85, abs=0.06)
 
@@ -383,7 +392,7 @@ def test_the_state_is_handed_back_and_one_by_one_is_all_at_once(name: str) -> No
     rows[:, 4] = 50.0
     state, currents = made.start(), []
     for row in rows:
-        state, current = made.step(state, Wanted(row[0], row[1]), Seen(row[2], row[3], row[4]))
+        state, current = made.step(state, Reference(row[0], row[1]), Measurement(row[2], row[3], row[4]))
         currents.append(current)
     after, expected, _ = made.run(made.start(), rows)
     assert state == after
@@ -393,9 +402,9 @@ def test_the_state_is_handed_back_and_one_by_one_is_all_at_once(name: str) -> No
 def test_a_target_that_no_current_gives_is_flagged() -> None:
     state = at_speed(RECOMMENDED, 0.03)
     for wanted in (-300.0, 9000.0):
-        after, _ = RECOMMENDED.step(state, Wanted(wanted, wanted), Seen(0.0, 333.15))
+        after, _ = RECOMMENDED.step(state, Reference(wanted, wanted), Measurement(0.0, 333.15))
         assert RECOMMENDED.flags(after) & Flag.INFEASIBLE
-    after, _ = RECOMMENDED.step(state, Wanted(900.0, 900.0), Seen(0.0, 333.15))
+    after, _ = RECOMMENDED.step(state, Reference(900.0, 900.0), Measurement(0.0, 333.15))
     assert not RECOMMENDED.flags(after) & Flag.INFEASIBLE
 
 
@@ -416,7 +425,7 @@ def test_each_law_has_its_controllers() -> None:
     [
         ({"thinning": Exponential(2.5, 0.1)}, "thinning of this series-valve card depends on the command"),
         ({"coulomb_friction": Polynomial((10.0, 3.0))}, "coulomb_friction .* depends on the command"),
-        ({"leak_exponent": Tempered(Constant(0.95), Linear(1e-3))}, "leak_exponent goes from"),
+        ({"leak_exponent": TemperatureDependent(Constant(0.95), Linear(1e-3))}, "leak_exponent goes from"),
         ({"yield_force": Constant(500.0)}, "does not depend on the command"),
         ({"yield_force": Polynomial((60.0, 900.0, -300.0))}, "falls with the command above 1.5"),
     ],

@@ -13,7 +13,7 @@ from mrdamper import core
 from mrdamper.control.tables.card_tables import CURRENTS, ROWS, TABULATED, tabulate
 from mrdamper.control.tables.lookup import fit_octaves, tabulate_octaves, universal_curve
 from mrdamper.errors import InputError
-from mrdamper.models.dependence import Hill, ParameterLaw, Tempered
+from mrdamper.models.dependence import Hill, ParameterLaw, TemperatureDependent
 from mrdamper.models.temperature import Linear
 from tests.control.dampers import DAMPERS, DOUBLE
 
@@ -68,7 +68,10 @@ def test_between_the_table_s_points_too_the_force_is_within_a_thousandth_of_the_
     damper = DAMPERS[law]
     if rises != "as it is":
         hill = Hill(50.0, 900.0, 1.3, 0.6 if rises == "like a root" else 1.9, 2.0)
-        forms: dict[str, ParameterLaw] = {**damper.coefficients, "yield_force": Tempered(hill, Linear(2e-3))}
+        forms: dict[str, ParameterLaw] = {
+            **damper.coefficients,
+            "yield_force": TemperatureDependent(hill, Linear(2e-3)),
+        }
         damper = replace(damper, coefficients=forms)
     tables = tabulate(damper, 2.0)
     assert len(tables.currents) <= CURRENTS

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from mrdamper.control.controllers import ForceController
-from mrdamper.control.protocol import Seen, Wanted
+from mrdamper.control.protocol import Measurement, Reference
 from mrdamper.export.c_code import c_files, sources_sha256
 from mrdamper.export.fmu import FmiVersion, write_fmu
 from mrdamper.export.record import Verification
@@ -173,7 +173,7 @@ class FmuController:
         self.slave.set(use_wanted_force_ahead=True)
         return self.slave.state()
 
-    def step(self, state: bytes, wanted: Wanted, seen: Seen) -> tuple[bytes, float]:
+    def step(self, state: bytes, wanted: Reference, seen: Measurement) -> tuple[bytes, float]:
         slave = self.slave
         slave.restore(state)
         assert wanted.ahead is not None

@@ -16,7 +16,7 @@ from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import ConvergenceError, InputError
 from mrdamper.identify import direction
 from mrdamper.identify.identifiability import Direction, bootstrap, profile, sentence, worst_direction
-from mrdamper.identify.problem import FitProblem, FitResult, Free, move
+from mrdamper.identify.problem import FitProblem, FitResult, FreeParameter, move
 from mrdamper.identify.resampling import _draw, _levels
 from mrdamper.identify.templates import template
 from mrdamper.identify.variable_projection import Progress, fit_variable_projection
@@ -30,7 +30,7 @@ LINEAR = ("viscosity.value", "stiffness.value", "offset.value")
 
 
 def fitted(
-    truth: Damper, free: Sequence[Free], *, noise: float = 0.02, seed: int = 0
+    truth: Damper, free: Sequence[FreeParameter], *, noise: float = 0.02, seed: int = 0
 ) -> tuple[FitProblem, FitResult]:
     """Return the fit of some numbers of a damper to its own noisy force, all others known."""
     problem = FitProblem(truth, tuple(free), measured(truth, noise=noise, seed=seed), rate_Hz=1e4)
@@ -49,9 +49,9 @@ def linear_problem(seed: int = 0) -> tuple[FitProblem, FitResult]:
     known = {"yield_force": Constant(300.0), "yield_velocity": Constant(0.006)}
     searched = {"viscosity": Constant(900.0), "stiffness": Constant(1500.0), "offset": Constant(40.0)}
     free = [
-        Free("viscosity.value", 0.0, 1e4, linear=True),
-        Free("stiffness.value", 0.0, 1e5, linear=True),
-        Free("offset.value", -500.0, 700.0, linear=True),
+        FreeParameter("viscosity.value", 0.0, 1e4, linear=True),
+        FreeParameter("stiffness.value", 0.0, 1e5, linear=True),
+        FreeParameter("offset.value", -500.0, 700.0, linear=True),
     ]
     return fitted(Damper(find_law("bingham"), {**known, **searched}), free, seed=seed)
 
@@ -100,12 +100,12 @@ def test_two_numbers_of_which_only_the_ratio_shows_are_named_and_move_by_equal_s
     forms |= {"n": Constant(1.2), "viscosity": Constant(500.0), "stiffness": Constant(1500.0)}
     forms |= {"rate_force": Constant(2000.0), "saturation_velocity": Constant(3.0)}
     free = [
-        Free("rate_force.value", 0.0, 1e7, linear=True),
-        Free("saturation_velocity.value", 1e-2, 99.0, "log"),
-        Free("yield_force.value", 0.0, 1e4, linear=True),
-        Free("rho.value", 50.0, 1e6, "log"),
-        Free("n.value", 0.2, 8.0, "log"),
-        Free("stiffness.value", 0.0, 1e5, linear=True),
+        FreeParameter("rate_force.value", 0.0, 1e7, linear=True),
+        FreeParameter("saturation_velocity.value", 1e-2, 99.0, "log"),
+        FreeParameter("yield_force.value", 0.0, 1e4, linear=True),
+        FreeParameter("rho.value", 50.0, 1e6, "log"),
+        FreeParameter("n.value", 0.2, 8.0, "log"),
+        FreeParameter("stiffness.value", 0.0, 1e5, linear=True),
     ]
     problem, result = fitted(Damper(find_law("bouc-wen-saturating"), forms), free)
     found = worst_direction(problem, result)
@@ -145,9 +145,9 @@ def test_at_one_current_a_line_over_current_is_one_number_too_many() -> None:
     offset = Polynomial((40.0, 10.0))
     truth = replace(TRUTHS["bingham"], coefficients={**TRUTHS["bingham"].coefficients, "offset": offset})
     free = (
-        Free("offset.c0", -500.0, 500.0, linear=True),
-        Free("offset.c1", -500.0, 500.0, linear=True),
-        Free("yield_velocity.value", 1e-4, 1.0, "log"),
+        FreeParameter("offset.c0", -500.0, 500.0, linear=True),
+        FreeParameter("offset.c1", -500.0, 500.0, linear=True),
+        FreeParameter("yield_velocity.value", 1e-4, 1.0, "log"),
     )
     problem = FitProblem(truth, free, tuple(runs))
     found = worst_direction(problem, fit_variable_projection(problem, starts=0, first=truth))
@@ -166,8 +166,8 @@ def test_a_number_of_a_term_that_is_not_there_is_said_to_be_unknown() -> None:
     """Without breakaway friction the velocity over which it fades shows nowhere."""
     forms = {**TRUTHS["bingham"].coefficients, "breakaway_friction": Constant(0.0)}
     free = [
-        Free("stribeck_velocity.value", 1e-4, 0.1, "log"),
-        Free("yield_velocity.value", 1e-4, 1.0, "log"),
+        FreeParameter("stribeck_velocity.value", 1e-4, 0.1, "log"),
+        FreeParameter("yield_velocity.value", 1e-4, 1.0, "log"),
     ]
     problem, result = fitted(replace(TRUTHS["bingham"], coefficients=forms), free)
     found = worst_direction(problem, result)
@@ -179,7 +179,7 @@ def test_a_number_of_a_term_that_is_not_there_is_said_to_be_unknown() -> None:
 def test_a_step_ends_before_the_bound_and_before_the_fit_notices() -> None:
     """A knee passed within a sample: kappa, loose by +-0.034 about 0.004, cannot go beyond 0.02."""
     steep = {**TRUTHS["bouc-wen"].coefficients, "rho": Constant(5e7), "kappa": Constant(0.0)}
-    free = [Free("kappa.value", -0.02, 0.02), Free("yield_force.c0", 0.0, 1e3, linear=True)]
+    free = [FreeParameter("kappa.value", -0.02, 0.02), FreeParameter("yield_force.c0", 0.0, 1e3, linear=True)]
     problem, result = fitted(replace(TRUTHS["bouc-wen"], coefficients=steep), free)
     found = worst_direction(problem, result)
     change = dict(zip(found.names, found.changes, strict=True))["kappa.value"]
@@ -246,7 +246,10 @@ def test_an_interval_that_meets_a_bound_is_open_there_and_says_so(
 ) -> None:
     """A knee passed within a sample leaves kappa loose by +-0.07; bounds nearer than that are met first."""
     steep = {**TRUTHS["bouc-wen"].coefficients, "rho": Constant(5e7), "kappa": Constant(0.0)}
-    free = [Free("kappa.value", lower, upper), Free("yield_force.c0", 0.0, 1e3, linear=True)]
+    free = [
+        FreeParameter("kappa.value", lower, upper),
+        FreeParameter("yield_force.c0", 0.0, 1e3, linear=True),
+    ]
     problem, result = fitted(replace(TRUTHS["bouc-wen"], coefficients=steep), free)
     found = profile(problem, result, "kappa.value")
     assert found.ends == ends
@@ -311,10 +314,10 @@ def test_the_share_of_a_held_number_counts_in_the_laws_conditions() -> None:
     truth = replace(
         TRUTHS["bingham"], coefficients={**TRUTHS["bingham"].coefficients, "viscosity": viscosity}
     )
-    _, result = fitted(truth, [Free("viscosity.c1", -1e4, 1e4, linear=True)])
+    _, result = fitted(truth, [FreeParameter("viscosity.c1", -1e4, 1e4, linear=True)])
     estimate = result.estimates[0]
     assert abs(estimate.value + 390.0) < 4.0 * estimate.standard_error
-    pushed, _ = fitted(truth, [Free("viscosity.c1", -1e4, 1e4, linear=True)])
+    pushed, _ = fitted(truth, [FreeParameter("viscosity.c1", -1e4, 1e4, linear=True)])
     less = tuple(
         replace(r, force=np.asarray(r.force) - 300.0 * r.run.command[0] * r.trajectory.velocity)
         for r in pushed.runs

@@ -42,11 +42,11 @@ def test_the_cost_of_a_candidate_is_taken_at_each_run_s_temperature(problem: Fit
     warming = replace(runs[0].trajectory, temperature=np.linspace(293.15, 303.15, len(runs[0])))
     for given in (runs, [replace(runs[0], trajectory=warming), *runs[1:]]):
         damper, free = template("bouc-wen", given, temperature="paper", terms=())
-        tempered = FitProblem(damper, free, tuple(given), rate_Hz=1e4)
+        temperature_dependent = FitProblem(damper, free, tuple(given), rate_Hz=1e4)
         candidate = np.full((1, len(free)), 0.5)
         candidate[:, [f.name.endswith("c0") for f in free]] = 0.7
         candidate[:, [f.name.endswith("t1") for f in free]] = 0.4
-        ensemble = Ensemble(tempered)
+        ensemble = Ensemble(temperature_dependent)
         errors = [score_run(ensemble.damper(candidate[0]), run) for run in given]
         expected = np.mean([error.nrmse_percent**2 for error in errors])
         assert ensemble.costs(candidate)[0] == pytest.approx(expected, rel=1e-9)

@@ -17,7 +17,7 @@ from mrdamper.data.streaming import Batch
 from mrdamper.errors import InputError
 from mrdamper.identify.replay import Replay
 from mrdamper.models.damper import Damper
-from mrdamper.models.dependence import Constant, Polynomial, Tempered
+from mrdamper.models.dependence import Constant, Polynomial, TemperatureDependent
 from mrdamper.models.laws import LAWS
 from mrdamper.models.simulate import simulate
 from mrdamper.models.temperature import Arrhenius, Linear
@@ -29,9 +29,9 @@ CHANNELS = ("time", "displacement", "force", "command", "temperature")
 WARM = Damper(
     LAWS["bouc-wen"],
     {
-        "viscosity": Tempered(Constant(5e3), Arrhenius(1435.5)),
+        "viscosity": TemperatureDependent(Constant(5e3), Arrhenius(1435.5)),
         "stiffness": Constant(1000.0),
-        "yield_force": Tempered(Polynomial((60.0, 500.0)), Linear(1e-3)),
+        "yield_force": TemperatureDependent(Polynomial((60.0, 500.0)), Linear(1e-3)),
         "rho": Constant(4e3),
         "kappa": Constant(0.2),
         "n": Constant(1.5),

@@ -14,7 +14,7 @@ from mrdamper.data.prepare import PreparedRun, prepare_run
 from mrdamper.data.records import RigRun
 from mrdamper.errors import InputError
 from mrdamper.excitation import Sine, drive
-from mrdamper.identify.problem import FitProblem, Free
+from mrdamper.identify.problem import FitProblem, FreeParameter
 from mrdamper.identify.temperature import (
     TEMPERATURES,
     Temperature,
@@ -33,7 +33,7 @@ from mrdamper.models.dependence import (
     Hill,
     ParameterLaw,
     Polynomial,
-    Tempered,
+    TemperatureDependent,
 )
 from mrdamper.models.laws import LAWS, find_law
 from mrdamper.models.simulate import simulate
@@ -90,7 +90,7 @@ def campaign(
 CAMPAIGN = campaign(THREE)
 
 
-def names_of(free: Sequence[Free], coefficient: str) -> list[str]:
+def names_of(free: Sequence[FreeParameter], coefficient: str) -> list[str]:
     return [each.name.partition(".")[2] for each in free if each.name.partition(".")[0] == coefficient]
 
 
@@ -171,7 +171,7 @@ def test_two_temperatures_are_not_enough_for_vft():
 def test_one_run_that_warms_up_offers_two_temperatures():
     warming = [run_at(COLD, 25.0, i, motion=MOTIONS[0], until=60.0) for i in (0.0, 0.5, 1.0)]
     damper, _ = template("bingham", warming)
-    assert damper.tempered
+    assert damper.temperature_dependent
 
 
 @pytest.mark.parametrize("kind", ["auto", "arrhenius", "paper"])
@@ -184,13 +184,13 @@ def test_runs_with_and_without_temperature_do_not_mix(kind):
     assert "state it as a constant in the channel map" in said
     assert "(--temperature none)" in said
     damper, _ = template("bouc-wen", runs, temperature="none")
-    assert not damper.tempered
+    assert not damper.temperature_dependent
 
 
 def test_runs_without_temperature_give_a_damper_without_unless_it_is_asked_for():
     runs = campaign((None,))
     damper, free = template("bouc-wen", runs)
-    assert not damper.tempered
+    assert not damper.temperature_dependent
     assert damper.temperature_range is None
     assert (damper, free) == template("bouc-wen", runs, temperature="none")
     with pytest.raises(InputError, match=f"{len(runs)} of {len(runs)} runs have no temperature channel"):
@@ -206,16 +206,16 @@ def test_runs_without_temperature_give_a_damper_without_unless_it_is_asked_for()
 def test_viscous_parts_follow_the_viscosity_and_yield_parts_are_linear(kind, factor):
     damper, free = template("bouc-wen", CAMPAIGN, temperature=kind)
     viscosity, friction = damper.coefficients["viscosity"], damper.coefficients["coulomb_friction"]
-    assert isinstance(viscosity, Tempered)
+    assert isinstance(viscosity, TemperatureDependent)
     assert isinstance(viscosity.factor, factor)
     for yielding in (damper.coefficients["yield_force"], friction):  # a product, or linear in all its numbers
-        if isinstance(yielding, Tempered):
+        if isinstance(yielding, TemperatureDependent):
             assert isinstance(yielding.factor, Linear)
         else:
             assert isinstance(yielding, Bipolynomial)
             assert yielding.temperature_degree == 1
     for name in ("rho", "kappa", "n", "stiffness", "viscous_exponent", "stribeck_velocity"):
-        assert not damper.coefficients[name].tempered, name
+        assert not damper.coefficients[name].temperature_dependent, name
     assert names_of(free, "viscosity")[-len(viscosity.factor.numbers) :] == list(
         viscosity.factor.number_names
     )
@@ -226,13 +226,13 @@ def test_viscous_parts_follow_the_viscosity_and_yield_parts_are_linear(kind, fac
 def test_every_law_has_a_tempered_template_that_can_be_simulated(name, kind):
     """Every free number is a number of the damper inside its bounds, and every factor's numbers are free."""
     damper, free = template(name, CAMPAIGN, temperature=kind)
-    assert damper.tempered
+    assert damper.temperature_dependent
     assert damper.assumed == ()
     FitProblem(damper, free, CAMPAIGN)  # knows every name, each once
     values = damper.numbers
     assert all(each.lower <= values[each.name] <= each.upper for each in free), name
     for coefficient, form in damper.coefficients.items():
-        if isinstance(form, Tempered):
+        if isinstance(form, TemperatureDependent):
             assert set(names_of(free, coefficient)) >= set(form.factor.number_names)
     for run in CAMPAIGN[:3]:
         assert np.isfinite(simulate(damper, run.trajectory)).all()
@@ -243,11 +243,11 @@ def test_the_paper_s_kind_is_its_separable_polynomial_and_leaves_friction_alone(
     damper, free = template("bouc-wen", CAMPAIGN, temperature="paper", terms=("friction",))
     for name in ("viscosity", "yield_force"):
         form = damper.coefficients[name]
-        assert isinstance(form, Tempered)
+        assert isinstance(form, TemperatureDependent)
         assert form.factor == PolynomialFactor((0.0, 0.0))
         assert names_of(free, name)[-2:] == ["t1", "t2"]
-    assert not damper.coefficients["coulomb_friction"].tempered
-    assert not damper.coefficients["breakaway_friction"].tempered
+    assert not damper.coefficients["coulomb_friction"].temperature_dependent
+    assert not damper.coefficients["breakaway_friction"].temperature_dependent
 
 
 @pytest.mark.parametrize("kind", TEMPERATURES)
@@ -280,7 +280,7 @@ def test_no_slope_in_its_bounds_makes_a_factor_vanish_at_the_runs_temperatures(c
     """The yield force of the series valve is a Hill form times a linear factor: it must stay positive."""
     damper, free = template("series-valve", campaign(celsius))
     form = damper.coefficients["yield_force"]
-    assert isinstance(form, Tempered)
+    assert isinstance(form, TemperatureDependent)
     (slope,) = [each for each in free if each.name == "yield_force.temperature_slope"]
     for end in (slope.lower, slope.upper):
         factor = form.factor.with_numbers([end]).value([c + CELSIUS for c in celsius])
@@ -297,13 +297,13 @@ def test_the_pole_of_vft_stays_below_the_coldest_run(celsius):
 def test_a_bilinear_form_keeps_the_bounds_at_20_degrees():
     law, forms = find_law("bouc-wen"), {"yield_force": Polynomial((100.0, 50.0))}
     free = [
-        Free("yield_force.c0", 0.0, 1000.0, linear=True),
-        Free("yield_force.c1", -500.0, 500.0, linear=True),
-        Free("rho.value", 1.0, 10.0),
+        FreeParameter("yield_force.c0", 0.0, 1000.0, linear=True),
+        FreeParameter("yield_force.c1", -500.0, 500.0, linear=True),
+        FreeParameter("rho.value", 1.0, 10.0),
     ]
     levels = [c + CELSIUS for c in THREE]
-    tempered, moved = temper(law, forms, free, levels, "arrhenius")
-    assert tempered["yield_force"] == Bipolynomial((100.0, 0.0, 50.0, 0.0), 1)
+    temperature_dependent, moved = temper(law, forms, free, levels, "arrhenius")
+    assert temperature_dependent["yield_force"] == Bipolynomial((100.0, 0.0, 50.0, 0.0), 1)
     by_name = {each.name: each for each in moved}
     assert list(by_name) == ["rho.value", *(f"yield_force.c{i}{j}" for i in (0, 1) for j in (0, 1))]
     assert (by_name["yield_force.c00"].lower, by_name["yield_force.c00"].upper) == (0.0, 1000.0)
@@ -331,7 +331,7 @@ def test_an_assumption_is_marked_and_moves_nothing():
     assert moved == free
     assert damper.assumed == ("viscosity", "yield_force")
     viscosity = damper.coefficients["viscosity"]
-    assert isinstance(viscosity, Tempered)
+    assert isinstance(viscosity, TemperatureDependent)
     assert viscosity.form == plain.coefficients["viscosity"]
     assert viscosity.factor == THINS
     assert damper.temperature_range == Oil().valid_K
@@ -357,12 +357,12 @@ def test_an_assumption_takes_only_what_a_fluid_knows():
         "rho": Exponential(1500.0, -0.3),
     }
     assumed = assume(forms, Oil())
-    assert [name for name, form in assumed.items() if form.tempered] == [
+    assert [name for name, form in assumed.items() if form.temperature_dependent] == [
         "viscosity",
         "rate_force",
         "yield_force",
     ]
-    assert {name: form for name, form in assumed.items() if not form.tempered} == {
+    assert {name: form for name, form in assumed.items() if not form.temperature_dependent} == {
         name: forms[name] for name in ("coulomb_friction", "stiffness", "rho")
     }
 
@@ -378,14 +378,14 @@ def test_an_assumed_thinning_follows_the_viscosity_to_its_exponent(factor):
     final = settled(truth)
     for name, exponent in (("thinning", 0.5), ("leak_damping", 0.95)):
         form = final.coefficients[name]
-        assert isinstance(form, Tempered)
+        assert isinstance(form, TemperatureDependent)
         assert form.assumed
         np.testing.assert_allclose(form.factor.value(kelvin), factor.value(kelvin) ** exponent, rtol=1e-12)
     assert final.coefficients["yield_force"] == truth.coefficients["yield_force"]
     identified = replace(
         truth,
         coefficients={
-            n: replace(f, assumed=False) if isinstance(f, Tempered) else f
+            n: replace(f, assumed=False) if isinstance(f, TemperatureDependent) else f
             for n, f in truth.coefficients.items()
         },
     )
@@ -402,8 +402,8 @@ def test_a_tempered_truth_is_found_again(kind: Temperature) -> None:
     truth = Damper(
         LAWS["bouc-wen"],
         {
-            "viscosity": Tempered(Polynomial((900.0, 300.0)), factor),
-            "yield_force": Tempered(Hill(80.0, 700.0, 1.2, 1.5, reference=1.5), Linear(1.2e-3)),
+            "viscosity": TemperatureDependent(Polynomial((900.0, 300.0)), factor),
+            "yield_force": TemperatureDependent(Hill(80.0, 700.0, 1.2, 1.5, reference=1.5), Linear(1.2e-3)),
             "offset": Constant(30.0),
             "rho": Constant(1800.0),
             "kappa": Constant(-0.5),

@@ -14,7 +14,7 @@ from scipy.optimize import minimize
 
 from mrdamper.errors import InputError
 from mrdamper.identify.objective import Objective, _bounded_least_squares
-from mrdamper.identify.problem import FitProblem, Free
+from mrdamper.identify.problem import FitProblem, FreeParameter
 from mrdamper.identify.templates import template
 from mrdamper.identify.variable_projection import (
     Progress,
@@ -225,7 +225,7 @@ def test_progress_never_gets_worse() -> None:
 
 
 def test_starts_fill_their_box_and_every_seed_draws_others() -> None:
-    free = (Free("a", 1e-3, 1e3, "log"), Free("b", -1.0, 1.0))
+    free = (FreeParameter("a", 1e-3, 1e3, "log"), FreeParameter("b", -1.0, 1.0))
     drawn = latin_hypercube(free, 50, 0)
     for column, (low, high) in zip(drawn.T, ((np.log(1e-3), np.log(1e3)), (-1.0, 1.0)), strict=True):
         counts, _ = np.histogram(column, bins=5, range=(low + 0.1 * (high - low), high - 0.1 * (high - low)))

@@ -38,7 +38,7 @@ from mrdamper.models.dependence import (
     Hill,
     ParameterLaw,
     Polynomial,
-    Tempered,
+    TemperatureDependent,
 )
 from mrdamper.models.dependence_json import KINDS
 from mrdamper.models.laws import LAWS, Coefficient
@@ -74,11 +74,13 @@ def a_damper(**changed):
 
 def a_tempered_damper(**changed):
     forms: dict[str, ParameterLaw] = {
-        "viscosity": Tempered(Polynomial((600.0, 400.0)), Arrhenius(1435.5)),
-        "stiffness": Tempered(Constant(900.0), PolynomialFactor((-1e-3, 2e-6)), assumed=True),
-        "coulomb_friction": Tempered(Constant(20.0), Reynolds(0.012)),
-        "breakaway_friction": Tempered(Constant(5.0), Vft(600.0, 150.0)),
-        "yield_force": Tempered(Hill(90.5, 629.0, 1.14, 1.466, reference=1.5), Linear(1.2e-3), assumed=True),
+        "viscosity": TemperatureDependent(Polynomial((600.0, 400.0)), Arrhenius(1435.5)),
+        "stiffness": TemperatureDependent(Constant(900.0), PolynomialFactor((-1e-3, 2e-6)), assumed=True),
+        "coulomb_friction": TemperatureDependent(Constant(20.0), Reynolds(0.012)),
+        "breakaway_friction": TemperatureDependent(Constant(5.0), Vft(600.0, 150.0)),
+        "yield_force": TemperatureDependent(
+            Hill(90.5, 629.0, 1.14, 1.466, reference=1.5), Linear(1.2e-3), assumed=True
+        ),
         "offset": Bipolynomial((40.0, -0.1, 5.0, 0.02), 1),
         "rho": Exponential(1500.0, -0.3),
         "kappa": Constant(-0.9),
@@ -96,7 +98,7 @@ def simulate(damper, trajectory):
 
 def an_excerpt(damper):
     path = drive(Sine(0.005, 3.0), duration=0.4, rate_Hz=200.0, command=1.0)
-    if damper.tempered:
+    if damper.temperature_dependent:
         path = replace(path, temperature=np.full(len(path), 325.0))
     noise = np.random.default_rng(0).normal(0.0, 20.0, len(path))
     measured = simulate(damper, path) + noise
@@ -177,7 +179,7 @@ forms = {
         ),
     ),
     "viscosity": st.builds(
-        Tempered,
+        TemperatureDependent,
         st.one_of(st.builds(Constant, positive), st.builds(Exponential, positive, st.floats(-3.0, 3.0))),
         st.one_of(
             st.builds(Linear, st.floats(-0.005, 0.005)),
@@ -678,7 +680,7 @@ def test_a_card_of_schema_version_1_gives_the_forces_that_it_gave():
     found = simulate_in_kernel(card.damper, card.excerpt.trajectory())
     np.testing.assert_allclose(found, gave, rtol=0.0, atol=1e-9 * np.abs(gave).max())
     assert verify_excerpt(card, simulate_in_kernel) == pytest.approx(card.excerpt.rmse_N, rel=1e-9)
-    assert not card.damper.tempered
+    assert not card.damper.temperature_dependent
     assert card.damper.actuation is None
     assert card.damper.command_lag_s == 0.0125
 

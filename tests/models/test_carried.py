@@ -16,7 +16,7 @@ from mrdamper.errors import InputError
 from mrdamper.excitation import Trajectory
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper
-from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial, Tempered
+from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial, TemperatureDependent
 from mrdamper.models.laws import LAWS
 from mrdamper.models.simulate import open_drive, simulate
 from mrdamper.models.streaming import CarriedRun
@@ -124,7 +124,7 @@ def test_a_temperature_that_varies_goes_over_the_borders():
     path = with_command(random_drive(6))
     warm = replace(path, temperature=293.0 + 30.0 * path.time)
     values = {**moved("spencer").coefficients}
-    values["inner_viscosity"] = Tempered(Constant(2500.0), Linear(-0.004))
+    values["inner_viscosity"] = TemperatureDependent(Constant(2500.0), Linear(-0.004))
     d = Damper(LAWS["spencer"], values, temperature_range=(290.0, 320.0))
     np.testing.assert_array_equal(in_batches(CarriedRun(d), warm, [100, 900]), simulate(d, warm))
 

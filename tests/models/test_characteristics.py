@@ -26,7 +26,7 @@ from mrdamper.models.characteristics import (
     settled_cycle,
 )
 from mrdamper.models.damper import Damper
-from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial, Tempered
+from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial, TemperatureDependent
 from mrdamper.models.laws import LAWS
 from mrdamper.models.temperature import Arrhenius, Linear
 
@@ -143,7 +143,7 @@ def test_the_dynamic_range_tends_to_one_where_viscosity_rules():
 
 def test_the_loss_of_a_linear_factor_is_its_slope():
     """Yield force alone: the share lost per kelvin is the factor's slope, at every current."""
-    damper = bingham(yield_force=Tempered(Polynomial((40.0, 500.0)), Linear(1.67e-3)))
+    damper = bingham(yield_force=TemperatureDependent(Polynomial((40.0, 500.0)), Linear(1.67e-3)))
     for command in (0.0, 1.0, 2.0):
         np.testing.assert_allclose(
             force_loss(damper, SINE, command, WARM), 1.67e-3 * (WARM - 293.15), rtol=1e-9
@@ -152,14 +152,14 @@ def test_the_loss_of_a_linear_factor_is_its_slope():
 
 def test_the_loss_of_a_viscous_damper_is_that_of_its_viscosity():
     """65 % from 20 to 100 degC, the paper's fluid, with E/R = 1435.5 K."""
-    viscous = Tempered(Constant(2e3), Arrhenius(1435.5))
+    viscous = TemperatureDependent(Constant(2e3), Arrhenius(1435.5))
     damper = bingham(yield_force=Constant(0.0), viscosity=viscous)
     assert force_loss(damper, SINE, 0.0, [373.15])[0] == pytest.approx(0.65, abs=1e-3)
 
 
 def test_the_loss_is_smaller_at_higher_current_when_only_the_viscous_part_is_warm():
     """The viscous share times the fall of the viscosity: the paper's claim, in closed form."""
-    damper = bingham(viscosity=Tempered(Constant(3e3), Arrhenius(1435.5)))
+    damper = bingham(viscosity=TemperatureDependent(Constant(3e3), Arrhenius(1435.5)))
     fall = 1.0 - math.exp(1435.5 * (1.0 / 373.15 - 1.0 / 293.15))
     viscous = 3e3 * OMEGA * SINE.amplitude
     losses = [float(force_loss(damper, SINE, command, [373.15])[0]) for command in (0.0, 1.0, 2.0)]
@@ -169,7 +169,7 @@ def test_the_loss_is_smaller_at_higher_current_when_only_the_viscous_part_is_war
 
 
 def test_nothing_is_lost_at_the_reference_and_something_gained_below_it():
-    damper = bingham(yield_force=Tempered(Constant(500.0), Linear(2e-3)))
+    damper = bingham(yield_force=TemperatureDependent(Constant(500.0), Linear(2e-3)))
     loss = force_loss(damper, SINE, 0.0, [303.15, 313.15, 323.15], reference=313.15)
     assert loss[1] == 0.0
     assert loss[0] < 0.0 < loss[2]
@@ -177,7 +177,7 @@ def test_nothing_is_lost_at_the_reference_and_something_gained_below_it():
 
 
 def test_without_a_temperature_a_tempered_damper_is_at_20_degrees():
-    damper = bingham(yield_force=Tempered(Constant(500.0), Linear(2e-3)))
+    damper = bingham(yield_force=TemperatureDependent(Constant(500.0), Linear(2e-3)))
     assert settled_cycle(damper, SINE, 0.0).peak_N == settled_cycle(damper, SINE, 0.0, 293.15).peak_N
 
 

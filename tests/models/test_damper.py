@@ -21,7 +21,7 @@ from mrdamper.models.dependence import (
     Hill,
     ParameterLaw,
     Polynomial,
-    Tempered,
+    TemperatureDependent,
 )
 from mrdamper.models.laws import LAWS
 from mrdamper.models.temperature import Arrhenius, Linear, Vft
@@ -46,8 +46,8 @@ def bouc_wen(**changed):
 
 def warm(*, held=RANGE, actuation=None, **changed):
     forms: dict[str, ParameterLaw] = {
-        "viscosity": Tempered(Polynomial((600.0, 400.0)), Arrhenius(1435.5)),
-        "yield_force": Tempered(Hill(90.0, 629.0, 1.14, 1.466), Linear(1e-3), assumed=True),
+        "viscosity": TemperatureDependent(Polynomial((600.0, 400.0)), Arrhenius(1435.5)),
+        "yield_force": TemperatureDependent(Hill(90.0, 629.0, 1.14, 1.466), Linear(1e-3), assumed=True),
         "offset": Bipolynomial((40.0, -0.1), 1),
     }
     cold = bouc_wen(**{**forms, **changed})
@@ -197,11 +197,11 @@ def test_the_valve_must_not_turn_round_inside_the_stroke(gain, fine):
 
 
 def test_a_damper_says_whether_it_knows_temperature_and_what_of_it_is_assumed():
-    assert not bouc_wen().tempered
+    assert not bouc_wen().temperature_dependent
     assert bouc_wen().assumed == ()
-    assert warm().tempered
+    assert warm().temperature_dependent
     assert warm().assumed == ("yield_force",)
-    assert not bouc_wen(offset=Bipolynomial((40.0, 1.0), 0)).tempered
+    assert not bouc_wen(offset=Bipolynomial((40.0, 1.0), 0)).temperature_dependent
 
 
 def test_numbers_of_a_temperature_factor_are_numbers_like_any_other():
@@ -258,7 +258,7 @@ def test_from_20_to_100_degrees_the_viscosity_falls_as_arrhenius_says():
 
 
 def test_a_coefficient_that_leaves_its_range_when_warm_is_named_with_the_temperature():
-    fading = warm(yield_force=Tempered(Constant(100.0), Linear(0.015)))
+    fading = warm(yield_force=TemperatureDependent(Constant(100.0), Linear(0.015)))
     commands, kelvins = np.array([0.0, 0.0, 0.5]), np.array([293.15, 353.15, 373.15])
     (said,) = fading.violations(commands, kelvins)
     assert said.startswith("bouc-wen: yield_force is -20 N; ")
@@ -276,20 +276,20 @@ def test_a_temperature_stands_only_beside_a_coefficient_that_depends_on_it():
 
 def test_what_is_held_at_the_edge_does_no_harm_beyond_it():
     """Held at 80 degC the yield force never comes to the 86.7 degC at which it would be gone."""
-    fading = warm(held=(288.15, 353.15), yield_force=Tempered(Constant(100.0), Linear(0.015)))
+    fading = warm(held=(288.15, 353.15), yield_force=TemperatureDependent(Constant(100.0), Linear(0.015)))
     fading.check(WARM_ENVELOPE)
     assert fading.violations([0.0], [473.15]) == ()
 
 
 def test_a_pole_inside_the_temperatures_is_refused():
-    frozen = warm(held=None, viscosity=Tempered(Constant(600.0), Vft(50.0, 280.0)))
+    frozen = warm(held=None, viscosity=TemperatureDependent(Constant(600.0), Vft(50.0, 280.0)))
     (said,) = frozen.violations([0.0, 0.0], [300.0, 275.0])
     assert said == "bouc-wen: viscosity is inf; it must be finite (at 0 A, 1.9 degC)"
 
 
 def test_nothing_times_infinity_is_refused_without_a_warning():
     """A form of 0 whose factor overflows: NaN, which numpy would warn of beside the message."""
-    wild = warm(held=None, viscosity=Tempered(Constant(0.0), Vft(50.0, 280.0)))
+    wild = warm(held=None, viscosity=TemperatureDependent(Constant(0.0), Vft(50.0, 280.0)))
     (said,) = wild.violations([0.0], [275.0])
     assert said == "bouc-wen: viscosity is nan; it must be finite (at 0 A, 1.9 degC)"
 

@@ -18,7 +18,7 @@ from mrdamper.models.dependence import (
     Hill,
     ParameterLaw,
     Polynomial,
-    Tempered,
+    TemperatureDependent,
     did_you_mean,
     separable_polynomial,
 )
@@ -54,9 +54,11 @@ FACTORS_DRAWN = {
         lambda numbers: PolynomialFactor(tuple(numbers))
     ),
 }
-tempered = st.builds(Tempered, st.one_of(*FORMS.values()), st.one_of(*FACTORS_DRAWN.values()), st.booleans())
+temperature_dependent = st.builds(
+    TemperatureDependent, st.one_of(*FORMS.values()), st.one_of(*FACTORS_DRAWN.values()), st.booleans()
+)
 cold_laws = st.one_of(*FORMS.values())
-laws = st.one_of(cold_laws, bipolynomials, tempered)
+laws = st.one_of(cold_laws, bipolynomials, temperature_dependent)
 commands = st.floats(-5.0, 5.0).filter(lambda x: x == 0.0 or abs(x) > 1e-3)
 kelvins = st.floats(233.15, 423.15)  # -40 to 150 degC
 every_form = pytest.mark.parametrize("form", FORMS)
@@ -82,7 +84,7 @@ def factor_on_paper(kind, numbers, kelvin):
 
 def on_paper(law, numbers, command, kelvin=293.15):
     """Return the form as one writes it down; numbers or command may be complex."""
-    if isinstance(law, Tempered):
+    if isinstance(law, TemperatureDependent):
         split = len(law.form.numbers)
         factor = factor_on_paper(law.factor.kind, numbers[split:], kelvin)
         return on_paper(law.form, numbers[:split], command) * factor
@@ -106,7 +108,7 @@ def on_paper(law, numbers, command, kelvin=293.15):
 
 def scale_of(law, command, kelvin):
     """Return the size of the terms that a value is summed from: what rounding is measured against."""
-    if isinstance(law, Tempered):
+    if isinstance(law, TemperatureDependent):
         factor = abs(float(law.factor.value(kelvin)))
         if isinstance(law.factor, PolynomialFactor):
             factor += sum(
@@ -155,7 +157,7 @@ def test_gradient_and_slope_are_the_complex_step(law, command, kelvin):
 def test_gradient_and_slope_of_every_form_times_every_factor_are_the_complex_step(
     form, factor, data, command, kelvin
 ):
-    law = Tempered(data.draw(FORMS[form]), data.draw(FACTORS_DRAWN[factor]))
+    law = TemperatureDependent(data.draw(FORMS[form]), data.draw(FACTORS_DRAWN[factor]))
     assert_gradient(law, command, kelvin)
     assert_slope(law, command, kelvin)
 
@@ -173,7 +175,7 @@ def test_the_value_is_linear_in_the_numbers_that_say_so(law, command, kelvin, k,
     assert moved == pytest.approx(share * change, abs=allowed)
 
 
-@given(st.one_of(bipolynomials, tempered), commands, kelvins)
+@given(st.one_of(bipolynomials, temperature_dependent), commands, kelvins)
 def test_the_linear_numbers_are_linear_together(law, command, kelvin):
     """What least squares needs: the gradient by one of them does not hold another."""
     twice = [2.0 * x if linear else x for x, linear in zip(law.numbers, law.linear, strict=True)]
@@ -189,8 +191,8 @@ SOME: list[ParameterLaw] = [
     Hill(1.0, 2.0, 0.7, 1.5),
     Exponential(2.0, -0.5),
     Bipolynomial((1.0, 2.0, 3.0, 4.0), 1),
-    Tempered(Hill(1.0, 2.0, 0.7, 1.5), Vft(600.0, 150.0)),
-    Tempered(Polynomial((1.0, 2.0)), PolynomialFactor((1e-3, 1e-6))),
+    TemperatureDependent(Hill(1.0, 2.0, 0.7, 1.5), Vft(600.0, 150.0)),
+    TemperatureDependent(Polynomial((1.0, 2.0)), PolynomialFactor((1e-3, 1e-6))),
 ]
 
 
@@ -217,7 +219,7 @@ def test_without_a_temperature_it_is_20_degrees(law, command):
     np.testing.assert_array_equal(law.slope(command), law.slope(command, 293.15))
 
 
-@given(tempered, commands)
+@given(temperature_dependent, commands)
 def test_at_20_degrees_a_tempered_coefficient_is_its_form(law, command):
     np.testing.assert_array_equal(law.value(command, 293.15), law.form.value(command))
     np.testing.assert_array_equal(law.slope(command, 293.15), law.form.slope(command))
@@ -225,12 +227,12 @@ def test_at_20_degrees_a_tempered_coefficient_is_its_form(law, command):
 
 @given(cold_laws, commands, kelvins)
 def test_a_form_of_the_command_alone_knows_no_temperature(law, command, kelvin):
-    assert not law.tempered
+    assert not law.temperature_dependent
     np.testing.assert_array_equal(law.value(command, kelvin), law.value(command))
     np.testing.assert_array_equal(law.gradient(command, kelvin), law.gradient(command))
 
 
-@given(tempered, commands, commands, kelvins)
+@given(temperature_dependent, commands, commands, kelvins)
 def test_command_and_temperature_separate(law, here, there, kelvin):
     """The share by which a tempered coefficient changes is one and the same at every command."""
     one, two = law.value(here, kelvin) * law.value(there), law.value(there, kelvin) * law.value(here)
@@ -240,7 +242,7 @@ def test_command_and_temperature_separate(law, here, there, kelvin):
 @given(polynomials, commands, kelvins)
 def test_a_bipolynomial_of_temperature_degree_zero_is_its_polynomial(law, command, kelvin):
     flat = Bipolynomial(law.numbers, 0)
-    assert not flat.tempered
+    assert not flat.temperature_dependent
     scale = 1e-13 * scale_of(flat, command, kelvin) + 1e-300
     np.testing.assert_allclose(flat.gradient(command, kelvin), law.gradient(command), rtol=1e-14)
     assert float(flat.value(command, kelvin)) == pytest.approx(float(law.value(command)), abs=scale)
@@ -268,7 +270,7 @@ def test_the_separable_polynomial_is_the_bipolynomial_of_products(command, facto
     assert float(law.value(at, kelvin)) == pytest.approx(float(out.value(at, kelvin)), abs=allowed)
 
 
-@given(tempered, st.data())
+@given(temperature_dependent, st.data())
 def test_numbers_put_into_a_tempered_form_are_read_back_and_the_mark_stays(law, data):
     k = data.draw(st.integers(0, len(law.numbers) - 1))
     numbers = list(law.numbers)
@@ -330,7 +332,7 @@ def test_units_say_per_what():
         *("N", "N/K", "N/K^2"),
         *("N/A", "N/A/K", "N/A/K^2"),
     )
-    assert Tempered(Polynomial((1.0, 2.0)), Arrhenius(1000.0)).units("N s/m", "V") == (
+    assert TemperatureDependent(Polynomial((1.0, 2.0)), Arrhenius(1000.0)).units("N s/m", "V") == (
         *("N s/m", "N s/m/V"),
         "K",
     )
@@ -365,11 +367,11 @@ def test_json_in_another_order_is_the_same_law():
 
 
 def test_an_assumed_factor_stays_assumed_and_is_identified_where_nothing_is_said():
-    law = Tempered(Constant(2.0), Arrhenius(1200.0), assumed=True)
+    law = TemperatureDependent(Constant(2.0), Arrhenius(1200.0), assumed=True)
     data = dependence_to_json(law)
     assert data["temperature"] == {"kind": "arrhenius", "assumed": True}
     assert dependence_from_json(data) == law
-    assert dependence_from_json({**data, "temperature": {"kind": "arrhenius"}}) == Tempered(
+    assert dependence_from_json({**data, "temperature": {"kind": "arrhenius"}}) == TemperatureDependent(
         law.form, law.factor
     )
 

@@ -13,10 +13,10 @@ from mrdamper.models.dependence import (
     Hill,
     ParameterLaw,
     Polynomial,
-    Tempered,
+    TemperatureDependent,
 )
 from mrdamper.models.laws import LAWS
-from mrdamper.models.operating_points import Levels
+from mrdamper.models.operating_points import OperatingPoints
 from mrdamper.models.simulate import LAG
 from mrdamper.models.temperature import Arrhenius, Linear, PolynomialFactor, Reynolds, Vft
 
@@ -28,11 +28,13 @@ FORMS: dict[str, ParameterLaw] = {
     "hill": Hill(30.0, 600.0, 0.5, 1.7, 2.0),
     "exponential": Exponential(900.0, -0.4),
     "bipolynomial": Bipolynomial((5.0, 0.01, -0.3, 0.002), 1),
-    "linear in temperature": Tempered(Polynomial((3.0, 0.4)), Linear(0.002)),
-    "arrhenius": Tempered(Hill(30.0, 600.0, 0.5, 0.7), Arrhenius(1200.0)),
-    "reynolds": Tempered(Exponential(30.0, 0.3), Reynolds(0.01)),
-    "vft": Tempered(Constant(30.0), Vft(700.0, 150.0)),
-    "polynomial in temperature": Tempered(Polynomial((3.0, 0.4)), PolynomialFactor((0.01, -1e-4))),
+    "linear in temperature": TemperatureDependent(Polynomial((3.0, 0.4)), Linear(0.002)),
+    "arrhenius": TemperatureDependent(Hill(30.0, 600.0, 0.5, 0.7), Arrhenius(1200.0)),
+    "reynolds": TemperatureDependent(Exponential(30.0, 0.3), Reynolds(0.01)),
+    "vft": TemperatureDependent(Constant(30.0), Vft(700.0, 150.0)),
+    "polynomial in temperature": TemperatureDependent(
+        Polynomial((3.0, 0.4)), PolynomialFactor((0.01, -1e-4))
+    ),
 }
 
 
@@ -53,7 +55,7 @@ def test_coefficients_and_gradients_are_those_of_each_damper(kind: str, held: in
     names = list(damper.numbers)
     varying = [*[name for name in names if name.startswith("yield_force.")][held:], "rho.rate", LAG]
     wanted = [LAG, *varying[:-1]][::-1]
-    levels = Levels(damper, varying, wanted, COMMAND, TEMPERATURE)
+    levels = OperatingPoints(damper, varying, wanted, COMMAND, TEMPERATURE)
     draw = np.random.default_rng(0)
     given = np.array([{**damper.numbers, LAG: 0.0}[name] for name in varying])
     values = given * draw.uniform(0.9, 1.1, (5, len(varying)))
@@ -74,6 +76,6 @@ def test_coefficients_and_gradients_are_those_of_each_damper(kind: str, held: in
 
 def test_nothing_that_moves_gives_the_damper_s_own_coefficients() -> None:
     damper = damper_with(FORMS["hill"])
-    levels = Levels(damper, (), (), COMMAND, TEMPERATURE)
+    levels = OperatingPoints(damper, (), (), COMMAND, TEMPERATURE)
     found = levels.at(np.empty((2, 0)), np.empty((2, 4, 0, 0)))
     np.testing.assert_array_equal(found, np.stack([damper.coefficients_at(COMMAND, TEMPERATURE).T] * 2))

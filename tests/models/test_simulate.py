@@ -25,7 +25,7 @@ from mrdamper.models.dependence import (
     Hill,
     ParameterLaw,
     Polynomial,
-    Tempered,
+    TemperatureDependent,
 )
 from mrdamper.models.laws import LAWS, Coefficient
 from mrdamper.models.reference import law_from_python, simulate_reference
@@ -212,7 +212,7 @@ def warm_damper(name: str, **changed) -> Damper:
     for key, form in forms.items():
         if key in FACTOR_OF:
             assert isinstance(form, Constant | Polynomial | Hill | Exponential)
-            forms[key] = Tempered(form, FACTOR_OF[key])
+            forms[key] = TemperatureDependent(form, FACTOR_OF[key])
     forms["offset"] = Bipolynomial((40.0, -0.1, 5.0, 0.02), 1)
     if "n" in forms:
         forms["n"] = Constant(1.47)  # at 1.5 the kernel's table changes its cells: a jump of 1e-7, no tangent
@@ -314,14 +314,16 @@ def test_a_dashpot_that_warms_up_is_the_closed_form():
     run = warming(start=293.15, rise=20.0)
     assert run.temperature is not None
     zero = {"yield_force": Constant(0.0), "yield_velocity": Constant(0.01)}
-    damper = Damper(LAWS["bingham"], {"viscosity": Tempered(Constant(2000.0), Arrhenius(1435.5)), **zero})
+    damper = Damper(
+        LAWS["bingham"], {"viscosity": TemperatureDependent(Constant(2000.0), Arrhenius(1435.5)), **zero}
+    )
     factor = np.exp(1435.5 * (1.0 / run.temperature - 1.0 / 293.15))
     np.testing.assert_allclose(simulate(damper, run), 2000.0 * factor * run.velocity, rtol=1e-13, atol=1e-12)
     assert factor[-1] == pytest.approx(0.731, abs=1e-3)
 
 
 def test_a_coefficient_that_leaves_its_range_as_the_run_warms_is_refused():
-    fading = warm_damper("bingham", yield_force=Tempered(Constant(100.0), Linear(0.015)))
+    fading = warm_damper("bingham", yield_force=TemperatureDependent(Constant(100.0), Linear(0.015)))
     simulate(fading, warming(start=300.0, rise=50.0))
     with pytest.raises(InputError, match="yield_force is -"):
         simulate(fading, warming(start=300.0, rise=70.0))
@@ -425,7 +427,7 @@ class Syrup:
 
 
 def test_a_users_law_knows_temperature_as_well():
-    damper = Damper(law_from_python(Syrup()), {"c": Tempered(Constant(500.0), Reynolds(0.01))})
+    damper = Damper(law_from_python(Syrup()), {"c": TemperatureDependent(Constant(500.0), Reynolds(0.01))})
     run = warming(rate=200.0)
     assert run.temperature is not None
     expected = 500.0 * np.exp(-0.01 * (run.temperature - 293.15)) * run.velocity

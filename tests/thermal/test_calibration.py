@@ -28,7 +28,7 @@ from mrdamper.thermal.estimation.measured_curve import (
     lag_signal,
     read_curve,
 )
-from mrdamper.thermal.estimation.uncertainty import Doubt
+from mrdamper.thermal.estimation.uncertainty import ModelUncertainty
 from mrdamper.thermal.model.lumped import constant_heating
 from mrdamper.thermal.temperature_rise import Rise, heat_with, predict_rise
 
@@ -222,7 +222,7 @@ def test_the_entries_read_back_as_the_same_drawing():
     """A file of its own: the drawing's text with the entries in place of those that were there."""
     path = Path(__file__).parents[2] / "examples" / "paper_damper.toml"
     curve = measured(heated(DRAWING, scale=1.1), np.random.default_rng(6), noise=0.2, until=600.0)
-    found = calibrate_with(curve, DRAWING, [work()], DUTY, doubt=Doubt())
+    found = calibrate_with(curve, DRAWING, [work()], DUTY, model_uncertainty=ModelUncertainty())
     text = calibrated_text(path.read_text(encoding="utf-8"), found.entries, "the paper's, calibrated")
     read = drawing_of(text, DRAWING.name)
     assert found.heat_capacity != DRAWING.calibration.heat_capacity
@@ -250,7 +250,7 @@ def test_a_curve_of_half_an_hour_outweighs_what_was_believed():
     truth = replace(BARE, calibration=Calibration(heat_capacity=1.15, film=1.05))
     curve = measured(heated(truth), np.random.default_rng(1), noise=0.3)
     alone = calibrate_with(curve, BARE, [work()], DUTY)
-    held = calibrate_with(curve, BARE, [work()], DUTY, doubt=Doubt())
+    held = calibrate_with(curve, BARE, [work()], DUTY, model_uncertainty=ModelUncertainty())
     for found in (alone, held):
         assert found.heat_capacity == pytest.approx(1.15, rel=3.0 * found.heat_capacity_error)
         assert found.film == pytest.approx(1.05, rel=3.0 * found.film_error)
@@ -264,8 +264,8 @@ def test_a_minute_of_curve_leaves_the_losses_to_the_drawing():
     """Losses that are believed at no more than 5 % stay so; P/C is told better already."""
     curve = measured(heated(BARE, scale=1.2), np.random.default_rng(2), noise=0.3, until=60.0)
     for losses in (0.25, 0.05):
-        doubt = Doubt(power=0.10, capacity=1e-3, loss=losses)
-        numbers = calibrate_with(curve, BARE, [work()], DUTY, doubt=doubt).numbers
+        model_uncertainty = ModelUncertainty(power=0.10, capacity=1e-3, loss=losses)
+        numbers = calibrate_with(curve, BARE, [work()], DUTY, model_uncertainty=model_uncertainty).numbers
         assert any("hardly tells UA/C yet" in each for each in numbers.words)
         assert numbers.power_error / numbers.power_over_capacity < 0.09
         # at the start's low excess the film has a smaller share of the losses than at 40 K
@@ -274,9 +274,9 @@ def test_a_minute_of_curve_leaves_the_losses_to_the_drawing():
 
 def test_without_any_doubt_the_drawing_stays_as_it_is():
     """Only the start is fitted then."""
-    nothing = Doubt(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    nothing = ModelUncertainty(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     curve = measured(heated(BARE, start=296.0), np.random.default_rng(2), noise=0.3, until=600.0)
-    found = calibrate_with(curve, BARE, [work()], DUTY, doubt=nothing)
+    found = calibrate_with(curve, BARE, [work()], DUTY, model_uncertainty=nothing)
     assert found.heat_capacity == pytest.approx(BARE.calibration.heat_capacity, rel=1e-4)
     assert found.film == pytest.approx(BARE.calibration.film, rel=1e-4)
     assert found.numbers.start_K == pytest.approx(296.0, abs=0.15)
@@ -304,14 +304,20 @@ def test_the_spread_is_that_of_capacity_and_losses():
 def test_a_curve_of_no_damper_is_refused_with_a_doubt_as_well(course, said):
     time = np.arange(0.0, 120.0, 1.5)
     with pytest.raises(ConvergenceError, match=said):
-        calibrate_with(HeatingCurve(time, course(time) + 273.15), BARE, [work()], DUTY, doubt=Doubt())
+        calibrate_with(
+            HeatingCurve(time, course(time) + 273.15),
+            BARE,
+            [work()],
+            DUTY,
+            model_uncertainty=ModelUncertainty(),
+        )
 
 
 def test_a_curve_of_a_damper_of_twice_the_size_is_refused_with_a_doubt():
     """A clean curve, a fifth of the drawing's rate: no drawing is that far off."""
     curve = measured(heated(BARE, scale=0.2), np.random.default_rng(3), noise=0.05, until=900.0)
     with pytest.raises(ConvergenceError, match=r"it takes a heat capacity .* times the drawing's"):
-        calibrate_with(curve, BARE, [work()], DUTY, doubt=Doubt())
+        calibrate_with(curve, BARE, [work()], DUTY, model_uncertainty=ModelUncertainty())
 
 
 def test_a_curve_of_something_else_is_refused():

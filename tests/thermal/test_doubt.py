@@ -13,7 +13,7 @@ import pytest
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 from mrdamper.thermal.drawing import read_drawing
-from mrdamper.thermal.estimation.uncertainty import FACTORS, Doubt, DoubtedNetwork
+from mrdamper.thermal.estimation.uncertainty import FACTORS, ModelUncertainty, UncertainNetwork
 from mrdamper.thermal.model.lumped import lumped_network
 from mrdamper.thermal.model.network import ThermalNetwork, zone_network
 from mrdamper.thermal.model.stepping import Load
@@ -41,7 +41,7 @@ def state_of(network: ThermalNetwork, start: float = 293.15, **factors: float) -
 
 def run(network: ThermalNetwork, *states: FloatArray, loads: Sequence[Load] = LOADS) -> FloatArray:
     """Return the fluid's temperature over time [K]."""
-    return DoubtedNetwork(network).run_ahead(np.array(states), loads, hottest_K=600.0)[1]
+    return UncertainNetwork(network).run_ahead(np.array(states), loads, hottest_K=600.0)[1]
 
 
 def ends(network: ThermalNetwork, *states: FloatArray) -> FloatArray:
@@ -52,7 +52,7 @@ def ends(network: ThermalNetwork, *states: FloatArray) -> FloatArray:
 def test_without_doubt_it_runs_as_the_network_does(build):
     """Over heating, rest and heating; straight lines between the tables' knots cost some millikelvin."""
     network = build(DRAWING)
-    time, fluid = DoubtedNetwork(network).run_ahead(state_of(network)[None], LOADS, hottest_K=600.0)
+    time, fluid = UncertainNetwork(network).run_ahead(state_of(network)[None], LOADS, hottest_K=600.0)
     course = heat_up(network, LOADS, longest_step=10.0)
     assert time[-1] == pytest.approx(1800.0)
     at = np.searchsorted(time, [900.0 - 1e-6, 1200.0 - 1e-6, 1800.0 - 1e-6])
@@ -104,11 +104,13 @@ def test_a_small_doubt_spreads_the_end_as_its_derivative_says():
     mean, n = state_of(network), len(network.names)
     covariance = np.zeros((len(mean), len(mean)))
     covariance[n, n] = 0.01**2
-    outlook = DoubtedNetwork(network).look_ahead(mean, covariance, LOADS, LIMIT, dampers=800)
+    prediction_interval = UncertainNetwork(network).look_ahead(mean, covariance, LOADS, LIMIT, dampers=800)
     more, less = ends(network, state_of(network, power=1.01), state_of(network, power=1.0 / 1.01))
-    assert outlook.high[-1] - outlook.low[-1] == pytest.approx(1.645 * (more - less), rel=0.05)
-    assert outlook.median[-1] == pytest.approx(0.5 * (more + less), abs=0.02)
-    assert outlook.low[0] == outlook.high[0] == pytest.approx(293.15)
+    assert prediction_interval.high[-1] - prediction_interval.low[-1] == pytest.approx(
+        1.645 * (more - less), rel=0.05
+    )
+    assert prediction_interval.median[-1] == pytest.approx(0.5 * (more + less), abs=0.02)
+    assert prediction_interval.low[0] == prediction_interval.high[0] == pytest.approx(293.15)
 
 
 def test_more_doubt_is_a_wider_interval_and_an_earlier_and_later_limit():
@@ -118,9 +120,15 @@ def test_more_doubt_is_a_wider_interval_and_an_earlier_and_later_limit():
     widths = []
     for scale in (0.2, 1.0):
         covariance = np.zeros((len(mean), len(mean)))
-        covariance[n:, n:] = scale**2 * Doubt().covariance
-        outlook = DoubtedNetwork(network).look_ahead(mean, covariance, load, LIMIT)
-        widths.append((outlook.high[-1] - outlook.low[-1], outlook.to_limit.low_s, outlook.to_limit.high_s))
+        covariance[n:, n:] = scale**2 * ModelUncertainty().covariance
+        prediction_interval = UncertainNetwork(network).look_ahead(mean, covariance, load, LIMIT)
+        widths.append(
+            (
+                prediction_interval.high[-1] - prediction_interval.low[-1],
+                prediction_interval.to_limit.low_s,
+                prediction_interval.to_limit.high_s,
+            )
+        )
     assert widths[1][0] > 4.0 * widths[0][0]
     assert widths[1][1] < widths[0][1] < widths[0][2] < widths[1][2]
 
@@ -136,4 +144,4 @@ def test_a_load_of_days_ends_in_the_steady_state():
 
 def test_a_doubt_below_zero_is_refused():
     with pytest.raises(InputError, match=r"doubt\.loss is -1"):
-        Doubt(loss=-1.0)
+        ModelUncertainty(loss=-1.0)

@@ -21,7 +21,7 @@ from mrdamper.thermal.estimation.observer import (
     Thermometers,
     time_left,
 )
-from mrdamper.thermal.estimation.uncertainty import FACTORS, Doubt
+from mrdamper.thermal.estimation.uncertainty import FACTORS, ModelUncertainty
 from mrdamper.thermal.model.network import zone_network
 from mrdamper.thermal.model.stepping import Load
 from mrdamper.thermal.model.transient import heat_up
@@ -109,8 +109,8 @@ def follow(
 
 def test_its_covariance_is_that_of_its_errors():
     """Normalised squared errors of 20 dampers drawn from its own beliefs: chi-squared, n degrees each."""
-    doubt = Doubt(0.05, 0.05, 0.1, 0.1, 0.1, 0.01, node_K_per_sqrt_s=0.03)
-    observer = observer_of(doubt=doubt, thermometers=Thermometers(0.005, 0.001, 0.5))
+    model_uncertainty = ModelUncertainty(0.05, 0.05, 0.1, 0.1, 0.1, 0.01, node_K_per_sqrt_s=0.03)
+    observer = observer_of(model_uncertainty=model_uncertainty, thermometers=Thermometers(0.005, 0.001, 0.5))
     size = len(observer.network.names) + len(FACTORS)
     rng, runs, squares = np.random.default_rng(1), 20, []
     for _ in range(runs):
@@ -140,8 +140,8 @@ def test_the_covariance_stays_symmetric_and_positive():
 
 def test_with_a_perfect_drawing_and_no_doubt_it_is_the_network():
     """Without doubt and readings it runs the network: Euler against ROS2, first order in the step."""
-    sure = Doubt(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    observer = observer_of(doubt=sure)
+    sure = ModelUncertainty(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    observer = observer_of(model_uncertainty=sure)
     reference = heat_up(observer.network, [Load(300.0, power, 4.0 * OHM)], longest_step=2.0).fluid[-1]
     errors = []
     for step in (2.0, 1.0):
@@ -187,7 +187,7 @@ def test_a_cold_start_zeroes_the_resistance():
     """Six deviations of drawing and 3 % off: after half a minute at ambient R20 is known to 0.3 %."""
     rng = np.random.default_rng(4)
     truth = truth_of(BARE, rng, off_percent=3.0)
-    observer = observer_of(doubt=Doubt(resistance=0.03))
+    observer = observer_of(model_uncertainty=ModelUncertainty(resistance=0.03))
     found, spread = observer.factors(zero(observer, truth, rng, 0.005))["resistance"]
     assert spread < 0.003
     assert found == pytest.approx(1.03, abs=3.0 * spread)
@@ -197,7 +197,7 @@ def test_without_zeroing_the_offset_is_degrees():
     """One percent of R20 is 2.5 K at the start for a filter that is told to trust its drawing."""
     rng = np.random.default_rng(5)
     truth = truth_of(BARE, rng)
-    trusting = observer_of(doubt=Doubt(resistance=1e-6))
+    trusting = observer_of(model_uncertainty=ModelUncertainty(resistance=1e-6))
     state = trusting.start(spread_K=20.0)
     for _ in range(200):
         state = trusting.step(state, ThermalSeen(1.0, 0.0, 0.5, truth.resistance_20))
@@ -315,8 +315,8 @@ def test_the_time_left_holds_with_the_capacity_off_by_ten_percent():
 
 
 def test_with_nothing_in_doubt_the_time_left_is_the_networks():
-    sure = Doubt(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    observer = observer_of(doubt=sure)
+    sure = ModelUncertainty(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    observer = observer_of(model_uncertainty=sure)
     state = observer.start(spread_K=1e-6)
     found = time_left(observer, state, GOES_ON, LIMIT, dampers=5)
     heating = heat_up(observer.network, [Load(7200.0, power, 4.0 * OHM)], longest_step=5.0, stop_at=LIMIT)
@@ -342,7 +342,7 @@ def test_impossible_numbers_are_refused():
     with pytest.raises(InputError, match="resistance_20_ohm is 0"):
         TemperatureObserver(zone_network(BARE), 0.0)
     with pytest.raises(InputError, match=r"doubt\.loss is -1"):
-        Doubt(loss=-1.0)
+        ModelUncertainty(loss=-1.0)
     with pytest.raises(InputError, match="expected positive noise"):
         Thermometers(body_K=0.0)
     with pytest.raises(InputError, match="one weight per node"):

@@ -15,8 +15,8 @@ from mrdamper.thermal.drawing import DamperDrawing, read_drawing
 from mrdamper.thermal.duty import read_duty
 from mrdamper.thermal.estimation.calibration import calibrate_with
 from mrdamper.thermal.estimation.measured_curve import HeatingCurve, Place
-from mrdamper.thermal.estimation.prediction_interval import look_out
-from mrdamper.thermal.estimation.uncertainty import Doubt, Outlook
+from mrdamper.thermal.estimation.prediction_interval import predict_interval
+from mrdamper.thermal.estimation.uncertainty import ModelUncertainty, PredictionInterval
 from mrdamper.thermal.model.network import zone_network
 from mrdamper.thermal.model.stepping import Load
 from mrdamper.thermal.model.transient import Heating, heat_up
@@ -51,9 +51,9 @@ def measured(
     return HeatingCurve(time, seen, place)
 
 
-def foretold(base: DamperDrawing, curve: HeatingCurve) -> Outlook:
-    calibrated = calibrate_with(curve, base, [WORK], DUTY, doubt=Doubt())
-    return look_out([WORK], calibrated.drawing, DUTY, calibrated=calibrated)
+def foretold(base: DamperDrawing, curve: HeatingCurve) -> PredictionInterval:
+    calibrated = calibrate_with(curve, base, [WORK], DUTY, model_uncertainty=ModelUncertainty())
+    return predict_interval([WORK], calibrated.drawing, DUTY, calibrated=calibrated)
 
 
 @dataclass(frozen=True)
@@ -70,48 +70,59 @@ def score(base: DamperDrawing, count: int, minutes: float, seed: int, place: Pla
     errors, inside, widths = [], [], []
     for _ in range(count):
         truth = truth_of(base, rng)
-        outlook, true = foretold(base, measured(truth, rng, minutes, place)), float(truth.fluid[-1])
-        errors.append(outlook.median[-1] - true)
-        inside.append(outlook.low[-1] <= true <= outlook.high[-1])
-        widths.append(outlook.high[-1] - outlook.low[-1])
+        prediction_interval, true = (
+            foretold(base, measured(truth, rng, minutes, place)),
+            float(truth.fluid[-1]),
+        )
+        errors.append(prediction_interval.median[-1] - true)
+        inside.append(prediction_interval.low[-1] <= true <= prediction_interval.high[-1])
+        widths.append(prediction_interval.high[-1] - prediction_interval.low[-1])
     return Score(float(np.sqrt(np.mean(np.square(errors)))), float(np.mean(inside)), float(np.mean(widths)))
 
 
 def test_before_anything_was_measured_the_interval_holds_on_dampers_off_their_drawing():
     """Of 60 dampers 85 % less two deviations of that count, or more; no wider than twice what is needed."""
     rng = np.random.default_rng(1)
-    outlook = look_out([WORK], BARE, DUTY)
+    prediction_interval = predict_interval([WORK], BARE, DUTY)
     ends = np.array([truth_of(BARE, rng).fluid[-1] for _ in range(60)])
-    inside = (outlook.low[-1] <= ends) & (ends <= outlook.high[-1])
+    inside = (prediction_interval.low[-1] <= ends) & (ends <= prediction_interval.high[-1])
     assert inside.mean() >= 0.85 - 2.0 * np.sqrt(0.85 * 0.15 / 60.0)
-    assert outlook.high[-1] - outlook.low[-1] < 2.0 * (2.0 * 1.645 * ends.std())
+    assert prediction_interval.high[-1] - prediction_interval.low[-1] < 2.0 * (2.0 * 1.645 * ends.std())
 
 
 def test_the_interval_lies_about_the_curve_and_its_times_about_the_curve_s_time():
     from mrdamper.thermal.temperature_rise import heat_with
 
     hour = read_duty("sine:15mm:1Hz:2A:3600s")
-    rise, outlook = heat_with([WORK], BARE, hour, stop_at_limit=False), look_out([WORK], BARE, hour)
-    fluid = np.interp(outlook.time, rise.time, rise.fluid)
-    assert (outlook.low <= fluid + 1e-6).all()
-    assert (fluid <= outlook.high + 1e-6).all()
-    assert outlook.median == pytest.approx(fluid, abs=2.0)
+    rise, prediction_interval = (
+        heat_with([WORK], BARE, hour, stop_at_limit=False),
+        predict_interval([WORK], BARE, hour),
+    )
+    fluid = np.interp(prediction_interval.time, rise.time, rise.fluid)
+    assert (prediction_interval.low <= fluid + 1e-6).all()
+    assert (fluid <= prediction_interval.high + 1e-6).all()
+    assert prediction_interval.median == pytest.approx(fluid, abs=2.0)
     assert rise.time_to_limit_s is not None
-    assert outlook.to_limit.low_s < rise.time_to_limit_s < outlook.to_limit.high_s
+    assert prediction_interval.to_limit.low_s < rise.time_to_limit_s < prediction_interval.to_limit.high_s
     # the times are where the band's edges cross
-    crossing = [float(np.interp(rise.limit_K, edge, outlook.time)) for edge in (outlook.high, outlook.low)]
-    assert crossing == pytest.approx([outlook.to_limit.low_s, outlook.to_limit.high_s], rel=0.03)
+    crossing = [
+        float(np.interp(rise.limit_K, edge, prediction_interval.time))
+        for edge in (prediction_interval.high, prediction_interval.low)
+    ]
+    assert crossing == pytest.approx(
+        [prediction_interval.to_limit.low_s, prediction_interval.to_limit.high_s], rel=0.03
+    )
 
 
 def test_more_of_the_curve_narrows_the_interval():
     rng = np.random.default_rng(2)
     truth = truth_of(DRAWING, rng)
     whole = measured(truth, rng, 30.0)
-    before = look_out([WORK], DRAWING, DUTY)
+    before = predict_interval([WORK], DRAWING, DUTY)
     widths = [float(before.high[-1] - before.low[-1])]
     for minutes in (3.0, 8.0, 30.0):
-        outlook = foretold(DRAWING, whole.until(60.0 * minutes))
-        widths.append(float(outlook.high[-1] - outlook.low[-1]))
+        prediction_interval = foretold(DRAWING, whole.until(60.0 * minutes))
+        widths.append(float(prediction_interval.high[-1] - prediction_interval.low[-1]))
     assert widths == sorted(widths, reverse=True)
     assert widths[-1] < 0.5
 
@@ -144,11 +155,13 @@ def test_a_body_thermometer_tells_less_of_the_fluid_than_one_in_it():
     places: tuple[Place, ...] = ("wall", "fluid")
     width = {}
     for place in places:
-        outlook = foretold(stagnant, measured(course, rng, 5.0, place))
-        width[place] = float(np.interp(300.0, outlook.time, outlook.high - outlook.low))
+        prediction_interval = foretold(stagnant, measured(course, rng, 5.0, place))
+        width[place] = float(
+            np.interp(300.0, prediction_interval.time, prediction_interval.high - prediction_interval.low)
+        )
     assert width["wall"] > 3.0 * width["fluid"]
 
 
 def test_a_stated_start_is_sure():
-    outlook = look_out([WORK], BARE, DUTY, start_K=350.0)
-    assert outlook.low[0] == outlook.high[0] == pytest.approx(350.0)
+    prediction_interval = predict_interval([WORK], BARE, DUTY, start_K=350.0)
+    assert prediction_interval.low[0] == prediction_interval.high[0] == pytest.approx(350.0)

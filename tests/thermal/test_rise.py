@@ -13,7 +13,7 @@ from mrdamper.errors import InputError
 from mrdamper.excitation import Harmonics, Sine
 from mrdamper.models.card import Evidence, ModelCard
 from mrdamper.models.damper import Damper, OperatingEnvelope
-from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial, Tempered
+from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial, TemperatureDependent
 from mrdamper.models.laws import LAWS
 from mrdamper.models.temperature import Arrhenius, Linear
 from mrdamper.thermal.dissipation import LoopWork, tabulate_work
@@ -34,10 +34,10 @@ def dry_and_viscous(*, dry: float = 0.0, viscous: float = 0.0, **changed) -> Dam
     return Damper(LAWS["bingham"], {**coefficients, **changed})
 
 
-def tempered() -> Damper:
+def temperature_dependent() -> Damper:
     return dry_and_viscous(
-        yield_force=Tempered(Polynomial((60.0, 500.0)), Linear(1.67e-3)),
-        viscosity=Tempered(Constant(2400.0), Arrhenius(1435.5)),
+        yield_force=TemperatureDependent(Polynomial((60.0, 500.0)), Linear(1.67e-3)),
+        viscosity=TemperatureDependent(Constant(2400.0), Arrhenius(1435.5)),
     )
 
 
@@ -82,7 +82,7 @@ def test_a_table_of_amplitudes_is_a_stretch_per_row_and_rests_are_allowed(tmp_pa
     assert [stretch.duration for stretch in duty.stretches] == [600.0, 300.0, 300.0]
     assert [stretch.command for stretch in duty.stretches] == [2.0, 0.0, 1.0]
     assert duty.stretches[1].path is None
-    rise = predict_rise(tempered(), BARE, duty)
+    rise = predict_rise(temperature_dependent(), BARE, duty)
     at = [rise.fluid_at(seconds) for seconds in (0.0, 600.0, 900.0, 1200.0)]
     assert at[1] > at[0]
     assert at[2] < at[1]
@@ -94,8 +94,8 @@ def test_a_measured_displacement_heats_as_the_sine_that_it_is(tmp_path):
     path, seconds = tmp_path / "motion.csv", np.arange(0.0, 120.0 + 1e-9, 0.01)
     rows = [f"{t:.2f},{15.0 * math.sin(2.0 * math.pi * t):.6f},2" for t in seconds]
     path.write_text("\n".join(["time_s,displacement_mm,current_A", *rows]))
-    measured = predict_rise(tempered(), BARE, str(path))
-    sine = predict_rise(tempered(), BARE, "sine:15mm:1Hz:2A:120s")
+    measured = predict_rise(temperature_dependent(), BARE, str(path))
+    sine = predict_rise(temperature_dependent(), BARE, "sine:15mm:1Hz:2A:120s")
     gained = measured.fluid[-1] - measured.fluid[0]
     assert gained == pytest.approx(sine.fluid[-1] - sine.fluid[0], rel=2e-3)
 
@@ -148,7 +148,7 @@ def test_a_motion_without_a_period_is_averaged_over_its_first_two_minutes():
 
 
 def test_power_between_the_table_s_temperatures_is_the_loop_s_own():
-    damper, stretch = tempered(), stretch_of(Sine(0.015, 1.0), 2.0, 60.0)
+    damper, stretch = temperature_dependent(), stretch_of(Sine(0.015, 1.0), 2.0, 60.0)
     table = tabulate_work(damper, stretch)
     between = np.array([297.0, 331.3, 388.8])
     own = tabulate_work(damper, stretch, temperature_K=between)
@@ -158,7 +158,7 @@ def test_power_between_the_table_s_temperatures_is_the_loop_s_own():
 
 
 def test_beyond_the_card_s_temperatures_power_is_held():
-    damper = replace(tempered(), temperature_range=(293.15, 353.15))
+    damper = replace(temperature_dependent(), temperature_range=(293.15, 353.15))
     work = tabulate_work(damper, stretch_of(Sine(0.015, 1.0), 2.0, 60.0))
     assert work.power_at(400.0) == work.power_at(353.15) == work.power[-1]
 
@@ -179,7 +179,7 @@ def test_a_card_without_temperature_laws_holds_its_force_and_says_so():
 
 
 def test_force_fades_as_the_card_says_at_the_fluid_s_temperature():
-    damper = tempered()
+    damper = temperature_dependent()
     rise = predict_rise(damper, BARE)
     at = np.array([293.15, float(rise.fluid[-1])])
     own = tabulate_work(damper, read_duty("sine:15mm:1Hz:2A:1800s").stretches[0], temperature_K=at)
@@ -188,7 +188,7 @@ def test_force_fades_as_the_card_says_at_the_fluid_s_temperature():
 
 
 def test_what_goes_in_stays_or_leaves_by_the_paths_reported():
-    rise = predict_rise(tempered(), DRAWING)
+    rise = predict_rise(temperature_dependent(), DRAWING)
     account = rise.energy_J
     paths = sum(account[path] for path in rise.paths_W)
     assert paths == pytest.approx(account["out"], rel=1e-12)
@@ -202,7 +202,7 @@ def test_what_goes_in_stays_or_leaves_by_the_paths_reported():
 
 
 def test_the_coil_s_heat_follows_its_resistance():
-    rise = predict_rise(tempered(), BARE)
+    rise = predict_rise(temperature_dependent(), BARE)
     resistance = 4.2 * (1.0 + 0.00393 * (rise.coil - 293.15))
     assert rise.coil_W == pytest.approx(4.0 * resistance, rel=1e-9)
 
@@ -221,12 +221,12 @@ def test_the_curve_stops_where_the_fluid_reaches_its_limit_and_says_when():
 
 
 def test_a_limit_that_is_not_reached_has_no_time():
-    assert predict_rise(tempered(), DRAWING).time_to_limit_s is None
+    assert predict_rise(temperature_dependent(), DRAWING).time_to_limit_s is None
 
 
 def test_a_cycle_s_ripple_is_below_a_tenth_of_the_fluid_s_gain_in_it():
     """Cycle averaging is safe: work comes in two strokes a cycle, and the mean takes the rest."""
-    rise = predict_rise(tempered(), BARE)
+    rise = predict_rise(temperature_dependent(), BARE)
     work = float(rise.mechanical_W[0])  # in a cycle of 1 s [J]
     fluid = 2300.0 * 800.0 * (np.pi / 4.0) * (0.036**2 - 0.014**2) * 0.120
     fluid += 2300.0 * 800.0 * (np.pi / 4.0) * (0.036**2 - 0.034**2) * 0.070
@@ -235,14 +235,16 @@ def test_a_cycle_s_ripple_is_below_a_tenth_of_the_fluid_s_gain_in_it():
 
 
 def test_the_lumped_model_answers_the_same_question():
-    zones, lumped = (predict_rise(tempered(), DRAWING, model=model) for model in ("zones", "lumped"))
+    zones, lumped = (
+        predict_rise(temperature_dependent(), DRAWING, model=model) for model in ("zones", "lumped")
+    )
     assert lumped.fluid[-1] == pytest.approx(zones.fluid[-1], abs=4.3)
     assert lumped.energy_closure <= 1e-9
     assert lumped.coil[-1] == lumped.fluid[-1]
 
 
 def test_a_command_in_volts_needs_the_driver_s_gain():
-    volts = replace(tempered(), command_unit="V")
+    volts = replace(temperature_dependent(), command_unit="V")
     with pytest.raises(InputError, match=r"its command is in A, the card's in V"):
         predict_rise(volts, BARE)
     with pytest.raises(InputError, match=r"expected coil.A_per_V"):
@@ -255,7 +257,7 @@ def test_a_command_in_volts_needs_the_driver_s_gain():
 def test_a_duty_beyond_what_the_card_was_identified_on_is_noted():
     card = ModelCard(
         title="small",
-        damper=tempered(),
+        damper=temperature_dependent(),
         envelope=OperatingEnvelope((0.0, 1.0), (-0.005, 0.005), (-0.04, 0.04), (293.15, 353.15)),
         evidence=Evidence(runs=(), method="by hand", cost=0.0, dataset_fingerprint=""),
     )
@@ -267,7 +269,7 @@ def test_a_duty_beyond_what_the_card_was_identified_on_is_noted():
 def test_the_temperature_at_rest_falls_towards_ambient():
     duty = read_duty("sine:15mm:1Hz:2A:600s")
     rest = replace(duty.stretches[0], path=None, command=0.0, duration=36000.0)
-    work = tabulate_work(tempered(), rest)
+    work = tabulate_work(temperature_dependent(), rest)
     rise = heat_with([work], BARE, Duty((rest,), "A", "rest"), start_K=373.15)
     assert (np.diff(rise.fluid) < 0.0).all()
     assert rise.fluid[-1] - 293.15 < 0.5

@@ -212,7 +212,7 @@ class CardPlant:
         """Return the coefficients at the applied commands, from a table for the temperature."""
         if self._table is None or self._table[0] != temperature_degC:
             levels = np.linspace(0.0, self._highest, _LEVELS)
-            warm = temperature_degC + ZERO_CELSIUS_K if self._damper.tempered else None
+            warm = temperature_degC + ZERO_CELSIUS_K if self._damper.temperature_dependent else None
             rows = self._damper.coefficients_at(levels, warm)
             self._table = (
                 temperature_degC,

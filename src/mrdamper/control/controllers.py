@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from mrdamper.arrays import FloatArray
 from mrdamper.control import tuning
-from mrdamper.control.protocol import Seen, Wanted
+from mrdamper.control.protocol import Measurement, Reference
 from mrdamper.control.stepper import Stepper
 from mrdamper.control.tables.card_tables import DamperTables, tabulate
 from mrdamper.control.tables.heating import Heating
@@ -103,7 +103,7 @@ class ForceController(Stepper):
         """How far ahead it looks at the target [s]; 0 where it does not, or extrapolates."""
         return self.numbers["preview"] if self.known_ahead else 0.0
 
-    def step(self, state: bytes, wanted: Wanted, seen: Seen) -> tuple[bytes, float]:
+    def step(self, state: bytes, wanted: Reference, seen: Measurement) -> tuple[bytes, float]:
         """Return the next state and the command [A or V]; the same arguments give the same answer."""
         ahead = wanted.ahead if self.known_ahead else None
         return self._native.step(state, wanted.now, ahead, seen.displacement, seen.temperature, seen.force)

@@ -16,12 +16,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrdamper.arrays import BoolArray, FloatArray
-from mrdamper.control.protocol import Controller, Plant, Seen, Wanted
+from mrdamper.control.protocol import Controller, Measurement, Plant, Reference
 from mrdamper.control.scenario import Scenario, Sensing, Sensor
 from mrdamper.errors import InputError
 from mrdamper.quantities import ZERO_CELSIUS_K
 
-__all__ = ["FASTEST_HZ", "SLOWEST_HZ", "Course", "LoopRun", "course_of", "run_loop", "steps_per_sample"]
+__all__ = [
+    "FASTEST_HZ",
+    "SLOWEST_HZ",
+    "LoopRun",
+    "ReferenceTrajectory",
+    "reference_trajectory",
+    "run_loop",
+    "steps_per_sample",
+]
 
 SLOWEST_HZ, FASTEST_HZ = 100.0, 5000.0
 """Sampling of a controller."""
@@ -30,7 +38,7 @@ _SENSORS: tuple[Sensor, ...] = ("displacement", "temperature", "force")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Course:
+class ReferenceTrajectory:
     """What a scenario prescribes at the steps of a plant, shape (n,)."""
 
     step_s: float
@@ -50,7 +58,7 @@ class LoopRun:
 
     controller: str
     scenario: Scenario
-    course: Course
+    course: ReferenceTrajectory
     force: FloatArray  # [N], of the damper, without the sensor's noise
     current: FloatArray  # [A], that the driver is told
     steps_per_sample: int
@@ -61,12 +69,12 @@ class LoopRun:
         return self.force - self.course.target
 
 
-def course_of(scenario: Scenario, step_s: float) -> Course:
+def reference_trajectory(scenario: Scenario, step_s: float) -> ReferenceTrajectory:
     """Return motion and target of a scenario at the steps of a plant."""
     count = round(scenario.duration_s / step_s)
     time = step_s * np.arange(1.0, count + 1.0)
     path = scenario.path
-    return Course(
+    return ReferenceTrajectory(
         step_s=step_s,
         time=time,
         displacement=np.ascontiguousarray(path.displacement(time)),
@@ -99,12 +107,12 @@ def steps_per_sample(period_s: float, step_s: float) -> int:
 
 
 def run_loop(
-    plant: Plant, controller: Controller, scenario: Scenario, course: Course | None = None
+    plant: Plant, controller: Controller, scenario: Scenario, course: ReferenceTrajectory | None = None
 ) -> LoopRun:
     """Run a controller on a copy of the plant, in the state that it has.
 
-    ``course`` is the scenario's at the plant's steps, where it is known already (``course_of``); scenarios
-    that differ in seed, sensors or disturbance have the same.
+    ``course`` is the scenario's at the plant's steps, where it is known already (``reference_trajectory``);
+    scenarios that differ in seed, sensors or disturbance have the same.
 
     Raises
     ------
@@ -114,7 +122,7 @@ def run_loop(
     """
     plant = plant.copy()
     if course is None:
-        course = course_of(scenario, plant.step_s)
+        course = reference_trajectory(scenario, plant.step_s)
     elif course.step_s != plant.step_s or len(course) != round(scenario.duration_s / plant.step_s):
         raise InputError(
             f"course: {len(course)} steps of {1e3 * course.step_s:g} ms; expected the scenario's, of "
@@ -137,8 +145,8 @@ def run_loop(
     state, step, felt = controller.start(), controller.step, 0.0
     feels_force = controller.needs_force
     for k in range(samples):
-        seen = Seen(displacement[k], temperature[k], sensor.read(k, felt) if feels_force else None)
-        wanted = Wanted(now[k], None if ahead is None else ahead[k])
+        seen = Measurement(displacement[k], temperature[k], sensor.read(k, felt) if feels_force else None)
+        wanted = Reference(now[k], None if ahead is None else ahead[k])
         state, current = step(state, wanted, seen)
         if not math.isfinite(current):
             raise InputError(

@@ -19,10 +19,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.control.loop import Course, course_of, steps_per_sample
+from mrdamper.control.loop import ReferenceTrajectory, reference_trajectory, steps_per_sample
 from mrdamper.control.protocol import Plant
 from mrdamper.control.scenario import Scenario
-from mrdamper.control.score import Reach, Score, reach_of, score_forces
+from mrdamper.control.score import AttainableRange, Score, attainable_range, score_forces
 from mrdamper.errors import InputError
 
 __all__ = ["Optimum", "search_optimum"]
@@ -46,10 +46,10 @@ _LEAST_GAIN = 1e-3  # of the RMS error in one iteration, else the search is done
 class Optimum:
     """The best current that was found, at the plant's steps, and what it cost to find."""
 
-    course: Course
+    course: ReferenceTrajectory
     current: FloatArray  # [A], shape (n,)
     force: FloatArray  # [N], shape (n,)
-    reach: Reach
+    reach: AttainableRange
     score: Score
     iterations: int
     runs: int  # of the whole scenario on the plant
@@ -84,7 +84,7 @@ def search_optimum(
         raise InputError(
             f"optimum: {most_runs} runs; expected at least {_LEVELS + len(_PREVIEWS_S)} for the start"
         )
-    course = course_of(scenario, plant.step_s)
+    course = reference_trajectory(scenario, plant.step_s)
     every = steps_per_sample(period_s, plant.step_s)
     problem = _Problem(plant, course, scenario, most_runs)
     coarsest = every * 2 ** max(0, round(math.log2(_COARSEST_S / period_s)))
@@ -93,13 +93,13 @@ def search_optimum(
     while hold >= every:
         current, force, more, converged = _descend(problem, current, force, hold, memory_s)
         iterations, hold = iterations + more, hold // 2
-    reach = reach_of(plant, course, scenario.temperature_degC, scenario.highest_A)
+    reach = attainable_range(plant, course, scenario.temperature_degC, scenario.highest_A)
     begin = course.scored_from
     score = score_forces(
         course.target[begin:],
         force[begin:],
         current[begin:],
-        Reach(reach.low[begin:], reach.high[begin:]),
+        AttainableRange(reach.low[begin:], reach.high[begin:]),
         step_s=course.step_s,
         resistance_ohm=resistance_ohm,
     )
@@ -109,7 +109,7 @@ def search_optimum(
 class _Problem:
     """The scenario on the plant, with a count of how often it was run. Currents are at the plant's steps."""
 
-    def __init__(self, plant: Plant, course: Course, scenario: Scenario, most_runs: int) -> None:
+    def __init__(self, plant: Plant, course: ReferenceTrajectory, scenario: Scenario, most_runs: int) -> None:
         self.course, self.runs, self.most_runs = course, 0, most_runs
         self.highest = scenario.highest_A
         self._plant, self._warm = plant, scenario.temperature_degC

@@ -12,11 +12,11 @@ from typing import Any, Protocol
 
 from mrdamper.arrays import FloatArray
 
-__all__ = ["Controller", "Plant", "Seen", "Wanted"]
+__all__ = ["Controller", "Measurement", "Plant", "Reference"]
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class Reference:
     """The wanted force [N] at this sample, and at ``preview_s`` of the controller later.
 
     A target that is not known ahead has the controller extrapolate: ``ahead`` is then None.
@@ -27,7 +27,7 @@ class Wanted:
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class Measurement:
     """What the sensors say at this sample; NaN is a sensor that failed."""
 
     displacement: float  # [m]
@@ -59,7 +59,7 @@ class Controller(Protocol):
         """Return the state before the first sample."""
         ...
 
-    def step(self, state: Any, wanted: Wanted, seen: Seen) -> tuple[Any, float]:  # noqa: ANN401
+    def step(self, state: Any, wanted: Reference, seen: Measurement) -> tuple[Any, float]:  # noqa: ANN401
         """Return the next state and the commanded current [A]."""
         ...
 

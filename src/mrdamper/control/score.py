@@ -16,18 +16,18 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from mrdamper.arrays import BoolArray, FloatArray
-from mrdamper.control.loop import Course, LoopRun
+from mrdamper.control.loop import LoopRun, ReferenceTrajectory
 from mrdamper.control.protocol import Plant
 from mrdamper.errors import InputError
 
-__all__ = ["MARGIN_N", "Reach", "Score", "reach_of", "score_forces", "score_run", "worst"]
+__all__ = ["MARGIN_N", "AttainableRange", "Score", "attainable_range", "score_forces", "score_run", "worst"]
 
 MARGIN_N = 20.0
 """How far inside the reach a feasible target lies."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Reach:
+class AttainableRange:
     """The forces that a damper can give along a motion, between zero and the highest current, shape (n,)."""
 
     low: FloatArray  # [N]
@@ -55,17 +55,19 @@ class Score:
     rmse_over_optimum: float | None = None
 
 
-def reach_of(plant: Plant, course: Course, temperature_degC: float, highest_A: float) -> Reach:
+def attainable_range(
+    plant: Plant, course: ReferenceTrajectory, temperature_degC: float, highest_A: float
+) -> AttainableRange:
     """Return the reach of a plant along a course, from the state that it has."""
     ends = [
         plant.copy().advance_many(course.displacement, course.velocity, current, temperature_degC)
         for current in (0.0, highest_A)
     ]
-    return Reach(np.minimum(*ends), np.maximum(*ends))
+    return AttainableRange(np.minimum(*ends), np.maximum(*ends))
 
 
 def score_run(
-    run: LoopRun, reach: Reach, *, resistance_ohm: float | None = None, optimum: Score | None = None
+    run: LoopRun, reach: AttainableRange, *, resistance_ohm: float | None = None, optimum: Score | None = None
 ) -> Score:
     """Return the scores of a run; ``resistance_ohm`` is the coil's at the run's temperature."""
     begin = run.course.scored_from
@@ -73,7 +75,7 @@ def score_run(
         run.course.target[begin:],
         run.force[begin:],
         run.current[begin:],
-        Reach(reach.low[begin:], reach.high[begin:]),
+        AttainableRange(reach.low[begin:], reach.high[begin:]),
         step_s=run.course.step_s,
         resistance_ohm=resistance_ohm,
         optimum=optimum,
@@ -84,7 +86,7 @@ def score_forces(
     target: FloatArray,
     force: FloatArray,
     current: FloatArray,
-    reach: Reach,
+    reach: AttainableRange,
     *,
     step_s: float,
     resistance_ohm: float | None = None,

@@ -1,7 +1,7 @@
 """What a step in C is told and tells: the part that controllers and the real-time model share.
 
 A stepper is a small frozen value of numbers and tables, from which the kernel's part is built once
-(``core/kernel/track_*.c``). Its state is bytes; what the bytes hold to be true is a ``Belief``, and what a
+(``core/kernel/track_*.c``). Its state is bytes; what the bytes hold to be true is a ``Prior``, and what a
 step had to say about its readings are its flags.
 """
 
@@ -19,7 +19,7 @@ import numpy as np
 from mrdamper import core
 from mrdamper.control.tables.card_tables import DamperTables
 
-__all__ = ["FAULTS", "Belief", "Flag", "Stepper"]
+__all__ = ["FAULTS", "Flag", "Prior", "Stepper"]
 
 
 class Flag(IntFlag):
@@ -48,7 +48,7 @@ FAULTS = Flag(127) | Flag.NO_CURRENT | Flag.FROZEN_TEMPERATURE | Flag.NO_VELOCIT
 
 
 @dataclass(frozen=True, slots=True)
-class Belief:
+class Prior:
     """What a controller holds to be true after a step."""
 
     displacement: float  # [m]
@@ -115,10 +115,10 @@ class Stepper:
         """Return the state before the first sample: no motion, no current."""
         return self._native.start()
 
-    def believes(self, state: bytes) -> Belief:
+    def believes(self, state: bytes) -> Prior:
         """Return what is held to be true in a state."""
         read = self._native.read(state)
-        return Belief(
+        return Prior(
             *read["motion"],
             read["command"],
             read["applied"],

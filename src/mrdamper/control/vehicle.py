@@ -26,7 +26,7 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.control.loop import steps_per_sample
-from mrdamper.control.protocol import Controller, Seen, Wanted
+from mrdamper.control.protocol import Controller, Measurement, Reference
 from mrdamper.errors import InputError
 from mrdamper.excitation import Motion, Road
 from mrdamper.quantities import ZERO_CELSIUS_K
@@ -284,7 +284,9 @@ def drive_car(vehicle: Vehicle, stretch: Stretch, *, after: Ride | None = None) 
                 ahead = p1 * z1 + p2 * z2 + p3 * z3 + p4 * z4
                 if not ahead * (q1 * z1 + q2 * z2 + q3 * z3 + q4 * z4 + velocity_error) > 0.0:
                     ahead = 0.0
-            state, current = controller.step(state, Wanted(wanted, ahead), Seen(z1 + x_error, kelvin, felt))
+            state, current = controller.step(
+                state, Reference(wanted, ahead), Measurement(z1 + x_error, kelvin, felt)
+            )
             current = min(max(current, 0.0), vehicle.highest_A)
         currents.append(current)
         if damper is None:

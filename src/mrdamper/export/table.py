@@ -102,7 +102,7 @@ def force_map(card: ModelCard) -> ForceMap:
     if np.ptp(commands) == 0.0:
         commands = commands[:1]
     warm = np.array([REFERENCE_K])
-    if damper.tempered and envelope.temperature is not None:
+    if damper.temperature_dependent and envelope.temperature is not None:
         low, high = envelope.temperature
         warm = np.linspace(low, high, math.ceil((high - low) / _TEMPERATURE_STEP_K) + 1)
     velocity = np.concatenate([-speeds[::-1], [0.0], speeds])

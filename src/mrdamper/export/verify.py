@@ -23,7 +23,7 @@ from mrdamper import __version__
 from mrdamper.arrays import FloatArray
 from mrdamper.control.controllers import ForceController
 from mrdamper.control.realtime import RealtimeDamper
-from mrdamper.control.stepper import Belief, Flag
+from mrdamper.control.stepper import Flag, Prior
 from mrdamper.errors import CheckError, InputError
 from mrdamper.export.c_code import c_files, sources_sha256, tables_bytes
 from mrdamper.export.record import Difference, Verification
@@ -214,16 +214,16 @@ def expectations(
         told = np.column_stack(
             [rows[name] for name in ("displacement", "velocity", "current", "temperature")]
         )
-        force, flags, beliefs = _by_chunks(target.model, told)
-        applied = np.array([belief.applied for belief in beliefs])
+        force, flags, priors = _by_chunks(target.model, told)
+        applied = np.array([prior.applied for prior in priors])
         expected["model"] = (columns, {"force": force, "applied": applied, "flags": flags}, at)
     if target.controller is not None:
         columns = {
             "current": _command_column(target), "force": "controller_force_N", "flags": "controller_flags",
         }  # fmt: skip
         names = ("wanted", "wanted_ahead", "displacement", "temperature", "force")
-        current, flags, beliefs = _by_chunks(target.controller, np.column_stack([rows[n] for n in names]))
-        held = np.array([_summed(belief, single=target.single) for belief in beliefs])
+        current, flags, priors = _by_chunks(target.controller, np.column_stack([rows[n] for n in names]))
+        held = np.array([_summed(prior, single=target.single) for prior in priors])
         expected["controller"] = (columns, {"current": current, "force": held, "flags": flags}, at)
     return expected
 
@@ -233,23 +233,23 @@ def expectations(
 
 def _by_chunks(
     part: ForceController | RealtimeDamper, told: FloatArray
-) -> tuple[FloatArray, FloatArray, list[Belief]]:
+) -> tuple[FloatArray, FloatArray, list[Prior]]:
     """Run a part; return its output, its flags, and what it believes at the end of each chunk."""
     state = part.start()
-    values, flags, beliefs = [], [], []
+    values, flags, priors = [], [], []
     for start in range(0, len(told), _CHUNK):
         state, value, flag = part.run(state, told[start : start + _CHUNK])
         values.append(value)
         flags.append(flag.astype(np.float64))
         if len(value) == _CHUNK:
-            beliefs.append(part.believes(state))
-    return np.concatenate(values), np.concatenate(flags), beliefs
+            priors.append(part.believes(state))
+    return np.concatenate(values), np.concatenate(flags), priors
 
 
-def _summed(belief: Belief, *, single: bool) -> float:
+def _summed(prior: Prior, *, single: bool) -> float:
     """Return the model's force [N] added up in the target's number type."""
     kind = np.float32 if single else np.float64
-    parts = (belief.yield_force, belief.viscous_force, belief.friction_force, belief.other_force)
+    parts = (prior.yield_force, prior.viscous_force, prior.friction_force, prior.other_force)
     total = kind(parts[0])
     for part in parts[1:]:
         total = total + kind(part)

@@ -40,8 +40,8 @@ from mrdamper.quantities import ZERO_CELSIUS_K
 
 __all__ = [
     "Assessment",
+    "CrossValidated",
     "LawScore",
-    "LeftOut",
     "RunError",
     "assess",
     "choose_law",
@@ -59,7 +59,7 @@ _MOST_PAIRS = 4  # but no more than so many
 
 
 @dataclass(frozen=True, slots=True)
-class LeftOut:
+class CrossValidated:
     """The errors on what was left out of a fit to the rest."""
 
     kind: Kind
@@ -77,7 +77,7 @@ class Assessment:
     """
 
     runs: tuple[RunError, ...]
-    left_out: tuple[LeftOut, ...]
+    left_out: tuple[CrossValidated, ...]
     passivity_min: float
     words: tuple[str, ...]
     direction: Direction | None = None
@@ -120,7 +120,7 @@ def assess(  # noqa: PLR0913 - what is asked of the fit, by keyword
         *(score_run(result.damper, run, "training") for run in training),
         *(score_run(result.damper, run, "held_out") for run in held_out),
     )
-    left: list[LeftOut] = []
+    left: list[CrossValidated] = []
     if leave_out_kinds and problem is None:
         raise InputError("leaving runs out means fitting again: give the problem that was fitted")
     for kind in leave_out_kinds:
@@ -157,7 +157,7 @@ def leave_out(
     *,
     folds: int | None = None,
     ledger: Ledger | None = None,
-) -> list[LeftOut]:
+) -> list[CrossValidated]:
     """Return, for each run, current, temperature or motion, the errors on it of a fit to all the others.
 
     ``folds`` leaves out neighbours together where there would be more fits than that. A current or
@@ -192,7 +192,7 @@ def leave_out(
             ledger.keep(name, {"errors": [asdict(error) for error in errors]})
         else:
             errors = tuple(RunError(**error) for error in known["errors"])
-        out.append(LeftOut(kind, ", ".join(sorted(left)), errors))
+        out.append(CrossValidated(kind, ", ".join(sorted(left)), errors))
     return out
 
 
@@ -361,7 +361,7 @@ def _edges(result: FitResult, training: Sequence[PreparedRun]) -> list[str]:
         least = result.damper.law[name].lower
         if values.min() <= least + max(size, 3e-3 * float(np.ptp(values))):
             where = f"{commands[values.argmin()]:g} {unit}"
-            if form.tempered:
+            if form.temperature_dependent:
                 where += f" and {temperatures[values.argmin()] - ZERO_CELSIUS_K:.0f} degC"
             said.append(
                 f"{name} is held at the law's limit ({least:g}) near {where}: left alone, the data would "

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import ConvergenceError, InputError
-from mrdamper.identify.problem import FitProblem, FitResult, Free, PreparedFit, move
+from mrdamper.identify.problem import FitProblem, FitResult, FreeParameter, PreparedFit, move
 from mrdamper.identify.uncertainty import covariances
 from mrdamper.identify.variable_projection import Objective, fit_variable_projection
 from mrdamper.models.damper import Damper
@@ -127,7 +127,7 @@ def worst_direction(problem: FitProblem, result: FitResult) -> Direction:
 def fit_held(
     problem: FitProblem,
     damper: Damper,
-    free: Free,
+    free: FreeParameter,
     value: float,
     runs: Sequence[PreparedFit],
     *,
@@ -153,7 +153,7 @@ def half_cycles(runs: Sequence[PreparedFit]) -> int:
     return sum(1 + sum(first > run.start for first, _, _ in run.drive.record.pieces) for run in runs)
 
 
-def _scale(free: Free, value: float) -> tuple[float, bool]:
+def _scale(free: FreeParameter, value: float) -> tuple[float, bool]:
     """Return the unit in which a number's change is measured, and whether it is the number's value."""
     through_zero = free.scale == "linear" and free.lower < 0.0 < free.upper
     least = 1e-5 * (free.upper - free.lower) if free.scale == "linear" else 0.0
@@ -207,7 +207,7 @@ def _walk(
     return start, result.cost_percent**2
 
 
-def _moved(free: Free, value: float, change: float) -> float:
+def _moved(free: FreeParameter, value: float, change: float) -> float:
     """Return a number after a change, in the coordinate in which it is searched."""
     if free.scale == "log":
         return value * math.exp(min(change / abs(value), 500.0))

@@ -235,8 +235,8 @@ def assess(
 
 def usual_law(runs: Sequence[PreparedRun]) -> str:
     """Return the law that is fitted when none is asked for."""
-    tempered = all(run.trajectory.temperature is not None for run in runs)
-    return "double-bouc-wen" if tempered else "series-valve"
+    temperature_dependent = all(run.trajectory.temperature is not None for run in runs)
+    return "double-bouc-wen" if temperature_dependent else "series-valve"
 
 
 def split_by_command(

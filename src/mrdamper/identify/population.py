@@ -47,9 +47,10 @@ class Ensemble:
         self._workers = workers
         self._ledger = ledger or NoLedger()
         self._weights = np.array([run.weight for run in self.runs])
-        tempered = problem.template.tempered
+        temperature_dependent = problem.template.temperature_dependent
         self._constant = all(
-            run.drive.constant is not None and not (tempered and run.drive.warms) for run in self.runs
+            run.drive.constant is not None and not (temperature_dependent and run.drive.warms)
+            for run in self.runs
         )
 
     def damper(self, unit: FloatArray) -> Damper:

@@ -77,7 +77,9 @@ def predict(
 
 def _need_temperature(damper: Damper, runs: Sequence[PreparedRun]) -> None:
     """Raise ``InputError`` that names the runs on which a damper that depends on temperature has none."""
-    lacking = [run.name for run in runs if damper.tempered and run.trajectory.temperature is None]
+    lacking = [
+        run.name for run in runs if damper.temperature_dependent and run.trajectory.temperature is None
+    ]
     if lacking:
         more = f" (and {len(lacking) - 1} more of {len(runs)} runs)" if len(lacking) > 1 else ""
         raise InputError(
@@ -132,13 +134,13 @@ def beyond_envelope(card: ModelCard, runs: Mapping[str, Mapping[str, tuple[float
 def all_assumed(damper: Damper) -> bool:
     """Tell whether all that a damper knows of temperature is assumed: without one, it is taken at 20 degC."""
     return bool(damper.assumed) and len(damper.assumed) == sum(
-        form.tempered for form in damper.coefficients.values()
+        form.temperature_dependent for form in damper.coefficients.values()
     )
 
 
 def beyond_in_words(damper: Damper) -> str:
     """Return what a damper's force does beyond the temperatures that it was identified at."""
-    if not damper.tempered:
+    if not damper.temperature_dependent:
         return "and its force does not depend on temperature"
     if damper.temperature_range is None:
         return "and beyond that its temperature laws are extrapolated"

@@ -28,7 +28,7 @@ __all__ = [
     "Estimate",
     "FitProblem",
     "FitResult",
-    "Free",
+    "FreeParameter",
     "PreparedFit",
     "Start",
     "envelope_of",
@@ -42,7 +42,7 @@ _FINE = 1001  # commands at which a fitted damper is checked against its law's r
 
 
 @dataclass(frozen=True, slots=True)
-class Free:
+class FreeParameter:
     """One number of the template that a fit may move, and how far.
 
     ``linear`` says that the force is linear in it: a fit then eliminates it, and the bounds of the
@@ -73,7 +73,7 @@ class Free:
 
 @dataclass(frozen=True)
 class FitProblem:
-    """What is to be fitted. Scaling lives in ``Free`` and is applied in one place, the search.
+    """What is to be fitted. Scaling lives in ``FreeParameter`` and is applied in one place, the search.
 
     ``session_offsets`` lets each session have its own constant force (a tare that shifted); it is
     reported and never applied to runs of another session. ``rate_Hz`` is the sampling inside the fit,
@@ -81,7 +81,7 @@ class FitProblem:
     """
 
     template: Damper
-    free: tuple[Free, ...]
+    free: tuple[FreeParameter, ...]
     runs: tuple[PreparedRun, ...]
     session_offsets: bool = False
     rate_Hz: float = 200.0
@@ -97,12 +97,12 @@ class FitProblem:
             raise InputError("a number is set free twice")
 
     @cached_property
-    def nonlinear(self) -> tuple[Free, ...]:
+    def nonlinear(self) -> tuple[FreeParameter, ...]:
         """The numbers that are searched for."""
         return tuple(free for free in self.free if not free.linear)
 
     @cached_property
-    def linear(self) -> tuple[Free, ...]:
+    def linear(self) -> tuple[FreeParameter, ...]:
         """The numbers that are eliminated by least squares."""
         return tuple(free for free in self.free if free.linear)
 
@@ -232,7 +232,7 @@ def lifted(problem: FitProblem, damper: Damper) -> Damper:
         law, floor = damper.coefficients[name], damper.law[name].lower
         if number != law.number_names[0] or not math.isfinite(floor):
             continue
-        values = law.value(commands, temperatures if law.tempered else None)
+        values = law.value(commands, temperatures if law.temperature_dependent else None)
         least = float(values.min()) - 2e-6 * float(np.ptp(values))  # a parabola's dip between two of them
         if least < floor:
             moved[free.name] = law.numbers[0] + (floor - least) * (1.0 + 1e-9)

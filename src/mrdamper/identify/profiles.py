@@ -19,7 +19,7 @@ import numpy as np
 from mrdamper.errors import ConvergenceError, InputError
 from mrdamper.identify.checkpoint import Ledger, NoLedger, damper_of, numbers_of
 from mrdamper.identify.direction import Direction, fit_held, half_cycles
-from mrdamper.identify.problem import Estimate, FitProblem, FitResult, Free, PreparedFit
+from mrdamper.identify.problem import Estimate, FitProblem, FitResult, FreeParameter, PreparedFit
 from mrdamper.identify.uncertainty import covariances
 from mrdamper.identify.variable_projection import Objective, Progress, Report
 from mrdamper.models.damper import Damper
@@ -135,7 +135,7 @@ class _Held:
         problem: FitProblem,
         result: FitResult,
         runs: Sequence[PreparedFit],
-        free: Free,
+        free: FreeParameter,
         report: Report | None,
         ledger: Ledger,
         *,
@@ -233,7 +233,7 @@ def _effective_samples(
     return float(g[-1, -1] * softness / variance)
 
 
-def _find(problem: FitProblem, result: FitResult, name: str) -> tuple[Free, Estimate]:
+def _find(problem: FitProblem, result: FitResult, name: str) -> tuple[FreeParameter, Estimate]:
     for free, estimate in zip(problem.free, result.estimates, strict=True):
         if free.name == name:
             return free, estimate

@@ -125,7 +125,7 @@ class Replay:
                 pass
             self._seen, self._refused = whole.row + len(whole), []
             return
-        if self._damper.tempered:
+        if self._damper.temperature_dependent:
             self._warm_K = self._first_warmth(whole)
         try:
             self.rules = self._chosen(whole)
@@ -215,7 +215,7 @@ class Replay:
     def _advance(self, stretch: _Stretch, paths: Iterator[Trajectory]) -> None:
         """Bring the model forward over what is conditioned, and keep the answers for rows."""
         for path in paths:
-            if self._damper.tempered and path.temperature is None:
+            if self._damper.temperature_dependent and path.temperature is None:
                 path = replace(path, temperature=np.full(len(path), REFERENCE_K))  # noqa: PLW2901
             for name in ("command", "displacement", "velocity"):
                 self._spread(name, getattr(path, name))

@@ -15,7 +15,7 @@ from mrdamper import core
 from mrdamper.arrays import FloatArray
 from mrdamper.identify.problem import PreparedFit, move
 from mrdamper.models.damper import Damper
-from mrdamper.models.operating_points import Levels
+from mrdamper.models.operating_points import OperatingPoints
 from mrdamper.models.simulate import Tangents, operating_point, require_temperature
 
 __all__ = ["GramSums"]
@@ -46,9 +46,11 @@ class GramSums:
         self._size = len(wanted) + len(sessions) + 1
         for run in runs:
             require_temperature(damper, run.drive.trajectory)
-        tempered = damper.tempered
+        temperature_dependent = damper.temperature_dependent
         points = [
-            None if damper.law.kernel is None else operating_point(run.drive, tempered=tempered)
+            None
+            if damper.law.kernel is None
+            else operating_point(run.drive, temperature_dependent=temperature_dependent)
             for run in runs
         ]
         self._single = [run for run, point in zip(runs, points, strict=True) if point is None]
@@ -63,7 +65,7 @@ class GramSums:
         self._weight = np.array([run.weight for run in self._runs])[:, None]
         if not steady:
             return
-        self._levels = Levels(
+        self._levels = OperatingPoints(
             damper,
             self._varying,
             self._wanted,

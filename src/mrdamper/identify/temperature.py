@@ -16,7 +16,7 @@ import numpy as np
 
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import InputError
-from mrdamper.identify.problem import Free
+from mrdamper.identify.problem import FreeParameter
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import (
     Bipolynomial,
@@ -25,7 +25,7 @@ from mrdamper.models.dependence import (
     Hill,
     ParameterLaw,
     Polynomial,
-    Tempered,
+    TemperatureDependent,
 )
 from mrdamper.models.laws import HysteresisLaw
 from mrdamper.models.temperature import (
@@ -91,10 +91,10 @@ def temperature_levels(runs: Sequence[PreparedRun]) -> tuple[float, ...]:
 def temper(
     law: HysteresisLaw,
     forms: Mapping[str, ParameterLaw],
-    free: Sequence[Free],
+    free: Sequence[FreeParameter],
     levels: Sequence[float],
     kind: Temperature,
-) -> tuple[dict[str, ParameterLaw], list[Free]]:
+) -> tuple[dict[str, ParameterLaw], list[FreeParameter]]:
     """Return forms and free numbers with temperature in them.
 
     Raises
@@ -116,7 +116,7 @@ def temper(
         )
     span = max(1.0, *(abs(level - REFERENCE_K) for level in levels))
     steepest = _STEEPEST / span
-    tempered: dict[str, ParameterLaw] = dict(forms)
+    temperature_dependent: dict[str, ParameterLaw] = dict(forms)
     moved = list(free)
     for name in concerned:
         form = forms[name]
@@ -124,21 +124,21 @@ def temper(
         if kind == "paper":
             if name in _FRICTION:
                 continue
-            tempered[name] = Tempered(form, PolynomialFactor((0.0, 0.0)))
+            temperature_dependent[name] = TemperatureDependent(form, PolynomialFactor((0.0, 0.0)))
             moved += [
-                Free(f"{name}.t1", -2.0 / span, 2.0 / span),
-                Free(f"{name}.t2", -2.0 / span**2, 2.0 / span**2),
+                FreeParameter(f"{name}.t1", -2.0 / span, 2.0 / span),
+                FreeParameter(f"{name}.t2", -2.0 / span**2, 2.0 / span**2),
             ]
         elif name in _VISCOUS:
             factor, numbers = _viscous(name, kind, min(levels))
-            tempered[name] = Tempered(form, factor)
+            temperature_dependent[name] = TemperatureDependent(form, factor)
             moved += numbers
         elif law[name].linear and isinstance(form, Constant | Polynomial):
-            tempered[name], moved = _bilinear(name, form, moved, span)
+            temperature_dependent[name], moved = _bilinear(name, form, moved, span)
         else:
-            tempered[name] = Tempered(form, Linear(0.5e-3))
-            moved.append(Free(f"{name}.temperature_slope", -steepest, steepest))
-    return tempered, moved
+            temperature_dependent[name] = TemperatureDependent(form, Linear(0.5e-3))
+            moved.append(FreeParameter(f"{name}.temperature_slope", -steepest, steepest))
+    return temperature_dependent, moved
 
 
 def assume(forms: Mapping[str, ParameterLaw], fluid: FluidFactors) -> dict[str, ParameterLaw]:
@@ -152,9 +152,9 @@ def assume(forms: Mapping[str, ParameterLaw], fluid: FluidFactors) -> dict[str, 
         if not isinstance(form, Constant | Polynomial | Hill | Exponential):
             continue
         if name in _VISCOUS:
-            assumed[name] = Tempered(form, fluid.viscosity_factor, assumed=True)
+            assumed[name] = TemperatureDependent(form, fluid.viscosity_factor, assumed=True)
         elif name in _YIELDING:
-            assumed[name] = Tempered(form, fluid.yield_factor, assumed=True)
+            assumed[name] = TemperatureDependent(form, fluid.yield_factor, assumed=True)
     return assumed
 
 
@@ -167,28 +167,28 @@ def settled(damper: Damper) -> Damper:
     forms = dict(damper.coefficients)
     for name, exponent in (("thinning", "thinning_exponent"), ("leak_damping", "leak_exponent")):
         form = forms.get(name)
-        if isinstance(form, Tempered) and form.assumed:
+        if isinstance(form, TemperatureDependent) and form.assumed:
             power = float(forms[exponent].value(0.0))
             first, *rest = form.factor.numbers
             forms[name] = replace(form, factor=form.factor.with_numbers((first * power, *rest)))
     return replace(damper, coefficients=forms)
 
 
-def _viscous(name: str, kind: str, coldest: float) -> tuple[TemperatureFactor, list[Free]]:
+def _viscous(name: str, kind: str, coldest: float) -> tuple[TemperatureFactor, list[FreeParameter]]:
     if kind == "reynolds":
-        return Reynolds(0.01), [Free(f"{name}.temperature_rate", -0.01, 0.08)]
+        return Reynolds(0.01), [FreeParameter(f"{name}.temperature_rate", -0.01, 0.08)]
     if kind == "vft":
         pole = min(coldest, REFERENCE_K) - 15.0
         return Vft(600.0, 150.0), [
-            Free(f"{name}.vft_K", 20.0, 6000.0, "log"),
-            Free(f"{name}.vft_pole_K", 20.0, pole),
+            FreeParameter(f"{name}.vft_K", 20.0, 6000.0, "log"),
+            FreeParameter(f"{name}.vft_pole_K", 20.0, pole),
         ]
-    return Arrhenius(1200.0), [Free(f"{name}.activation_K", -500.0, 6000.0)]
+    return Arrhenius(1200.0), [FreeParameter(f"{name}.activation_K", -500.0, 6000.0)]
 
 
 def _bilinear(
-    name: str, form: Constant | Polynomial, free: Sequence[Free], span: float
-) -> tuple[Bipolynomial, list[Free]]:
+    name: str, form: Constant | Polynomial, free: Sequence[FreeParameter], span: float
+) -> tuple[Bipolynomial, list[FreeParameter]]:
     """Return a polynomial in command and temperature, linear in all its numbers."""
     old = {f"{name}.{number}": k for k, number in enumerate(form.number_names)}
     own = sorted((f for f in free if f.name in old), key=lambda f: old[f.name])
@@ -198,7 +198,7 @@ def _bilinear(
         numbers += [value, 0.0]
         size = max(abs(bound.lower), abs(bound.upper))
         moved += [
-            Free(f"{name}.c{power}0", bound.lower, bound.upper, "linear", linear=True),
-            Free(f"{name}.c{power}1", -size / span, size / span, "linear", linear=True),
+            FreeParameter(f"{name}.c{power}0", bound.lower, bound.upper, "linear", linear=True),
+            FreeParameter(f"{name}.c{power}1", -size / span, size / span, "linear", linear=True),
         ]
     return Bipolynomial(tuple(np.asarray(numbers, dtype=float).tolist()), 1), moved

@@ -16,7 +16,7 @@ import numpy as np
 
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import InputError
-from mrdamper.identify.problem import Free
+from mrdamper.identify.problem import FreeParameter
 from mrdamper.identify.temperature import FluidFactors, Temperature, assume, temper, temperature_levels
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant, Exponential, Hill, ParameterLaw, Polynomial
@@ -75,7 +75,7 @@ def template(
     terms: Sequence[str] | None = None,
     temperature: Temperature = "auto",
     fluid: FluidFactors | None = None,
-) -> tuple[Damper, tuple[Free, ...]]:
+) -> tuple[Damper, tuple[FreeParameter, ...]]:
     """Return a law's damper with its usual dependence on command and temperature, and its free numbers.
 
     Three or more commands carry the usual forms (quadratic, exponential, Hill with a fixed exponent for
@@ -113,10 +113,10 @@ def template(
         )
     warm = temperature != "none" and fluid is None and _has_temperature(runs, temperature)
     forms: dict[str, ParameterLaw] = {}
-    free: list[Free] = []
+    free: list[FreeParameter] = []
     entries = _entries(law, scale)
-    tempered = all(run.trajectory.temperature is not None for run in runs)  # heeded or not
-    campaign = tempered and fluid is None and temperature != "paper"
+    temperature_dependent = all(run.trajectory.temperature is not None for run in runs)  # heeded or not
+    campaign = temperature_dependent and fluid is None and temperature != "paper"
     if campaign:
         entries = [_as_campaign(entry) for entry in entries]
     if terms is None:
@@ -137,7 +137,7 @@ def template(
     lag = 0.0
     if any(run.run.constant_command is None for run in runs):
         lag = 0.01
-        free.append(Free(LAG, 1e-4, 0.3, "log"))
+        free.append(FreeParameter(LAG, 1e-4, 0.3, "log"))
     beyond = None if fluid is None else fluid.valid_K
     if warm:
         beyond = (scale.temperatures[0] - HELD_BEYOND_K, scale.temperatures[-1] + HELD_BEYOND_K)
@@ -299,38 +299,38 @@ def _dependence(
     upper: float,
     how: Literal["linear", "log"],
     s: Scale,
-) -> tuple[ParameterLaw, list[Free]]:
+) -> tuple[ParameterLaw, list[FreeParameter]]:
     """Return one coefficient's parameter law, as rich as the commands allow, and its free numbers."""
     linear = law[name].linear
     start = float(np.sqrt(lower * upper)) if how == "log" else 0.5 * (lower + upper)
     if s.levels < 2:
         form = "constant"
     if form == "constant":
-        return Constant(start), [Free(f"{name}.value", lower, upper, how, linear)]
+        return Constant(start), [FreeParameter(f"{name}.value", lower, upper, how, linear)]
     if form == "exponential":
         rate = _steepest(law, name, lower, upper) / s.command
         return Exponential(start, 0.0), [
-            Free(f"{name}.at_zero", lower, upper, how),
-            Free(f"{name}.rate", -rate, rate),
+            FreeParameter(f"{name}.at_zero", lower, upper, how),
+            FreeParameter(f"{name}.rate", -rate, rate),
         ]
     if form == "hill" and s.levels >= 3:
         numbers = [
-            Free(f"{name}.base", lower, upper, how, linear),
-            Free(f"{name}.gain", -upper if linear else 10.0 * lower, 2.0 * upper, how, linear),
-            Free(f"{name}.half_command", 0.05 * s.command, 10.0 * s.command, "log"),
-            Free(f"{name}.exponent", 0.6, 3.0 if linear else 6.0, "log"),
+            FreeParameter(f"{name}.base", lower, upper, how, linear),
+            FreeParameter(f"{name}.gain", -upper if linear else 10.0 * lower, 2.0 * upper, how, linear),
+            FreeParameter(f"{name}.half_command", 0.05 * s.command, 10.0 * s.command, "log"),
+            FreeParameter(f"{name}.exponent", 0.6, 3.0 if linear else 6.0, "log"),
         ]
         return Hill(0.1 * start, start, s.command, 1.5, s.command), numbers[: min(s.levels, 4)]
     if not linear:  # two commands: a straight line that stays positive at both ends
         rate = _steepest(law, name, lower, upper) / s.command
         return Exponential(start, 0.0), [
-            Free(f"{name}.at_zero", lower, upper, how),
-            Free(f"{name}.rate", -rate, rate),
+            FreeParameter(f"{name}.at_zero", lower, upper, how),
+            FreeParameter(f"{name}.rate", -rate, rate),
         ]
     degree = min(s.levels - 1, _DEGREES.get(form, 2))
     size = max(abs(lower), abs(upper))
     return Polynomial((start, *([0.0] * degree))), [
-        Free(
+        FreeParameter(
             f"{name}.c{power}",
             lower if power == 0 else -size / s.command**power,
             size / s.command**power,

@@ -14,7 +14,7 @@ import numpy as np
 
 from mrdamper import core
 from mrdamper.arrays import FloatArray
-from mrdamper.identify.problem import Estimate, FitProblem, Free, PreparedFit
+from mrdamper.identify.problem import Estimate, FitProblem, FreeParameter, PreparedFit
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import LAG, Tangents
 
@@ -88,7 +88,7 @@ def covariances(
     return inverse @ noise @ inverse, small_sample * (inverse @ blocks @ inverse)
 
 
-def _side(free: Free, value: float) -> Literal["", "lower", "upper"]:
+def _side(free: FreeParameter, value: float) -> Literal["", "lower", "upper"]:
     """Say which bound a searched number sits on; eliminated numbers have the law's conditions instead."""
     if free.linear:
         return ""

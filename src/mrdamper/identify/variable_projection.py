@@ -28,7 +28,16 @@ from mrdamper.errors import ConvergenceError
 from mrdamper.identify.checkpoint import Ledger, NoLedger
 from mrdamper.identify.descent import Box, Descents
 from mrdamper.identify.objective import Objective
-from mrdamper.identify.problem import FitProblem, FitResult, Free, PreparedFit, Start, lifted, move, ordered
+from mrdamper.identify.problem import (
+    FitProblem,
+    FitResult,
+    FreeParameter,
+    PreparedFit,
+    Start,
+    lifted,
+    move,
+    ordered,
+)
 from mrdamper.identify.uncertainty import estimates_of
 from mrdamper.models.damper import Damper
 
@@ -161,7 +170,7 @@ def fit_variable_projection(
     )
 
 
-def latin_hypercube(free: Sequence[Free], count: int, seed: int) -> FloatArray:
+def latin_hypercube(free: Sequence[FreeParameter], count: int, seed: int) -> FloatArray:
     """Return ``count`` starts in search coordinates, spread over the inner four fifths of the bounds."""
     rng = np.random.default_rng(seed)
     cell = rng.permuted(np.tile(np.arange(count), (len(free), 1)), axis=1).T

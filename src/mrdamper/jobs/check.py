@@ -20,7 +20,7 @@ from mrdamper.data.prepare import PreparedRun
 from mrdamper.data.readers import RigFile, find_files, read_file, told_at_once
 from mrdamper.data.records import Recording
 from mrdamper.errors import InputError
-from mrdamper.runtime.outputs import staged, write_json, write_table
+from mrdamper.runtime.outputs import atomic_output, write_json, write_table
 from mrdamper.schema import Json
 
 __all__ = ["check", "findings_of", "render_check"]
@@ -105,7 +105,7 @@ def check(paths: Sequence[str | Path], *, channels: Path | None = None, out: Pat
         "unreadable": [{"path": str(path), "error": said} for path, said in unreadable],
     }
     if out is not None:
-        with staged(out) as beside:
+        with atomic_output(out) as beside:
             answer |= {"report": str(out / "check.html")}
             (beside / "check.html").write_text(render_check(answer), encoding="utf-8")
             write_json(beside / "check.json", answer)

@@ -17,7 +17,7 @@ from mrdamper.models.card_schema import read_card
 from mrdamper.models.characterisation import in_degrees
 from mrdamper.models.comparison import SIDES, Comparison, compare_cards
 from mrdamper.models.damper import OperatingEnvelope
-from mrdamper.runtime.outputs import staged, write_json
+from mrdamper.runtime.outputs import atomic_output, write_json
 from mrdamper.schema import Json
 
 __all__ = ["compare"]
@@ -40,7 +40,7 @@ def compare(first: Path, second: Path, *, out: Path | None = None, law: str | No
         from mrdamper.report.compare import render_comparison
 
         answer |= {"report": str(out / "compare.html"), "file": str(out / "compare.json")}
-        with staged(out) as beside:
+        with atomic_output(out) as beside:
             write_json(beside / "compare.json", answer)
             (beside / "compare.html").write_text(render_comparison(comparison), encoding="utf-8")
     return answer
@@ -178,7 +178,7 @@ def _card(card: ModelCard, name: str, path: Path) -> Json:
         "title": card.title,
         "law": damper.law.name,
         "numbers": sum(error is not None for error in card.standard_errors.values()),
-        "tempered": damper.tempered,
+        "tempered": damper.temperature_dependent,
         "assumed": list(damper.assumed),
         "envelope": _envelope(card.envelope),
         **{split: _errors(card, split) for split in ("training", "held_out")},

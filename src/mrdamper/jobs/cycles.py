@@ -22,7 +22,7 @@ from mrdamper.data.streaming import BATCH_ROWS, LongRecord, open_record
 from mrdamper.identify.cycle_errors import FIGURES as MODEL_FIGURES
 from mrdamper.identify.cycle_errors import ModelOver, columns_of, open_model
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.runtime.outputs import staged, write_json
+from mrdamper.runtime.outputs import atomic_output, write_json
 from mrdamper.runtime.signals import on_interrupt
 from mrdamper.schema import Json
 
@@ -82,7 +82,7 @@ def cycles(  # noqa: PLR0913 - what a job is told, by keyword
     if out is None:
         answer, groups = _run(opened, counter, along, batch_rows, None, report)
         return answer | {"curves": groups.curves()} if curves else answer
-    with staged(out) as beside:
+    with atomic_output(out) as beside:
         with (beside / "cycles.csv").open("wb") as table:
             answer, groups = _run(opened, counter, along, batch_rows, table, report)
         from mrdamper.report.cycles import render_cycles

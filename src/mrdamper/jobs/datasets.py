@@ -13,7 +13,7 @@ from pathlib import Path
 from mrdamper.data.catalog import list_sets
 from mrdamper.errors import InputError
 from mrdamper.jobs.identify import data_fetch
-from mrdamper.runtime.outputs import staged
+from mrdamper.runtime.outputs import atomic_output
 from mrdamper.schema import Json
 
 __all__ = ["MAPS", "catalogue", "fetch_into"]
@@ -66,7 +66,7 @@ def fetch_into(runs: Path, name: str, map_suffix: str, *, report: Report | None 
         raise
     chosen = next(each for each in list_sets() if each.name == name)
     found = [file.name for file in chosen.files if (lies / file.name).is_file()]
-    with staged(runs) as beside:
+    with atomic_output(runs) as beside:
         for file in found:
             shutil.copyfile(lies / file, beside / file)
             shutil.copyfile(MAPS / chosen.channels, beside / f"{file}{map_suffix}")

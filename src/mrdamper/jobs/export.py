@@ -21,7 +21,7 @@ from mrdamper.export.verify import not_verified, verify_c
 from mrdamper.files import is_folder
 from mrdamper.models.card import ModelCard
 from mrdamper.models.card_schema import read_card
-from mrdamper.runtime.outputs import staged, write_json
+from mrdamper.runtime.outputs import atomic_output, write_json
 from mrdamper.schema import Json
 from mrdamper.thermal.drawing import read_drawing
 
@@ -81,7 +81,7 @@ def export(card: Path, options: ExportOptions) -> Json:
     files: list[Path] = []
     with ExitStack() as places:
         # The places first: one that cannot be written to is told before anything is made.
-        folders = [staged(path if path is options.c else path.parent) for path in outputs]
+        folders = [atomic_output(path if path is options.c else path.parent) for path in outputs]
         stages = dict(zip(outputs, [places.enter_context(folder) for folder in folders], strict=True))
         model = read_card(card)
         answer: Json = {"card": str(card), "title": model.title, "law": model.damper.law.name}
@@ -152,7 +152,7 @@ def _answer(target: Target, record: Verification) -> Json:
     damper = target.card.damper
     if damper.actuation is None and damper.command_lag_s == 0.0:
         notes.append(_UNLAGGED)
-    if not damper.tempered:
+    if not damper.temperature_dependent:
         notes.append("the card does not know temperature: force and command do not follow it")
     controller = target.controller
     return {

@@ -23,7 +23,7 @@ from mrdamper.models.fluids.viscosity_fit import ViscosityFit, ViscosityStudy, f
 from mrdamper.models.fluids.yield_fit import YieldFit, YieldStudy, fit_yield_stress
 from mrdamper.models.temperature import TemperatureFactor
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.runtime.outputs import staged
+from mrdamper.runtime.outputs import atomic_output
 from mrdamper.schema import Json
 
 __all__ = ["FluidStudy", "fluid", "study_tables"]
@@ -61,7 +61,7 @@ def fluid(
     if out is not None:
         from mrdamper.report.fluid import draw_fluid
 
-        with staged(out) as beside:
+        with atomic_output(out) as beside:
             (beside / "fluid.toml").write_text(study.fluid.to_toml(), encoding="utf-8")
             picture = draw_fluid(study.viscosity, study.yield_stress, study.fluid.name)
             (beside / "fluid.svg").write_text(picture, encoding="utf-8")

@@ -20,7 +20,7 @@ from mrdamper.identify.predict import beyond_in_words, finite
 from mrdamper.models.card import ModelCard
 from mrdamper.models.card_schema import read_card
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.runtime.outputs import staged, write_json, write_table
+from mrdamper.runtime.outputs import atomic_output, write_json, write_table
 from mrdamper.schema import Json
 from mrdamper.thermal.dissipation import LoopWork
 from mrdamper.thermal.drawing import DamperDrawing, read_drawing, read_sink
@@ -28,8 +28,8 @@ from mrdamper.thermal.drawing_file import calibrated_text, text_of
 from mrdamper.thermal.duty import DEFAULT_DUTY, Duty, read_duty
 from mrdamper.thermal.estimation.calibration import CalibratedDrawing, calibrate_with
 from mrdamper.thermal.estimation.measured_curve import HeatingCurve, read_curve
-from mrdamper.thermal.estimation.prediction_interval import look_out
-from mrdamper.thermal.estimation.uncertainty import Doubt, Outlook
+from mrdamper.thermal.estimation.prediction_interval import predict_interval
+from mrdamper.thermal.estimation.uncertainty import ModelUncertainty, PredictionInterval
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.model.finite_element import FieldModel, heat_field
 from mrdamper.thermal.model.network import loss_grid
@@ -73,9 +73,9 @@ class HeatRun:
     drawing: DamperDrawing
     duty: Duty
     rise: Rise
-    outlook: Outlook  # how sure it is
+    prediction_interval: PredictionInterval  # how sure it is
     bare: Rise | None  # without the sink; None when there is none
-    bare_outlook: Outlook | None
+    bare_prediction_interval: PredictionInterval | None
     calibrated: CalibratedDrawing | None  # by a measured curve; ``drawing`` is then the calibrated one
     field: FieldEnd | None
     notes: tuple[str, ...]
@@ -88,9 +88,11 @@ class HeatRun:
         return [("with heat sink", self.rise), ("without heat sink", self.bare)]
 
     @property
-    def outlooks(self) -> list[Outlook]:
+    def prediction_intervals(self) -> list[PredictionInterval]:
         """How sure each of ``rises`` is."""
-        return [each for each in (self.outlook, self.bare_outlook) if each is not None]
+        return [
+            each for each in (self.prediction_interval, self.bare_prediction_interval) if each is not None
+        ]
 
 
 def heat(
@@ -139,7 +141,7 @@ def heat(
     )
     if out is None:
         return {"card": str(card), "damper": str(damper), **_answer(run)}
-    with staged(out) as beside:
+    with atomic_output(out) as beside:
         answer = write_heat(run, card, damper, beside, out)
         if run.calibrated is not None:
             text = calibrated_text(
@@ -194,7 +196,9 @@ def heat_damper(
         works = works_of(card.damper, duty)
     calibrated = None
     if measured is not None:
-        calibrated = calibrate_with(measured, drawing, works, duty, model=model, doubt=Doubt())
+        calibrated = calibrate_with(
+            measured, drawing, works, duty, model=model, model_uncertainty=ModelUncertainty()
+        )
         drawing = calibrated.drawing
         start = calibrated.numbers.start_K if start is None else start
     step = max(_LONGEST_STEP_S, duty.duration / _MOST_STEPS)
@@ -212,14 +216,16 @@ def heat_damper(
         )
 
     rise = rise_of(drawing, notes_of(card, duty))
-    outlook = look_out(works, drawing, duty, calibrated=calibrated, model=model, start_K=start_given)
+    prediction_interval = predict_interval(
+        works, drawing, duty, calibrated=calibrated, model=model, start_K=start_given
+    )
     notes = [*rise.notes, *_warm_notes(card, rise)]
     notes += dict.fromkeys(str(each.message) for each in caught if issubclass(each.category, EnvelopeWarning))
-    bare, bare_outlook = None, None
+    bare, bare_prediction_interval = None, None
     if drawing.sink is not None:
         alone = drawing.with_sink(None)
         bare = rise_of(alone)
-        bare_outlook = look_out(works, alone, duty, model=model, start_K=start)
+        bare_prediction_interval = predict_interval(works, alone, duty, model=model, start_K=start)
     field = None
     if by_field:
         try:
@@ -231,9 +237,9 @@ def heat_damper(
         drawing=drawing,
         duty=duty,
         rise=rise,
-        outlook=outlook,
+        prediction_interval=prediction_interval,
         bare=bare,
-        bare_outlook=bare_outlook,
+        bare_prediction_interval=bare_prediction_interval,
         calibrated=calibrated,
         field=field,
         notes=tuple(notes),
@@ -263,7 +269,7 @@ def _field_end(
 def _warm_notes(card: ModelCard, rise: Rise) -> list[str]:
     """Say where the fluid leaves the temperatures that the card was identified at."""
     known = card.envelope.temperature
-    if not card.damper.tempered or known is None:
+    if not card.damper.temperature_dependent or known is None:
         return []
     low, high = float(rise.fluid.min()), float(rise.fluid.max())
     if low > known[0] - _MOST_CAPPED and high < known[1] + _MOST_CAPPED:
@@ -295,16 +301,16 @@ def _answer(run: HeatRun) -> Json:
     return {
         "duty": run.duty.text,
         "model": rise.model,
-        **_course(rise, run.outlook),
+        **_course(rise, run.prediction_interval),
         "limit_degC": rise.limit_K - ZERO_CELSIUS_K,
         "ripple_K": finite(rise.ripple_K),
         "correlations": dict(rise.correlations),
-        "tempered": card.damper.tempered,
+        "tempered": card.damper.temperature_dependent,
         "assumed": list(card.damper.assumed),
         "sink": None if drawing.sink is None else sink_in_words(drawing.sink),
         "without_sink": None
-        if run.bare is None or run.bare_outlook is None
-        else _course(run.bare, run.bare_outlook),
+        if run.bare is None or run.bare_prediction_interval is None
+        else _course(run.bare, run.bare_prediction_interval),
         "calibration": None if run.calibrated is None else _calibration(run.calibrated),
         "finite_element": None
         if field is None
@@ -341,8 +347,8 @@ def _calibration(calibrated: CalibratedDrawing) -> Json:
     }
 
 
-def _course(rise: Rise, outlook: Outlook) -> Json:
-    to_limit = outlook.to_limit
+def _course(rise: Rise, prediction_interval: PredictionInterval) -> Json:
+    to_limit = prediction_interval.to_limit
     return {
         "curve": {
             "time_s": rise.time.tolist(),
@@ -356,11 +362,11 @@ def _course(rise: Rise, outlook: Outlook) -> Json:
             time if math.isfinite(time) else None for time in (to_limit.low_s, to_limit.high_s)
         ],
         "interval": {
-            "probability": outlook.probability,
-            "time_s": outlook.time.tolist(),
-            "median_degC": (outlook.median - ZERO_CELSIUS_K).tolist(),
-            "low_degC": (outlook.low - ZERO_CELSIUS_K).tolist(),
-            "high_degC": (outlook.high - ZERO_CELSIUS_K).tolist(),
+            "probability": prediction_interval.probability,
+            "time_s": prediction_interval.time.tolist(),
+            "median_degC": (prediction_interval.median - ZERO_CELSIUS_K).tolist(),
+            "low_degC": (prediction_interval.low - ZERO_CELSIUS_K).tolist(),
+            "high_degC": (prediction_interval.high - ZERO_CELSIUS_K).tolist(),
             "limit_not_reached": to_limit.not_reached,
         },
         "force_loss_percent": rise.force_loss_percent,

@@ -21,7 +21,7 @@ from mrdamper.identify.predict import finite
 from mrdamper.jobs.heat import heat_damper, write_heat
 from mrdamper.models.card_schema import read_card
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.runtime.outputs import staged
+from mrdamper.runtime.outputs import atomic_output
 from mrdamper.schema import Json
 from mrdamper.thermal.drawing import DamperDrawing, read_drawing, read_sink
 from mrdamper.thermal.drawing_file import calibrated_text, text_of
@@ -149,7 +149,7 @@ def heat_changed(  # noqa: PLR0913 - the options of a heating job, by keyword
         measured=None if calibrate is None else read_curve(calibrate),
         by_field=by_field,
     )
-    with staged(out) as beside:
+    with atomic_output(out) as beside:
         answer = write_heat(run, card, damper, beside, out)
         if run.calibrated is not None:
             (beside / "calibrated.toml").write_text(

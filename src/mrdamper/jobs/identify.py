@@ -28,7 +28,7 @@ from mrdamper.models.fluids.fluid import find_fluid
 from mrdamper.models.laws import LAWS
 from mrdamper.report import answers
 from mrdamper.runtime.checkpoint import Tell, checkpointed
-from mrdamper.runtime.outputs import staged, write_table
+from mrdamper.runtime.outputs import atomic_output, write_table
 from mrdamper.runtime.signals import Interrupted, interrupt_ends_all
 from mrdamper.schema import Json
 
@@ -90,7 +90,7 @@ def identify(
     sources = tuple(dict.fromkeys(Path(run.source).name for run in dataset if run.source))
     head = {} if resume is None else _decisive(dataset, options)
     with checkpointed(out, head, resume=resume, tell=tell) as kept:
-        with staged(out) as beside:
+        with atomic_output(out) as beside:
             answer = run_identification(
                 dataset, beside, out, options, sources=sources, report=report, ledger=kept
             )

@@ -11,7 +11,7 @@ from mrdamper.identify import predict as scoring
 from mrdamper.jobs.inputs import read_dataset
 from mrdamper.models.card_schema import read_card
 from mrdamper.report import answers
-from mrdamper.runtime.outputs import staged, write_table
+from mrdamper.runtime.outputs import atomic_output, write_table
 from mrdamper.schema import Json
 
 __all__ = ["predict"]
@@ -49,6 +49,6 @@ def predict(
         "notes": [str(each.message) for each in caught if issubclass(each.category, EnvelopeWarning)],
     }
     if out is not None:
-        with staged(out) as beside:
+        with atomic_output(out) as beside:
             write_table(beside / "errors.csv", [scoring.row(error) for error in errors])
     return answer

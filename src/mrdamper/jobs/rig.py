@@ -20,7 +20,7 @@ from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.rig.campaign import Campaign, PlannedRun
 from mrdamper.rig.measurement import Truth, measure_run
 from mrdamper.rig.plant import VirtualDamper, find_preset
-from mrdamper.runtime.outputs import staged
+from mrdamper.runtime.outputs import atomic_output
 from mrdamper.schema import Json
 
 __all__ = ["Report", "rig", "truth_folder", "write_campaign"]
@@ -59,7 +59,7 @@ def rig(
     if seed < 0:
         raise InputError(f"seed is {seed}; expected zero or more")
     truth = truth_folder(out)
-    with staged(out) as beside, staged(truth) as behind:
+    with atomic_output(out) as beside, atomic_output(truth) as behind:
         rows = write_campaign(beside, behind, damper, campaign, seed=seed, report=report)
     strangers = sorted({path.stem for path in out.glob("*.csv")} - {row["name"] for row in rows})
     notes = []

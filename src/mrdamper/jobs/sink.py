@@ -22,7 +22,7 @@ from mrdamper.models.card import ModelCard, card_text
 from mrdamper.models.card_schema import read_card
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.runtime.checkpoint import Tell, checkpointed
-from mrdamper.runtime.outputs import staged, write_json, write_table
+from mrdamper.runtime.outputs import atomic_output, write_json, write_table
 from mrdamper.schema import Json
 from mrdamper.thermal.drawing import DamperDrawing, read_drawing
 from mrdamper.thermal.duty import DEFAULT_DUTY, Duty, read_duty
@@ -161,7 +161,7 @@ def sink(
         return {"card": str(card), "damper": str(damper), **_answer(run, chosen)}
     head = {} if resume is None else _decisive(model, drawing, load, chosen)
     with checkpointed(out, head, resume=resume, tell=tell) as kept:
-        with staged(out) as beside:
+        with atomic_output(out) as beside:
             run = search_sinks(model, drawing, load, chosen, report=report, memory=kept)
             answer = write_sink(run, chosen, card, damper, beside, out)
         if kept is not None:

@@ -17,11 +17,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mrdamper.control.card_plant import CardPlant
-from mrdamper.control.loop import Course, LoopRun, course_of, run_loop
+from mrdamper.control.loop import LoopRun, ReferenceTrajectory, reference_trajectory, run_loop
 from mrdamper.control.optimum import search_optimum
 from mrdamper.control.protocol import Controller, Plant
 from mrdamper.control.scenario import SCENARIOS, Scenario, find_scenario, read_scenario
-from mrdamper.control.score import Reach, Score, reach_of, score_run, worst
+from mrdamper.control.score import AttainableRange, Score, attainable_range, score_run, worst
 from mrdamper.errors import InputError
 from mrdamper.files import is_there
 from mrdamper.models.card import ModelCard
@@ -30,7 +30,7 @@ from mrdamper.models.dependence import did_you_mean
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.rig.plant import PRESETS, VirtualDamper
 from mrdamper.rig.plant import Plant as RigPlant
-from mrdamper.runtime.outputs import staged, write_json, write_table
+from mrdamper.runtime.outputs import atomic_output, write_json, write_table
 from mrdamper.schema import Json
 
 if TYPE_CHECKING:
@@ -111,8 +111,8 @@ class Traced:
 
     target: str
     temperature_degC: float
-    course: Course
-    reach: Reach
+    course: ReferenceTrajectory
+    reach: AttainableRange
     runs: tuple[LoopRun, ...]
 
 
@@ -154,7 +154,7 @@ def track(
     run = track_card(card, options, report=report)
     if out is None:
         return {"card": str(card), **_answer(run)}
-    with staged(out) as beside:
+    with atomic_output(out) as beside:
         return write_track(run, card, beside, out)
 
 
@@ -224,11 +224,11 @@ class _Tests:
     def __init__(self, damper: _Damper, seeds: Sequence[int], period_s: float, optimum: bool) -> None:  # noqa: FBT001
         self._damper, self._seeds, self._period, self._optimum = damper, seeds, period_s, optimum
 
-    def reach(self, scenario: Scenario) -> tuple[Course, Reach]:
+    def reach(self, scenario: Scenario) -> tuple[ReferenceTrajectory, AttainableRange]:
         """Return course and reach of a scenario; refuse one that the damper mostly cannot follow."""
         damper, degrees = self._damper, scenario.temperature_degC
-        course = course_of(scenario, damper.plant.step_s)
-        reach = reach_of(damper.plant, course, degrees, scenario.highest_A)
+        course = reference_trajectory(scenario, damper.plant.step_s)
+        reach = attainable_range(damper.plant, course, degrees, scenario.highest_A)
         inside = reach.feasible(course.target)[course.scored_from :]
         if inside.mean() < _LEAST_SHARE:
             most = float(np.abs(course.target[course.scored_from :]).max())
@@ -243,7 +243,11 @@ class _Tests:
         return course, reach
 
     def run(
-        self, scenario: Scenario, controllers: Mapping[str, Controller], course: Course, reach: Reach
+        self,
+        scenario: Scenario,
+        controllers: Mapping[str, Controller],
+        course: ReferenceTrajectory,
+        reach: AttainableRange,
     ) -> tuple[list[Row], dict[str, LoopRun]]:
         """Return a row per controller, and each one's run with the first seed."""
         damper, degrees = self._damper, scenario.temperature_degC
@@ -321,7 +325,7 @@ def _scenarios(options: TrackOptions, damper: _Damper) -> list[Scenario]:
 
 def _check_stroke(scenario: Scenario, place: str, stroke: tuple[float, float]) -> None:
     """Refuse a motion that goes beyond what a card knows."""
-    x = course_of(scenario, 1e-3).displacement
+    x = reference_trajectory(scenario, 1e-3).displacement
     low, high = _STROKE_SLACK * min(stroke[0], 0.0), _STROKE_SLACK * max(stroke[1], 0.0)
     if not (x.min() >= low and x.max() <= high):
         raise InputError(
@@ -367,8 +371,8 @@ def _controllers(path: Path, card: ModelCard, options: TrackOptions, largest: fl
     late: dict[Path, list[str]] = {}
     for name in chosen:
         where, model = made_of[name]
-        unlagged = model.damper.actuation is None and model.damper.command_lag_s == 0.0
-        if unlagged and name.removesuffix("-unaware").removesuffix("-pooled") in _NEED_LAG:
+        no_actuator_lag = model.damper.actuation is None and model.damper.command_lag_s == 0.0
+        if no_actuator_lag and name.removesuffix("-unaware").removesuffix("-pooled") in _NEED_LAG:
             late.setdefault(where, []).append(name)
     if late:
         where, names_of = next(iter(late.items()))
@@ -403,7 +407,7 @@ def _notes(card: ModelCard, scenarios: Sequence[Scenario], damper: _Damper) -> t
     """Return what a reader of the figures should know."""
     notes = []
     beyond = card.envelope.temperature
-    if not card.damper.tempered:
+    if not card.damper.temperature_dependent:
         notes.append("the card does not know temperature: all of its controllers are unaware of it")
     elif beyond is not None:
         low, high = beyond[0] - ZERO_CELSIUS_K, beyond[1] - ZERO_CELSIUS_K
@@ -419,7 +423,7 @@ def _notes(card: ModelCard, scenarios: Sequence[Scenario], damper: _Damper) -> t
         notes.append(
             f"the damper is the card {damper.name}: what a law leaves out of a damper is left out here, too"
         )
-    speeds = {s.name: float(np.abs(course_of(s, 1e-3).velocity).max()) for s in scenarios}
+    speeds = {s.name: float(np.abs(reference_trajectory(s, 1e-3).velocity).max()) for s in scenarios}
     known = max(map(abs, card.envelope.velocity))
     for name, speed in speeds.items():
         if speed > 1.1 * known:

@@ -254,7 +254,7 @@ def _round_speeds(fastest: float) -> tuple[float, ...]:
 def _temperatures(
     damper: Damper, envelope: OperatingEnvelope, given: Sequence[float] | None
 ) -> tuple[float | None, ...]:
-    if not damper.tempered:
+    if not damper.temperature_dependent:
         return (None,)
     if given is not None:
         return tuple(sorted(map(float, given)))

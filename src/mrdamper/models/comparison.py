@@ -70,7 +70,7 @@ def compare_cards(first: ModelCard, second: ModelCard, *, names: tuple[str, str]
     cards = (first, second)
     envelope, notes = common_envelope(cards, names)
     dampers = (first.damper, second.damper)
-    leading = next((damper for damper in dampers if damper.tempered), dampers[0])
+    leading = next((damper for damper in dampers if damper.temperature_dependent), dampers[0])
     warm = envelope.temperature
     single = [warm[0]] if warm is not None and warm[0] == warm[1] else None
     scope = usual_scope(leading, envelope, temperatures=single)
@@ -141,9 +141,9 @@ def _common_temperature(
 ) -> tuple[tuple[float, float] | None, list[str]]:
     """Return the temperatures [K] at which both hold; a damper that knows none holds where it was tested."""
     ranges = [_known(card) for card in cards]
-    tempered = [card.damper.tempered for card in cards]
+    temperature_dependent = [card.damper.temperature_dependent for card in cards]
     known = [pair for pair in ranges if pair is not None]
-    if not any(tempered):
+    if not any(temperature_dependent):
         notes = []
         if len(known) == 2 and max(abs(a - b) for a, b in zip(*known, strict=True)) > _NEAR_K:
             told = [
@@ -154,11 +154,11 @@ def _common_temperature(
                 "temperature, so that its share in the difference cannot be told"
             )
         return None, notes
-    if all(tempered):
+    if all(temperature_dependent):
         if len(known) < 2:
             return (known[0] if known else None), []
         return _meeting(known, "temperature", "degC", 1.0, names, -ZERO_CELSIUS_K), []
-    knows = tempered.index(True)
+    knows = temperature_dependent.index(True)
     other = 1 - knows
     pair, tested = ranges[knows] or (REFERENCE_K, REFERENCE_K), ranges[other]
     if tested is None:
@@ -177,7 +177,7 @@ def _common_temperature(
 def _known(card: ModelCard) -> tuple[float, float] | None:
     """Return where a card's temperatures hold: the envelope, or what was assumed beyond one temperature."""
     seen, held = card.envelope.temperature, card.damper.temperature_range
-    if not card.damper.tempered or held is None:
+    if not card.damper.temperature_dependent or held is None:
         return seen
     return held if seen is None or seen[1] - seen[0] < _NEAR_K else seen
 

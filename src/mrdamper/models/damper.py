@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 from mrdamper.models.actuation import Actuation
-from mrdamper.models.dependence import Constant, ParameterLaw, Tempered, did_you_mean
+from mrdamper.models.dependence import Constant, ParameterLaw, TemperatureDependent, did_you_mean
 from mrdamper.models.laws import HysteresisLaw
 from mrdamper.quantities import ZERO_CELSIUS_K
 
@@ -114,15 +114,17 @@ class Damper:
         return Damper, (*parts, self.actuation, self.temperature_range)
 
     @property
-    def tempered(self) -> bool:
+    def temperature_dependent(self) -> bool:
         """Whether any coefficient depends on temperature."""
-        return any(form.tempered for form in self.coefficients.values())
+        return any(form.temperature_dependent for form in self.coefficients.values())
 
     @property
     def assumed(self) -> tuple[str, ...]:
         """The coefficients whose temperature factor is assumed (a fluid's), not identified."""
         return tuple(
-            name for name, form in self.coefficients.items() if isinstance(form, Tempered) and form.assumed
+            name
+            for name, form in self.coefficients.items()
+            if isinstance(form, TemperatureDependent) and form.assumed
         )
 
     @property
@@ -185,7 +187,7 @@ class Damper:
                     said = (f"{self.law.name}: {name} is {value}; it must be finite",)
                 if said:
                     where = f"{at[k]:g} {self.command_unit}"
-                    if warm is not None and form.tempered:
+                    if warm is not None and form.temperature_dependent:
                         where += f", {warm[k] - ZERO_CELSIUS_K:.1f} degC"
                     found.append(f"{said[0]} (at {where})")
                     break
@@ -194,7 +196,7 @@ class Damper:
     def problems(self, envelope: OperatingEnvelope) -> tuple[str, ...]:
         """Return why the law is not well posed inside the envelope, one sentence each."""
         commands, temperatures = envelope.commands(), envelope.temperatures()
-        if self.tempered and temperatures is not None:
+        if self.temperature_dependent and temperatures is not None:
             commands, temperatures = (g.ravel() for g in np.meshgrid(commands, temperatures))
         else:
             temperatures = None

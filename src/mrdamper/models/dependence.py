@@ -6,8 +6,8 @@ A parameter law is a named form with numbers, never code: the card stores ``kind
 
 Every form gives its value, its gradient with respect to its numbers and its slope with respect to the
 command in closed form, and says in which of its numbers it is linear. Most forms know the command alone;
-``Tempered`` multiplies one with a temperature factor, ``Bipolynomial`` is a polynomial in both. Where no
-temperature is given, it is 20 degC.
+``TemperatureDependent`` multiplies one with a temperature factor, ``Bipolynomial`` is a polynomial in both.
+Where no temperature is given, it is 20 degC.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ __all__ = [
     "Hill",
     "ParameterLaw",
     "Polynomial",
-    "Tempered",
+    "TemperatureDependent",
     "did_you_mean",
     "separable_polynomial",
 ]
@@ -52,7 +52,7 @@ class ParameterLaw(Protocol):
     def kind(self) -> str: ...
 
     @property
-    def tempered(self) -> bool:
+    def temperature_dependent(self) -> bool:
         """Whether the coefficient depends on temperature."""
         ...
 
@@ -106,7 +106,7 @@ class Constant:
     number: float
 
     kind: ClassVar[str] = "constant"
-    tempered: ClassVar[bool] = False
+    temperature_dependent: ClassVar[bool] = False
     number_names: ClassVar[tuple[str, ...]] = ("value",)
     linear: ClassVar[tuple[bool, ...]] = (True,)
     settings: ClassVar[Mapping[str, float]] = MappingProxyType({})
@@ -146,7 +146,7 @@ class Polynomial:
     numbers: tuple[float, ...]
 
     kind: ClassVar[str] = "polynomial"
-    tempered: ClassVar[bool] = False
+    temperature_dependent: ClassVar[bool] = False
     settings: ClassVar[Mapping[str, float]] = MappingProxyType({})
 
     def __post_init__(self) -> None:
@@ -205,7 +205,7 @@ class Hill:
     reference: float = 1.0  # command at which the rise is `gain` [command unit]
 
     kind: ClassVar[str] = "hill"
-    tempered: ClassVar[bool] = False
+    temperature_dependent: ClassVar[bool] = False
     number_names: ClassVar[tuple[str, ...]] = ("base", "gain", "half_command", "exponent")
     linear: ClassVar[tuple[bool, ...]] = (True, True, False, False)
 
@@ -276,7 +276,7 @@ class Exponential:
     rate: float  # [1 / command unit]
 
     kind: ClassVar[str] = "exponential"
-    tempered: ClassVar[bool] = False
+    temperature_dependent: ClassVar[bool] = False
     number_names: ClassVar[tuple[str, ...]] = ("at_zero", "rate")
     linear: ClassVar[tuple[bool, ...]] = (True, False)
     settings: ClassVar[Mapping[str, float]] = MappingProxyType({})
@@ -340,7 +340,7 @@ class Bipolynomial:
         _require_finite(self)
 
     @property
-    def tempered(self) -> bool:
+    def temperature_dependent(self) -> bool:
         return self.temperature_degree > 0
 
     @property
@@ -404,7 +404,7 @@ CommandForm = Constant | Polynomial | Hill | Exponential
 
 
 @dataclass(frozen=True, slots=True)
-class Tempered:
+class TemperatureDependent:
     """value = form(command) factor(temperature): a coefficient at 20 degC times its temperature factor.
 
     Linear in the form's linear numbers. ``assumed`` says that the factor comes from a fluid's data, not
@@ -415,7 +415,7 @@ class Tempered:
     factor: TemperatureFactor
     assumed: bool = False
 
-    tempered: ClassVar[bool] = True
+    temperature_dependent: ClassVar[bool] = True
 
     @property
     def kind(self) -> str:
@@ -467,13 +467,13 @@ class Tempered:
         )
 
 
-def separable_polynomial(command: Sequence[float], temperature: Sequence[float]) -> Tempered:
+def separable_polynomial(command: Sequence[float], temperature: Sequence[float]) -> TemperatureDependent:
     """Return the paper's separable form: (a0 + a1 I + a2 I^2 ...)(1 + t1 dT + t2 dT^2 ...), dT = T - 20 degC.
 
     Its Eq. (12) as reconstructed; the paper's own is lost. ``command`` holds the a [unit of the coefficient
     / A^i], ``temperature`` the t [1/K^j].
     """
-    return Tempered(Polynomial(tuple(command)), PolynomialFactor(tuple(temperature)))
+    return TemperatureDependent(Polynomial(tuple(command)), PolynomialFactor(tuple(temperature)))
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

@@ -19,7 +19,7 @@ from mrdamper.models.dependence import (
     Hill,
     ParameterLaw,
     Polynomial,
-    Tempered,
+    TemperatureDependent,
     did_you_mean,
 )
 from mrdamper.models.temperature import FACTORS, PolynomialFactor, TemperatureFactor
@@ -35,7 +35,7 @@ KINDS: Mapping[str, type[CommandForm | Bipolynomial]] = MappingProxyType(
 def dependence_to_json(law: ParameterLaw) -> dict[str, object]:
     """Return kind, numbers by name, settings and temperature factor (where there are any), all JSON."""
     data: dict[str, object] = {"kind": law.kind}
-    if isinstance(law, Tempered):
+    if isinstance(law, TemperatureDependent):
         data["temperature"] = {"kind": law.factor.kind, "assumed": law.assumed}
     data["numbers"] = dict(zip(law.number_names, law.numbers, strict=True))
     if law.settings:
@@ -73,8 +73,8 @@ def dependence_from_json(data: Mapping[str, object]) -> ParameterLaw:
     if isinstance(form, Bipolynomial):
         raise InputError("bipolynomial depends on temperature itself; it takes no temperature factor")
     if factor_kind == PolynomialFactor.kind:
-        return Tempered(form, PolynomialFactor(tuple(of_factor)), assumed)
-    return Tempered(form, FACTORS[factor_kind](*of_factor), assumed)
+        return TemperatureDependent(form, PolynomialFactor(tuple(of_factor)), assumed)
+    return TemperatureDependent(form, FACTORS[factor_kind](*of_factor), assumed)
 
 
 def _form_from_json(

@@ -16,7 +16,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import ParameterLaw
 
-__all__ = ["Levels"]
+__all__ = ["OperatingPoints"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,7 +32,7 @@ class _Moving:
     wanted: tuple[tuple[int, int], ...]  # (number of the form, row of the gradient)
 
 
-class Levels:
+class OperatingPoints:
     """Coefficients, and their gradients by the ``wanted`` numbers, while the ``varying`` ones move.
 
     Numbers go by their flat names; one that is no coefficient's (the command lag) is allowed and has no

@@ -249,7 +249,7 @@ class _Path:
         if damper.actuation is not None:  # worked out at the samples, linear between them
             command = damper.actuation.applied(command, trajectory.step)
         self._command: list[float] = command.tolist()
-        warm = trajectory.temperature if damper.tempered else None
+        warm = trajectory.temperature if damper.temperature_dependent else None
         self._warm: list[float] = [REFERENCE_K] if warm is None else warm.tolist()
         self._applied = [self._command[0]]
         for k in range(self.count - 1):

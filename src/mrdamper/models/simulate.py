@@ -133,12 +133,12 @@ class Tangents:
             return
         members = [number.partition(".") for number in self._numbers if number != LAG]
         self._places = sorted({damper.law.names.index(name) for name, _, _ in members})
-        if damper.tempered and any(drive.trajectory.temperature is None for drive in drives):
+        if damper.temperature_dependent and any(drive.trajectory.temperature is None for drive in drives):
             require_temperature(
                 damper, next(d.trajectory for d in drives if d.trajectory.temperature is None)
             )
-        tempered = damper.tempered
-        points = [operating_point(drive, tempered=tempered) for drive in drives]
+        temperature_dependent = damper.temperature_dependent
+        points = [operating_point(drive, temperature_dependent=temperature_dependent) for drive in drives]
         levels = {point: k for k, point in enumerate(dict.fromkeys(p for p in points if p is not None))}
         self._level = [None if point is None else levels[point] for point in points]
         # One row of coefficients, and one matrix from kernel columns to numbers, for each level.
@@ -202,7 +202,7 @@ class Tangents:
 
 def require_temperature(damper: Damper, trajectory: Trajectory) -> None:
     """Raise ``InputError`` where a damper that depends on temperature has none to go by."""
-    if damper.tempered and trajectory.temperature is None:
+    if damper.temperature_dependent and trajectory.temperature is None:
         raise InputError(
             "the model depends on temperature, and the run has no temperature channel; expected a column "
             "such as temperature_degC. Map the channel, or state it as a constant in the channel map "
@@ -210,11 +210,11 @@ def require_temperature(damper: Damper, trajectory: Trajectory) -> None:
         )
 
 
-def operating_point(drive: Drive, *, tempered: bool) -> tuple[float, float] | None:
+def operating_point(drive: Drive, *, temperature_dependent: bool) -> tuple[float, float] | None:
     """Return command and temperature [K] of a run at one operating point; None where either varies."""
-    if drive.constant is None or (tempered and drive.warms):
+    if drive.constant is None or (temperature_dependent and drive.warms):
         return None
-    warm = drive.temperature if tempered else None
+    warm = drive.temperature if temperature_dependent else None
     return drive.constant, REFERENCE_K if warm is None else warm
 
 
@@ -223,11 +223,15 @@ def _applied(damper: Damper, drive: Drive) -> tuple[FloatArray, FloatArray, Floa
 
     One sample each where neither varies.
     """
-    point = operating_point(drive, tempered=damper.tempered)
+    point = operating_point(drive, temperature_dependent=damper.temperature_dependent)
     if point is not None:
         return np.array([point[0]]), np.zeros(1), np.array([point[1]])
     path = drive.trajectory
-    warm = damper.held(path.temperature) if damper.tempered and path.temperature is not None else None
+    warm = (
+        damper.held(path.temperature)
+        if damper.temperature_dependent and path.temperature is not None
+        else None
+    )
     if damper.actuation is not None:
         return damper.actuation.applied(path.command, path.step), np.zeros(len(path)), warm
     return *core.lagged(path.command, path.step, damper.command_lag_s), warm

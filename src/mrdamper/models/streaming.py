@@ -90,7 +90,7 @@ class CarriedRun:
                     f"batch: {name} is {getattr(batch, name)}; expected the first batch's, {mine}"
                 )
         require_temperature(self._damper, batch)
-        warm = batch.temperature if self._damper.tempered else None
+        warm = batch.temperature if self._damper.temperature_dependent else None
         new = [batch.displacement, batch.velocity, batch.acceleration, self._applied.on(batch.command)]
         new.append(np.empty(0) if warm is None else warm)
         self._taken += len(batch)

@@ -1,7 +1,7 @@
 """Temperature factors: how a quantity changes with temperature, as a share of its value at 20 degC.
 
-Every factor is 1 at 293.15 K; a coefficient of a damper (``dependence.Tempered``) or a fluid's viscosity
-and yield stress (``fluid``) is its value at 20 degC times a factor. Temperature is in kelvin.
+Every factor is 1 at 293.15 K; a coefficient of a damper (``dependence.TemperatureDependent``) or a fluid's
+viscosity and yield stress (``fluid``) is its value at 20 degC times a factor. Temperature is in kelvin.
 
 A factor outside its range (a linear one that has fallen below zero, a VFT law at its pole) is reported by
 whoever uses it, with the coefficient's name.

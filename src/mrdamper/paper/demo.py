@@ -37,7 +37,7 @@ from mrdamper.report.track import TrackPictures
 from mrdamper.rig.campaign import Campaign
 from mrdamper.rig.measurement import measure
 from mrdamper.rig.plant import find_preset
-from mrdamper.runtime.outputs import staged, write_json
+from mrdamper.runtime.outputs import atomic_output, write_json
 from mrdamper.runtime.signals import interrupt_ends_all
 from mrdamper.schema import Json
 from mrdamper.thermal.drawing import read_drawing
@@ -91,7 +91,7 @@ def demo(out: Path, *, quick: bool = False, seed: int = 0, report: Report | None
         if report is not None:
             report(step, len(_STEPS), _STEPS[step])
 
-    with staged(out) as beside, interrupt_ends_all():  # claims are made of whole fits
+    with atomic_output(out) as beside, interrupt_ends_all():  # claims are made of whole fits
         place = _Place(beside, out)
         now(0)
         dataset = _measured(place, campaign, seed)

@@ -18,7 +18,7 @@ from mrdamper.report.identification.campaign import Campaign
 from mrdamper.report.identification.loops import loop_pictures
 from mrdamper.report.small_multiples import colour_of_warmth
 
-__all__ = ["Plate", "Section", "sections_of"]
+__all__ = ["PaperFigure", "Section", "sections_of"]
 
 _FIELDS_T = (0.1, 0.2, 0.4, 0.6)
 _ROWS: Mapping[str, tuple[int, ...]] = {
@@ -33,7 +33,7 @@ _ROWS: Mapping[str, tuple[int, ...]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Plate:
+class PaperFigure:
     """One picture, the paper's figures that it stands for, and what to see in it."""
 
     figures: str
@@ -49,7 +49,7 @@ class Section:
     title: str
     said: str
     rows: tuple[int, ...]
-    plates: tuple[Plate, ...]
+    plates: tuple[PaperFigure, ...]
 
 
 def sections_of(found: Findings) -> list[Section]:
@@ -88,7 +88,7 @@ def sections_of(found: Findings) -> list[Section]:
     ]
 
 
-def _fluid_plate(fluid: Fluid) -> Plate:
+def _fluid_plate(fluid: Fluid) -> PaperFigure:
     warm = np.linspace(20.0, 130.0, 111)
     over = np.linspace(20.0, 150.0, 261)
     viscosity = fluid.viscosity_Pa_s * np.asarray(fluid.viscosity_factor.value(over + ZERO_CELSIUS_K))
@@ -118,7 +118,7 @@ def _fluid_plate(fluid: Fluid) -> Plate:
             axes.margins(x=0.0)
         figure.subplots_adjust(left=0.055, right=0.99, top=0.97, bottom=0.15, wspace=0.14)
         svg = svg_of(figure, "Viscosity and yield stress over temperature")
-    return Plate(
+    return PaperFigure(
         "4 and 5",
         "Viscosity without field, yield stress at four fields",
         "A law through the paper's 65 % fall, with its collapse above 138 °C; Carlson's formula, "
@@ -127,12 +127,12 @@ def _fluid_plate(fluid: Fluid) -> Plate:
     )
 
 
-def _loop_plates(found: Findings) -> Iterator[Plate]:
+def _loop_plates(found: Findings) -> Iterator[PaperFigure]:
     campaign = Campaign(found.fitted, found.judged.runs)
     figures = ("6", "7", "8 to 10")
     for number, picture in zip(figures, loop_pictures(campaign), strict=False):
-        yield Plate(number, picture.title, picture.said, picture.svg)
-    yield Plate(
+        yield PaperFigure(number, picture.title, picture.said, picture.svg)
+    yield PaperFigure(
         "21 to 27",
         "RMS error over temperature",
         "Every run of constant current; the line joins the means. The paper's own law, one Bouc-Wen "
@@ -175,25 +175,29 @@ def _errors(found: Findings) -> str:
         return svg_of(figure, "RMS error over temperature")
 
 
-def _heat_plates(found: Findings) -> Iterator[Plate]:
+def _heat_plates(found: Findings) -> Iterator[PaperFigure]:
     rises = found.warm_up.rises
-    yield Plate(
+    yield PaperFigure(
         "2, 13 and 19",
         "Temperature rise, with the paper's heat sink and without",
         "Crossing 130 °C is the end of the fluid; the curve is drawn on to the paper's 35 min.",
         draw_temperatures(rises),
     )
-    yield Plate(
+    yield PaperFigure(
         "11 and 12", "Where the heat goes", "Heat given off by each path, stacked.", draw_paths(rises)
     )
-    yield Plate("19", "Fade of force", "Peak force of the cycle as the damper warms up.", draw_fade(rises))
-    yield Plate("20", "3 mm, 2 Hz", "Another duty, the same damper.", draw_temperatures(found.fast.rises))
+    yield PaperFigure(
+        "19", "Fade of force", "Peak force of the cycle as the damper warms up.", draw_fade(rises)
+    )
+    yield PaperFigure(
+        "20", "3 mm, 2 Hz", "Another duty, the same damper.", draw_temperatures(found.fast.rises)
+    )
 
 
-def _sink_plates(found: Findings) -> Iterator[Plate]:
+def _sink_plates(found: Findings) -> Iterator[PaperFigure]:
     run = found.sink
     if run.sweeps is not None:
-        yield Plate(
+        yield PaperFigure(
             "14 to 17",
             "The paper's sweeps of width and number",
             "First panel of each row: the temperature, which falls all the way. The others are readings "
@@ -201,14 +205,14 @@ def _sink_plates(found: Findings) -> Iterator[Plate]:
             "dissipation efficiency”, whose equation is lost; those with the paper's trend are coloured.",
             found.sink_pictures.sweeps,
         )
-    yield Plate(
+    yield PaperFigure(
         "beyond the paper",
         "Which heat sink to build",
         "Temperature after 30 min against mass, within the envelope of the paper's heat sink.",
         found.sink_pictures.front,
     )
     pictures = [("the paper's", run.reference), ("coolest", run.best)]
-    yield Plate(
+    yield PaperFigure(
         "18",
         "The paper's heat sink and the coolest, to scale",
         "",
@@ -225,15 +229,15 @@ def _sink_plates(found: Findings) -> Iterator[Plate]:
     )
 
 
-def _tracking_plates(found: Findings) -> Iterator[Plate]:
+def _tracking_plates(found: Findings) -> Iterator[PaperFigure]:
     pictures = found.track_pictures
     numbers = {"sine-900N-1Hz": "28 and 29", "sine-1100N-2Hz": "30", "non-periodic": "31"}
     for traced, picture in zip(found.track.traced, pictures.over_time, strict=True):
-        yield Plate(
+        yield PaperFigure(
             numbers.get(traced.target, ""),
             f"{traced.target} at {traced.temperature_degC:g} °C",
             "The grey band is what the damper could give at that instant; below, grey is out of reach.",
             picture,
         )
     if pictures.over_temperature:
-        yield Plate("beyond the paper", "RMS error over temperature", "", pictures.over_temperature)
+        yield PaperFigure("beyond the paper", "RMS error over temperature", "", pictures.over_temperature)

@@ -13,7 +13,7 @@ from mrdamper.identify.scores import RunError, summary
 from mrdamper.schema import Json
 
 if TYPE_CHECKING:  # scores are told without loading what fits
-    from mrdamper.identify.assess import Assessment, LawScore, LeftOut
+    from mrdamper.identify.assess import Assessment, CrossValidated, LawScore
     from mrdamper.identify.fit import Identification
     from mrdamper.identify.problem import Estimate
 
@@ -160,12 +160,12 @@ def _in_percent(values: Mapping[str, float]) -> Json:
     return {f"{name}_nrmse_percent": finite(value) for name, value in values.items()}
 
 
-def _left(left: LeftOut) -> Json:
+def _left(left: CrossValidated) -> Json:
     errors = [{**row(error), "split": "held_out"} for error in left.errors]
     return {"kind": left.kind, "left_out": left.left_out, **_in_percent(summary(left.errors)), "runs": errors}
 
 
-def _left_summaries(left_out: Sequence[LeftOut]) -> Json:
+def _left_summaries(left_out: Sequence[CrossValidated]) -> Json:
     kinds = dict.fromkeys(left.kind for left in left_out)
     return {
         kind: _in_percent(summary(e for left in left_out if left.kind == kind for e in left.errors))

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.figures import HELD_OUT, INK, TRAINING, WIDE, drawing_style, svg_of
 from mrdamper.thermal.estimation.measured_curve import HeatingCurve
-from mrdamper.thermal.estimation.uncertainty import Outlook
+from mrdamper.thermal.estimation.uncertainty import PredictionInterval
 from mrdamper.thermal.model.network import PATHS
 from mrdamper.thermal.temperature_rise import Rise
 
@@ -37,7 +37,7 @@ _PATH_COLOURS: Mapping[str, str] = MappingProxyType(
 
 def draw_temperatures(
     rises: Sequence[tuple[str, Rise]],
-    outlooks: Sequence[Outlook] = (),
+    prediction_intervals: Sequence[PredictionInterval] = (),
     measured: HeatingCurve | None = None,
 ) -> str:
     """Return fluid, coil and wall over time, a panel for each (title, rise), with the fluid's limit.
@@ -49,7 +49,10 @@ def draw_temperatures(
         max(float(getattr(rise, f"{name}_degC").max()) for name, _, _ in _PARTS) for _, rise in rises
     )
     coolest = min(float(rise.wall_degC.min()) for _, rise in rises)
-    longest = max(_shown_until(rise, outlooks[k] if outlooks else None) for k, (_, rise) in enumerate(rises))
+    longest = max(
+        _shown_until(rise, prediction_intervals[k] if prediction_intervals else None)
+        for k, (_, rise) in enumerate(rises)
+    )
     high = max(hottest, limit) + max(0.08 * (max(hottest, limit) - coolest), 1.0)
     with drawing_style():
         width, height = WIDE if len(rises) > 1 else 6.4, 3.4
@@ -67,19 +70,19 @@ def draw_temperatures(
             _draw_parts(axes, rise)
             if measured is not None and place == 0:
                 _draw_measured(axes, measured)
-            if outlooks:
-                _draw_outlook(axes, rise, outlooks[place])
-            _draw_limit(axes, rise, outlooks[place] if outlooks else None)
+            if prediction_intervals:
+                _draw_outlook(axes, rise, prediction_intervals[place])
+            _draw_limit(axes, rise, prediction_intervals[place] if prediction_intervals else None)
             axes.legend(loc="lower right", title="at the end", title_fontsize=6.5)
         figure.subplots_adjust(left=0.5 / width, right=1.0 - 0.12 / width, top=0.92, bottom=0.13, wspace=0.05)
         return svg_of(figure, "Temperatures over time")
 
 
-def _shown_until(rise: Rise, outlook: Outlook | None) -> float:
+def _shown_until(rise: Rise, prediction_interval: PredictionInterval | None) -> float:
     """Return how far a panel goes [min]: the curve's end, or where the last of the band reaches the limit."""
     end = float(rise.time[-1])
-    if outlook is not None and rise.time_to_limit_s is not None:
-        end = max(end, min(1.05 * outlook.to_limit.high_s, float(outlook.time[-1])))
+    if prediction_interval is not None and rise.time_to_limit_s is not None:
+        end = max(end, min(1.05 * prediction_interval.to_limit.high_s, float(prediction_interval.time[-1])))
     return end / 60.0
 
 
@@ -96,17 +99,24 @@ def _draw_measured(axes: Axes, measured: HeatingCurve) -> None:
     axes.plot(measured.time / 60.0, celsius, ".", color=INK, markersize=1.5, alpha=0.5, label=said, zorder=1)
 
 
-def _draw_outlook(axes: Axes, rise: Rise, outlook: Outlook) -> None:
+def _draw_outlook(axes: Axes, rise: Rise, prediction_interval: PredictionInterval) -> None:
     """Draw the band about the fluid; the legend says it at the curve's end."""
-    below, above = outlook.low - ZERO_CELSIUS_K, outlook.high - ZERO_CELSIUS_K
-    low, high = (float(np.interp(rise.time[-1], outlook.time, edge)) for edge in (below, above))
-    said = f"fluid {low:.0f} to {high:.0f} °C with {100.0 * outlook.probability:.0f} %"
+    below, above = prediction_interval.low - ZERO_CELSIUS_K, prediction_interval.high - ZERO_CELSIUS_K
+    low, high = (float(np.interp(rise.time[-1], prediction_interval.time, edge)) for edge in (below, above))
+    said = f"fluid {low:.0f} to {high:.0f} °C with {100.0 * prediction_interval.probability:.0f} %"
     axes.fill_between(
-        outlook.time / 60.0, below, above, color=HELD_OUT, alpha=0.16, linewidth=0, label=said, zorder=0
+        prediction_interval.time / 60.0,
+        below,
+        above,
+        color=HELD_OUT,
+        alpha=0.16,
+        linewidth=0,
+        label=said,
+        zorder=0,
     )
 
 
-def _draw_limit(axes: Axes, rise: Rise, outlook: Outlook | None) -> None:
+def _draw_limit(axes: Axes, rise: Rise, prediction_interval: PredictionInterval | None) -> None:
     """Draw the fluid's limit, when it is reached, and the interval of that as a thick line."""
     limit, longest = rise.limit_K - ZERO_CELSIUS_K, axes.get_xlim()[1]
 
@@ -117,8 +127,11 @@ def _draw_limit(axes: Axes, rise: Rise, outlook: Outlook | None) -> None:
 
     axes.axhline(limit, color=_LIMIT_COLOUR, linewidth=0.8, linestyle=(0, (5, 2)))
     say(f"fluid's limit, {limit:.4g} °C", (0.01 * longest, limit), (0, 2))
-    if outlook is not None and np.isfinite(outlook.to_limit.low_s):
-        ends = [outlook.to_limit.low_s / 60.0, min(outlook.to_limit.high_s / 60.0, longest)]
+    if prediction_interval is not None and np.isfinite(prediction_interval.to_limit.low_s):
+        ends = [
+            prediction_interval.to_limit.low_s / 60.0,
+            min(prediction_interval.to_limit.high_s / 60.0, longest),
+        ]
         axes.plot(ends, [limit, limit], color=_LIMIT_COLOUR, linewidth=2.4, solid_capstyle="butt")
     if rise.time_to_limit_s is not None:
         reached = rise.time_to_limit_s / 60.0

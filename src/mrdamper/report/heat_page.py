@@ -27,9 +27,9 @@ def render_heat(run: HeatRun) -> str:
             rises=run.rises,
             limit=run.rise.limit_K - ZERO_CELSIUS_K,
             temperatures=draw_temperatures(
-                run.rises, run.outlooks, None if run.calibrated is None else run.calibrated.curve
+                run.rises, run.prediction_intervals, None if run.calibrated is None else run.calibrated.curve
             ),
-            outlooks=run.outlooks,
+            prediction_intervals=run.prediction_intervals,
             inf=math.inf,
             paths=draw_paths(run.rises),
             fade=draw_fade(run.rises),

@@ -17,14 +17,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mrdamper.data.diagnosis.finding import Finding, by_kind
-from mrdamper.identify.assess import Assessment, LawScore, LeftOut, RunError, summary
+from mrdamper.identify.assess import Assessment, CrossValidated, LawScore, RunError, summary
 from mrdamper.identify.fit import Identification, versions
 from mrdamper.identify.problem import Estimate, envelope_of
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report import figures as plots
 from mrdamper.report.identification.campaign import Campaign
 from mrdamper.report.identification.coefficients import coefficient_figure
-from mrdamper.report.identification.groups import Levels
+from mrdamper.report.identification.groups import OperatingPoints
 from mrdamper.report.identification.loops import (
     error_section,
     loop_pictures,
@@ -206,7 +206,7 @@ def _of_each_cell(campaign: Campaign) -> list[plots.Trace]:
 
 
 def _order(
-    error: RunError, levels: Levels | None = None
+    error: RunError, levels: OperatingPoints | None = None
 ) -> tuple[list[tuple[str, float]], float, float, str]:
     """Sort by motion (numbers in its label as numbers), then temperature, command and name."""
     parts = re.findall(r"([^\d]*)(\d+(?:\.\d+)?)?", error.motion)
@@ -228,7 +228,7 @@ def _in_words(estimate: Estimate) -> str:
 
 
 def _left_out_tables(
-    left_out: Sequence[LeftOut],
+    left_out: Sequence[CrossValidated],
 ) -> list[tuple[str, dict[str, float], list[tuple[str, int, dict[str, float]]]]]:
     tables = []
     for kind in dict.fromkeys(left.kind for left in left_out):

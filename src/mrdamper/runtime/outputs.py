@@ -5,7 +5,7 @@ done. A job that fails, is interrupted or killed leaves what was there before.
 
 A place that is not there yet comes into being in one step. Into a folder that is there, files are moved one
 by one after the hidden folder has been marked as whole: when that is cut short, the next job there moves the
-rest (``clear_left``). What a job left that was killed earlier is removed: its lock is gone.
+rest (``recover_staging``). What a job left that was killed earlier is removed: its lock is gone.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from mrdamper.errors import InputError
 from mrdamper.runtime.locks import lock
 from mrdamper.runtime.signals import not_to_be_interrupted
 
-__all__ = ["clear_left", "no_room", "staged", "write_json", "write_table"]
+__all__ = ["atomic_output", "no_room", "recover_staging", "write_json", "write_table"]
 
 _PREFIX = ".mrdamper-"
 _FILES, _WHOLE, _TO = "files", "whole", "to"  # in a hidden folder: being written, all there, and to where
@@ -35,7 +35,7 @@ _FLUSHING = 8  # files at once
 
 
 @contextmanager
-def staged(out: Path) -> Iterator[Path]:
+def atomic_output(out: Path) -> Iterator[Path]:
     """Give a folder to write into; on success its files are moved into ``out``, else it vanishes.
 
     Raises
@@ -50,7 +50,7 @@ def staged(out: Path) -> Iterator[Path]:
         raise _cannot(out, place, fault) from fault
     if not standing.is_dir():
         raise InputError(f"{out}: {standing} is a file; expected a folder to write to. Choose another --out")
-    clear_left(standing)
+    recover_staging(standing)
     try:
         hidden, handle = _hidden_in(standing)
     except OSError as fault:
@@ -82,7 +82,7 @@ def staged(out: Path) -> Iterator[Path]:
         os.close(handle)
 
 
-def clear_left(folder: Path) -> None:
+def recover_staging(folder: Path) -> None:
     """Bring to its end what jobs that were killed left in a folder: move what was whole, remove the rest."""
     for hidden in folder.glob(f"{_PREFIX}*"):
         with suppress(OSError):

@@ -95,7 +95,7 @@ def tabulate_work(damper: Damper, stretch: Stretch, *, temperature_K: FloatArray
 
 
 def _temperatures(damper: Damper) -> FloatArray:
-    if not damper.tempered:
+    if not damper.temperature_dependent:
         return np.array([REFERENCE_K])
     low, high = _SPAN_K
     if damper.temperature_range is not None:

@@ -288,7 +288,7 @@ def notes_of(card: ModelCard | Damper, duty: Duty) -> tuple[str, ...]:
     """Say what a reader of a rise should know about the card."""
     damper = card.damper if isinstance(card, ModelCard) else card
     notes = []
-    if not damper.tempered:
+    if not damper.temperature_dependent:
         notes.append("the card does not depend on temperature: its force is held constant")
     elif damper.assumed:
         notes.append(

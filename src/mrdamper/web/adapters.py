@@ -135,7 +135,7 @@ def _sink(options: Json, folder: WorkFolder, out: Path, say: Say, resume: bool) 
 def _track(options: Json, folder: WorkFolder, out: Path, say: Say) -> Json:
     from mrdamper.jobs.track import TrackOptions, track_card, write_track
     from mrdamper.jobs.track_traces import traces_of
-    from mrdamper.runtime.outputs import staged
+    from mrdamper.runtime.outputs import atomic_output
 
     card = folder.card(options["card"])
     given = {key: options[key] for key in options if key != "card"}
@@ -144,7 +144,7 @@ def _track(options: Json, folder: WorkFolder, out: Path, say: Say) -> Json:
     given |= {key: tuple(given[key]) for key in ("temperatures_degC", "controllers")}
     given |= {k: None if given[k] is None else folder.card(given[k]) for k in ("unaware", "pooled")}
     run = track_card(card, TrackOptions(**given), report=_counted(say))
-    with staged(out) as beside:
+    with atomic_output(out) as beside:
         return {**write_track(run, card, beside, out), "traces": traces_of(run)}
 
 

@@ -18,7 +18,7 @@ from contextlib import suppress
 from typing import Any
 
 from mrdamper.errors import InputError
-from mrdamper.runtime.outputs import clear_left
+from mrdamper.runtime.outputs import recover_staging
 from mrdamper.schema import Json
 from mrdamper.web.job_record import ENDED, JobRecord, job_ids, new_id
 from mrdamper.web.schemas import Order
@@ -210,7 +210,7 @@ class Crew:
                         f"Then {_next_step(record)}",
                     )
         _clear(record)
-        clear_left(self._folder.cards)
+        recover_staging(self._folder.cards)
 
     async def _stop(self, process: Process) -> None:
         with suppress(ProcessLookupError):
@@ -235,7 +235,7 @@ def _next_step(record: JobRecord) -> str:
 
 
 def _clear(record: JobRecord) -> None:
-    clear_left(record.folder)
+    recover_staging(record.folder)
     for pattern in (".record-*", ".reserve"):
         for left in record.folder.glob(pattern):
             shutil.rmtree(left, ignore_errors=True) if left.is_dir() else left.unlink(missing_ok=True)

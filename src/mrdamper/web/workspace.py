@@ -25,7 +25,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from mrdamper.errors import InputError, MrdamperError
-from mrdamper.runtime.outputs import clear_left
+from mrdamper.runtime.outputs import recover_staging
 
 __all__ = [
     "FAULT",
@@ -88,7 +88,7 @@ class WorkFolder:
     def clear(self) -> None:
         """Delete what a server that was killed left half-written; no other process may be at work."""
         for place in (self.runs, self.inputs, self.cards):
-            clear_left(place)
+            recover_staging(place)
             for left in place.glob(".upload-*"):
                 self.remove(left)
 

@@ -170,7 +170,7 @@ def test_a_fit_is_started_watched_and_found_in_the_folder(page, site):
     card = read_card(root / "cards" / "fitted" / "card.json")
     shown = page.locator("table:has-text('standard error') tbody tr").all_inner_texts()
     assert len(shown) >= len(card.damper.coefficients)
-    assert card.damper.tempered
+    assert card.damper.temperature_dependent
     assert plot(page, "Cost while fitting").is_visible()
     shoot(page, "identify")
     page.reload()

@@ -441,7 +441,7 @@ def test_the_quick_curve_is_the_heating_job_s(clean):
 
 def test_the_sliders_do_what_physics_says(clean):
     root, client = clean
-    put_card(root, tempered=False)
+    put_card(root, temperature_dependent=False)
 
     def final(**changed):
         order = {"card": "plain", "command": 1.0, "duration_s": 30_000.0, "past_limit": True, **changed}

@@ -39,7 +39,7 @@ def rig(tmp_path_factory):
     write_runs(tmp_path_factory.mktemp("made") / "runs", short_runs())
     (root / "runs").mkdir(parents=True)
     write_runs(root / "runs", short_runs())
-    for name, damper in (("strong", a_damper()), ("cold", a_damper(tempered=False))):
+    for name, damper in (("strong", a_damper()), ("cold", a_damper(temperature_dependent=False))):
         (root / "cards" / name).mkdir(parents=True)
         write_a_card(root / "cards" / name / "card.json", damper)
     with served(root) as client:

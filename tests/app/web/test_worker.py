@@ -25,7 +25,7 @@ def runs(tmp_path_factory):
 def a_folder(root, runs):
     shutil.copytree(runs[0].parent, root / "runs")
     (root / "cards" / "plain").mkdir(parents=True)
-    plain_card(root / "cards" / "plain", tempered=False)
+    plain_card(root / "cards" / "plain", temperature_dependent=False)
     return root
 
 

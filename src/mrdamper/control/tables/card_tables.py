@@ -179,7 +179,7 @@ def tabulate(
     if not (math.isfinite(largest) and largest > 0.0):
         raise InputError(f"controller: the largest command is {largest}; expected a positive number")
     low, high = temperatures or damper.temperature_range or (293.15, 293.15)
-    if not damper.tempered or high <= low:
+    if not damper.temperature_dependent or high <= low:
         high = low
     fine = _coefficients(damper, np.linspace(0.0, largest, 1025), np.linspace(low, high, 7))
     shapes = {name: _constant(name, fine[name]) for name in _SHAPES if name in fine}

@@ -122,7 +122,7 @@ def tabulate_series(
     if not (math.isfinite(largest) and largest > 0.0):
         raise InputError(f"controller: the largest command is {largest}; expected a positive number")
     low, high = temperatures or damper.temperature_range or (293.15, 293.15)
-    single = not damper.tempered or high <= low
+    single = not damper.temperature_dependent or high <= low
     sheets = 1 if single else max(2, math.ceil((high - low) / _TEMPERATURE_STEP_K) + 1)
     warm = np.linspace(low, high, sheets)
     at = np.linspace(0.0, largest, CURRENTS)

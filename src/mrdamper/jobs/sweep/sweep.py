@@ -17,7 +17,7 @@ from mrdamper.errors import InputError
 from mrdamper.jobs.sweep.executors import run_on_cluster, run_on_processes
 from mrdamper.jobs.sweep.plan import Plan, Task, What, read_plan
 from mrdamper.jobs.sweep.results import CHECKPOINT, Store
-from mrdamper.runtime.outputs import staged, write_json, write_table
+from mrdamper.runtime.outputs import atomic_output, write_json, write_table
 
 __all__ = ["Report", "sweep"]
 
@@ -93,7 +93,7 @@ def _written(plan: Plan, done: Mapping[str, What], out: Path, file: Path, *, tak
         "summary": _summary(whole),
         "rows": [{"name": row["name"], **row["figures"]} for row in whole],
     }
-    with staged(out) as beside:
+    with atomic_output(out) as beside:
         write_json(beside / "sweep.json", answer)
         names = list(dict.fromkeys(name for row in whole for name in row["figures"]))
         write_table(

@@ -58,9 +58,9 @@ def _identify(seed: int, what: What) -> What:
 
 def _tolerance(seed: int, what: What) -> What:
     from mrdamper.control.controllers import controllers_for
-    from mrdamper.control.loop import course_of, run_loop
+    from mrdamper.control.loop import reference_trajectory, run_loop
     from mrdamper.control.scenario import find_scenario
-    from mrdamper.control.score import reach_of, score_run, worst
+    from mrdamper.control.score import attainable_range, score_run, worst
     from mrdamper.models.card_schema import read_card
     from mrdamper.rig.damper import draw_damper, find_preset
     from mrdamper.rig.plant import Plant
@@ -79,8 +79,8 @@ def _tolerance(seed: int, what: What) -> What:
             scenario = replace(
                 find_scenario(target), temperature_degC=degrees, highest_A=largest, seed=seed % 2**31
             )
-            course = course_of(scenario, plant.step_s)
-            reach = reach_of(plant, course, degrees, largest)
+            course = reference_trajectory(scenario, plant.step_s)
+            reach = attainable_range(plant, course, degrees, largest)
             run = run_loop(plant, controller, scenario, course)
             scores.append(score_run(run, reach, resistance_ohm=damper.coil_resistance_ohm(degrees)))
         score = worst(scores)

@@ -10,7 +10,7 @@ from mrdamper.data.prepare import PreparedRun
 from mrdamper.identify.assess import RunError
 from mrdamper.identify.fit import Identification
 from mrdamper.report.figures import Trace, colour_of
-from mrdamper.report.identification.groups import Levels, levels_of, main_sine
+from mrdamper.report.identification.groups import OperatingPoints, levels_of, main_sine
 from mrdamper.report.identification.traces import trace_of
 from mrdamper.report.small_multiples import colour_of_warmth
 
@@ -46,7 +46,7 @@ class Campaign:
     errors: tuple[RunError, ...]
 
     @cached_property
-    def levels(self) -> Levels:
+    def levels(self) -> OperatingPoints:
         return levels_of(self.errors)
 
     @cached_property

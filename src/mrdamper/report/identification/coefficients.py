@@ -25,7 +25,7 @@ _WARM_GRID = 41  # temperatures of a coefficient's curve
 def coefficient_figure(campaign: Campaign) -> str:
     """Return the coefficients over the command (and over temperature), with standard errors; or nothing."""
     fitted = campaign.fitted
-    if fitted.damper.tempered:
+    if fitted.damper.temperature_dependent:
         warm = _tempered_curves(campaign)
         return panels.curves(warm, "temperature") if warm else ""
     curves = _coefficient_curves(fitted)
@@ -71,7 +71,7 @@ def _tempered_curves(
         flat = commands[0] == commands[-1] or bool(
             np.ptp(form.value(commands, _like(commands, levels[0]))) == 0.0
         )
-        if flat and not form.tempered:
+        if flat and not form.temperature_dependent:
             continue
         if flat:
             grid = np.linspace(levels[0], levels[-1], _WARM_GRID)
@@ -82,9 +82,9 @@ def _tempered_curves(
             )
             continue
         bands = []
-        for warm in levels if form.tempered else levels[:1]:
-            label = f"{warm - ZERO_CELSIUS_K:.0f} °C" if form.tempered else ""
-            colour = panels.colour_of_warmth(warm, levels) if form.tempered else plots.TRAINING
+        for warm in levels if form.temperature_dependent else levels[:1]:
+            label = f"{warm - ZERO_CELSIUS_K:.0f} °C" if form.temperature_dependent else ""
+            colour = panels.colour_of_warmth(warm, levels) if form.temperature_dependent else plots.TRAINING
             at = _like(commands, warm)
             series = panels.Series(label, colour, commands, form.value(commands, at))
             bands.append(panels.Band(series, _band(fitted, name, form, commands, at)))

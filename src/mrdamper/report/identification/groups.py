@@ -23,7 +23,7 @@ from mrdamper.identify.assess import RunError
 __all__ = [
     "ErrorCell",
     "ErrorTable",
-    "Levels",
+    "OperatingPoints",
     "Pick",
     "error_table",
     "levels_of",
@@ -41,7 +41,7 @@ _NEAR_PEAK = 0.95  # share of the peak velocity above which the force counts as 
 
 
 @dataclass(frozen=True, slots=True)
-class Levels:
+class OperatingPoints:
     """What the columns of a report are: temperatures [degC] or commands [A or V]."""
 
     kind: Literal["temperature", "command"]
@@ -57,7 +57,7 @@ class Levels:
         return f"{level:.0f} {self.unit}" if self.kind == "temperature" else f"{level:g} {self.unit}"
 
 
-def levels_of(errors: Sequence[RunError]) -> Levels:
+def levels_of(errors: Sequence[RunError]) -> OperatingPoints:
     """Return the temperatures of the runs when there are two or more, else their commands."""
     known = sorted(e.temperature_degC for e in errors if e.temperature_degC is not None)
     if len(known) == len(errors) and known:
@@ -67,9 +67,9 @@ def levels_of(errors: Sequence[RunError]) -> Levels:
                 clusters.append([])
             clusters[-1].append(now)
         if len(clusters) > 1:
-            return Levels("temperature", tuple(float(np.median(c)) for c in clusters), "°C")
+            return OperatingPoints("temperature", tuple(float(np.median(c)) for c in clusters), "°C")
     commands = sorted({e.command for e in errors if e.command is not None})
-    return Levels("command", tuple(commands) or (0.0,), errors[0].command_unit)
+    return OperatingPoints("command", tuple(commands) or (0.0,), errors[0].command_unit)
 
 
 # ------------------------------------------------------------------------------------------- errors
@@ -87,7 +87,7 @@ class ErrorCell:
 class ErrorTable:
     """Pooled RMS errors, a row for each motion and one for all of them together."""
 
-    levels: Levels
+    levels: OperatingPoints
     rows: tuple[tuple[str, tuple[ErrorCell, ...]], ...]
     together: tuple[ErrorCell, ...]
 
@@ -96,7 +96,7 @@ class ErrorTable:
         return any(cell.held_out is not None for cell in self.together)
 
 
-def error_table(errors: Sequence[RunError], levels: Levels) -> ErrorTable:
+def error_table(errors: Sequence[RunError], levels: OperatingPoints) -> ErrorTable:
     """Return the errors pooled by motion and level; runs that belong to no level are left out."""
 
     def cells(members: Sequence[RunError]) -> tuple[ErrorCell, ...]:
@@ -125,7 +125,7 @@ def pooled_rms(errors: Iterable[RunError]) -> float | None:
 # ------------------------------------------------------------------------------------------- motions
 
 
-def main_sine(errors: Sequence[RunError], levels: Levels) -> str | None:
+def main_sine(errors: Sequence[RunError], levels: OperatingPoints) -> str | None:
     """Return the sine run at most levels and commands (of those the longest stroke); None: no sine."""
     counts: dict[str, set[tuple[float | None, float | None]]] = {}
     for error in errors:

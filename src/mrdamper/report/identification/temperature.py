@@ -43,7 +43,7 @@ class Warmth:
 def temperature_section(campaign: Campaign) -> Warmth | None:
     """Return force, relative loss and energy over temperature; None for a damper that knows none."""
     damper = campaign.fitted.damper
-    if not damper.tempered:
+    if not damper.temperature_dependent:
         return None
     envelope = envelope_of(campaign.fitted.training)
     sines = [campaign.runs[error.name] for error in campaign.errors if error.motion == campaign.main]

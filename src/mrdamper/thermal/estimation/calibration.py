@@ -28,7 +28,7 @@ from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.duty import DEFAULT_DUTY, Duty, read_duty
 from mrdamper.thermal.estimation.curve_fit import CARRIED, CurveFit, inverse_of, multiplied, variance_of
 from mrdamper.thermal.estimation.measured_curve import HeatingCurve, lag_signal
-from mrdamper.thermal.estimation.uncertainty import ROOM_K, Doubt
+from mrdamper.thermal.estimation.uncertainty import ROOM_K, ModelUncertainty
 from mrdamper.thermal.materials import COPPER_PER_K
 from mrdamper.thermal.model.stepping import Load
 from mrdamper.thermal.temperature_rise import Model, build_network, loads_of, works_of
@@ -147,7 +147,7 @@ def calibrate_drawing(
     duty: Duty | str = DEFAULT_DUTY,
     *,
     model: Model = "zones",
-    doubt: Doubt | None = None,
+    model_uncertainty: ModelUncertainty | None = None,
 ) -> CalibratedDrawing:
     """Return the drawing with the multipliers that make its heating the measured one.
 
@@ -171,7 +171,9 @@ def calibrate_drawing(
     """
     damper = card.damper if isinstance(card, ModelCard) else card
     plan = duty if isinstance(duty, Duty) else read_duty(duty)
-    return calibrate_with(curve, drawing, works_of(damper, plan), plan, model=model, doubt=doubt)
+    return calibrate_with(
+        curve, drawing, works_of(damper, plan), plan, model=model, model_uncertainty=model_uncertainty
+    )
 
 
 def calibrate_with(
@@ -181,7 +183,7 @@ def calibrate_with(
     duty: Duty,
     *,
     model: Model = "zones",
-    doubt: Doubt | None = None,
+    model_uncertainty: ModelUncertainty | None = None,
 ) -> CalibratedDrawing:
     """Return the same for work that is known already, one ``LoopWork`` for each stretch of the duty."""
     if curve.time[0] < 0.0 or curve.time[-1] > duty.duration * (1.0 + 1e-9):
@@ -190,7 +192,7 @@ def calibrate_with(
             f"{duty.duration:g} s; expected a curve within the duty, its time counted from the duty's start"
         )
     loads = loads_of(works, drawing, duty)
-    fit = CurveFit(curve, drawing, loads, model, doubt)
+    fit = CurveFit(curve, drawing, loads, model, model_uncertainty)
     at, covariance, residual, beforehand = fit.solve()
     changed = fit.drawing(at)
     middle = _loss_weighted(curve.temperature, drawing.surroundings.ambient)

@@ -19,7 +19,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.errors import ConvergenceError, EnvelopeError
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.estimation.measured_curve import HeatingCurve, lag_signal
-from mrdamper.thermal.estimation.uncertainty import Doubt
+from mrdamper.thermal.estimation.uncertainty import ModelUncertainty
 from mrdamper.thermal.model.stepping import Load, loads_until
 from mrdamper.thermal.model.transient import Heating, heat_up
 from mrdamper.thermal.temperature_rise import Model, build_network
@@ -60,20 +60,20 @@ class CurveFit:
         drawing: DamperDrawing,
         loads: Sequence[Load],
         model: Model,
-        doubt: Doubt | None,
+        model_uncertainty: ModelUncertainty | None,
     ) -> None:
         self._curve, self._drawing, self._model = curve, drawing, model
         self._loads = loads_until(loads, float(curve.time[-1]))
-        self._carried = tuple(CARRIED) if doubt is not None else ()
+        self._carried = tuple(CARRIED) if model_uncertainty is not None else ()
         self._size = 3 + len(self._carried)
         # before the curve: covariance of log capacity and losses (a power that is off shows in both), carried
         self._believed = np.zeros((0, 0))
-        if doubt is not None:
+        if model_uncertainty is not None:
             self._believed = np.diag(
-                [doubt.capacity**2, doubt.loss**2]
-                + [getattr(doubt, CARRIED[name]) ** 2 for name in self._carried]
+                [model_uncertainty.capacity**2, model_uncertainty.loss**2]
+                + [getattr(model_uncertainty, CARRIED[name]) ** 2 for name in self._carried]
             )
-            self._believed[:2, :2] += doubt.power**2
+            self._believed[:2, :2] += model_uncertainty.power**2
             self._believed += _SURE**2 * np.eye(len(self._believed))
         self._whiten = np.linalg.inv(np.linalg.cholesky(self._believed))
         self._drawn = self._logarithms(np.zeros(self._size))
@@ -97,8 +97,8 @@ class CurveFit:
             found = max(math.sqrt(variance_of(residual, 3)), _TINY_K)
         self._check(at, residual)
         jacobian[: len(residual)] *= deviation / found
-        beliefs = jacobian[len(residual) :, 1:3]
-        beforehand = inverse_of(beliefs.T @ beliefs) if self._carried else None
+        priors = jacobian[len(residual) :, 1:3]
+        beforehand = inverse_of(priors.T @ priors) if self._carried else None
         return at, inverse_of(jacobian.T @ jacobian), residual, beforehand
 
     def _search(self, first: FloatArray, deviation: float) -> tuple[FloatArray, FloatArray, FloatArray]:

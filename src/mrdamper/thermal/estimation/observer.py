@@ -32,8 +32,8 @@ from mrdamper.thermal.estimation.uncertainty import (
     POWER,
     RESISTANCE,
     ROOM_K,
-    Doubt,
-    DoubtedNetwork,
+    ModelUncertainty,
+    UncertainNetwork,
 )
 from mrdamper.thermal.materials import COPPER_PER_K
 from mrdamper.thermal.model.network import ThermalNetwork
@@ -96,10 +96,10 @@ class TemperatureObserver:
 
     network: ThermalNetwork
     resistance_20_ohm: float
-    doubt: Doubt = field(default_factory=Doubt)
+    model_uncertainty: ModelUncertainty = field(default_factory=ModelUncertainty)
     thermometers: Thermometers = field(default_factory=Thermometers)
     body: FloatArray | None = None
-    doubted: DoubtedNetwork = field(init=False, repr=False)
+    doubted: UncertainNetwork = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.resistance_20_ohm) and self.resistance_20_ohm > 0.0):
@@ -111,7 +111,7 @@ class TemperatureObserver:
         if body.shape != (len(self.network.names),) or not math.isclose(float(body.sum()), 1.0, rel_tol=1e-9):
             raise InputError("observer: body is not one weight per node, sum 1")
         object.__setattr__(self, "body", body)
-        object.__setattr__(self, "doubted", DoubtedNetwork(self.network))
+        object.__setattr__(self, "doubted", UncertainNetwork(self.network))
 
     def start(
         self,
@@ -140,7 +140,7 @@ class TemperatureObserver:
         # the nodes are off together, and a little each
         covariance[:n, :n] = spread_K**2 * (0.96 + 0.04 * np.eye(n))
         if learnt is None:
-            covariance[n:, n:] = self.doubt.covariance
+            covariance[n:, n:] = self.model_uncertainty.covariance
         else:
             mean[n:] = learnt.mean[n:]
             covariance[n:, n:] = learnt.covariance[n:, n:]
@@ -222,9 +222,9 @@ class TemperatureObserver:
 
     def _walk(self) -> FloatArray:
         """Return the variance by which each of a state's numbers wanders in a second."""
-        drift = np.full(len(FACTORS), self.doubt.drift_per_sqrt_h**2 / 3600.0)
+        drift = np.full(len(FACTORS), self.model_uncertainty.drift_per_sqrt_h**2 / 3600.0)
         drift[RESISTANCE] = 0.0
-        return np.append(np.full(self.doubted.nodes, self.doubt.node_K_per_sqrt_s**2), drift)
+        return np.append(np.full(self.doubted.nodes, self.model_uncertainty.node_K_per_sqrt_s**2), drift)
 
     def _see_resistance(
         self, mean: FloatArray, covariance: FloatArray, seen: ThermalSeen

@@ -1,9 +1,9 @@
 """How sure a heating curve is: the interval about it, and about the time to the fluid's limit.
 
-Before anything was measured the drawing and the card may be off as ``Doubt`` says. A measured curve leaves of
-that what it could not tell: the covariance of P/C and UA/C, and of what lies between the thermometer and the
-fluid. Beyond the curve's last time this is the early prediction for a damper that was drawn; for one that
-nobody has drawn see ``prediction``.
+Before anything was measured the drawing and the card may be off as ``ModelUncertainty`` says. A measured
+curve leaves of that what it could not tell: the covariance of P/C and UA/C, and of what lies between the
+thermometer and the fluid. Beyond the curve's last time this is the early prediction for a damper that was
+drawn; for one that nobody has drawn see ``prediction``.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from mrdamper.thermal.estimation.uncertainty import (
     COIL,
     FACTORS,
     LOSS,
-    Doubt,
-    DoubtedNetwork,
-    Outlook,
+    ModelUncertainty,
+    PredictionInterval,
+    UncertainNetwork,
 )
 from mrdamper.thermal.temperature_rise import Model, build_network, loads_of
 
-__all__ = ["look_out"]
+__all__ = ["predict_interval"]
 
 _MISFITS: Mapping[Place, float] = MappingProxyType({"fluid": 0.002, "wall": 0.004, "coil": 0.004})
 """What no multiplier mends of a calibrated network: share of the rise [-], by the thermometer's place."""
@@ -39,28 +39,28 @@ _MISFITS: Mapping[Place, float] = MappingProxyType({"fluid": 0.002, "wall": 0.00
 _DAMPERS = 800  # drawn: the ends of the interval are then smooth over time
 
 
-def look_out(
+def predict_interval(
     works: Sequence[LoopWork],
     drawing: DamperDrawing,
     duty: Duty,
     *,
     calibrated: CalibratedDrawing | None = None,
-    doubt: Doubt | None = None,
+    model_uncertainty: ModelUncertainty | None = None,
     model: Model = "zones",
     start_K: float | None = None,
     probability: float = 0.90,
-) -> Outlook:
+) -> PredictionInterval:
     """Return the interval about a drawing's heating under a duty.
 
     Parameters
     ----------
     works : one for each stretch of the duty
     calibrated : what a measured curve told of this very drawing; None: nothing was measured
-    doubt : how far drawing and card may be off before anything was measured; None: as usual (``Doubt``)
+    model_uncertainty : how far drawing and card may be off before anything was measured; None: as usual
     start_K : temperature of everything at the start; None: the fitted one, else ambient
     """
-    believed = doubt or Doubt()
-    doubted = DoubtedNetwork(build_network(drawing, model))
+    believed = model_uncertainty or ModelUncertainty()
+    doubted = UncertainNetwork(build_network(drawing, model))
     n = doubted.nodes
     mean, covariance = np.zeros(n + len(FACTORS)), np.zeros((n + len(FACTORS),) * 2)
     mean[:n] = drawing.surroundings.ambient

@@ -30,7 +30,7 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.thermal.model.stepping import GAMMA, growing_steps
 
-__all__ = ["NUMBERS", "PRIOR", "Belief", "heat_lean"]
+__all__ = ["NUMBERS", "PRIOR", "Prior", "heat_lean"]
 
 _VISCOSITY_K = 1400.0
 _AT_EXCESS_K = 40.0
@@ -40,7 +40,7 @@ _FIRST_STEP, _GROWTH, _LONGEST = 2.0, 1.3, 40.0  # [s]
 
 
 @dataclass(frozen=True, slots=True)
-class Belief:
+class Prior:
     """What is believed of a number before a curve is seen: a normal law of it, its logarithm or logit."""
 
     mean: float
@@ -57,18 +57,18 @@ class Belief:
         return np.asarray(1.0 / (1.0 + np.exp(-raw)) if self.scale == "logit" else raw)
 
 
-def _log(middle: float, factor: float, unit: str, description: str) -> Belief:
-    return Belief(math.log(middle), math.log(factor), "log", unit, description)
+def _log(middle: float, factor: float, unit: str, description: str) -> Prior:
+    return Prior(math.log(middle), math.log(factor), "log", unit, description)
 
 
-PRIOR: Mapping[str, Belief] = MappingProxyType(
+PRIOR: Mapping[str, Prior] = MappingProxyType(
     {
         "heating": _log(0.05, 3.0, "K/s", "P/C at ambient temperature"),
         "loss": _log(1.0 / 1200.0, 2.0, "1/s", "UA/C at 40 K above ambient"),
-        "viscous": Belief(-0.9, 0.7, "logit", "-", "share of the power that falls as a viscosity"),
-        "slope": Belief(0.001, 0.0007, "line", "1/K", "fall of the rest of the power"),
-        "exponent": Belief(0.12, 0.08, "line", "-", "growth of the loss coefficient with the excess"),
-        "share": Belief(1.0, 0.8, "logit", "-", "share of the capacity that is at the fluid's temperature"),
+        "viscous": Prior(-0.9, 0.7, "logit", "-", "share of the power that falls as a viscosity"),
+        "slope": Prior(0.001, 0.0007, "line", "1/K", "fall of the rest of the power"),
+        "exponent": Prior(0.12, 0.08, "line", "-", "growth of the loss coefficient with the excess"),
+        "share": Prior(1.0, 0.8, "logit", "-", "share of the capacity that is at the fluid's temperature"),
         "settling": _log(20.0, 3.0, "s", "time constant between fluid and core"),
         "lag": _log(4.0, 2.0, "s", "time constant of the thermometer, where it is not known"),
         "body lag": _log(12.0, 2.2, "s", "the same of one on the body, with the way through the wall"),

@@ -1,9 +1,9 @@
 """How far a drawing may be off, and what that leaves open about its heating.
 
 Six factors (``FACTORS``) stand for all that may be off: power, capacity, losses, the conductance from fluid
-to body, that from the coil, and the coil's resistance at 20 degC. ``Doubt`` says how large each may be;
-``DoubtedNetwork`` runs dampers with such factors ahead, many at once. The observer learns the factors from
-thermometers, ``outlook`` takes them as believed or as a measured curve tells them.
+to body, that from the coil, and the coil's resistance at 20 degC. ``ModelUncertainty`` says how large each
+may be; ``UncertainNetwork`` runs dampers with such factors ahead, many at once. The observer learns the
+factors from thermometers, ``prediction_interval`` takes them as believed or as a measured curve tells them.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from mrdamper.thermal.materials import COPPER_PER_K
 from mrdamper.thermal.model.network import ThermalNetwork
 from mrdamper.thermal.model.stepping import GAMMA, Load
 
-__all__ = ["FACTORS", "Doubt", "DoubtedNetwork", "Outlook"]
+__all__ = ["FACTORS", "ModelUncertainty", "PredictionInterval", "UncertainNetwork"]
 
 FACTORS = ("power", "capacity", "loss", "fluid_body", "coil", "resistance")
 """What the drawing may be off by; states hold the logarithm of each factor."""
@@ -41,7 +41,7 @@ _BEYOND_LIMIT_K = 100.0  # where dampers are held: nothing is asked of them ther
 
 
 @dataclass(frozen=True, slots=True)
-class Doubt:
+class ModelUncertainty:
     """How far the drawing and the model may be off: relative standard deviations, and random walks."""
 
     power: float = 0.10
@@ -66,7 +66,7 @@ class Doubt:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Outlook:
+class PredictionInterval:
     """What a heating curve may be: the interval of the fluid's temperature, and of the time to a limit."""
 
     time: FloatArray  # since the start [s], shape (t,)
@@ -78,7 +78,7 @@ class Outlook:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class DoubtedNetwork:
+class UncertainNetwork:
     """A network's numbers such that factors may stand before them; made once."""
 
     network: ThermalNetwork
@@ -127,7 +127,7 @@ class DoubtedNetwork:
         probability: float = 0.90,
         dampers: int = 200,
         seed: int = 0,
-    ) -> Outlook:
+    ) -> PredictionInterval:
         """Return what dampers drawn from a state do under loads.
 
         Parameters
@@ -145,7 +145,7 @@ class DoubtedNetwork:
         fluid = fluid + misfit * off * (fluid - fluid[0])
         looked = math.fsum(load.duration for load in loads)
         reached = summarise_times(first_crossing(time, fluid, limit_K), limit_K, probability, looked)
-        return Outlook(time, *interval_of(fluid, probability), probability, reached)
+        return PredictionInterval(time, *interval_of(fluid, probability), probability, reached)
 
     def run_ahead(
         self, states: FloatArray, loads: Sequence[Load], *, hottest_K: float
@@ -176,7 +176,7 @@ class DoubtedNetwork:
 class _Stepper:
     """ROS2 on k dampers at once, under one load."""
 
-    def __init__(self, doubted: DoubtedNetwork, factor: FloatArray, load: Load) -> None:
+    def __init__(self, doubted: UncertainNetwork, factor: FloatArray, load: Load) -> None:
         network = doubted.network
         self._doubted, self._network = doubted, network
         self._capacity = factor[:, CAPACITY, None] * network.capacity
