@@ -36,7 +36,7 @@ from mrdamper.thermal.model.stepping import Load
 from mrdamper.thermal.model.transient import heat_up, steady_state
 from mrdamper.thermal.sinks.design import HeatedDamper, confirm, limits_of, search_grid
 from mrdamper.thermal.temperature_rise import loads_of, works_of
-from tests.app.heated import paper_card
+from tests.support.heated import paper_card
 from tests.thermal import test_outlook, test_prediction
 from tests.thermal.designs import DRAWING, draw_designs
 from tests.thermal.fleet import draw_fleet

@@ -10,7 +10,6 @@ import os
 import random
 import shutil
 import signal
-import sys
 from collections.abc import Callable, Generator
 from pathlib import Path
 
@@ -46,9 +45,6 @@ def _signals_stay() -> Generator[None]:
     """Give signals back what they did before: a command that a test runs here sets them for its process."""
     kept = {each: signal.getsignal(each) for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
     yield
-    interrupts = sys.modules.get("mrdamper.runtime.signals")
-    if interrupts is not None:
-        vars(interrupts)["_last_s"] = -1.0  # an interrupt of the next test is not this one's, heard twice
     for each, handler in kept.items():
         if signal.getsignal(each) is not handler:
             signal.signal(each, handler)

@@ -122,7 +122,7 @@ def test_the_only_addresses_are_https_and_ours():
         for node in ast.walk(tree)
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and literal.search(node.value)
     }
-    assert found == {"app/web/server.py: http://"}
+    assert found == {"web/server.py: http://"}
 
 
 def test_only_these_modules_can_open_a_connection():
@@ -135,9 +135,9 @@ def test_only_these_modules_can_open_a_connection():
     }
     assert found == {
         "data/catalog.py",  # data fetch: https, pinned
-        "app/sweep/runners.py",  # sweep --scheduler
-        "app/web/server.py",  # serve
-        "app/web/security.py",  # the name of this machine
+        "jobs/sweep/executors.py",  # sweep --scheduler
+        "web/server.py",  # serve
+        "web/security.py",  # the name of this machine
     }
 
 

@@ -28,7 +28,7 @@ from mrdamper.rig.campaign import Campaign
 from mrdamper.rig.measurement import measure
 from mrdamper.rig.paper import CLAIMED_LOSSES, THERMAL_MOTION, peak_force
 from mrdamper.rig.plant import PRESETS, STEP_S, Plant
-from tests.pace import taken
+from tests.support.pace import taken
 
 TRAINED, HELD_OUT = (20, 40, 80, 120), (60, 100, 123)
 TRAINED_MOTIONS = ("sine5mm1Hz", "sine3mm2Hz", "nonperiodic")

@@ -38,7 +38,7 @@ from tests.acceptance.followed import (
     UNEVEN,
     followed,
 )
-from tests.pace import taken
+from tests.support.pace import taken
 
 PLANTS_AND_TARGETS = list(MUST)
 

@@ -16,7 +16,7 @@ from mrdamper.cli import cli
 from mrdamper.data.streaming import open_record
 from mrdamper.data.tables import open_rows, read_table
 from mrdamper.errors import InputError
-from tests.app.tracked import write_a_card
+from tests.support.tracked import write_a_card
 
 SAMPLES = 2_003
 TIME: FloatArray = np.arange(SAMPLES, dtype=np.float64) * 1e-3

@@ -26,7 +26,6 @@ from mrdamper.export.target import target_of
 from mrdamper.export.variables import _SAID, variables_of
 from mrdamper.export.verify import FLAGS, WARNINGS, not_verified, verify_c
 from mrdamper.models.card_schema import read_card
-from tests.app.tracked import write_a_card
 from tests.export.masters import (
     FmiRefusal,
     FmuController,
@@ -37,6 +36,7 @@ from tests.export.masters import (
     resident_bytes,
     written,
 )
+from tests.support.tracked import write_a_card
 
 VALIDATION = import_module("fmpy.validation")
 

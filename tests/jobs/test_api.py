@@ -1,0 +1,115 @@
+"""The Python API: the same words and the same numbers as the command line."""
+
+from __future__ import annotations
+
+import importlib.util
+from dataclasses import replace
+
+import pytest
+
+import mrdamper
+from mrdamper.models.card import card_to_json, verify_excerpt
+from mrdamper.models.card_schema import card_from_json
+from mrdamper.models.simulate import simulate
+from mrdamper.runtime.outputs import atomic_output
+from tests.support.rigs import PYTHON_LAW, short_runs
+
+
+@pytest.fixture(scope="module")
+def runs():
+    return short_runs()
+
+
+@pytest.fixture(scope="module")
+def fitted(runs):
+    return mrdamper.fit(runs, "bouc-wen", starts=1, hold_out=["*_0.75V_*"])
+
+
+def test_a_fit_s_card_reproduces_its_errors_after_a_round_trip(fitted, runs):
+    card = card_from_json(_as_read(card_to_json(fitted.card())))
+    stated = {run["name"]: run for run in card.evidence.runs}
+    for error in mrdamper.predict(card, runs):
+        assert error.rmse_N == pytest.approx(stated[error.name]["rmse_N"], rel=1e-9)
+        assert error.split == stated[error.name]["split"]
+    verify_excerpt(card, simulate)
+
+
+def test_held_out_runs_do_not_move_the_fit(fitted, runs):
+    alone = mrdamper.fit([run for run in runs if "_0.75V_" not in run.name], "bouc-wen", starts=1)
+    assert alone.damper.numbers == fitted.damper.numbers
+    assert alone.fingerprint == fitted.fingerprint
+
+
+def test_a_changed_run_of_a_training_run_s_name_counts_as_held_out(fitted, runs):
+    other = replace(runs[0], force=1.01 * runs[0].force)
+    assert mrdamper.predict(fitted.card(), [other])[0].split == "held_out"
+
+
+def test_a_law_given_as_class_or_object_is_fitted(runs, tmp_path):
+    path = tmp_path / "own_law.py"
+    path.write_text(PYTHON_LAW, encoding="utf-8")
+    spec = importlib.util.spec_from_file_location("own_law", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    few = [_beginning(run) for run in runs if "1.50V_sine10mm2Hz" in run.name]
+    by_class = mrdamper.fit(few[:1], module.Relaxing, starts=1, one_command=True)
+    assert by_class.damper.law.name == "relaxing"
+    assert mrdamper.predict(by_class, [replace(few[0], name="other")])[0].split == "held_out"
+    assert mrdamper.assess(by_class).runs[0].nrmse_percent < 60.0
+
+
+@pytest.mark.parametrize(
+    "option", [{"method": "guess"}, {"starts": 0}, {"law": "auto"}, {"law": "bouc-when"}]
+)
+def test_an_option_that_is_not_there_is_refused(runs, option):
+    with pytest.raises(mrdamper.InputError):
+        mrdamper.fit(runs, **option)
+
+
+def test_all_runs_that_are_unfit_are_named_at_once(runs):
+    wrong = [replace(run, force=-run.force) for run in runs[:2]]
+    with pytest.raises(mrdamper.InputError) as fault:
+        mrdamper.fit([*wrong, *runs[2:]], "dahl")
+    assert all(run.name in str(fault.value) for run in wrong)
+
+
+def test_files_appear_together_or_not_at_all(tmp_path):
+    out = tmp_path / "new" / "out"
+
+    def fail_half_way():
+        with atomic_output(out) as beside:
+            (beside / "card.json").write_text("half", encoding="utf-8")
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        fail_half_way()
+    assert list(tmp_path.iterdir()) == []
+    with atomic_output(out) as beside:
+        (beside / "card.json").write_text("whole", encoding="utf-8")
+    assert [p.name for p in out.iterdir()] == ["card.json"]
+    assert [p.name for p in tmp_path.iterdir()] == ["new"]
+
+
+def _beginning(run, samples=1200):
+    """Cut a run short: a law in Python is slow."""
+    return replace(
+        run,
+        **{name: getattr(run, name)[:samples] for name in ("time", "displacement", "force", "command")},
+    )
+
+
+def _as_read(document):
+    import json
+
+    return json.loads(json.dumps(document, default=dict))
+
+
+def test_a_term_can_be_added_to_any_law(runs):
+    """The mass of a simulated damper without any is small against what its force would show."""
+    fitted = mrdamper.fit(runs, "bouc-wen", terms=["mass", "friction"])
+    names = {estimate.name for estimate in fitted.result.estimates}
+    assert {"mass.value", "coulomb_friction.value", "stribeck_velocity.value"} <= names
+    plain = mrdamper.fit(runs, "bouc-wen")
+    assert fitted.result.cost_percent <= plain.result.cost_percent * (1.0 + 1e-6)

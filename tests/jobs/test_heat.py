@@ -1,0 +1,424 @@
+"""``mrdamper heat``: from a card and a drawing to temperatures, or one message."""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ET
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.interpolate import PchipInterpolator
+
+from mrdamper.errors import InputError
+from mrdamper.jobs.heat import HeatOptions, heat, heat_damper, sink_in_words
+from mrdamper.models.card_schema import read_card
+from mrdamper.thermal.drawing import read_drawing, read_sink
+from mrdamper.thermal.duty import read_duty
+from mrdamper.thermal.temperature_rise import predict_rise
+from tests.support.heated import DRAWING, paper_card, plain_card
+from tests.support.rigs import answer_of, mrdamper
+
+HALF_HOUR = "sine:15mm:1Hz:2A:1800s"
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    place = tmp_path_factory.mktemp("heat")
+    plain_card(place)
+    return place
+
+
+@pytest.fixture(scope="module")
+def shown(folder):
+    """Run the command once, for all tests that look at the outcome."""
+    return mrdamper("heat", folder / "card.json", "--damper", DRAWING, "--out", folder / "out", "--json")
+
+
+@pytest.fixture(scope="module")
+def answer(shown) -> Any:
+    return answer_of(shown)
+
+
+def changed(folder: Path, old: str, new: str, name: str = "changed.toml") -> Path:
+    text = DRAWING.read_text(encoding="utf-8")
+    assert old in text
+    (folder / name).write_text(text.replace(old, new, 1), encoding="utf-8")
+    return folder / name
+
+
+# ------------------------------------------------------------------------------------- the paper's figures
+
+
+def test_a_card_identified_on_the_rig_heats_as_the_paper_says():
+    """Power and fade come from the card, the force losses within 0.3 points."""
+    card, drawing = paper_card(), read_drawing(DRAWING)
+    run = heat_damper(card, drawing, read_duty("sine:15mm:1Hz:2A:2100s"), past_limit=True)
+    assert run.bare is not None
+    assert run.bare.fluid_at(1800.0) - 273.15 == pytest.approx(129.9, abs=0.5)
+    assert run.bare.fluid_at(2100.0) - 273.15 == pytest.approx(140.0, abs=0.5)
+    assert run.rise.fluid_at(1800.0) - 273.15 == pytest.approx(76.9, abs=0.5)
+    for rise, loss in ((run.rise, 15.7), (run.bare, 25.9)):
+        at_half_an_hour = np.interp(1800.0, rise.time, rise.peak_force_N)
+        cold = np.interp(293.15, rise.fluid, rise.peak_force_N)
+        assert 100.0 * (1.0 - at_half_an_hour / cold) == pytest.approx(loss, abs=0.3)
+        assert rise.energy_closure <= 1e-9
+
+
+# --------------------------------------------------------------------------------------------- the answer
+
+
+def test_the_keys_that_scripts_rely_on(answer):
+    assert {"curve", "energy_closure", "time_to_limit_s", "force_loss_percent"} <= answer.keys()
+    assert answer["curve"].keys() == {"time_s", "fluid_degC", "coil_degC", "wall_degC"}
+    lengths = {len(values) for values in answer["curve"].values()}
+    assert len(lengths) == 1
+    assert answer["curve"]["time_s"][0] == 0.0
+    assert answer["curve"]["time_s"][-1] == pytest.approx(1800.0)
+    assert answer["time_to_limit_s"] is None
+    assert answer["energy_closure"] <= 1e-9
+
+
+def test_the_damper_is_also_run_without_its_sink(answer):
+    bare = answer["without_sink"]
+    assert bare["curve"]["fluid_degC"][-1] > answer["curve"]["fluid_degC"][-1] + 30.0
+    assert "fin convection" in answer["paths_W"]
+    assert "fin convection" not in bare["paths_W"]
+
+
+def test_what_goes_in_is_given_off_or_stored(answer):
+    for course in (answer, answer["without_sink"]):
+        energy = course["energy_J"]
+        paths = sum(energy[path] for path in course["paths_W"])
+        assert energy["mechanical"] + energy["coil"] == pytest.approx(energy["stored"] + paths, rel=1e-9)
+
+
+def test_film_coefficients_are_named(answer):
+    assert "Churchill" in answer["correlations"]["body"]
+    assert "Elenbaas, times 1.989" in answer["correlations"]["fins"]
+
+
+def test_finite_elements_judge_the_end(answer):
+    pytest.importorskip("skfem")
+    field = answer["finite_element"]
+    for part, most in (("fluid", 3.0), ("coil", 3.0), ("wall", 3.0)):
+        assert abs(field[f"{part}_degC"] - answer["curve"][f"{part}_degC"][-1]) < most
+    assert field["time_s"] == pytest.approx(1800.0)
+    assert field["energy_closure"] <= 1e-9
+
+
+def test_the_page_holds_every_picture_and_nothing_from_elsewhere(answer, folder):
+    page = (folder / "out" / "heat.html").read_text(encoding="utf-8")
+    assert "fingerprint of its training runs" in page  # what it was made from, at the end
+    assert "mrdamper 0." in page
+    assert re.findall(r'(?:src|href)="https?://', page) == []
+    pictures = re.findall(r"<svg.*?</svg>", page, flags=re.DOTALL)
+    labels = [re.search(r'aria-label="([^"]*)"', picture) for picture in pictures]
+    assert [label[1] for label in labels if label] == [
+        "Temperatures over time", "Where the heat goes", "Fade of the force", "The damper to scale",
+        "Temperature field",
+    ]  # fmt: skip
+    for picture in pictures:
+        ET.fromstring(picture)
+    assert "not reached" in page
+
+
+def test_the_table_is_the_curve(answer, folder):
+    table = np.genfromtxt(folder / "out" / "heat.csv", delimiter=",", names=True)
+    assert table["fluid_degC"] == pytest.approx(answer["curve"]["fluid_degC"], abs=1e-6)
+    assert sorted(path.name for path in (folder / "out").iterdir()) == ["heat.csv", "heat.html", "heat.json"]
+
+
+def test_the_fins_are_drawn_to_scale(folder):
+    """The picture's fins stand as far apart, over the body's length, as the drawing says."""
+    page = (folder / "out" / "heat.html").read_text(encoding="utf-8")
+    picture = re.search(r'<svg[^>]*aria-label="The damper to scale".*?</svg>', page, flags=re.DOTALL)
+    assert picture is not None
+    boxes = []
+    for path in re.finditer(
+        r'<path[^>]*?\bd="([^"]*)"[^>]*?style="fill: (#\w+)', picture[0], flags=re.DOTALL
+    ):
+        numbers = np.array(re.findall(r"[ML] (-?[\d.]+) (-?[\d.]+)", path[1].replace("\n", " ")), dtype=float)
+        boxes.append((path[2], numbers))
+    fins = sorted(
+        {tuple(box.min(axis=0)) + tuple(box.max(axis=0)) for colour, box in boxes if colour == "#c3cad1"}
+    )
+    body = np.concatenate([box for colour, box in boxes if colour == "#5c646c"])
+    length = np.ptp(body[:, 0])
+    left = sorted({fin[0] for fin in fins if fin[3] - fin[1] > 20.0})
+    assert len(left) == 5
+    assert np.diff(left) / length == pytest.approx(np.full(4, 20.0 / 200.0), abs=1e-3)
+    long = [fin for fin in fins if fin[3] - fin[1] > 20.0]
+    tall = max(fin[3] for fin in long) - min(fin[1] for fin in long)
+    assert tall / length == pytest.approx(92.0 / 200.0, abs=2e-3)
+
+
+def test_another_sink_takes_the_drawing_s_place(folder):
+    sink = folder / "sink.toml"
+    sink.write_text("[sink]\nfins = 2\nwidth_mm = 10\nthickness_mm = 2\npitch_mm = 30\n", encoding="utf-8")
+    found = heat(folder / "card.json", DRAWING, sink=sink)
+    assert found["sink"] == "2 fins, 10 mm wide, 2 mm thick at 30 mm pitch, aluminium-alloy"
+    assert found["correlations"]["fins"] == "channel law of Elenbaas"
+
+
+def test_a_drawing_without_sink_is_run_once(folder):
+    bare = changed(folder, "fins = 5", "fins = 0")
+    found: Any = heat(folder / "card.json", bare)
+    assert found["sink"] is None
+    assert found["without_sink"] is None
+
+
+def test_the_curve_ends_at_the_fluid_s_limit_and_says_when(folder):
+    bare = changed(folder, "fins = 5", "fins = 0")
+    ended: Any = heat(folder / "card.json", bare, duty="sine:15mm:1Hz:2A:3000s")
+    past = HeatOptions(past_limit=True)
+    gone_on: Any = heat(folder / "card.json", bare, duty="sine:15mm:1Hz:2A:3000s", options=past)
+    assert ended["curve"]["fluid_degC"][-1] == pytest.approx(130.0, abs=1e-6)
+    assert ended["curve"]["time_s"][-1] == ended["time_to_limit_s"] == gone_on["time_to_limit_s"]
+    assert gone_on["curve"]["time_s"][-1] == pytest.approx(3000.0)
+    assert gone_on["curve"]["fluid_degC"][-1] > 135.0
+    assert any("reaches its limit, 130 degC" in note for note in ended["notes"])
+    page = mrdamper("heat", folder / "card.json", "--damper", bare, "--duty", "sine:15mm:1Hz:2A:3000s")
+    assert f"reached after {ended['time_to_limit_s'] / 60:.1f} min" in page.stdout
+
+
+def test_a_card_without_temperature_holds_its_power_and_says_so(folder):
+    card = plain_card(folder, "cold.json", temperature_dependent=False)
+    found: Any = heat(card, DRAWING, out=folder / "cold")
+    assert np.ptp(found["power_W"]["mechanical"]) == 0.0
+    assert found["force_loss_percent"] == 0.0
+    assert any("held constant" in note for note in found["notes"])
+    assert "held constant" in (folder / "cold" / "heat.html").read_text(encoding="utf-8")
+
+
+def test_assumed_temperature_laws_are_marked(folder):
+    card = plain_card(folder, "assumed.json", assumed=True)
+    found: Any = heat(card, DRAWING, out=folder / "assumed")
+    assert found["assumed"] == ["viscosity", "yield_force"]
+    assert "Assumed, not identified" in (folder / "assumed" / "heat.html").read_text(encoding="utf-8")
+
+
+def test_temperatures_beyond_the_card_s_are_said(folder):
+    card = read_card(folder / "card.json")
+    run = heat_damper(card, read_drawing(DRAWING), read_duty(HALF_HOUR), start_degC=-10.0)
+    assert any("identified from 20.0 to 130.0 degC, and beyond that its temp" in note for note in run.notes)
+    held = replace(card, damper=replace(card.damper, temperature_range=(288.15, 408.15)))
+    run = heat_damper(held, read_drawing(DRAWING), read_duty(HALF_HOUR), start_degC=-10.0)
+    assert any("below 15 or above 135 degC its coefficients keep" in note for note in run.notes)
+    assert heat_damper(card, read_drawing(DRAWING), read_duty(HALF_HOUR)).notes == ()
+
+
+def test_a_damper_at_rest_has_no_force_to_fade(folder):
+    (folder / "rest.csv").write_text(
+        "time_s,amplitude_mm,frequency_Hz,current_A\n0,0,0,2\n600,0,0,2\n", encoding="utf-8"
+    )
+    found: Any = heat(folder / "card.json", DRAWING, duty=str(folder / "rest.csv"), out=folder / "rest")
+    assert found["force_loss_percent"] is None
+    assert set(found["peak_force_N"]) == {None}
+    assert found["energy_J"]["mechanical"] == 0.0
+    assert found["curve"]["coil_degC"][-1] > found["curve"]["fluid_degC"][-1] > 20.0
+
+
+def test_one_node_is_blind_to_the_coil(folder):
+    found: Any = heat(folder / "card.json", DRAWING, options=HeatOptions(model="lumped"))
+    assert found["curve"]["coil_degC"] == found["curve"]["fluid_degC"]
+
+
+def test_the_same_run_gives_the_same_bytes(folder):
+    for name in ("one", "two"):
+        heat(folder / "card.json", DRAWING, out=folder / name)
+    one, two = ((folder / name / "heat.html").read_bytes() for name in ("one", "two"))
+    assert one == two
+
+
+def test_a_single_fin_has_no_pitch():
+    sink = read_sink(DRAWING)
+    assert "pitch" not in sink_in_words(type(sink)(fins=1, width=0.01, thickness=0.002, pitch=0.01))
+    assert "pitch" in sink_in_words(sink)
+
+
+def test_what_is_not_given_off_is_the_rate_of_the_stored_heat(folder):
+    """The picture's share "stored" is what goes in less the paths; the stored heat's slope says the same."""
+    run = heat_damper(read_card(folder / "card.json"), read_drawing(DRAWING), read_duty(HALF_HOUR))
+    rise = run.rise
+    stored = rise.mechanical_W + rise.coil_W - sum(rise.paths_W.values())
+    rate = np.gradient(rise.heating.stored, rise.time)
+    assert stored[10:-1] == pytest.approx(rate[10:-1], rel=0.03)
+
+
+# ------------------------------------------------------------------------------------- how sure it is
+
+
+def test_the_interval_holds_the_curve_and_the_time_to_the_limit(folder):
+    bare = changed(folder, "fins = 5", "fins = 0", "open.toml")
+    found: Any = heat(folder / "card.json", bare, duty="sine:15mm:1Hz:2A:3600s")
+    soonest, latest = found["time_to_limit_interval_s"]
+    assert soonest < found["time_to_limit_s"] < latest
+    interval, curve = found["interval"], found["curve"]
+    assert interval["probability"] == 0.9
+    assert interval["time_s"][-1] == pytest.approx(3600.0)
+    for edge, side in (("low", 1.0), ("high", -1.0)):
+        at = np.interp(curve["time_s"], interval["time_s"], interval[f"{edge}_degC"])
+        assert (side * (np.array(curve["fluid_degC"]) - at) >= -1e-6).all()
+    short: Any = heat(folder / "card.json", bare, duty="sine:15mm:1Hz:2A:600s")
+    assert short["time_to_limit_interval_s"] == [None, None]
+    assert short["interval"]["limit_not_reached"] == 1.0
+
+
+def test_the_page_and_the_terminal_say_the_interval(folder):
+    bare = changed(folder, "fins = 5", "fins = 0", "open.toml")
+    page = mrdamper("heat", folder / "card.json", "--damper", bare, "--out", folder / "sure")
+    found = re.search(r"\(90 %: ([\d.]+) min to ", page.stdout)
+    assert found is not None
+    html = (folder / "sure" / "heat.html").read_text(encoding="utf-8")
+    assert f"with 90 % {found[1]} min to not within the duty" in html
+    assert re.search(r"fluid after 30 min: [\d.]+ to [\d.]+ degC with 90 %", page.stdout)
+
+
+@pytest.fixture(scope="module")
+def astray(folder) -> tuple[Path, float]:
+    """Write the first 8 min of a damper that is off its drawing; return the file and its end at 30 min."""
+    drawing = read_drawing(DRAWING)
+    own = replace(drawing.calibration, heat_capacity=1.25, film=1.1, coil=0.8)
+    damper = replace(drawing, calibration=own)
+    truth = predict_rise(read_card(folder / "card.json"), damper, longest_step=10.0)
+    time = np.arange(0.0, 480.5, 2.0)
+    seen = PchipInterpolator(truth.time, truth.fluid_degC)(time)
+    seen = seen + 0.3 * np.random.default_rng(0).standard_normal(len(time))
+    path = folder / "warm_up.csv"
+    rows = "\n".join(f"{t:g},{degrees:.3f}" for t, degrees in zip(time, seen, strict=True))
+    path.write_text(f"time_s,fluid_degC\n{rows}\n", encoding="utf-8")
+    return path, float(truth.fluid_degC[-1])
+
+
+@pytest.fixture(scope="module")
+def calibrated(folder, astray) -> Any:
+    return answer_of(
+        mrdamper(
+            "heat", folder / "card.json", "--damper", DRAWING, "--calibrate", astray[0],
+            "--out", folder / "fitted", "--json",
+        )
+    )  # fmt: skip
+
+
+def test_the_first_minutes_foretell_the_end(calibrated, answer, astray):
+    """Eight minutes leave a fifth of what the drawing alone leaves open, or less, about the right end."""
+    width = {}
+    for name, found in (("drawing", answer), ("curve", calibrated)):
+        low, high = found["interval"]["low_degC"][-1], found["interval"]["high_degC"][-1]
+        width[name] = high - low
+        assert low < found["curve"]["fluid_degC"][-1] < high
+    assert width["curve"] < 0.2 * width["drawing"]
+    assert calibrated["curve"]["fluid_degC"][-1] == pytest.approx(astray[1], abs=2.0)
+    assert abs(answer["curve"]["fluid_degC"][-1] - astray[1]) > 3.0
+
+
+def test_two_numbers_are_claimed_with_their_errors(calibrated):
+    told = calibrated["calibration"]
+    assert (told["place"], told["from_s"], told["to_s"]) == ("fluid", 0.0, 480.0)
+    assert 0.0 < told["power_over_capacity_error_K_s"] < 0.05 * told["power_over_capacity_K_s"]
+    assert 0.0 < told["conductance_over_capacity_error_1_s"] < 0.2 * told["conductance_over_capacity_1_s"]
+    assert told["correlation"] > 0.5
+    assert told["noise_K"] == pytest.approx(0.3, rel=0.25)
+    assert told["entries"]["calibration"]["heat_capacity"] == pytest.approx(1.25, rel=0.05)
+    assert "P/C and UA/C" in told["words"][0]
+
+
+def test_the_calibrated_drawing_gives_the_same_curve_again(calibrated, folder):
+    """The file is a drawing like any other; only the start, which was fitted, is not in it."""
+    assert calibrated["drawing"] == str(folder / "fitted" / "calibrated.toml")
+    start = HeatOptions(start_degC=calibrated["calibration"]["start_degC"])
+    again: Any = heat(folder / "card.json", folder / "fitted" / "calibrated.toml", options=start)
+    assert again["curve"]["fluid_degC"] == pytest.approx(calibrated["curve"]["fluid_degC"], abs=1e-3)
+    assert again["calibration"] is None
+
+
+def test_the_page_says_what_the_curve_told(calibrated, folder):
+    page = (folder / "fitted" / "heat.html").read_text(encoding="utf-8")
+    told = calibrated["calibration"]
+    assert f"{told['power_over_capacity_K_s']:.4g} ± {told['power_over_capacity_error_K_s']:.1g} K/s" in page
+    assert "without the sink nothing was measured" in page
+    assert "fluid, measured" in page
+
+
+def test_a_curve_that_is_none_ends_in_one_message(folder):
+    path = folder / "contact.csv"
+    rows = "".join(f"{20 * k},{20 + 30 * (k % 2)}\n" for k in range(60))
+    path.write_text(f"time_s,fluid_degC\n{rows}", encoding="utf-8")
+    run = mrdamper(
+        "heat", folder / "card.json", "--damper", DRAWING, "--calibrate", path, "--out", folder / "none"
+    )
+    assert (run.returncode, run.stdout) == (4, "")
+    assert "contact.csv: this damper under this duty is" in run.stderr
+    assert not (folder / "none").exists()
+
+
+# ------------------------------------------------------------------------------------------------ bad input
+
+
+def test_bad_input_ends_in_one_message_and_leaves_nothing(folder):
+    drawing = changed(folder, "pitch_mm = 20", "pitch_mm = 2", "overlap.toml")
+    run = mrdamper("heat", folder / "card.json", "--damper", drawing, "--out", folder / "bad", "--json")
+    assert (run.returncode, run.stdout) == (3, "")
+    assert len(run.stderr.strip().splitlines()) == 1
+    assert "fins overlap: thickness_mm is 3 and pitch_mm 2" in run.stderr
+    assert not (folder / "bad").exists()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("wall_mm = 5", "wall_mm = 25", "body.wall_mm is 25, the outer radius 23"),
+        ("outer_diameter_mm = 46", "outer_diameter_mm = 23", "Is 23 mm the body's radius?"),
+        ("length_mm = 200", "length = 200", "body has no key 'length'"),
+        ("resistance_ohm = 4.2", 'resistance_ohm = "4.2"', "expected a number"),
+        ("air_m_s = 0", "air_m_s = 1e-9", "bad.toml: convection of the body: Re Pr of a cylinder is"),
+        ("width_mm = 23", "width_mm = -23", "sink: width_mm is -23; expected a positive"),
+        ("heat_capacity = 0.9803", "heat_capacity = 0", "bad.toml: calibration: heat_capacity is 0"),
+    ],
+)
+def test_a_drawing_that_cannot_be_is_refused(folder, old, new, message):
+    with pytest.raises(InputError, match=re.escape(message)):
+        heat(folder / "card.json", changed(folder, old, new, "bad.toml"))
+
+
+@pytest.mark.parametrize(
+    ("duty", "message"),
+    [
+        ("sine:15mm:1Hz:2V:1800s", "its command is in V, the card's in A; expected the same unit"),
+        ("sine:15:1Hz:2A:1800s", "sine"),
+        ("nowhere.csv", "nowhere.csv"),
+        ("sine:15mm:1Hz:2A", "there is no duration after the command 2A; add one, such as :1800s"),
+        ("sine:15mm:1Hz:1800s", "the command is '1Hz'; expected a current or voltage with its unit"),
+        ("15mm:1Hz:2A:1800s", "duty '15mm:1Hz:2A:1800s': motion '15mm:1Hz' is not known"),
+        ("sine:15mm:1Hz:2A:-5s", "a duration is -5 s; expected a positive, finite number"),
+        ("sine:15mm:1Hz:2A:1e9s", "it lasts 1e+09 s; expected at most 1e+06 s"),
+        ("sine:150mm:4Hz:2A:1800s", "a node is at"),
+    ],
+)
+def test_a_duty_that_cannot_be_is_refused(folder, duty, message):
+    with pytest.raises(InputError, match=re.escape(message)):
+        heat(folder / "card.json", DRAWING, duty=duty, options=HeatOptions(past_limit=True))
+
+
+def test_a_card_in_volts_needs_the_driver_s_amperes_per_volt(folder):
+    card = plain_card(folder, "volts.json", unit="V")
+    with pytest.raises(InputError, match=r"expected the same unit, as in sine:15mm:1Hz:2V:1800s"):
+        heat(card, DRAWING)
+    with pytest.raises(InputError, match=r"expected coil\.A_per_V"):
+        heat(card, DRAWING, duty="sine:15mm:1Hz:2V:1800s")
+    told = changed(folder, "resistance_ohm = 4.2", "resistance_ohm = 4.2\nA_per_V = 1.0")
+    found: Any = heat(card, told, duty="sine:15mm:1Hz:2V:1800s")
+    in_amperes: Any = heat(folder / "card.json", DRAWING)
+    assert found["curve"]["fluid_degC"] == pytest.approx(in_amperes["curve"]["fluid_degC"])
+
+
+def test_a_start_at_the_limit_ends_at_once(folder):
+    hot = HeatOptions(start_degC=131.0)
+    found: Any = heat(folder / "card.json", DRAWING, options=hot, out=folder / "hot")
+    assert found["time_to_limit_s"] == 0.0
+    assert found["curve"]["time_s"] == [0.0]
+    assert found["finite_element"] is None
+    assert (folder / "hot" / "heat.html").exists()

@@ -1,0 +1,243 @@
+"""``mrdamper track``: rows, their order of merit, the page, and one message for whatever cannot be."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from mrdamper.control.controllers import NAMES
+from mrdamper.errors import InputError
+from mrdamper.jobs.track import TrackOptions, track, track_card
+from mrdamper.models.actuation import Actuation
+from mrdamper.models.damper import Damper, OperatingEnvelope
+from mrdamper.models.dependence import Constant
+from mrdamper.models.laws import LAWS
+from tests.support.rigs import answer_of, mrdamper
+from tests.support.tracked import a_damper, write_a_card
+
+KEYS = {
+    "controller", "target", "plant", "temperature_degC", "max_N", "rmse_N", "max_feasible_N",
+    "rmse_feasible_N", "feasible_share", "coil_power_W", "chatter_A_per_s",
+}  # fmt: skip
+SHORT = """
+like = "sine-900N-1Hz"
+duration_s = 2.0
+temperature_degC = 60
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    place = tmp_path_factory.mktemp("track")
+    write_a_card(place / "card.json")
+    write_a_card(place / "cold.json", a_damper(temperature_dependent=False))
+    (place / "short.toml").write_text(SHORT, encoding="utf-8")
+    return place
+
+
+@pytest.fixture(scope="module")
+def run(folder):
+    options = TrackOptions(
+        targets=("sine-900N-1Hz",),
+        temperatures_degC=(20.0, 123.0),
+        controllers=("recommended", "recommended-causal", "paper", "recommended-unaware", "paper-unaware"),
+        unaware=folder / "cold.json",
+    )
+    return track_card(folder / "card.json", options)
+
+
+def figures(run, name, degrees):
+    found = [r.score for r in run.rows if r.controller == name and r.temperature_degC == degrees]
+    assert len(found) == 1
+    return found[0]
+
+
+def feasible(run):
+    return run.rows[0].score.rmse_feasible_N
+
+
+def test_looking_ahead_beats_the_paper_and_the_causal_form_comes_near(run):
+    for degrees in (20.0, 123.0):
+        best, paper = figures(run, "recommended", degrees), figures(run, "paper", degrees)
+        causal = figures(run, "recommended-causal", degrees)
+        assert best.rmse_feasible_N < 0.5 * paper.rmse_feasible_N
+        assert causal.rmse_feasible_N < 1.3 * best.rmse_feasible_N
+
+
+def test_not_knowing_temperature_costs_most_where_it_is_far_from_what_was_identified(run):
+    for name in ("recommended", "paper"):
+        hot, hot_blind = figures(run, name, 123.0), figures(run, f"{name}-unaware", 123.0)
+        assert hot_blind.rmse_feasible_N > 2.0 * hot.rmse_feasible_N
+    cold_blind, cold_aware = (figures(run, n, 20.0) for n in ("recommended-unaware", "recommended"))
+    assert cold_blind.rmse_feasible_N == pytest.approx(cold_aware.rmse_feasible_N, rel=0.1)
+
+
+def test_the_feasible_share_is_the_damper_s_and_not_the_controller_s(run):
+    for degrees in (20.0, 123.0):
+        assert len({r.score.feasible_share for r in run.rows if r.temperature_degC == degrees}) == 1
+
+
+def test_the_summary_is_the_worst_of_the_temperatures(run):
+    for row in run.worst:
+        each = [r.score for r in run.rows if r.controller == row.controller]
+        assert row.score.max_N == max(s.max_N for s in each)
+        assert row.score.rmse_feasible_N == max(s.rmse_feasible_N for s in each)
+
+
+def test_a_card_tracked_on_itself_leaves_lag_and_noise_alone(folder):
+    """Model error is the rest: on the virtual damper the same controllers do worse."""
+    options = TrackOptions(targets=(str(folder / "short.toml"),), controllers=("recommended",))
+    itself = track_card(folder / "card.json", replace(options, plant=str(folder / "card.json")))
+    real = track_card(folder / "card.json", replace(options, plant="hard"))
+    assert itself.rows[0].temperature_degC == 60.0  # the file's own
+    assert feasible(itself) < 0.5 * feasible(real)
+    assert any("what a law leaves out" in note for note in itself.notes)
+
+
+def test_the_same_seed_gives_the_same_rows_and_another_pair_does_not(folder):
+    options = TrackOptions(targets=(str(folder / "short.toml"),), controllers=("recommended",))
+    rows = [track_card(folder / "card.json", replace(options, seed=seed)).rows for seed in (1, 1, 5)]
+    assert rows[0] == rows[1]
+    assert rows[0] != rows[2]
+
+
+def test_the_command_writes_its_page_and_prints_the_rows(folder):
+    answer = answer_of(
+        mrdamper(
+            "track", folder / "card.json", "--target", folder / "short.toml", "--temperature", 123,
+            "--temperature", 20, "--out", folder / "out", "--json",
+        )
+    )  # fmt: skip
+    assert {row["controller"] for row in answer["rows"]} == set(NAMES)
+    assert all(row.keys() >= KEYS for row in answer["rows"])
+    assert {row["temperature_degC"] for row in answer["rows"]} == {20.0, 123.0}
+    assert answer["plant"] == "nominal"
+    assert answer["seeds"] == [1, 2]
+    hot = next(r for r in answer["rows"] if r["controller"] == "paper" and r["temperature_degC"] == 123.0)
+    assert hot["coil_power_W"] > 0.0
+    assert json.loads((folder / "out" / "track.json").read_text(encoding="utf-8")) == answer
+    page = (folder / "out" / "track.html").read_text(encoding="utf-8")
+    assert "fingerprint of its training runs" in page  # what it was made from, at the end
+    assert "mrdamper 0." in page
+    assert "simulations, not measurements" in page
+    assert page.count("<svg") == 2  # over temperature, and the target
+    assert "http" not in page.replace("http://www.w3.org", "")
+    table = (folder / "out" / "track.csv").read_text(encoding="utf-8").splitlines()
+    assert len(table) == 1 + len(answer["rows"])
+
+
+def test_a_terminal_gets_a_table_per_target(folder):
+    done = mrdamper(
+        "track", folder / "card.json", "--target", folder / "short.toml", "--controller", "paper",
+        "--controller", "clipped-on-off",
+    )  # fmt: skip
+    assert done.returncode == 0
+    assert "short on nominal: worst of 60 degC" in done.stdout
+    assert "clipped-on-off" in done.stdout
+    assert "noise seeds 1 and 2, the worse of the two" in done.stdout
+
+
+def test_the_optimum_is_the_first_row_and_the_measure_of_the_others(folder):
+    (folder / "brief.toml").write_text(SHORT.replace("2.0", "0.8") + "unscored_s = 0.3\n", encoding="utf-8")
+    options = TrackOptions(
+        targets=(str(folder / "brief.toml"),), controllers=("recommended", "paper"), optimum=True
+    )
+    rows = {row.controller: row.score for row in track_card(folder / "card.json", options).rows}
+    assert list(rows) == ["optimum", "recommended", "paper"]
+    ours, papers = rows["recommended"].rmse_over_optimum, rows["paper"].rmse_over_optimum
+    assert ours is not None
+    assert papers is not None
+    assert 1.0 < ours < papers
+    assert rows["paper"].max_over_optimum == pytest.approx(rows["paper"].max_N / rows["optimum"].max_N)
+
+
+# ------------------------------------------------------------------------------------- what cannot be
+
+
+def refused(folder, *arguments, card="card.json"):
+    done = mrdamper("track", folder / card, *arguments)
+    assert done.returncode == 3
+    assert done.stdout == ""
+    assert "Traceback" not in done.stderr
+    return done.stderr
+
+
+def test_a_target_out_of_reach_says_how_much_of_it(folder):
+    target = 'kind = "sine"\namplitude_N = 900\nfrequency_Hz = 1\nphase_deg = 180\n'
+    (folder / "against.toml").write_text(f"[target]\n{target}", encoding="utf-8")
+    said = refused(folder, "--target", folder / "against.toml")
+    assert "target 'against': feasible only 4 % of the time on the damper 'nominal' at 20 degC" in said
+    assert "0 to 2 A give up to about" in said
+    assert "expected at least 50 %" in said
+
+
+def test_a_card_without_actuation_names_the_test_that_is_missing(folder):
+    write_a_card(folder / "unlagged.json", a_damper(lag=None))
+    said = refused(folder, card="unlagged.json")
+    assert "unlagged.json: has no actuation, so recommended, recommended-causal" in said
+    assert "`steps`" in said
+    options = TrackOptions(targets=(str(folder / "short.toml"),), controllers=("paper",))
+    assert track_card(folder / "unlagged.json", options).rows  # the paper's needs none
+
+
+def test_a_card_that_does_not_depend_on_the_current_is_refused(folder):
+    forms = {"viscosity": Constant(2000.0), "yield_force": Constant(500.0), "rho": Constant(3000.0)}
+    write_a_card(folder / "still.json", Damper(LAWS["dahl"], forms))
+    assert "still.json: its force does not depend on the current (data from 0 to 2 A)" in refused(
+        folder, card="still.json"
+    )
+    # and so for a card that is the damper
+    said = refused(folder, "--plant", folder / "still.json")
+    assert said.count("the plant ") == 1
+    assert "still.json: its force does not depend on the current" in said
+
+
+def test_a_stroke_beyond_the_card_is_refused(folder):
+    envelope = OperatingEnvelope((0.0, 2.0), (-0.003, 0.003), (-0.04, 0.04), (293.15, 393.15))
+    write_a_card(folder / "small.json", envelope=envelope)
+    said = refused(folder, card="small.json")
+    assert (
+        "small.json: its data cover -3 to 3 mm, and the target 'sine-900N-1Hz' moves over -5 to 5 mm" in said
+    )
+    # and so for a card that is the damper
+    said = refused(folder, "--plant", folder / "small.json")
+    assert "its data cover -3 to 3 mm" in said
+
+
+def test_sampling_slower_than_the_lag_is_refused(folder):
+    write_a_card(folder / "quick.json", a_damper(lag=Actuation(0.001, 0.001)))
+    assert "Sample at" in refused(folder, "--rate", 100, card="quick.json")
+    assert "expected 0.2 to 10 ms" in refused(folder, "--rate", 50)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--plant", "nominl"), "there is no plant 'nominl'; did you mean nominal?"),
+        (("--target", "sine-900N"), "there is no target 'sine-900N'; did you mean sine-900N-1Hz"),
+        (("--controller", "recomended"), "there is no controller 'recomended'; did you mean recommended"),
+        (("--controller", "recommended-pooled"), "It is made from another card: --pooled CARD"),
+        (
+            ("--controller", "series-inverse"),
+            "is made from cards of the series-valve law, and",
+        ),
+        (("--temperature", "293.15"), "temperature is 293.15 degC; expected -40 to 200"),
+        (("--target", "nowhere.toml"), "nowhere.toml: cannot read the scenario"),
+        (("--seed", "-1"), "seed is -1; expected zero or more"),
+    ],
+)
+def test_what_is_not_known_is_refused(folder, arguments, said):
+    assert said in refused(folder, *arguments)
+
+
+def test_a_card_in_volts_is_refused(folder):
+    write_a_card(folder / "volts.json", replace(a_damper(), command_unit="V"))
+    assert "volts.json: its command is in V; expected amperes" in refused(folder, card="volts.json")
+
+
+def test_nothing_is_left_behind_by_a_refusal(folder):
+    with pytest.raises(InputError):
+        track(folder / "card.json", TrackOptions(plant="none"), out=folder / "never")
+    assert not (folder / "never").exists()

@@ -1,0 +1,92 @@
+"""The report: nothing from outside, names that stay text, the same bytes for the same input."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import pytest
+
+import mrdamper
+from mrdamper.report.page import render_report
+from tests.support.rigs import short_runs
+
+NASTY = "阻尼器 <script>alert('x')</script> & \"run\" $x_1^"
+
+
+class Page(HTMLParser):
+    """Gathers the elements, the text and what is loaded from elsewhere."""
+
+    def __init__(self):
+        super().__init__()
+        self.elements, self.references, self.said = [], [], []
+
+    def handle_starttag(self, tag, attrs):
+        self.elements.append(tag)
+        self.references += [value for key, value in attrs if key in {"src", "href", "xlink:href", "data"}]
+
+    def handle_data(self, data):
+        self.said.append(data)
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    runs = list(short_runs())
+    runs[1] = replace(runs[1], name=NASTY)
+    return mrdamper.fit(runs, "dahl", starts=1, hold_out=["*_1.50V_sine5*"])
+
+
+@pytest.fixture(scope="module")
+def judged(fitted):
+    return mrdamper.assess(fitted, leave_out=["current"])
+
+
+@pytest.fixture(scope="module")
+def text(fitted, judged):
+    return render_report(fitted, judged, title=f"Title {NASTY}")
+
+
+@pytest.fixture(scope="module")
+def page(text):
+    parsed = Page()
+    parsed.feed(text)
+    return parsed
+
+
+def test_every_run_is_named_and_no_name_becomes_markup(page, judged):
+    said = "".join(page.said)
+    for error in judged.runs:
+        assert error.name in said
+    assert "script" not in page.elements
+
+
+def test_nothing_is_loaded_from_outside(page, text):
+    assert [ref for ref in page.references if not ref.startswith("#")] == []
+    assert "@import" not in text
+    assert re.findall(r"url\((?!#)", text) == []
+
+
+def test_the_same_input_gives_the_same_bytes(fitted, judged, text):
+    assert render_report(fitted, judged, title=f"Title {NASTY}") == text
+
+
+def test_figures_are_vectors_without_a_date(text):
+    assert "<image" not in text
+    assert "<metadata" not in text
+    assert re.search(r"20\d\d-\d\d-\d\d", text) is None
+
+
+def test_every_axis_has_its_unit(page):
+    said = {part.strip() for part in page.said}
+    assert {"displacement, mm", "velocity, mm/s", "force, N", "voltage, V", "measured, J"} <= said
+
+
+def test_held_out_runs_are_marked_and_summed_up_apart(page):
+    said = " ".join("".join(page.said).split())
+    assert "On 5 training runs the median error is" in said
+    assert "on 1 held out run the median error is" in said
+
+
+def test_runs_are_said_to_be_simulated_when_they_are(fitted, judged):
+    assert "simulated, not measured" in render_report(fitted, judged, simulated="made up")

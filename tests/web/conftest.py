@@ -1,0 +1,40 @@
+"""Browsers and served folders for the tests of the pages."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.support.tracked import write_a_card
+from tests.web.browser import chromium, opened
+from tests.web.served import served
+
+
+@pytest.fixture(scope="module")
+def browser(tool):
+    with chromium(tool("chromium")) as started:
+        yield started
+
+
+@pytest.fixture(scope="session")
+def site(tmp_path_factory):
+    """Return a folder with runs of the virtual rig and a card, and a client of its server."""
+    root = tmp_path_factory.mktemp("pages") / "damper"
+    (root / "cards" / "strong").mkdir(parents=True)
+    write_a_card(root / "cards" / "strong" / "card.json")
+    with served(root) as client:
+        assert client.ended(client.job("rig", campaign="short"))["state"] == "done"
+        client.read_all()
+        yield root, client
+
+
+@pytest.fixture
+def page(browser, site):
+    with opened(browser, site[1].address) as window:
+        yield window
+
+
+@pytest.fixture
+def bare(browser, tmp_path):
+    """Return a window of an empty folder's server, and the folder."""
+    with served(tmp_path / "empty") as client, opened(browser, client.address) as window:
+        yield window, tmp_path / "empty"

@@ -1,0 +1,226 @@
+"""A server for the tests: as a program on a port of its own, or as an app that is called without a socket."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import AsyncIterator, Iterator, Mapping
+from contextlib import asynccontextmanager, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+from starlette.types import ASGIApp, Message
+
+from tests.support.rigs import command
+
+Json = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What an app answered."""
+
+    status: int
+    headers: dict[str, str]
+    body: bytes
+
+    @property
+    def json(self) -> Json:
+        found = json.loads(self.body)
+        assert isinstance(found, dict)
+        return found
+
+
+async def call(
+    app: ASGIApp,
+    method: str,
+    path: str,
+    *,
+    headers: Mapping[str, str] | None = None,
+    body: bytes = b"",
+    query: str = "",
+    pieces: int = 1,
+) -> Answer:
+    """Call an app with exactly this path and these headers: no client tidies them up on the way."""
+    sent = {"host": "127.0.0.1:8765", **(headers or {})}
+    step = max(1, -(-len(body) // pieces))
+    parts = [body[k : k + step] for k in range(0, len(body), step)] or [b""]
+    inbox: list[Message] = [
+        {"type": "http.request", "body": part, "more_body": k + 1 < len(parts)}
+        for k, part in enumerate(parts)
+    ]
+    outbox: list[Message] = []
+
+    async def receive() -> Message:
+        return inbox.pop(0) if inbox else {"type": "http.disconnect"}
+
+    async def send(message: Message) -> None:
+        outbox.append(message)
+
+    scope = {
+        "type": "http",
+        "asgi": {"version": "3.0"},
+        "http_version": "1.1",
+        "method": method,
+        "scheme": "http",
+        "path": path,
+        "raw_path": path.encode(),
+        "query_string": query.encode(),
+        "root_path": "",
+        "headers": [(key.lower().encode("latin-1"), value.encode("latin-1")) for key, value in sent.items()],
+        "client": ("127.0.0.1", 50000),
+        "server": ("127.0.0.1", 8765),
+        "state": {},
+    }
+    await app(scope, receive, send)
+    begin = outbox[0]
+    told = {key.decode("latin-1"): value.decode("latin-1") for key, value in begin["headers"]}
+    return Answer(begin["status"], told, b"".join(m.get("body", b"") for m in outbox[1:]))
+
+
+async def patiently(app: ASGIApp, method: str, path: str, **options: Any) -> Answer:
+    """Call until there is an answer."""
+    while (answer := await call(app, method, path, **options)).status == 202:
+        await asyncio.sleep(0.1)
+    return answer
+
+
+@asynccontextmanager
+async def living(app: ASGIApp) -> AsyncIterator[ASGIApp]:
+    """Start an app and stop it: its processes live in between."""
+    inbox: asyncio.Queue[Message] = asyncio.Queue()
+    outbox: asyncio.Queue[Message] = asyncio.Queue()
+    running = asyncio.ensure_future(app({"type": "lifespan", "asgi": {}, "state": {}}, inbox.get, outbox.put))
+    await inbox.put({"type": "lifespan.startup"})
+    assert (await outbox.get())["type"] == "lifespan.startup.complete"
+    try:
+        yield app
+    finally:
+        await inbox.put({"type": "lifespan.shutdown"})
+        assert (await outbox.get())["type"] == "lifespan.shutdown.complete"
+        await running
+
+
+class Client:
+    """A client of a server that runs as a program."""
+
+    def __init__(self, process: subprocess.Popen[str], address: str) -> None:
+        self.process, self.address = process, address
+        self.http = httpx.Client(base_url=address, timeout=30.0, trust_env=False)
+        self.longest_s = 0.0  # of one request
+
+    def ask(self, method: str, path: str, **options: Any) -> httpx.Response:
+        """Ask until there is an answer."""
+        while True:
+            begin = time.monotonic()
+            answer = self.http.request(method, path, **options)
+            self.longest_s = max(self.longest_s, time.monotonic() - begin)
+            if answer.status_code != 202:
+                return answer
+            time.sleep(answer.json()["retry_ms"] / 1e3)
+
+    def get(self, path: str) -> Any:
+        answer = self.ask("GET", path)
+        assert answer.status_code == 200, answer.text
+        return answer.json()
+
+    def job(self, kind: str, **options: Any) -> str:
+        answer = self.ask("POST", "/api/jobs", json={"kind": kind, "options": options})
+        assert answer.status_code == 201, answer.text
+        return str(answer.json()["id"])
+
+    def ended(self, job_id: str, longest_s: float = 60.0) -> Json:
+        """Return a job when it has ended."""
+        return self.until(job_id, {"done", "failed", "cancelled", "interrupted"}, longest_s)
+
+    def until(self, job_id: str, states: set[str], longest_s: float = 60.0) -> Json:
+        end = time.monotonic() + longest_s
+        while time.monotonic() < end:
+            job: Json = self.get(f"/api/jobs/{job_id}")
+            if job["state"] in states:
+                return job
+            time.sleep(0.05)
+        raise AssertionError(f"{job_id} is {job['state']} after {longest_s} s")
+
+    def read_all(self) -> list[Json]:
+        """Return the runs when all files have been read."""
+        while (answer := self.get("/api/runs"))["reading"]:
+            time.sleep(0.05)
+        runs: list[Json] = answer["runs"]
+        return runs
+
+    def kill(self) -> None:
+        """End the server as a power cut would."""
+        self.process.send_signal(signal.SIGKILL)
+        self.process.wait()
+
+
+@contextmanager
+def served(folder: Path, *options: str) -> Iterator[Client]:
+    """Run ``mrdamper serve`` on a free port."""
+    process = subprocess.Popen(
+        command("serve", "--port", "0", "--folder", folder, *options), stderr=subprocess.PIPE, text=True
+    )
+    assert process.stderr is not None
+    line = process.stderr.readline()
+    assert " at http://" in line, line
+    client = Client(process, line.split(" at ")[1].split(" (")[0].split("?")[0])
+    try:
+        yield client
+    finally:
+        client.http.close()
+        if process.poll() is None:
+            process.send_signal(signal.SIGINT)
+        try:
+            process.wait(timeout=15.0)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+        process.stderr.close()
+
+
+def series_of(content: bytes) -> tuple[Json, dict[str, np.ndarray[Any, np.dtype[np.float32]]]]:
+    """Return header and columns of a binary answer, by the contract alone."""
+    length = int.from_bytes(content[:4], "little")
+    assert (4 + length) % 4 == 0
+    header = json.loads(content[4 : 4 + length])
+    values = np.frombuffer(content, "<f4", offset=4 + length).reshape(len(header["columns"]), header["n"])
+    return header, {column["name"]: row for column, row in zip(header["columns"], values, strict=True)}
+
+
+def is_alive(pid: int) -> bool:
+    """Tell whether a process runs (one that is dead and not yet waited for does not)."""
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    stat = Path(f"/proc/{pid}/stat")
+    try:
+        return stat.read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def python_processes_of(folder: Path) -> list[int]:
+    """Return the workers and clerks that work in a folder."""
+    found = []
+    for each in Path("/proc").iterdir():
+        if each.name.isdigit():
+            try:
+                words = (each / "cmdline").read_bytes().split(b"\0")
+            except OSError:
+                continue
+            if str(folder).encode() in words and any(b"mrdamper.web." in word for word in words):
+                found.append(int(each.name))
+    return [pid for pid in found if is_alive(pid)]
+
+
+assert sys.platform == "linux", "these tests look into /proc"

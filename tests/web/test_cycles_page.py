@@ -1,0 +1,144 @@
+"""Cycles in the browser: a record is chosen, counted, stopped, drawn over its life and saved."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from math import pi
+
+import numpy as np
+import polars as pl
+import pytest
+from playwright.sync_api import expect
+
+from mrdamper.jobs.cycles import cycles as count_cycles
+from tests.web.browser import opened, shoot
+from tests.web.served import served
+from tests.web.walking import download, plot, saved_table
+
+OF_CYCLE, CYCLES, STEP_S = 100, 600, 2e-3
+FADE = 0.3  # of the force, over the record
+OTHER_NAMES = """
+[channel]
+time = { name = "a", unit = "s" }
+displacement = { name = "b", unit = "mm" }
+force = { name = "c", unit = "kN" }
+current = { name = "d", unit = "A" }
+"""
+
+
+def write_record(path, *, names=("time_s", "displacement_mm", "force_N", "current_A"), newton=1.0):
+    """Write a record of sines whose force fades from 900 N on, warming by 30 K; one row has no force."""
+    k = np.arange(OF_CYCLE * (CYCLES + 1))
+    life = k / len(k)
+    force = 900.0 * (1.0 - FADE * life) * np.cos(2.0 * pi * k / OF_CYCLE) / newton
+    force[len(k) // 2] = np.nan
+    columns = [STEP_S * k, 10.0 * np.sin(2.0 * pi * k / OF_CYCLE), force, np.ones(len(k))]
+    frame = pl.DataFrame(dict(zip(names, columns, strict=True)))
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.suffix == ".parquet":
+        frame.with_columns(temperature_degC=20.0 + 30.0 * life).write_parquet(path)
+    else:
+        frame.write_csv(path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory):
+    """Return a folder with two long records, and a client of its server."""
+    root = tmp_path_factory.mktemp("cycles") / "damper"
+    write_record(root / "records" / "endurance.parquet")
+    write_record(root / "records" / "other names.csv", names=("a", "b", "c", "d"), newton=1e3)
+    with served(root) as client:
+        yield root, client
+
+
+@pytest.fixture
+def page(browser, rig):
+    with opened(browser, rig[1].address) as window:
+        yield window
+
+
+def count(page):
+    page.click("#start-cycles")
+    page.wait_for_selector("#cycles-tiles")
+
+
+def test_a_record_is_counted_and_drawn_over_its_life(page, rig):
+    """What the page draws is in the folder's table, and is what the command says."""
+    root, client = rig
+    page.goto("/#/cycles")
+    page.select_option("#record", "endurance.parquet")
+    count(page)
+    tiles = page.inner_text("#cycles-tiles")
+    assert f"{CYCLES - 1}" in tiles  # one that the break touches is left out
+    expect(page.locator("#cycles-result")).to_contain_text("lack a number")
+    job = next(each for each in client.get("/api/jobs")["jobs"] if each["kind"] == "cycles")
+    place = root / "results" / job["id"]
+    rows = list(csv.DictReader(io.StringIO((place / "cycles.csv").read_text(encoding="utf-8"))))
+    header, drawn = saved_table(page, plot(page, "Energy per cycle"))
+    assert header[0] == "cycle, number"
+    assert [float(row[1]) for row in drawn] == pytest.approx(
+        [float(row["energy_J"]) for row in rows], rel=1e-6
+    )
+    table = page.locator("tr", has_text="energy per cycle").inner_text().split("\t")
+    change = float(table[4].replace("−", "-"))
+    assert change == pytest.approx(-100.0 * FADE, abs=0.5)
+    for title in ("Peak forces", "Secant stiffness", "Mean temperature"):
+        assert plot(page, title).is_visible()
+    figure = plot(page, "Peak forces")
+    assert b"highest force" in download(page, figure.get_by_role("button", name="SVG").click)
+    assert download(page, figure.get_by_role("button", name="PNG").click).startswith(b"\x89PNG")
+    shoot(page, "cycles", whole=True)
+    with page.context.expect_page() as waiting:
+        page.get_by_role("link", name="Open the report").click()
+    waiting.value.wait_for_load_state()
+    assert "energy per cycle" in waiting.value.inner_text("body")
+    told = count_cycles(root / "records" / "endurance.parquet")
+    answer = client.get(f"/api/jobs/{job['id']}")["answer"]
+    assert {name: answer[name] for name in ("cycles", "energy_J", "figures")} == {
+        name: told[name] for name in ("cycles", "energy_J", "figures")
+    }
+    page.reload()  # and it is found again
+    page.wait_for_selector("#cycles-tiles")
+
+
+def test_a_map_is_brought_for_a_record_that_does_not_speak_for_itself(page, rig, tmp_path):
+    own = tmp_path / "long.toml"
+    own.write_text(OTHER_NAMES, encoding="utf-8")
+    page.goto("/#/cycles")
+    page.select_option("#record", "other names.csv")
+    with page.expect_file_chooser() as asked:
+        page.get_by_role("button", name="Bring a channel map (TOML)").click()
+    asked.value.set_files(own)
+    expect(page.locator("#channel-map")).to_have_value("long.toml")
+    page.get_by_label("Least stroke, mm").fill("25")  # more than it moves
+    page.click("#start-cycles")
+    page.get_by_role("heading", name="No cycle was found").wait_for()
+    page.get_by_label("Least stroke, mm").fill("15")
+    count(page)
+    assert "15.0 mm" in page.inner_text("#cycles-tiles")
+
+
+@pytest.mark.long
+def test_a_count_that_is_cancelled_keeps_what_was_counted(browser, tmp_path):
+    root = tmp_path / "damper"
+    path = root / "records" / "long.csv"
+    path.parent.mkdir(parents=True)
+    line = "".join(f"{STEP_S * k:.3f},{10 * np.sin(k / 8):.3f},{np.cos(k / 8):.4f},1\n" for k in range(2000))
+    with path.open("w", encoding="utf-8") as file:
+        file.write("time_s,displacement_mm,force_N,current_A\n")
+        for _ in range(3000):  # some 150 MB, read in several batches
+            file.write(line)
+    with served(root) as client, opened(browser, client.address) as page:
+        page.goto("/#/cycles")
+        page.click("#start-cycles")
+        page.get_by_text("rows read").wait_for()
+        page.get_by_role("button", name="Cancel").click()
+        page.get_by_text("what you see was counted until then").wait_for()
+        answer = client.get(f"/api/jobs/{client.get('/api/jobs')['jobs'][0]['id']}")["answer"]
+        assert answer["cancelled"] is True
+        assert answer["rows"] < 6_000_000
+        summary = json.loads((root / "results" / "cycles-001" / "summary.json").read_text(encoding="utf-8"))
+        assert summary["rows"] == answer["rows"]

@@ -1,0 +1,586 @@
+"""The guard: other sites, borrowed names, names that lead out of the folder, bodies without end, traps."""
+
+from __future__ import annotations
+
+import asyncio
+import io
+import json
+import signal
+import socket
+import struct
+import time
+import zipfile
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import h5py
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mrdamper.errors import InputError
+from mrdamper.web.security import Door
+from mrdamper.web.server import build
+from mrdamper.web.workspace import NotThereError, WorkFolder
+from tests.support.heated import plain_card
+from tests.web.served import Answer, call, living, patiently, served
+
+SECRET = "the key of the safe"
+CSV = b"time_s,displacement_mm,force_N,current_A\n0,0,0,1\n0.01,1,5,1\n"
+TOKEN = "correct-horse-battery-staple"
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """Return a work folder with a secret beside it."""
+    (tmp_path / "secret.csv").write_text(SECRET, encoding="utf-8")
+    root = tmp_path / "work"
+    WorkFolder(root)
+    (root / "runs" / "a.csv").write_bytes(CSV)
+    (root / "cards" / "one").mkdir()
+    plain_card(root / "cards" / "one")
+    job = root / "results" / "check-001"
+    job.mkdir()
+    told = {"id": "check-001", "kind": "check", "options": {}, "state": "done"}
+    (job / "job.json").write_text(json.dumps(told), encoding="utf-8")
+    (job / "check.html").write_text("<p>fine", encoding="utf-8")
+    return root
+
+
+def ask(folder, method, path, *, door=None, most_upload=200_000_000, **options) -> Answer:
+    async def one() -> Answer:
+        async with living(build(folder, door, most_upload=most_upload)) as app:
+            return await patiently(app, method, path, **options)
+
+    return asyncio.run(one())
+
+
+def snapshot(folder: Path) -> dict[str, bytes]:
+    kept = [path for path in folder.rglob("*") if ".cache" not in path.parts and path.is_file()]
+    return {str(path.relative_to(folder)): path.read_bytes() for path in kept}
+
+
+# ------------------------------------------------------------------------------------------- who may come in
+
+
+def test_another_host_is_refused_without_a_token():
+    with pytest.raises(InputError, match="--token"):
+        Door("0.0.0.0")
+    Door("0.0.0.0", TOKEN)
+
+
+@pytest.mark.parametrize("token", ["", "short", "with\nbreak-in-its-text"])
+def test_a_token_that_could_be_guessed_or_not_be_sent_is_refused(token):
+    with pytest.raises(InputError, match="16 or more"):
+        Door("127.0.0.1", token)
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "localhost:8765", "LOCALHOST:1", "[::1]:8765"])
+def test_the_server_s_own_names_are_known(host):
+    assert Door().knows(host)
+
+
+@pytest.mark.parametrize(
+    "host",
+    ["evil.example", "127.0.0.1.evil.example", "localhost.evil.example:8765", "evil.example@127.0.0.1", "",
+     "127.0.0.1:x", "127.0.0.1/", "127.0.0.1 evil.example", "[::1", "192.168.0.7:8765"],
+)  # fmt: skip
+def test_a_site_that_borrows_the_address_is_refused(folder, host):
+    """DNS rebinding: the browser is at evil.example, and its name leads to 127.0.0.1."""
+    answer = ask(folder, "GET", "/api/state", headers={"host": host})
+    assert answer.status == 403
+    assert "files" not in answer.json
+
+
+def test_beyond_loopback_an_address_is_a_name_and_a_foreign_name_is_not():
+    door = Door("0.0.0.0", TOKEN)
+    assert door.knows("192.168.0.7:8765")
+    assert not door.knows("evil.example:8765")
+
+
+FOREIGN = [
+    {"origin": "https://evil.example"},
+    {"origin": "null"},
+    {"origin": "http://127.0.0.1:9999"},
+    {"origin": "http://localhost:8765"},  # not the host that the request names
+    {"origin": "ftp://127.0.0.1:8765"},
+    {"sec-fetch-site": "cross-site"},
+    {"sec-fetch-site": "same-site"},
+]
+
+
+@pytest.mark.parametrize("headers", FOREIGN)
+@pytest.mark.parametrize(
+    ("method", "path", "body"),
+    [
+        ("PUT", "/api/files/b.csv", CSV),
+        ("DELETE", "/api/files/a.csv", b""),
+        ("POST", "/api/jobs", b'{"kind": "check", "options": {}}'),
+        ("DELETE", "/api/jobs/check-001", b""),
+    ],
+)
+def test_another_site_cannot_write(folder, headers, method, path, body):
+    before = snapshot(folder)
+    assert ask(folder, method, path, headers=headers, body=body).status == 403
+    assert snapshot(folder) == before
+
+
+def test_another_site_cannot_read_the_api_but_may_link_to_the_page(folder):
+    elsewhere = {"sec-fetch-site": "cross-site"}
+    assert ask(folder, "GET", "/api/state", headers=elsewhere).status == 403
+    assert ask(folder, "GET", "/", headers=elsewhere).status == 200
+
+
+def test_the_page_itself_may_write(folder):
+    own = {"origin": "http://127.0.0.1:8765", "sec-fetch-site": "same-origin"}
+    assert ask(folder, "PUT", "/api/files/b.csv", headers=own, body=CSV).status == 201
+    assert (folder / "runs" / "b.csv").read_bytes() == CSV
+
+
+@pytest.mark.parametrize("path", ["/", "/api/state", "/static/style.css", "/api/files/a.csv/look"])
+def test_without_the_token_nothing_is_answered(folder, path):
+    door = Door("127.0.0.1", TOKEN)
+    assert ask(folder, "GET", path, door=door).status == 401
+    for wrong in (f"Bearer {TOKEN}x", f"Bearer {TOKEN[:-1]}", TOKEN, "Bearer "):
+        assert ask(folder, "GET", path, door=door, headers={"authorization": wrong}).status == 401
+    assert ask(folder, "GET", path, door=door, query="token=wrong").status == 401
+
+
+def test_the_token_is_traded_for_a_cookie_that_scripts_cannot_read(folder):
+    door = Door("127.0.0.1", TOKEN)
+    assert (
+        ask(folder, "GET", "/api/state", door=door, headers={"authorization": f"Bearer {TOKEN}"}).status
+        == 200
+    )
+    traded = ask(folder, "GET", "/loops", door=door, query=f"token={TOKEN}&run=a")
+    assert traded.status == 303
+    assert traded.headers["location"] == "/loops?run=a"
+    cookie = traded.headers["set-cookie"]
+    assert TOKEN not in cookie
+    assert "HttpOnly" in cookie
+    assert "SameSite=Strict" in cookie
+    own = {"cookie": cookie.split(";")[0]}
+    assert ask(folder, "GET", "/api/state", door=door, headers=own).status == 200
+
+
+def test_the_trade_leads_to_no_other_site(folder):
+    traded = ask(folder, "GET", "//evil.example/", door=Door("127.0.0.1", TOKEN), query=f"token={TOKEN}")
+    assert traded.headers.get("location", "/").startswith("/evil.example")
+
+
+@pytest.mark.parametrize("method", ["TRACE", "CONNECT", "OPTIONS", "PATCH"])
+def test_other_methods_are_not_answered(folder, method):
+    assert ask(folder, method, "/api/state").status in {405, 404}
+
+
+def test_every_answer_keeps_a_browser_strict(folder):
+    for path in ("/", "/api/state", "/api/nothing", "/api/files/nothing/look", "/static/nothing.js"):
+        headers = ask(folder, "GET", path).headers
+        assert headers["x-content-type-options"] == "nosniff", path
+        assert headers["referrer-policy"] == "no-referrer"
+        policy = headers["content-security-policy"]
+        assert "default-src 'self'" in policy
+        assert "unsafe" not in policy
+        if path.startswith("/api/"):
+            assert headers["cache-control"] == "no-store"
+
+
+@pytest.mark.parametrize(
+    ("status", "method", "path", "options"),
+    [
+        (303, "GET", "/", {"query": f"token={TOKEN}", "door": Door("127.0.0.1", TOKEN)}),
+        (401, "GET", "/api/state", {"door": Door("127.0.0.1", TOKEN)}),
+        (403, "GET", "/", {"headers": {"host": "evil.example"}}),
+        (403, "POST", "/api/jobs", {"headers": {"origin": "https://evil.example"}}),
+        (404, "GET", "/api/runs/none/series", {}),
+        (405, "TRACE", "/", {}),
+        (409, "POST", "/api/jobs", {"body": b'{"kind": "identify", "options": {"card": "one"}}'}),
+        (413, "PUT", "/api/files/big.csv", {"most_upload": 10, "body": CSV}),
+        (413, "POST", "/api/jobs", {"body": b" " * 2_000_000}),
+        (422, "PUT", "/api/files/run.exe", {"body": CSV}),
+        (500, "GET", "/api/runs", {}),
+    ],
+)
+def test_errors_leave_with_the_same_strict_headers(folder, monkeypatch, status, method, path, options):
+    from mrdamper.web.run_index import RunIndex
+
+    def broken(_self: RunIndex) -> None:
+        raise RuntimeError(SECRET)
+
+    monkeypatch.setattr(RunIndex, "runs", broken)
+    answer = ask(folder, method, path, **options)
+    assert answer.status == status
+    assert answer.headers["x-content-type-options"] == "nosniff"
+    assert answer.headers["referrer-policy"] == "no-referrer"
+    assert "default-src 'self'" in answer.headers["content-security-policy"]
+    assert answer.headers["content-type"] == "application/json"
+    assert set(answer.json) == {"error", "status"}
+    assert SECRET not in answer.body.decode()
+    assert "Traceback" not in answer.body.decode()
+
+
+# ------------------------------------------------------------------------------------------- names
+
+
+NAMES = [
+    "..", ".", "../secret.csv", "..%2fsecret.csv", "..\\secret.csv", "../../secret.csv", "....//secret.csv",
+    "/etc/passwd", "//etc/passwd", "%2e%2e%2fsecret.csv", "a.csv/../../../secret.csv", "a.csv\0.txt",
+    "runs/../../secret.csv", ".cache", ".upload-x", "a.csv/", "~/.bashrc", "C:\\secret.csv",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_no_name_leads_out_of_the_folder(folder, name):
+    """What a server has decoded already, and what it has not, go through the same door."""
+    before = snapshot(folder.parent)
+
+    async def all_of_them() -> list[Answer]:
+        async with living(build(folder)) as app:
+            reads = ["/api/files/{}/look", "/api/inputs/{}", "/api/cards/{}", "/api/cards/one/files/{}",
+                     "/api/jobs/check-001/files/{}", "/api/jobs/{}/files/job.json", "/api/dampers/{}",
+                     "/static/{}", "/{}"]  # fmt: skip
+            found = [await patiently(app, "GET", place.format(name)) for place in reads]
+            for place in ("/api/files/{}", "/api/inputs/{}", "/api/cards/{}"):
+                found.append(await call(app, "PUT", place.format(name), body=b"x,y\n"))
+                found.append(await call(app, "DELETE", place.format(name)))
+            order = {"card": "one", "damper": name, "duty": name}
+            found.append(await call(app, "POST", "/api/heat/curve", body=json.dumps(order).encode()))
+            for kind, options in (
+                ("check", {"files": [name]}),
+                ("predict", {"card": name}),
+                ("identify", {"card": name}),
+                ("compare", {"first": "one", "second": name}),
+                ("cycles", {"record": name}),
+                ("cycles", {"record": "a.csv", "channels": name}),
+                ("cycles", {"record": "a.csv", "model": name}),
+            ):
+                order = {"kind": kind, "options": options}
+                found.append(await call(app, "POST", "/api/jobs", body=json.dumps(order).encode()))
+            return found
+
+    answers = asyncio.run(all_of_them())
+    assert not [answer for answer in answers if SECRET.encode() in answer.body or b"root:" in answer.body]
+    assert not [answer for answer in answers if answer.status >= 500]
+    pages = [answer for answer in answers if answer.status < 300]
+    assert all(answer.headers["content-type"].startswith("text/html") for answer in pages)  # index.html
+    after = snapshot(folder.parent)
+    assert {key: after[key] for key in before} == before
+    assert after.keys() == before.keys()
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_job_finds_nothing_outside_the_folder(folder, name):
+    """Names that stand in a job's options are looked up by these, in the job's own process."""
+    work = WorkFolder(folder)
+    for look_up in (work.run_file, work.record, work.channel_map, work.card, work.input):
+        with pytest.raises(NotThereError):
+            look_up(name)
+
+
+@given(name=st.text(alphabet=st.characters(codec="utf-8"), max_size=12) | st.sampled_from(NAMES))
+def test_a_new_name_is_directly_in_its_folder_or_refused(tmp_path_factory, name):
+    root = tmp_path_factory.getbasetemp() / "names"
+    folder = WorkFolder(root)
+    try:
+        path = folder.new(folder.runs, name)
+    except InputError:
+        return
+    assert path.parent == folder.runs
+    assert path.resolve().parent == folder.runs.resolve()
+    assert not path.name.startswith(".")
+
+
+@pytest.mark.parametrize("name", ["sine 5 mm, 1 Hz (2).csv", "Prüfung_β.csv", "a&b=c@#%.csv"])
+def test_the_names_that_rigs_give_are_taken(tmp_path, name):
+    folder = WorkFolder(tmp_path)
+    assert folder.new(folder.runs, name, (".csv",)).name == name
+
+
+def test_a_link_that_leads_out_is_not_followed(folder):
+    secret = folder.parent / "secret.csv"
+    (folder / "runs" / "link.csv").symlink_to(secret)
+    (folder / "inputs" / "link.toml").symlink_to(secret)
+    (folder / "results" / "check-001" / "link.csv").symlink_to(secret)
+    (folder / "cards" / "out").symlink_to(folder.parent)
+    (folder / "cards" / "one" / "link.csv").symlink_to(secret)
+    for path in (
+        "/api/files/link.csv/look",
+        "/api/inputs/link.toml",
+        "/api/jobs/check-001/files/link.csv",
+        "/api/cards/one/files/link.csv",
+        "/api/cards/out/files/secret.csv",
+    ):
+        answer = ask(folder, "GET", path)
+        assert answer.status == 404, path
+        assert SECRET.encode() not in answer.body
+    state = ask(folder, "GET", "/api/state").json
+    assert [row["name"] for row in state["files"]] == ["a.csv"]
+    assert [row["path"] for job in state["jobs"] for row in job["files"]] == ["check.html"]
+
+
+def test_an_upload_replaces_a_link_and_does_not_write_through_it(folder):
+    secret = folder.parent / "secret.csv"
+    (folder / "runs" / "link.csv").symlink_to(secret)
+    assert ask(folder, "PUT", "/api/files/link.csv", body=CSV).status == 201
+    assert secret.read_text(encoding="utf-8") == SECRET
+    assert not (folder / "runs" / "link.csv").is_symlink()
+
+
+def test_a_folder_whose_part_leads_out_is_refused(tmp_path):
+    (tmp_path / "work").mkdir()
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "work" / "runs").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(InputError, match="leads out"):
+        WorkFolder(tmp_path / "work")
+
+
+def test_a_name_that_is_there_is_found_and_one_that_is_not_is_not(folder):
+    work = WorkFolder(folder)
+    assert work.run_file("a.csv").read_bytes() == CSV
+    with pytest.raises(NotThereError):
+        work.run_file("b.csv")
+
+
+# ------------------------------------------------------------------------------------------- sizes
+
+
+@pytest.mark.parametrize("stated", [True, False])
+def test_an_upload_beyond_the_bound_is_refused_and_leaves_nothing(folder, stated):
+    body = b"1,2,3,4\n" * 5000
+    headers = {"content-length": str(len(body))} if stated else {}
+    answer = ask(
+        folder, "PUT", "/api/files/big.csv", most_upload=20_000, headers=headers, body=body, pieces=20
+    )
+    assert answer.status == 413
+    assert sorted(path.name for path in (folder / "runs").iterdir()) == ["a.csv"]
+
+
+@pytest.mark.parametrize(
+    ("path", "most"), [("/api/inputs/big.toml", 4_000_000), ("/api/cards/big", 8_000_000)]
+)
+def test_inputs_and_cards_are_bounded_too(folder, path, most):
+    before = snapshot(folder)
+    assert ask(folder, "PUT", path, body=b"#" * (most + 1), pieces=9).status == 413
+    assert snapshot(folder) == before
+
+
+def test_a_length_that_is_a_lie_does_not_help(folder):
+    body = b"1,2,3,4\n" * 5000
+    lie = {"content-length": "10"}
+    answer = ask(folder, "PUT", "/api/files/big.csv", most_upload=20_000, headers=lie, body=body, pieces=20)
+    assert answer.status == 413
+    assert not (folder / "runs" / "big.csv").exists()
+
+
+@pytest.mark.parametrize("path", ["/api/jobs", "/api/heat/curve", "/api/nothing"])
+def test_a_request_without_end_is_refused(folder, path):
+    assert ask(folder, "POST", path, body=b" " * 3_000_000, pieces=30).status == 413
+
+
+@pytest.mark.parametrize(
+    "body",
+    [b"", b"[]", b"{", b"\xff\xfe", b"[" * 100_000, b'{"kind": ["a"]}', b'{"kind": "check", "options": 3}',
+     b'{"kind": "heat", "options": {"card": "one", "ambient_degC": NaN}}',
+     b'{"kind": "heat", "options": {"card": "one", "ambient_degC": 1e999}}',
+     b'{"kind": "check", "options": {"unknown": 1}}'],
+)  # fmt: skip
+def test_a_request_that_is_no_order_is_told_so(folder, body):
+    answer = ask(folder, "POST", "/api/jobs", body=body)
+    assert answer.status == 422
+    assert answer.json["error"]
+    assert len(answer.body) < 2000
+    assert [path.name for path in (folder / "results").iterdir()] == ["check-001"]
+
+
+def part_of_an_upload(address: str) -> socket.socket:
+    """Begin an upload and say no more: the connection stays open."""
+    place = urlsplit(address)
+    line = socket.create_connection((place.hostname, place.port), timeout=10.0)
+    head = (
+        f"PUT /api/files/slow.csv HTTP/1.1\r\nHost: {place.netloc}\r\nContent-Length: 100000\r\n\r\n"
+        "time_s,displacement_mm,force_N,current_A\n0,0,"
+    )
+    line.sendall(head.encode())
+    return line
+
+
+def left_in(folder: Path) -> list[str]:
+    return sorted(path.name for path in (folder / "runs").iterdir())
+
+
+def within(seconds: float, holds: Callable[[], bool]) -> bool:
+    """Tell whether something becomes true in time."""
+    end = time.monotonic() + seconds
+    while not holds():
+        if time.monotonic() > end:
+            return False
+        time.sleep(0.02)
+    return True
+
+
+def test_an_upload_that_is_never_finished_leaves_nothing_and_keeps_nobody_waiting(tmp_path):
+    """Slow senders, one that hangs up, and the server's end while some still send."""
+    folder = tmp_path / "work"
+    with served(folder) as client:
+        lines = [part_of_an_upload(client.address) for _ in range(20)]
+        assert within(5.0, lambda: len(left_in(folder)) == 20)  # each beside its place
+        begin = time.monotonic()
+        assert client.get("/api/state")["files"] == []
+        assert time.monotonic() - begin < 1.0
+        for line in lines[:10]:
+            line.close()
+        assert within(5.0, lambda: len(left_in(folder)) == 10)
+        client.process.send_signal(signal.SIGINT)
+        assert client.process.wait(timeout=10.0) == 0
+        assert client.process.stderr is not None
+        assert "Traceback" not in client.process.stderr.read()
+        for line in lines[10:]:
+            line.close()
+    assert left_in(folder) == []
+
+
+def a_workbook_of_zeros(size: int) -> bytes:
+    """Return an archive that looks like a workbook, of a few kB, and unpacks to ``size`` bytes."""
+    held = io.BytesIO()
+    with zipfile.ZipFile(held, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("[Content_Types].xml", "<Types/>")
+        with archive.open("xl/worksheets/sheet1.xml", "w", force_zip64=True) as sheet:
+            for _ in range(size >> 20):
+                sheet.write(b" " * (1 << 20))
+    return held.getvalue()
+
+
+def an_hdf5_without_end() -> bytes:
+    """Return a file of a few kB that states 800 GB: chunks that were never written read as noughts."""
+    held = io.BytesIO()
+    with h5py.File(held, "w") as file:
+        for name in ("time_s", "displacement_mm", "force_N"):
+            file.create_dataset(name, shape=(10**11,), chunks=(10**6,), dtype="f8", compression="gzip")
+    return held.getvalue()
+
+
+def an_npz() -> bytes:
+    held = io.BytesIO()
+    np.savez_compressed(held, force=np.zeros(1000))
+    return held.getvalue()
+
+
+def a_mat_file_of_zeros(stated: int, held: int) -> bytes:
+    """Return a MAT file of some kB whose one array states 8 * ``stated`` bytes, and unpacks to ``held``."""
+    flags = struct.pack("<IIII", 6, 8, 6, 0)  # an array of doubles
+    shape = struct.pack("<IIii", 5, 8, stated, 1)
+    name = struct.pack("<HH4s", 1, 4, b"data")
+    numbers = struct.pack("<II", 9, min(8 * stated, 2**32 - 8))
+    head = flags + shape + name + numbers
+    packer = zlib.compressobj(1)
+    packed = packer.compress(struct.pack("<II", 14, min(len(head) + 8 * stated, 2**32 - 8)) + head)
+    packed += b"".join(packer.compress(bytes(1 << 20)) for _ in range(held >> 20)) + packer.flush()
+    return b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM" + struct.pack("<II", 15, len(packed)) + packed
+
+
+@pytest.mark.parametrize(
+    ("name", "made"),
+    [
+        ("bomb.mat", lambda: a_mat_file_of_zeros(2**31 - 1, 1 << 26)),
+        ("bomb.xlsx", lambda: a_workbook_of_zeros(600 << 20)),
+        ("arrays.xlsx", an_npz),
+        ("many.xlsx", lambda: b"PK\x03\x04" + b"\0" * 5000),
+        ("huge.parquet", lambda: b"PAR1" + b"\xff" * 4000 + b"PAR1"),
+        ("broken.mat", lambda: b"MATLAB 5.0 MAT-file" + b" " * 105 + b"\x00\x01IM" + b"\xff" * 500),
+        ("broken.h5", lambda: b"\x89HDF\r\n\x1a\n" + b"\xff" * 500),
+        ("endless.h5", an_hdf5_without_end),
+    ],
+)
+def test_a_trap_is_told_as_a_fault_of_the_file(folder, name, made):
+    body = made()
+
+    async def upload_and_look() -> tuple[Answer, Answer]:
+        async with living(build(folder)) as app:
+            assert (await call(app, "PUT", f"/api/files/{name}", body=body)).status == 201
+            return await patiently(app, "GET", f"/api/files/{name}/look"), await call(
+                app, "GET", "/api/state"
+            )
+
+    look, state = asyncio.run(upload_and_look())
+    assert look.status == 200
+    assert name in look.json["error"]
+    assert str(folder) not in look.json["error"]
+    assert look.json["columns"] == []
+    assert next(row for row in state.json["files"] if row["name"] == name)["state"] == "unreadable"
+
+
+def test_a_suffix_that_is_no_run_s_is_refused(folder):
+    for name in ("page.html", "arrays.npz", "run.csv.channels.toml", "script.py", "run"):
+        assert ask(folder, "PUT", f"/api/files/{name}", body=b"x").status == 422
+    assert sorted(path.name for path in (folder / "runs").iterdir()) == ["a.csv"]
+
+
+# ------------------------------------------------------------------------------------------- what is inside
+
+
+MARKUP = '<img src=x onerror="alert(1)">'
+
+
+def test_markup_in_names_stays_text(folder):
+    """A file that was put there by hand may be called anything; a channel may, anyway."""
+    head = f"time_s,displacement_mm,force_N,current_A,{MARKUP}\n"
+    rows = "".join(f"{0.01 * k:.2f},{k % 7},{k % 5},1,{k}\n" for k in range(40))
+    name = f"{MARKUP}.csv".replace("/", "")
+    (folder / "runs" / name).write_text(head.replace('"', "'") + rows, encoding="utf-8")
+    assert ask(folder, "PUT", f"/api/files/{name}", body=CSV).status == 422
+    look = ask(folder, "GET", f"/api/files/{name}/look")
+    assert look.headers["content-type"] == "application/json"
+    assert look.json["columns"][4]["name"].startswith("<img src=x")
+    missing = ask(folder, "GET", f"/api/runs/{MARKUP} again/series")
+    assert missing.headers["content-type"] == "application/json"
+    assert missing.headers["x-content-type-options"] == "nosniff"
+
+
+def test_a_report_is_shown_and_nothing_in_it_runs(folder):
+    for path in ("/api/jobs/check-001/files/check.html", "/api/cards/one"):
+        policy = ask(folder, "GET", path).headers["content-security-policy"]
+        assert policy.startswith("sandbox")
+        assert "allow-scripts" not in policy
+        assert "default-src 'none'" in policy
+        assert "script-src" not in policy
+
+
+def test_a_law_in_a_file_is_never_run(folder, tmp_path):
+    mark = tmp_path / "it_ran"
+    law = tmp_path / "law.py"
+    law.write_text(f"open({str(mark)!r}, 'w')\n", encoding="utf-8")
+    (folder / "runs" / "numpy.py").write_text(f"open({str(mark)!r}, 'w')\n", encoding="utf-8")
+    for value in (f"{law}:Law", "law.py:Law", "../law.py:Law"):
+        order = {"kind": "identify", "options": {"card": "x", "law": value}}
+        assert ask(folder, "POST", "/api/jobs", body=json.dumps(order).encode()).status == 422
+    card = json.loads((folder / "cards" / "one" / "card.json").read_text(encoding="utf-8"))
+    card["python_law"] = f"{law}:Law"
+    assert ask(folder, "PUT", "/api/cards/two", body=json.dumps(card).encode()).status == 422
+    assert not (folder / "cards" / "two").exists()
+    assert not mark.exists()
+
+
+@pytest.mark.parametrize("body", [b"{}", b"not json", b"[" * 50_000, b'{"schema_version": 1}', b""])
+def test_what_is_no_card_is_not_stored(folder, body):
+    answer = ask(folder, "PUT", "/api/cards/two", body=body)
+    assert answer.status == 422
+    assert str(folder) not in answer.body.decode()
+    assert sorted(path.name for path in (folder / "cards").iterdir()) == ["one"]
+
+
+def test_a_fault_of_ours_tells_nothing_of_the_inside(folder, monkeypatch, capsys):
+    from mrdamper.web.run_index import RunIndex
+
+    def broken(_self: RunIndex) -> None:
+        raise RuntimeError(SECRET)
+
+    monkeypatch.setattr(RunIndex, "runs", broken)
+    answer = ask(folder, "GET", "/api/runs")
+    assert answer.status == 500
+    assert "fault of mrdamper" in answer.json["error"]
+    assert SECRET.encode() not in answer.body
+    assert b"Traceback" not in answer.body
+    assert SECRET in capsys.readouterr().err  # in the terminal it is told

@@ -1,0 +1,708 @@
+"""The server's answers: what is in the files, as it is drawn, as the command line says it too."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+import zipfile
+from dataclasses import fields
+from typing import get_args
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mrdamper.data.channels import ChannelMap
+from mrdamper.data.prepare import prepare_run
+from mrdamper.data.readers import read_run
+from mrdamper.errors import InputError
+from mrdamper.files import parse_toml
+from mrdamper.identify.assess import Kind
+from mrdamper.identify.fit import METHODS
+from mrdamper.identify.temperature import TEMPERATURES
+from mrdamper.jobs import choices as choices_job
+from mrdamper.jobs.export import ExportOptions
+from mrdamper.jobs.identify import FitOptions
+from mrdamper.jobs.preview import channels_toml
+from mrdamper.jobs.series import keep_runs, keep_window, read_series
+from mrdamper.jobs.sink import SinkOptions
+from mrdamper.jobs.track import TrackOptions
+from mrdamper.thermal.duty import DEFAULT_DUTY
+from mrdamper.web.schemas import KINDS
+from mrdamper.web.worker_client import Desk, NotYetError, Patience
+from mrdamper.web.workspace import WorkFolder
+from tests.support.heated import DRAWING, plain_card
+from tests.support.rigs import answer_of, command, mrdamper, short_runs, write_csv, write_runs
+from tests.support.tracked import write_a_card
+from tests.web.served import series_of, served
+
+TINY = (
+    'motions = ["sine5mm1Hz"]\ncurrents_A = [0, 1]\ntemperatures_degC = [20]\nsteps = false\n'
+    "held_out_temperatures_degC = []\nheld_out_motions = []\n"
+)
+"""A campaign of two runs."""
+
+SILENT = "a b c\n"  # headers that say nothing
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    return write_runs(tmp_path_factory.mktemp("files") / "runs", short_runs())
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """Return a folder and a client of its server."""
+    root = tmp_path_factory.mktemp("site") / "work"
+    with served(root) as client:
+        yield root, client
+
+
+@pytest.fixture
+def clean(site):
+    """Give the server with an empty folder."""
+    root, client = site
+    for part in ("runs", "inputs", "cards"):
+        for path in (root / part).iterdir():
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
+    return root, client
+
+
+def a_run(path, *, seconds=4.0, rate_Hz=200.0, header="time_s,displacement_mm,force_N,current_A"):
+    time_s = np.arange(int(seconds * rate_Hz)) / rate_Hz
+    speed = 0.0314 * np.cos(2.0 * np.pi * time_s)
+    columns = [time_s, 5.0 * np.sin(2.0 * np.pi * time_s), 400.0 * np.tanh(speed / 0.005) + 2e3 * speed]
+    table = np.column_stack([*columns, np.full_like(time_s, 1.0)])
+    np.savetxt(path, table, delimiter=",", header=header, comments="", fmt="%.9g")
+    return table
+
+
+# ------------------------------------------------------------------------------------------- what there is
+
+
+def test_an_empty_folder_has_everything_to_begin_with(clean):
+    root, client = clean
+    state = client.get("/api/state")
+    assert state["files"] == state["cards"] == state["inputs"] == []
+    assert state["folder"] == str(root)
+    assert ".csv" in state["formats"]
+    assert {row["role"] for row in state["choices"]["roles"] if row["needed"]} == {"displacement", "force"}
+    assert sorted(path.name for path in root.iterdir() if not path.name.startswith(".")) == [
+        "cards", "inputs", "records", "results", "runs",
+    ]  # fmt: skip
+
+
+def test_lists_that_stand_twice_are_the_same():
+    """The light module of choices names what heavy modules know."""
+    assert choices_job.METHODS == METHODS
+    assert choices_job.TEMPERATURES == TEMPERATURES
+    assert get_args(Kind) == choices_job.LEAVE_OUT
+    assert choices_job.DUTY == DEFAULT_DUTY
+
+
+@pytest.mark.parametrize(
+    ("kind", "options", "own"),
+    [
+        ("identify", FitOptions, {"card", "files", "flip_force", "replace"}),
+        ("sink", SinkOptions, {"card", "damper", "duty"}),
+        ("track", TrackOptions, {"card"}),
+        ("export", ExportOptions, {"card", "what"}),
+    ],
+)
+def test_an_order_takes_every_option_of_its_job_with_the_same_default(kind, options, own):
+    orders = KINDS[kind].model_fields
+    names = {field.name for field in fields(options)} - {"c", "fmu", "table"}
+    assert set(orders) - own == names
+    usual = options()
+    for name in names:
+        default = orders[name].default
+        assert getattr(usual, name) == (tuple(default) if isinstance(default, list) else default), name
+
+
+def test_the_server_loads_neither_a_table_reader_nor_scipy():
+    """An idle server is small: whatever is heavy is in other processes."""
+    code = (
+        "import sys, tempfile, pathlib; from mrdamper.web.server import build;"
+        "build(pathlib.Path(tempfile.mkdtemp()));"
+        "print([m for m in ('scipy', 'polars', 'matplotlib', 'pint') if m in sys.modules])"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "[]"
+
+
+def test_every_address_without_a_dot_is_the_page(site):
+    _, client = site
+    first = client.ask("GET", "/")
+    assert first.headers["content-type"].startswith("text/html")
+    assert client.ask("GET", "/loops").content == first.content
+    for missing in ("/nothing.js", "/api/nothing", "/static/nothing.css"):
+        answer = client.ask("GET", missing)
+        assert answer.status_code == 404
+        assert answer.headers["content-type"] == "application/json"
+        assert set(answer.json()) == {"error", "status"}
+
+
+# ------------------------------------------------------------------------------------------- files and runs
+
+
+def test_an_uploaded_run_is_read_and_drawn_as_it_was_measured(clean, tmp_path):
+    _, client = clean
+    table = a_run(tmp_path / "run.csv")
+    content = (tmp_path / "run.csv").read_bytes()
+    assert client.ask("PUT", "/api/files/run 1.csv", content=content).status_code == 201
+    (run,) = client.read_all()
+    assert (run["name"], run["file"], run["usable"]) == ("run 1", "run 1.csv", True)
+    assert run["motion"] == "sine 5 mm 1 Hz"
+    assert run["current_A"] == 1.0
+    assert run["stroke_mm"] == pytest.approx(10.0)
+    assert run["peak_velocity_mm_s"] == pytest.approx(31.4, rel=0.01)  # 2 pi 5 mm 1 Hz
+    header, columns = series_of(client.ask("GET", "/api/runs/run 1/series").content)
+    assert header["n"] == header["samples"] == len(table)
+    assert header["step_s"] == pytest.approx(0.005)
+    assert list(columns) == ["time_s", "displacement_mm", "velocity_mm_s", "force_N", "command_A"]
+    for name, measured in zip(("time_s", "displacement_mm", "force_N", "command_A"), table.T, strict=True):
+        np.testing.assert_allclose(columns[name], measured.astype(np.float32), rtol=2e-7, atol=1e-6)
+    inner = slice(20, -20)
+    expected = 10.0 * np.pi * np.cos(2.0 * np.pi * table[:, 0])
+    np.testing.assert_allclose(columns["velocity_mm_s"][inner], expected[inner], atol=0.1)
+
+
+def test_a_broken_file_says_what_is_wrong_and_where_and_shows_its_columns(clean):
+    _, client = clean
+    text = "time_s,displacement_mm,load,current_A\n0,0,1,1\n0.01,1,2,1\n0.02,oops,3,1\n"
+    client.ask("PUT", "/api/files/broken.csv", content=text.encode())
+    client.ask("PUT", "/api/files/mute.csv", content=text.replace("oops", "2").encode())
+    broken, mute = (client.get(f"/api/files/{name}.csv/look") for name in ("broken", "mute"))
+    assert "broken.csv" in broken["error"]
+    assert "oops" in broken["error"]
+    assert "force" in mute["error"]  # `load` has no unit, and is not guessed
+    assert [column["name"] for column in mute["columns"]] == [
+        "time_s",
+        "displacement_mm",
+        "load",
+        "current_A",
+    ]
+    assert [column["guess"] and column["guess"]["role"] for column in mute["columns"]] == [
+        "time", "displacement", "force", "current",
+    ]  # fmt: skip
+    states = {row["name"]: row["state"] for row in client.get("/api/state")["files"]}
+    assert states == {"broken.csv": "unreadable", "mute.csv": "unreadable"}
+    assert client.get("/api/runs")["runs"] == []
+
+
+def test_what_is_wrong_with_a_run_is_found_and_told(clean, tmp_path):
+    """A force that helps the motion: a sign of the load cell, which ``mrdamper check`` finds as well."""
+    _, client = clean
+    table = a_run(tmp_path / "run.csv")
+    names = ("time_s", "displacement_mm", "force_N", "current_A")
+    columns = dict(zip(names, table.T * np.array([[1.0], [1.0], [-1.0], [1.0]]), strict=True))
+    path = write_csv(tmp_path / "turned.csv", columns)
+    client.ask("PUT", "/api/files/turned.csv", content=path.read_bytes())
+    client.read_all()
+    end = time.monotonic() + 20.0
+    while not (run := client.get("/api/runs")["runs"][0])["checked"]:
+        assert time.monotonic() < end
+        time.sleep(0.1)
+    assert run["usable"] is False
+    assert run["worst"] == "fault"
+    by_hand = mrdamper("check", path, "--json")
+    told = json.loads(by_hand.stdout)["findings"]
+    assert [finding["kind"] for finding in run["findings"]] == [finding["kind"] for finding in told]
+
+
+def test_a_file_that_comes_or_changes_by_hand_is_seen(clean, tmp_path):
+    root, client = clean
+    a_run(root / "runs" / "run.csv")
+    assert client.read_all()[0]["samples"] == 800
+    a_run(tmp_path / "longer.csv", seconds=6.0)
+    shutil.copy(tmp_path / "longer.csv", root / "runs" / "run.csv")
+    assert client.read_all()[0]["samples"] == 1200
+    assert client.ask("DELETE", "/api/files/run.csv").status_code == 200
+    assert client.read_all() == []
+    assert client.ask("GET", "/api/runs/run/series").status_code == 404
+
+
+def test_listeners_hear_that_the_folder_has_changed(clean):
+    root, client = clean
+    with client.http.stream("GET", "/api/events") as stream:
+        lines = stream.iter_lines()
+        assert next(lines) == "event: changed"
+        timer = threading.Timer(0.5, lambda: (root / "inputs" / "new.toml").write_text("", encoding="utf-8"))
+        timer.start()
+        heard = next(line for line in lines if "inputs" in line and "jobs" not in line)
+    assert json.loads(heard.removeprefix("data: ")) == {"what": ["inputs"]}
+
+
+def test_two_files_with_a_run_of_the_same_name_are_told_apart(clean, tmp_path):
+    root, client = clean
+    a_run(root / "runs" / "same.csv")
+    a_run(root / "runs" / "same.txt", seconds=5.0)
+    assert [run["file"] for run in client.read_all()] == ["same.csv", "same.txt"]
+    assert client.ask("GET", "/api/runs/same/series").status_code == 409
+    header, _ = series_of(client.ask("GET", "/api/runs/same/series?file=same.txt").content)
+    assert header["n"] == 1000
+
+
+# ------------------------------------------------------------------------------------------- channel maps
+
+
+MAP = {
+    "channel": {
+        "time": {"index": 1, "unit": "s"},
+        "displacement": {"index": 2, "unit": "mm"},
+        "force": {"name": "c", "unit": "V", "gain": 100.0, "sign": -1},
+    },
+    "constant": {"voltage_V": 1.5},
+}
+
+
+def silent_file(path, tmp_path):
+    table = a_run(tmp_path / "run.csv", header="x")
+    np.savetxt(path, table[:, :3] * [1.0, 1.0, -0.01], delimiter=" ", header="a b c", comments="", fmt="%.9g")
+
+
+def test_a_map_is_tried_before_it_is_written_and_then_read_by_the_command_line(clean, tmp_path):
+    root, client = clean
+    silent_file(root / "runs" / "silent.txt", tmp_path)
+    assert client.get("/api/files/silent.txt/look")["error"]
+    tried = client.ask("PUT", "/api/channels", json={"files": ["silent.txt"], "map": MAP}).json()
+    assert tried["saved"] is False
+    (preview,) = tried["previews"]
+    assert preview["error"] is None
+    assert {c["name"]: c["role"] for c in preview["columns"]} == {
+        "a": "time",
+        "b": "displacement",
+        "c": "force",
+    }
+    assert preview["runs"][0]["force_range_N"] == pytest.approx([-462.8, 462.8], abs=0.5)
+    assert not (root / "runs" / "silent.txt.channels.toml").exists()
+    saved = client.ask(
+        "PUT", "/api/channels", json={"files": ["silent.txt"], "map": MAP, "save": True}
+    ).json()
+    assert saved["saved"] is True
+    (run,) = client.read_all()
+    assert (run["command"], run["command_unit"]) == (1.5, "V")
+    assert client.get("/api/files/silent.txt/look")["map"] == MAP
+    told = answer_of(mrdamper("check", root / "runs" / "silent.txt", "--json"))
+    assert told["files"][0]["runs"] == ["silent"]
+    client.ask("PUT", "/api/channels", json={"files": ["silent.txt"], "map": None, "save": True})
+    assert not (root / "runs" / "silent.txt.channels.toml").exists()
+    assert client.read_all() == []
+
+
+def test_a_map_that_is_given_comes_before_the_one_beside_the_file(tmp_path):
+    silent_file(tmp_path / "silent.txt", tmp_path)
+    (tmp_path / "silent.txt.channels.toml").write_text(channels_toml(MAP), encoding="utf-8")
+    (beside,) = read_run(tmp_path / "silent.txt")
+    (given_,) = read_run(
+        tmp_path / "silent.txt", ChannelMap.from_dict(MAP | {"constant": {"voltage_V": 3.0}})
+    )
+    assert (beside.constant_command, given_.constant_command) == (1.5, 3.0)
+
+
+def test_a_map_that_does_not_fit_every_file_is_not_written(clean, tmp_path):
+    root, client = clean
+    silent_file(root / "runs" / "silent.txt", tmp_path)
+    (root / "runs" / "two.txt").write_text("a b\n1 2\n3 4\n", encoding="utf-8")
+    order = {"files": ["silent.txt", "two.txt"], "map": MAP, "save": True}
+    answer = client.ask("PUT", "/api/channels", json=order).json()
+    assert answer["saved"] is False
+    assert [preview["error"] is None for preview in answer["previews"]] == [True, False]
+    assert not list((root / "runs").glob("*.toml"))
+    wrong = {"channel": {"forse": {"index": 1}}}
+    refused = client.ask("PUT", "/api/channels", json={"files": ["silent.txt"], "map": wrong})
+    assert refused.status_code == 422
+    assert "force" in refused.json()["error"]  # the nearest
+
+
+texts = st.text(alphabet=st.characters(codec="utf-8", exclude_characters="\0"), min_size=1, max_size=12)
+numbers = st.floats(-1e9, 1e9).filter(bool)
+channels = st.fixed_dictionaries({"name": texts, "unit": st.just("V"), "gain": numbers, "offset": numbers})
+
+
+@given(
+    document=st.fixed_dictionaries(
+        {},
+        optional={
+            "channel": st.dictionaries(st.sampled_from(["force", "displacement"]), channels),
+            "constant": st.fixed_dictionaries({"current_mA": st.floats(0.0, 1e3)}),
+            "session": st.fixed_dictionaries({"name": texts}),
+            "segments": st.fixed_dictionaries({"split": texts, "current_A": st.just([0.0, 0.5])}),
+            "file": st.fixed_dictionaries({"part": texts}),
+        },
+    )
+)
+def test_a_map_as_toml_is_the_same_map(document):
+    """Whatever a channel is called: quotes, line breaks, backslashes."""
+    text = channels_toml(document)
+    assert ChannelMap.from_dict(parse_toml(text)) == ChannelMap.from_dict(document)
+
+
+# ------------------------------------------------------------------------------------------- windows
+
+
+@given(
+    force=st.lists(st.floats(-1e4, 1e4, width=32), min_size=65, max_size=600),
+    most=st.integers(64, 300),
+    data=st.data(),
+)
+def test_a_window_keeps_extremes_and_no_more_samples_than_asked(tmp_path_factory, force, most, data):
+    folder = tmp_path_factory.mktemp("window")
+    n = len(force)
+    t = np.arange(n) / 100.0
+    columns = {
+        "time_s": t,
+        "displacement_mm": np.sin(7.0 * t),
+        "force_N": np.array(force),
+        "current_A": t * 0,
+    }
+    keep_runs(write_csv(folder / "run.csv", columns), folder)
+    low = data.draw(st.integers(0, n - 1))
+    high = data.draw(st.integers(low, n - 1))
+    place = folder / "part"
+    keep_window(folder / "0.series", place, most=most, from_s=t[low] - 1e-3, to_s=t[high] + 1e-3)
+    whole, part = read_series(folder / "0.series")[1], read_series(place)[1]
+    assert len(part["time_s"]) <= max(most, 64)
+    assert (np.diff(part["time_s"]) > 0.0).all()
+    kept = np.searchsorted(whole["time_s"], part["time_s"])
+    for name in ("force_N", "displacement_mm"):
+        np.testing.assert_array_equal(whole[name][kept], part[name])
+        inside = whole[name][low : high + 1]
+        assert part[name].max() == inside.max()
+        assert part[name].min() == inside.min()
+    assert part["time_s"][0] == whole["time_s"][low]
+    assert part["time_s"][-1] == whole["time_s"][high]
+
+
+def test_a_window_without_samples_is_told(clean):
+    root, client = clean
+    a_run(root / "runs" / "run.csv")
+    client.read_all()
+    for query, said in (
+        ("from_s=90&to_s=91", "no sample"),
+        ("max=3", "64 to"),
+        ("max=x", "expected numbers"),
+    ):
+        answer = client.ask("GET", f"/api/runs/run/series?{query}")
+        assert answer.status_code == 422
+        assert said in answer.json()["error"]
+
+
+def test_the_model_is_drawn_on_the_samples_of_the_run(clean, runs, tmp_path):
+    """Its error over the drawn samples is the one that ``mrdamper predict`` says."""
+    root, client = clean
+    shutil.copy(runs[3], root / "runs")
+    mrdamper("identify", *runs, "--out", root / "cards" / "mine", "--law", "bouc-wen")
+    client.read_all()
+    name = runs[3].stem
+    header, model = series_of(client.ask("GET", f"/api/runs/{name}/model?card=mine").content)
+    card = root / "cards" / "mine" / "card.json"
+    (told,) = answer_of(mrdamper("predict", card, runs[3], "--json"))["runs"]
+    assert header["rmse_N"] == pytest.approx(told["rmse_N"], rel=1e-9)
+    scored = prepare_run(read_run(runs[3])[0]).scored_from
+    error = (model["force_N"] - model["measured_N"])[scored:].astype(np.float64)
+    assert np.sqrt(np.mean(error**2)) == pytest.approx(told["rmse_N"], rel=1e-3)
+    query = "max=64&from_s=0.5&to_s=2"
+    _, few = series_of(client.ask("GET", f"/api/runs/{name}/model?card=mine&{query}").content)
+    _, same = series_of(client.ask("GET", f"/api/runs/{name}/series?{query}").content)
+    np.testing.assert_array_equal(few["time_s"], same["time_s"])
+    np.testing.assert_array_equal(few["measured_N"], same["force_N"])
+    assert client.ask("GET", f"/api/runs/{name}/model?card=nobody").status_code == 404
+
+
+# ------------------------------------------------------------------------------------------- heat
+
+
+def put_card(root, name="plain", **options):
+    (root / "cards" / name).mkdir()
+    return plain_card(root / "cards" / name, **options)
+
+
+def test_the_quick_curve_is_the_heating_job_s(clean):
+    root, client = clean
+    card = put_card(root)
+    order = {"card": "plain", "amplitude_mm": 10, "frequency_Hz": 1.2, "command": 1.5, "duration_s": 900}
+    quick = client.ask("POST", "/api/heat/curve", json=order).json()
+    duty = "sine:10mm:1.2Hz:1.5A:900s"
+    told = answer_of(mrdamper("heat", card, "--damper", "paper", "--duty", duty, "--json"))
+    for name in ("time_s", "fluid_degC", "coil_degC", "wall_degC"):
+        np.testing.assert_allclose(quick["curve"][name], told["curve"][name], rtol=1e-12)
+    assert quick["force_loss_percent"] == pytest.approx(told["force_loss_percent"])
+    assert quick["limit_degC"] == told["limit_degC"]
+
+
+def test_the_sliders_do_what_physics_says(clean):
+    root, client = clean
+    put_card(root, temperature_dependent=False)
+
+    def final(**changed):
+        order = {"card": "plain", "command": 1.0, "duration_s": 30_000.0, "past_limit": True, **changed}
+        answer = client.ask("POST", "/api/heat/curve", json=order)
+        assert answer.status_code == 200, answer.text
+        return answer.json()
+
+    usual, half, rest = final(), final(duty_share=0.5), final(amplitude_mm=0.0, command=0.0)
+    assert half["power_W"]["mechanical"] == pytest.approx(0.5 * usual["power_W"]["mechanical"])
+    assert half["power_W"]["coil"] == pytest.approx(0.5 * usual["power_W"]["coil"])
+    assert rest["curve"]["fluid_degC"][-1] == pytest.approx(20.0, abs=1e-6)
+
+    def rise(answer, ambient=20.0):
+        return answer["curve"]["fluid_degC"][-1] - ambient
+
+    assert 0.3 * rise(usual) < rise(half) < rise(usual)
+    assert rise(final(air_m_s=3.0)) < rise(usual)
+    assert rise(final(with_sink=False)) > rise(usual)
+    assert final(ambient_degC=40.0)["curve"]["fluid_degC"][0] == pytest.approx(40.0)
+    assert client.ask("POST", "/api/heat/curve", json={"card": "plain", "duty_share": 2}).status_code == 422
+    assert client.ask("POST", "/api/heat/curve", json={"card": "nobody"}).status_code == 404
+
+
+def test_a_drawing_of_one_s_own_is_taken(clean):
+    root, client = clean
+    put_card(root)
+    drawing = DRAWING.read_text(encoding="utf-8").replace("ambient_degC = 20", "ambient_degC = 33")
+    assert client.ask("PUT", "/api/inputs/mine.toml", content=drawing.encode()).status_code == 201
+    assert client.get("/api/dampers/mine.toml")["ambient_degC"] == pytest.approx(33.0)
+    assert client.get("/api/dampers/paper")["sink"]["fins"] == 5
+    curve = client.ask("POST", "/api/heat/curve", json={"card": "plain", "damper": "mine.toml"}).json()
+    assert curve["curve"]["fluid_degC"][0] == pytest.approx(33.0)
+    assert client.ask("GET", "/api/inputs/mine.toml").text == drawing
+    client.ask("PUT", "/api/inputs/bad.toml", content=b"[body]\n")
+    bad = client.ask("GET", "/api/dampers/bad.toml")
+    assert bad.status_code == 422
+    assert "outer_diameter_mm" in bad.json()["error"]
+
+
+def test_files_that_come_and_go_do_no_harm_to_what_is_listed(clean):
+    """A program beside the server writes and removes files, each for some microseconds."""
+    root, client = clean
+    put_card(root)
+    (root / "inputs" / "tiny.toml").write_text(TINY, encoding="utf-8")
+    job = client.job("rig", campaign="tiny.toml")
+    client.ended(job)
+    places = [root / "inputs", root / "records", root / "runs", root / "results" / job]
+    over = threading.Event()
+
+    def coming_and_going():
+        while not over.is_set():
+            for place in places:
+                (place / "passing.csv").write_text("time_s,force_N\n0,1\n")
+            for place in places:
+                (place / "passing.csv").unlink()
+
+    other = threading.Thread(target=coming_and_going)
+    other.start()
+    try:
+        for _ in range(60):
+            client.get("/api/state")
+            client.get(f"/api/jobs/{job}")
+    finally:
+        over.set()
+        other.join()
+
+
+# ------------------------------------------------------------------------------------------- jobs
+
+
+def test_the_virtual_rig_fills_an_empty_folder(clean):
+    root, client = clean
+    (root / "inputs" / "tiny.toml").write_text(TINY, encoding="utf-8")
+    job = client.ended(client.job("rig", campaign="tiny.toml"))
+    assert job["state"] == "done", job["message"]
+    assert len(client.read_all()) == 2
+
+
+def test_the_short_campaign_is_one():
+    from mrdamper.rig.campaign import Campaign
+    from mrdamper.web.adapters import _SHORT
+
+    campaign = Campaign.from_mapping(parse_toml(_SHORT))
+    assert len(campaign.runs()) == 27
+    assert campaign.steps is not None  # the lag can be identified
+
+
+@pytest.mark.long
+def test_a_controller_is_tracked_and_drawn_and_exported(clean, tool):
+    tool("cc")
+    root, client = clean
+    (root / "cards" / "strong").mkdir()
+    write_a_card(root / "cards" / "strong" / "card.json")
+    (root / "inputs" / "brief.toml").write_text(
+        'like = "sine-900N-1Hz"\nduration_s = 2.0\ntemperature_degC = 60\n', encoding="utf-8"
+    )
+    options = {"targets": ["brief.toml"], "controllers": ["recommended", "paper"]}
+    track = client.job("track", card="strong", **options)
+    export = client.job("export", card="strong", what=["c", "table"])
+    tracked = client.ended(track)
+    assert tracked["state"] == "done", tracked["message"]
+    (trace,) = tracked["answer"]["traces"]
+    assert {run["controller"] for run in trace["runs"]} == {"recommended", "paper"}
+    assert len(trace["time_s"]) == len(trace["low_N"]) == len(trace["runs"][0]["force_N"]) <= 2000
+    exported = client.ended(export)
+    assert exported["state"] == "done", exported["message"]
+    assert exported["answer"]["verification"]["passed"] is True
+    names = {row["path"] for row in exported["files"]}
+    assert {"damper_c.zip", "damper_map.csv"} <= names
+    place = root / "results" / export / "damper_c.zip"
+    with zipfile.ZipFile(place) as archive:
+        assert archive.testzip() is None
+        assert "damper_c/damper.c" in archive.namelist()
+    got = client.ask("GET", f"/api/jobs/{export}/files/damper_c.zip?download=1")
+    assert got.headers["content-disposition"].startswith("attachment")
+    assert got.content == place.read_bytes()
+
+
+@pytest.mark.long
+def test_two_clients_and_a_long_fit_keep_the_pages_quick(clean, runs):
+    """No request takes more than a second while a fit has the machine for itself."""
+    root, client = clean
+    for path in runs:
+        shutil.copy(path, root / "runs")
+    put_card(root)
+    client.read_all()
+    fit = client.job("identify", card="long", method="genetic", law="bouc-wen")
+    client.until(fit, {"running"})
+    while client.get(f"/api/jobs/{fit}")["progress"] is None:
+        time.sleep(0.05)
+    longest: list[float] = []
+
+    def walk() -> None:
+        import httpx
+
+        with httpx.Client(base_url=client.address, timeout=30.0, trust_env=False) as http:
+            for turn in range(30):
+                for method, path, body in (
+                    ("GET", "/", None),
+                    ("GET", "/api/state", None),
+                    ("GET", "/api/runs", None),
+                    ("GET", f"/api/runs/{runs[turn % len(runs)].stem}/series?max={100 + turn}", None),
+                    ("GET", f"/api/files/{runs[0].name}/look", None),
+                    ("GET", f"/api/jobs/{fit}", None),
+                    ("POST", "/api/heat/curve", {"card": "plain", "ambient_degC": 20 + turn}),
+                ):
+                    begin = time.monotonic()
+                    answer = http.request(method, path, json=body)
+                    longest.append(time.monotonic() - begin)
+                    assert answer.status_code in {200, 202}, answer.text
+
+    walkers = [threading.Thread(target=walk) for _ in range(2)]
+    for walker in walkers:
+        walker.start()
+    for walker in walkers:
+        walker.join()
+    assert len(longest) == 2 * 30 * 7
+    assert client.get(f"/api/jobs/{fit}")["state"] == "running"
+    assert max(longest) <= 1.0
+    client.ask("POST", f"/api/jobs/{fit}/cancel")
+    client.ended(fit)
+
+
+# ------------------------------------------------------------------------------------------- desks
+
+
+def test_a_desk_ends_when_nobody_asks_and_comes_back(tmp_path):
+    WorkFolder(tmp_path)
+
+    async def ask_twice() -> None:
+        desk = Desk(tmp_path, idle_s=0.3)
+        question = {"ask": "map", "map": {"session": {"name": "x"}}}
+        assert "x" in (await desk.ask(question))["toml"]
+        first = desk._process
+        assert first is not None
+        await asyncio.wait_for(first.wait(), 5.0)
+        assert "x" in (await desk.ask(question))["toml"]
+        await desk.close()
+
+    asyncio.run(ask_twice())
+
+
+def test_a_desk_that_is_broken_by_a_question_answers_the_next_one(tmp_path):
+    WorkFolder(tmp_path)
+
+    async def break_it() -> None:
+        desk = Desk(tmp_path)
+        question = {"ask": "map", "map": {"session": {"name": "x"}}}
+        await desk.ask(question)
+        assert desk._process is not None
+        os.kill(desk._process.pid, signal.SIGSTOP)
+        asked = asyncio.create_task(desk.ask(question))
+        await asyncio.sleep(0.2)
+        os.kill(desk._process.pid, signal.SIGKILL)
+        with pytest.raises(InputError, match="stopped on it"):
+            await asked
+        assert "x" in (await desk.ask(question))["toml"]
+        await desk.close()
+
+    asyncio.run(break_it())
+
+
+def test_patience_ends_and_the_answer_is_found_again():
+    async def ask_again() -> None:
+        patience, calls = Patience(), []
+
+        async def slow() -> str:
+            calls.append(1)
+            await asyncio.sleep(0.2)
+            return "done"
+
+        with pytest.raises(NotYetError):
+            await patience.wait("key", slow, longest_s=0.05)
+        assert await patience.wait("key", slow, longest_s=5.0) == "done"
+        assert len(calls) == 1
+
+    asyncio.run(ask_again())
+
+
+# ------------------------------------------------------------------------------------------- the command
+
+
+def test_a_port_in_use_and_a_host_without_token_end_in_one_message(site, tmp_path):
+    _, client = site
+    port = client.address.rstrip("/").rpartition(":")[2]
+    for options, said in (
+        (("--port", port), "another --port"),
+        (("--host", "0.0.0.0"), "--token"),
+        (("--token", "short"), "16"),
+    ):
+        run = mrdamper("serve", "--folder", tmp_path / "other", *options)
+        assert run.returncode == 3
+        assert said in run.stderr
+        assert "Traceback" not in run.stderr
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_an_interrupt_ends_the_server_quietly(tmp_path, number):
+    """Ctrl-C, a service that is stopped, a terminal that is closed."""
+    with served(tmp_path / "work") as client:
+        client.get("/api/state")
+        client.process.send_signal(number)
+        assert client.process.wait(timeout=10.0) == 0
+        assert client.process.stderr is not None
+        assert client.process.stderr.read() == ""
+
+
+def test_without_the_extra_the_install_command_is_named(tmp_path):
+    code = f"import sys; sys.modules['fastapi'] = None; {command()[2]}"
+    run = subprocess.run(
+        [sys.executable, "-c", code, "serve", "--folder", str(tmp_path)],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert run.returncode == 3
+    assert "pip install 'mrdamper[web]'" in run.stderr
+
+
+def test_a_token_opens_a_server_that_others_can_reach(tmp_path):
+    token = "a-token-of-some-length"
+    with served(tmp_path / "work", "--token", token) as client:
+        assert client.http.get("/api/state").status_code == 401
+        assert client.http.get("/", params={"token": token}, follow_redirects=True).status_code == 200
+        state = client.http.get("/api/state")  # with the cookie
+        assert state.status_code == 200

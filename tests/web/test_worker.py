@@ -1,0 +1,232 @@
+"""Jobs in processes of their own: cancel stops them, a reload finds them, a restart loses nothing."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import time
+
+import pytest
+
+from tests.support.heated import plain_card
+from tests.support.rigs import answer_of, mrdamper, short_runs, write_runs
+from tests.web.served import Client, is_alive, python_processes_of, served
+
+LONG = {"method": "genetic", "law": "bouc-wen"}  # minutes, if nobody stops it
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    return write_runs(tmp_path_factory.mktemp("files") / "runs", short_runs())
+
+
+def a_folder(root, runs):
+    shutil.copytree(runs[0].parent, root / "runs")
+    (root / "cards" / "plain").mkdir(parents=True)
+    plain_card(root / "cards" / "plain", temperature_dependent=False)
+    return root
+
+
+@pytest.fixture
+def folder(tmp_path, runs):
+    return a_folder(tmp_path / "work", runs)
+
+
+@pytest.fixture(scope="module")
+def shared(tmp_path_factory, runs):
+    """Return a folder and a client of its server, for the tests that leave it as it was."""
+    root = a_folder(tmp_path_factory.mktemp("shared") / "work", runs)
+    with served(root) as client:
+        client.read_all()
+        yield root, client
+
+
+@pytest.fixture
+def idle(shared):
+    """Give the shared server back with nothing running."""
+    yield shared
+    client = shared[1]
+    for job in client.get("/api/jobs")["jobs"]:
+        client.ask("POST", f"/api/jobs/{job['id']}/cancel")
+        client.ended(job["id"])
+
+
+def events_of(client: Client, job_id: str, **headers: str) -> list[tuple[str, dict[str, object]]]:
+    """Return all events until the end."""
+    with client.http.stream("GET", f"/api/jobs/{job_id}/events", headers=headers) as stream:
+        assert stream.headers["content-type"].startswith("text/event-stream")
+        blocks = "".join(stream.iter_text()).strip().split("\n\n")
+    found = []
+    for block in blocks:
+        fields = dict(line.split(": ", 1) for line in block.splitlines() if not line.startswith(":"))
+        if fields:
+            found.append((fields["event"], json.loads(fields["data"])))
+    return found
+
+
+def a_long_fit(client: Client, name: str = "long") -> tuple[str, int]:
+    """Start a fit of minutes; return its id and process when it has begun to fit."""
+    job_id = client.job("identify", card=name, **LONG)
+    pid = int(client.until(job_id, {"running"})["pid"])
+    end = time.monotonic() + 30.0
+    while client.get(f"/api/jobs/{job_id}")["progress"] is None:
+        assert time.monotonic() < end
+        time.sleep(0.05)
+    return job_id, pid
+
+
+def gone_within(pid: int, seconds: float) -> bool:
+    end = time.monotonic() + seconds
+    while is_alive(pid):
+        if time.monotonic() > end:
+            return False
+        time.sleep(0.05)
+    return True
+
+
+def test_cancel_ends_the_process_and_keeps_the_best_so_far(idle):
+    folder, client = idle
+    job_id, pid = a_long_fit(client, "kept")
+    assert is_alive(pid)
+    begin = time.monotonic()
+    assert client.ask("POST", f"/api/jobs/{job_id}/cancel").status_code == 200
+    assert gone_within(pid, 8.0)
+    assert time.monotonic() - begin < 8.0
+    job = client.ended(job_id, 3.0)
+    assert job["state"] == "cancelled"
+    if job["answer"] is None:  # on a slow machine the best could not be judged in time
+        assert not (folder / "cards" / "kept").exists()
+    else:
+        assert job["answer"]["cancelled"] is True
+        card = json.loads((folder / "cards" / "kept" / "card.json").read_text(encoding="utf-8"))
+        assert "cancelled" in card["notes"]
+    assert not list(folder.rglob(".mrdamper-*"))
+
+
+def test_a_process_that_does_not_listen_is_ended_by_force(idle):
+    folder, client = idle
+    job_id, pid = a_long_fit(client)
+    os.kill(pid, signal.SIGSTOP)  # it cannot even take note of the interrupt
+    client.ask("POST", f"/api/jobs/{job_id}/cancel")
+    assert gone_within(pid, 6.0)
+    job = client.ended(job_id, 3.0)
+    assert job["state"] == "cancelled"
+    assert "by force" in job["message"]
+    assert job["answer"] is None
+    assert not (folder / "cards" / "long").exists()
+    assert not list(folder.rglob(".mrdamper-*"))
+
+
+def test_a_process_that_dies_is_a_job_that_failed(idle):
+    _, client = idle
+    job_id, pid = a_long_fit(client)
+    os.kill(pid, signal.SIGKILL)
+    job = client.ended(job_id, 5.0)
+    assert job["state"] == "failed"
+    assert "ended by itself" in job["message"]
+    again = client.job("check")  # the others go on
+    assert client.ended(again)["state"] == "done"
+
+
+@pytest.mark.long
+def test_two_run_at_once_and_the_third_waits_its_turn(folder):
+    with served(folder) as client:
+        client.read_all()
+        first, _ = a_long_fit(client, "first")
+        second, _ = a_long_fit(client, "second")
+        third = client.job("check")
+        time.sleep(0.5)
+        assert client.get(f"/api/jobs/{third}")["state"] == "queued"
+        fourth = client.job("check")
+        client.ask("POST", f"/api/jobs/{fourth}/cancel")
+        assert client.get(f"/api/jobs/{fourth}")["state"] == "cancelled"  # at once: it had not begun
+        client.ask("POST", f"/api/jobs/{first}/cancel")
+        assert client.ended(third)["state"] == "done"
+        assert client.get(f"/api/jobs/{second}")["state"] == "running"
+        assert [job["id"] for job in client.get("/api/jobs")["jobs"]] == [fourth, third, second, first]
+    assert python_processes_of(folder) == []
+
+
+def test_a_reload_finds_the_job_again_with_all_it_has_said(idle):
+    _, client = idle
+    job_id = client.job("identify", card="quick", law="bouc-wen", hold_out=["*10mm*"])
+    first = events_of(client, job_id)
+    assert first[-1][0] == "end"
+    assert first[-1][1]["state"] == "done"
+    assert any(name == "progress" and told["cost_percent"] for name, told in first)
+    assert events_of(client, job_id) == first
+    last_two = len(first) - 3  # lines before the last line and the end
+    assert events_of(client, job_id, **{"last-event-id": str(last_two)}) == first[last_two:]
+    job = client.get(f"/api/jobs/{job_id}")
+    assert job["answer"]["law"] == "bouc-wen"
+    held_out = {row["name"] for row in job["answer"]["runs"] if row["split"] == "held_out"}
+    assert held_out == {run.name for run in short_runs() if "10mm" in run.name}
+    report = client.ask("GET", "/api/cards/quick/files/report.html")
+    assert report.headers["content-security-policy"].startswith("sandbox")
+
+
+def test_a_power_cut_loses_no_finished_result(folder):
+    with served(folder) as client:
+        client.read_all()
+        finished = client.job("predict", card="plain", files=[])
+        assert (
+            client.ended(finished)["state"] == "failed"
+        )  # volts against amperes: a failure is a result, too
+        checked = client.ended(client.job("check"))
+        running, pid = a_long_fit(client)
+        client.kill()
+    assert gone_within(pid, 8.0)  # nobody would ever stop it otherwise
+    with served(folder) as client:
+        assert client.get(f"/api/jobs/{checked['id']}") == checked
+        assert client.get(f"/api/jobs/{finished}")["state"] == "failed"
+        left = client.get(f"/api/jobs/{running}")
+        assert left["state"] in {"interrupted"}
+        assert "server was stopped" in left["message"]
+        assert client.ask("GET", f"/api/jobs/{checked['id']}/files/check.html").status_code == 200
+        assert len(client.read_all()) == len(short_runs())
+        assert int(client.job("check").rpartition("-")[2]) > int(running.rpartition("-")[2])
+
+
+@pytest.mark.long
+def test_a_server_that_is_stopped_takes_its_processes_with_it(folder):
+    with served(folder) as client:
+        client.read_all()
+        job_id, pid = a_long_fit(client)
+        waiting = client.job("identify", card="other", **LONG)
+    assert gone_within(pid, 1.0)
+    assert python_processes_of(folder) == []
+    with served(folder) as client:
+        assert client.get(f"/api/jobs/{job_id}")["state"] == "interrupted"
+        assert client.get(f"/api/jobs/{waiting}")["state"] == "interrupted"
+
+
+def test_a_second_server_in_the_same_folder_is_refused(folder):
+    with served(folder):
+        second = mrdamper("serve", "--port", "0", "--folder", folder)
+        assert second.returncode == 3
+        assert "another server" in second.stderr
+
+
+def test_the_job_is_the_command_s(idle):
+    folder, client = idle
+    """The same card gives the same answer, on the page and in the terminal."""
+    heat = client.ended(client.job("heat", card="plain", field=False))["answer"]
+    card = folder / "cards" / "plain" / "card.json"
+    told = answer_of(mrdamper("heat", card, "--damper", "paper", "--json"))
+    assert heat["curve"] == told["curve"]
+
+
+def test_a_job_is_deleted_with_its_files_and_not_before_it_has_ended(idle):
+    folder, client = idle
+    job_id, _ = a_long_fit(client)
+    assert client.ask("DELETE", f"/api/jobs/{job_id}").status_code == 409
+    client.ask("POST", f"/api/jobs/{job_id}/cancel")
+    client.ended(job_id)
+    end = time.monotonic() + 3.0
+    while (status := client.ask("DELETE", f"/api/jobs/{job_id}").status_code) == 409:
+        assert time.monotonic() < end
+    assert status == 200
+    assert client.ask("GET", f"/api/jobs/{job_id}").status_code == 404
+    assert not (folder / "results" / job_id).exists()
