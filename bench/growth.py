@@ -36,8 +36,8 @@ from mrdamper.data.prepare import PreparedRun, prepare_run
 from mrdamper.data.records import RigRun
 from mrdamper.excitation import Sine, drive
 from mrdamper.identify.problem import FitProblem
+from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.templates import template
-from mrdamper.identify.variable_projection import fit_variable_projection
 from mrdamper.jobs.cycles import cycles
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant, Polynomial
@@ -269,7 +269,7 @@ def _campaign(size: int) -> list[PreparedRun]:
 
 
 def _runs(size: int) -> Made:
-    from mrdamper.identify.population import Ensemble
+    from mrdamper.identify.search.population import Ensemble
 
     runs = _campaign(max(size, 3))[:size]
     damper, free = template("bouc-wen", _campaign(3))

@@ -17,8 +17,8 @@ from mrdamper.data.prepare import PreparedRun, prepare_run
 from mrdamper.data.readers import read_runs
 from mrdamper.identify.assess import leave_out, score_run, summary
 from mrdamper.identify.problem import FitProblem, FitResult
+from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.templates import template
-from mrdamper.identify.variable_projection import fit_variable_projection
 
 __all__ = ["run"]
 

@@ -1,8 +1,9 @@
 """Searches for a damper's numbers on one campaign: variable projection, and what one would take instead.
 
 Twelve runs of 1000 samples (3 currents, 4 temperatures) of a damper of the fitted form, with 2 % noise. Cost
-and kernel are the same for all (``identify.population.Ensemble``), and so are the bounds; only the search
-differs. The floor is the cost of the true numbers: a search that ends within 1 % of it has found the damper.
+and kernel are the same for all (``identify.search.population.Ensemble``), and so are the bounds; only the
+search differs. The floor is the cost of the true numbers: a search that ends within 1 % of it has found the
+damper.
 
 Variable projection is run with ten seeds, each other search with the first of them; ``full`` runs ten seeds
 of all, and those that take longest. Part of ``python -m bench identification``.
@@ -26,10 +27,10 @@ from mrdamper.arrays import FloatArray
 from mrdamper.data.prepare import PreparedRun, prepare_run
 from mrdamper.data.records import RigRun
 from mrdamper.excitation import Sine, drive
-from mrdamper.identify.population import Ensemble, fit_cma, fit_genetic
 from mrdamper.identify.problem import FitProblem
+from mrdamper.identify.search.population import Ensemble, fit_cma, fit_genetic
+from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.templates import template
-from mrdamper.identify.variable_projection import fit_variable_projection
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import open_drive, simulate
 

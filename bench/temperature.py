@@ -17,7 +17,7 @@ from bench.measure import Row
 from mrdamper.data.records import RigRun
 from mrdamper.identify.assess import RunError
 from mrdamper.identify.fit import Identification
-from mrdamper.identify.population import fit_genetic
+from mrdamper.identify.search.population import fit_genetic
 from mrdamper.rig.campaign import Campaign
 from mrdamper.rig.measurement import measure
 from mrdamper.rig.plant import PRESETS

@@ -51,7 +51,7 @@ def test_a_card_is_scored_without_loading_what_fits_one():
     loaded = modules_after("import mrdamper.jobs.predict, mrdamper.cli.terminal")
     unwanted = {"scipy.optimize", "scipy.stats", "scipy.linalg", "pint", "polars", "jinja2", "matplotlib"}
     assert loaded & unwanted == set()
-    assert "mrdamper.identify.variable_projection" not in loaded
+    assert "mrdamper.identify.search.variable_projection" not in loaded
 
 
 def test_importing_the_package_takes_at_most_30_ms_of_cpu():

@@ -10,8 +10,8 @@ import pytest
 from mrdamper.errors import InputError
 from mrdamper.identify.assess import assess, choose_law, leave_out, passivity, score_run, summary
 from mrdamper.identify.problem import FitProblem
+from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.templates import template
-from mrdamper.identify.variable_projection import fit_variable_projection
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant
 from mrdamper.models.laws import find_law

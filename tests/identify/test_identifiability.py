@@ -14,12 +14,14 @@ from scipy.signal import lfilter
 
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import ConvergenceError, InputError
-from mrdamper.identify import direction
-from mrdamper.identify.identifiability import Direction, bootstrap, profile, sentence, worst_direction
+from mrdamper.identify.confidence import direction
+from mrdamper.identify.confidence.direction import Direction, worst_direction
+from mrdamper.identify.confidence.profiles import profile
+from mrdamper.identify.confidence.resampling import _draw, _levels, bootstrap
+from mrdamper.identify.confidence.sentences import sentence
 from mrdamper.identify.problem import FitProblem, FitResult, FreeParameter, move
-from mrdamper.identify.resampling import _draw, _levels
+from mrdamper.identify.search.variable_projection import Progress, fit_variable_projection
 from mrdamper.identify.templates import template
-from mrdamper.identify.variable_projection import Progress, fit_variable_projection
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant, Polynomial
 from mrdamper.models.laws import find_law

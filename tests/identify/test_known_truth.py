@@ -12,8 +12,8 @@ from mrdamper.data.prepare import Preparation, PreparedRun, prepare_run
 from mrdamper.data.records import RigRun
 from mrdamper.excitation import Sine, drive
 from mrdamper.identify.problem import FitProblem, FitResult
+from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.templates import template
-from mrdamper.identify.variable_projection import fit_variable_projection
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant
 from mrdamper.models.simulate import LAG, simulate

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from mrdamper.identify.assess import score_run
-from mrdamper.identify.population import Ensemble, fit_cma, fit_genetic
 from mrdamper.identify.problem import FitProblem
+from mrdamper.identify.search.population import Ensemble, fit_cma, fit_genetic
+from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.templates import template
-from mrdamper.identify.variable_projection import fit_variable_projection
 from tests.identify.truths import TRUTHS, measured
 
 

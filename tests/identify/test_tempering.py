@@ -15,6 +15,7 @@ from mrdamper.data.records import RigRun
 from mrdamper.errors import InputError
 from mrdamper.excitation import Sine, drive
 from mrdamper.identify.problem import FitProblem, FreeParameter
+from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.temperature import (
     TEMPERATURES,
     Temperature,
@@ -24,7 +25,6 @@ from mrdamper.identify.temperature import (
     temperature_levels,
 )
 from mrdamper.identify.templates import HELD_BEYOND_K, template
-from mrdamper.identify.variable_projection import fit_variable_projection
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import (
     Bipolynomial,

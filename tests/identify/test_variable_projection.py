@@ -13,14 +13,14 @@ import pytest
 from scipy.optimize import minimize
 
 from mrdamper.errors import InputError
-from mrdamper.identify.objective import Objective, _bounded_least_squares
 from mrdamper.identify.problem import FitProblem, FreeParameter
-from mrdamper.identify.templates import template
-from mrdamper.identify.variable_projection import (
+from mrdamper.identify.search.objective import Objective, _bounded_least_squares
+from mrdamper.identify.search.variable_projection import (
     Progress,
     fit_variable_projection,
     latin_hypercube,
 )
+from mrdamper.identify.templates import template
 from mrdamper.models.simulate import simulate
 from tests.identify.truths import TRUTHS, measured
 

@@ -13,7 +13,7 @@ import pytest
 from mrdamper.errors import InputError
 from mrdamper.jobs import fluid as fluid_job
 from mrdamper.models.fluids.carlson import Carlson, flux_density
-from mrdamper.models.fluids.fluid import find_fluid
+from mrdamper.models.fluids.fluid_file import find_fluid
 from mrdamper.models.temperature import Arrhenius, Linear, Vft
 from tests.support.rigs import answer_of, mrdamper
 

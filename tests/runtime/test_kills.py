@@ -70,8 +70,8 @@ def test_what_was_killed_goes_on_to_the_same_files(
 def test_a_population_search_is_gone_through_again_with_what_was_told(method: str):
     """Recalled costs lead a search along its path: to the last bit, and without the kernel."""
     from mrdamper.data.prepare import prepare_run
-    from mrdamper.identify import population
     from mrdamper.identify.problem import FitProblem, FitResult
+    from mrdamper.identify.search import population
     from mrdamper.identify.templates import template
     from tests.support.rigs import short_runs
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from mrdamper.errors import InputError
-from mrdamper.models.fluids.fluid import find_fluid
+from mrdamper.models.fluids.fluid_file import find_fluid
 from mrdamper.thermal.drawing import DamperDrawing, filling_of, read_drawing, read_sink
 from mrdamper.thermal.drawing_file import _KEYS, text_of
 from mrdamper.thermal.heatsink import HeatSink

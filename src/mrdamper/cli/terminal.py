@@ -15,7 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 if TYPE_CHECKING:  # an answer is shown without loading what made it
-    from mrdamper.identify.variable_projection import Progress, Report
+    from mrdamper.identify.search.variable_projection import Progress, Report
 
 __all__ = [
     "counter",

@@ -18,20 +18,15 @@ import numpy as np
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import InputError
 from mrdamper.identify.checkpoint import Ledger, NoLedger, Section
-from mrdamper.identify.identifiability import (
-    Bootstrap,
-    Direction,
-    Profile,
-    bootstrap,
-    profile,
-    sentence,
-    worst_direction,
-)
+from mrdamper.identify.confidence.direction import Direction, worst_direction
+from mrdamper.identify.confidence.profiles import Profile, profile
+from mrdamper.identify.confidence.resampling import Bootstrap, bootstrap
+from mrdamper.identify.confidence.sentences import sentence
 from mrdamper.identify.problem import FitProblem, FitResult, envelope_of
 from mrdamper.identify.scores import RunError, score_run, summary
+from mrdamper.identify.search.variable_projection import Report, fit_variable_projection
 from mrdamper.identify.temperature import Temperature, temperature_levels
 from mrdamper.identify.templates import template
-from mrdamper.identify.variable_projection import Report, fit_variable_projection
 from mrdamper.models.damper import Damper
 from mrdamper.models.laws import HysteresisLaw
 from mrdamper.models.simulate import simulate

@@ -29,9 +29,9 @@ from mrdamper.identify.assess import assess as assess_fit
 from mrdamper.identify.checkpoint import Ledger
 from mrdamper.identify.predict import at_reference, finite, predict, prepare_all, row
 from mrdamper.identify.problem import Estimate, FitProblem, FitResult, envelope_of
+from mrdamper.identify.search.variable_projection import Report, fit_variable_projection
 from mrdamper.identify.temperature import TEMPERATURES, FluidFactors, Temperature, settled
 from mrdamper.identify.templates import command_levels, template
-from mrdamper.identify.variable_projection import Report, fit_variable_projection
 from mrdamper.models.card import Evidence, Excerpt, ModelCard, cut_excerpt
 from mrdamper.models.damper import Damper
 from mrdamper.models.laws import LAWS, HysteresisLaw, PythonLaw, find_law
@@ -188,7 +188,7 @@ def fit(  # noqa: PLR0913 - the options of a fit, by keyword
     if method == "varpro":
         result = fit_variable_projection(problem, starts=starts, seed=seed, report=report, ledger=ledger)
     else:
-        from mrdamper.identify.population import fit_cma, fit_genetic
+        from mrdamper.identify.search.population import fit_cma, fit_genetic
 
         search = fit_genetic if method == "genetic" else fit_cma
         result = search(problem, seed=seed, report=report, ledger=ledger)

@@ -1,6 +1,6 @@
 """Scoring a model on runs: the public ``predict``, and errors as JSON takes them. Nothing is fitted here.
 
-Kept apart from ``api`` so that a card is scored without loading what fits one.
+Kept apart from ``fit`` so that a card is scored without loading what fits one.
 """
 
 from __future__ import annotations
@@ -8,7 +8,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, replace
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
@@ -22,10 +22,8 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.temperature import REFERENCE_K
 from mrdamper.quantities import ZERO_CELSIUS_K
 
-if TYPE_CHECKING:
-    from mrdamper.identify.fit import Identification
-
 __all__ = [
+    "FittedDamper",
     "all_assumed",
     "at_reference",
     "beyond_envelope",
@@ -38,8 +36,19 @@ __all__ = [
 ]
 
 
+class FittedDamper(Protocol):
+    """A damper with the runs that it was fitted to, such as ``fit.Identification``."""
+
+    @property
+    def damper(self) -> Damper: ...
+    @property
+    def preparation(self) -> Preparation: ...
+    @property
+    def training(self) -> Sequence[PreparedRun]: ...
+
+
 def predict(
-    model: ModelCard | Damper | Identification,
+    model: ModelCard | Damper | FittedDamper,
     runs: Dataset | Iterable[RigRun],
     *,
     preparation: Preparation | None = None,

@@ -22,7 +22,7 @@ def choices() -> dict[str, object]:
     """Return every name that a job's options take, with titles and units where there are any."""
     from mrdamper.control.controllers import NAMES
     from mrdamper.control.scenario import SCENARIOS
-    from mrdamper.models.fluids.fluid import PRESETS as FLUIDS
+    from mrdamper.models.fluids.fluid_file import PRESETS as FLUIDS
     from mrdamper.models.laws import LAWS
     from mrdamper.quantities import QUANTITIES
     from mrdamper.rig.damper import PRESETS as DAMPERS

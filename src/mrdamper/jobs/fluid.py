@@ -17,7 +17,8 @@ from mrdamper.arrays import FloatArray
 from mrdamper.data.rheometer import RheometerTable, read_rheometer
 from mrdamper.errors import InputError
 from mrdamper.models.fluids.carlson import field_strength, saturation_stress
-from mrdamper.models.fluids.fluid import Fluid, Origin, find_fluid
+from mrdamper.models.fluids.fluid import Fluid, Origin
+from mrdamper.models.fluids.fluid_file import find_fluid, fluid_to_toml
 from mrdamper.models.fluids.rheometer import FittedNumber
 from mrdamper.models.fluids.viscosity_fit import ViscosityFit, ViscosityStudy, fit_viscosity
 from mrdamper.models.fluids.yield_fit import YieldFit, YieldStudy, fit_yield_stress
@@ -62,7 +63,7 @@ def fluid(
         from mrdamper.report.fluid import draw_fluid
 
         with atomic_output(out) as beside:
-            (beside / "fluid.toml").write_text(study.fluid.to_toml(), encoding="utf-8")
+            (beside / "fluid.toml").write_text(fluid_to_toml(study.fluid), encoding="utf-8")
             picture = draw_fluid(study.viscosity, study.yield_stress, study.fluid.name)
             (beside / "fluid.svg").write_text(picture, encoding="utf-8")
     return {

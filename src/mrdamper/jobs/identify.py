@@ -19,12 +19,12 @@ from mrdamper.identify.checkpoint import Ledger, Section
 from mrdamper.identify.fit import Identification, Method, fit, versions
 from mrdamper.identify.fit import assess as assess_fit
 from mrdamper.identify.predict import row
+from mrdamper.identify.search.variable_projection import Report
 from mrdamper.identify.temperature import Temperature
-from mrdamper.identify.variable_projection import Report
 from mrdamper.jobs.inputs import read_dataset
 from mrdamper.jobs.predict import predict
 from mrdamper.models.card import write_card
-from mrdamper.models.fluids.fluid import find_fluid
+from mrdamper.models.fluids.fluid_file import find_fluid
 from mrdamper.models.laws import LAWS
 from mrdamper.report import answers
 from mrdamper.runtime.checkpoint import Tell, checkpointed

@@ -104,7 +104,7 @@ def _actuation(fitted: Identification) -> Json | None:
 
 def _identifiability(judged: Assessment) -> Json | None:
     """Return what the data cannot tell apart, with the profile and the bootstrap where they were made."""
-    from mrdamper.identify.identifiability import sentence
+    from mrdamper.identify.confidence.sentences import sentence
 
     direction, profile, bootstrap = judged.direction, judged.profile, judged.bootstrap
     if direction is None:

@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import Literal
 
 from mrdamper.errors import InputError
-from mrdamper.models.fluids.fluid import Fluid, find_fluid
+from mrdamper.models.fluids.fluid import Fluid
+from mrdamper.models.fluids.fluid_file import find_fluid
 from mrdamper.quantities import to_degC
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.materials import COPPER_PER_K, MATERIALS, Material

@@ -1,9 +1,9 @@
 """The MR fluid as data: viscosity and yield stress over temperature and field, with sources.
 
 A fluid is a value: its numbers, the named laws they belong to, the temperatures it may be used at, and for
-every number where it comes from and how sure that is. Presets are TOML files in ``fluids/``, in the form that
-``Fluid.to_toml`` writes and that people write for a fluid of their own (docs/fluid.md). Laws of temperature
-are ``temperature``'s, the law of the field is ``carlson``'s; fits to rheometer tables are ``rheometer``'s.
+every number where it comes from and how sure that is. ``fluid_file`` holds the presets and the TOML of a
+user's own fluid (docs/fluid.md). Laws of temperature are ``temperature``'s, the law of the field is
+``carlson``'s; fits to rheometer tables are ``viscosity_fit``'s and ``yield_fit``'s.
 
 Viscosity is without field. Shear rate does not enter: a viscosity belongs to the rate it was measured at.
 """
@@ -14,35 +14,26 @@ import math
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
-from pathlib import Path
 from types import MappingProxyType
-from typing import Literal, Self, cast, get_args
+from typing import Literal, cast, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import EnvelopeError, EnvelopeWarning, InputError
-from mrdamper.files import read_text
 from mrdamper.models.fluids.carlson import Carlson, checked_fraction, field_strength
 from mrdamper.models.temperature import TemperatureFactor
 from mrdamper.quantities import QUANTITIES, ZERO_CELSIUS_K
 
 __all__ = [
-    "PRESETS",
     "PROPERTIES",
     "Collapse",
     "Confidence",
     "Fluid",
     "Origin",
     "fall_percent",
-    "find_fluid",
 ]
-
-PRESETS = ("paper", "lord-mrf-132dg")
-"""The fluids that come with the package."""
-
 
 Confidence = Literal["A", "B", "C", "D"]
 """A: stated by its source, a standard law, or fitted to the user's own table; B: follows from such numbers
@@ -197,28 +188,6 @@ class Fluid:
         self._warn_outside("yield stress", kelvin, self.valid_K)
         return np.asarray(factor * self.yield_field.stress(cast("ArrayLike", field_A_m)))
 
-    @classmethod
-    def from_toml(cls, text: str, place: str = "fluid") -> Self:
-        """Return the fluid that a TOML text holds; ``place`` stands in messages.
-
-        Raises
-        ------
-        InputError
-            The text is no fluid; the message names the place in it.
-        """
-        from mrdamper.models.fluids.fluid_file import arguments_of  # which builds on this module
-
-        try:
-            return cls(**arguments_of(text, place))
-        except InputError as fault:
-            raise fault if place in str(fault) else InputError(f"{place}: {fault}") from fault
-
-    def to_toml(self) -> str:
-        """Return the fluid as a TOML text; the same fluid gives the same text."""
-        from mrdamper.models.fluids.fluid_file import toml_of  # which builds on this module
-
-        return toml_of(self)
-
     def _factor(self, what: str, factor: TemperatureFactor, kelvin: FloatArray) -> FloatArray:
         low, high = _PLAUSIBLE_K
         strange = ~((kelvin >= low) & (kelvin <= high))
@@ -255,33 +224,6 @@ class Fluid:
 def fall_percent(factor: TemperatureFactor, cold_K: float = 293.15, hot_K: float = 373.15) -> float:
     """Return by how much a factor falls from one temperature to another [% of its value at the first]."""
     return 100.0 * (1.0 - float(factor.value(hot_K)) / float(factor.value(cold_K)))
-
-
-def find_fluid(name_or_path: str | Path) -> Fluid:
-    """Return a preset by its name, or the fluid in a TOML file.
-
-    Raises
-    ------
-    InputError
-        Neither a preset nor a readable file of a fluid.
-    """
-    if str(name_or_path) in PRESETS:
-        return _preset(str(name_or_path))
-    path = Path(name_or_path)
-    try:
-        text = read_text(path, "fluid")
-    except InputError as fault:
-        raise InputError(
-            f"fluid {str(name_or_path)!r}: neither a preset ({', '.join(PRESETS)}) nor a file that can be "
-            f"read ({fault})"
-        ) from fault
-    return Fluid.from_toml(text, path.name)
-
-
-@cache
-def _preset(name: str) -> Fluid:
-    text = (Path(__file__).parent / f"{name}.toml").read_text(encoding="utf-8")
-    return Fluid.from_toml(text, name)
 
 
 # ------------------------------------------------------------------------------------------- checks

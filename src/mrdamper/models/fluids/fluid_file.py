@@ -1,4 +1,4 @@
-"""Fluids as TOML: the text of a fluid, and the fluid in a text.
+"""Fluids as TOML: the presets, the text of a fluid, and the fluid in a text.
 
 Every number is a table of its own (value, unit, confidence, source, standard error), or a bare number of
 which nothing else is known. ``like = "preset"`` takes from a preset what the text leaves out. The keys are
@@ -11,25 +11,22 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
+from functools import cache
 from pathlib import Path
 from typing import Any, cast
 
 from mrdamper.errors import InputError
-from mrdamper.files import parse_toml
+from mrdamper.files import parse_toml, read_text
 from mrdamper.models.dependence import did_you_mean
 from mrdamper.models.fluids.carlson import Carlson, FIELD_SCALE_A_m
-from mrdamper.models.fluids.fluid import (
-    PRESETS,
-    PROPERTIES,
-    Collapse,
-    Fluid,
-    Origin,
-    find_fluid,
-)
+from mrdamper.models.fluids.fluid import PROPERTIES, Collapse, Fluid, Origin
 from mrdamper.models.temperature import FACTORS, PolynomialFactor, TemperatureFactor
 from mrdamper.quantities import ZERO_CELSIUS_K
 
-__all__ = ["SCHEMA_VERSION", "arguments_of", "toml_of"]
+__all__ = ["PRESETS", "SCHEMA_VERSION", "find_fluid", "fluid_from_toml", "fluid_to_toml"]
+
+PRESETS = ("paper", "lord-mrf-132dg")
+"""The fluids that come with the package."""
 
 SCHEMA_VERSION = 1
 
@@ -40,8 +37,35 @@ _TOP = ("schema_version", "name", "title", "like", "valid_degC", *_SECTIONS)
 _NUMBER_KEYS = ("value", "unit", "confidence", "source", "standard_error")
 
 
-def arguments_of(text: str, place: str) -> Document:
-    """Return the arguments of ``Fluid`` that a TOML text holds; ``place`` stands in messages.
+def find_fluid(name_or_path: str | Path) -> Fluid:
+    """Return a preset by its name, or the fluid in a TOML file.
+
+    Raises
+    ------
+    InputError
+        Neither a preset nor a readable file of a fluid.
+    """
+    if str(name_or_path) in PRESETS:
+        return _preset(str(name_or_path))
+    path = Path(name_or_path)
+    try:
+        text = read_text(path, "fluid")
+    except InputError as fault:
+        raise InputError(
+            f"fluid {str(name_or_path)!r}: neither a preset ({', '.join(PRESETS)}) nor a file that can be "
+            f"read ({fault})"
+        ) from fault
+    return fluid_from_toml(text, path.name)
+
+
+@cache
+def _preset(name: str) -> Fluid:
+    text = (Path(__file__).parent / f"{name}.toml").read_text(encoding="utf-8")
+    return fluid_from_toml(text, name)
+
+
+def fluid_from_toml(text: str, place: str = "fluid") -> Fluid:
+    """Return the fluid that a TOML text holds; ``place`` stands in messages.
 
     Raises
     ------
@@ -52,11 +76,17 @@ def arguments_of(text: str, place: str) -> Document:
         given = parse_toml(text)
     except InputError as fault:
         raise InputError(f"{place}: not a TOML file: {fault}") from fault
-    return _Reader(_completed(given, place), place).arguments()
+    try:
+        return Fluid(**_Reader(_completed(given, place), place).arguments())
+    except InputError as fault:
+        raise fault if place in str(fault) else InputError(f"{place}: {fault}") from fault
 
 
-def toml_of(fluid: Fluid) -> str:
-    """Return a fluid as a TOML text: plain keys first, then a table for each section and each number."""
+def fluid_to_toml(fluid: Fluid) -> str:
+    """Return a fluid as a TOML text; the same fluid gives the same text.
+
+    Plain keys come first, then a table for each section and each number.
+    """
     document = _document_of(fluid)
     lines = _plain(document)
     for section in _SECTIONS:

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamper.arrays import BoolArray, FloatArray
-from mrdamper.identify.objective import Eliminated, Objective, solve_scaled
 from mrdamper.identify.problem import FitProblem
+from mrdamper.identify.search.objective import Eliminated, Objective, solve_scaled
 
 __all__ = ["Box", "Descents"]
 

@@ -17,7 +17,7 @@ from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import ConvergenceError, InputError
 from mrdamper.identify.checkpoint import Ledger, NoLedger
 from mrdamper.identify.problem import FitProblem, FitResult
-from mrdamper.identify.variable_projection import Progress, Report, fit_variable_projection
+from mrdamper.identify.search.variable_projection import Progress, Report, fit_variable_projection
 
 __all__ = ["Bootstrap", "bootstrap"]
 

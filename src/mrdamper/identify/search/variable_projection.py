@@ -26,8 +26,6 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import ConvergenceError
 from mrdamper.identify.checkpoint import Ledger, NoLedger
-from mrdamper.identify.descent import Box, Descents
-from mrdamper.identify.objective import Objective
 from mrdamper.identify.problem import (
     FitProblem,
     FitResult,
@@ -38,6 +36,8 @@ from mrdamper.identify.problem import (
     move,
     ordered,
 )
+from mrdamper.identify.search.descent import Box, Descents
+from mrdamper.identify.search.objective import Objective
 from mrdamper.identify.uncertainty import estimates_of
 from mrdamper.models.damper import Damper
 

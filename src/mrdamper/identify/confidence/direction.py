@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import ConvergenceError, InputError
 from mrdamper.identify.problem import FitProblem, FitResult, FreeParameter, PreparedFit, move
+from mrdamper.identify.search.variable_projection import Objective, fit_variable_projection
 from mrdamper.identify.uncertainty import covariances
-from mrdamper.identify.variable_projection import Objective, fit_variable_projection
 from mrdamper.models.damper import Damper
 
 __all__ = ["Direction", "fit_held", "half_cycles", "worst_direction"]

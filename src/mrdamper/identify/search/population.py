@@ -19,8 +19,8 @@ from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError, MissingExtraError
 from mrdamper.identify.checkpoint import Ledger, NoLedger
 from mrdamper.identify.problem import FitProblem, FitResult, PreparedFit, Start, lifted, move, ordered
+from mrdamper.identify.search.variable_projection import Progress, Report
 from mrdamper.identify.uncertainty import estimates_of
-from mrdamper.identify.variable_projection import Progress, Report
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import simulate
 from mrdamper.models.temperature import REFERENCE_K

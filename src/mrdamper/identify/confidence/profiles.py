@@ -18,10 +18,10 @@ import numpy as np
 
 from mrdamper.errors import ConvergenceError, InputError
 from mrdamper.identify.checkpoint import Ledger, NoLedger, damper_of, numbers_of
-from mrdamper.identify.direction import Direction, fit_held, half_cycles
+from mrdamper.identify.confidence.direction import Direction, fit_held, half_cycles
 from mrdamper.identify.problem import Estimate, FitProblem, FitResult, FreeParameter, PreparedFit
+from mrdamper.identify.search.variable_projection import Objective, Progress, Report
 from mrdamper.identify.uncertainty import covariances
-from mrdamper.identify.variable_projection import Objective, Progress, Report
 from mrdamper.models.damper import Damper
 
 __all__ = ["End", "Profile", "profile"]

@@ -18,7 +18,7 @@ from scipy.optimize import nnls
 from mrdamper.arrays import BoolArray, FloatArray
 from mrdamper.errors import InputError
 from mrdamper.identify.problem import FitProblem, PreparedFit, envelope_of
-from mrdamper.identify.sums import GramSums
+from mrdamper.identify.search.gram_sums import GramSums
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Bipolynomial
 from mrdamper.models.simulate import LAG

@@ -1,7 +1,7 @@
 """What the data cannot tell apart, in numbers and in one plain sentence.
 
 ``worst_direction`` costs a few passes over the runs; ``profile`` and ``bootstrap`` fit again, from the
-fit's own numbers, on runs that are prepared once. Which tests would make a number known is not said here.
+fit's own parameters, on runs that are prepared once. Which tests would identify a parameter is not said here.
 """
 
 from __future__ import annotations
@@ -10,11 +10,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mrdamper.identify.direction import Direction, worst_direction
-from mrdamper.identify.profiles import Profile, profile
-from mrdamper.identify.resampling import Bootstrap, bootstrap
+from mrdamper.identify.confidence.direction import Direction
+from mrdamper.identify.confidence.profiles import Profile
+from mrdamper.identify.confidence.resampling import Bootstrap
 
-__all__ = ["Bootstrap", "Direction", "Profile", "bootstrap", "profile", "sentence", "worst_direction"]
+__all__ = ["sentence"]
 
 _LOOSE = 10.0  # [%] of a direction's standard error: from there on the data "cannot tell"
 

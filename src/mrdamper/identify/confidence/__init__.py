@@ -1,0 +1,1 @@
+"""What the data do not pin down: the worst direction, profiles, resampling, each in one sentence."""
