@@ -23,7 +23,6 @@ NAMES = (
     "identification",
     "temperature",
     "heating",
-    "heat_models",
     "tracking",
     "series_valve",
     "controller",

@@ -26,8 +26,8 @@ from mrdamper.models.simulate import simulate
 from mrdamper.models.temperature import Arrhenius
 from mrdamper.rig.campaign import Campaign
 from mrdamper.rig.measurement import measure
-from mrdamper.rig.paper import CLAIMED_LOSSES, THERMAL_MOTION, peak_force
 from mrdamper.rig.plant import PRESETS, STEP_S, Plant
+from tests.oracles.paper_preset import CLAIMED_LOSSES, THERMAL_MOTION, peak_force
 from tests.support.pace import taken
 
 TRAINED, HELD_OUT = (20, 40, 80, 120), (60, 100, 123)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from mrdamper.excitation import MOTIONS
-from mrdamper.rig.paper import CLAIMED_LOSSES, THERMAL_MOTION, peak_force
 from mrdamper.rig.plant import PRESETS, STEP_S, Plant
+from tests.oracles.paper_preset import CLAIMED_LOSSES, THERMAL_MOTION, peak_force
 
 
 @pytest.mark.parametrize(

@@ -112,7 +112,7 @@ def test_the_kept_results_hold_the_figures_that_were_asked(name):
     [
         ("startup", {"control", "sysidentpy", "pybamm", "pybop"}),
         ("controller", {"FMU in FMPy", "plain NumPy"}),
-        ("heating", {"LSODA", "BDF", "FreeFem++", "CalculiX"}),
+        ("heating", {"LSODA", "BDF"}),
         ("simulation", {"odeint", "solve_ivp", "numba", "JAX", "diffrax", "CVODE", "Octave", "rk4.c"}),
         ("identification", {"pymoo", "PyGAD", "CMA-ES", "differential_evolution", "lmfit"}),
     ],

@@ -26,7 +26,7 @@ from mrdamper.models.dependence import Constant, Exponential, Hill, ParameterLaw
 from mrdamper.models.laws import LAWS
 from mrdamper.models.reference import bouc_wen_closed_form, simulate_reference
 from mrdamper.models.simulate import LAG, open_drive, sensitivities, simulate
-from mrdamper.rig import spencer as rig
+from tests.oracles import spencer_damper as rig
 
 PARALLEL = {"viscosity": 300.0, "stiffness": 600.0, "offset": 40.0}
 HYSTERESIS = {"rho": 1500.0, "kappa": -0.4, "n": 1.6}

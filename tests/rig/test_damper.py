@@ -8,7 +8,7 @@ import pytest
 
 from mrdamper.errors import InputError
 from mrdamper.rig.damper import PRESETS, VirtualDamper, find_preset
-from mrdamper.rig.paper import solve_thermal_claims
+from tests.oracles.paper_preset import solve_thermal_claims
 
 NUMBERS = [field.name for field in fields(VirtualDamper) if field.name != "name"]
 

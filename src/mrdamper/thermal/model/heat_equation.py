@@ -39,7 +39,6 @@ __all__ = [
     "Matrix",
     "factorise",
     "heat_through",
-    "one_step_backward",
     "settle",
 ]
 
@@ -264,26 +263,6 @@ def settle(equation: HeatEquation, load: Load, *, start: float | FloatArray | No
         "steady state: Newton's method did not settle in 60 steps. If nothing carries the heat "
         "away, there is none"
     )
-
-
-def one_step_backward(equation: HeatEquation, load: Load, state: FloatArray, size: float) -> FloatArray:
-    """Return the state after one step of backward Euler [s], by Newton's method; for comparisons only.
-
-    Raises
-    ------
-    ConvergenceError
-        The iteration did not settle to 1e-9 K in 20 turns.
-    """
-    stepper = _Stepper(equation)
-    stepper.take(load)
-    new = state.copy()
-    for _ in range(20):
-        here = stepper.evaluate(new)
-        move = stepper.solver(here, 1.0, 1.0 / size)(here.rate - equation.mass @ (new - state) / size)
-        new = new + move
-        if float(np.abs(move).max()) < 1e-9:
-            return new
-    raise ConvergenceError("backward Euler: Newton's method did not settle to 1e-9 K in 20 turns")
 
 
 def _first_state(equation: HeatEquation, start: float | FloatArray | None) -> FloatArray:

@@ -7,7 +7,7 @@ import pytest
 
 from mrdamper.data.prepare import prepare_run
 from mrdamper.excitation import Sine
-from mrdamper.rig.spencer import SENSORS, SpencerDamper, campaign, measure, simulate
+from tests.oracles.spencer_damper import SENSORS, SpencerDamper, campaign, measure, simulate
 
 DAMPER = SpencerDamper()
 SINE = Sine(10e-3, 2.0)

@@ -16,7 +16,7 @@ from mrdamper.errors import InputError
 from mrdamper.thermal.films.correlations import STEFAN_BOLTZMANN
 from mrdamper.thermal.model.finite_element import FieldModel
 from mrdamper.thermal.model.section import Role
-from mrdamper.thermal.programs import run_program
+from tests.oracles.programs import run_program
 
 __all__ = ["run_calculix", "write_calculix"]
 

