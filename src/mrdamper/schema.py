@@ -1,10 +1,437 @@
-"""Records declared once: what JSON and TOML hold."""
+"""Records declared once: read from TOML, JSON, options and requests, checked, written back, described.
+
+A record is a frozen dataclass. A field's type says what kind of value it takes (``float``, ``int``, ``bool``,
+``str``, ``Literal``, ``tuple[T, ...]``, ``Mapping[str, T]``, another record, and ``X | None``); an ``Option``
+beside it says unit, range, help and, where the file's key is not the field's name, the key::
+
+    @dataclass(frozen=True, kw_only=True)
+    class Body:
+        length: Annotated[float, Option("without caps", key="length_mm", unit="mm", above=0.0)]
+        orientation: Literal["horizontal", "vertical"] = "horizontal"
+
+    body = read_record(Body, table, place="damper.toml: body")     # Body(length=0.06, ...): SI inside
+    table = write_record(body)                                      # {"length_mm": 60.0, ...}
+    schema = json_schema(Body)
+
+A field with a ``key`` holds SI (kelvin) and its file holds ``unit``; a field without one holds what the file
+holds. All faults of a document are gathered into one ``InputError``, a line each: place, key, what was found,
+what is expected; an unknown key names the nearest. Checks across fields belong into ``__post_init__``, as an
+``InputError``, which gets its place here.
+
+The checking is Pydantic's, loaded on first use: a record's own module needs none of it.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+import dataclasses
+import difflib
+import json
+import math
+import types
+import typing
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
-__all__ = ["Json"]
+from mrdamper.errors import InputError
+from mrdamper.files import read_toml
+from mrdamper.quantities import ZERO_CELSIUS_K
+
+__all__ = [
+    "Field",
+    "Json",
+    "Option",
+    "did_you_mean",
+    "fields_of",
+    "json_schema",
+    "read_record",
+    "read_record_file",
+    "toml_text",
+    "write_record",
+]
 
 Json = dict[str, Any]
 """An object of JSON, or a table of TOML."""
+
+Record = TypeVar("Record")
+
+_MOST_FAULTS = 12  # of a document, in one message
+_LONGEST_FOUND = 60  # characters of a value in a message
+_SCALES = {"mm": 1e-3, "g": 1e-3, "ms": 1e-3, "percent": 1e-2, "kN": 1e3, "min": 60.0}
+# Of each record, once asked for.
+_FIELDS: dict[type, tuple[Field, ...]] = {}
+_ADAPTERS: dict[type, Any] = {}
+_WORDS = {float: "a number", int: "a whole number", bool: "true or false", str: "a text", Path: "a path"}
+
+
+@dataclass(frozen=True, slots=True)
+class Option:
+    """What a field's type cannot say: help, unit, range, and how each face names it.
+
+    ``least`` and ``most`` belong to the range, ``above`` and ``below`` do not; all are in ``unit``.
+    """
+
+    help: str = ""
+    unit: str = ""
+    least: float | None = None
+    most: float | None = None
+    above: float | None = None
+    below: float | None = None
+    key: str = ""  # of the file, where it is not the field's name; the field then holds SI
+    flag: str = ""  # of the command line, where it is not --field-name; "-" hides the field there
+    label: str = ""  # beside the field on a page
+    metavar: str = ""
+    among: Callable[[], Iterable[str]] | None = None  # names that are known only at run time
+    default_help: str = ""  # what a default of None means
+    pattern: str = ""
+    most_items: int | None = None
+    least_items: int | None = None
+
+    __is_annotated_types_grouped_metadata__: typing.ClassVar[Literal[True]] = True
+
+    def __iter__(self) -> Iterator[object]:
+        """Yield the constraints as Pydantic takes them."""
+        import annotated_types as kinds
+
+        pairs = (
+            (kinds.Ge, self.least),
+            (kinds.Le, self.most),
+            (kinds.Gt, self.above),
+            (kinds.Lt, self.below),
+        )
+        yield from (kind(limit) for kind, limit in pairs if limit is not None)
+        if self.least_items is not None:
+            yield kinds.MinLen(self.least_items)
+        if self.most_items is not None:
+            yield kinds.MaxLen(self.most_items)
+        if self.pattern:
+            from pydantic import StringConstraints
+
+            yield StringConstraints(pattern=self.pattern)
+        if self.key and self.unit:
+            from pydantic import AfterValidator
+
+            yield AfterValidator(self.to_si)
+
+    @property
+    def range_words(self) -> str:
+        """The range in words: ``above 0 and at most 5 mm``; empty where there is none."""
+        ends = (
+            *(("above {:g}", self.above), ("at least {:g}", self.least)),
+            *(("below {:g}", self.below), ("at most {:g}", self.most)),
+        )
+        said = [form.format(limit) for form, limit in ends if limit is not None]
+        if self.least is not None and self.most is not None:
+            said = [f"{self.least:g} to {self.most:g}"]
+        return " and ".join(said)
+
+    def to_si(self, value: float | None) -> float | None:
+        """Return a value of the file in SI."""
+        if value is None:
+            return None
+        return value + ZERO_CELSIUS_K if self.unit == "degC" else value * _SCALES.get(self.unit, 1.0)
+
+    def from_si(self, value: float) -> float:
+        """Return a value in SI as the file has it."""
+        if self.unit == "degC":
+            return round(value - ZERO_CELSIUS_K, 10)
+        scale = _SCALES.get(self.unit, 1.0)
+        return value if scale == 1.0 else float(f"{value / scale:.12g}")
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """A field of a record, taken apart: what the faces are made from."""
+
+    name: str
+    key: str
+    type: Any  # without None and without Annotated
+    optional: bool  # None is allowed
+    default: Any  # dataclasses.MISSING where there is none
+    option: Option
+
+    @property
+    def required(self) -> bool:
+        return self.default is dataclasses.MISSING
+
+    @property
+    def item(self) -> Any:  # noqa: ANN401 - a type
+        """The type of each of many values; the type itself of a single one."""
+        return get_args(self.type)[0] if get_origin(self.type) is tuple else self.type
+
+    @property
+    def many(self) -> bool:
+        return get_origin(self.type) is tuple
+
+    @property
+    def choices(self) -> tuple[str, ...]:
+        """The texts that the field takes; empty where any will do."""
+        item = self.item
+        if get_origin(item) is Literal:
+            return tuple(str(each) for each in get_args(item))
+        return tuple(self.option.among()) if self.option.among is not None else ()
+
+    @property
+    def words(self) -> str:
+        """What the field expects: ``a number of mm above 0``."""
+        if self.choices:
+            said = f"one of: {', '.join(self.choices)}"
+        elif dataclasses.is_dataclass(self.item):
+            said = "a table"
+        else:
+            said = _WORDS.get(get_origin(self.item) or self.item, "a table")
+            unit = f" in {self.option.unit}" if self.option.unit else ""
+            limits = f", {self.option.range_words}" if self.option.range_words else ""
+            said = f"{said}{unit}{limits}"
+        return f"a list, each {said}" if self.many else said
+
+
+def fields_of(record: type) -> tuple[Field, ...]:
+    """Return the fields of a record, in order; nothing but the standard library is loaded."""
+    if record not in _FIELDS:
+        _FIELDS[record] = tuple(_taken_fields(record))
+    return _FIELDS[record]
+
+
+def _taken_fields(record: Any) -> Iterator[Field]:  # noqa: ANN401 - a dataclass
+    hints = typing.get_type_hints(record, include_extras=True)
+    for each in dataclasses.fields(record):
+        if not each.init:
+            continue
+        kind, option, optional = _taken_apart(hints[each.name])
+        default = each.default
+        if default is dataclasses.MISSING and each.default_factory is not dataclasses.MISSING:
+            default = each.default_factory()
+        yield Field(each.name, option.key or each.name, kind, optional, default, option)
+
+
+def _taken_apart(hint: Any) -> tuple[Any, Option, bool]:  # noqa: ANN401 - a type
+    """Return (type, option, None allowed) of an annotation, whichever way Annotated and None are nested."""
+    option, optional = Option(), False
+    while True:
+        if get_origin(hint) is Annotated:
+            hint, *extras = get_args(hint)
+            option = next((each for each in extras if isinstance(each, Option)), option)
+        elif get_origin(hint) in (Union, types.UnionType) and type(None) in get_args(hint):
+            optional = True
+            rest = tuple(each for each in get_args(hint) if each is not type(None))
+            hint = rest[0] if len(rest) == 1 else Union[rest]  # noqa: UP007 - made at run time
+        else:
+            return hint, option, optional
+
+
+# ------------------------------------------------------------------------------------------- reading
+
+
+def read_record(record: type[Record], document: Mapping[str, Any], place: str) -> Record:
+    """Return the record that a document holds; ``place`` begins the messages.
+
+    Raises
+    ------
+    InputError
+        With a line for each fault: place, key, what was found, what is expected.
+    """
+    from pydantic import ValidationError
+
+    try:
+        text = json.dumps(document, default=str)
+    except (TypeError, ValueError, RecursionError) as error:
+        raise InputError(f"{place}: nested too deep, or not made of plain values") from error
+    try:
+        found = _adapter(record).validate_json(text, strict=True)
+    except ValidationError as error:
+        faults = [_fault(record, each, place) for each in error.errors(include_url=False)]
+        more = [f"... and {len(faults) - _MOST_FAULTS} more"] if len(faults) > _MOST_FAULTS else []
+        raise InputError("\n".join([*dict.fromkeys(faults[:_MOST_FAULTS]), *more])) from None
+    return typing.cast("Record", found)
+
+
+def read_record_file(record: type[Record], path: str | Path, what: str) -> Record:
+    """Return the record in a TOML file; ``what`` it should be stands in messages."""
+    return read_record(record, read_toml(path, what), Path(path).name)
+
+
+def _adapter(record: Any) -> Any:  # noqa: ANN401 - of a dataclass, a TypeAdapter loaded late
+    if record in _ADAPTERS:
+        return _ADAPTERS[record]
+    from pydantic import TypeAdapter
+
+    for each in _records_in(record):
+        if "__pydantic_config__" not in vars(each):
+            keys = {field.name: field.key for field in fields_of(each)}
+            config = {"extra": "forbid", "allow_inf_nan": False, "alias_generator": keys.__getitem__}
+            each.__pydantic_config__ = config
+    _ADAPTERS[record] = TypeAdapter(record)
+    return _ADAPTERS[record]
+
+
+def _records_in(kind: Any) -> Iterator[Any]:  # noqa: ANN401 - types
+    """Yield the dataclasses that a type is made of, itself included."""
+    if isinstance(kind, type) and dataclasses.is_dataclass(kind):
+        yield kind
+        for hint in typing.get_type_hints(kind, include_extras=True).values():
+            yield from _records_in(hint)
+    else:
+        for each in get_args(kind):
+            yield from _records_in(each)
+
+
+def _fault(record: type, fault: Mapping[str, Any], place: str) -> str:
+    """Return one fault of a document as a line."""
+    *parents, last = [part for part in fault["loc"] if isinstance(part, int | str)] or [""]
+    kind, field = fault["type"], _field_at(record, fault["loc"])
+    if kind == "value_error":  # a check of the record's own
+        own = ".".join(str(part) for part in fault["loc"])
+        return f"{place}: {own}: {fault['ctx']['error']}" if own else f"{place}: {fault['ctx']['error']}"
+    where = ".".join(str(part)[:_LONGEST_FOUND] for part in parents)
+    whole = f"{where}.{last}".strip(".")
+    if kind in {"unexpected_keyword_argument", "extra_forbidden"}:
+        known = [each.key for each in _fields_at(record, parents)]
+        said = f"{where} has no key" if where else "unknown key"
+        return f"{place}: {said} {str(last)[:_LONGEST_FOUND]!r}; {did_you_mean(str(last), known)}"
+    expected = field.words if field is not None else str(fault["msg"]).removeprefix("Input should be ")
+    if kind in {"missing", "missing_argument", "missing_keyword_only_argument"}:
+        return f"{place}: {whole} is missing; expected {expected}"
+    if not whole:
+        return f"{place}: expected a table, found {_shown(fault['input'])}"
+    return f"{place}: {whole} is {_shown(fault['input'])}; expected {expected}"
+
+
+def _fields_at(record: Any, place: Sequence[int | str]) -> tuple[Field, ...]:  # noqa: ANN401 - a type
+    for part in place:
+        field = next((each for each in fields_of(record) if each.key == part), None)
+        if field is None:
+            continue
+        inner = next((each for each in _records_in(field.type)), None)
+        if inner is None:
+            return ()
+        record = inner
+    return fields_of(record) if isinstance(record, type) and dataclasses.is_dataclass(record) else ()
+
+
+def _field_at(record: type, place: Sequence[int | str]) -> Field | None:
+    """Return the innermost field on the way to a place in a document."""
+    names = [part for part in place if isinstance(part, str)]
+    for k in range(len(names), 0, -1):
+        for field in _fields_at(record, names[: k - 1]):
+            if field.key == names[k - 1]:
+                return field
+    return None
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    said = repr(value)
+    return said if len(said) <= _LONGEST_FOUND else f"{said[:_LONGEST_FOUND]} ..."
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Return the end of a message about an unknown name: the nearest known ones, or all of them."""
+    names = list(known)
+    near = difflib.get_close_matches(name, names, n=3, cutoff=0.6)
+    if near:
+        return f"did you mean {' or '.join(near)}?"
+    return f"expected one of: {', '.join(names)}" if names else "expected none"
+
+
+# ------------------------------------------------------------------------------------------- writing
+
+
+def write_record(record: object, *, defaults: bool = False) -> Json:
+    """Return a record as a document that ``read_record`` takes.
+
+    Fields that hold None are left out, as are those that hold their default unless ``defaults``.
+    """
+    table: Json = {}
+    for field in fields_of(type(record)):
+        value = getattr(record, field.name)
+        if value is None or (not defaults and not field.required and value == field.default):
+            continue
+        stored = field.option.from_si(value) if field.option.key and isinstance(value, float) else value
+        table[field.key] = _plain(stored, defaults=defaults)
+    return table
+
+
+def _plain(value: Any, *, defaults: bool) -> Any:  # noqa: ANN401 - whatever a field holds
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return write_record(value, defaults=defaults)
+    if isinstance(value, Mapping):
+        return {key: _plain(each, defaults=defaults) for key, each in value.items()}
+    if isinstance(value, tuple | list):
+        return [_plain(each, defaults=defaults) for each in value]
+    return str(value) if isinstance(value, Path) else value
+
+
+def toml_text(document: Mapping[str, Any], title: str = "") -> str:
+    """Return a document as TOML: plain values first, then tables, lists of tables last."""
+    lines = [f"# {line}" for line in title.splitlines()]
+    _add_table(lines, document, ())
+    return "\n".join(lines).strip("\n") + "\n"
+
+
+def _add_table(lines: list[str], table: Mapping[str, Any], path: tuple[str, ...]) -> None:
+    inner = {key: value for key, value in table.items() if isinstance(value, Mapping)}
+    many = {key: rows for key, rows in table.items() if _is_tables(rows)}
+    lines += [
+        f"{_toml_key(k)} = {_toml_value(v)}" for k, v in table.items() if k not in inner and k not in many
+    ]
+    for key, value in inner.items():
+        place = (*path, _toml_key(key))
+        if (
+            any(not isinstance(each, Mapping) and not _is_tables(each) for each in value.values())
+            or not value
+        ):
+            lines += ["", f"[{'.'.join(place)}]"]
+        _add_table(lines, value, place)
+    for key, rows in many.items():
+        for row in rows:
+            place = (*path, _toml_key(key))
+            lines += ["", f"[[{'.'.join(place)}]]"]
+            _add_table(lines, row, place)
+
+
+def _is_tables(value: object) -> bool:
+    return (
+        isinstance(value, list | tuple) and bool(value) and all(isinstance(each, Mapping) for each in value)
+    )
+
+
+def _toml_key(key: str) -> str:
+    return key if key.replace("_", "").replace("-", "").isalnum() and key.isascii() else json.dumps(key)
+
+
+def _toml_value(value: object) -> str:
+    """Return a number, text, truth value or list as TOML: JSON writes these alike."""
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_toml_value, value))}]"
+    if isinstance(value, float):
+        return "nan" if math.isnan(value) else f"{value:.12g}" if math.isfinite(value) else f"{value:+}"
+    return json.dumps(value, ensure_ascii=False)
+
+
+# ------------------------------------------------------------------------------------------- describing
+
+
+def json_schema(record: type) -> Json:
+    """Return the JSON schema of a record, with help and units as descriptions."""
+    schema: Json = _adapter(record).json_schema(by_alias=True)
+    _describe(schema, record)
+    return schema
+
+
+def _describe(schema: Json, record: type) -> None:
+    properties = schema.get("properties", {})
+    for field in fields_of(record):
+        if field.key in properties:
+            unit = f" [{field.option.unit}]" if field.option.unit else ""
+            said = f"{field.option.help}{unit}".strip()
+            if said:
+                properties[field.key]["description"] = said
+            if field.option.key and isinstance(field.default, float):
+                properties[field.key]["default"] = field.option.from_si(field.default)
+    for name, inner in schema.get("$defs", {}).items():
+        for each in _records_in(record):
+            if each.__name__ == name and each is not record:
+                _describe(inner, each)

@@ -19,11 +19,11 @@ from mrdamper.models.dependence import (
     ParameterLaw,
     Polynomial,
     TemperatureDependent,
-    did_you_mean,
     separable_polynomial,
 )
 from mrdamper.models.dependence_json import KINDS, dependence_from_json, dependence_to_json
 from mrdamper.models.temperature import FACTORS, Arrhenius, Linear, PolynomialFactor, Reynolds, Vft
+from mrdamper.schema import did_you_mean
 
 amounts = st.floats(-1e3, 1e3).filter(lambda x: x == 0.0 or abs(x) > 1e-6)
 constants = st.builds(Constant, amounts)

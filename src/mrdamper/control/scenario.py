@@ -23,7 +23,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 from mrdamper.excitation import Motion, motion_from_text
 from mrdamper.files import read_toml
-from mrdamper.models.dependence import did_you_mean
+from mrdamper.schema import did_you_mean
 
 __all__ = [
     "SCENARIOS",

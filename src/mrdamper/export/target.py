@@ -16,7 +16,7 @@ from mrdamper.control.realtime import RealtimeDamper, realtime_model
 from mrdamper.control.tables.heating import Heating
 from mrdamper.errors import InputError
 from mrdamper.models.card import ModelCard, card_text
-from mrdamper.models.dependence import did_you_mean
+from mrdamper.schema import did_you_mean
 
 __all__ = ["CONTENTS", "PRECISIONS", "Content", "Precision", "Target", "card_fingerprint", "target_of"]
 

@@ -26,12 +26,11 @@ from mrdamper.errors import InputError
 from mrdamper.files import is_there
 from mrdamper.models.card import ModelCard
 from mrdamper.models.card_schema import read_card
-from mrdamper.models.dependence import did_you_mean
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.rig.plant import PRESETS, VirtualDamper
 from mrdamper.rig.plant import Plant as RigPlant
 from mrdamper.runtime.outputs import atomic_output, write_json, write_table
-from mrdamper.schema import Json
+from mrdamper.schema import Json, did_you_mean
 
 if TYPE_CHECKING:
     from mrdamper.control.controllers import ForceController

@@ -25,8 +25,8 @@ from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 from mrdamper.excitation import Trajectory
 from mrdamper.models.damper import Damper, OperatingEnvelope
-from mrdamper.models.dependence import did_you_mean
 from mrdamper.models.dependence_json import dependence_to_json
+from mrdamper.schema import did_you_mean
 
 __all__ = [
     "LAG",

@@ -31,9 +31,10 @@ from mrdamper.models.card import (
     is_finite,
 )
 from mrdamper.models.damper import Damper, OperatingEnvelope
-from mrdamper.models.dependence import ParameterLaw, did_you_mean
+from mrdamper.models.dependence import ParameterLaw
 from mrdamper.models.dependence_json import dependence_from_json
 from mrdamper.models.laws import LAWS, HysteresisLaw
+from mrdamper.schema import did_you_mean
 
 __all__ = ["UPGRADES", "card_from_json", "read_card"]
 

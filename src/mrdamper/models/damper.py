@@ -19,9 +19,10 @@ from numpy.typing import ArrayLike
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 from mrdamper.models.actuation import Actuation
-from mrdamper.models.dependence import Constant, ParameterLaw, TemperatureDependent, did_you_mean
+from mrdamper.models.dependence import Constant, ParameterLaw, TemperatureDependent
 from mrdamper.models.laws import HysteresisLaw
 from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.schema import did_you_mean
 
 __all__ = ["CommandUnit", "Damper", "OperatingEnvelope"]
 

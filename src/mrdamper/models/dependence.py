@@ -12,9 +12,8 @@ Where no temperature is given, it is 20 degC.
 
 from __future__ import annotations
 
-import difflib
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import ClassVar, Protocol, Self
@@ -35,7 +34,6 @@ __all__ = [
     "ParameterLaw",
     "Polynomial",
     "TemperatureDependent",
-    "did_you_mean",
     "separable_polynomial",
 ]
 
@@ -474,15 +472,6 @@ def separable_polynomial(command: Sequence[float], temperature: Sequence[float])
     / A^i], ``temperature`` the t [1/K^j].
     """
     return TemperatureDependent(Polynomial(tuple(command)), PolynomialFactor(tuple(temperature)))
-
-
-def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Return the end of a message about an unknown name: the nearest known ones, or all of them."""
-    names = list(known)
-    near = difflib.get_close_matches(name, names, n=3, cutoff=0.6)
-    if near:
-        return f"did you mean {' or '.join(near)}?"
-    return f"expected one of: {', '.join(names)}" if names else "expected none"
 
 
 def _many_linear(

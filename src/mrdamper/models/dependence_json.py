@@ -20,9 +20,9 @@ from mrdamper.models.dependence import (
     ParameterLaw,
     Polynomial,
     TemperatureDependent,
-    did_you_mean,
 )
 from mrdamper.models.temperature import FACTORS, PolynomialFactor, TemperatureFactor
+from mrdamper.schema import did_you_mean
 
 __all__ = ["KINDS", "dependence_from_json", "dependence_to_json"]
 

@@ -15,8 +15,8 @@ from typing import Any, Literal, cast, get_args
 
 from mrdamper.errors import InputError
 from mrdamper.files import parse_toml, read_text
-from mrdamper.models.dependence import did_you_mean
 from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.schema import did_you_mean
 from mrdamper.thermal.drawing import (
     Body,
     Calibration,

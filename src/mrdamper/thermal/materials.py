@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from mrdamper.errors import InputError
-from mrdamper.models.dependence import did_you_mean
+from mrdamper.schema import did_you_mean
 
 __all__ = ["COPPER_PER_K", "MATERIALS", "Material", "find_material"]
 

@@ -22,9 +22,9 @@ from mrdamper.control.scenario import SCENARIOS
 from mrdamper.errors import InputError
 from mrdamper.files import read_toml
 from mrdamper.identify.temperature import TEMPERATURES
-from mrdamper.models.dependence import did_you_mean
 from mrdamper.models.laws import LAWS
 from mrdamper.rig.damper import PRESETS
+from mrdamper.schema import did_you_mean
 from mrdamper.thermal.drawing_file import DRAWINGS
 from mrdamper.thermal.duty import DEFAULT_DUTY
 

@@ -17,11 +17,11 @@ from typing import Any, cast
 
 from mrdamper.errors import InputError
 from mrdamper.files import parse_toml, read_text
-from mrdamper.models.dependence import did_you_mean
 from mrdamper.models.fluids.carlson import Carlson, FIELD_SCALE_A_m
 from mrdamper.models.fluids.fluid import PROPERTIES, Collapse, Fluid, Origin
 from mrdamper.models.temperature import FACTORS, PolynomialFactor, TemperatureFactor
 from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.schema import did_you_mean
 
 __all__ = ["PRESETS", "SCHEMA_VERSION", "find_fluid", "fluid_from_toml", "fluid_to_toml"]
 
