@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
-from mrdamper.data.reversals import turning_points
+from mrdamper.core import turning_points
 from mrdamper.data.signals import (
     _spline_basis,
     differentiate,

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mrdamper.arrays import FloatArray
 from mrdamper.core import _kernel
@@ -17,6 +18,7 @@ from mrdamper.core._kernel import (
     MOTION_NUMBERS,
     STATE_NUMBERS,
     TRACK_NUMBERS,
+    TURNS_NUMBERS,
     Record,
     Tracker,
     Workspace,
@@ -31,6 +33,7 @@ __all__ = [
     "TRACK_NUMBERS",
     "Record",
     "Tracker",
+    "TurningPoints",
     "Workspace",
     "carry",
     "causal",
@@ -43,6 +46,7 @@ __all__ = [
     "run",
     "solve_banded",
     "squared_errors",
+    "turning_points",
 ]
 
 
@@ -243,3 +247,45 @@ def solve_banded(lower: FloatArray, right: FloatArray) -> FloatArray:
     """
     _kernel.banded(lower, right)
     return right
+
+
+class TurningPoints:
+    """The turning points of a motion that comes in batches: samples from which hysteresis begins anew.
+
+    A turning point is an extreme from which the displacement comes back by more than the dead band [m]. Of
+    equal extremes that follow each other the first counts; the ends of the motion are none. The borders of
+    the batches change nothing.
+    """
+
+    def __init__(self, dead_band: float) -> None:
+        self.dead_band = dead_band
+        self._state = np.zeros(TURNS_NUMBERS)  # mrd_turns in kernel.h
+
+    @property
+    def taken(self) -> int:
+        """Samples so far."""
+        return int(self._state[0])
+
+    @property
+    def pending_low(self) -> int | None:
+        """The sample that would be a lower turning point if the motion rose now; None while it rises."""
+        _, side, _, at, _, lowest_at, _ = self._state.tolist()
+        pending = int(at if side < 0.0 else lowest_at)
+        return pending if side <= 0.0 and self.taken and pending >= 0 else None
+
+    def step_batch(self, displacement: FloatArray) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Take the next samples [m], shape (n,); return the turning points that are certain now.
+
+        They are samples, counted from the first of all, and +1 for an upper or -1 for a lower one, shape
+        (m,) each; upper and lower ones follow each other.
+        """
+        at = np.empty(len(displacement))
+        count = _kernel.turns(self._state, np.ascontiguousarray(displacement), self.dead_band, at)
+        side = int(self._state[1])  # after the last
+        sides = np.where(np.arange(count)[::-1] % 2, side, -side)
+        return at[:count].astype(np.intp), sides
+
+
+def turning_points(displacement: FloatArray, dead_band: float) -> NDArray[np.intp]:
+    """Return the samples at which a whole motion turns by more than the dead band [m]."""
+    return TurningPoints(dead_band).step_batch(displacement)[0]

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamper.arrays import FloatArray
+from mrdamper.core import TurningPoints
 from mrdamper.data.diagnosis.finding import Finding
-from mrdamper.data.reversals import TurningPoints
 from mrdamper.data.segments import HEAD_ROWS, Count, Splitter, STILL_m, moved_by, usable, usual_step
 from mrdamper.data.streaming import Batch
 from mrdamper.errors import InputError
@@ -225,9 +225,9 @@ class CycleCounter:
             self._row = part.row
         columns = [part.time, part.displacement, self._sign * part.force, part.command, warm]
         self._held.append(np.stack([*columns, *([] if part.modelled is None else [part.modelled])]))
-        for sample, side in self._turns.feed(part.displacement):
-            if self._events or side < 0:
-                self._events.append(sample)
+        turns, sides = self._turns.step_batch(part.displacement)
+        known = 0 if self._events or not len(sides) or sides[0] < 0 else 1  # a lower one is the first
+        self._events += turns[known:].tolist()
         done = CycleFigures.joined([])
         if len(self._events) > 2:
             done = self._figures()

@@ -12,8 +12,8 @@ from itertools import pairwise
 import numpy as np
 
 from mrdamper.arrays import FloatArray
+from mrdamper.core import turning_points
 from mrdamper.data.prepare import PreparedRun
-from mrdamper.data.reversals import turning_points
 
 __all__ = ["Cycle", "Drift", "cycles", "drift", "estimate_lag", "repeatability"]
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy import fft
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.reversals import turning_points
+from mrdamper.core import turning_points
 
 __all__ = ["MotionFound", "describe_motion"]
 

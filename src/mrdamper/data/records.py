@@ -18,7 +18,7 @@ from typing import Literal
 import numpy as np
 
 from mrdamper.arrays import FloatArray, read_only
-from mrdamper.data.reversals import turning_points
+from mrdamper.core import turning_points
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, to_degC
 

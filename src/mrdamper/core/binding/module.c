@@ -984,6 +984,30 @@ static PyObject *py_banded(PyObject *module, PyObject *args)
     return result;
 }
 
+static PyObject *py_turns(PyObject *module, PyObject *args)
+{
+    (void)module;
+    double dead_band;
+    PyObject *object[3], *result = NULL;
+    Py_buffer view[3]; /* where the motion stands, displacement, turning points */
+    if (!PyArg_ParseTuple(args, "OOdO", &object[0], &object[1], &dead_band, &object[2])) return NULL;
+    int opened = 0;
+    for (; opened < 3; opened++)
+        if (!open_doubles(object[opened], view + opened, opened != 1, "turning point array")) goto release;
+    if (view[0].len != (Py_ssize_t)sizeof(mrd_turns) || view[1].len != view[2].len) {
+        PyErr_SetString(PyExc_ValueError, "expected TURNS_NUMBERS numbers, and room for a turning point a sample");
+        goto release;
+    }
+    size_t count;
+    Py_BEGIN_ALLOW_THREADS
+    count = kernel->turns(view[0].buf, count_of(view + 1), view[1].buf, dead_band, view[2].buf);
+    Py_END_ALLOW_THREADS
+    result = PyLong_FromSize_t(count);
+release:
+    for (int k = 0; k < opened; k++) PyBuffer_Release(view + k);
+    return result;
+}
+
 static PyObject *py_levels(PyObject *module, PyObject *unused)
 {
     (void)module;
@@ -1034,6 +1058,8 @@ static PyMethodDef methods[] = {
      "batch(step, displacement, velocity, acceleration, dead_band, longest_step, patience, last, motion): a Record."},
     {"carry", py_carry, METH_VARARGS,
      "carry(law, record, coefficients, state, force, workspace): force of a batch, from state to state."},
+    {"turns", py_turns, METH_VARARGS,
+     "turns(state, displacement, dead_band, at): how many turning points the next samples show; their samples in at."},
     {"levels", py_levels, METH_NOARGS, "Instruction set levels that this machine can run, slowest first."},
     {"level", py_level, METH_NOARGS, "The level in use."},
     {"use_level", py_use_level, METH_VARARGS, "use_level(name): choose a level (for tests and the bench)."},
@@ -1069,6 +1095,7 @@ PyMODINIT_FUNC PyInit__kernel(void)
     }
     Py_DECREF(type);
     if (PyModule_AddIntConstant(module, "MOTION_NUMBERS", (long)(sizeof(mrd_motion) / sizeof(double))) < 0
+        || PyModule_AddIntConstant(module, "TURNS_NUMBERS", (long)(sizeof(mrd_turns) / sizeof(double))) < 0
         || PyModule_AddIntConstant(module, "STATE_NUMBERS", (long)(sizeof(mrd_state) / sizeof(double))) < 0) {
         Py_DECREF(module);
         return NULL;

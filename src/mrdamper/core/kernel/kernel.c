@@ -3,6 +3,7 @@
 #include "kernel.h"
 
 #include "curve.c"
+#include "turns.c"
 #include "record.c"
 #include "coefficients.c"
 #include "hysteresis.c"
@@ -32,6 +33,6 @@ const mrd_api *MRD_API(void)
     static const mrd_api api = {MRD_TEXT(MRD_ISA), workspace_open, workspace_close,
                                 record_open, batch_open, record_close, coefficient_count, run, carry, causal,
                                 squared_errors, gram, gram_sums, curve_values, first_order_lag, banded_solve,
-                                mrd_track_start, mrd_track_step, mrd_model_step, mrd_track_parts};
+                                turns_feed, mrd_track_start, mrd_track_step, mrd_model_step, mrd_track_parts};
     return &api;
 }

@@ -80,6 +80,15 @@ typedef struct {
     double turns_at;     /* ... and of the turning point there, where that sample is settled already */
 } mrd_motion;
 
+/* Turning points of a motion that are found so far, and what may yet turn; zeros before the first sample. */
+typedef struct {
+    double taken;             /* samples so far */
+    double side;              /* +1 the motion rises, -1 it falls, 0 it has not left its start by the dead band */
+    double furthest, at;      /* on the way it goes, and its sample; -1: the first one */
+    double lowest, lowest_at; /* the same downward, while side is 0 (furthest is upward then) */
+    double turned;            /* sample of the latest turning point */
+} mrd_turns;
+
 /* Where a law stands between two batches; zeros before the first. */
 typedef struct {
     double begun;
@@ -135,6 +144,7 @@ typedef struct {
     void (*lag)(size_t n, double step, double rise, double fall, const double *command, double *applied, double *by_lag,
                 const double *before);
     int (*banded)(size_t n, size_t width, double *lower, double *right);
+    size_t (*turns)(mrd_turns *turns, size_t n, const double *x, double dead_band, double *at);
     void (*track_start)(const mrd_track *controller, mrd_track_state *state);
     mrd_real (*track_step)(const mrd_track *controller, mrd_track_state *state, const mrd_told *told);
     mrd_real (*model_step)(const mrd_track *model, mrd_track_state *state, const mrd_driven *told);

@@ -158,22 +158,20 @@ static mrd_status batch_open(mrd_record *r, size_t n, double step, const double 
     size_t room = 0, extreme = 0;
     int held = piece_begin(r, &room, r->behind, r->behind ? motion->turn : x[0], side);
     /* Of a motion that stood still for long the furthest sample may lie in an earlier batch: then extreme stays 0. */
-    double furthest = r->behind ? motion->furthest : x[0];
+    mrd_turns turns = {0};
+    turns.side = side;
+    turns.furthest = r->behind ? motion->furthest : x[0];
     size_t begun = r->behind && motion->inside == 0.0; /* first sample of the present piece; 0 for one that goes on */
     for (size_t i = 1; i < n && held; i++) {
-        if (side * x[i] >= side * furthest) {
-            extreme = i;
-            furthest = x[i];
-        } else if (side * (furthest - x[i]) > dead_band) {
-            const double at = r->behind && !extreme ? motion->turns_at : turning_point(r, extreme, side);
-            /* The extreme sample itself lies after the turn when it is already moving back. */
-            begun = side * v[extreme] < 0.0 && extreme > begun ? extreme : extreme + 1;
-            side = -side;
-            held = piece_begin(r, &room, begun, at, side);
-            extreme = i;
-            furthest = x[i];
-        }
+        if (!turns_step(&turns, x[i], (double)i, dead_band, 1)) continue;
+        extreme = (size_t)turns.turned;
+        const double at = r->behind && !extreme ? motion->turns_at : turning_point(r, extreme, side);
+        /* The extreme sample itself lies after the turn when it is already moving back. */
+        begun = side * v[extreme] < 0.0 && extreme > begun ? extreme : extreme + 1;
+        side = turns.side;
+        held = piece_begin(r, &room, begun, at, side);
     }
+    extreme = (size_t)turns.at;
     if (held) {
         r->n = last ? n : !leaves ? 0 : extreme > r->behind ? extreme : r->behind;
         if (!last && n - r->n > patience) r->n = n;
@@ -193,7 +191,7 @@ static mrd_status batch_open(mrd_record *r, size_t n, double step, const double 
         motion->inside = r->first[p] < r->n ? 1.0 : 0.0;
         motion->path = r->first[p] < r->n ? path_at(r, p, r->n - 1) : 0.0;
         if (!r->behind || extreme) motion->turns_at = turning_point(r, extreme, side);
-        motion->furthest = furthest;
+        motion->furthest = turns.furthest;
     }
     return MRD_OK;
 }

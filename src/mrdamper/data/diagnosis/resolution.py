@@ -8,10 +8,10 @@ from itertools import pairwise
 import numpy as np
 
 from mrdamper.arrays import FloatArray
+from mrdamper.core import turning_points
 from mrdamper.data.cycles import cycles, repeatability
 from mrdamper.data.diagnosis.finding import Finding, percent
 from mrdamper.data.prepare import PreparedRun
-from mrdamper.data.reversals import turning_points
 
 __all__ = ["find_few_cycles", "find_few_samples", "find_noise", "samples_in_transition"]
 

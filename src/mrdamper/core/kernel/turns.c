@@ -1,0 +1,56 @@
+/* Turning points of a motion: extremes from which it comes back by more than a dead band.
+ *
+ * One sample at a time, so that it does not matter in what batches a motion comes.
+ */
+
+/* Take sample `i` of the motion. Returns 1 where it shows that the motion has turned: at sample `turned`.
+ *
+ * While `side` is 0 the motion has not left its start by more than the dead band: both ways are followed, the upper one
+ * in `furthest`. Of equal extremes that follow each other the first counts, with `latest` the last.
+ */
+static inline int turns_step(mrd_turns *t, double x, double i, double dead_band, int latest)
+{
+    if (t->side == 0.0) {
+        if (x > t->furthest) {
+            t->furthest = x;
+            t->at = i;
+        }
+        if (x < t->lowest) {
+            t->lowest = x;
+            t->lowest_at = i;
+        }
+        const int falls = t->furthest - x > dead_band;
+        if (!falls && !(x - t->lowest > dead_band)) return 0;
+        t->turned = falls ? t->at : t->lowest_at;
+        t->side = falls ? -1.0 : 1.0;
+    } else {
+        if (t->side * x > t->side * t->furthest || (latest && x == t->furthest)) {
+            t->furthest = x;
+            t->at = i;
+            return 0;
+        }
+        if (!(t->side * (t->furthest - x) > dead_band)) return 0;
+        t->turned = t->at;
+        t->side = -t->side;
+    }
+    t->furthest = x;
+    t->at = i;
+    return t->turned >= 0.0;
+}
+
+/* Take the next n samples: write the samples at which the motion has turned to `at` [n], and return how many there are.
+ * Samples are counted from the first of all, which is no turning point. */
+static size_t turns_feed(mrd_turns *t, size_t n, const double *x, double dead_band, double *at)
+{
+    size_t count = 0;
+    for (size_t k = 0; k < n; k++) {
+        if (t->taken == 0.0) {
+            t->furthest = t->lowest = x[k];
+            t->at = t->lowest_at = -1.0;
+        } else if (turns_step(t, x[k], t->taken, dead_band, 0)) {
+            at[count++] = t->turned;
+        }
+        t->taken += 1.0;
+    }
+    return count;
+}
