@@ -42,8 +42,7 @@ from mrdamper.jobs.cycles import cycles
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant, Polynomial
 from mrdamper.models.laws import LAWS
-from mrdamper.models.simulate import open_drive, simulate
-from mrdamper.models.streaming import CarriedRun
+from mrdamper.models.simulate import RunState, finish_run, open_drive, simulate, simulate_batch
 
 __all__ = ["LEAST_WORK", "exponent", "run"]
 
@@ -178,10 +177,12 @@ def _batches(size: int) -> Made:
     count = -(-size // BATCH)
 
     def job() -> None:
-        run = CarriedRun(_damper())
-        answered = sum(len(run.advance(batch)) for _ in range(count)) + len(run.finish())
-        if answered != count * BATCH:
-            raise RuntimeError(f"{answered} of {count * BATCH} samples were answered")
+        damper, state = _damper(), RunState()
+        for _ in range(count):
+            _, state = simulate_batch(damper, batch, state)
+        _, state = finish_run(damper, state)
+        if state.answered != count * BATCH:
+            raise RuntimeError(f"{state.answered} of {count * BATCH} samples were answered")
 
     return job, count * BATCH
 

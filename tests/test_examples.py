@@ -66,7 +66,7 @@ def test_a_law_of_one_s_own_is_fitted():
 
 
 def test_a_law_of_one_s_own_is_found_by_the_command_line():
-    from mrdamper.models.reference import load_python_law
+    from mrdamper.models.python_law import load_python_law
 
     assert load_python_law(f"{FOLDER / 'custom_law.py'}:Slipping").name == "slipping"
 

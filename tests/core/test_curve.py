@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrdamper import core
-from mrdamper.models.reference import bouc_wen_distance
+from tests.oracles.reference import bouc_wen_distance
 
 EXPONENTS = [
     0.2,

@@ -21,12 +21,13 @@ from hypothesis import strategies as st
 from mrdamper import core
 from mrdamper.core import _kernel
 from mrdamper.excitation import Harmonics, Sine, Trajectory, drive
-from mrdamper.models.damper import Damper
+from mrdamper.models.damper import LAG, Damper
 from mrdamper.models.dependence import Constant, Exponential, Hill, ParameterLaw, Polynomial
 from mrdamper.models.laws import LAWS
-from mrdamper.models.reference import bouc_wen_closed_form, simulate_reference
-from mrdamper.models.simulate import LAG, open_drive, sensitivities, simulate
+from mrdamper.models.simulate import open_drive, simulate
+from mrdamper.models.tangents import sensitivities
 from tests.oracles import spencer_damper as rig
+from tests.oracles.reference import bouc_wen_closed_form, simulate_reference
 
 PARALLEL = {"viscosity": 300.0, "stiffness": 600.0, "offset": 40.0}
 HYSTERESIS = {"rho": 1500.0, "kappa": -0.4, "n": 1.6}

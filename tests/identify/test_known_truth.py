@@ -14,9 +14,9 @@ from mrdamper.excitation import Sine, drive
 from mrdamper.identify.problem import FitProblem, FitResult
 from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.templates import template
-from mrdamper.models.damper import Damper
+from mrdamper.models.damper import LAG, Damper
 from mrdamper.models.dependence import Constant
-from mrdamper.models.simulate import LAG, simulate
+from mrdamper.models.simulate import simulate
 from tests.identify.truths import AS_IT_IS, COMMANDS, TRUTHS, measured
 
 NOISE = 0.02

@@ -42,9 +42,10 @@ from mrdamper.models.dependence import (
 )
 from mrdamper.models.dependence_json import KINDS
 from mrdamper.models.laws import LAWS, Coefficient
-from mrdamper.models.reference import law_from_python, simulate_reference
+from mrdamper.models.python_law import law_from_python
 from mrdamper.models.simulate import simulate as simulate_in_kernel
 from mrdamper.models.temperature import FACTORS, Arrhenius, Linear, PolynomialFactor, Reynolds, Vft
+from tests.oracles.reference import simulate_reference
 
 KEPT = Path(__file__).parent / "card_version_1.json"  # written by the last release of schema version 1
 

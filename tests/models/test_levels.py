@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mrdamper.models.damper import Damper
+from mrdamper.models.damper import LAG, Damper
 from mrdamper.models.dependence import (
     Bipolynomial,
     Constant,
@@ -17,7 +17,6 @@ from mrdamper.models.dependence import (
 )
 from mrdamper.models.laws import LAWS
 from mrdamper.models.operating_points import OperatingPoints
-from mrdamper.models.simulate import LAG
 from mrdamper.models.temperature import Arrhenius, Linear, PolynomialFactor, Reynolds, Vft
 
 COMMAND = np.array([0.0, 0.7, 2.0, 1.3])

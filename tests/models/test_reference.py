@@ -15,12 +15,11 @@ from mrdamper.excitation import Harmonics, Sine, Trajectory, drive
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant, Exponential, Polynomial
 from mrdamper.models.laws import LAWS, Coefficient, PythonLaw
-from mrdamper.models.reference import (
+from mrdamper.models.python_law import law_from_python, load_python_law
+from tests.oracles.reference import (
     bouc_wen_closed_form,
     bouc_wen_distance,
     bouc_wen_state,
-    law_from_python,
-    load_python_law,
     simulate_reference,
     turning_points,
 )

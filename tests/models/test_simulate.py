@@ -17,7 +17,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 from mrdamper.excitation import Sine, drive
 from mrdamper.models.actuation import Actuation
-from mrdamper.models.damper import Damper
+from mrdamper.models.damper import LAG, Damper
 from mrdamper.models.dependence import (
     Bipolynomial,
     Constant,
@@ -28,10 +28,12 @@ from mrdamper.models.dependence import (
     TemperatureDependent,
 )
 from mrdamper.models.laws import LAWS, Coefficient
-from mrdamper.models.reference import law_from_python, simulate_reference
-from mrdamper.models.simulate import LAG, Tangents, open_drive, sensitivities, simulate
+from mrdamper.models.python_law import law_from_python
+from mrdamper.models.simulate import open_drive, simulate
+from mrdamper.models.tangents import Tangents, sensitivities
 from mrdamper.models.temperature import Arrhenius, Linear, PolynomialFactor, Reynolds, TemperatureFactor, Vft
 from tests.identify.truths import TRUTHS
+from tests.oracles.reference import simulate_reference
 
 MOTION = Sine(0.010, 2.0)
 BOUC_WEN: dict[str, ParameterLaw] = {

@@ -14,8 +14,7 @@ from collections.abc import Mapping
 from typing import Any, Protocol
 
 from mrdamper.identify.problem import move
-from mrdamper.models.damper import Damper
-from mrdamper.models.simulate import LAG
+from mrdamper.models.damper import LAG, Damper
 
 __all__ = ["Ledger", "NoLedger", "Section", "damper_of", "numbers_of"]
 

@@ -258,7 +258,7 @@ def resolve_law(law: Law) -> tuple[HysteresisLaw, str | None]:
 
     A text that names a Python file runs that file.
     """
-    from mrdamper.models.reference import law_from_python, load_python_law
+    from mrdamper.models.python_law import law_from_python, load_python_law
 
     if isinstance(law, HysteresisLaw):
         return law, None if law.python is None else _place_of(law.python)

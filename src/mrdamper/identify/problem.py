@@ -20,8 +20,8 @@ from mrdamper import core
 from mrdamper.arrays import FloatArray
 from mrdamper.data.prepare import PreparedRun, decimate
 from mrdamper.errors import InputError
-from mrdamper.models.damper import Damper, OperatingEnvelope
-from mrdamper.models.simulate import LAG, Drive, open_drive
+from mrdamper.models.damper import LAG, Damper, OperatingEnvelope
+from mrdamper.models.simulate import Drive, open_drive
 from mrdamper.models.temperature import REFERENCE_K
 
 __all__ = [

@@ -18,10 +18,9 @@ from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import InputError
 from mrdamper.identify.problem import FreeParameter
 from mrdamper.identify.temperature import FluidFactors, Temperature, assume, temper, temperature_levels
-from mrdamper.models.damper import Damper
+from mrdamper.models.damper import LAG, Damper
 from mrdamper.models.dependence import Constant, Exponential, Hill, ParameterLaw, Polynomial
 from mrdamper.models.laws import HysteresisLaw, find_law
-from mrdamper.models.simulate import LAG
 
 __all__ = ["HELD_BEYOND_K", "Scale", "command_levels", "scale_of", "template"]
 

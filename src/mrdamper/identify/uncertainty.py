@@ -15,8 +15,8 @@ import numpy as np
 from mrdamper import core
 from mrdamper.arrays import FloatArray
 from mrdamper.identify.problem import Estimate, FitProblem, FreeParameter, PreparedFit
-from mrdamper.models.damper import Damper
-from mrdamper.models.simulate import LAG, Tangents
+from mrdamper.models.damper import LAG, Damper
+from mrdamper.models.tangents import Tangents
 
 __all__ = ["covariances", "estimates_of"]
 

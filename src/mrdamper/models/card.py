@@ -24,12 +24,11 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 from mrdamper.excitation import Trajectory
-from mrdamper.models.damper import Damper, OperatingEnvelope
+from mrdamper.models.damper import LAG, Damper, OperatingEnvelope
 from mrdamper.models.dependence_json import dependence_to_json
 from mrdamper.schema import did_you_mean
 
 __all__ = [
-    "LAG",
     "RUN_KEYS",
     "SCHEMA_VERSION",
     "SIGNALS",
@@ -53,9 +52,6 @@ SCHEMA_VERSION = 2
 Json = Any  # what json.loads returns, or its read-only copy
 Document = dict[str, Json]
 Simulate = Callable[[Damper, Trajectory], FloatArray]
-
-LAG = "command_lag_s"
-"""The lag's name among the standard errors (it is a number of the damper, not of a coefficient)."""
 
 SIGNALS = ("displacement_m", "velocity_m_s", "acceleration_m_s2", "command", "force_N")
 SPLITS = ("training", "held_out")

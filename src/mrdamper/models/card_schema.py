@@ -18,7 +18,6 @@ from mrdamper.errors import InputError
 from mrdamper.files import read_text
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.card import (
-    LAG,
     RUN_KEYS,
     SCHEMA_VERSION,
     SIGNALS,
@@ -30,7 +29,7 @@ from mrdamper.models.card import (
     ModelCard,
     is_finite,
 )
-from mrdamper.models.damper import Damper, OperatingEnvelope
+from mrdamper.models.damper import LAG, Damper, OperatingEnvelope
 from mrdamper.models.dependence import ParameterLaw
 from mrdamper.models.dependence_json import dependence_from_json
 from mrdamper.models.laws import LAWS, HysteresisLaw

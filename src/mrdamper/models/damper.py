@@ -24,7 +24,10 @@ from mrdamper.models.laws import HysteresisLaw
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.schema import did_you_mean
 
-__all__ = ["CommandUnit", "Damper", "OperatingEnvelope"]
+__all__ = ["LAG", "CommandUnit", "Damper", "OperatingEnvelope"]
+
+LAG = "command_lag_s"
+"""The name of a damper's command lag among its parameters: it is the damper's own, no coefficient's."""
 
 CommandUnit = Literal["A", "V"]
 Range = tuple[float, float]

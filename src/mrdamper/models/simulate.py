@@ -1,13 +1,15 @@
-"""Simulation: the force of a damper driven through a trajectory, and how it moves with its numbers.
+"""Simulation: the force of a damper driven through a motion and a command.
 
-Kernel laws run in C; a user's law in Python runs through the reference integrator. Both answer the same
-two questions (``simulate`` and ``sensitivities``), so that nothing above this module asks which it is.
+A run comes whole (``simulate``) or in batches (``simulate_batch``, ``finish_run``): the forces are the same
+bits, whatever the borders of the batches, and what one batch hands to the next is a value. Kernel laws run
+in C; a user's law in Python runs whole, through ``python_law``'s integrator. ``tangents`` differentiates the
+force.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -16,27 +18,24 @@ from mrdamper import core
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 from mrdamper.excitation import Trajectory
+from mrdamper.models.actuation import Actuation, Applied
 from mrdamper.models.damper import Damper
+from mrdamper.models.python_law import integrate
 from mrdamper.models.temperature import REFERENCE_K
 
 __all__ = [
-    "LAG",
     "Drive",
-    "Sensitivity",
-    "Tangents",
+    "RunState",
+    "applied_command",
+    "finish_run",
     "open_drive",
     "operating_point",
     "require_temperature",
-    "reversed_valve",
-    "sensitivities",
     "simulate",
+    "simulate_batch",
 ]
 
-
-LAG = "command_lag_s"
-"""The name under which a damper's command lag stands among its numbers."""
-
-_DIFFERENCE = 1e-5  # relative step of the central differences that serve a law in Python
+_PYTHON_TOLERANCE = 1e-8  # of the integrator of laws in Python
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,20 +51,6 @@ class Drive:
     constant: float | None
     temperature: float | None
     warms: bool
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Sensitivity:
-    """Force and tangent columns along a run: d force / d number = combine @ columns.
-
-    ``columns`` are the kernel's, one per coefficient that moves, shape (d, n); ``combine``, shape
-    (numbers, d), turns them into columns per number. Keeping them apart lets Gram sums be taken over
-    few columns.
-    """
-
-    force: FloatArray
-    columns: FloatArray
-    combine: FloatArray
 
 
 def open_drive(trajectory: Trajectory, *, longest_step: float = core.LONGEST_STEP) -> Drive:
@@ -98,106 +83,176 @@ def simulate(
     drive = trajectory if isinstance(trajectory, Drive) else open_drive(trajectory)
     require_temperature(damper, drive.trajectory)
     if damper.law.kernel is None:
-        from mrdamper.models.reference import simulate_reference
-
-        return simulate_reference(damper, drive.trajectory, tolerance=1e-8)
-    command, _, temperature = _applied(damper, drive)
-    coefficients = damper.coefficients_at(command, temperature)
-    violations = damper.law.violations(dict(zip(damper.law.names, coefficients, strict=True)))
-    violations += reversed_valve(damper, coefficients, drive.trajectory.displacement)
-    if violations:
-        raise InputError("; ".join(violations))
-    coefficients = np.ascontiguousarray(coefficients[:, 0] if len(command) == 1 else coefficients)
+        return integrate(damper, drive.trajectory, tolerance=_PYTHON_TOLERANCE)
+    command, _, temperature = applied_command(damper, drive)
+    coefficients = _admissible_coefficients(damper, command, temperature, drive.trajectory.displacement)
     if form == "causal":
         return core.causal(damper.law.kernel, drive.record, coefficients)
     return core.run(damper.law.kernel, drive.record, coefficients)[0]
 
 
-def sensitivities(damper: Damper, drive: Drive, numbers: Sequence[str]) -> Sensitivity:
-    """Return force and tangents of a damper along a run with respect to the named numbers.
+@dataclass(frozen=True, slots=True, eq=False)
+class RunState:
+    """All that a run in batches hands from one to the next; by default a run at rest before the first.
 
-    The conditions of the law are not checked here: a fit keeps inside them.
+    Samples are *settled* once no later one can change the piece of motion that they belong to: behind the
+    furthest point of the motion so far, when it goes on beyond that point or turns back by more than the dead
+    band. ``held`` are the samples from the last settled one on (displacement, velocity, acceleration, applied
+    command, temperature); copies, so that no batch is kept alive.
+
+    Parameters
+    ----------
+    longest_step : longest step of the implicit laws [s]
+    patience : samples that may be held back while the motion rests inside its dead band. Past that they are
+        answered as the motion's going on has them; should it turn back after all, the force of those samples
+        alone is off, by what a travel of the dead band makes of it.
     """
-    return Tangents(damper, numbers, [drive]).along(0)
 
+    longest_step: float = core.LONGEST_STEP
+    patience: int = 1_000_000
+    step: float = 0.0  # of the run [s]; 0 before the first batch
+    dead_band: float = 0.0  # of the run [m]
+    taken: int = 0  # samples given so far
+    answered: int = 0  # samples whose force has been returned
+    over: bool = False
+    motion: FloatArray = field(default_factory=lambda: np.zeros(core.MOTION_NUMBERS), repr=False)
+    law: FloatArray = field(default_factory=lambda: np.zeros(core.STATE_NUMBERS), repr=False)
+    applied: FloatArray = field(default_factory=lambda: np.empty(0), repr=False)  # of the actuation
+    held: tuple[FloatArray, ...] = field(default=(), repr=False)
+    workspace: core.Workspace = field(default_factory=core.Workspace, repr=False)  # a cache, one thread's
 
-class Tangents:
-    """The same along many runs: what depends on the command alone is worked out once for all of them."""
+    def __post_init__(self) -> None:
+        if self.patience < 1:
+            raise InputError(f"patience is {self.patience} samples; expected 1 or more")
 
-    def __init__(self, damper: Damper, numbers: Sequence[str], drives: Sequence[Drive]) -> None:
-        self._damper = damper
-        self._numbers = tuple(numbers)
-        self._drives = tuple(drives)
-        self._workspace = core.Workspace()
-        if damper.law.kernel is None:
-            return
-        members = [number.partition(".") for number in self._numbers if number != LAG]
-        self._places = sorted({damper.law.names.index(name) for name, _, _ in members})
-        if damper.temperature_dependent and any(drive.trajectory.temperature is None for drive in drives):
-            require_temperature(
-                damper, next(d.trajectory for d in drives if d.trajectory.temperature is None)
+    def to_arrays(self) -> dict[str, FloatArray]:
+        """Return the state as float64 arrays by name, for ``from_arrays``."""
+        numbers = [getattr(self, name) for name in _RUN_NUMBERS]
+        kept = {"run": np.array(numbers, dtype=np.float64), "motion": self.motion, "law": self.law}
+        return kept | {"applied": self.applied} | {f"held_{k}": each for k, each in enumerate(self.held)}
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, FloatArray]) -> RunState:
+        """Return the state that ``to_arrays`` gave: with the same damper the run goes on bit for bit.
+
+        Raises
+        ------
+        InputError
+            A part of the state is missing, or of another shape.
+        """
+        parts = {name: np.array(values, dtype=np.float64) for name, values in arrays.items()}
+        expected = {"run": len(_RUN_NUMBERS), "motion": core.MOTION_NUMBERS, "law": core.STATE_NUMBERS}
+        for name, count in expected.items():
+            if name not in parts or parts[name].shape != (count,):
+                shape = parts[name].shape if name in parts else "not there"
+                raise InputError(f"state of a run: {name} is {shape}; expected {count} numbers")
+        longest_step, patience, step, dead_band, taken, answered, over = parts["run"].tolist()
+        held = tuple(parts[f"held_{k}"] for k in range(_HELD) if f"held_{k}" in parts)
+        lengths = [len(column) for column in held]
+        if taken and (len(lengths) != _HELD or lengths[0] < 1 or len(set(lengths[:4])) != 1):
+            raise InputError(
+                f"state of a run: held columns have {lengths} samples; expected {_HELD} of one length"
             )
-        temperature_dependent = damper.temperature_dependent
-        points = [operating_point(drive, temperature_dependent=temperature_dependent) for drive in drives]
-        levels = {point: k for k, point in enumerate(dict.fromkeys(p for p in points if p is not None))}
-        self._level = [None if point is None else levels[point] for point in points]
-        # One row of coefficients, and one matrix from kernel columns to numbers, for each level.
-        at = np.array([point[0] for point in levels], dtype=np.float64)
-        warm = np.array([point[1] for point in levels], dtype=np.float64)
-        self._coefficients = np.ascontiguousarray(damper.coefficients_at(at, warm).T)
-        self._combine = np.zeros((len(levels), len(self._numbers), len(self._places)))
-        held = damper.held(warm)
-        gradients = {name: damper.coefficients[name].gradient(at, held) for name, _, _ in members}
-        for row, number in enumerate(self._numbers):
-            if number == LAG:
-                continue
-            name, _, member = number.partition(".")
-            gradient = gradients[name][damper.coefficients[name].number_names.index(member)]
-            self._combine[:, row, self._places.index(damper.law.names.index(name))] = gradient
-
-    def along(self, run: int, *, store: FloatArray | None = None) -> Sensitivity:
-        """Return force and tangents along one of the runs; ``store`` is room for columns, shape (.., n)."""
-        damper, drive = self._damper, self._drives[run]
-        if damper.law.kernel is None:
-            return _by_differences(damper, drive, self._numbers)
-        level = self._level[run]
-        if level is None:
-            return self._varying(drive)
-        force, columns = core.run(
-            damper.law.kernel,
-            drive.record,
-            self._coefficients[level],
-            self._places,
-            columns=None if store is None else store[: len(self._places)],
-            workspace=self._workspace,
+        return cls(
+            longest_step=longest_step,
+            patience=int(patience),
+            step=step,
+            dead_band=dead_band,
+            taken=int(taken),
+            answered=int(answered),
+            over=bool(over),
+            motion=parts["motion"],
+            law=parts["law"],
+            applied=parts.get("applied", np.empty(0)),
+            held=held,
         )
-        return Sensitivity(force, columns, self._combine[level])
 
-    def _varying(self, drive: Drive) -> Sensitivity:
-        """Return tangents where the command varies: a kernel column per number, its coefficient moving."""
-        damper, law = self._damper, self._damper.law
-        command, by_lag, temperature = _applied(damper, drive)
-        moved: list[tuple[int, int, FloatArray]] = []  # (number, place of its coefficient, seed)
-        for row, number in enumerate(self._numbers):
-            if number == LAG:
-                # A Hill form with an exponent below one is vertical at zero command: that point is left out.
-                moved += [
-                    (row, place, np.nan_to_num(form.slope(command, temperature), posinf=0.0) * by_lag)
-                    for place, form in enumerate(damper.coefficients.values())
-                    if form.kind != "constant"
-                ]
-                continue
-            name, _, member = number.partition(".")
-            dependence = damper.coefficients[name]
-            gradient = dependence.gradient(command, temperature)[dependence.number_names.index(member)]
-            moved.append((row, law.names.index(name), gradient))
-        seeds = np.array([seed for _, _, seed in moved]).reshape(len(moved), len(command))
-        combine = np.zeros((len(self._numbers), len(moved)))
-        combine[[row for row, _, _ in moved], range(len(moved))] = 1.0
-        coefficients = np.ascontiguousarray(damper.coefficients_at(command, temperature))
-        places = [place for _, place, _ in moved]
-        force, columns = core.run(law.kernel or 0, drive.record, coefficients, places, seeds)
-        return Sensitivity(force, columns, combine)
+
+_RUN_NUMBERS = ("longest_step", "patience", "step", "dead_band", "taken", "answered", "over")
+_HELD = 5  # columns: displacement, velocity, acceleration, applied command, temperature
+
+
+def simulate_batch(
+    damper: Damper, batch: Trajectory, state: RunState | None = None
+) -> tuple[FloatArray, RunState]:
+    """Return the force [N] of the samples that are settled by now, shape (m,), and the state after the batch.
+
+    The samples follow on the ones returned before. ``finish_run`` returns those that are left at the end.
+
+    Parameters
+    ----------
+    batch : the run's next samples, two or more, of one step and dead band with all others
+    state : what the batch before returned; None: the run begins here, at rest
+
+    Raises
+    ------
+    InputError
+        A law in Python, which runs whole only; a batch of another step or dead band, or after the end; what
+        ``simulate`` refuses.
+    """
+    state = RunState() if state is None else state
+    if state.over:
+        raise InputError("the run is over: finish_run was called; expected no further batch")
+    if damper.law.kernel is None:
+        raise InputError(f"{damper.law.name}: a law in Python runs whole, not in batches")
+    if state.taken:
+        for name in ("step", "dead_band"):
+            found, expected = getattr(batch, name), getattr(state, name)
+            if found != expected:
+                raise InputError(f"batch: {name} is {found}; expected the first batch's, {expected}")
+    require_temperature(damper, batch)
+    lag = damper.command_lag_s
+    applied = Applied(damper.actuation or Actuation(lag, lag), batch.step)
+    if state.taken:
+        applied.restore(state.applied)
+    command = applied.on(batch.command)
+    warm = batch.temperature if damper.temperature_dependent else None
+    new = (batch.displacement, batch.velocity, batch.acceleration, command)
+    state = replace(
+        state,
+        step=batch.step,
+        dead_band=batch.dead_band,
+        taken=state.taken + len(batch),
+        applied=applied.state(),
+    )
+    return _answer(damper, state, (*new, np.empty(0) if warm is None else warm), last=False)
+
+
+def finish_run(damper: Damper, state: RunState) -> tuple[FloatArray, RunState]:
+    """Return the force [N] of the samples that are left, shape (m,), and the state of a run that is over."""
+    if state.over or not state.held:
+        return np.empty(0), replace(state, over=True)
+    return _answer(damper, replace(state, over=True), (np.empty(0),) * _HELD, last=True)
+
+
+def _answer(
+    damper: Damper, state: RunState, new: tuple[FloatArray, ...], *, last: bool
+) -> tuple[FloatArray, RunState]:
+    """Return the force of the settled samples among those held and new ones, and the state after them."""
+    held = tuple(np.concatenate(pair) for pair in zip(state.held, new, strict=True)) if state.held else new
+    x, v, a, command, warm = held
+    if np.ptp(command) == 0.0 and (not len(warm) or np.ptp(warm) == 0.0):
+        command, warm = command[:1], warm[:1]
+    coefficients = _admissible_coefficients(damper, command, warm if len(warm) else None, x)
+    motion, law = state.motion.copy(), state.law.copy()
+    record = core.open_batch(
+        state.step,
+        (x, v, a),
+        motion,
+        dead_band=state.dead_band,
+        longest_step=state.longest_step,
+        patience=state.patience,
+        last=last,
+    )
+    force = core.carry(damper.law.kernel or 0, record, coefficients, law, state.workspace)[record.behind :]
+    keep = max(record.samples - 1, 0)
+    return force, replace(
+        state,
+        motion=motion,
+        law=law,
+        held=tuple(column[keep:].copy() for column in held),
+        answered=state.answered + len(force),
+    )
 
 
 def require_temperature(damper: Damper, trajectory: Trajectory) -> None:
@@ -218,7 +273,7 @@ def operating_point(drive: Drive, *, temperature_dependent: bool) -> tuple[float
     return drive.constant, REFERENCE_K if warm is None else warm
 
 
-def _applied(damper: Damper, drive: Drive) -> tuple[FloatArray, FloatArray, FloatArray | None]:
+def applied_command(damper: Damper, drive: Drive) -> tuple[FloatArray, FloatArray, FloatArray | None]:
     """Return the command at the law, its derivative by the lag, and the temperature [K].
 
     One sample each where neither varies.
@@ -237,7 +292,25 @@ def _applied(damper: Damper, drive: Drive) -> tuple[FloatArray, FloatArray, Floa
     return *core.lagged(path.command, path.step, damper.command_lag_s), warm
 
 
-def reversed_valve(damper: Damper, coefficients: FloatArray, displacement: FloatArray) -> tuple[str, ...]:
+def _admissible_coefficients(
+    damper: Damper, command: FloatArray, temperature: FloatArray | None, displacement: FloatArray
+) -> FloatArray:
+    """Return the law's coefficients, shape (m,) for one command, else (m, n).
+
+    Raises
+    ------
+    InputError
+        The law is not well posed with them on these displacements [m].
+    """
+    found = damper.coefficients_at(command, temperature)
+    violations = damper.law.violations(dict(zip(damper.law.names, found, strict=True)))
+    violations += _reversed_valve(damper, found, displacement)
+    if violations:
+        raise InputError("; ".join(violations))
+    return np.ascontiguousarray(found[:, 0] if len(command) == 1 else found)
+
+
+def _reversed_valve(damper: Damper, coefficients: FloatArray, displacement: FloatArray) -> tuple[str, ...]:
     """Say where along a displacement [m] the series valve would push: it has no bounded solution there."""
     if damper.law.name != "series-valve":
         return ()
@@ -249,16 +322,3 @@ def reversed_valve(damper: Damper, coefficients: FloatArray, displacement: Float
         f"series-valve: 1 + position_gain x is {share[worst]:g} at x = {displacement[worst]:g} m; the law is "
         "well posed while it is positive (shorten the stroke, or bring position_gain nearer to 0)",
     )
-
-
-def _by_differences(damper: Damper, drive: Drive, numbers: Sequence[str]) -> Sensitivity:
-    """Central differences through the reference integrator, for laws that bring no tangents."""
-    force = simulate(damper, drive)
-    columns = np.empty((len(numbers), len(force)))
-    values = damper.numbers
-    for row, number in enumerate(numbers):
-        step = _DIFFERENCE * max(abs(values[number]), 1e-3)
-        above = simulate(damper.with_numbers({number: values[number] + step}), drive)
-        below = simulate(damper.with_numbers({number: values[number] - step}), drive)
-        columns[row] = (above - below) / (2.0 * step)
-    return Sensitivity(force, columns, np.eye(len(numbers)))

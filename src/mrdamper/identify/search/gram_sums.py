@@ -16,7 +16,8 @@ from mrdamper.arrays import FloatArray
 from mrdamper.identify.problem import PreparedFit, move
 from mrdamper.models.damper import Damper
 from mrdamper.models.operating_points import OperatingPoints
-from mrdamper.models.simulate import Tangents, operating_point, require_temperature
+from mrdamper.models.simulate import operating_point, require_temperature
+from mrdamper.models.tangents import Tangents
 
 __all__ = ["GramSums"]
 

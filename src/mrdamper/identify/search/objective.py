@@ -19,9 +19,8 @@ from mrdamper.arrays import BoolArray, FloatArray
 from mrdamper.errors import InputError
 from mrdamper.identify.problem import FitProblem, PreparedFit, envelope_of
 from mrdamper.identify.search.gram_sums import GramSums
-from mrdamper.models.damper import Damper
+from mrdamper.models.damper import LAG, Damper
 from mrdamper.models.dependence import Bipolynomial
-from mrdamper.models.simulate import LAG
 from mrdamper.models.temperature import REFERENCE_K
 
 __all__ = ["Eliminated", "Objective", "solve_scaled"]

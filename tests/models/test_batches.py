@@ -18,8 +18,7 @@ from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial, TemperatureDependent
 from mrdamper.models.laws import LAWS
-from mrdamper.models.simulate import open_drive, simulate
-from mrdamper.models.streaming import CarriedRun
+from mrdamper.models.simulate import RunState, finish_run, open_drive, simulate, simulate_batch
 from mrdamper.models.temperature import Linear
 from tests.core.test_laws import FRICTION, TYPICAL, random_drive, with_command
 
@@ -58,16 +57,19 @@ def part(path: Trajectory, begin: int, end: int) -> Trajectory:
     return Trajectory(path.step, x[cut], v[cut], a[cut], command[cut], path.dead_band, warm)
 
 
-def in_batches(run: CarriedRun, path: Trajectory, borders: Sequence[int]) -> np.ndarray:
+def in_batches(
+    damper: Damper, path: Trajectory, borders: Sequence[int], state: RunState | None = None
+) -> np.ndarray:
     edges = [0, *sorted(set(borders)), len(path)]
     edges = [edge for k, edge in enumerate(edges) if not k or edge - edges[k - 1] >= 2 or edge == len(path)]
     forces = []
     for begin, end in pairwise(edges):
         if end - begin < 2:  # a trajectory has two samples or more
             continue
-        forces.append(run.advance(part(path, begin, end)))
-        assert run.answered == sum(map(len, forces)) <= run.taken == end
-    return np.concatenate([*forces, run.finish()])
+        force, state = simulate_batch(damper, part(path, begin, end), state)
+        forces.append(force)
+        assert state.answered == sum(map(len, forces)) <= state.taken == end
+    return np.concatenate([*forces, finish_run(damper, state or RunState())[0]])
 
 
 def borders_of(rng: np.random.Generator, length: int) -> list[int]:
@@ -84,7 +86,7 @@ def test_batches_give_the_force_of_the_whole_run_to_the_bit(name, seed, noisy, c
     path = rough(path, seed) if noisy else path
     path = with_command(path, seed) if commanded else path
     d, borders = moved(name), borders_of(np.random.default_rng(seed), len(path))
-    np.testing.assert_array_equal(in_batches(CarriedRun(d), path, borders), simulate(d, path))
+    np.testing.assert_array_equal(in_batches(d, path, borders), simulate(d, path))
 
 
 @pytest.mark.parametrize("level", ["baseline", "v3", "v4"])
@@ -97,7 +99,7 @@ def test_a_batch_of_two_samples_will_do_on_every_instruction_set(level):
     try:
         expected = simulate(moved("double-bouc-wen"), path)
         _kernel.use_level(level)
-        found = in_batches(CarriedRun(moved("double-bouc-wen")), path, range(2, len(path) - 2, 2))
+        found = in_batches(moved("double-bouc-wen"), path, range(2, len(path) - 2, 2))
     finally:
         _kernel.use_level(best)
     np.testing.assert_array_equal(found, expected)
@@ -116,7 +118,7 @@ def test_lags_delay_and_play_of_a_command_go_over_the_borders(more):
     stepped = replace(path, command=np.where(path.time % 0.4 < 0.2, path.command, 0.1))
     d = moved("bouc-wen", **more)
     for each in (stepped, replace(path, command=np.full(len(path), 0.3))):
-        found = in_batches(CarriedRun(d), each, [2, 11, 300, 301, 700])
+        found = in_batches(d, each, [2, 11, 300, 301, 700])
         np.testing.assert_array_equal(found, simulate(d, each))
 
 
@@ -126,15 +128,15 @@ def test_a_temperature_that_varies_goes_over_the_borders():
     values = {**moved("spencer").coefficients}
     values["inner_viscosity"] = TemperatureDependent(Constant(2500.0), Linear(-0.004))
     d = Damper(LAWS["spencer"], values, temperature_range=(290.0, 320.0))
-    np.testing.assert_array_equal(in_batches(CarriedRun(d), warm, [100, 900]), simulate(d, warm))
+    np.testing.assert_array_equal(in_batches(d, warm, [100, 900]), simulate(d, warm))
 
 
 def test_steps_longer_than_the_implicit_laws_like_are_divided_alike():
     path = random_drive(7, rate=100.0, duration=4.0)
     for name in ("lugre", "spencer", "series-valve"):
         whole = simulate(moved(name), open_drive(path, longest_step=1e-3))
-        run = CarriedRun(moved(name), longest_step=1e-3)
-        np.testing.assert_array_equal(in_batches(run, path, [37, 200]), whole)
+        found = in_batches(moved(name), path, [37, 200], RunState(longest_step=1e-3))
+        np.testing.assert_array_equal(found, whole)
 
 
 def test_a_command_that_begins_to_vary_late_gives_the_whole_run_as_well():
@@ -143,16 +145,16 @@ def test_a_command_that_begins_to_vary_late_gives_the_whole_run_as_well():
     command = np.where(path.time > 0.9, 0.2 + path.time, 0.5)
     for name in ("bouc-wen", "double-bouc-wen", "lugre"):
         d, late = moved(name), replace(path, command=command)
-        found = in_batches(CarriedRun(d), late, range(50, len(path) - 2, 50))
+        found = in_batches(d, late, range(50, len(path) - 2, 50))
         np.testing.assert_array_equal(found, simulate(d, late))
 
 
 def test_what_is_held_back_is_less_than_a_rest():
     path = random_drive(9, duration=3.0)
-    run, held = CarriedRun(moved("bouc-wen")), []
+    state, held = RunState(), []
     for begin in range(0, 3000, 100):
-        run.advance(part(path, begin, begin + 100))
-        held.append(run.taken - run.answered)
+        _, state = simulate_batch(moved("bouc-wen"), part(path, begin, begin + 100), state)
+        held.append(state.taken - state.answered)
     assert max(held) <= 2  # the furthest sample, and its neighbour where the motion turns
 
 
@@ -166,11 +168,12 @@ def test_at_rest_patience_ends_and_the_state_stays_right():
         path, displacement=x + rng.uniform(-ROUGH, ROUGH, len(x)), velocity=v, dead_band=4.0 * ROUGH
     )
     d = moved("bouc-wen")
-    run, whole, held, forces = CarriedRun(d, patience=150), simulate(d, still), 0, []
+    state, whole, held, forces = RunState(patience=150), simulate(d, still), 0, []
     for begin in range(0, 2000, 50):
-        forces.append(run.advance(part(still, begin, begin + 50 if begin < 1950 else 2001)))
-        held = max(held, run.taken - run.answered)
-    found = np.concatenate([*forces, run.finish()])
+        force, state = simulate_batch(d, part(still, begin, begin + 50 if begin < 1950 else 2001), state)
+        forces.append(force)
+        held = max(held, state.taken - state.answered)
+    found = np.concatenate([*forces, finish_run(d, state)[0]])
     assert held <= 150
     np.testing.assert_array_equal(found[:600], whole[:600])
     np.testing.assert_array_equal(found[-300:], whole[-300:])
@@ -183,49 +186,60 @@ def test_at_rest_patience_ends_and_the_state_stays_right():
 def test_a_run_goes_on_from_what_was_kept_of_it(name, tmp_path):
     more = {"actuation": Actuation(0.02, 0.05, 0.004, delay_s=0.0123, play=0.05)}
     path, d = with_command(rough(random_drive(14), 14)), moved(name, **more)
-    run, forces = CarriedRun(d), []
+    state, forces = RunState(), []
     for begin in range(0, 1500, 300):
-        forces.append(run.advance(part(path, begin, begin + 300 if begin < 1200 else 1501)))
-        for key, values in run.state().items():
+        force, state = simulate_batch(d, part(path, begin, begin + 300 if begin < 1200 else 1501), state)
+        forces.append(force)
+        for key, values in state.to_arrays().items():
             np.save(tmp_path / f"{key}.npy", values)
-        run = CarriedRun.restored(d, {file.stem: np.load(file) for file in tmp_path.glob("*.npy")})
-    found = np.concatenate([*forces, run.finish()])
-    np.testing.assert_array_equal(found, simulate(d, path))
-    assert run.answered == run.taken == len(path)
-    over = CarriedRun.restored(d, run.state())
+        state = RunState.from_arrays({file.stem: np.load(file) for file in tmp_path.glob("*.npy")})
+    force, state = finish_run(d, state)
+    np.testing.assert_array_equal(np.concatenate([*forces, force]), simulate(d, path))
+    assert state.answered == state.taken == len(path)
+    kept = state.to_arrays()
     with pytest.raises(InputError, match="the run is over"):
-        over.advance(path)
+        simulate_batch(d, path, RunState.from_arrays(kept))
     for lacking in ("motion", "held_2"):
-        with pytest.raises(InputError, match="carried state"):
-            CarriedRun.restored(d, {key: value for key, value in run.state().items() if key != lacking})
+        with pytest.raises(InputError, match="state of a run"):
+            RunState.from_arrays({key: value for key, value in kept.items() if key != lacking})
+
+
+def test_a_state_is_a_value_that_two_futures_may_begin_from():
+    path, d = random_drive(15), moved("series-valve")
+    first, rest = part(path, 0, 400), part(path, 400, len(path))
+    force, state = simulate_batch(d, first)
+    once, after = simulate_batch(d, rest, state)
+    again, _ = simulate_batch(d, rest, state)
+    np.testing.assert_array_equal(once, again)
+    np.testing.assert_array_equal(np.concatenate([force, once, finish_run(d, after)[0]]), simulate(d, path))
 
 
 def test_memory_stays_that_of_a_batch():
     """Held arrays are copies: a view of one would keep its whole batch."""
-    path, run = random_drive(11, duration=10.0), CarriedRun(moved("series-valve"))
+    path, state = random_drive(11, duration=10.0), RunState()
     for begin in range(0, 10_000, 1000):
-        run.advance(part(path, begin, begin + 1000))
-        assert all(column.base is None and len(column) < 1000 for column in run._held)
+        _, state = simulate_batch(moved("series-valve"), part(path, begin, begin + 1000), state)
+        assert all(column.base is None and len(column) < 1000 for column in state.held)
 
 
 def test_what_cannot_be_carried_is_refused_in_words():
     path = random_drive(12)
-    run = CarriedRun(moved("bouc-wen"))
-    assert len(run.finish()) == 0
+    d = moved("bouc-wen")
+    force, over = finish_run(d, RunState())
+    assert len(force) == 0
     with pytest.raises(InputError, match="the run is over"):
-        run.advance(path)
-    run = CarriedRun(moved("bouc-wen"))
-    run.advance(path)
+        simulate_batch(d, path, over)
+    _, state = simulate_batch(d, path)
     for other, changed in (("step", replace(path, step=0.5)), ("dead_band", replace(path, dead_band=0.5))):
         with pytest.raises(InputError, match=other):
-            run.advance(changed)
+            simulate_batch(d, changed, state)
     with pytest.raises(InputError, match="patience"):
-        CarriedRun(moved("bouc-wen"), patience=0)
+        RunState(patience=0)
     values = dict(moved("bouc-wen").coefficients) | {"n": Polynomial((1.0, 0.5))}
-    run = CarriedRun(Damper(LAWS["bouc-wen"], values))
-    run.advance(path)
+    bent = Damper(LAWS["bouc-wen"], values)
+    _, state = simulate_batch(bent, path)
     with pytest.raises(ValueError, match="kappa and n"):
-        run.advance(replace(path, command=np.full(len(path), 0.7)))
+        simulate_batch(bent, replace(path, command=np.full(len(path), 0.7)), state)
 
 
 def test_a_state_of_another_batch_is_refused():

@@ -1,0 +1,265 @@
+"""A user's own law in Python: how it is loaded, and the integrator that it runs through.
+
+SciPy's adaptive LSODA integrates the law's equations along the trajectory's cubic Hermite interpolant, anew
+from each reversal and never with a step longer than the sampling: slow, general, without the kernel's exact
+flow. The trajectory's dead band is not applied: every reversal counts. Nothing here knows the kernel's laws.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from mrdamper.arrays import FloatArray
+from mrdamper.errors import ConvergenceError, InputError
+from mrdamper.excitation import Trajectory
+from mrdamper.files import is_file
+from mrdamper.models.damper import Damper
+from mrdamper.models.laws import LAWS, Coefficient, HysteresisLaw, PythonLaw
+from mrdamper.models.temperature import REFERENCE_K
+
+__all__ = [
+    "Equations",
+    "hermite",
+    "integrate",
+    "law_from_python",
+    "load_python_law",
+    "turns_of",
+]
+
+_MOST_CALLS = 20_000  # of a law's rate, per sample; some tens are usual
+
+Values = Mapping[str, float]
+State = Sequence[float]
+Rate = Callable[[State, float, float, Values], State]  # of states, displacement, velocity, coefficients
+Force = Callable[[State, float, float, float, Values], float]  # the same, acceleration after velocity
+
+
+@dataclass(frozen=True, slots=True)
+class Equations:
+    """The equations of a law with any number of internal states, all zero at the start.
+
+    ``rate`` is None for a law without memory. ``scale`` are the states' sizes for which the integrator's
+    tolerance is meant, one for each state, from the coefficients at the first sample.
+    """
+
+    rate: Rate | None
+    force: Force
+    scale: Callable[[Values], State] = lambda _: (1.0,)
+
+
+def integrate(
+    damper: Damper, trajectory: Trajectory, equations: Equations | None = None, *, tolerance: float = 1e-10
+) -> FloatArray:
+    """Return the damper force [N] at the samples, shape (n,).
+
+    The applied command starts at the first sample's. Errors of the state stay near ``tolerance`` times its
+    scale; the time taken grows as it is made smaller.
+
+    Parameters
+    ----------
+    equations : of the law; None: those of a law in Python
+
+    Raises
+    ------
+    ConvergenceError
+        The integrator gave up, or a user's law returned something that is not finite.
+    """
+    path = _Path(damper, trajectory)
+    if equations is None:
+        equations = _equations_of(damper.law)
+    states = (
+        np.zeros((path.count, 1))
+        if equations.rate is None
+        else _integrate(equations.rate, equations.scale(path.at(0, 0.0)[2]), path, damper, tolerance)
+    )
+    samples = [path.at(k, 0.0) for k in range(path.count - 1)] + [path.at(path.count - 2, 1.0)]
+    moved = zip(states.tolist(), samples, trajectory.acceleration.tolist(), strict=True)
+    result = np.array([equations.force(z, x, v, a, c) for z, (x, v, c), a in moved])
+    if not np.isfinite(result).all():
+        first = int(np.flatnonzero(~np.isfinite(result))[0])
+        raise ConvergenceError(f"law {damper.law.name!r}: the force is {result[first]} at sample {first}")
+    return result
+
+
+def _equations_of(law: HysteresisLaw) -> Equations:
+    """Return the equations of a user's own law, which has one state."""
+    own = law.python
+    if own is None:
+        raise InputError(f"law {law.name!r} is the kernel's: expected a law in Python, or its equations")
+    return Equations(
+        lambda state, x, v, values: (own.rate(state[0], x, v, values),),
+        lambda state, x, v, _, values: own.force(state[0], x, v, values),
+    )
+
+
+class _Path:
+    """Motion and coefficients between the samples: cubic Hermite of (x, v), command linear then lagged."""
+
+    def __init__(self, damper: Damper, trajectory: Trajectory) -> None:
+        self.step, self.count = trajectory.step, trajectory.displacement.size
+        self.cubics: list[list[float]] = hermite(trajectory).tolist()
+        self._damper, self._names = damper, damper.law.names
+        command, self._lag = trajectory.command, damper.command_lag_s
+        if damper.actuation is not None:  # worked out at the samples, linear between them
+            command = damper.actuation.applied(command, trajectory.step)
+        self._command: list[float] = command.tolist()
+        warm = trajectory.temperature if damper.temperature_dependent else None
+        self._warm: list[float] = [REFERENCE_K] if warm is None else warm.tolist()
+        self._applied = [self._command[0]]
+        for k in range(self.count - 1):
+            self._applied.append(self._lagged(k, self._applied[k], 1.0))
+        constant = len({*self._command}) == 1 and len({*self._warm}) == 1
+        self._constant = self._values(self._command[0], self._warm[0]) if constant else None
+
+    def at(self, k: int, theta: float) -> tuple[float, float, Values]:
+        """Return displacement, velocity and coefficients at the share theta of interval k."""
+        x0, x1, x2, x3 = self.cubics[k]
+        x = x0 + theta * (x1 + theta * (x2 + theta * x3))
+        v = (x1 + theta * (2 * x2 + theta * 3 * x3)) / self.step
+        if self._constant is not None:
+            return x, v, self._constant
+        here = self._warm[0]
+        if len(self._warm) > 1:
+            here = self._warm[k] + theta * (self._warm[k + 1] - self._warm[k])
+        return x, v, self._values(self._lagged(k, self._applied[k], theta), here)
+
+    def _lagged(self, k: int, applied: float, theta: float) -> float:
+        """Solve applied' = (command - applied)/lag from the interval's start, the command being linear."""
+        start, end, lag = self._command[k], self._command[k + 1], self._lag
+        command = start + theta * (end - start)
+        if lag == 0.0:
+            return command
+        behind = (end - start) / self.step * lag
+        return command - behind + (applied - start + behind) * math.exp(-theta * self.step / lag)
+
+    def _values(self, applied: float, temperature: float) -> dict[str, float]:
+        at = self._damper.coefficients_at(applied, temperature)[:, 0]
+        return dict(zip(self._names, at.tolist(), strict=True))
+
+
+def _integrate(rate: Rate, scale: State, path: _Path, damper: Damper, tolerance: float) -> FloatArray:
+    """Return the states at the samples, shape (n, states), integrated anew from each reversal."""
+    from scipy.integrate import solve_ivp
+
+    last = path.count - 1
+    turns = [k + theta for k, cubic in enumerate(path.cubics) for theta in turns_of(cubic)]
+    rests = [k for k, cubic in enumerate(path.cubics) if cubic[1] == 0.0]
+    local = tolerance / 30  # the errors of many steps add up
+    samples, state = np.arange(path.count, dtype=np.float64), np.zeros((path.count, len(scale)))
+    z = state[0]
+    for start, end in pairwise(np.unique([0.0, *rests, *turns, float(last)]).tolist()):
+        left = iter(range(int(_MOST_CALLS * (end - start + 1.0))))
+
+        def slope(time: float, at: FloatArray, left: Iterator[int] = left) -> list[float]:  # time in samples
+            if next(left, None) is None:  # LSODA itself would go on for ever
+                raise ConvergenceError(
+                    f"law {damper.law.name!r}: no progress at sample {time:.3f}, where its state is {at[0]:g}"
+                )
+            k = min(int(time), last - 1)
+            return [path.step * each for each in rate(at.tolist(), *path.at(k, time - k))]
+
+        inside = np.flatnonzero((samples > start) & (samples <= end))
+        solution = solve_ivp(
+            slope,
+            (start, end),
+            z,
+            method="LSODA",
+            t_eval=np.union1d(samples[inside], end),
+            max_step=1.0,
+            rtol=max(local, 1e-13),
+            atol=[local * each for each in scale],
+        )
+        if not solution.success:
+            raise ConvergenceError(f"law {damper.law.name!r}: the integrator stopped: {solution.message}")
+        state[inside] = solution.y[:, : inside.size].T
+        z = solution.y[:, -1]
+    return state
+
+
+def hermite(trajectory: Trajectory) -> FloatArray:
+    """Return x(theta) = x0 + x1 theta + x2 theta^2 + x3 theta^3 on each interval, shape (n - 1, 4)."""
+    x, v = trajectory.displacement, trajectory.step * trajectory.velocity
+    rise = np.diff(x)
+    return np.stack([x[:-1], v[:-1], 3 * rise - 2 * v[:-1] - v[1:], v[:-1] + v[1:] - 2 * rise], axis=1)
+
+
+def turns_of(cubic: Sequence[float]) -> list[float]:
+    """Return where the cubic's slope changes sign inside 0..1."""
+    c, b, a = cubic[1], 2 * cubic[2], 3 * cubic[3]
+    discriminant = b * b - 4 * a * c
+    if discriminant <= 0.0:
+        return []
+    q = -0.5 * (b + math.copysign(math.sqrt(discriminant), b))
+    roots = [q / a if a else math.inf, c / q if q else math.inf]
+    return sorted(theta for theta in roots if 0.0 < theta < 1.0)
+
+
+# ------------------------------------------------------------------------------------------- loading
+
+
+def law_from_python(law: PythonLaw) -> HysteresisLaw:
+    """Return a user's own law as a ``HysteresisLaw``.
+
+    Raises
+    ------
+    InputError
+        ``name``, ``coefficients``, ``rate`` or ``force`` missing, or a name that is taken or not usable.
+    """
+    what = f"law of class {type(law).__name__}"
+    lacking = [part for part in ("name", "coefficients", "rate", "force") if not hasattr(law, part)]
+    if lacking:
+        raise InputError(
+            f"{what}: no {' or '.join(lacking)}; a law has name, coefficients, rate() and force()"
+        )
+    given: tuple[object, Sequence[object]] = (law.name, law.coefficients)
+    name, coefficients = given
+    if not isinstance(name, str) or not name or name in LAWS:
+        raise InputError(f"{what}: name is {name!r}; choose one that is not {', '.join(LAWS)}")
+    names = [c.name for c in coefficients if isinstance(c, Coefficient)]
+    if len(set(names)) < len(coefficients) or not all(each.isidentifier() for each in names):
+        raise InputError(
+            f"{what}: coefficients must be Coefficient(...) with different names like yield_force"
+        )
+    title = (type(law).__doc__ or law.name).strip().splitlines()[0]
+    return HysteresisLaw(
+        name, title, tuple(law.coefficients), "a user's own law: no conditions known", None, law
+    )
+
+
+def load_python_law(reference: str) -> HysteresisLaw:
+    """Return the law in ``path/to/file.py:ClassName``. This runs the file.
+
+    Raises
+    ------
+    InputError
+        The file or class is not there, or does not run.
+    """
+    file, colon, name = reference.rpartition(":")
+    path = Path(file)
+    if not colon or not name.isidentifier() or path.suffix != ".py":
+        raise InputError(f"law {reference!r}: expected path/to/file.py:ClassName")
+    if not is_file(path):
+        raise InputError(f"law {reference!r}: there is no file {path}; give its path from {Path.cwd()}")
+    spec = importlib.util.spec_from_file_location(f"mrdamper_user_law_{path.stem}", path)
+    if spec is None or spec.loader is None:
+        raise InputError(f"law {reference!r}: Python cannot import {path}")
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+        made = getattr(module, name, None)
+        law = made() if made is not None else None
+    except Exception as fault:  # whatever the user's file raises is bad input
+        raise InputError(f"law {reference!r}: {type(fault).__name__}: {fault}; correct {path}") from fault
+    if law is None:
+        defined = [key for key, value in vars(module).items() if isinstance(value, type)]
+        raise InputError(
+            f"law {reference!r}: {path} has no class {name}; it has {', '.join(defined) or 'none'}"
+        )
+    return law_from_python(law)
