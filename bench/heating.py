@@ -22,11 +22,11 @@ from bench.measure import Asked, Row, judged, timed
 from mrdamper.arrays import FloatArray
 from mrdamper.thermal.drawing import DamperDrawing, read_drawing
 from mrdamper.thermal.model.finite_element import build_field
-from mrdamper.thermal.model.heat_equation import FieldHeating, heat_through
+from mrdamper.thermal.model.heat_equation import FieldHeating, simulate_field
 from mrdamper.thermal.model.network import ThermalNetwork, zone_network
 from mrdamper.thermal.model.reduced import reduce_field
 from mrdamper.thermal.model.stepping import Load
-from mrdamper.thermal.model.transient import Heating, _Stepper, heat_up
+from mrdamper.thermal.model.transient import Heating, NetworkSystem, simulate_network
 
 __all__ = ["LIMIT_K", "MARKS_S", "run", "scipy_on"]
 
@@ -64,15 +64,15 @@ def scipy_on(
     """
     from scipy.integrate import solve_ivp
 
-    stepper = _Stepper(network)
-    stepper.take(load)
+    system = NetworkSystem(network)
+    system.take(load)
     start = np.full(len(network.names), network.ambient)
 
     def rate(_: float, state: FloatArray) -> FloatArray:
-        return stepper.rate_and_jacobian(state)[0]
+        return system.rate_and_jacobian(state)[0]
 
     def jacobian(_: float, state: FloatArray) -> FloatArray:
-        return stepper.rate_and_jacobian(state)[1]
+        return system.rate_and_jacobian(state)[1]
 
     def job() -> FloatArray:
         found = solve_ivp(  # type: ignore[call-overload]
@@ -100,8 +100,10 @@ def _networks() -> list[Row]:
     network = zone_network(DRAWING)
     truth = _means(network, scipy_on(network, DUTY, "Radau", 1e-11)())
     jobs: dict[str, Callable[[], FloatArray]] = {
-        "mrdamper network, steps up to 60 s": lambda: _at_marks(heat_up(network, [DUTY])),
-        "mrdamper network, steps up to 10 s": lambda: _at_marks(heat_up(network, [DUTY], longest_step=10.0)),
+        "mrdamper network, steps up to 60 s": lambda: _at_marks(simulate_network(network, [DUTY])),
+        "mrdamper network, steps up to 10 s": lambda: _at_marks(
+            simulate_network(network, [DUTY], longest_step=10.0)
+        ),
     }
     for method in ("LSODA", "BDF"):
         for tolerance in (1e-4, 1e-6):
@@ -154,13 +156,13 @@ def _elements(drawing: DamperDrawing, repeats: int) -> list[Row]:
     """Compare half an hour of the nonlinear problem, ours with mesh and assembly and without."""
     model = build_field(drawing)
     reduced = reduce_field(model)
-    truth = _at_marks(heat_through(model.equation, [DUTY], longest_step=2.0))
+    truth = _at_marks(simulate_field(model.equation, [DUTY], longest_step=2.0))
     ours = "mrdamper finite elements, steps up to 60 s, mesh and assembly included"
     jobs: dict[str, Callable[[], FloatArray]] = {
-        ours: lambda: _at_marks(heat_through(build_field(drawing).equation, [DUTY])),
-        "mrdamper finite elements, after assembly": lambda: _at_marks(heat_through(model.equation, [DUTY])),
+        ours: lambda: _at_marks(simulate_field(build_field(drawing).equation, [DUTY])),
+        "mrdamper finite elements, after assembly": lambda: _at_marks(simulate_field(model.equation, [DUTY])),
         "mrdamper reduced model, 16 unknowns, after its build": lambda: _at_marks(
-            heat_through(reduced.equation, [DUTY])
+            simulate_field(reduced.equation, [DUTY])
         ),
     }
     return _side_by_side(ELEMENTS, jobs, truth, repeats=repeats)

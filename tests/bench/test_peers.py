@@ -13,7 +13,7 @@ from bench.measure import Row, table
 from bench.plain import PlainBank
 from mrdamper.control.controllers import controllers_for
 from mrdamper.thermal.model.network import zone_network
-from mrdamper.thermal.model.transient import heat_up
+from mrdamper.thermal.model.transient import simulate_network
 from tests.thermal.designs import DRAWING
 
 RESULTS = json.loads(page.RESULTS.read_text(encoding="utf-8"))
@@ -52,7 +52,7 @@ def test_scipy_s_solvers_find_the_network_s_course(method):
     """The same rate under another method: 5 mK after every five minutes, by steps of 10 s."""
     network = zone_network(DRAWING)
     theirs = heating._means(network, heating.scipy_on(network, heating.DUTY, method, 1e-8)())
-    ours = heating._at_marks(heat_up(network, [heating.DUTY], longest_step=10.0))
+    ours = heating._at_marks(simulate_network(network, [heating.DUTY], longest_step=10.0))
     assert np.abs(theirs - ours).max() < 5e-3
     assert np.ptp(ours) > 10.0
 

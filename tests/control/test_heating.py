@@ -21,7 +21,7 @@ from mrdamper.thermal.drawing import DamperDrawing, read_drawing
 from mrdamper.thermal.model.lumped import constant_heating
 from mrdamper.thermal.model.network import zone_network
 from mrdamper.thermal.model.stepping import Load
-from mrdamper.thermal.model.transient import heat_up
+from mrdamper.thermal.model.transient import simulate_network
 from tests.control.dampers import DOUBLE
 
 PERIOD, ROOM = 5e-3, 293.15  # a slow sampling will do: half an hour is 360,000 steps
@@ -158,7 +158,7 @@ def warming(drawing: DamperDrawing, seconds: float, current: float) -> FloatArra
     def power_at(kelvin: FloatArray) -> FloatArray:
         return np.asarray(np.interp(kelvin, warm, powers))
 
-    course = heat_up(network, [Load(seconds, power_at, current**2 * drawing.coil.resistance)])
+    course = simulate_network(network, [Load(seconds, power_at, current**2 * drawing.coil.resistance)])
     return np.asarray(np.interp(PERIOD * np.arange(round(seconds / PERIOD)), course.time, course.fluid))
 
 

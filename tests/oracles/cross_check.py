@@ -15,7 +15,7 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import ConvergenceError, InputError
 from mrdamper.thermal.model.finite_element import FieldModel, discretise
-from mrdamper.thermal.model.heat_equation import FieldHeating, HeatEquation, _Stepper, heat_through
+from mrdamper.thermal.model.heat_equation import FieldHeating, FieldSystem, HeatEquation, simulate_field
 from mrdamper.thermal.model.stepping import Load
 from tests.oracles.calculix import run_calculix, write_calculix
 from tests.oracles.freefem import run_freefem, write_freefem
@@ -51,7 +51,7 @@ def check_freefem(model: FieldModel, load: Load, folder: Path, *, step: float = 
     from scipy.spatial import KDTree
 
     theirs = run_freefem(write_freefem(model, load, folder, step=step))
-    ours = heat_through(model.equation, [load], longest_step=0.5 * step)
+    ours = simulate_field(model.equation, [load], longest_step=0.5 * step)
     distance, which = (np.asarray(each) for each in KDTree(theirs.nodes).query(model.nodes))
     farthest = float(distance.max())
     if len(theirs.nodes) != len(model.nodes) or farthest > _SAME_PLACE:
@@ -69,7 +69,7 @@ def check_calculix(
 
     Both go by backward Euler with the same step [s], from ambient.
     """
-    course = heat_through(model.equation, [replace(load, duration=step * steps)])
+    course = simulate_field(model.equation, [replace(load, duration=step * steps)])
     section = model.section
     at = float(course.wall[-1])
     films = np.array([np.interp(at, section.grid, row) for row in section.films])
@@ -90,7 +90,7 @@ def check_gmsh(
 ) -> Comparison:
     """Compare the means of fluid, coil and wall with those on gmsh's mesh (sizes [m]), both ours."""
     other = discretise(model.section, mesh_with_gmsh(model.section, folder, size=size, corner=corner))
-    ours, theirs = (heat_through(each.equation, [load]) for each in (model, other))
+    ours, theirs = (simulate_field(each.equation, [load]) for each in (model, other))
     return Comparison("gmsh", np.zeros((0, 2)), _means(ours), _means(theirs))
 
 
@@ -104,14 +104,14 @@ def backward_euler(equation: HeatEquation, load: Load, *, step: float, steps: in
     ConvergenceError
         The iteration did not settle to 1e-9 K in 20 turns.
     """
-    stepper = _Stepper(equation)
-    stepper.take(load)
+    system = FieldSystem(equation)
+    system.take(load)
     state = np.zeros(equation.size)
     for _ in range(steps):
         new = state
         for _ in range(20):
-            here = stepper.evaluate(new)
-            move = stepper.solver(here, 1.0, 1.0 / step)(here.rate - equation.mass @ (new - state) / step)
+            here = system.evaluate(new)
+            move = system.solver(here, 1.0, 1.0 / step)(here.rate - equation.mass @ (new - state) / step)
             new = new + move
             if float(np.abs(move).max()) < 1e-9:
                 break

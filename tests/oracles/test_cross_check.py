@@ -13,7 +13,7 @@ import pytest
 
 from mrdamper.errors import InputError
 from mrdamper.thermal.model.finite_element import FieldModel, build_field, discretise
-from mrdamper.thermal.model.heat_equation import heat_through
+from mrdamper.thermal.model.heat_equation import simulate_field
 from mrdamper.thermal.model.mesh import mesh_section
 from mrdamper.thermal.model.section import section_of
 from mrdamper.thermal.model.stepping import Load
@@ -67,7 +67,7 @@ def test_freefem_takes_three_times_our_cpu_where_it_errs_no_less(tool: Tool, tmp
     run_freefem(script)
     theirs = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - begin
     begin = time.process_time()
-    heat_through(build_field(DRAWING).equation, [DUTY])
+    simulate_field(build_field(DRAWING).equation, [DUTY])
     assert theirs > 3.0 * (time.process_time() - begin)
 
 
@@ -129,7 +129,7 @@ def test_a_wrong_film_is_seen_by_freefem(tool: Tool, tmp_path: Path):
 def test_backward_euler_comes_to_the_same_as_ros2():
     """With small steps: the method that CalculiX is compared by solves the same equation."""
     model = coarse(BARE)
-    ours = heat_through(model.equation, [replace(DUTY, duration=120.0)], longest_step=5.0).state[-1]
+    ours = simulate_field(model.equation, [replace(DUTY, duration=120.0)], longest_step=5.0).state[-1]
     gaps = [
         np.abs(backward_euler(model.equation, DUTY, step=120.0 / steps, steps=steps) - ours).max()
         for steps in (40, 80)

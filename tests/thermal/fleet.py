@@ -28,7 +28,7 @@ from mrdamper.thermal.estimation.measured_curve import HeatingCurve, Place, lag_
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.model.network import zone_network
 from mrdamper.thermal.model.stepping import Load
-from mrdamper.thermal.model.transient import heat_up
+from mrdamper.thermal.model.transient import simulate_network
 
 DURATION_S = 1800.0
 
@@ -75,7 +75,7 @@ def _draw(rng: np.random.Generator, place: Place) -> Member | None:
     start = drawing.surroundings.ambient + (0.0 if u() < 0.5 else u(-2.0, 5.0))
     noise, lag, every = u(0.05, 0.5), u(1.0, 10.0), u(0.5, 5.0)
     try:
-        heating = heat_up(network, [Load(DURATION_S, power, coil)], start=start, longest_step=15.0)
+        heating = simulate_network(network, [Load(DURATION_S, power, coil)], start=start, longest_step=15.0)
     except InputError:
         return None
     end = float(heating.fluid[-1])

@@ -30,7 +30,7 @@ from mrdamper.thermal.estimation.measured_curve import (
 )
 from mrdamper.thermal.estimation.uncertainty import ModelUncertainty
 from mrdamper.thermal.model.lumped import constant_heating
-from mrdamper.thermal.temperature_rise import Rise, heat_with, predict_rise
+from mrdamper.thermal.temperature_rise import Rise, predict_rise, simulate_rise
 
 DRAWING = read_drawing(Path(__file__).parents[2] / "examples" / "paper_damper.toml")
 BARE = DRAWING.with_sink(None)
@@ -45,7 +45,7 @@ def work(scale: float = 1.0) -> LoopWork:
 
 def heated(drawing: DamperDrawing, *, scale: float = 1.0, start: float = AMBIENT, duty: Duty = DUTY) -> Rise:
     works = [work(scale) for _ in duty.stretches]
-    return heat_with(works, drawing, duty, start_K=start, stop_at_limit=False, longest_step=10.0)
+    return simulate_rise(works, drawing, duty, start_K=start, stop_at_limit=False, longest_step=10.0)
 
 
 def measured(

@@ -17,7 +17,7 @@ from mrdamper.thermal.materials import MATERIALS
 from mrdamper.thermal.model.finite_element import build_field
 from mrdamper.thermal.model.network import zone_network
 from mrdamper.thermal.model.stepping import Load
-from mrdamper.thermal.model.transient import heat_up
+from mrdamper.thermal.model.transient import simulate_network
 from mrdamper.thermal.sinks import design
 from mrdamper.thermal.sinks.design import (
     HeatedDamper,
@@ -173,7 +173,7 @@ def test_the_finish_and_the_material_are_searched_where_they_are_given():
 
 def test_evaluation_is_the_network_s(reference):
     """Within the 10 mK that longer steps cost."""
-    exact = heat_up(zone_network(DRAWING), DAMPER.loads, longest_step=10.0)
+    exact = simulate_network(zone_network(DRAWING), DAMPER.loads, longest_step=10.0)
     assert reference.fluid == pytest.approx(exact.fluid[-1], abs=0.02)
     assert reference.coil == pytest.approx(exact.coil[-1], abs=0.02)
     assert reference.mass == SINK.mass(DAMPER.diameter)

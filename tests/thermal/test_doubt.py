@@ -17,7 +17,7 @@ from mrdamper.thermal.estimation.uncertainty import FACTORS, ModelUncertainty, U
 from mrdamper.thermal.model.lumped import lumped_network
 from mrdamper.thermal.model.network import ThermalNetwork, zone_network
 from mrdamper.thermal.model.stepping import Load
-from mrdamper.thermal.model.transient import heat_up
+from mrdamper.thermal.model.transient import simulate_network
 
 DRAWING = read_drawing(Path(__file__).parents[2] / "examples" / "paper_damper.toml")
 LIMIT = 403.15
@@ -53,7 +53,7 @@ def test_without_doubt_it_runs_as_the_network_does(build):
     """Over heating, rest and heating; straight lines between the tables' knots cost some millikelvin."""
     network = build(DRAWING)
     time, fluid = UncertainNetwork(network).run_ahead(state_of(network)[None], LOADS, hottest_K=600.0)
-    course = heat_up(network, LOADS, longest_step=10.0)
+    course = simulate_network(network, LOADS, longest_step=10.0)
     assert time[-1] == pytest.approx(1800.0)
     at = np.searchsorted(time, [900.0 - 1e-6, 1200.0 - 1e-6, 1800.0 - 1e-6])
     assert fluid[at, 0] == pytest.approx(np.interp(time[at], course.time, course.fluid), abs=0.06)

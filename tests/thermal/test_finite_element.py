@@ -17,12 +17,12 @@ from mrdamper.errors import ConvergenceError, EnvelopeError, InputError, Missing
 from mrdamper.thermal.drawing import DamperDrawing, read_drawing
 from mrdamper.thermal.films.surfaces import cap_area
 from mrdamper.thermal.model.finite_element import build_field, discretise, heat_field
-from mrdamper.thermal.model.heat_equation import heat_through, settle
+from mrdamper.thermal.model.heat_equation import simulate_field, steady_field
 from mrdamper.thermal.model.mesh import SectionMesh, mesh_section
 from mrdamper.thermal.model.network import loss_grid, zone_network
 from mrdamper.thermal.model.section import Block, Edge, Region, Section, Surface, section_of
 from mrdamper.thermal.model.stepping import Load
-from mrdamper.thermal.model.transient import heat_up
+from mrdamper.thermal.model.transient import simulate_network
 
 DRAWING = read_drawing(Path(__file__).parents[2] / "examples" / "paper_damper.toml")
 BARE = DRAWING.with_sink(None)
@@ -68,7 +68,7 @@ def insulated(section: Section) -> Section:
 def test_without_losses_it_heats_by_power_over_capacity():
     section = insulated(section_of(DRAWING))
     model = discretise(section, mesh_section(section, 0.016))
-    course = heat_through(model.equation, [Load(600.0, constant(80.0), 0.0)])
+    course = simulate_field(model.equation, [Load(600.0, constant(80.0), 0.0)])
     rise = course.stored[-1] / section.heat_capacity
     assert rise == pytest.approx(80.0 * 600.0 / section.heat_capacity, rel=1e-9)
     # after the start every place warms at the same rate, P/C
@@ -83,7 +83,7 @@ def test_a_film_around_a_heated_tube_gives_the_steady_logarithm():
     blocks = (Block(0, inner, middle, 0.0, length), Block(1, middle, outer, 0.0, length))
     section = small_section(regions, blocks, (Edge(0, outer, outer, 0.0, length),), film)
     model = discretise(section, mesh_section(section, 0.0008))
-    theta = settle(model.equation, Load(1.0, constant(power)))
+    theta = steady_field(model.equation, Load(1.0, constant(power)))
     outside = power / (film * 2.0 * math.pi * outer * length)
     per_length = power / length
     at_middle = outside + per_length * math.log(outer / middle) / (2.0 * math.pi * k_wall)
@@ -106,7 +106,7 @@ def test_a_single_annular_fin_has_the_exact_efficiency():
     faces = (Edge(0, root, tip, 0.0, 0.0), Edge(0, root, tip, thickness, thickness))
     section = small_section(regions, blocks, faces, film)
     model = discretise(section, mesh_section(section, 0.001))
-    theta = settle(model.equation, Load(1.0, constant(power)))
+    theta = steady_field(model.equation, Load(1.0, constant(power)))
     at_root = float(theta[np.abs(model.nodes[:, 0] - root) < 1e-12].mean())
     m = math.sqrt(2.0 * film / (k * thickness))
     a, b = m * root, m * tip
@@ -126,7 +126,7 @@ def test_a_damper_that_conducts_perfectly_ends_at_power_over_conductance():
     )
     model = discretise(section, mesh_section(section, 0.016))
     area = sum(edge.area for edge in section.edges)
-    theta = settle(model.equation, Load(1.0, constant(50.0)))
+    theta = steady_field(model.equation, Load(1.0, constant(50.0)))
     assert model.equation.fluid @ theta == pytest.approx(50.0 / (12.0 * area), rel=1e-5)
     assert np.ptp(theta) < 5e-3
 
@@ -226,7 +226,7 @@ def test_the_energy_account_closes_at_any_step(longest_step: float):
 
 def test_the_paths_add_up_to_what_is_lost_in_the_steady_state():
     model = build_field(DRAWING, size=0.016)
-    course = heat_through(model.equation, [DUTY], start=settle(model.equation, DUTY))
+    course = simulate_field(model.equation, [DUTY], start=steady_field(model.equation, DUTY))
     lost = sum(float(watts[-1]) for watts in course.paths_W.values())
     assert lost == pytest.approx(float(course.mechanical_W[-1] + course.coil_W[-1]), rel=1e-8)
     assert course.fluid == pytest.approx(np.full(len(course.time), course.fluid[0]), abs=1e-6)
@@ -260,7 +260,7 @@ def test_contact_resistance_only_makes_it_hotter_and_by_its_own_drop():
     contact = 4e-4
     with_it = DRAWING.with_sink(replace(SINK, contact=contact))
     model = build_field(with_it)
-    theta = settle(model.equation, DUTY)
+    theta = steady_field(model.equation, DUTY)
     regions = [region.name for region in model.section.regions]
     feet = regions.index("fin feet")
     layer = next(block for block in model.section.blocks if block.region == feet)
@@ -270,11 +270,11 @@ def test_contact_resistance_only_makes_it_hotter_and_by_its_own_drop():
         float(theta[in_feet][np.abs(r[in_feet] - radius) < 1e-9].mean())
         for radius in (layer.outer, layer.inner)
     )
-    course = heat_through(model.equation, [DUTY], start=theta)
+    course = simulate_field(model.equation, [DUTY], start=theta)
     through = float(course.paths_W["fin convection"][0] + course.paths_W["fin radiation"][0])
     area = 2.0 * math.pi * layer.inner * SINK.thickness * SINK.fins
     assert high - low == pytest.approx(through * contact / area, rel=0.06)
-    assert model.equation.fluid @ theta > build_field(DRAWING).equation.fluid @ settle(
+    assert model.equation.fluid @ theta > build_field(DRAWING).equation.fluid @ steady_field(
         build_field(DRAWING).equation, DUTY
     )
 
@@ -292,7 +292,7 @@ def test_the_mesh_converges_with_the_square_of_its_size_or_faster():
     found = []
     for _ in range(4):
         model = discretise(section, mesh)
-        theta = settle(model.equation, Load(1.0, constant(40.0)))
+        theta = steady_field(model.equation, Load(1.0, constant(40.0)))
         found.append(float(model.equation.fluid @ theta))
         mesh = mesh.refined()
     gaps = np.abs(np.diff(found))
@@ -304,16 +304,16 @@ def test_the_mesh_is_within_20_millikelvin_of_a_fine_one(drawing: DamperDrawing)
     section = section_of(drawing)
     fine = discretise(section, mesh_section(section, 0.005, levels=4))
     steps = {"longest_step": 300.0, "first_step": 20.0}
-    truth = heat_through(fine.equation, [DUTY], **steps)
-    course = heat_through(build_field(drawing).equation, [DUTY], **steps)
+    truth = simulate_field(fine.equation, [DUTY], **steps)
+    course = simulate_field(build_field(drawing).equation, [DUTY], **steps)
     for name in ("fluid", "coil", "wall"):
         assert np.abs(of(course, name) - of(truth, name)).max() < 20e-3
 
 
 def test_steps_of_a_minute_are_within_50_millikelvin():
     model = build_field(BARE, size=0.04)
-    course = heat_through(model.equation, [DUTY], longest_step=60.0)
-    truth = heat_through(model.equation, [DUTY], longest_step=8.0, first_step=0.25)
+    course = simulate_field(model.equation, [DUTY], longest_step=60.0)
+    truth = simulate_field(model.equation, [DUTY], longest_step=8.0, first_step=0.25)
     for name in ("fluid", "coil", "wall"):
         at_the_same = np.interp(course.time, truth.time, of(truth, name))
         late = course.time >= 60.0  # before, the fine run's own points are too far apart to interpolate
@@ -323,9 +323,9 @@ def test_steps_of_a_minute_are_within_50_millikelvin():
 def test_the_error_falls_with_the_square_of_the_step():
     """From a smooth start: equal steps, halved twice, at a time when nothing is steady."""
     model = build_field(DRAWING, size=0.04)
-    warm = heat_through(model.equation, [Load(300.0, fading, 16.8)]).state[-1]
+    warm = simulate_field(model.equation, [Load(300.0, fading, 16.8)]).state[-1]
     ends = [
-        heat_through(
+        simulate_field(
             model.equation, [Load(480.0, fading, 5.0)], start=warm, longest_step=step, first_step=step
         ).state[-1]
         for step in (40.0, 20.0, 10.0, 5.0)
@@ -347,7 +347,7 @@ def test_half_an_hour_takes_at_most_two_seconds():
 def test_the_network_is_near_and_the_coil_hotter_than_the_fluid():
     """Two models of one drawing: the network has ten nodes, the finite elements thousands."""
     course = heat_field(DRAWING, [DUTY])[1]
-    network = heat_up(zone_network(DRAWING), [DUTY])
+    network = simulate_network(zone_network(DRAWING), [DUTY])
     assert np.abs(course.fluid - np.interp(course.time, network.time, network.fluid)).max() < 3.0
     assert course.coil[-1] > course.fluid[-1] + 3.0 > course.wall[-1]
 
@@ -373,7 +373,7 @@ def test_nothing_to_give_off_has_no_steady_state():
     section = insulated(section_of(BARE))
     model = discretise(section, mesh_section(section, 0.05))
     with pytest.raises(ConvergenceError, match="there is none"):
-        settle(model.equation, Load(1.0, constant(10.0)))
+        steady_field(model.equation, Load(1.0, constant(10.0)))
 
 
 def test_a_surface_beyond_the_tables_is_refused():

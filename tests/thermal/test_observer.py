@@ -24,7 +24,7 @@ from mrdamper.thermal.estimation.observer import (
 from mrdamper.thermal.estimation.uncertainty import FACTORS, ModelUncertainty
 from mrdamper.thermal.model.network import zone_network
 from mrdamper.thermal.model.stepping import Load
-from mrdamper.thermal.model.transient import heat_up
+from mrdamper.thermal.model.transient import simulate_network
 from tests.thermal.astray import perturbed
 
 DRAWING = read_drawing(Path(__file__).parents[2] / "examples" / "paper_damper.toml")
@@ -59,7 +59,7 @@ class Truth:
 def truth_of(base: DamperDrawing, rng: np.random.Generator, *, off_percent: float = 1.0) -> Truth:
     drawing, more = perturbed(base, rng)
     load = Load(1800.0, lambda kelvin: more * power(kelvin), 4.0 * OHM)
-    heating = heat_up(zone_network(drawing), [load], longest_step=10.0)
+    heating = simulate_network(zone_network(drawing), [load], longest_step=10.0)
     time = np.arange(0.0, 1801.0)
     fluid, coil, wall = (
         PchipInterpolator(heating.time, v)(time) for v in (heating.fluid, heating.coil, heating.wall)
@@ -142,7 +142,9 @@ def test_with_a_perfect_drawing_and_no_doubt_it_is_the_network():
     """Without doubt and readings it runs the network: Euler against ROS2, first order in the step."""
     sure = ModelUncertainty(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     observer = observer_of(model_uncertainty=sure)
-    reference = heat_up(observer.network, [Load(300.0, power, 4.0 * OHM)], longest_step=2.0).fluid[-1]
+    reference = simulate_network(observer.network, [Load(300.0, power, 4.0 * OHM)], longest_step=2.0).fluid[
+        -1
+    ]
     errors = []
     for step in (2.0, 1.0):
         state = observer.start()
@@ -299,7 +301,7 @@ def test_the_time_left_holds_with_the_capacity_off_by_ten_percent():
         given = BARE.calibration
         other = replace(BARE, calibration=replace(given, heat_capacity=given.heat_capacity * factor))
         load = Load(3600.0, power, 4.0 * OHM)
-        heating = heat_up(zone_network(other), [load], longest_step=10.0)
+        heating = simulate_network(zone_network(other), [load], longest_step=10.0)
         time = np.arange(0.0, 3601.0)
         fluid, coil, wall = (
             PchipInterpolator(heating.time, v)(time) for v in (heating.fluid, heating.coil, heating.wall)
@@ -319,7 +321,9 @@ def test_with_nothing_in_doubt_the_time_left_is_the_networks():
     observer = observer_of(model_uncertainty=sure)
     state = observer.start(spread_K=1e-6)
     found = time_left(observer, state, GOES_ON, LIMIT, dampers=5)
-    heating = heat_up(observer.network, [Load(7200.0, power, 4.0 * OHM)], longest_step=5.0, stop_at=LIMIT)
+    heating = simulate_network(
+        observer.network, [Load(7200.0, power, 4.0 * OHM)], longest_step=5.0, stop_at=LIMIT
+    )
     assert found.median_s == pytest.approx(float(heating.time[-1]), abs=3.0)
     assert found.high_s - found.low_s < 0.1
     assert found.not_reached == 0.0

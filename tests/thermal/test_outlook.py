@@ -19,7 +19,7 @@ from mrdamper.thermal.estimation.prediction_interval import predict_interval
 from mrdamper.thermal.estimation.uncertainty import ModelUncertainty, PredictionInterval
 from mrdamper.thermal.model.network import zone_network
 from mrdamper.thermal.model.stepping import Load
-from mrdamper.thermal.model.transient import Heating, heat_up
+from mrdamper.thermal.model.transient import Heating, simulate_network
 from tests.thermal.astray import perturbed
 
 DRAWING = read_drawing(Path(__file__).parents[2] / "examples" / "paper_damper.toml")
@@ -39,7 +39,7 @@ WORK = LoopWork(KELVIN, power(KELVIN), np.full(len(KELVIN), 1000.0))
 def truth_of(base: DamperDrawing, rng: np.random.Generator) -> Heating:
     drawing, more = perturbed(base, rng)
     load = Load(1800.0, lambda kelvin: more * power(kelvin), 4.0 * OHM)
-    return heat_up(zone_network(drawing), [load], longest_step=10.0)
+    return simulate_network(zone_network(drawing), [load], longest_step=10.0)
 
 
 def measured(
@@ -91,11 +91,11 @@ def test_before_anything_was_measured_the_interval_holds_on_dampers_off_their_dr
 
 
 def test_the_interval_lies_about_the_curve_and_its_times_about_the_curve_s_time():
-    from mrdamper.thermal.temperature_rise import heat_with
+    from mrdamper.thermal.temperature_rise import simulate_rise
 
     hour = read_duty("sine:15mm:1Hz:2A:3600s")
     rise, prediction_interval = (
-        heat_with([WORK], BARE, hour, stop_at_limit=False),
+        simulate_rise([WORK], BARE, hour, stop_at_limit=False),
         predict_interval([WORK], BARE, hour),
     )
     fluid = np.interp(prediction_interval.time, rise.time, rise.fluid)
@@ -149,7 +149,7 @@ def test_a_hundred_drawn_dampers_are_foretold(base, minutes, most, place):
 def test_a_body_thermometer_tells_less_of_the_fluid_than_one_in_it():
     """After 5 min, of a fluid that gets 20 K warmer than the body by a conductance believed at 30 %."""
     stagnant = replace(BARE, calibration=replace(BARE.calibration, fluid_wall=0.03))
-    course = heat_up(zone_network(stagnant), [Load(1800.0, power, 4.0 * OHM)], longest_step=10.0)
+    course = simulate_network(zone_network(stagnant), [Load(1800.0, power, 4.0 * OHM)], longest_step=10.0)
     assert course.fluid[-1] - course.wall[-1] > 20.0
     rng = np.random.default_rng(5)
     places: tuple[Place, ...] = ("wall", "fluid")

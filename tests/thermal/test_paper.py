@@ -20,7 +20,7 @@ from mrdamper.thermal.drawing import DamperDrawing, read_drawing
 from mrdamper.thermal.duty import read_duty
 from mrdamper.thermal.films.correlations import annular_fin_efficiency, radiation_film
 from mrdamper.thermal.films.surfaces import fin_film, fin_radiation
-from mrdamper.thermal.temperature_rise import Rise, heat_with
+from mrdamper.thermal.temperature_rise import Rise, simulate_rise
 
 FINNED = read_drawing(Path(__file__).parents[2] / "examples" / "paper_damper.toml")
 BARE = FINNED.with_sink(None)
@@ -47,7 +47,7 @@ def work() -> LoopWork:
 
 def rise(work: LoopWork, drawing: DamperDrawing, minutes: float) -> Rise:
     duty = read_duty(f"sine:15mm:1Hz:2A:{60.0 * minutes:g}s")
-    return heat_with([work], drawing, duty, stop_at_limit=False)
+    return simulate_rise([work], drawing, duty, stop_at_limit=False)
 
 
 def test_the_rig_s_damper_takes_some_seventy_watts(work):

@@ -10,7 +10,7 @@ import pytest
 from mrdamper.errors import ConvergenceError, InputError
 from mrdamper.thermal.estimation.measured_curve import HeatingCurve
 from mrdamper.thermal.estimation.prediction import EarlyPrediction, _Problem, predict_early
-from mrdamper.thermal.estimation.two_node import NUMBERS, PRIOR, heat_lean
+from mrdamper.thermal.estimation.two_node import PARAMETERS, PRIOR, simulate_two_node
 from mrdamper.thermal.model.lumped import constant_heating
 from tests.thermal.fleet import Member, draw_fleet
 
@@ -19,8 +19,8 @@ FLEET_SEED = 7  # drawn once the predictor was finished; it was made on fleets o
 END_S = 1800.0
 
 
-def lean_numbers(**changed: float) -> dict[str, np.ndarray]:
-    middle = {name: float(PRIOR[name].value(np.zeros(1))[0]) for name in NUMBERS}
+def parameters_of(**changed: float) -> dict[str, np.ndarray]:
+    middle = {name: float(PRIOR[name].value(np.zeros(1))[0]) for name in PARAMETERS}
     return {name: np.array([value]) for name, value in {**middle, **changed}.items()}
 
 
@@ -42,15 +42,17 @@ def scores(fleet: list[Member], minutes: float, *, dampers: int = 400) -> tuple[
 def test_without_falls_and_growth_it_is_the_closed_form():
     """All capacity at the fluid, constant power, constant film: the exponential, to the method's error."""
     time = np.linspace(0.0, 3600.0, 50)
-    one = lean_numbers(viscous=0.0, slope=0.0, exponent=0.0, share=1.0 - 1e-9, heating=0.08, loss=1.0 / 900.0)
-    found = heat_lean(one, np.array([300.0]), AMBIENT, time)[:, 0]
+    one = parameters_of(
+        viscous=0.0, slope=0.0, exponent=0.0, share=1.0 - 1e-9, heating=0.08, loss=1.0 / 900.0
+    )
+    found = simulate_two_node(one, np.array([300.0]), AMBIENT, time)[:, 0]
     exact = constant_heating(time, 0.08, 1.0 / 900.0, 1.0, ambient=AMBIENT, start=300.0)
     assert found == pytest.approx(exact, abs=5e-3)
 
 
 def test_it_ends_where_power_and_loss_balance():
-    at = lean_numbers(exponent=0.25, viscous=0.3)
-    end = float(heat_lean(at, np.array([AMBIENT]), AMBIENT, np.array([0.0, 1e5]))[-1, 0])
+    at = parameters_of(exponent=0.25, viscous=0.3)
+    end = float(simulate_two_node(at, np.array([AMBIENT]), AMBIENT, np.array([0.0, 1e5]))[-1, 0])
     excess = end - AMBIENT
     viscous = 0.3 * math.exp(1400.0 * (1.0 / end - 1.0 / AMBIENT))
     power = at["heating"][0] * (viscous + 0.7 * (1.0 - at["slope"][0] * excess))
@@ -59,10 +61,10 @@ def test_it_ends_where_power_and_loss_balance():
 
 
 def test_nothing_happens_to_a_damper_at_ambient_without_power():
-    rest = lean_numbers(heating=0.0)
-    assert heat_lean(rest, np.array([AMBIENT]), AMBIENT, np.array([0.0, 600.0, 1e4])) == pytest.approx(
-        AMBIENT
-    )
+    rest = parameters_of(heating=0.0)
+    assert simulate_two_node(
+        rest, np.array([AMBIENT]), AMBIENT, np.array([0.0, 600.0, 1e4])
+    ) == pytest.approx(AMBIENT)
 
 
 # ----------------------------------------------------------------------------------------------- prediction
@@ -125,7 +127,9 @@ def _chains(problem: _Problem, *, walkers: int = 100, steps: int = 2000) -> np.n
         if k >= steps // 2 and k % 50 == 0:
             numbers, start = problem.numbers(at)
             kept.append(
-                heat_lean(numbers, start, problem.ambient, np.array([problem.curve.time[0], END_S]))[1]
+                simulate_two_node(numbers, start, problem.ambient, np.array([problem.curve.time[0], END_S]))[
+                    1
+                ]
             )
     return np.concatenate(kept)
 
@@ -133,9 +137,9 @@ def _chains(problem: _Problem, *, walkers: int = 100, steps: int = 2000) -> np.n
 def member_of_the_model(seed: int, noise: float) -> tuple[HeatingCurve, float]:
     """Return a curve of the lean model itself, its numbers near the beliefs' means, and its end at 30 min."""
     rng = np.random.default_rng(seed)
-    numbers = {name: PRIOR[name].value(0.4 * rng.standard_normal(1)) for name in NUMBERS}
+    numbers = {name: PRIOR[name].value(0.4 * rng.standard_normal(1)) for name in PARAMETERS}
     time = np.arange(0.0, END_S + 1.0, 2.0)
-    course = heat_lean(numbers, np.array([AMBIENT]), AMBIENT, time)[:, 0]
+    course = simulate_two_node(numbers, np.array([AMBIENT]), AMBIENT, time)[:, 0]
     return HeatingCurve(time, course + noise * rng.standard_normal(len(time))), float(course[-1])
 
 

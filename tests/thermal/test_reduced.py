@@ -11,7 +11,7 @@ import pytest
 
 from mrdamper.errors import InputError
 from mrdamper.thermal.model.finite_element import build_field
-from mrdamper.thermal.model.heat_equation import heat_through
+from mrdamper.thermal.model.heat_equation import simulate_field
 from mrdamper.thermal.model.reduced import reduce_field
 from mrdamper.thermal.model.stepping import Load
 from tests.thermal.designs import DRAWING, draw_designs
@@ -41,7 +41,7 @@ def test_sixteen_unknowns_follow_the_fluid_within_10_and_the_coil_within_50_mill
     model = build_field(draw_designs(4, seed=2)[number])
     small = reduce_field(model)
     assert small.order <= 16
-    full, reduced = (heat_through(each.equation, [DUTY]) for each in (model, small))
+    full, reduced = (simulate_field(each.equation, [DUTY]) for each in (model, small))
     assert miss(full, reduced, "fluid") < 10e-3
     assert miss(full, reduced, "coil") < 50e-3
 
@@ -51,7 +51,7 @@ def test_sixteen_unknowns_follow_forty_designs_in_steps_of_ten_seconds():
     for design in draw_designs(40, seed=3):
         model = build_field(design)
         full, reduced = (
-            heat_through(each.equation, [DUTY], longest_step=10.0) for each in (model, reduce_field(model))
+            simulate_field(each.equation, [DUTY], longest_step=10.0) for each in (model, reduce_field(model))
         )
         assert miss(full, reduced, "fluid") < 10e-3
         assert miss(full, reduced, "coil") < 50e-3
@@ -62,7 +62,7 @@ def test_it_follows_a_duty_it_was_not_made_for():
     model = build_field(DRAWING)
     loads = [Load(400.0, constant(200.0), 0.0), Load(300.0, constant(0.0)), Load(400.0, fading, 50.0)]
     full, reduced = (
-        heat_through(each.equation, loads, start=333.15) for each in (model, reduce_field(model))
+        simulate_field(each.equation, loads, start=333.15) for each in (model, reduce_field(model))
     )
     assert miss(full, reduced, "fluid") < 20e-3
     assert miss(full, reduced, "coil") < 50e-3
@@ -70,9 +70,9 @@ def test_it_follows_a_duty_it_was_not_made_for():
 
 def test_more_unknowns_miss_less():
     model = build_field(BARE)
-    full = heat_through(model.equation, [DUTY])
+    full = simulate_field(model.equation, [DUTY])
     missed = [
-        miss(full, heat_through(reduce_field(model, order=order).equation, [DUTY]), "coil")
+        miss(full, simulate_field(reduce_field(model, order=order).equation, [DUTY]), "coil")
         for order in (4, 8, 16)
     ]
     assert missed[0] > 3.0 * missed[1] > 9.0 * missed[2]
@@ -81,7 +81,7 @@ def test_more_unknowns_miss_less():
 def test_heat_is_neither_made_nor_lost():
     model = build_field(DRAWING, size=0.016)
     small = reduce_field(model)
-    course = heat_through(small.equation, [DUTY])
+    course = simulate_field(small.equation, [DUTY])
     assert course.closure <= 1e-9
     equation = small.equation
     capacity = equation.uniform @ (equation.mass @ equation.uniform)
@@ -91,7 +91,7 @@ def test_heat_is_neither_made_nor_lost():
 def test_a_uniform_field_comes_back_as_it_was():
     model = build_field(DRAWING, size=0.016)
     small = reduce_field(model)
-    course = heat_through(small.equation, [Load(1.0, constant(0.0))], start=340.0)
+    course = simulate_field(small.equation, [Load(1.0, constant(0.0))], start=340.0)
     assert small.field(course.state[0]) == pytest.approx(np.full(model.equation.size, 340.0), abs=1e-8)
 
 
@@ -99,7 +99,7 @@ def test_the_field_at_the_nodes_comes_back():
     """Where it changes most, at the coil, too."""
     model = build_field(BARE)
     small = reduce_field(model)
-    full, reduced = (heat_through(each.equation, [DUTY]) for each in (model, small))
+    full, reduced = (simulate_field(each.equation, [DUTY]) for each in (model, small))
     field = full.state[-1] + model.section.ambient
     assert np.abs(small.field(reduced.state[-1]) - field).max() < 0.2
 
@@ -109,7 +109,7 @@ def test_half_an_hour_takes_at_most_50_milliseconds():
     taken = []
     for _ in range(5):
         started = time.process_time()
-        heat_through(small.equation, [DUTY])
+        simulate_field(small.equation, [DUTY])
         taken.append(time.process_time() - started)
     assert min(taken) < 0.05
 

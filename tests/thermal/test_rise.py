@@ -19,7 +19,7 @@ from mrdamper.models.temperature import Arrhenius, Linear
 from mrdamper.thermal.dissipation import LoopWork, tabulate_work
 from mrdamper.thermal.drawing import read_drawing
 from mrdamper.thermal.duty import Duty, read_duty, stretch_of
-from mrdamper.thermal.temperature_rise import heat_with, predict_rise
+from mrdamper.thermal.temperature_rise import predict_rise, simulate_rise
 
 DRAWING = read_drawing(Path(__file__).parents[2] / "examples" / "paper_damper.toml")
 BARE = DRAWING.with_sink(None)
@@ -270,7 +270,7 @@ def test_the_temperature_at_rest_falls_towards_ambient():
     duty = read_duty("sine:15mm:1Hz:2A:600s")
     rest = replace(duty.stretches[0], path=None, command=0.0, duration=36000.0)
     work = tabulate_work(temperature_dependent(), rest)
-    rise = heat_with([work], BARE, Duty((rest,), "A", "rest"), start_K=373.15)
+    rise = simulate_rise([work], BARE, Duty((rest,), "A", "rest"), start_K=373.15)
     assert (np.diff(rise.fluid) < 0.0).all()
     assert rise.fluid[-1] - 293.15 < 0.5
     assert rise.force_loss_percent is None

@@ -34,7 +34,7 @@ from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.model.finite_element import FieldModel, heat_field
 from mrdamper.thermal.model.network import loss_grid
 from mrdamper.thermal.model.stepping import loads_until
-from mrdamper.thermal.temperature_rise import Model, Rise, heat_with, loads_of, notes_of, works_of
+from mrdamper.thermal.temperature_rise import Model, Rise, loads_of, notes_of, simulate_rise, works_of
 
 __all__ = ["FieldEnd", "HeatOptions", "HeatRun", "heat", "heat_damper", "sink_in_words", "write_heat"]
 
@@ -204,7 +204,7 @@ def heat_damper(
     step = max(_LONGEST_STEP_S, duty.duration / _MOST_STEPS)
 
     def rise_of(damper: DamperDrawing, notes: tuple[str, ...] = ()) -> Rise:
-        return heat_with(
+        return simulate_rise(
             works,
             damper,
             duty,

@@ -30,7 +30,7 @@ from mrdamper.thermal.estimation.measured_curve import read_curve
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.materials import find_material
 from mrdamper.thermal.sinks.design import HeatedDamper
-from mrdamper.thermal.temperature_rise import Model, heat_with, notes_of, works_of
+from mrdamper.thermal.temperature_rise import Model, notes_of, simulate_rise, works_of
 
 __all__ = ["QuickHeat", "damper_facts", "heat_changed"]
 
@@ -87,7 +87,7 @@ class QuickHeat:
             works = [replace(w, power=duty_share * w.power, ripple=duty_share * w.ripple) for w in works]
             resting = tuple(replace(s, command=math.sqrt(duty_share) * s.command) for s in duty.stretches)
             duty = replace(duty, stretches=resting)
-            rise = heat_with(works, drawing, duty, stop_at_limit=not past_limit, notes=notes)
+            rise = simulate_rise(works, drawing, duty, stop_at_limit=not past_limit, notes=notes)
         return {
             "curve": {
                 "time_s": rise.time.tolist(),

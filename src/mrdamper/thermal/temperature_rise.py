@@ -27,10 +27,17 @@ from mrdamper.thermal.films.surfaces import name_correlations
 from mrdamper.thermal.model.lumped import lumped_network
 from mrdamper.thermal.model.network import PATHS, ThermalNetwork, zone_network
 from mrdamper.thermal.model.stepping import Load
-from mrdamper.thermal.model.transient import Heating, heat_up
+from mrdamper.thermal.model.transient import Heating, simulate_network
 
 __all__ = [
-    "NETWORKS", "Model", "Rise", "build_network", "heat_with", "loads_of", "notes_of", "predict_rise",
+    "NETWORKS",
+    "Model",
+    "Rise",
+    "build_network",
+    "loads_of",
+    "notes_of",
+    "predict_rise",
+    "simulate_rise",
     "works_of",
 ]  # fmt: skip
 
@@ -121,7 +128,7 @@ def predict_rise(
     plan = duty if isinstance(duty, Duty) else read_duty(duty)
     works = works_of(damper, plan)
     notes = notes_of(card, plan)
-    return heat_with(
+    return simulate_rise(
         works,
         drawing,
         plan,
@@ -133,7 +140,7 @@ def predict_rise(
     )
 
 
-def heat_with(  # keyword-only options beside the three things joined
+def simulate_rise(  # keyword-only options beside the three things joined
     works: Sequence[LoopWork],
     drawing: DamperDrawing,
     duty: Duty,
@@ -151,10 +158,10 @@ def heat_with(  # keyword-only options beside the three things joined
     network = build_network(drawing, model)
     limit = drawing.filling.valid_K[1]
     loads = loads_of(works, drawing, duty)
-    heating = heat_up(network, loads, start=start_K, longest_step=longest_step, stop_at=limit)
+    heating = simulate_network(network, loads, start=start_K, longest_step=longest_step, stop_at=limit)
     reached = float(heating.time[-1]) if heating.stopped else None
     if heating.stopped and not stop_at_limit:
-        heating = heat_up(network, loads, start=start_K, longest_step=longest_step)
+        heating = simulate_network(network, loads, start=start_K, longest_step=longest_step)
     if reached is not None:
         does = "the curve ends there" if stop_at_limit else "the curve goes on, outside what the fluid is for"
         notes = (

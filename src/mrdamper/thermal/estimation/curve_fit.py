@@ -21,7 +21,7 @@ from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.estimation.measured_curve import HeatingCurve, lag_signal
 from mrdamper.thermal.estimation.uncertainty import ModelUncertainty
 from mrdamper.thermal.model.stepping import Load, loads_until
-from mrdamper.thermal.model.transient import Heating, heat_up
+from mrdamper.thermal.model.transient import Heating, simulate_network
 from mrdamper.thermal.temperature_rise import Model, build_network
 
 __all__ = ["CARRIED", "CurveFit", "inverse_of", "multiplied", "variance_of"]
@@ -161,7 +161,7 @@ class CurveFit:
 
     def _course(self, at: FloatArray) -> Heating:
         network = build_network(self.drawing(at), self._model)
-        return heat_up(network, self._loads, start=float(at[0]), longest_step=_LONGEST_STEP_S)
+        return simulate_network(network, self._loads, start=float(at[0]), longest_step=_LONGEST_STEP_S)
 
     def _off(self, at: FloatArray) -> FloatArray:
         """Return how far a point's curve is off the measured one [K], shape (n,)."""

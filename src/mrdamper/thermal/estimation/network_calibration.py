@@ -20,7 +20,7 @@ from mrdamper.thermal.drawing import Calibration, DamperDrawing
 from mrdamper.thermal.model.finite_element import heat_field
 from mrdamper.thermal.model.network import zone_network
 from mrdamper.thermal.model.stepping import Load
-from mrdamper.thermal.model.transient import Heating, heat_up
+from mrdamper.thermal.model.transient import Heating, simulate_network
 
 __all__ = ["NetworkCalibration", "NetworkError", "calibrate_network", "network_error"]
 
@@ -130,7 +130,7 @@ def _field_curves(drawing: DamperDrawing, loads: Sequence[Load], moments: FloatA
 
 
 def _network_curves(drawing: DamperDrawing, loads: Sequence[Load], moments: FloatArray) -> FloatArray:
-    course: Heating = heat_up(zone_network(drawing), loads)
+    course: Heating = simulate_network(zone_network(drawing), loads)
     return np.stack(
         [np.interp(moments, course.time, each) for each in (course.fluid, course.coil, course.wall)]
     )

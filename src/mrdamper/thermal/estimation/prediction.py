@@ -29,7 +29,7 @@ from mrdamper.thermal.estimation.sampling import (
     interval_of,
     summarise_times,
 )
-from mrdamper.thermal.estimation.two_node import NUMBERS, PRIOR, heat_lean
+from mrdamper.thermal.estimation.two_node import PARAMETERS, PRIOR, simulate_two_node
 
 __all__ = ["EarlyPrediction", "Misfit", "predict_early"]
 
@@ -90,7 +90,7 @@ class EarlyPrediction:
         first = float(self.curve.time[0])
         if not (time > first).all():
             raise InputError(f"prediction: the curve starts at {first:g} s; expected a later time")
-        values = heat_lean(self.numbers, self.start, self.ambient, np.append(first, time))[1:]
+        values = simulate_two_node(self.numbers, self.start, self.ambient, np.append(first, time))[1:]
         spread = np.hypot(self.misfit.floor_K, self.misfit.share * np.abs(values - self.start))
         return np.asarray(values + spread * self.off)
 
@@ -154,13 +154,13 @@ def predict_early(
 class _Problem:
     """Residuals of a binned curve and of the beliefs, all of them of variance 1.
 
-    Coordinates: the numbers of ``lean.NUMBERS``, the thermometer's lag, the start; in spreads from the means.
+    Coordinates: ``two_node.PARAMETERS``, the thermometer's lag, the start; in spreads from the means.
     """
 
     def __init__(self, curve: HeatingCurve, ambient: float, misfit: Misfit) -> None:
         self.curve, self.ambient, self.misfit = curve, ambient, misfit
         self.time, self.seen, count = _bins(curve)
-        self.size = len(NUMBERS) + 2
+        self.size = len(PARAMETERS) + 2
         self._lag = PRIOR["body lag" if curve.place == "wall" else "lag"]
         self.rows = len(self.time) + self.size
         first = max(3, round(0.02 * len(curve)))
@@ -174,7 +174,7 @@ class _Problem:
 
     def numbers(self, at: FloatArray) -> tuple[dict[str, FloatArray], FloatArray]:
         """Return numbers and start temperatures at coordinates, shape (size, k)."""
-        values = {name: PRIOR[name].value(at[k]) for k, name in enumerate(NUMBERS)}
+        values = {name: PRIOR[name].value(at[k]) for k, name in enumerate(PARAMETERS)}
         return values, np.asarray(self.start + _START_SPREAD_K * at[-1])
 
     def residuals(self, at: FloatArray) -> FloatArray:
@@ -182,7 +182,7 @@ class _Problem:
         values, start = self.numbers(at)
         time = np.append(self.curve.time[0], self.time)
         lag = self.curve.lag_s or self._lag.value(at[-2])
-        shown = lag_signal(time, heat_lean(values, start, self.ambient, time), lag)
+        shown = lag_signal(time, simulate_two_node(values, start, self.ambient, time), lag)
         return np.vstack([self._whiten @ (shown[1:] - self.seen[:, None]), at])
 
     def most_probable(self) -> FloatArray:

@@ -28,9 +28,9 @@ from types import MappingProxyType
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.thermal.model.stepping import GAMMA, growing_steps
+from mrdamper.thermal.model.stepping import Solver, growing_steps, rosenbrock_step
 
-__all__ = ["NUMBERS", "PRIOR", "Prior", "heat_lean"]
+__all__ = ["PARAMETERS", "PRIOR", "Prior", "simulate_two_node"]
 
 _VISCOSITY_K = 1400.0
 _AT_EXCESS_K = 40.0
@@ -76,69 +76,83 @@ PRIOR: Mapping[str, Prior] = MappingProxyType(
 )
 """Beliefs about a damper that nobody has drawn; of the two lags, the one of the thermometer's place holds."""
 
-NUMBERS = tuple(name for name in PRIOR if "lag" not in name)
-"""What ``heat_lean`` asks for, in the order of its sums."""
+PARAMETERS = tuple(name for name in PRIOR if "lag" not in name)
+"""What ``simulate_two_node`` asks for."""
 
 
-def heat_lean(
-    numbers: Mapping[str, FloatArray], start: FloatArray, ambient: float, time: FloatArray
+def simulate_two_node(
+    parameters: Mapping[str, FloatArray], start: FloatArray, ambient: float, time: FloatArray
 ) -> FloatArray:
     """Return the temperature of k dampers at given times [K], shape (t, k).
 
     Parameters
     ----------
-    numbers : each of ``NUMBERS``, shape (k,)
+    parameters : each of ``PARAMETERS``, shape (k,)
     start : temperature of everything at the first time [K], shape (k,)
     ambient : [K]
     time : rising [s], shape (t,), at least two
 
     Notes
     -----
-    ROS2 with steps of 2 s that grow to 40 s, and cubic Hermite polynomials between them.
+    Steps of 2 s that grow to 40 s, and cubic Hermite polynomials between them.
     """
-    share, settling = numbers["share"], numbers["settling"]
-    exchange = share * (1.0 - share) / settling
-    to_near, to_core = exchange / share, exchange / (1.0 - share)
-    balance = _balance(numbers, ambient)
+    system = _TwoNodeSystem(parameters, ambient)
     steps = growing_steps(float(time[-1] - time[0]), _FIRST_STEP, _LONGEST, growth=_GROWTH)
     grid = float(time[0]) + np.append(0.0, np.cumsum(steps))
-    values, rates = np.empty((len(grid), len(start))), np.empty((len(grid), len(start)))
-    near, core = start.copy(), start.copy()
-    for k, now in enumerate(grid):
-        gain, gain_slope = balance(near)
-        rate = gain / share - to_near * (near - core)
-        values[k], rates[k] = near, rate
-        if k + 1 == len(grid):
-            break
-        h = grid[k + 1] - now
-        # I - gamma h J, solved by hand
-        g = GAMMA * h
-        a11, a12 = 1.0 + g * (to_near - gain_slope / share), -g * to_near
-        a21, a22 = -g * to_core, 1.0 + g * to_core
+    states = [np.stack([start, start])]
+    for size in np.diff(grid).tolist():
+        states.append(rosenbrock_step(system, states[-1], size))
+    whole = np.stack(states, axis=1)
+    return _hermite(grid, whole[0], system.rate(whole)[0], time)
+
+
+class _TwoNodeSystem:
+    """Heat balances of k dampers as a ``stepping.System``; states: fluid, then core, shape (2, ..., k)."""
+
+    def __init__(self, parameters: Mapping[str, FloatArray], ambient: float) -> None:
+        self._share = share = parameters["share"]
+        exchange = share * (1.0 - share) / parameters["settling"]
+        self._to_fluid, self._to_core = exchange / share, exchange / (1.0 - share)
+        self._balance = _balance(parameters, ambient)
+
+    def rate(self, state: FloatArray) -> FloatArray:
+        """Return dT/dt [K/s], shape of the state."""
+        return self._rate(state, self._balance(state[0])[0])
+
+    def inertia(self, rate: FloatArray) -> FloatArray:
+        """Return the rate: the capacity is divided out."""
+        return rate
+
+    def linearise(self, state: FloatArray, shrunk: float) -> tuple[FloatArray, Solver]:
+        """Return the rate at a state, and the solver of (1 - shrunk J) x = b, of two unknowns."""
+        gain, slope = self._balance(state[0])
+        a11, a12 = 1.0 + shrunk * (self._to_fluid - slope / self._share), -shrunk * self._to_fluid
+        a21, a22 = -shrunk * self._to_core, 1.0 + shrunk * self._to_core
         over = 1.0 / (a11 * a22 - a12 * a21)
-        core_rate = to_core * (near - core)
-        first, first_core = (a22 * rate - a12 * core_rate) * over, (a11 * core_rate - a21 * rate) * over
-        middle, middle_core = near + h * first, core + h * first_core
-        gain, _ = balance(middle)
-        rate = gain / share - to_near * (middle - middle_core) - 2.0 * first
-        core_rate = to_core * (middle - middle_core) - 2.0 * first_core
-        near = near + h * (1.5 * first + 0.5 * (a22 * rate - a12 * core_rate) * over)
-        core = core + h * (1.5 * first_core + 0.5 * (a11 * core_rate - a21 * rate) * over)
-    return _hermite(grid, values, rates, time)
+
+        def solve(right: FloatArray) -> FloatArray:
+            one, other = right
+            return np.stack([(a22 * one - a12 * other) * over, (a11 * other - a21 * one) * over])
+
+        return self._rate(state, gain), solve
+
+    def _rate(self, state: FloatArray, gain: FloatArray) -> FloatArray:
+        apart = state[0] - state[1]
+        return np.stack([gain / self._share - self._to_fluid * apart, self._to_core * apart])
 
 
 def _balance(
-    numbers: Mapping[str, FloatArray], ambient: float
+    parameters: Mapping[str, FloatArray], ambient: float
 ) -> Callable[[FloatArray], tuple[FloatArray, FloatArray]]:
     """Return the function that gives power less loss over the capacity [K/s], and its slope [1/s]."""
-    q, u, v, s, m = (numbers[name] for name in NUMBERS[:5])
+    q, u, v, s, m = (parameters[name] for name in PARAMETERS[:5])
     bottom = _AT_EXCESS_K**2 + _SMOOTH_K**2
 
-    def balance(near: FloatArray) -> tuple[FloatArray, FloatArray]:
-        viscous = v * np.exp(_VISCOSITY_K * (1.0 / near - 1.0 / ambient))
-        excess = near - ambient
+    def balance(fluid: FloatArray) -> tuple[FloatArray, FloatArray]:
+        viscous = v * np.exp(_VISCOSITY_K * (1.0 / fluid - 1.0 / ambient))
+        excess = fluid - ambient
         power = viscous + (1.0 - v) * (1.0 - s * excess)
-        falls = -viscous * _VISCOSITY_K / near**2 - (1.0 - v) * s
+        falls = -viscous * _VISCOSITY_K / fluid**2 - (1.0 - v) * s
         held = power < _LEAST_POWER
         square = excess**2 + _SMOOTH_K**2
         film = u * (square / bottom) ** (0.5 * m)

@@ -23,9 +23,9 @@ from mrdamper.thermal.estimation.sampling import (
     interval_of,
     summarise_times,
 )
-from mrdamper.thermal.materials import COPPER_PER_K
 from mrdamper.thermal.model.network import ThermalNetwork
-from mrdamper.thermal.model.stepping import GAMMA, Load
+from mrdamper.thermal.model.stepping import Load, rosenbrock_step
+from mrdamper.thermal.model.transient import NetworkSystem
 
 __all__ = ["FACTORS", "ModelUncertainty", "PredictionInterval", "UncertainNetwork"]
 
@@ -116,6 +116,17 @@ class UncertainNetwork:
         slope = (self.watts[node, place + 1] - below) / width
         return below + slope * (at - place) * width, slope
 
+    def _system(self, factor: FloatArray) -> NetworkSystem:
+        """Return the heat balance of k dampers with factors, shape (k, 6)."""
+        losses = len(self.network.loss_node)
+        body, coil = factor[:, BODY, None, None], factor[:, COIL, None, None]
+        return NetworkSystem(
+            self.network,
+            capacity=factor[:, CAPACITY, None] * self.network.capacity,
+            laplacian=self.rest + body * self.of_body + coil * self.of_coil,
+            gain=factor[:, [LOSS] * losses + [POWER, RESISTANCE]],
+        )
+
     def look_ahead(
         self,
         mean: FloatArray,
@@ -158,55 +169,18 @@ class UncertainNetwork:
         hottest_K : nodes are held at this temperature
         """
         n, network = self.nodes, self.network
-        nodes, factor = states[:, :n].copy(), np.exp(states[:, n:])
+        system = self._system(np.exp(states[:, n:]))
+        state = np.hstack([states[:, :n], np.zeros((len(states), system.columns))])
         longest = max(_LONGEST_STEP_S, math.fsum(load.duration for load in loads) / _MOST_STEPS)
-        step, time, fluid = _FIRST_STEP_S, [0.0], [nodes @ network.fluid]
+        step, time, fluid = _FIRST_STEP_S, [0.0], [state[:, :n] @ network.fluid]
         for load in loads:
-            stepper = _Stepper(self, factor, load)
+            system.take(load)
             end = time[-1] + load.duration
             while time[-1] < end - 1e-9:
                 size = min(step, end - time[-1])
-                nodes = np.minimum(stepper.step(nodes, size), hottest_K)
+                state = rosenbrock_step(system, state, size)
+                state[:, :n] = np.minimum(state[:, :n], hottest_K)
                 time.append(time[-1] + size)
-                fluid.append(nodes @ network.fluid)
+                fluid.append(state[:, :n] @ network.fluid)
                 step = min(step * _GROWTH, longest)
         return np.array(time), np.array(fluid)
-
-
-class _Stepper:
-    """ROS2 on k dampers at once, under one load."""
-
-    def __init__(self, doubted: UncertainNetwork, factor: FloatArray, load: Load) -> None:
-        network = doubted.network
-        self._doubted, self._network = doubted, network
-        self._capacity = factor[:, CAPACITY, None] * network.capacity
-        self._loss, self._share = factor[:, LOSS, None], factor[:, POWER, None]
-        joule = factor[:, RESISTANCE, None] * load.coil_W
-        self._linear = (
-            doubted.rest
-            + factor[:, BODY, None, None] * doubted.of_body
-            + factor[:, COIL, None, None] * doubted.of_coil
-            + joule[:, :, None] * COPPER_PER_K * np.outer(network.electrical, network.coil)
-        )
-        self._heated = joule * (1.0 - COPPER_PER_K * ROOM_K) * network.electrical
-        self._watts = load.power_on(network.grid)
-        self._falls = np.gradient(self._watts, network.grid)
-
-    def step(self, nodes: FloatArray, size: float) -> FloatArray:
-        """Return the temperatures after a step [s], shape (k, n)."""
-        n = self._doubted.nodes
-        jacobian = self._linear.copy()
-        jacobian[:, range(n), range(n)] -= self._loss * self._doubted.losses(nodes)[1]
-        falls = self._share[:, 0] * np.interp(nodes @ self._network.fluid, self._network.grid, self._falls)
-        jacobian += falls[:, None, None] * np.outer(self._network.mechanical, self._network.fluid)
-        inverse = np.linalg.inv(np.eye(n) - GAMMA * size * jacobian / self._capacity[:, :, None])
-        first = (inverse @ self._rate(nodes)[:, :, None])[:, :, 0]
-        second = (inverse @ (self._rate(nodes + size * first) - 2.0 * first)[:, :, None])[:, :, 0]
-        return np.asarray(nodes + size * (1.5 * first + 0.5 * second))
-
-    def _rate(self, nodes: FloatArray) -> FloatArray:
-        network = self._network
-        power = self._share[:, 0] * np.interp(nodes @ network.fluid, network.grid, self._watts)
-        flow = (self._linear @ nodes[:, :, None])[:, :, 0] + self._heated
-        flow += power[:, None] * network.mechanical - self._loss * self._doubted.losses(nodes)[0]
-        return np.asarray(flow / self._capacity)

@@ -19,7 +19,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError, MissingExtraError
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.materials import COPPER_PER_K
-from mrdamper.thermal.model.heat_equation import Cooling, FieldHeating, HeatEquation, heat_through
+from mrdamper.thermal.model.heat_equation import Cooling, FieldHeating, HeatEquation, simulate_field
 from mrdamper.thermal.model.mesh import IntArray, SectionMesh, mesh_section
 from mrdamper.thermal.model.network import PATHS
 from mrdamper.thermal.model.section import Role, Section, section_of
@@ -73,7 +73,7 @@ def heat_field(
     longest_step: float = 60.0,
     stop_at: float = math.inf,
 ) -> tuple[FieldModel, FieldHeating]:
-    """Return the model of a drawing and its course through loads; see ``heat_equation.heat_through``.
+    """Return the model of a drawing and its course through loads; see ``heat_equation.simulate_field``.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ def heat_field(
     stop_at : temperature of the fluid at which the course ends [K]
     """
     model = build_field(drawing, size=size)
-    course = heat_through(model.equation, loads, start=start_K, longest_step=longest_step, stop_at=stop_at)
+    course = simulate_field(model.equation, loads, start=start_K, longest_step=longest_step, stop_at=stop_at)
     return model, course
 
 

@@ -1,20 +1,18 @@
-"""The heat equation once space is discretised, and its course through time by ROS2.
+"""The heat equation once space is discretised, and its integration in time.
 
     M dθ/dt = -K θ + p P(mean fluid) + W (c + E θ) - Bᵀ a q(B θ)        θ = T - ambient
 
 with mass M, conduction K, the loads p and c of mechanical and coil heat, the coil's rise of resistance E, and
 the heat q given off per area at the points B of the surface, each of area a. The finite elements fill it with
-sparse matrices, the reduced model with small dense ones; the stepping is the same.
-
-ROS2: see ``stepping``. Energies in and out are carried through both stages with the step's own derivatives,
-so that the account closes to rounding. The Jacobian is exact: the mean fluid's part, which would fill the
-matrix, goes in by Sherman's and Morrison's formula.
+sparse matrices, the reduced model with small dense ones; the integration (``stepping``) is the same. The
+Jacobian is exact: the mean fluid's part, which would fill the matrix, goes in by Sherman's and Morrison's
+formula.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
@@ -30,20 +28,20 @@ from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.thermal.films.correlations import STEFAN_BOLTZMANN
 from mrdamper.thermal.model.mesh import IntArray
 from mrdamper.thermal.model.network import PATHS
-from mrdamper.thermal.model.stepping import FIRST_STEP_S, GAMMA, EnergyAccount, Load, march
+from mrdamper.thermal.model.stepping import FIRST_STEP_S, EnergyAccount, Load, Solver, integrate
 
 __all__ = [
     "Cooling",
     "FieldHeating",
+    "FieldSystem",
     "HeatEquation",
     "Matrix",
     "factorise",
-    "heat_through",
-    "settle",
+    "simulate_field",
+    "steady_field",
 ]
 
 Matrix = Any  # a sparse matrix or an array: both know @ and .T
-Solver = Callable[[FloatArray], FloatArray]
 
 _ROUNDING_K = 1e-5  # moves of a Newton step that may be rounding
 
@@ -201,7 +199,7 @@ class FieldHeating(EnergyAccount):
         return np.asarray((self.state - self.state[0]) @ weights)
 
 
-def heat_through(
+def simulate_field(
     equation: HeatEquation,
     loads: Sequence[Load],
     *,
@@ -225,8 +223,8 @@ def heat_through(
     """
     return FieldHeating(
         equation,
-        *march(
-            _Stepper(equation),
+        *integrate(
+            FieldSystem(equation),
             loads,
             _first_state(equation, start),
             first_step=first_step,
@@ -236,7 +234,9 @@ def heat_through(
     )
 
 
-def settle(equation: HeatEquation, load: Load, *, start: float | FloatArray | None = None) -> FloatArray:
+def steady_field(
+    equation: HeatEquation, load: Load, *, start: float | FloatArray | None = None
+) -> FloatArray:
     """Return the unknowns above ambient that a load ends in [K], shape (n,), by Newton's method.
 
     Raises
@@ -244,13 +244,13 @@ def settle(equation: HeatEquation, load: Load, *, start: float | FloatArray | No
     ConvergenceError
         There is no steady state (nothing is given off), or the iteration did not reach it.
     """
-    stepper = _Stepper(equation)
-    stepper.take(load)
+    system = FieldSystem(equation)
+    system.take(load)
     state = _first_state(equation, equation.ambient + 50.0 if start is None else start)
     before = math.inf
     for _ in range(60):
-        here = stepper.evaluate(state)
-        move = stepper.solver(here, 1.0, 0.0)(here.rate)
+        here = system.evaluate(state)
+        move = system.solver(here, 1.0, 0.0)(here.rate)
         largest = float(np.abs(move).max())
         if not math.isfinite(largest) or largest > 1e9:
             break
@@ -284,11 +284,14 @@ class _Here:
     power_slope: float  # of the mechanical power [W/K]
 
 
-class _Stepper:
-    """ROS2 on a heat equation with one load at a time."""
+class FieldSystem:
+    """A heat equation as a ``stepping.TimedSystem``.
+
+    A state holds the n unknowns above ambient [K], then the energies of the paths and the two sources [J].
+    """
 
     def __init__(self, equation: HeatEquation) -> None:
-        self.equation = equation
+        self.equation, self.nodes = equation, equation.size
         # 1ᵀ E: what a state adds to the heat of a coil of 1 W
         self._warm_row = np.asarray(equation.warming.T @ equation.uniform)
 
@@ -300,11 +303,28 @@ class _Stepper:
 
     def fluid(self, state: FloatArray) -> float:
         """Return the fluid's mean temperature [K]."""
-        return float(self.equation.fluid @ state) + self.equation.ambient
+        return float(self.equation.fluid @ state[: self.nodes]) + self.equation.ambient
 
-    def flow(self, state: FloatArray) -> FloatArray:
-        """Return losses by path, then the sources [W], shape (7,)."""
-        return self.evaluate(state).flow
+    def rate(self, state: FloatArray) -> FloatArray:
+        """Return M dθ/dt and the flows [W], in the state's shape."""
+        here = self.evaluate(state[: self.nodes])
+        return np.concatenate([here.rate, here.flow])
+
+    def inertia(self, rate: FloatArray) -> FloatArray:
+        """Return M times a rate of the unknowns, the energies' as it is."""
+        return np.concatenate([self.equation.mass @ rate[: self.nodes], rate[self.nodes :]])
+
+    def linearise(self, state: FloatArray, shrunk: float) -> tuple[FloatArray, Solver]:
+        """Return the rate at a state, and the solver of (M - shrunk J) x = b."""
+        n = self.nodes
+        here = self.evaluate(state[:n])
+        solve = self.solver(here, shrunk, 1.0)
+
+        def with_energies(right: FloatArray) -> FloatArray:
+            move = solve(right[:n])
+            return np.concatenate([move, right[n:] + shrunk * self.flow_change(here, move)])
+
+        return np.concatenate([here.rate, here.flow]), with_energies
 
     def evaluate(self, state: FloatArray) -> _Here:
         """Return the equation's right side at a state."""
@@ -349,22 +369,6 @@ class _Stepper:
             return np.asarray(plain + spread * (gain * float(e.fluid @ plain)))
 
         return corrected
-
-    def step(self, state: FloatArray, size: float) -> tuple[FloatArray, FloatArray]:
-        """Return the state after a step [s], and the energies that went through each column in it [J]."""
-        e = self.equation
-        shrunk = GAMMA * size
-        here = self.evaluate(state)
-        solve = self.solver(here, shrunk, 1.0)
-        first = solve(here.rate)
-        middle = self.evaluate(state + size * first)
-        second = solve(middle.rate - 2.0 * (e.mass @ first))
-        energy_first = here.flow + shrunk * self.flow_change(here, first)
-        energy_second = middle.flow - 2.0 * energy_first + shrunk * self.flow_change(here, second)
-        return (
-            state + size * (1.5 * first + 0.5 * second),
-            size * (1.5 * energy_first + 0.5 * energy_second),
-        )
 
 
 def factorise(matrix: Matrix) -> Solver:

@@ -1,9 +1,9 @@
-"""Going through time: the steps that all thermal models share, the march through loads, the energy account.
+"""Integration in time of all thermal models: loads, one Rosenbrock step, steps that grow, energy account.
 
-The method is ROS2, the two-stage, L-stable Rosenbrock method of order 2 with gamma = 1 - 1/sqrt(2) (Verwer,
-Spee, Blom & Hundsdorfer, SIAM J. Sci. Comput. 20 (1999) 1456-1480; from memory, not re-read). What one step
-is on a network or on finite elements is the business of ``transient`` and ``heat_equation``; both carry the
-energies of their losses and sources as extra states, the two sources (mechanical power, coil heat) last.
+A model is a ``System`` M dy/dt = f(y) whose state y holds temperatures and, behind them, the energies that
+went through each loss and source since the start, the two sources (mechanical power, coil heat) last.
+The step keeps linear invariants, and "heat stored + energy out - energy in" is one: the account closes to
+rounding.
 """
 
 from __future__ import annotations
@@ -21,18 +21,22 @@ from mrdamper.errors import InputError
 
 __all__ = [
     "FIRST_STEP_S",
-    "GAMMA",
     "EnergyAccount",
     "Load",
-    "March",
-    "Stepper",
+    "Solution",
+    "Solver",
+    "System",
+    "TimedSystem",
     "growing_steps",
+    "integrate",
     "loads_until",
-    "march",
+    "rosenbrock_step",
 ]
 
-GAMMA = 1.0 - 1.0 / math.sqrt(2.0)
-"""Of ROS2: the share of the step that its stages are implicit in."""
+Solver = Callable[[FloatArray], FloatArray]
+"""Solves a linear system for one right-hand side."""
+
+_GAMMA = 1.0 - 1.0 / math.sqrt(2.0)  # the share of the step that the stages are implicit in
 
 FIRST_STEP_S = 1.0
 """The fluid's film and the coil settle in seconds."""
@@ -79,76 +83,104 @@ def loads_until(loads: Sequence[Load], time_s: float) -> list[Load]:
     return kept
 
 
-class Stepper(Protocol):
-    """A thermal model under one load at a time."""
+class System(Protocol):
+    """A system M dy/dt = f(y); a state may hold many dampers, one along any axis that f leaves alone."""
+
+    def rate(self, state: FloatArray) -> FloatArray:
+        """Return f at a state, in its shape."""
+
+    def linearise(self, state: FloatArray, shrunk: float) -> tuple[FloatArray, Solver]:
+        """Return f at a state, and the solver of (M - shrunk df/dy) x = b, with ``shrunk`` in [s]."""
+
+    def inertia(self, rate: FloatArray) -> FloatArray:
+        """Return M times a rate."""
+
+
+class TimedSystem(System, Protocol):
+    """A thermal model under one load at a time: n temperatures, then the energies of m losses and sources."""
+
+    nodes: int  # n
 
     def take(self, load: Load) -> None:
         """Put the sources of a load in."""
-
-    def step(self, state: FloatArray, size: float) -> tuple[FloatArray, FloatArray]:
-        """Return the state after a step [s], and the energies of losses and sources in it [J]."""
-
-    def flow(self, state: FloatArray) -> FloatArray:
-        """Return losses and sources at a state [W]."""
 
     def fluid(self, state: FloatArray) -> float:
         """Return the fluid's mean temperature at a state [K]."""
 
 
-class March(NamedTuple):
-    """Where a march came by: the ends of its steps."""
+def rosenbrock_step(system: System, state: FloatArray, size: float) -> FloatArray:
+    r"""Return the state after a step [s] by ROS2, in the state's shape.
+
+    .. math::
+        (M - \gamma h J) k_1 &= f(y), \quad (M - \gamma h J) k_2 = f(y + h k_1) - 2 M k_1 \\
+        y &\leftarrow y + h (3 k_1 + k_2) / 2, \quad \gamma = 1 - 1/\sqrt{2}
+
+    Notes
+    -----
+    Two stages, order 2, L-stable. Source: Verwer, Spee, Blom & Hundsdorfer, SIAM J. Sci. Comput. 20 (1999)
+    1456-1480; that it is of order 2 is tested.
+    """
+    rate, solve = system.linearise(state, _GAMMA * size)
+    first = solve(rate)
+    second = solve(system.rate(state + size * first) - 2.0 * system.inertia(first))
+    return state + size * (1.5 * first + 0.5 * second)
+
+
+class Solution(NamedTuple):
+    """The ends of the steps taken."""
 
     time: FloatArray  # [s], shape (k,)
-    state: FloatArray  # shape (k, n)
-    flow: FloatArray  # losses, then the two sources [W], shape (k, m + 2)
-    energy: FloatArray  # of each since the start [J], shape (k, m + 2)
+    temperature: FloatArray  # the system's first n unknowns, shape (k, n)
+    flow: FloatArray  # losses, then the two sources [W], shape (k, m)
+    energy: FloatArray  # of each since the start [J], shape (k, m)
     stopped: bool  # the fluid reached the temperature at which to stop
 
 
-def march(
-    stepper: Stepper,
+def integrate(
+    system: TimedSystem,
     loads: Sequence[Load],
-    state: FloatArray,
+    start: FloatArray,
     *,
     first_step: float = FIRST_STEP_S,
     longest_step: float,
     stop_at: float = math.inf,
-) -> March:
-    """Take a state through loads, one after the other.
+) -> Solution:
+    """Take a system from its first temperatures through loads, one after the other.
 
     Parameters
     ----------
+    start : shape (n,)
     first_step, longest_step : steps grow from the one to the other [s] after each change of load
-    stop_at : the fluid's mean temperature at which the march ends [K]
+    stop_at : the fluid's mean temperature at which the integration ends [K]
     """
     if not loads:
         raise InputError("heating: there is no load; expected at least one")
     if not (longest_step > 0.0 and first_step > 0.0):
         raise InputError(f"heating: steps are {first_step} and {longest_step} s; expected positive numbers")
-    stepper.take(loads[0])
-    times, states, flows = [0.0], [state], [stepper.flow(state)]
-    energies = [np.zeros_like(flows[0])]
-    stopped = stepper.fluid(state) >= stop_at
+    system.take(loads[0])
+    n = system.nodes
+    state = np.concatenate([start, np.zeros_like(system.rate(start)[n:])])
+    times, states, flows = [0.0], [state], [system.rate(state)[n:]]
+    stopped = system.fluid(state) >= stop_at
     for k, load in enumerate(loads):
         if stopped:
             break
         if k > 0:
-            stepper.take(load)
+            system.take(load)
         for step in growing_steps(load.duration, min(first_step, longest_step), longest_step):
-            size = step
-            new, gained = stepper.step(state, size)
-            stopped = stepper.fluid(new) >= stop_at
+            size, new = step, rosenbrock_step(system, state, step)
+            stopped = system.fluid(new) >= stop_at
             if stopped:
-                size = _size_to(stepper, state, step, stop_at)
-                new, gained = stepper.step(state, size)
+                size = _size_to(system, state, step, stop_at)
+                new = rosenbrock_step(system, state, size)
             state = new
             times.append(times[-1] + size)
             states.append(state)
-            flows.append(stepper.flow(state))
-            energies.append(energies[-1] + gained)
+            flows.append(system.rate(state)[n:])
             if stopped:
                 break
-    return March(np.array(times), np.array(states), np.array(flows), np.array(energies), stopped)
+    found = np.array(states)
+    return Solution(np.array(times), found[:, :n], np.array(flows), found[:, n:], stopped)
 
 
 def growing_steps(duration: float, first: float, longest: float, *, growth: float = _GROWTH) -> list[float]:
@@ -162,12 +194,12 @@ def growing_steps(duration: float, first: float, longest: float, *, growth: floa
     return steps + [left / count] * count
 
 
-def _size_to(stepper: Stepper, state: FloatArray, step: float, stop_at: float) -> float:
+def _size_to(system: TimedSystem, state: FloatArray, step: float, stop_at: float) -> float:
     """Return the step, at most the given one, after which the fluid is at the temperature to stop at."""
     from scipy.optimize import brentq
 
     def below(size: float) -> float:
-        return stop_at - stepper.fluid(stepper.step(state, size)[0])
+        return stop_at - system.fluid(rosenbrock_step(system, state, size))
 
     return float(brentq(below, 0.0, step, xtol=_SIZE_S))
 

@@ -1,10 +1,7 @@
-"""Running a thermal network through time: ROS2, with the energy in and out carried as extra states.
+"""Thermal networks in time: one damper, or many that share a drawing and differ by factors.
 
-A step (``stepping``) is one factorisation and two solves. The method keeps linear invariants, and "heat
-stored + energy out - energy in" is one: the account closes to rounding, whatever the step.
-
-Between two steps of its grid a source or a loss is a cubic of temperature, its derivative exact, so that the
-Jacobian is too.
+Between two knots of its grid a source or a loss is a cubic of temperature, its derivative exact, so that the
+Jacobian of a step (``stepping``) is too.
 """
 
 from __future__ import annotations
@@ -22,9 +19,9 @@ from mrdamper.errors import ConvergenceError, EnvelopeError
 from mrdamper.quantities import ZERO_CELSIUS_K, to_degC
 from mrdamper.thermal.materials import COPPER_PER_K
 from mrdamper.thermal.model.network import ThermalNetwork
-from mrdamper.thermal.model.stepping import GAMMA, EnergyAccount, Load, march
+from mrdamper.thermal.model.stepping import EnergyAccount, Load, Solver, integrate
 
-__all__ = ["Heating", "heat_up", "steady_state"]
+__all__ = ["Heating", "NetworkSystem", "simulate_network", "steady_state"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,7 +57,7 @@ class Heating(EnergyAccount):
         return np.asarray((self.temperature - self.temperature[0]) @ self.network.capacity)
 
 
-def heat_up(
+def simulate_network(
     network: ThermalNetwork,
     loads: Sequence[Load],
     *,
@@ -83,9 +80,8 @@ def heat_up(
     """
     state = np.empty(len(network.names))
     state[:] = network.ambient if start is None else start
-    return Heating(
-        network, *march(_Stepper(network), loads, state, longest_step=longest_step, stop_at=stop_at)
-    )
+    system = NetworkSystem(network)
+    return Heating(network, *integrate(system, loads, state, longest_step=longest_step, stop_at=stop_at))
 
 
 def steady_state(network: ThermalNetwork, load: Load, *, start: float | None = None) -> FloatArray:
@@ -100,11 +96,11 @@ def steady_state(network: ThermalNetwork, load: Load, *, start: float | None = N
     """
     if not network.watts.any():
         raise ConvergenceError("steady state: nothing carries the heat away; there is none")
-    stepper = _Stepper(network)
-    stepper.take(load)
+    system = NetworkSystem(network)
+    system.take(load)
     state: FloatArray = np.full(len(network.names), network.ambient + 50.0 if start is None else start)
     for _ in range(60):
-        rate, jacobian = stepper.rate_and_jacobian(state)
+        rate, jacobian = system.rate_and_jacobian(state)
         move = np.linalg.solve(jacobian, -rate)
         largest = float(np.abs(move).max())
         state = np.asarray(state + move * min(1.0, 50.0 / max(largest, 1e-300)))
@@ -113,13 +109,34 @@ def steady_state(network: ThermalNetwork, load: Load, *, start: float | None = N
     raise ConvergenceError("steady state: Newton's method did not settle to 1e-9 K in 60 steps")
 
 
-class _Stepper:
-    """ROS2 on a network with one load at a time: tables of losses and sources, one step after another."""
+class NetworkSystem:
+    """The heat balance of a network as a ``stepping.TimedSystem``: k dampers of n nodes, or one.
 
-    def __init__(self, network: ThermalNetwork) -> None:
-        self.network = network
-        n, losses = len(network.names), len(network.loss_node)
+    A state holds node temperatures [K], then the energies of the m losses and sources [J]: shape (n + m,), or
+    (k, n + m) where the factors below have a first axis.
+
+    Parameters
+    ----------
+    capacity : of the nodes [J/K], shape (n,) or (k, n); None: the network's
+    laplacian : heat into each node by the others' temperatures [W/K], shape (n, n) or (k, n, n); None: the
+        network's
+    gain : factors of losses and sources, shape (m,) or (k, m). Dampers so changed may leave the grid: beyond
+        its ends the last cubics go on. None: no factors, and leaving the grid is an ``EnvelopeError``
+    """
+
+    def __init__(
+        self,
+        network: ThermalNetwork,
+        *,
+        capacity: FloatArray | None = None,
+        laplacian: FloatArray | None = None,
+        gain: FloatArray | None = None,
+    ) -> None:
+        self.network, self.nodes = network, len(network.names)
+        n, losses = self.nodes, len(network.loss_node)
         self.columns = losses + 2
+        self._beyond = gain is not None
+        self._gain: FloatArray = np.ones(1) if gain is None else gain
         # temperatures that losses and sources go by, and where their heat goes
         self._seen = np.zeros((self.columns, n))
         self._seen[range(losses), network.loss_node] = 1.0
@@ -127,9 +144,10 @@ class _Stepper:
         into = np.zeros((n, self.columns))
         into[network.loss_node, range(losses)] = -1.0
         into[:, -2], into[:, -1] = network.mechanical, network.electrical
-        laplacian = network.conductance - np.diag(network.conductance.sum(axis=1))
-        self._linear = laplacian / network.capacity[:, None]
-        self._into = into / network.capacity[:, None]
+        if laplacian is None:
+            laplacian = network.conductance - np.diag(network.conductance.sum(axis=1))
+        stored = (network.capacity if capacity is None else capacity)[..., None]
+        self._linear, self._into = laplacian / stored, into / stored
         self._low, self._width = float(network.grid[0]), float(network.grid[1] - network.grid[0])
         self._cubics = np.zeros((len(network.grid) - 1, 4, self.columns))
         if losses:
@@ -147,17 +165,18 @@ class _Stepper:
         self._cubics[:, 2, -1] = load.coil_W * COPPER_PER_K
         self._cubics[:, 3, -1] = load.coil_W * (1.0 + COPPER_PER_K * (knots - 293.15))
 
-    def _look_up(self, state: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return where the columns' temperatures lie: cubics, shape (columns, 4), and offsets [K]."""
-        at = (self._seen @ state - self._low) / self._width
+    def _look_up(self, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the cubics of losses and sources, shape (..., m, 4), and the offsets in them [K]."""
+        at = (nodes @ self._seen.T - self._low) / self._width
         place = at.astype(np.intp)
-        if not (at.min() >= 0.0 and at.max() < len(self._cubics)):
-            self._refuse(state)
-        cubics = self._cubics[place, :, self._column]
-        return cubics, (at - place) * self._width, at
+        if self._beyond:
+            place = np.clip(place, 0, len(self._cubics) - 1)
+        elif not (at.min() >= 0.0 and at.max() < len(self._cubics)):
+            self._refuse(nodes)
+        return self._cubics[place, :, self._column], (at - place) * self._width
 
-    def _refuse(self, state: FloatArray) -> None:
-        seen = self._seen @ state
+    def _refuse(self, nodes: FloatArray) -> None:
+        seen = self._seen @ nodes
         worst = int(np.argmax(np.where(np.isfinite(seen), np.abs(seen - self.network.ambient), np.inf)))
         low, high = self.network.grid[0] - ZERO_CELSIUS_K, self.network.grid[-1] - ZERO_CELSIUS_K
         raise EnvelopeError(
@@ -166,49 +185,70 @@ class _Stepper:
         )
 
     def fluid(self, state: FloatArray) -> float:
-        """Return the fluid's mean temperature [K]."""
-        return float(self.network.fluid @ state)
+        """Return the fluid's mean temperature [K] of one damper."""
+        return float(self.network.fluid @ state[: self.nodes])
 
-    def flow(self, state: FloatArray) -> FloatArray:
-        """Return losses and sources at a state [W], shape (columns,)."""
-        cubics, offset, _ = self._look_up(state)
-        return _horner(cubics, offset)
+    def rate(self, state: FloatArray) -> FloatArray:
+        """Return the rates of temperatures [K/s] and energies [W], in the state's shape."""
+        nodes = state[..., : self.nodes]
+        return self._rate(nodes, self._gain * _horner(*self._look_up(nodes)))
 
-    def rate_and_jacobian(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return dT/dt [K/s] and its derivative by T."""
-        cubics, offset, _ = self._look_up(state)
-        rate = self._linear @ state + self._into @ _horner(cubics, offset)
-        return rate, self._linear + (self._into * _slope(cubics, offset)) @ self._seen
+    def inertia(self, rate: FloatArray) -> FloatArray:
+        """Return the rate: capacities are divided out."""
+        return rate
 
-    def step(self, state: FloatArray, size: float) -> tuple[FloatArray, FloatArray]:
-        """Return the state after a step [s], and the energies that went through each column in it [J]."""
-        cubics, offset, _ = self._look_up(state)
-        flow, slope = _horner(cubics, offset), _slope(cubics, offset)
-        jacobian = self._linear + (self._into * slope) @ self._seen
-        shrunk = GAMMA * size
-        factors, pivots, _ = dgetrf(self._unit - shrunk * jacobian, overwrite_a=True)
-        first, _ = dgetrs(factors, pivots, self._linear @ state + self._into @ flow)
-        middle = state + size * first
-        flow_middle = self.flow(middle)
-        right = self._linear @ middle + self._into @ flow_middle - 2.0 * first
-        second, _ = dgetrs(factors, pivots, right)
-        bend = shrunk * slope
-        energy_first = flow + bend * (self._seen @ first)
-        energy_second = flow_middle - 2.0 * energy_first + bend * (self._seen @ second)
-        return (
-            state + size * (1.5 * first + 0.5 * second),
-            size * (1.5 * energy_first + 0.5 * energy_second),
-        )
+    def linearise(self, state: FloatArray, shrunk: float) -> tuple[FloatArray, Solver]:
+        """Return the rate at a state, and the solver of (1 - shrunk J) x = b."""
+        n = self.nodes
+        nodes = state[..., :n]
+        rate, slope, jacobian = self._expand(nodes)
+        solve, bend = _solver(self._unit - shrunk * jacobian), shrunk * slope
+
+        def with_energies(right: FloatArray) -> FloatArray:
+            move = solve(right[..., :n])
+            return np.concatenate([move, right[..., n:] + bend * (move @ self._seen.T)], axis=-1)
+
+        return rate, with_energies
+
+    def rate_and_jacobian(self, nodes: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return dT/dt [K/s] at the nodes' temperatures, and its derivative by T [1/s]."""
+        rate, _, jacobian = self._expand(nodes)
+        return rate[..., : self.nodes], jacobian
+
+    def _expand(self, nodes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the rate, the slopes of losses and sources [W/K], and the temperatures' Jacobian [1/s]."""
+        cubics, offset = self._look_up(nodes)
+        slope = self._gain * _slope(cubics, offset)
+        jacobian = self._linear + (self._into * slope[..., None, :]) @ self._seen
+        return self._rate(nodes, self._gain * _horner(cubics, offset)), slope, jacobian
+
+    def _rate(self, nodes: FloatArray, flow: FloatArray) -> FloatArray:
+        warmer = _times(self._linear, nodes) + _times(self._into, flow)
+        return np.concatenate([warmer, flow], axis=-1)
+
+
+def _times(matrix: FloatArray, vector: FloatArray) -> FloatArray:
+    """Return matrices times vectors, shapes (..., n, m) and (..., m)."""
+    return np.asarray((matrix @ vector[..., None])[..., 0])
+
+
+def _solver(matrix: FloatArray) -> Solver:
+    """Return the solver of one small system, shape (n, n), or of k at once, shape (k, n, n)."""
+    if matrix.ndim == 2:
+        factors, pivots, _ = dgetrf(matrix, overwrite_a=True)
+        return lambda right: np.asarray(dgetrs(factors, pivots, right)[0])
+    inverse = np.asarray(np.linalg.inv(matrix), dtype=np.float64)
+    return lambda right: _times(inverse, right)
 
 
 def _horner(cubics: FloatArray, offset: FloatArray) -> FloatArray:
-    value = cubics[:, 0] * offset
+    value = cubics[..., 0] * offset
     for power in (1, 2):
-        value += cubics[:, power]
+        value += cubics[..., power]
         value *= offset
-    value += cubics[:, 3]
+    value += cubics[..., 3]
     return value
 
 
 def _slope(cubics: FloatArray, offset: FloatArray) -> FloatArray:
-    return np.asarray((3.0 * cubics[:, 0] * offset + 2.0 * cubics[:, 1]) * offset + cubics[:, 2])
+    return np.asarray((3.0 * cubics[..., 0] * offset + 2.0 * cubics[..., 1]) * offset + cubics[..., 2])

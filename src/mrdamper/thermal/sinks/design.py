@@ -27,7 +27,7 @@ from mrdamper.thermal.heatsink import FinLaw, HeatSink
 from mrdamper.thermal.materials import Material
 from mrdamper.thermal.model.network import zone_network
 from mrdamper.thermal.model.stepping import Load
-from mrdamper.thermal.model.transient import heat_up, steady_state
+from mrdamper.thermal.model.transient import simulate_network, steady_state
 
 __all__ = [
     "DesignModel",
@@ -173,7 +173,7 @@ class HeatedDamper:
             It does not fit on the damper.
         """
         network = zone_network(self.drawing.with_sink(sink))
-        heating = heat_up(network, self.loads, longest_step=_LONGEST_STEP)
+        heating = simulate_network(network, self.loads, longest_step=_LONGEST_STEP)
         fluid, coil = float(heating.fluid[-1]), float(heating.coil[-1])
         return SinkDesign(sink, 0.0 if sink is None else sink.mass(self.diameter), fluid, coil, fluid)
 

@@ -25,7 +25,7 @@ from mrdamper.thermal.films.surfaces import cap_area, fin_film, fin_radiation
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.model.network import zone_network
 from mrdamper.thermal.model.stepping import Load
-from mrdamper.thermal.model.transient import heat_up
+from mrdamper.thermal.model.transient import simulate_network
 
 __all__ = [
     "DEFAULT_EFFICIENCY",
@@ -191,9 +191,9 @@ def judge_sink(
     bare : the fluid's temperature at the end without a sink [K]; None: computed
     """
     if bare is None:
-        bare = float(heat_up(zone_network(drawing.with_sink(None)), loads).fluid[-1])
+        bare = float(simulate_network(zone_network(drawing.with_sink(None)), loads).fluid[-1])
     finned = drawing.with_sink(sink)
-    heating = heat_up(zone_network(finned), loads)
+    heating = simulate_network(zone_network(finned), loads)
     diameter = drawing.body.outer_diameter
     root = math.pi * diameter
     return SinkEffect(
@@ -293,7 +293,7 @@ def paper_sweeps(drawing: DamperDrawing, sink: HeatSink, loads: Sequence[Load]) 
     InputError
         The paper's fins at 20 mm pitch do not fit on the damper.
     """
-    bare = float(heat_up(zone_network(drawing.with_sink(None)), loads).fluid[-1])
+    bare = float(simulate_network(zone_network(drawing.with_sink(None)), loads).fluid[-1])
     base = replace(sink, pitch=PAPER_PITCH)
     widths = [replace(base, fins=PAPER_FINS[0], width=width) for width in PAPER_WIDTHS]
     numbers = [replace(base, fins=fins, width=PAPER_WIDTHS[1]) for fins in PAPER_FINS]
