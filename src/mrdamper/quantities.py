@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from mrdamper.errors import InputError
 
@@ -25,6 +25,7 @@ __all__ = [
     "QUANTITIES",
     "ROOM_K",
     "ZERO_CELSIUS_K",
+    "CommandUnit",
     "Quantity",
     "find_quantity",
     "is_unit",
@@ -38,6 +39,9 @@ ZERO_CELSIUS_K = 273.15
 
 ROOM_K = 293.15
 """20 degC [K], where temperature factors are 1 and coil resistances are stated."""
+
+CommandUnit = Literal["A", "V"]
+"""Of a damper's command: the coil's current, or the voltage of its driver."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mrdamper.data.cycles import repeatability
+from mrdamper.data.diagnosis.repeatability import repeatability
 from mrdamper.data.prepare import decimate, prepare_run
 from mrdamper.data.readers import read_run, read_runs
 

@@ -13,7 +13,7 @@ from click.testing import CliRunner
 
 from mrdamper.arrays import FloatArray
 from mrdamper.cli import cli
-from mrdamper.data.streaming import open_record
+from mrdamper.data.batches import open_record
 from mrdamper.data.tables import open_rows, read_table
 from mrdamper.errors import InputError
 from tests.support.tracked import write_a_card

@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mrdamper.arrays import FloatArray
+from mrdamper.data.batches import Batch
 from mrdamper.data.prepare import Preparation, PreparedRun, prepare_run
 from mrdamper.data.records import RigRun
-from mrdamper.data.streaming import Batch
 from mrdamper.errors import InputError
 from mrdamper.identify.replay import Replay
 from mrdamper.models.damper import Damper
@@ -77,7 +77,7 @@ def replayed(
     replay = Replay(damper, preparation or Preparation(), "record", "A", head_rows=head)
     found: list[Batch] = []
     for start in range(0, len(batch), rows):
-        found += replay.feed(batch.part(slice(start, start + rows)))
+        found += replay.step_batch(batch.part(slice(start, start + rows)))
     found += replay.close()
     joined = Batch.joined(found)
     np.testing.assert_array_equal(joined.time, batch.time)
@@ -171,7 +171,7 @@ def test_what_is_held_does_not_grow_with_the_record() -> None:
     replay = Replay(WARM, Preparation(), "record", "A", head_rows=HEAD)
     waiting, out = [], 0
     for start in range(0, len(batch), HEAD):
-        out += sum(map(len, replay.feed(batch.part(slice(start, start + HEAD)))))
+        out += sum(map(len, replay.step_batch(batch.part(slice(start, start + HEAD)))))
         waiting.append(start + HEAD - out)
     assert max(waiting) <= 6 * HEAD  # a window and its reach: 34 s of knots of the temperature's smoothing
 
@@ -182,7 +182,7 @@ def test_behind_a_break_the_model_begins_anew() -> None:
     batch.force[broken] = np.nan
     replay, found = replayed(batch, 999, Preparation(reference="none"))
     assert np.flatnonzero(np.isnan(found)).tolist() == [broken]
-    assert replay.stretches == 2
+    assert replay.segments == 2
     rest = prepared(batch.part(slice(broken + 1, None)), replace(told(replay), reference="none"))
     alone = simulate(WARM, rest.trajectory)
     np.testing.assert_allclose(found[broken + 1 :], alone, rtol=0.0, atol=1e-9 * np.abs(alone).max())
@@ -233,7 +233,7 @@ def test_a_rest_before_the_motion_is_passed() -> None:
     replay, found = replayed(Batch(0, **columns), 1_234)
     assert np.isnan(found[: 3 * HEAD]).all()
     assert np.isfinite(found[3 * HEAD :]).all()
-    assert replay.stretches == 1
+    assert replay.segments == 1
 
 
 def test_a_head_that_is_no_run_yet_waits_for_more() -> None:
@@ -265,7 +265,7 @@ def test_a_load_cell_that_counts_the_other_way_is_turned() -> None:
     batch = held(record(2 * HEAD))
     _, expected = replayed(batch, 777)
     replay = Replay(WARM, Preparation(), "record", "A", head_rows=HEAD, force_sign=-1.0)
-    turned = [*replay.feed(replace(batch, force=-batch.force)), *replay.close()]
+    turned = [*replay.step_batch(replace(batch, force=-batch.force)), *replay.close()]
     np.testing.assert_array_equal(Batch.joined(turned).modelled, expected)
 
 

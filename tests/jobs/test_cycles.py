@@ -21,7 +21,7 @@ from mrdamper.errors import InputError
 from mrdamper.jobs.cycles import cycles
 from mrdamper.models.damper import OperatingEnvelope
 from mrdamper.models.simulate import simulate
-from tests.data.test_cycle_stream import ENERGY_J, sine
+from tests.data.test_cycles import ENERGY_J, sine
 from tests.identify.test_replay import WARM
 from tests.identify.test_replay import record as replayed_record
 from tests.support.tracked import write_a_card
@@ -171,7 +171,7 @@ def test_the_table_with_a_model_does_not_depend_on_the_batches(tmp_path: Path, c
     assert tables[0] == tables[1]
     models = [answer["model"] for answer in answers]
     assert models[0] == models[1]
-    assert "the record breaks into 2 stretches" in str(models[0])
+    assert "the record breaks into 2 segments" in str(models[0])
 
 
 def test_an_interrupt_keeps_the_model_of_what_was_counted(tmp_path: Path, card: Path) -> None:

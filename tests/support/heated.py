@@ -8,10 +8,11 @@ from pathlib import Path
 from mrdamper.data.records import Dataset
 from mrdamper.identify.fit import fit
 from mrdamper.models.card import Evidence, ModelCard, write_card
-from mrdamper.models.damper import CommandUnit, Damper, OperatingEnvelope
+from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial, TemperatureDependent
 from mrdamper.models.laws import LAWS
 from mrdamper.models.temperature import Arrhenius, Linear
+from mrdamper.quantities import CommandUnit
 from mrdamper.rig.campaign import Campaign
 from mrdamper.rig.measurement import measure_run
 from mrdamper.rig.plant import PRESETS

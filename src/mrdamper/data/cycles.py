@@ -1,168 +1,416 @@
-"""What a prepared run shows by itself, before any law: cycles, repeatability, drift, lag.
+"""Figures of every cycle of a motion: energy, forces, stiffness, temperature.
 
-Sign convention: extension positive, a force that resists extension is positive; the energy of a closed
-cycle, the integral of F dx, is then what the damper took up.
+Rows come in batches; a whole run is one (:func:`cycles`). What is held is the head of a record, from which
+the rules are chosen, and then the samples since the last lower turning point: memory does not grow with the
+record, and a cycle's figures do not depend on how its rows came. Nothing is smoothed or resampled.
+
+No cycle crosses a break of the record (``segments``). Where a model's force comes with the rows
+(``identify.replay``), its figures stand beside the measured ones.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from itertools import pairwise
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mrdamper.arrays import FloatArray
-from mrdamper.core import turning_points
+from mrdamper.core import TurningPoints
+from mrdamper.data.batches import Batch
+from mrdamper.data.diagnosis.finding import Finding
 from mrdamper.data.prepare import PreparedRun
+from mrdamper.data.segments import HEAD_ROWS, Count, Head, Segmenter, STILL_m
+from mrdamper.errors import InputError
 
-__all__ = ["Cycle", "Drift", "cycles", "drift", "estimate_lag", "repeatability"]
+__all__ = ["LONGEST_CYCLE", "CycleCounter", "CycleFigures", "ModelFigures", "SegmentCycles", "cycles"]
 
-_SWING = 0.05  # of the range: smaller to-and-fro does not begin a cycle
-_LIKE = 0.03  # share by which a cycle may differ from the median one, and its end from its start
-_PHASES = 200  # points of a cycle at which cycles are compared
+LONGEST_CYCLE = 1 << 22
+"""Samples after which a cycle whose end is not in sight is left out."""
 
-
-@dataclass(frozen=True, slots=True)
-class Cycle:
-    """One cycle, from where displacement is least to where it is least again."""
-
-    start: int  # first sample
-    stop: int  # last sample, the first of the next cycle
-    duration_s: float
-    stroke_m: float
-    energy_J: float  # taken up by the damper
-    peak_N: float  # largest |force|
+_SWING = 0.05  # of the range of displacement: smaller to-and-fro does not begin a cycle
 
 
-@dataclass(frozen=True, slots=True)
-class Drift:
-    """How mean displacement, mean force and the spread of force move from the first to the last cycle."""
+@dataclass(frozen=True, slots=True, eq=False)
+class ModelFigures:
+    """What a model's force comes to over cycles, arrays of shape (m,); NaN where a sample has none.
 
-    displacement_m: float
-    force_N: float
-    spread_percent: float  # change of the force's standard deviation, in % of the first cycle's
-
-
-def cycles(prepared: PreparedRun) -> tuple[Cycle, ...]:
-    """Return the cycles after the start of the score, each with its energy and peak force.
-
-    A cycle lasts from one lower turning point to the next. The small gap in displacement between its ends is
-    closed by a straight line at the mean of the two end forces, so that a static force adds no energy.
+    Energy and extremes as those of the measured force, over the same samples and the same displacement. The
+    error is the model's force less the measured one, over a <= k < b.
     """
-    path, force = prepared.trajectory, prepared.force
-    found = []
-    lows = _lower_turns(prepared)
-    for start, stop in pairwise(lows):
-        x, f = path.displacement[start : stop + 1], force[start : stop + 1]
-        closing = 0.5 * (f[-1] + f[0]) * (x[0] - x[-1])
-        found.append(
-            Cycle(
-                start=start,
-                stop=stop,
-                duration_s=(stop - start) * path.step,
-                stroke_m=float(np.ptp(x)),
-                energy_J=float(np.trapezoid(f, x) + closing),
-                peak_N=float(np.max(np.abs(f))),
+
+    energy_J: FloatArray
+    highest_force_N: FloatArray
+    lowest_force_N: FloatArray
+    error_N: FloatArray  # RMS
+    mean_error_N: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CycleFigures:
+    """Figures of cycles, arrays of shape (m,).
+
+    A cycle lasts from one lower turning point of displacement (sample a) to the next (sample b)::
+
+        energy     W = sum_(a <= k < b) (F_k + F_k+1) / 2 * (x_k+1 - x_k) + (F_a + F_b) / 2 * (x_a - x_b)
+        stiffness  K = (F_u - (F_a + F_b) / 2) / (x_u - (x_a + x_b) / 2),   u the upper turning point between
+
+    that is the trapezoidal rule, closed by a straight line at the mean of the end forces, and the secant
+    through the extremes of displacement. Means are over a <= k < b, so that no sample counts twice.
+    """
+
+    row: NDArray[np.int64]  # of the file, of sample a
+    start_s: FloatArray
+    period_s: FloatArray
+    amplitude_m: FloatArray  # half the range of displacement
+    energy_J: FloatArray
+    stiffness_N_per_m: FloatArray
+    highest_force_N: FloatArray
+    lowest_force_N: FloatArray
+    temperature_K: FloatArray  # mean; NaN where no sample has one
+    command: FloatArray  # mean [A or V]
+    samples: NDArray[np.int64]
+    mean_force_N: FloatArray
+    force_spread_N: FloatArray  # standard deviation
+    model: ModelFigures | None = None
+
+    def __len__(self) -> int:
+        return len(self.row)
+
+    @property
+    def end(self) -> NDArray[np.int64]:
+        """Row of sample b: of the last sample, which is the first of the next cycle."""
+        return self.row + self.samples
+
+    @property
+    def stroke_m(self) -> FloatArray:
+        return 2.0 * self.amplitude_m
+
+    def where(self, chosen: NDArray[np.bool_]) -> CycleFigures:
+        """Return some of the cycles."""
+        model = self.model
+        if model is not None:
+            model = replace(model, **{f.name: getattr(model, f.name)[chosen] for f in fields(model)})
+        columns = {f.name: getattr(self, f.name)[chosen] for f in fields(self) if f.name != "model"}
+        return replace(self, **columns, model=model)
+
+    @classmethod
+    def joined(cls, parts: Sequence[CycleFigures]) -> CycleFigures:
+        """Return the cycles of several, in order."""
+        if len(parts) == 1:
+            return parts[0]
+        none = {f.name: np.empty(0, np.int64 if f.name in _WHOLE else np.float64) for f in fields(cls)}
+        columns = {
+            name: np.concatenate([none[name], *(getattr(part, name) for part in parts)])
+            for name in none
+            if name != "model"
+        }
+        models = [part.model for part in parts if part.model is not None]
+        joined = {
+            f.name: np.concatenate([getattr(model, f.name) for model in models])
+            for f in fields(ModelFigures)
+            if models
+        }
+        return cls(**columns, model=ModelFigures(**joined) if models else None)
+
+
+_WHOLE = ("row", "samples")  # counted
+
+
+def cycles(prepared: PreparedRun) -> CycleFigures:
+    """Return the cycles of a prepared run after the start of its score; a cycle's row is its first sample.
+
+    To-and-fro below 5 % of the range of displacement, or below the dead band, does not begin a cycle.
+    """
+    samples = prepared.samples
+    least_stroke_m = max(_SWING * float(np.ptp(samples.displacement)), prepared.dead_band_m)
+    found = SegmentCycles(0, least_stroke_m, longest_cycle=len(samples)).step_batch(samples)
+    return found.where(found.row >= prepared.scored_from)
+
+
+class CycleCounter:
+    """Cycles of a record: give it the batches, in order, then close it.
+
+    Parameters
+    ----------
+    name : of the record, for messages
+    force_sign : -1.0 for load cells that count compression as positive
+    least_stroke_m : a smaller to-and-fro does not begin a cycle; None: 5 % of the range of displacement in
+        the first ``head_rows`` rows that move
+    longest_cycle : samples after which a cycle whose end is not in sight is left out
+    """
+
+    def __init__(
+        self,
+        name: str,
+        *,
+        force_sign: float = 1.0,
+        least_stroke_m: float | None = None,
+        head_rows: int = HEAD_ROWS,
+        longest_cycle: int = LONGEST_CYCLE,
+    ) -> None:
+        if least_stroke_m is not None and not 0.0 < least_stroke_m < math.inf:
+            raise InputError(f"least stroke: {least_stroke_m:g} m; expected more than 0")
+        self._name, self._sign = name, force_sign
+        self._given, self._longest = least_stroke_m, longest_cycle
+        self.least_stroke_m: float | None = None  # None until the head is read
+        self.rows = 0
+        self.cycles = 0
+        self.broken = 0  # cycles left out because the record breaks in them
+        self._energy = 0.0
+        self._head = Head(head_rows)
+        self._segmenter, self._long = Segmenter(), Count()
+        self._segment: SegmentCycles | None = None
+
+    @property
+    def step_s(self) -> float | None:
+        """The usual step; None until the head is read."""
+        return self._segmenter.step_s
+
+    def step_batch(self, batch: Batch) -> CycleFigures:
+        """Take the next rows; return the cycles that are certain now."""
+        self.rows += len(batch)
+        done: list[CycleFigures] = []
+        while len(batch) and self.least_stroke_m is None:
+            batch = self._head.take(batch)
+            if self._head.full:
+                done.append(self._begin())
+        if len(batch):
+            done.append(self._count(batch))
+        return CycleFigures.joined(done)
+
+    def close(self) -> CycleFigures:
+        """Return what is left: the record ends here, and its last cycle is not one.
+
+        Raises
+        ------
+        InputError
+            Time never increases, or no row can be used.
+        """
+        left = self._begin() if self._head else CycleFigures.joined([])
+        if self.step_s is None:
+            raise InputError(
+                f"{self._name}: none of its {self.rows} rows follows on another; expected time that "
+                "increases, and numbers of a possible size in displacement, force and command (their units?)"
             )
-        )
-    return tuple(found)
+        return left
+
+    def _begin(self) -> CycleFigures:
+        """Choose the rules from the head and count in it; a head at rest is passed."""
+        head = self._head.release()
+        moved = self._segmenter.measure(head)
+        if self.step_s is None or not (moved or self._given):
+            self._segmenter.skip(head)
+            return CycleFigures.joined([])
+        self.least_stroke_m = self._given or max(_SWING * moved, STILL_m)
+        return self._count(head)
+
+    def _count(self, batch: Batch) -> CycleFigures:
+        done = []
+        for fresh, part in self._segmenter.step_batch(batch):
+            if fresh or self._segment is None:
+                self.broken += self._segment is not None and self._segment.inside
+                least_stroke_m = self.least_stroke_m or STILL_m
+                self._segment = SegmentCycles(
+                    part.row, least_stroke_m, longest_cycle=self._longest, too_long=self._long
+                )
+            done.append(self._segment.step_batch(replace(part, force=self._sign * part.force)))
+        found = CycleFigures.joined(done)
+        self.cycles += len(found)
+        self._energy += float(found.energy_J.sum())
+        return found
+
+    def findings(self) -> list[Finding]:
+        """Return what is wrong with the record, and what it did to the cycles."""
+        long = self._long
+        found = [
+            *self._segmenter.findings(),
+            *long.finding(
+                "long_cycle", "displacement", f"{long.times} cycles have more than {self._longest} samples",
+                "Cut long rests out of the record", float(long.times), "cycles",
+            ),
+        ]  # fmt: skip
+        if self.cycles and self._energy < 0.0:
+            found.append(
+                Finding(
+                    kind="force_sign",
+                    severity="fault",
+                    channel="force",
+                    size=self._energy,
+                    unit="J",
+                    found=f"The cycles give off {-self._energy:.4g} J in all, where a damper takes up energy",
+                    effect="Energies and stiffness have the wrong sign",
+                    remedy="Turn the force with --flip-force",
+                )
+            )
+        if not self.cycles:
+            least = self.least_stroke_m
+            found.append(
+                Finding(
+                    kind="no_cycles",
+                    severity="fault",
+                    channel="displacement",
+                    found="No whole cycle was found"
+                    + ("; the record is at rest" if least is None else f" of more than {1e3 * least:.4g} mm"),
+                    effect="There are no figures",
+                    remedy="Look at displacement and its unit; --least-stroke-mm counts smaller cycles",
+                )
+            )
+        return [replace(each, run=self._name) for each in found]
 
 
-def repeatability(prepared: PreparedRun) -> float | None:
-    """Return the rms deviation of the force from the mean cycle, in % of the force's standard deviation.
+class SegmentCycles:
+    """Cycles of rows without a break in them; the last lower turning point begins the cycle that is open.
 
-    Cycles are laid over each other by phase. Left out are those that differ by more than 3 % in stroke or
-    duration from the median cycle, or end that far from where they began (the ramps at start and end).
-    None when the run is not periodic or has fewer than two alike cycles.
+    Parameters
+    ----------
+    row : of the file, of the segment's first sample
+    least_stroke_m : a smaller to-and-fro does not begin a cycle
+    longest_cycle : samples after which a cycle whose end is not in sight is left out
+    too_long : counts those
     """
-    if prepared.period_s is None:
-        return None
-    forces = _alike(prepared)
-    if len(forces) < 2:
-        return None
-    deviation = forces - forces.mean(axis=0)
-    # the mean is made of the same cycles: m - 1 of m are free
-    spread = np.sqrt(np.sum(deviation**2) / ((len(forces) - 1) * forces.shape[1]))
-    return 100.0 * float(spread / np.std(forces))
+
+    def __init__(
+        self, row: int, least_stroke_m: float, *, longest_cycle: int, too_long: Count | None = None
+    ) -> None:
+        self._row, self._longest = row, longest_cycle
+        self._too_long = Count() if too_long is None else too_long
+        self._turns = TurningPoints(least_stroke_m)
+        self._events: list[int] = []  # turning points from the last lower one on: lower, upper, ...
+        self._held: list[Batch] = []
+        self._base = 0  # sample of the segment that the held ones begin with
+
+    @property
+    def inside(self) -> bool:
+        """Tell whether a cycle is open."""
+        return bool(self._events)
+
+    @property
+    def held(self) -> int:
+        """Samples in memory."""
+        return sum(map(len, self._held))
+
+    def step_batch(self, part: Batch) -> CycleFigures:
+        """Take the next samples; return the cycles that end with them."""
+        self._held.append(part)
+        turns, sides = self._turns.step_batch(part.displacement)
+        known = 0 if self._events or not len(sides) or sides[0] < 0 else 1  # a lower one is the first
+        self._events += turns[known:].tolist()
+        done = CycleFigures.joined([])
+        if len(self._events) > 2:
+            done = self._figures()
+        self._let_go()
+        return done
+
+    def _figures(self) -> CycleFigures:
+        """Return the figures of the whole cycles among the turning points, which then are forgotten."""
+        samples = Batch.joined(self._held)
+        lows = np.array(self._events[0::2]) - self._base
+        highs = np.array(self._events[1::2]) - self._base
+        self._events = self._events[2 * (len(lows) - 1) :]
+        a, b, u = lows[:-1], lows[1:], highs[: len(lows) - 1]
+        counted = (a >= 0) & (b - a <= self._longest)
+        self._too_long.add(samples.time[b[~counted]])
+        if not counted.any():
+            return CycleFigures.joined([])
+        a, b, u = a[counted], b[counted], u[counted]
+        first = int(a[0])
+        row = (self._row + self._base + a).astype(np.int64)
+        inner = samples.part(slice(first, int(b[-1]) + 1))
+        return _figures_of(inner, row, a - first, b - first, u - first)
+
+    def _let_go(self) -> None:
+        """Forget the samples before the cycle that is open, or before where one may begin."""
+        taken = self._turns.taken
+        needed = taken
+        begins = [*self._events[:1], *([] if (low := self._turns.pending_low) is None else [low])]
+        for sample in begins:
+            if taken - sample <= self._longest:
+                needed = sample
+                break
+        while self._held and self._base + len(self._held[0]) <= needed:
+            self._base += len(self._held.pop(0))
+        if self._held and self._base < needed:
+            self._held[0] = self._held[0].part(slice(needed - self._base, None)).each(np.copy)
+            self._base = needed
 
 
-def drift(prepared: PreparedRun) -> Drift | None:
-    """Return the change from the first to the last alike cycle; None with fewer than two cycles."""
-    found = _alike_cycles(prepared)
-    if len(found) < 2:
-        return None
-    ends = [
-        (prepared.trajectory.displacement[c.start : c.stop], prepared.force[c.start : c.stop])
-        for c in (found[0], found[-1])
-    ]
-    (x0, f0), (x1, f1) = ends
-    return Drift(
-        displacement_m=float(x1.mean() - x0.mean()),
-        force_N=float(f1.mean() - f0.mean()),
-        spread_percent=100.0 * float(np.std(f1) / np.std(f0) - 1.0),
+def _figures_of(
+    samples: Batch,
+    row: NDArray[np.int64],
+    a: NDArray[np.intp],
+    b: NDArray[np.intp],
+    u: NDArray[np.intp],
+) -> CycleFigures:
+    """Return the figures of cycles from samples a to b with the upper turning points u between."""
+    over = _Over(samples.displacement, a, b)
+    n = b - a
+    x, force = samples.displacement, samples.force
+    mean_temperature = np.full(len(n), math.nan)
+    if samples.temperature is not None:
+        known = np.isfinite(samples.temperature)
+        with np.errstate(invalid="ignore"):
+            summed = over.sums(np.where(known, samples.temperature, 0.0))
+            mean_temperature = summed / over.sums(known.astype(np.float64))
+    mean = over.sums(force) / n
+    square = over.sums(force * force) / n
+    return CycleFigures(
+        row=row,
+        start_s=samples.time[a],
+        period_s=samples.time[b] - samples.time[a],
+        amplitude_m=0.5 * (over.most(x) - over.least(x)),
+        energy_J=over.energy(force),
+        stiffness_N_per_m=(force[u] - 0.5 * (force[a] + force[b])) / (x[u] - 0.5 * (x[a] + x[b])),
+        highest_force_N=over.most(force),
+        lowest_force_N=over.least(force),
+        temperature_K=mean_temperature,
+        command=over.sums(samples.command) / n,
+        samples=n.astype(np.int64),
+        mean_force_N=mean,
+        force_spread_N=np.sqrt(np.maximum(square - mean * mean, 0.0)),
+        model=None if samples.modelled is None else _of_model(over, samples.modelled, force, n),
     )
 
 
-def estimate_lag(prepared: PreparedRun) -> float:
-    """Return by how much the force follows the velocity [s], where their correlation is largest.
+class _Over:
+    """Sums and extremes over cycles a <= k < b of samples, b belonging to the next one."""
 
-    Searched within a quarter of the period (of the median cycle when there is none), over whole periods;
-    a parabola through the three largest values gives the fraction of a sample. The lag of a damper contains
-    its own hysteresis, not only the delay between the channels: compare it between runs, or with zero.
-    """
-    path = prepared.trajectory
-    period = prepared.period_s
-    if period is None:
-        found = cycles(prepared)
-        period = float(np.median([c.duration_s for c in found])) if found else len(path) * path.step
-    samples = len(path) - prepared.scored_from
-    reach = max(1, min(samples // 4, round(0.25 * period / path.step)))
-    inner = samples - 2 * reach
-    whole = int(inner * path.step / period)
-    if prepared.period_s is not None and whole:
-        inner = round(whole * period / path.step)
-    force = prepared.force[prepared.scored_from : prepared.scored_from + inner + 2 * reach]
-    velocity = path.velocity[prepared.scored_from + reach : prepared.scored_from + reach + inner]
-    correlation = np.correlate(force - force.mean(), velocity - velocity.mean(), mode="valid")
-    top = int(np.argmax(correlation))
-    shift = 0.0
-    if 0 < top < len(correlation) - 1:
-        left, middle, right = correlation[top - 1 : top + 2]
-        shift = 0.5 * (left - right) / (left - 2.0 * middle + right)
-    return (top - reach + shift) * path.step
+    def __init__(self, x: FloatArray, a: NDArray[np.intp], b: NDArray[np.intp]) -> None:
+        # the parts between two cycles, where one was left out, fall away
+        self._edges = np.unique(np.concatenate([a, b[:-1]]))
+        self._place = np.searchsorted(self._edges, a)
+        self._a, self._b, self._x = a, b, x
+        self._moves = np.diff(x)
 
+    def sums(self, values: FloatArray) -> FloatArray:
+        return self._reduced(np.add.reduceat, values)
 
-def _lower_turns(prepared: PreparedRun) -> list[int]:
-    x = prepared.trajectory.displacement
-    turns = turning_points(x, max(_SWING * float(np.ptp(x)), prepared.dead_band_m))
-    after = [int(k) for k in turns if k >= prepared.scored_from]
-    if len(after) < 2:
-        return []
-    return after[0::2] if x[after[0]] < x[after[1]] else after[1::2]
+    def most(self, values: FloatArray) -> FloatArray:
+        """Return the largest, that of b among them."""
+        return np.maximum(self._reduced(np.maximum.reduceat, values), values[self._b])
+
+    def least(self, values: FloatArray) -> FloatArray:
+        """Return the least, that of b among them."""
+        return np.minimum(self._reduced(np.minimum.reduceat, values), values[self._b])
+
+    def energy(self, force: FloatArray) -> FloatArray:
+        """Return the energy [J] of a force by the formula of ``CycleFigures``."""
+        work = self.sums(0.5 * (force[1:] + force[:-1]) * self._moves)
+        ends = 0.5 * (force[self._a] + force[self._b])
+        return np.asarray(work + ends * (self._x[self._a] - self._x[self._b]))
+
+    def _reduced(self, how: Callable[..., FloatArray], values: FloatArray) -> FloatArray:
+        return np.asarray(how(values[: len(self._moves)], self._edges)[self._place])
 
 
-def _alike_cycles(prepared: PreparedRun) -> list[Cycle]:
-    found = cycles(prepared)
-    if not found:
-        return []
-    stroke = float(np.median([c.stroke_m for c in found]))
-    duration = float(np.median([c.duration_s for c in found]))
-    x = prepared.trajectory.displacement
-    return [
-        c
-        for c in found
-        if abs(c.stroke_m / stroke - 1.0) < _LIKE
-        and abs(c.duration_s / duration - 1.0) < _LIKE
-        and abs(x[c.stop] - x[c.start]) < _LIKE * stroke
-    ]
-
-
-def _alike(prepared: PreparedRun) -> FloatArray:
-    """Return the force of alike cycles over phase, shape (cycles, phases)."""
-    phase = np.linspace(0.0, 1.0, _PHASES, endpoint=False)
-    return np.array(
-        [
-            np.interp(c.start + phase * (c.stop - c.start), np.arange(len(prepared)), prepared.force)
-            for c in _alike_cycles(prepared)
-        ]
+def _of_model(over: _Over, modelled: FloatArray, force: FloatArray, n: NDArray[np.intp]) -> ModelFigures:
+    error = modelled - force
+    return ModelFigures(
+        energy_J=over.energy(modelled),
+        highest_force_N=over.most(modelled),
+        lowest_force_N=over.least(modelled),
+        error_N=np.sqrt(over.sums(error * error) / n),
+        mean_error_N=over.sums(error) / n,
     )

@@ -2,8 +2,8 @@
 
 The displacement is smoothed (a law differentiates it, and 3 um steps at 1 kHz would become +-90 N through
 a dashpot of 3e4 N s/m); the force is left as measured. Everything a preparation does not say is chosen
-from the run itself by the rules of :func:`prepare_run`; cycles, repeatability, lag and drift of a prepared
-run are in ``cycles``.
+from the run itself by the rules of :func:`prepare_run`. A whole run is one batch: what is done to it by these
+rules is what ``conditioning`` does to the windows of a long record.
 """
 
 from __future__ import annotations
@@ -16,21 +16,15 @@ from typing import Literal
 import numpy as np
 
 from mrdamper.arrays import FloatArray, read_only
+from mrdamper.data.batches import Batch
+from mrdamper.data.conditioning import Grid, Rules, condition_run, even_step, on_grid
 from mrdamper.data.motion import describe_motion
 from mrdamper.data.records import WITHOUT_MOTION, RigRun, nearest_names
-from mrdamper.data.signals import (
-    Kinematics,
-    differentiate,
-    knot_spacing,
-    measure_spectrum,
-    smallest_step,
-    smooth,
-)
-from mrdamper.data.temperature import condition_temperature
+from mrdamper.data.signals import Kinematics, knot_spacing, measure_spectrum, smallest_step, smooth
 from mrdamper.errors import InputError
 from mrdamper.excitation import Trajectory
 
-__all__ = ["Preparation", "PreparedRun", "decimate", "even_step", "prepare_run"]
+__all__ = ["Preparation", "PreparedRun", "decimate", "prepare_run"]
 
 Reference = Literal["start", "mean", "none"]
 VelocitySource = Literal["displacement", "channel"]
@@ -38,7 +32,6 @@ VelocitySource = Literal["displacement", "channel"]
 _MOVED = 0.02  # a motion has started when it is this share of its range from where it began
 _MOVES = 2.0  # a displacement whose rms is less than so many times its noise is none
 _SLOWLY = 0.1  # of top speed and acceleration: a run that begins livelier was cut out of a motion
-_JITTER = 1e-3  # of a step: time stamps further from a uniform grid are resampled
 _AGAINST = -0.05  # correlation of force and velocity below which the sign is wrong
 _AGREE = 0.1  # a velocity channel agrees when it differs by less than this share of its rms
 
@@ -108,10 +101,8 @@ class PreparedRun:
     force: FloatArray  # [N], as measured, on the trajectory's samples
     scored_from: int  # first sample that counts in an error
     period_s: float | None  # None: not periodic
-    cutoff_Hz: float  # of the smoothing; the Nyquist frequency of the run when nothing was removed
-    dead_band_m: float
+    rules: Rules  # by which it was prepared
     motion: str
-    reference_m: float = 0.0  # measured displacement that counts as zero
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "force", read_only(self.force))
@@ -133,11 +124,31 @@ class PreparedRun:
     def name(self) -> str:
         return self.run.name
 
+    @property
+    def cutoff_Hz(self) -> float:
+        """Cut-off of the smoothing; the Nyquist frequency of the run when nothing was removed."""
+        return self.rules.cutoff_Hz
+
+    @property
+    def dead_band_m(self) -> float:
+        return self.rules.dead_band_m
+
+    @property
+    def reference_m(self) -> float:
+        """Measured displacement that counts as zero."""
+        return self.rules.reference_m
+
+    @property
+    def samples(self) -> Batch:
+        """The trajectory with the measured force, as one batch."""
+        path = self.trajectory
+        return Batch(0, path.time, path.displacement, self.force, path.command, temperature=path.temperature)
+
 
 def prepare_run(run: RigRun, preparation: Preparation | None = None) -> PreparedRun:
     """Return the run ready for a law, by these rules where ``preparation`` does not say otherwise.
 
-    *Time.* Stamps within 0.1 % of a step of a uniform grid, or off it by no more than their own rounding,
+    *Time.* Timestamps within 0.1 % of a step of a uniform grid, or off it by no more than their own rounding,
     are taken as that grid. Others are resampled to the median step: displacement by a cubic spline, the
     rest linearly.
 
@@ -163,7 +174,7 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
     *Command.* One that keeps still but for its sensor's noise is its median (``RigRun.constant_command``).
 
     *Temperature.* Noise is taken out: one number for a run that drifts by less than 1 K, else a smooth curve
-    (``warmth.condition_temperature``).
+    (``conditioning.condition_temperature``).
 
     *Sign.* A damper takes power. When force and velocity correlate below -0.05 the run is refused.
 
@@ -174,8 +185,11 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
         channel does not agree.
     """
     chosen = preparation or Preparation()
-    run = _trim(run, chosen)
-    step, displacement, channels = _on_uniform_grid(run)
+    if chosen.from_s is not None or chosen.to_s is not None:
+        run = run.between(chosen.from_s, chosen.to_s)
+    rows, grid, step, even = _rows_and_grid(run)
+    sampled = on_grid(rows, grid, 0, grid.samples_to(rows.time[-1]))
+    displacement = sampled.displacement
     spectrum = measure_spectrum(displacement, step)
     if float(np.std(displacement)) < _MOVES * spectrum.noise:
         raise InputError(
@@ -184,45 +198,35 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
         )
     spacing = knot_spacing(step, chosen.cutoff_Hz or spectrum.cut_off())
     cutoff = 0.5 / (spacing * step)
-    moved = smooth(displacement, step, cutoff)
+    path = smooth(displacement, step, cutoff)
     dead_band = chosen.dead_band_m
     if dead_band is None:
         resolution = min(smallest_step(displacement), math.sqrt(12.0) * spectrum.noise)
         dead_band = max(3.0 * spectrum.noise / math.sqrt(spacing), resolution)
 
-    x = moved.displacement
+    x = path.displacement
     started = int(np.argmax(np.abs(x - x[0]) > _MOVED * np.ptp(x)))
-    reference = 0.0
-    if chosen.reference == "start":
-        reference = _where_it_rests(displacement[: max(1, started // 2)], moved, dead_band)
-    elif chosen.reference == "mean":
-        reference = float(np.mean(x))
-    x = x - reference
-
-    velocity, acceleration = moved.velocity, moved.acceleration
+    rest = displacement[: max(1, started // 2)]
     if chosen.velocity == "channel":
-        velocity = _measured_velocity(run, channels.get("velocity"), velocity)
-        acceleration = differentiate(velocity, step)
-    force = channels["force"] - chosen.force_offset_N if chosen.force_offset_N else channels["force"]
-    found = describe_motion(x, step)
+        _check_velocity(run, sampled.velocity, path.velocity)
+    rules = Rules(
+        step_s=step,
+        even=even,
+        uneven_s=float(np.abs(np.diff(run.time) - step).max()),
+        cutoff_Hz=cutoff,
+        dead_band_m=dead_band,
+        reference_m=_reference(chosen.reference, rest, path, dead_band),
+        command=run.constant_command,
+        measured_velocity=chosen.velocity == "channel",
+        thermocouple_lag_s=chosen.thermocouple_lag_s,
+    )
+    trajectory = condition_run(sampled, path, rules)
+    force = sampled.force - chosen.force_offset_N if chosen.force_offset_N else sampled.force
+    found = describe_motion(trajectory.displacement, step)
     scored_from = min(started + round(found.half_period_s / step), len(x) - 1)
-    _check_sign(run, force[scored_from:], velocity[scored_from:])
-    held = run.constant_command
-    trajectory = Trajectory(
-        step=step,
-        displacement=x,
-        velocity=velocity,
-        acceleration=acceleration,
-        command=channels["command"] if held is None else np.full(len(x), held),
-        dead_band=dead_band,
-        temperature=None
-        if "temperature" not in channels
-        else condition_temperature(channels["temperature"], step, chosen.thermocouple_lag_s),
-    )
+    _check_sign(run, force[scored_from:], trajectory.velocity[scored_from:])
     motion = run.motion or found.label
-    return PreparedRun(
-        run, trajectory, force, scored_from, found.period_s, cutoff, dead_band, motion, reference
-    )
+    return PreparedRun(run, trajectory, force, scored_from, found.period_s, rules, motion)
 
 
 def decimate(prepared: PreparedRun, rate_Hz: float) -> PreparedRun:
@@ -254,72 +258,34 @@ def decimate(prepared: PreparedRun, rate_Hz: float) -> PreparedRun:
     )
 
 
-def _where_it_rests(rest: FloatArray, moved: Kinematics, dead_band: float) -> float:
-    """Return the displacement [m] that counts as zero by the rule "start" of ``prepare_run``."""
-    x = moved.displacement
-    if np.ptp(x[: len(rest)]) <= 3.0 * dead_band:
-        return float(np.median(rest))
-    shares = [abs(a[0]) / np.abs(a).max() for a in (moved.velocity, moved.acceleration)]
-    return float(x[0] if max(shares) <= _SLOWLY else np.mean(x))
+def _reference(rule: Reference, rest: FloatArray, path: Kinematics, dead_band: float) -> float:
+    """Return the displacement [m] that counts as zero by a rule of ``prepare_run``.
+
+    ``rest`` is the displacement as measured over the first half of the rest before the motion starts.
+    """
+    x = path.displacement
+    if rule == "none":
+        return 0.0
+    if rule == "start":
+        if np.ptp(x[: len(rest)]) <= 3.0 * dead_band:
+            return float(np.median(rest))
+        shares = [abs(a[0]) / np.abs(a).max() for a in (path.velocity, path.acceleration)]
+        if max(shares) <= _SLOWLY:
+            return float(x[0])
+    return float(np.mean(x))
 
 
-def _trim(run: RigRun, chosen: Preparation) -> RigRun:
-    if chosen.from_s is None and chosen.to_s is None:
-        return run
-    low = -math.inf if chosen.from_s is None else chosen.from_s
-    high = math.inf if chosen.to_s is None else chosen.to_s
-    kept = (run.time >= low) & (run.time <= high)
-
-    def cut(array: FloatArray | None) -> FloatArray | None:
-        return None if array is None else array[kept]
-
-    return replace(
-        run,
-        time=run.time[kept],
-        displacement=run.displacement[kept],
-        force=run.force[kept],
-        command=run.command[kept],
-        velocity=cut(run.velocity),
-        temperature=cut(run.temperature),
-    )
-
-
-def _on_uniform_grid(run: RigRun) -> tuple[float, FloatArray, dict[str, FloatArray]]:
-    """Return step [s], displacement, and the other channels by name, on a uniform grid."""
-    channels = {"force": run.force, "command": run.command}
-    if run.velocity is not None:
-        channels["velocity"] = run.velocity
-    if run.temperature is not None:
-        channels["temperature"] = run.temperature
-    time = run.time
-    even = even_step(time)
+def _rows_and_grid(run: RigRun) -> tuple[Batch, Grid, float, bool]:
+    """Return a run's rows, the grid that they go on, its step [s], and whether they lie on it already."""
+    rows = Batch.of(run)
+    even = even_step(run.time)
     if even is not None:
-        return even, run.displacement, channels
-    from scipy.interpolate import CubicSpline
-
-    step = float(np.median(np.diff(time)))
-    grid = time[0] + step * np.arange(int((time[-1] - time[0]) / step * (1.0 + 1e-12)) + 1)
-    resampled = {name: np.interp(grid, time, values) for name, values in channels.items()}
-    return step, np.asarray(CubicSpline(time, run.displacement)(grid), dtype=np.float64), resampled
+        return replace(rows, time=np.arange(len(run), dtype=np.float64)), Grid(), even, True
+    step = float(np.median(np.diff(run.time)))
+    return rows, Grid(float(run.time[0]), step), step, False
 
 
-def even_step(time: FloatArray) -> float | None:
-    """Return the step [s] of time stamps that are taken as a uniform grid; None where they are resampled."""
-    step = float(time[-1] - time[0]) / (len(time) - 1)
-    off = float(np.max(np.abs(time - (time[0] + step * np.arange(len(time))))))
-    return step if off <= max(_JITTER * step, 0.6 * _rounding(time, off)) else None
-
-
-def _rounding(time: FloatArray, off: float) -> float:
-    """Return the decimal unit [s], no smaller than ``off``, to which time stamps are rounded; 0 when none."""
-    unit = 10.0 ** math.ceil(math.log10(off)) if off > 0.0 else 0.0
-    for candidate in (unit, 10.0 * unit):
-        if candidate and np.allclose(time / candidate, np.round(time / candidate), rtol=0.0, atol=1e-4):
-            return candidate
-    return 0.0
-
-
-def _measured_velocity(run: RigRun, measured: FloatArray | None, derived: FloatArray) -> FloatArray:
+def _check_velocity(run: RigRun, measured: FloatArray | None, derived: FloatArray) -> None:
     if measured is None:
         raise InputError(f"{run.name}: no velocity channel; expected one. Derive it from the displacement")
     differs = float(np.std(measured - derived) / np.std(derived))
@@ -329,7 +295,6 @@ def _measured_velocity(run: RigRun, measured: FloatArray | None, derived: FloatA
             f"{100 * differs:.3g} % of its rms; expected less than {100 * _AGREE:g} %. "
             "Check its unit, sign and delay in the channel map"
         )
-    return measured
 
 
 def _check_sign(run: RigRun, force: FloatArray, velocity: FloatArray) -> None:

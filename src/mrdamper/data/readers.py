@@ -26,11 +26,11 @@ from mrdamper.data.channels import (
     read_channel_map,
     unit_in_brackets,
 )
-from mrdamper.data.records import CommandUnit, Dataset, Recording, RigRun
+from mrdamper.data.records import Dataset, Recording, RigRun
 from mrdamper.data.tables import FORMATS, Layout, Table, read_table
 from mrdamper.errors import InputError
 from mrdamper.files import is_file, is_folder, is_there
-from mrdamper.quantities import QUANTITIES, is_unit, spell_unit
+from mrdamper.quantities import QUANTITIES, CommandUnit, is_unit, spell_unit
 
 __all__ = [
     "Column",

@@ -11,21 +11,20 @@ from __future__ import annotations
 import difflib
 import hashlib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from fnmatch import fnmatchcase
-from typing import Literal
+from typing import Any
 
 import numpy as np
 
 from mrdamper.arrays import FloatArray, read_only
 from mrdamper.core import turning_points
 from mrdamper.errors import InputError
-from mrdamper.quantities import QUANTITIES, to_degC
+from mrdamper.quantities import QUANTITIES, CommandUnit, to_degC
 
 __all__ = [
     "GAP",
     "WITHOUT_MOTION",
-    "CommandUnit",
     "Dataset",
     "Recording",
     "RigRun",
@@ -34,8 +33,6 @@ __all__ = [
     "nearest_names",
     "steady_command",
 ]
-
-CommandUnit = Literal["A", "V"]
 
 WITHOUT_MOTION = (
     "Without motion neither viscosity nor yield force nor yield displacement can be identified: repeat the "
@@ -132,6 +129,18 @@ class RigRun:
         or 20 mV) on either side: its median, then.
         """
         return steady_command(self.command)
+
+    def between(self, from_s: float | None, to_s: float | None) -> RigRun:
+        """Return the samples from one time to another, both included; None: from the start, to the end."""
+        kept = np.ones(len(self), dtype=bool)
+        if from_s is not None:
+            kept &= self.time >= from_s
+        if to_s is not None:
+            kept &= self.time <= to_s
+        cut: dict[str, Any] = {
+            name: column[kept] for name in _CHANNELS if (column := getattr(self, name)) is not None
+        }
+        return replace(self, **cut)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,7 +1,7 @@
-"""Stretches of a long record: which of its rows count, and where it breaks off.
+"""Segments of a record: which of its rows count, and where it breaks off.
 
 A row counts when time, displacement, force and command are numbers of a possible size. Rows that do not
-count, times that do not increase and gaps break the record: what follows is a stretch of its own. Decided row
+count, times that do not increase and gaps break the record: what follows is a segment of its own. Decided row
 by row, so that it does not matter how the rows come.
 """
 
@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamper.arrays import FloatArray
+from mrdamper.data.batches import Batch
 from mrdamper.data.diagnosis.finding import Finding
 from mrdamper.data.records import GAP
-from mrdamper.data.streaming import Batch
 from mrdamper.quantities import QUANTITIES
 
-__all__ = ["HEAD_ROWS", "Count", "STILL_m", "Splitter", "moved_by", "usable", "usual_step"]
+__all__ = ["HEAD_ROWS", "Count", "Head", "STILL_m", "Segmenter", "moved_by"]
 
 HEAD_ROWS = 1 << 18
 """Rows from which rules are chosen that then hold to the record's end; a rest before the motion is passed."""
@@ -74,8 +74,37 @@ class Count:
 
 
 @dataclass(slots=True)
-class Splitter:
-    """Rows in, parts of stretches out; it counts what breaks the record.
+class Head:
+    """The first rows of a record, held back until rules are chosen from them."""
+
+    rows: int = HEAD_ROWS
+    _parts: list[Batch] = field(default_factory=list)
+    _held: int = 0
+
+    def __bool__(self) -> bool:
+        return self._held > 0
+
+    @property
+    def full(self) -> bool:
+        return self._held >= self.rows
+
+    def take(self, batch: Batch) -> Batch:
+        """Take as many rows as there is room for; return the others."""
+        part = batch.part(slice(0, self.rows - self._held))
+        self._parts.append(part)
+        self._held += len(part)
+        return batch.part(slice(len(part), None))
+
+    def release(self) -> Batch:
+        """Return the rows that are held, and hold none."""
+        whole = Batch.joined(self._parts)
+        self._parts, self._held = [], 0
+        return whole
+
+
+@dataclass(slots=True)
+class Segmenter:
+    """Rows in, parts of segments out; it counts what breaks the record.
 
     ``step_s`` is the usual step, by which a gap is one; None: there are no gaps yet.
     """
@@ -87,7 +116,22 @@ class Splitter:
     _last_row: int = -1
     _last_s: float = math.nan  # that counted
 
-    def feed(self, batch: Batch) -> Iterator[tuple[bool, Batch]]:
+    def measure(self, head: Batch) -> float:
+        """Return the range of the motion [m] in a head; the usual step is taken from it, unless it is known.
+
+        0.0 where the head is at rest, or where no row follows on another.
+        """
+        counted = usable(head)
+        if self.step_s is None:
+            self.step_s = usual_step(head.time[counted])
+        return 0.0 if self.step_s is None else moved_by(head.displacement[counted])
+
+    def skip(self, batch: Batch) -> None:
+        """Take rows of which nothing is wanted but what breaks the record."""
+        for _ in self.step_batch(batch):
+            pass
+
+    def step_batch(self, batch: Batch) -> Iterator[tuple[bool, Batch]]:
         """Give the parts of a batch without a break in them, each with whether a break is before it."""
         counted = usable(batch)
         self.missing.add(batch.time[~counted])

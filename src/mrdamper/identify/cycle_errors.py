@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.cycle_stream import CycleFigures
+from mrdamper.data.batches import LongRecord
+from mrdamper.data.cycles import CycleFigures
 from mrdamper.data.prepare import Preparation
-from mrdamper.data.streaming import LongRecord
 from mrdamper.identify.predict import all_assumed, beyond_envelope
 from mrdamper.identify.replay import Replay
 from mrdamper.models.card import ModelCard
@@ -113,7 +113,7 @@ class ModelOver:
     replay: Replay
     lacking: int = 0  # cycles without a model's force
     _all: _Sums = field(default_factory=_Sums)
-    _warm: dict[int, _Sums] = field(default_factory=dict)  # by number of the bin of temperature
+    _by_bin: dict[int, _Sums] = field(default_factory=dict)  # by number of the bin of temperature
 
     def add(self, done: CycleFigures) -> None:
         """Take the next cycles."""
@@ -124,7 +124,7 @@ class ModelOver:
         self._all.add(done, scored)
         bins = np.floor((done.temperature_K - ZERO_CELSIUS_K) / BIN_K + 0.5)  # round ones in the middle
         for number in np.unique(bins[scored & np.isfinite(bins)]).tolist():
-            self._warm.setdefault(int(number), _Sums()).add(done, scored & (bins == number))
+            self._by_bin.setdefault(int(number), _Sums()).add(done, scored & (bins == number))
 
     def answer(self) -> Json:
         """Return what ``--json`` says of the model."""
@@ -137,7 +137,7 @@ class ModelOver:
             "cycles_without": self.lacking,
             "by_temperature": [
                 {"from_degC": BIN_K * (number - 0.5), "to_degC": BIN_K * (number + 0.5), **sums.answer()}
-                for number, sums in sorted(self._warm.items())
+                for number, sums in sorted(self._by_bin.items())
             ],
             "conditioning": None
             if rules is None
@@ -148,20 +148,20 @@ class ModelOver:
                 "dead_band_mm": 1e3 * rules.dead_band_m,
                 "reference_mm": 1e3 * rules.reference_m,
             },
-            "stretches": self.replay.stretches,
+            "stretches": self.replay.segments,
             "notes": self._notes(),
         }
 
     def _notes(self) -> list[str]:
         notes = beyond_envelope(self.card, {self.replay.name: self.replay.extremes})
-        if self.replay.stretches > 1:
+        if self.replay.segments > 1:
             notes.append(
-                f"the record breaks into {self.replay.stretches} stretches; the model begins each from rest, "
+                f"the record breaks into {self.replay.segments} segments; the model begins each from rest, "
                 "so that its force over the first part of a stroke may be off"
             )
         if abs(self.replay.pace - 1.0) > _PACE:
             notes.append(
-                f"a stretch is sampled at {self.replay.pace:.4g} times the step of the head, and was taken "
+                f"a segment is sampled at {self.replay.pace:.4g} times the step of the head, and was taken "
                 "as if at that step: the model's velocities are off by as much. Cut the record there"
             )
         return notes
@@ -182,6 +182,6 @@ def open_model(path: Path, record: LongRecord, *, flip_force: bool) -> ModelOver
         record.path.name,
         record.command_unit,
         force_sign=-1.0 if flip_force else 1.0,
-        reference_warmth=all_assumed(card.damper),
+        reference_temperature=all_assumed(card.damper),
     )
     return ModelOver(path, card, replay)

@@ -1,8 +1,8 @@
 """A model replayed over a record of any length: rows in, the same rows out with the model's force.
 
-The motion is conditioned as ``prepare_run`` does it (``data.conditioning``), the damper carries its state
-from batch to batch (``models.carried``). After a break of the record it begins anew, from rest. Rows come out
-late: by some periods of the motion, and by as long as it rests inside its dead band.
+The motion is conditioned as ``prepare_run`` does it (``data.conditioning``), the damper's state goes over
+from batch to batch (``simulate_batch``). After a break of the record it begins anew, from rest. Rows come
+out late: by some periods of the motion, and by as long as it rests inside its dead band.
 """
 
 from __future__ import annotations
@@ -13,17 +13,17 @@ from dataclasses import replace
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.prepare import Preparation
-from mrdamper.data.records import CommandUnit, RigRun
-from mrdamper.data.segments import HEAD_ROWS, Splitter, moved_by, usable, usual_step
-from mrdamper.data.stream_prepare import Conditioner, Rules, choose_rules, known_temperature
-from mrdamper.data.streaming import Batch
+from mrdamper.data.batches import Batch
+from mrdamper.data.conditioning import Conditioner, Rules, known_temperature
+from mrdamper.data.prepare import Preparation, prepare_run
+from mrdamper.data.records import RigRun
+from mrdamper.data.segments import HEAD_ROWS, Head, Segmenter, moved_by
 from mrdamper.errors import InputError
 from mrdamper.excitation import Trajectory
 from mrdamper.models.damper import Damper
-from mrdamper.models.streaming import CarriedRun
+from mrdamper.models.simulate import RunState, finish_run, simulate_batch
 from mrdamper.models.temperature import REFERENCE_K
-from mrdamper.quantities import QUANTITIES
+from mrdamper.quantities import QUANTITIES, CommandUnit
 
 __all__ = ["MOST_HEADS", "Replay"]
 
@@ -31,7 +31,7 @@ MOST_HEADS = 8
 
 
 class Replay:
-    """Feed it the batches of a record, in order, then close it.
+    """Give it the batches of a record, in order, then close it.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ class Replay:
     command_unit : of the record
     preparation : as the card has it
     force_sign : -1.0 for load cells that count compression as positive
-    reference_warmth : a record without temperature is at 20 degC
+    reference_temperature : a record without temperature is at 20 degC
     head_rows : from which the rules of the conditioning are chosen; a rest before the motion is passed, and
         where no run can be made of them, up to ``MOST_HEADS`` times as many are tried
 
@@ -57,7 +57,7 @@ class Replay:
         command_unit: CommandUnit,
         *,
         force_sign: float = 1.0,
-        reference_warmth: bool = False,
+        reference_temperature: bool = False,
         head_rows: int = HEAD_ROWS,
     ) -> None:
         if command_unit != damper.command_unit:
@@ -65,34 +65,35 @@ class Replay:
                 f"{name}: the command is in {command_unit}, the model's in {damper.command_unit}; "
                 "map the channel that the model was identified with"
             )
-        CarriedRun(damper)  # refuses a law in Python
+        if damper.law.kernel is None:
+            raise InputError(f"{damper.law.name}: a law in Python runs whole, not in batches")
         self.name = name
         self._damper, self._preparation, self._unit = damper, preparation, command_unit
-        self._sign, self._reference_warmth, self._head_rows = force_sign, reference_warmth, head_rows
+        self._sign, self._reference_temperature, self._head_rows = (
+            force_sign,
+            reference_temperature,
+            head_rows,
+        )
         self.rules: Rules | None = None  # None until the head is read
         self.extremes: dict[str, tuple[float, float]] = {}  # of what the model was driven through, by name
-        self.stretches = 0
-        self.pace = 1.0  # the worst of a stretch, as ``Conditioner`` has it
-        self._splitter = Splitter()
-        self._head: list[Batch] = []
-        self._head_held = 0
+        self.segments = 0
+        self.pace = 1.0  # the worst of a segment, as ``Conditioner`` has it
+        self._segmenter = Segmenter()
+        self._head = Head(head_rows)
         self._refused: list[Batch] = []  # heads by which no rules could be chosen
-        self._stretch: _Stretch | None = None
-        self._warm_K: float | None = None
+        self._segment: _Segment | None = None
+        self._temperature_K: float | None = None
         self._rows: list[Batch] = []  # not given back yet
         self._seen = 0  # row after the last that was driven
         self._answers: list[tuple[int, FloatArray]] = []  # first row, force
 
-    def feed(self, batch: Batch) -> Iterator[Batch]:
+    def step_batch(self, batch: Batch) -> Iterator[Batch]:
         """Take the next rows; give back those whose force is certain."""
         self._rows.append(batch)
         batch = self._trimmed(batch)
         while len(batch) and self.rules is None:
-            part = batch.part(slice(0, self._head_rows - self._head_held))
-            self._head.append(part)
-            self._head_held += len(part)
-            batch = batch.part(slice(len(part), None))
-            if self._head_held == self._head_rows:
+            batch = self._head.take(batch)
+            if self._head.full:
                 self._begin(last=False)
         if len(batch):
             self._drive(batch)
@@ -115,18 +116,14 @@ class Replay:
 
     def _begin(self, *, last: bool) -> None:
         """Choose the rules from the head and drive through it; a head at rest is passed."""
-        heads = [*self._refused, *([Batch.joined(self._head)] if self._head else [])]
-        whole, self._head, self._head_held = Batch.joined(heads), [], 0
-        counted = usable(whole)
-        if self._splitter.step_s is None:
-            self._splitter.step_s = usual_step(whole.time[counted])
-        if self._splitter.step_s is None or not moved_by(whole.displacement[counted]):
-            for _ in self._splitter.feed(whole):
-                pass
+        heads = [*self._refused, *([self._head.release()] if self._head else [])]
+        whole = Batch.joined(heads)
+        if not self._segmenter.measure(whole):
+            self._segmenter.skip(whole)
             self._seen, self._refused = whole.row + len(whole), []
             return
         if self._damper.temperature_dependent:
-            self._warm_K = self._first_warmth(whole)
+            self._temperature_K = self._first_temperature(whole)
         try:
             self.rules = self._chosen(whole)
         except InputError:
@@ -146,13 +143,13 @@ class Replay:
             return None
 
     def _chosen(self, head: Batch) -> Rules:
-        """Return the rules by the longest stretch of a head that moves."""
-        stretches: list[list[Batch]] = []
-        for fresh, part in Splitter(self._splitter.step_s).feed(head):
-            stretches += [[]] if fresh or not stretches else []
-            stretches[-1].append(part)
-        joined = [Batch.joined(parts) for parts in stretches]
-        longest = max(joined, key=lambda stretch: (moved_by(stretch.displacement) > 0.0, len(stretch)))
+        """Return the rules by the longest segment of a head that moves."""
+        segments: list[list[Batch]] = []
+        for fresh, part in Segmenter(self._segmenter.step_s).step_batch(head):
+            segments += [[]] if fresh or not segments else []
+            segments[-1].append(part)
+        joined = [Batch.joined(parts) for parts in segments]
+        longest = max(joined, key=lambda segment: (moved_by(segment.displacement) > 0.0, len(segment)))
         try:
             run = RigRun(
                 name=self.name,
@@ -163,17 +160,17 @@ class Replay:
                 command_unit=self._unit,
                 velocity=longest.velocity if self._preparation.velocity == "channel" else None,
             )
-            return choose_rules(run, replace(self._preparation, from_s=None, to_s=None))
+            return prepare_run(run, replace(self._preparation, from_s=None, to_s=None)).rules
         except InputError as error:
             raise InputError(
                 f"{error}\nAsked of rows {longest.row} to {longest.row + len(longest) - 1}, by which the "
                 "record is prepared for the model"
             ) from error
 
-    def _first_warmth(self, head: Batch) -> float:
+    def _first_temperature(self, head: Batch) -> float:
         """Return the first temperature [K] of the head."""
         if head.temperature is None:
-            if self._reference_warmth:
+            if self._reference_temperature:
                 return REFERENCE_K
             raise InputError(
                 f"{self.name}: has no temperature channel, and the model depends on temperature; expected a "
@@ -202,17 +199,19 @@ class Replay:
     def _drive(self, batch: Batch) -> None:
         if self.rules is None:
             return
-        for fresh, part in self._splitter.feed(batch):
-            if fresh or self._stretch is None:
+        for fresh, part in self._segmenter.step_batch(batch):
+            if fresh or self._segment is None:
                 self._end()
-                self.stretches += 1
-                conditioner = Conditioner(self.rules, warm_K=self._warm_K, window=self._head_rows)
-                self._stretch = _Stretch(conditioner, CarriedRun(self._damper))
+                self.segments += 1
+                conditioner = Conditioner(
+                    self.rules, temperature_K=self._temperature_K, window=self._head_rows
+                )
+                self._segment = _Segment(conditioner)
             self._spread("temperature", part.temperature)
-            self._advance(self._stretch, self._stretch.taken(part))
+            self._advance(self._segment, self._segment.taken(part))
         self._seen = batch.row + len(batch)
 
-    def _advance(self, stretch: _Stretch, paths: Iterator[Trajectory]) -> None:
+    def _advance(self, segment: _Segment, paths: Iterator[Trajectory]) -> None:
         """Bring the model forward over what is conditioned, and keep the answers for rows."""
         for path in paths:
             if self._damper.temperature_dependent and path.temperature is None:
@@ -220,22 +219,23 @@ class Replay:
             for name in ("command", "displacement", "velocity"):
                 self._spread(name, getattr(path, name))
             try:
-                stretch.forces.append(stretch.run.advance(path))
+                force, segment.state = simulate_batch(self._damper, path, segment.state)
             except InputError as error:
-                raise InputError(f"{self.name}: from row {stretch.row_due} on: {error}") from error
-        self._answers += stretch.answered(self._preparation.force_offset_N)
+                raise InputError(f"{self.name}: from row {segment.row_due} on: {error}") from error
+            segment.forces.append(force)
+        self._answers += segment.answered(self._preparation.force_offset_N)
 
     def _end(self) -> None:
-        """Bring the open stretch to its end: what follows is another."""
-        stretch, self._stretch = self._stretch, None
-        if stretch is None:
+        """Bring the open segment to its end: what follows is another."""
+        segment, self._segment = self._segment, None
+        if segment is None:
             return
-        self._advance(stretch, stretch.conditioner.rest())
-        stretch.forces.append(stretch.run.finish())
-        self._answers += stretch.answered(self._preparation.force_offset_N, last=True)
-        self._warm_K = stretch.conditioner.warm_K
-        if abs(stretch.conditioner.pace - 1.0) > abs(self.pace - 1.0):
-            self.pace = stretch.conditioner.pace
+        self._advance(segment, segment.conditioner.rest())
+        segment.forces.append(finish_run(self._damper, segment.state)[0])
+        self._answers += segment.answered(self._preparation.force_offset_N, last=True)
+        self._temperature_K = segment.conditioner.temperature_K
+        if abs(segment.conditioner.pace - 1.0) > abs(self.pace - 1.0):
+            self.pace = segment.conditioner.pace
 
     def _spread(self, name: str, values: FloatArray | None) -> None:
         if values is None:
@@ -248,7 +248,7 @@ class Replay:
 
     def _released(self) -> Iterator[Batch]:
         """Give back the rows whose force is certain, or certainly none."""
-        until = self._seen if self._stretch is None else self._stretch.row_due
+        until = self._seen if self._segment is None else self._segment.row_due
         while self._rows and self._rows[0].row < until:
             whole = self._rows.pop(0)
             batch = whole.part(slice(0, until - whole.row))
@@ -267,11 +267,12 @@ class Replay:
         return force
 
 
-class _Stretch:
-    """A stretch under way: its rows wait with their places on the grid for the force there."""
+class _Segment:
+    """A segment under way: its rows wait with their places on the grid for the force there."""
 
-    def __init__(self, conditioner: Conditioner, run: CarriedRun) -> None:
-        self.conditioner, self.run = conditioner, run
+    def __init__(self, conditioner: Conditioner) -> None:
+        self.conditioner = conditioner
+        self.state = RunState()
         self.forces: list[FloatArray] = []  # on the grid, from sample `_base` on
         self._base = 0
         self._waiting: list[tuple[int, FloatArray]] = []  # first row, places
@@ -287,7 +288,7 @@ class _Stretch:
     def answered(self, tare_N: float, *, last: bool = False) -> list[tuple[int, FloatArray]]:
         """Return first row and force of the rows whose place on the grid has one.
 
-        At the end of the stretch every row has: the last ones may lie behind the grid by a part of a step.
+        At the end of the segment every row has: the last ones may lie behind the grid by a part of a step.
         """
         force = np.concatenate(self.forces) if self.forces else np.empty(0)
         self.forces = [force]

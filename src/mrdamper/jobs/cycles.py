@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrdamper.arrays import FloatArray
+from mrdamper.data.batches import BATCH_ROWS, LongRecord, open_record
 from mrdamper.data.cycle_groups import Groups
-from mrdamper.data.cycle_stream import CycleCounter, CycleFigures
+from mrdamper.data.cycles import CycleCounter, CycleFigures
 from mrdamper.data.diagnosis.finding import worst_first
-from mrdamper.data.streaming import BATCH_ROWS, LongRecord, open_record
 from mrdamper.identify.cycle_errors import FIGURES as MODEL_FIGURES
 from mrdamper.identify.cycle_errors import ModelOver, columns_of, open_model
 from mrdamper.quantities import ZERO_CELSIUS_K
@@ -130,15 +130,15 @@ def _run(
     with on_interrupt(note):
         for batch in opened.batches(rows=batch_rows):
             read += len(batch)
-            for part in (batch,) if along is None else along.replay.feed(batch):
-                take(counter.feed(part))
+            for part in (batch,) if along is None else along.replay.step_batch(batch):
+                take(counter.step_batch(part))
             if report is not None:
                 report(read, opened.rows, found)
             if noted:
                 cancelled = True
                 break
     for part in () if along is None else along.replay.close(cut_short=cancelled):
-        take(counter.feed(part))
+        take(counter.step_batch(part))
     take(counter.close())
     groups.close()
     return _answer(opened, counter, along, groups, cancelled=cancelled), groups

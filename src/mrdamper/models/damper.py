@@ -11,7 +11,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,15 +20,14 @@ from mrdamper.errors import InputError
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.dependence import Constant, ParameterLaw, TemperatureDependent
 from mrdamper.models.laws import HysteresisLaw
-from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.quantities import ZERO_CELSIUS_K, CommandUnit
 from mrdamper.schema import did_you_mean
 
-__all__ = ["LAG", "CommandUnit", "Damper", "OperatingEnvelope"]
+__all__ = ["LAG", "Damper", "OperatingEnvelope"]
 
 LAG = "command_lag_s"
 """The name of a damper's command lag among its parameters: it is the damper's own, no coefficient's."""
 
-CommandUnit = Literal["A", "V"]
 Range = tuple[float, float]
 
 _GRID = 201  # commands over the envelope at which the law's conditions are checked,

@@ -12,8 +12,9 @@ import numpy as np
 from scipy import fft
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.cycles import cycles, drift, estimate_lag
+from mrdamper.data.cycles import cycles
 from mrdamper.data.diagnosis.finding import Finding, percent
+from mrdamper.data.diagnosis.repeatability import drift, estimate_lag
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.data.records import Recording, RigRun
 
@@ -106,11 +107,11 @@ def find_drift(prepared: PreparedRun) -> Iterator[Finding]:
     whole = cycles(prepared)
     if found is None or len(whole) < 3 or prepared.run.constant_command is None:
         return
-    stroke = float(np.median([cycle.stroke_m for cycle in whole]))
-    force = prepared.force[whole[0].start : whole[-1].stop]
+    stroke = float(np.median(whole.stroke_m))
+    force = prepared.force[whole.row[0] : whole.end[-1]]
     span = float(np.ptp(force))
     begins, ends = (
-        float(prepared.run.time[0] + k * prepared.trajectory.step) for k in (whole[0].start, whole[-1].stop)
+        float(prepared.run.time[0] + k * prepared.trajectory.step) for k in (whole.row[0], whole.end[-1])
     )
     for channel, kind, size, scale, unit, shown in (
         (
@@ -236,9 +237,9 @@ def _offset(prepared: PreparedRun) -> float | None:
     back are not alike.
     """
     whole = cycles(prepared)
-    if not whole:
+    if not len(whole):
         return None
-    kept = slice(whole[0].start, whole[-1].stop)
+    kept = slice(whole.row[0], whole.end[-1])
     force, velocity = prepared.force[kept], prepared.trajectory.velocity[kept]
     if prepared.period_s is not None:
         return float(np.mean(force))

@@ -16,6 +16,7 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.cycles import cycles
+from mrdamper.data.diagnosis.repeatability import alike, forces_by_phase
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.excitation import Sine
 from mrdamper.identify.assess import RunError
@@ -35,8 +36,6 @@ __all__ = [
 ]
 
 _APART_K = 1.5  # mean temperatures closer than this are one level
-_LIKE = 0.03  # share by which a cycle may differ from the median one
-_PHASES = 200  # points of a mean cycle
 _NEAR_PEAK = 0.95  # share of the peak velocity above which the force counts as that at the peak
 
 
@@ -164,17 +163,9 @@ class Pick:
 def measured_peak(run: PreparedRun) -> float | None:
     """Return the largest |force| of the mean cycle [N], in which noise counts little; None: no cycle."""
     found = cycles(run)
-    if run.period_s is None or not found:
+    if run.period_s is None or not len(found):
         return None
-    stroke = float(np.median([cycle.stroke_m for cycle in found]))
-    phase = np.linspace(0.0, 1.0, _PHASES, endpoint=False)
-    samples = np.arange(len(run))
-    forces = [
-        np.interp(cycle.start + phase * (cycle.stop - cycle.start), samples, run.force)
-        for cycle in found
-        if abs(cycle.stroke_m / stroke - 1.0) < _LIKE
-    ]
-    mean: FloatArray = np.mean(forces, axis=0)
+    mean: FloatArray = np.mean(forces_by_phase(run, found.where(alike(found.stroke_m))), axis=0)
     return float(np.abs(mean).max())
 
 

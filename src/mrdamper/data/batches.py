@@ -1,14 +1,15 @@
-"""Long records: a file whose rows no memory holds, read in batches, in SI and kelvin.
+"""Batches of rows in SI and kelvin: the form in which records are prepared, counted and simulated.
 
-The columns are found as ``readers`` finds them, by headers and channel map. A batch is what the file holds,
-with whatever is wrong in it: which rows can be used is the business of ``stretches``.
+A whole run is one batch. A long record is a file whose rows no memory holds, read in batches; its columns are
+found as ``readers`` finds them, by headers and channel map. A batch is what the file holds, with whatever is
+wrong in it: which rows can be used is the business of ``segments``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +19,11 @@ from mrdamper.arrays import FloatArray
 from mrdamper.data.channels import Channel, ChannelMap, read_channel_map
 from mrdamper.data.formats.table import Rows
 from mrdamper.data.readers import Column, find_columns, map_beside
-from mrdamper.data.records import CommandUnit
+from mrdamper.data.records import RigRun
 from mrdamper.data.tables import open_rows
 from mrdamper.errors import InputError
 from mrdamper.files import is_folder
-from mrdamper.quantities import QUANTITIES
+from mrdamper.quantities import QUANTITIES, CommandUnit
 
 __all__ = ["BATCH_ROWS", "Batch", "LongRecord", "open_record"]
 
@@ -48,16 +49,25 @@ class Batch:
     def __len__(self) -> int:
         return len(self.time)
 
+    @classmethod
+    def of(cls, run: RigRun) -> Batch:
+        """Return a whole run as one batch."""
+        return cls(0, run.time, run.displacement, run.force, run.command, run.velocity, run.temperature)
+
     def part(self, rows: slice) -> Batch:
         """Return some of the rows, which follow on one another."""
-        cut: dict[str, Any] = {
-            name: None if (column := getattr(self, name)) is None else column[rows] for name in _COLUMNS
+        return replace(self.each(lambda column: column[rows]), row=self.row + rows.indices(len(self))[0])
+
+    def each(self, change: Callable[[FloatArray], FloatArray]) -> Batch:
+        """Return the batch with every column changed alike."""
+        changed: dict[str, Any] = {
+            name: None if (column := getattr(self, name)) is None else change(column) for name in _COLUMNS
         }
-        return Batch(row=self.row + rows.indices(len(self))[0], **cut)
+        return Batch(row=self.row, **changed)
 
     @classmethod
     def joined(cls, parts: Sequence[Batch]) -> Batch:
-        """Return batches that follow on one another as one; a column that one of them lacks is left out."""
+        """Return batches that follow on one another as one; a column that one of them lacks falls away."""
         if len(parts) == 1:
             return parts[0]
         whole: dict[str, Any] = {}

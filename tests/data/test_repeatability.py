@@ -1,0 +1,96 @@
+"""Cycles of known energy, spread, drift and delay."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mrdamper.data.cycles import cycles
+from mrdamper.data.diagnosis.repeatability import drift, estimate_lag, repeatability
+from mrdamper.data.prepare import prepare_run
+from mrdamper.excitation import Chirp, Harmonics, Sine
+from tests.data.example_runs import make_run
+
+SINE = Sine(0.010, 1.0)
+
+
+def _prepared(force, motion=SINE, duration=10.0, **how):
+    time = np.arange(round(duration * 1000) + 1) / 1000.0
+    return prepare_run(make_run(motion, {"force": force(time)}, duration=duration, **how))
+
+
+@given(dashpot=st.floats(100.0, 1e4), spring=st.floats(-1e4, 1e4), preload=st.floats(-500.0, 500.0))
+def test_a_dashpot_takes_pi_c_omega_amplitude_squared_per_cycle(dashpot, spring, preload):
+    """Springs and preloads give back what they take."""
+    force = lambda t: dashpot * SINE.velocity(t) + spring * SINE.displacement(t) + preload  # noqa: E731
+    found = cycles(_prepared(force))
+    assert len(found) == 9
+    expected = np.pi * dashpot * 2 * np.pi * 1.0 * 0.010**2
+    np.testing.assert_allclose(found.energy_J, expected, rtol=1e-4, atol=1e-6 * abs(preload))
+    np.testing.assert_allclose(found.period_s, 1.0)
+    np.testing.assert_allclose(found.stroke_m, 0.020, rtol=1e-6)
+
+
+def test_a_preload_takes_nothing_even_where_a_cycle_does_not_close():
+    """The middle of the motion moves by up to 2 mm in a cycle."""
+    moving = Harmonics((0.010, 0.008), (1.0, 0.04), (0.0, 0.0))
+    found = [
+        cycles(_prepared(lambda t, preload=preload: 100.0 * moving.velocity(t) + preload, moving))
+        for preload in (0.0, 500.0)
+    ]
+    assert len(found[0]) == len(found[1]) == 9
+    np.testing.assert_allclose(found[1].energy_J, found[0].energy_J, rtol=1e-9)
+
+
+def test_dry_friction_takes_four_strokes_of_its_force():
+    found = cycles(_prepared(lambda t: 300.0 * np.sign(SINE.velocity(t))))
+    np.testing.assert_allclose(found.energy_J, 4 * 300.0 * 0.010, rtol=1e-3)
+    assert {*found.highest_force_N.tolist(), *(-found.lowest_force_N).tolist()} == {300.0}
+
+
+def test_cycles_follow_on_each_other():
+    found = cycles(_prepared(SINE.velocity, noise=2e-6))
+    np.testing.assert_array_equal(found.end[:-1], found.row[1:])
+    assert found.row[0] >= 250
+
+
+def test_a_run_that_repeats_itself_deviates_by_nothing():
+    assert repeatability(_prepared(SINE.velocity)) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_noise_on_the_force_is_what_does_not_repeat():
+    rng = np.random.default_rng(0)
+    force = lambda t: 1000.0 * SINE.velocity(t) + 2.0 * rng.standard_normal(len(t))  # noqa: E731
+    spread = 1000.0 * 0.010 * 2 * np.pi / np.sqrt(2.0)
+    interpolated = 1.0  # 5 samples lie between two phases: each is one sample's noise
+    assert repeatability(_prepared(force, duration=30.0)) == pytest.approx(
+        100.0 * 2.0 / np.hypot(spread, 2.0) * interpolated, rel=0.1
+    )
+
+
+def test_what_is_not_periodic_has_no_repeatability():
+    motion = Chirp(0.002, 1.0, 15.0, 10.0)
+    assert repeatability(_prepared(motion.velocity, motion)) is None
+
+
+def test_drift_is_that_from_first_to_last_cycle():
+    """Cycles of one second each."""
+    force = lambda t: 1000.0 * SINE.velocity(t) * (1.0 + 0.01 * t) + 2.0 * t  # noqa: E731
+    prepared = _prepared(force)
+    found, count = drift(prepared), len(cycles(prepared))
+    assert found is not None
+    assert found.displacement_m == pytest.approx(0.0, abs=1e-9)
+    assert found.force_N == pytest.approx(2.0 * (count - 1), rel=0.01)
+    assert found.spread_percent == pytest.approx(1.0 * (count - 1), rel=0.1)
+
+
+@given(delay=st.floats(-0.05, 0.05))
+def test_a_delay_of_the_force_is_found(delay):
+    prepared = _prepared(lambda t: SINE.velocity(t - delay))
+    assert estimate_lag(prepared) == pytest.approx(delay, abs=1e-5)
+
+
+def test_a_delay_in_a_chirp_is_found_to_a_fraction_of_a_sample():
+    motion = Chirp(0.002, 1.0, 15.0, 10.0)
+    prepared = _prepared(lambda t: motion.velocity(t - 0.0034), motion)
+    assert estimate_lag(prepared) == pytest.approx(0.0034, abs=1e-4)
