@@ -1,7 +1,10 @@
-"""The two ways to a column's cells, by Python and by Polars, come to the same."""
+"""Cells of a text are what plain Python reads, and plain numbers are the same without Polars."""
 
 from __future__ import annotations
 
+import re
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +14,12 @@ from hypothesis import strategies as st
 
 from mrdamper.data.formats import text as text_format
 from mrdamper.data.formats.table import Layout
-from mrdamper.data.formats.timestamps import Stamps
 from mrdamper.data.readers import read_run
 from tests.data.rig_files import WRITERS
 
-ASKED = ("few", "many")
+FLOAT = re.compile(
+    r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[+-]?[0-9]+)?|[+-]?(?:inf|infinity|nan)", re.IGNORECASE
+)
 ODD = (
     "|  |0|-1.5|+2|3.|.5|.|-|+|e5|1e5|1E-3|1e|1e400|-1e-400|inf|-Inf|infinity|nan|NaN|-nan|NAN|1_0|0x1|1,5"
     "|1.234,5|1,234.5|1,2,3| 7 |\t8|5 mm|text|10:15:02|10:15:02.5|23:59:59|2026-11-21 10:00:00"
@@ -28,12 +32,16 @@ CELL = st.one_of(
 )
 
 
-def both(rows, delimiter, decimal, count, end="\n"):
+def read(rows, delimiter, decimal, count, end="\n"):
     content = end.join(delimiter.join(row) for row in rows).encode()
-    place = Path("run.csv")
     layout = Layout("delimited text", delimiter, decimal)
-    made = [getattr(text_format, f"_{how}")(place, content, layout, count, 1) for how in ASKED]
-    return [[each(k) for k in range(count)] for each in made]
+    return text_format._parse_block(Path("run.csv"), content, layout, count, 1)
+
+
+def number(cell, decimal):
+    """Return a cell as a number, not a number where it is none; with decimal commas a point is none."""
+    spelled = cell.replace(".", "?").replace(",", ".", 1) if decimal == "," else cell
+    return float(spelled) if FLOAT.fullmatch(spelled) else float("nan")
 
 
 @settings(max_examples=300)
@@ -44,35 +52,50 @@ def both(rows, delimiter, decimal, count, end="\n"):
     st.integers(2, 4),
     st.sampled_from(["\n", "\r\n"]),
 )
-def test_few_cells_and_many_are_the_same(rows, delimiter, decimal, count, end):
+def test_cells_are_what_stands_between_delimiters(rows, delimiter, decimal, count, end):
     rows = [[cell.replace(delimiter, "") for cell in row] for row in rows]
-    for few, many in zip(*both(rows, delimiter, decimal, count, end), strict=True):
-        assert few.texts() == many.texts()
-        assert np.array_equal(few.numbers(), many.numbers(), equal_nan=True)
-        assert (few.bad, few.filled, few.mostly_text) == (many.bad, many.filled, many.mostly_text)
-        if few.bad:
-            assert few.first_bad()[1] == many.first_bad()[1]
-        held = few.hold_times(Stamps(), 0.5), many.hold_times(Stamps(), 0.5)
-        assert held[0] == held[1]
-        assert np.array_equal(few.numbers(), many.numbers(), equal_nan=True)
-        assert (few.bad, few.mostly_text) == (many.bad, many.mostly_text)
+    kept = [row for row in rows if any(row[:count])]
+    for k, cells in enumerate(read(rows, delimiter, decimal, count, end)):
+        texts = [row[k].strip(' \t"') if k < len(row) and row[k] else None for row in kept]
+        numbers = np.array([number(text, decimal) if text else np.nan for text in texts])
+        bad = [
+            text
+            for text, value in zip(texts, numbers, strict=True)
+            if text and np.isnan(value) and text.lower().lstrip("+-") != "nan"
+        ]
+        assert cells.texts() == texts
+        assert np.array_equal(cells.numbers(), numbers, equal_nan=True)
+        assert (cells.bad, cells.filled) == (len(bad), sum(map(bool, texts)))
+        assert cells.mostly_text == (len(bad) > 0.5 * cells.filled)
+        if bad:
+            assert cells.first_bad()[1] == bad[0][:40]
 
 
 def test_the_line_of_a_bad_cell_counts_lines_that_are_empty():
     rows = [["1", "2"], [""], ["3", "x"]]
-    few, _ = both(rows, ";", ".", 2)
-    assert few[1].first_bad() == (3, "x")
+    assert read(rows, ";", ".", 2)[1].first_bad() == (3, "x")
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_numbers_with_decimal_commas_are_read_without_polars(tmp_path, end):
+    lines = [f"{0.001 * k:.3f};{k},5;{-k},25;0,5".replace(".", ",") for k in range(50)]
+    path = tmp_path / "run.csv"
+    path.write_bytes(end.join(["time_s;displacement_mm;force_N;current_A", *lines, ""]).encode())
+    code = (
+        "import sys; from pathlib import Path; from mrdamper.data.tables import read_table;"
+        f"force = read_table(Path({str(path)!r})).columns['force_N'];"
+        "print('polars' in sys.modules, *force[1:3])"
+    )
+    said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert said.split() == ["False", "-1.25", "-2.25"]
 
 
 @pytest.mark.parametrize("name", ["run.csv", "semicolons.csv", "mts.dat"])
-def test_a_run_is_the_same_however_few_bytes_are_few(tmp_path, monkeypatch, name):
+def test_a_run_of_plain_numbers_is_the_same_by_both_ways(tmp_path, monkeypatch, name):
     WRITERS[name](tmp_path / name)
-    content = (tmp_path / name).read_bytes().replace(b"\n", b" \n", 40)  # not plain
-    (tmp_path / name).write_bytes(content)
     runs = []
     for most in (0, 1 << 30):
-        monkeypatch.setattr(text_format, "_FEW_BYTES", most)
-        monkeypatch.setattr(text_format, "_SMALL_BYTES", 0)
+        monkeypatch.setattr(text_format, "_SMALL_BYTES", most)
         runs.append(read_run(tmp_path / name)[0])
     assert np.array_equal(runs[0].force, runs[1].force)
     assert np.array_equal(runs[0].time, runs[1].time)

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mrdamper.data.formats import timestamps
 from mrdamper.data.formats.timestamps import Stamps
 from mrdamper.data.readers import read_run
 from mrdamper.data.tables import open_rows, read_table
@@ -79,12 +80,16 @@ def test_what_is_no_time_is_no_number(cell):
         max_size=12,
     )
 )
-def test_a_list_of_cells_and_one_of_polars_are_the_same(cells):
-    few, many = Stamps(), Stamps()
-    for part in (cells[:5], cells[5:]):
-        assert np.array_equal(
-            few.seconds(part), many.seconds(pl.Series(part, dtype=pl.String)), equal_nan=True
-        )
+def test_what_polars_takes_a_cell_apart_into_is_what_the_form_says(cells):
+    dates, read = timestamps._parts(pl.Series(cells, dtype=pl.String))
+    for k, cell in enumerate(cells):
+        match = timestamps._TIME.match(cell) if cell is not None else None
+        date, hour, minute, second, part, half = match.groups() if match else (None,) * 6
+        assert dates[k] == date
+        expected = [hour or "nan", minute or "nan", second or "nan", f"0.{part or 0}"]
+        expected += [half is not None, half is not None and half.lower() == "pm"]
+        found = [np.nan if column[k] is None else column[k] for column in read]
+        assert np.array_equal(found, [float(each) for each in expected], equal_nan=True)
 
 
 def test_a_date_of_two_meanings_is_taken_only_where_it_does_not_change():

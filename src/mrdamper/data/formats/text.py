@@ -8,18 +8,22 @@ from __future__ import annotations
 import io
 import itertools
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.formats.cells import Cells, FewCells, ManyCells
+from mrdamper.data.formats.cells import Cells
 from mrdamper.data.formats.table import FileOptions, Layout, Rows, Table, Texts
 from mrdamper.data.formats.timestamps import Stamps
 from mrdamper.errors import InputError
 from mrdamper.quantities import is_unit
+
+if TYPE_CHECKING:
+    import polars as pl
 
 __all__ = [
     "Head",
@@ -37,7 +41,6 @@ __all__ = [
 
 _HEAD_BYTES = 1 << 20
 _SMALL_BYTES = 1 << 20  # of numbers alone
-_FEW_BYTES = 1 << 16
 _HEAD_LINES = 400  # the data must begin within these
 _BLOCK = 1 << 25  # bytes that are parsed at a time
 _COMMENT = re.compile(r"^\s*(#|%|//|!)+\s?")
@@ -210,7 +213,7 @@ def _number_blocks(
     is_number: list[bool] | None = None
     layout, stamps = found.layout, {} if stamps is None else stamps
     for content, first_line in _blocks(path, found.start, stop, (layout.header_lines or 0) + 1):
-        plain = None if layout.decimal == "," else _plain_numbers(content, layout.delimiter, len(order))
+        plain = _plain_numbers(content, layout, len(order))
         if plain is not None and is_number is None:
             is_number = [True] * len(plain)
             yield plain, [[] for _ in plain]
@@ -325,14 +328,17 @@ def _blocks(path: Path, start: int, stop: int | None, first_line: int) -> Iterat
         yield rest, first_line
 
 
-def _plain_numbers(content: bytes, delimiter: str, count: int) -> list[FloatArray | None] | None:
+def _plain_numbers(content: bytes, layout: Layout, count: int) -> list[FloatArray | None] | None:
     """Return the columns of a small block of numbers and nothing else, read sooner than Polars is loaded."""
     if len(content) > _SMALL_BYTES or not content.strip() or b"#" in content or b'"' in content:
         return None
+    if layout.decimal == ",":
+        if b"." in content or layout.delimiter == ",":
+            return None
+        content = content.replace(b",", b".")
+    delimiter = None if layout.delimiter == " " else layout.delimiter
     try:
-        columns = np.loadtxt(
-            io.BytesIO(content), delimiter=None if delimiter == " " else delimiter, comments=None, ndmin=2
-        ).T
+        columns = np.loadtxt(io.BytesIO(content), delimiter=delimiter, comments=None, ndmin=2).T
     except ValueError:
         return None
     return [np.ascontiguousarray(column) for column in columns] if len(columns) == count else None
@@ -345,30 +351,22 @@ def _parse_block(
     if layout.delimiter == " ":
         content = re.sub(rb"(?m)^[ \t]+|[ \t]+(?=\r?$)", b"", content)
         content, layout = re.sub(rb"[ \t]+", b"\t", content), replace(layout, delimiter="\t")
-    ends = content.count(b"\r") == content.count(b"\r\n")
-    few = len(content) <= _FEW_BYTES and ends and b'"' not in content and b"#" not in content
-    made = (_few if few else _many)(path, content, layout, count, first_line)
-    return [made(k) if not wanted or k in wanted else None for k in range(count)]
+    frame = _frame(path, content, layout, count, first_line)
+    names = [f"{k}" for k in range(count)]
+    return [
+        Cells(frame.select_seq("row", *Cells.asked(name, layout.decimal)), name)
+        if not wanted or k in wanted
+        else None
+        for k, name in enumerate(names)
+    ]
 
 
-def _few(path: Path, content: bytes, layout: Layout, count: int, first_line: int) -> Callable[[int], Cells]:
-    """Return what gives the cells of a column, by Python."""
-    lines = content.decode(_encoding(path, content)).split("\n")
-    rows = [(k, line.removesuffix("\r").split(layout.delimiter)) for k, line in enumerate(lines, first_line)]
-    rows = [(k, fields) for k, fields in rows if any(fields[:count])]
-    numbers = [k for k, _ in rows]
-    return lambda k: FewCells(
-        [fields[k] or None if k < len(fields) else None for _, fields in rows], numbers, layout.decimal
-    )
-
-
-def _many(path: Path, content: bytes, layout: Layout, count: int, first_line: int) -> Callable[[int], Cells]:
-    """Return the same, by Polars."""
+def _frame(path: Path, content: bytes, layout: Layout, count: int, first_line: int) -> pl.DataFrame:
+    """Return the rows of a block that hold anything, with their lines; columns are texts, named by number."""
     import polars as pl
 
-    numbered = (
-        layout.delimiter.join(f"{k}" for k in range(count)).encode() + b"\n"
-    )  # a first row may be short
+    # the line of names: a first row may be short
+    numbered = layout.delimiter.join(f"{k}" for k in range(count)).encode() + b"\n"
     try:
         frame = pl.read_csv(
             numbered + content,
@@ -379,10 +377,9 @@ def _many(path: Path, content: bytes, layout: Layout, count: int, first_line: in
         )
     except pl.exceptions.PolarsError as error:
         if (encoding := _encoding(path, content)) != _UTF8:
-            return _many(path, content.decode(encoding).encode(), layout, count, first_line)
+            return _frame(path, content.decode(encoding).encode(), layout, count, first_line)
         raise InputError(f"{path}: not a table of numbers ({str(error).splitlines()[0]})") from error
-    frame = frame.with_row_index("row", first_line).filter(~pl.all_horizontal(pl.exclude("row").is_null()))
-    return lambda k: ManyCells(frame.select_seq("row", *ManyCells.asked(f"{k}", layout.decimal)), f"{k}")
+    return frame.with_row_index("row", first_line).filter(~pl.all_horizontal(pl.exclude("row").is_null()))
 
 
 # ------------------------------------------------------------------------------------------- looking

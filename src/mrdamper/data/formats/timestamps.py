@@ -42,16 +42,18 @@ class Stamps:
     @classmethod
     def in_texts(cls, cells: Texts) -> FloatArray | None:
         """Return the times in a whole column, None where a cell that is filled holds something else."""
-        filled = np.array([bool(cell and cell.strip()) for cell in cells], dtype=bool)
-        found = cls().seconds([cell and cell.strip() for cell in cells])
-        return found if filled.any() and np.isfinite(found[filled]).all() else None
+        stripped = [cell and cell.strip() for cell in cells]
+        filled = np.array([bool(cell) for cell in stripped], dtype=bool)
+        if not cls.may_be([cell for cell in stripped if cell]):
+            return None
+        import polars as pl
 
-    def seconds(self, cells: pl.Series | Texts) -> FloatArray:
-        """Return seconds from the first time of all blocks; not a number where a cell is no time.
+        found = cls().seconds(pl.Series(stripped, dtype=pl.String))
+        return found if np.isfinite(found[filled]).all() else None
 
-        ``cells`` are a list, or of Polars where they are many.
-        """
-        dates, read = _in_list(cells) if isinstance(cells, list) else _in_series(cells)
+    def seconds(self, cells: pl.Series) -> FloatArray:
+        """Return seconds from the first time of all blocks; not a number where a cell is no time."""
+        dates, read = _parts(cells)
         hours, minutes, whole, rest, twelve, pm = read
         hours = np.where(twelve > 0.0, hours % 12.0 + 12.0 * pm, hours)
         of_day = 3600.0 * hours + 60.0 * minutes + whole + rest
@@ -99,28 +101,8 @@ class Stamps:
         return 0.0 if text == self._only else np.nan
 
 
-def _in_list(cells: Texts) -> tuple[Texts, list[FloatArray]]:
+def _parts(cells: pl.Series) -> tuple[Texts, list[FloatArray]]:
     """Return the date of each cell, and what else is in it: hour, minute, second, its part, 12 hours, pm."""
-    nothing = (None,) * 6
-    found = [
-        match.groups() if cell is not None and (match := _TIME.match(cell)) else nothing for cell in cells
-    ]
-    read = [
-        (
-            float(hour or "nan"),
-            float(minute or "nan"),
-            float(second or "nan"),
-            float(f"0.{part or 0}"),
-            float(half is not None),
-            float(half in _PM),
-        )
-        for _, hour, minute, second, part, half in found
-    ]
-    return [date for date, *_ in found], list(np.array(read, dtype=np.float64).reshape(-1, 6).T)
-
-
-def _in_series(cells: pl.Series) -> tuple[Texts, list[FloatArray]]:
-    """Return the same of cells of Polars."""
     import polars as pl
 
     parts = cells.to_frame("cell").select_seq(pl.col("cell").str.extract_groups(_FORM)).unnest("cell")
