@@ -1,11 +1,22 @@
 """Errors a caller can act on, each with the exit code of the command line.
 
-Messages say the place, what was found, what was expected and the remedy. A plain ``Exception`` that
-escapes from this package is a fault of ours (exit code 1), never a way of reporting bad input.
+    MrdamperError                     1  base; a plain one is never raised
+    ├── InputError                    3  data, a file, a unit or an option that cannot be used as given
+    │   ├── EnvelopeError             3  a value outside the range in which a law or correlation holds
+    │   └── MissingExtraError         3  an optional library is not installed
+    ├── ConvergenceError              4  a fit or solve that did not reach its tolerance
+    └── CheckError                    5  something was made and did not pass its own check
+
+An error holds the place, what was found, what was expected and the remedy. Where a message names an option or
+a command it does so by ``option`` and ``command``: the command line, a page and JSON each spell those in their
+own words (``spelled``). A plain ``Exception`` that escapes from this package is a fault of ours (exit code 1),
+never a way of reporting bad input.
 """
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
 from typing import ClassVar
 
 __all__ = [
@@ -16,9 +27,13 @@ __all__ = [
     "InputError",
     "MissingExtraError",
     "MrdamperError",
+    "command",
+    "option",
+    "spelled",
 ]
 
 
+_NAMED = re.compile("⟦([^⟧]*)⟧")
 _LONGEST_LINE = 4000
 _MOST_LINES = 200
 
@@ -26,15 +41,62 @@ _MOST_LINES = 200
 class MrdamperError(Exception):
     """Base of all errors that mrdamper raises on purpose.
 
-    What was found stands in the message as it is; one of any size is cut, so that the rest can be read.
+    Parameters
+    ----------
+    message : what is wrong, as one sentence, where it has no parts
+    place : the file, run or field where it was found
+    found, expected : what is there, and what should be
+    remedy : what to do about it, as a sentence; it names options by ``option`` and commands by ``command``
+
+    The parts make the message ``place: found; expected ... . Remedy``. What was found stands in it as it is;
+    a text of any size is cut, so that the rest can be read.
     """
 
     exit_code: ClassVar[int] = 1
 
+    def __init__(
+        self, message: str = "", *, place: str = "", found: str = "", expected: str = "", remedy: str = ""
+    ) -> None:
+        self.place, self.found, self.expected, self.remedy = place, found or message, expected, remedy
+        said = f"{place}: {self.found}" if place else self.found
+        said += f"; expected {expected}" if expected else ""
+        said += f". {remedy}" if remedy else ""
+        super().__init__(said)
+
     def __str__(self) -> str:
-        lines = super().__str__().split("\n")
+        return self.spelled()
+
+    def spelled(self, spell: Callable[[str], str] = str) -> str:
+        """Return the message, its options and commands as ``spell`` has them (the terminal's by default)."""
+        lines = spelled(self.args[0], spell).split("\n")
         more = [f"... and {len(lines) - _MOST_LINES} more lines"] if len(lines) > _MOST_LINES else []
         return "\n".join([*map(_cut, lines[:_MOST_LINES]), *more])
+
+    def to_json(self) -> dict[str, str]:
+        """Return the kind of the error, its parts and its message, as the terminal spells them."""
+        parts = {name: getattr(self, name) for name in ("place", "found", "expected", "remedy")}
+        told = {name: spelled(text) for name, text in parts.items() if text}
+        return {"kind": type(self).__name__, "message": str(self), **told}
+
+
+def option(name: str, value: str = "") -> str:
+    """Return an option as messages name it: each face spells it in its own way (``spelled``)."""
+    return f"⟦--{name}{' ' if value else ''}{value}⟧"
+
+
+def command(name: str) -> str:
+    """Return a command as messages name it: each face spells it in its own way (``spelled``)."""
+    return f"⟦mrdamper {name}⟧"
+
+
+def spelled(text: str, spell: Callable[[str], str] = str) -> str:
+    """Return a text with options and commands as ``spell`` has them; by default as a terminal takes them.
+
+    Parameters
+    ----------
+    spell : takes ``--hold-out GLOB`` or ``mrdamper predict`` and returns what this face calls it
+    """
+    return _NAMED.sub(lambda found: spell(found[1]), text)
 
 
 def _cut(line: str) -> str:
