@@ -8,9 +8,9 @@
     └── CheckError                    5  something was made and did not pass its own check
 
 An error holds the place, what was found, what was expected and the remedy. Where a message names an option or
-a command it does so by ``option`` and ``command``: the command line, a page and JSON each spell those in their
-own words (``spelled``). A plain ``Exception`` that escapes from this package is a fault of ours (exit code 1),
-never a way of reporting bad input.
+a command it does so by ``option`` and ``command``: the command line, a page and JSON each spell those in
+their own words (``spelled``). A plain ``Exception`` that escapes from this package is a fault of ours (exit
+code 1), never a way of reporting bad input.
 """
 
 from __future__ import annotations

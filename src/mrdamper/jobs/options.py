@@ -1,0 +1,386 @@
+"""What each job can be told: one declaration a job, from which every face is made.
+
+The command line's options and help, the server's requests and forms, columns of sweeps and tables of options in the
+documentation come from these classes. Only light modules are loaded here, so that help answers at once; names
+that live in heavy ones are asked for late (``among``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+from mrdamper.schema import Option
+
+__all__ = [
+    "CheckOptions",
+    "CiteOptions",
+    "CompareOptions",
+    "CyclesOptions",
+    "DemoOptions",
+    "ExportOptions",
+    "FitOptions",
+    "FluidOptions",
+    "HeatOptions",
+    "PredictOptions",
+    "RigOptions",
+    "SinkOptions",
+    "SweepOptions",
+    "TrackOptions",
+]
+
+
+Seed = Annotated[int, Option("Of every random draw.", least=0, below=2**31)]
+OwnLaw = Annotated[
+    str | None,
+    Option("The user's own law, for a card that was identified with one.", metavar="FILE.py:CLASS"),
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckOptions:
+    """Options of ``check``: none but those of reading."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FitOptions:
+    """Options of ``identify``."""
+
+    law: Annotated[
+        str | None,
+        Option(
+            "series-valve, double-bouc-wen, bouc-wen, bouc-wen-saturating, spencer, lugre, dahl, bingham, tanh; "
+            "auto; or file.py:Class.",
+            metavar="LAW",
+            label="Law",
+            default_help="series-valve; double-bouc-wen for tempered runs",
+        ),
+    ] = None
+    method: Annotated[Literal["varpro", "genetic", "cma"], Option("How to search.", label="Search")] = "varpro"
+    hold_out: Annotated[
+        tuple[str, ...],
+        Option(
+            "Runs that the fit must not see (by name; may be repeated).",
+            metavar="GLOB",
+            label="Hold out",
+            most_items=20_000,
+        ),
+    ] = ()
+    seed: Seed = 0
+    starts: Annotated[
+        int, Option("Starts of the search (varpro); each draws many points.", least=1, label="Starts")
+    ] = 3
+    leave_out: Annotated[
+        tuple[Literal["run", "current", "motion", "temperature"], ...],
+        Option("Fit again without each run, current, motion or temperature in turn."),
+    ] = ()
+    profiled: Annotated[
+        bool, Option("Follow the least known combination along its profile.", flag="--profile")
+    ] = False
+    draws: Annotated[
+        int,
+        Option(
+            "Fit again to runs drawn with replacement, so many times.",
+            least=0,
+            flag="--bootstrap",
+            metavar="DRAWS",
+        ),
+    ] = 0
+    session_offsets: Annotated[
+        bool,
+        Option(
+            "Let each session have its own constant force.",
+            label="each session has its own constant force",
+        ),
+    ] = False
+    one_command: Annotated[
+        bool,
+        Option(
+            "Accept runs at a single command; the model holds for it alone.",
+            label="accept runs at one current only",
+        ),
+    ] = False
+    terms: Annotated[
+        tuple[Literal["friction", "mass", "viscosity", "thinning", "none"], ...] | None,
+        Option(
+            "Add a parallel term to the law (may be repeated).",
+            flag="--term",
+            default_help="friction, thinning for tempered runs",
+        ),
+    ] = None
+    temperature: Annotated[
+        Literal["auto", "none", "arrhenius", "reynolds", "vft", "paper"],
+        Option(
+            "How coefficients follow temperature (auto: arrhenius where the runs have one; none: not at all).",
+            label="Temperature",
+        ),
+    ] = "auto"
+    fluid: Annotated[
+        str | None,
+        Option(
+            "Take temperature laws from a fluid (paper, lord-mrf-132dg, a file), marked as assumed.",
+            metavar="PRESET|FILE",
+            label="Fluid, where runs do not tell",
+        ),
+    ] = None
+    coil_resistance_ohm: Annotated[
+        float | None,
+        Option("Of the coil at 20 degC, for the card.", above=0.0, flag="--coil-resistance", metavar="OHM"),
+    ] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PredictOptions:
+    """Options of ``predict``."""
+
+    law: OwnLaw = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CompareOptions:
+    """Options of ``compare``."""
+
+    law: Annotated[
+        str | None,
+        Option("The user's own law, for cards that were identified with one.", metavar="FILE.py:CLASS"),
+    ] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CiteOptions:
+    """Options of ``cite``."""
+
+    law: OwnLaw = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CyclesOptions:
+    """Options of ``cycles``."""
+
+    least_stroke_mm: Annotated[
+        float | None,
+        Option(
+            "A smaller to-and-fro is no cycle.",
+            metavar="MM",
+            default_help="5 % of the range of the first rows",
+        ),
+    ] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FluidOptions:
+    """Options of ``fluid``."""
+
+    like: Annotated[
+        str,
+        Option(
+            "Fluid that gives what the tables do not hold: paper, lord-mrf-132dg, or a fluid.toml.",
+            metavar="PRESET|FILE",
+        ),
+    ] = "paper"
+    particle_fraction: Annotated[
+        float | None,
+        Option(
+            "Volume share of iron, which leads from mT to kA/m.",
+            metavar="SHARE",
+            label="Volume share of iron",
+            default_help="that of --like",
+        ),
+    ] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeatOptions:
+    """Options of ``heat``."""
+
+    past_limit: Annotated[bool, Option("Go on beyond the fluid's limit instead of ending there.")] = False
+    model: Annotated[Literal["zones", "lumped"], Option("Three axial zones, or the paper's one node.")] = "zones"
+    start_degC: Annotated[
+        float | None, Option("Of everything at the start.", unit="degC", default_help="ambient")
+    ] = None
+    ambient_degC: Annotated[
+        float | None,
+        Option("Air around the damper.", unit="degC", least=-100.0, most=400.0, default_help="the drawing's"),
+    ] = None
+    air_m_s: Annotated[
+        float | None,
+        Option("Speed of the air.", unit="m/s", least=0.0, most=200.0, default_help="the drawing's"),
+    ] = None
+    with_sink: Annotated[bool, Option("Leave the drawing's heat sink away.", flag="--no-sink")] = True
+    by_field: Annotated[
+        bool | None,
+        Option("Judge the end by finite elements; None: where files are written.", flag="-"),
+    ] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SinkOptions:
+    """Options of ``sink``; the limits' defaults are those of the drawing's sink."""
+
+    span_mm: Annotated[
+        float | None,
+        Option("Length of the body to stand on.", unit="mm", above=0.0, below=1e6, default_help="the drawing's sink's"),
+    ] = None
+    width_mm: Annotated[
+        float | None,
+        Option("Greatest width of a fin.", unit="mm", above=0.0, below=1e6, default_help="the drawing's sink's"),
+    ] = None
+    mass_g: Annotated[
+        float | None,
+        Option("Greatest mass of all fins.", unit="g", above=0.0, below=1e6, default_help="the drawing's sink's"),
+    ] = None
+    least_thickness_mm: Annotated[float, Option("Of a fin that can be made.", unit="mm", above=0.0, below=1e6)] = 1.0
+    least_gap_mm: Annotated[float, Option("Between two fins.", unit="mm", above=0.0, below=1e6)] = 3.0
+    materials: Annotated[
+        tuple[str, ...],
+        Option(
+            "aluminium-alloy, copper, steel, stainless-steel (may be repeated).",
+            flag="--material",
+            metavar="NAME",
+            label="Material",
+        ),
+    ] = ()
+    emissivities: Annotated[
+        tuple[Annotated[float, Option(least=0.0, most=1.0)], ...],
+        Option(
+            "Of the finish: 0.1 bare, 0.85 anodised (may be repeated).",
+            flag="--emissivity",
+            metavar="SHARE",
+        ),
+    ] = ()
+    correlation: Annotated[
+        Literal["channel", "vdi", "disc"] | None, Option("The fins' law.", label="Law of the fins")
+    ] = None
+    film_multiplier: Annotated[
+        float | None,
+        Option("On the fins' law.", metavar="NUMBER", above=0.0, below=1e6, label="Factor on that law"),
+    ] = None
+    method: Annotated[Literal["grid", "nsga2"], Option("Every sink of a grid, or NSGA-II.")] = "grid"
+    members: Annotated[
+        int,
+        Option(
+            "Members of the front that are shown and judged by finite elements.",
+            least=2,
+            most=200,
+            flag="--front",
+            metavar="NUMBER",
+        ),
+    ] = 12
+    by_field: Annotated[bool, Option("Do not judge by finite elements.", flag="--network-only")] = True
+    seed: Seed = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackOptions:
+    """Options of ``track``."""
+
+    plant: Annotated[
+        str,
+        Option(
+            "The damper that is tracked: nominal, hard, stiff, ..., a virtual damper (TOML), or a card (JSON).",
+            metavar="PRESET|FILE|CARD",
+        ),
+    ] = "nominal"
+    targets: Annotated[
+        tuple[str, ...],
+        Option(
+            "sine-900N-1Hz, sine-1100N-2Hz, non-periodic, or a scenario (may be repeated).",
+            flag="--target",
+            metavar="NAME|FILE",
+            default_help="all",
+            most_items=20,
+        ),
+    ] = ()
+    temperatures_degC: Annotated[
+        tuple[float, ...],
+        Option(
+            "Of fluid and coil (may be repeated).",
+            flag="--temperature",
+            metavar="DEGC",
+            default_help="20, 60, 100, 123",
+            most_items=20,
+        ),
+    ] = ()
+    controllers: Annotated[
+        tuple[str, ...],
+        Option(
+            "recommended, paper, ... (may be repeated).",
+            flag="--controller",
+            metavar="NAME",
+            default_help="all",
+            most_items=40,
+            label="Controllers",
+        ),
+    ] = ()
+    rate_Hz: Annotated[
+        float, Option("Sampling, 100 to 5000 Hz.", flag="--rate", metavar="HZ", unit="Hz")
+    ] = 1000.0
+    optimum: Annotated[
+        bool, Option("Search the best current, too (minutes), for the ratios to it.")
+    ] = False
+    seed: Annotated[int, Option("Of the sensors' noise; the next one is run as well.")] = 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExportOptions:
+    """Options of ``export``."""
+
+    fmi: Annotated[Literal["2.0", "3.0"], Option("Version of the FMU.")] = "3.0"
+    content: Annotated[
+        Literal["model", "controller", "both"], Option("The damper's model, its force controller, or both.")
+    ] = "both"
+    precision: Annotated[Literal["float", "double"], Option("The target's number type.")] = "float"
+    period_s: Annotated[
+        float,
+        Option("Period.", unit="s", above=0.0, most=1.0, flag="--step", metavar="TIME", label="Period"),
+    ] = 1e-3
+    controller: Annotated[
+        str, Option("recommended, recommended-causal, paper, ...", metavar="NAME", label="Controllers")
+    ] = "recommended"
+    name: Annotated[str, Option("Prefix of every name in the code.", metavar="IDENT", label="Prefix of names")] = (
+        "damper"
+    )
+    verify: Annotated[
+        bool, Option("Write the C folder without compiling and comparing it.", flag="--no-verify")
+    ] = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RigOptions:
+    """Options of ``rig``."""
+
+    preset: Annotated[
+        Literal["nominal", "hard", "stiff", "vehicle", "paper"] | None,
+        Option("Whose parameters the virtual damper has.", default_help="nominal"),
+    ] = None
+    seed: Seed = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DemoOptions:
+    """Options of ``demo``."""
+
+    quick: Annotated[bool, Option("Fewer and shorter runs.")] = False
+    seed: Seed = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SweepOptions:
+    """Options of ``sweep``."""
+
+    workers: Annotated[
+        int | None,
+        Option(
+            "Processes of this machine.",
+            metavar="NUMBER",
+            least=1,
+            default_help="its cores",
+            label="Processes",
+        ),
+    ] = None
+    scheduler: Annotated[
+        str | None,
+        Option("A Dask scheduler, whose workers do the tasks.", metavar="tcp://HOST:PORT"),
+    ] = None

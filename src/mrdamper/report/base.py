@@ -1,0 +1,53 @@
+"""What a job's result can be turned into: each report module fills one ``Report``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
+
+from mrdamper.schema import Json
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from rich.console import Console
+
+__all__ = ["Report", "WrittenFile"]
+
+Result = TypeVar("Result")
+
+Rows = Sequence[Mapping[str, object]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WrittenFile(Generic[Result]):
+    """One of the files that a result is written to."""
+
+    name: str
+    key: str = ""  # of the answer, under which its path stands; empty: it is not told
+    write: Callable[[Result, Path], None] | None = None  # None: the answer itself, as JSON
+    when: Callable[[Result], bool] = lambda _: True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Report(Generic[Result]):
+    """The faces of one job's result.
+
+    Attributes
+    ----------
+    answer : the object that ``--json`` prints; its keys are documented
+    show : prints tables and notes to a terminal
+    summary : a few lines that answer the user's question, without a figure
+    files : what is written into the folder that the user names, all or nothing
+    figure : the picture that answers the question; None where there is none
+    rows : the result as a table, one mapping a row; None where rows make no sense
+    """
+
+    answer: Callable[[Result], Json]
+    show: Callable[[Result, Console], None]
+    summary: Callable[[Result], Sequence[str]]
+    files: tuple[WrittenFile[Result], ...] = ()
+    figure: Callable[[Result], Figure] | None = None
+    rows: Callable[[Result], Rows] | None = None
+    extra: Mapping[str, Any] = field(default_factory=dict)
