@@ -1,21 +1,21 @@
 """The jobs, one row each: what they read, take, do, and how their results are shown.
 
-Every face is made from these rows: commands and their help, the server's requests and forms, columns of sweeps, the
-tables of options in the documentation, and ``mrdamper.heat(...)`` in Python. A new job is a module in ``jobs``, one in
-``report``, and a row here.
+Every face is made from these rows: commands and their help, the server's requests and forms, columns of sweeps,
+the tables of options in the documentation, and ``mrdamper.heat(...)`` in Python. A new job is a module in
+``jobs``, one in ``report``, and a row here.
 
 Rows name modules as text (``"mrdamper.jobs.heat:heat"``), so that reading the table loads nothing.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import MISSING, dataclass, fields, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrdamper.schema import Field, Json, Option, fields_of, read_record
+from mrdamper.schema import Field, Json, fields_of, read_record
 
 if TYPE_CHECKING:
     from mrdamper.report.base import Report
@@ -213,9 +213,9 @@ _ROWS = (
                 "corrects the drawing and narrows the interval.",
             ),
         ),
-        options="mrdamper.jobs.heat:HeatOptions",
+        options="mrdamper.jobs.options:HeatOptions",
         run="mrdamper.jobs.heat:heat",
-        report="mrdamper.report.heat:REPORT",
+        report="mrdamper.report.figures.heat:REPORT",
         files_help="For heat.html, heat.json, heat.csv.",
         set_when_written=("by_field",),
         page="the page Heating",

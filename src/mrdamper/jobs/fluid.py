@@ -60,7 +60,7 @@ def fluid(
     """
     study = study_tables(paths, like=like, particle_fraction=particle_fraction)
     if out is not None:
-        from mrdamper.report.fluid import draw_fluid
+        from mrdamper.report.figures.fluid import draw_fluid
 
         with atomic_output(out) as beside:
             (beside / "fluid.toml").write_text(fluid_to_toml(study.fluid), encoding="utf-8")

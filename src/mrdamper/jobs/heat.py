@@ -157,7 +157,7 @@ def heat(
 
 def write_heat(run: HeatRun, card: Path, damper: str | Path, beside: Path, out: Path) -> Json:
     """Write heat.html, heat.json and heat.csv into ``beside``, of what will lie in ``out``."""
-    from mrdamper.report.heat_page import render_heat
+    from mrdamper.report.heat import render_heat
 
     files = {"report": str(out / "heat.html"), "file": str(out / "heat.json")}
     answer: Json = {"card": str(card), "damper": str(damper), **_answer(run), **files}

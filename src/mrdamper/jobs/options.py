@@ -1,15 +1,13 @@
 """What each job can be told: one declaration a job, from which every face is made.
 
-The command line's options and help, the server's requests and forms, columns of sweeps and tables of options in the
-documentation come from these classes. Only light modules are loaded here, so that help answers at once; names
-that live in heavy ones are asked for late (``among``).
+The command line's options and help, the server's requests and forms, columns of sweeps and tables of options in
+the documentation come from these classes. Only light modules are loaded here, so that help answers at once;
+names that live in heavy ones are asked for late (``among``).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Annotated, Literal
 
 from mrdamper.schema import Option
@@ -51,14 +49,16 @@ class FitOptions:
     law: Annotated[
         str | None,
         Option(
-            "series-valve, double-bouc-wen, bouc-wen, bouc-wen-saturating, spencer, lugre, dahl, bingham, tanh; "
-            "auto; or file.py:Class.",
+            "series-valve, double-bouc-wen, bouc-wen, bouc-wen-saturating, spencer, lugre, dahl, bingham, "
+            "tanh; auto; or file.py:Class.",
             metavar="LAW",
             label="Law",
             default_help="series-valve; double-bouc-wen for tempered runs",
         ),
     ] = None
-    method: Annotated[Literal["varpro", "genetic", "cma"], Option("How to search.", label="Search")] = "varpro"
+    method: Annotated[Literal["varpro", "genetic", "cma"], Option("How to search.", label="Search")] = (
+        "varpro"
+    )
     hold_out: Annotated[
         tuple[str, ...],
         Option(
@@ -113,7 +113,8 @@ class FitOptions:
     temperature: Annotated[
         Literal["auto", "none", "arrhenius", "reynolds", "vft", "paper"],
         Option(
-            "How coefficients follow temperature (auto: arrhenius where the runs have one; none: not at all).",
+            "How coefficients follow temperature (auto: arrhenius where the runs have one; "
+            "none: not at all).",
             label="Temperature",
         ),
     ] = "auto"
@@ -196,7 +197,9 @@ class HeatOptions:
     """Options of ``heat``."""
 
     past_limit: Annotated[bool, Option("Go on beyond the fluid's limit instead of ending there.")] = False
-    model: Annotated[Literal["zones", "lumped"], Option("Three axial zones, or the paper's one node.")] = "zones"
+    model: Annotated[Literal["zones", "lumped"], Option("Three axial zones, or the paper's one node.")] = (
+        "zones"
+    )
     start_degC: Annotated[
         float | None, Option("Of everything at the start.", unit="degC", default_help="ambient")
     ] = None
@@ -221,17 +224,29 @@ class SinkOptions:
 
     span_mm: Annotated[
         float | None,
-        Option("Length of the body to stand on.", unit="mm", above=0.0, below=1e6, default_help="the drawing's sink's"),
+        Option(
+            "Length of the body to stand on.",
+            unit="mm",
+            above=0.0,
+            below=1e6,
+            default_help="the drawing's sink's",
+        ),
     ] = None
     width_mm: Annotated[
         float | None,
-        Option("Greatest width of a fin.", unit="mm", above=0.0, below=1e6, default_help="the drawing's sink's"),
+        Option(
+            "Greatest width of a fin.", unit="mm", above=0.0, below=1e6, default_help="the drawing's sink's"
+        ),
     ] = None
     mass_g: Annotated[
         float | None,
-        Option("Greatest mass of all fins.", unit="g", above=0.0, below=1e6, default_help="the drawing's sink's"),
+        Option(
+            "Greatest mass of all fins.", unit="g", above=0.0, below=1e6, default_help="the drawing's sink's"
+        ),
     ] = None
-    least_thickness_mm: Annotated[float, Option("Of a fin that can be made.", unit="mm", above=0.0, below=1e6)] = 1.0
+    least_thickness_mm: Annotated[
+        float, Option("Of a fin that can be made.", unit="mm", above=0.0, below=1e6)
+    ] = 1.0
     least_gap_mm: Annotated[float, Option("Between two fins.", unit="mm", above=0.0, below=1e6)] = 3.0
     materials: Annotated[
         tuple[str, ...],
@@ -279,7 +294,8 @@ class TrackOptions:
     plant: Annotated[
         str,
         Option(
-            "The damper that is tracked: nominal, hard, stiff, ..., a virtual damper (TOML), or a card (JSON).",
+            "The damper that is tracked: nominal, hard, stiff, ..., a virtual damper (TOML), or a card "
+            "(JSON).",
             metavar="PRESET|FILE|CARD",
         ),
     ] = "nominal"
@@ -314,12 +330,10 @@ class TrackOptions:
             label="Controllers",
         ),
     ] = ()
-    rate_Hz: Annotated[
-        float, Option("Sampling, 100 to 5000 Hz.", flag="--rate", metavar="HZ", unit="Hz")
-    ] = 1000.0
-    optimum: Annotated[
-        bool, Option("Search the best current, too (minutes), for the ratios to it.")
-    ] = False
+    rate_Hz: Annotated[float, Option("Sampling, 100 to 5000 Hz.", flag="--rate", metavar="HZ", unit="Hz")] = (
+        1000.0
+    )
+    optimum: Annotated[bool, Option("Search the best current, too (minutes), for the ratios to it.")] = False
     seed: Annotated[int, Option("Of the sensors' noise; the next one is run as well.")] = 1
 
 
@@ -339,9 +353,9 @@ class ExportOptions:
     controller: Annotated[
         str, Option("recommended, recommended-causal, paper, ...", metavar="NAME", label="Controllers")
     ] = "recommended"
-    name: Annotated[str, Option("Prefix of every name in the code.", metavar="IDENT", label="Prefix of names")] = (
-        "damper"
-    )
+    name: Annotated[
+        str, Option("Prefix of every name in the code.", metavar="IDENT", label="Prefix of names")
+    ] = "damper"
     verify: Annotated[
         bool, Option("Write the C folder without compiling and comparing it.", flag="--no-verify")
     ] = True

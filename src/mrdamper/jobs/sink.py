@@ -55,7 +55,7 @@ from mrdamper.thermal.sinks.evolution import search_genetic
 from mrdamper.thermal.temperature_rise import loads_of, notes_of, works_of
 
 if TYPE_CHECKING:
-    from mrdamper.report.sink import SinkPictures
+    from mrdamper.report.figures.sink import SinkPictures
 
 __all__ = ["Method", "SinkOptions", "SinkRun", "search_sinks", "sink", "write_sink"]
 
@@ -207,8 +207,8 @@ def write_sink(
     pictures: SinkPictures | None = None,
 ) -> Json:
     """Write sink.html, sink.json, front.csv and best.toml into ``beside``, of what will lie in ``out``."""
-    from mrdamper.report.sink import SinkPictures
-    from mrdamper.report.sink_page import render_sink
+    from mrdamper.report.figures.sink import SinkPictures
+    from mrdamper.report.sink import render_sink
 
     files = {"report": str(out / "sink.html"), "file": str(out / "sink.json")}
     answer: Json = {"card": str(card), "damper": str(damper), **_answer(run, options), **files}

@@ -34,7 +34,7 @@ from mrdamper.schema import Json, did_you_mean
 
 if TYPE_CHECKING:
     from mrdamper.control.controllers import ForceController
-    from mrdamper.report.track import TrackPictures
+    from mrdamper.report.figures.track import TrackPictures
 
 __all__ = [
     "TEMPERATURES_DEGC",
@@ -161,8 +161,8 @@ def write_track(
     run: TrackRun, card: Path, beside: Path, out: Path, *, pictures: TrackPictures | None = None
 ) -> Json:
     """Write track.html, track.json and track.csv into ``beside``, of what will lie in ``out``."""
-    from mrdamper.report.track import TrackPictures
-    from mrdamper.report.track_page import render_track
+    from mrdamper.report.figures.track import TrackPictures
+    from mrdamper.report.track import render_track
 
     files = {"report": str(out / "track.html"), "file": str(out / "track.json")}
     answer: Json = {"card": str(card), **_answer(run), **files}

@@ -32,8 +32,8 @@ from mrdamper.paper.figures import sections_of
 from mrdamper.paper.findings import Findings
 from mrdamper.paper.page import render_paper
 from mrdamper.report import answers
-from mrdamper.report.sink import SinkPictures
-from mrdamper.report.track import TrackPictures
+from mrdamper.report.figures.sink import SinkPictures
+from mrdamper.report.figures.track import TrackPictures
 from mrdamper.rig.campaign import Campaign
 from mrdamper.rig.measurement import measure
 from mrdamper.rig.plant import find_preset

@@ -11,12 +11,12 @@ from matplotlib.figure import Figure
 from mrdamper.models.fluids.fluid import Fluid
 from mrdamper.paper.findings import Findings
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.report.damper_section import draw_dampers
-from mrdamper.report.figures import HELD_OUT, INK, TRAINING, WIDE, drawing_style, svg_of
-from mrdamper.report.heat import draw_fade, draw_paths, draw_temperatures
+from mrdamper.report.figures.damper_section import draw_dampers
+from mrdamper.report.figures.heat import draw_fade, draw_paths, draw_temperatures
+from mrdamper.report.figures.small_multiples import colour_of_warmth
+from mrdamper.report.figures.style import HELD_OUT, INK, TRAINING, WIDE, drawing_style, svg_of
 from mrdamper.report.identification.campaign import Campaign
 from mrdamper.report.identification.loops import loop_pictures
-from mrdamper.report.small_multiples import colour_of_warmth
 
 __all__ = ["PaperFigure", "Section", "sections_of"]
 

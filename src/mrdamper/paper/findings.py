@@ -10,8 +10,8 @@ from mrdamper.jobs.heat import HeatRun
 from mrdamper.jobs.sink import SinkRun
 from mrdamper.jobs.track import TrackRun
 from mrdamper.models.fluids.fluid import Fluid
-from mrdamper.report.sink import SinkPictures
-from mrdamper.report.track import TrackPictures
+from mrdamper.report.figures.sink import SinkPictures
+from mrdamper.report.figures.track import TrackPictures
 from mrdamper.thermal.dissipation import LoopWork
 
 __all__ = ["Findings"]

@@ -10,12 +10,12 @@ from mrdamper.models.characteristics import SettledCycle, settled_cycle
 from mrdamper.models.comparison import CLEAR, Comparison
 from mrdamper.models.damper import OperatingEnvelope
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.report import figures as plots
-from mrdamper.report import small_multiples as panels
-from mrdamper.report.characteristics import PickPanel, peak_velocity
-from mrdamper.report.figures import MEASURED, colour_of
+from mrdamper.report.figures import small_multiples as panels
+from mrdamper.report.figures import style as plots
+from mrdamper.report.figures.characteristics import PickPanel, peak_velocity
+from mrdamper.report.figures.small_multiples import Band, Line, Row, Series
+from mrdamper.report.figures.style import MEASURED, colour_of
 from mrdamper.report.page import environment
-from mrdamper.report.small_multiples import Band, Line, Row, Series
 
 __all__ = ["render_comparison"]
 

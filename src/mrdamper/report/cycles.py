@@ -5,7 +5,7 @@ from __future__ import annotations
 from matplotlib.figure import Figure
 
 from mrdamper.data.cycle_groups import Groups
-from mrdamper.report.figures import HELD_OUT, INK, TRAINING, WIDE, drawing_style, svg_of
+from mrdamper.report.figures.style import HELD_OUT, INK, TRAINING, WIDE, drawing_style, svg_of
 from mrdamper.report.page import environment
 from mrdamper.schema import Json
 

@@ -21,7 +21,7 @@ from mrdamper.identify.assess import Assessment, CrossValidated, LawScore, RunEr
 from mrdamper.identify.fit import Identification, versions
 from mrdamper.identify.problem import Estimate, envelope_of
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.report import figures as plots
+from mrdamper.report.figures import style as plots
 from mrdamper.report.identification.campaign import Campaign
 from mrdamper.report.identification.coefficients import coefficient_figure
 from mrdamper.report.identification.groups import OperatingPoints

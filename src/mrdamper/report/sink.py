@@ -1,131 +1,48 @@
-"""Figures of ``mrdamper sink``: the front of temperature against mass, and the paper's sweeps."""
+"""The page of ``mrdamper sink``: one HTML file that opens offline, as the report does."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
-
-import numpy as np
-from matplotlib.figure import Figure
-
+from mrdamper.jobs.heat import sink_in_words
 from mrdamper.jobs.sink import SinkRun
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.report.figures import HELD_OUT, INK, MEASURED, TRAINING, WIDE, drawing_style, svg_of
+from mrdamper.report.figures.damper_section import draw_dampers
+from mrdamper.report.figures.sink import SinkPictures
+from mrdamper.report.page import environment
+from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.sinks.design import SinkDesign
-from mrdamper.thermal.sinks.efficiency import DEFAULT_EFFICIENCY, EFFICIENCIES, Sweep
+from mrdamper.thermal.sinks.efficiency import DEFAULT_EFFICIENCY, EFFICIENCIES
 
-__all__ = ["SinkPictures"]
-
-_FOLLOWS, _OTHER = HELD_OUT, "#8a8a8a"
+__all__ = ["render_sink"]
 
 
-@dataclass(frozen=True)
-class SinkPictures:
-    """The figures of a search, each drawn once for all pages that show it."""
-
-    run: SinkRun
-
-    @cached_property
-    def front(self) -> str:
-        run = self.run
-        return _draw_front(run.found.designs, run.front, run.reference, run.drawing.filling.valid_K[1])
-
-    @cached_property
-    def sweeps(self) -> str:
-        """The paper's sweeps; empty where there are none."""
-        return "" if self.run.sweeps is None else _draw_sweeps(self.run.sweeps)
-
-
-def _draw_front(
-    whole: Sequence[SinkDesign], shown: Sequence[SinkDesign], reference: SinkDesign, limit_K: float
-) -> str:
-    """Return temperature over mass: the network's front, its members judged again, the reference."""
-    with drawing_style():
-        figure = Figure(figsize=(WIDE, 3.9))
-        axes = figure.add_subplot()
-        axes.step(
-            [1e3 * d.mass for d in whole],
-            [d.network_fluid - ZERO_CELSIUS_K for d in whole],
-            where="post",
-            color=MEASURED,
-            linewidth=1.4,
-            label="front, zone network",
+def render_sink(pictures: SinkPictures) -> str:
+    """Return the page's HTML."""
+    run = pictures.run
+    return (
+        environment()
+        .get_template("sink.html.j2")
+        .render(
+            it=run,
+            zero=ZERO_CELSIUS_K,
+            words=[sink_in_words(each.sink) for each in run.front if each.sink is not None],
+            front=pictures.front,
+            dampers=draw_dampers(_dampers(run), "Best sink and reference, to scale"),
+            sweeps=pictures.sweeps,
+            definitions=list(EFFICIENCIES.values()),
+            default=DEFAULT_EFFICIENCY,
         )
-        model = "finite elements" if shown[0].model == "finite_element" else "zone network"
-        axes.plot(
-            [1e3 * d.mass for d in shown],
-            [d.fluid - ZERO_CELSIUS_K for d in shown],
-            "o",
-            color=TRAINING,
-            markersize=4.2,
-            label=f"members of the front, {model}",
-        )
-        for place, design in enumerate(shown):
-            sink = design.sink
-            if sink is None:
-                continue
-            words = f"{sink.fins} × {1e3 * sink.width:.3g} × {1e3 * sink.thickness:.2g}"
-            axes.annotate(
-                words,
-                (1e3 * design.mass, design.fluid - ZERO_CELSIUS_K),
-                (5, 4) if place % 2 == 0 else (-5, -9),
-                textcoords="offset points",
-                fontsize=6.2,
-                ha="left" if place % 2 == 0 else "right",
-                color="#555555",
-            )
-        called = "reference" if reference.sink is not None else "bare"
-        axes.plot(
-            [1e3 * reference.mass],
-            [reference.fluid - ZERO_CELSIUS_K],
-            "D",
-            color=HELD_OUT,
-            markersize=5.0,
-            label=f"{called}, {reference.fluid - ZERO_CELSIUS_K:.1f} °C",
-        )
-        if limit_K < max(d.fluid for d in (*shown, reference)):
-            axes.axhline(
-                limit_K - ZERO_CELSIUS_K,
-                color="#a03020",
-                linewidth=0.8,
-                linestyle=(0, (5, 2)),
-                label="fluid's limit",
-            )
-        axes.set_xlim(left=0.0)
-        axes.margins(x=0.06, y=0.08)
-        axes.set_xlabel("mass of the fins, g (labels: fins × width × thickness, mm)", labelpad=1.5)
-        axes.set_ylabel("fluid at the end, °C", labelpad=1.5)
-        axes.legend(loc="upper right")
-        figure.subplots_adjust(left=0.055, right=0.985, top=0.97, bottom=0.115)
-        return svg_of(figure, "Front of temperature against mass")
+    )
 
 
-def _draw_sweeps(sweeps: Sequence[Sweep]) -> str:
-    """Return the paper's sweeps: the temperature, and every candidate's efficiency, a small panel each.
+def _dampers(run: SinkRun) -> list[tuple[str, DamperDrawing]]:
+    """Return what is drawn: the reference, the best, and the lightest that is as cool as the reference."""
 
-    What has the paper's trend is coloured; every panel has its own scale.
-    """
-    labels = ("width, mm", "fins")
-    columns = 1 + len(EFFICIENCIES)
-    with drawing_style():
-        figure = Figure(figsize=(WIDE, 2.9))
-        for row, (sweep, label) in enumerate(zip(sweeps, labels, strict=True)):
-            x = [1e3 * e.sink.width if sweep.of == "width" else float(e.sink.fins) for e in sweep.effects]
-            panels = [("fluid, °C", np.array([e.finned - ZERO_CELSIUS_K for e in sweep.effects]), INK)]
-            for name, values in sweep.values.items():
-                colour = _FOLLOWS if sweep.follows_paper(name) else _OTHER
-                star = "*" if name == DEFAULT_EFFICIENCY else ""
-                panels.append((EFFICIENCIES[name].symbol + star, values, colour))
-            for column, (title, values, colour) in enumerate(panels):
-                axes = figure.add_subplot(2, columns, row * columns + column + 1)
-                axes.plot(x, values, "o-", color=colour, markersize=2.6, linewidth=1.2)
-                axes.set_title(title, loc="left", pad=2, color=colour if colour == _FOLLOWS else INK)
-                axes.set_xticks(x, [f"{at:g}" for at in x])
-                axes.margins(x=0.14, y=0.16)
-                axes.set_yticks([])
-                axes.tick_params(axis="x", labelsize=5.6, pad=1.5, length=2)
-                if column == 0:
-                    axes.set_xlabel(label, labelpad=1.0, fontsize=6.5)
-        figure.subplots_adjust(left=0.008, right=0.995, top=0.935, bottom=0.13, wspace=0.1, hspace=0.55)
-        return svg_of(figure, "The paper's sweeps")
+    def titled(name: str, design: SinkDesign) -> tuple[str, DamperDrawing]:
+        words = "no fins" if design.sink is None else sink_in_words(design.sink)
+        figures = f"{design.fluid - ZERO_CELSIUS_K:.1f} °C, {1e3 * design.mass:.0f} g"
+        return f"{name}: {figures}\n{words}", run.drawing.with_sink(design.sink)
+
+    chosen = [titled("reference", run.reference), titled("coolest", run.best)]
+    if run.lightest is not None and run.reference.sink is not None and run.lightest is not run.best:
+        chosen.append(titled("lightest that is as cool as the reference", run.lightest))
+    return chosen

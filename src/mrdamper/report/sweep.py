@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from mrdamper.jobs.sweep.plan import What
-from mrdamper.report.figures import INK, TRAINING, WIDE, drawing_style, svg_of
+from mrdamper.report.figures.style import INK, TRAINING, WIDE, drawing_style, svg_of
 from mrdamper.report.page import environment
 
 __all__ = ["render_sweep"]

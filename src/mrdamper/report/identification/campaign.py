@@ -9,10 +9,10 @@ from functools import cached_property
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.identify.assess import RunError
 from mrdamper.identify.fit import Identification
-from mrdamper.report.figures import Trace, colour_of
+from mrdamper.report.figures.small_multiples import colour_of_warmth
+from mrdamper.report.figures.style import Trace, colour_of
 from mrdamper.report.identification.groups import OperatingPoints, levels_of, main_sine
 from mrdamper.report.identification.traces import trace_of
-from mrdamper.report.small_multiples import colour_of_warmth
 
 __all__ = ["MOST_COLUMNS", "Campaign", "Key", "Picture", "command_keys"]
 

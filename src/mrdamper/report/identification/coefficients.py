@@ -12,8 +12,8 @@ from mrdamper.identify.problem import envelope_of
 from mrdamper.models.characterisation import spread_out, usual_scope
 from mrdamper.models.dependence import ParameterLaw
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.report import figures as plots
-from mrdamper.report import small_multiples as panels
+from mrdamper.report.figures import small_multiples as panels
+from mrdamper.report.figures import style as plots
 from mrdamper.report.identification.campaign import Campaign
 
 __all__ = ["coefficient_figure"]

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from mrdamper.arrays import FloatArray
 from mrdamper.identify.assess import RunError
 from mrdamper.models.characterisation import spread_out
-from mrdamper.report import small_multiples as panels
-from mrdamper.report.figures import MEASURED, Trace, colour_of
+from mrdamper.report.figures import small_multiples as panels
+from mrdamper.report.figures.small_multiples import Line, Point, Row
+from mrdamper.report.figures.style import MEASURED, Trace, colour_of
 from mrdamper.report.identification.campaign import MOST_COLUMNS, Campaign, Key, Picture, command_keys
 from mrdamper.report.identification.groups import ErrorTable, error_table
-from mrdamper.report.small_multiples import Line, Point, Row
 
 __all__ = ["ErrorSection", "error_section", "loop_pictures", "residual_picture", "worst_by_motion"]
 

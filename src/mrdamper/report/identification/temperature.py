@@ -14,12 +14,12 @@ from mrdamper.models.characterisation import Characterisation, characterise, spr
 from mrdamper.models.characteristics import settled_cycle
 from mrdamper.models.temperature import REFERENCE_K
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.report import small_multiples as panels
-from mrdamper.report.characteristics import MeasuredPick, PickPanel, peak_velocity
-from mrdamper.report.figures import colour_of
+from mrdamper.report.figures import small_multiples as panels
+from mrdamper.report.figures.characteristics import MeasuredPick, PickPanel, peak_velocity
+from mrdamper.report.figures.small_multiples import Point, Series
+from mrdamper.report.figures.style import colour_of
 from mrdamper.report.identification.campaign import MOST_COLUMNS, Campaign
 from mrdamper.report.identification.groups import measured_peak, measured_pick, sine_of
-from mrdamper.report.small_multiples import Point, Series
 
 __all__ = ["Characteristics", "Warmth", "assumed_words", "characteristics_section", "temperature_section"]
 

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from mrdamper.models.characteristics import PeakVelocityCurve
-from mrdamper.report.figures import WIDE, colour_of, drawing_style, svg_of
+from mrdamper.report.figures.style import WIDE, colour_of, drawing_style, svg_of
 
 __all__ = ["MeasuredPick", "PickPanel", "peak_velocity"]
 

@@ -19,7 +19,7 @@ from mrdamper.models.fluids.rheometer import BoolArray
 from mrdamper.models.fluids.viscosity_fit import ViscosityStudy
 from mrdamper.models.fluids.yield_fit import YieldStudy
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.report.figures import HELD_OUT, TRAINING, drawing_style, svg_of
+from mrdamper.report.figures.style import HELD_OUT, TRAINING, drawing_style, svg_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

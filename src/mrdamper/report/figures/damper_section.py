@@ -18,7 +18,7 @@ from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
 
 from mrdamper.arrays import FloatArray
-from mrdamper.report.figures import INK, WIDE, drawing_style, svg_of
+from mrdamper.report.figures.style import INK, WIDE, drawing_style, svg_of
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.model.mesh import SectionMesh
 from mrdamper.thermal.model.section import Section, section_of

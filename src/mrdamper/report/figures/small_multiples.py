@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from mrdamper.arrays import FloatArray
-from mrdamper.report.figures import HELD_OUT, INK, WIDE, colour_of, drawing_style, svg_of
+from mrdamper.report.figures.style import HELD_OUT, INK, WIDE, colour_of, drawing_style, svg_of
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist

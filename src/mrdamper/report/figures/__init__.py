@@ -1,0 +1,1 @@
+"""Figures: the common style, and what each report draws."""
