@@ -74,7 +74,12 @@ if not TYPE_CHECKING:  # a type checker sees the imports above, and a misspelt n
 
             value = getattr(import_module(_ROOM_OF[name]), name)
         else:
-            raise AttributeError(f"module 'mrdamper' has no attribute {name!r}")
+            from mrdamper.public import function_of, public_names
+
+            jobs = {} if name.startswith("_") else public_names()
+            if name not in jobs:
+                raise AttributeError(f"module 'mrdamper' has no attribute {name!r}")
+            value = function_of(jobs[name])
         globals()[name] = value
         return value
 

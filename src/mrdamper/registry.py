@@ -1,8 +1,8 @@
 """The jobs, one row each: what they read, take, do, and how their results are shown.
 
-Every face is made from these rows: commands and their help, the server's requests and forms, columns of sweeps,
-the tables of options in the documentation, and ``mrdamper.heat(...)`` in Python. A new job is a module in
-``jobs``, one in ``report``, and a row here.
+Every face is made from these rows: commands and their help, the server's requests and forms, columns of
+sweeps, the tables of options in the documentation, and ``mrdamper.heat(...)`` in Python. A new job is a
+module in ``jobs``, one in ``report``, and a row here.
 
 Rows name modules as text (``"mrdamper.jobs.heat:heat"``), so that reading the table loads nothing.
 """
@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from mrdamper.schema import Field, Json, fields_of, read_record
@@ -20,6 +21,8 @@ from mrdamper.schema import Field, Json, fields_of, read_record
 if TYPE_CHECKING:
     from mrdamper.report.base import Report
     from mrdamper.runtime.progress import Progress
+
+_NO_HEAD: Mapping[str, object] = MappingProxyType({})
 
 __all__ = ["JOBS", "KINDS", "Input", "Job", "Kind", "find_job", "load"]
 
@@ -81,6 +84,7 @@ class Job:
     inputs: tuple[Input, ...]
     options: str  # module:class
     run: str  # module:function(**inputs, options=..., on_progress=...) -> result
+    result: str  # module:class
     report: str  # module:REPORT
     files_help: str = ""  # what --out is for; empty: the job writes nothing
     out_required: bool = False
@@ -152,23 +156,20 @@ class Job:
         head = {key: str(value) for key, value in named.items() if isinstance(value, str | Path)}
         return result, self.write(result, out, head)
 
-    def write(self, result: object, out: Path | None, head: Mapping[str, str] | None = None) -> Json:
-        """Write a result's files into a folder, all or none; return the answer, with their paths."""
-        report = self.reported
-        answer = {**(head or {}), **report.answer(result)}
-        if out is None:
-            return answer
-        from mrdamper.runtime.outputs import atomic_output, write_json
+    def write(self, result: object, out: Path | None, head: Mapping[str, object] = _NO_HEAD) -> Json:
+        """Write a result's files into a folder, all or none; return the answer, with their paths.
 
-        files = [file for file in report.files if file.when(result)]
-        answer |= {file.key: str(out / file.name) for file in files if file.key}
+        Parameters
+        ----------
+        head : what the answer begins with: the inputs' names
+        """
+        if out is None:
+            return {**head, **self.reported.answer(result)}
+        from mrdamper.report.base import write_report
+        from mrdamper.runtime.outputs import atomic_output
+
         with atomic_output(out) as beside:
-            for file in files:
-                if file.write is None:
-                    write_json(beside / file.name, answer)
-                else:
-                    file.write(result, beside / file.name)
-        return answer
+            return write_report(self.reported, result, beside, out, head)
 
 
 CARD = Input(name="card", kind="card", help="The model card.")
@@ -215,9 +216,11 @@ _ROWS = (
         ),
         options="mrdamper.jobs.options:HeatOptions",
         run="mrdamper.jobs.heat:heat",
-        report="mrdamper.report.figures.heat:REPORT",
+        result="mrdamper.jobs.heat:HeatResult",
+        report="mrdamper.report.heat:REPORT",
         files_help="For heat.html, heat.json, heat.csv.",
         set_when_written=("by_field",),
+        progress_word="step",
         page="the page Heating",
     ),
 )

@@ -13,8 +13,11 @@ import pytest
 from scipy.interpolate import PchipInterpolator
 
 from mrdamper.errors import InputError
-from mrdamper.jobs.heat import HeatOptions, heat, heat_damper, sink_in_words
+from mrdamper.jobs.heat import heat
+from mrdamper.jobs.options import HeatOptions
 from mrdamper.models.card_schema import read_card
+from mrdamper.registry import JOBS
+from mrdamper.report.heat import sink_in_words
 from mrdamper.thermal.drawing import read_drawing, read_sink
 from mrdamper.thermal.duty import read_duty
 from mrdamper.thermal.temperature_rise import predict_rise
@@ -22,6 +25,14 @@ from tests.support.heated import DRAWING, paper_card, plain_card
 from tests.support.rigs import answer_of, mrdamper
 
 HALF_HOUR = "sine:15mm:1Hz:2A:1800s"
+
+
+def heating(
+    card: Path, damper: Path, *, options: HeatOptions | None = None, out: Path | None = None, **given: Any
+) -> Any:
+    """Return the answer of the job, as the command line prints it."""
+    named = {"card": card, "drawing": damper, **given}
+    return JOBS["heat"].perform(named, options or HeatOptions(), out=out)[1]
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +66,7 @@ def changed(folder: Path, old: str, new: str, name: str = "changed.toml") -> Pat
 def test_a_card_identified_on_the_rig_heats_as_the_paper_says():
     """Power and fade come from the card, the force losses within 0.3 points."""
     card, drawing = paper_card(), read_drawing(DRAWING)
-    run = heat_damper(card, drawing, read_duty("sine:15mm:1Hz:2A:2100s"), past_limit=True)
+    run = heat(card, drawing, read_duty("sine:15mm:1Hz:2A:2100s"), HeatOptions(past_limit=True))
     assert run.bare is not None
     assert run.bare.fluid_at(1800.0) - 273.15 == pytest.approx(129.9, abs=0.5)
     assert run.bare.fluid_at(2100.0) - 273.15 == pytest.approx(140.0, abs=0.5)
@@ -158,23 +169,23 @@ def test_the_fins_are_drawn_to_scale(folder):
 def test_another_sink_takes_the_drawing_s_place(folder):
     sink = folder / "sink.toml"
     sink.write_text("[sink]\nfins = 2\nwidth_mm = 10\nthickness_mm = 2\npitch_mm = 30\n", encoding="utf-8")
-    found = heat(folder / "card.json", DRAWING, sink=sink)
+    found = heating(folder / "card.json", DRAWING, sink=sink)
     assert found["sink"] == "2 fins, 10 mm wide, 2 mm thick at 30 mm pitch, aluminium-alloy"
     assert found["correlations"]["fins"] == "channel law of Elenbaas"
 
 
 def test_a_drawing_without_sink_is_run_once(folder):
     bare = changed(folder, "fins = 5", "fins = 0")
-    found: Any = heat(folder / "card.json", bare)
+    found: Any = heating(folder / "card.json", bare)
     assert found["sink"] is None
     assert found["without_sink"] is None
 
 
 def test_the_curve_ends_at_the_fluid_s_limit_and_says_when(folder):
     bare = changed(folder, "fins = 5", "fins = 0")
-    ended: Any = heat(folder / "card.json", bare, duty="sine:15mm:1Hz:2A:3000s")
+    ended: Any = heating(folder / "card.json", bare, duty="sine:15mm:1Hz:2A:3000s")
     past = HeatOptions(past_limit=True)
-    gone_on: Any = heat(folder / "card.json", bare, duty="sine:15mm:1Hz:2A:3000s", options=past)
+    gone_on: Any = heating(folder / "card.json", bare, duty="sine:15mm:1Hz:2A:3000s", options=past)
     assert ended["curve"]["fluid_degC"][-1] == pytest.approx(130.0, abs=1e-6)
     assert ended["curve"]["time_s"][-1] == ended["time_to_limit_s"] == gone_on["time_to_limit_s"]
     assert gone_on["curve"]["time_s"][-1] == pytest.approx(3000.0)
@@ -186,7 +197,7 @@ def test_the_curve_ends_at_the_fluid_s_limit_and_says_when(folder):
 
 def test_a_card_without_temperature_holds_its_power_and_says_so(folder):
     card = plain_card(folder, "cold.json", temperature_dependent=False)
-    found: Any = heat(card, DRAWING, out=folder / "cold")
+    found: Any = heating(card, DRAWING, out=folder / "cold")
     assert np.ptp(found["power_W"]["mechanical"]) == 0.0
     assert found["force_loss_percent"] == 0.0
     assert any("held constant" in note for note in found["notes"])
@@ -195,26 +206,26 @@ def test_a_card_without_temperature_holds_its_power_and_says_so(folder):
 
 def test_assumed_temperature_laws_are_marked(folder):
     card = plain_card(folder, "assumed.json", assumed=True)
-    found: Any = heat(card, DRAWING, out=folder / "assumed")
+    found: Any = heating(card, DRAWING, out=folder / "assumed")
     assert found["assumed"] == ["viscosity", "yield_force"]
     assert "Assumed, not identified" in (folder / "assumed" / "heat.html").read_text(encoding="utf-8")
 
 
 def test_temperatures_beyond_the_card_s_are_said(folder):
     card = read_card(folder / "card.json")
-    run = heat_damper(card, read_drawing(DRAWING), read_duty(HALF_HOUR), start_degC=-10.0)
+    run = heat(card, read_drawing(DRAWING), read_duty(HALF_HOUR), HeatOptions(start_degC=-10.0))
     assert any("identified from 20.0 to 130.0 degC, and beyond that its temp" in note for note in run.notes)
     held = replace(card, damper=replace(card.damper, temperature_range=(288.15, 408.15)))
-    run = heat_damper(held, read_drawing(DRAWING), read_duty(HALF_HOUR), start_degC=-10.0)
+    run = heat(held, read_drawing(DRAWING), read_duty(HALF_HOUR), HeatOptions(start_degC=-10.0))
     assert any("below 15 or above 135 degC its coefficients keep" in note for note in run.notes)
-    assert heat_damper(card, read_drawing(DRAWING), read_duty(HALF_HOUR)).notes == ()
+    assert heat(card, read_drawing(DRAWING), read_duty(HALF_HOUR)).notes == ()
 
 
 def test_a_damper_at_rest_has_no_force_to_fade(folder):
     (folder / "rest.csv").write_text(
         "time_s,amplitude_mm,frequency_Hz,current_A\n0,0,0,2\n600,0,0,2\n", encoding="utf-8"
     )
-    found: Any = heat(folder / "card.json", DRAWING, duty=str(folder / "rest.csv"), out=folder / "rest")
+    found: Any = heating(folder / "card.json", DRAWING, duty=str(folder / "rest.csv"), out=folder / "rest")
     assert found["force_loss_percent"] is None
     assert set(found["peak_force_N"]) == {None}
     assert found["energy_J"]["mechanical"] == 0.0
@@ -222,13 +233,13 @@ def test_a_damper_at_rest_has_no_force_to_fade(folder):
 
 
 def test_one_node_is_blind_to_the_coil(folder):
-    found: Any = heat(folder / "card.json", DRAWING, options=HeatOptions(model="lumped"))
+    found: Any = heating(folder / "card.json", DRAWING, options=HeatOptions(model="lumped"))
     assert found["curve"]["coil_degC"] == found["curve"]["fluid_degC"]
 
 
 def test_the_same_run_gives_the_same_bytes(folder):
     for name in ("one", "two"):
-        heat(folder / "card.json", DRAWING, out=folder / name)
+        heating(folder / "card.json", DRAWING, out=folder / name)
     one, two = ((folder / name / "heat.html").read_bytes() for name in ("one", "two"))
     assert one == two
 
@@ -241,7 +252,7 @@ def test_a_single_fin_has_no_pitch():
 
 def test_what_is_not_given_off_is_the_rate_of_the_stored_heat(folder):
     """The picture's share "stored" is what goes in less the paths; the stored heat's slope says the same."""
-    run = heat_damper(read_card(folder / "card.json"), read_drawing(DRAWING), read_duty(HALF_HOUR))
+    run = heat(read_card(folder / "card.json"), read_drawing(DRAWING), read_duty(HALF_HOUR))
     rise = run.rise
     stored = rise.mechanical_W + rise.coil_W - sum(rise.paths_W.values())
     rate = np.gradient(rise.heating.stored, rise.time)
@@ -253,7 +264,7 @@ def test_what_is_not_given_off_is_the_rate_of_the_stored_heat(folder):
 
 def test_the_interval_holds_the_curve_and_the_time_to_the_limit(folder):
     bare = changed(folder, "fins = 5", "fins = 0", "open.toml")
-    found: Any = heat(folder / "card.json", bare, duty="sine:15mm:1Hz:2A:3600s")
+    found: Any = heating(folder / "card.json", bare, duty="sine:15mm:1Hz:2A:3600s")
     soonest, latest = found["time_to_limit_interval_s"]
     assert soonest < found["time_to_limit_s"] < latest
     interval, curve = found["interval"], found["curve"]
@@ -262,7 +273,7 @@ def test_the_interval_holds_the_curve_and_the_time_to_the_limit(folder):
     for edge, side in (("low", 1.0), ("high", -1.0)):
         at = np.interp(curve["time_s"], interval["time_s"], interval[f"{edge}_degC"])
         assert (side * (np.array(curve["fluid_degC"]) - at) >= -1e-6).all()
-    short: Any = heat(folder / "card.json", bare, duty="sine:15mm:1Hz:2A:600s")
+    short: Any = heating(folder / "card.json", bare, duty="sine:15mm:1Hz:2A:600s")
     assert short["time_to_limit_interval_s"] == [None, None]
     assert short["interval"]["limit_not_reached"] == 1.0
 
@@ -330,7 +341,7 @@ def test_the_calibrated_drawing_gives_the_same_curve_again(calibrated, folder):
     """The file is a drawing like any other; only the start, which was fitted, is not in it."""
     assert calibrated["drawing"] == str(folder / "fitted" / "calibrated.toml")
     start = HeatOptions(start_degC=calibrated["calibration"]["start_degC"])
-    again: Any = heat(folder / "card.json", folder / "fitted" / "calibrated.toml", options=start)
+    again: Any = heating(folder / "card.json", folder / "fitted" / "calibrated.toml", options=start)
     assert again["curve"]["fluid_degC"] == pytest.approx(calibrated["curve"]["fluid_degC"], abs=1e-3)
     assert again["calibration"] is None
 
@@ -381,7 +392,7 @@ def test_bad_input_ends_in_one_message_and_leaves_nothing(folder):
 )
 def test_a_drawing_that_cannot_be_is_refused(folder, old, new, message):
     with pytest.raises(InputError, match=re.escape(message)):
-        heat(folder / "card.json", changed(folder, old, new, "bad.toml"))
+        heating(folder / "card.json", changed(folder, old, new, "bad.toml"))
 
 
 @pytest.mark.parametrize(
@@ -400,24 +411,24 @@ def test_a_drawing_that_cannot_be_is_refused(folder, old, new, message):
 )
 def test_a_duty_that_cannot_be_is_refused(folder, duty, message):
     with pytest.raises(InputError, match=re.escape(message)):
-        heat(folder / "card.json", DRAWING, duty=duty, options=HeatOptions(past_limit=True))
+        heating(folder / "card.json", DRAWING, duty=duty, options=HeatOptions(past_limit=True))
 
 
 def test_a_card_in_volts_needs_the_driver_s_amperes_per_volt(folder):
     card = plain_card(folder, "volts.json", unit="V")
     with pytest.raises(InputError, match=r"expected the same unit, as in sine:15mm:1Hz:2V:1800s"):
-        heat(card, DRAWING)
+        heating(card, DRAWING)
     with pytest.raises(InputError, match=r"expected coil\.A_per_V"):
-        heat(card, DRAWING, duty="sine:15mm:1Hz:2V:1800s")
+        heating(card, DRAWING, duty="sine:15mm:1Hz:2V:1800s")
     told = changed(folder, "resistance_ohm = 4.2", "resistance_ohm = 4.2\nA_per_V = 1.0")
-    found: Any = heat(card, told, duty="sine:15mm:1Hz:2V:1800s")
-    in_amperes: Any = heat(folder / "card.json", DRAWING)
+    found: Any = heating(card, told, duty="sine:15mm:1Hz:2V:1800s")
+    in_amperes: Any = heating(folder / "card.json", DRAWING)
     assert found["curve"]["fluid_degC"] == pytest.approx(in_amperes["curve"]["fluid_degC"])
 
 
 def test_a_start_at_the_limit_ends_at_once(folder):
     hot = HeatOptions(start_degC=131.0)
-    found: Any = heat(folder / "card.json", DRAWING, options=hot, out=folder / "hot")
+    found: Any = heating(folder / "card.json", DRAWING, options=hot, out=folder / "hot")
     assert found["time_to_limit_s"] == 0.0
     assert found["curve"]["time_s"] == [0.0]
     assert found["finite_element"] is None

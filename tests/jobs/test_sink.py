@@ -11,8 +11,9 @@ import pytest
 
 from mrdamper.errors import InputError, MissingExtraError
 from mrdamper.jobs import sink as sink_job
-from mrdamper.jobs.heat import heat
+from mrdamper.jobs.options import HeatOptions
 from mrdamper.jobs.sink import SinkOptions, sink
+from mrdamper.registry import JOBS
 from mrdamper.thermal.drawing import read_drawing, read_sink
 from mrdamper.thermal.duty import DEFAULT_DUTY, read_duty
 from mrdamper.thermal.sinks.evolution import search_genetic
@@ -121,7 +122,10 @@ def test_the_page_holds_front_dampers_and_sweeps(answer, folder):
 
 
 def test_the_best_sink_s_file_heats_to_what_was_promised(answer, folder):
-    found: Any = heat(folder / "card.json", DRAWING, sink=folder / "out" / "best.toml")
+    found: Any = JOBS["heat"].perform(
+        {"card": folder / "card.json", "drawing": DRAWING, "sink": folder / "out" / "best.toml"},
+        HeatOptions(),
+    )[1]
     assert found["curve"]["fluid_degC"][-1] == pytest.approx(answer["best"]["network_degC"], abs=0.02)
 
 

@@ -236,10 +236,10 @@ def test_the_entries_read_back_as_the_same_drawing():
 
 
 def test_a_sink_of_another_file_goes_into_the_calibrated_text():
-    text = "[body]\nlength_mm = 200\n[sink]\nfins = 5\n"
-    found = calibrated_text(text, {"sink": {"film_multiplier": 1.5}}, "t", sink_text="[sink]\nfins = 3\n")
-    assert "fins = 3\nfilm_multiplier = 1.5" in found
-    assert "fins = 5" not in found
+    assert DRAWING.sink is not None
+    other = replace(DRAWING.sink, fins=3)
+    found = calibrated_text(DRAWING.text, {"sink": {"film_multiplier": 1.5}}, "t", sink=other)
+    assert DamperDrawing.from_toml(found).sink == replace(other, film_multiplier=1.5)
 
 
 # ----------------------------------------------------------------------------------- with a doubt beforehand

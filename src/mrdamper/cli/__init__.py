@@ -11,14 +11,16 @@ import json
 import os
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
 import click
 
+from mrdamper.cli.commands import command_of
 from mrdamper.errors import MissingExtraError, MrdamperError
+from mrdamper.registry import JOBS, Job
 from mrdamper.runtime.signals import Interrupted, heed_interrupts, interrupts_end_at_once
 
 __all__ = ["cli", "main"]
@@ -453,59 +455,6 @@ def fluid(tables: tuple[Path, ...], *, as_json: bool, **options: Any) -> int:  #
 @_damper
 @_duty
 @click.option(
-    "--sink",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="A heat sink (TOML table [sink]) in place of the drawing's.",
-)
-@click.option(
-    "--out", type=click.Path(path_type=Path), metavar="DIR", help="For heat.html, heat.json, heat.csv."
-)
-@click.option(
-    "--calibrate",
-    type=click.Path(path_type=Path),
-    metavar="CURVE.csv",
-    help="A curve measured under this duty (time_s and fluid_degC, body_degC or coil_degC): it corrects the "
-    "drawing and narrows the interval.",
-)
-@click.option("--past-limit", is_flag=True, help="Go on beyond the fluid's limit instead of ending there.")
-@click.option(
-    "--model",
-    type=click.Choice(["zones", "lumped"]),
-    default="zones",
-    show_default=True,
-    help="Three axial zones, or the paper's one node.",
-)
-@click.option(
-    "--start-degC", "start_degC", type=float, help="Of everything at the start.  [default: ambient]"
-)
-@_json
-def heat(
-    card: Path,
-    damper: Path,
-    *,
-    duty: str,
-    sink: Path | None,
-    calibrate: Path | None,
-    out: Path | None,
-    as_json: bool,
-    **options: Any,  # noqa: ANN401 - click checks them, HeatOptions names them
-) -> int:
-    """Tell how hot a damper gets under a duty, how soon, and where the heat goes."""
-    from mrdamper.cli import terminal
-    from mrdamper.jobs.heat import HeatOptions
-    from mrdamper.jobs.heat import heat as job
-
-    chosen = HeatOptions(**options)
-    answer = job(card, damper, duty=duty, sink=sink, calibrate=calibrate, options=chosen, out=out)
-    return _finish(answer, terminal.show_heat, as_json=as_json)
-
-
-@cli.command()
-@click.argument("card", type=click.Path(path_type=Path))
-@_damper
-@_duty
-@click.option(
     "--out",
     type=click.Path(path_type=Path),
     metavar="DIR",
@@ -810,6 +759,25 @@ def serve(folder: Path, *, port: int, open_browser: bool, host: str, token: str 
 
     start(folder, port=port, host=host, token=token, open_browser=open_browser, announce=announce)
     return 0
+
+
+def _show(job: Job, result: object, answer: Mapping[str, Any], as_json: bool) -> int:  # noqa: FBT001 - as all of them
+    """Print what came of a job, as JSON or as its report has it for a terminal; return the exit code."""
+    if as_json:
+        click.echo(json.dumps(answer, ensure_ascii=False, allow_nan=False))
+    else:
+        from mrdamper.cli.terminal import open_console
+
+        screen = open_console()
+        job.reported.show(result, screen)
+        told = [answer[key] for key in ("report", "file", "drawing") if key in answer]
+        if told:
+            screen.print(f"wrote {' and '.join(told)}", markup=False)
+    return 0
+
+
+for _each in JOBS.values():
+    cli.add_command(command_of(_each, _show))
 
 
 def _finish(

@@ -14,11 +14,16 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
+from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
+
 if TYPE_CHECKING:  # an answer is shown without loading what made it
-    from mrdamper.identify.search.variable_projection import Progress, Report
+    from mrdamper.identify.search.variable_projection import Progress as SearchProgress
+    from mrdamper.identify.search.variable_projection import Report
 
 __all__ = [
     "counter",
+    "on_progress",
+    "open_console",
     "progress",
     "reading",
     "show_citations",
@@ -29,7 +34,6 @@ __all__ = [
     "show_export",
     "show_files",
     "show_fluid",
-    "show_heat",
     "show_identification",
     "show_prediction",
     "show_rig",
@@ -54,7 +58,7 @@ def progress() -> Iterator[Report | None]:
     shown = [0.0]
     with Live(Text("reading ..."), console=Console(stderr=True), transient=True, auto_refresh=False) as live:
 
-        def report(now: Progress) -> None:
+        def report(now: SearchProgress) -> None:
             clock = time.monotonic()
             if clock - shown[0] < _LEAST_INTERVAL:
                 return
@@ -89,6 +93,26 @@ def counter(
 
 
 @contextmanager
+def on_progress(word: str = "run", *, ctrl_c: str = "leaves nothing") -> Iterator[Progress]:
+    """Give a function that shows how far a job is; it does nothing when standard error is no terminal."""
+    if not sys.stderr.isatty():
+        yield silent
+        return
+    shown = [0.0]
+    with Live(Text(""), console=Console(stderr=True), transient=True, auto_refresh=False) as live:
+
+        def show(update: ProgressUpdate) -> None:
+            clock = time.monotonic()
+            if clock - shown[0] >= _LEAST_INTERVAL:
+                shown[0] = clock
+                of = "" if update.total is None else f" of {update.total}"
+                text = f"{word} {update.done + 1}{of}  {update.text}  (Ctrl-C {ctrl_c})"
+                live.update(Text(text), refresh=True)
+
+        yield show
+
+
+@contextmanager
 def reading() -> Iterator[Callable[[int, int | None, int], None] | None]:
     """Give a function that shows how much of a record is read; None when standard error is no terminal."""
     if not sys.stderr.isatty():
@@ -110,7 +134,7 @@ def reading() -> Iterator[Callable[[int, int | None, int], None] | None]:
 
 def show_identification(answer: Answer) -> None:
     """Print errors by run, coefficients with their uncertainty, and what a reader should know."""
-    console = _console()
+    console = open_console()
     if answer["law_table"]:
         console.print(_law_table(answer["law_table"]))
     _print_errors(console, answer)
@@ -129,7 +153,7 @@ def show_identification(answer: Answer) -> None:
 
 def show_prediction(answer: Answer) -> None:
     """Print errors by run."""
-    console = _console()
+    console = open_console()
     _print_errors(console, answer)
     _print_summary(console, answer["summary"])
     for note in answer["notes"]:
@@ -138,7 +162,7 @@ def show_prediction(answer: Answer) -> None:
 
 def show_comparison(answer: Answer) -> None:
     """Print the verdict, forces side by side, and the numbers where the laws are the same."""
-    console = _console()
+    console = open_console()
     first, second = (escape(card["name"]) for card in answer["cards"])
     console.print(f"[bold]{escape(answer['verdict'])}[/bold]")
     console.print(
@@ -187,7 +211,7 @@ def _forces_side_by_side(rows: Sequence[Answer], title: str) -> Table:
 
 def show_demo(answer: Answer) -> None:
     """Print the laws side by side, then the paper's claims with their verdicts."""
-    console = _console()
+    console = open_console()
     console.print(escape(f"The runs are {answer['runs_are']}."))
     table = Table(title="Laws side by side: error in % of the force's spread, median (worst)")
     for name in ("law", "training", "held out"):
@@ -245,7 +269,7 @@ def _by_temperature(groups: Sequence[Answer], law: str) -> Table:
 
 def show_rig(answer: Answer) -> None:
     """Print what was run, where it lies, and how to identify it."""
-    console = _console()
+    console = open_console()
     runs = answer["runs"]
     table = Table(title=escape(f"Virtual damper {answer['damper']}, seed {answer['seed']}: runs by motion"))
     for name in ("motion", "runs", "held out", "currents A", "temperatures degC"):
@@ -271,7 +295,7 @@ def show_rig(answer: Answer) -> None:
 
 def show_datasets(answer: Answer) -> None:
     """Print the data sets, one paragraph each."""
-    console = _console()
+    console = open_console()
     for entry in answer["datasets"]:
         console.print(f"[bold]{escape(str(entry.get('name', '')))}[/bold]")
         for key, value in entry.items():
@@ -297,7 +321,7 @@ def show_files(answer: Answer) -> None:
 
 def show_cycles(answer: Answer) -> None:
     """Print the figures over the cycles, and what is wrong with the record."""
-    console = _console()
+    console = open_console()
     table = Table(title=escape(f"{answer['cycles']:,} cycles in {answer['rows']:,} rows"))
     table.add_column("figure")
     for name in ("first", "last", "mean", "least", "most", "per 1000 cycles"):
@@ -336,7 +360,7 @@ def _print_model(console: Console, model: Answer) -> None:
 
 def show_fluid(answer: Answer) -> None:
     """Print the laws of a fluid, the chosen ones with their numbers, and what a reader should know."""
-    console = _console()
+    console = open_console()
     for quantity, title in (("viscosity", "Viscosity without field"), ("yield_stress", "Yield stress")):
         study = answer[quantity]
         if study is None:
@@ -356,90 +380,9 @@ def show_fluid(answer: Answer) -> None:
         console.print(f"wrote {escape(answer['file'])} and {escape(answer['picture'])}")
 
 
-def show_heat(answer: Answer) -> None:
-    """Print temperatures over time, where the heat went, and what a reader should know."""
-    console = _console()
-    courses = [(answer["sink"] or "no heat sink", answer)]
-    if answer["without_sink"] is not None:
-        courses.append(("without heat sink", answer["without_sink"]))
-    for title, course in courses:
-        console.print(_heat_table(course, title))
-        for line in _heat_words(course, answer["limit_degC"]):
-            console.print(line)
-    if answer["calibration"] is not None:
-        for line in _calibration_words(answer["calibration"], answer.get("drawing")):
-            console.print(escape(line))
-    for note in answer["notes"]:
-        console.print(f"- {escape(note)}")
-    laws = "; ".join(f"{surface}: {law}" for surface, law in answer["correlations"].items())
-    console.print(escape(f"film coefficients: {laws}"))
-    if "report" in answer:
-        console.print(f"wrote {escape(answer['report'])} and {escape(answer['file'])}")
-
-
-def _heat_table(course: Answer, title: str) -> Table:
-    table = Table(title=escape(title))
-    for name in ("minutes", "fluid degC", "coil degC", "wall degC", "peak force N", "W in", "W out"):
-        table.add_column(name, justify="right")
-    curve, power = course["curve"], course["power_W"]
-    seconds = curve["time_s"]
-    shown = [
-        min(range(len(seconds)), key=lambda k: abs(seconds[k] - at * seconds[-1] / 6)) for at in range(7)
-    ]
-    for k in dict.fromkeys(shown):
-        force = course["peak_force_N"][k]
-        table.add_row(
-            f"{seconds[k] / 60:.1f}",
-            *(f"{curve[f'{name}_degC'][k]:.1f}" for name in ("fluid", "coil", "wall")),
-            "-" if force is None else f"{force:.0f}",
-            f"{power['mechanical'][k] + power['coil'][k]:.1f}",
-            f"{sum(watts[k] for watts in course['paths_W'].values()):.1f}",
-        )
-    return table
-
-
-def _heat_words(course: Answer, limit: float) -> list[str]:
-    """Return the lines below a table of temperatures: limit, force, where the heat went; with intervals."""
-    reached, loss, energy = course["time_to_limit_s"], course["force_loss_percent"], course["energy_J"]
-    interval, (soonest, latest) = course["interval"], course["time_to_limit_interval_s"]
-    percent, ended = f"{100 * interval['probability']:.0f} %", course["curve"]["time_s"][-1]
-    near = min(range(len(interval["time_s"])), key=lambda k: abs(interval["time_s"][k] - ended))
-    when = "not reached" if reached is None else f"reached after {reached / 60:.1f} min"
-    if soonest is not None:
-        end = "not within the duty" if latest is None else f"{latest / 60:.1f} min"
-        when += f" ({percent}: {soonest / 60:.1f} min to {end})"
-    faded = "" if loss is None else f"; the peak force has lost {loss:.1f} % of what it is at 20 degC"
-    total = energy["mechanical"] + energy["coil"]
-    parts = [name for name in energy if name not in {"mechanical", "coil", "out"}]
-    shares = ", ".join(f"{name} {100 * energy[name] / total:.0f} %" for name in parts) if total > 0 else "-"
-    return [
-        f"limit of the fluid, {limit:.4g} degC: {when}{faded}",
-        f"fluid after {ended / 60:.4g} min: {interval['low_degC'][near]:.1f} to "
-        f"{interval['high_degC'][near]:.1f} degC with {percent}",
-        f"of {total / 1e3:.1f} kJ: {shares} (account closes to {course['energy_closure']:.0e})",
-    ]
-
-
-def _calibration_words(told: Answer, drawing: str | None) -> list[str]:
-    """Return what a measured curve told."""
-    power, power_error = told["power_over_capacity_K_s"], told["power_over_capacity_error_K_s"]
-    losses, losses_error = told["conductance_over_capacity_1_s"], told["conductance_over_capacity_error_1_s"]
-    lines = [
-        f"calibrated by {told['curve']} ({told['place']}, {told['from_s'] / 60:.4g} to "
-        f"{told['to_s'] / 60:.4g} min), at {told['at_degC']:.0f} degC:",
-        f"  P/C  {power:.4g} +- {power_error:.1g} K/s",
-        f"  UA/C {losses:.4g} +- {losses_error:.1g} 1/s; correlation {told['correlation']:.2f}",
-        f"  left: {told['residual_K']:.2g} K, noise of the thermometer {told['noise_K']:.2g} K",
-    ]
-    for table, entries in told["entries"].items():
-        lines.append(f"  [{table}] " + ", ".join(f"{name} = {value:.4g}" for name, value in entries.items()))
-    lines += [f"  {word}" for word in told["words"]]
-    return [*lines, f"  wrote {drawing}"] if drawing is not None else lines
-
-
 def show_sink(answer: Answer) -> None:
     """Print the front beside the reference, the paper's sweeps, and what a reader should know."""
-    console = _console()
+    console = open_console()
     by = "finite elements" if answer["best"]["model"] == "finite_element" else "zone network"
     table = Table(title=f"Heat sinks: fluid at the end of the duty against mass, by {by}")
     for name in ("", "fins", "width mm", "thickness mm", "pitch mm", "material", "g", "degC", "network degC"):
@@ -523,7 +466,7 @@ def _number_or_dash(value: float | None) -> str:
 
 def show_sweep(answer: Answer) -> None:
     """Print every figure over all tasks, and which tasks have no result."""
-    console = _console()
+    console = open_console()
     if answer.get("cancelled"):
         console.print(escape("; ".join(answer["notes"])))
         return
@@ -542,7 +485,7 @@ def show_sweep(answer: Answer) -> None:
 
 def show_track(answer: Answer) -> None:
     """Print the worst of all temperatures by target, and what a reader should know."""
-    console = _console()
+    console = open_console()
     degrees = sorted({row["temperature_degC"] for row in answer["rows"]})
     at = ", ".join(f"{each:g}" for each in degrees)
     for target in dict.fromkeys(row["target"] for row in answer["worst"]):
@@ -570,7 +513,7 @@ def show_track(answer: Answer) -> None:
 
 def show_export(answer: Answer) -> None:
     """Print what was exported, how it was proved, and what a reader should know."""
-    console = _console()
+    console = open_console()
     if "verification" in answer:
         parts = (
             answer["content"]
@@ -619,7 +562,7 @@ def _track_cells(row: Answer) -> list[str]:
     ]
 
 
-def _console() -> Console:
+def open_console() -> Console:
     """Return the console of standard output, wide enough for the tables when that is a file."""
     return Console(highlight=False, width=None if sys.stdout.isatty() else 110)
 

@@ -18,21 +18,17 @@ from typing import TypeVar
 from mrdamper.errors import EnvelopeWarning
 from mrdamper.excitation import Sine
 from mrdamper.identify.predict import finite
-from mrdamper.jobs.heat import heat_damper, write_heat
 from mrdamper.models.card_schema import read_card
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.runtime.outputs import atomic_output
 from mrdamper.schema import Json
-from mrdamper.thermal.drawing import DamperDrawing, read_drawing, read_sink
-from mrdamper.thermal.drawing_file import calibrated_text, text_of
-from mrdamper.thermal.duty import Duty, Stretch, read_duty, stretch_of
-from mrdamper.thermal.estimation.measured_curve import read_curve
+from mrdamper.thermal.drawing import DamperDrawing, read_drawing
+from mrdamper.thermal.duty import Duty, Stretch, stretch_of
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.materials import find_material
 from mrdamper.thermal.sinks.design import HeatedDamper
-from mrdamper.thermal.temperature_rise import Model, notes_of, simulate_rise, works_of
+from mrdamper.thermal.temperature_rise import notes_of, simulate_rise, works_of
 
-__all__ = ["QuickHeat", "damper_facts", "heat_changed"]
+__all__ = ["QuickHeat", "damper_facts"]
 
 _MOST_KEPT = 64
 
@@ -113,56 +109,6 @@ class QuickHeat:
         while len(self._kept) > _MOST_KEPT:
             self._kept.popitem(last=False)
         return self._kept[key]  # type: ignore[return-value]  # what make made
-
-
-def heat_changed(  # noqa: PLR0913 - the options of a heating job, by keyword
-    card: Path,
-    damper: str,
-    *,
-    out: Path,
-    duty: str,
-    sink: Path | None = None,
-    with_sink: bool = True,
-    ambient_degC: float | None = None,
-    air_m_s: float | None = None,
-    past_limit: bool = False,
-    model: Model = "zones",
-    start_degC: float | None = None,
-    calibrate: Path | None = None,
-    by_field: bool = True,
-) -> Json:
-    """Do the heating job with another sink or in other surroundings than the drawing's; files as ever.
-
-    ``calibrate`` is a curve that was measured in those surroundings; the drawing that follows it goes to
-    calibrated.toml, with the surroundings that the drawing itself has.
-    """
-    drawing = read_drawing(damper)
-    if sink is not None:
-        drawing = drawing.with_sink(read_sink(sink))
-    run = heat_damper(
-        read_card(card),
-        _changed(drawing, ambient_degC, air_m_s, with_sink=with_sink),
-        read_duty(duty),
-        past_limit=past_limit,
-        model=model,
-        start_degC=start_degC,
-        measured=None if calibrate is None else read_curve(calibrate),
-        by_field=by_field,
-    )
-    with atomic_output(out) as beside:
-        answer = write_heat(run, card, damper, beside, out)
-        if run.calibrated is not None:
-            (beside / "calibrated.toml").write_text(
-                calibrated_text(
-                    text_of(damper),
-                    run.calibrated.entries,
-                    f"{Path(damper).name}, calibrated by {run.calibrated.curve.name}",
-                    sink_text=None if sink is None else text_of(sink),
-                ),
-                encoding="utf-8",
-            )
-            answer["drawing"] = str(out / "calibrated.toml")
-        return answer
 
 
 def damper_facts(damper: str, shown: str) -> Json:

@@ -1,8 +1,8 @@
 """What each job can be told: one declaration a job, from which every face is made.
 
-The command line's options and help, the server's requests and forms, columns of sweeps and tables of options in
-the documentation come from these classes. Only light modules are loaded here, so that help answers at once;
-names that live in heavy ones are asked for late (``among``).
+The command line's options and help, the server's requests and forms, columns of sweeps and tables of options
+in the documentation come from these classes. Only light modules are loaded here, so that help answers at
+once; names that live in heavy ones are asked for late (``among``).
 """
 
 from __future__ import annotations

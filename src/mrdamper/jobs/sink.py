@@ -17,10 +17,10 @@ import numpy as np
 
 from mrdamper.errors import InputError, MissingExtraError
 from mrdamper.identify.fit import versions
-from mrdamper.jobs.heat import sink_in_words
 from mrdamper.models.card import ModelCard, card_text
 from mrdamper.models.card_schema import read_card
 from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.report.heat import sink_in_words
 from mrdamper.runtime.checkpoint import Tell, checkpointed
 from mrdamper.runtime.outputs import atomic_output, write_json, write_table
 from mrdamper.schema import Json

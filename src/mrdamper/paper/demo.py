@@ -20,8 +20,9 @@ from mrdamper.errors import InputError
 from mrdamper.identify.assess import Assessment
 from mrdamper.identify.fit import Identification, assess, fit, versions
 from mrdamper.jobs.export import ExportOptions, export
-from mrdamper.jobs.heat import HeatRun, heat_damper, write_heat
+from mrdamper.jobs.heat import HeatResult, heat
 from mrdamper.jobs.identify import read_dataset, write_identification
+from mrdamper.jobs.options import HeatOptions
 from mrdamper.jobs.rig import write_campaign
 from mrdamper.jobs.sink import SinkOptions, search_sinks, write_sink
 from mrdamper.jobs.track import TrackOptions, track_card, write_track
@@ -32,8 +33,10 @@ from mrdamper.paper.figures import sections_of
 from mrdamper.paper.findings import Findings
 from mrdamper.paper.page import render_paper
 from mrdamper.report import answers
+from mrdamper.report.base import write_report
 from mrdamper.report.figures.sink import SinkPictures
 from mrdamper.report.figures.track import TrackPictures
+from mrdamper.report.heat import REPORT as HEAT_REPORT
 from mrdamper.rig.campaign import Campaign
 from mrdamper.rig.measurement import measure
 from mrdamper.rig.plant import find_preset
@@ -119,7 +122,8 @@ def demo(out: Path, *, quick: bool = False, seed: int = 0, report: Report | None
         write_card(warm, beside / "paper_card.json")
         now(4)
         heated = [_heated(warm, text, past_limit=text == _WARM_UP) for text in (_WARM_UP, *_OTHERS)]
-        heating = write_heat(heated[0], out / "paper_card.json", "paper", *place.part("heating"))
+        head = {"card": str(out / "paper_card.json"), "damper": "paper"}
+        heating = write_report(HEAT_REPORT, heated[0], *place.part("heating"), head)
         now(5)
         options = SinkOptions(by_field=not quick)
         sinks = search_sinks(warm, read_drawing("paper"), read_duty(_HALF_HOUR), options)
@@ -247,8 +251,8 @@ def _target_in_words(target: dict[str, Any]) -> str:
     )
 
 
-def _heated(card: ModelCard, duty: str, *, past_limit: bool) -> HeatRun:
-    return heat_damper(card, read_drawing("paper"), read_duty(duty), past_limit=past_limit)
+def _heated(card: ModelCard, duty: str, *, past_limit: bool) -> HeatResult:
+    return heat(card, read_drawing("paper"), read_duty(duty), HeatOptions(past_limit=past_limit))
 
 
 def _quick() -> Campaign:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from mrdamper.identify.assess import Assessment
 from mrdamper.identify.fit import Identification
-from mrdamper.jobs.heat import HeatRun
+from mrdamper.jobs.heat import HeatResult
 from mrdamper.jobs.sink import SinkRun
 from mrdamper.jobs.track import TrackRun
 from mrdamper.models.fluids.fluid import Fluid
@@ -25,9 +25,9 @@ class Findings:
     judged: Assessment
     paper_law: Assessment  # the same runs, one Bouc-Wen law with polynomials, as in the paper
     fluid: Fluid
-    warm_up: HeatRun  # 15 mm, 1 Hz, 2 A for 35 min, past the limit, with fins and without
-    small: HeatRun  # 5 mm, 1 Hz
-    fast: HeatRun  # 3 mm, 2 Hz
+    warm_up: HeatResult  # 15 mm, 1 Hz, 2 A for 35 min, past the limit, with fins and without
+    small: HeatResult  # 5 mm, 1 Hz
+    fast: HeatResult  # 3 mm, 2 Hz
     works: tuple[tuple[str, LoopWork], ...]  # the same three motions
     sink_pictures: SinkPictures
     track_pictures: TrackPictures

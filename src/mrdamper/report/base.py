@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Generic, TypeVar
 
+from mrdamper.runtime.outputs import write_json
 from mrdamper.schema import Json
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.console import Console
 
-__all__ = ["Report", "WrittenFile"]
+__all__ = ["Report", "WrittenFile", "write_report"]
 
 Result = TypeVar("Result")
 
@@ -50,4 +51,21 @@ class Report(Generic[Result]):
     files: tuple[WrittenFile[Result], ...] = ()
     figure: Callable[[Result], Figure] | None = None
     rows: Callable[[Result], Rows] | None = None
-    extra: Mapping[str, Any] = field(default_factory=dict)
+
+
+def write_report(
+    report: Report[Result], result: Result, beside: Path, out: Path, head: Mapping[str, object]
+) -> Json:
+    """Write a result's files into ``beside``, of what will lie in ``out``; return the answer with paths."""
+    files = [file for file in report.files if file.when(result)]
+    answer = {
+        **head,
+        **report.answer(result),
+        **{file.key: str(out / file.name) for file in files if file.key},
+    }
+    for file in files:
+        if file.write is None:
+            write_json(beside / file.name, answer)
+        else:
+            file.write(result, beside / file.name)
+    return answer

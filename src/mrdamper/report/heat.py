@@ -1,21 +1,37 @@
-"""The page of ``mrdamper heat``: one HTML file that opens offline, as the report does."""
+"""What ``heat`` found: the answer's keys, the tables of a terminal, the page, the curve as CSV."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from pathlib import Path
 
-from mrdamper.jobs.heat import HeatRun, sink_in_words
+import numpy as np
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from mrdamper.arrays import FloatArray
+from mrdamper.identify.predict import finite
+from mrdamper.jobs.heat import HeatResult
 from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.report.base import Report, WrittenFile
 from mrdamper.report.figures.damper_section import draw_dampers, draw_field
-from mrdamper.report.figures.heat import draw_fade, draw_paths, draw_temperatures
+from mrdamper.report.figures.heat import draw_fade, draw_paths, draw_temperatures, temperature_figure
 from mrdamper.report.page import environment
+from mrdamper.runtime.outputs import write_table
+from mrdamper.schema import Json
+from mrdamper.thermal.drawing_file import calibrated_text
+from mrdamper.thermal.estimation.calibration import CalibratedDrawing
+from mrdamper.thermal.estimation.uncertainty import PredictionInterval
+from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.model.network import PATHS
 from mrdamper.thermal.temperature_rise import Rise
 
-__all__ = ["render_heat"]
+__all__ = ["REPORT", "render_heat"]
 
 
-def render_heat(run: HeatRun) -> str:
+def render_heat(run: HeatResult) -> str:
     """Return the page's HTML."""
     drawing, field = run.drawing, run.field
     title = "the damper" if drawing.sink is None else sink_in_words(drawing.sink)
@@ -53,3 +69,252 @@ def _account(rise: Rise) -> dict[str, tuple[float, float]]:
     return {
         name: (joule / 1e3, 100.0 * joule / total if total > 0.0 else 0.0) for name, joule in energy.items()
     }
+
+
+def sink_in_words(sink: HeatSink) -> str:
+    """Return a sink in a few words: number, width, thickness, pitch, material."""
+    pitch = f" at {1e3 * sink.pitch:.3g} mm pitch" if sink.fins > 1 else ""
+    fins = "fin" if sink.fins == 1 else "fins"
+    return (
+        f"{sink.fins} {fins}, {1e3 * sink.width:.3g} mm wide, {1e3 * sink.thickness:.3g} mm thick{pitch}, "
+        f"{sink.material.name}"
+    )
+
+
+# ------------------------------------------------------------------------------------------- the answer
+
+
+def _answer(run: HeatResult) -> Json:
+    """Return what ``mrdamper heat --json`` prints, but for the files."""
+    rise, drawing, card = run.rise, run.drawing, run.card
+    field = run.field
+    return {
+        "duty": run.duty.text,
+        "model": rise.model,
+        **_course(rise, run.prediction_interval),
+        "limit_degC": rise.limit_K - ZERO_CELSIUS_K,
+        "ripple_K": finite(rise.ripple_K),
+        "correlations": dict(rise.correlations),
+        "tempered": card.damper.temperature_dependent,
+        "assumed": list(card.damper.assumed),
+        "sink": None if drawing.sink is None else sink_in_words(drawing.sink),
+        "without_sink": None
+        if run.bare is None or run.bare_prediction_interval is None
+        else _course(run.bare, run.bare_prediction_interval),
+        "calibration": None if run.calibrated is None else _calibration(run.calibrated),
+        "finite_element": None
+        if field is None
+        else {
+            "time_s": field.time,
+            "fluid_degC": field.fluid - ZERO_CELSIUS_K,
+            "coil_degC": field.coil - ZERO_CELSIUS_K,
+            "wall_degC": field.wall - ZERO_CELSIUS_K,
+            "nodes": len(field.model.nodes),
+            "energy_closure": field.closure,
+        },
+        "notes": list(run.notes),
+    }
+
+
+def _calibration(calibrated: CalibratedDrawing) -> Json:
+    numbers, curve = calibrated.numbers, calibrated.curve
+    return {
+        "curve": curve.name,
+        "place": curve.place,
+        "from_s": float(curve.time[0]),
+        "to_s": float(curve.time[-1]),
+        "power_over_capacity_K_s": numbers.power_over_capacity,
+        "power_over_capacity_error_K_s": numbers.power_error,
+        "conductance_over_capacity_1_s": numbers.conductance_over_capacity,
+        "conductance_over_capacity_error_1_s": numbers.conductance_error,
+        "correlation": numbers.correlation,
+        "at_degC": numbers.at_K - ZERO_CELSIUS_K,
+        "start_degC": numbers.start_K - ZERO_CELSIUS_K,
+        "residual_K": numbers.residual_K,
+        "noise_K": numbers.noise_K,
+        "entries": {table: dict(entries) for table, entries in calibrated.entries.items()},
+        "words": list(numbers.words),
+    }
+
+
+def _course(rise: Rise, prediction_interval: PredictionInterval) -> Json:
+    to_limit = prediction_interval.to_limit
+    return {
+        "curve": {
+            "time_s": rise.time.tolist(),
+            "fluid_degC": rise.fluid_degC.tolist(),
+            "coil_degC": rise.coil_degC.tolist(),
+            "wall_degC": rise.wall_degC.tolist(),
+        },
+        "energy_closure": rise.energy_closure,
+        "time_to_limit_s": rise.time_to_limit_s,
+        "time_to_limit_interval_s": [
+            time if math.isfinite(time) else None for time in (to_limit.low_s, to_limit.high_s)
+        ],
+        "interval": {
+            "probability": prediction_interval.probability,
+            "time_s": prediction_interval.time.tolist(),
+            "median_degC": (prediction_interval.median - ZERO_CELSIUS_K).tolist(),
+            "low_degC": (prediction_interval.low - ZERO_CELSIUS_K).tolist(),
+            "high_degC": (prediction_interval.high - ZERO_CELSIUS_K).tolist(),
+            "limit_not_reached": to_limit.not_reached,
+        },
+        "force_loss_percent": rise.force_loss_percent,
+        "peak_force_N": [finite(force) for force in rise.peak_force_N.tolist()],
+        "power_W": {"mechanical": rise.mechanical_W.tolist(), "coil": rise.coil_W.tolist()},
+        "paths_W": {path: watts.tolist() for path, watts in rise.paths_W.items()},
+        "energy_J": dict(rise.energy_J),
+    }
+
+
+def _rows(run: HeatResult) -> list[dict[str, object]]:
+    """Return the curve as a table, one row for each time."""
+    rise = run.rise
+    columns: dict[str, FloatArray] = {
+        "time_s": rise.time,
+        "fluid_degC": rise.fluid_degC,
+        "coil_degC": rise.coil_degC,
+        "wall_degC": rise.wall_degC,
+        "peak_force_N": rise.peak_force_N,
+        "mechanical_W": rise.mechanical_W,
+        "coil_W": rise.coil_W,
+        **{f"{path.replace(' ', '_')}_W": watts for path, watts in rise.paths_W.items()},
+    }
+    return [
+        {name: None if np.isnan(values[k]) else float(f"{values[k]:.9g}") for name, values in columns.items()}
+        for k in range(len(rise.time))
+    ]
+
+
+# --------------------------------------------------------------------------------------------- the terminal
+
+
+def summary(run: HeatResult) -> list[str]:
+    """Return when the limit is reached, how hot the fluid gets, and what force that costs."""
+    rise, interval = run.rise, run.prediction_interval
+    percent, ended = f"{100.0 * interval.probability:.0f} %", float(rise.time[-1])
+    near = int(np.argmin(np.abs(interval.time - ended)))
+    low, high = interval.low[near] - ZERO_CELSIUS_K, interval.high[near] - ZERO_CELSIUS_K
+    return [
+        *_limit_words(rise, interval),
+        f"fluid after {ended / 60:.4g} min: {low:.1f} to {high:.1f} degC with {percent}",
+    ]
+
+
+def show(run: HeatResult, console: Console) -> None:
+    """Print temperatures over time, where the heat went, and what a reader should know."""
+    for (title, rise), interval in zip(run.rises, run.prediction_intervals, strict=True):
+        console.print(_table(rise, _title(run, title)))
+        for line in _words(rise, interval):
+            console.print(line)
+    if run.calibrated is not None:
+        for line in _calibration_words(run.calibrated):
+            console.print(escape(line))
+    for note in run.notes:
+        console.print(f"- {escape(note)}")
+    laws = "; ".join(f"{surface}: {law}" for surface, law in run.rise.correlations.items())
+    console.print(escape(f"film coefficients: {laws}"))
+
+
+def _title(run: HeatResult, title: str) -> str:
+    sink = run.drawing.sink
+    if title != "with heat sink":
+        return "no heat sink" if run.bare is None else title
+    return title if sink is None else sink_in_words(sink)
+
+
+def _table(rise: Rise, title: str) -> Table:
+    table = Table(title=escape(title))
+    for name in ("minutes", "fluid degC", "coil degC", "wall degC", "peak force N", "W in", "W out"):
+        table.add_column(name, justify="right")
+    shown = (int(np.argmin(np.abs(rise.time - at * rise.time[-1] / 6))) for at in range(7))
+    for k in dict.fromkeys(shown):
+        force = rise.peak_force_N[k]
+        table.add_row(
+            f"{rise.time[k] / 60:.1f}",
+            *(f"{celsius[k]:.1f}" for celsius in (rise.fluid_degC, rise.coil_degC, rise.wall_degC)),
+            f"{force:.0f}" if math.isfinite(force) else "-",
+            f"{rise.mechanical_W[k] + rise.coil_W[k]:.1f}",
+            f"{sum(watts[k] for watts in rise.paths_W.values()):.1f}",
+        )
+    return table
+
+
+def _limit_words(rise: Rise, interval: PredictionInterval) -> Iterator[str]:
+    reached, loss, to_limit = rise.time_to_limit_s, rise.force_loss_percent, interval.to_limit
+    when = "not reached" if reached is None else f"reached after {reached / 60:.1f} min"
+    if math.isfinite(to_limit.low_s):
+        latest = to_limit.high_s
+        end = f"{latest / 60:.1f} min" if math.isfinite(latest) else "not within the duty"
+        when += f" ({100 * interval.probability:.0f} %: {to_limit.low_s / 60:.1f} min to {end})"
+    faded = "" if loss is None else f"; the peak force has lost {loss:.1f} % of what it is at 20 degC"
+    yield f"limit of the fluid, {rise.limit_K - ZERO_CELSIUS_K:.4g} degC: {when}{faded}"
+
+
+def _words(rise: Rise, interval: PredictionInterval) -> list[str]:
+    """Return the lines below a table of temperatures: limit, force, where the heat went; with intervals."""
+    energy, ended = rise.energy_J, float(rise.time[-1])
+    near = int(np.argmin(np.abs(interval.time - ended)))
+    low, high = interval.low[near] - ZERO_CELSIUS_K, interval.high[near] - ZERO_CELSIUS_K
+    total = energy["mechanical"] + energy["coil"]
+    parts = [name for name in energy if name not in {"mechanical", "coil", "out"}]
+    shares = ", ".join(f"{name} {100 * energy[name] / total:.0f} %" for name in parts) if total > 0 else "-"
+    return [
+        *_limit_words(rise, interval),
+        f"fluid after {ended / 60:.4g} min: {low:.1f} to {high:.1f} degC with "
+        f"{100 * interval.probability:.0f} %",
+        f"of {total / 1e3:.1f} kJ: {shares} (account closes to {rise.energy_closure:.0e})",
+    ]
+
+
+def _calibration_words(calibrated: CalibratedDrawing) -> list[str]:
+    """Return what a measured curve told."""
+    numbers, curve = calibrated.numbers, calibrated.curve
+    lines = [
+        f"calibrated by {curve.name} ({curve.place}, {curve.time[0] / 60:.4g} to "
+        f"{curve.time[-1] / 60:.4g} min), at {numbers.at_K - ZERO_CELSIUS_K:.0f} degC:",
+        f"  P/C  {numbers.power_over_capacity:.4g} +- {numbers.power_error:.1g} K/s",
+        f"  UA/C {numbers.conductance_over_capacity:.4g} +- {numbers.conductance_error:.1g} 1/s; "
+        f"correlation {numbers.correlation:.2f}",
+        f"  left: {numbers.residual_K:.2g} K, noise of the thermometer {numbers.noise_K:.2g} K",
+    ]
+    for table, entries in calibrated.entries.items():
+        lines.append(f"  [{table}] " + ", ".join(f"{name} = {value:.4g}" for name, value in entries.items()))
+    return [*lines, *(f"  {word}" for word in numbers.words)]
+
+
+# ----------------------------------------------------------------------------------------------- the files
+
+
+def _write_page(run: HeatResult, path: Path) -> None:
+    path.write_text(render_heat(run), encoding="utf-8")
+
+
+def _write_calibrated(run: HeatResult, path: Path) -> None:
+    """Write the drawing that follows the measured curve, as the file that it came from."""
+    assert run.calibrated is not None
+    title = f"{run.drawing.name}, calibrated by {run.calibrated.curve.name}"
+    sink = run.calibrated.drawing.sink
+    path.write_text(
+        calibrated_text(run.drawing.text, run.calibrated.entries, title, sink=sink), encoding="utf-8"
+    )
+
+
+REPORT = Report(
+    answer=_answer,
+    show=show,
+    summary=summary,
+    files=(
+        WrittenFile(name="heat.html", key="report", write=_write_page),
+        WrittenFile(name="heat.json", key="file"),
+        WrittenFile(name="heat.csv", write=lambda run, path: write_table(path, _rows(run))),
+        WrittenFile(
+            name="calibrated.toml",
+            key="drawing",
+            write=_write_calibrated,
+            when=lambda run: run.calibrated is not None and bool(run.drawing.text),
+        ),
+    ),
+    figure=lambda run: temperature_figure(run.rises, run.prediction_intervals),
+    rows=_rows,
+)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from mrdamper.jobs.heat import sink_in_words
 from mrdamper.jobs.sink import SinkRun
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.figures.damper_section import draw_dampers
 from mrdamper.report.figures.sink import SinkPictures
+from mrdamper.report.heat import sink_in_words
 from mrdamper.report.page import environment
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.sinks.design import SinkDesign

@@ -167,6 +167,7 @@ class DamperDrawing:
     surroundings: Surroundings = field(default_factory=Surroundings)
     sink: HeatSink | None = None
     calibration: Calibration = field(default_factory=Calibration)
+    text: str = field(default="", repr=False, compare=False)  # of the file that it was read from
 
     def __post_init__(self) -> None:
         _check_body(self)

@@ -114,6 +114,7 @@ def drawing_of(text: str, place: str) -> DamperDrawing:
         surroundings=_surroundings(tables["surroundings"]),
         sink=_sink(document, place),
         calibration=_calibration(tables["calibration"], place),
+        text=text,
     )
 
 
@@ -127,7 +128,7 @@ def sink_of(text: str, place: str) -> HeatSink:
 
 
 def calibrated_text(
-    text: str, entries: Mapping[str, Mapping[str, float]], title: str, *, sink_text: str | None = None
+    text: str, entries: Mapping[str, Mapping[str, float]], title: str, *, sink: HeatSink | None = None
 ) -> str:
     """Return a drawing's TOML with entries of its tables put in the place of those that were there.
 
@@ -136,17 +137,32 @@ def calibrated_text(
     text : of a drawing that can be read
     entries : value by table and key
     title : a comment at the top; the comments of the text are not kept
-    sink_text : of another file whose table [sink] takes the drawing's place
+    sink : takes the place of the text's table [sink] where that is another
     """
     document = _parse(text, title)
-    if sink_text is not None:
-        document["sink"] = _parse(sink_text, title)["sink"]
+    if sink is not None and sink != _sink(document, title):
+        document["sink"] = _sink_table(sink)
     for table, values in entries.items():
         document[table] = {**document.get(table, {}), **values}
     lines = [f"# {title}"]
     for table, values in document.items():
         lines += ["", f"[{table}]", *(f"{key} = {_in_toml(value)}" for key, value in values.items())]
     return "\n".join([*lines, ""])
+
+
+def _sink_table(sink: HeatSink) -> Document:
+    """Return a heat sink as the table [sink]."""
+    return {
+        "fins": sink.fins,
+        "width_mm": 1e3 * sink.width,
+        "thickness_mm": 1e3 * sink.thickness,
+        "pitch_mm": 1e3 * sink.pitch,
+        "material": sink.material.name,
+        "emissivity": sink.emissivity,
+        "film_multiplier": sink.film_multiplier,
+        "contact_m2K_W": sink.contact,
+        "correlation": sink.correlation,
+    }
 
 
 def _in_toml(value: object) -> str:

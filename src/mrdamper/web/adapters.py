@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from mrdamper.errors import InputError
+from mrdamper.registry import JOBS
 from mrdamper.schema import Json
 from mrdamper.web.workspace import MAP_SUFFIX, NotThereError, WorkFolder
 
@@ -95,24 +96,15 @@ def _compare(options: Json, folder: WorkFolder, out: Path, _say: Say) -> Json:
 
 
 def _heat(options: Json, folder: WorkFolder, out: Path, _say: Say) -> Json:
-    from mrdamper.jobs.heat_preview import heat_changed
-
-    sink = options["sink"]
-    return heat_changed(
-        folder.card(options["card"]),
-        _preset_or_input(folder, options["damper"], "dampers"),
-        duty=_duty(folder, options["duty"]),
-        sink=None if sink is None else folder.input(sink),
-        with_sink=options["with_sink"],
-        ambient_degC=options["ambient_degC"],
-        air_m_s=options["air_m_s"],
-        past_limit=options["past_limit"],
-        model=options["model"],
-        start_degC=options["start_degC"],
-        calibrate=None if options["calibrate"] is None else folder.input(options["calibrate"]),
-        by_field=options["field"],
-        out=out,
-    )
+    job = JOBS["heat"]
+    given = {
+        "card": folder.card(options["card"]),
+        "drawing": _preset_or_input(folder, options["damper"], "dampers"),
+        "duty": _duty(folder, options["duty"]),
+        **{key: folder.input(options[key]) for key in ("sink", "calibrate") if options[key] is not None},
+    }
+    rest = {key: options[key] for key in options if key not in {each.told for each in job.inputs}}
+    return job.perform(given, job.options_from(rest), out=out)[1]
 
 
 def _sink(options: Json, folder: WorkFolder, out: Path, say: Say, resume: bool) -> Json:  # noqa: FBT001 - as all of _LONG

@@ -83,7 +83,7 @@ class Heat(Order):
     model: Literal["zones", "lumped"] = "zones"
     start_degC: Degrees | None = None
     calibrate: Name | None = None
-    field: bool = True
+    by_field: bool = True
 
 
 class Sink(Order):

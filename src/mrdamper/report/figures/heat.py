@@ -19,7 +19,7 @@ from mrdamper.thermal.temperature_rise import Rise
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["draw_fade", "draw_paths", "draw_temperatures"]
+__all__ = ["draw_fade", "draw_paths", "draw_temperatures", "temperature_figure"]
 
 _LIMIT_COLOUR = "#a03020"
 _PARTS = (("fluid", HELD_OUT, 1.6), ("coil", "#b08a3c", 1.1), ("wall", TRAINING, 1.1))
@@ -40,9 +40,20 @@ def draw_temperatures(
     prediction_intervals: Sequence[PredictionInterval] = (),
     measured: HeatingCurve | None = None,
 ) -> str:
+    """Return ``temperature_figure`` as an SVG element."""
+    with drawing_style():
+        return svg_of(temperature_figure(rises, prediction_intervals, measured), "Temperatures over time")
+
+
+def temperature_figure(
+    rises: Sequence[tuple[str, Rise]],
+    prediction_intervals: Sequence[PredictionInterval] = (),
+    measured: HeatingCurve | None = None,
+) -> Figure:
     """Return fluid, coil and wall over time, a panel for each (title, rise), with the fluid's limit.
 
-    ``outlooks``, one for each rise or none, are bands about the fluid; ``measured`` belongs to the first.
+    ``prediction_intervals``, one for each rise or none, are bands about the fluid; ``measured`` belongs to
+    the first.
     """
     limit = rises[0][1].limit_K - ZERO_CELSIUS_K
     hottest = max(
@@ -75,7 +86,7 @@ def draw_temperatures(
             _draw_limit(axes, rise, prediction_intervals[place] if prediction_intervals else None)
             axes.legend(loc="lower right", title="at the end", title_fontsize=6.5)
         figure.subplots_adjust(left=0.5 / width, right=1.0 - 0.12 / width, top=0.92, bottom=0.13, wspace=0.05)
-        return svg_of(figure, "Temperatures over time")
+    return figure
 
 
 def _shown_until(rise: Rise, prediction_interval: PredictionInterval | None) -> float:

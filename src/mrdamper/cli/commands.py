@@ -1,0 +1,136 @@
+"""Commands made from the rows of the registry: their arguments, options, help and output.
+
+Only click is loaded with this module; a job's libraries are loaded when it starts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import click
+
+from mrdamper.registry import Input, Job
+from mrdamper.schema import Field
+
+__all__ = ["command_of", "parameters_of"]
+
+_FILE = click.Path(path_type=Path)
+
+
+def command_of(job: Job, finish: Callable[[Job, Any, Mapping[str, Any], bool], int]) -> click.Command:
+    """Return the command of a job; ``finish`` prints what came of it and returns the exit code."""
+
+    def run(*, as_json: bool, out: Path | None = None, **values: Any) -> int:  # noqa: ANN401 - click checks them
+        from mrdamper.cli.terminal import on_progress
+
+        given = {each.name: values.pop(each.name) for each in job.inputs}
+        options = job.options_type(**{name: value for name, value in values.items() if value is not None})
+        with on_progress(job.progress_word) as progress:
+            result, answer = job.perform(given, options, out=out, on_progress=progress)
+        return finish(job, result, answer, as_json)
+
+    return LateCommand(job, callback=run)
+
+
+class LateCommand(click.Command):
+    """A command whose parameters are made when they are asked for: a list of commands needs none."""
+
+    def __init__(self, job: Job, callback: Callable[..., int]) -> None:
+        super().__init__(job.name, help=job.help, callback=callback)
+        self._job: Job | None = job
+
+    def get_params(self, ctx: click.Context) -> list[click.Parameter]:
+        if self._job is not None:
+            self.params, self._job = list(parameters_of(self._job)), None
+        return super().get_params(ctx)
+
+    def make_parser(self, ctx: click.Context) -> Any:  # noqa: ANN401 - click's own
+        self.get_params(ctx)
+        return super().make_parser(ctx)
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        self.get_params(ctx)
+        return super().parse_args(ctx, args)
+
+
+def parameters_of(job: Job) -> Iterator[click.Parameter]:
+    """Yield a job's arguments and options as click has them: inputs, the folder, its own options."""
+    yield from (_input(each) for each in job.inputs if not each.flag)
+    yield from (_input(each) for each in job.inputs if each.flag)
+    if job.files_help:
+        text = job.files_help
+        yield click.Option(["--out"], type=_FILE, metavar="DIR", help=text, required=job.out_required)
+    yield from (_option(each) for each in job.fields if each.option.flag != "-")
+    text = "Print one JSON object on standard output, nothing else."
+    yield click.Option(["--json", "as_json"], is_flag=True, help=text)
+
+
+def _input(each: Input) -> click.Parameter:
+    from mrdamper.registry import KINDS
+
+    metavar = KINDS[each.kind].metavar
+    if not each.flag:
+        return click.Argument([each.name], type=_FILE, required=each.required, metavar=metavar)
+    kind = str if each.default is not None else _FILE
+    return click.Option(
+        [each.flag, each.name],
+        type=kind,
+        metavar=metavar,
+        help=each.help,
+        default=each.default,
+        show_default=each.default is not None,
+        required=each.required,
+    )
+
+
+def _option(field: Field) -> click.Option:
+    said, option = field.option.help, field.option
+    flag = option.flag or f"--{field.name.replace('_', '-')}"
+    if field.type is bool:
+        # an option that is on by default is named for turning it off
+        return click.Option(
+            [flag, field.name], is_flag=True, flag_value=not field.default, default=None, help=said
+        )
+    default = None if field.many or field.default is None else field.default
+    if default is None and option.default_help:
+        said += f"  [default: {option.default_help}]"
+    if field.many:
+        return click.Option(
+            [flag, field.name],
+            type=_type(field),
+            multiple=True,
+            help=said,
+            metavar=option.metavar or None,
+            callback=lambda _, __, values: values or None,
+        )
+    return click.Option(
+        [flag, field.name],
+        type=_type(field),
+        default=default,
+        show_default=default is not None,
+        help=said,
+        metavar=option.metavar or None,
+    )
+
+
+def _type(field: Field) -> click.ParamType[Any]:
+    """Return what click checks a value by."""
+    item, option = field.item, field.option
+    if field.choices and option.among is None:
+        return click.Choice(field.choices)
+    low = option.above if option.least is None else option.least
+    high = option.below if option.most is None else option.most
+    if item is int:
+        top = None if high is None else int(high) - (option.most is None)
+        return (
+            click.INT
+            if low is None and top is None
+            else click.IntRange(None if low is None else int(low), top)
+        )
+    if item is float:
+        if low is None and high is None:
+            return click.FLOAT
+        return click.FloatRange(low, high, min_open=option.least is None, max_open=option.most is None)
+    return _FILE if item is Path else click.STRING
