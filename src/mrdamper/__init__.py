@@ -14,6 +14,9 @@ from typing import TYPE_CHECKING
 from mrdamper.errors import ConvergenceError, EnvelopeError, InputError, MissingExtraError, MrdamperError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+    from typing import Any
+
     from mrdamper.data.prepare import prepare_run
     from mrdamper.data.readers import read_runs
     from mrdamper.data.records import Dataset, RigRun
@@ -25,6 +28,7 @@ if TYPE_CHECKING:
     from mrdamper.models.simulate import simulate
 
     __version__: str
+    heat: Callable[..., Any]
 
 __all__ = [
     "ConvergenceError",
@@ -39,6 +43,7 @@ __all__ = [
     "__version__",
     "assess",
     "fit",
+    "heat",
     "predict",
     "prepare_run",
     "read_card",
