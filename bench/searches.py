@@ -74,7 +74,7 @@ class Campaign:
 def campaign(seed: int = 0) -> Campaign:
     """Return the campaign with one draw of noise."""
     made = _runs(None, np.random.default_rng(0))
-    truth = template("bouc-wen", made, terms=())[0].with_numbers(TRUTH)
+    truth = template("bouc-wen", made, terms=())[0].with_parameters(TRUTH)
     runs = _runs(truth, np.random.default_rng(seed))
     damper, free = template("bouc-wen", runs, terms=())
     problem = FitProblem(damper, free, tuple(runs), rate_Hz=RATE_Hz)

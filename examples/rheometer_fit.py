@@ -12,5 +12,5 @@ for fit in study.fits:
     fall, error = fit.fall_percent()
     name = type(fit.factor).__name__
     print(f"{name:9} rms {fit.rms_percent:5.2f} %, AICc {fit.aicc:6.1f}, falls by {fall:.1f} ± {error:.2f} %")
-for number in study.best.numbers:
+for number in study.best.parameters:
     print(number)

@@ -245,8 +245,8 @@ def bias_of_n(preparation: Preparation | None, terms: tuple[str, ...] | None) ->
     found = []
     for seed in range(4):
         fitted = mrdamper.fit(noisy(KNOWN, seed, 1e-4), PLAIN, terms=terms, preparation=preparation)
-        found.append(fitted.damper.numbers["n.value"])
-    return float(np.mean(found)) / KNOWN.numbers["n.value"] - 1.0
+        found.append(fitted.damper.parameters["n.value"])
+    return float(np.mean(found)) / KNOWN.parameters["n.value"] - 1.0
 
 
 @pytest.mark.parametrize("terms", [None, ()], ids=["with friction", "plain"])

@@ -417,11 +417,11 @@ def test_what_is_measured_teaches_the_gains():
     """
     damper = at_once(DOUBLE)
     yields = {name: damper.coefficients[name] for name in ("yield_force", "second_force")}
-    aged = damper.with_numbers(
+    aged = damper.with_parameters(
         {
             f"{name}.{number}": 0.88 * value
             for name, form in yields.items()
-            for number, value in zip(form.number_names, form.numbers, strict=True)
+            for number, value in zip(form.parameter_names, form.parameters, strict=True)
         }
         | {"viscosity.c0": 1.3 * 7000.0, "viscosity.c1": 1.3 * 700.0}
     )
@@ -441,7 +441,7 @@ def test_what_is_measured_teaches_the_gains():
 
 def test_a_scaled_controller_gives_the_current_of_the_scaled_force():
     """All parts times k, spring and offset aside: the command for k F is that of one for F."""
-    bare = at_once(DOUBLE).with_numbers({"stiffness.value": 0.0, "offset.c0": 0.0, "offset.c1": 0.0})
+    bare = at_once(DOUBLE).with_parameters({"stiffness.value": 0.0, "offset.c0": 0.0, "offset.c1": 0.0})
     made = controllers_for(bare)["exact"]
     twice = made.scaled(2.0, 2.0, 2.0)
     for wanted in (200.0, 500.0, 900.0):

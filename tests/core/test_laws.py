@@ -732,17 +732,17 @@ def test_every_number_s_tangent_is_a_central_difference_when_the_command_varies(
     trajectory = open_drive(with_command(random_drive(1, rate=500.0, duration=1.0)))
     constant = {key: Constant(value) for key, value in {**TYPICAL[name], **FRICTION}.items()}
     d = Damper(LAWS[name], {**constant, **RICH[name]}, command_lag_s=0.03)
-    numbers = [*d.numbers, LAG]
+    numbers = [*d.parameters, LAG]
     found = sensitivities(d, trajectory, numbers)
     np.testing.assert_array_equal(found.force, simulate(d, trajectory))
     columns = found.combine @ found.columns
     for row, number in enumerate(numbers):
 
         def force_at(value, number=number):
-            moved = replace(d, command_lag_s=value) if number == LAG else d.with_numbers({number: value})
+            moved = replace(d, command_lag_s=value) if number == LAG else d.with_parameters({number: value})
             return core.run(number_of(moved), trajectory.record, _along(moved, trajectory))[0]
 
-        value = d.command_lag_s if number == LAG else d.numbers[number]
+        value = d.command_lag_s if number == LAG else d.parameters[number]
         assert worst_tangent(columns[row], force_at, value) < 1e-6, number
 
 

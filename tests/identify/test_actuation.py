@@ -108,7 +108,7 @@ def test_a_law_that_is_wrong_in_level_says_the_same_about_time():
     known = KNOWN["slow up"]
     wrong = {**LAW.coefficients, "offset": Constant(90.0)}
     assert isinstance(wrong["yield_force"], Polynomial)
-    wrong["yield_force"] = Polynomial(tuple(1.2 * number for number in wrong["yield_force"].numbers))
+    wrong["yield_force"] = Polynomial(tuple(1.2 * number for number in wrong["yield_force"].parameters))
     run = stepped(replace(LAW, actuation=known), seed=1)
     right, found = fit_actuation(LAW, [run]), fit_actuation(replace(LAW, coefficients=wrong), [run])
     errors = np.array([right.standard_errors[name] for name in TIMES])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mrdamper.errors import InputError
-from mrdamper.identify.assess import assess, choose_law, leave_out, passivity, score_run, summary
+from mrdamper.identify.assess import assess, choose_law, cross_validate, passivity, score_run, summary
 from mrdamper.identify.problem import FitProblem
 from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.templates import template
@@ -72,11 +72,11 @@ def test_every_motion_is_left_out_once_and_inner_currents_only() -> None:
         seen.append(len(some))  # type: ignore[arg-type]
         return TRUTHS[LAW]
 
-    motions = leave_out(fit, runs, "motion")  # type: ignore[arg-type]
+    motions = cross_validate(fit, runs, "motion")  # type: ignore[arg-type]
     assert [left.left_out for left in motions] == ["harmonics", "sine 10 mm 2 Hz", "sine 5 mm 1 Hz"]
     assert seen == [8, 8, 8]
     assert sum(len(left.errors) for left in motions) == len(runs)
-    currents = leave_out(fit, runs, "current")  # type: ignore[arg-type]
+    currents = cross_validate(fit, runs, "current")  # type: ignore[arg-type]
     assert [left.left_out for left in currents] == ["0.5 A", "1 A"]
 
 

@@ -19,13 +19,14 @@ from mrdamper.identify.confidence.direction import Direction, worst_direction
 from mrdamper.identify.confidence.profiles import profile
 from mrdamper.identify.confidence.resampling import _draw, _levels, bootstrap
 from mrdamper.identify.confidence.sentences import sentence
-from mrdamper.identify.problem import FitProblem, FitResult, FreeParameter, move
-from mrdamper.identify.search.variable_projection import Progress, fit_variable_projection
+from mrdamper.identify.problem import FitProblem, FitResult, FreeParameter
+from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.templates import template
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant, Polynomial
 from mrdamper.models.laws import find_law
 from mrdamper.models.simulate import simulate
+from mrdamper.runtime.progress import ProgressUpdate
 from tests.identify.truths import TRUTHS, measured
 
 LINEAR = ("viscosity.value", "stiffness.value", "offset.value")
@@ -134,7 +135,9 @@ def test_the_stated_change_is_real() -> None:
     values = {e.name: e.value for e in result.estimates}
     moved = {name: values[name] + d for name, d in zip(found.names, found.changes, strict=True)}
     assert found.cost_percent == pytest.approx(error_percent(problem, result.damper), rel=1e-9)
-    assert found.moved_percent == pytest.approx(error_percent(problem, move(result.damper, moved)), rel=1e-9)
+    assert found.moved_percent == pytest.approx(
+        error_percent(problem, result.damper.with_parameters(moved)), rel=1e-9
+    )
     samples = sum(len(run.force) - run.scored_from for run in problem.runs)
     rise = found.moved_percent**2 / found.cost_percent**2 - 1.0
     assert 0.3 / samples < rise < 3.0 / samples
@@ -278,7 +281,7 @@ def test_a_value_without_any_fit_ends_the_profile_there(monkeypatch: pytest.Monk
     best = result.estimates[0].value
 
     def none_below(held: FitProblem, **options: object) -> FitResult:
-        if held.template.numbers["viscosity.value"] < best:
+        if held.template.parameters["viscosity.value"] < best:
             raise ConvergenceError("no start reached a finite cost")
         return fit_variable_projection(held, **options)  # type: ignore[arg-type]
 
@@ -291,7 +294,7 @@ def test_a_value_without_any_fit_ends_the_profile_there(monkeypatch: pytest.Monk
 
 def test_a_number_that_is_not_there_and_a_number_of_places_without_a_middle_are_refused() -> None:
     problem, result = linear_problem()
-    with pytest.raises(InputError, match=r"no number 'gap'; it moved viscosity\.value"):
+    with pytest.raises(InputError, match=r"no parameter 'gap'; it moved viscosity\.value"):
         profile(problem, result, "gap")
     with pytest.raises(InputError, match="4 points"):
         profile(problem, result, "viscosity.value", points=4)
@@ -300,11 +303,11 @@ def test_a_number_that_is_not_there_and_a_number_of_places_without_a_middle_are_
 def test_an_interrupted_profile_keeps_what_it_has() -> None:
     problem, result = linear_problem()
 
-    def stop_at_third(progress: Progress) -> None:
-        if progress.start == 1:
+    def stop_at_third(progress: ProgressUpdate) -> None:
+        if progress.done == 1:
             raise KeyboardInterrupt
 
-    found = profile(problem, result, "viscosity.value", report=stop_at_third)
+    found = profile(problem, result, "viscosity.value", on_progress=stop_at_third)
     assert found.cancelled
     assert len(found.values) == 2
     assert found.ends == ("span", "span")
@@ -325,7 +328,7 @@ def test_the_share_of_a_held_number_counts_in_the_laws_conditions() -> None:
         for r in pushed.runs
     )
     edge = fit_variable_projection(replace(pushed, runs=less), starts=0, first=truth)
-    assert edge.damper.numbers["viscosity.c1"] == pytest.approx(-400.0, rel=1e-6)
+    assert edge.damper.parameters["viscosity.c1"] == pytest.approx(-400.0, rel=1e-6)
 
 
 @pytest.mark.long
@@ -343,7 +346,7 @@ def test_nineteen_of_twenty_intervals_hold_the_truth(correlated_over: float) -> 
         )
         problem, result = usual("bouc-wen", runs)
         low, high = profile(problem, result, "n.value", points=5).interval
-        held.append(low <= TRUTHS["bouc-wen"].numbers["n.value"] <= high)
+        held.append(low <= TRUTHS["bouc-wen"].parameters["n.value"] <= high)
     assert np.mean(held) == pytest.approx(0.95, abs=3.0 * math.sqrt(0.95 * 0.05 / len(held)))
 
 
@@ -424,11 +427,11 @@ def test_one_run_at_each_current_is_nothing_to_draw_from() -> None:
 def test_an_interrupted_bootstrap_keeps_its_draws_and_says_how_many() -> None:
     problem, result = linear_problem()
 
-    def stop_after_five(progress: Progress) -> None:
-        if progress.start == 4:
+    def stop_after_five(progress: ProgressUpdate) -> None:
+        if progress.done == 4:
             raise KeyboardInterrupt
 
-    found = bootstrap(problem, result, draws=50, report=stop_after_five)
+    found = bootstrap(problem, result, draws=50, on_progress=stop_after_five)
     assert found.cancelled
     assert found.draws == 5
     assert sentence(found).startswith("5 of 50 draws of runs, interrupted: ")

@@ -45,7 +45,7 @@ def errors_from_the_truth(law: str, seeds: range) -> dict[str, NDArray[np.float6
             f"seed {seed}: not the noise floor"
         )
         for e in result.estimates:
-            off.setdefault(e.name, []).append(abs(e.value - truth.numbers[e.name]) / e.standard_error)
+            off.setdefault(e.name, []).append(abs(e.value - truth.parameters[e.name]) / e.standard_error)
             identifiable[e.name] = identifiable.get(e.name, 0) + e.identifiable
     return {name: np.array(off[name]) for name, count in identifiable.items() if count > len(seeds) / 2}
 
@@ -55,7 +55,7 @@ def test_twenty_noisy_campaigns_give_the_numbers_back(law: str) -> None:
     """One miss of twenty is 5 %: allowed for one draw, not for two."""
     off = errors_from_the_truth(law, range(20))
     shares = {name: float(np.mean(z < 3.0)) for name, z in off.items()}
-    assert len(shares) >= len(TRUTHS[law].numbers) // 3
+    assert len(shares) >= len(TRUTHS[law].parameters) // 3
     assert min(shares.values()) >= 0.95, shares
     assert np.mean(list(shares.values())) >= 0.97
 
@@ -78,7 +78,7 @@ def test_without_noise_the_numbers_come_back_exactly(law: str) -> None:
     result = fit_variable_projection(FitProblem(damper, free, runs, rate_Hz=500.0), starts=3, seed=0)
     assert result.cost_percent < 0.05
     for estimate in result.estimates:
-        truth = TRUTHS[law].numbers[estimate.name]
+        truth = TRUTHS[law].parameters[estimate.name]
         assert estimate.value == pytest.approx(truth, rel=0.02, abs=1e-3 * max(1.0, abs(truth))), (
             estimate.name
         )

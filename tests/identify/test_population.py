@@ -10,8 +10,9 @@ import pytest
 from mrdamper.identify.assess import score_run
 from mrdamper.identify.problem import FitProblem
 from mrdamper.identify.search.population import Ensemble, fit_cma, fit_genetic
-from mrdamper.identify.search.variable_projection import fit_variable_projection
+from mrdamper.identify.search.variable_projection import SearchState, fit_variable_projection
 from mrdamper.identify.templates import template
+from mrdamper.runtime.progress import ProgressUpdate
 from tests.identify.truths import TRUTHS, measured
 
 
@@ -69,9 +70,12 @@ def test_an_inadmissible_candidate_costs_more_than_any_other(problem: FitProblem
 def test_the_genetic_algorithm_descends_and_projection_is_not_beaten(problem: FitProblem) -> None:
     told: list[float] = []
     generations = 25
-    genetic = fit_genetic(
-        problem, population=40, generations=generations, seed=0, report=lambda p: told.append(p.best_percent)
-    )
+
+    def note(progress: ProgressUpdate) -> None:
+        assert isinstance(progress.detail, SearchState)
+        told.append(progress.detail.best_percent)
+
+    genetic = fit_genetic(problem, population=40, generations=generations, seed=0, on_progress=note)
     projected = fit_variable_projection(problem, starts=1, seed=0)
     assert len(told) == generations
     assert told == sorted(told, reverse=True)
@@ -81,11 +85,11 @@ def test_the_genetic_algorithm_descends_and_projection_is_not_beaten(problem: Fi
 
 
 def test_an_interrupt_keeps_the_best_generation(problem: FitProblem) -> None:
-    def stop(progress: object) -> None:
-        if getattr(progress, "iteration", 0) == 3:
+    def stop(progress: ProgressUpdate) -> None:
+        if isinstance(progress.detail, SearchState) and progress.detail.iteration == 3:
             raise KeyboardInterrupt
 
-    result = fit_genetic(problem, population=20, generations=50, seed=0, report=stop)
+    result = fit_genetic(problem, population=20, generations=50, seed=0, on_progress=stop)
     assert result.cancelled
 
 

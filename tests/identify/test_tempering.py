@@ -19,9 +19,9 @@ from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.temperature import (
     TEMPERATURES,
     Temperature,
-    assume,
-    settled,
-    temper,
+    apply_fluid,
+    apply_temperature,
+    scale_thinning,
     temperature_levels,
 )
 from mrdamper.identify.templates import HELD_BEYOND_K, template
@@ -216,8 +216,8 @@ def test_viscous_parts_follow_the_viscosity_and_yield_parts_are_linear(kind, fac
             assert yielding.temperature_degree == 1
     for name in ("rho", "kappa", "n", "stiffness", "viscous_exponent", "stribeck_velocity"):
         assert not damper.coefficients[name].temperature_dependent, name
-    assert names_of(free, "viscosity")[-len(viscosity.factor.numbers) :] == list(
-        viscosity.factor.number_names
+    assert names_of(free, "viscosity")[-len(viscosity.factor.parameters) :] == list(
+        viscosity.factor.parameter_names
     )
 
 
@@ -229,11 +229,11 @@ def test_every_law_has_a_tempered_template_that_can_be_simulated(name, kind):
     assert damper.temperature_dependent
     assert damper.assumed == ()
     FitProblem(damper, free, CAMPAIGN)  # knows every name, each once
-    values = damper.numbers
+    values = damper.parameters
     assert all(each.lower <= values[each.name] <= each.upper for each in free), name
     for coefficient, form in damper.coefficients.items():
         if isinstance(form, TemperatureDependent):
-            assert set(names_of(free, coefficient)) >= set(form.factor.number_names)
+            assert set(names_of(free, coefficient)) >= set(form.factor.parameter_names)
     for run in CAMPAIGN[:3]:
         assert np.isfinite(simulate(damper, run.trajectory)).all()
 
@@ -260,9 +260,9 @@ def test_numbers_that_are_called_linear_are_linear_together(kind):
     assert linear
 
     def force(share: float) -> np.ndarray:
-        return simulate(damper.with_numbers({n: start[n] + share * step[n] for n in linear}), run)
+        return simulate(damper.with_parameters({n: start[n] + share * step[n] for n in linear}), run)
 
-    start = {n: abs(v) + 1.0 for n, v in damper.numbers.items()}
+    start = {n: abs(v) + 1.0 for n, v in damper.parameters.items()}
     # Small steps in what multiplies temperature, so that no coefficient falls below zero.
     step = {n: start[n] * rng.uniform(0.0, 1e-3) for n in linear}
     left, middle, right = force(0.0), force(1.0), force(2.0)
@@ -283,7 +283,7 @@ def test_no_slope_in_its_bounds_makes_a_factor_vanish_at_the_runs_temperatures(c
     assert isinstance(form, TemperatureDependent)
     (slope,) = [each for each in free if each.name == "yield_force.temperature_slope"]
     for end in (slope.lower, slope.upper):
-        factor = form.factor.with_numbers([end]).value([c + CELSIUS for c in celsius])
+        factor = form.factor.with_parameters([end]).value([c + CELSIUS for c in celsius])
         assert np.all(factor >= 0.05 - 1e-12)
 
 
@@ -302,7 +302,7 @@ def test_a_bilinear_form_keeps_the_bounds_at_20_degrees():
         FreeParameter("rho.value", 1.0, 10.0),
     ]
     levels = [c + CELSIUS for c in THREE]
-    temperature_dependent, moved = temper(law, forms, free, levels, "arrhenius")
+    temperature_dependent, moved = apply_temperature(law, forms, free, levels, "arrhenius")
     assert temperature_dependent["yield_force"] == Bipolynomial((100.0, 0.0, 50.0, 0.0), 1)
     by_name = {each.name: each for each in moved}
     assert list(by_name) == ["rho.value", *(f"yield_force.c{i}{j}" for i in (0, 1) for j in (0, 1))]
@@ -356,7 +356,7 @@ def test_an_assumption_takes_only_what_a_fluid_knows():
         "stiffness": Constant(900.0),
         "rho": Exponential(1500.0, -0.3),
     }
-    assumed = assume(forms, Oil())
+    assumed = apply_fluid(forms, Oil())
     assert [name for name, form in assumed.items() if form.temperature_dependent] == [
         "viscosity",
         "rate_force",
@@ -373,9 +373,9 @@ def test_an_assumption_takes_only_what_a_fluid_knows():
 def test_an_assumed_thinning_follows_the_viscosity_to_its_exponent(factor):
     """|v|^m goes with the viscosity to the power m, whatever its law."""
     forms = dict(TRUTHS["series-valve"].coefficients)
-    truth = Damper(LAWS["series-valve"], assume(forms, Oil(viscosity_factor=factor)))
+    truth = Damper(LAWS["series-valve"], apply_fluid(forms, Oil(viscosity_factor=factor)))
     kelvin = np.array([273.15, 293.15, 350.0])
-    final = settled(truth)
+    final = scale_thinning(truth)
     for name, exponent in (("thinning", 0.5), ("leak_damping", 0.95)):
         form = final.coefficients[name]
         assert isinstance(form, TemperatureDependent)
@@ -389,7 +389,7 @@ def test_an_assumed_thinning_follows_the_viscosity_to_its_exponent(factor):
             for n, f in truth.coefficients.items()
         },
     )
-    assert settled(identified) == identified
+    assert scale_thinning(identified) == identified
 
 
 # --------------------------------------------------------------------------------------------- the truth
@@ -414,9 +414,9 @@ def test_a_tempered_truth_is_found_again(kind: Temperature) -> None:
     damper, free = template("bouc-wen", runs, temperature=kind, terms=())
     result = fit_variable_projection(FitProblem(damper, free, runs), starts=1, seed=0)
     assert result.cost_percent < 0.2
-    found = result.damper.numbers
-    name = f"viscosity.{factor.number_names[0]}"
-    assert found[name] == pytest.approx(factor.numbers[0], rel=0.02)
+    found = result.damper.parameters
+    name = f"viscosity.{factor.parameter_names[0]}"
+    assert found[name] == pytest.approx(factor.parameters[0], rel=0.02)
     kelvin = np.array([310.0, 340.0, 365.0])
     at = np.full(3, 1.0)
     for coefficient in ("viscosity", "yield_force"):

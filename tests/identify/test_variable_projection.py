@@ -16,12 +16,13 @@ from mrdamper.errors import InputError
 from mrdamper.identify.problem import FitProblem, FreeParameter
 from mrdamper.identify.search.objective import Objective, _bounded_least_squares
 from mrdamper.identify.search.variable_projection import (
-    Progress,
+    SearchState,
     fit_variable_projection,
     latin_hypercube,
 )
 from mrdamper.identify.templates import template
 from mrdamper.models.simulate import simulate
+from mrdamper.runtime.progress import ProgressUpdate
 from tests.identify.truths import TRUTHS, measured
 
 
@@ -41,7 +42,7 @@ def test_every_seed_finds_the_same_optimum(law: str) -> None:
 def test_the_same_seed_gives_the_same_numbers() -> None:
     problem = problem_of("bouc-wen")
     one, two = (fit_variable_projection(problem, starts=1, seed=4) for _ in range(2))
-    assert one.damper.numbers == two.damper.numbers
+    assert one.damper.parameters == two.damper.parameters
 
 
 def test_the_cost_is_the_mean_squared_error_of_the_runs() -> None:
@@ -61,17 +62,17 @@ def test_eliminating_linear_numbers_is_least_squares() -> None:
     objective = Objective(problem, problem.prepare())
     nonlinear = np.array([[1800.0, -0.5, 1.4]])
     assert objective.nonlinear == ("rho.value", "kappa.value", "n.value")
-    guess = objective.numbers_of(problem.template)[1]
+    guess = objective.candidate_of(problem.template)[1]
     found = objective.eliminate(nonlinear, guess, np.empty((1, 0)))
     values = dict(zip(objective.nonlinear, nonlinear[0].tolist(), strict=True))
-    best = problem.template.with_numbers(
+    best = problem.template.with_parameters(
         {**values, **dict(zip(objective.linear, found.linear[0].tolist(), strict=True))}
     )
     assert objective.gram(best, (), {})[-1, -1] == pytest.approx(found.cost[0], rel=1e-9)
     for name in objective.linear:
-        value = best.numbers[name]
+        value = best.parameters[name]
         for change in (0.99, 1.01):
-            moved = best.with_numbers({name: value * change})
+            moved = best.with_parameters({name: value * change})
             assert objective.gram(moved, (), {})[-1, -1] > found.cost[0]
 
 
@@ -79,7 +80,7 @@ def test_the_projected_gradient_is_the_gradient_of_the_eliminated_cost() -> None
     problem = problem_of("bouc-wen")
     objective = Objective(problem, problem.prepare())
     at, none = np.array([[1500.0, -0.2, 1.0]]), np.empty((1, 0))
-    best = objective.eliminate(at, objective.numbers_of(problem.template)[1], none)
+    best = objective.eliminate(at, objective.candidate_of(problem.template)[1], none)
     _, gradient, _ = objective.projected(objective.sums(at, best.linear, none), best.linear)
     for place in range(3):
         step = np.zeros(3)
@@ -105,14 +106,14 @@ def test_candidates_side_by_side_are_those_of_one_at_a_time() -> None:
     objective = Objective(problem, problem.prepare())
     draw = np.random.default_rng(0)
     nonlinear = np.array([[1500.0, -0.2, 1.0]]) * draw.uniform(0.8, 1.2, (4, 3))
-    linear = objective.numbers_of(problem.template)[1] * draw.uniform(0.5, 1.5, (4, 1))
-    tares = draw.normal(scale=20.0, size=(4, 2))
-    together = objective.sums(nonlinear, linear, tares)
+    linear = objective.candidate_of(problem.template)[1] * draw.uniform(0.5, 1.5, (4, 1))
+    session_offsets = draw.normal(scale=20.0, size=(4, 2))
+    together = objective.sums(nonlinear, linear, session_offsets)
     names = (*objective.nonlinear, *objective.linear)
     for k in range(4):
         values = dict(zip(names, [*nonlinear[k].tolist(), *linear[k].tolist()], strict=True))
-        offsets = dict(zip(objective.sessions, tares[k].tolist(), strict=True))
-        alone = objective.gram(problem.template.with_numbers(values), names, offsets)
+        offsets = dict(zip(objective.sessions, session_offsets[k].tolist(), strict=True))
+        alone = objective.gram(problem.template.with_parameters(values), names, offsets)
         np.testing.assert_allclose(together[k], alone, rtol=1e-9, atol=1e-9 * float(np.abs(alone).max()))
 
 
@@ -155,28 +156,31 @@ def test_a_tare_that_shifted_between_sessions_is_found_and_does_not_touch_the_re
     )
     result = fit_variable_projection(replace(problem, runs=runs), starts=1, seed=0)
     assert result.offsets_N["b"] - result.offsets_N["a"] == pytest.approx(85.0, abs=2.0)
-    truth = TRUTHS["bouc-wen"].numbers
+    truth = TRUTHS["bouc-wen"].parameters
     assert result.offsets_N["a"] + result.offsets_N["b"] == pytest.approx(0.0, abs=2.0), (
         "the rest is the law's"
     )
-    assert result.damper.numbers["rho.value"] == pytest.approx(truth["rho.value"], rel=0.1)
+    assert result.damper.parameters["rho.value"] == pytest.approx(truth["rho.value"], rel=0.1)
 
 
 def test_an_interrupt_keeps_the_best_so_far() -> None:
-    told: list[Progress] = []
+    told: list[SearchState] = []
 
-    def stop_after_three(progress: Progress) -> None:
-        told.append(progress)
+    def stop_after_three(progress: ProgressUpdate) -> None:
+        assert isinstance(progress.detail, SearchState)
+        told.append(progress.detail)
         if len(told) == 3:
             raise KeyboardInterrupt
 
-    result = fit_variable_projection(problem_of("series-valve"), starts=5, seed=0, report=stop_after_three)
+    result = fit_variable_projection(
+        problem_of("series-valve"), starts=5, seed=0, on_progress=stop_after_three
+    )
     assert result.cancelled
     assert result.cost_percent == pytest.approx(told[-1].best_percent)
 
 
 class Notebook:
-    """A ledger in memory, which keeps what a JSON file would."""
+    """A checkpoint in memory, which keeps what a JSON file would."""
 
     def __init__(self) -> None:
         self.pages: dict[str, str] = {}
@@ -188,16 +192,16 @@ class Notebook:
         self.pages[key] = json.dumps(value)
 
 
-def test_a_fit_that_goes_on_from_a_ledger_ends_with_the_same_bits() -> None:
+def test_a_fit_that_goes_on_from_a_checkpoint_ends_with_the_same_bits() -> None:
     problem, whole = problem_of("series-valve"), Notebook()
-    once = fit_variable_projection(problem, starts=3, seed=0, ledger=whole)
+    once = fit_variable_projection(problem, starts=3, seed=0, checkpoint=whole)
     made = len(whole.pages)
     assert made >= 2
     for count in range(made + 1):
         part = Notebook()
         part.pages = dict(list(whole.pages.items())[:count])
-        again = fit_variable_projection(problem, starts=3, seed=0, ledger=part)
-        assert again.damper.numbers == once.damper.numbers
+        again = fit_variable_projection(problem, starts=3, seed=0, checkpoint=part)
+        assert again.damper.parameters == once.damper.parameters
         assert (again.starts, again.history, again.cost_percent) == (
             once.starts,
             once.history,
@@ -218,9 +222,10 @@ def test_a_start_that_joined_a_former_one_would_have_ended_where_that_one_did() 
 
 
 def test_progress_never_gets_worse() -> None:
-    told: list[Progress] = []
-    fit_variable_projection(problem_of("tanh"), starts=3, seed=1, report=told.append)
-    best = [progress.best_percent for progress in told]
+    told: list[ProgressUpdate] = []
+    fit_variable_projection(problem_of("tanh"), starts=3, seed=1, on_progress=told.append)
+    best = [update.detail.best_percent for update in told if isinstance(update.detail, SearchState)]
+    assert len(best) == len(told) >= 3
     assert best == sorted(best, reverse=True)
 
 

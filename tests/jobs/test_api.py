@@ -36,7 +36,7 @@ def test_a_fit_s_card_reproduces_its_errors_after_a_round_trip(fitted, runs):
 
 def test_held_out_runs_do_not_move_the_fit(fitted, runs):
     alone = mrdamper.fit([run for run in runs if "_0.75V_" not in run.name], "bouc-wen", starts=1)
-    assert alone.damper.numbers == fitted.damper.numbers
+    assert alone.damper.parameters == fitted.damper.parameters
     assert alone.fingerprint == fitted.fingerprint
 
 

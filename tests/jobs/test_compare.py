@@ -47,7 +47,7 @@ def a_card(
         damper=damper,
         envelope=envelope,
         evidence=Evidence(runs=(run,), method="varpro", cost=3.0, dataset_fingerprint="0"),
-        standard_errors={name: error for name, error in ERRORS.items() if name in damper.numbers},
+        standard_errors={name: error for name, error in ERRORS.items() if name in damper.parameters},
     )
 
 
@@ -61,7 +61,7 @@ def warm_damper(slope: float = 1e-3) -> Damper:
 def test_a_card_does_not_differ_from_itself():
     same = compare_cards(a_card(a_damper()), a_card(a_damper()))
     assert (same.found[0].extension == same.found[1].extension).all()
-    assert all(pair.z == 0.0 for pair in same.numbers if pair.z is not None)
+    assert all(pair.z == 0.0 for pair in same.parameters if pair.z is not None)
     assert same.verdict == "second and first give the same force everywhere."
 
 
@@ -80,13 +80,13 @@ def test_swapping_the_cards_turns_every_difference_round():
     first, second = a_card(a_damper()), a_card(a_damper(1.2, viscosity=Constant(700.0)))
     there, back = compare_cards(first, second), compare_cards(second, first)
     assert (there.found[1].damping == back.found[0].damping).all()
-    z = {pair.name: pair.z for pair in there.numbers}
-    assert {pair.name: None if pair.z is None else -pair.z for pair in back.numbers} == z
+    z = {pair.name: pair.z for pair in there.parameters}
+    assert {pair.name: None if pair.z is None else -pair.z for pair in back.parameters} == z
 
 
 def test_a_z_score_is_the_difference_over_both_standard_errors():
     found = compare_cards(a_card(a_damper()), a_card(a_damper(viscosity=Constant(1020.0))))
-    (viscosity,) = (pair for pair in found.numbers if pair.name == "viscosity.value")
+    (viscosity,) = (pair for pair in found.parameters if pair.name == "viscosity.value")
     assert viscosity.z == pytest.approx(120.0 / math.hypot(30.0, 30.0), rel=1e-12)
     assert viscosity.values == (900.0, 1020.0)
 
@@ -102,19 +102,19 @@ def test_a_difference_below_the_cards_own_errors_is_not_called_one():
 def test_numbers_of_different_laws_are_not_compared():
     dahl = Damper(LAWS["dahl"], {"yield_force": Constant(300.0), "rho": Constant(1e3)})
     found = compare_cards(a_card(a_damper()), a_card(dahl))
-    assert found.numbers == ()
+    assert found.parameters == ()
     assert any("the laws differ (bingham, dahl)" in note for note in found.notes)
 
 
 def test_numbers_of_different_forms_get_no_z_score():
     quadratic = a_damper(yield_force=Polynomial((60.0, 600.0, 0.0)))
     found = compare_cards(a_card(a_damper()), a_card(replace(quadratic)))
-    both = {pair.name: pair for pair in found.numbers}
+    both = {pair.name: pair for pair in found.parameters}
     assert both["yield_force.c2"].values == (None, 0.0)
     assert both["viscosity.value"].z == 0.0
     constant = a_damper(yield_force=Constant(60.0))
     found = compare_cards(a_card(a_damper()), a_card(constant))
-    assert {pair.z for pair in found.numbers if pair.name.startswith("yield_force.")} == {None}
+    assert {pair.z for pair in found.parameters if pair.name.startswith("yield_force.")} == {None}
     assert any(note.startswith("yield_force: of another form") for note in found.notes)
 
 

@@ -174,9 +174,9 @@ forms = {
         st.builds(Constant, positive),
         st.builds(Hill, positive, positive, st.floats(0.05, 20.0), st.floats(0.2, 8.0)),
         st.builds(Exponential, positive, st.floats(-3.0, 3.0)),
-        st.lists(positive, min_size=1, max_size=4).map(lambda numbers: Polynomial(tuple(numbers))),
+        st.lists(positive, min_size=1, max_size=4).map(lambda parameters: Polynomial(tuple(parameters))),
         st.lists(positive, min_size=1, max_size=3).map(
-            lambda numbers: Bipolynomial(tuple(x for c in numbers for x in (c, -1e-3 * c, 2e-6 * c)), 2)
+            lambda parameters: Bipolynomial(tuple(x for c in parameters for x in (c, -1e-3 * c, 2e-6 * c)), 2)
         ),
     ),
     "viscosity": st.builds(
@@ -188,7 +188,7 @@ forms = {
             st.builds(Reynolds, st.floats(-0.01, 0.05)),
             st.builds(Vft, st.floats(100.0, 2000.0), st.floats(20.0, 250.0)),
             st.lists(st.floats(-1e-7, 1e-7), min_size=1, max_size=3).map(
-                lambda numbers: PolynomialFactor(tuple(numbers))
+                lambda parameters: PolynomialFactor(tuple(parameters))
             ),
         ),
         st.booleans(),
@@ -278,8 +278,8 @@ def test_the_page_of_the_card_names_every_key_kind_and_number():
     assert f"(schema version {SCHEMA_VERSION})" in PAGE
     keys = [*DOCUMENT, *DOCUMENT["evidence"], *WARM_DOCUMENT["actuation"], *DOCUMENT["excerpt"]]
     kinds = [*KINDS, *FACTORS]
-    numbers = [n for c in WARM_DOCUMENT["coefficients"].values() for n in c["numbers"]]
-    assert [word for word in (*keys, *kinds, *numbers) if f"`{word}`" not in PAGE] == []
+    parameters = [n for c in WARM_DOCUMENT["coefficients"].values() for n in c["numbers"]]
+    assert [word for word in (*keys, *kinds, *parameters) if f"`{word}`" not in PAGE] == []
 
 
 def test_the_coefficients_that_the_page_shows_are_read():
@@ -289,8 +289,8 @@ def test_the_coefficients_that_the_page_shows_are_read():
     damaged = json.loads(json.dumps(WARM_DOCUMENT))
     damaged["coefficients"] |= coefficients
     damper = card_from_json(damaged).damper
-    assert damper.numbers["viscosity.activation_K"] == 1435.5
-    assert damper.numbers["yield_force.gain"] == 629.0
+    assert damper.parameters["viscosity.activation_K"] == 1435.5
+    assert damper.parameters["yield_force.gain"] == 629.0
 
 
 def test_a_card_cannot_be_changed():
@@ -336,7 +336,7 @@ def test_the_error_on_the_excerpt_is_counted_from_where_scoring_starts():
 
 
 def test_a_card_whose_numbers_were_changed_does_not():
-    stiffer = replace(CARD, damper=CARD.damper.with_numbers({"yield_force.gain": 600.0}))
+    stiffer = replace(CARD, damper=CARD.damper.with_parameters({"yield_force.gain": 600.0}))
     with pytest.raises(
         InputError, match=r"error on the excerpt of sine_10mm2Hz_1\.00A is .* numbers were changed"
     ):
@@ -750,7 +750,7 @@ def test_a_card_of_a_users_law_names_its_file_and_needs_the_law_passed(tmp_path)
     [
         (
             lambda: a_card(standard_errors={"rho.rat": 1.0}),
-            "standard_errors: no number 'rho.rat'; did you mean",
+            "standard_errors: no parameter 'rho.rat'; did you mean",
         ),
         (lambda: a_card(python_law="laws.py:Own"), "law 'bouc-wen' and python_law 'laws.py:Own' disagree"),
         (lambda: a_card(notes={"x": float("nan")}), "notes.x is nan; expected what JSON holds"),

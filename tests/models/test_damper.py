@@ -79,20 +79,20 @@ def test_coefficients_that_are_not_given_take_their_default_in_the_laws_order():
 
 def test_numbers_have_flat_names_and_units_in_the_laws_order():
     damper = bouc_wen()
-    assert list(damper.numbers)[:3] == ["viscosity.c0", "viscosity.c1", "stiffness.value"]
-    assert damper.numbers["yield_force.gain"] == 629.0
+    assert list(damper.parameters)[:3] == ["viscosity.c0", "viscosity.c1", "stiffness.value"]
+    assert damper.parameters["yield_force.gain"] == 629.0
     assert damper.units["yield_force.half_command"] == "A"
     assert damper.units["viscosity.c1"] == "N s/m/A"
-    assert damper.units.keys() == damper.numbers.keys()
+    assert damper.units.keys() == damper.parameters.keys()
 
 
 @given(st.data())
 def test_numbers_put_back_give_the_same_damper_and_changed_ones_are_read_back(data):
     damper = bouc_wen()
-    assert damper.with_numbers(damper.numbers) == damper
-    name = data.draw(st.sampled_from(sorted(damper.numbers)))
-    changed = damper.with_numbers({name: 0.75})
-    assert changed.numbers == {**damper.numbers, name: 0.75}
+    assert damper.with_parameters(damper.parameters) == damper
+    name = data.draw(st.sampled_from(sorted(damper.parameters)))
+    changed = damper.with_parameters({name: 0.75})
+    assert changed.parameters == {**damper.parameters, name: 0.75}
     assert damper == bouc_wen()  # a value: the first one stays as it was
 
 
@@ -122,8 +122,8 @@ def test_a_damper_cannot_be_changed_but_can_be_sent_to_another_process():
         ),
         (lambda: Damper(LAWS["dahl"], {}), "dahl: yield_force, rho not given, and there is no default"),
         (
-            lambda: bouc_wen().with_numbers({"rho.at_zer": 1.0}),
-            "no number 'rho.at_zer'; did you mean rho.at_zero",
+            lambda: bouc_wen().with_parameters({"rho.at_zer": 1.0}),
+            "no parameter 'rho.at_zer'; did you mean rho.at_zero",
         ),
         (lambda: Damper(LAWS["dahl"], series_valve().coefficients), "dahl: no coefficient 'thinning'"),
         (lambda: Damper(LAWS["bouc-wen"], bouc_wen().coefficients, MILLIAMPERE), "command_unit is 'mA'"),
@@ -142,7 +142,7 @@ def test_a_damper_cannot_be_changed_but_can_be_sent_to_another_process():
         ),
         (
             lambda: warm().coefficients_at(np.zeros(3), np.full(2, 300.0)),
-            r"temperature has shape \(2,\), the command \(3,\); expected one number or the same",
+            r"temperature has shape \(2,\), the command \(3,\); expected one number or the same shape",
         ),
         (lambda: OperatingEnvelope((1.0, 0.0), (0.0, 1.0), (0.0, 1.0)), r"envelope: command is \(1.0, 0.0\)"),
         (lambda: OperatingEnvelope((0.0, 1.0), (0.0, math.nan), (0.0, 1.0)), "envelope: displacement"),
@@ -206,13 +206,13 @@ def test_a_damper_says_whether_it_knows_temperature_and_what_of_it_is_assumed():
 
 def test_numbers_of_a_temperature_factor_are_numbers_like_any_other():
     damper = warm()
-    assert damper.numbers["viscosity.activation_K"] == 1435.5
+    assert damper.parameters["viscosity.activation_K"] == 1435.5
     assert damper.units["viscosity.activation_K"] == "K"
     assert damper.units["yield_force.temperature_slope"] == "1/K"
     assert damper.units["offset.c01"] == "N/K"
-    assert damper.with_numbers(damper.numbers) == damper
-    changed = damper.with_numbers({"viscosity.activation_K": 900.0})
-    assert changed.numbers == {**damper.numbers, "viscosity.activation_K": 900.0}
+    assert damper.with_parameters(damper.parameters) == damper
+    changed = damper.with_parameters({"viscosity.activation_K": 900.0})
+    assert changed.parameters == {**damper.parameters, "viscosity.activation_K": 900.0}
     assert changed.temperature_range == RANGE
     assert changed.assumed == ("yield_force",)
 

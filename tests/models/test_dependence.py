@@ -27,7 +27,7 @@ from mrdamper.schema import did_you_mean
 
 amounts = st.floats(-1e3, 1e3).filter(lambda x: x == 0.0 or abs(x) > 1e-6)
 constants = st.builds(Constant, amounts)
-polynomials = st.lists(amounts, min_size=1, max_size=5).map(lambda numbers: Polynomial(tuple(numbers)))
+polynomials = st.lists(amounts, min_size=1, max_size=5).map(lambda parameters: Polynomial(tuple(parameters)))
 hills = st.builds(
     Hill,
     amounts,
@@ -40,7 +40,7 @@ exponentials = st.builds(Exponential, amounts, st.floats(-3.0, 3.0))
 bipolynomials = st.integers(0, 3).flatmap(
     lambda degree: st.integers(1, 4).flatmap(
         lambda rows: st.lists(amounts, min_size=rows * (degree + 1), max_size=rows * (degree + 1)).map(
-            lambda numbers: Bipolynomial(tuple(numbers), degree)
+            lambda parameters: Bipolynomial(tuple(parameters), degree)
         )
     )
 )
@@ -51,7 +51,7 @@ FACTORS_DRAWN = {
     "reynolds": st.builds(Reynolds, st.floats(-0.02, 0.08)),
     "vft": st.builds(Vft, st.floats(20.0, 3000.0), st.floats(20.0, 200.0)),
     "polynomial": st.lists(st.floats(-0.01, 0.01), min_size=1, max_size=3).map(
-        lambda numbers: PolynomialFactor(tuple(numbers))
+        lambda parameters: PolynomialFactor(tuple(parameters))
     ),
 }
 temperature_dependent = st.builds(
@@ -65,45 +65,47 @@ every_form = pytest.mark.parametrize("form", FORMS)
 every_factor = pytest.mark.parametrize("factor", FACTORS_DRAWN)
 
 
-def factor_on_paper(kind, numbers, kelvin):
+def factor_on_paper(kind, parameters, kelvin):
     """Return a temperature factor as one writes it down; numbers may be complex."""
     above = kelvin - 293.15
     match kind:
         case "linear":
-            return 1 - numbers[0] * above
+            return 1 - parameters[0] * above
         case "arrhenius":
-            return np.exp(numbers[0] * (1 / kelvin - 1 / 293.15))
+            return np.exp(parameters[0] * (1 / kelvin - 1 / 293.15))
         case "reynolds":
-            return np.exp(-numbers[0] * above)
+            return np.exp(-parameters[0] * above)
         case "vft":
-            strength, pole = numbers
+            strength, pole = parameters
             return np.exp(strength * (1 / (kelvin - pole) - 1 / (293.15 - pole)))
         case "polynomial":
-            return 1 + sum(t * above**power for power, t in enumerate(numbers, start=1))
+            return 1 + sum(t * above**power for power, t in enumerate(parameters, start=1))
 
 
-def on_paper(law, numbers, command, kelvin=293.15):
+def on_paper(law, parameters, command, kelvin=293.15):
     """Return the form as one writes it down; numbers or command may be complex."""
     if isinstance(law, TemperatureDependent):
-        split = len(law.form.numbers)
-        factor = factor_on_paper(law.factor.kind, numbers[split:], kelvin)
-        return on_paper(law.form, numbers[:split], command) * factor
+        split = len(law.form.parameters)
+        factor = factor_on_paper(law.factor.kind, parameters[split:], kelvin)
+        return on_paper(law.form, parameters[:split], command) * factor
     match law.kind:
         case "bipolynomial":
             columns = law.temperature_degree + 1
             above = kelvin - 293.15
-            return sum(c * command ** (k // columns) * above ** (k % columns) for k, c in enumerate(numbers))
+            return sum(
+                c * command ** (k // columns) * above ** (k % columns) for k, c in enumerate(parameters)
+            )
         case "constant":
-            return numbers[0] + 0 * command
+            return parameters[0] + 0 * command
         case "polynomial":
-            return sum(c * command**power for power, c in enumerate(numbers))
+            return sum(c * command**power for power, c in enumerate(parameters))
         case "hill":
-            base, gain, half, q = numbers
+            base, gain, half, q = parameters
             u = command * (1 if command.real >= 0 else -1) / law.reference
             h = half / law.reference
             return base + gain * (1 + h**q) * u**q / (u**q + h**q)
         case "exponential":
-            return numbers[0] * np.exp(numbers[1] * command)
+            return parameters[0] * np.exp(parameters[1] * command)
 
 
 def scale_of(law, command, kelvin):
@@ -112,17 +114,17 @@ def scale_of(law, command, kelvin):
         factor = abs(float(law.factor.value(kelvin)))
         if isinstance(law.factor, PolynomialFactor):
             factor += sum(
-                abs(t) * abs(kelvin - 293.15) ** k for k, t in enumerate(law.factor.numbers, start=1)
+                abs(t) * abs(kelvin - 293.15) ** k for k, t in enumerate(law.factor.parameters, start=1)
             )
         return scale_of(law.form, command, kelvin) * (1.0 + factor)
     if isinstance(law, Bipolynomial):
-        return float(np.abs(law.gradient(command, kelvin)) @ np.abs(law.numbers))
-    return sum(map(abs, law.numbers)) + abs(float(law.value(command)))
+        return float(np.abs(law.gradient(command, kelvin)) @ np.abs(law.parameters))
+    return sum(map(abs, law.parameters)) + abs(float(law.value(command)))
 
 
 @given(laws, commands, kelvins)
 def test_the_value_is_the_form_on_paper(law, command, kelvin):
-    expected = on_paper(law, law.numbers, command, kelvin)
+    expected = on_paper(law, law.parameters, command, kelvin)
     scale = scale_of(law, command, kelvin)
     found = float(law.value(command, kelvin))
     assert found == pytest.approx(expected, rel=1e-12, abs=1e-12 * scale + 1e-300)
@@ -130,17 +132,17 @@ def test_the_value_is_the_form_on_paper(law, command, kelvin):
 
 def assert_gradient(law, command, kelvin):
     """Compare with the complex step: it has no difference of nearly equal numbers in it."""
-    for k in range(len(law.numbers)):
+    for k in range(len(law.parameters)):
         step = 1e-30
-        moved = [complex(x, step if i == k else 0.0) for i, x in enumerate(law.numbers)]
+        moved = [complex(x, step if i == k else 0.0) for i, x in enumerate(law.parameters)]
         expected = on_paper(law, moved, complex(command), kelvin).imag / step
         scale = 1e-12 * scale_of(law, command, kelvin) + 1e-300
         assert law.gradient(command, kelvin)[k] == pytest.approx(expected, rel=1e-10, abs=scale)
 
 
 def assert_slope(law, command, kelvin):
-    numbers = [complex(x) for x in law.numbers]
-    expected = on_paper(law, numbers, complex(command, 1e-30), kelvin).imag / 1e-30
+    parameters = [complex(x) for x in law.parameters]
+    expected = on_paper(law, parameters, complex(command, 1e-30), kelvin).imag / 1e-30
     scale = 1e-12 * scale_of(law, command, kelvin) + 1e-300
     assert float(law.slope(command, kelvin)) == pytest.approx(expected, rel=1e-10, abs=scale)
 
@@ -167,9 +169,9 @@ def test_the_value_is_linear_in_the_numbers_that_say_so(law, command, kelvin, k,
     """Affine to the definition, whatever the change: equal changes of the number, equal of the value."""
     linear = [place for place, says_so in enumerate(law.linear) if says_so]
     k = linear[k % len(linear)]
-    numbers = list(law.numbers)
-    numbers[k] += change
-    moved = law.with_numbers(numbers).value(command, kelvin) - law.value(command, kelvin)
+    parameters = list(law.parameters)
+    parameters[k] += change
+    moved = law.with_parameters(parameters).value(command, kelvin) - law.value(command, kelvin)
     share = float(law.gradient(command, kelvin)[k])
     allowed = 1e-11 * (1.0 + scale_of(law, command, kelvin) + abs(share) * (1.0 + abs(change)))
     assert moved == pytest.approx(share * change, abs=allowed)
@@ -178,8 +180,8 @@ def test_the_value_is_linear_in_the_numbers_that_say_so(law, command, kelvin, k,
 @given(st.one_of(bipolynomials, temperature_dependent), commands, kelvins)
 def test_the_linear_numbers_are_linear_together(law, command, kelvin):
     """What least squares needs: the gradient by one of them does not hold another."""
-    twice = [2.0 * x if linear else x for x, linear in zip(law.numbers, law.linear, strict=True)]
-    both = law.with_numbers(twice)
+    twice = [2.0 * x if linear else x for x, linear in zip(law.parameters, law.linear, strict=True)]
+    both = law.with_parameters(twice)
     for k, linear in enumerate(law.linear):
         if linear:
             np.testing.assert_array_equal(both.gradient(command, kelvin)[k], law.gradient(command, kelvin)[k])
@@ -204,9 +206,9 @@ def test_shapes_follow_the_command(law, shape, kelvin):
     warm = 300.0 + 40.0 * command if kelvin == "each" else kelvin
     assert law.value(command, warm).shape == shape
     assert law.slope(command, warm).shape == shape
-    assert law.gradient(command, warm).shape == (len(law.numbers), *shape)
-    assert len(law.number_names) == len(law.linear) == len(law.units("N", "A")) == len(law.numbers)
-    assert len(set(law.number_names)) == len(law.numbers)
+    assert law.gradient(command, warm).shape == (len(law.parameters), *shape)
+    assert len(law.parameter_names) == len(law.linear) == len(law.units("N", "A")) == len(law.parameters)
+    assert len(set(law.parameter_names)) == len(law.parameters)
 
 
 # ----------------------------------------------------------------------------------------- temperature
@@ -241,7 +243,7 @@ def test_command_and_temperature_separate(law, here, there, kelvin):
 
 @given(polynomials, commands, kelvins)
 def test_a_bipolynomial_of_temperature_degree_zero_is_its_polynomial(law, command, kelvin):
-    flat = Bipolynomial(law.numbers, 0)
+    flat = Bipolynomial(law.parameters, 0)
     assert not flat.temperature_dependent
     scale = 1e-13 * scale_of(flat, command, kelvin) + 1e-300
     np.testing.assert_allclose(flat.gradient(command, kelvin), law.gradient(command), rtol=1e-14)
@@ -261,7 +263,7 @@ def test_the_separable_polynomial_is_the_bipolynomial_of_products(command, facto
     """(a0 + a1 I + ...)(1 + t1 dT + ...) multiplied out: c_ij = a_i t_j with t_0 = 1."""
     law = separable_polynomial(command, factor)
     assert law.kind == "polynomial"
-    assert law.number_names == (
+    assert law.parameter_names == (
         *(f"c{i}" for i in range(len(command))),
         *(f"t{j}" for j in range(1, len(factor) + 1)),
     )
@@ -272,15 +274,15 @@ def test_the_separable_polynomial_is_the_bipolynomial_of_products(command, facto
 
 @given(temperature_dependent, st.data())
 def test_numbers_put_into_a_tempered_form_are_read_back_and_the_mark_stays(law, data):
-    k = data.draw(st.integers(0, len(law.numbers) - 1))
-    numbers = list(law.numbers)
-    numbers[k] = numbers[k] * 0.5 or 1e-3
-    changed = law.with_numbers(numbers)
-    assert changed.numbers == tuple(numbers)
+    k = data.draw(st.integers(0, len(law.parameters) - 1))
+    parameters = list(law.parameters)
+    parameters[k] = parameters[k] * 0.5 or 1e-3
+    changed = law.with_parameters(parameters)
+    assert changed.parameters == tuple(parameters)
     assert changed.assumed == law.assumed
     assert changed.settings == law.settings
-    with pytest.raises(InputError, match=f"{len(numbers) + 1} numbers given; it has"):
-        law.with_numbers([*numbers, 1.0])
+    with pytest.raises(InputError, match=f"{len(parameters) + 1} parameters given; it has"):
+        law.with_parameters([*parameters, 1.0])
 
 
 @given(hills)
@@ -346,7 +348,7 @@ def test_every_form_and_factor_that_a_card_may_name_is_tried_here():
 @given(laws)
 def test_json_and_back_is_the_same_law(law):
     assert dependence_from_json(json.loads(json.dumps(dependence_to_json(law)))) == law
-    assert law.with_numbers(law.numbers) == law
+    assert law.with_parameters(law.parameters) == law
 
 
 WARM = {
@@ -360,9 +362,9 @@ def test_json_in_another_order_is_the_same_law():
     """A table has no order: t2 before t1 is still t2."""
     for law in SOME:
         data = dependence_to_json(law)
-        numbers = data["numbers"]
-        assert isinstance(numbers, dict)
-        turned = {**data, "numbers": dict(reversed(numbers.items()))}
+        parameters = data["numbers"]
+        assert isinstance(parameters, dict)
+        turned = {**data, "numbers": dict(reversed(parameters.items()))}
         assert dependence_from_json(dict(reversed(turned.items()))) == law
 
 
@@ -379,8 +381,11 @@ def test_an_assumed_factor_stays_assumed_and_is_identified_where_nothing_is_said
 @pytest.mark.parametrize(
     ("make", "said"),
     [
-        (lambda: Bipolynomial((1.0, 2.0, 3.0), 1), "bipolynomial: 3 numbers, temperature degree 1; expected"),
-        (lambda: Bipolynomial((), 1), "bipolynomial: 0 numbers"),
+        (
+            lambda: Bipolynomial((1.0, 2.0, 3.0), 1),
+            "bipolynomial: 3 parameters, temperature degree 1; expected",
+        ),
+        (lambda: Bipolynomial((), 1), "bipolynomial: 0 parameters"),
         (lambda: Bipolynomial((1.0,), -1), "temperature degree -1"),
         (lambda: Bipolynomial((1.0, math.nan), 1), "bipolynomial: c01 is nan"),
         (lambda: Linear(math.inf), "temperature factor: temperature_slope is inf"),
@@ -391,7 +396,10 @@ def test_an_assumed_factor_stays_assumed_and_is_identified_where_nothing_is_said
         (lambda: Hill(1.0, 1.0, 1.0, -2.0), "hill: exponent is -2"),
         (lambda: Hill(1.0, 1.0, 1.0, 1.0, reference=math.nan), "hill: reference is nan"),
         (lambda: Exponential(math.inf, 0.0), "exponential: at_zero is inf"),
-        (lambda: Hill(1.0, 1.0, 1.0, 1.0).with_numbers([1.0]), "hill: 1 numbers given; it has base, gain"),
+        (
+            lambda: Hill(1.0, 1.0, 1.0, 1.0).with_parameters([1.0]),
+            "hill: 1 parameters given; it has base, gain",
+        ),
     ],
 )
 def test_a_number_that_no_law_can_hold_is_refused_by_name(make, said):

@@ -29,7 +29,7 @@ def with_viscosity(fluid, factor, **changes):
         for name, origin in fluid.origins.items()
         if not name.startswith(("viscosity.", "collapse."))
     }
-    names = ("at_20degC_Pa_s", *factor.number_names)
+    names = ("at_20degC_Pa_s", *factor.parameter_names)
     new = {f"viscosity.{name}": Origin("test", "D") for name in names}
     return replace(fluid, viscosity_factor=factor, collapse=None, origins={**kept, **new}, **changes)
 
@@ -92,7 +92,7 @@ def test_the_collapse_is_there_only_when_asked_for():
 @pytest.mark.parametrize("name", PRESETS)
 def test_every_number_of_a_preset_has_a_source_and_a_confidence(name):
     fluid = find_fluid(name)
-    assert fluid.numbers.keys() == fluid.origins.keys()
+    assert fluid.parameters.keys() == fluid.origins.keys()
     assert all(
         len(origin.source) > 15 or origin.source.startswith("As ") for origin in fluid.origins.values()
     )
@@ -281,7 +281,7 @@ def test_a_fluid_written_and_read_back_is_the_same_fluid(
         yield_field=Carlson(stress, 1e5),
         yield_factor=Linear(slope),
     )
-    fluid = replace(fluid, origins=dict.fromkeys(fluid.numbers, Origin(source, "B", error)))
+    fluid = replace(fluid, origins=dict.fromkeys(fluid.parameters, Origin(source, "B", error)))
     text = fluid_to_toml(fluid)
     again = fluid_from_toml(text)
     assert again == fluid

@@ -38,7 +38,7 @@ def test_without_noise_the_law_comes_back(law):
     study = fit_viscosity(KELVIN, 0.15 * law.value(KELVIN))
     fit = named(study, law.kind)
     assert fit.viscosity_Pa_s == pytest.approx(0.15, rel=1e-9)
-    assert fit.factor.numbers == pytest.approx(law.numbers, rel=1e-6)
+    assert fit.factor.parameters == pytest.approx(law.parameters, rel=1e-6)
     assert fit.rms_percent < 1e-9
     assert study.best.factor.kind == law.kind
 
@@ -49,8 +49,8 @@ def test_the_truth_lies_within_three_standard_errors(law):
     found = []
     for seed in range(20):
         fit = named(fit_viscosity(KELVIN, noisy(0.15 * law.value(KELVIN), seed)), law.kind)
-        truth = (0.15, *law.numbers)
-        found += [(n.value - t) / n.standard_error for n, t in zip(fit.numbers, truth, strict=True)]
+        truth = (0.15, *law.parameters)
+        found += [(n.value - t) / n.standard_error for n, t in zip(fit.parameters, truth, strict=True)]
         fall, error = fit.fall_percent()
         found.append((fall - 100.0 * (1.0 - float(law.value(373.15)))) / error)
     scores = np.array(found)
@@ -65,7 +65,7 @@ def test_vft_recovers_arrhenius_when_the_data_are_arrhenius():
     assert clean.factor.vft_K == pytest.approx(1435.5, rel=1e-9)
     for seed in range(5):
         fit = named(fit_viscosity(KELVIN, noisy(0.15 * law.value(KELVIN), seed, 0.005)), "vft")
-        assert abs(fit.factor.vft_pole_K) < 3.0 * fit.numbers[2].standard_error
+        assert abs(fit.factor.vft_pole_K) < 3.0 * fit.parameters[2].standard_error
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -92,7 +92,7 @@ def test_the_unit_and_the_order_of_the_points_do_not_matter(scale, order, rate, 
     for kind in ("arrhenius", "reynolds"):
         a, b = (next(fit for fit in fits if fit.factor.kind == kind) for fits in (one, other))
         assert b.viscosity_Pa_s == pytest.approx(scale * a.viscosity_Pa_s, rel=1e-9)
-        assert b.factor.numbers == pytest.approx(a.factor.numbers, rel=1e-9)
+        assert b.factor.parameters == pytest.approx(a.factor.parameters, rel=1e-9)
 
 
 def test_the_arrhenius_fit_is_the_straight_line_of_a_textbook():
@@ -102,7 +102,7 @@ def test_the_arrhenius_fit_is_the_straight_line_of_a_textbook():
     fit = named(fit_viscosity(KELVIN, viscosity), "arrhenius")
     assert fit.factor.activation_K == pytest.approx(slope, rel=1e-9)
     assert fit.enlarged == 1.0
-    assert fit.numbers[1].standard_error == pytest.approx(math.sqrt(covariance[0, 0]), rel=1e-6)
+    assert fit.parameters[1].standard_error == pytest.approx(math.sqrt(covariance[0, 0]), rel=1e-6)
 
 
 def test_a_collapse_above_130_degC_is_left_out_and_told():
@@ -136,7 +136,7 @@ def test_a_viscosity_that_curves_the_other_way_sends_the_pole_to_its_limit_and_s
     x = KELVIN - 293.15
     study = fit_viscosity(KELVIN, noisy(0.2 * np.exp(-0.005 * x - 6e-5 * x**2), 2, 0.002))
     assert "Reynolds' law" in named(study, "vft").limit
-    assert math.isnan(named(study, "vft").numbers[2].standard_error)
+    assert math.isnan(named(study, "vft").parameters[2].standard_error)
     assert study.best.factor.kind == "reynolds"
 
 
@@ -164,7 +164,7 @@ def test_few_points_are_fitted_without_the_law_of_three_numbers(points):
     study = fit_viscosity(kelvin, noisy(0.1 * Reynolds(0.01).value(kelvin), 3))
     assert {fit.factor.kind for fit in study.fits} == {"arrhenius", "reynolds"}
     assert any("VFT law was not fitted" in note for note in study.notes)
-    assert all(math.isfinite(n.standard_error) for fit in study.fits for n in fit.numbers)
+    assert all(math.isfinite(n.standard_error) for fit in study.fits for n in fit.parameters)
 
 
 @pytest.mark.parametrize(
@@ -209,7 +209,7 @@ def test_the_true_yield_stress_lies_within_three_standard_errors(scale, name):
     for seed in range(20):
         study = fit_yield_stress(FIELDS, AT, noisy(clean, seed))
         fit = next(fit for fit in study.fits if fit.name == name)
-        for number, truth in zip(fit.numbers, (47e3, scale, 1.5e-3), strict=True):
+        for number, truth in zip(fit.parameters, (47e3, scale, 1.5e-3), strict=True):
             if name == "carlson" and number.name == "field_scale_A_m":
                 assert math.isnan(number.standard_error)  # it was not fitted
                 continue

@@ -74,8 +74,8 @@ SOUND = {  # each law with coefficients like those of a real damper, odd in the 
 
 
 def damper(law, /, **values):
-    numbers = {**SOUND[law], **values}
-    forms = {name: Constant(v) if isinstance(v, float) else v for name, v in numbers.items()}
+    parameters = {**SOUND[law], **values}
+    forms = {name: Constant(v) if isinstance(v, float) else v for name, v in parameters.items()}
     return Damper(LAWS[law], forms)
 
 
@@ -224,7 +224,7 @@ def test_the_force_is_linear_in_the_coefficients_that_say_so(law):
     for name in names:
         number = f"{name}.value"
         once, twice = (
-            simulate_reference(base.with_numbers({number: base.numbers[number] + step}), UNEVEN) - force
+            simulate_reference(base.with_parameters({number: base.parameters[number] + step}), UNEVEN) - force
             for step in (50.0, 100.0)
         )
         np.testing.assert_allclose(twice, 2 * once, rtol=0, atol=1e-6 * np.abs(twice).max())

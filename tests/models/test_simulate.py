@@ -114,8 +114,8 @@ def test_a_constant_command_takes_a_short_cut_to_the_same_force(damper, form):
 @pytest.mark.parametrize("damper", [DAMPER, SERIES], ids=lambda damper: damper.law.name)
 def test_a_constant_command_takes_a_short_cut_to_the_same_tangents(damper):
     constant = open_drive(path())
-    numbers = list(damper.numbers)
-    short, long = (sensitivities(damper, d, numbers) for d in (constant, replace(constant, constant=None)))
+    parameters = list(damper.parameters)
+    short, long = (sensitivities(damper, d, parameters) for d in (constant, replace(constant, constant=None)))
     one, two = short.combine @ short.columns, long.combine @ long.columns
     size = np.maximum(np.abs(one).max(axis=1, keepdims=True), 1e-9)
     np.testing.assert_allclose(two / size, one / size, atol=1e-9)
@@ -123,10 +123,10 @@ def test_a_constant_command_takes_a_short_cut_to_the_same_tangents(damper):
 
 def test_tangents_of_many_runs_are_those_of_each():
     drives = [open_drive(path(command)) for command in (0.0, 0.5, np.linspace(0.0, 1.0, 501), 0.5)]
-    numbers = ["yield_force.c1", "rho.value"]
-    together = Tangents(DAMPER, numbers, drives)
+    parameters = ["yield_force.c1", "rho.value"]
+    together = Tangents(DAMPER, parameters, drives)
     for index, each in enumerate(drives):
-        alone, of_many = sensitivities(DAMPER, each, numbers), together.along(index)
+        alone, of_many = sensitivities(DAMPER, each, parameters), together.along(index)
         np.testing.assert_array_equal(of_many.force, alone.force)
         np.testing.assert_array_equal(of_many.combine @ of_many.columns, alone.combine @ alone.columns)
 
@@ -287,7 +287,7 @@ def test_a_constant_temperature_is_the_same_for_every_sample(name, form):
     """The short cut of one operating point, and a row per sample: equal up to the order of the additions."""
     damper, one = warm_damper(name), open_drive(warming(start=341.0, rise=0.0))
     assert one.temperature == 341.0
-    assert not one.warms
+    assert not one.temperature_varies
     each = replace(one, constant=None)
     short = simulate(damper, one, form=form)
     np.testing.assert_allclose(simulate(damper, each, form=form), short, rtol=0.0, atol=1e-12 * np.ptp(short))
@@ -385,21 +385,21 @@ def test_every_number_s_tangent_is_a_central_difference_at_any_temperature(name,
     """Numbers of forms and factors and the command lag, held at the range's edge for part of the run."""
     run = open_drive(RUNS[kind]())
     damper = replace(warm_damper(name), command_lag_s=0.03, temperature_range=(280.0, 345.0))
-    numbers = [*damper.numbers, LAG]
-    found = sensitivities(damper, run, numbers)
+    parameters = [*damper.parameters, LAG]
+    found = sensitivities(damper, run, parameters)
     np.testing.assert_allclose(found.force, simulate(damper, run), rtol=0.0, atol=1e-9)
     columns = found.combine @ found.columns
-    for row, number in enumerate(numbers):
+    for row, number in enumerate(parameters):
 
         def force_at(value, number=number):
             moved = (
                 replace(damper, command_lag_s=value)
                 if number == LAG
-                else damper.with_numbers({number: value})
+                else damper.with_parameters({number: value})
             )
             return simulate(moved, run)
 
-        value = damper.command_lag_s if number == LAG else damper.numbers[number]
+        value = damper.command_lag_s if number == LAG else damper.parameters[number]
         assert worst_tangent(columns[row], force_at, value) < 1e-6, number
 
 
@@ -407,10 +407,10 @@ def test_tangents_of_runs_at_several_temperatures_are_those_of_each():
     damper = warm_damper("bouc-wen-saturating")
     runs = [warming(start=kelvin, rise=0.0) for kelvin in (293.15, 330.0, 293.15)]
     drives = [open_drive(run) for run in (*runs, warming(), warming(0.25, start=330.0, rise=0.0))]
-    numbers = ["viscosity.c0", "viscosity.activation_K", "rho.at_zero", "offset.c01"]
-    together = Tangents(damper, numbers, drives)
+    parameters = ["viscosity.c0", "viscosity.activation_K", "rho.at_zero", "offset.c01"]
+    together = Tangents(damper, parameters, drives)
     for index, each in enumerate(drives):
-        alone, of_many = sensitivities(damper, each, numbers), together.along(index)
+        alone, of_many = sensitivities(damper, each, parameters), together.along(index)
         np.testing.assert_array_equal(of_many.force, alone.force)
         np.testing.assert_array_equal(of_many.combine @ of_many.columns, alone.combine @ alone.columns)
 
@@ -499,12 +499,12 @@ def test_a_constant_command_knows_no_actuation():
 def test_tangents_under_an_actuation_are_central_differences():
     run = open_drive(stepping())
     damper = replace(DAMPER, actuation=ACTUATION)
-    numbers = ["yield_force.c0", "yield_force.c1", "rho.value", "n.value"]
-    found = sensitivities(damper, run, numbers)
+    parameters = ["yield_force.c0", "yield_force.c1", "rho.value", "n.value"]
+    found = sensitivities(damper, run, parameters)
     np.testing.assert_allclose(found.force, simulate(damper, run), rtol=0.0, atol=1e-9)
-    for column, number in zip(found.combine @ found.columns, numbers, strict=True):
+    for column, number in zip(found.combine @ found.columns, parameters, strict=True):
 
         def force_at(value, number=number):
-            return simulate(damper.with_numbers({number: value}), run)
+            return simulate(damper.with_parameters({number: value}), run)
 
-        assert worst_tangent(column, force_at, damper.numbers[number]) < 1e-6, number
+        assert worst_tangent(column, force_at, damper.parameters[number]) < 1e-6, number

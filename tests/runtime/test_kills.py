@@ -93,8 +93,8 @@ def test_a_population_search_is_gone_through_again_with_what_was_told(method: st
 
     def search(book: Book) -> FitResult:
         if method == "cma":
-            return population.fit_cma(problem, seed=3, ledger=book)
-        return population.fit_genetic(problem, population=10, generations=8, seed=3, ledger=book)
+            return population.fit_cma(problem, seed=3, checkpoint=book)
+        return population.fit_genetic(problem, population=10, generations=8, seed=3, checkpoint=book)
 
     book = Book({})
     whole, pieces = search(book), len(asked)

@@ -264,7 +264,7 @@ def identify(
     terms = options.pop("terms")
     options["terms"] = tuple(t for t in terms if t != "none") if terms else None
 
-    with terminal.progress() as report:
+    with terminal.progress() as on_progress:
         answer = job(
             paths,
             out,
@@ -273,7 +273,7 @@ def identify(
             flip_force=flip_force,
             resume=resume,
             tell=_tell,
-            report=report,
+            on_progress=on_progress,
         )
     cut_short = f"{_BEST_SO_FAR}; the same command with --resume goes on"
     return _finish(answer, terminal.show_identification, as_json=as_json, cut_short=cut_short)

@@ -6,7 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from rich.console import Console
 from rich.live import Live
@@ -17,8 +17,7 @@ from rich.text import Text
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 
 if TYPE_CHECKING:  # an answer is shown without loading what made it
-    from mrdamper.identify.search.variable_projection import Progress as SearchProgress
-    from mrdamper.identify.search.variable_projection import Report
+    from mrdamper.identify.search.variable_projection import SearchState
 
 __all__ = [
     "counter",
@@ -50,16 +49,16 @@ _WORST_RUNS = 10  # and the worst of them
 
 
 @contextmanager
-def progress() -> Iterator[Report | None]:
-    """Give a function that shows how far a fit is; None when standard error is no terminal."""
+def progress() -> Iterator[Progress]:
+    """Give a function that shows the state of a fit; it shows nothing when standard error is no terminal."""
     if not sys.stderr.isatty():
-        yield None
+        yield silent
         return
     shown = [0.0]
     with Live(Text("reading ..."), console=Console(stderr=True), transient=True, auto_refresh=False) as live:
 
-        def report(now: SearchProgress) -> None:
-            clock = time.monotonic()
+        def report(update: ProgressUpdate) -> None:
+            clock, now = time.monotonic(), cast("SearchState", update.detail)
             if clock - shown[0] < _LEAST_INTERVAL:
                 return
             shown[0] = clock

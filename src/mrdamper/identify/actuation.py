@@ -250,7 +250,7 @@ def _level_free(model: FloatArray, measured: FloatArray) -> FloatArray:
 def _errors(
     jacobian: FloatArray, residual: FloatArray, point: FloatArray, bounds: tuple[FloatArray, FloatArray]
 ) -> dict[str, float]:
-    """Return standard errors [s] for independent residuals; NaN where a number sits on its bound."""
+    """Return standard errors [s] for independent residuals; NaN where one sits on its bound."""
     span = bounds[1] - bounds[0]
     free = (point > bounds[0] + 1e-6 * span) & (point < bounds[1] - 1e-6 * span)
     errors = np.full(len(point), np.nan)

@@ -17,14 +17,14 @@ import numpy as np
 
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import InputError
-from mrdamper.identify.checkpoint import Ledger, NoLedger, Section
+from mrdamper.identify.checkpoint import CheckpointStore, NoCheckpoint, Scope
 from mrdamper.identify.confidence.direction import Direction, worst_direction
 from mrdamper.identify.confidence.profiles import Profile, profile
 from mrdamper.identify.confidence.resampling import Bootstrap, bootstrap
 from mrdamper.identify.confidence.sentences import sentence
 from mrdamper.identify.problem import FitProblem, FitResult, envelope_of
 from mrdamper.identify.scores import RunError, score_run, summary
-from mrdamper.identify.search.variable_projection import Report, fit_variable_projection
+from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.temperature import Temperature, temperature_levels
 from mrdamper.identify.templates import template
 from mrdamper.models.damper import Damper
@@ -32,6 +32,7 @@ from mrdamper.models.laws import HysteresisLaw
 from mrdamper.models.simulate import simulate
 from mrdamper.models.temperature import REFERENCE_K
 from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.runtime.progress import Progress, silent
 
 __all__ = [
     "Assessment",
@@ -40,7 +41,7 @@ __all__ = [
     "RunError",
     "assess",
     "choose_law",
-    "leave_out",
+    "cross_validate",
     "passivity",
     "score_run",
     "summary",
@@ -67,8 +68,8 @@ class Assessment:
     """What is known about a fit.
 
     ``passivity_min`` is the least work that a closed cycle inside the envelope takes, over 4 x amplitude x
-    peak force: negative means that the model can push. ``direction`` is the combination of numbers that the
-    data pin down least; ``profile`` and ``bootstrap`` are there when asked for.
+    peak force: negative means that the model can push. ``direction`` is the combination of parameters that
+    the data pin down least; ``profile`` and ``bootstrap`` are there when asked for.
     """
 
     runs: tuple[RunError, ...]
@@ -85,7 +86,7 @@ class LawScore:
     """One law in the comparison of laws: medians and worst of ``nrmse_percent``."""
 
     law: str
-    numbers: int
+    free_parameters: int
     training_median: float
     held_out_median: float
     held_out_worst: float
@@ -98,39 +99,47 @@ def assess(  # noqa: PLR0913 - what is asked of the fit, by keyword
     held_out: Sequence[PreparedRun] = (),
     *,
     problem: FitProblem | None = None,
-    leave_out_kinds: Sequence[Kind] = (),
+    leave_out: Sequence[Kind] = (),
     profiled: bool = False,
     draws: int = 0,
     seed: int = 0,
-    report: Report | None = None,
-    ledger: Ledger | None = None,
+    on_progress: Progress = silent,
+    checkpoint: CheckpointStore | None = None,
 ) -> Assessment:
     """Return errors by run, errors on what is left out (needs ``problem``), passivity, and all in words.
 
     With the ``problem`` also what the data cannot tell apart; ``profiled`` follows that along its profile,
-    ``draws`` is the number of bootstrap fits to runs drawn with replacement (every level kept). A ``ledger``
-    recalls and keeps every fit that is made for it.
+    ``draws`` is the number of bootstrap fits to runs drawn with replacement (every level kept). A
+    ``checkpoint`` recalls and keeps every fit that is made for it.
     """
     runs = (
         *(score_run(result.damper, run, "training") for run in training),
         *(score_run(result.damper, run, "held_out") for run in held_out),
     )
     left: list[CrossValidated] = []
-    if leave_out_kinds and problem is None:
+    if leave_out and problem is None:
         raise InputError("leaving runs out means fitting again: give the problem that was fitted")
-    for kind in leave_out_kinds:
+    for kind in leave_out:
         assert problem is not None
-        left += leave_out(_fitter(problem, result, seed, report), problem.runs, kind, ledger=ledger)
+        left += cross_validate(
+            _fitter(problem, result, seed, on_progress), problem.runs, kind, checkpoint=checkpoint
+        )
     least = passivity(result.damper, training)
     found: list[Direction | Profile | Bootstrap] = []
     if problem is not None and not result.cancelled and result.damper.law.kernel is not None:
         found.append(worst_direction(problem, result))
         if profiled:
-            found.append(profile(problem, result, found[0], report=report, ledger=ledger))  # type: ignore[arg-type]
+            found.append(profile(problem, result, found[0], on_progress=on_progress, checkpoint=checkpoint))  # type: ignore[arg-type]
         if draws:
             found.append(
                 bootstrap(
-                    problem, result, draws=draws, seed=seed, stratified=True, report=report, ledger=ledger
+                    problem,
+                    result,
+                    draws=draws,
+                    seed=seed,
+                    stratified=True,
+                    on_progress=on_progress,
+                    checkpoint=checkpoint,
                 )
             )
     words = (*_words(result, runs, least), *_edges(result, training), *(sentence(each) for each in found))
@@ -145,13 +154,13 @@ def assess(  # noqa: PLR0913 - what is asked of the fit, by keyword
     )
 
 
-def leave_out(
+def cross_validate(
     fit: Callable[[Sequence[PreparedRun]], Damper],
     runs: Sequence[PreparedRun],
     kind: Kind,
     *,
     folds: int | None = None,
-    ledger: Ledger | None = None,
+    checkpoint: CheckpointStore | None = None,
 ) -> list[CrossValidated]:
     """Return, for each run, current, temperature or motion, the errors on it of a fit to all the others.
 
@@ -159,7 +168,7 @@ def leave_out(
     temperature at the edge of the range is not left out: that would be extrapolation, not a test.
     """
     labels = _temperature_labels(runs) if kind == "temperature" else {}
-    ledger = ledger or NoLedger()
+    checkpoint = checkpoint or NoCheckpoint()
     keys: dict[Kind, Callable[[PreparedRun], str]] = {
         "run": lambda r: r.name,
         "motion": lambda r: r.motion,
@@ -180,11 +189,11 @@ def leave_out(
     for fold in np.array_split(np.array(groups, dtype=object), min(folds or len(groups), len(groups))):
         left = set(fold.tolist())
         name = f"without {kind} {', '.join(sorted(left))}"
-        known = ledger.recall(name)
+        known = checkpoint.recall(name)
         if known is None:
             damper = fit([run for run in runs if key(run) not in left])
             errors = tuple(score_run(damper, run) for run in runs if key(run) in left)
-            ledger.keep(name, {"errors": [asdict(error) for error in errors]})
+            checkpoint.keep(name, {"errors": [asdict(error) for error in errors]})
         else:
             errors = tuple(RunError(**error) for error in known["errors"])
         out.append(CrossValidated(kind, ", ".join(sorted(left)), errors))
@@ -199,8 +208,8 @@ def choose_law(
     starts: int = 1,
     one_command: bool = False,
     temperature: Temperature = "auto",
-    report: Report | None = None,
-    ledger: Ledger | None = None,
+    on_progress: Progress = silent,
+    checkpoint: CheckpointStore | None = None,
 ) -> tuple[LawScore, ...]:
     """Compare laws by leaving one motion out (one run, where there is one motion); the best is first.
 
@@ -210,7 +219,7 @@ def choose_law(
     scores = []
     for law in laws:
         name = law if isinstance(law, str) else law.name
-        own = Section(ledger, f"law {name}")
+        own = Scope(checkpoint, f"law {name}")
         known = own.recall("score")
         if known is not None:
             scores.append(LawScore(**known))
@@ -218,7 +227,11 @@ def choose_law(
         clock = time.process_time()
         damper, free = template(law, runs, one_command=one_command, temperature=temperature)
         whole = fit_variable_projection(
-            FitProblem(damper, free, tuple(runs)), starts=starts, seed=seed, report=report, ledger=own
+            FitProblem(damper, free, tuple(runs)),
+            starts=starts,
+            seed=seed,
+            on_progress=on_progress,
+            checkpoint=own,
         )
 
         def fit(
@@ -226,13 +239,13 @@ def choose_law(
         ) -> Damper:
             damper, free = template(law, some, one_command=one_command, temperature=temperature)
             problem = FitProblem(damper, free, tuple(some))
-            first = start if {f.name for f in free} <= set(start.numbers) else None
+            first = start if {f.name for f in free} <= set(start.parameters) else None
             return fit_variable_projection(
-                problem, starts=starts, seed=seed, first=first, report=report
+                problem, starts=starts, seed=seed, first=first, on_progress=on_progress
             ).damper
 
         training = summary(score_run(whole.damper, run, "training") for run in runs)
-        parts = leave_out(fit, runs, kind, folds=_FOLDS, ledger=own)
+        parts = cross_validate(fit, runs, kind, folds=_FOLDS, checkpoint=own)
         held = summary(error for left in parts for error in left.errors)
         score = LawScore(
             name,
@@ -272,13 +285,13 @@ def passivity(damper: Damper, runs: Sequence[PreparedRun], *, commands: int = 5)
     for amplitude in (0.01 * stroke, 0.1 * stroke, stroke):
         for velocity in (0.2 * speed, speed):
             frequency = velocity / (2.0 * np.pi * amplitude)
-            for command, warm in product(np.linspace(*envelope.command, commands), dict.fromkeys(ends)):
+            for command, kelvin in product(np.linspace(*envelope.command, commands), dict.fromkeys(ends)):
                 path = drive(
                     Sine(amplitude, frequency),
                     duration=2.0 / frequency,
                     rate_Hz=500.0 * frequency,
                     command=float(command),
-                    temperature=warm,
+                    temperature=kelvin,
                 )
                 force = simulate(damper, path)[len(path.displacement) // 2 :]
                 work = float(force @ path.velocity[len(path.displacement) // 2 :]) * path.step
@@ -288,15 +301,17 @@ def passivity(damper: Damper, runs: Sequence[PreparedRun], *, commands: int = 5)
 
 
 def _fitter(
-    problem: FitProblem, result: FitResult, seed: int, report: Report | None
+    problem: FitProblem, result: FitResult, seed: int, on_progress: Progress
 ) -> Callable[[Sequence[PreparedRun]], Damper]:
-    """Return a function that fits the same problem to other runs, from the fit's own numbers and one draw."""
+    """Return a function that fits the problem to other runs, from the fit's own parameters and one draw."""
 
     def fit(runs: Sequence[PreparedRun]) -> Damper:
         again = FitProblem(
             problem.template, problem.free, tuple(runs), problem.session_offsets, problem.rate_Hz
         )
-        return fit_variable_projection(again, starts=1, seed=seed, first=result.damper, report=report).damper
+        return fit_variable_projection(
+            again, starts=1, seed=seed, first=result.damper, on_progress=on_progress
+        ).damper
 
     return fit
 
@@ -307,7 +322,7 @@ def _command_label(run: PreparedRun) -> str:
 
 
 def _traded(result: FitResult) -> list[str]:
-    """Name the numbers of different coefficients that are traded against each other, the worst first."""
+    """Name the parameters of different coefficients that are traded against each other, the worst first."""
     names = [estimate.name for estimate in result.estimates]
     strength = np.abs(np.triu(np.nan_to_num(result.correlation), 1))
     for i, j in zip(*np.nonzero(strength), strict=True):
@@ -322,7 +337,7 @@ def _traded(result: FitResult) -> list[str]:
     ]
     if len(pairs) > _MOST_PAIRS:
         said.append(
-            f"So are {len(pairs) - _MOST_PAIRS} more pairs of numbers: see the matrix of correlations."
+            f"So are {len(pairs) - _MOST_PAIRS} more pairs of parameters: see the matrix of correlations."
         )
     return said
 
@@ -332,8 +347,8 @@ def _temperature_labels(runs: Sequence[PreparedRun]) -> dict[str, str]:
     levels = temperature_levels(runs)
     if not levels:
         raise InputError("leaving temperatures out needs runs with a temperature channel")
-    warm = {run.name: run.trajectory.temperature for run in runs}
-    means = {name: float(np.mean(track)) for name, track in warm.items() if track is not None}
+    kelvin = {run.name: run.trajectory.temperature for run in runs}
+    means = {name: float(np.mean(track)) for name, track in kelvin.items() if track is not None}
     return {
         name: f"{min(levels, key=lambda level: abs(level - mean)) - ZERO_CELSIUS_K:.0f} degC"
         for name, mean in sorted(means.items(), key=lambda pair: pair[1])
@@ -343,8 +358,8 @@ def _temperature_labels(runs: Sequence[PreparedRun]) -> dict[str, str]:
 def _edges(result: FitResult, training: Sequence[PreparedRun]) -> list[str]:
     """Say where an eliminated coefficient lies on the edge of its law's range."""
     envelope, unit = envelope_of(training), result.damper.command_unit
-    warm = np.unique(envelope.temperature or (REFERENCE_K,))
-    commands, temperatures = (g.ravel() for g in np.meshgrid(np.linspace(*envelope.command, 41), warm))
+    kelvin = np.unique(envelope.temperature or (REFERENCE_K,))
+    commands, temperatures = (g.ravel() for g in np.meshgrid(np.linspace(*envelope.command, 41), kelvin))
     said = []
     sizes: dict[str, float] = {}
     for e in result.estimates:
@@ -366,14 +381,15 @@ def _edges(result: FitResult, training: Sequence[PreparedRun]) -> list[str]:
 
 
 def _words(result: FitResult, runs: Sequence[RunError], least: float) -> list[str]:
-    """Say what a reader should know before using the numbers."""
+    """Say what a reader should know before using the parameters."""
     said = []
     for estimate in result.estimates:
         if estimate.at_bound:
             end = estimate.lower if estimate.at_bound == "lower" else estimate.upper
             said.append(
                 f"{estimate.name} rests on its {estimate.at_bound} bound ({end:g} {estimate.unit}): the data "
-                "ask for more than the bound or the law allows; read the fit as one with this number fixed."
+                "ask for more than the bound or the law allows; read the fit as one with this parameter "
+                "fixed."
             )
         elif not estimate.identifiable:
             percent = estimate.design_error_percent
@@ -393,5 +409,5 @@ def _words(result: FitResult, runs: Sequence[RunError], least: float) -> list[st
             gap = 100.0 * (error.energy_model_J / error.energy_measured_J - 1.0)
             said.append(f"{error.name}: energy per cycle is off by {gap:+.0f} %.")
     if result.cancelled:
-        said.append("The fit was interrupted: these are the best numbers so far, not converged ones.")
+        said.append("The fit was interrupted: these are the best parameters so far, not converged ones.")
     return said

@@ -26,16 +26,17 @@ from mrdamper.errors import InputError
 from mrdamper.identify.actuation import ActuationFit, fit_actuation
 from mrdamper.identify.assess import Assessment, Kind
 from mrdamper.identify.assess import assess as assess_fit
-from mrdamper.identify.checkpoint import Ledger
+from mrdamper.identify.checkpoint import CheckpointStore
 from mrdamper.identify.predict import at_reference, finite, predict, prepare_all, row
 from mrdamper.identify.problem import Estimate, FitProblem, FitResult, envelope_of
-from mrdamper.identify.search.variable_projection import Report, fit_variable_projection
-from mrdamper.identify.temperature import TEMPERATURES, FluidFactors, Temperature, settled
+from mrdamper.identify.search.variable_projection import fit_variable_projection
+from mrdamper.identify.temperature import TEMPERATURES, FluidFactors, Temperature, scale_thinning
 from mrdamper.identify.templates import command_levels, template
 from mrdamper.models.card import Evidence, Excerpt, ModelCard, cut_excerpt
 from mrdamper.models.damper import Damper
 from mrdamper.models.laws import LAWS, HysteresisLaw, PythonLaw, find_law
 from mrdamper.models.simulate import simulate
+from mrdamper.runtime.progress import Progress, silent
 
 __all__ = ["METHODS", "Identification", "Law", "Method", "assess", "fit", "predict", "resolve_law", "row"]
 
@@ -96,7 +97,7 @@ class Identification:
         if self.damper.assumed:
             notes["assumed"] = list(self.damper.assumed)
         if result.cancelled:
-            notes["cancelled"] = "interrupted: the best numbers so far, not converged ones"
+            notes["cancelled"] = "interrupted: the best parameters so far, not converged ones"
         return ModelCard(
             title=title or f"{self.damper.law.name}, {len(self.training)} training runs",
             damper=self.damper,
@@ -134,8 +135,8 @@ def fit(  # noqa: PLR0913 - the options of a fit, by keyword
     fluid: FluidFactors | None = None,
     coil_resistance_ohm: float | None = None,
     preparation: Preparation | None = None,
-    report: Report | None = None,
-    ledger: Ledger | None = None,
+    on_progress: Progress = silent,
+    checkpoint: CheckpointStore | None = None,
 ) -> Identification:
     """Fit one law to all runs that are not held out, over all their commands and temperatures at once.
 
@@ -153,11 +154,11 @@ def fit(  # noqa: PLR0913 - the options of a fit, by keyword
     one_command : allow runs at a single command (the model then holds for it alone)
     terms : parallel terms to add to the law: ``friction`` (Stribeck), ``mass``, ``viscosity``, ``thinning``;
         None: what the runs ask for (``templates.template``)
-    temperature : how coefficients follow temperature (``tempering``); "none" leaves it out
+    temperature : the temperature laws of the coefficients (``identify.temperature``); "none" leaves it out
     fluid : its temperature laws are assumed; runs without a temperature channel count as at 20 degC
     coil_resistance_ohm : at 20 degC, for the card (measured with an ohmmeter)
-    report : told of every step
-    ledger : recalls and keeps what the search has finished (``identify.ledger``); of one fit only
+    on_progress : receives a ``SearchState`` as ``detail`` after every step
+    checkpoint : recalls and keeps finished pieces of the search (``identify.checkpoint``); of one fit only
 
     Raises
     ------
@@ -186,14 +187,16 @@ def fit(  # noqa: PLR0913 - the options of a fit, by keyword
     problem = FitProblem(damper, free, steady, session_offsets)
     prepared_in = time.process_time() - clock
     if method == "varpro":
-        result = fit_variable_projection(problem, starts=starts, seed=seed, report=report, ledger=ledger)
+        result = fit_variable_projection(
+            problem, starts=starts, seed=seed, on_progress=on_progress, checkpoint=checkpoint
+        )
     else:
         from mrdamper.identify.search.population import fit_cma, fit_genetic
 
         search = fit_genetic if method == "genetic" else fit_cma
-        result = search(problem, seed=seed, report=report, ledger=ledger)
+        result = search(problem, seed=seed, on_progress=on_progress, checkpoint=checkpoint)
     if fluid is not None:
-        result = replace(result, damper=settled(result.damper))
+        result = replace(result, damper=scale_thinning(result.damper))
     spent, actuation = prepared_in + result.cpu_s, None
     if stepping and not result.cancelled:
         actuation = fit_actuation(result.damper, stepping, resistance_20_ohm=coil_resistance_ohm)
@@ -211,8 +214,8 @@ def assess(
     profiled: bool = False,
     draws: int = 0,
     seed: int | None = None,
-    report: Report | None = None,
-    ledger: Ledger | None = None,
+    on_progress: Progress = silent,
+    checkpoint: CheckpointStore | None = None,
 ) -> Assessment:
     """Judge a fit: error by run, passivity, what the data cannot tell apart, and all in words.
 
@@ -224,12 +227,12 @@ def assess(
         fitted.training,
         fitted.held_out,
         problem=fitted.problem,
-        leave_out_kinds=leave_out,
+        leave_out=leave_out,
         profiled=profiled,
         draws=draws,
         seed=fitted.result.seed if seed is None else seed,
-        report=report,
-        ledger=ledger,
+        on_progress=on_progress,
+        checkpoint=checkpoint,
     )
 
 

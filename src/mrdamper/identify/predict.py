@@ -161,8 +161,8 @@ def at_reference(run: PreparedRun) -> PreparedRun:
     """Return a run without a temperature channel as one at 20 degC."""
     if run.trajectory.temperature is not None:
         return run
-    warm = np.full(len(run), REFERENCE_K)
-    return replace(run, trajectory=replace(run.trajectory, temperature=warm))
+    kelvin = np.full(len(run), REFERENCE_K)
+    return replace(run, trajectory=replace(run.trajectory, temperature=kelvin))
 
 
 def row(error: RunError) -> dict[str, object]:

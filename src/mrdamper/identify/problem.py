@@ -1,4 +1,4 @@
-"""The fitting problem: a damper as template, the numbers that may move, the runs to reproduce.
+"""The fitting problem: a damper as template, the parameters that may move, the runs to reproduce.
 
 The cost is the mean over runs of the squared error in percent of the run's own force spread (squared
 ``nrmse_percent``), so that a run at 0 A weighs as much as one at full current.
@@ -31,10 +31,9 @@ __all__ = [
     "FreeParameter",
     "PreparedFit",
     "Start",
+    "canonical",
     "envelope_of",
-    "lifted",
-    "move",
-    "ordered",
+    "feasible",
 ]
 
 
@@ -43,7 +42,7 @@ _FINE = 1001  # commands at which a fitted damper is checked against its law's r
 
 @dataclass(frozen=True, slots=True)
 class FreeParameter:
-    """One number of the template that a fit may move, and how far.
+    """One parameter of the template that a fit may move, and how far.
 
     ``linear`` says that the force is linear in it: a fit then eliminates it, and the bounds of the
     coefficient that it belongs to are kept instead of its own. ``scale`` is the coordinate of search.
@@ -58,15 +57,15 @@ class FreeParameter:
     def __post_init__(self) -> None:
         if not self.lower < self.upper or (self.scale == "log" and not self.lower > 0.0):
             raise InputError(
-                f"free number {self.name}: bounds {self.lower:g} to {self.upper:g} on a {self.scale} scale; "
-                "expected lower < upper, and lower > 0 on a log scale"
+                f"free parameter {self.name}: bounds {self.lower:g} to {self.upper:g} on a {self.scale} "
+                "scale; expected lower < upper, and lower > 0 on a log scale"
             )
 
-    def inward(self, value: float | FloatArray) -> FloatArray:
+    def to_search(self, value: float | FloatArray) -> FloatArray:
         """Return the search coordinate of a value."""
         return np.log(value) if self.scale == "log" else np.asarray(value, dtype=np.float64)
 
-    def outward(self, coordinate: float) -> float:
+    def to_physical(self, coordinate: float) -> float:
         """Return the value at a search coordinate."""
         return math.exp(coordinate) if self.scale == "log" else float(coordinate)
 
@@ -89,21 +88,21 @@ class FitProblem:
     def __post_init__(self) -> None:
         if not self.runs:
             raise InputError("no training runs: nothing to fit (is everything held out?)")
-        known = {*self.template.numbers, LAG}
+        known = {*self.template.parameters, LAG}
         for free in self.free:
             if free.name not in known:
-                raise InputError(f"{self.template.law.name} has no number {free.name!r} to set free")
+                raise InputError(f"{self.template.law.name} has no parameter {free.name!r} to set free")
         if len({free.name for free in self.free}) != len(self.free):
-            raise InputError("a number is set free twice")
+            raise InputError("a parameter is set free twice")
 
     @cached_property
     def nonlinear(self) -> tuple[FreeParameter, ...]:
-        """The numbers that are searched for."""
+        """The parameters that are searched for."""
         return tuple(free for free in self.free if not free.linear)
 
     @cached_property
     def linear(self) -> tuple[FreeParameter, ...]:
-        """The numbers that are eliminated by least squares."""
+        """The parameters that are eliminated by least squares."""
         return tuple(free for free in self.free if free.linear)
 
     def prepare(self, *, excerpt: bool = False) -> tuple[PreparedFit, ...]:
@@ -153,10 +152,10 @@ class PreparedFit:
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """One fitted number with what the data say about it.
+    """One fitted parameter with what the data say about it.
 
     ``standard_error`` allows for errors that hang together in time (blocks of half a cycle); it is NaN
-    where the number sits on a bound. ``design_error_percent`` is the relative standard error that
+    where the parameter sits on a bound. ``design_error_percent`` is the relative standard error that
     independent noise of the residual's size would leave: the design's own share, known before a fit.
     """
 
@@ -172,7 +171,7 @@ class Estimate:
 
     @property
     def identifiable(self) -> bool:
-        """Whether the design pins the number down to better than 30 %."""
+        """Whether the design pins the parameter down to better than 30 %."""
         return self.design_error_percent < 30.0
 
 
@@ -209,37 +208,29 @@ class FitResult:
     notes: tuple[str, ...] = ()
 
 
-def move(damper: Damper, numbers: Mapping[str, float]) -> Damper:
-    """Return the damper with numbers replaced, the command lag among them."""
-    if LAG in numbers:
-        damper = replace(damper, command_lag_s=numbers[LAG])
-        numbers = {name: value for name, value in numbers.items() if name != LAG}
-    return damper.with_numbers(numbers) if numbers else damper
-
-
-def lifted(problem: FitProblem, damper: Damper) -> Damper:
-    """Return the damper with linear coefficients lifted by what they dip below their law's range.
+def feasible(problem: FitProblem, damper: Damper) -> Damper:
+    """Return the damper with linear coefficients raised to their law's range where they dip below it.
 
     A search keeps the law's conditions at some commands; between two of them a parabola can dip a little.
-    The first number of a form is its value at zero command and 20 degC.
+    The first parameter of a form is its value at zero command and 20 degC.
     """
-    commands, warm = np.linspace(*envelope_of(problem.runs).command, _FINE), damper.temperature_range
-    temperatures = np.repeat((REFERENCE_K,) if warm is None else warm, _FINE)
+    commands, kelvin = np.linspace(*envelope_of(problem.runs).command, _FINE), damper.temperature_range
+    temperatures = np.repeat((REFERENCE_K,) if kelvin is None else kelvin, _FINE)
     commands = np.tile(commands, len(temperatures) // _FINE)
     moved: dict[str, float] = {}
     for free in problem.linear:
         name, _, number = free.name.partition(".")
         law, floor = damper.coefficients[name], damper.law[name].lower
-        if number != law.number_names[0] or not math.isfinite(floor):
+        if number != law.parameter_names[0] or not math.isfinite(floor):
             continue
         values = law.value(commands, temperatures if law.temperature_dependent else None)
         least = float(values.min()) - 2e-6 * float(np.ptp(values))  # a parabola's dip between two of them
         if least < floor:
-            moved[free.name] = law.numbers[0] + (floor - least) * (1.0 + 1e-9)
-    return damper.with_numbers(moved) if moved else damper
+            moved[free.name] = law.parameters[0] + (floor - least) * (1.0 + 1e-9)
+    return damper.with_parameters(moved) if moved else damper
 
 
-def ordered(damper: Damper) -> Damper:
+def canonical(damper: Damper) -> Damper:
     """Return the damper with its first hysteretic element the quicker one (larger rho without command).
 
     Two elements in parallel may change places without changing the force.
@@ -248,7 +239,10 @@ def ordered(damper: Damper) -> Damper:
     if damper.law.name != "double-bouc-wen" or forms["rho"].value(0.0) >= forms["second_rho"].value(0.0):
         return damper
     for one, other in (("rho", "second_rho"), ("yield_force", "second_force")):
-        if type(forms[one]) is not type(forms[other]) or forms[one].number_names != forms[other].number_names:
+        if (
+            type(forms[one]) is not type(forms[other])
+            or forms[one].parameter_names != forms[other].parameter_names
+        ):
             return damper
         forms[one], forms[other] = forms[other], forms[one]
     return replace(damper, coefficients=forms)
@@ -261,10 +255,10 @@ def envelope_of(runs: Sequence[PreparedRun]) -> OperatingEnvelope:
         return min(float(v.min()) for v in values), max(float(v.max()) for v in values)
 
     tracks = [run.trajectory for run in runs]
-    warm = [t.temperature for t in tracks if t.temperature is not None]
+    kelvin = [t.temperature for t in tracks if t.temperature is not None]
     return OperatingEnvelope(
         command=span([t.command for t in tracks]),
         displacement=span([t.displacement for t in tracks]),
         velocity=span([t.velocity for t in tracks]),
-        temperature=span(warm) if len(warm) == len(tracks) else None,
+        temperature=span(kelvin) if len(kelvin) == len(tracks) else None,
     )

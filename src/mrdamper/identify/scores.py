@@ -74,7 +74,7 @@ def score_run(damper: Damper, prepared: PreparedRun, split: Split = "held_out") 
         per = 1
     span = slice(start, start + count)
     power = path.velocity[span] * path.step / per
-    warm = path.temperature
+    kelvin = path.temperature
     return RunError(
         name=run.name,
         split=split,
@@ -85,7 +85,7 @@ def score_run(damper: Damper, prepared: PreparedRun, split: Split = "held_out") 
         command=run.constant_command,
         command_unit=run.command_unit,
         motion=prepared.motion,
-        temperature_degC=None if warm is None else float(np.mean(warm)) - ZERO_CELSIUS_K,
+        temperature_degC=None if kelvin is None else float(np.mean(kelvin)) - ZERO_CELSIUS_K,
         energy_measured_J=float(prepared.force[span] @ power),
         energy_model_J=float(force[span] @ power),
         peak_measured_N=float(np.abs(prepared.force[start:]).max()),

@@ -43,9 +43,9 @@ __all__ = [
     "TEMPERATURES",
     "FluidFactors",
     "Temperature",
-    "assume",
-    "settled",
-    "temper",
+    "apply_fluid",
+    "apply_temperature",
+    "scale_thinning",
     "temperature_levels",
 ]
 
@@ -88,14 +88,14 @@ def temperature_levels(runs: Sequence[PreparedRun]) -> tuple[float, ...]:
     return tuple(levels)
 
 
-def temper(
+def apply_temperature(
     law: HysteresisLaw,
     forms: Mapping[str, ParameterLaw],
     free: Sequence[FreeParameter],
     levels: Sequence[float],
     kind: Temperature,
 ) -> tuple[dict[str, ParameterLaw], list[FreeParameter]]:
-    """Return forms and free numbers with temperature in them.
+    """Return forms and free parameters with temperature in them.
 
     Raises
     ------
@@ -130,9 +130,9 @@ def temper(
                 FreeParameter(f"{name}.t2", -2.0 / span**2, 2.0 / span**2),
             ]
         elif name in _VISCOUS:
-            factor, numbers = _viscous(name, kind, min(levels))
+            factor, parameters = _viscous(name, kind, min(levels))
             temperature_dependent[name] = TemperatureDependent(form, factor)
-            moved += numbers
+            moved += parameters
         elif law[name].linear and isinstance(form, Constant | Polynomial):
             temperature_dependent[name], moved = _bilinear(name, form, moved, span)
         else:
@@ -141,11 +141,11 @@ def temper(
     return temperature_dependent, moved
 
 
-def assume(forms: Mapping[str, ParameterLaw], fluid: FluidFactors) -> dict[str, ParameterLaw]:
+def apply_fluid(forms: Mapping[str, ParameterLaw], fluid: FluidFactors) -> dict[str, ParameterLaw]:
     """Return forms with a fluid's temperature factors, marked as assumed; nothing of them is free.
 
     Viscosity follows the fluid's; in the series valve a shear-thinning part |v|^m follows the viscosity to
-    the power m, which the fitted exponent settles later (``settled``).
+    the power m, which the fitted exponent settles later (``scale_thinning``).
     """
     assumed: dict[str, ParameterLaw] = dict(forms)
     for name, form in forms.items():
@@ -158,19 +158,19 @@ def assume(forms: Mapping[str, ParameterLaw], fluid: FluidFactors) -> dict[str, 
     return assumed
 
 
-def settled(damper: Damper) -> Damper:
+def scale_thinning(damper: Damper) -> Damper:
     """Return a damper with its assumed thinning factors raised to the exponents that were fitted.
 
     A force that grows with |v|^m follows the viscosity to the power m; all viscosity factors are
-    exponentials, linear in their first number.
+    exponentials, linear in their first parameter.
     """
     forms = dict(damper.coefficients)
     for name, exponent in (("thinning", "thinning_exponent"), ("leak_damping", "leak_exponent")):
         form = forms.get(name)
         if isinstance(form, TemperatureDependent) and form.assumed:
             power = float(forms[exponent].value(0.0))
-            first, *rest = form.factor.numbers
-            forms[name] = replace(form, factor=form.factor.with_numbers((first * power, *rest)))
+            first, *rest = form.factor.parameters
+            forms[name] = replace(form, factor=form.factor.with_parameters((first * power, *rest)))
     return replace(damper, coefficients=forms)
 
 
@@ -189,16 +189,16 @@ def _viscous(name: str, kind: str, coldest: float) -> tuple[TemperatureFactor, l
 def _bilinear(
     name: str, form: Constant | Polynomial, free: Sequence[FreeParameter], span: float
 ) -> tuple[Bipolynomial, list[FreeParameter]]:
-    """Return a polynomial in command and temperature, linear in all its numbers."""
-    old = {f"{name}.{number}": k for k, number in enumerate(form.number_names)}
+    """Return a polynomial in command and temperature, linear in all its parameters."""
+    old = {f"{name}.{number}": k for k, number in enumerate(form.parameter_names)}
     own = sorted((f for f in free if f.name in old), key=lambda f: old[f.name])
-    numbers: list[float] = []
+    parameters: list[float] = []
     moved = [f for f in free if f.name not in old]
-    for power, (value, bound) in enumerate(zip(form.numbers, own, strict=True)):
-        numbers += [value, 0.0]
+    for power, (value, bound) in enumerate(zip(form.parameters, own, strict=True)):
+        parameters += [value, 0.0]
         size = max(abs(bound.lower), abs(bound.upper))
         moved += [
             FreeParameter(f"{name}.c{power}0", bound.lower, bound.upper, "linear", linear=True),
             FreeParameter(f"{name}.c{power}1", -size / span, size / span, "linear", linear=True),
         ]
-    return Bipolynomial(tuple(np.asarray(numbers, dtype=float).tolist()), 1), moved
+    return Bipolynomial(tuple(np.asarray(parameters, dtype=float).tolist()), 1), moved

@@ -17,7 +17,13 @@ import numpy as np
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import InputError
 from mrdamper.identify.problem import FreeParameter
-from mrdamper.identify.temperature import FluidFactors, Temperature, assume, temper, temperature_levels
+from mrdamper.identify.temperature import (
+    FluidFactors,
+    Temperature,
+    apply_fluid,
+    apply_temperature,
+    temperature_levels,
+)
 from mrdamper.models.damper import LAG, Damper
 from mrdamper.models.dependence import Constant, Exponential, Hill, ParameterLaw, Polynomial
 from mrdamper.models.laws import HysteresisLaw, find_law
@@ -75,7 +81,7 @@ def template(
     temperature: Temperature = "auto",
     fluid: FluidFactors | None = None,
 ) -> tuple[Damper, tuple[FreeParameter, ...]]:
-    """Return a law's damper with its usual dependence on command and temperature, and its free numbers.
+    """Return a law's damper with its usual dependence on command and temperature, and its free parameters.
 
     Three or more commands carry the usual forms (quadratic, exponential, Hill with a fixed exponent for
     exactly three); two carry straight lines; one carries constants, and must be asked for. Where a command
@@ -110,7 +116,7 @@ def template(
             "command cannot be identified from them. Add the same tests at two or more other commands, "
             "or say --one-command for a model of this command alone"
         )
-    warm = temperature != "none" and fluid is None and _has_temperature(runs, temperature)
+    follows_temperature = temperature != "none" and fluid is None and _has_temperature(runs, temperature)
     forms: dict[str, ParameterLaw] = {}
     free: list[FreeParameter] = []
     entries = _entries(law, scale)
@@ -130,15 +136,15 @@ def template(
         forms[name] = dependence
         free += moved
     if fluid is not None:
-        forms = assume(forms, fluid)
-    elif warm:
-        forms, free = temper(law, forms, free, scale.temperatures, temperature)
+        forms = apply_fluid(forms, fluid)
+    elif follows_temperature:
+        forms, free = apply_temperature(law, forms, free, scale.temperatures, temperature)
     lag = 0.0
     if any(run.run.constant_command is None for run in runs):
         lag = 0.01
         free.append(FreeParameter(LAG, 1e-4, 0.3, "log"))
     beyond = None if fluid is None else fluid.valid_K
-    if warm:
+    if follows_temperature:
         beyond = (scale.temperatures[0] - HELD_BEYOND_K, scale.temperatures[-1] + HELD_BEYOND_K)
     return Damper(law, forms, units.pop(), lag, temperature_range=beyond), tuple(free)
 
@@ -299,7 +305,7 @@ def _dependence(
     how: Literal["linear", "log"],
     s: Scale,
 ) -> tuple[ParameterLaw, list[FreeParameter]]:
-    """Return one coefficient's parameter law, as rich as the commands allow, and its free numbers."""
+    """Return one coefficient's parameter law, as rich as the commands allow, and its free parameters."""
     linear = law[name].linear
     start = float(np.sqrt(lower * upper)) if how == "log" else 0.5 * (lower + upper)
     if s.levels < 2:
@@ -313,13 +319,13 @@ def _dependence(
             FreeParameter(f"{name}.rate", -rate, rate),
         ]
     if form == "hill" and s.levels >= 3:
-        numbers = [
+        parameters = [
             FreeParameter(f"{name}.base", lower, upper, how, linear),
             FreeParameter(f"{name}.gain", -upper if linear else 10.0 * lower, 2.0 * upper, how, linear),
             FreeParameter(f"{name}.half_command", 0.05 * s.command, 10.0 * s.command, "log"),
             FreeParameter(f"{name}.exponent", 0.6, 3.0 if linear else 6.0, "log"),
         ]
-        return Hill(0.1 * start, start, s.command, 1.5, s.command), numbers[: min(s.levels, 4)]
+        return Hill(0.1 * start, start, s.command, 1.5, s.command), parameters[: min(s.levels, 4)]
     if not linear:  # two commands: a straight line that stays positive at both ends
         rate = _steepest(law, name, lower, upper) / s.command
         return Exponential(start, 0.0), [

@@ -1,4 +1,4 @@
-"""How well the data pin the numbers down: standard errors, correlations, bounds that were reached.
+"""How well the data pin the parameters down: standard errors, correlations, bounds that were reached.
 
 Residuals of a real run hang together in time, so the usual covariance (independent noise) is far too
 small. The reported standard error is the larger of that and of a sandwich over blocks of half a cycle
@@ -24,8 +24,8 @@ __all__ = ["covariances", "estimates_of"]
 def estimates_of(
     problem: FitProblem, runs: Sequence[PreparedFit], damper: Damper, offsets: Mapping[str, float]
 ) -> tuple[tuple[Estimate, ...], FloatArray]:
-    """Return every free number with its errors, and their correlation matrix (NaN on a bound)."""
-    values = {**damper.numbers, LAG: damper.command_lag_s}
+    """Return every free parameter with its errors, and their correlation matrix (NaN on a bound)."""
+    values = damper.parameters_and_lag
     units = {**damper.units, LAG: "s"}
     sides = [_side(free, values[free.name]) for free in problem.free]
     moving = [i for i, side in enumerate(sides) if not side]
@@ -61,7 +61,7 @@ def estimates_of(
 def covariances(
     runs: Sequence[PreparedFit], damper: Damper, names: Sequence[str], offsets: Mapping[str, float]
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the covariance of the numbers for independent residuals, and by blocks of half a cycle."""
+    """Return the covariance of the parameters for independent residuals, and by blocks of half a cycle."""
     size = len(names)
     curvature = np.zeros((size, size))
     noise = np.zeros((size, size))
@@ -89,10 +89,10 @@ def covariances(
 
 
 def _side(free: FreeParameter, value: float) -> Literal["", "lower", "upper"]:
-    """Say which bound a searched number sits on; eliminated numbers have the law's conditions instead."""
+    """Return the bound that a searched parameter sits on; eliminated ones have the law's conditions."""
     if free.linear:
         return ""
-    low, high, at = (float(free.inward(v)) for v in (free.lower, free.upper, value))
+    low, high, at = (float(free.to_search(v)) for v in (free.lower, free.upper, value))
     margin = 1e-6 * (high - low)
     if at <= low + margin:
         return "lower"

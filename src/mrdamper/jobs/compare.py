@@ -152,7 +152,7 @@ def _answer(comparison: Comparison, files: tuple[Path, Path]) -> Json:
                 "second_standard_error": pair.standard_errors[1],
                 "z": pair.z,
             }
-            for pair in comparison.numbers
+            for pair in comparison.parameters
         ]
         if comparison.same_law
         else None,

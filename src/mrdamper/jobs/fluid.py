@@ -19,7 +19,7 @@ from mrdamper.errors import InputError
 from mrdamper.models.fluids.carlson import field_strength, saturation_stress
 from mrdamper.models.fluids.fluid import Fluid, Origin
 from mrdamper.models.fluids.fluid_file import find_fluid, fluid_to_toml
-from mrdamper.models.fluids.rheometer import FittedNumber
+from mrdamper.models.fluids.rheometer import FittedParameter
 from mrdamper.models.fluids.viscosity_fit import ViscosityFit, ViscosityStudy, fit_viscosity
 from mrdamper.models.fluids.yield_fit import YieldFit, YieldStudy, fit_yield_stress
 from mrdamper.models.temperature import TemperatureFactor
@@ -173,7 +173,7 @@ def _fluid_of(
             valid_K=_usable(made.valid_K, best.factor, covered),
             origins={
                 **{n: o for n, o in made.origins.items() if not n.startswith(("viscosity.", "collapse."))},
-                **_origins("viscosity", best.numbers, source),
+                **_origins("viscosity", best.parameters, source),
             },
         )
     if yields is not None:
@@ -188,7 +188,7 @@ def _fluid_of(
             valid_K=_usable(made.valid_K, form.factor, (float(kelvin.min()), float(kelvin.max()))),
             origins={
                 **{n: o for n, o in made.origins.items() if not n.startswith("yield_stress.")},
-                **_origins("yield_stress", form.numbers, source),
+                **_origins("yield_stress", form.parameters, source),
             },
         )
     title = f"Fitted to {', '.join(table.name for table in tables)}; the rest as {base.name}"
@@ -210,7 +210,7 @@ def _source(tables: Sequence[RheometerTable], kelvin: FloatArray, law: str) -> s
     return f"{law} fitted to {names}: {kelvin.size} points, {low:.4g} to {high:.4g} degC"
 
 
-def _origins(section: str, numbers: Sequence[FittedNumber], source: str) -> dict[str, Origin]:
+def _origins(section: str, numbers: Sequence[FittedParameter], source: str) -> dict[str, Origin]:
     return {
         f"{section}.{number.name}": Origin(source, "A", number.standard_error)
         if math.isfinite(number.standard_error)
@@ -274,7 +274,7 @@ def _law(fit: ViscosityFit | YieldFit) -> Json:
                 "unit": number.unit,
                 "standard_error": _finite(number.standard_error),
             }
-            for number in fit.numbers
+            for number in fit.parameters
         },
         "rms_percent": fit.rms_percent,
         "aicc": _finite(fit.aicc),

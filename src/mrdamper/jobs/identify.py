@@ -15,11 +15,10 @@ from mrdamper.data.prepare import Preparation
 from mrdamper.data.records import Dataset
 from mrdamper.files import is_file
 from mrdamper.identify.assess import Assessment, Kind, LawScore, choose_law
-from mrdamper.identify.checkpoint import Ledger, Section
+from mrdamper.identify.checkpoint import CheckpointStore, Scope
 from mrdamper.identify.fit import Identification, Method, fit, versions
 from mrdamper.identify.fit import assess as assess_fit
 from mrdamper.identify.predict import row
-from mrdamper.identify.search.variable_projection import Report
 from mrdamper.identify.temperature import Temperature
 from mrdamper.jobs.inputs import read_dataset
 from mrdamper.jobs.predict import predict
@@ -29,6 +28,7 @@ from mrdamper.models.laws import LAWS
 from mrdamper.report import answers
 from mrdamper.runtime.checkpoint import Tell, checkpointed
 from mrdamper.runtime.outputs import atomic_output, write_table
+from mrdamper.runtime.progress import Progress, silent
 from mrdamper.runtime.signals import Interrupted, interrupt_ends_all
 from mrdamper.schema import Json
 
@@ -76,7 +76,7 @@ def identify(
     flip_force: bool = False,
     resume: bool | None = None,
     tell: Tell | None = None,
-    report: Report | None = None,
+    on_progress: Progress = silent,
 ) -> Json:
     """Read runs, fit, assess; write card.json, report.html and errors.csv into ``out``.
 
@@ -92,7 +92,7 @@ def identify(
     with checkpointed(out, head, resume=resume, tell=tell) as kept:
         with atomic_output(out) as beside:
             answer = run_identification(
-                dataset, beside, out, options, sources=sources, report=report, ledger=kept
+                dataset, beside, out, options, sources=sources, on_progress=on_progress, checkpoint=kept
             )
         if kept is not None:
             kept.finished = not answer["cancelled"]
@@ -158,14 +158,14 @@ def run_identification(  # noqa: PLR0913 - what a job is told, by keyword
     sources: Sequence[str],
     simulated: str = "",
     title: str = "",
-    report: Report | None = None,
-    ledger: Ledger | None = None,
+    on_progress: Progress = silent,
+    checkpoint: CheckpointStore | None = None,
 ) -> Json:
     """Fit, assess and write into ``beside`` what will lie in ``out``."""
     table: tuple[LawScore, ...] = ()
     law = options.law
     if law == "auto":
-        table = _compare(dataset, options, report, ledger)
+        table = _compare(dataset, options, on_progress, checkpoint)
         law = table[0].law
     fitted = fit(
         dataset,
@@ -180,10 +180,10 @@ def run_identification(  # noqa: PLR0913 - what a job is told, by keyword
         temperature=options.temperature,
         fluid=None if options.fluid is None else find_fluid(options.fluid),
         coil_resistance_ohm=options.coil_resistance_ohm,
-        report=report,
-        ledger=ledger,
+        on_progress=on_progress,
+        checkpoint=checkpoint,
     )
-    fitted, judged = _assessed(fitted, options, report, ledger)
+    fitted, judged = _assessed(fitted, options, on_progress, checkpoint)
     answer = write_identification(
         fitted, judged, beside, out, law_table=table, sources=sources, simulated=simulated, title=title
     )
@@ -222,7 +222,7 @@ def write_identification(
 
 
 def _compare(
-    dataset: Dataset, options: FitOptions, report: Report | None, ledger: Ledger | None
+    dataset: Dataset, options: FitOptions, on_progress: Progress, checkpoint: CheckpointStore | None
 ) -> tuple[LawScore, ...]:
     """Compare all laws on the training runs, one motion left out; held-out runs are not looked at."""
     from mrdamper.identify.fit import split_by_command
@@ -237,13 +237,13 @@ def _compare(
             starts=min(options.starts, 2),
             one_command=options.one_command,
             temperature="none" if options.fluid is not None else options.temperature,
-            report=report,
-            ledger=Section(ledger, "laws"),
+            on_progress=on_progress,
+            checkpoint=Scope(checkpoint, "laws"),
         )
 
 
 def _assessed(
-    fitted: Identification, options: FitOptions, report: Report | None, ledger: Ledger | None
+    fitted: Identification, options: FitOptions, on_progress: Progress, checkpoint: CheckpointStore | None
 ) -> tuple[Identification, Assessment]:
     """Assess a fit; an interrupt while fitting or while leaving runs out keeps the fit and skips the rest."""
     more = options.leave_out or options.profiled or options.draws
@@ -255,8 +255,8 @@ def _assessed(
                     leave_out=options.leave_out,
                     profiled=options.profiled,
                     draws=options.draws,
-                    report=report,
-                    ledger=Section(ledger, "assessment"),
+                    on_progress=on_progress,
+                    checkpoint=Scope(checkpoint, "assessment"),
                 )
         except Interrupted:
             notes = (*fitted.result.notes, _CUT_SHORT)

@@ -119,8 +119,8 @@ class Excerpt:
 
     def trajectory(self) -> Trajectory:
         x, v, a, command = (np.array(getattr(self, name)) for name in SIGNALS[:4])
-        warm = None if self.temperature_K is None else np.full(len(x), self.temperature_K)
-        return Trajectory(self.step_s, x, v, a, command, self.dead_band_m, warm)
+        kelvin = None if self.temperature_K is None else np.full(len(x), self.temperature_K)
+        return Trajectory(self.step_s, x, v, a, command, self.dead_band_m, kelvin)
 
     def error(self, damper: Damper, simulate: Simulate) -> float:
         """Return the RMS force error [N] of a damper on the excerpt."""
@@ -144,14 +144,14 @@ class ModelCard:
     python_law: str | None = None
 
     def __post_init__(self) -> None:
-        numbers = (*self.damper.numbers, LAG)
+        parameters = (*self.damper.parameters, LAG)
         for name in self.standard_errors:
-            if name not in numbers:
-                raise InputError(f"standard_errors: no number {name!r}; {did_you_mean(name, numbers)}")
+            if name not in parameters:
+                raise InputError(f"standard_errors: no parameter {name!r}; {did_you_mean(name, parameters)}")
         if (self.damper.law.python is None) != (self.python_law is None):
             raise InputError(f"law {self.damper.law.name!r} and python_law {self.python_law!r} disagree")
         self.damper.check(self.envelope)
-        complete = {name: self.standard_errors.get(name) for name in numbers}
+        complete = {name: self.standard_errors.get(name) for name in parameters}
         object.__setattr__(self, "standard_errors", _freeze(complete, "standard_errors", ordered=True))
         object.__setattr__(self, "preparation", _freeze(self.preparation, "preparation"))
         object.__setattr__(self, "notes", _freeze(self.notes, "notes"))
@@ -179,14 +179,14 @@ def cut_excerpt(
         name: tuple(float(f"{value:.9g}") for value in column[samples])
         for name, column in zip(SIGNALS, columns, strict=True)
     }
-    warm = None if t.temperature is None else float(f"{float(np.mean(t.temperature[samples])):.9g}")
+    kelvin = None if t.temperature is None else float(f"{float(np.mean(t.temperature[samples])):.9g}")
     unscored = Excerpt(
         run=run,
         step_s=float(t.step),
         rmse_N=0.0,
         scored_from=scored_from,
         dead_band_m=float(t.dead_band),
-        temperature_K=warm,
+        temperature_K=kelvin,
         **rounded,
     )
     return Excerpt(**{**_as_dict(unscored), "rmse_N": unscored.error(damper, simulate)})
@@ -239,15 +239,15 @@ def card_to_json(card: ModelCard) -> Document:
     coefficients = {}
     for name, form in damper.coefficients.items():
         data = dependence_to_json(form)
-        numbers = {
+        parameters = {
             number: {
                 "value": value,
                 "unit": units[f"{name}.{number}"],
                 "standard_error": card.standard_errors[f"{name}.{number}"],
             }
-            for number, value in zip(form.number_names, form.numbers, strict=True)
+            for number, value in zip(form.parameter_names, form.parameters, strict=True)
         }
-        coefficients[name] = {**data, "unit": damper.law[name].unit, "numbers": numbers}
+        coefficients[name] = {**data, "unit": damper.law[name].unit, "numbers": parameters}
     return {
         "schema_version": SCHEMA_VERSION,
         "title": card.title,

@@ -42,7 +42,7 @@ _KEYS = (
     *("command_lag_standard_error_s", "actuation", "temperature_range_K", "coefficients", "envelope"),
     *("preparation", "evidence", "excerpt", "sources", "notes"),
 )
-_NUMBER_KEYS = ("value", "unit", "standard_error")
+_PARAMETER_KEYS = ("value", "unit", "standard_error")
 _EVIDENCE_KEYS = (
     *("method", "seed", "cost", "dataset_fingerprint", *SPLITS, "runs", "session_offsets_N", "versions"),
 )
@@ -187,16 +187,16 @@ def _read_coefficient(place: _Place, unit: str, command_unit: str) -> ParameterL
     """Return the parameter law of one coefficient, its units checked against what the law says."""
     entry = place.table(("kind", "numbers", "unit"), optional=("settings", "temperature"))
     entry["unit"].text(unit)
-    numbers = {name: each.table(_NUMBER_KEYS) for name, each in entry["numbers"].entries().items()}
-    values = {name: each["value"].number() for name, each in numbers.items()}
+    parameters = {name: each.table(_PARAMETER_KEYS) for name, each in entry["numbers"].entries().items()}
+    values = {name: each["value"].number() for name, each in parameters.items()}
     settings = {name: each.number() for name, each in entry["settings"].entries().items()}
     data: Document = {"kind": entry["kind"].text(), "numbers": values, "settings": settings}
     if entry["temperature"].value is not _MISSING:
         data["temperature"] = entry["temperature"].value
     form = place.build(lambda: dependence_from_json(data))
     if form is not None and command_unit:
-        for name, expected in zip(form.number_names, form.units(unit, command_unit), strict=True):
-            numbers[name]["unit"].text(expected)
+        for name, expected in zip(form.parameter_names, form.units(unit, command_unit), strict=True):
+            parameters[name]["unit"].text(expected)
     return form
 
 

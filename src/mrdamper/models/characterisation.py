@@ -150,31 +150,31 @@ def characterise(damper: Damper, scope: Scope) -> Characterisation:
     """Return a damper's figures at the places of a scope."""
     commands, temperatures, speeds = scope.commands, scope.temperatures, scope.speeds
     curves, picks, cycles = [], [], []
-    for warm in temperatures:
-        of_warm = []
+    for kelvin in temperatures:
+        at_temperature = []
         for command in commands:
             both = peak_velocity_pick(
                 damper,
                 np.concatenate([scope.drawn, speeds]),
                 amplitude=scope.amplitude,
                 command=command,
-                temperature=warm,
+                temperature=kelvin,
             )
             parts = len(scope.drawn)
-            of_warm.append(
+            at_temperature.append(
                 PeakVelocityCurve(
                     scope.amplitude,
                     command,
-                    warm,
+                    kelvin,
                     both.velocity[:parts],
                     both.extension[:parts],
                     both.retraction[:parts],
                 )
             )
             picks.append((both.extension[parts:], both.retraction[parts:]))
-            cycle = settled_cycle(damper, scope.motion, command, warm)
+            cycle = settled_cycle(damper, scope.motion, command, kelvin)
             cycles.append((cycle.energy_J, cycle.equivalent_damping_N_s_m))
-        curves.append(tuple(of_warm))
+        curves.append(tuple(at_temperature))
     shape = (len(temperatures), len(commands))
     extension = np.array([pick[0] for pick in picks]).reshape(*shape, len(speeds))
     retraction = np.array([pick[1] for pick in picks]).reshape(*shape, len(speeds))

@@ -104,7 +104,7 @@ def settled_cycle(
         duration=_PERIODS * motion.period,
         rate_Hz=_SAMPLES * motion.frequency,
         command=command,
-        temperature=_warmth(temperature),
+        temperature=_kelvin_or_reference(temperature),
     )
     force = simulate(damper, path)
     last = slice(-_SAMPLES - 1, None)
@@ -227,7 +227,7 @@ def force_loss(
     reference : [K]
     """
     before = settled_cycle(damper, motion, command, reference).peak_N
-    after = [settled_cycle(damper, motion, command, float(warm)).peak_N for warm in temperatures]
+    after = [settled_cycle(damper, motion, command, float(kelvin)).peak_N for kelvin in temperatures]
     return np.asarray(1.0 - np.array(after) / before)
 
 
@@ -298,7 +298,7 @@ def force_response(
             velocity=flat + velocity,
             acceleration=flat,
             command=command,
-            temperature=flat + _warmth(temperature),
+            temperature=flat + _kelvin_or_reference(temperature),
         )
         return simulate(damper, path)[half:]
 
@@ -355,7 +355,7 @@ def _sine_at(peak_velocity: float, amplitude: float) -> Sine:
     return Sine(amplitude, peak_velocity / (2.0 * math.pi * amplitude))
 
 
-def _warmth(temperature: float | None) -> float:
+def _kelvin_or_reference(temperature: float | None) -> float:
     return REFERENCE_K if temperature is None else float(temperature)
 
 

@@ -18,7 +18,7 @@ from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.temperature import REFERENCE_K
 from mrdamper.quantities import ZERO_CELSIUS_K, to_degC
 
-__all__ = ["CLEAR", "SIDES", "Comparison", "NumberPair", "common_envelope", "compare_cards"]
+__all__ = ["CLEAR", "SIDES", "Comparison", "ParameterPair", "common_envelope", "compare_cards"]
 
 CLEAR = 3.0
 """Standard errors by which a number has moved for certain."""
@@ -30,8 +30,8 @@ _NEAR_K = 5.0  # temperatures so near count as the same
 
 
 @dataclass(frozen=True, slots=True)
-class NumberPair:
-    """One number of two dampers of the same law; ``z`` is their difference over its standard error."""
+class ParameterPair:
+    """One parameter of two dampers of the same law; ``z`` is their difference over its standard error."""
 
     name: str
     unit: str
@@ -49,7 +49,7 @@ class Comparison:
     envelope: OperatingEnvelope  # common to both
     scope: Scope
     found: tuple[Characterisation, Characterisation]
-    numbers: tuple[NumberPair, ...]  # empty where the laws differ
+    parameters: tuple[ParameterPair, ...]  # empty where the laws differ
     own_error_N: float | None  # RMS errors of both cards on their runs, together
     notes: tuple[str, ...]
     verdict: str
@@ -71,8 +71,8 @@ def compare_cards(first: ModelCard, second: ModelCard, *, names: tuple[str, str]
     envelope, notes = common_envelope(cards, names)
     dampers = (first.damper, second.damper)
     leading = next((damper for damper in dampers if damper.temperature_dependent), dampers[0])
-    warm = envelope.temperature
-    single = [warm[0]] if warm is not None and warm[0] == warm[1] else None
+    kelvin = envelope.temperature
+    single = [kelvin[0]] if kelvin is not None and kelvin[0] == kelvin[1] else None
     scope = usual_scope(leading, envelope, temperatures=single)
     pair = (characterise(dampers[0], scope), characterise(dampers[1], scope))
     own = _own_error(cards)
@@ -82,7 +82,7 @@ def compare_cards(first: ModelCard, second: ModelCard, *, names: tuple[str, str]
         envelope=envelope,
         scope=scope,
         found=pair,
-        numbers=_numbers(cards),
+        parameters=_parameters(cards),
         own_error_N=own,
         notes=(*notes, *_assumptions(cards, names), *_other_forms(cards)),
         verdict=_verdict(pair, names, first.damper.command_unit, own),
@@ -168,8 +168,8 @@ def _common_temperature(
         middle = 0.5 * (tested[0] + tested[1])
         at = float(np.clip(middle, *pair))
         if abs(at - middle) > _NEAR_K:
-            ordered = [pair, tested] if knows == 0 else [tested, pair]
-            _meeting(ordered, "temperature", "degC", 1.0, names, -ZERO_CELSIUS_K)
+            both = [pair, tested] if knows == 0 else [tested, pair]
+            _meeting(both, "temperature", "degC", 1.0, names, -ZERO_CELSIUS_K)
         said = f"{names[other]} was tested near {to_degC(middle):.0f} degC and knows no other temperature"
     return (at, at), [f"{said}: both are compared at {at - ZERO_CELSIUS_K:.0f} degC"]
 
@@ -185,12 +185,12 @@ def _known(card: ModelCard) -> tuple[float, float] | None:
 # ------------------------------------------------------------------------------------------- numbers
 
 
-def _numbers(cards: tuple[ModelCard, ModelCard]) -> tuple[NumberPair, ...]:
-    """Return the numbers of two dampers of one law that were identified in either or that differ."""
+def _parameters(cards: tuple[ModelCard, ModelCard]) -> tuple[ParameterPair, ...]:
+    """Return the parameters of two dampers of one law that were identified in either or that differ."""
     dampers = [card.damper for card in cards]
     if dampers[0].law.name != dampers[1].law.name:
         return ()
-    values = [damper.numbers for damper in dampers]
+    values = [damper.parameters for damper in dampers]
     units = {**dampers[1].units, **dampers[0].units}
     found = []
     for name in dict.fromkeys([*values[0], *values[1]]):
@@ -198,7 +198,7 @@ def _numbers(cards: tuple[ModelCard, ModelCard]) -> tuple[NumberPair, ...]:
         errors = (cards[0].standard_errors.get(name), cards[1].standard_errors.get(name))
         if errors == (None, None) and pair[0] == pair[1]:
             continue
-        found.append(NumberPair(name, units[name], pair, errors, _z(dampers, name, pair, errors)))
+        found.append(ParameterPair(name, units[name], pair, errors, _z(dampers, name, pair, errors)))
     return tuple(found)
 
 
@@ -247,8 +247,8 @@ def _verdict(
     scope = found[0].scope
     if most == 0.0:
         return f"{names[1]} and {names[0]} give the same force everywhere."
-    warm = scope.temperatures[t]
-    at = "" if warm is None else f", {warm - ZERO_CELSIUS_K:.0f} degC"
+    kelvin = scope.temperatures[t]
+    at = "" if kelvin is None else f", {kelvin - ZERO_CELSIUS_K:.0f} degC"
     where = f"at {scope.commands[i]:.3g} {unit}{at} and {1e3 * scope.speeds[v]:.3g} mm/s"
     share = "" if not before[t, i, v] > 0.0 else f" ({100.0 * most / before[t, i, v]:+.1f} %)"
     if own is not None and abs(most) < own:
@@ -280,8 +280,8 @@ def _other_forms(cards: tuple[ModelCard, ModelCard]) -> list[str]:
     first, second = (card.damper for card in cards)
     if first.law.name != second.law.name:
         return [
-            f"the laws differ ({first.law.name}, {second.law.name}): their numbers do not mean the same and "
-            "are not compared"
+            f"the laws differ ({first.law.name}, {second.law.name}): their parameters do not mean the same "
+            "and are not compared"
         ]
     other = [
         name

@@ -31,7 +31,7 @@ LAG = "command_lag_s"
 Range = tuple[float, float]
 
 _GRID = 201  # commands over the envelope at which the law's conditions are checked,
-_WARM_GRID = 9  # at so many temperatures, where the damper knows temperature
+_TEMPERATURE_GRID = 9  # at so many temperatures, where the damper knows temperature
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +59,7 @@ class OperatingEnvelope:
 
     def temperatures(self) -> FloatArray | None:
         """Return the temperatures [K] at which they are checked; None: not known."""
-        return None if self.temperature is None else np.linspace(*self.temperature, _WARM_GRID)
+        return None if self.temperature is None else np.linspace(*self.temperature, _TEMPERATURE_GRID)
 
 
 @dataclass(frozen=True)
@@ -130,36 +130,46 @@ class Damper:
         )
 
     @property
-    def numbers(self) -> dict[str, float]:
-        """Every number by its flat name (``yield_force.gain``), in the law's order."""
+    def parameters(self) -> dict[str, float]:
+        """Every parameter by its flat name (``yield_force.gain``), in the law's order."""
         return {
             f"{coefficient}.{name}": number
             for coefficient, form in self.coefficients.items()
-            for name, number in zip(form.number_names, form.numbers, strict=True)
+            for name, number in zip(form.parameter_names, form.parameters, strict=True)
         }
 
     @property
     def units(self) -> dict[str, str]:
-        """The unit of every number, under the same names as ``numbers``."""
+        """The unit of every parameter, under the same names as ``numbers``."""
         return {
             f"{coefficient}.{name}": unit
             for coefficient, form in self.coefficients.items()
             for name, unit in zip(
-                form.number_names, form.units(self.law[coefficient].unit, self.command_unit), strict=True
+                form.parameter_names, form.units(self.law[coefficient].unit, self.command_unit), strict=True
             )
         }
 
-    def with_numbers(self, numbers: Mapping[str, float]) -> Damper:
-        """Return the damper with some numbers replaced (flat names)."""
-        present = self.numbers
-        for name in numbers:
+    @property
+    def parameters_and_lag(self) -> dict[str, float]:
+        """All parameters by their flat names, then the command lag [s] under ``LAG``."""
+        return {**self.parameters, LAG: self.command_lag_s}
+
+    def with_parameters(self, parameters: Mapping[str, float]) -> Damper:
+        """Return the damper with some parameters replaced (flat names), the command lag among them."""
+        if LAG in parameters:
+            rest = {name: value for name, value in parameters.items() if name != LAG}
+            return replace(self, command_lag_s=parameters[LAG]).with_parameters(rest)
+        if not parameters:
+            return self
+        present = self.parameters
+        for name in parameters:
             if name not in present:
-                raise InputError(f"{self.law.name}: no number {name!r}; {did_you_mean(name, present)}")
+                raise InputError(f"{self.law.name}: no parameter {name!r}; {did_you_mean(name, present)}")
         changed = {
-            coefficient: form.with_numbers(
+            coefficient: form.with_parameters(
                 [
-                    numbers.get(f"{coefficient}.{n}", v)
-                    for n, v in zip(form.number_names, form.numbers, strict=True)
+                    parameters.get(f"{coefficient}.{n}", v)
+                    for n, v in zip(form.parameter_names, form.parameters, strict=True)
                 ]
             )
             for coefficient, form in self.coefficients.items()
@@ -171,16 +181,16 @@ class Damper:
 
         ``temperature`` [K] is one number or one per command; None: 20 degC.
         """
-        at, warm = self._grid(command, temperature)
-        return np.stack([form.value(at, warm) for form in self.coefficients.values()])
+        at, kelvin = self._grid(command, temperature)
+        return np.stack([form.value(at, kelvin) for form in self.coefficients.values()])
 
     def violations(self, commands: ArrayLike, temperatures: ArrayLike | None = None) -> tuple[str, ...]:
         """Return where the law's conditions do not hold at commands and temperatures, a sentence each."""
-        at, warm = self._grid(commands, temperatures)
+        at, kelvin = self._grid(commands, temperatures)
         found = []
         for name, form in self.coefficients.items():
             with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is said below
-                values = form.value(at, warm)
+                values = form.value(at, kelvin)
             if not self.law.violations({name: values}) and np.isfinite(values).all():
                 continue
             for k, value in enumerate(values.tolist()):
@@ -189,8 +199,8 @@ class Damper:
                     said = (f"{self.law.name}: {name} is {value}; it must be finite",)
                 if said:
                     where = f"{at[k]:g} {self.command_unit}"
-                    if warm is not None and form.temperature_dependent:
-                        where += f", {warm[k] - ZERO_CELSIUS_K:.1f} degC"
+                    if kelvin is not None and form.temperature_dependent:
+                        where += f", {kelvin[k] - ZERO_CELSIUS_K:.1f} degC"
                     found.append(f"{said[0]} (at {where})")
                     break
         return tuple(found)
@@ -226,12 +236,13 @@ class Damper:
         at = np.atleast_1d(np.asarray(command, dtype=np.float64))
         if temperature is None:
             return at, None
-        warm = np.asarray(temperature, dtype=np.float64)
-        if warm.shape not in {(), at.shape}:
+        kelvin = np.asarray(temperature, dtype=np.float64)
+        if kelvin.shape not in {(), at.shape}:
             raise InputError(
-                f"temperature has shape {warm.shape}, the command {at.shape}; expected one number or the same"
+                f"temperature has shape {kelvin.shape}, the command {at.shape}; expected one number or "
+                "the same shape"
             )
-        return at, np.broadcast_to(self.held(warm), at.shape)
+        return at, np.broadcast_to(self.held(kelvin), at.shape)
 
     def _reversed_valve(self, envelope: OperatingEnvelope) -> list[str]:
         """Say where 1 + position_gain x > 0 fails: the valve force must keep its sign over the stroke."""

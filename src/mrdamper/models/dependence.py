@@ -4,8 +4,8 @@ A parameter law is a named form with numbers, never code: the card stores ``kind
 ``dependence_json`` lists the forms there are. Which numbers a fit may move is the business of
 ``identify.problem``; whether the coefficient's values suit its law, of ``damper``.
 
-Every form gives its value, its gradient with respect to its numbers and its slope with respect to the
-command in closed form, and says in which of its numbers it is linear. Most forms know the command alone;
+Every form gives its value, its gradient with respect to its parameters and its slope with respect to the
+command in closed form, and says in which of its parameters it is linear. Most forms know the command alone;
 ``TemperatureDependent`` multiplies one with a temperature factor, ``Bipolynomial`` is a polynomial in both.
 Where no temperature is given, it is 20 degC.
 """
@@ -39,9 +39,9 @@ __all__ = [
 
 
 class ParameterLaw(Protocol):
-    """A coefficient's value as a function of command and temperature [K], with named numbers.
+    """A coefficient's value as a function of command and temperature [K], with named parameters.
 
-    ``linear[k]`` says that the value is linear in number ``k`` with the others fixed. ``settings`` are
+    ``linear[k]`` says that the value is linear in parameter ``k`` with the others fixed. ``settings`` are
     fixed choices of the form (a reference current) that no fit moves. Command and temperature may be
     arrays of one shape; temperature None is 20 degC.
     """
@@ -55,10 +55,10 @@ class ParameterLaw(Protocol):
         ...
 
     @property
-    def numbers(self) -> tuple[float, ...]: ...
+    def parameters(self) -> tuple[float, ...]: ...
 
     @property
-    def number_names(self) -> tuple[str, ...]: ...
+    def parameter_names(self) -> tuple[str, ...]: ...
 
     @property
     def linear(self) -> tuple[bool, ...]: ...
@@ -67,7 +67,7 @@ class ParameterLaw(Protocol):
     def settings(self) -> Mapping[str, float]: ...
 
     def units(self, coefficient_unit: str, command_unit: str) -> tuple[str, ...]:
-        """Return the unit of each number."""
+        """Return the unit of each parameter."""
         ...
 
     def value(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
@@ -75,15 +75,15 @@ class ParameterLaw(Protocol):
         ...
 
     def gradient(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
-        """Return d value / d number, shape (numbers, *shape of command)."""
+        """Return d value / d parameter, shape (parameters, *shape of command)."""
         ...
 
     def many(
-        self, numbers: FloatArray, command: FloatArray, temperature: FloatArray
+        self, parameters: FloatArray, command: FloatArray, temperature: FloatArray
     ) -> tuple[FloatArray, Sequence[FloatArray]]:
         """Return value and gradient of many forms of this kind at once, as a fit asks for them.
 
-        ``numbers`` has one column per form, shape (numbers, forms); command and temperature have shape
+        ``numbers`` has one column per form, shape (parameters, forms); command and temperature have shape
         (points,). The value, and each row of the gradient, can be broadcast to (forms, points).
         """
         ...
@@ -92,8 +92,8 @@ class ParameterLaw(Protocol):
         """Return d value / d command, in the command's shape."""
         ...
 
-    def with_numbers(self, numbers: Sequence[float]) -> Self:
-        """Return the same form with other numbers."""
+    def with_parameters(self, parameters: Sequence[float]) -> Self:
+        """Return the same form with other parameters."""
         ...
 
 
@@ -105,7 +105,7 @@ class Constant:
 
     kind: ClassVar[str] = "constant"
     temperature_dependent: ClassVar[bool] = False
-    number_names: ClassVar[tuple[str, ...]] = ("value",)
+    parameter_names: ClassVar[tuple[str, ...]] = ("value",)
     linear: ClassVar[tuple[bool, ...]] = (True,)
     settings: ClassVar[Mapping[str, float]] = MappingProxyType({})
 
@@ -113,7 +113,7 @@ class Constant:
         _require_finite(self)
 
     @property
-    def numbers(self) -> tuple[float, ...]:
+    def parameters(self) -> tuple[float, ...]:
         return (self.number,)
 
     def units(self, coefficient_unit: str, command_unit: str) -> tuple[str, ...]:
@@ -126,61 +126,63 @@ class Constant:
         return np.ones((1, *np.shape(command)))
 
     def many(
-        self, numbers: FloatArray, command: FloatArray, temperature: FloatArray
+        self, parameters: FloatArray, command: FloatArray, temperature: FloatArray
     ) -> tuple[FloatArray, Sequence[FloatArray]]:
-        return _many_linear(self, numbers, command, temperature)
+        return _many_linear(self, parameters, command, temperature)
 
     def slope(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
         return np.zeros(np.shape(command))
 
-    def with_numbers(self, numbers: Sequence[float]) -> Self:
-        return type(self)(*_as_many(self, numbers))
+    def with_parameters(self, parameters: Sequence[float]) -> Self:
+        return type(self)(*_as_many(self, parameters))
 
 
 @dataclass(frozen=True, slots=True)
 class Polynomial:
     """value = c0 + c1 I + c2 I^2 + ..., ascending powers of the command."""
 
-    numbers: tuple[float, ...]
+    parameters: tuple[float, ...]
 
     kind: ClassVar[str] = "polynomial"
     temperature_dependent: ClassVar[bool] = False
     settings: ClassVar[Mapping[str, float]] = MappingProxyType({})
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "numbers", tuple(float(number) for number in self.numbers))
-        if not self.numbers:
+        object.__setattr__(self, "parameters", tuple(float(number) for number in self.parameters))
+        if not self.parameters:
             raise InputError("a polynomial needs at least one number (c0)")
         _require_finite(self)
 
     @property
-    def number_names(self) -> tuple[str, ...]:
-        return tuple(f"c{power}" for power in range(len(self.numbers)))
+    def parameter_names(self) -> tuple[str, ...]:
+        return tuple(f"c{power}" for power in range(len(self.parameters)))
 
     @property
     def linear(self) -> tuple[bool, ...]:
-        return (True,) * len(self.numbers)
+        return (True,) * len(self.parameters)
 
     def units(self, coefficient_unit: str, command_unit: str) -> tuple[str, ...]:
-        return tuple(_per(coefficient_unit, command_unit, power) for power in range(len(self.numbers)))
+        return tuple(_per(coefficient_unit, command_unit, power) for power in range(len(self.parameters)))
 
     def value(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
-        return np.asarray(np.polynomial.polynomial.polyval(_array(command), self.numbers), dtype=np.float64)
+        return np.asarray(
+            np.polynomial.polynomial.polyval(_array(command), self.parameters), dtype=np.float64
+        )
 
     def gradient(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
-        return np.stack([_array(command) ** power for power in range(len(self.numbers))])
+        return np.stack([_array(command) ** power for power in range(len(self.parameters))])
 
     def many(
-        self, numbers: FloatArray, command: FloatArray, temperature: FloatArray
+        self, parameters: FloatArray, command: FloatArray, temperature: FloatArray
     ) -> tuple[FloatArray, Sequence[FloatArray]]:
-        return _many_linear(self, numbers, command, temperature)
+        return _many_linear(self, parameters, command, temperature)
 
     def slope(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
-        derivative = np.polynomial.polynomial.polyder(self.numbers)
+        derivative = np.polynomial.polynomial.polyder(self.parameters)
         return np.asarray(np.polynomial.polynomial.polyval(_array(command), derivative), dtype=np.float64)
 
-    def with_numbers(self, numbers: Sequence[float]) -> Self:
-        return type(self)(_as_many(self, numbers))
+    def with_parameters(self, parameters: Sequence[float]) -> Self:
+        return type(self)(_as_many(self, parameters))
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,7 +206,7 @@ class Hill:
 
     kind: ClassVar[str] = "hill"
     temperature_dependent: ClassVar[bool] = False
-    number_names: ClassVar[tuple[str, ...]] = ("base", "gain", "half_command", "exponent")
+    parameter_names: ClassVar[tuple[str, ...]] = ("base", "gain", "half_command", "exponent")
     linear: ClassVar[tuple[bool, ...]] = (True, True, False, False)
 
     def __post_init__(self) -> None:
@@ -214,7 +216,7 @@ class Hill:
                 raise InputError(f"hill: {name} is {getattr(self, name):g}; it must be positive and finite")
 
     @property
-    def numbers(self) -> tuple[float, ...]:
+    def parameters(self) -> tuple[float, ...]:
         return (self.base, self.gain, self.half_command, self.exponent)
 
     @property
@@ -231,9 +233,9 @@ class Hill:
         return _gradient(self, command, temperature)
 
     def many(
-        self, numbers: FloatArray, command: FloatArray, temperature: FloatArray
+        self, parameters: FloatArray, command: FloatArray, temperature: FloatArray
     ) -> tuple[FloatArray, Sequence[FloatArray]]:
-        base, gain, half, exponent = numbers[:, :, None]
+        base, gain, half, exponent = parameters[:, :, None]
         rise, log_u, free, free_at_reference = _hill_rise(
             command / self.reference, half / self.reference, exponent
         )
@@ -262,8 +264,8 @@ class Hill:
             _array(self.exponent),
         )
 
-    def with_numbers(self, numbers: Sequence[float]) -> Self:
-        return replace(self, **dict(zip(self.number_names, _as_many(self, numbers), strict=True)))
+    def with_parameters(self, parameters: Sequence[float]) -> Self:
+        return replace(self, **dict(zip(self.parameter_names, _as_many(self, parameters), strict=True)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -275,7 +277,7 @@ class Exponential:
 
     kind: ClassVar[str] = "exponential"
     temperature_dependent: ClassVar[bool] = False
-    number_names: ClassVar[tuple[str, ...]] = ("at_zero", "rate")
+    parameter_names: ClassVar[tuple[str, ...]] = ("at_zero", "rate")
     linear: ClassVar[tuple[bool, ...]] = (True, False)
     settings: ClassVar[Mapping[str, float]] = MappingProxyType({})
 
@@ -283,7 +285,7 @@ class Exponential:
         _require_finite(self)
 
     @property
-    def numbers(self) -> tuple[float, ...]:
+    def parameters(self) -> tuple[float, ...]:
         return (self.at_zero, self.rate)
 
     def units(self, coefficient_unit: str, command_unit: str) -> tuple[str, ...]:
@@ -296,9 +298,9 @@ class Exponential:
         return _gradient(self, command, temperature)
 
     def many(
-        self, numbers: FloatArray, command: FloatArray, temperature: FloatArray
+        self, parameters: FloatArray, command: FloatArray, temperature: FloatArray
     ) -> tuple[FloatArray, Sequence[FloatArray]]:
-        at_zero, rate = numbers[:, :, None]
+        at_zero, rate = parameters[:, :, None]
         with np.errstate(over="ignore"):
             growth = np.exp(rate * command)
         value = at_zero * growth
@@ -311,29 +313,30 @@ class Exponential:
     def slope(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
         return self.rate * self.value(command)
 
-    def with_numbers(self, numbers: Sequence[float]) -> Self:
-        return type(self)(*_as_many(self, numbers))
+    def with_parameters(self, parameters: Sequence[float]) -> Self:
+        return type(self)(*_as_many(self, parameters))
 
 
 @dataclass(frozen=True, slots=True)
 class Bipolynomial:
     """value = sum of c_ij I^i (T - 293.15)^j, i to the command's degree, j to the temperature's.
 
-    Linear in all its numbers. ``numbers`` run over j first: c00, c01, c10, c11, ...
+    Linear in all its parameters. ``numbers`` run over j first: c00, c01, c10, c11, ...
     """
 
-    numbers: tuple[float, ...]
+    parameters: tuple[float, ...]
     temperature_degree: int = 1
 
     kind: ClassVar[str] = "bipolynomial"
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "numbers", tuple(float(number) for number in self.numbers))
+        object.__setattr__(self, "parameters", tuple(float(number) for number in self.parameters))
         columns = self.temperature_degree + 1
-        if self.temperature_degree < 0 or not self.numbers or len(self.numbers) % columns:
+        if self.temperature_degree < 0 or not self.parameters or len(self.parameters) % columns:
             raise InputError(
-                f"bipolynomial: {len(self.numbers)} numbers, temperature degree {self.temperature_degree}; "
-                "expected c00, c01, ... with every power of the temperature for every power of the command"
+                f"bipolynomial: {len(self.parameters)} parameters, temperature degree "
+                f"{self.temperature_degree}; expected c00, c01, ... with every power of the temperature for "
+                "every power of the command"
             )
         _require_finite(self)
 
@@ -347,24 +350,24 @@ class Bipolynomial:
 
     @property
     def powers(self) -> tuple[tuple[int, int], ...]:
-        """Powers of command and temperature of each number."""
+        """Powers of command and temperature of each parameter."""
         columns = self.temperature_degree + 1
-        return tuple(divmod(k, columns) for k in range(len(self.numbers)))
+        return tuple(divmod(k, columns) for k in range(len(self.parameters)))
 
     @property
-    def number_names(self) -> tuple[str, ...]:
+    def parameter_names(self) -> tuple[str, ...]:
         return tuple(f"c{i}{j}" for i, j in self.powers)
 
     @property
     def linear(self) -> tuple[bool, ...]:
-        return (True,) * len(self.numbers)
+        return (True,) * len(self.parameters)
 
     def units(self, coefficient_unit: str, command_unit: str) -> tuple[str, ...]:
         return tuple(_per(_per(coefficient_unit, command_unit, i), "K", j) for i, j in self.powers)
 
     def value(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
         at, above = _array(command), _above(command, temperature)
-        table = np.reshape(self.numbers, (-1, self.temperature_degree + 1))
+        table = np.reshape(self.parameters, (-1, self.temperature_degree + 1))
         inner = np.polynomial.polynomial.polyval(above, table.T)  # one polynomial in I for each temperature
         value = np.zeros(above.shape)
         for row in inner[::-1]:
@@ -373,29 +376,29 @@ class Bipolynomial:
 
     def gradient(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
         at, above = _array(command), _above(command, temperature)
-        rows = len(self.numbers) // (self.temperature_degree + 1)
+        rows = len(self.parameters) // (self.temperature_degree + 1)
         powers = (
             np.power.outer(at, np.arange(rows)),
             np.power.outer(above, np.arange(self.temperature_degree + 1)),
         )
         product = powers[0][..., :, None] * powers[1][..., None, :]
-        return np.moveaxis(product.reshape(*at.shape, len(self.numbers)), -1, 0)
+        return np.moveaxis(product.reshape(*at.shape, len(self.parameters)), -1, 0)
 
     def many(
-        self, numbers: FloatArray, command: FloatArray, temperature: FloatArray
+        self, parameters: FloatArray, command: FloatArray, temperature: FloatArray
     ) -> tuple[FloatArray, Sequence[FloatArray]]:
-        return _many_linear(self, numbers, command, temperature)
+        return _many_linear(self, parameters, command, temperature)
 
     def slope(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
         at, above = _array(command), _above(command, temperature)
         terms = [
             c * i * at ** max(i - 1, 0) * above**j
-            for c, (i, j) in zip(self.numbers, self.powers, strict=True)
+            for c, (i, j) in zip(self.parameters, self.powers, strict=True)
         ]
         return np.asarray(np.sum(terms, axis=0))
 
-    def with_numbers(self, numbers: Sequence[float]) -> Self:
-        return replace(self, numbers=_as_many(self, numbers))
+    def with_parameters(self, parameters: Sequence[float]) -> Self:
+        return replace(self, parameters=_as_many(self, parameters))
 
 
 CommandForm = Constant | Polynomial | Hill | Exponential
@@ -405,7 +408,7 @@ CommandForm = Constant | Polynomial | Hill | Exponential
 class TemperatureDependent:
     """value = form(command) factor(temperature): a coefficient at 20 degC times its temperature factor.
 
-    Linear in the form's linear numbers. ``assumed`` says that the factor comes from a fluid's data, not
+    Linear in the form's linear parameters. ``assumed`` says that the factor comes from a fluid's data, not
     from runs of this damper.
     """
 
@@ -420,16 +423,16 @@ class TemperatureDependent:
         return self.form.kind
 
     @property
-    def numbers(self) -> tuple[float, ...]:
-        return (*self.form.numbers, *self.factor.numbers)
+    def parameters(self) -> tuple[float, ...]:
+        return (*self.form.parameters, *self.factor.parameters)
 
     @property
-    def number_names(self) -> tuple[str, ...]:
-        return (*self.form.number_names, *self.factor.number_names)
+    def parameter_names(self) -> tuple[str, ...]:
+        return (*self.form.parameter_names, *self.factor.parameter_names)
 
     @property
     def linear(self) -> tuple[bool, ...]:
-        return (*self.form.linear, *(False for _ in self.factor.numbers))
+        return (*self.form.linear, *(False for _ in self.factor.parameters))
 
     @property
     def settings(self) -> Mapping[str, float]:
@@ -445,23 +448,23 @@ class TemperatureDependent:
         return _gradient(self, command, temperature)
 
     def many(
-        self, numbers: FloatArray, command: FloatArray, temperature: FloatArray
+        self, parameters: FloatArray, command: FloatArray, temperature: FloatArray
     ) -> tuple[FloatArray, Sequence[FloatArray]]:
-        split = len(self.form.numbers)
-        value, by_form = self.form.many(numbers[:split], command, temperature)
-        factor, by_factor = self.factor.many(numbers[split:], temperature)
+        split = len(self.form.parameters)
+        value, by_form = self.form.many(parameters[:split], command, temperature)
+        factor, by_factor = self.factor.many(parameters[split:], temperature)
         return value * factor, (*(g * factor for g in by_form), *(g * value for g in by_factor))
 
     def slope(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
         return self.form.slope(command) * self.factor.value(_kelvin(command, temperature))
 
-    def with_numbers(self, numbers: Sequence[float]) -> Self:
-        given = _as_many(self, numbers)
-        split = len(self.form.numbers)
+    def with_parameters(self, parameters: Sequence[float]) -> Self:
+        given = _as_many(self, parameters)
+        split = len(self.form.parameters)
         return replace(
             self,
-            form=self.form.with_numbers(given[:split]),
-            factor=self.factor.with_numbers(given[split:]),
+            form=self.form.with_parameters(given[:split]),
+            factor=self.factor.with_parameters(given[split:]),
         )
 
 
@@ -475,17 +478,17 @@ def separable_polynomial(command: Sequence[float], temperature: Sequence[float])
 
 
 def _many_linear(
-    form: ParameterLaw, numbers: FloatArray, command: FloatArray, temperature: FloatArray
+    form: ParameterLaw, parameters: FloatArray, command: FloatArray, temperature: FloatArray
 ) -> tuple[FloatArray, Sequence[FloatArray]]:
-    """Return value and gradient of many forms that are linear in all their numbers."""
+    """Return value and gradient of many forms that are linear in all their parameters."""
     basis = form.gradient(command, temperature)
-    return numbers.T @ basis, list(basis)
+    return parameters.T @ basis, list(basis)
 
 
 def _gradient(form: ParameterLaw, command: ArrayLike, temperature: ArrayLike | None) -> FloatArray:
     """Return the gradient of one form, in the command's shape."""
     at = _array(command)
-    rows = form.many(np.array(form.numbers)[:, None], at.ravel(), _kelvin(at, temperature).ravel())[1]
+    rows = form.many(np.array(form.parameters)[:, None], at.ravel(), _kelvin(at, temperature).ravel())[1]
     return np.stack([np.broadcast_to(row, (1, at.size)).reshape(at.shape) for row in rows])
 
 
@@ -528,12 +531,14 @@ def _per(coefficient_unit: str, command_unit: str, power: int) -> str:
 
 
 def _require_finite(law: ParameterLaw) -> None:
-    for name, number in zip(law.number_names, law.numbers, strict=True):
+    for name, number in zip(law.parameter_names, law.parameters, strict=True):
         if not math.isfinite(number):
             raise InputError(f"{law.kind}: {name} is {number}; it must be a finite number")
 
 
-def _as_many(law: ParameterLaw, numbers: Sequence[float]) -> tuple[float, ...]:
-    if len(numbers) != len(law.numbers):
-        raise InputError(f"{law.kind}: {len(numbers)} numbers given; it has {', '.join(law.number_names)}")
-    return tuple(float(number) for number in numbers)
+def _as_many(law: ParameterLaw, parameters: Sequence[float]) -> tuple[float, ...]:
+    if len(parameters) != len(law.parameters):
+        raise InputError(
+            f"{law.kind}: {len(parameters)} parameters given; it has {', '.join(law.parameter_names)}"
+        )
+    return tuple(float(number) for number in parameters)

@@ -37,7 +37,7 @@ def dependence_to_json(law: ParameterLaw) -> dict[str, object]:
     data: dict[str, object] = {"kind": law.kind}
     if isinstance(law, TemperatureDependent):
         data["temperature"] = {"kind": law.factor.kind, "assumed": law.assumed}
-    data["numbers"] = dict(zip(law.number_names, law.numbers, strict=True))
+    data["numbers"] = dict(zip(law.parameter_names, law.parameters, strict=True))
     if law.settings:
         data["settings"] = dict(law.settings)
     return data
@@ -55,20 +55,20 @@ def dependence_from_json(data: Mapping[str, object]) -> ParameterLaw:
     for key in data:
         if key not in known:
             raise InputError(f"unknown key {key!r}; a dependence has {', '.join(known)}")
-    kind, numbers, settings = data.get("kind"), data.get("numbers"), data.get("settings", {})
+    kind, parameters, settings = data.get("kind"), data.get("numbers"), data.get("settings", {})
     if not isinstance(kind, str) or kind not in KINDS:
         raise InputError(f"there is no dependence of kind {kind!r}; there are {', '.join(KINDS)}")
-    if not isinstance(numbers, Mapping) or not isinstance(settings, Mapping):
+    if not isinstance(parameters, Mapping) or not isinstance(settings, Mapping):
         raise InputError(f"{kind}: numbers and settings must be tables of name and value")
     temperature = data.get("temperature")
     if temperature is None:
-        return _form_from_json(kind, numbers, settings)
+        return _form_from_json(kind, parameters, settings)
     factor_kind, assumed = _factor_kind(temperature)
-    degree = sum(name[:1] == "t" and name[1:].isdigit() for name in numbers)
+    degree = sum(name[:1] == "t" and name[1:].isdigit() for name in parameters)
     powers = tuple(f"t{power}" for power in range(1, max(degree, 1) + 1))
     names = powers if factor_kind == PolynomialFactor.kind else _names_of(FACTORS[factor_kind])
-    of_factor = _by_name(factor_kind, "number", {k: v for k, v in numbers.items() if k in names}, names)
-    of_form = {name: value for name, value in numbers.items() if name not in names}
+    of_factor = _by_name(factor_kind, "number", {k: v for k, v in parameters.items() if k in names}, names)
+    of_form = {name: value for name, value in parameters.items() if name not in names}
     form = _form_from_json(kind, of_form, settings)
     if isinstance(form, Bipolynomial):
         raise InputError("bipolynomial depends on temperature itself; it takes no temperature factor")
@@ -78,27 +78,27 @@ def dependence_from_json(data: Mapping[str, object]) -> ParameterLaw:
 
 
 def _form_from_json(
-    kind: str, numbers: Mapping[str, object], settings: Mapping[str, object]
+    kind: str, parameters: Mapping[str, object], settings: Mapping[str, object]
 ) -> CommandForm | Bipolynomial:
     if kind == Hill.kind:
-        values = _by_name("hill", "number", numbers, Hill.number_names)
+        values = _by_name("hill", "number", parameters, Hill.parameter_names)
         return Hill(*values, *_by_name("hill", "setting", settings, ("reference",)))
     if kind == Bipolynomial.kind:
         (degree,) = _by_name(kind, "setting", settings, ("temperature_degree",))
-        if not 0 <= degree <= len(numbers) or degree != int(degree):
+        if not 0 <= degree <= len(parameters) or degree != int(degree):
             raise InputError(
                 f"bipolynomial: temperature_degree is {degree:g}; it must be a whole number, and every power "
                 "of the command has a number for each power of the temperature up to it"
             )
-        rows = max(len(numbers), 1) // (int(degree) + 1)
+        rows = max(len(parameters), 1) // (int(degree) + 1)
         names = tuple(f"c{i}{j}" for i in range(max(rows, 1)) for j in range(int(degree) + 1))
-        return Bipolynomial(tuple(_by_name(kind, "number", numbers, names)), int(degree))
+        return Bipolynomial(tuple(_by_name(kind, "number", parameters, names)), int(degree))
     _by_name(kind, "setting", settings, ())
     if kind == Polynomial.kind:
-        powers = tuple(f"c{power}" for power in range(max(len(numbers), 1)))
-        return Polynomial(tuple(_by_name(kind, "number", numbers, powers)))
+        powers = tuple(f"c{power}" for power in range(max(len(parameters), 1)))
+        return Polynomial(tuple(_by_name(kind, "number", parameters, powers)))
     form = Constant if kind == Constant.kind else Exponential
-    return form(*_by_name(kind, "number", numbers, form.number_names))
+    return form(*_by_name(kind, "number", parameters, form.parameter_names))
 
 
 def _factor_kind(given: object) -> tuple[str, bool]:

@@ -1,6 +1,6 @@
 """Hysteresis laws: which coefficients a law has, what they mean, and where the law is well posed.
 
-The arithmetic lives once, in ``core/kernel`` (C99); this module is the table that says what its numbers
+The arithmetic lives once, in ``core/kernel`` (C99); this module is the table that says what its parameters
 are. How coefficients vary with the command is the business of ``dependence``; which of them a fit may
 move, and how far, of ``identify.problem``.
 

@@ -1,4 +1,4 @@
-"""A damper's coefficients at a few operating points, for many sets of its numbers at once.
+"""A damper's coefficients at a few operating points, for many sets of its parameters at once.
 
 A fit asks for coefficients and their gradients at the same commands and temperatures thousands of times.
 Here the damper is taken apart once; an evaluation is arithmetic on arrays, and no ``Damper`` is made for it.
@@ -26,7 +26,7 @@ class _Moving:
     place: int  # in the law
     column: int  # among the places that are differentiated by; -1: none
     form: ParameterLaw
-    fixed: FloatArray  # its numbers, shape (k, 1)
+    fixed: FloatArray  # its parameters, shape (k, 1)
     members: list[int]  # which of them vary,
     sources: list[int]  # and where those stand among the values
     wanted: tuple[tuple[int, int], ...]  # (number of the form, row of the gradient)
@@ -36,9 +36,9 @@ class OperatingPoints:
     """Coefficients, and their gradients by the ``wanted`` numbers, while the ``varying`` ones move.
 
     Numbers go by their flat names; one that is no coefficient's (the command lag) is allowed and has no
-    gradient. ``places`` are the coefficients in the law that the wanted numbers move. ``combine``, shape
+    gradient. ``places`` are the coefficients in the law that the wanted parameters move. ``combine``, shape
     (points, wanted, places), has the gradients that no number changes: those of coefficients linear in
-    all their numbers.
+    all their parameters.
     """
 
     def __init__(
@@ -58,27 +58,27 @@ class OperatingPoints:
         self._linear = np.zeros((len(varying), *self._fixed.shape))
         self._moving: list[_Moving] = []
         for place, (name, form) in enumerate(damper.coefficients.items()):
-            flat = [f"{name}.{number}" for number in form.number_names]
+            flat = [f"{name}.{number}" for number in form.parameter_names]
             members = [k for k, number in enumerate(flat) if number in varying]
             sources = [varying.index(flat[k]) for k in members]
             rows = tuple((k, wanted.index(number)) for k, number in enumerate(flat) if number in wanted)
             if not members and not rows:
                 continue
             column = self.places.index(place) if rows else -1
-            numbers = np.array(form.numbers)
+            parameters = np.array(form.parameters)
             if all(form.linear):
                 gradient = form.gradient(self._command, self._temperature)
                 self._linear[sources, :, place] = gradient[members]
-                numbers[members] = 0.0
-                self._fixed[:, place] = numbers @ gradient
+                parameters[members] = 0.0
+                self._fixed[:, place] = parameters @ gradient
                 for k, row in rows:
                     self.combine[:, row, column] = gradient[k]
             else:
-                self._moving.append(_Moving(place, column, form, numbers[:, None], members, sources, rows))
+                self._moving.append(_Moving(place, column, form, parameters[:, None], members, sources, rows))
         self._linear = self._linear.reshape(len(varying), self._fixed.size)
 
     def at(self, values: FloatArray, combine: FloatArray) -> FloatArray:
-        """Return the coefficients at values of the varying numbers, shape (candidates, points, m).
+        """Return the coefficients at values of the varying parameters, shape (candidates, points, m).
 
         Parameters
         ----------
@@ -90,11 +90,11 @@ class OperatingPoints:
         coefficients = (values @ self._linear).reshape(count, *self._fixed.shape)
         coefficients += self._fixed
         for moving in self._moving:
-            numbers = moving.fixed
+            parameters = moving.fixed
             if moving.members:
-                numbers = np.repeat(moving.fixed, count, axis=1)
-                numbers[moving.members] = values[:, moving.sources].T
-            value, gradient = moving.form.many(numbers, self._command, self._temperature)
+                parameters = np.repeat(moving.fixed, count, axis=1)
+                parameters[moving.members] = values[:, moving.sources].T
+            value, gradient = moving.form.many(parameters, self._command, self._temperature)
             coefficients[:, :, moving.place] = value
             for k, row in moving.wanted:
                 combine[:, :, row, moving.column] = gradient[k]

@@ -110,13 +110,13 @@ class _Path:
         if damper.actuation is not None:  # worked out at the samples, linear between them
             command = damper.actuation.applied(command, trajectory.step)
         self._command: list[float] = command.tolist()
-        warm = trajectory.temperature if damper.temperature_dependent else None
-        self._warm: list[float] = [REFERENCE_K] if warm is None else warm.tolist()
+        kelvin = trajectory.temperature if damper.temperature_dependent else None
+        self._kelvin: list[float] = [REFERENCE_K] if kelvin is None else kelvin.tolist()
         self._applied = [self._command[0]]
         for k in range(self.count - 1):
             self._applied.append(self._lagged(k, self._applied[k], 1.0))
-        constant = len({*self._command}) == 1 and len({*self._warm}) == 1
-        self._constant = self._values(self._command[0], self._warm[0]) if constant else None
+        constant = len({*self._command}) == 1 and len({*self._kelvin}) == 1
+        self._constant = self._values(self._command[0], self._kelvin[0]) if constant else None
 
     def at(self, k: int, theta: float) -> tuple[float, float, Values]:
         """Return displacement, velocity and coefficients at the share theta of interval k."""
@@ -125,9 +125,9 @@ class _Path:
         v = (x1 + theta * (2 * x2 + theta * 3 * x3)) / self.step
         if self._constant is not None:
             return x, v, self._constant
-        here = self._warm[0]
-        if len(self._warm) > 1:
-            here = self._warm[k] + theta * (self._warm[k + 1] - self._warm[k])
+        here = self._kelvin[0]
+        if len(self._kelvin) > 1:
+            here = self._kelvin[k] + theta * (self._kelvin[k + 1] - self._kelvin[k])
         return x, v, self._values(self._lagged(k, self._applied[k], theta), here)
 
     def _lagged(self, k: int, applied: float, theta: float) -> float:

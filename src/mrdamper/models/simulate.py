@@ -50,17 +50,17 @@ class Drive:
     record: core.Record
     constant: float | None
     temperature: float | None
-    warms: bool
+    temperature_varies: bool
 
 
 def open_drive(trajectory: Trajectory, *, longest_step: float = core.LONGEST_STEP) -> Drive:
     """Return the trajectory made ready for the kernel; implicit laws take steps of at most so long [s]."""
-    command, warm = trajectory.command, trajectory.temperature
+    command, kelvin = trajectory.command, trajectory.temperature
     constant = float(command[0]) if np.ptp(command) == 0.0 else None
-    warms = warm is not None and bool(np.ptp(warm) > 0.0)
-    temperature = None if warm is None or warms else float(warm[0])
+    temperature_varies = kelvin is not None and bool(np.ptp(kelvin) > 0.0)
+    temperature = None if kelvin is None or temperature_varies else float(kelvin[0])
     record = core.open_record(trajectory, longest_step=longest_step)
-    return Drive(trajectory, record, constant, temperature, warms)
+    return Drive(trajectory, record, constant, temperature, temperature_varies)
 
 
 def simulate(
@@ -206,7 +206,7 @@ def simulate_batch(
     if state.taken:
         applied.restore(state.applied)
     command = applied.on(batch.command)
-    warm = batch.temperature if damper.temperature_dependent else None
+    kelvin = batch.temperature if damper.temperature_dependent else None
     new = (batch.displacement, batch.velocity, batch.acceleration, command)
     state = replace(
         state,
@@ -215,7 +215,7 @@ def simulate_batch(
         taken=state.taken + len(batch),
         applied=applied.state(),
     )
-    return _answer(damper, state, (*new, np.empty(0) if warm is None else warm), last=False)
+    return _answer(damper, state, (*new, np.empty(0) if kelvin is None else kelvin), last=False)
 
 
 def finish_run(damper: Damper, state: RunState) -> tuple[FloatArray, RunState]:
@@ -230,10 +230,10 @@ def _answer(
 ) -> tuple[FloatArray, RunState]:
     """Return the force of the settled samples among those held and new ones, and the state after them."""
     held = tuple(np.concatenate(pair) for pair in zip(state.held, new, strict=True)) if state.held else new
-    x, v, a, command, warm = held
-    if np.ptp(command) == 0.0 and (not len(warm) or np.ptp(warm) == 0.0):
-        command, warm = command[:1], warm[:1]
-    coefficients = _admissible_coefficients(damper, command, warm if len(warm) else None, x)
+    x, v, a, command, kelvin = held
+    if np.ptp(command) == 0.0 and (not len(kelvin) or np.ptp(kelvin) == 0.0):
+        command, kelvin = command[:1], kelvin[:1]
+    coefficients = _admissible_coefficients(damper, command, kelvin if len(kelvin) else None, x)
     motion, law = state.motion.copy(), state.law.copy()
     record = core.open_batch(
         state.step,
@@ -267,10 +267,10 @@ def require_temperature(damper: Damper, trajectory: Trajectory) -> None:
 
 def operating_point(drive: Drive, *, temperature_dependent: bool) -> tuple[float, float] | None:
     """Return command and temperature [K] of a run at one operating point; None where either varies."""
-    if drive.constant is None or (temperature_dependent and drive.warms):
+    if drive.constant is None or (temperature_dependent and drive.temperature_varies):
         return None
-    warm = drive.temperature if temperature_dependent else None
-    return drive.constant, REFERENCE_K if warm is None else warm
+    kelvin = drive.temperature if temperature_dependent else None
+    return drive.constant, REFERENCE_K if kelvin is None else kelvin
 
 
 def applied_command(damper: Damper, drive: Drive) -> tuple[FloatArray, FloatArray, FloatArray | None]:
@@ -282,14 +282,14 @@ def applied_command(damper: Damper, drive: Drive) -> tuple[FloatArray, FloatArra
     if point is not None:
         return np.array([point[0]]), np.zeros(1), np.array([point[1]])
     path = drive.trajectory
-    warm = (
+    kelvin = (
         damper.held(path.temperature)
         if damper.temperature_dependent and path.temperature is not None
         else None
     )
     if damper.actuation is not None:
-        return damper.actuation.applied(path.command, path.step), np.zeros(len(path)), warm
-    return *core.lagged(path.command, path.step, damper.command_lag_s), warm
+        return damper.actuation.applied(path.command, path.step), np.zeros(len(path)), kelvin
+    return *core.lagged(path.command, path.step, damper.command_lag_s), kelvin
 
 
 def _admissible_coefficients(

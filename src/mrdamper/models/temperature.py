@@ -37,14 +37,14 @@ REFERENCE_K = 293.15
 
 
 class TemperatureFactor(Protocol):
-    """A function of temperature [K] that is 1 at ``REFERENCE_K``, with named numbers."""
+    """A function of temperature [K] that is 1 at ``REFERENCE_K``, with named parameters."""
 
     kind: ClassVar[str]
 
     @property
-    def numbers(self) -> tuple[float, ...]: ...
+    def parameters(self) -> tuple[float, ...]: ...
     @property
-    def number_names(self) -> tuple[str, ...]: ...
+    def parameter_names(self) -> tuple[str, ...]: ...
     @property
     def units(self) -> tuple[str, ...]: ...
 
@@ -53,40 +53,43 @@ class TemperatureFactor(Protocol):
         ...
 
     def gradient(self, temperature: ArrayLike) -> FloatArray:
-        """Return d factor / d number, shape (numbers, *shape of temperature)."""
+        """Return d factor / d parameter, shape (parameters, *shape of temperature)."""
         ...
 
-    def many(self, numbers: FloatArray, temperature: FloatArray) -> tuple[FloatArray, Sequence[FloatArray]]:
+    def many(
+        self, parameters: FloatArray, temperature: FloatArray
+    ) -> tuple[FloatArray, Sequence[FloatArray]]:
         """Return value and gradient of many factors of this kind at once.
 
-        ``numbers`` has one column per factor, shape (numbers, factors); the temperature has shape (points,).
+        ``numbers`` has one column per factor, shape (parameters, factors); the temperature has shape
+        (points,).
         """
         ...
 
-    def with_numbers(self, numbers: Sequence[float]) -> Self:
-        """Return the same factor with other numbers."""
+    def with_parameters(self, parameters: Sequence[float]) -> Self:
+        """Return the same factor with other parameters."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class _Factor:
-    """What the factors below share: their fields are their numbers."""
+    """What the factors below share: their fields are their parameters."""
 
     def __post_init__(self) -> None:
-        for name, number in zip(self.number_names, self.numbers, strict=True):
+        for name, number in zip(self.parameter_names, self.parameters, strict=True):
             if not math.isfinite(number):
                 raise InputError(f"temperature factor: {name} is {number}; it must be a finite number")
 
     @property
-    def numbers(self) -> tuple[float, ...]:
+    def parameters(self) -> tuple[float, ...]:
         return tuple(float(getattr(self, field.name)) for field in fields(self))
 
     @property
-    def number_names(self) -> tuple[str, ...]:
+    def parameter_names(self) -> tuple[str, ...]:
         return tuple(field.name for field in fields(self))
 
-    def with_numbers(self, numbers: Sequence[float]) -> Self:
-        return replace(self, **dict(zip(self.number_names, numbers, strict=True)))
+    def with_parameters(self, parameters: Sequence[float]) -> Self:
+        return replace(self, **dict(zip(self.parameter_names, parameters, strict=True)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,9 +107,11 @@ class Linear(_Factor):
     def gradient(self, temperature: ArrayLike) -> FloatArray:
         return _gradient(self, temperature)
 
-    def many(self, numbers: FloatArray, temperature: FloatArray) -> tuple[FloatArray, Sequence[FloatArray]]:
+    def many(
+        self, parameters: FloatArray, temperature: FloatArray
+    ) -> tuple[FloatArray, Sequence[FloatArray]]:
         above = _above(temperature)
-        return 1.0 - numbers[0][:, None] * above, (-above,)
+        return 1.0 - parameters[0][:, None] * above, (-above,)
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,9 +132,11 @@ class Arrhenius(_Factor):
     def gradient(self, temperature: ArrayLike) -> FloatArray:
         return _gradient(self, temperature)
 
-    def many(self, numbers: FloatArray, temperature: FloatArray) -> tuple[FloatArray, Sequence[FloatArray]]:
+    def many(
+        self, parameters: FloatArray, temperature: FloatArray
+    ) -> tuple[FloatArray, Sequence[FloatArray]]:
         inverse = _inverse(temperature, 0.0)
-        value = _exp(numbers[0][:, None] * inverse)
+        value = _exp(parameters[0][:, None] * inverse)
         return value, (inverse * value,)
 
 
@@ -148,9 +155,11 @@ class Reynolds(_Factor):
     def gradient(self, temperature: ArrayLike) -> FloatArray:
         return _gradient(self, temperature)
 
-    def many(self, numbers: FloatArray, temperature: FloatArray) -> tuple[FloatArray, Sequence[FloatArray]]:
+    def many(
+        self, parameters: FloatArray, temperature: FloatArray
+    ) -> tuple[FloatArray, Sequence[FloatArray]]:
         above = _above(temperature)
-        value = _exp(-numbers[0][:, None] * above)
+        value = _exp(-parameters[0][:, None] * above)
         return value, (-above * value,)
 
 
@@ -180,8 +189,10 @@ class Vft(_Factor):
     def gradient(self, temperature: ArrayLike) -> FloatArray:
         return _gradient(self, temperature)
 
-    def many(self, numbers: FloatArray, temperature: FloatArray) -> tuple[FloatArray, Sequence[FloatArray]]:
-        size, pole = numbers[:, :, None]
+    def many(
+        self, parameters: FloatArray, temperature: FloatArray
+    ) -> tuple[FloatArray, Sequence[FloatArray]]:
+        size, pole = parameters[:, :, None]
         inverse = _inverse(temperature, pole)
         value = _exp(size * inverse)
         by_pole = size * (1.0 / (temperature - pole) ** 2 - 1.0 / (REFERENCE_K - pole) ** 2)
@@ -192,38 +203,40 @@ class Vft(_Factor):
 class PolynomialFactor:
     """factor = 1 + t1 (T - 293.15) + t2 (T - 293.15)^2 + ...: the paper's form, without physics."""
 
-    numbers: tuple[float, ...]
+    parameters: tuple[float, ...]
 
     kind: ClassVar[str] = "polynomial"
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "numbers", tuple(float(number) for number in self.numbers))
-        if not self.numbers or not all(map(math.isfinite, self.numbers)):
-            raise InputError(f"temperature factor: {self.numbers}; expected one or more finite numbers")
+        object.__setattr__(self, "parameters", tuple(float(number) for number in self.parameters))
+        if not self.parameters or not all(map(math.isfinite, self.parameters)):
+            raise InputError(f"temperature factor: {self.parameters}; expected one or more finite numbers")
 
     @property
-    def number_names(self) -> tuple[str, ...]:
-        return tuple(f"t{power}" for power in range(1, len(self.numbers) + 1))
+    def parameter_names(self) -> tuple[str, ...]:
+        return tuple(f"t{power}" for power in range(1, len(self.parameters) + 1))
 
     @property
     def units(self) -> tuple[str, ...]:
-        return tuple("1/K" if power == 1 else f"1/K^{power}" for power in range(1, len(self.numbers) + 1))
+        return tuple("1/K" if power == 1 else f"1/K^{power}" for power in range(1, len(self.parameters) + 1))
 
     def value(self, temperature: ArrayLike) -> FloatArray:
         return np.asarray(
-            np.polynomial.polynomial.polyval(_above(temperature), (1.0, *self.numbers)), dtype=np.float64
+            np.polynomial.polynomial.polyval(_above(temperature), (1.0, *self.parameters)), dtype=np.float64
         )
 
     def gradient(self, temperature: ArrayLike) -> FloatArray:
         return _gradient(self, temperature)
 
-    def many(self, numbers: FloatArray, temperature: FloatArray) -> tuple[FloatArray, Sequence[FloatArray]]:
+    def many(
+        self, parameters: FloatArray, temperature: FloatArray
+    ) -> tuple[FloatArray, Sequence[FloatArray]]:
         above = _above(temperature)
-        powers = [above**power for power in range(1, len(numbers) + 1)]
-        return np.asarray(1.0 + numbers.T @ np.stack(powers)), powers
+        powers = [above**power for power in range(1, len(parameters) + 1)]
+        return np.asarray(1.0 + parameters.T @ np.stack(powers)), powers
 
-    def with_numbers(self, numbers: Sequence[float]) -> Self:
-        return type(self)(tuple(numbers))
+    def with_parameters(self, parameters: Sequence[float]) -> Self:
+        return type(self)(tuple(parameters))
 
 
 FACTORS: Mapping[str, type[TemperatureFactor]] = MappingProxyType(
@@ -239,7 +252,7 @@ def _above(temperature: ArrayLike) -> FloatArray:
 def _gradient(factor: TemperatureFactor, temperature: ArrayLike) -> FloatArray:
     """Return the gradient of one factor, in the temperature's shape."""
     at = np.asarray(temperature, dtype=np.float64)
-    rows = factor.many(np.array(factor.numbers)[:, None], at.ravel())[1]
+    rows = factor.many(np.array(factor.parameters)[:, None], at.ravel())[1]
     return np.stack([np.broadcast_to(row, (1, at.size)).reshape(at.shape) for row in rows])
 
 

@@ -56,7 +56,7 @@ def identification(fitted: Identification, judged: Assessment, out: Path, table:
         "law_table": [
             {
                 "law": score.law,
-                "numbers": score.numbers,
+                "numbers": score.free_parameters,
                 "training_median_percent": finite(score.training_median),
                 "held_out_median_percent": finite(score.held_out_median),
                 "held_out_worst_percent": finite(score.held_out_worst),

@@ -13,6 +13,7 @@ from typing import Any
 
 from mrdamper.errors import InputError
 from mrdamper.registry import JOBS
+from mrdamper.runtime.progress import ProgressUpdate
 from mrdamper.schema import Json
 from mrdamper.web.workspace import MAP_SUFFIX, NotThereError, WorkFolder
 
@@ -46,12 +47,12 @@ def do(kind: str, options: Json, folder: WorkFolder, out: Path, say: Say, *, res
 def _identify(options: Json, folder: WorkFolder, _out: Path, say: Say, resume: bool) -> Json:  # noqa: FBT001 - as all of _LONG
     from mrdamper.jobs.identify import FitOptions, identify
 
-    def report(now: Any) -> None:  # noqa: ANN401 - the Progress of a fit
-
+    def on_progress(update: ProgressUpdate) -> None:
+        now: Any = update.detail  # a search's state
         say(
-            done=now.start,
-            of=now.starts,
-            text=f"start {now.start + 1} of {now.starts}, iteration {now.iteration}",
+            done=update.done,
+            of=update.total,
+            text=update.text,
             method=now.method,
             start=now.start,
             starts=now.starts,
@@ -72,7 +73,7 @@ def _identify(options: Json, folder: WorkFolder, _out: Path, say: Say, resume: b
         flip_force=options["flip_force"],
         resume=resume,
         tell=_told(say, folder),
-        report=report,
+        on_progress=on_progress,
     )
 
 

@@ -1,6 +1,6 @@
-"""The worst direction: the combination of numbers that a fit knows least, from the curvature at the fit.
+"""The worst direction: the combination of parameters that a fit knows least, from the curvature at the fit.
 
-Sizes: a change is measured in a number's own value, or in the width of its bounds where the number is
+Sizes: a change is measured in a parameter's own value, or in the width of its bounds where the parameter is
 searched on a linear scale through zero (a relative change of something near zero says nothing). What the
 direction means in words is the business of ``identifiability``.
 """
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import ConvergenceError, InputError
-from mrdamper.identify.problem import FitProblem, FitResult, FreeParameter, PreparedFit, move
+from mrdamper.identify.problem import FitProblem, FitResult, FreeParameter, PreparedFit
 from mrdamper.identify.search.variable_projection import Objective, fit_variable_projection
 from mrdamper.identify.uncertainty import covariances
 from mrdamper.models.damper import Damper
@@ -25,21 +25,21 @@ __all__ = ["Direction", "fit_held", "half_cycles", "worst_direction"]
 
 
 _NOTHING = 1e-12  # least eigenvalue of the curvature at unit diagonal: below it there is only rounding
-_NAMED = 0.25  # of the heaviest weight: from there on a number is named in the sentence
+_NAMED = 0.25  # of the heaviest weight: from there on a parameter is named in the sentence
 _MOST_NAMED = 4
 _HALVINGS = 12  # of a step along a curved valley, until the fit really does not notice
 
 
 @dataclass(frozen=True, slots=True)
 class Direction:
-    """The combination of numbers that a fit knows least.
+    """The combination of parameters that a fit knows least.
 
-    ``changes`` are what follows when its heaviest number goes along it by one standard error (less where a
+    ``changes`` are what follows when its heaviest parameter goes along it by one standard error (less where a
     bound or a bend comes before) and the others are refitted; they take the error of the fit from
     ``cost_percent`` to ``moved_percent``.
     """
 
-    names: tuple[str, ...]  # every number that moved in the fit, the heaviest first
+    names: tuple[str, ...]  # every parameter that moved in the fit, the heaviest first
     weights: tuple[float, ...]  # in units of ``scales``; their squares add up to one, the first is positive
     scales: tuple[float, ...]  # |value|, or width of the bounds [its unit]
     relative: tuple[bool, ...]  # whether the scale is the value
@@ -47,18 +47,18 @@ class Direction:
     changes: tuple[float, ...]  # [its unit]
     standard_error_percent: float  # of the combination; infinite: the data say nothing about it
     condition: float  # greatest over least eigenvalue of the scaled curvature
-    others_follow: bool  # whether the fit would notice if the numbers that are not named stayed
+    others_follow: bool  # whether the fit would notice if the parameters that are not named stayed
     cost_percent: float
     moved_percent: float
 
     @property
     def named(self) -> tuple[str, ...]:
-        """The numbers that make up most of the direction, at most four."""
+        """The parameters that make up most of the direction, at most four."""
         return tuple(n for n, h in zip(self.names, _heavy(np.array(self.weights)), strict=True) if h)
 
 
 def worst_direction(problem: FitProblem, result: FitResult) -> Direction:
-    """Return the direction of least curvature among the numbers that do not rest on a bound.
+    """Return the direction of least curvature among the parameters that do not rest on a bound.
 
     Session offsets move along freely. The standard error is the larger of the one for independent
     residuals and of the sandwich over half cycles. One refit shows what a step along it really does.
@@ -66,11 +66,11 @@ def worst_direction(problem: FitProblem, result: FitResult) -> Direction:
     Raises
     ------
     InputError
-        When no number moved.
+        When no parameter moved.
     """
     moving = [(free, e) for free, e in zip(problem.free, result.estimates, strict=True) if not e.at_bound]
     if not moving:
-        raise InputError("every number of the fit rests on a bound: there is no direction to look along")
+        raise InputError("every parameter of the fit rests on a bound: there is no direction to look along")
     runs = problem.prepare()
     objective = Objective(problem, runs)
     names = tuple(free.name for free, _ in moving)
@@ -133,7 +133,7 @@ def fit_held(
     *,
     first: Damper,
 ) -> FitResult:
-    """Return the fit of all numbers but one, that one held at a value; what does not move is ``damper``'s.
+    """Return the fit of all parameters but one, that one held at a value; what does not move is ``damper``'s.
 
     Raises
     ------
@@ -142,7 +142,7 @@ def fit_held(
     """
     held = replace(
         problem,
-        template=move(damper, {free.name: value}),
+        template=damper.with_parameters({free.name: value}),
         free=tuple(other for other in problem.free if other.name != free.name),
     )
     return fit_variable_projection(held, starts=0, first=first, prepared=runs)
@@ -154,7 +154,7 @@ def half_cycles(runs: Sequence[PreparedFit]) -> int:
 
 
 def _scale(free: FreeParameter, value: float) -> tuple[float, bool]:
-    """Return the unit in which a number's change is measured, and whether it is the number's value."""
+    """Return the unit in which a parameter's change is measured, and whether it is the parameter's value."""
     through_zero = free.scale == "linear" and free.lower < 0.0 < free.upper
     least = 1e-5 * (free.upper - free.lower) if free.scale == "linear" else 0.0
     if abs(value) > least and not through_zero:
@@ -188,7 +188,7 @@ def _walk(
     step: float,
     allowed: float,
 ) -> tuple[dict[str, float], float]:
-    """Return where a step of one number leads when the others are refitted, and the squared cost there.
+    """Return where a step of one parameter leads when the others are refitted, and the squared cost there.
 
     The step is halved until it keeps to the bounds and raises the cost by no more than ``allowed``.
     """
@@ -208,7 +208,7 @@ def _walk(
 
 
 def _moved(free: FreeParameter, value: float, change: float) -> float:
-    """Return a number after a change, in the coordinate in which it is searched."""
+    """Return a parameter after a change, in the coordinate in which it is searched."""
     if free.scale == "log":
         return value * math.exp(min(change / abs(value), 500.0))
     return value + change

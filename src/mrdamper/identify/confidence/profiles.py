@@ -1,7 +1,7 @@
-"""Profile likelihood: the best cost with one number held at steps, and the interval that follows.
+"""Profile likelihood: the best cost with one parameter held at steps, and the interval that follows.
 
 Samples that count: residuals of a real run hang together, so raw samples are not what a threshold may be
-based on, and half cycles alone would be far too few where they do not. A number's *effective samples* are
+based on, and half cycles alone would be far too few where they do not. A parameter's *effective samples* are
 as many independent ones as would leave it the standard error that ``uncertainty`` states, which counts
 half cycles (blocks between two reversals): near the number of those when residuals hang together over half
 a cycle, near the number of raw samples when they are white.
@@ -17,12 +17,13 @@ from typing import Any, Literal
 import numpy as np
 
 from mrdamper.errors import ConvergenceError, InputError
-from mrdamper.identify.checkpoint import Ledger, NoLedger, damper_of, numbers_of
+from mrdamper.identify.checkpoint import CheckpointStore, NoCheckpoint
 from mrdamper.identify.confidence.direction import Direction, fit_held, half_cycles
 from mrdamper.identify.problem import Estimate, FitProblem, FitResult, FreeParameter, PreparedFit
-from mrdamper.identify.search.variable_projection import Objective, Progress, Report
+from mrdamper.identify.search.variable_projection import Objective, SearchState
 from mrdamper.identify.uncertainty import covariances
 from mrdamper.models.damper import Damper
+from mrdamper.runtime.progress import Progress, silent
 
 __all__ = ["End", "Profile", "profile"]
 
@@ -35,19 +36,19 @@ _CLOSE = 0.02  # until the rise of the cost is this near the allowed one
 
 @dataclass(frozen=True, slots=True)
 class Profile:
-    """The best cost with one number held at steps, all others refitted.
+    """The best cost with one parameter held at steps, all others refitted.
 
     ``interval`` (95 %) is where the squared cost stays below its least by ``1 + 3.84 / effective_samples``.
-    An end is ``closed`` when that was met, else it is the last value reached: a ``bound`` of the number, the
-    last before ``no fit`` was found, or the end of the ``span`` asked for.
+    An end is ``closed`` when that was met, else it is the last value reached: a ``bound`` of the parameter,
+    the last before ``no fit`` was found, or the end of the ``span`` asked for.
     """
 
     name: str
     unit: str
     estimate: float
-    values: tuple[float, ...]  # at which the number was held, ascending
+    values: tuple[float, ...]  # at which the parameter was held, ascending
     costs_percent: tuple[float, ...]
-    others: Mapping[str, tuple[float, ...]]  # the refitted numbers there
+    others: Mapping[str, tuple[float, ...]]  # the refitted parameters there
     threshold_percent: float
     interval: tuple[float, float]
     ends: tuple[End, End]
@@ -64,22 +65,22 @@ def profile(
     *,
     points: int = 7,
     span: float = 3.0,
-    report: Report | None = None,
-    ledger: Ledger | None = None,
+    on_progress: Progress = silent,
+    checkpoint: CheckpointStore | None = None,
 ) -> Profile:
-    """Return the profile likelihood of one number; of a direction, that of its heaviest number.
+    """Return the profile likelihood of one parameter; of a direction, that of its heaviest parameter.
 
     Parameters
     ----------
-    points : places at which the number is held, odd; a few more sharpen the ends of the interval
+    points : places at which the parameter is held, odd; a few more sharpen the ends of the interval
     span : how far to each side, in standard errors; bounds cut it short
-    report : told of every refit; an interrupt (Ctrl-C) keeps the places so far
-    ledger : recalls and keeps every refit
+    on_progress : receives a ``SearchState`` after every refit; an interrupt (Ctrl-C) keeps the places so far
+    checkpoint : recalls and keeps every refit
 
     Raises
     ------
     InputError
-        The number is not one of the fit's, or rests on a bound; ``points`` even or below three.
+        The parameter is not one of the fit's, or rests on a bound; ``points`` even or below three.
     """
     name = along if isinstance(along, str) else along.names[0]
     free, estimate = _find(problem, result, name)
@@ -91,8 +92,8 @@ def profile(
         )
     runs = problem.prepare()
     effective = _effective_samples(problem, runs, result, name)
-    held = _Held(problem, result, runs, free, report, ledger or NoLedger(), count=points)
-    centre = float(free.inward(estimate.value))
+    held = _Held(problem, result, runs, free, on_progress, checkpoint or NoCheckpoint(), count=points)
+    centre = float(free.to_search(estimate.value))
     error = estimate.standard_error / (abs(estimate.value) if free.scale == "log" else 1.0)
     if not held.at(centre):
         if held.cancelled:
@@ -100,7 +101,7 @@ def profile(
         raise ConvergenceError(f"{name}: no fit with it held at {estimate.value:g}, its own fitted value")
     reached: list[tuple[float, End]] = []
     for side, bound in ((-1.0, free.lower), (1.0, free.upper)):
-        room = side * (float(free.inward(bound)) - centre)
+        room = side * (float(free.to_search(bound)) - centre)
         far = min(span * error, room) if room > 0.0 else span * error
         steps = np.linspace(0.0, far, points // 2 + 1)[1:]
         ahead = all(held.at(centre + side * float(step)) for step in steps)
@@ -114,11 +115,11 @@ def profile(
         name=name,
         unit=estimate.unit,
         estimate=estimate.value,
-        values=tuple(free.outward(u) for u in places),
+        values=tuple(free.to_physical(u) for u in places),
         costs_percent=tuple(math.sqrt(held.costs[u]) for u in places),
-        others={other: tuple(held.numbers[u][other] for u in places) for other in others},
+        others={other: tuple(held.parameters[u][other] for u in places) for other in others},
         threshold_percent=math.sqrt(min(held.costs.values()) + allowed),
-        interval=(free.outward(ends[0][0]), free.outward(ends[1][0])),
+        interval=(free.to_physical(ends[0][0]), free.to_physical(ends[1][0])),
         ends=(ends[0][1], ends[1][1]),
         effective_samples=effective,
         blocks=half_cycles(runs),
@@ -128,7 +129,7 @@ def profile(
 
 
 class _Held:
-    """Refits with one number held, each from the nearest one before, by search coordinate."""
+    """Refits with one parameter held, each from the nearest one before, by search coordinate."""
 
     def __init__(
         self,
@@ -136,49 +137,48 @@ class _Held:
         result: FitResult,
         runs: Sequence[PreparedFit],
         free: FreeParameter,
-        report: Report | None,
-        ledger: Ledger,
+        on_progress: Progress,
+        checkpoint: CheckpointStore,
         *,
         count: int,
     ) -> None:
         self.costs: dict[float, float] = {}
-        self.numbers: dict[float, dict[str, float]] = {}
+        self.parameters: dict[float, dict[str, float]] = {}
         self.cancelled = False
         self._problem, self._result, self._runs = problem, result, runs
-        self._free, self._report, self._count = free, report, count
-        self._ledger = ledger
+        self._free, self._on_progress, self._count = free, on_progress, count
+        self._checkpoint = checkpoint
         self._dampers: dict[float, Damper] = {}
 
     def at(self, place: float) -> bool:
-        """Fit with the number held there; return whether there was a fit."""
+        """Fit with the parameter held there; return whether there was a fit."""
         if self.cancelled:
             return False
         key = f"profile {self._free.name} {place!r}"
-        known = self._ledger.recall(key)
+        known = self._checkpoint.recall(key)
         if known is None:
             known = self._fitted(place)
             if known is None:
                 return False
-            self._ledger.keep(key, known)
+            self._checkpoint.keep(key, known)
         if not known["fitted"]:
             return False
         self.costs[place] = known["cost_percent"] ** 2
-        self.numbers[place] = known["estimates"]
-        self._dampers[place] = damper_of(self._result.damper, known["numbers"])
-        if self._report:
-            done, now = len(self.costs), known["cost_percent"]
-            total, best = max(self._count, done), min(now, self._result.cost_percent)
-            try:
-                self._report(Progress("profile", done - 1, total, known["evaluations"], now, best))
-            except KeyboardInterrupt:
-                self.cancelled = True
+        self.parameters[place] = known["estimates"]
+        self._dampers[place] = self._result.damper.with_parameters(known["parameters"])
+        done, now = len(self.costs), known["cost_percent"]
+        total, best = max(self._count, done), min(now, self._result.cost_percent)
+        try:
+            self._on_progress(SearchState("profile", done - 1, total, known["evaluations"], now, best).update)
+        except KeyboardInterrupt:
+            self.cancelled = True
         return True
 
     def _fitted(self, place: float) -> dict[str, Any] | None:
-        """Return the fit with the number held there, as a ledger keeps it; None when it was interrupted."""
+        """Return the fit with the parameter held there, as a checkpoint keeps it; None when interrupted."""
         near = min(self._dampers, key=lambda u: abs(u - place), default=None)
         first = self._result.damper if near is None else self._dampers[near]
-        value, template = self._free.outward(place), self._result.damper
+        value, template = self._free.to_physical(place), self._result.damper
         try:
             fit = fit_held(self._problem, template, self._free, value, self._runs, first=first)
         except (ConvergenceError, InputError):
@@ -193,7 +193,7 @@ class _Held:
             "fitted": True,
             "cost_percent": fit.cost_percent,
             "estimates": {e.name: e.value for e in fit.estimates},
-            "numbers": numbers_of(fit.damper),
+            "parameters": fit.damper.parameters_and_lag,
             "evaluations": fit.starts[0].evaluations,
         }
 
@@ -204,13 +204,13 @@ class _Held:
         """
         for attempt in range(_SHARPER + 1):
             lowest = min(self.costs, key=self.costs.__getitem__)
-            outward = sorted((u for u in self.costs if side * (u - lowest) >= 0.0), key=lambda u: side * u)
-            root = [math.sqrt(max(self.costs[u] - self.costs[lowest], 0.0)) for u in outward]
+            away = sorted((u for u in self.costs if side * (u - lowest) >= 0.0), key=lambda u: side * u)
+            root = [math.sqrt(max(self.costs[u] - self.costs[lowest], 0.0)) for u in away]
             goal = math.sqrt(allowed)
             beyond = next((i for i, r in enumerate(root) if r >= goal), None)
             if beyond is None:
-                return outward[-1], "span" if self.cancelled else otherwise
-            (u0, u1), (r0, r1) = outward[beyond - 1 : beyond + 1], root[beyond - 1 : beyond + 1]
+                return away[-1], "span" if self.cancelled else otherwise
+            (u0, u1), (r0, r1) = away[beyond - 1 : beyond + 1], root[beyond - 1 : beyond + 1]
             place = u0 + (u1 - u0) * (goal - r0) / (r1 - r0)
             near = min(abs(r0**2 - allowed), abs(r1**2 - allowed))
             if near <= _CLOSE * allowed or attempt == _SHARPER or not self.at(place):
@@ -221,7 +221,7 @@ class _Held:
 def _effective_samples(
     problem: FitProblem, runs: Sequence[PreparedFit], result: FitResult, name: str
 ) -> float:
-    """Return as many independent samples as would leave the number its stated standard error."""
+    """Return as many independent samples as would leave the parameter its stated standard error."""
     names = [e.name for e in result.estimates if not e.at_bound]
     i = names.index(name)
     g = Objective(problem, runs).gram(result.damper, names, result.offsets_N)
@@ -238,4 +238,4 @@ def _find(problem: FitProblem, result: FitResult, name: str) -> tuple[FreeParame
         if free.name == name:
             return free, estimate
     known = ", ".join(free.name for free in problem.free)
-    raise InputError(f"the fit has no number {name!r}; it moved {known}")
+    raise InputError(f"the fit has no parameter {name!r}; it moved {known}")

@@ -1,4 +1,4 @@
-"""Bootstrap by runs: how far the numbers move when other runs of the same kind had been measured.
+"""Bootstrap by runs: how far the parameters move when other runs of the same kind had been measured.
 
 Unlike standard errors it feels what differs from run to run, and not only within one. Runs are prepared
 once; a draw is their weights.
@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 from mrdamper.arrays import FloatArray
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import ConvergenceError, InputError
-from mrdamper.identify.checkpoint import Ledger, NoLedger
+from mrdamper.identify.checkpoint import CheckpointStore, NoCheckpoint
 from mrdamper.identify.problem import FitProblem, FitResult
-from mrdamper.identify.search.variable_projection import Progress, Report, fit_variable_projection
+from mrdamper.identify.search.variable_projection import SearchState, fit_variable_projection
+from mrdamper.runtime.progress import Progress, silent
 
 __all__ = ["Bootstrap", "bootstrap"]
 
@@ -27,10 +28,10 @@ _SAME_LEVEL_K = 5.0  # runs whose mean temperatures are no further apart are at 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Bootstrap:
-    """The numbers fitted to runs drawn with replacement. What is NaN had fewer than two draws."""
+    """The parameters fitted to runs drawn with replacement. What is NaN had fewer than two draws."""
 
     names: tuple[str, ...]
-    values: FloatArray  # shape (draws that succeeded, numbers)
+    values: FloatArray  # shape (draws that succeeded, parameters)
     asked: int
     failed: int  # draws without an admissible fit
     cancelled: bool
@@ -48,7 +49,7 @@ class Bootstrap:
 
     @property
     def percentiles(self) -> dict[str, tuple[float, float]]:
-        """The 5th and 95th percentile of each number."""
+        """The 5th and 95th percentile of each parameter."""
         if self.draws > 1:
             low, high = np.percentile(self.values, [5.0, 95.0], axis=0)
         else:
@@ -66,10 +67,10 @@ def bootstrap(
     draws: int = 50,
     seed: int = 0,
     stratified: bool = False,
-    report: Report | None = None,
-    ledger: Ledger | None = None,
+    on_progress: Progress = silent,
+    checkpoint: CheckpointStore | None = None,
 ) -> Bootstrap:
-    """Return the numbers fitted to runs drawn with replacement, each draw from the fit's own numbers.
+    """Return the parameters fitted to runs drawn with replacement, each draw from the fit's own parameters.
 
     A draw is as many runs as there are. A run that is drawn twice counts twice; runs are prepared once and
     the law's conditions are those of all runs.
@@ -79,8 +80,8 @@ def bootstrap(
     stratified : keep at least one run at each command and each temperature in every draw: where one is
         missing, a run of it takes the place of one that can be spared. A level with a single run then is
         always there, so that the spread does not show what its loss would mean.
-    report : told after every draw; an interrupt (Ctrl-C) keeps the draws so far
-    ledger : recalls and keeps every draw
+    on_progress : receives a ``SearchState`` after every draw; an interrupt (Ctrl-C) keeps the draws so far
+    checkpoint : recalls and keeps every draw
 
     Raises
     ------
@@ -97,14 +98,14 @@ def bootstrap(
         raise InputError(f"bootstrap: nothing to draw from {len(prepared)} runs ({why}); add repeated runs")
     rng = np.random.default_rng(seed)
     names = tuple(free.name for free in problem.free)
-    ledger = ledger or NoLedger()
+    checkpoint = checkpoint or NoCheckpoint()
     kept: list[list[float]] = []
     failed = 0
     cancelled = False
     try:
         for draw in range(draws):
             counts = _draw(rng, len(prepared), levels)
-            known = ledger.recall(f"bootstrap draw {draw}")
+            known = checkpoint.recall(f"bootstrap draw {draw}")
             if known is not None:
                 failed += known["values"] is None
                 if known["values"] is not None:
@@ -117,16 +118,16 @@ def bootstrap(
                 fit = fit_variable_projection(problem, starts=0, first=result.damper, prepared=chosen)
             except (ConvergenceError, InputError):
                 failed += 1
-                ledger.keep(f"bootstrap draw {draw}", {"values": None})
+                checkpoint.keep(f"bootstrap draw {draw}", {"values": None})
                 continue
             if fit.cancelled:
                 cancelled = True
                 break
             kept.append([e.value for e in fit.estimates])
-            ledger.keep(f"bootstrap draw {draw}", {"values": kept[-1]})
-            if report:
-                spent = fit.starts[0].evaluations
-                report(Progress("bootstrap", draw, draws, spent, fit.cost_percent, result.cost_percent))
+            checkpoint.keep(f"bootstrap draw {draw}", {"values": kept[-1]})
+            spent = fit.starts[0].evaluations
+            state = SearchState("bootstrap", draw, draws, spent, fit.cost_percent, result.cost_percent)
+            on_progress(state.update)
     except KeyboardInterrupt:
         cancelled = True
     values = np.array(kept).reshape(len(kept), len(names))
@@ -144,8 +145,8 @@ def _levels(runs: Sequence[PreparedRun]) -> list[NDArray[np.intp]]:
         at = np.array([command for command, _ in held])
         cuts = np.flatnonzero(np.diff(at) > 0.03 * np.abs(at).max()) + 1
         levels += np.split(np.array([i for _, i in held], dtype=np.intp), cuts)
-    warm = [run.trajectory.temperature for run in runs]
-    known = sorted((float(np.mean(t)), i) for i, t in enumerate(warm) if t is not None)
+    kelvin = [run.trajectory.temperature for run in runs]
+    known = sorted((float(np.mean(t)), i) for i, t in enumerate(kelvin) if t is not None)
     at = np.array([kelvin for kelvin, _ in known])
     order = np.array([i for _, i in known], dtype=np.intp)
     if len(order):

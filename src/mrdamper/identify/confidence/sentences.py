@@ -20,7 +20,7 @@ _LOOSE = 10.0  # [%] of a direction's standard error: from there on the data "ca
 
 
 def sentence(found: Direction | Profile | Bootstrap) -> str:
-    """Return what was found in one plain sentence, with its numbers."""
+    """Return what was found in one plain sentence, with its parameters."""
     if isinstance(found, Profile):
         return _about_profile(found)
     if isinstance(found, Bootstrap):
@@ -39,17 +39,17 @@ def sentence(found: Direction | Profile | Bootstrap) -> str:
     known = f"the least certain is {of}, known to {_short(found.standard_error_percent)} %"
     if not any(found.changes):  # no step was found that the bounds and the noise allow
         loose = found.standard_error_percent >= _LOOSE
-        return f"The data {apart}." if loose else f"The data tell all numbers apart; {known}."
+        return f"The data {apart}." if loose else f"The data tell all parameters apart; {known}."
     if found.others_follow:
         what += ", the others following,"
     noise = f"the noise (error {_two_apart(found.cost_percent, found.moved_percent)})"
     if found.standard_error_percent < _LOOSE:
-        return f"The data tell all numbers apart; {known}: {what} changes the fit no more than {noise}."
+        return f"The data tell all parameters apart; {known}: {what} changes the fit no more than {noise}."
     return f"The data {apart}: {what} changes the fit by less than {noise}."
 
 
 def _step_in_words(found: Direction, name: str) -> tuple[str, str]:
-    """Return the verb and the size of a number's change."""
+    """Return the verb and the size of a parameter's change."""
     i = found.names.index(name)
     change, unit = found.changes[i], found.units[i]
     verb = "raising" if change > 0.0 else "lowering"
@@ -102,7 +102,7 @@ def _about_bootstrap(found: Bootstrap) -> str:
     worst = int(np.argmax(percent))
     return (
         f"{said}: from draw to draw {found.names[worst]} scatters most, by {_short(float(percent[worst]))} % "
-        f"(standard deviation), half of all numbers by less than {_short(float(np.median(percent)))} %."
+        f"(standard deviation), half of all parameters by less than {_short(float(np.median(percent)))} %."
     )
 
 

@@ -1,6 +1,6 @@
 """Levenberg-Marquardt descents, many side by side: each has its own damping, all share their evaluations.
 
-A trial carries the linear numbers that the last step predicts for it; what is left to eliminate is of
+A trial carries the linear parameters that the last step predicts for it; what is left to eliminate is of
 second order in the step, and so one pass of the kernel gives the cost and the next Gauss-Newton matrix.
 Where the prediction was too far off, the pass is repeated at what was found; so it is before a step that
 fails is held to be too long.
@@ -22,13 +22,13 @@ __all__ = ["Box", "Descents"]
 
 
 _LONGEST = 1.5  # longest step of a search coordinate per iteration, in e-folds on a log scale
-_DRIFT = 0.03  # share of the force by which guessed linear numbers may be off for the tangents to hold
+_DRIFT = 0.03  # share of the force by which guessed linear parameters may be off for the tangents to hold
 _EXACT = 1e-4  # the same, for a step that fails to be the fault of its length and not of the tangents
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Box:
-    """The search coordinates of a problem's nonlinear numbers: logarithms where a number's scale is one."""
+    """The search coordinates of a problem's nonlinear parameters: logarithms where the scale is one."""
 
     low: FloatArray
     high: FloatArray
@@ -38,21 +38,21 @@ class Box:
     def of(cls, problem: FitProblem) -> Box:
         free = problem.nonlinear
         return cls(
-            np.array([float(f.inward(f.lower)) for f in free]),
-            np.array([float(f.inward(f.upper)) for f in free]),
+            np.array([float(f.to_search(f.lower)) for f in free]),
+            np.array([float(f.to_search(f.upper)) for f in free]),
             np.array([f.scale == "log" for f in free], dtype=np.bool_),
         )
 
-    def outward(self, points: FloatArray) -> FloatArray:
-        """Return the values at points, shape (.., numbers)."""
+    def to_physical(self, points: FloatArray) -> FloatArray:
+        """Return the values at points, shape (.., parameters)."""
         return np.exp(points, where=self.log, out=points.copy())
 
-    def inward(self, values: FloatArray) -> FloatArray:
+    def to_search(self, values: FloatArray) -> FloatArray:
         """Return the points of values, brought inside the box."""
         points = np.log(values, where=self.log & (values > 0.0), out=values.copy())
         return np.clip(points, self.low, self.high)
 
-    def stuck(self, points: FloatArray) -> BoolArray:
+    def at_bound(self, points: FloatArray) -> BoolArray:
         """Say which coordinates sit on a bound."""
         return np.asarray((points <= self.low) | (points >= self.high))
 
@@ -65,7 +65,13 @@ class Descents:
     """
 
     def __init__(
-        self, objective: Objective, points: FloatArray, linear: FloatArray, tares: FloatArray, *, most: int
+        self,
+        objective: Objective,
+        points: FloatArray,
+        linear: FloatArray,
+        session_offsets: FloatArray,
+        *,
+        most: int,
     ) -> None:
         self._objective = objective
         self._box = Box.of(objective.problem)
@@ -81,12 +87,12 @@ class Descents:
         self._growth = np.full(count, 2.0)
         self._quiet = np.zeros(count, dtype=np.intp)
         self._rough = np.zeros(count, dtype=np.bool_)
-        found = objective.eliminate(self._box.outward(points), linear, tares)
-        self.costs, self.linear, self.tares = found.cost, found.linear, found.tares
+        found = objective.eliminate(self._box.to_physical(points), linear, session_offsets)
+        self.costs, self.linear, self.session_offsets = found.cost, found.linear, found.session_offsets
         self._slopes = np.ones((count, size))
         self.hessians = np.empty((count, size, size))
         self._gradients = np.empty((count, size))
-        self._follow = np.empty((count, linear.shape[1] + tares.shape[1], size))
+        self._follow = np.empty((count, linear.shape[1] + session_offsets.shape[1], size))
         self._renew(np.arange(count), found)
 
     def advance(self) -> BoolArray:
@@ -110,7 +116,9 @@ class Descents:
         shift = np.einsum("bij,bj->bi", self._follow[k], self._slopes[k] * step)
         split = self.linear.shape[1]
         found = self._objective.eliminate(
-            self._box.outward(trial), self.linear[k] + shift[:, :split], self.tares[k] + shift[:, split:]
+            self._box.to_physical(trial),
+            self.linear[k] + shift[:, :split],
+            self.session_offsets[k] + shift[:, split:],
         )
         self.evaluations[k] += 1
         better = found.cost < self.costs[k]  # false where it is not a number
@@ -134,7 +142,7 @@ class Descents:
         self._quiet[k] = np.where(gained < 1e-6 * self.costs[k], self._quiet[k] + 1, 0)
         self.iterations[k] += 1
         self.points[k], self.costs[k] = trial, found.cost
-        self.linear[k], self.tares[k] = found.linear, found.tares
+        self.linear[k], self.session_offsets[k] = found.linear, found.session_offsets
         self.converged[k] = self._quiet[k] >= 2
         self.done[k] = self.converged[k] | (self.iterations[k] >= self._most)
         self._renew(k, found)
@@ -142,17 +150,17 @@ class Descents:
     def _renew(self, k: NDArray[np.intp], found: Eliminated) -> None:
         """Take up the Gram matrices of accepted points."""
         assert found.gram is not None
-        self._slopes[k] = np.where(self._box.log, self._box.outward(self.points[k]), 1.0)
+        self._slopes[k] = np.where(self._box.log, self._box.to_physical(self.points[k]), 1.0)
         self._rough[k] = found.drift > _EXACT
         off = (found.drift > _DRIFT) & ~self.done[k]
         self._take(k[~off], found.gram[~off])
         self._refine(k[off])
 
     def _refine(self, k: NDArray[np.intp]) -> None:
-        """Work out the tangents again, at the linear numbers that were found."""
+        """Work out the tangents again, at the linear parameters that were found."""
         if len(k):
-            values = self._box.outward(self.points[k])
-            self._take(k, self._objective.sums(values, self.linear[k], self.tares[k]))
+            values = self._box.to_physical(self.points[k])
+            self._take(k, self._objective.sums(values, self.linear[k], self.session_offsets[k]))
             self.evaluations[k] += 1
             self._rough[k] = False
 
@@ -188,7 +196,9 @@ class Descents:
 
 def _chosen(found: Eliminated, which: BoolArray) -> Eliminated:
     gram = None if found.gram is None else found.gram[which]
-    return Eliminated(found.cost[which], found.linear[which], found.tares[which], gram, found.drift[which])
+    return Eliminated(
+        found.cost[which], found.linear[which], found.session_offsets[which], gram, found.drift[which]
+    )
 
 
 def _damped_steps(

@@ -1,4 +1,4 @@
-"""Gram sums of a problem's runs: all that least squares needs to know of them at a set of numbers.
+"""Gram sums of a problem's runs: all that least squares needs to know of them at a set of parameters.
 
 Runs at one operating point go through the kernel together, many candidates in one call; a run whose
 command or temperature varies, and a law in Python, go one by one. Weights, session offsets and the light
@@ -13,7 +13,7 @@ import numpy as np
 
 from mrdamper import core
 from mrdamper.arrays import FloatArray
-from mrdamper.identify.problem import PreparedFit, move
+from mrdamper.identify.problem import PreparedFit
 from mrdamper.models.damper import Damper
 from mrdamper.models.operating_points import OperatingPoints
 from mrdamper.models.simulate import operating_point, require_temperature
@@ -28,10 +28,10 @@ _ONE_THREAD = 1 << 17  # products that OpenBLAS does not share out to threads, w
 
 
 class GramSums:
-    """Weighted Gram matrices of the tangents by ``wanted`` numbers, the session offsets, and the residual.
+    """Weighted Gram matrices of the tangents by ``wanted`` parameters, the session offsets, and the residual.
 
-    ``varying`` are the numbers that move; all others are the damper's. The order of rows is: wanted
-    numbers, sessions, residual.
+    ``varying`` are the parameters that move; all others are the damper's. The order of rows is: wanted
+    parameters, sessions, residual.
     """
 
     def __init__(
@@ -86,12 +86,12 @@ class GramSums:
             if session >= 0:
                 self._spread[:, k, len(wanted) + session, -2] = 1.0
 
-    def at(self, values: FloatArray, tares: FloatArray) -> FloatArray:
+    def at(self, values: FloatArray, session_offsets: FloatArray) -> FloatArray:
         """Return the Gram matrix of every candidate, shape (candidates, rows, rows).
 
         Parameters
         ----------
-        values : of the varying numbers, shape (candidates, varying)
+        values : of the varying parameters, shape (candidates, varying)
         tares : the session offsets [N], shape (candidates, sessions)
         """
         total = np.zeros((len(values), self._size, self._size))
@@ -100,20 +100,20 @@ class GramSums:
             step = max(1, _MOST // each)
             for begin in range(0, len(values), step):
                 part = slice(begin, begin + step)
-                total[part] = self._steady(values[part], tares[part])
+                total[part] = self._steady(values[part], session_offsets[part])
         if self._single:
-            for k, (row, tare) in enumerate(zip(values, tares, strict=True)):
-                total[k] += self._one_by_one(row, tare)
+            for k, (row, session_offset) in enumerate(zip(values, session_offsets, strict=True)):
+                total[k] += self._one_by_one(row, session_offset)
         if self._sessions:
-            self._pulled(total, tares)
+            self._pulled(total, session_offsets)
         return total
 
-    def _steady(self, values: FloatArray, tares: FloatArray) -> FloatArray:
+    def _steady(self, values: FloatArray, session_offsets: FloatArray) -> FloatArray:
         count, wanted, places = len(values), len(self._wanted), len(self._levels.places)
         spread = np.repeat(self._spread, count, axis=0)
         coefficients = self._levels.at(values, spread[:, :, :wanted, :places])
         if self._sessions:
-            spread[:, :, -1, -2] = -tares[:, self._session]
+            spread[:, :, -1, -2] = -session_offsets[:, self._session]
         sums = core.gram_sums(
             self._damper.law.kernel or 0,
             self._records,
@@ -135,8 +135,8 @@ class GramSums:
             total += left[:, :, part] @ right[:, part]
         return total
 
-    def _one_by_one(self, values: FloatArray, tares: FloatArray) -> FloatArray:
-        damper = move(self._damper, dict(zip(self._varying, values.tolist(), strict=True)))
+    def _one_by_one(self, values: FloatArray, session_offsets: FloatArray) -> FloatArray:
+        damper = self._damper.with_parameters(dict(zip(self._varying, values.tolist(), strict=True)))
         total = np.zeros((self._size, self._size))
         tangents = Tangents(damper, self._wanted, [run.drive for run in self._single])
         for index, run in enumerate(self._single):
@@ -149,15 +149,15 @@ class GramSums:
             if self._sessions:
                 session = self._sessions.index(run.session)
                 spread[len(self._wanted) + session, -2] = 1.0
-                spread[-1, -2] = -tares[session]
+                spread[-1, -2] = -session_offsets[session]
             total += run.weight * (spread @ core.gram(columns, run.start) @ spread.T)
         return total
 
-    def _pulled(self, total: FloatArray, tares: FloatArray) -> None:
+    def _pulled(self, total: FloatArray, session_offsets: FloatArray) -> None:
         """Add a light pull of each tare towards zero: what all sessions share is the law's own offset."""
         rows = np.arange(len(self._wanted), self._size - 1)
         pull = _PULL * np.mean(total[:, rows, rows], axis=1)[:, None]
         total[:, rows, rows] += pull
-        total[:, rows, -1] -= pull * tares
-        total[:, -1, rows] -= pull * tares
-        total[:, -1, -1] += np.sum(pull * tares**2, axis=1)
+        total[:, rows, -1] -= pull * session_offsets
+        total[:, -1, rows] -= pull * session_offsets
+        total[:, -1, -1] += np.sum(pull * session_offsets**2, axis=1)

@@ -1,6 +1,6 @@
-"""The cost of a problem with its linear numbers eliminated, for many candidates at once.
+"""The cost of a problem with its linear parameters eliminated, for many candidates at once.
 
-At every set of nonlinear numbers the best linear ones follow from the Gram sums, kept inside the law's
+At every set of nonlinear parameters the best linear ones follow from the Gram sums, kept inside the law's
 conditions (a yield force that is nowhere negative). One pass gives the cost and, in Kaufman's
 approximation, the Gauss-Newton matrix of what remains. Where to go next is the business of ``descent``.
 """
@@ -19,7 +19,7 @@ from mrdamper.arrays import BoolArray, FloatArray
 from mrdamper.errors import InputError
 from mrdamper.identify.problem import FitProblem, PreparedFit, envelope_of
 from mrdamper.identify.search.gram_sums import GramSums
-from mrdamper.models.damper import LAG, Damper
+from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Bipolynomial
 from mrdamper.models.temperature import REFERENCE_K
 
@@ -28,7 +28,7 @@ __all__ = ["Eliminated", "Objective", "solve_scaled"]
 
 _COMMANDS = 17  # commands over the data's range at which linear coefficients are kept admissible,
 _TEMPERATURES = 3  # at so many temperatures where the form itself depends on temperature
-_LIGHT = 1e-6  # [%^2] that a linear number at its bound costs: one that moves nothing stays near zero
+_LIGHT = 1e-6  # [%^2] that a linear parameter at its bound costs: one that moves nothing stays near zero
 _RESOLVED = 1e-9  # share of the guess' own cost below which what is left has no digits
 _ROUNDS = 12  # of active sets, before the slower way is taken
 _HOLD = 1e8  # stiffness, beside one, of a condition that holds with equality
@@ -36,22 +36,22 @@ _HOLD = 1e8  # stiffness, beside one, of a condition that holds with equality
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Eliminated:
-    """Candidates with their best linear numbers; the first axis of everything counts candidates.
+    """Candidates with their best linear parameters; the first axis of everything counts candidates.
 
-    ``gram`` has rows for the nonlinear and linear numbers, the sessions and the residual, the residual being
-    that of the best linear numbers; the tangents are those of the linear numbers that were guessed.
-    ``drift`` says how far off the guess was: the force that changed over the force there is.
+    ``gram`` has rows for the nonlinear and linear parameters, the sessions and the residual, the residual
+    being that of the best linear parameters; the tangents are those of the linear parameters that were
+    guessed. ``drift`` says how far off the guess was: the force that changed over the force there is.
     """
 
     cost: FloatArray  # [%^2]
     linear: FloatArray
-    tares: FloatArray  # [N]
+    session_offsets: FloatArray  # [N]
     gram: FloatArray | None
     drift: FloatArray
 
 
 class Objective:
-    """The cost of a problem on prepared runs, its Gram sums, and the elimination of the linear numbers.
+    """The cost of a problem on prepared runs, its Gram sums, and the elimination of the linear parameters.
 
     ``like`` is an objective of the same problem on other runs: what depends on the problem alone is shared.
     """
@@ -75,55 +75,67 @@ class Objective:
         size = np.array([max(abs(free.lower), abs(free.upper)) for free in problem.linear])
         self._light = np.concatenate([_LIGHT / size**2, np.zeros(len(self.sessions))])
 
-    def gram(self, damper: Damper, numbers: Sequence[str], offsets: Mapping[str, float]) -> FloatArray:
+    def gram(self, damper: Damper, parameters: Sequence[str], offsets: Mapping[str, float]) -> FloatArray:
         """Return the weighted Gram matrix of the tangents, session offsets and residual at a damper."""
         self.evaluations += 1
-        sums = GramSums(damper, (), numbers, self.runs, self.sessions)
-        gram: FloatArray = sums.at(np.empty((1, 0)), self._tares(offsets))[0]
+        sums = GramSums(damper, (), parameters, self.runs, self.sessions)
+        gram: FloatArray = sums.at(np.empty((1, 0)), self._session_offsets(offsets))[0]
         return gram
 
-    def numbers_of(self, damper: Damper) -> tuple[FloatArray, FloatArray]:
-        """Return a damper's nonlinear and linear numbers, as one candidate."""
-        values = {**damper.numbers, LAG: damper.command_lag_s}
+    def candidate_of(self, damper: Damper) -> tuple[FloatArray, FloatArray]:
+        """Return a damper's nonlinear and linear parameters, as one candidate."""
+        values = damper.parameters_and_lag
         return (
             np.array([[values[name] for name in self.nonlinear]]),
             np.array([[values[name] for name in self.linear]]),
         )
 
     def eliminate(
-        self, nonlinear: FloatArray, linear: FloatArray, tares: FloatArray, *, tangents: bool = True
+        self, nonlinear: FloatArray, linear: FloatArray, session_offsets: FloatArray, *, tangents: bool = True
     ) -> Eliminated:
-        """Return candidates with their best linear numbers, from a guess of those.
+        """Return candidates with their best linear parameters, from a guess of those.
 
-        ``tangents`` are those of the nonlinear numbers; without them there is no Gram matrix. A cost is the
-        difference of sums as large as the guess' own cost: where that leaves no digits, what was found is the
-        next guess, and where it still leaves none, that guess and its cost stand.
+        ``tangents`` are those of the nonlinear parameters; without them there is no Gram matrix. A cost is
+        the difference of sums as large as the guess' own cost: where that leaves no digits, what was found is
+        the next guess, and where it still leaves none, that guess and its cost stand.
         """
-        found, blurred = self._from_guess(nonlinear, linear, tares, tangents=tangents, last=False)
+        found, blurred = self._from_guess(nonlinear, linear, session_offsets, tangents=tangents, last=False)
         k = np.flatnonzero(blurred)
         if len(k):
             again, _ = self._from_guess(
-                nonlinear[k], found.linear[k], found.tares[k], tangents=tangents, last=True
+                nonlinear[k], found.linear[k], found.session_offsets[k], tangents=tangents, last=True
             )
-            found.cost[k], found.linear[k], found.tares[k] = again.cost, again.linear, again.tares
+            found.cost[k], found.linear[k], found.session_offsets[k] = (
+                again.cost,
+                again.linear,
+                again.session_offsets,
+            )
             found.drift[k] = again.drift
             if found.gram is not None:
                 found.gram[k] = again.gram
         return found
 
     def _from_guess(
-        self, nonlinear: FloatArray, linear: FloatArray, tares: FloatArray, *, tangents: bool, last: bool
+        self,
+        nonlinear: FloatArray,
+        linear: FloatArray,
+        session_offsets: FloatArray,
+        *,
+        tangents: bool,
+        last: bool,
     ) -> tuple[Eliminated, BoolArray]:
         """Do it in one pass; say which costs have no digits (of the ``last`` pass, the guess' stand then)."""
-        g = self.sums(nonlinear, linear, tares, tangents=tangents)
+        g = self.sums(nonlinear, linear, session_offsets, tangents=tangents)
         skip = len(self.nonlinear) if tangents else 0
         inner, right = g[:, skip:-1, skip:-1], g[:, skip:-1, -1]
         guessed = g[:, -1, -1].copy()
         if not inner.shape[1]:
             nothing = np.zeros(len(g))
-            return Eliminated(guessed, linear, tares, g if tangents else None, nothing), nothing > 0.0
+            return Eliminated(
+                guessed, linear, session_offsets, g if tangents else None, nothing
+            ), nothing > 0.0
         count = len(self.linear)
-        present = np.concatenate([linear, tares], axis=1)
+        present = np.concatenate([linear, session_offsets], axis=1)
         floor = self._floor - linear @ self._rows[:, :count].T
         pulled = inner + np.diag(self._light)
         moved = _bounded_least_squares(pulled, right - self._light * present, self._rows, floor)
@@ -143,17 +155,17 @@ class Objective:
         return found, blurred
 
     def sums(
-        self, nonlinear: FloatArray, linear: FloatArray, tares: FloatArray, *, tangents: bool = True
+        self, nonlinear: FloatArray, linear: FloatArray, session_offsets: FloatArray, *, tangents: bool = True
     ) -> FloatArray:
-        """Return the Gram matrices at candidates; without ``tangents``, those of the linear numbers alone."""
+        """Return the Gram matrices at candidates; without ``tangents``, of the linear parameters alone."""
         self.evaluations += len(nonlinear)
         values = np.concatenate([nonlinear, linear], axis=1)
-        return (self._all if tangents else self._inner).at(values, tares)
+        return (self._all if tangents else self._inner).at(values, session_offsets)
 
     def projected(self, g: FloatArray, linear: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the Gauss-Newton matrices and gradients of the nonlinear numbers, linear ones projected out.
+        """Return Gauss-Newton matrices and gradients of the nonlinear parameters, linear ones projected out.
 
-        The third array says how linear numbers and offsets follow a change of the nonlinear ones.
+        The third array says how linear parameters and offsets follow a change of the nonlinear ones.
         """
         n, count = len(self.nonlinear), len(self.linear)
         hessian, gradient = g[:, :n, :n], g[:, :n, -1]
@@ -172,7 +184,7 @@ class Objective:
         reduced = g[:, :n, n:-1] @ solved
         return hessian - reduced[:, :, :n], gradient - reduced[:, :, n], -solved[:, :, :n]
 
-    def _tares(self, offsets: Mapping[str, float]) -> FloatArray:
+    def _session_offsets(self, offsets: Mapping[str, float]) -> FloatArray:
         return np.array([[offsets.get(session, 0.0) for session in self.sessions]], dtype=np.float64)
 
     def _conditions(self) -> tuple[FloatArray, FloatArray]:
@@ -180,7 +192,7 @@ class Objective:
         template = self.problem.template
         envelope = envelope_of(self.problem.runs)
         grid = np.unique(np.linspace(*envelope.command, _COMMANDS))
-        warm = np.unique(np.linspace(*(template.temperature_range or (REFERENCE_K,) * 2), _TEMPERATURES))
+        kelvin = np.unique(np.linspace(*(template.temperature_range or (REFERENCE_K,) * 2), _TEMPERATURES))
         width = len(self.linear) + len(self.sessions)
         rows: list[FloatArray] = []
         floor: list[float] = []
@@ -189,17 +201,17 @@ class Objective:
             least = template.law[name].lower
             if not members or not np.isfinite(least):
                 continue
-            at = np.array([law.number_names.index(self.linear[i].partition(".")[2]) for i in members])
+            at = np.array([law.parameter_names.index(self.linear[i].partition(".")[2]) for i in members])
             commands, temperatures = (
                 each.ravel()
                 for each in np.meshgrid(
                     grid if law.kind != "constant" else grid[:1],
-                    warm if isinstance(law, Bipolynomial) else [REFERENCE_K],
+                    kelvin if isinstance(law, Bipolynomial) else [REFERENCE_K],
                 )
             )
-            held = [0.0 if i in at else number for i, number in enumerate(law.numbers)]
-            # The share of the numbers that do not move.
-            fixed = law.with_numbers(held).value(commands, temperatures)
+            held = [0.0 if i in at else number for i, number in enumerate(law.parameters)]
+            # The share of the parameters that do not move.
+            fixed = law.with_parameters(held).value(commands, temperatures)
             gradients = law.gradient(commands, temperatures)[at].T
             for k in _needed(gradients, least - fixed):
                 row = np.zeros(width)
@@ -210,7 +222,7 @@ class Objective:
 
 
 def _needed(rows: FloatArray, floor: FloatArray) -> NDArray[np.intp]:
-    """Return the conditions rows x >= floor that matter: of two numbers against zero, the outermost two."""
+    """Return the conditions rows x >= floor that matter: two parameters against zero have two."""
     some: NDArray[np.intp] = np.flatnonzero(rows.any(axis=1)).astype(np.intp)
     if rows.shape[1] > 2 or floor.any() or not (rows[some, 0] > 0.0).all():
         return some

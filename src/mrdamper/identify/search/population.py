@@ -1,6 +1,6 @@
 """Population searches: the paper's genetic algorithm as a baseline, CMA-ES as a cross-check.
 
-Both search all free numbers at once, the linear ones too, as users of a genetic algorithm do; cost and
+Both search all free parameters at once, the linear ones too, as users of a genetic algorithm do; cost and
 kernel are those of variable projection, so that the comparison is fair.
 """
 
@@ -17,13 +17,14 @@ import numpy as np
 from mrdamper import core
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError, MissingExtraError
-from mrdamper.identify.checkpoint import Ledger, NoLedger
-from mrdamper.identify.problem import FitProblem, FitResult, PreparedFit, Start, lifted, move, ordered
-from mrdamper.identify.search.variable_projection import Progress, Report
+from mrdamper.identify.checkpoint import CheckpointStore, NoCheckpoint
+from mrdamper.identify.problem import FitProblem, FitResult, PreparedFit, Start, canonical, feasible
+from mrdamper.identify.search.variable_projection import SearchState
 from mrdamper.identify.uncertainty import estimates_of
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import simulate
 from mrdamper.models.temperature import REFERENCE_K
+from mrdamper.runtime.progress import Progress, silent
 
 __all__ = ["Ensemble", "fit_cma", "fit_genetic"]
 
@@ -34,44 +35,46 @@ _PENALTY = 1e6  # [%^2] of a candidate whose law is well posed on no run
 class Ensemble:
     """The cost of many candidates at once, in search coordinates scaled to 0..1."""
 
-    def __init__(self, problem: FitProblem, *, workers: int = 1, ledger: Ledger | None = None) -> None:
+    def __init__(
+        self, problem: FitProblem, *, workers: int = 1, checkpoint: CheckpointStore | None = None
+    ) -> None:
         if problem.session_offsets:
             raise InputError(
                 "session offsets are eliminated by variable projection only: use --method varpro"
             )
         self.problem = problem
         self.runs = problem.prepare()
-        self.low = np.array([float(f.inward(f.lower)) for f in problem.free])
-        self.high = np.array([float(f.inward(f.upper)) for f in problem.free])
+        self.low = np.array([float(f.to_search(f.lower)) for f in problem.free])
+        self.high = np.array([float(f.to_search(f.upper)) for f in problem.free])
         self.evaluations = 0
         self._workers = workers
-        self._ledger = ledger or NoLedger()
+        self._checkpoint = checkpoint or NoCheckpoint()
         self._weights = np.array([run.weight for run in self.runs])
         temperature_dependent = problem.template.temperature_dependent
         self._constant = all(
-            run.drive.constant is not None and not (temperature_dependent and run.drive.warms)
+            run.drive.constant is not None and not (temperature_dependent and run.drive.temperature_varies)
             for run in self.runs
         )
 
     def damper(self, unit: FloatArray) -> Damper:
         """Return the damper of one candidate."""
         point = self.low + unit * (self.high - self.low)
-        values = {f.name: f.outward(u) for f, u in zip(self.problem.free, point, strict=True)}
-        return move(self.problem.template, values)
+        values = {f.name: f.to_physical(u) for f, u in zip(self.problem.free, point, strict=True)}
+        return self.problem.template.with_parameters(values)
 
     def costs(self, unit: FloatArray) -> FloatArray:
-        """Return the cost [%^2] of candidates, shape (count, numbers) -> (count,).
+        """Return the cost [%^2] of candidates, shape (count, parameters) -> (count,).
 
         Where a candidate's coefficients leave the law's range they are brought back to its edge, and the
         candidate pays for how often and how far: worse than any admissible one, but with a way home.
         """
         key, of = f"evaluation {self.evaluations}", _digest(unit)
         self.evaluations += len(unit)
-        known = self._ledger.recall(key)
+        known = self._checkpoint.recall(key)
         if known is not None and known["of"] == of:  # a search that is gone through again
             return np.array(known["costs"], dtype=np.float64)
         costs = self._costs(unit)
-        self._ledger.keep(key, {"of": of, "costs": costs.tolist()})
+        self._checkpoint.keep(key, {"of": of, "costs": costs.tolist()})
         return costs
 
     def _costs(self, unit: FloatArray) -> FloatArray:
@@ -80,8 +83,8 @@ class Ensemble:
         if law.kernel is None or not self._constant:
             return np.array([self._cost(damper) for damper in dampers])
         commands = np.array([run.drive.constant for run in self.runs])
-        warm = np.array([run.drive.temperature or REFERENCE_K for run in self.runs])
-        coefficients = np.stack([damper.coefficients_at(commands, warm).T for damper in dampers])
+        kelvin = np.array([run.drive.temperature or REFERENCE_K for run in self.runs])
+        coefficients = np.stack([damper.coefficients_at(commands, kelvin).T for damper in dampers])
         penalty = np.zeros(len(dampers))
         for place, coefficient in enumerate(law.coefficients):
             values = coefficients[:, :, place]
@@ -119,15 +122,15 @@ def fit_genetic(
     population: int = 200,
     generations: int = 300,
     seed: int = 0,
-    report: Report | None = None,
+    on_progress: Progress = silent,
     workers: int = 1,
-    ledger: Ledger | None = None,
+    checkpoint: CheckpointStore | None = None,
 ) -> FitResult:
     """Fit by a genetic algorithm (pymoo): the method of the paper, kept as the baseline.
 
     Binary tournament, simulated binary crossover (probability 0.9, eta 15), polynomial mutation (eta 20),
     elitist survival, initial population by Latin hypercube. An interrupt keeps the best so far. With a
-    ``ledger`` a search that was killed is gone through again, each generation's costs recalled.
+    ``checkpoint`` a search that was killed is gone through again, each generation's costs recalled.
     """
     try:
         from pymoo.algorithms.soo.nonconvex.ga import GA
@@ -140,7 +143,7 @@ def fit_genetic(
             "the genetic algorithm needs pymoo, which is not installed; pip install 'mrdamper[genetic]'"
         ) from error
     clock = time.process_time()
-    ensemble = Ensemble(problem, workers=workers, ledger=ledger)
+    ensemble = Ensemble(problem, workers=workers, checkpoint=checkpoint)
     history: list[float] = []
 
     class Fit(Problem):  # type: ignore[misc]  # pymoo is not typed
@@ -164,7 +167,7 @@ def fit_genetic(
             while algorithm.has_next():
                 algorithm.next()
                 best = np.asarray(algorithm.opt[0].X)
-                _tell(report, "genetic", history, float(algorithm.opt[0].F[0]))
+                _add(float(algorithm.opt[0].F[0]), history, "genetic", on_progress)
         except KeyboardInterrupt:
             if best is None:
                 raise
@@ -180,7 +183,11 @@ def fit_genetic(
 
 
 def fit_cma(
-    problem: FitProblem, *, seed: int = 0, report: Report | None = None, ledger: Ledger | None = None
+    problem: FitProblem,
+    *,
+    seed: int = 0,
+    on_progress: Progress = silent,
+    checkpoint: CheckpointStore | None = None,
 ) -> FitResult:
     """Fit by CMA-ES (package ``cma``) from the middle of the bounds: a cross-check of the optimum.
 
@@ -193,7 +200,7 @@ def fit_cma(
             "CMA-ES needs the package cma, which is not installed; pip install 'mrdamper[genetic]'"
         ) from error
     clock = time.process_time()
-    ensemble = Ensemble(problem, ledger=ledger)
+    ensemble = Ensemble(problem, checkpoint=checkpoint)
     history: list[float] = []
     size = len(problem.free)
     options = {
@@ -209,7 +216,7 @@ def fit_cma(
             while not search.stop():
                 candidates = search.ask()
                 search.tell(candidates, ensemble.costs(np.clip(np.array(candidates), 0.0, 1.0)).tolist())
-                _tell(report, "cma", history, float(search.result.fbest))
+                _add(float(search.result.fbest), history, "cma", on_progress)
         except KeyboardInterrupt:
             if search.result.xbest is None:
                 raise
@@ -221,10 +228,10 @@ def fit_cma(
     )
 
 
-def _tell(report: Report | None, method: str, history: list[float], cost: float) -> None:
+def _add(cost: float, history: list[float], method: str, on_progress: Progress) -> None:
+    """Add the lowest cost so far [%^2] to the history, and report it."""
     history.append(float(np.sqrt(cost)))
-    if report:
-        report(Progress(method, 0, 1, len(history), history[-1], history[-1]))
+    on_progress(SearchState(method, 0, 1, len(history), history[-1], history[-1]).update)
 
 
 def _result(
@@ -238,7 +245,7 @@ def _result(
     note: str,
 ) -> FitResult:
     best, cancelled = outcome
-    damper = ordered(lifted(problem, ensemble.damper(best)))
+    damper = canonical(feasible(problem, ensemble.damper(best)))
     cost = float(np.sqrt(sum(run.weight * _squares(damper, run) for run in ensemble.runs)))
     estimates, correlation = estimates_of(problem, ensemble.runs, damper, {})
     return FitResult(

@@ -1,12 +1,12 @@
 """Variable projection with Levenberg-Marquardt: the usual way to fit a damper.
 
-The force is linear in most of its numbers; those are eliminated by least squares at every step, kept
+The force is linear in most of its parameters; those are eliminated by least squares at every step, kept
 inside the law's conditions, and only the rest is searched for:
 
     minimise over theta   min over c   | y - F(theta, c) |^2,   F affine in c.
 
 The derivative of the eliminated problem is taken in Kaufman's approximation: the tangents of theta,
-projected off the space of the linear columns. A law without linear numbers (the series valve) is the same
+projected off the space of the linear columns. A law without linear parameters (the series valve) is the same
 algorithm with nothing to eliminate. The elimination is in ``objective``, the steps are in ``descent``; here
 is where starts come from and what becomes of them.
 
@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -25,28 +25,28 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import ConvergenceError
-from mrdamper.identify.checkpoint import Ledger, NoLedger
+from mrdamper.identify.checkpoint import CheckpointStore, NoCheckpoint
 from mrdamper.identify.problem import (
     FitProblem,
     FitResult,
     FreeParameter,
     PreparedFit,
     Start,
-    lifted,
-    move,
-    ordered,
+    canonical,
+    feasible,
 )
 from mrdamper.identify.search.descent import Box, Descents
 from mrdamper.identify.search.objective import Objective
 from mrdamper.identify.uncertainty import estimates_of
 from mrdamper.models.damper import Damper
+from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 
-__all__ = ["Objective", "Progress", "Report", "fit_variable_projection", "latin_hypercube"]
+__all__ = ["Objective", "SearchState", "fit_variable_projection", "latin_hypercube"]
 
 
 _MOST_ITERATIONS = 150
 _TOGETHER = 8  # starts that are screened side by side
-_DRAWN_PER_NUMBER = 8  # points looked at for each start, per nonlinear number,
+_DRAWN_PER_NUMBER = 8  # points looked at for each start, per nonlinear parameter,
 _DRAWN = 80  # but no more
 _GLANCE = 16  # of which so many by each of several starts, to begin with
 _DRAWN_PYTHON = 8  # the same for a law in Python, which is slow
@@ -59,8 +59,8 @@ _SAME = 1e-3  # and within which the curvature says that two places are one
 
 
 @dataclass(frozen=True, slots=True)
-class Progress:
-    """How far a fit is: told to the caller after every step."""
+class SearchState:
+    """State of a search after a step: the ``detail`` of its progress."""
 
     method: str
     start: int
@@ -69,8 +69,11 @@ class Progress:
     cost_percent: float
     best_percent: float
 
-
-Report = Callable[[Progress], None]
+    @property
+    def update(self) -> ProgressUpdate:
+        """The progress that a search reports in this state."""
+        text = f"start {self.start + 1} of {self.starts}, iteration {self.iteration}"
+        return ProgressUpdate(done=self.start, total=self.starts, text=text, detail=self)
 
 
 def fit_variable_projection(
@@ -78,10 +81,10 @@ def fit_variable_projection(
     *,
     starts: int = 1,
     seed: int = 0,
-    report: Report | None = None,
+    on_progress: Progress = silent,
     first: Damper | None = None,
     prepared: Sequence[PreparedFit] | None = None,
-    ledger: Ledger | None = None,
+    checkpoint: CheckpointStore | None = None,
 ) -> FitResult:
     """Fit by variable projection from ``starts`` Latin-hypercube starts; the best one is returned.
 
@@ -89,8 +92,10 @@ def fit_variable_projection(
     ----------
     first : a damper to start from as well, before the drawn ones (a former fit); alone with ``starts=0``
     prepared : the runs as ``problem.prepare()`` gives them, for many fits of one set of runs
-    report : told of every accepted step; an interrupt (Ctrl-C) keeps the best so far
-    ledger : asked for every start before it is made, and told of it after
+    on_progress : receives a ``SearchState`` after every accepted step; an interrupt (Ctrl-C) keeps the best
+    so
+        far
+    checkpoint : recalls and keeps every start
 
     Raises
     ------
@@ -99,10 +104,10 @@ def fit_variable_projection(
     """
     clock = time.process_time()
     full = problem.prepare() if prepared is None else tuple(prepared)
-    ledger = ledger or NoLedger()
+    checkpoint = checkpoint or NoCheckpoint()
     objective = Objective(problem, full)
     count = starts if problem.nonlinear else 1
-    places = _places(objective, count, seed, ledger)
+    places = _places(objective, count, seed, checkpoint)
     if first is not None:
         places = itertools.chain([_opening(objective, first)], places)
         count += 1
@@ -121,7 +126,7 @@ def fit_variable_projection(
                 outcomes.append(replace(_outcome(index, state), joined=joined))
                 continue
             key = f"start-{index}"
-            kept = ledger.recall(key)
+            kept = checkpoint.recall(key)
             costs: list[float] = []
             if kept is None:
                 for state in _descend(objective, place):
@@ -129,10 +134,9 @@ def fit_variable_projection(
                     if best is None or state.cost < best.cost:
                         best = state
                     history.append(float(np.sqrt(best.cost)))
-                    if report:
-                        now = float(np.sqrt(state.cost))
-                        report(Progress("varpro", index, count, len(costs) - 1, now, history[-1]))
-                ledger.keep(key, {**state.plain(), "costs": costs})
+                    now = float(np.sqrt(state.cost))
+                    on_progress(SearchState("varpro", index, count, len(costs) - 1, now, history[-1]).update)
+                checkpoint.keep(key, {**state.plain(), "costs": costs})
             else:
                 state = _Place.read(kept)
                 for cost in kept["costs"]:
@@ -150,16 +154,18 @@ def fit_variable_projection(
             f"{problem.template.law.name}: no start reached a finite cost in {count} tries; check the runs "
             "(mrdamper predict shows them) or give more --starts"
         )
-    values = np.concatenate([Box.of(problem).outward(best.point), best.linear]).tolist()
-    found = move(problem.template, dict(zip((*objective.nonlinear, *objective.linear), values, strict=True)))
-    offsets = dict(zip(objective.sessions, best.tares.tolist(), strict=True))
-    damper = ordered(lifted(problem, found))
-    numbers, correlation = estimates_of(problem, full, damper, offsets)
+    values = np.concatenate([Box.of(problem).to_physical(best.point), best.linear]).tolist()
+    found = problem.template.with_parameters(
+        dict(zip((*objective.nonlinear, *objective.linear), values, strict=True))
+    )
+    offsets = dict(zip(objective.sessions, best.session_offsets.tolist(), strict=True))
+    damper = canonical(feasible(problem, found))
+    parameters, correlation = estimates_of(problem, full, damper, offsets)
     return FitResult(
         damper=damper,
         method="varpro",
         cost_percent=float(np.sqrt(best.cost)),
-        estimates=numbers,
+        estimates=parameters,
         correlation=correlation,
         starts=tuple(outcomes),
         offsets_N=offsets,
@@ -175,21 +181,21 @@ def latin_hypercube(free: Sequence[FreeParameter], count: int, seed: int) -> Flo
     rng = np.random.default_rng(seed)
     cell = rng.permuted(np.tile(np.arange(count), (len(free), 1)), axis=1).T
     unit = (cell + rng.random((count, len(free)))) / count
-    low = np.array([float(f.inward(f.lower)) for f in free])
-    high = np.array([float(f.inward(f.upper)) for f in free])
+    low = np.array([float(f.to_search(f.lower)) for f in free])
+    high = np.array([float(f.to_search(f.upper)) for f in free])
     return np.asarray(low + (0.1 + 0.8 * unit) * (high - low))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Place:
-    """Where a search stands: search coordinates, linear numbers, session offsets and what they cost.
+    """Where a search stands: search coordinates, linear parameters, session offsets and what they cost.
 
     ``joined`` is the former start whose place this is too.
     """
 
     point: FloatArray
     linear: FloatArray
-    tares: FloatArray
+    session_offsets: FloatArray
     cost: float
     evaluations: int
     converged: bool
@@ -200,7 +206,7 @@ class _Place:
         return {
             "point": self.point.tolist(),
             "linear": self.linear.tolist(),
-            "tares": self.tares.tolist(),
+            "tares": self.session_offsets.tolist(),
             "cost": self.cost,
             "evaluations": self.evaluations,
             "converged": self.converged,
@@ -209,10 +215,18 @@ class _Place:
 
     @classmethod
     def read(cls, kept: Mapping[str, Any]) -> _Place:
-        point, linear, tares = (
+        point, linear, session_offsets = (
             np.array(kept[name], dtype=np.float64) for name in ("point", "linear", "tares")
         )
-        return cls(point, linear, tares, kept["cost"], kept["evaluations"], kept["converged"], kept["joined"])
+        return cls(
+            point,
+            linear,
+            session_offsets,
+            kept["cost"],
+            kept["evaluations"],
+            kept["converged"],
+            kept["joined"],
+        )
 
 
 def _outcome(index: int, state: _Place) -> Start:
@@ -220,16 +234,16 @@ def _outcome(index: int, state: _Place) -> Start:
 
 
 def _opening(objective: Objective, damper: Damper) -> _Place:
-    """Return the place of a given damper, its numbers brought inside the bounds."""
-    nonlinear, linear = objective.numbers_of(damper)
-    point = Box.of(objective.problem).inward(nonlinear[0])
+    """Return the place of a given damper, its parameters brought inside the bounds."""
+    nonlinear, linear = objective.candidate_of(damper)
+    point = Box.of(objective.problem).to_search(nonlinear[0])
     return _Place(point, linear[0], np.zeros(len(objective.sessions)), np.inf, 0, converged=False)
 
 
 def _descend(objective: Objective, place: _Place) -> Iterator[_Place]:
     """Yield the states of one descent on whole runs, the first and every accepted one."""
     descent = Descents(
-        objective, place.point[None], place.linear[None], place.tares[None], most=_MOST_ITERATIONS
+        objective, place.point[None], place.linear[None], place.session_offsets[None], most=_MOST_ITERATIONS
     )
     while True:
         state = _state(descent, 0, place.evaluations)
@@ -246,29 +260,29 @@ def _state(descents: Descents, k: int, before: int = 0) -> _Place:
     return _Place(
         descents.points[k].copy(),
         descents.linear[k].copy(),
-        descents.tares[k].copy(),
+        descents.session_offsets[k].copy(),
         float(descents.costs[k]),
         before + int(descents.evaluations[k]),
         bool(descents.converged[k]),
     )
 
 
-def _places(whole: Objective, starts: int, seed: int, ledger: Ledger) -> Iterator[_Place]:
+def _places(whole: Objective, starts: int, seed: int, checkpoint: CheckpointStore) -> Iterator[_Place]:
     """Yield one promising place for each start, a few starts at a time."""
     problem = whole.problem
     if not problem.nonlinear:
-        linear = whole.numbers_of(problem.template)[1][0]
+        linear = whole.candidate_of(problem.template)[1][0]
         yield _Place(np.empty(0), linear, np.zeros(len(whole.sessions)), np.inf, 0, converged=True)
         return
     objective: Objective | None = None
     for begin in range(0, starts, _TOGETHER):
         group = range(begin, min(begin + _TOGETHER, starts))
         key = f"places-{group.start}-{group.stop}"
-        kept = ledger.recall(key)
+        kept = checkpoint.recall(key)
         if kept is None:
             objective = objective or Objective(problem, problem.prepare(excerpt=True), like=whole)
             found = _Screening(objective, group, seed).places()
-            ledger.keep(key, {"places": [place.plain() for place in found]})
+            checkpoint.keep(key, {"places": [place.plain() for place in found]})
         else:
             found = [_Place.read(place) for place in kept["places"]]
         yield from found
@@ -293,8 +307,8 @@ class _Screening:
         draws = [latin_hypercube(problem.nonlinear, self._count, seed + 7919 * index) for index in group]
         self._points = np.stack(draws)
         shape = self._points.shape[:2]
-        self._linear = np.tile(objective.numbers_of(problem.template)[1], (*shape, 1))
-        self._tares = np.zeros((*shape, len(objective.sessions)))
+        self._linear = np.tile(objective.candidate_of(problem.template)[1], (*shape, 1))
+        self._session_offsets = np.zeros((*shape, len(objective.sessions)))
         self._costs = np.full(shape, np.inf)
         self._spent = np.zeros(len(group), dtype=np.intp)
 
@@ -325,12 +339,12 @@ class _Screening:
         return _joined(best, self._spent.tolist(), self._group.start)
 
     def _look(self, starts: Sequence[int], part: range) -> None:
-        """Work out the costs of some of the points that starts have drawn, and the linear numbers there."""
+        """Work out the costs of some of the points that starts drew, and the linear parameters there."""
         at = np.repeat(starts, len(part)), np.tile(part, len(starts))
-        points = self._box.outward(self._points[at])
-        found = self._objective.eliminate(points, self._linear[at], self._tares[at], tangents=False)
+        points = self._box.to_physical(self._points[at])
+        found = self._objective.eliminate(points, self._linear[at], self._session_offsets[at], tangents=False)
         self._costs[at] = np.where(np.isfinite(found.cost), found.cost, np.inf)
-        self._linear[at], self._tares[at] = found.linear, found.tares
+        self._linear[at], self._session_offsets[at] = found.linear, found.session_offsets
         self._spent[list(starts)] += len(part)
 
     def _best_drawn(self, starts: Sequence[int], few: int, most: int) -> list[_Settled]:
@@ -338,34 +352,46 @@ class _Screening:
         rank = np.argsort(self._costs[list(starts)], axis=1, kind="stable")[:, :few].ravel()
         owners = np.repeat(starts, few)
         at = owners, rank
-        return self._descend(self._points[at], self._linear[at], self._tares[at], owners.tolist(), most)
+        return self._descend(
+            self._points[at], self._linear[at], self._session_offsets[at], owners.tolist(), most
+        )
 
     def _further(self, places: Sequence[_Place], owners: Sequence[int]) -> list[_Settled]:
         """Return where descents from places end."""
         points = np.stack([place.point for place in places])
-        linear, tares = np.stack([p.linear for p in places]), np.stack([p.tares for p in places])
-        return self._descend(points, linear, tares, owners, _SHORT_ITERATIONS)
+        linear, session_offsets = (
+            np.stack([p.linear for p in places]),
+            np.stack([p.session_offsets for p in places]),
+        )
+        return self._descend(points, linear, session_offsets, owners, _SHORT_ITERATIONS)
 
     def _freed(self, ends: list[_Settled]) -> list[_Settled]:
-        """Return ends and, of those with a number on a bound, where a descent from mid-range ends.
+        """Return ends and, of those with a parameter on a bound, where a descent from mid-range ends.
 
-        A term that has died (a yield velocity beyond all speeds) leaves its numbers on bounds; from mid-range
-        it may come to life again.
+        A term that has died (a yield velocity beyond all speeds) leaves its parameters on bounds; from
+        mid-range it may come to life again.
         """
-        stuck = [each for each in ends if self._box.stuck(each.place.point).any()]
-        if not stuck:
+        at_bound = [each for each in ends if self._box.at_bound(each.place.point).any()]
+        if not at_bound:
             return ends
         middle = 0.5 * (self._box.low + self._box.high)
         free = [
-            replace(each.place, point=np.where(self._box.stuck(each.place.point), middle, each.place.point))
-            for each in stuck
+            replace(
+                each.place, point=np.where(self._box.at_bound(each.place.point), middle, each.place.point)
+            )
+            for each in at_bound
         ]
-        return [*ends, *self._further(free, [each.start for each in stuck])]
+        return [*ends, *self._further(free, [each.start for each in at_bound])]
 
     def _descend(
-        self, points: FloatArray, linear: FloatArray, tares: FloatArray, owners: Sequence[int], most: int
+        self,
+        points: FloatArray,
+        linear: FloatArray,
+        session_offsets: FloatArray,
+        owners: Sequence[int],
+        most: int,
     ) -> list[_Settled]:
-        descents = Descents(self._objective, points, linear, tares, most=most)
+        descents = Descents(self._objective, points, linear, session_offsets, most=most)
         descents.run()
         np.add.at(self._spent, list(owners), descents.evaluations)
         return [_Settled(_state(descents, k), descents.hessians[k], start) for k, start in enumerate(owners)]

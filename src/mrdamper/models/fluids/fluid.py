@@ -112,7 +112,7 @@ class Fluid:
         object.__setattr__(self, "origins", MappingProxyType(dict(self.origins)))
         if not self.name:
             raise InputError("fluid: it has no name")
-        for name, (value, _) in self.numbers.items():
+        for name, (value, _) in self.parameters.items():
             if name in _POSITIVE:
                 _require_positive(f"fluid {self.name!r}: {name}", value)
         checked_fraction(self.particle_fraction)
@@ -123,13 +123,13 @@ class Fluid:
             _require_positive_over(f"fluid {self.name!r}: {what}", factor, self.valid_K)
 
     @property
-    def numbers(self) -> Mapping[str, tuple[float, str]]:
+    def parameters(self) -> Mapping[str, tuple[float, str]]:
         """Return every number of the fluid with its unit, by the name it has in a file."""
         found = {"viscosity.at_20degC_Pa_s": (self.viscosity_Pa_s, "Pa s")}
-        found |= _numbers_of("viscosity", self.viscosity_factor)
+        found |= _parameters_of("viscosity", self.viscosity_factor)
         found["yield_stress.saturation_Pa"] = (self.yield_field.saturation_Pa, "Pa")
         found["yield_stress.field_scale_A_m"] = (self.yield_field.field_scale_A_m, "A/m")
-        found |= _numbers_of("yield_stress", self.yield_factor)
+        found |= _parameters_of("yield_stress", self.yield_factor)
         for key, unit in PROPERTIES.items():
             value = getattr(self, key)
             if value is not None:
@@ -237,8 +237,8 @@ def _require_positive(what: str, value: float) -> None:
 
 
 def _require_origins(fluid: Fluid) -> None:
-    lacking = [name for name in fluid.numbers if name not in fluid.origins]
-    unknown = [name for name in fluid.origins if name not in fluid.numbers]
+    lacking = [name for name in fluid.parameters if name not in fluid.origins]
+    unknown = [name for name in fluid.origins if name not in fluid.parameters]
     if lacking:
         raise InputError(f"fluid {fluid.name!r}: no origin is given for {', '.join(lacking)}")
     if unknown:
@@ -265,8 +265,8 @@ def _require_positive_over(what: str, factor: TemperatureFactor, ends: tuple[flo
         )
 
 
-def _numbers_of(section: str, factor: TemperatureFactor) -> dict[str, tuple[float, str]]:
-    names = zip(factor.number_names, factor.numbers, factor.units, strict=True)
+def _parameters_of(section: str, factor: TemperatureFactor) -> dict[str, tuple[float, str]]:
+    names = zip(factor.parameter_names, factor.parameters, factor.units, strict=True)
     return {f"{section}.{name}": (number, unit) for name, number, unit in names}
 
 

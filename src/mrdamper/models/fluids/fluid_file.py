@@ -34,7 +34,7 @@ Document = dict[str, Any]  # what tomllib returns
 
 _SECTIONS = ("viscosity", "yield_stress", "properties", "collapse")
 _TOP = ("schema_version", "name", "title", "like", "valid_degC", *_SECTIONS)
-_NUMBER_KEYS = ("value", "unit", "confidence", "source", "standard_error")
+_PARAMETER_KEYS = ("value", "unit", "confidence", "source", "standard_error")
 
 
 def find_fluid(name_or_path: str | Path) -> Fluid:
@@ -115,7 +115,7 @@ def _document_of(fluid: Fluid) -> Document:
         "yield_stress": {"field_law": "carlson", "law": fluid.yield_factor.kind},
         "properties": {},
     }
-    for name, (value, unit) in fluid.numbers.items():
+    for name, (value, unit) in fluid.parameters.items():
         section, _, key = name.partition(".")
         origin = fluid.origins[name]
         table: Document = {"value": value, "unit": unit, "confidence": origin.confidence}
@@ -214,7 +214,7 @@ class _Reader:
         if not isinstance(given, dict):
             self.origins[f"{section}.{key}"] = Origin("no source given", "D")
             return _finite(given, where)
-        _check_keys(given, _NUMBER_KEYS, where)
+        _check_keys(given, _PARAMETER_KEYS, where)
         if given.get("unit", unit) != unit:
             raise InputError(f"{where}: unit is {given['unit']!r}; expected {unit!r}, or none")
         error = given.get("standard_error")
@@ -243,11 +243,11 @@ class _Reader:
         else:
             form = cast("Any", FACTORS[kind])
             blank = form(*(0.0 for _ in fields(form)))
-        _check_keys(table, ("law", *other_keys, *blank.number_names), f"{self.place}: {section}")
-        named = zip(blank.number_names, blank.units, strict=True)
-        numbers = [self.number(section, name, unit) for name, unit in named]
+        _check_keys(table, ("law", *other_keys, *blank.parameter_names), f"{self.place}: {section}")
+        named = zip(blank.parameter_names, blank.units, strict=True)
+        parameters = [self.number(section, name, unit) for name, unit in named]
         try:
-            return blank.with_numbers(numbers)
+            return blank.with_parameters(parameters)
         except InputError as fault:
             raise InputError(f"{self.place}: {section}: {fault}") from fault
 

@@ -21,13 +21,13 @@ from mrdamper.quantities import ZERO_CELSIUS_K
 __all__ = [
     "VALID_K",
     "BoolArray",
-    "FittedNumber",
+    "FittedParameter",
     "aicc_of",
     "counted",
     "covariance_of",
     "enlargement_of",
     "fall_of",
-    "fitted_numbers",
+    "fitted_parameters",
     "in_celsius",
     "require_positive",
     "require_temperatures",
@@ -45,7 +45,7 @@ _EXACT = 1e-12  # scatter below which a table is computed, not measured
 
 
 @dataclass(frozen=True, slots=True)
-class FittedNumber:
+class FittedParameter:
     """A number of a fitted law; the standard error is NaN where the table does not determine it."""
 
     name: str
@@ -91,9 +91,9 @@ def enlargement_of(residual: FloatArray) -> float:
     return float(np.sqrt((1.0 + r) / (1.0 - r))) if r > 2.0 / np.sqrt(residual.size) else 1.0
 
 
-def aicc_of(residual: FloatArray, numbers: int) -> float:
+def aicc_of(residual: FloatArray, parameters: int) -> float:
     """Return Akaike's criterion with its small-sample term; the scatter counts as one number more."""
-    count, size = residual.size, numbers + 1
+    count, size = residual.size, parameters + 1
     if count <= size + 1:
         return float("inf")
     mean_square = max(float(residual @ residual) / count, _EXACT**2)
@@ -105,13 +105,13 @@ def rms_percent_of(residual: FloatArray) -> float:
     return 100.0 * float(np.sqrt(np.mean(residual**2)))
 
 
-def fitted_numbers(
+def fitted_parameters(
     names: Sequence[str], units: Sequence[str], values: Sequence[float], covariance: FloatArray
-) -> tuple[FittedNumber, ...]:
+) -> tuple[FittedParameter, ...]:
     """Return the numbers of a law with the standard errors that a covariance holds."""
     errors = np.sqrt(np.diag(covariance))
     return tuple(
-        FittedNumber(name, unit, value, float(error))
+        FittedParameter(name, unit, value, float(error))
         for name, unit, value, error in zip(names, units, values, errors, strict=True)
     )
 

@@ -15,13 +15,13 @@ from mrdamper.arrays import FloatArray
 from mrdamper.models.fluids.rheometer import (
     VALID_K,
     BoolArray,
-    FittedNumber,
+    FittedParameter,
     aicc_of,
     counted,
     covariance_of,
     enlargement_of,
     fall_of,
-    fitted_numbers,
+    fitted_parameters,
     in_celsius,
     require_positive,
     require_temperatures,
@@ -48,7 +48,7 @@ class ViscosityFit:
 
     factor: TemperatureFactor
     viscosity_Pa_s: float  # at 20 degC
-    numbers: tuple[FittedNumber, ...]
+    parameters: tuple[FittedParameter, ...]
     covariance: FloatArray  # of numbers
     rms_percent: float
     aicc: float  # infinite with too few points to judge
@@ -138,12 +138,12 @@ def _free_curve(x: FloatArray, y: FloatArray) -> ViscosityFit:
     ]
     start = int(np.argmin(sums))
 
-    def residual(numbers: FloatArray) -> FloatArray:
-        level, rate, q = numbers
+    def residual(parameters: FloatArray) -> FloatArray:
+        level, rate, q = parameters
         return np.asarray(level - rate * x / (1.0 + q * x) - y)
 
-    def jacobian(numbers: FloatArray) -> FloatArray:
-        _, rate, q = numbers
+    def jacobian(parameters: FloatArray) -> FloatArray:
+        _, rate, q = parameters
         bent = x / (1.0 + q * x)
         return np.column_stack([np.ones_like(x), -bent, rate * bent**2])
 
@@ -193,10 +193,10 @@ def _viscosity_fit(
     return ViscosityFit(
         factor=factor,
         viscosity_Pa_s=viscosity,
-        numbers=fitted_numbers(
-            ("at_20degC_Pa_s", *factor.number_names),
+        parameters=fitted_parameters(
+            ("at_20degC_Pa_s", *factor.parameter_names),
             ("Pa s", *factor.units),
-            (viscosity, *factor.numbers),
+            (viscosity, *factor.parameters),
             covariance,
         ),
         covariance=covariance,

@@ -15,12 +15,12 @@ from mrdamper.models.fluids.carlson import Carlson, FIELD_SCALE_A_m
 from mrdamper.models.fluids.rheometer import (
     VALID_K,
     BoolArray,
-    FittedNumber,
+    FittedParameter,
     aicc_of,
     counted,
     covariance_of,
     fall_of,
-    fitted_numbers,
+    fitted_parameters,
     require_positive,
     require_temperatures,
     rms_percent_of,
@@ -39,7 +39,7 @@ class YieldFit:
     name: str  # "carlson" with his field scale, "carlson-free-scale" with a fitted one
     field_law: Carlson
     factor: Linear
-    numbers: tuple[FittedNumber, ...]
+    parameters: tuple[FittedParameter, ...]
     covariance: FloatArray
     rms_percent: float
     aicc: float
@@ -134,21 +134,21 @@ def _carlson(h: FloatArray, t: FloatArray, y: FloatArray, *, free_scale: bool) -
     moving = [0, 1, 2] if free_scale else [0, 2]
     start, low, high = _yield_bounds(h, x)
 
-    def curve(numbers: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def curve(parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the law's logarithm, and its derivatives by ln saturation, ln scale and slope."""
         every = start.copy()
-        every[moving] = numbers
+        every[moving] = parameters
         u = h / np.exp(every[1])
         factor = 1.0 - every[2] * x
         value = every[0] + np.log(np.tanh(u)) + np.log(factor)
         by_scale = -2.0 * u / np.sinh(np.minimum(2.0 * u, 700.0))
         return value, np.column_stack([np.ones_like(y), by_scale, -x / factor])[:, moving]
 
-    def residual_of(numbers: FloatArray) -> FloatArray:
-        return curve(numbers)[0] - y
+    def residual_of(parameters: FloatArray) -> FloatArray:
+        return curve(parameters)[0] - y
 
-    def jacobian_of(numbers: FloatArray) -> FloatArray:
-        return curve(numbers)[1]
+    def jacobian_of(parameters: FloatArray) -> FloatArray:
+        return curve(parameters)[1]
 
     if free_scale:
         start[1] = np.clip(start[1], low[1] + 0.1, high[1] - 0.1)
@@ -164,26 +164,26 @@ def _carlson(h: FloatArray, t: FloatArray, y: FloatArray, *, free_scale: bool) -
         gtol=1e-15,
         max_nfev=1000,
     )
-    numbers = start.copy()
-    numbers[moving] = solved.x
+    parameters = start.copy()
+    parameters[moving] = solved.x
     residual = -np.asarray(solved.fun)
     limit = ""
-    if free_scale and not low[1] + 0.01 < numbers[1] < high[1] - 0.01:
+    if free_scale and not low[1] + 0.01 < parameters[1] < high[1] - 0.01:
         limit = "its field scale rests on the end of what the fields of the table can tell"
     # from ln saturation and ln scale to the numbers themselves
-    by_logarithm = np.array([np.exp(numbers[0]), np.exp(numbers[1]), 1.0])
+    by_logarithm = np.array([np.exp(parameters[0]), np.exp(parameters[1]), 1.0])
     covariance = np.full((3, 3), np.nan)
     known = [k for k in moving if not (limit and k == 1)]
     columns = curve(solved.x)[1][:, [moving.index(k) for k in known]]
     covariance[np.ix_(known, known)] = covariance_of(columns, residual)
     covariance *= np.outer(by_logarithm, by_logarithm)
-    saturation, scale, slope = (float(number) for number in numbers)
+    saturation, scale, slope = (float(number) for number in parameters)
     field_law = Carlson(float(np.exp(saturation)), float(np.exp(scale)) if free_scale else FIELD_SCALE_A_m)
     return YieldFit(
         name="carlson-free-scale" if free_scale else "carlson",
         field_law=field_law,
         factor=Linear(slope),
-        numbers=fitted_numbers(
+        parameters=fitted_parameters(
             ("saturation_Pa", "field_scale_A_m", "temperature_slope"),
             ("Pa", "A/m", "1/K"),
             (field_law.saturation_Pa, field_law.field_scale_A_m, slope),

@@ -101,7 +101,7 @@ def _band(
 ) -> FloatArray | None:
     """Return the standard error along a coefficient's curve by first order; None: nothing fitted."""
     places = {estimate.name: k for k, estimate in enumerate(fitted.estimates)}
-    members = [places.get(f"{name}.{number}") for number in form.number_names]
+    members = [places.get(f"{name}.{number}") for number in form.parameter_names]
     rows = [row for row, place in enumerate(members) if place is not None]
     chosen = [place for place in members if place is not None]
     return _propagated(fitted, form.gradient(command, temperature)[rows], chosen)

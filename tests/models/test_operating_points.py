@@ -51,24 +51,26 @@ def damper_with(form: ParameterLaw) -> Damper:
 @pytest.mark.parametrize("held", [0, 1], ids=["every number moves", "the first one does not"])
 def test_coefficients_and_gradients_are_those_of_each_damper(kind: str, held: int) -> None:
     damper = damper_with(FORMS[kind])
-    names = list(damper.numbers)
+    names = list(damper.parameters)
     varying = [*[name for name in names if name.startswith("yield_force.")][held:], "rho.rate", LAG]
     wanted = [LAG, *varying[:-1]][::-1]
     levels = OperatingPoints(damper, varying, wanted, COMMAND, TEMPERATURE)
     draw = np.random.default_rng(0)
-    given = np.array([{**damper.numbers, LAG: 0.0}[name] for name in varying])
+    given = np.array([{**damper.parameters, LAG: 0.0}[name] for name in varying])
     values = given * draw.uniform(0.9, 1.1, (5, len(varying)))
     combine = np.repeat(levels.combine[None], 5, axis=0)
     coefficients = levels.at(values, combine)
     for k in range(5):
-        one = damper.with_numbers(dict(zip(varying[:-1], values[k, :-1].tolist(), strict=True)))
+        one = damper.with_parameters(dict(zip(varying[:-1], values[k, :-1].tolist(), strict=True)))
         np.testing.assert_allclose(coefficients[k], one.coefficients_at(COMMAND, TEMPERATURE).T, rtol=1e-12)
         for row, name in enumerate(wanted):
             expected = np.zeros((len(COMMAND), len(levels.places)))
             if name != LAG:
                 coefficient, _, number = name.partition(".")
                 form = one.coefficients[coefficient]
-                gradient = form.gradient(COMMAND, damper.held(TEMPERATURE))[form.number_names.index(number)]
+                gradient = form.gradient(COMMAND, damper.held(TEMPERATURE))[
+                    form.parameter_names.index(number)
+                ]
                 expected[:, levels.places.index(damper.law.names.index(coefficient))] = gradient
             np.testing.assert_allclose(combine[k, :, row], expected, rtol=1e-12, atol=1e-300)
 
