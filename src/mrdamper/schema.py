@@ -316,7 +316,8 @@ def _field_at(record: type, place: Sequence[int | str]) -> Field | None:
     for k in range(len(names), 0, -1):
         for field in _fields_at(record, names[: k - 1]):
             if field.key == names[k - 1]:
-                return field
+                among_values = k < len(names) and get_origin(field.type) is Mapping
+                return dataclasses.replace(field, type=get_args(field.type)[1]) if among_values else field
     return None
 
 

@@ -734,9 +734,13 @@ CASES: tuple[Case, ...] = (
     Case(
         "map with an unknown key",
         channel_map("[channel.force]\nscale = 2"),
-        r"'scale' is not known; the nearest",
+        r"channel\.force has no key 'scale'; expected one of: name",
     ),
-    Case("map with an unknown role", channel_map("[channel.torque]\nname = 'a'"), r"'torque' is not known"),
+    Case(
+        "map with an unknown role",
+        channel_map("[channel.torque]\nname = 'a'"),
+        r"channel has no key 'torque'",
+    ),
     Case("map with a bad sign", channel_map("[channel.force]\nsign = 0"), r"sign is 0; expected 1 or -1"),
     Case(
         "map of a missing column",

@@ -160,10 +160,10 @@ def test_a_channel_map_may_say_what_looking_does_not_tell(tmp_path):
     (run,) = read_run(tmp_path / "run.csv", channels)
     assert len(run) == len(RUN)
     for given, message in (
-        ({"delimiter": "|"}, r"file\.delimiter is '\|'; expected a comma, a semicolon"),
-        ({"decimal": ";"}, r"file\.decimal is ';'; expected '\.' or ','"),
+        ({"delimiter": "|"}, r"file: delimiter is '\|'; expected a comma, a semicolon"),
+        ({"decimal": ";"}, r"file: decimal is ';'; expected '\.' or ','"),
         ({"decimal": ",", "delimiter": ","}, "a comma is delimiter and decimal sign"),
-        ({"sheet": "a"}, "'sheet' is not known; the nearest are: "),
+        ({"sheet": "a"}, "file has no key 'sheet'; expected one of: part, delimiter, decimal"),
         ({"part": 3}, r"file\.part is 3; expected a text"),
     ):
         with pytest.raises(InputError, match=message):

@@ -234,16 +234,16 @@ def test_a_preparation_survives_json(preparation):
 @pytest.mark.parametrize(
     ("given_fields", "message"),
     [
-        ({"cutoff_hz": 10.0}, "'cutoff_hz' is not known; the nearest are: cutoff_Hz"),
+        ({"cutoff_hz": 10.0}, "preparation: unknown key 'cutoff_hz'; did you mean cutoff_Hz"),
         ({"cutoff_Hz": -1.0}, "cutoff_Hz is -1.0; expected a positive number"),
-        ({"cutoff_Hz": "high"}, "does not hold numbers where they belong"),
+        ({"cutoff_Hz": "high"}, "preparation: cutoff_Hz is 'high'; expected a number"),
         ({"dead_band_m": -1.0}, "dead_band_m is -1.0"),
-        ({"reference": "end"}, "reference is 'end'; use one of: start, mean, none"),
-        ({"velocity": "sensor"}, "velocity is 'sensor'; use one of: displacement, channel"),
+        ({"reference": "end"}, "reference is 'end'; expected one of: start, mean, none"),
+        ({"velocity": "sensor"}, "velocity is 'sensor'; expected one of: displacement, channel"),
         ({"force_offset_N": float("nan")}, "force_offset_N is nan"),
         ({"thermocouple_lag_s": -1.0}, "thermocouple_lag_s is -1.0; expected zero or more"),
         ({"thermocouple_lag_s": float("inf")}, "thermocouple_lag_s is inf"),
-        ({"thermocouple_lag_s": "slow"}, "does not hold numbers where they belong"),
+        ({"thermocouple_lag_s": "slow"}, "thermocouple_lag_s is 'slow'; expected a number"),
     ],
 )
 def test_a_preparation_without_sense_is_refused(given_fields, message):

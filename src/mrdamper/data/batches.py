@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.channels import Channel, ChannelMap, read_channel_map
+from mrdamper.data.channels import ChannelMap, read_channel_map
 from mrdamper.data.formats.table import Rows
 from mrdamper.data.readers import Column, find_columns, map_beside
 from mrdamper.data.records import RigRun
@@ -122,9 +122,7 @@ class LongRecord:
         row = start
         for raw in _regular(self._raw([column.name for column in taken], start), rows):
             si = [
-                self.channels.channels.get(column.role, Channel(column.role)).to_si(
-                    raw[k], column.unit, place
-                )
+                self.channels.channel(column.role).to_si(raw[k], column.unit, place)
                 for k, column in enumerate(taken)
             ]
             n = len(raw[0])
@@ -204,7 +202,7 @@ def open_record(path: str | Path, channels: ChannelMap | str | Path | None = Non
                 "[constant]"
             )
     for column in columns:  # a unit that is none is said before hours of reading
-        Channel.to_si(chosen.channels.get(column.role, Channel(column.role)), np.zeros(1), column.unit, place)
+        chosen.channel(column.role).to_si(np.zeros(1), column.unit, place)
     constant = {role: value for role, value in chosen.constant.items() if role in QUANTITIES}
     rows = table.rows or None
     return LongRecord(file, table.layout.in_words(), columns, chosen, constant, step, rows, source)

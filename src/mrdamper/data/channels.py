@@ -31,11 +31,11 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from fnmatch import fnmatchcase
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, NoReturn
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -45,6 +45,7 @@ from mrdamper.data.records import nearest_names
 from mrdamper.errors import InputError
 from mrdamper.files import read_toml
 from mrdamper.quantities import QUANTITIES, find_quantity, is_unit, spell_unit, to_si
+from mrdamper.schema import Option, did_you_mean, read_record
 
 __all__ = [
     "Channel",
@@ -69,18 +70,24 @@ _FORMS_WITH_UNIT = (
 _NARROW = str.maketrans("（）［］／", "()[]/")
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChannelTable:
+    """A table [channel.ROLE]: where a role is found in a file, and how its numbers lead to SI."""
+
+    name: Annotated[str | None, Option("of the column")] = None
+    pattern: Annotated[str | None, Option("of the column's name, with * and ?")] = None
+    index: Annotated[int | None, Option("of the column, counted from 1")] = None
+    unit: Annotated[str, Option("of the file's numbers; empty: the header says it")] = ""
+    gain: Annotated[float | None, Option("what a number of the file is multiplied by")] = None
+    offset: Annotated[float, Option("added before the sign is taken [SI]")] = 0.0
+    sign: Annotated[int, Option("1 or -1")] = 1
+
+
 @dataclass(frozen=True, slots=True)
-class Channel:
-    """Where a role is found in a file, and how its numbers lead to SI."""
+class Channel(ChannelTable):
+    """A role's table, with the role that it is of."""
 
     role: str
-    name: str | None = None
-    pattern: str | None = None
-    index: int | None = None  # counted from 1
-    unit: str = ""
-    gain: float | None = None
-    offset: float = 0.0
-    sign: int = 1
 
     def __post_init__(self) -> None:
         quantity = find_quantity(self.role)
@@ -154,6 +161,35 @@ class Segments:
     commands: tuple[float, ...]  # of each segment [A or V]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Roles:
+    time: ChannelTable | None = None
+    displacement: ChannelTable | None = None
+    velocity: ChannelTable | None = None
+    force: ChannelTable | None = None
+    current: ChannelTable | None = None
+    voltage: ChannelTable | None = None
+    temperature: ChannelTable | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Session:
+    name: Annotated[str, Option("runs that share one tare of the force cell")] = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Document:
+    """A channel map as its file has it."""
+
+    channel: _Roles = field(default_factory=_Roles)
+    constant: Annotated[Mapping[str, float], Option("quantity_unit, or rate_Hz")] = field(
+        default_factory=dict
+    )
+    segments: Annotated[Mapping[str, Any] | None, Option("split, and a list: current_A or voltage_V")] = None
+    session: _Session = field(default_factory=_Session)
+    file: FileOptions = field(default_factory=FileOptions)
+
+
 @dataclass(frozen=True, slots=True)
 class ChannelMap:
     """What a channel map says; the empty one leaves everything to the header."""
@@ -167,39 +203,44 @@ class ChannelMap:
 
     @classmethod
     def from_dict(cls, given: Mapping[str, Any], place: str = "channel map") -> ChannelMap:
-        """Return the map that a TOML document holds; an unknown key names the nearest known ones."""
-        _check_keys(given, ("channel", "constant", "segments", "session", "file"), place)
+        """Return the map that a TOML document holds.
+
+        Raises
+        ------
+        InputError
+            With a line for each fault; an unknown key names the nearest known ones.
+        """
+        document = read_record(_Document, given, place)
         channels = {}
-        keys = ("name", "pattern", "index", "unit", "gain", "offset", "sign")
-        for role, table in _table(given, "channel", place).items():
-            if role not in QUANTITIES:
-                _refuse_key(role, tuple(QUANTITIES), f"{place}: channel")
-            if not isinstance(table, dict):
-                raise InputError(f"{place}: channel.{role} is {table!r}; expected a table [channel.{role}]")
-            _check_keys(table, keys, f"{place}: channel.{role}")
-            _check_kinds(table, f"{place}: channel.{role}")
-            try:
-                channels[role] = Channel(role, **table)
-            except InputError as error:
-                raise InputError(f"{place}: {error}") from error
+        for role in fields(_Roles):
+            table: ChannelTable | None = getattr(document.channel, role.name)
+            if table is not None:
+                values: dict[str, Any] = {each.name: getattr(table, each.name) for each in fields(table)}
+                try:
+                    channels[role.name] = Channel(role.name, **values)
+                except InputError as error:
+                    raise InputError(f"{place}: {error}") from error
         constant, rate = {}, None
-        for key, value in _table(given, "constant", place).items():
-            where = f"{place}: constant.{key}"
+        for key, value in document.constant.items():
             if key == "rate_Hz":
-                rate = _number(value, where)
+                rate = value
                 if not rate > 0.0:
-                    raise InputError(f"{where} is {rate:g}; expected a positive number")
+                    raise InputError(f"{place}: constant.{key} is {rate:g}; expected a positive number")
                 continue
-            role, unit = _quantity_unit(key, f"{place}: constant", (*_COMMANDS, "temperature"))
-            constant[role] = _to_si(_number(value, where), unit, role, where)
-        session = _table(given, "session", place)
-        _check_keys(session, ("name",), f"{place}: session")
-        name = session.get("name", "")
-        if not isinstance(name, str):
-            raise InputError(f"{place}: session.name is {name!r}; expected a text")
-        segments = _segments(given["segments"], place) if "segments" in given else None
-        options = _file_options(_table(given, "file", place), f"{place}: file")
-        return cls(MappingProxyType(channels), MappingProxyType(constant), rate, segments, name, options)
+            role_of, unit = _quantity_unit(key, f"{place}: constant", (*_COMMANDS, "temperature"))
+            constant[role_of] = _to_si(value, unit, role_of, f"{place}: constant.{key}")
+        return cls(
+            MappingProxyType(channels),
+            MappingProxyType(constant),
+            rate,
+            None if document.segments is None else _segments(document.segments, place),
+            document.session.name,
+            document.file,
+        )
+
+    def channel(self, role: str) -> Channel:
+        """Return what is said about a role; the header alone where nothing is."""
+        return self.channels.get(role) or Channel(role)
 
 
 def read_channel_map(path: str | Path) -> ChannelMap:
@@ -266,14 +307,13 @@ def _quantity_unit(key: str, place: str, roles: Sequence[str]) -> tuple[str, str
     """Return role and unit of a key such as voltage_V."""
     role, _, unit = key.partition("_")
     if role not in roles or not unit:
-        _refuse_key(key, [f"{role}_{QUANTITIES[role].unit}" for role in roles], place)
+        known = [f"{role}_{QUANTITIES[role].unit}" for role in roles]
+        raise InputError(f"{place} has no key {key!r}; {did_you_mean(key, known)}")
     return role, unit
 
 
-def _segments(table: object, place: str) -> Segments:
+def _segments(table: Mapping[str, Any], place: str) -> Segments:
     where = f"{place}: segments"
-    if not isinstance(table, dict):
-        raise InputError(f"{where} is {table!r}; expected a table [segments]")
     split = table.get("split")
     if not isinstance(split, str) or not split:
         raise InputError(f"{where}.split is {split!r}; expected the text that begins a new test ('Resume')")
@@ -289,29 +329,6 @@ def _segments(table: object, place: str) -> Segments:
     return Segments(split, role, tuple(_to_si(number, unit, role, where) for number in numbers))
 
 
-def _file_options(table: Mapping[str, Any], place: str) -> FileOptions:
-    _check_keys(table, ("part", "delimiter", "decimal"), place)
-    for key, value in table.items():
-        if not isinstance(value, str) or not value:
-            raise InputError(f"{place}.{key} is {value!r}; expected a text")
-    if table.get("delimiter", ",") not in {",", ";", "\t", " "}:
-        raise InputError(
-            f"{place}.delimiter is {table['delimiter']!r}; expected a comma, a semicolon, a tab or a blank"
-        )
-    if table.get("decimal", ".") not in {".", ","}:
-        raise InputError(f"{place}.decimal is {table['decimal']!r}; expected '.' or ','")
-    if table.get("decimal") == table.get("delimiter") == ",":
-        raise InputError(f"{place}: a comma is delimiter and decimal sign; expected two signs")
-    return FileOptions(**table)
-
-
-def _table(given: Mapping[str, Any], key: str, place: str) -> dict[str, Any]:
-    table = given.get(key, {})
-    if not isinstance(table, dict):
-        raise InputError(f"{place}: {key} is {table!r}; expected a table [{key}]")
-    return table
-
-
 def _number(value: object, where: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise InputError(f"{where} is {value!r}; expected a finite number")
@@ -323,24 +340,3 @@ def _to_si(value: float, unit: str, role: str, where: str) -> float:
         return float(to_si(value, unit, role))
     except InputError as error:
         raise InputError(f"{where}: {error}") from error
-
-
-def _check_keys(table: Mapping[str, object], known: Sequence[str], place: str) -> None:
-    for key in table:
-        if key not in known:
-            _refuse_key(key, known, place)
-
-
-def _refuse_key(key: str, known: Sequence[str], place: str) -> NoReturn:
-    near = ", ".join(nearest_names(key, known))
-    raise InputError(f"{place}: {key!r} is not known; the nearest are: {near}")
-
-
-def _check_kinds(table: Mapping[str, object], place: str) -> None:
-    for key, value in table.items():
-        if key in {"name", "pattern", "unit"} and not isinstance(value, str):
-            raise InputError(f"{place}.{key} is {value!r}; expected a text")
-        if key in {"gain", "offset"}:
-            _number(value, f"{place}.{key}")
-        if key in {"index", "sign"} and (isinstance(value, bool) or not isinstance(value, int)):
-            raise InputError(f"{place}.{key} is {value!r}; expected a whole number")

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -19,10 +19,11 @@ from mrdamper.arrays import FloatArray, read_only
 from mrdamper.data.batches import Batch
 from mrdamper.data.conditioning import Grid, Rules, condition_run, even_step, on_grid
 from mrdamper.data.motion import describe_motion
-from mrdamper.data.records import WITHOUT_MOTION, RigRun, nearest_names
+from mrdamper.data.records import WITHOUT_MOTION, RigRun
 from mrdamper.data.signals import Kinematics, knot_spacing, measure_spectrum, smallest_step, smooth
 from mrdamper.errors import InputError
 from mrdamper.excitation import Trajectory
+from mrdamper.schema import read_record
 
 __all__ = ["Preparation", "PreparedRun", "decimate", "prepare_run"]
 
@@ -51,22 +52,20 @@ class Preparation:
 
     def __post_init__(self) -> None:
         if self.cutoff_Hz is not None and not self.cutoff_Hz > 0.0:
-            raise InputError(f"preparation: cutoff_Hz is {self.cutoff_Hz}; expected a positive number")
+            raise InputError(f"cutoff_Hz is {self.cutoff_Hz}; expected a positive number")
         if self.dead_band_m is not None and not 0.0 <= self.dead_band_m < math.inf:
-            raise InputError(f"preparation: dead_band_m is {self.dead_band_m}; expected zero or more")
+            raise InputError(f"dead_band_m is {self.dead_band_m}; expected zero or more")
         for name, known in (
             ("reference", ("start", "mean", "none")),
             ("velocity", ("displacement", "channel")),
         ):
             if getattr(self, name) not in known:
                 choices = ", ".join(known)
-                raise InputError(f"preparation: {name} is {getattr(self, name)!r}; use one of: {choices}")
+                raise InputError(f"{name} is {getattr(self, name)!r}; expected one of: {choices}")
         if not 0.0 <= self.thermocouple_lag_s < math.inf:
-            raise InputError(
-                f"preparation: thermocouple_lag_s is {self.thermocouple_lag_s}; expected zero or more"
-            )
+            raise InputError(f"thermocouple_lag_s is {self.thermocouple_lag_s}; expected zero or more")
         if not math.isfinite(self.force_offset_N):
-            raise InputError(f"preparation: force_offset_N is {self.force_offset_N}; expected a number")
+            raise InputError(f"force_offset_N is {self.force_offset_N}; expected a number")
 
     def to_dict(self) -> dict[str, float | str | None]:
         """Return the fields as JSON takes them (no smoothing is the text "none")."""
@@ -78,18 +77,10 @@ class Preparation:
     @classmethod
     def from_dict(cls, given: Mapping[str, object]) -> Preparation:
         """Return the preparation that ``to_dict`` wrote; an unknown key is an error."""
-        known = [field.name for field in fields(cls)]
-        for key in given:
-            if key not in known:
-                near = ", ".join(nearest_names(key, known))
-                raise InputError(f"preparation: {key!r} is not known; the nearest are: {near}")
-        values = dict(given)
-        if values.get("cutoff_Hz") == "none":
-            values["cutoff_Hz"] = math.inf
-        try:
-            return cls(**values)  # type: ignore[arg-type]  # checked when built
-        except TypeError as error:
-            raise InputError(f"preparation: {dict(given)} does not hold numbers where they belong") from error
+        if given.get("cutoff_Hz") != "none":
+            return read_record(cls, given, "preparation")
+        smoothed = {key: value for key, value in given.items() if key != "cutoff_Hz"}
+        return replace(read_record(cls, smoothed, "preparation"), cutoff_Hz=math.inf)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -229,7 +229,7 @@ def _find_channels(
                 f"{place}: column {column.name!r} ({column.role}) holds no sample; expected numbers. The "
                 "file may be cut off: copy it again"
             )
-        found[column.role] = _channel_of(chosen, column.role).to_si(values, column.unit, place)
+        found[column.role] = chosen.channel(column.role).to_si(values, column.unit, place)
     return found, columns
 
 
@@ -244,7 +244,7 @@ def find_columns(table: Table, chosen: ChannelMap, place: str) -> tuple[Column, 
         said.setdefault("time", [Column("time", name, "s") for name in table.names if name in table.stamps])
     columns: list[Column] = []
     for role in QUANTITIES:
-        channel = _channel_of(chosen, role)
+        channel = chosen.channel(role)
         column = _column_of(table, channel, said.get(role, ()), place)
         if column is None and role in chosen.channels:
             raise InputError(
@@ -282,10 +282,6 @@ def _perhaps(roles: Iterable[str], table: Table) -> str:
     found = [(role, name) for role in roles for name in candidates(role, [*table.columns])]
     lines = " or ".join(f"[channel.{role}] name = {name!r}" for role, name in found[:3])
     return f"; perhaps {lines}" if found else ""
-
-
-def _channel_of(chosen: ChannelMap, role: str) -> Channel:
-    return chosen.channels.get(role, Channel(role))
 
 
 def _require_one_clock(table: Table, columns: Sequence[Column], place: str) -> None:

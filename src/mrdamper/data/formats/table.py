@@ -61,6 +61,16 @@ class FileOptions:
     delimiter: str = ""  # of a text
     decimal: str = ""  # "." or ","
 
+    def __post_init__(self) -> None:
+        if self.delimiter not in {"", ",", ";", "\t", " "}:
+            raise InputError(
+                f"delimiter is {self.delimiter!r}; expected a comma, a semicolon, a tab or a blank"
+            )
+        if self.decimal not in {"", ".", ","}:
+            raise InputError(f"decimal is {self.decimal!r}; expected '.' or ','")
+        if self.decimal == self.delimiter == ",":
+            raise InputError("a comma is delimiter and decimal sign; expected two signs")
+
 
 @dataclass(frozen=True, slots=True)
 class Layout:
