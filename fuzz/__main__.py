@@ -33,8 +33,9 @@ _PART = 100_000  # executions of one process
 _SECONDS = 120  # for one input, on a machine that has other work
 _MEGABYTES = 4096
 _SEEN = ["mrdamper", "nptdms", "fuzz.calls"]  # whose branches guide the search; the parsers of others do not
-_DOOR = "mrdamper.data.formats.sandbox"  # nor does what becomes of a decoder that crashes, or loops
-_PATIENCE_S = 3.0  # with a decoder: files that make a library loop should not take all the time
+_SANDBOX = "mrdamper.data.formats.sandbox"  # nor does what becomes of a decoder that crashes, or loops
+_WORKER = "mrdamper.runtime.worker"
+_DEADLINE_S = 3.0  # with a decoder: files that make a library loop should not take all the time
 
 
 def main(given: list[str]) -> int:
@@ -63,7 +64,10 @@ def _targets() -> dict[str, Any]:
     import atheris
 
     sys.meta_path.insert(0, _Sources)
-    with redirect_stderr(io.StringIO()), atheris.instrument_imports(include=_SEEN, exclude=[_DOOR]):
+    with (
+        redirect_stderr(io.StringIO()),
+        atheris.instrument_imports(include=_SEEN, exclude=[_SANDBOX, _WORKER]),
+    ):
         return dict(import_module("fuzz.targets").TARGETS)
 
 
@@ -136,7 +140,8 @@ def _fuzz(name: str, target: Any, place: Path, options: list[str]) -> None:  # n
 
     if target.library:
         start = partial(import_module("fuzz.forks").Forked, target.library)
-        vars(sys.modules[_DOOR]).update(_start=start, _PATIENCE_s=_PATIENCE_S)
+        vars(sys.modules[_WORKER]).update(start_process=start)
+        vars(sys.modules[_SANDBOX]).update(_DEADLINE_s=_DEADLINE_S)
     for k, seed in enumerate(target.seeds()):
         (place / f"seed-{k}").write_bytes(seed)
     for path in sys.modules["fuzz.targets"].kept_inputs(name):

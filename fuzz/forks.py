@@ -16,6 +16,8 @@ import sys
 from typing import IO
 
 from mrdamper.data.formats import decoder
+from mrdamper.data.formats.sandbox import DECODER
+from mrdamper.runtime.worker_process import WorkerOptions, run
 
 __all__ = ["Forked"]
 
@@ -24,8 +26,9 @@ class Forked:
     """Stands for ``subprocess.Popen`` where a decoder is started."""
 
     _source: socket.socket | None = None
+    returncode = None  # nobody is told
 
-    def __init__(self, library: str) -> None:
+    def __init__(self, library: str, _options: WorkerOptions) -> None:
         asked, answers = os.pipe(), os.pipe()
         source = self._running(library)
         socket.send_fds(source, [b"+"], [asked[0], answers[1]])
@@ -54,7 +57,7 @@ class Forked:
         except ProcessLookupError:
             return
 
-    def wait(self) -> None:
+    def wait(self, _timeout: float | None = None) -> None:
         """Return: the process it was forked from takes what it leaves."""
 
 
@@ -71,7 +74,7 @@ def _serve(orders: socket.socket) -> None:
             for place, end in enumerate(ends):
                 os.dup2(end, place)
                 os.close(end)
-            decoder.main()
+            run(DECODER)
         orders.send(child.to_bytes(4, "little"))
         for end in ends:
             os.close(end)

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,13 +17,14 @@ import pytest
 
 from mrdamper.data.channels import ChannelMap
 from mrdamper.data.diagnosis.diagnose import diagnose
-from mrdamper.data.formats import sandbox as isolated
+from mrdamper.data.formats import sandbox
 from mrdamper.data.formats import text as text_format
 from mrdamper.data.formats.mdf import read_mdf
 from mrdamper.data.formats.table import FileOptions
 from mrdamper.data.readers import read_file, read_run, read_runs
 from mrdamper.data.tables import read_table
 from mrdamper.errors import InputError, MissingExtraError
+from mrdamper.runtime.worker import Worker
 from tests.data.rig_files import (
     RUN,
     UNITS,
@@ -241,11 +243,11 @@ def decoder(monkeypatch):
     """Return a function that puts other code in place of the decoder's."""
 
     def replaced(code):
-        isolated.stop()
-        monkeypatch.setattr(isolated, "_COMMAND", (sys.executable, "-c", code))
+        sandbox.stop()
+        monkeypatch.setattr("mrdamper.runtime.worker._COMMAND", (sys.executable, "-c", code))
 
     yield replaced
-    isolated.stop()
+    sandbox.stop()
 
 
 @pytest.mark.parametrize("code", ["import os; os.abort()", "print('no answer')", "pass"])
@@ -261,16 +263,15 @@ def test_a_decoder_that_crashes_is_a_message(tmp_path, decoder, name, code):
 def test_a_decoder_that_loops_ends_where_nobody_waits(tmp_path):
     """Its user was killed meanwhile: the loop would go on for ever; and it leaves no core."""
     code = """if True:
-        import numpy as np
         from mrdamper.data.formats import decoder
-        from mrdamper.data.formats.table import Layout, Table
+        from mrdamper.runtime.worker_process import WorkerOptions, run
         def circle(path, options):
             while True:
                 pass
         decoder.READERS = {"odd": circle}
-        decoder.main()
+        run(WorkerOptions(handler="mrdamper.data.formats.decoder:decoder"))
     """
-    question = b'{"open": "x", "format": "odd", "options": {}, "seconds": 0.1}\n'
+    question = b'{"question": {"open": "x", "format": "odd", "options": {}}, "seconds": 0.1}\n'
     with subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, cwd=tmp_path) as process:
         assert process.stdin is not None
         process.stdin.write(question)
@@ -286,9 +287,9 @@ def test_reading_leaves_nothing_behind(tmp_path, monkeypatch, name):
     (runs := tmp_path / "runs").mkdir()
     monkeypatch.setenv("TMPDIR", str(aside))
     WRITERS[name](runs / name)
-    isolated.stop()
+    sandbox.stop()
     read_file(runs / name)
-    isolated.stop()
+    sandbox.stop()
     assert [*aside.iterdir()] == []
     assert [each.name for each in runs.iterdir()] == [name]
 
@@ -296,14 +297,14 @@ def test_reading_leaves_nothing_behind(tmp_path, monkeypatch, name):
 def test_a_decoder_that_loops_is_ended_and_told(tmp_path, decoder, monkeypatch):
     """Damaged links lead libhdf5 in a circle; a file that is good is read by the next process."""
     WRITERS["v5.mat"](tmp_path / "v5.mat")
-    monkeypatch.setattr(isolated, "_PATIENCE_s", 0.5)
+    monkeypatch.setattr(sandbox, "_DEADLINE_s", 0.5)
     decoder("import time; time.sleep(60)")
     with pytest.raises(
         InputError, match=r"v5\.mat: not a readable file: its decoder has not come to an end in \d s"
     ):
         read_run(tmp_path / "v5.mat")
     monkeypatch.undo()
-    isolated.stop()
+    sandbox.stop()
     assert read_table(tmp_path / "v5.mat").rows > 1
 
 
@@ -311,34 +312,33 @@ def test_a_crash_costs_one_file_and_not_the_next(tmp_path):
     for name in ("a.h5", "b.mf4", "c.h5"):
         WRITERS["run" + name[1:]](tmp_path / name)
     (first,) = read_run(tmp_path / "a.h5")
-    process = isolated._DECODER._process
-    assert process is not None
-    process.kill()
+    sandbox._DECODER.worker.kill()
     assert len(read_runs([tmp_path / "b.mf4", tmp_path / "c.h5"])) == 2
     assert np.array_equal(first.force, read_run(tmp_path / "c.h5")[0].force)
 
 
-def test_what_a_small_file_unpacks_to_is_bounded_by_the_memory_of_its_process(tmp_path, decoder):
+def test_what_a_small_file_unpacks_to_is_bounded_by_the_memory_of_its_process(tmp_path, monkeypatch):
     """A MAT file of 0.2 MB that unpacks to 128 MB, where the decoder may have 220 MB, itself included."""
     from scipy.io import savemat
 
     savemat(tmp_path / "bomb.mat", {"run": {"force": np.zeros(16_000_000)}}, do_compression=True)
     assert (tmp_path / "bomb.mat").stat().st_size < 300_000
     WRITERS["v5.mat"](tmp_path / "v5.mat")
-    names = "import sys; from mrdamper.data.formats.decoder import hold_memory, serve"
-    decoder(f"{names}; hold_memory(220 << 20); serve(sys.stdin.buffer, sys.stdout.buffer)")
+    small = Worker(replace(sandbox.DECODER, memory_bytes=220 << 20))
+    monkeypatch.setattr(sandbox._DECODER, "worker", small)
     with pytest.raises(InputError, match=r"bomb\.mat: not a readable MAT file"):
         read_table(tmp_path / "bomb.mat")
     assert read_table(tmp_path / "v5.mat").rows > 1
+    small.stop()
 
 
 def test_the_decoder_holds_its_memory(tmp_path):
     """As it is started for users: not more than three quarters of the machine's, and 12 GB."""
     WRITERS["v5.mat"](tmp_path / "v5.mat")
     read_table(tmp_path / "v5.mat")
-    process = isolated._DECODER._process
-    assert process is not None
-    soft, _ = resource.prlimit(process.pid, resource.RLIMIT_DATA)
+    pid = sandbox._DECODER.worker.pid
+    assert pid is not None
+    soft, _ = resource.prlimit(pid, resource.RLIMIT_DATA)
     machine = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     assert 0 < soft <= min(12 << 30, 0.75 * machine)
 
@@ -607,13 +607,13 @@ def test_only_the_channels_of_a_run_are_read(tmp_path, monkeypatch):
     wide = {**titled(), **{f"CH{k}": RUN.force for k in range(40)}}
     pl.DataFrame(wide).write_parquet(tmp_path / "run.parquet")
     asked: list[str] = []
-    usual = isolated._Decoder.column
+    usual = sandbox._Decoder.ask
 
-    def noted(decoder, path, name):
-        asked.append(name)
-        return usual(decoder, path, name)
+    def noted(decoder, path, file, question):
+        asked.extend(question["columns"])
+        return usual(decoder, path, file, question)
 
-    monkeypatch.setattr(isolated._Decoder, "column", noted)
+    monkeypatch.setattr(sandbox._Decoder, "ask", noted)
     read_run(tmp_path / "run.parquet")
     assert sorted(asked) == sorted(titled())
 

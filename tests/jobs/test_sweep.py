@@ -71,7 +71,7 @@ def children() -> set[int]:
                 parent = int((entry / "stat").read_text().rsplit(")", 1)[1].split()[1])
             except (OSError, IndexError):
                 continue
-            if parent == os.getpid() and b"spawn_main" in line:
+            if parent == os.getpid() and b"mrdamper.runtime" in line:
                 found.add(int(entry.name))
     return found
 

@@ -115,7 +115,7 @@ def test_a_population_search_is_gone_through_again_with_what_was_told(method: st
 
 KILLED_WHILE_MOVING = """
 import os, pathlib, signal, sys
-from mrdamper.runtime.outputs import staged
+from mrdamper.runtime.outputs import atomic_output
 moves, replace = [], pathlib.Path.replace
 def counted(self, target):
     moves.append(target)
@@ -123,7 +123,7 @@ def counted(self, target):
         os.kill(os.getpid(), signal.SIGKILL)
     return replace(self, target)
 pathlib.Path.replace = counted
-with staged(pathlib.Path(sys.argv[1])) as beside:
+with atomic_output(pathlib.Path(sys.argv[1])) as beside:
     for k in range(5):
         (beside / f"{k}.txt").write_text("new")
 """
@@ -151,8 +151,8 @@ def test_what_a_killed_job_wrote_is_removed_and_what_a_living_one_writes_is_not(
 
     code = (
         "import os, pathlib, signal, sys\n"
-        "from mrdamper.runtime.outputs import staged\n"
-        "with staged(pathlib.Path(sys.argv[1])) as beside:\n"
+        "from mrdamper.runtime.outputs import atomic_output\n"
+        "with atomic_output(pathlib.Path(sys.argv[1])) as beside:\n"
         "    (beside / 'half').write_text('half')\n"
         "    os.kill(os.getpid(), signal.SIGKILL)\n"
     )

@@ -210,7 +210,7 @@ def is_alive(pid: int) -> bool:
 
 
 def python_processes_of(folder: Path) -> list[int]:
-    """Return the workers and clerks that work in a folder."""
+    """Return the workers of a folder."""
     found = []
     for each in Path("/proc").iterdir():
         if each.name.isdigit():
@@ -218,7 +218,7 @@ def python_processes_of(folder: Path) -> list[int]:
                 words = (each / "cmdline").read_bytes().split(b"\0")
             except OSError:
                 continue
-            if str(folder).encode() in words and any(b"mrdamper.web." in word for word in words):
+            if str(folder).encode() in words and b"mrdamper.runtime" in words:
                 found.append(int(each.name))
     return [pid for pid in found if is_alive(pid)]
 

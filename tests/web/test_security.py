@@ -22,7 +22,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrdamper.errors import InputError
-from mrdamper.web.security import Door
+from mrdamper.web.security import ListenAddress
 from mrdamper.web.server import build
 from mrdamper.web.workspace import NotThereError, WorkFolder
 from tests.support.heated import plain_card
@@ -44,15 +44,21 @@ def folder(tmp_path):
     plain_card(root / "cards" / "one")
     job = root / "results" / "check-001"
     job.mkdir()
-    told = {"id": "check-001", "kind": "check", "options": {}, "state": "done"}
+    told = {
+        "id": "check-001",
+        "kind": "check",
+        "options": {},
+        "state": "done",
+        "asked_at": "2026-01-01T00:00:00Z",
+    }
     (job / "job.json").write_text(json.dumps(told), encoding="utf-8")
     (job / "check.html").write_text("<p>fine", encoding="utf-8")
     return root
 
 
-def ask(folder, method, path, *, door=None, most_upload=200_000_000, **options) -> Answer:
+def ask(folder, method, path, *, address=None, most_upload=200_000_000, **options) -> Answer:
     async def one() -> Answer:
-        async with living(build(folder, door, most_upload=most_upload)) as app:
+        async with living(build(folder, address, most_upload=most_upload)) as app:
             return await patiently(app, method, path, **options)
 
     return asyncio.run(one())
@@ -68,19 +74,19 @@ def snapshot(folder: Path) -> dict[str, bytes]:
 
 def test_another_host_is_refused_without_a_token():
     with pytest.raises(InputError, match="--token"):
-        Door("0.0.0.0")
-    Door("0.0.0.0", TOKEN)
+        ListenAddress("0.0.0.0")
+    ListenAddress("0.0.0.0", TOKEN)
 
 
 @pytest.mark.parametrize("token", ["", "short", "with\nbreak-in-its-text"])
 def test_a_token_that_could_be_guessed_or_not_be_sent_is_refused(token):
     with pytest.raises(InputError, match="16 or more"):
-        Door("127.0.0.1", token)
+        ListenAddress("127.0.0.1", token)
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "localhost:8765", "LOCALHOST:1", "[::1]:8765"])
 def test_the_server_s_own_names_are_known(host):
-    assert Door().knows(host)
+    assert ListenAddress().knows(host)
 
 
 @pytest.mark.parametrize(
@@ -96,9 +102,9 @@ def test_a_site_that_borrows_the_address_is_refused(folder, host):
 
 
 def test_beyond_loopback_an_address_is_a_name_and_a_foreign_name_is_not():
-    door = Door("0.0.0.0", TOKEN)
-    assert door.knows("192.168.0.7:8765")
-    assert not door.knows("evil.example:8765")
+    address = ListenAddress("0.0.0.0", TOKEN)
+    assert address.knows("192.168.0.7:8765")
+    assert not address.knows("evil.example:8765")
 
 
 FOREIGN = [
@@ -142,20 +148,20 @@ def test_the_page_itself_may_write(folder):
 
 @pytest.mark.parametrize("path", ["/", "/api/state", "/static/style.css", "/api/files/a.csv/look"])
 def test_without_the_token_nothing_is_answered(folder, path):
-    door = Door("127.0.0.1", TOKEN)
-    assert ask(folder, "GET", path, door=door).status == 401
+    address = ListenAddress("127.0.0.1", TOKEN)
+    assert ask(folder, "GET", path, address=address).status == 401
     for wrong in (f"Bearer {TOKEN}x", f"Bearer {TOKEN[:-1]}", TOKEN, "Bearer "):
-        assert ask(folder, "GET", path, door=door, headers={"authorization": wrong}).status == 401
-    assert ask(folder, "GET", path, door=door, query="token=wrong").status == 401
+        assert ask(folder, "GET", path, address=address, headers={"authorization": wrong}).status == 401
+    assert ask(folder, "GET", path, address=address, query="token=wrong").status == 401
 
 
 def test_the_token_is_traded_for_a_cookie_that_scripts_cannot_read(folder):
-    door = Door("127.0.0.1", TOKEN)
+    address = ListenAddress("127.0.0.1", TOKEN)
     assert (
-        ask(folder, "GET", "/api/state", door=door, headers={"authorization": f"Bearer {TOKEN}"}).status
+        ask(folder, "GET", "/api/state", address=address, headers={"authorization": f"Bearer {TOKEN}"}).status
         == 200
     )
-    traded = ask(folder, "GET", "/loops", door=door, query=f"token={TOKEN}&run=a")
+    traded = ask(folder, "GET", "/loops", address=address, query=f"token={TOKEN}&run=a")
     assert traded.status == 303
     assert traded.headers["location"] == "/loops?run=a"
     cookie = traded.headers["set-cookie"]
@@ -163,11 +169,13 @@ def test_the_token_is_traded_for_a_cookie_that_scripts_cannot_read(folder):
     assert "HttpOnly" in cookie
     assert "SameSite=Strict" in cookie
     own = {"cookie": cookie.split(";")[0]}
-    assert ask(folder, "GET", "/api/state", door=door, headers=own).status == 200
+    assert ask(folder, "GET", "/api/state", address=address, headers=own).status == 200
 
 
 def test_the_trade_leads_to_no_other_site(folder):
-    traded = ask(folder, "GET", "//evil.example/", door=Door("127.0.0.1", TOKEN), query=f"token={TOKEN}")
+    traded = ask(
+        folder, "GET", "//evil.example/", address=ListenAddress("127.0.0.1", TOKEN), query=f"token={TOKEN}"
+    )
     assert traded.headers.get("location", "/").startswith("/evil.example")
 
 
@@ -191,8 +199,8 @@ def test_every_answer_keeps_a_browser_strict(folder):
 @pytest.mark.parametrize(
     ("status", "method", "path", "options"),
     [
-        (303, "GET", "/", {"query": f"token={TOKEN}", "door": Door("127.0.0.1", TOKEN)}),
-        (401, "GET", "/api/state", {"door": Door("127.0.0.1", TOKEN)}),
+        (303, "GET", "/", {"query": f"token={TOKEN}", "address": ListenAddress("127.0.0.1", TOKEN)}),
+        (401, "GET", "/api/state", {"address": ListenAddress("127.0.0.1", TOKEN)}),
         (403, "GET", "/", {"headers": {"host": "evil.example"}}),
         (403, "POST", "/api/jobs", {"headers": {"origin": "https://evil.example"}}),
         (404, "GET", "/api/runs/none/series", {}),
@@ -234,7 +242,7 @@ NAMES = [
 
 @pytest.mark.parametrize("name", NAMES)
 def test_no_name_leads_out_of_the_folder(folder, name):
-    """What a server has decoded already, and what it has not, go through the same door."""
+    """What a server has decoded already, and what it has not, go through the same address."""
     before = snapshot(folder.parent)
 
     async def all_of_them() -> list[Answer]:

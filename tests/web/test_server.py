@@ -36,13 +36,13 @@ from mrdamper.jobs.series import keep_runs, keep_window, read_series
 from mrdamper.jobs.sink import SinkOptions
 from mrdamper.jobs.track import TrackOptions
 from mrdamper.thermal.duty import DEFAULT_DUTY
+from mrdamper.web.query_worker import FUNCTIONS, Query, find_function
 from mrdamper.web.schemas import KINDS
-from mrdamper.web.worker_client import Desk, NotYetError, Patience
-from mrdamper.web.workspace import WorkFolder
+from mrdamper.web.worker_client import NotYetError, PendingAnswers, WorkerClient
 from tests.support.heated import DRAWING, plain_card
 from tests.support.rigs import answer_of, command, mrdamper, short_runs, write_csv, write_runs
 from tests.support.tracked import write_a_card
-from tests.web.served import series_of, served
+from tests.web.served import is_alive, series_of, served
 
 TINY = (
     'motions = ["sine5mm1Hz"]\ncurrents_A = [0, 1]\ntemperatures_degC = [20]\nsteps = false\n'
@@ -605,48 +605,54 @@ def test_two_clients_and_a_long_fit_keep_the_pages_quick(clean, runs):
     client.ended(fit)
 
 
-# ------------------------------------------------------------------------------------------- desks
+# ------------------------------------------------------------------------------------------- queries
 
 
-def test_a_desk_ends_when_nobody_asks_and_comes_back(tmp_path):
-    WorkFolder(tmp_path)
+CHANNELS = Query("channels", values={"document": {"session": {"name": "x"}}})
 
+
+def test_a_process_ends_when_nobody_asks_and_comes_back(tmp_path):
     async def ask_twice() -> None:
-        desk = Desk(tmp_path, idle_s=0.3)
-        question = {"ask": "map", "map": {"session": {"name": "x"}}}
-        assert "x" in (await desk.ask(question))["toml"]
-        first = desk._process
+        client = WorkerClient(tmp_path, idle_s=0.3)
+        assert "x" in await client.ask(CHANNELS)
+        first = client.worker.pid
         assert first is not None
-        await asyncio.wait_for(first.wait(), 5.0)
-        assert "x" in (await desk.ask(question))["toml"]
-        await desk.close()
+        async with asyncio.timeout(5.0):
+            while client.worker.pid is not None:
+                await asyncio.sleep(0.02)
+        assert not is_alive(first)
+        assert "x" in await client.ask(CHANNELS)
+        await client.close()
 
     asyncio.run(ask_twice())
 
 
-def test_a_desk_that_is_broken_by_a_question_answers_the_next_one(tmp_path):
-    WorkFolder(tmp_path)
-
+def test_a_process_that_is_broken_by_a_query_answers_the_next_one(tmp_path):
     async def break_it() -> None:
-        desk = Desk(tmp_path)
-        question = {"ask": "map", "map": {"session": {"name": "x"}}}
-        await desk.ask(question)
-        assert desk._process is not None
-        os.kill(desk._process.pid, signal.SIGSTOP)
-        asked = asyncio.create_task(desk.ask(question))
+        client = WorkerClient(tmp_path)
+        await client.ask(CHANNELS)
+        pid = client.worker.pid
+        assert pid is not None
+        os.kill(pid, signal.SIGSTOP)
+        asked = asyncio.create_task(client.ask(CHANNELS))
         await asyncio.sleep(0.2)
-        os.kill(desk._process.pid, signal.SIGKILL)
+        os.kill(pid, signal.SIGKILL)
         with pytest.raises(InputError, match="stopped on it"):
             await asked
-        assert "x" in (await desk.ask(question))["toml"]
-        await desk.close()
+        assert "x" in await client.ask(CHANNELS)
+        await client.close()
 
     asyncio.run(break_it())
 
 
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_every_query_has_its_function(name):
+    assert callable(find_function(name))
+
+
 def test_patience_ends_and_the_answer_is_found_again():
     async def ask_again() -> None:
-        patience, calls = Patience(), []
+        patience, calls = PendingAnswers(), []
 
         async def slow() -> str:
             calls.append(1)

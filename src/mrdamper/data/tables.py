@@ -20,7 +20,7 @@ from mrdamper.data.formats.mat import is_mat
 from mrdamper.data.formats.mdf import is_mdf
 from mrdamper.data.formats.mts import is_mts, read_mts
 from mrdamper.data.formats.parquet import is_parquet
-from mrdamper.data.formats.sandbox import isolated
+from mrdamper.data.formats.sandbox import sandboxed
 from mrdamper.data.formats.table import FileOptions, Format, Layout, Rows, Table
 from mrdamper.data.formats.tdms import is_tdms, read_tdms
 from mrdamper.data.formats.text import is_text, open_text, read_text
@@ -29,11 +29,11 @@ from mrdamper.files import require_file
 
 __all__ = ["FORMATS", "FileOptions", "Format", "Layout", "Rows", "Table", "open_rows", "read_table"]
 
-_READ_EXCEL = isolated("excel", "python-calamine", "Excel files", "python_calamine")
-_READ_HDF5 = isolated("hdf5", "h5py", "HDF5 files and MAT files of version 7.3")
-_READ_MAT = isolated("mat", "scipy", "MAT files")
-_READ_MDF = isolated("mdf", "asammdf", "MDF files")
-_READ_PARQUET = isolated("parquet", "polars", "Parquet files")
+_READ_EXCEL = sandboxed("excel", "python-calamine", "Excel files", "python_calamine")
+_READ_HDF5 = sandboxed("hdf5", "h5py", "HDF5 files and MAT files of version 7.3")
+_READ_MAT = sandboxed("mat", "scipy", "MAT files")
+_READ_MDF = sandboxed("mdf", "asammdf", "MDF files")
+_READ_PARQUET = sandboxed("parquet", "polars", "Parquet files")
 
 # The first that recognises a file reads it.
 FORMATS: tuple[Format, ...] = (

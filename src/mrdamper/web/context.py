@@ -1,11 +1,11 @@
-"""What the routes share: the folder, the processes, and the small things that answers need."""
+"""State that the routes share: the folder and the processes; reading requests and making responses."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Awaitable, Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import ValidationError
 from starlette.requests import Request
@@ -13,18 +13,21 @@ from starlette.responses import FileResponse, JSONResponse, Response, StreamingR
 
 from mrdamper.errors import InputError
 from mrdamper.jobs.choices import choices, run_formats
-from mrdamper.web.events import Bell
-from mrdamper.web.job_queue import Crew
+from mrdamper.web.events import EventBus
+from mrdamper.web.job_queue import JobQueue
+from mrdamper.web.query_worker import Query
 from mrdamper.web.run_index import RunIndex
 from mrdamper.web.schemas import Order, told
 from mrdamper.web.security import REPORT_POLICY
 from mrdamper.web.words import spoken
-from mrdamper.web.worker_client import Desk, Patience
+from mrdamper.web.worker_client import PendingAnswers, WorkerClient
 from mrdamper.web.workspace import WorkFolder
 
-__all__ = ["MOST_UPLOAD", "Shop", "body_of", "order_in", "say", "send_file", "stream"]
+__all__ = ["MOST_UPLOAD", "AppContext", "json_response", "read_body", "read_request", "send_file", "stream"]
 
 MOST_UPLOAD = 200_000_000  # bytes
+
+Wanted = TypeVar("Wanted", bound=Order)
 
 _TYPES = {
     ".html": "text/html; charset=utf-8",
@@ -37,7 +40,7 @@ _TYPES = {
 }
 
 
-class Shop:
+class AppContext:
     """One server's folder and processes."""
 
     def __init__(self, root: Path, *, most_upload: int = MOST_UPLOAD, local: bool = True) -> None:
@@ -45,32 +48,46 @@ class Shop:
         self.most_upload, self.local = most_upload, local
         self.formats = tuple(run_formats())
         self.choices = choices()
-        self.bell = Bell(self.folder)
-        self.crew = Crew(self.folder, self.bell.ring)
-        self.desk = Desk(self.folder.root, nice=2)  # reads files
-        self.glances = Desk(self.folder.root)  # looks at their beginnings, behind nobody
-        self.quick = Desk(self.folder.root, idle_s=300.0)  # draws curves under a slider
-        self.checking = Desk(self.folder.root, nice=10)
-        self.index = RunIndex(self.folder, self.formats, (self.desk, self.checking), self.bell.ring)
-        self.patience = Patience()
+        self.events = EventBus(self.folder)
+        self.queue = JobQueue(self.folder, self.events.publish)
+        self.reader = WorkerClient(self.folder.root, nice=2)  # reads files
+        self.previewer = WorkerClient(self.folder.root)  # reads their beginnings, behind nobody
+        self.heater = WorkerClient(self.folder.root, idle_s=300.0)  # computes curves under a slider
+        self.checker = WorkerClient(self.folder.root, nice=10)
+        self.index = RunIndex(self.folder, self.formats, self.reader, self.checker, self.events.publish)
+        self._pending = PendingAnswers()
         self.closing = False
 
+    async def answer(self, client: WorkerClient, query: Query, *version: object) -> Any:  # noqa: ANN401 - whatever JSON holds
+        """Return the answer to a query, or raise ``NotYetError`` while it is being made.
+
+        ``version`` is what else makes a query another one: when the file that it names was changed.
+        """
+        return await self.wait((query.key, *version), lambda: client.ask(query))
+
+    async def wait(self, key: object, make: Callable[[], Awaitable[Any]]) -> Any:  # noqa: ANN401 - what make makes
+        """Return what is made, or raise ``NotYetError`` while it is; who asks by the same key shares it."""
+        return await self._pending.wait(key, make)
+
     def open(self) -> None:
-        self.crew.recover()
+        """Take up what the server before this one has left."""
+        self.queue.recover()
         self.index.sweep()
 
     async def close(self) -> None:
+        """End all processes."""
         self.closing = True
         await self.index.close()
-        await self.crew.close()
-        for desk in (self.desk, self.glances, self.quick, self.checking):
-            await desk.close()
+        await self.queue.close()
+        for client in (self.reader, self.previewer, self.heater, self.checker):
+            await client.close()
 
     def is_closing(self) -> bool:
+        """Whether the server ends."""
         return self.closing
 
 
-async def body_of(request: Request) -> dict[str, Any]:
+async def read_body(request: Request) -> dict[str, Any]:
     """Return the JSON object in a request."""
     try:
         found = json.loads(await request.body())
@@ -81,10 +98,10 @@ async def body_of(request: Request) -> dict[str, Any]:
     return found
 
 
-async def order_in(request: Request, kind: type[Order]) -> Any:  # noqa: ANN401 - an instance of kind
+async def read_request(request: Request, kind: type[Wanted]) -> Wanted:
     """Return what a request asks for, checked."""
     try:
-        return kind.model_validate(await body_of(request))
+        return kind.model_validate(await read_body(request))
     except ValidationError as fault:
         raise InputError(told("the request", fault)) from fault
 
@@ -101,7 +118,7 @@ def send_file(path: Path, *, download: bool = False) -> Response:
     )
 
 
-def say(answer: dict[str, Any], status: int = 200) -> Response:
+def json_response(answer: dict[str, Any], status: int = 200) -> Response:
     """Return an answer as JSON, its sentences in the words of the pages."""
     return JSONResponse(spoken(answer), status)
 

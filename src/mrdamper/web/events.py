@@ -1,4 +1,4 @@
-"""Server-sent events: what a job says, from its beginning; and that something in the folder has changed."""
+"""Server-sent events: progress of a job, from its beginning; and that something in the folder has changed."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from mrdamper.errors import InputError
-from mrdamper.web.job_record import ENDED, JobRecord
+from mrdamper.web.job_record import JobRecord
 from mrdamper.web.words import spoken
 from mrdamper.web.workspace import WorkFolder
 
-__all__ = ["Bell", "job_events"]
+__all__ = ["EventBus", "job_events"]
 
 _LOOK_S = 0.2
 _WATCH_S = 1.5
@@ -33,11 +33,11 @@ def event(name: str, told: Mapping[str, Any], number: int | None = None) -> str:
 
 
 async def job_events(record: JobRecord, after: int, gone: Gone) -> AsyncIterator[str]:
-    """Give all that a job has said after line ``after``, then what it says, and its end."""
+    """Give the progress of a job after line ``after``, then what is new, and its end."""
     place, line, rest, quiet = 0, 0, b"", 0.0
     while not gone():
         try:
-            state = record.read()["state"]
+            has_ended = record.read().has_ended
         except InputError:  # deleted
             return
         with suppress(OSError), (record.folder / "progress.jsonl").open("rb") as file:
@@ -53,7 +53,7 @@ async def job_events(record: JobRecord, after: int, gone: Gone) -> AsyncIterator
                     told = json.loads(each)
                     yield event(told.pop("event"), told, line)
                 quiet = 0.0
-        if state in ENDED:
+        if has_ended:
             yield event("end", record.shown())
             return
         await asyncio.sleep(_LOOK_S)
@@ -63,20 +63,22 @@ async def job_events(record: JobRecord, after: int, gone: Gone) -> AsyncIterator
             yield ": still here\n\n"
 
 
-class Bell:
-    """Tells everybody who listens what kind of thing has changed, also when another program changed it."""
+class EventBus:
+    """Tells all listeners what kind of thing has changed, also when another program changed it."""
 
     def __init__(self, folder: WorkFolder) -> None:
         self._folder = folder
         self._listeners: set[asyncio.Queue[str]] = set()
         self._watch: asyncio.Task[None] | None = None
 
-    def ring(self, what: str) -> None:
+    def publish(self, what: str) -> None:
+        """Tell all listeners that something of a kind has changed."""
         for queue in self._listeners:
             if queue.qsize() < _MOST_WAITING:
                 queue.put_nowait(what)
 
     async def listen(self, gone: Gone) -> AsyncIterator[str]:
+        """Give an event for each change, until ``gone``."""
         queue: asyncio.Queue[str] = asyncio.Queue()
         self._listeners.add(queue)
         if self._watch is None or self._watch.done():
@@ -117,7 +119,7 @@ class Bell:
                 now = await asyncio.to_thread(_signature, place)
                 if now != before[what]:
                     before[what] = now
-                    self.ring(what)
+                    self.publish(what)
 
 
 def _signature(place: Path) -> int:

@@ -1,7 +1,7 @@
 """A job's record: what was asked, how it stands, when, and what it has said so far, as files beside its own.
 
     job.json        one object, written whole: by the server when it asks and stops, by the worker as it goes
-    progress.jsonl  one line for each thing said while it runs
+    progress.jsonl  one line for each message and step of progress
     answer.json     what ``mrdamper KIND --json`` prints
 
 What stands in these files is all there is: a server that starts again knows as much as the one before. A few
@@ -17,16 +17,18 @@ import shutil
 import stat
 import tempfile
 from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
+from mrdamper.errors import InputError
 from mrdamper.runtime.checkpoint import place_of
-from mrdamper.schema import Json
+from mrdamper.schema import Json, read_record
 from mrdamper.web.workspace import NotThereError, now
 
-__all__ = ["ENDED", "JobRecord", "job_ids", "new_id", "write_whole"]
+__all__ = ["EndState", "Job", "JobRecord", "job_ids", "new_id", "write_whole"]
 
-ENDED = frozenset({"done", "failed", "cancelled", "interrupted"})
+EndState = Literal["done", "failed", "cancelled", "interrupted"]
 
 _ID = re.compile(r"([a-z]+)-(\d{3,6})")
 _OWN = frozenset({"job.json", "progress.jsonl", "answer.json"})
@@ -34,6 +36,37 @@ _TAIL = 4096  # bytes in which the last line of progress is looked for
 _MOST_FILES = 500
 _RESERVE = ".reserve"
 _RESERVED = 8192  # bytes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Job:
+    """What ``job.json`` holds.
+
+    Attributes
+    ----------
+    options : as they were asked for, checked
+    message : said at its end
+    card : name of the card that it writes
+    resumed : how often it was asked to go on
+    pid : of the process that does it, or did
+    """
+
+    id: str
+    kind: str
+    options: dict[str, Any]
+    state: Literal["queued", "running"] | EndState = "queued"
+    asked_at: str
+    started_at: str | None = None
+    ended_at: str | None = None
+    message: str | None = None
+    card: str | None = None
+    resumed: int = 0
+    pid: int | None = None
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether nothing more is done for it."""
+        return self.state not in {"queued", "running"}
 
 
 class JobRecord:
@@ -50,57 +83,47 @@ class JobRecord:
         self.folder.mkdir()
         try:
             self._reserve()
-            self._write(
-                {
-                    "id": self.id,
-                    "kind": kind,
-                    "options": dict(options),
-                    "state": "queued",
-                    "asked_at": now(),
-                    "started_at": None,
-                    "ended_at": None,
-                    "message": None,
-                    "card": card,
-                    "resumed": 0,
-                }
-            )
+            self._write(Job(id=self.id, kind=kind, options=dict(options), asked_at=now(), card=card))
         except OSError:
             shutil.rmtree(self.folder, ignore_errors=True)
             raise
 
     def reopen(self) -> None:
         """Write down that a job which ended early is asked for again, to go on from there."""
-        found = self.read()
+        job = self.read()
         self._reserve()
         (self.folder / "answer.json").unlink(missing_ok=True)
-        again = {"state": "queued", "started_at": None, "ended_at": None, "message": None}
-        self._write(found | again | {"resumed": int(found.get("resumed") or 0) + 1})
+        again = replace(job, state="queued", started_at=None, ended_at=None, message=None)
+        self._write(replace(again, resumed=job.resumed + 1))
 
-    def read(self) -> Json:
+    def read(self) -> Job:
         """Return the record; one that cannot be read counts as none."""
         try:
             found = json.loads((self.folder / "job.json").read_text(encoding="utf-8"))
-        except (OSError, ValueError) as fault:
+            job = read_record(Job, found, self.id)
+        except (OSError, ValueError, InputError) as fault:
             raise NotThereError(f"{self.id!r}: no job of that name") from fault
-        if not isinstance(found, dict) or found.get("id") != self.id or "state" not in found:
+        if job.id != self.id:
             raise NotThereError(f"{self.id!r}: no job of that name")
-        return found
+        return job
 
     def begin(self) -> None:
-        self._write(self.read() | {"state": "running", "started_at": now(), "pid": os.getpid()})
+        """Write down that this process does the job."""
+        self._write(replace(self.read(), state="running", started_at=now(), pid=os.getpid()))
 
-    def end(self, state: str, message: str | None = None) -> None:
+    def end(self, state: EndState, message: str | None = None) -> None:
+        """Write down how the job has ended."""
         (self.folder / _RESERVE).unlink(missing_ok=True)
-        self._write(self.read() | {"state": state, "ended_at": now(), "message": message})
+        self._write(replace(self.read(), state=state, ended_at=now(), message=message))
 
-    def left(self, found: Json) -> Path | None:
+    def left(self, job: Job) -> Path | None:
         """Return what a job that ended early has finished so far, for kinds that can go on from there.
 
         A fit may be done, and have been stopped before all that was to follow it.
         """
-        if found["state"] not in ENDED or (found["state"] == "done" and found["kind"] == "sweep"):
+        if not job.has_ended or (job.state == "done" and job.kind == "sweep"):
             return None
-        place = self._kept(found)
+        place = self._kept(job)
         return place if place is not None and _size(place) else None
 
     def forget(self) -> None:
@@ -110,18 +133,17 @@ class JobRecord:
         if left is not None:
             left.unlink(missing_ok=True)
 
-    def _kept(self, found: Json) -> Path | None:
+    def _kept(self, job: Job) -> Path | None:
         """Return where a job of this kind keeps what it has finished."""
-        if found["kind"] == "sweep":
+        if job.kind == "sweep":
             return self.folder / "sweep.jsonl"
-        if found["kind"] == "sink":
+        if job.kind == "sink":
             return place_of(self.folder)
-        card = found.get("card")
-        if found["kind"] == "identify" and isinstance(card, str) and Path(card).name == card:
-            return place_of(self.folder.parent.parent / "cards" / card)
+        if job.kind == "identify" and job.card is not None and Path(job.card).name == job.card:
+            return place_of(self.folder.parent.parent / "cards" / job.card)
         return None
 
-    def said(self) -> Json | None:
+    def last_progress(self) -> Json | None:
         """Return the last line of progress."""
         try:
             with (self.folder / "progress.jsonl").open("rb") as file:
@@ -139,6 +161,7 @@ class JobRecord:
         return None
 
     def answer(self) -> Json | None:
+        """Return the job's answer; None where there is none yet."""
         try:
             found = json.loads((self.folder / "answer.json").read_text(encoding="utf-8"))
         except (OSError, ValueError):
@@ -147,21 +170,21 @@ class JobRecord:
 
     def row(self) -> Json:
         """Return the record for a list: without the names of the runs' files, which may be thousands."""
-        found = self.shown()
-        options = dict(found["options"])
-        files = options.pop("files", None)
-        return {**found, "options": options, "file_count": None if files is None else len(files)}
+        job = self.read()
+        files = job.options.get("files")
+        options = {name: value for name, value in job.options.items() if name != "files"}
+        shown = self._shown(replace(job, options=options), resumable=self.left(job) is not None)
+        return shown | {"file_count": None if files is None else len(files)}
 
     def shown(self) -> Json:
         """Return the record as the pages see it."""
-        found, said = self.read(), self.said()
-        progress = None if said is None else {key: said.get(key) for key in ("done", "of", "text")}
-        return {
-            **found,
-            "progress": progress,
-            "files": self.files(),
-            "resumable": self.left(found) is not None,
-        }
+        job = self.read()
+        return self._shown(job, resumable=self.left(job) is not None)
+
+    def _shown(self, job: Job, *, resumable: bool) -> Json:
+        last = self.last_progress()
+        progress = None if last is None else {key: last.get(key) for key in ("done", "of", "text")}
+        return asdict(job) | {"progress": progress, "files": self.files(), "resumable": resumable}
 
     def files(self) -> list[Json]:
         """Return the job's own files; those that a running job has put elsewhere meanwhile are none."""
@@ -180,8 +203,8 @@ class JobRecord:
     def _reserve(self) -> None:
         (self.folder / _RESERVE).write_bytes(b"." * _RESERVED)
 
-    def _write(self, value: Json) -> None:
-        write_whole(self.folder / "job.json", value)
+    def _write(self, job: Job) -> None:
+        write_whole(self.folder / "job.json", asdict(job))
 
 
 def _size(path: Path) -> int | None:

@@ -1,9 +1,9 @@
-"""The process of one job: ``python -m mrdamper.web.job_worker FOLDER ID``.
+"""Does one job in a process of its own (``runtime.worker``).
 
-It reads the job's record, does the job, and writes its progress, its answer and its end into the job's
-folder, so that nothing is lost when the server is gone by then. An interrupt (SIGINT) is what Ctrl-C is to
-the command line: a fit keeps the best it has, any other job leaves nothing. The server holds the other end of
-standard input; when that end closes, the server has died, and the job ends itself.
+The process reads the job's record, does the job, and writes its progress, its answer and its end into the
+job's folder, so that nothing is lost when the server is gone by then. An interrupt (SIGINT) is what Ctrl-C is
+to the command line: a fit keeps the best it has, any other job leaves nothing. When the server has died, the
+job is interrupted, too.
 """
 
 from __future__ import annotations
@@ -11,26 +11,24 @@ from __future__ import annotations
 import json
 import os
 import signal
-import sys
-import threading
 import time
 import traceback
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
+from mrdamper.errors import MrdamperError
 from mrdamper.runtime.signals import Interrupted
-from mrdamper.web.job_record import JobRecord, write_whole
+from mrdamper.runtime.worker_process import Handler, Reply, supervisor_is_gone
+from mrdamper.schema import Json
+from mrdamper.web.adapters import do
+from mrdamper.web.job_record import EndState, JobRecord, write_whole
 from mrdamper.web.workspace import FAULT, NoSpaceError, WorkFolder, is_full
 
-__all__ = ["GRACE_S", "main"]
-
-GRACE_S = 3.0
-"""How long an interrupted job may take to keep what it has [s]."""
+__all__ = ["job_handler", "run_job"]
 
 _LEAST_INTERVAL_S, _MOST_INTERVAL_S = 0.02, 2.0  # between two lines of progress
-_NICE = 10  # pages come before jobs
-
 
 _KEPT = {
     "identify": "what was written is the best so far, marked as cancelled",
@@ -39,7 +37,7 @@ _KEPT = {
 """What a job that was interrupted leaves, by kind."""
 
 
-class _Sayer:
+class _ProgressFile:
     """Appends progress to the job's file: often at first, more seldom later, the last in any case."""
 
     def __init__(self, path: Path) -> None:
@@ -69,105 +67,67 @@ class _Sayer:
             file.write(json.dumps(line, ensure_ascii=False, allow_nan=False) + "\n")
 
 
-def main(root: str, job_id: str) -> int:
-    """Do one job; return the exit code of the command line."""
-    folder = WorkFolder(Path(root))
+def job_handler() -> Handler:
+    """Prepare this process; return what does a job."""
+    os.environ.setdefault("MPLBACKEND", "Agg")
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # even where it was ignored when we began
+
+    def run(question: Json) -> Reply:
+        run_job(WorkFolder(Path(question["folder"])), question["job"])
+        return Reply({})
+
+    return run
+
+
+def run_job(folder: WorkFolder, job_id: str) -> None:
+    """Do one job; how it ends stands in its record."""
     record = JobRecord(folder.results, job_id)
-    orphaned = threading.Event()
     try:
-        _end_with_the_server(orphaned)
-        signal.signal(signal.SIGINT, signal.default_int_handler)  # even where it was ignored when we began
         record.begin()
-        sayer = _Sayer(record.folder / "progress.jsonl")
-        sayer.message("started")
-        answer = _do(record, folder, sayer)
+        progress = _ProgressFile(record.folder / "progress.jsonl")
+        progress.message("started")
+        answer = _do(record, folder, progress)
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # what is done is done
-        sayer.flush()
+        progress.flush()
         write_whole(record.folder / "answer.json", answer)
         if answer.get("cancelled"):
-            kept = _KEPT.get(record.read()["kind"], "what was finished is kept")
-            record.end(*_stopped(orphaned, kept))
-            return 4
-        record.end("done")
-        return 0
+            kept = _KEPT.get(record.read().kind, "what was finished is kept")
+            record.end(*_stopped(kept))
+        else:
+            record.end("done")
     except (KeyboardInterrupt, Interrupted):
-        record.end(*_stopped(orphaned, _without_result(record)))
-        return 4
+        record.end(*_stopped(_without_result(record)))
     except BaseException as fault:
-        return _fail(record, orphaned, fault)
+        _fail(record, fault)
 
 
-def _do(record: JobRecord, folder: WorkFolder, sayer: _Sayer) -> dict[str, Any]:
-    from mrdamper.web.adapters import do
-
-    asked = record.read()
-    return do(
-        asked["kind"],
-        asked["options"],
-        folder,
-        record.folder,
-        sayer.progress,
-        resume=bool(asked.get("resumed")),
-    )
+def _do(record: JobRecord, folder: WorkFolder, progress: _ProgressFile) -> dict[str, Any]:
+    job = record.read()
+    return do(job.kind, job.options, folder, record.folder, progress.progress, resume=job.resumed > 0)
 
 
-def _fail(record: JobRecord, orphaned: threading.Event, fault: BaseException) -> int:
+def _fail(record: JobRecord, fault: BaseException) -> None:
     """Write down why a job failed: what was wrong in the data's words, a fault of ours without its inside."""
-    from mrdamper.errors import MrdamperError
-
     if is_full(fault) or is_full(fault.__cause__ or fault):
         record.end("failed", str(NoSpaceError(f"{record.id} could not write its files")))
-        return 1
-    if isinstance(fault, MrdamperError):
-        record.end("failed", record_words(str(fault), record.folder))
-        return fault.exit_code
-    traceback.print_exception(fault)
-    if isinstance(fault, MemoryError):
+    elif isinstance(fault, MrdamperError):
+        below = f"{record.folder.parent.parent}{os.sep}"  # paths are those in the work folder
+        record.end("failed", str(fault).replace(below, ""))
+    elif isinstance(fault, MemoryError):
+        traceback.print_exception(fault)
         record.end("failed", "the job needs more memory than there is; use fewer or shorter runs")
     else:
+        traceback.print_exception(fault)
         record.end("failed", FAULT)
-    return 1
-
-
-def record_words(message: str, folder: Path) -> str:
-    """Return a message with the paths of the work folder cut short to what is below it."""
-    root = str(folder.parent.parent) + os.sep
-    return message.replace(root, "")
 
 
 def _without_result(record: JobRecord) -> str:
-    left = record.left(record.read() | {"state": "cancelled"})
-    return (
-        "there was no result yet; nothing was written"
-        if left is None
-        else "there was no result yet; what was finished is kept to go on from"
-    )
+    if record.left(replace(record.read(), state="cancelled")) is None:
+        return "there was no result yet; nothing was written"
+    return "there was no result yet; what was finished is kept to go on from"
 
 
-def _stopped(orphaned: threading.Event, what: str) -> tuple[str, str]:
-    if orphaned.is_set():
-        return "interrupted", f"the server was stopped while it ran; {what}"
-    return "cancelled", f"cancelled; {what}"
-
-
-def _end_with_the_server(orphaned: threading.Event) -> None:
-    def watch() -> None:
-        # not through sys.stdin: its lock would be held by this thread at the interpreter's end
-        while os.read(0, 64):
-            pass
-        orphaned.set()
-        os.kill(os.getpid(), signal.SIGINT)
-        time.sleep(GRACE_S)
-        os.killpg(os.getpgid(0), signal.SIGKILL)
-
-    threading.Thread(target=watch, daemon=True).start()
-
-
-def _run() -> NoReturn:
-    os.environ.setdefault("MPLBACKEND", "Agg")
-    os.nice(_NICE)
-    sys.exit(main(sys.argv[1], sys.argv[2]))
-
-
-if __name__ == "__main__":
-    _run()
+def _stopped(kept: str) -> tuple[EndState, str]:
+    if supervisor_is_gone():
+        return "interrupted", f"the server was stopped while it ran; {kept}"
+    return "cancelled", f"cancelled; {kept}"

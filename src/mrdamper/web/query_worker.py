@@ -1,194 +1,100 @@
-"""The process at a desk: ``python -m mrdamper.web.query_worker FOLDER NICE``.
+"""Queries: what should take no time, asked by the server and answered in a process of its own.
 
-A question a line on standard input, an answer a line on standard output.
-
-Measured files are parsed here and in the workers, never in the server. Answers are JSON; runs as they are
-drawn go to files in the folder's ``.cache`` that the server sends as they are.
+Measured files are parsed there and in the jobs' processes, never in the server. An answer is whatever JSON
+holds; runs as they are drawn go to files in the folder's ``.cache`` that the server sends as they are.
 """
 
 from __future__ import annotations
 
+import errno
+import importlib
 import json
 import os
-import resource
-import sys
-import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from mrdamper.errors import InputError, MrdamperError
+from mrdamper.runtime.worker_process import Handler, Reply
 from mrdamper.schema import Json
-from mrdamper.web.workspace import FAULT, is_full
+from mrdamper.web.workspace import is_full
 
-__all__ = ["answer_to"]
+__all__ = ["FUNCTIONS", "Query", "find_function", "query_handler"]
 
-_MOST_MEMORY = 12 << 30  # bytes of addresses; most of them are only mapped
-
-
-def answer_to(question: Json) -> Json:
-    """Return the answer to one question; what is wrong with it as ``refused``."""
-    try:
-        return {"answer": _ANSWERS[question["ask"]](question)}
-    except MrdamperError as fault:
-        if is_full(fault.__cause__ or fault):
-            return _full(question)
-        return {"refused": str(fault)}
-    except OSError as fault:
-        if is_full(fault):
-            return _full(question)
-        traceback.print_exc(file=sys.stderr)
-        return {"refused": FAULT}
-    except MemoryError:
-        return {"refused": "needs more memory than there is; use a shorter file"}
-    except Exception:
-        traceback.print_exc(file=sys.stderr)
-        return {"refused": FAULT}
+FUNCTIONS: Mapping[str, str] = MappingProxyType(
+    {
+        "ready": "mrdamper.web.query_worker:load_previews",
+        "look": "mrdamper.jobs.preview:look",
+        "glance": "mrdamper.jobs.preview:glance",
+        "findings": "mrdamper.jobs.preview:findings_in",
+        "channels": "mrdamper.jobs.preview:channels_toml",
+        "runs": "mrdamper.jobs.series:keep_runs",
+        "window": "mrdamper.jobs.series:keep_window",
+        "model": "mrdamper.jobs.series:keep_model",
+        "heat_curve": "mrdamper.jobs.heat_preview:QuickHeat.curve",
+        "damper": "mrdamper.jobs.heat_preview:damper_facts",
+        "card": "mrdamper.jobs.card_summary:require_card",
+        "cite": "mrdamper.jobs.cite:cite",
+        "catalogue": "mrdamper.jobs.datasets:catalogue",
+    }
+)
+"""Function that answers a query, by name; loaded when it is first asked for."""
 
 
-def _full(question: Json) -> Json:
-    name = Path(question.get("file") or question.get("place") or "the folder").name
-    return {"refused": f"what is drawn of {name} could not be kept", "full": True}
+@dataclass(frozen=True, slots=True)
+class Query:
+    """A call of one of ``FUNCTIONS`` by keyword: files, and values as JSON holds them."""
+
+    name: str
+    files: Mapping[str, Path] = field(default_factory=dict)
+    values: Mapping[str, Any] = field(default_factory=dict)
+
+    def to_dict(self) -> Json:
+        """Return what is sent to the process."""
+        files = {name: str(path) for name, path in self.files.items()}
+        return {"name": self.name, "files": files, "values": dict(self.values)}
+
+    @property
+    def key(self) -> str:
+        """Text that two queries have in common when they ask for the same."""
+        return json.dumps(self.to_dict(), sort_keys=True)
 
 
-def _look(question: Json) -> Json:
-    from mrdamper.jobs.preview import look
+def query_handler() -> Handler:
+    """Prepare this process; return what answers queries."""
+    os.environ.setdefault("MPLBACKEND", "Agg")
 
-    return look(Path(question["file"]), _map(question))
+    def answer(question: Json) -> Reply:
+        files = {name: Path(path) for name, path in question["files"].items()}
+        try:
+            return Reply({"found": find_function(question["name"])(**files, **question["values"])})
+        except MemoryError as fault:
+            raise InputError("needs more memory than there is; use a shorter file") from fault
+        except (OSError, MrdamperError) as fault:
+            if is_full(fault) or is_full(fault.__cause__ or fault):
+                name = next((path.name for path in files.values()), "the folder")
+                raise OSError(errno.ENOSPC, f"what is drawn of {name} could not be kept") from fault
+            raise
 
-
-def _glance(question: Json) -> Json:
-    from mrdamper.jobs.preview import glance
-
-    return glance(Path(question["file"]), _map(question)) or {"whole": True}
-
-
-def _ready(_: Json) -> Json:
-    import mrdamper.jobs.preview  # noqa: F401 - so that the next question need not wait for it
-
-    return {}
-
-
-def _cite(question: Json) -> Json:
-    from mrdamper.jobs.cite import cite
-
-    return cite(Path(question["card"]))
-
-
-def _catalogue(_: Json) -> Json:
-    from mrdamper.jobs.datasets import catalogue
-
-    return {"sets": catalogue()}
-
-
-def _keep(question: Json) -> Json:
-    from mrdamper.jobs.series import keep_runs
-
-    return keep_runs(Path(question["file"]), Path(question["place"]))
-
-
-def _findings(question: Json) -> Json:
-    from mrdamper.jobs.preview import findings_in
-
-    return findings_in(Path(question["file"]))
-
-
-def _window(question: Json) -> Json:
-    from mrdamper.jobs.series import keep_window
-
-    keep_window(
-        Path(question["series"]),
-        Path(question["place"]),
-        most=question["most"],
-        from_s=question["from_s"],
-        to_s=question["to_s"],
-        samples_of=Path(question["samples_of"]) if question.get("samples_of") else None,
-    )
-    return {}
-
-
-def _model(question: Json) -> Json:
-    from mrdamper.jobs.series import keep_model
-
-    keep_model(
-        Path(question["card"]),
-        Path(question["file"]),
-        question["run"],
-        Path(question["place"]),
-        question["name"],
-    )
-    return {}
-
-
-def _checked_map(question: Json) -> Json:
-    from mrdamper.jobs.preview import channels_toml
-
-    return {"toml": channels_toml(question["map"])}
-
-
-def _curve(question: Json) -> Json:
-    return dict(_quick().curve(Path(question["card"]), question["damper"], **question["options"]))
-
-
-def _damper(question: Json) -> Json:
-    from mrdamper.jobs.heat_preview import damper_facts
-
-    return damper_facts(question["damper"], question["name"])
-
-
-def _card(question: Json) -> Json:
-    from mrdamper.jobs.card_summary import require_card
-
-    require_card(Path(question["card"]))
-    return {}
+    return answer
 
 
 @cache
-def _quick() -> Any:  # noqa: ANN401 - a QuickHeat, loaded late
-    from mrdamper.jobs.heat_preview import QuickHeat
-
-    return QuickHeat()
-
-
-def _map(question: Json) -> Json | None:
-    given = question.get("map")
-    if given is not None and not isinstance(given, dict):
-        raise InputError("channel map: expected an object")
-    return given
-
-
-_ANSWERS: dict[str, Callable[[Json], Json]] = {
-    "look": _look,
-    "glance": _glance,
-    "ready": _ready,
-    "cite": _cite,
-    "catalogue": _catalogue,
-    "keep": _keep,
-    "findings": _findings,
-    "window": _window,
-    "model": _model,
-    "map": _checked_map,
-    "curve": _curve,
-    "damper": _damper,
-    "card": _card,
-}
+def find_function(name: str) -> Callable[..., object]:
+    """Return the function of a query; a method is one of the class's only object in this process."""
+    module, _, path = FUNCTIONS[name].partition(":")
+    found = importlib.import_module(module)
+    for part in path.split("."):
+        found = getattr(found, part)
+        if isinstance(found, type):
+            found = found()
+    assert callable(found)
+    return found
 
 
-def _run() -> None:
-    os.environ.setdefault("MPLBACKEND", "Agg")
-    os.nice(int(sys.argv[2]))
-    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
-    most = _MOST_MEMORY if hard == resource.RLIM_INFINITY else min(_MOST_MEMORY, hard)
-    resource.setrlimit(
-        resource.RLIMIT_AS, (most if soft == resource.RLIM_INFINITY else min(soft, most), hard)
-    )
-    answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
-    os.dup2(2, 1)  # what a library prints is no answer
-    for line in sys.stdin:
-        answers.write(json.dumps(answer_to(json.loads(line)), ensure_ascii=False, allow_nan=False) + "\n")
-        answers.flush()
-
-
-if __name__ == "__main__":
-    _run()
+def load_previews() -> None:
+    """Load what the next query is likely to need."""
+    find_function("look")

@@ -18,8 +18,9 @@ from pathlib import Path
 from mrdamper.errors import InputError
 from mrdamper.schema import Json
 from mrdamper.web.job_record import write_whole
-from mrdamper.web.worker_client import Desk
-from mrdamper.web.workspace import NoSpaceError, NotThereError, WorkFolder, is_full, stamp
+from mrdamper.web.query_worker import Query
+from mrdamper.web.worker_client import WorkerClient
+from mrdamper.web.workspace import NoSpaceError, NotThereError, WorkFolder, is_full, timestamp
 
 __all__ = ["Kept", "RunIndex", "SameNameError"]
 
@@ -53,11 +54,12 @@ class RunIndex:
         self,
         folder: WorkFolder,
         formats: tuple[str, ...],
-        desks: tuple[Desk, Desk],
+        reader: WorkerClient,
+        checker: WorkerClient,
         changed: Callable[[str], None],
     ) -> None:
         self._folder, self._formats, self._changed = folder, formats, changed
-        self._desk, self._checking = desks
+        self._reader, self._checker = reader, checker
         self._known: dict[str, Json] = {}  # by key
         self._pending: dict[str, asyncio.Task[None]] = {}
 
@@ -90,7 +92,7 @@ class RunIndex:
                 {
                     "name": file.name,
                     "bytes": size,
-                    "modified": stamp(modified),
+                    "modified": timestamp(modified),
                     "state": "reading" if meta is None else "unreadable" if error else "ready",
                     "runs": [] if meta is None else [run["name"] for run in meta["runs"]],
                     "error": error,
@@ -244,9 +246,8 @@ class RunIndex:
         place = self._folder.cache / key
         try:
             try:
-                meta = await self._desk.ask(
-                    {"ask": "keep", "file": str(file), "place": str(place)}, urgency=_READ
-                )
+                query = Query("runs", {"path": file, "place": place})
+                meta = await self._reader.ask(query, urgency=_READ)
             except NoSpaceError as fault:
                 shutil.rmtree(place, ignore_errors=True)
                 meta = {"runs": [], "columns": [], "error": f"{file.name}: {fault}", "full": True}
@@ -267,7 +268,7 @@ class RunIndex:
 
     async def _check(self, key: str, file: Path) -> None:
         try:
-            found = await self._checking.ask({"ask": "findings", "file": str(file)}, urgency=_CHECK)
+            found = await self._checker.ask(Query("findings", {"path": file}), urgency=_CHECK)
         except (InputError, NoSpaceError):
             found = {"findings": []}
         finally:

@@ -1,4 +1,4 @@
-"""Who may come in: the guard before every request.
+"""Who may ask: the guard before every request.
 
 Pages of other sites can make a browser send requests here. They are known by the Origin and Sec-Fetch-Site
 that a browser adds and no page can forge; a site that gives its own name our address (DNS rebinding) is known
@@ -28,7 +28,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from mrdamper.errors import InputError
 from mrdamper.web.workspace import FAULT
 
-__all__ = ["PAGE_POLICY", "REPORT_POLICY", "Door", "Guard"]
+__all__ = ["PAGE_POLICY", "REPORT_POLICY", "Guard", "ListenAddress"]
 
 PAGE_POLICY = (
     "default-src 'self'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; "
@@ -57,8 +57,8 @@ _SECURE = (
 
 
 @dataclass(frozen=True, slots=True)
-class Door:
-    """Where the server listens, and the token that opens it; None: nobody but this machine comes near."""
+class ListenAddress:
+    """Where the server listens, and the token that it asks for; None: this machine alone can reach it."""
 
     host: str = "127.0.0.1"
     token: str | None = None
@@ -80,8 +80,8 @@ class Door:
         return self.host in _LOOPBACK
 
     @property
-    def pass_word(self) -> str:
-        """What the cookie holds: it opens this server and does not tell the token."""
+    def cookie_value(self) -> str:
+        """Value of the cookie: it is as good as the token and does not tell it."""
         return hmac.new((self.token or "").encode(), b"mrdamper cookie", hashlib.sha256).hexdigest()
 
     def knows(self, host: str) -> bool:
@@ -99,7 +99,7 @@ class Door:
             return name in {socket.gethostname().lower(), socket.getfqdn().lower()}
         return True
 
-    def opens(self, headers: dict[str, str]) -> bool:
+    def admits(self, headers: dict[str, str]) -> bool:
         """Tell whether a request carries the token, or the cookie that it was traded for."""
         if self.token is None:
             return True
@@ -110,18 +110,18 @@ class Door:
             cookies = SimpleCookie(headers.get("cookie", ""))
         except CookieError:
             return False
-        return _COOKIE in cookies and _same(cookies[_COOKIE].value, self.pass_word)
+        return _COOKIE in cookies and _same(cookies[_COOKIE].value, self.cookie_value)
 
-    def trades(self, token: str) -> bool:
+    def is_token(self, token: str) -> bool:
         """Tell whether a token in an address is the one."""
         return self.token is not None and _same(token, self.token)
 
 
 class Guard:
-    """The ASGI layer before the app."""
+    """ASGI layer before the app."""
 
-    def __init__(self, app: ASGIApp, door: Door) -> None:
-        self._app, self._door = app, door
+    def __init__(self, app: ASGIApp, address: ListenAddress) -> None:
+        self._app, self._address = app, address
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http":
@@ -138,39 +138,39 @@ class Guard:
                 else:
                     await self._app(scope, body, answer)
             if refusal is not None and not answer.started:
-                await _say(answer, *refusal)
+                await _respond(answer, *refusal)
         except ClientDisconnect:
             pass  # who has hung up in the middle of an upload hears nothing
         except asyncio.CancelledError:  # the server ends, and somebody is still sending
             if not answer.started:
-                await _say(answer, 503, "the server is ending; send it again when it is back")
-        except Exception:  # the outermost door: the browser hears nothing of the inside
+                await _respond(answer, 503, "the server is ending; send it again when it is back")
+        except Exception:  # the outermost layer: the browser hears nothing of the inside
             traceback.print_exc(file=sys.stderr)
             if answer.started and not answer.finished:
                 raise  # cut off, so that nobody takes it for whole
             if not answer.started:
-                await _say(answer, 500, FAULT)
+                await _respond(answer, 500, FAULT)
 
     async def _refuse(self, scope: Scope, send: _Strict) -> tuple[int, str] | None:
         """Return why a request is not let in; None lets it in, or answered it already."""
         headers = {key.decode("latin-1"): value.decode("latin-1") for key, value in scope["headers"]}
         host = headers.get("host", "")
-        if [key for key, _ in scope["headers"]].count(b"host") != 1 or not self._door.knows(host):
+        if [key for key, _ in scope["headers"]].count(b"host") != 1 or not self._address.knows(host):
             return 403, "the request names another host; open the page by the address that the server printed"
         method, path = scope["method"], scope["path"]
         if method not in _WRITES | _READS:
             return 405, f"{method} is not answered here"
         if not _is_own(headers, host, write=method in _WRITES, api=path.startswith("/api/")):
             return 403, "the request comes from another site; open the page itself"
-        if self._door.opens(headers):
+        if self._address.admits(headers):
             return None
         query = parse_qsl(scope["query_string"].decode("latin-1"), keep_blank_values=True)
         given = [value for key, value in query if key == "token"]
-        if method == "GET" and given and self._door.trades(given[0]):
+        if method == "GET" and given and self._address.is_token(given[0]):
             rest = urlencode([(key, value) for key, value in query if key != "token"])
-            cookie = f"{_COOKIE}={self._door.pass_word}; HttpOnly; SameSite=Strict; Path=/"
+            cookie = f"{_COOKIE}={self._address.cookie_value}; HttpOnly; SameSite=Strict; Path=/"
             place = "/" + path.lstrip("/\\") + (f"?{rest}" if rest else "")
-            await _say(
+            await _respond(
                 send,
                 303,
                 "see the page",
@@ -255,7 +255,7 @@ def _same(given: str, wanted: str) -> bool:
     return hmac.compare_digest(given.encode(), wanted.encode())
 
 
-async def _say(send: _Strict, status: int, said: str, **headers: bytes) -> None:
+async def _respond(send: _Strict, status: int, said: str, **headers: bytes) -> None:
     """Answer with a message."""
     body = json.dumps({"error": said, "status": status}).encode()
     listed: list[tuple[bytes, Any]] = [

@@ -24,7 +24,7 @@ from starlette.types import ASGIApp
 
 from mrdamper.errors import InputError, MrdamperError
 from mrdamper.runtime.signals import on_interrupt
-from mrdamper.web.context import MOST_UPLOAD, Shop
+from mrdamper.web.context import MOST_UPLOAD, AppContext
 from mrdamper.web.job_queue import ConflictError
 from mrdamper.web.routes.cards import card_routes
 from mrdamper.web.routes.files import file_routes
@@ -32,7 +32,7 @@ from mrdamper.web.routes.jobs import job_routes
 from mrdamper.web.routes.runs import run_routes
 from mrdamper.web.routes.state import state_routes
 from mrdamper.web.run_index import SameNameError
-from mrdamper.web.security import Door, Guard
+from mrdamper.web.security import Guard, ListenAddress
 from mrdamper.web.words import in_page_words
 from mrdamper.web.worker_client import NotYetError
 from mrdamper.web.workspace import FAULT, NoSpaceError, NotThereError, TooLargeError, is_full
@@ -53,20 +53,20 @@ _STATUS: tuple[tuple[type[Exception], int], ...] = (
 )
 
 
-def build(root: Path, door: Door | None = None, *, most_upload: int = MOST_UPLOAD) -> ASGIApp:
+def build(root: Path, address: ListenAddress | None = None, *, most_upload: int = MOST_UPLOAD) -> ASGIApp:
     """Return the server of a folder as an ASGI app; its processes live from lifespan's start to its end."""
-    door = door or Door()
-    shop = Shop(root, most_upload=most_upload, local=door.is_loopback)
+    address = address or ListenAddress()
+    context = AppContext(root, most_upload=most_upload, local=address.is_loopback)
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
-        shop.open()
+        context.open()
         yield
-        await shop.close()
+        await context.close()
 
     app = FastAPI(lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None)
     for routes in (state_routes, file_routes, run_routes, card_routes, job_routes):
-        app.include_router(routes(shop))
+        app.include_router(routes(context))
     app.mount("/static", StaticFiles(directory=_STATIC, check_dir=False))
     app.add_api_route("/{path:path}", _page, methods=["GET"], response_model=None)
     for kind, status in _STATUS:
@@ -76,7 +76,7 @@ def build(root: Path, door: Door | None = None, *, most_upload: int = MOST_UPLOA
     app.add_exception_handler(NotYetError, _not_yet)
     app.add_exception_handler(HTTPException, _plain)
     app.add_exception_handler(Exception, _fault)
-    return Guard(app, door)
+    return Guard(app, address)
 
 
 def serve(
@@ -101,8 +101,7 @@ def serve(
     InputError
         The port is in use, another server has the folder, or a host without a token.
     """
-    door = Door(host, token)
-    app = build(root, door)
+    app = build(root, ListenAddress(host, token))
     lock = (root.resolve() / ".cache" / "server.lock").open("w")
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)

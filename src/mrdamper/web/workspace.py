@@ -29,6 +29,7 @@ from mrdamper.runtime.outputs import recover_staging
 
 __all__ = [
     "FAULT",
+    "INPUT_SUFFIXES",
     "MAP_SUFFIX",
     "NoSpaceError",
     "NotThereError",
@@ -36,7 +37,7 @@ __all__ = [
     "WorkFolder",
     "is_full",
     "now",
-    "stamp",
+    "timestamp",
 ]
 
 MAP_SUFFIX = ".channels.toml"
@@ -45,7 +46,7 @@ FAULT = "internal fault: this is a fault of mrdamper; the server's terminal says
 
 _PLAIN = re.compile(r"[\w ._\-+=,()\[\]@#%&]+")
 _LONGEST = 150  # bytes of a name
-_INPUTS = (".toml", ".csv", ".json")
+INPUT_SUFFIXES = (".toml", ".csv", ".json")
 _ESCAPED = re.compile(r"%[0-9a-fA-F]{2}")  # somebody else may take it for another sign
 _RESERVED = re.compile(r"(con|prn|aux|nul|com\d|lpt\d)(\..*)?", re.IGNORECASE)
 
@@ -206,7 +207,7 @@ class WorkFolder:
         return [path for path in found if not path.name.endswith(MAP_SUFFIX)]
 
     def input_files(self) -> list[Path]:
-        return [path for path in self._listed(self.inputs) if path.suffix.lower() in _INPUTS]
+        return [path for path in self._listed(self.inputs) if path.suffix.lower() in INPUT_SUFFIXES]
 
     def card_names(self) -> list[str]:
         names = sorted(path.name for path in self.cards.iterdir() if not path.name.startswith("."))
@@ -280,9 +281,9 @@ class WorkFolder:
 
 def now() -> str:
     """Return the time as it stands in records: UTC, ISO 8601."""
-    return stamp(datetime.now(UTC).timestamp())
+    return timestamp(datetime.now(UTC).timestamp())
 
 
-def stamp(seconds: float) -> str:
+def timestamp(seconds: float) -> str:
     """Return a file's time as it stands in records."""
     return datetime.fromtimestamp(seconds, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")

@@ -7,28 +7,23 @@ given to another. A task at which workers keep dying is an error of its own.
 from __future__ import annotations
 
 import logging
-import os
-import signal
-import threading
 import time
 from collections import deque
 from collections.abc import Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
-from multiprocessing import get_context, parent_process
+from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPoolExecutor, wait
 
 from mrdamper.errors import InputError, MissingExtraError
 from mrdamper.jobs.sweep.plan import Task, What
 from mrdamper.jobs.sweep.tasks import run_task
+from mrdamper.runtime.worker import Answer, Worker, WorkerEndedError, WorkerOptions
 
 __all__ = ["run_on_cluster", "run_on_processes"]
 
 _MOST_DEATHS = 20  # of workers, one after the other, without a result in between
-_ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 _CONNECT_S = 20
 _LOOK_S = 0.05  # between two looks at what is ready
 _ALONE_S = 600.0  # how long a cluster may be without workers
+_WORKER = WorkerOptions(handler="mrdamper.jobs.sweep.tasks:task_handler", one_thread=True)
 
 
 def run_on_processes(tasks: Sequence[Task], workers: int) -> Iterator[tuple[Task, What]]:
@@ -39,80 +34,41 @@ def run_on_processes(tasks: Sequence[Task], workers: int) -> Iterator[tuple[Task
     InputError
         Workers die again and again without a result.
     """
-    left = deque(tasks)
+    left, idle = deque(tasks), [Worker(_WORKER) for _ in range(min(workers, len(tasks)))]
+    every = tuple(idle)
+    running: dict[Future[Answer], tuple[Task, Worker]] = {}
     deaths = 0
-    for name in _ONE_THREAD:  # what a worker inherits: one process, one core
-        os.environ.setdefault(name, "1")
-    while left:
-        running: dict[Future[What], Task] = {}
-        with _deaf_children():  # the first pool starts the process that keeps its locks
-            pool = ProcessPoolExecutor(
-                workers, mp_context=get_context("spawn"), initializer=_end_with_the_sweep
-            )
-        with pool:
-            try:
-                while left or running:
-                    while left and len(running) < 2 * workers:
-                        task = left.popleft()
-                        with _deaf_children():
-                            running[pool.submit(run_task, task.kind, task.seed, task.what)] = task
-                    ready, _ = wait(running, return_when=FIRST_COMPLETED)
-                    for future in ready:
-                        result = future.result()
-                        yield running.pop(future), result
-                        deaths = 0
-            except BrokenProcessPool as fault:
-                deaths += 1
-                left.extendleft(reversed(running.values()))
-                if deaths >= _MOST_DEATHS:
-                    names = ", ".join(task.name for task in running.values())
-                    raise InputError(
-                        f"workers died {deaths} times in a row at one of: {names}. Is there enough memory? "
-                        "Pass fewer --workers; --resume keeps what is done"
-                    ) from fault
-            except BaseException:
-                for future in running:
-                    future.cancel()
-                _stop(pool)
-                raise
-
-
-@contextmanager
-def _deaf_children() -> Iterator[None]:
-    """Give a block in which processes are started that do not hear a terminal's Ctrl-C, nor its end.
-
-    The sweep ends them. A fit of theirs would keep the best so far, and that is no result. What this process
-    is sent inside the block reaches it after.
-    """
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGHUP})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def _end_with_the_sweep() -> None:
-    """End this worker when the sweep's process is gone, killed perhaps: nobody waits for it any more."""
-    sweep = parent_process()
-    if sweep is None:  # not a worker
-        return
-
-    def watch() -> None:
-        sweep.join()
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
-
-
-def _stop(pool: ProcessPoolExecutor) -> None:
-    """End a pool's processes without waiting for what they do."""
-    processes = list((getattr(pool, "_processes", None) or {}).values())
-    pool.shutdown(wait=False, cancel_futures=True)
-    for process in processes:
-        process.terminate()
+    with ThreadPoolExecutor(max(len(every), 1)) as threads:
+        try:
+            while left or running:
+                while left and idle:
+                    task, worker = left.popleft(), idle.pop()
+                    question = {"kind": task.kind, "seed": task.seed, "what": task.what}
+                    running[threads.submit(worker.ask, question)] = task, worker
+                for future in wait(running, return_when=FIRST_COMPLETED).done:
+                    task, worker = running.pop(future)
+                    idle.append(worker)
+                    try:
+                        result = future.result().value
+                    except WorkerEndedError as fault:
+                        left.appendleft(task)
+                        deaths += 1
+                        if deaths >= _MOST_DEATHS:
+                            raise InputError(
+                                f"workers died {deaths} times in a row, the last at {task.name}. Is there "
+                                "enough memory? Pass fewer --workers; --resume keeps what is done"
+                            ) from fault
+                        continue
+                    yield task, result
+                    deaths = 0
+        finally:
+            threads.shutdown(wait=False, cancel_futures=True)
+            while any(not future.done() for future in running):
+                for worker in every:
+                    worker.kill()
+                time.sleep(_LOOK_S)
+            for worker in every:
+                worker.stop()
 
 
 def run_on_cluster(tasks: Sequence[Task], address: str) -> Iterator[tuple[Task, What]]:

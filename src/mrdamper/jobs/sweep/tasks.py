@@ -17,8 +17,14 @@ import numpy as np
 from mrdamper.errors import MrdamperError
 from mrdamper.jobs.sweep.plan import What
 from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.runtime.worker_process import Handler, Reply
 
-__all__ = ["run_task"]
+__all__ = ["run_task", "task_handler"]
+
+
+def task_handler() -> Handler:
+    """Return what answers in a worker of this machine: a task is a question, its result the answer."""
+    return lambda question: Reply(run_task(**question))
 
 
 def run_task(kind: str, seed: int, what: What) -> What:

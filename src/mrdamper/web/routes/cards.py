@@ -10,17 +10,18 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from mrdamper.errors import InputError
-from mrdamper.web.context import Shop, say, send_file
+from mrdamper.web.context import AppContext, json_response, send_file
 from mrdamper.web.job_queue import ConflictError
+from mrdamper.web.query_worker import Query
 
 __all__ = ["card_routes"]
 
 _MOST_CARD = 8_000_000  # bytes
 
 
-def card_routes(shop: Shop) -> APIRouter:
+def card_routes(context: AppContext) -> APIRouter:
     """Return the routes below /api/cards."""
-    routes, folder = APIRouter(), shop.folder
+    routes, folder = APIRouter(), context.folder
 
     @routes.get("/api/cards/{name}")
     async def card(name: str) -> Response:
@@ -29,9 +30,8 @@ def card_routes(shop: Shop) -> APIRouter:
     @routes.get("/api/cards/{name}/cite")
     async def cite(name: str) -> Response:
         path = folder.card(name)
-        key = ("cite", str(path), path.stat().st_mtime_ns)
-        question = {"ask": "cite", "card": str(path)}
-        return say(await shop.patience.wait(key, lambda: shop.desk.ask(question)))
+        query = Query("cite", {"card": path})
+        return json_response(await context.answer(context.reader, query, path.stat().st_mtime_ns))
 
     @routes.get("/api/cards/{name}/files/{path:path}")
     async def card_file(name: str, path: str, request: Request) -> Response:
@@ -48,21 +48,21 @@ def card_routes(shop: Shop) -> APIRouter:
         try:
             await folder.store(beside, request.stream(), _MOST_CARD, request.headers.get("content-length"))
             try:
-                await shop.desk.ask({"ask": "card", "card": str(beside)})
+                await context.reader.ask(Query("card", {"path": beside}))
             except InputError as fault:
                 raise InputError(str(fault).replace(str(beside), name)) from fault
             place.mkdir()
             folder.move(beside, place / "card.json")
         finally:
             beside.unlink(missing_ok=True)
-        shop.bell.ring("cards")
-        return say({"name": name}, 201)
+        context.events.publish("cards")
+        return json_response({"name": name}, 201)
 
     @routes.delete("/api/cards/{name}")
     async def remove_card(name: str) -> Response:
         folder.card(name)
         await asyncio.to_thread(folder.remove, folder.cards / name)
-        shop.bell.ring("cards")
-        return say({"deleted": name})
+        context.events.publish("cards")
+        return json_response({"deleted": name})
 
     return routes

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-from functools import partial
 from pathlib import Path
 
 from fastapi import APIRouter
@@ -12,74 +11,73 @@ from starlette.requests import Request
 from starlette.responses import PlainTextResponse, Response
 
 from mrdamper.schema import Json
-from mrdamper.web.context import Shop, order_in, say
+from mrdamper.web.context import AppContext, json_response, read_request
+from mrdamper.web.query_worker import Query
 from mrdamper.web.schemas import Mapping
-from mrdamper.web.workspace import WorkFolder
+from mrdamper.web.workspace import INPUT_SUFFIXES, WorkFolder
 
 __all__ = ["file_routes"]
 
 _MOST_INPUT = 4_000_000  # bytes
-_INPUTS = (".toml", ".csv", ".json")
 _LARGE = 2_000_000  # bytes of a file whose beginning is worth a look of its own
 
 
-def file_routes(shop: Shop) -> APIRouter:
+def file_routes(context: AppContext) -> APIRouter:
     """Return the routes below /api/files, /api/channels and /api/inputs."""
-    routes, folder = APIRouter(), shop.folder
+    routes, folder = APIRouter(), context.folder
 
     @routes.put("/api/files/{name}")
     async def upload(name: str, request: Request) -> Response:
-        path = folder.new(folder.runs, name, shop.formats)
+        path = folder.new(folder.runs, name, context.formats)
         stated = request.headers.get("content-length", "")
         if stated.isdigit() and int(stated) >= _LARGE:
-            shop.glances.wake()  # it is looked into next, as likely as not
-        size = await folder.store(path, request.stream(), shop.most_upload, stated or None)
-        shop.index.files()
-        shop.bell.ring("files")
-        return say({"name": name, "bytes": size}, 201)
+            context.previewer.wake()  # it is looked into next, as likely as not
+        size = await folder.store(path, request.stream(), context.most_upload, stated or None)
+        context.index.files()
+        context.events.publish("files")
+        return json_response({"name": name, "bytes": size}, 201)
 
     @routes.delete("/api/files/{name}")
     async def remove(name: str) -> Response:
         path = folder.run_file(name)
-        shop.index.forget(path)
+        context.index.forget(path)
         folder.remove(folder.map_of(path))
         folder.remove(path)
-        shop.bell.ring("files")
-        return say({"deleted": name})
+        context.events.publish("files")
+        return json_response({"deleted": name})
 
     @routes.get("/api/files/{name}/look")
     async def look(name: str, request: Request) -> Response:
         path = folder.run_file(name)
-        version = shop.index.key_of(path)
-        if "head" in request.query_params and not shop.index.knows(path):
-            question = {"ask": "glance", "file": str(path)}
-            seen = await shop.patience.wait(("glance", version), lambda: shop.glances.ask(question))
-            if not seen.get("whole"):
-                shop.index.files()
-                return say(seen)
-        return say(await shop.patience.wait(("look", version), lambda: shop.index.look(path)))
+        version = context.index.key_of(path)
+        if "head" in request.query_params and not context.index.knows(path):
+            beginning = await context.answer(context.previewer, Query("glance", {"path": path}), version)
+            if beginning is not None:
+                context.index.files()
+                return json_response(beginning)
+        return json_response(await context.wait(("look", version), lambda: context.index.look(path)))
 
     @routes.put("/api/channels")
     async def map_channels(request: Request) -> Response:
-        order: Mapping = await order_in(request, Mapping)
+        order = await read_request(request, Mapping)
         paths = [folder.run_file(name) for name in dict.fromkeys(order.files)]
         if order.head and not order.save:
-            previews = await _glances(shop, paths, order)
+            previews = await _beginnings(context, paths, order)
             if previews is not None:
-                return say({"saved": False, "previews": previews})
+                return json_response({"saved": False, "previews": previews})
         key = (
             "channels",
             json.dumps(order.model_dump(), sort_keys=True),
-            tuple(map(shop.index.key_of, paths)),
+            tuple(map(context.index.key_of, paths)),
         )
-        return say(await shop.patience.wait(key, lambda: _map(shop, paths, order)))
+        return json_response(await context.wait(key, lambda: _map(context, paths, order)))
 
     @routes.put("/api/inputs/{name}")
     async def write_input(name: str, request: Request) -> Response:
-        path = folder.new(folder.inputs, name, _INPUTS)
+        path = folder.new(folder.inputs, name, INPUT_SUFFIXES)
         size = await folder.store(path, request.stream(), _MOST_INPUT, request.headers.get("content-length"))
-        shop.bell.ring("inputs")
-        return say({"name": name, "bytes": size}, 201)
+        context.events.publish("inputs")
+        return json_response({"name": name, "bytes": size}, 201)
 
     @routes.get("/api/inputs/{name}")
     async def read_input(name: str) -> Response:
@@ -91,49 +89,47 @@ def file_routes(shop: Shop) -> APIRouter:
     @routes.delete("/api/inputs/{name}")
     async def remove_input(name: str) -> Response:
         folder.remove(folder.input(name))
-        shop.bell.ring("inputs")
-        return say({"deleted": name})
+        context.events.publish("inputs")
+        return json_response({"deleted": name})
 
     @routes.get("/api/dampers/{name}")
     async def damper(name: str) -> Response:
-        question = {"ask": "damper", "damper": drawing_of(shop, name), "name": name}
-        return say(await shop.patience.wait(("damper", str(question)), lambda: shop.quick.ask(question)))
+        query = Query("damper", values={"damper": drawing_of(context, name), "shown": name})
+        return json_response(await context.answer(context.heater, query))
 
     return routes
 
 
-def drawing_of(shop: Shop, name: str) -> str:
+def drawing_of(context: AppContext, name: str) -> str:
     """Return a preset's name, or the path of the drawing in the folder."""
-    return name if name in shop.choices["dampers"] else str(shop.folder.input(name))  # type: ignore[operator]  # a list
+    return name if name in context.choices["dampers"] else str(context.folder.input(name))  # type: ignore[operator]  # a list
 
 
-async def _glances(shop: Shop, paths: list[Path], order: Mapping) -> list[Json] | None:
-    """Look at the beginnings of files with a map; None when one of them must be read whole."""
+async def _beginnings(context: AppContext, paths: list[Path], order: Mapping) -> list[Json] | None:
+    """Preview the beginnings of files with a map; None when one of them must be read whole."""
     previews = []
     for path in paths:
-        question = {"ask": "glance", "file": str(path), "map": order.map or {}}
-        key = ("glance", json.dumps(question, sort_keys=True), shop.index.key_of(path))
-        seen = await shop.patience.wait(key, partial(shop.glances.ask, question))
-        if seen.get("whole"):
+        query = Query("glance", {"path": path}, {"given": order.map or {}})
+        beginning = await context.answer(context.previewer, query, context.index.key_of(path))
+        if beginning is None:
             return None
-        previews.append(seen)
+        previews.append(beginning)
     return previews
 
 
-async def _map(shop: Shop, paths: list[Path], order: Mapping) -> Json:
+async def _map(context: AppContext, paths: list[Path], order: Mapping) -> Json:
     """Look into files with a map; write it beside them when all can be read with it."""
     given = order.map or {}
-    previews = [
-        await shop.desk.ask({"ask": "look", "file": str(path), "map": given}, urgency=1) for path in paths
-    ]
+    queries = [Query("look", {"path": path}, {"given": given}) for path in paths]
+    previews = [await context.reader.ask(query, urgency=1) for query in queries]
     saved = order.save and (order.map is None or not any(preview["error"] for preview in previews))
     if saved:
         text = None
         if order.map is not None:
-            text = (await shop.desk.ask({"ask": "map", "map": given}))["toml"]
-        await asyncio.to_thread(_write_maps, shop.folder, paths, text)
-        shop.index.files()
-        shop.bell.ring("files")
+            text = await context.reader.ask(Query("channels", values={"document": given}))
+        await asyncio.to_thread(_write_maps, context.folder, paths, text)
+        context.index.files()
+        context.events.publish("files")
     return {"saved": saved, "previews": previews}
 
 

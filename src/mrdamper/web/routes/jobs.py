@@ -1,4 +1,4 @@
-"""Routes: jobs, what they say, and what they make."""
+"""Routes: jobs, what they json_response, and what they make."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from mrdamper.schema import Json
-from mrdamper.web.context import Shop, body_of, say, send_file, stream
+from mrdamper.web.context import AppContext, json_response, read_body, send_file, stream
 from mrdamper.web.events import job_events
 from mrdamper.web.job_record import job_ids
 from mrdamper.web.schemas import read_order
@@ -20,58 +20,58 @@ __all__ = ["job_routes", "job_rows"]
 _MOST_JOBS = 200  # listed
 
 
-def job_routes(shop: Shop) -> APIRouter:
+def job_routes(context: AppContext) -> APIRouter:
     """Return the routes below /api/jobs."""
-    routes, crew = APIRouter(), shop.crew
+    routes, queue = APIRouter(), context.queue
 
     @routes.post("/api/jobs")
     async def ask(request: Request) -> Response:
-        body = await body_of(request)
+        body = await read_body(request)
         order = read_order(body.get("kind"), body.get("options", {}))
         if order.needs_runs and getattr(order, "files", None) is None:
-            order = order.model_copy(update={"files": shop.index.usable() or None})
-        _names_are_there(shop.folder, order.model_dump())
-        return say({"id": crew.ask(str(body["kind"]), order)}, 201)
+            order = order.model_copy(update={"files": context.index.usable() or None})
+        _names_are_there(context.folder, order.model_dump())
+        return json_response({"id": queue.submit(str(body["kind"]), order)}, 201)
 
     @routes.get("/api/jobs")
     async def listed() -> Response:
-        return say({"jobs": await asyncio.to_thread(job_rows, shop)})
+        return json_response({"jobs": await asyncio.to_thread(job_rows, context)})
 
     @routes.get("/api/jobs/{job_id}")
     async def one(job_id: str) -> Response:
-        record = crew.record(job_id)
-        return say({**record.shown(), "answer": await asyncio.to_thread(record.answer)})
+        record = queue.record(job_id)
+        return json_response({**record.shown(), "answer": await asyncio.to_thread(record.answer)})
 
     @routes.get("/api/jobs/{job_id}/events")
     async def follow(job_id: str, request: Request) -> Response:
-        record = crew.record(job_id)
+        record = queue.record(job_id)
         record.read()
         last = request.headers.get("last-event-id", "0")
         after = int(last) if last.isdecimal() and len(last) < 9 else 0
-        return stream(job_events(record, after, shop.is_closing))
+        return stream(job_events(record, after, context.is_closing))
 
     @routes.post("/api/jobs/{job_id}/cancel")
     async def cancel(job_id: str) -> Response:
-        crew.cancel(job_id)
-        return say(crew.record(job_id).shown())
+        queue.cancel(job_id)
+        return json_response(queue.record(job_id).shown())
 
     @routes.post("/api/jobs/{job_id}/resume")
     async def resume(job_id: str) -> Response:
-        await crew.settled(job_id)
-        crew.resume(job_id)
-        return say(crew.record(job_id).shown())
+        await queue.settled(job_id)
+        queue.resume(job_id)
+        return json_response(queue.record(job_id).shown())
 
     @routes.delete("/api/jobs/{job_id}")
     async def forget(job_id: str) -> Response:
-        await crew.settled(job_id)
-        crew.forget(job_id)
-        return say({"deleted": job_id})
+        await queue.settled(job_id)
+        queue.forget(job_id)
+        return json_response({"deleted": job_id})
 
     @routes.get("/api/jobs/{job_id}/files/{path:path}")
     async def file(job_id: str, path: str, request: Request) -> Response:
-        record = crew.record(job_id)
+        record = queue.record(job_id)
         record.read()
-        found = shop.folder.there(record.folder, *path.split("/"))
+        found = context.folder.there(record.folder, *path.split("/"))
         return send_file(found, download="download" in request.query_params)
 
     return routes
@@ -96,12 +96,12 @@ def _names_are_there(folder: WorkFolder, options: Json) -> None:
             folder.card(options[key])
 
 
-def job_rows(shop: Shop) -> list[Json]:
+def job_rows(context: AppContext) -> list[Json]:
     """Return the jobs as the pages see them, the newest first."""
     found = []
-    for job_id in job_ids(shop.folder.results)[:_MOST_JOBS]:
+    for job_id in job_ids(context.folder.results)[:_MOST_JOBS]:
         try:
-            found.append(shop.crew.record(job_id).row())
+            found.append(context.queue.record(job_id).row())
         except NotThereError:
             continue
     return found

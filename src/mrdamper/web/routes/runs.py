@@ -12,7 +12,8 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, Response
 
 from mrdamper.errors import InputError
-from mrdamper.web.context import Shop, order_in, say
+from mrdamper.web.context import AppContext, json_response, read_request
+from mrdamper.web.query_worker import Query
 from mrdamper.web.routes.files import drawing_of
 from mrdamper.web.run_index import Kept
 from mrdamper.web.schemas import HeatCurve
@@ -22,86 +23,74 @@ __all__ = ["run_routes"]
 _MOST_SAMPLES = 2_000_000
 
 
-def run_routes(shop: Shop) -> APIRouter:
+def run_routes(context: AppContext) -> APIRouter:
     """Return the routes below /api/runs and /api/heat."""
     routes = APIRouter()
 
     @routes.get("/api/runs")
     async def runs() -> Response:
-        return say(shop.index.runs())
+        return json_response(context.index.runs())
 
     @routes.get("/api/runs/{name}/series")
     async def series(name: str, request: Request) -> Response:
         window = _window(request)
-        kept = await _kept(shop, name, request)
+        kept = await _kept(context, name, request)
         if window == (None, None, None):
             return _binary(kept.series)
         place = kept.place / f"{kept.number}-{_digest(window)}.window"
         if not place.is_file():
-            await _ask(shop, kept, kept.series, place, window)
+            await _ask(context, kept, kept.series, place, window)
         return _binary(place)
 
     @routes.get("/api/runs/{name}/model")
     async def model(name: str, request: Request) -> Response:
         window = _window(request)
         card_name = request.query_params.get("card", "")
-        card = shop.folder.card(card_name)
-        kept = await _kept(shop, name, request)
+        card = context.folder.card(card_name)
+        kept = await _kept(context, name, request)
         version = (card_name, card.stat().st_mtime_ns)
         whole = kept.place / f"{kept.number}-{_digest(version)}.model"
         if not whole.is_file():
-            question = {
-                "ask": "model",
-                "card": str(card),
-                "file": str(kept.file),
-                "run": kept.number,
-                "place": str(whole),
-                "name": card_name,
-            }
-            await shop.patience.wait(("model", str(whole)), lambda: shop.desk.ask(question))
-            shop.index.trim(kept)
+            files = {"card": card, "path": kept.file, "place": whole}
+            query = Query("model", files, {"number": kept.number, "shown": card_name})
+            await context.answer(context.reader, query)
+            context.index.trim(kept)
         if window == (None, None, None):
             return _binary(whole)
         place = kept.place / f"{kept.number}-{_digest((*version, *window))}.window"
         if not place.is_file():
-            await _ask(shop, kept, whole, place, window)
+            await _ask(context, kept, whole, place, window)
         return _binary(place)
 
     @routes.post("/api/heat/curve")
     async def curve(request: Request) -> Response:
-        order: HeatCurve = await order_in(request, HeatCurve)
+        order = await read_request(request, HeatCurve)
         options = order.model_dump(exclude={"card", "damper"})
-        question = {
-            "ask": "curve",
-            "card": str(shop.folder.card(order.card)),
-            "damper": drawing_of(shop, order.damper),
-            "options": options,
-        }
-        return say(await shop.patience.wait(("curve", str(question)), lambda: shop.quick.ask(question)))
+        query = Query(
+            "heat_curve",
+            {"card": context.folder.card(order.card)},
+            {"damper": drawing_of(context, order.damper), **options},
+        )
+        return json_response(await context.answer(context.heater, query))
 
     return routes
 
 
-async def _kept(shop: Shop, name: str, request: Request) -> Kept:
+async def _kept(context: AppContext, name: str, request: Request) -> Kept:
     file = request.query_params.get("file")
-    found = await shop.patience.wait(("find", name, file), lambda: shop.index.find(name, file))
+    found = await context.wait(("find", name, file), lambda: context.index.find(name, file))
     assert isinstance(found, Kept)
     return found
 
 
-async def _ask(shop: Shop, kept: Kept, series: Path, place: Path, window: tuple[Any, ...]) -> None:
+async def _ask(context: AppContext, kept: Kept, series: Path, place: Path, window: tuple[Any, ...]) -> None:
     most, from_s, to_s = window
-    question = {
-        "ask": "window",
-        "series": str(series),
-        "place": str(place),
-        "most": most,
-        "from_s": from_s,
-        "to_s": to_s,
-        "samples_of": None if series == kept.series else str(kept.series),
-    }
-    await shop.patience.wait(("window", str(place)), lambda: shop.desk.ask(question))
-    shop.index.trim(kept)
+    files = {"series": series, "place": place}
+    if series != kept.series:
+        files["samples_of"] = kept.series
+    query = Query("window", files, {"most": most, "from_s": from_s, "to_s": to_s})
+    await context.answer(context.reader, query)
+    context.index.trim(kept)
 
 
 def _window(request: Request) -> tuple[int | None, float | None, float | None]:

@@ -16,50 +16,51 @@ from starlette.responses import Response
 
 from mrdamper.jobs.card_summary import card_line
 from mrdamper.schema import Json
-from mrdamper.web.context import Shop, say, stream
+from mrdamper.web.context import AppContext, json_response, stream
 from mrdamper.web.inputs import kind_of_input
+from mrdamper.web.query_worker import Query
 from mrdamper.web.routes.jobs import job_rows
-from mrdamper.web.workspace import NotThereError, WorkFolder, stamp
+from mrdamper.web.workspace import NotThereError, WorkFolder, timestamp
 
 __all__ = ["state_routes"]
 
 Item = TypeVar("Item")
 
 
-def state_routes(shop: Shop) -> APIRouter:
+def state_routes(context: AppContext) -> APIRouter:
     """Return the routes /api/state and /api/events."""
     routes = APIRouter()
 
     @routes.get("/api/state")
     async def state() -> Response:
-        files = shop.index.files()
-        rest = await asyncio.to_thread(_state, shop)
-        return say({**rest, "files": files})
+        files = context.index.files()
+        rest = await asyncio.to_thread(_state, context)
+        return json_response({**rest, "files": files})
 
     @routes.get("/api/data")
     async def public_data() -> Response:
-        return say(await shop.patience.wait("data", lambda: shop.desk.ask({"ask": "catalogue"})))
+        return json_response({"sets": await context.answer(context.reader, Query("catalogue"))})
 
     @routes.get("/api/events")
     async def events() -> Response:
-        return stream(shop.bell.listen(shop.is_closing))
+        return stream(context.events.listen(context.is_closing))
 
     return routes
 
 
-def _state(shop: Shop) -> Json:
-    folder = shop.folder
+def _state(context: AppContext) -> Json:
+    folder = context.folder
     return {
         "versions": {"mrdamper": version("mrdamper"), "python": platform.python_version()},
-        "folder": str(folder.root) if shop.local else None,
+        "folder": str(folder.root) if context.local else None,
         "folder_name": folder.root.name,
-        "most_upload_bytes": shop.most_upload,
-        "formats": list(shop.formats),
-        "records": _of_each(folder.record_files(shop.formats), partial(_record, folder)),
+        "most_upload_bytes": context.most_upload,
+        "formats": list(context.formats),
+        "records": _of_each(folder.record_files(context.formats), partial(_record, folder)),
         "inputs": _of_each(folder.input_files(), _input),
         "cards": _of_each(folder.card_names(), partial(_card, folder)),
-        "jobs": job_rows(shop),
-        "choices": shop.choices,
+        "jobs": job_rows(context),
+        "choices": context.choices,
     }
 
 
@@ -77,7 +78,7 @@ def _record(folder: WorkFolder, path: Path) -> Json:
     return {
         "name": path.name,
         "bytes": found.st_size,
-        "modified": stamp(found.st_mtime),
+        "modified": timestamp(found.st_mtime),
         "mapped": folder.map_of(path).is_file(),
     }
 
@@ -87,7 +88,7 @@ def _input(path: Path) -> Json:
     return {
         "name": path.name,
         "bytes": found.st_size,
-        "modified": stamp(found.st_mtime),
+        "modified": timestamp(found.st_mtime),
         "kind": kind_of_input(path),
     }
 
@@ -99,5 +100,5 @@ def _card(folder: WorkFolder, name: str) -> Json:
         "name": name,
         **card_line(path),
         "report": f"/api/cards/{name}/files/report.html" if report.is_file() else None,
-        "modified": stamp(path.stat().st_mtime),
+        "modified": timestamp(path.stat().st_mtime),
     }

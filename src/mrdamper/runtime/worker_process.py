@@ -1,0 +1,175 @@
+"""The process side of a worker: it answers questions until they end; ``worker`` is the side that asks.
+
+The protocol, one for all workers: a question is a line of JSON on standard input, ``{"question": {...},
+"seconds": most or null}``. An answer is a line of JSON on standard output, ``{"answer": {...}, "parts":
+[bytes, ...]}``, followed by that many bytes of each part; or ``{"error": {...}}`` (``error_record``).
+
+What a library prints is no answer: it goes to standard error. When standard input ends, whoever asked is
+gone: an idle process ends, one at work is interrupted and, ``grace_s`` later, killed with all that it has
+started. It takes neither more memory than it may, nor more processor time for a question than its
+``seconds``: what loops for ever ends, even where a library holds the interpreter. It leaves no core.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import math
+import os
+import resource
+import select
+import signal
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from typing import IO, NoReturn
+
+from mrdamper.errors import MrdamperError
+from mrdamper.schema import Json
+
+__all__ = ["Handler", "Reply", "WorkerOptions", "error_record", "main", "run", "supervisor_is_gone"]
+
+_MOST_SHARE = 0.75  # of the machine's memory
+
+
+@dataclass(frozen=True, slots=True)
+class Reply:
+    """Answer to one question: an object of JSON, and raw bytes that follow it."""
+
+    answer: Json
+    parts: Sequence[memoryview] = ()
+
+
+Handler = Callable[[Json], Reply]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WorkerOptions:
+    """What a worker's process is, and what it may take.
+
+    Parameters
+    ----------
+    handler : ``module:function``; the function takes nothing, prepares the process, and returns what answers
+        questions
+    label : shown by ``ps``
+    nice : added to the process's niceness, 0 to 19
+    memory_bytes : most memory for data, and three quarters of the machine's at most; None: no limit
+    grace_s : time an interrupted question has to come to its end when the supervisor is gone; 0: none
+    own_group : the process leads a group of its own, does not hear a terminal's Ctrl-C, and is killed with
+        all that it has started; else it belongs to its supervisor's group
+    quiet : what it writes on standard error is dropped
+    one_thread : linear algebra uses one thread, because there is a worker for each core
+    """
+
+    handler: str
+    label: str = ""
+    nice: int = 0
+    memory_bytes: int | None = None
+    grace_s: float = 0.0
+    own_group: bool = True
+    quiet: bool = False
+    one_thread: bool = False
+
+    def words(self) -> tuple[str, str, str]:
+        """Return the arguments of the process."""
+        return self.handler, self.label, json.dumps(asdict(self))
+
+
+_gone = threading.Event()
+_busy = threading.Event()
+
+
+def supervisor_is_gone() -> bool:
+    """Tell a handler that was interrupted whether the process that asked has ended, or closed its pipe."""
+    return _gone.is_set()
+
+
+def main() -> NoReturn:
+    """Be the worker that the process's arguments describe."""
+    run(WorkerOptions(**json.loads(sys.argv[3])))
+
+
+def run(options: WorkerOptions) -> NoReturn:
+    """Answer questions on standard input until they end."""
+    answers = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    os.nice(options.nice)
+    _bound(resource.RLIMIT_CORE, 0)
+    if options.memory_bytes is not None:
+        machine = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+        _bound(resource.RLIMIT_DATA, int(min(options.memory_bytes, _MOST_SHARE * machine)))
+    threading.Thread(target=_watch, args=(options.grace_s,), daemon=True).start()
+    module, _, name = options.handler.partition(":")
+    _serve(getattr(importlib.import_module(module), name)(), os.fdopen(0, "rb", closefd=False), answers)
+    os._exit(0)  # closing what libraries have left open may crash
+
+
+def _serve(handler: Handler, questions: Iterable[bytes], answers: IO[bytes]) -> None:
+    """Answer questions until they end."""
+    for line in questions:
+        asked = json.loads(line)
+        _busy.set()
+        _bound_processor(asked["seconds"])
+        try:
+            reply = handler(asked["question"])
+            head = {"answer": reply.answer, "parts": [part.nbytes for part in reply.parts]}
+            told = json.dumps(head, ensure_ascii=False, allow_nan=False)
+        except Exception as fault:
+            reply, told = Reply({}), json.dumps({"error": error_record(fault)})
+        with suppress(BrokenPipeError):  # nobody waits for it any more
+            answers.write(told.encode() + b"\n")
+            for part in reply.parts:
+                answers.write(part)
+            answers.flush()
+        _busy.clear()
+
+
+def error_record(fault: Exception) -> Json:
+    """Return an exception as JSON: its class's name, its arguments and its fields; of a fault its trace."""
+    if isinstance(fault, MrdamperError):
+        record = {"type": type(fault).__name__, "args": fault.args, "fields": vars(fault)}
+        found: Json = json.loads(json.dumps(record, default=str))
+        return found
+    if isinstance(fault, MemoryError):
+        return {"type": "MemoryError"}
+    if isinstance(fault, OSError):
+        return {"type": "OSError", "errno": fault.errno, "said": fault.strerror or str(fault),
+                "filename": None if fault.filename is None else os.fsdecode(fault.filename),
+                "trace": traceback.format_exc()}  # fmt: skip
+    return {"type": "Exception", "trace": "".join(traceback.format_exception(fault))}
+
+
+def _watch(grace_s: float) -> None:
+    """Wait until the other end of standard input is closed; end what is at work then."""
+    poll = select.poll()
+    poll.register(0, 0)  # hang-ups alone: questions are for the main thread
+    poll.poll()
+    _gone.set()
+    if _busy.is_set() and grace_s > 0.0:
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(grace_s)
+    if _busy.is_set():
+        if os.getpgid(0) == os.getpid():
+            os.killpg(0, signal.SIGKILL)
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+def _bound(kind: int, most: int) -> None:
+    _, hard = resource.getrlimit(kind)
+    resource.setrlimit(kind, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
+
+
+def _bound_processor(seconds: float | None) -> None:
+    """Bound the processor time that this process may take from now on, on each of its processors."""
+    if seconds is None:
+        resource.setrlimit(resource.RLIMIT_CPU, (resource.getrlimit(resource.RLIMIT_CPU)[1],) * 2)
+        return
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    _bound(
+        resource.RLIMIT_CPU,
+        math.ceil(used.ru_utime + used.ru_stime + seconds * (os.cpu_count() or 1)) + 1,
+    )
