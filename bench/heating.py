@@ -20,7 +20,8 @@ import numpy as np
 
 from bench.measure import Asked, Row, judged, timed
 from mrdamper.arrays import FloatArray
-from mrdamper.thermal.drawing import DamperDrawing, read_drawing
+from mrdamper.thermal.drawing import DamperDrawing
+from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.model.finite_element import build_field
 from mrdamper.thermal.model.heat_equation import FieldHeating, simulate_field
 from mrdamper.thermal.model.network import ThermalNetwork, zone_network

@@ -7,7 +7,7 @@ import sys
 from dataclasses import replace
 
 from mrdamper.models.card_schema import read_card
-from mrdamper.thermal.drawing import read_drawing
+from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.duty import read_duty
 from mrdamper.thermal.sinks.design import HeatedDamper, lightest_as_cool, limits_of, search_grid
 from mrdamper.thermal.temperature_rise import loads_of, works_of

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrdamper.errors import InputError
-from mrdamper.schema import Option, fields_of, json_schema, read_record, toml_text, write_record
+from mrdamper.schema import Option, check_ranges, fields_of, json_schema, read_record, toml_text, write_record
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,7 +126,7 @@ def test_fields_are_known_without_loading_what_checks_them():
     """A command's help is made from its options' fields: it must answer at once."""
     program = (
         "import sys\nfrom dataclasses import dataclass\nfrom typing import Annotated\n"
-        "from mrdamper.schema import Option, fields_of\n"
+        "from mrdamper.schema import Option, check_ranges, fields_of\n"
         "@dataclass\nclass Heat:\n    degrees: Annotated[float, Option('warm', unit='degC')] = 20.0\n"
         "assert fields_of(Heat)[0].words == 'a number in degC'\n"
         "print(sorted({'numpy', 'pydantic', 'annotated_types'} & sys.modules.keys()))"
@@ -134,3 +134,15 @@ def test_fields_are_known_without_loading_what_checks_them():
     run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert run.stdout.strip() == "[]"
     assert {field.name for field in fields_of(Part)} == {"length", "ambient", "share", "way", "names"}
+
+
+def test_a_record_made_in_python_is_checked_as_one_of_a_file():
+    check_ranges(Part(length=0.06), "a part")
+    with pytest.raises(InputError) as caught:
+        check_ranges(Part(length=math.nan, ambient=20.0, share=2.0, way="upward"), "a part")  # type: ignore[arg-type]
+    assert str(caught.value).splitlines() == [
+        "a part.length_mm is nan; expected a number in mm, above 0 and at most 10000",
+        "a part.ambient_degC is -253.15; expected a number in degC, -60 to 150",
+        "a part.share is 2.0; expected a number, 0 to 1",
+        "a part.way is 'upward'; expected one of: horizontal, vertical",
+    ]

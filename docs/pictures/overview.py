@@ -20,7 +20,7 @@ from mrdamper.control.scenario import SCENARIOS
 from mrdamper.rig.campaign import Campaign
 from mrdamper.rig.measurement import measure
 from mrdamper.rig.plant import PRESETS, Plant
-from mrdamper.thermal.drawing import read_drawing
+from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.temperature_rise import predict_rise
 

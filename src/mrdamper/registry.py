@@ -45,8 +45,8 @@ class Kind:
 
 KINDS: Mapping[str, Kind] = {
     "card": Kind("CARD", "mrdamper.models.card_schema:read_card", place="cards"),
-    "drawing": Kind("FILE|paper", "mrdamper.thermal.drawing:read_drawing", choices="dampers"),
-    "sink": Kind("FILE", "mrdamper.thermal.drawing:read_sink"),
+    "drawing": Kind("FILE|paper", "mrdamper.thermal.drawing_file:read_drawing", choices="dampers"),
+    "sink": Kind("FILE", "mrdamper.thermal.drawing_file:read_sink"),
     "duty": Kind("DUTY", "mrdamper.thermal.duty:read_duty"),
     "curve": Kind("CURVE.csv", "mrdamper.thermal.estimation.measured_curve:read_curve"),
 }

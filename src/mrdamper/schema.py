@@ -42,6 +42,7 @@ __all__ = [
     "Field",
     "Json",
     "Option",
+    "check_ranges",
     "did_you_mean",
     "fields_of",
     "json_schema",
@@ -125,6 +126,16 @@ class Option:
         if self.least is not None and self.most is not None:
             said = [f"{self.least:g} to {self.most:g}"]
         return " and ".join(said)
+
+    def holds(self, value: float) -> bool:
+        """Tell whether a number, as the file has it, is finite and in the range."""
+        return (
+            math.isfinite(value)
+            and (self.least is None or value >= self.least)
+            and (self.most is None or value <= self.most)
+            and (self.above is None or value > self.above)
+            and (self.below is None or value < self.below)
+        )
 
     def to_si(self, value: float | None) -> float | None:
         """Return a value of the file in SI."""
@@ -337,6 +348,28 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     return f"expected one of: {', '.join(names)}" if names else "expected none"
 
 
+def check_ranges(record: object, place: str) -> None:
+    """Check numbers and choices of a record that was made in Python as those of a file are.
+
+    Raises
+    ------
+    InputError
+        With a line for each field that is not finite, outside its range, or none of its choices.
+    """
+    faults = []
+    for field in fields_of(type(record)):
+        value = getattr(record, field.name)
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            value = field.option.from_si(value) if field.option.key else value
+            fits = field.option.holds(value) and (field.type is not int or value == int(value))
+        else:
+            fits = not isinstance(value, str) or not field.choices or value in field.choices
+        if not fits:
+            faults.append(f"{place}.{field.key} is {_shown(value)}; expected {field.words}")
+    if faults:
+        raise InputError("\n".join(faults))
+
+
 # ------------------------------------------------------------------------------------------- writing
 
 
@@ -356,6 +389,8 @@ def write_record(record: object, *, defaults: bool = False) -> Json:
 
 
 def _plain(value: Any, *, defaults: bool) -> Any:  # noqa: ANN401 - whatever a field holds
+    if hasattr(type(value), "__get_pydantic_core_schema__"):  # what is read from a text is written as one
+        return str(value)
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return write_record(value, defaults=defaults)
     if isinstance(value, Mapping):

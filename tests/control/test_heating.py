@@ -17,7 +17,8 @@ from mrdamper.control.stepper import Flag
 from mrdamper.control.tables.heating import NO_HEATING, Heating
 from mrdamper.errors import InputError
 from mrdamper.excitation import Sine
-from mrdamper.thermal.drawing import DamperDrawing, read_drawing
+from mrdamper.thermal.drawing import DamperDrawing
+from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.model.lumped import constant_heating
 from mrdamper.thermal.model.network import zone_network
 from mrdamper.thermal.model.stepping import Load

@@ -18,7 +18,7 @@ from mrdamper.jobs.options import HeatOptions
 from mrdamper.models.card_schema import read_card
 from mrdamper.registry import JOBS
 from mrdamper.report.heat import sink_in_words
-from mrdamper.thermal.drawing import read_drawing, read_sink
+from mrdamper.thermal.drawing_file import read_drawing, read_sink
 from mrdamper.thermal.duty import read_duty
 from mrdamper.thermal.temperature_rise import predict_rise
 from tests.support.heated import DRAWING, paper_card, plain_card
@@ -386,8 +386,8 @@ def test_bad_input_ends_in_one_message_and_leaves_nothing(folder):
         ("length_mm = 200", "length = 200", "body has no key 'length'"),
         ("resistance_ohm = 4.2", 'resistance_ohm = "4.2"', "expected a number"),
         ("air_m_s = 0", "air_m_s = 1e-9", "bad.toml: convection of the body: Re Pr of a cylinder is"),
-        ("width_mm = 23", "width_mm = -23", "sink: width_mm is -23; expected a positive"),
-        ("heat_capacity = 0.9803", "heat_capacity = 0", "bad.toml: calibration: heat_capacity is 0"),
+        ("width_mm = 23", "width_mm = -23", "sink.width_mm is -23; expected a number in mm, above 0"),
+        ("heat_capacity = 0.9803", "heat_capacity = 0", "bad.toml: calibration.heat_capacity is 0"),
     ],
 )
 def test_a_drawing_that_cannot_be_is_refused(folder, old, new, message):

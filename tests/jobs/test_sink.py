@@ -14,7 +14,7 @@ from mrdamper.jobs import sink as sink_job
 from mrdamper.jobs.options import HeatOptions
 from mrdamper.jobs.sink import SinkOptions, sink
 from mrdamper.registry import JOBS
-from mrdamper.thermal.drawing import read_drawing, read_sink
+from mrdamper.thermal.drawing_file import read_drawing, read_sink
 from mrdamper.thermal.duty import DEFAULT_DUTY, read_duty
 from mrdamper.thermal.sinks.evolution import search_genetic
 from tests.jobs.test_heat import changed

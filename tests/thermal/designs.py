@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from mrdamper.thermal.drawing import DamperDrawing, read_drawing
+from mrdamper.thermal.drawing import DamperDrawing
+from mrdamper.thermal.drawing_file import read_drawing
 
 DRAWING = read_drawing(Path(__file__).parents[2] / "examples" / "paper_damper.toml")
 

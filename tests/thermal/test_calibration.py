@@ -17,8 +17,8 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant
 from mrdamper.models.laws import LAWS
 from mrdamper.thermal.dissipation import LoopWork
-from mrdamper.thermal.drawing import Calibration, DamperDrawing, read_drawing
-from mrdamper.thermal.drawing_file import calibrated_text, drawing_of
+from mrdamper.thermal.drawing import Calibration, DamperDrawing
+from mrdamper.thermal.drawing_file import calibrated_text, drawing_of, read_drawing
 from mrdamper.thermal.duty import Duty, read_duty
 from mrdamper.thermal.estimation.calibration import calibrate_drawing, calibrate_with, fit_heating
 from mrdamper.thermal.estimation.measured_curve import (
@@ -239,7 +239,7 @@ def test_a_sink_of_another_file_goes_into_the_calibrated_text():
     assert DRAWING.sink is not None
     other = replace(DRAWING.sink, fins=3)
     found = calibrated_text(DRAWING.text, {"sink": {"film_multiplier": 1.5}}, "t", sink=other)
-    assert DamperDrawing.from_toml(found).sink == replace(other, film_multiplier=1.5)
+    assert drawing_of(found).sink == replace(other, film_multiplier=1.5)
 
 
 # ----------------------------------------------------------------------------------- with a doubt beforehand

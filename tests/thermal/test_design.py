@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrdamper.errors import EnvelopeError, InputError
-from mrdamper.thermal.drawing import read_drawing, read_sink
+from mrdamper.thermal.drawing_file import read_drawing, read_sink
 from mrdamper.thermal.materials import MATERIALS
 from mrdamper.thermal.model.finite_element import build_field
 from mrdamper.thermal.model.network import zone_network

@@ -12,7 +12,7 @@ import pytest
 
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
-from mrdamper.thermal.drawing import read_drawing
+from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.estimation.uncertainty import FACTORS, ModelUncertainty, UncertainNetwork
 from mrdamper.thermal.model.lumped import lumped_network
 from mrdamper.thermal.model.network import ThermalNetwork, zone_network

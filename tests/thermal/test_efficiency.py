@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrdamper.errors import InputError
-from mrdamper.thermal.drawing import read_drawing, read_sink
+from mrdamper.thermal.drawing_file import read_drawing, read_sink
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.model.section import section_of
 from mrdamper.thermal.model.stepping import Load

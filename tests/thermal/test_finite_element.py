@@ -14,7 +14,8 @@ import pytest
 from scipy.special import i0, i1, k0, k1
 
 from mrdamper.errors import ConvergenceError, EnvelopeError, InputError, MissingExtraError
-from mrdamper.thermal.drawing import DamperDrawing, read_drawing
+from mrdamper.thermal.drawing import DamperDrawing
+from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.films.surfaces import cap_area
 from mrdamper.thermal.model.finite_element import build_field, discretise, heat_field
 from mrdamper.thermal.model.heat_equation import simulate_field, steady_field

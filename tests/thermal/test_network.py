@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from scipy.integrate import quad, solve_bvp
 
 from mrdamper.errors import ConvergenceError, EnvelopeError, InputError
-from mrdamper.thermal.drawing import DamperDrawing, read_drawing
+from mrdamper.thermal.drawing import DamperDrawing
+from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.films.correlations import annular_fin_efficiency
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.model import network as network_module

@@ -13,7 +13,8 @@ from scipy.stats import chi2
 
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
-from mrdamper.thermal.drawing import DamperDrawing, read_drawing
+from mrdamper.thermal.drawing import DamperDrawing
+from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.estimation.observer import (
     ObserverState,
     TemperatureObserver,

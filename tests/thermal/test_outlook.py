@@ -11,7 +11,8 @@ from scipy.interpolate import PchipInterpolator
 
 from mrdamper.arrays import FloatArray
 from mrdamper.thermal.dissipation import LoopWork
-from mrdamper.thermal.drawing import DamperDrawing, read_drawing
+from mrdamper.thermal.drawing import DamperDrawing
+from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.duty import read_duty
 from mrdamper.thermal.estimation.calibration import calibrate_with
 from mrdamper.thermal.estimation.measured_curve import HeatingCurve, Place

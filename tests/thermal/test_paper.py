@@ -16,7 +16,8 @@ from mrdamper.excitation import Sine
 from mrdamper.rig.damper import PRESETS
 from mrdamper.rig.plant import STEP_S, simulate
 from mrdamper.thermal.dissipation import LoopWork
-from mrdamper.thermal.drawing import DamperDrawing, read_drawing
+from mrdamper.thermal.drawing import DamperDrawing
+from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.duty import read_duty
 from mrdamper.thermal.films.correlations import annular_fin_efficiency, radiation_film
 from mrdamper.thermal.films.surfaces import fin_film, fin_radiation

@@ -17,7 +17,7 @@ from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial, Tempe
 from mrdamper.models.laws import LAWS
 from mrdamper.models.temperature import Arrhenius, Linear
 from mrdamper.thermal.dissipation import LoopWork, tabulate_work
-from mrdamper.thermal.drawing import read_drawing
+from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.duty import Duty, read_duty, stretch_of
 from mrdamper.thermal.temperature_rise import predict_rise, simulate_rise
 

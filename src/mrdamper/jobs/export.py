@@ -23,7 +23,7 @@ from mrdamper.models.card import ModelCard
 from mrdamper.models.card_schema import read_card
 from mrdamper.runtime.outputs import atomic_output, write_json
 from mrdamper.schema import Json
-from mrdamper.thermal.drawing import read_drawing
+from mrdamper.thermal.drawing_file import read_drawing
 
 __all__ = ["RECORD", "ExportOptions", "export"]
 

@@ -21,7 +21,8 @@ from mrdamper.identify.predict import finite
 from mrdamper.models.card_schema import read_card
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.schema import Json
-from mrdamper.thermal.drawing import DamperDrawing, read_drawing
+from mrdamper.thermal.drawing import DamperDrawing
+from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.duty import Duty, Stretch, stretch_of
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.materials import find_material

@@ -24,7 +24,8 @@ from mrdamper.report.heat import sink_in_words
 from mrdamper.runtime.checkpoint import Tell, checkpointed
 from mrdamper.runtime.outputs import atomic_output, write_json, write_table
 from mrdamper.schema import Json
-from mrdamper.thermal.drawing import DamperDrawing, read_drawing
+from mrdamper.thermal.drawing import DamperDrawing
+from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.duty import DEFAULT_DUTY, Duty, read_duty
 from mrdamper.thermal.heatsink import FinLaw
 from mrdamper.thermal.materials import find_material

@@ -43,7 +43,7 @@ from mrdamper.rig.plant import find_preset
 from mrdamper.runtime.outputs import atomic_output, write_json
 from mrdamper.runtime.signals import interrupt_ends_all
 from mrdamper.schema import Json
-from mrdamper.thermal.drawing import read_drawing
+from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.duty import read_duty
 from mrdamper.thermal.temperature_rise import works_of
 

@@ -1,6 +1,7 @@
 """A damper's drawing: the lengths, materials, fluid, coil, mounting and surroundings that heat depends on.
 
-Written by people as TOML in millimetres and degC (docs/thermal.md), held in metres and kelvin. The drawing
+Written by people as TOML in millimetres and degC (docs/thermal.md, ``drawing_file``), held in metres and
+kelvin; the parts' fields say both. The drawing
 is axisymmetric: a tube with a flat cap at each end, a piston in the middle of the bore with a coil wound into
 its face, a rod, and annular fins about the middle of the body. How heat moves in it is the business of
 ``network`` and ``finite_element``, film coefficients are ``surfaces``'.
@@ -9,14 +10,14 @@ its face, a rod, and annular fins about the middle of the body. How heat moves i
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, fields, replace
-from pathlib import Path
-from typing import Literal
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Literal
 
 from mrdamper.errors import InputError
 from mrdamper.models.fluids.fluid import Fluid
 from mrdamper.models.fluids.fluid_file import find_fluid
-from mrdamper.quantities import to_degC
+from mrdamper.quantities import ROOM_K
+from mrdamper.schema import Option, check_ranges
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.materials import COPPER_PER_K, MATERIALS, Material
 
@@ -30,13 +31,14 @@ __all__ = [
     "Piston",
     "Rod",
     "Surroundings",
-    "read_drawing",
-    "read_sink",
+    "filling_of",
+    "find_filling",
 ]
 
 Orientation = Literal["horizontal", "vertical"]
 
 _STEEL = MATERIALS["steel"]
+_WINDING_SHARE = 0.4  # of the piston's depth around the rod, where the drawing states no depth of the coil
 _CARRIER_CONDUCTIVITY = 0.14  # of the oil, for fluids that state none [W/(m K)]
 DISC_GAP = 0.010
 """Gap between the fins of a vertical damper [m], below which they feel their neighbours."""
@@ -44,14 +46,21 @@ DISC_GAP = 0.010
 
 @dataclass(frozen=True, slots=True)
 class Body:
-    """The tube and its two caps."""
+    """The tube and its two caps; lengths in metres."""
 
-    outer_diameter: float  # [m]
-    length: float  # over the caps [m]
-    wall: float  # of the tube [m]
-    cap: float  # thickness of each cap [m]
-    material: Material = _STEEL
-    orientation: Orientation = "horizontal"
+    outer_diameter: Annotated[float, Option("of the tube", key="outer_diameter_mm", unit="mm", above=0.0)]
+    length: Annotated[float, Option("over the caps", key="length_mm", unit="mm", above=0.0)]
+    wall: Annotated[float, Option("thickness of the tube", key="wall_mm", unit="mm", above=0.0)]
+    cap: Annotated[
+        float,
+        Option("thickness of each cap", key="cap_mm", unit="mm", above=0.0, default_help="the wall's"),
+    ] = 0.0  # stands for the wall's
+    material: Annotated[Material, Option("what it is made of", among=lambda: MATERIALS)] = _STEEL
+    orientation: Annotated[Orientation, Option("of the axis")] = "horizontal"
+
+    def __post_init__(self) -> None:
+        if self.cap == 0.0:
+            object.__setattr__(self, "cap", self.wall)
 
     @property
     def bore(self) -> float:
@@ -66,35 +75,47 @@ class Body:
 
 @dataclass(frozen=True, slots=True)
 class Piston:
-    """The piston, drawn in the middle of the bore (its mean position)."""
+    """The piston, drawn in the middle of the bore (its mean position); lengths in metres."""
 
-    diameter: float  # [m]
-    length: float  # [m]
-    material: Material = _STEEL
+    diameter: Annotated[float, Option("of its face", key="diameter_mm", unit="mm", above=0.0)]
+    length: Annotated[float, Option("axial", key="length_mm", unit="mm", above=0.0)]
+    material: Annotated[Material, Option("what it is made of", among=lambda: MATERIALS)] = _STEEL
 
 
 @dataclass(frozen=True, slots=True)
 class Rod:
     """The rod; ``through`` says that it leaves the body at both ends."""
 
-    diameter: float  # [m]
-    through: bool = True
-    material: Material = _STEEL
+    diameter: Annotated[float, Option("of the rod", key="diameter_mm", unit="mm", above=0.0)]  # [m]
+    through: Annotated[bool, Option("whether it leaves the body at both ends")] = True
+    material: Annotated[Material, Option("what it is made of", among=lambda: MATERIALS)] = _STEEL
 
 
 @dataclass(frozen=True, slots=True)
 class Coil:
-    """The winding: a ring in the piston's face, in its middle."""
+    """The winding: a ring in the piston's face, in its middle; lengths in metres."""
 
-    resistance: float  # at 20 degC [ohm]
-    length: float  # axial [m]
-    depth: float  # radial, inwards from the piston's face [m]
-    amperes_per_volt: float | None = None  # for cards whose command is a voltage
-    material: Material = MATERIALS["winding"]
+    resistance: Annotated[float, Option("at 20 degC", key="resistance_ohm", unit="ohm", least=0.0)]
+    length: Annotated[float, Option("axial", key="length_mm", unit="mm", above=0.0)]
+    depth: Annotated[
+        float,
+        Option(
+            "radial, inwards from the piston's face",
+            key="depth_mm",
+            unit="mm",
+            above=0.0,
+            default_help="0.4 of what the piston leaves around the rod",
+        ),
+    ] = 0.0  # stands for that share, in a drawing
+    amperes_per_volt: Annotated[
+        float | None,
+        Option("for cards whose command is a voltage", key="A_per_V", unit="A/V", above=0.0),
+    ] = None
+    material: Annotated[Material, Option("of the winding", among=lambda: MATERIALS)] = MATERIALS["winding"]
 
     def resistance_at(self, temperature_K: float) -> float:
         """Return the resistance [ohm] at a temperature [K]."""
-        return self.resistance * (1.0 + COPPER_PER_K * (temperature_K - 293.15))
+        return self.resistance * (1.0 + COPPER_PER_K * (temperature_K - ROOM_K))
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,6 +129,15 @@ class Filling:
     valid_K: tuple[float, float]
     stirring: float = 10.0  # effective over own conductivity, across the chambers
     exchange: float = 20.0  # heat that pumping carries between the gap and each chamber [W/K]
+
+    def __post_init__(self) -> None:
+        for name in ("density", "heat_capacity", "conductivity", "stirring"):
+            if not 0.0 < getattr(self, name) < math.inf:
+                raise InputError(
+                    f"fluid {self.name!r}: {name} is {getattr(self, name):g}; expected a positive number"
+                )
+        if not 0.0 <= self.exchange < math.inf:
+            raise InputError(f"fluid {self.name!r}: exchange_W_K is {self.exchange:g}; expected zero or more")
 
     @property
     def volumetric_heat(self) -> float:
@@ -124,34 +154,42 @@ class Filling:
 class Surroundings:
     """Where the damper hangs."""
 
-    ambient: float = 293.15  # [K]
-    air_speed: float = 0.0  # across the axis [m/s]
-    emissivity: float = 0.3  # of the bare body
-    mount: float = 0.0  # conductance into the mountings at ambient, both ends together [W/K]
+    ambient: Annotated[
+        float, Option("air around the damper", key="ambient_degC", unit="degC", least=-50.0, most=100.0)
+    ] = ROOM_K  # [K]
+    air_speed: Annotated[
+        float, Option("of air across the axis", key="air_m_s", unit="m/s", least=0.0, most=50.0)
+    ] = 0.0
+    emissivity: Annotated[float, Option("of the bare body", least=0.0, most=1.0)] = 0.3
+    mount: Annotated[
+        float,
+        Option("into the mountings at ambient, both ends", key="mount_W_K", unit="W/K", least=0.0),
+    ] = 0.0
+
+
+Multiplier = Annotated[float, Option("of the drawing's value", above=0.0)]
 
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
     """Multipliers that a measured curve or the finite elements gave; 1 is the drawing as it stands.
 
-    ``heat_capacity`` and ``film`` are of the damper itself, and every model uses them. The others mend the
-    network's few nodes and leave the finite elements alone.
+    ``heat_capacity`` (of everything but the fins) and ``film`` (convection of the bare body) are of the
+    damper itself, and every model uses them. The others mend the network's few nodes and leave the finite
+    elements alone.
     """
 
-    heat_capacity: float = 1.0  # of everything but the fins
-    film: float = 1.0  # convection of the bare body
-    fluid_wall: float = 1.0
-    fluid_core: float = 1.0
-    wall_axial: float = 1.0
-    core_axial: float = 1.0
-    coil: float = 1.0
-    fin_root: float = 1.0
+    heat_capacity: Multiplier = 1.0
+    film: Multiplier = 1.0
+    fluid_wall: Multiplier = 1.0
+    fluid_core: Multiplier = 1.0
+    wall_axial: Multiplier = 1.0
+    core_axial: Multiplier = 1.0
+    coil: Multiplier = 1.0
+    fin_root: Multiplier = 1.0
 
     def __post_init__(self) -> None:
-        for each in fields(self):
-            value = getattr(self, each.name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise InputError(f"calibration: {each.name} is {value}; expected a positive, finite number")
+        check_ranges(self, "calibration")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -172,7 +210,7 @@ class DamperDrawing:
     def __post_init__(self) -> None:
         _check_body(self)
         _check_inside(self)
-        _check_surroundings(self)
+        check_ranges(self.surroundings, f"{self.name}: surroundings")
         if self.sink is not None:
             _check_sink(self, self.sink)
 
@@ -198,33 +236,6 @@ class DamperDrawing:
         conductivity.
         """
         return 0.5 * self.filling.exchange * (self.piston.length + self.chamber_length)
-
-    @classmethod
-    def from_toml(cls, text: str, place: str = "drawing") -> DamperDrawing:
-        """Return the drawing that a TOML text holds; ``place`` stands in messages."""
-        from mrdamper.thermal.drawing_file import drawing_of  # which builds on this module
-
-        return drawing_of(text, place)
-
-
-def read_drawing(path: str | Path) -> DamperDrawing:
-    """Return the drawing in a TOML file, or the preset ``paper``.
-
-    Raises
-    ------
-    InputError
-        No such file, or a drawing that cannot be; with the place, what is expected and the remedy.
-    """
-    from mrdamper.thermal.drawing_file import drawing_of, text_of
-
-    return drawing_of(text_of(path), Path(path).name)
-
-
-def read_sink(path: str | Path) -> HeatSink:
-    """Return the heat sink in a TOML file with a table [sink] (a drawing's will do)."""
-    from mrdamper.thermal.drawing_file import sink_of, text_of
-
-    return sink_of(text_of(path), Path(path).name)
 
 
 def filling_of(fluid: Fluid, **given: float) -> Filling:
@@ -263,7 +274,7 @@ def find_filling(preset: str, **given: float) -> Filling:
 
 def _check_body(drawing: DamperDrawing) -> None:
     body, place = drawing.body, drawing.name
-    _lengths(place, "body", body, ("outer_diameter", "length", "wall", "cap"))
+    check_ranges(body, f"{place}: body")
     if not body.wall < 0.5 * body.outer_diameter:
         raise InputError(
             f"{place}: body.wall_mm is {_mm(body.wall)}, the outer radius {_mm(0.5 * body.outer_diameter)}; "
@@ -274,16 +285,12 @@ def _check_body(drawing: DamperDrawing) -> None:
             f"{place}: body.cap_mm is {_mm(body.cap)}, length_mm {_mm(body.length)}; expected caps that "
             "leave room between them"
         )
-    if body.orientation not in ("horizontal", "vertical"):
-        raise InputError(
-            f"{place}: body.orientation is {body.orientation!r}; use one of: horizontal, vertical"
-        )
 
 
 def _check_inside(drawing: DamperDrawing) -> None:
     body, piston, rod, coil, place = drawing.body, drawing.piston, drawing.rod, drawing.coil, drawing.name
-    _lengths(place, "piston", piston, ("diameter", "length"))
-    _lengths(place, "rod", rod, ("diameter",))
+    check_ranges(piston, f"{place}: piston")
+    check_ranges(rod, f"{place}: rod")
     if not piston.diameter < body.bore:
         hint = ""
         if piston.diameter < 2.0 * body.outer_diameter - 2.0 * body.wall:
@@ -305,41 +312,21 @@ def _check_inside(drawing: DamperDrawing) -> None:
             f"{place}: piston.length_mm is {_mm(piston.length)}, between the caps there are "
             f"{_mm(body.inner_length)}; expected a piston shorter than that"
         )
-    _lengths(place, "coil", coil, ("length", "depth"))
+    room = 0.5 * (piston.diameter - rod.diameter)
+    if coil.depth == 0.0:
+        coil = replace(coil, depth=_WINDING_SHARE * room)
+        object.__setattr__(drawing, "coil", coil)
+    check_ranges(coil, f"{place}: coil")
     if not coil.length <= piston.length:
         raise InputError(
             f"{place}: coil.length_mm is {_mm(coil.length)}, the piston's {_mm(piston.length)}; expected a "
             "coil inside the piston"
         )
-    if not coil.depth < 0.5 * (piston.diameter - rod.diameter):
+    if not coil.depth < room:
         raise InputError(
-            f"{place}: coil.depth_mm is {_mm(coil.depth)}; expected less than "
-            f"{_mm(0.5 * (piston.diameter - rod.diameter))}, what the piston leaves around the rod"
+            f"{place}: coil.depth_mm is {_mm(coil.depth)}; expected less than {_mm(room)}, what the piston "
+            "leaves around the rod"
         )
-    if not (math.isfinite(coil.resistance) and coil.resistance >= 0.0):
-        raise InputError(f"{place}: coil.resistance_ohm is {coil.resistance}; expected zero or more, finite")
-    if coil.amperes_per_volt is not None and not 0.0 < coil.amperes_per_volt < math.inf:
-        raise InputError(f"{place}: coil.A_per_V is {coil.amperes_per_volt}; expected a positive number")
-    _lengths(
-        place, "fluid", drawing.filling, ("density", "heat_capacity", "conductivity", "stirring"), unit=""
-    )
-    if not 0.0 <= drawing.filling.exchange < math.inf:
-        raise InputError(f"{place}: fluid.exchange_W_K is {drawing.filling.exchange}; expected zero or more")
-
-
-def _check_surroundings(drawing: DamperDrawing) -> None:
-    around, place = drawing.surroundings, f"{drawing.name}: surroundings"
-    if not 223.15 <= around.ambient <= 373.15:
-        raise InputError(
-            f"{place}.ambient_degC is {to_degC(around.ambient):g}; expected -50 to 100 (air around a damper, "
-            "in degrees Celsius)"
-        )
-    if not 0.0 <= around.air_speed <= 50.0:
-        raise InputError(f"{place}.air_m_s is {around.air_speed}; expected 0 to 50 m/s")
-    if not 0.0 <= around.emissivity <= 1.0:
-        raise InputError(f"{place}.emissivity is {around.emissivity}; expected 0 to 1")
-    if not 0.0 <= around.mount < math.inf:
-        raise InputError(f"{place}.mount_W_K is {around.mount}; expected zero or more, finite")
 
 
 def _check_sink(drawing: DamperDrawing, sink: HeatSink) -> None:
@@ -362,14 +349,6 @@ def _check_sink(drawing: DamperDrawing, sink: HeatSink) -> None:
             f"{place}: the fins of a vertical damper are {_mm(sink.gap)} mm apart; expected at least "
             f"{_mm(DISC_GAP)}: the correlation for single discs knows no neighbours. Widen the pitch"
         )
-
-
-def _lengths(place: str, table: str, part: object, names: tuple[str, ...], *, unit: str = "_mm") -> None:
-    for name in names:
-        value = getattr(part, name)
-        if not (math.isfinite(value) and value > 0.0):
-            said = _mm(value) if unit else f"{value:g}"
-            raise InputError(f"{place}: {table}.{name}{unit} is {said}; expected a positive, finite number")
 
 
 def _mm(length: float) -> str:

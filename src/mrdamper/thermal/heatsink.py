@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Annotated, Literal
 
 import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
+from mrdamper.schema import Option, check_ranges
 from mrdamper.thermal.films.correlations import groove_emissivity
 from mrdamper.thermal.materials import MATERIALS, Material
 
@@ -29,34 +30,28 @@ horizontal damper), or as horizontal discs (a vertical damper)."""
 class HeatSink:
     """Annular fins on a body; lengths in metres."""
 
-    fins: int
-    width: float  # radial, root to tip [m]
-    thickness: float  # [m]
-    pitch: float  # from fin to fin [m]
-    material: Material = MATERIALS["aluminium-alloy"]
-    emissivity: float = 0.3
-    film_multiplier: float = 1.0  # on the fins' convection: 1 is the correlation as it stands
-    correlation: FinLaw = "channel"
-    contact: float = 0.0  # thermal resistance between body and fin root [m^2 K/W]
+    fins: Annotated[int, Option("number of fins", least=1)]
+    width: Annotated[float, Option("radial, root to tip", key="width_mm", unit="mm", above=0.0)]
+    thickness: Annotated[float, Option("of a fin", key="thickness_mm", unit="mm", above=0.0)]
+    pitch: Annotated[float, Option("from fin to fin", key="pitch_mm", unit="mm", above=0.0)]
+    material: Annotated[Material, Option("of the fins", among=lambda: MATERIALS)] = MATERIALS[
+        "aluminium-alloy"
+    ]
+    emissivity: Annotated[float, Option("of the fins", least=0.0, most=1.0)] = 0.3
+    film_multiplier: Annotated[
+        float, Option("on the fins' convection; 1 is the correlation as it stands", above=0.0)
+    ] = 1.0
+    correlation: Annotated[FinLaw, Option("of the fins' natural convection")] = "channel"
+    contact: Annotated[
+        float,
+        Option("thermal resistance, body to fin", key="contact_m2K_W", unit="m^2 K/W", least=0.0),
+    ] = 0.0
 
     def __post_init__(self) -> None:
-        if int(self.fins) != self.fins or self.fins < 1:
-            raise InputError(f"sink: fins is {self.fins!r}; expected a whole number, at least 1")
-        for name in ("width_mm", "thickness_mm", "pitch_mm", "film_multiplier"):
-            value = getattr(self, name.removesuffix("_mm"))
-            said = 1e3 * value if name.endswith("_mm") else value
-            if not (math.isfinite(value) and value > 0.0):
-                raise InputError(f"sink: {name} is {said:g}; expected a positive, finite number")
-        if not (math.isfinite(self.contact) and self.contact >= 0.0):
-            raise InputError(f"sink: contact is {self.contact} m^2 K/W; expected zero or more, finite")
-        if not 0.0 <= self.emissivity <= 1.0:
-            raise InputError(f"sink: emissivity is {self.emissivity}; expected 0 to 1")
-        if self.correlation not in get_args(FinLaw):
-            known = ", ".join(get_args(FinLaw))
-            raise InputError(f"sink: correlation is {self.correlation!r}; use one of: {known}")
+        check_ranges(self, "sink")
         if self.fins > 1 and not self.gap > 0.0:
             raise InputError(
-                f"sink: fins overlap: thickness_mm is {_mm(self.thickness)} and pitch_mm {_mm(self.pitch)}; "
+                f"the fins overlap: thickness_mm is {_mm(self.thickness)} and pitch_mm {_mm(self.pitch)}; "
                 "expected a pitch larger than the thickness. Widen the pitch, or take thinner fins"
             )
 

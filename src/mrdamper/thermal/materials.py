@@ -10,6 +10,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import Any
 
 from mrdamper.errors import InputError
 from mrdamper.schema import did_you_mean
@@ -38,6 +39,16 @@ class Material:
                     f"material {self.name!r}: {name} is {value} {unit}; expected a positive, finite number"
                 )
 
+    def __str__(self) -> str:
+        return self.name
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, _source: object, _handler: object) -> Any:  # noqa: ANN401
+        """Return how a file names a material: by a text (``mrdamper.schema``)."""
+        from pydantic_core import core_schema
+
+        return core_schema.no_info_after_validator_function(find_material, core_schema.str_schema())
+
     @property
     def volumetric_heat(self) -> float:
         """Heat capacity of a cubic metre [J/(m^3 K)]."""
@@ -65,8 +76,9 @@ MATERIALS: Mapping[str, Material] = MappingProxyType({material.name: material fo
 """The materials that a drawing may name."""
 
 
-def find_material(name: object, place: str = "material") -> Material:
+def find_material(name: str, place: str = "") -> Material:
     """Return a material by its name; an unknown one is an error that names the nearest."""
-    if not isinstance(name, str) or name not in MATERIALS:
-        raise InputError(f"{place}: no material is called {name!r}; {did_you_mean(str(name), MATERIALS)}")
+    if name not in MATERIALS:
+        where = f"{place}: " if place else ""
+        raise InputError(f"{where}no material is called {name!r}; {did_you_mean(name, MATERIALS)}")
     return MATERIALS[name]

@@ -18,7 +18,8 @@ from functools import cache
 import numpy as np
 
 from mrdamper.errors import InputError
-from mrdamper.thermal.drawing import DamperDrawing, read_drawing
+from mrdamper.thermal.drawing import DamperDrawing
+from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.model.lumped import lumped_network
 
 __all__ = ["NO_HEATING", "Heating"]

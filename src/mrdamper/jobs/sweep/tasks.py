@@ -102,7 +102,7 @@ def _tolerance(seed: int, what: What) -> What:
 def _sink(seed: int, what: What) -> What:
     from mrdamper.jobs.sink import SinkOptions, search_sinks
     from mrdamper.models.card_schema import read_card
-    from mrdamper.thermal.drawing import read_drawing
+    from mrdamper.thermal.drawing_file import read_drawing
     from mrdamper.thermal.duty import read_duty
 
     options = SinkOptions(method=what["method"], by_field=False, seed=seed % 2**31)
