@@ -1,12 +1,13 @@
 # What a fresh machine needs: Python 3.11 or newer, make and a C compiler. The rest comes from requirements*.lock.
 #
 #   make demo        the main job on an embedded default, into build/demo
-#   make test        the tests, but for those that take minutes
-#   make check       all that a change must pass: lint, docs, test
+#   make test        the tests that every change must pass: test-fast (in process, a minute of CPU) and test-system
+#   make test-nightly  what takes longer, property tests with many new examples, a short fuzzing of every target
+#   make release-check  what takes hours: repetitions, a sample of mutants, a million executions of each fuzzing target
+#   make check       lint, docs, test
 #   make lint        ruff, mypy --strict, the import order
 #   make docs        the documentation, into build/docs; a warning is an error
 #   make bench       the benchmarks; NAME=simulation for one, FULL=1 for whole sizes
-#   make check-long   the tests that take minutes
 #   make fuzz        a million executions of each fuzzing target, hours; NAME=card for one, RUNS=20000 for fewer
 #   make audit       asks which pinned versions have a known vulnerability; needs the network
 #   make wheel       a wheel, into dist        make lock         renew requirements.lock (asks the registry)
@@ -16,15 +17,21 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 RUN    := $(BIN)/python
 # Two workers: limits in the tests are on CPU time, which a neighbour does not lengthen as it does the clock.
-PYTEST_ARGS ?= -n 2
+# Tests of one group (the pages in the browser, the docs) share a worker, and what they start.
+PYTEST_ARGS ?= -n 2 --dist loadgroup
+# Executions of each fuzzing target at night; those that ask another process for each are some tens a second.
+SHORT   ?= 1500
 
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
+# Compiled once, then read by every worker and every process that the tests start.
+export PYTHONDONTWRITEBYTECODE :=
 
 # What the extension and the installed metadata are made of; a change in Python needs no rebuild.
 COMPILED := pyproject.toml CMakeLists.txt $(shell find src -name '*.[ch]' 2>/dev/null)
 
 .DELETE_ON_ERROR:
-.PHONY: help install demo test check lint docs check-long fuzz audit bench lock wheel clean
+.PHONY: help install demo test test-fast test-system test-nightly release-check check lint docs fuzz audit bench lock \
+  wheel clean
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -68,10 +75,24 @@ demo: install
 test: install $(VENV)/.tested
 	$(RUN) -m pytest $(PYTEST_ARGS)
 
-check-long: install $(VENV)/.tested
-	$(RUN) -m pytest $(PYTEST_ARGS) -m long
+test-fast: install $(VENV)/.tested
+	$(RUN) -m pytest $(PYTEST_ARGS) -m tier_fast
 
-# Damaged files that go to another process (NAME=isolated) are some tens a second: a fiftieth of them, see check-long.
+test-system: install $(VENV)/.tested
+	$(RUN) -m pytest $(PYTEST_ARGS) -m tier_system
+
+test-nightly: install $(VENV)/.tested
+	$(RUN) -m pytest $(PYTEST_ARGS) -m tier_nightly
+	$(RUN) -m pytest $(PYTEST_ARGS) -m "property and not tier_release" --hypothesis-profile nightly
+	$(RUN) -m fuzz all -runs=$(SHORT)
+
+# docs/trust.md holds the last figures of what stands here.
+release-check: install $(VENV)/.tested
+	$(RUN) -m pytest $(PYTEST_ARGS) -m tier_release
+	$(RUN) -m tests.mutation
+	$(RUN) -m fuzz all -runs=1000000
+
+# Damaged files that go to another process (NAME=isolated) are some tens a second.
 fuzz: install $(VENV)/.tested
 	$(RUN) -m fuzz $(or $(NAME),all) -runs=$(or $(RUNS),1000000)
 

@@ -1,7 +1,13 @@
-"""What every test may ask for: a program, the real runs; and the habits they all keep.
+"""The tiers of the tests, what every test may ask for (a program, the real runs), and the habits of all.
+
+A test is in the tier of its marks: ``release``, ``nightly``, ``system``, or ``fast`` without any of them. One
+that asks for a program (fixture ``tool``) is in ``system`` at least. A fast test that starts a process fails.
 
 A test that lacks a tool or the data is a visible skip, and with ``MRDAMPER_REQUIRE_TOOLS=1`` (as in
 ``.ci/run``) a failure.
+
+Property tests draw new examples in every run. One that fails is kept in ``.hypothesis`` and tried first from
+then on; ``--hypothesis-profile=nightly`` draws twenty times as many.
 """
 
 from __future__ import annotations
@@ -10,11 +16,13 @@ import os
 import random
 import shutil
 import signal
+import sys
 from collections.abc import Callable, Generator
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from hypothesis import settings
+from hypothesis import is_hypothesis_test, settings
 
 os.environ["MPLBACKEND"] = "Agg"
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # two workers: more threads would only wait in loops
@@ -23,11 +31,33 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # two workers: more threads 
 signal.signal(signal.SIGINT, signal.default_int_handler)
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
-# Same examples on every run and machine; a loaded machine is not a fault of the code.
-settings.register_profile("mrdamper", derandomize=True, deadline=None)
-settings.load_profile("mrdamper")
+# New examples in every run, the failing ones kept; a loaded machine is not a fault of the code.
+settings.register_profile("usual", max_examples=25, deadline=None, print_blob=True)
+settings.register_profile("nightly", settings.get_profile("usual"), max_examples=500)
+settings.load_profile("usual")
 
 _MARK_OF_FIXTURE = {"tool": "tool", "real_data": "data"}
+_TIERS = ("release", "nightly", "system")  # a test in more than one is in the first
+_STARTS = ("subprocess.Popen", "os.fork", "os.forkpty", "os.posix_spawn", "os.system", "os.exec")
+
+
+@dataclass(slots=True)
+class _Now:
+    """The fast test that runs now, if one does."""
+
+    fast: str = ""
+
+
+_NOW = _Now()
+
+
+def _refuse_processes(event: str, _: tuple[object, ...]) -> None:
+    """End a fast test that starts a process (an audit hook)."""
+    if _NOW.fast and event in _STARTS:
+        pytest.fail(f"{_NOW.fast} is fast and starts a process ({event}): mark it system", pytrace=False)
+
+
+sys.addaudithook(_refuse_processes)
 
 
 def _tools_are_required() -> bool:
@@ -82,12 +112,29 @@ def _seeds() -> None:
     random.seed(0)
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark tests by what they ask for, so that ``-m data`` and ``-m tool`` select them."""
+    """Mark tests by what they ask for and by their tier, so that ``-m`` selects them."""
     for item in items:
         for fixture in getattr(item, "fixturenames", ()):
             if fixture in _MARK_OF_FIXTURE:
                 item.add_marker(_MARK_OF_FIXTURE[fixture])
+        if item.get_closest_marker("tool") and not any(map(item.get_closest_marker, _TIERS)):
+            item.add_marker("system")
+        if is_hypothesis_test(getattr(item, "obj", None)):
+            item.add_marker("property")
+        tier = next((each for each in _TIERS if item.get_closest_marker(each)), "fast")
+        item.add_marker(f"tier_{tier}")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, bool | None, bool | None]:
+    """Watch what a fast test starts, from its fixtures' beginning to their end."""
+    _NOW.fast = item.nodeid if item.get_closest_marker("tier_fast") else ""
+    try:
+        return (yield)
+    finally:
+        _NOW.fast = ""
 
 
 @pytest.hookimpl(wrapper=True)

@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.system
+
 LACKING = """
 import pytest
 
@@ -33,7 +35,8 @@ def outcome(folder: Path, *arguments: str, **environment: str) -> str:
     """Return the output of pytest on tests that lack what they need."""
     shutil.copy(Path(__file__).with_name("conftest.py"), folder)
     (folder / "test_lacking.py").write_text(LACKING, encoding="utf-8")
-    (folder / "pytest.ini").write_text("[pytest]\nmarkers =\n    tool\n    data\n", encoding="utf-8")
+    marks = "".join(f"    {each}\n" for each in ("tool", "data", "system", "tier_fast", "tier_system"))
+    (folder / "pytest.ini").write_text(f"[pytest]\nmarkers =\n{marks}", encoding="utf-8")
     kept = {name: value for name, value in os.environ.items() if not re.match(r"MRDAMPER_|PYTEST_", name)}
     return subprocess.run(
         [sys.executable, "-m", "pytest", "-ra", "-p", "no:cacheprovider", "-p", "no:xdist", *arguments],
@@ -52,6 +55,7 @@ def test_without_the_tools_the_tests_skip_and_say_why(tmp_path):
     assert "MRDAMPER_DATA does not name the folder of real runs" in printed
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("folder", ["", "nowhere"])
 def test_where_tools_are_required_a_skip_for_want_of_one_is_a_failure(tmp_path, folder):
     printed = outcome(tmp_path, MRDAMPER_REQUIRE_TOOLS="1", MRDAMPER_DATA=folder)

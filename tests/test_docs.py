@@ -5,7 +5,7 @@ each command must end with status 0 (or the one that a comment ``% exit: N`` bef
 lines shown below it must come out: words equal, numbers within 3 % (``% tolerance: 10 %``), ``...`` for what
 is left out. A ``python`` block is run in the page's one namespace; a ``code-block`` with a file's name as its
 caption is written to that file. Every page but the first starts where ``start.md`` has its card. Blocks
-marked ``% long: why`` wait for ``make check-long``, those marked ``% data: why`` for the real runs;
+marked ``% long: why`` wait for ``make test-nightly``, those marked ``% data: why`` for the real runs;
 ``% needs: PROGRAM`` names what they call.
 """
 
@@ -32,6 +32,9 @@ from typing import Any
 import pytest
 
 from mrdamper.models.laws import LAWS
+from tests.support.rigs import mrdamper
+
+pytestmark = pytest.mark.system
 
 ROOT = Path(__file__).parents[1]
 START = ROOT / "docs" / "start.md"
@@ -174,28 +177,10 @@ def follow(page: Path, text: str, folder: Path, *, also: str = "", tool: Tool | 
             run_console(block, folder, place)
 
 
-def run_here(command: str) -> tuple[int, str, str]:
-    """Run ``mrdamper ...`` in this process, libraries being loaded; return status, output, messages."""
-    from mrdamper.cli import main
-
-    out, err, status = io.StringIO(), io.StringIO(), 0
-    with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings():
-        warnings.simplefilter("default")
-        patch.setattr(sys, "argv", shlex.split(command))
-        patch.delenv("COLUMNS", raising=False)
-        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-            try:
-                main()
-            except SystemExit as end:
-                status = end.code if isinstance(end.code, int) else int(end.code is not None)
-    return status, out.getvalue(), err.getvalue()
-
-
-def run_shell(command: str, folder: Path) -> tuple[int, str, str]:
-    """Run a command in a shell; return status, output, messages."""
+def run_shell(command: str, folder: Path) -> subprocess.CompletedProcess[str]:
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     surroundings = {key: value for key, value in os.environ.items() if key not in {"COLUMNS", "LINES"}}
-    done = subprocess.run(
+    return subprocess.run(
         ["bash", "-c", command],
         cwd=folder,
         env=surroundings | {"PATH": path},
@@ -204,13 +189,13 @@ def run_shell(command: str, folder: Path) -> tuple[int, str, str]:
         check=False,
         stdin=subprocess.DEVNULL,
     )
-    return done.returncode, done.stdout, done.stderr
 
 
 def run_console(block: Block, folder: Path, place: str) -> None:
     for command, shown in commands_of(block.body):
         plain = command.startswith("mrdamper ") and not set(command) & set("|;&<>$~")
-        status, printed, said = run_here(command) if plain else run_shell(command, folder)
+        done = mrdamper(*shlex.split(command)[1:]) if plain else run_shell(command, folder)
+        status, printed, said = done.returncode, done.stdout, done.stderr
         assert status == int(block.notes.get("exit", "0")), f"{place}: {command}\n{printed}\n{said}"
         printed += said if status else ""
         missing = difference(shown, printed, block.tolerance) if shown else ""
@@ -274,6 +259,7 @@ def test_a_page_does_what_it_says(page, folder, tool):
     follow(page, page.read_text(encoding="utf-8"), folder, tool=tool)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("page", pages_with("data"))
 def test_a_page_does_what_it_says_with_public_data(page, folder, tool, real_data, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(folder / ".cache"))
@@ -281,7 +267,7 @@ def test_a_page_does_what_it_says_with_public_data(page, folder, tool, real_data
     follow(page, page.read_text(encoding="utf-8"), folder, also="data", tool=tool)
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.parametrize("page", pages_with("long"))
 def test_a_page_does_what_takes_long(page, folder, tool):
     follow(page, page.read_text(encoding="utf-8"), folder, also="long", tool=tool)

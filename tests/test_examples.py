@@ -15,6 +15,8 @@ from mrdamper.rig.campaign import Campaign
 from mrdamper.rig.measurement import measure
 from mrdamper.rig.plant import find_preset
 
+pytestmark = pytest.mark.system
+
 FOLDER = Path(__file__).parents[1] / "examples"
 SCRIPTS = sorted(FOLDER.glob("*.py"))
 
@@ -53,13 +55,14 @@ def test_every_example_is_run_here_and_is_short():
     assert [script.name for script in SCRIPTS if len(script.read_text("utf-8").splitlines()) >= 40] == []
 
 
+@pytest.mark.nightly
 def test_a_real_damper_is_identified(real_data):
     said = said_by("identify_real_data.py", real_data / "dev")
     assert number(r"held_out: median ([\d.]+) %", said) < 6.0
     assert number(r"chirp: ([\d.]+) %", said) < 17.0
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_law_of_one_s_own_is_fitted():
     """Measured: 4.8 %, in 10 s of CPU: a law in Python is slow."""
     assert number(r"error ([\d.]+) %", said_by("custom_law.py")) < 6.0
@@ -78,6 +81,7 @@ def test_a_rheometer_s_table_follows_arrhenius():
     assert number(r"Arrhenius .* falls by ([\d.]+)", said) == pytest.approx(69.4, abs=0.1)
 
 
+@pytest.mark.nightly
 def test_thinner_fins_are_cooler_and_the_lightest_sink_saves_half(card):
     said = said_by("heat_sink_study.py", card)
     coolest = [float(found) for found in re.findall(r"coolest ([\d.]+) degC", said)]
@@ -94,6 +98,7 @@ def test_temperature_in_the_controller_pays_when_the_damper_is_hot(card):
     assert hot["recommended"] < 0.3 * hot["paper"] < 0.3 * hot["paper-unaware"]
 
 
+@pytest.mark.nightly
 def test_a_controlled_car_rides_between_no_current_and_the_ideal():
     said = said_by("quarter_car.py")
     comfort = [float(found) for found in re.findall(r"body ([\d.]+) m/s2", said)]

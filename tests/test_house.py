@@ -67,6 +67,7 @@ def test_no_built_file_is_in_git(files):
     assert [path.name for path in files if path.suffix in built] == []
 
 
+@pytest.mark.system
 def test_every_python_module_begins_by_saying_what_it_is(files):
     silent = [
         str(path.relative_to(ROOT))

@@ -82,6 +82,7 @@ def findings(tree: ast.AST) -> Iterator[str]:
             yield f"{node.arg}="
 
 
+@pytest.mark.system
 def test_the_source_runs_no_code_that_it_is_given():
     assert len(trees()) > 100
     found = {f"{name}: {what}" for name, tree in trees().items() for what in findings(tree)}

@@ -27,6 +27,7 @@ def judged(series_valve: Identification) -> Assessment:
     return mrdamper.assess(series_valve, leave_out=["motion"])
 
 
+@pytest.mark.nightly
 @pytest.mark.data
 def test_the_series_valve_law_reproduces_twenty_sines_at_five_currents(judged: Assessment) -> None:
     errors = summary(judged.runs)
@@ -65,6 +66,7 @@ def test_its_energy_per_cycle_is_that_of_the_loops(judged: Assessment) -> None:
             assert error.energy_model_J == pytest.approx(error.energy_measured_J, rel=0.08), error.name
 
 
+@pytest.mark.system
 @pytest.mark.data
 @pytest.mark.parametrize("seed", range(8))
 def test_every_seed_comes_to_the_same_optimum(

@@ -25,6 +25,8 @@ from tests.support.rigs import (
     write_runs,
 )
 
+pytestmark = pytest.mark.system
+
 ROW = {
     "name",
     "split",
@@ -367,6 +369,7 @@ def test_an_unknown_data_set_is_refused():
 # --------------------------------------------------------------------------------------- real runs
 
 
+@pytest.mark.nightly
 def test_real_sines_reach_the_figures_of_the_issue(real_data, tmp_path):
     """Series valve law, 20 UTFSM sines: median 6.5, worst above 0 A 8.5, worst 17."""
     runs = sorted((real_data / "dev").glob("utfsm_sine_*.csv"))

@@ -18,6 +18,8 @@ from mrdamper.models.card import write_card
 from mrdamper.models.card_schema import read_card
 from tests.support.rigs import answer_of, mrdamper
 
+pytestmark = pytest.mark.system
+
 CAMPAIGN = """
 motions = ["sine5mm1Hz", "sine3mm2Hz"]
 currents_A = [0, 1, 2]
@@ -199,6 +201,7 @@ def test_runs_outside_the_card_s_temperatures_are_told_once_with_numbers(identif
 # -------------------------------------------------------------------------------- without temperature
 
 
+@pytest.mark.nightly
 def test_temperature_none_leaves_it_out_of_every_coefficient(folder, identified, tmp_path, run):
     """The price is the spread of the force over the temperatures."""
     law = identified["law"]

@@ -68,6 +68,7 @@ def swing(t):
     return 1.0 - 0.9 * np.cos(2 * np.pi * 1.7 * t)
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("law", LAWS_AS_PLANT)
 def test_it_is_the_causal_simulation_of_the_same_damper(law):
     """At 10 kHz within 1e-3 of the peak force, the inertia's differenced acceleration included."""
@@ -87,6 +88,7 @@ def test_so_it_is_behind_an_actuation(play):
     assert np.abs(force - expected)[1:].max() < 2e-3 * np.abs(expected).max()
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("size", [1, 7, 10, 1000])
 def test_the_size_of_the_blocks_does_not_matter(size):
     lag = Actuation(rise_s=0.009, fall_s=0.006, second_s=0.003, delay_s=0.0035)
@@ -128,6 +130,7 @@ def test_a_curve_that_depends_on_the_command_is_refused():
         CardPlant(damper(n=Polynomial((1.3, 0.1))))
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("exponent", [0.1, 0.43, 1.2])
 def test_a_series_valve_comes_to_rest(exponent):
     """Slower and slower, back and forth and still: its thinning force is vertical at rest, and is found."""

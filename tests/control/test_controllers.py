@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -28,6 +28,7 @@ from mrdamper.models.laws import LAWS
 from mrdamper.models.simulate import simulate
 from tests.control.dampers import DAMPERS, DOUBLE, LAGS, at_once
 from tests.control.slow_step import SlowController
+from tests.support.examples import examples
 
 PERIOD = 1e-3
 ROOM = 293.15
@@ -79,6 +80,7 @@ def answer(controller: ForceController, state: bytes, wanted: float, speed: floa
 # ------------------------------------------------------------------------------------- the inverse
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("law", DAMPERS)
 def test_without_lags_the_solved_current_gives_the_wanted_force(law):
     """Fed back into the law by its own simulation: 1 N rms, 5 N at 99 %, wherever a current gives it.
@@ -99,6 +101,7 @@ def test_without_lags_the_solved_current_gives_the_wanted_force(law):
     assert np.quantile(np.abs(error[free]), 0.99) < 5.0
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("kelvin", [293.15, 396.15])
 def test_the_step_in_c_is_the_slow_one_in_python(kelvin):
     """Same estimators, law and root without tables, 250 steps with noise and a reversal: 5 mA, 1 mA rms."""
@@ -220,7 +223,8 @@ def test_bytes_that_are_no_state_are_refused():
 # ------------------------------------------------------------------------------------- safety
 
 
-@settings(max_examples=60, deadline=None)
+@pytest.mark.system
+@examples(60)
 @given(
     name=st.sampled_from(NAMES),
     rows=st.lists(st.tuples(forces, forces, readings, temperatures, forces), min_size=1, max_size=40),
@@ -265,7 +269,7 @@ def test_a_bank_of_controllers_stepped_in_turn_is_each_of_them_alone():
             assert current == alone[k][i]
 
 
-@settings(max_examples=30, deadline=None)
+@examples(30)
 @given(rows=st.lists(st.tuples(forces, forces, readings, temperatures), min_size=1, max_size=40))
 def test_after_any_rubbish_it_tracks_again(rows):
     """2.5 s of good readings later the command is that of a controller which never heard any rubbish."""
@@ -331,6 +335,7 @@ def test_beyond_the_model_s_temperatures_its_edge_is_held_and_said():
     assert Flag.OUTSIDE_TEMPERATURE in RECOMMENDED.flags(state)
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("value", [math.nan, -math.inf, 5.0])
 def test_without_displacement_it_coasts_and_then_falls_back(value):
     """The motion is carried on for 30 ms; then the command is the fall-back, until it is known again."""
@@ -383,6 +388,7 @@ def test_without_a_force_the_feedback_is_left_out(name):
 # ------------------------------------------------------------------------------------- rules
 
 
+@pytest.mark.system
 def test_the_preview_is_the_time_to_a_share_of_a_step_and_half_a_period():
     """And a delay more is so much more preview; a target that is not known ahead is not asked for."""
     for period in (2e-4, 1e-3, 5e-3):

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import solve_discrete_are
 
@@ -24,6 +24,7 @@ from mrdamper.control.tuning import ERROR_LASTS_S, feedback_gains, motion_filter
 from mrdamper.excitation import MOTIONS
 from mrdamper.models.actuation import Actuation
 from tests.control.dampers import DOUBLE, LAGS
+from tests.support.examples import examples
 
 PERIOD = 1e-3
 
@@ -31,7 +32,7 @@ PERIOD = 1e-3
 # ------------------------------------------------------------------------------------- motion
 
 
-@settings(max_examples=30, deadline=None)
+@examples(30)
 @given(period=st.floats(2e-4, 1e-2), noise=st.floats(1e-7, 1e-4), density=st.floats(0.05, 100.0))
 def test_the_filter_s_covariance_solves_riccati_s_equation(period, noise, density):
     """The solver of scipy, in units in which the numbers are of one size: 1e-6 of the gains."""

@@ -61,6 +61,7 @@ def first(flags: NDArray[np.int64]) -> float:
 # ------------------------------------------------------------------------------------- found out
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("single", [False, True])
 def test_a_reading_that_stands_still_is_flagged_when_the_energy_put_in_is_that_of_5_K(single):
     """From the surroundings' temperature on: no sooner than without losses, no later than with all."""
@@ -138,6 +139,7 @@ def test_noise_or_a_gap_in_the_reading_is_no_standstill():
     assert first(made.run(made.start(), gap)[2]) < 150.0
 
 
+@pytest.mark.system
 def test_a_damper_at_rest_may_read_one_temperature_for_ever():
     """Warm, cold, or in surroundings far from those that were stated."""
     for kelvin in (253.15, ROOM, 353.15):
@@ -163,6 +165,7 @@ def warming(drawing: DamperDrawing, seconds: float, current: float) -> FloatArra
     return np.asarray(np.interp(PERIOD * np.arange(round(seconds / PERIOD)), course.time, course.fluid))
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("fins", [True, False])
 @pytest.mark.parametrize("step_K", [0.1, 0.25, 1.0, 3.0])
 def test_half_an_hour_into_balance_with_a_coarse_thermometer_accuses_nobody(fins, step_K):
@@ -176,6 +179,7 @@ def test_half_an_hour_into_balance_with_a_coarse_thermometer_accuses_nobody(fins
     assert first(made.run(made.start(), rows(1800.0, current=1.0, kelvin=kelvin))[2]) == math.inf
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("wrong", [0.7, 1.4])
 def test_a_loss_that_is_stated_a_third_wrong_accuses_nobody_in_balance(wrong):
     """Half an hour of one reading at the temperature where the damper is in balance."""

@@ -60,6 +60,7 @@ def test_a_target_known_ahead_by_half_the_hold_halves_the_error():
     )
 
 
+@pytest.mark.system
 @given(late=st.integers(0, 137))
 def test_a_delay_of_the_command_shifts_it_by_as_many_steps_of_the_plant(late):
     """Also by parts of a sample; before the first command arrives there is none."""

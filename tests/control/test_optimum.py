@@ -71,6 +71,7 @@ def nominal():
     return plant, scenario, search_optimum(plant, scenario)
 
 
+@pytest.mark.system
 def test_no_constant_current_is_better(nominal):
     plant, scenario, found = nominal
     for current in np.linspace(0.0, 2.0, 41):
@@ -132,7 +133,7 @@ def test_a_coarser_hold_cannot_do_better(nominal):
     assert coarse.score.rmse_N >= 0.99 * found.score.rmse_N
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("target", "highest"), [("sine-900N-1Hz", 88.0), ("sine-1100N-2Hz", 120.0), ("non-periodic", 200.0)]
 )

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mrdamper.arrays import FloatArray
@@ -24,6 +24,7 @@ from mrdamper.excitation import MOTIONS, Motion, Road, Sine, drive
 from mrdamper.models.dependence import Constant
 from mrdamper.models.simulate import simulate
 from tests.control.dampers import DAMPERS, DOUBLE, LAGS, at_once
+from tests.support.examples import examples
 
 PERIOD, ROOM = 1e-3, 293.15
 MODEL = realtime_model(DOUBLE)
@@ -71,6 +72,7 @@ def error_percent(model: RealtimeDamper, law: FloatArray, rows: FloatArray) -> f
 # ------------------------------------------------------------------------------------- the force
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("law", DAMPERS)
 @pytest.mark.parametrize("told", [True, False])
 @pytest.mark.parametrize("single", [False, True])
@@ -100,6 +102,7 @@ MOTIONS_TRIED: dict[str, Motion] = {
 }
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("law", ["double-bouc-wen", "bingham"])
 @pytest.mark.parametrize("motion", MOTIONS_TRIED)
 def test_a_velocity_estimated_from_a_clean_displacement_costs_little(law, motion):
@@ -160,7 +163,6 @@ def test_the_model_and_the_controller_s_observer_are_one():
         assert force == pytest.approx(mine.force, rel=1e-12, abs=1e-9)
 
 
-@settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 10_000), current=st.floats(0.0, 2.0))
 def test_the_model_only_takes_energy_out_but_for_its_spring(seed, current):
     """Over whole periods of a motion the work is not negative, in either precision."""
@@ -263,7 +265,7 @@ def said(model: RealtimeDamper, row: tuple[float, ...]) -> Flag:
     return flags
 
 
-@settings(max_examples=150, deadline=None)
+@examples(50)
 @given(rows=rows_of_anything, repeats=st.integers(1, 60), single=st.booleans())
 def test_whatever_it_is_told_the_force_is_finite_and_the_flags_say_what_was_wrong(rows, repeats, single):
     model = SINGLE if single else MODEL
@@ -282,7 +284,7 @@ def test_whatever_it_is_told_the_force_is_finite_and_the_flags_say_what_was_wron
     assert np.isfinite(numbers).all()
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(rows=rows_of_anything)
 def test_after_any_rubbish_the_force_is_that_of_a_model_that_never_heard_any(rows):
     """A temperature up to 10 K off may be believed after 2 s; it is smoothed away over 0.2 s then."""

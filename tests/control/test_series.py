@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mrdamper.arrays import FloatArray
@@ -47,6 +47,7 @@ from mrdamper.models.dependence import (
 from mrdamper.models.simulate import simulate
 from mrdamper.models.temperature import Linear
 from tests.control.dampers import DOUBLE, LAGS, SERIES
+from tests.support.examples import examples
 
 AT_ONCE = Actuation(0.0, 0.0, largest_command=2.0)
 # A spring so stiff that it settles within 0.1 ms, and a valve that is all but dry friction.
@@ -131,6 +132,7 @@ def driven(seconds: float, rate: int) -> tuple[FloatArray, ...]:
     return x, v, -np.sin(angle) @ (turn * turn * size), current, 293.15 + 100.0 * t / seconds
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("single", [False, True])
 @pytest.mark.parametrize(
     ("rate", "usual", "stiff"), [(100, 2.0, 2.0), (500, 0.3, 0.5), (1000, 0.15, 0.4), (5000, 0.1, 0.15)]
@@ -264,11 +266,13 @@ def feasible_rms(model: Damper, name: str, **changed: float) -> float:
     return found
 
 
+@pytest.mark.system
 def test_without_lags_the_inverse_gives_the_wanted_force() -> None:
     """On the law as a plant, whose powers and roots are the library's: 5 N of 900."""
     assert feasible_rms(damper(AT_ONCE), "exact", margin=-1.0) < 8.0
 
 
+@pytest.mark.nightly
 def test_behind_lags_the_preview_and_the_clamp_are_worth_it() -> None:
     recommended, inverse = (feasible_rms(damper(), name) for name in ("recommended", "series-inverse"))
     exact, bank = (feasible_rms(damper(), name) for name in ("exact", "paper"))
@@ -277,6 +281,7 @@ def test_behind_lags_the_preview_and_the_clamp_are_worth_it() -> None:
     assert recommended < 0.3 * bank
 
 
+@pytest.mark.nightly
 def test_how_the_inverse_is_stepped_hardly_matters() -> None:
     """Horizon from 1 to 15 ms, strides from 2 to 8: the rules of ``tuning`` tune nothing."""
     usual = feasible_rms(damper(), "recommended")
@@ -332,6 +337,7 @@ def test_the_gains_are_those_of_the_parts() -> None:
     assert after.other_force == pytest.approx(before.other_force, rel=1e-9)
 
 
+@pytest.mark.system
 def test_a_measured_force_teaches_the_gain_of_the_yield_force() -> None:
     """A damper whose yield force has fallen by 15 %, told its force for 4 s."""
     aged = damper(AT_ONCE, yield_force=TemperatureDependent(Hill(51.0, 765.0, 1.3, 1.5, 2.0), Linear(1.4e-3)))
@@ -357,7 +363,7 @@ readings = st.one_of(st.floats(-0.1, 0.1), st.sampled_from([math.nan, math.inf, 
 temperatures = st.one_of(st.floats(200.0, 500.0), st.sampled_from([math.nan, math.inf, -1.0, 0.0, 1e9]))
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(
     name=st.sampled_from(names_for("series-valve")),
     rows=st.lists(
@@ -374,7 +380,7 @@ def test_whatever_it_is_told_the_command_is_within_its_ends(
     assert math.isfinite(made.believes(state).force)
 
 
-@settings(max_examples=20, deadline=None)
+@examples(20)
 @given(rows=st.lists(st.tuples(any_force, any_force, readings, temperatures), min_size=1, max_size=40))
 def test_after_any_rubbish_it_tracks_again(rows: list[tuple[float, ...]]) -> None:
     """2.5 s of good readings later the command is that of a controller which never heard any rubbish."""

@@ -93,6 +93,7 @@ def library(tool, tmp_path_factory):
     return out
 
 
+@pytest.mark.system
 def test_it_needs_nothing_but_memory_copies(library, tool):
     """No mathematical library, no heap: a free-standing compiler brings memcpy and memset itself."""
     done = subprocess.run([tool("nm"), "-D", "-u", library], capture_output=True, text=True, check=True)
@@ -100,6 +101,7 @@ def test_it_needs_nothing_but_memory_copies(library, tool):
     assert wanted <= {"memcpy", "memset", "__stack_chk_fail"}
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("name", ["recommended", "recommended-causal", "paper", "pi"])
 def test_in_single_precision_the_command_is_the_same_within_a_milliampere(library, name):
     made = controllers_for(DOUBLE)[name]

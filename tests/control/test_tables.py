@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mrdamper import core
@@ -16,6 +16,7 @@ from mrdamper.errors import InputError
 from mrdamper.models.dependence import Hill, ParameterLaw, TemperatureDependent
 from mrdamper.models.temperature import Linear
 from tests.control.dampers import DAMPERS, DOUBLE
+from tests.support.examples import examples
 
 SPEEDS = np.concatenate([[0.0], np.geomspace(1e-7, 0.999, 20_000)])
 
@@ -49,6 +50,7 @@ def table_s_force(tables, kelvin, x, v, w):
     return np.array(by) @ tables.at(kelvin)
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("law", TABULATED)
 def test_the_force_of_the_table_is_the_law_s(law):
     """Rows times what they multiply, at every current and temperature, full hysteresis: 0.01 N."""
@@ -61,6 +63,7 @@ def test_the_force_of_the_table_is_the_law_s(law):
         np.testing.assert_allclose(found, expected, atol=2e-2 if law == "bouc-wen-saturating" else 1e-2)
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("rises", ["as it is", "like a root", "in an S"])
 @pytest.mark.parametrize("law", TABULATED)
 def test_between_the_table_s_points_too_the_force_is_within_a_thousandth_of_the_peak(law, rises):
@@ -86,6 +89,7 @@ def test_between_the_table_s_points_too_the_force_is_within_a_thousandth_of_the_
         assert np.abs(found - expected).max() < 1e-3 * peak
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("law", TABULATED)
 def test_the_tables_of_a_card_s_range_take_8_kilobytes_in_single_precision(law):
     tables = tabulate(DAMPERS[law], 2.0, temperatures=(293.15, 396.15))
@@ -102,7 +106,8 @@ def test_the_functions_of_speed_are_themselves_within_1e_5():
     assert np.abs(tables.breakaway.at(SPEEDS) - side * np.exp(-((SPEEDS / 0.014) ** 2))).max() < 1e-5
 
 
-@settings(max_examples=12, deadline=None)
+@pytest.mark.system
+@examples(12)
 @given(kappa=st.floats(-1.0, 0.9), n=st.floats(0.3, 6.0))
 def test_the_curve_s_tables_are_the_kernel_s_curve_and_a_turn_sets_out_at_the_other_size(kappa, n):
     """3e-4 on w; after a turn at any w the place is one of -w, and after a second one again of w: 3e-4."""

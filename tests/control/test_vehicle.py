@@ -44,6 +44,7 @@ def test_at_rest_it_stays_at_rest():
     assert np.abs(ride.states).max() < 1e-9
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("frequency", [0.8, 1.5, 4.0, 11.0])
 def test_a_linear_damper_gives_the_transmissibility_of_the_linear_system(frequency):
     """Against its frequency response; what is left is that the force is held over a step."""
@@ -95,6 +96,7 @@ def test_energy_is_what_the_road_put_in_less_what_the_damper_took():
     assert ride.heat_W == pytest.approx(taken / 3.0, rel=1e-9)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("damping", [800.0, 3000.0])
 def test_a_road_of_white_speed_gives_every_damper_the_same_power(damping):
     """P = k_t S / 4 with S = (2 pi n0)^2 Gd(n0) v the one-sided spectrum of the road's speed [m^2/s].
@@ -145,6 +147,7 @@ def test_demands_are_the_books():
     assert half == pytest.approx(0.5 * (2000.0 * 0.4 - 2000.0 * 0.1))
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("demand", [skyhook(), groundhook(), hybrid(), linear_quadratic(CAR)])
 def test_the_ideal_damper_never_pushes(demand):
     """It takes power at every sample; between two, while the force is held, at most a trifle comes back."""
@@ -155,6 +158,7 @@ def test_the_ideal_damper_never_pushes(demand):
     assert ride.heat_W > 0.0
 
 
+@pytest.mark.system
 def test_each_demand_serves_what_it_is_for():
     """On a road the regulator is the most comfortable, and groundhook holds the wheel better than skyhook."""
     rides = {
@@ -168,6 +172,7 @@ def test_each_demand_serves_what_it_is_for():
     assert comfort["skyhook"] < comfort["groundhook"]
 
 
+@pytest.mark.system
 def test_a_perfect_inverse_of_a_damper_without_lag_rides_as_the_ideal_one():
     """Where the demand lies between what the damper gives at zero and at the highest current."""
     car = Vehicle(CAR, skyhook(1500.0), Ideal(low=0.0, gain=3000.0), Inverse(low=0.0, gain=3000.0))
@@ -177,6 +182,7 @@ def test_a_perfect_inverse_of_a_damper_without_lag_rides_as_the_ideal_one():
     assert followed.tyre_load_N == pytest.approx(ideal.tyre_load_N, rel=0.03)
 
 
+@pytest.mark.system
 def test_a_hot_damper_without_current_rides_worse():
     """Its oil is thin: comfort and road holding suffer."""
     cold, hot = (
@@ -190,6 +196,7 @@ def test_a_hot_damper_without_current_rides_worse():
     assert hot.tyre_load_N > 1.3 * cold.tyre_load_N
 
 
+@pytest.mark.system
 def test_a_ride_goes_on_where_the_last_one_ended():
     """Two stretches are one, but for the noise, which there is none of here."""
     vehicle = Vehicle(CAR, skyhook(), Plant(PRESETS["vehicle"]), Constant(0.7))
@@ -254,6 +261,7 @@ def test_two_bodies_close_their_energy_account():
 PLAN = LongDrive(duration_s=600.0, every_s=120.0, stretch_s=2.0)
 
 
+@pytest.mark.system
 def test_a_long_drive_warms_the_damper_by_what_it_took_up():
     vehicle = Vehicle(CAR, skyhook(), Plant(PRESETS["vehicle"]), Constant(0.5))
     journey = warm_up(vehicle, PLAN, QUIET)
@@ -265,6 +273,7 @@ def test_a_long_drive_warms_the_damper_by_what_it_took_up():
     assert journey.coil_W[0] == pytest.approx(0.25 * 5.0)
 
 
+@pytest.mark.system
 def test_the_cut_off_takes_the_current_away_until_it_is_cool_again():
     vehicle = Vehicle(CAR, skyhook(), Plant(PRESETS["vehicle"]), Constant(2.0))
     plan = replace(PLAN, duration_s=1080.0, stretch_s=1.0, cut_off_degC=60.0, back_degC=50.0)
@@ -279,6 +288,7 @@ def test_the_cut_off_takes_the_current_away_until_it_is_cool_again():
     assert hot.fluid_degC.max() > journey.fluid_degC.max()
 
 
+@pytest.mark.system
 def test_a_thermometer_on_the_housing_reads_low_while_the_damper_warms():
     vehicle = Vehicle(CAR, skyhook(), Plant(PRESETS["vehicle"]), Constant(0.5))
     journey = warm_up(vehicle, replace(PLAN, thermometer=lambda _fluid, housing, _power: housing), QUIET)
@@ -293,6 +303,7 @@ def test_a_thermometer_on_the_housing_reads_low_while_the_damper_warms():
     assert np.all(np.abs(high) < 150.0 / (150.0 + 950.0) * gradient)
 
 
+@pytest.mark.system
 def test_a_drive_that_would_boil_stays_at_its_limit():
     vehicle = Vehicle(CAR, skyhook(), Plant(PRESETS["vehicle"]), Constant(2.0))
     plan = replace(PLAN, bodies=TwoBodies(ambient_W_K=0.0), ambient_degC=100.0, hottest_degC=130.0)

@@ -15,7 +15,7 @@ from typing import Literal
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mrdamper import core
@@ -28,6 +28,7 @@ from mrdamper.models.simulate import open_drive, simulate
 from mrdamper.models.tangents import sensitivities
 from tests.oracles import spencer_damper as rig
 from tests.oracles.reference import bouc_wen_closed_form, simulate_reference
+from tests.support.examples import examples
 
 PARALLEL = {"viscosity": 300.0, "stiffness": 600.0, "offset": 40.0}
 HYSTERESIS = {"rho": 1500.0, "kappa": -0.4, "n": 1.6}
@@ -119,6 +120,7 @@ def relative(found, expected) -> float:
 # ------------------------------------------------------------------------- an independent integrator
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("seed", [0, 1])
 @pytest.mark.parametrize("rate", [100.0, 1000.0])
 @pytest.mark.parametrize(
@@ -139,6 +141,7 @@ def test_a_law_is_what_an_adaptive_integrator_makes_of_its_equation(name, tolera
     assert relative(simulate(d, trajectory), simulate_reference(d, trajectory)) < tolerance
 
 
+@pytest.mark.system
 @pytest.mark.parametrize(
     ("name", "tolerance"),
     [("bouc-wen", 2e-5), ("bouc-wen-saturating", 2e-5), ("tanh", 2e-5), ("lugre", 5e-5), ("spencer", 1e-4)],
@@ -158,6 +161,7 @@ def test_a_command_that_varies_gives_what_the_integrator_gives(name, tolerance):
     assert relative(simulate(d, trajectory), simulate_reference(d, trajectory)) < tolerance
 
 
+@pytest.mark.system
 def test_the_series_valve_meets_the_integrator_with_order_two():
     """Halving the step divides the error by four: 3.7e-4 of the peak force at 1 ms, 5.6e-6 at 1/8 ms."""
     trajectory = random_drive(0, duration=1.0)
@@ -174,6 +178,7 @@ def test_the_series_valve_meets_the_integrator_with_order_two():
     assert 1.8 < math.log(coarse / fine) / math.log(4.0) < 2.2
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("seed", [0, 1, 2])
 @pytest.mark.parametrize(("name", "largest", "finest"), [("lugre", 1e-4, 2e-7), ("spencer", 2e-4, 2e-7)])
 def test_lugre_and_spencer_meet_the_integrator_with_order_two(name, largest, finest, seed):
@@ -421,8 +426,9 @@ PASSIVE = {
 }
 
 
+@pytest.mark.system
 @every_law
-@settings(max_examples=40)
+@examples(40)
 @given(
     data=st.data(), motion=sines, viscosity=positive, stiffness=positive, coulomb=positive, breakaway=positive
 )
@@ -440,7 +446,7 @@ def test_a_closed_cycle_takes_work_where_the_conditions_promise_it(
     assert work >= -2e-4 * size
 
 
-@settings(max_examples=40)
+@examples(40)
 @given(
     rho=decades(10, 1e5),
     excess=st.floats(0.0, 3.0),
@@ -543,6 +549,7 @@ def prototype(k: rig.SpencerDamper, voltage: float) -> Damper:
     )
 
 
+@pytest.mark.system
 @pytest.mark.parametrize(
     ("motion", "voltage", "largest", "rms"),
     [
@@ -988,7 +995,7 @@ def test_the_viscous_force_adds_to_every_law_and_so_do_its_tangents(name, varyin
     np.testing.assert_allclose(columns, expected, rtol=1e-10, atol=1e-12 * size)
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(motion=sines, exponent=exponents, viscosity=positive)
 def test_a_dashpot_of_any_exponent_takes_work_over_a_cycle(motion, exponent, viscosity):
     """And on a sine the closed form: c0 v0^(1-m) (A w)^m 4 A times the integral of sin^(m+1).

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.system
+
 CORE = Path(__file__).parents[2] / "src" / "mrdamper" / "core"
 WARNINGS = ["-Wall", "-Wextra", "-Wshadow", "-Wconversion", "-Wdouble-promotion", "-pedantic", "-Werror"]
 
@@ -29,6 +31,7 @@ def test_every_law_runs_clean_under_the_address_and_undefined_sanitizers(tool, t
     assert "480 runs, 0 forces that are not finite" in done.stdout
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("optimised", ["-O1", "-O3"])
 def test_the_kernel_compiles_without_a_warning(tool, tmp_path, optimised):
     source = CORE / "kernel" / "kernel.c"

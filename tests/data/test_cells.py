@@ -9,13 +9,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mrdamper.data.formats import text as text_format
 from mrdamper.data.formats.table import Layout
 from mrdamper.data.readers import read_run
 from tests.data.rig_files import WRITERS
+from tests.support.examples import examples
 
 FLOAT = re.compile(
     r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[+-]?[0-9]+)?|[+-]?(?:inf|infinity|nan)", re.IGNORECASE
@@ -44,7 +45,7 @@ def number(cell, decimal):
     return float(spelled) if FLOAT.fullmatch(spelled) else float("nan")
 
 
-@settings(max_examples=300)
+@examples(60)
 @given(
     st.lists(st.lists(CELL, min_size=1, max_size=4), min_size=1, max_size=8),
     st.sampled_from(["\t", ";", ","]),

@@ -7,7 +7,7 @@ from math import pi, sin
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mrdamper.arrays import FloatArray
@@ -15,6 +15,7 @@ from mrdamper.data.batches import Batch
 from mrdamper.data.cycles import CycleCounter, CycleFigures, cycles
 from mrdamper.data.prepare import prepare_run
 from mrdamper.data.records import RigRun
+from tests.support.examples import examples
 
 STEP_s, OF_CYCLE = 1e-3, 200
 STROKE_m, FORCE_N, STIFFNESS_N_m = 0.01, 900.0, 5e4
@@ -86,7 +87,7 @@ def test_a_force_of_the_wrong_sign_is_a_fault() -> None:
     seed=st.integers(0, 30),
     noise=st.sampled_from([0.0, 1e-5, 3e-4]),
 )
-@settings(max_examples=8, deadline=None)
+@examples(8)
 def test_what_is_carried_over_batches_changes_no_bit_and_each_cycle_is_that_of_plain_loops(
     rows: int, seed: int, noise: float
 ) -> None:

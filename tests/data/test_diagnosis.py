@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mrdamper.data.diagnosis.diagnose import compare, diagnose
@@ -19,6 +19,7 @@ from mrdamper.data.records import Recording, RigRun
 from mrdamper.errors import InputError
 from mrdamper.excitation import Chirp, Sine, Triangle
 from tests.data.example_runs import SINE, make_run
+from tests.support.examples import examples
 
 RNG_N = 5.0  # noise of the force [N]
 
@@ -72,7 +73,6 @@ def test_a_clean_run_has_no_finding(motion, rest):
     assert kinds(recording(motion, rest=rest, duration=duration)) == []
 
 
-@settings(max_examples=25)
 @given(
     amplitude=st.floats(1e-3, 0.03),
     frequency=st.floats(0.4, 4.0),
@@ -113,6 +113,7 @@ def test_the_virtual_rig_has_only_what_its_truth_holds():
     assert seen < 10
 
 
+@pytest.mark.system
 def test_real_runs_show_what_their_laboratories_know(real_data):
     """What is known of these rigs (none is clipped, stuck, swapped or delayed), and nothing else.
 
@@ -343,7 +344,6 @@ def test_exchanged_channels_of_an_impossible_size_are_asked_about():
 
 
 @given(offset=st.floats(-400.0, 400.0))
-@settings(max_examples=25)
 def test_an_offset_is_measured(offset):
     def shift(fields):
         fields["force"] += offset
@@ -442,7 +442,7 @@ def test_too_few_samples_at_a_reversal_are_counted():
 
 
 @given(noise=st.floats(0.5, 200.0), seed=st.integers(0, 99))
-@settings(max_examples=20)
+@examples(20)
 def test_white_noise_is_told_from_the_loop(noise, seed):
     run = make_run(rate_Hz=1000.0)
     spoilt = run.force + noise * np.random.default_rng(seed).standard_normal(len(run))
@@ -493,7 +493,7 @@ channel_values = st.sampled_from(
 )
 
 
-@settings(max_examples=150)
+@examples(50)
 @given(
     n=st.integers(0, 60),
     data=st.data(),

@@ -55,6 +55,7 @@ def test_what_is_asked_for_is_done():
     assert np.array_equal(raw.trajectory.displacement, run.displacement)
 
 
+@pytest.mark.system
 @given(start=st.floats(-0.5, 0.5), rest=st.floats(0.1, 1.0))
 def test_the_reference_is_the_rest_before_the_motion(start, rest):
     fields = fields_of_run(SINE, rest=rest, duration=2.0, noise=2e-6)

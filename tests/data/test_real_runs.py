@@ -41,6 +41,7 @@ def test_the_loggers_five_tests_are_the_trimmed_runs(real_data, dev):
         assert np.median(run.displacement) == pytest.approx(-0.0299, abs=1e-4)
 
 
+@pytest.mark.system
 @pytest.mark.parametrize(
     ("raw", "trimmed"), [("ensaio.A.1.mat", "utfpr_3p21V_01"), ("ensaio.A.3.mat", "utfpr_3p21V_03")]
 )

@@ -98,6 +98,7 @@ def test_noise_and_steps_of_a_sensor_leave_little_noise_in_the_velocity(motion, 
     assert np.max(np.abs(error)) < 100 * velocity_noise
 
 
+@pytest.mark.system
 @given(
     start=st.floats(-3.0, 3.0),
     slope=st.floats(-3.0, 3.0),
@@ -114,6 +115,7 @@ def test_smoothing_keeps_cubics_ends_included(start, slope, bend, spacing):
     assert moved.acceleration == pytest.approx(6 * bend * t, abs=1e-3)
 
 
+@pytest.mark.system
 @given(shift=st.floats(-0.1, 0.1), scale=st.floats(0.1, 10.0))
 def test_smoothing_is_linear_and_has_no_direction(shift, scale):
     x = np.random.default_rng(4).standard_normal(500)

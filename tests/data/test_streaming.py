@@ -75,6 +75,7 @@ FORMATS: dict[str, Callable[[Path], None]] = {
 }
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("name", FORMATS)
 def test_rows_in_parts_are_the_columns(name: str, tmp_path: Path) -> None:
     path = tmp_path / name
@@ -110,6 +111,7 @@ def write_constants(path: Path, rows: int) -> None:
     )
 
 
+@pytest.mark.system
 @pytest.mark.usefixtures("small_machine")
 def test_a_record_of_1e8_rows_in_place_of_a_run_ends_in_one_message(tmp_path: Path) -> None:
     record = tmp_path / "weeks.parquet"

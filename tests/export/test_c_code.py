@@ -39,6 +39,7 @@ def replay(folder, tool):
 # ------------------------------------------------------------------------------------------ compilers
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("precision", ["float", "double"])
 @pytest.mark.parametrize("content", ["model", "controller", "both"])
 def test_gcc_has_nothing_to_say(content, precision, tool, tmp_path):
@@ -47,12 +48,14 @@ def test_gcc_has_nothing_to_say(content, precision, tool, tmp_path):
         ran(tool("gcc"), *STRICT, "-c", unit, cwd=place)
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("precision", ["float", "double"])
 def test_nor_has_the_compiler_of_a_cortex(precision, tool, tmp_path):
     place = write(a_target(precision=precision), tmp_path)
     ran(tool("arm-none-eabi-gcc"), *CORTEX, *STRICT, "-c", "damper.c", "damper_tables.c", cwd=place)
 
 
+@pytest.mark.system
 def test_the_header_is_cpp_as_well(folder, tool, tmp_path):
     (tmp_path / "user.cpp").write_text('#include "damper.h"\ndamper_model_state state;\n', encoding="ascii")
     ran(
@@ -67,12 +70,14 @@ def test_the_header_is_cpp_as_well(folder, tool, tmp_path):
     )
 
 
+@pytest.mark.system
 def test_fast_math_is_refused_as_it_takes_failed_readings_for_impossible(folder, tool, tmp_path):
     done = run(tool("gcc"), "-std=c99", "-ffast-math", "-c", folder / "damper.c", "-o", tmp_path / "x.o")
     assert done.returncode != 0
     assert "-ffast-math takes not-a-number for impossible" in done.stderr
 
 
+@pytest.mark.system
 def test_cmake_builds_the_library_and_the_replay(folder, tool, tmp_path):
     ran(tool("cmake"), "-S", folder, "-B", tmp_path)
     ran(tool("cmake"), "--build", tmp_path)
@@ -80,6 +85,7 @@ def test_cmake_builds_the_library_and_the_replay(folder, tool, tmp_path):
     assert (tmp_path / "damper_replay").is_file()
 
 
+@pytest.mark.system
 def test_what_the_readme_shows_compiles(folder, tool, tmp_path):
     blocks = re.findall(r"```c\n(.*?)```", (folder / "README.md").read_text(encoding="utf-8"), re.DOTALL)
     assert len(blocks) == 3
@@ -93,6 +99,7 @@ def test_what_the_readme_shows_compiles(folder, tool, tmp_path):
 # -------------------------------------------------------------------------------------------- objects
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("content", ["model", "controller", "both"])
 def test_the_library_needs_no_heap_and_no_mathematical_library(content, tool, tmp_path):
     place = write(a_target(content=content), tmp_path)
@@ -107,6 +114,7 @@ def test_the_library_needs_no_heap_and_no_mathematical_library(content, tool, tm
     assert all(name.startswith("damper_") for kind, name in symbols if kind in "TR")
 
 
+@pytest.mark.system
 def test_on_a_cortex_all_tables_are_in_flash(tool, tmp_path):
     target = a_target()
     place = write(target, tmp_path)
@@ -125,6 +133,7 @@ def test_on_a_cortex_all_tables_are_in_flash(tool, tmp_path):
     assert set(re.findall(r"U (\S+)", listed)) - ALLOWED == {"damper_model_data", "damper_controller_data"}
 
 
+@pytest.mark.system
 def test_two_exports_side_by_side_do_not_touch_each_other(tool, tmp_path):
     """Two dampers in one program, stepped in turn, each as if it were alone."""
     names = {"front": "double-bouc-wen", "rear": "bouc-wen"}
@@ -173,6 +182,7 @@ int main(void)
     assert np.abs(given[:, 0] - given[:, 2]).max() > 50.0
 
 
+@pytest.mark.system
 def test_exports_of_two_number_types_in_one_file_are_refused(tool, tmp_path):
     for precision in ("float", "double"):
         write(a_target(name=precision[:3], precision=precision), tmp_path / precision)
@@ -196,6 +206,7 @@ def test_the_kernel_is_copied_byte_for_byte():
         assert files[name].encode() == (folder / name).read_bytes()
 
 
+@pytest.mark.system
 def test_the_same_card_gives_the_same_bytes():
     once, again = (c_files(target_of(card_of(DOUBLE))) for _ in range(2))
     assert once == again
@@ -223,6 +234,7 @@ def test_every_field_of_the_header_has_its_unit():
             assert re.search(r"\[(m|m/s|A|K|N)\]|MRD_\.\.\.", line), line
 
 
+@pytest.mark.system
 def test_a_command_in_volts_has_volts_everywhere(tool, tmp_path):
     target = target_of(card_of(replace(DOUBLE, command_unit="V")))
     files = c_files(target)
@@ -232,6 +244,7 @@ def test_a_command_in_volts_has_volts_everywhere(tool, tmp_path):
     ran(tool("gcc"), *STRICT, "-c", "main.c", cwd=write(target, tmp_path))
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("title", ["*/ int intruder; /*", "what??/", "ends with \\", "Stoßdämpfer\nNr. 1"])
 def test_no_title_gets_out_of_its_comment(title, tool, tmp_path):
     place = write(target_of(card_of(DOUBLE, title=title), content="model"), tmp_path)
@@ -267,6 +280,7 @@ def test_the_flags_of_the_readme_are_those_of_python():
 # --------------------------------------------------------------------------------------------- replay
 
 
+@pytest.mark.system
 def test_the_replay_gives_what_python_gives(replay, tmp_path):
     columns = motion(3000)
     ran(replay, write_csv(tmp_path / "in.csv", columns), tmp_path / "out.csv")
@@ -291,6 +305,7 @@ def test_the_replay_gives_what_python_gives(replay, tmp_path):
     assert current.max() > 0.5
 
 
+@pytest.mark.system
 def test_without_a_current_the_model_gets_the_controller_s(replay, tmp_path):
     columns = motion(1500)
     del columns["current_A"]
@@ -304,6 +319,7 @@ def test_without_a_current_the_model_gets_the_controller_s(replay, tmp_path):
     assert np.array_equal(read_csv(tmp_path / "open.csv")["force_N"], closed["force_N"])
 
 
+@pytest.mark.system
 def test_columns_are_found_by_name_and_celsius_is_kelvin(replay, tmp_path):
     columns = motion(300)
     ran(replay, write_csv(tmp_path / "in.csv", columns), tmp_path / "kelvin.csv")
@@ -322,6 +338,7 @@ def test_columns_are_found_by_name_and_celsius_is_kelvin(replay, tmp_path):
     assert (tmp_path / "celsius.csv").read_text() == (tmp_path / "kelvin.csv").read_text()
 
 
+@pytest.mark.system
 def test_an_empty_cell_is_a_reading_that_failed(replay, tmp_path):
     (tmp_path / "in.csv").write_text(
         "displacement_m,temperature_K,current_A\n0.001,300,1\n\n# a remark\n,300,1\n0.001,nan,inf\n",
@@ -336,6 +353,7 @@ def test_an_empty_cell_is_a_reading_that_failed(replay, tmp_path):
     assert flags[2] & 8192
 
 
+@pytest.mark.system
 @pytest.mark.parametrize(
     ("text", "said"),
     [
@@ -397,6 +415,7 @@ def test_steps_so_short_that_the_dead_time_does_not_fit_are_refused():
         target_of(card_of(late), period_s=1e-4)
 
 
+@pytest.mark.system
 def test_all_laws_with_tables_are_exported():
     for law in (*DAMPERS, "series-valve"):
         assert a_target(law).law == law

@@ -15,7 +15,7 @@ from typing import cast
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mrdamper.control.stepper import Flag
@@ -36,6 +36,7 @@ from tests.export.masters import (
     resident_bytes,
     written,
 )
+from tests.support.examples import examples
 from tests.support.tracked import write_a_card
 
 VALIDATION = import_module("fmpy.validation")
@@ -135,6 +136,7 @@ def forces(target, table):
 # ---------------------------------------------------------------------------------------- what is inside
 
 
+@pytest.mark.system
 @BOTH
 @pytest.mark.parametrize("content", ["model", "controller", "both"])
 @pytest.mark.parametrize("precision", ["float", "double"])
@@ -143,12 +145,14 @@ def test_fmpy_finds_nothing_wrong(made, version, content, precision):
     assert VALIDATION.validate_fmu(str(path)) == []
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("controller", ["recommended-causal", "recommended-adaptive", "paper", "pi"])
 def test_fmpy_finds_nothing_wrong_with_any_controller(made, controller):
     _, path = made("3.0", controller=controller)
     assert VALIDATION.validate_fmu(str(path)) == []
 
 
+@pytest.mark.system
 def test_a_card_in_volts_has_a_voltage(place, card, tool):
     tool("gcc")
     damper = replace(card.damper, command_unit="V")
@@ -189,6 +193,7 @@ def test_it_says_what_it_can(made, version):
         assert float(can.fixedInternalStepSize) == target.period_s
 
 
+@pytest.mark.system
 @BOTH
 def test_the_same_target_gives_the_same_bytes_and_another_one_another_token(made, place, card, version):
     target, path = made(version, precision="float")
@@ -222,6 +227,7 @@ def test_the_sources_that_were_verified_are_the_sources_inside(made, version):
     assert {name: inside[name].decode() for name in kernel} == kernel
 
 
+@pytest.mark.system
 @BOTH
 @pytest.mark.parametrize("content", ["model", "controller", "both"])
 @pytest.mark.parametrize("precision", ["float", "double"])
@@ -237,6 +243,7 @@ def test_the_wrapper_compiles_without_a_warning(tmp_path, card, tool, version, c
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.system
 @BOTH
 def test_with_a_prefix_every_function_has_it(tmp_path, card, tool, version):
     """Several FMUs can be linked into one program."""
@@ -346,6 +353,7 @@ def test_both_in_one_can_be_driven_by_a_current_that_is_given(loaded):
     assert np.array_equal(found[:, 0], forces(target, table)[0])
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(("version", "precision"), [("2.0", "float"), ("3.0", "double")])
 def test_compiled_from_its_sources_it_is_the_same(made, place, tool, version, precision):
     tool("cmake")
@@ -462,6 +470,7 @@ def test_a_tuned_parameter_is_the_kernels_number(loaded, tuned, number):
     assert not np.array_equal(expected, commands(target, table)[0])
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("reckons", [True, False])
 def test_a_temperature_that_stands_still_is_carried_on_where_that_is_asked_for(made, place, reckons):
     """A damper that warms by two kelvin with every joule: soon a constant reading cannot be true."""
@@ -547,7 +556,7 @@ def test_readings_that_are_no_numbers_raise_the_flags_and_the_command_stays_insi
 
 
 @BOTH
-@settings(max_examples=60)
+@examples(60)
 @given(count=st.integers(1, 40), off=st.floats(-0.02, 0.02))
 def test_a_step_is_taken_within_a_thousandth_and_else_refused(loaded, version, count, off):
     _, library = loaded(version)
@@ -751,6 +760,7 @@ int main(void)
 """
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("precision", ["float", "double"])
 def test_two_thousand_lives_under_the_sanitizers(tmp_path, card, tool, precision):
     """No leak, no access outside, no undefined conversion, whatever the inputs are."""
@@ -783,6 +793,7 @@ def test_a_source_that_was_not_verified_is_refused(tmp_path, target):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("other", [{"precision": "double"}, {"period_s": 2e-3}, {"controller": "paper"}])
 def test_a_record_of_other_sources_is_refused(tmp_path, card, target, other):
     verification = believed(target_of(card, **{"content": "controller", **other}))
@@ -791,6 +802,7 @@ def test_a_record_of_other_sources_is_refused(tmp_path, card, target, other):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.system
 def test_a_record_of_a_real_check_is_taken(tmp_path, target, tool):
     tool("gcc")
     verification = verify_c(target, samples=2000)
@@ -799,6 +811,7 @@ def test_a_record_of_a_real_check_is_taken(tmp_path, target, tool):
         assert b'"passed": true' in archive.read("documentation/verification.json")
 
 
+@pytest.mark.system
 def test_a_place_that_cannot_be_written_to_is_one_message(tmp_path, target, tool):
     tool("gcc")
     with pytest.raises(InputError, match=r"damper\.fmu: cannot write: there is no folder .*nowhere; choose"):
@@ -817,6 +830,7 @@ def test_a_version_that_is_not_there_is_one_message(tmp_path, target):
 # ------------------------------------------------------------------------------------------------ round trip
 
 
+@pytest.mark.system
 @pytest.mark.parametrize(("version", "precision"), [("2.0", "float"), ("3.0", "double")])
 def test_in_the_tracking_loop_the_fmu_has_the_rows_of_mrdamper_track(
     loaded, place, monkeypatch, version, precision
@@ -850,12 +864,14 @@ def test_in_the_tracking_loop_the_fmu_has_the_rows_of_mrdamper_track(
     assert {name: found[name] for name in numbers} == pytest.approx(numbers, rel=1e-4)
 
 
+@pytest.mark.system
 def test_the_variables_have_names_of_their_own(card):
     for content in ("model", "controller", "both"):
         names = [each.name for each in variables_of(target_of(card, content=content))]
         assert len(names) == len(set(names))
 
 
+@pytest.mark.system
 def test_the_example_runs_on_a_card(place, card, tool):
     tool("gcc")
     example = Path(__file__).parents[2] / "examples" / "fmu_in_fmpy.py"

@@ -18,6 +18,8 @@ from bench.target import SHOWN, Shown, readings
 from mrdamper.control.controllers import controllers_for
 from tests.control.dampers import DAMPERS, DOUBLE
 
+pytestmark = pytest.mark.system
+
 NAMES = [f"{shown.controller}, {shown.damper}, {shown.optimised}" for shown in SHOWN]
 BARRED = [shown for shown in SHOWN if shown.most is not None]
 
@@ -52,7 +54,7 @@ def test_a_step_takes_no_more_instructions_than_it_may(boards, shown):
     assert there.hash == here
 
 
-@pytest.mark.long
+@pytest.mark.release
 @pytest.mark.parametrize("shown", BARRED, ids=lambda s: f"{s.controller}-{s.damper}")
 @pytest.mark.parametrize("board", BOARDS)
 def test_over_100_000_steps_too(boards, shown, board):
@@ -79,6 +81,7 @@ def test_code_and_tables_fit(boards, shown):
     assert held.stack <= 1024
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("single", [True, False])
 def test_the_readings_are_stepped_without_undefined_behaviour(tool, single):
     """UBSan and ASan, in both precisions."""
@@ -102,6 +105,7 @@ def test_kernel_and_tables_compile_without_a_warning(tool, tmp_path, law, single
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("single", [True, False])
 def test_the_checker_finds_nothing_but_the_listed_deviations(tool, tmp_path, single):
     """Each of the list is found, too: the list is no longer than it must be."""

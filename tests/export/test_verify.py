@@ -20,6 +20,8 @@ from mrdamper.export.verify import compare, difference, not_verified, replay, ro
 from tests.control.dampers import DAMPERS, DOUBLE
 from tests.export.exports import ENVELOPE, STRICT, a_target, card_of, ran, write
 
+pytestmark = pytest.mark.system
+
 SHORT = 6000  # samples: a little of everything
 
 
@@ -64,6 +66,7 @@ def test_over_a_hundred_thousand_steps():
     assert (model - own) | {"NO_TARGET", "INFEASIBLE", "CLAMPED"} <= set(record.flags_raised["controller"])
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("law", ["double-bouc-wen", "series-valve"])
 @pytest.mark.parametrize("content", ["model", "controller"])
 def test_in_double_precision_too(law, content):

@@ -107,13 +107,13 @@ def test_a_short_search_in_c_is_silent_under_the_sanitizers(fuzzing_clang, tmp_p
         assert count >= SHORT_C
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", TARGETS)
 def test_a_million_inputs_break_no_promise(name, atheris, tmp_path):
     assert fuzz([name], LONG, tmp_path)[0][0] >= LONG
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.parametrize("name", native.TARGETS)
 def test_a_million_inputs_in_c_are_silent_under_the_sanitizers(name, fuzzing_clang, tmp_path):
     assert fuzz([name], LONG, tmp_path)[0][0] >= LONG

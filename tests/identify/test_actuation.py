@@ -65,6 +65,7 @@ def times(actuation: Actuation) -> np.ndarray:
 # --------------------------------------------------------------------------------- a known one comes back
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("known", KNOWN.values(), ids=KNOWN)
 def test_a_known_actuation_comes_back_within_its_standard_errors(known):
     """Four times from eight seeds: at most one of 32 beyond three standard errors, none beyond four."""
@@ -155,6 +156,7 @@ def test_the_coil_and_the_largest_command_are_carried_along():
 # --------------------------------------------------------------------------------- the play
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("play", [0.0, 0.02, 0.08])
 def test_a_known_play_comes_back_within_its_standard_error(play):
     """Half width 0 to 0.08 A from eight seeds; where there is none, none is found but its own error."""

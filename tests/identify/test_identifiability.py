@@ -331,7 +331,7 @@ def test_the_share_of_a_held_number_counts_in_the_laws_conditions() -> None:
     assert edge.damper.parameters["viscosity.c1"] == pytest.approx(-400.0, rel=1e-6)
 
 
-@pytest.mark.long
+@pytest.mark.release
 @pytest.mark.parametrize("correlated_over", [0.0, 20.0])
 def test_nineteen_of_twenty_intervals_hold_the_truth(correlated_over: float) -> None:
     """Coverage of the 95 % interval over 300 campaigns, within three binomial standard deviations.
@@ -353,6 +353,7 @@ def test_nineteen_of_twenty_intervals_hold_the_truth(correlated_over: float) -> 
 # ---------------------------------------------------------------------------------------- bootstrap
 
 
+@pytest.mark.system
 def test_the_bootstrap_scatters_as_the_standard_errors_say() -> None:
     """Independent noise, four campaigns of twelve runs: within a factor 1.6 each, 1.25 in the median.
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mrdamper.arrays import FloatArray
@@ -21,6 +21,7 @@ from mrdamper.models.dependence import Constant, Polynomial, TemperatureDependen
 from mrdamper.models.laws import LAWS
 from mrdamper.models.simulate import simulate
 from mrdamper.models.temperature import Arrhenius, Linear
+from tests.support.examples import examples
 
 RATE_Hz = 50.0
 HEAD = 4_003  # rows: no whole number of knots, neither of the displacement nor of the temperature
@@ -294,7 +295,7 @@ def test_what_a_run_would_be_refused_for_is_said_with_its_rows() -> None:
 
 
 @given(rows=st.integers(20, 9_000), seed=st.integers(0, 20))
-@settings(max_examples=5, deadline=None)
+@examples(5)
 def test_the_force_does_not_depend_on_the_batches(rows: int, seed: int) -> None:
     batch = stepped(record(3 * HEAD, seed))
     rng = np.random.default_rng(seed)

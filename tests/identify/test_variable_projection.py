@@ -32,6 +32,7 @@ def problem_of(law: str, *, noise: float = 0.02, seed: int = 0, session_offsets:
     return FitProblem(damper, free, runs, session_offsets)
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("law", ["bouc-wen", "bouc-wen-saturating", "series-valve"])
 def test_every_seed_finds_the_same_optimum(law: str) -> None:
     problem = problem_of(law)
@@ -163,6 +164,7 @@ def test_a_tare_that_shifted_between_sessions_is_found_and_does_not_touch_the_re
     assert result.damper.parameters["rho.value"] == pytest.approx(truth["rho.value"], rel=0.1)
 
 
+@pytest.mark.system
 def test_an_interrupt_keeps_the_best_so_far() -> None:
     told: list[SearchState] = []
 
@@ -192,6 +194,7 @@ class Notebook:
         self.pages[key] = json.dumps(value)
 
 
+@pytest.mark.system
 def test_a_fit_that_goes_on_from_a_checkpoint_ends_with_the_same_bits() -> None:
     problem, whole = problem_of("series-valve"), Notebook()
     once = fit_variable_projection(problem, starts=3, seed=0, checkpoint=whole)

@@ -45,6 +45,7 @@ def test_a_changed_run_of_a_training_run_s_name_counts_as_held_out(fitted, runs)
     assert mrdamper.predict(fitted.card(), [other])[0].split == "held_out"
 
 
+@pytest.mark.nightly
 def test_a_law_given_as_class_or_object_is_fitted(runs, tmp_path):
     path = tmp_path / "own_law.py"
     path.write_text(PYTHON_LAW, encoding="utf-8")

@@ -124,6 +124,7 @@ def test_a_channel_map_is_heeded(folder, tmp_path):
     assert [finding["kind"] for finding in json.loads(run.stdout)["findings"]] == ["force_sign"]
 
 
+@pytest.mark.system
 def test_the_report_of_a_fit_says_what_its_runs_show(folder, tmp_path):
     """A shifted load cell is in the JSON and the report of ``identify``, with its size."""
     write_runs(tmp_path / "runs", short_runs())

@@ -187,6 +187,7 @@ def page():
     return render_comparison(compare_cards(*cards, names=(NASTY, "b")))
 
 
+@pytest.mark.system
 def test_the_page_loads_nothing_and_no_name_becomes_markup(page):
     assert "<script" not in page
     assert "&lt;script&gt;" in page

@@ -34,6 +34,7 @@ def write(place: Path, samples: int = 20_001) -> Path:
     return place
 
 
+@pytest.mark.system
 def test_the_command_writes_table_page_and_summary(tmp_path: Path) -> None:
     record = write(tmp_path / "record.parquet")
     done = CliRunner().invoke(cli, ["cycles", str(record), "--out", str(tmp_path / "out"), "--json"])
@@ -50,6 +51,7 @@ def test_the_command_writes_table_page_and_summary(tmp_path: Path) -> None:
     assert "<svg" in page
 
 
+@pytest.mark.system
 def test_the_table_does_not_depend_on_the_batches(tmp_path: Path) -> None:
     record = write(tmp_path / "record.parquet")
     for rows in (500, 20_001):
@@ -58,6 +60,7 @@ def test_the_table_does_not_depend_on_the_batches(tmp_path: Path) -> None:
     assert tables[0] == tables[1]
 
 
+@pytest.mark.system
 def test_an_interrupt_keeps_what_was_counted(tmp_path: Path) -> None:
     record = write(tmp_path / "record.parquet")
 
@@ -73,6 +76,7 @@ def test_an_interrupt_keeps_what_was_counted(tmp_path: Path) -> None:
     assert "Interrupted" in (tmp_path / "out" / "cycles.html").read_text()
 
 
+@pytest.mark.system
 def test_a_second_interrupt_leaves_what_was_there_before_and_nothing_beside_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -114,6 +118,7 @@ def card(tmp_path: Path) -> Path:
     return write_a_card(tmp_path / "card.json", WARM, envelope=envelope)
 
 
+@pytest.mark.system
 def test_the_model_of_a_card_is_that_of_predict_over_the_same_samples(tmp_path: Path, card: Path) -> None:
     record = write_warm(tmp_path / "record.parquet")
     found = cycles(record, model=card, out=tmp_path / "out")["model"]
@@ -145,6 +150,7 @@ def test_the_model_of_a_card_is_that_of_predict_over_the_same_samples(tmp_path: 
     assert all(part["from_degC"] < part["to_degC"] for part in parts)
 
 
+@pytest.mark.system
 def test_the_command_tells_of_the_model_in_table_page_and_summary(tmp_path: Path, card: Path) -> None:
     record = write_warm(tmp_path / "record.parquet")
     asked = ["cycles", str(record), "--model", str(card), "--out", str(tmp_path / "out")]
@@ -162,6 +168,7 @@ def test_the_command_tells_of_the_model_in_table_page_and_summary(tmp_path: Path
     assert "the model's dashed" in page.replace("&#39;", "'")
 
 
+@pytest.mark.system
 def test_the_table_with_a_model_does_not_depend_on_the_batches(tmp_path: Path, card: Path) -> None:
     force = replayed_record(3_000).force
     force[1_700] = np.nan
@@ -174,6 +181,7 @@ def test_the_table_with_a_model_does_not_depend_on_the_batches(tmp_path: Path, c
     assert "the record breaks into 2 segments" in str(models[0])
 
 
+@pytest.mark.system
 def test_an_interrupt_keeps_the_model_of_what_was_counted(tmp_path: Path, card: Path) -> None:
     record = write_warm(tmp_path / "record.parquet")
 
@@ -189,6 +197,7 @@ def test_an_interrupt_keeps_the_model_of_what_was_counted(tmp_path: Path, card: 
     assert len(pl.read_csv(tmp_path / "out" / "cycles.csv")) == answer["cycles"] == 51
 
 
+@pytest.mark.system
 def test_an_interrupt_before_the_model_could_begin_is_no_fault(
     tmp_path: Path, card: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -209,6 +218,7 @@ def test_an_interrupt_before_the_model_could_begin_is_no_fault(
     assert answer["model"]["cycles"] == 0
 
 
+@pytest.mark.system
 def test_a_card_of_another_command_is_refused_before_anything_is_read(tmp_path: Path, card: Path) -> None:
     record = write_warm(tmp_path / "record.parquet")
     volts = tmp_path / "volts.parquet"
@@ -218,6 +228,7 @@ def test_a_card_of_another_command_is_refused_before_anything_is_read(tmp_path: 
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.system
 def test_without_a_model_nothing_is_said_of_one(tmp_path: Path) -> None:
     answer = cycles(write(tmp_path / "record.parquet", 4_001), out=tmp_path / "out")
     assert answer["model"] is None
@@ -235,7 +246,7 @@ print(answer["cycles"], answer["model"]["cycles"])
 """
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_record_of_2e7_rows_takes_no_more_memory_than_it_may(tmp_path: Path, card: Path) -> None:
     rows, number = 20_000_000, pl.col("number").cast(pl.Float64)
     phase = (pl.col("number") % 200).cast(pl.Float64) * (np.pi / 100)

@@ -26,6 +26,8 @@ from mrdamper.rig.campaign import Campaign
 from mrdamper.rig.measurement import measure
 from mrdamper.rig.plant import PRESETS
 
+pytestmark = pytest.mark.system
+
 TOLERANCE = """
 kind = "tolerance"
 seed = 7
@@ -90,6 +92,7 @@ def test_two_processes_give_what_one_gives(folder: Path, reference: bytes):
     assert (folder / "two" / "sweep.json").read_bytes() == reference
 
 
+@pytest.mark.nightly
 def test_killed_workers_cost_no_result(folder: Path, reference: bytes):
     done, killed = threading.Event(), list[int]()
     killer = threading.Thread(target=kill_workers_until, args=(done, killed))
@@ -147,7 +150,7 @@ def test_results_of_another_plan_are_not_taken(folder: Path, reference: bytes):
         sweep(folder / "tolerance.toml", folder / "one", workers=1)
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_cluster_that_loses_a_worker_gives_what_one_process_gives(folder: Path, reference: bytes):
     distributed = pytest.importorskip("distributed")
     with distributed.LocalCluster(
@@ -178,7 +181,7 @@ def test_a_cluster_without_workers_is_one_message(folder: Path, monkeypatch: pyt
         sweep(folder / "tolerance.toml", folder / "alone", scheduler=cluster.scheduler_address)
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_a_cluster_that_loses_a_worker_every_five_seconds_gives_what_one_process_gives(folder: Path):
     """One process, two processes and two Dask workers, one of them killed every 5 s: the same bytes."""
     pytest.importorskip("distributed")
@@ -235,6 +238,7 @@ def test_no_scheduler_is_one_message(folder: Path, monkeypatch: pytest.MonkeyPat
         sweep(folder / "tolerance.toml", folder / "none", scheduler="tcp://127.0.0.1:9")
 
 
+@pytest.mark.nightly
 def test_campaigns_are_identified_each_for_itself(folder: Path):
     """A file that is no run costs its own result and no other."""
     from mrdamper.jobs.rig import write_campaign

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mrdamper import core
@@ -21,6 +21,7 @@ from mrdamper.models.laws import LAWS
 from mrdamper.models.simulate import RunState, finish_run, open_drive, simulate, simulate_batch
 from mrdamper.models.temperature import Linear
 from tests.core.test_laws import FRICTION, TYPICAL, random_drive, with_command
+from tests.support.examples import examples
 
 ROUGH = 2e-6  # [m]
 
@@ -80,7 +81,7 @@ def borders_of(rng: np.random.Generator, length: int) -> list[int]:
 
 @pytest.mark.parametrize("name", list(LAWS))
 @given(seed=st.integers(0, 10_000), noisy=st.booleans(), commanded=st.booleans())
-@settings(max_examples=12, deadline=None)
+@examples(12)
 def test_batches_give_the_force_of_the_whole_run_to_the_bit(name, seed, noisy, commanded):
     path = random_drive(seed, duration=1.2)
     path = rough(path, seed) if noisy else path

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mrdamper.errors import InputError
@@ -46,6 +46,7 @@ from mrdamper.models.python_law import law_from_python
 from mrdamper.models.simulate import simulate as simulate_in_kernel
 from mrdamper.models.temperature import FACTORS, Arrhenius, Linear, PolynomialFactor, Reynolds, Vft
 from tests.oracles.reference import simulate_reference
+from tests.support.examples import examples
 
 KEPT = Path(__file__).parent / "card_version_1.json"  # written by the last release of schema version 1
 
@@ -205,7 +206,7 @@ json_values = st.recursive(
 )
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(
     forms=st.fixed_dictionaries(forms),
     lag=st.floats(0.0, 1.0),
@@ -602,7 +603,8 @@ def test_each_missing_key_is_one_problem_and_is_named(key):
     assert len(str(caught.value).splitlines()) == 1
 
 
-@settings(max_examples=150)
+@pytest.mark.system
+@examples(50)
 @given(st.data(), st.sampled_from([DOCUMENT, WARM_DOCUMENT]))
 def test_a_card_with_any_value_replaced_is_read_or_refused_never_a_crash(data, sound):
     """Whatever stands in the file, the answer is a card or an ``InputError``."""

@@ -226,6 +226,7 @@ def test_a_tempered_and_actuated_damper_can_be_sent_to_another_process():
     np.testing.assert_array_equal(back.coefficients_at(0.5, 350.0), damper.coefficients_at(0.5, 350.0))
 
 
+@pytest.mark.system
 @given(command=st.floats(0.0, 2.0), kelvin=st.floats(200.0, 500.0))
 def test_beyond_its_range_a_damper_holds_the_value_at_the_edge(command, kelvin):
     nearest = min(max(kelvin, RANGE[0]), RANGE[1])

@@ -153,6 +153,7 @@ def test_gradient_and_slope_are_the_complex_step(law, command, kelvin):
     assert_slope(law, command, kelvin)
 
 
+@pytest.mark.system
 @every_form
 @every_factor
 @given(data=st.data(), command=commands.filter(bool), kelvin=kelvins)
@@ -164,6 +165,7 @@ def test_gradient_and_slope_of_every_form_times_every_factor_are_the_complex_ste
     assert_slope(law, command, kelvin)
 
 
+@pytest.mark.system
 @given(laws, commands, kelvins, st.integers(0, 15), st.floats(-10.0, 10.0))
 def test_the_value_is_linear_in_the_numbers_that_say_so(law, command, kelvin, k, change):
     """Affine to the definition, whatever the change: equal changes of the number, equal of the value."""

@@ -77,6 +77,7 @@ def test_the_law_of_the_table_is_chosen_in_most_tables(law):
     assert chosen.count(law.kind) >= 15
 
 
+@pytest.mark.system
 @given(
     scale=st.floats(1e-3, 1e3),
     order=st.permutations(range(8)),

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad, solve_ivp
 
@@ -23,6 +23,7 @@ from tests.oracles.reference import (
     simulate_reference,
     turning_points,
 )
+from tests.support.examples import examples
 
 THREE_TONES = Harmonics((4e-3, 2e-3, 1e-3), (2.0, 5.3, 11.0), (0.0, 1.0, 2.0))
 UNEVEN = drive(THREE_TONES, duration=0.25, rate_Hz=1000.0, command=0.5)  # inner loops, reversals in between
@@ -136,7 +137,8 @@ def test_turning_points_of_a_sine_lie_at_its_crests():
 # --------------------------------------------------------------------------- the integrator against it
 
 
-@settings(max_examples=30)
+@pytest.mark.system
+@examples(30)
 @given(rho=st.floats(10.0, 1e5), kappa=st.floats(-1.0, 0.9), n=shapes["n"])
 def test_the_integrator_agrees_with_the_closed_form(rho, kappa, n):
     """Up to kappa = 0.9: nearer to 1 the curve leaves its bound ever more slowly and magnifies any error."""
@@ -147,6 +149,7 @@ def test_the_integrator_agrees_with_the_closed_form(rho, kappa, n):
     assert np.abs(w).max() <= 1.0 + 1e-10
 
 
+@pytest.mark.system
 def test_the_error_follows_the_tolerance():
     valve = damper("series-valve", position_gain=-2.3, offset=48.0, stiffness=730.0)
     best = simulate_reference(valve, UNEVEN, tolerance=1e-12)
@@ -190,6 +193,7 @@ def test_a_varying_command_moves_the_state_along_the_same_curve():
 # ---------------------------------------------------------------------------------- laws of nature
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("law", SOUND)
 def test_reversing_the_motion_reverses_the_force(law):
     model = damper(law)
@@ -198,7 +202,7 @@ def test_reversing_the_motion_reverses_the_force(law):
     np.testing.assert_allclose(backward, -forward, rtol=0, atol=1e-7 * np.abs(forward).max())
 
 
-@settings(max_examples=8)
+@examples(8)
 @given(law=st.sampled_from(sorted(SOUND)), amplitude=st.floats(1e-4, 0.02), frequency=st.floats(0.2, 8.0))
 def test_a_closed_cycle_dissipates(law, amplitude, frequency):
     path = drive(Sine(amplitude, frequency), duration=2 / frequency, rate_Hz=200 * frequency, command=0.5)
@@ -215,6 +219,7 @@ def test_a_bouc_wen_force_without_viscosity_does_not_know_how_fast_it_is_driven(
     np.testing.assert_allclose(simulate_reference(model, slow), simulate_reference(model, UNEVEN), atol=1e-5)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("law", SOUND)
 def test_the_force_is_linear_in_the_coefficients_that_say_so(law):
     """A fit eliminates these by least squares: one that is not linear would be fitted wrongly."""
@@ -406,6 +411,7 @@ def test_a_users_law_that_returns_nan_is_named_with_the_sample():
         simulate_reference(Damper(law_from_python(Broken()), forms), UNEVEN)
 
 
+@pytest.mark.system
 def test_a_users_law_that_runs_away_is_stopped_and_not_waited_for():
     class RunsAway(OwnBoucWen):
         def rate(self, state, displacement, velocity, values):

@@ -337,6 +337,7 @@ WARMING_ERRORS = {"lugre": 1e-4, "spencer": 2e-4, "series-valve": 8e-4}
 ACTUATED_ERRORS = {**WARMING_ERRORS, "spencer": 3e-4, "series-valve": 6e-4}
 
 
+@pytest.mark.nightly
 @every_law
 @pytest.mark.parametrize("varying", [False, True], ids=["command held", "command swinging"])
 def test_a_run_that_warms_up_gives_what_the_integrator_gives(name, varying):
@@ -379,6 +380,7 @@ RUNS = {
 }
 
 
+@pytest.mark.system
 @every_law
 @pytest.mark.parametrize("kind", RUNS)
 def test_every_number_s_tangent_is_a_central_difference_at_any_temperature(name, kind):
@@ -466,6 +468,7 @@ def test_an_actuated_command_builds_the_force_up_as_the_closed_form_says():
     np.testing.assert_allclose(simulate(damper, run), expected, atol=0.1)
 
 
+@pytest.mark.system
 @every_law
 def test_an_actuated_damper_is_what_the_integrator_gives(name):
     """The actuation at the samples, linear between them, in both."""

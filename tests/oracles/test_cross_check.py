@@ -23,6 +23,8 @@ from tests.oracles.gmsh_mesh import mesh_with_gmsh, read_gmsh, write_geometry
 from tests.oracles.programs import run_program
 from tests.thermal.designs import DRAWING
 
+pytestmark = pytest.mark.system
+
 BARE = DRAWING.with_sink(None)
 Tool = Callable[[str], Path]
 
@@ -50,14 +52,14 @@ def test_freefem_agrees_at_every_node(tool: Tool, tmp_path: Path, drawing):
     assert found.worst_K < 50e-3
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.parametrize("drawing", [BARE, DRAWING], ids=["bare", "fins"])
 def test_freefem_agrees_after_half_an_hour_on_the_mesh_in_use(tool: Tool, tmp_path: Path, drawing):
     tool("FreeFem++")
     assert check_freefem(build_field(drawing), DUTY, tmp_path).worst_K < 50e-3
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_freefem_takes_three_times_our_cpu_where_it_errs_no_less(tool: Tool, tmp_path: Path):
     """In steps of 30 s it errs as little as we do in steps up to 60 s."""
     tool("FreeFem++")
@@ -80,7 +82,7 @@ def test_calculix_agrees_at_every_node(tool: Tool, tmp_path: Path, drawing):
     assert found.worst_K < 0.1
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.parametrize("drawing", [BARE, DRAWING], ids=["bare", "fins"])
 def test_calculix_agrees_after_half_an_hour_on_the_mesh_in_use(tool: Tool, tmp_path: Path, drawing):
     tool("ccx")
@@ -106,7 +108,7 @@ def test_on_gmsh_s_mesh_the_means_are_the_same(tool: Tool, tmp_path: Path, drawi
     assert found.worst_K < 0.2
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.parametrize("drawing", [BARE, DRAWING], ids=["bare", "fins"])
 def test_on_gmsh_s_fine_mesh_the_means_are_within_20_millikelvin(tool: Tool, tmp_path: Path, drawing):
     tool("gmsh")

@@ -9,6 +9,8 @@ from mrdamper.data.prepare import prepare_run
 from mrdamper.excitation import Sine
 from tests.oracles.spencer_damper import SENSORS, SpencerDamper, campaign, measure, simulate
 
+pytestmark = pytest.mark.system
+
 DAMPER = SpencerDamper()
 SINE = Sine(10e-3, 2.0)
 
@@ -67,6 +69,7 @@ def test_the_sensors_add_the_noise_they_state(runs):
     assert np.std(at_rest) == pytest.approx(expected, rel=0.15)
 
 
+@pytest.mark.nightly
 def test_the_same_seed_gives_the_same_runs(runs):
     again = measure(campaign(quick=True), seed=3)
     other = measure(campaign(quick=True), seed=4)

@@ -44,6 +44,7 @@ def timed(out: Path, report: Report | None = None) -> tuple[dict[str, Any], floa
     return answer, spent / float(np.mean(paces)) - REFERENCE_S * len(paces)
 
 
+@pytest.mark.system
 def test_the_runs_are_said_to_be_simulated(quick):
     answer, out, *_ = quick
     assert answer["simulated"] is True
@@ -71,6 +72,7 @@ def test_every_row_of_the_paper_has_an_answer(quick):
         assert claim["why"]
 
 
+@pytest.mark.system
 def test_only_hardware_and_lost_tables_cannot_be_checked(quick):
     unchecked = {claim["row"] for claim in quick[0]["claims"] if claim["verdict"] == "not_checkable"}
     assert unchecked == {36, 37}

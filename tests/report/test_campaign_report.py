@@ -189,6 +189,7 @@ def test_characteristics_of_a_fit_are_those_of_the_damper_that_was_measured(fitt
 # ------------------------------------------------------------------------------------------- page
 
 
+@pytest.mark.system
 def test_a_campaign_over_temperatures_shows_each_of_them(text, judged):
     said = said_in(text)
     for level in ("20 °C", "60 °C", "100 °C"):
@@ -203,10 +204,12 @@ def test_every_run_of_a_campaign_is_in_the_table(text, judged):
         assert error.name in text
 
 
+@pytest.mark.system
 def test_the_same_campaign_gives_the_same_bytes(fitted, judged, text):
     assert render_report(fitted, judged) == text
 
 
+@pytest.mark.system
 def test_assumed_factors_are_marked_wherever_they_show(fitted, judged, text):
     assert "assumed" not in said_in(text)
     forms = {
@@ -224,6 +227,7 @@ def test_assumed_factors_are_marked_wherever_they_show(fitted, judged, text):
     assert "Assumed: From 20 to 100 °C" in said
 
 
+@pytest.mark.system
 def test_a_campaign_whose_every_command_steps_still_has_its_report(fitted, judged):
     """No constant command, so no main sine and no measured points: the damper's own figures stay."""
     stepping = tuple(replace(error, command=None) for error in judged.runs)
@@ -232,6 +236,7 @@ def test_a_campaign_whose_every_command_steps_still_has_its_report(fitted, judge
     assert "the command steps" in said
 
 
+@pytest.mark.nightly
 def test_many_runs_are_grouped_and_few_are_drawn_one_by_one(fitted, judged):
     """49 runs: no bar for each, the table folded; the same runs without temperatures go by command."""
     training = [run for run in fitted.training if "sine5mm" in run.name][:4]

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
@@ -20,6 +20,7 @@ from mrdamper.errors import InputError
 from mrdamper.excitation import MOTIONS, CurrentSteps, Sine
 from mrdamper.rig import _plant
 from mrdamper.rig.plant import PRESETS, STEP_S, Plant, VirtualDamper, simulate
+from tests.support.examples import examples
 
 NOMINAL = PRESETS["nominal"]
 NATIVE = Path(__file__).parents[2] / "src" / "mrdamper" / "rig" / "native"
@@ -283,7 +284,6 @@ def test_the_error_falls_with_the_step_as_of_first_order():
 # ------------------------------------------------------------------------------------------- laws of nature
 
 
-@settings(max_examples=25)
 @given(
     preset=st.sampled_from(sorted(PRESETS)),
     amplitude=st.floats(0.5e-3, 15e-3),
@@ -299,7 +299,7 @@ def test_every_closed_cycle_takes_energy(preset, amplitude, frequency, current, 
     assert np.trapezoid(force[cycle], x[cycle]) > 0.0
 
 
-@settings(max_examples=15)
+@examples(15)
 @given(
     preset=st.sampled_from(sorted(PRESETS)),
     current=st.floats(-2.0, 2.0),
@@ -434,6 +434,7 @@ def test_shapes_states_and_steps_that_do_not_fit_are_refused():
         Plant(NOMINAL).state = (0.0,)
 
 
+@pytest.mark.system
 def test_other_threads_go_on_while_a_run_is_simulated():
     """The longest pause of this thread is a small part of the run; without release it would be all of it."""
     n = 2_000_000
@@ -463,6 +464,7 @@ def test_python_and_c_agree_on_the_parameters():
     assert set(_plant.PARAMETERS) == {field.name for field in fields(VirtualDamper)} - {"name"}
 
 
+@pytest.mark.system
 def test_the_rig_loads_nothing_of_what_is_identified_on_it():
     code = "import sys, mrdamper.rig.measurement; print(*sys.modules)"
     run = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)

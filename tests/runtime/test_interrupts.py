@@ -38,6 +38,8 @@ from tests.support.kills import (
 )
 from tests.support.rigs import command
 
+pytestmark = pytest.mark.system
+
 INT, TERM, HUP = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
 SEARCH = ("identify", "runs", "--law", "dahl", "--temperature", "none", "--starts", 500)
 GOES_ON = "the same command with --resume goes on"
@@ -86,7 +88,7 @@ def test_a_second_interrupt_is_for_good(nursery: Nursery, tmp_path: Path):
     assert left_behind(tmp_path) == ["out.progress"]
 
 
-@pytest.mark.parametrize("number", [INT, *(pytest.param(n, marks=pytest.mark.long) for n in (TERM, HUP))])
+@pytest.mark.parametrize("number", [INT, *(pytest.param(n, marks=pytest.mark.nightly) for n in (TERM, HUP))])
 def test_a_sweep_takes_its_workers_with_it(nursery: Nursery, tmp_path: Path, number: signal.Signals):
     """A terminal sends its signal to all of them: no worker keeps half a fit, and none has a word to say."""
     out, mark = tmp_path / "out", f"interrupted-{os.getpid()}-{number}"
@@ -290,7 +292,7 @@ def test_a_demonstration_makes_no_claims_from_half_a_fit(tmp_path: Path, monkeyp
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_interrupts_at_random_moments_cost_nothing(nursery: Nursery, tmp_path: Path):
     """Whatever was written says of itself that it is the best so far; --resume ends in the whole."""
     times = int(os.environ.get("MRDAMPER_INTERRUPTS", "40"))

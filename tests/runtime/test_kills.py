@@ -36,13 +36,15 @@ from tests.support.kills import (
 from tests.support.rigs import command
 from tests.web.served import served
 
+pytestmark = pytest.mark.system
+
 
 @pytest.mark.parametrize(
     ("arguments", "kept"),
     [
         pytest.param(IDENTIFY, (8,), id="identify"),
         pytest.param(SINK, (2,), id="sink-grid"),
-        pytest.param((*SINK, "--method", "nsga2"), (10,), id="sink-nsga2", marks=pytest.mark.long),
+        pytest.param((*SINK, "--method", "nsga2"), (10,), id="sink-nsga2", marks=pytest.mark.nightly),
     ],
 )
 def test_what_was_killed_goes_on_to_the_same_files(
@@ -66,7 +68,7 @@ def test_what_was_killed_goes_on_to_the_same_files(
     assert not left_behind(tmp_path)
 
 
-@pytest.mark.parametrize("method", ["genetic", pytest.param("cma", marks=pytest.mark.long)])
+@pytest.mark.parametrize("method", ["genetic", pytest.param("cma", marks=pytest.mark.nightly)])
 def test_a_population_search_is_gone_through_again_with_what_was_told(method: str):
     """Recalled costs lead a search along its path: to the last bit, and without the kernel."""
     from mrdamper.data.prepare import prepare_run
@@ -304,7 +306,7 @@ def _at_work_in(folder: Path) -> Iterator[int]:
     yield from python_processes_of(folder)
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_kills_at_random_moments_cost_nothing(nursery: Nursery):
     """Nothing half-written, nothing lost, nothing left behind, no process left; every rerun ends the same."""
     kills = int(os.environ.get("MRDAMPER_KILLS", "200"))

@@ -18,6 +18,8 @@ from tests.support.kills import Nursery, left_behind, written
 from tests.support.rigs import command
 from tests.support.tracked import write_a_card
 
+pytestmark = pytest.mark.system
+
 COMMANDS: dict[str, tuple[str, ...]] = {
     "rig": ("rig", "--campaign", "campaign.toml"),
     "check": ("check", "runs"),
@@ -86,7 +88,7 @@ def disk(place: Path, *options: str) -> Iterator[Path]:
 
 def marked(names: Iterable[str], *slow: str) -> list[Any]:
     """Return names as parameters, slow ones for the long suite."""
-    return [pytest.param(name, marks=[pytest.mark.long] if name in slow else []) for name in names]
+    return [pytest.param(name, marks=[pytest.mark.nightly] if name in slow else []) for name in names]
 
 
 @pytest.mark.parametrize("name", marked(COMMANDS, "heat", "sweep"))

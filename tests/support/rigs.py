@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import io
 import json
+import signal
 import subprocess
 import sys
+import warnings
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack, chdir, redirect_stderr, redirect_stdout
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 from mrdamper.arrays import FloatArray
+from mrdamper.cli import main
 from mrdamper.data.records import RigRun
 from mrdamper.excitation import Sine
 from tests.oracles.spencer_damper import Campaign, measure
@@ -74,7 +80,27 @@ def command(*arguments: object) -> list[str]:
 
 
 def mrdamper(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(command(*arguments), capture_output=True, text=True, check=False, cwd=cwd)
+    """Run a command in this process, whose libraries are loaded; ``command`` is for a process of its own."""
+    out, err, status = io.StringIO(), io.StringIO(), 0
+    with ExitStack() as stack:
+        patch = stack.enter_context(pytest.MonkeyPatch.context())
+        patch.setattr(sys, "argv", ["mrdamper", *map(str, arguments)])
+        patch.setattr(sys, "unraisablehook", sys.unraisablehook)
+        for name in ("COLUMNS", "LINES"):
+            patch.delenv(name, raising=False)
+        stack.enter_context(warnings.catch_warnings())
+        warnings.simplefilter("default")
+        for each in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):  # a command takes them for its process
+            stack.callback(signal.signal, each, signal.getsignal(each))
+        if cwd is not None:
+            stack.enter_context(chdir(cwd))
+        stack.enter_context(redirect_stdout(out))
+        stack.enter_context(redirect_stderr(err))
+        try:
+            main()
+        except SystemExit as end:
+            status = end.code if isinstance(end.code, int) else int(end.code is not None)
+    return subprocess.CompletedProcess([*map(str, arguments)], status, out.getvalue(), err.getvalue())
 
 
 def answer_of(run: subprocess.CompletedProcess[str]) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import PchipInterpolator
 
@@ -31,6 +31,7 @@ from mrdamper.thermal.estimation.measured_curve import (
 from mrdamper.thermal.estimation.uncertainty import ModelUncertainty
 from mrdamper.thermal.model.lumped import constant_heating
 from mrdamper.thermal.temperature_rise import Rise, predict_rise, simulate_rise
+from tests.support.examples import examples
 
 DRAWING = read_drawing(Path(__file__).parents[2] / "examples" / "paper_damper.toml")
 BARE = DRAWING.with_sink(None)
@@ -66,7 +67,7 @@ def one_node_curve(rng: np.random.Generator, noise: float, *, a: float = 0.08, b
 # ------------------------------------------------------------------------------------- the two combinations
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(
     a=st.floats(0.005, 0.3),
     minutes=st.floats(5.0, 120.0),
@@ -187,6 +188,7 @@ def test_scaling_power_capacity_and_losses_together_changes_nothing():
         assert getattr(twice.numbers, name) == pytest.approx(getattr(once.numbers, name), rel=1e-5)
 
 
+@pytest.mark.system
 def test_film_emissivity_and_mountings_cannot_be_told_apart():
     """Three ways of losing heat, films that differ by four: one curve, UA/C within 6 %, one forecast."""
     curve = measured(heated(BARE), np.random.default_rng(5), noise=0.3)
@@ -245,6 +247,7 @@ def test_a_sink_of_another_file_goes_into_the_calibrated_text():
 # ----------------------------------------------------------------------------------- with a doubt beforehand
 
 
+@pytest.mark.system
 def test_a_curve_of_half_an_hour_outweighs_what_was_believed():
     """Believed at a tenth and a quarter, told at a per cent: the same numbers within their errors."""
     truth = replace(BARE, calibration=Calibration(heat_capacity=1.15, film=1.05))
@@ -293,6 +296,7 @@ def test_the_spread_is_that_of_capacity_and_losses():
     assert carried == [0.0, 0.0]
 
 
+@pytest.mark.system
 @pytest.mark.parametrize(
     ("course", "said"),
     [
@@ -313,6 +317,7 @@ def test_a_curve_of_no_damper_is_refused_with_a_doubt_as_well(course, said):
         )
 
 
+@pytest.mark.system
 def test_a_curve_of_a_damper_of_twice_the_size_is_refused_with_a_doubt():
     """A clean curve, a fifth of the drawing's rate: no drawing is that far off."""
     curve = measured(heated(BARE, scale=0.2), np.random.default_rng(3), noise=0.05, until=900.0)

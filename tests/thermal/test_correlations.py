@@ -73,6 +73,7 @@ def test_forced_convection_is_that_of_ht(reynolds, prandtl):
         )
 
 
+@pytest.mark.system
 @given(
     film=st.floats(0.1, 500.0),
     root=st.floats(0.005, 0.1),
@@ -88,6 +89,7 @@ def test_fin_efficiency_is_that_of_ht(film, root, width, thickness, conductivity
     assert ours == pytest.approx(theirs, rel=1e-12 if theirs < 0.99 else 1e-10)
 
 
+@pytest.mark.system
 def test_air_is_within_a_percent_of_the_reference_equation_of_state():
     coolprop = pytest.importorskip("CoolProp.CoolProp")
     for kelvin in np.linspace(233.15, 573.15, 18):

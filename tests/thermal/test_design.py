@@ -91,6 +91,7 @@ def test_the_lightest_that_is_as_cool_is_the_first_of_the_front_that_is(tried, f
         assert chosen.fluid <= fluid
 
 
+@pytest.mark.system
 def test_the_paper_s_sink_is_beaten_by_ten_kelvin_in_its_envelope(found, reference):
     """84 mm of span, 23 mm of width, no more mass: at least 10 K cooler after 30 minutes."""
     best = found.best
@@ -101,6 +102,7 @@ def test_the_paper_s_sink_is_beaten_by_ten_kelvin_in_its_envelope(found, referen
     assert reference.fluid - best.fluid >= 10.0
 
 
+@pytest.mark.system
 def test_finite_elements_confirm_it(found, reference):
     pytest.importorskip("skfem")
     reference_field, best_field = confirm(DAMPER, (reference, found.best))
@@ -111,6 +113,7 @@ def test_finite_elements_confirm_it(found, reference):
         assert abs(judged.fluid - ours.fluid) <= 3.0
 
 
+@pytest.mark.nightly
 def test_freefem_confirms_it(found, tool, tmp_path):
     """An independent program on the same section; steps of 300 s cost it some tenths of a kelvin."""
     tool("FreeFem++")
@@ -142,6 +145,7 @@ def test_every_sink_that_was_found_keeps_to_the_limits(found):
         assert each.sink.gap >= PAPER_LIMITS.least_gap - 1e-12 or each.sink.fins == 1
 
 
+@pytest.mark.system
 def test_thinner_fins_that_can_be_made_never_make_it_worse():
     """The coarser limit's thicknesses are among the finer one's: the front can only move down."""
     coarse, fine = (
@@ -158,6 +162,7 @@ def test_a_lighter_limit_cuts_the_front_and_leaves_the_rest(found):
     assert half.designs == tuple(each for each in found.designs if each.mass <= 0.5 * found.best.mass)
 
 
+@pytest.mark.system
 def test_the_finish_and_the_material_are_searched_where_they_are_given():
     """Anodising radiates more at no mass, so that no bare finish is left on the front."""
     limits = limits_of(
@@ -187,6 +192,7 @@ def test_a_long_duty_ends_at_the_steady_temperature():
     assert end.fluid == pytest.approx(steady, abs=0.01)
 
 
+@pytest.mark.system
 def test_nsga2_finds_no_better_front_than_the_grid(found):
     """Free of the grid's steps, it ends at the same place: within a kelvin and a half after 480 sinks."""
     pytest.importorskip("pymoo")

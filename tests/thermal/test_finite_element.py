@@ -217,6 +217,7 @@ def test_clockwise_triangles_are_refused():
 # -------------------------------------------------------------------------------- conservation, symmetry
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("longest_step", [60.0, 20.0])
 def test_the_energy_account_closes_at_any_step(longest_step: float):
     loads = [Load(300.0, fading, 16.8), Load(200.0, constant(0.0)), Load(300.0, constant(150.0), 5.0)]
@@ -234,6 +235,7 @@ def test_the_paths_add_up_to_what_is_lost_in_the_steady_state():
     assert all(float(watts[-1]) > 0.5 for watts in course.paths_W.values())
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("drawing", [BARE, DRAWING, SLENDER], ids=["bare", "paper", "slender"])
 def test_a_symmetric_damper_has_a_symmetric_field(drawing: DamperDrawing):
     model, course = heat_field(drawing, [DUTY])
@@ -255,6 +257,7 @@ def test_a_rod_at_one_end_breaks_the_symmetry_the_right_way():
     assert near > far
 
 
+@pytest.mark.system
 def test_contact_resistance_only_makes_it_hotter_and_by_its_own_drop():
     """Heat through the feet times resistance over their area is the drop from the body to the fins."""
     assert SINK is not None
@@ -300,6 +303,7 @@ def test_the_mesh_converges_with_the_square_of_its_size_or_faster():
     assert np.log2(gaps[:-1] / gaps[1:]).min() > 2.8
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("drawing", [BARE, DRAWING, SLENDER], ids=["bare", "paper", "slender"])
 def test_the_mesh_is_within_20_millikelvin_of_a_fine_one(drawing: DamperDrawing):
     section = section_of(drawing)
@@ -311,6 +315,7 @@ def test_the_mesh_is_within_20_millikelvin_of_a_fine_one(drawing: DamperDrawing)
         assert np.abs(of(course, name) - of(truth, name)).max() < 20e-3
 
 
+@pytest.mark.system
 def test_steps_of_a_minute_are_within_50_millikelvin():
     model = build_field(BARE, size=0.04)
     course = simulate_field(model.equation, [DUTY], longest_step=60.0)
@@ -321,6 +326,7 @@ def test_steps_of_a_minute_are_within_50_millikelvin():
         assert np.abs(of(course, name) - at_the_same)[late].max() < 50e-3
 
 
+@pytest.mark.system
 def test_the_error_falls_with_the_square_of_the_step():
     """From a smooth start: equal steps, halved twice, at a time when nothing is steady."""
     model = build_field(DRAWING, size=0.04)

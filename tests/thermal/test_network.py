@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad, solve_bvp
 
@@ -148,7 +148,6 @@ def test_an_annulus_with_heat_of_its_own_is_that_much_warmer_than_its_cooled_fac
 # ------------------------------------------------------------------------------------ conservation, order
 
 
-@settings(max_examples=25)
 @given(
     fins=st.integers(0, 8),
     width=st.floats(0.008, 0.035),

@@ -23,7 +23,7 @@ def fading(kelvin):
 DUTY = [Load(1800.0, fading, 16.8)]
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_six_designs_calibrate_the_network_for_sixteen_others():
     """The figures asked for: fluid within 1.5 K RMS and 3 K at most, on designs the fit has not seen."""
     designs = draw_designs(22, seed=7)
@@ -36,6 +36,7 @@ def test_six_designs_calibrate_the_network_for_sixteen_others():
     assert max(e.fluid_rms for e in after) < max(e.fluid_rms for e in before)
 
 
+@pytest.mark.system
 def test_two_designs_calibrate_the_network_for_a_third():
     designs = draw_designs(22, seed=7)
     found = calibrate_network([designs[1], designs[2]], DUTY)

@@ -174,6 +174,7 @@ def test_a_thousand_milliseconds_are_a_second():
 # ---------------------------------------------------------------------------- on dampers that are not its own
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("drawing", [BARE, DRAWING], ids=["bare", "fins"])
 def test_coil_resistance_with_one_percent_of_noise_is_a_thermometer(drawing):
     """Six dampers off their drawing, R20 off by 1 %: at most 1.2 K, and the stated interval holds."""
@@ -207,6 +208,7 @@ def test_without_zeroing_the_offset_is_degrees():
     assert trusting.coil(state)[0] - AMBIENT == pytest.approx(0.01 / COPPER, abs=0.4)
 
 
+@pytest.mark.system
 def test_a_body_thermocouple_is_corrected_by_the_gradient_that_it_estimates():
     """Fluid 20 K above the body; G is off by 30 %: the reading is 20 K off, the observer less than 3."""
     soft = replace(BARE, calibration=replace(BARE.calibration, fluid_wall=0.03))
@@ -294,6 +296,7 @@ def test_scaling_power_capacity_and_conductances_together_changes_nothing():
 # ------------------------------------------------------------------------------------------------ time left
 
 
+@pytest.mark.system
 def test_the_time_left_holds_with_the_capacity_off_by_ten_percent():
     """Twelve dampers, capacity 10 % off either way: the intervals hold, and the medians are within 3 min."""
     rng, inside, errors = np.random.default_rng(8), [], []

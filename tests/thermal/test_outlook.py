@@ -81,6 +81,7 @@ def score(base: DamperDrawing, count: int, minutes: float, seed: int, place: Pla
     return Score(float(np.sqrt(np.mean(np.square(errors)))), float(np.mean(inside)), float(np.mean(widths)))
 
 
+@pytest.mark.system
 def test_before_anything_was_measured_the_interval_holds_on_dampers_off_their_drawing():
     """Of 60 dampers 85 % less two deviations of that count, or more; no wider than twice what is needed."""
     rng = np.random.default_rng(1)
@@ -115,6 +116,7 @@ def test_the_interval_lies_about_the_curve_and_its_times_about_the_curve_s_time(
     )
 
 
+@pytest.mark.system
 def test_more_of_the_curve_narrows_the_interval():
     rng = np.random.default_rng(2)
     truth = truth_of(DRAWING, rng)
@@ -128,6 +130,7 @@ def test_more_of_the_curve_narrows_the_interval():
     assert widths[-1] < 0.5
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("base", [BARE, DRAWING], ids=["bare", "fins"])
 def test_a_drawn_damper_is_foretold_from_ten_minutes(base):
     """Six dampers off their drawing in every way: 2 K at 30 min, and the intervals hold for most."""
@@ -136,7 +139,7 @@ def test_a_drawn_damper_is_foretold_from_ten_minutes(base):
     assert found.inside >= 0.5  # 85 % less two and a half deviations of that count
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 @pytest.mark.parametrize("base", [BARE, DRAWING], ids=["bare", "fins"])
 @pytest.mark.parametrize(("minutes", "most"), [(5.0, 5.0), (10.0, 2.0)])
 @pytest.mark.parametrize("place", ["fluid", "wall", "coil"])
@@ -147,6 +150,7 @@ def test_a_hundred_drawn_dampers_are_foretold(base, minutes, most, place):
     assert found.inside >= 0.78
 
 
+@pytest.mark.system
 def test_a_body_thermometer_tells_less_of_the_fluid_than_one_in_it():
     """After 5 min, of a fluid that gets 20 K warmer than the body by a conductance believed at 30 %."""
     stagnant = replace(BARE, calibration=replace(BARE.calibration, fluid_wall=0.03))

@@ -70,6 +70,7 @@ def test_nothing_happens_to_a_damper_at_ambient_without_power():
 # ----------------------------------------------------------------------------------------------- prediction
 
 
+@pytest.mark.nightly
 def test_forty_unknown_dampers_are_foretold_from_ten_minutes():
     """Fleet unseen: 3 K at 30 min; of 40 intervals, at least 85 % less two deviations of that count hold."""
     rmse, coverage = scores(draw_fleet(40, FLEET_SEED), 10.0, dampers=100)
@@ -77,7 +78,7 @@ def test_forty_unknown_dampers_are_foretold_from_ten_minutes():
     assert coverage >= 0.85 - 2.0 * math.sqrt(0.85 * 0.15 / 40.0)
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_two_hundred_unknown_dampers_are_foretold():
     """10 min: at most 3 K, 85 to 95 % of the 90 % intervals hold; more minutes are better."""
     fleet = draw_fleet(200, FLEET_SEED)
@@ -90,7 +91,7 @@ def test_two_hundred_unknown_dampers_are_foretold():
     assert rmse[15.0] < rmse[10.0] < rmse[5.0]
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_two_hundred_thermocouples_on_the_body_are_foretold():
     rmse, coverage = scores(draw_fleet(200, FLEET_SEED, place="wall"), 10.0)
     print(f"body, 10 min: {rmse:.2f} K, {100.0 * coverage:.1f} % inside")
@@ -98,7 +99,7 @@ def test_two_hundred_thermocouples_on_the_body_are_foretold():
     assert 0.85 <= coverage <= 0.95
 
 
-@pytest.mark.long
+@pytest.mark.release
 def test_the_interval_is_that_of_a_markov_chain():
     """Two ways agree: randomised maximum likelihood against differential evolution Markov chains."""
     for member in draw_fleet(2, FLEET_SEED + 1):
@@ -143,6 +144,7 @@ def member_of_the_model(seed: int, noise: float) -> tuple[HeatingCurve, float]:
     return HeatingCurve(time, course + noise * rng.standard_normal(len(time))), float(course[-1])
 
 
+@pytest.mark.system
 def test_more_curve_and_less_noise_narrow_the_interval():
     curve, _ = member_of_the_model(1, 0.2)
     quiet, _ = member_of_the_model(1, 0.01)

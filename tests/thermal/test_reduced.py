@@ -35,6 +35,7 @@ def miss(full, reduced, name: str) -> float:
     return float(np.abs(getattr(full, name) - getattr(reduced, name)).max())
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("number", range(4))
 def test_sixteen_unknowns_follow_the_fluid_within_10_and_the_coil_within_50_millikelvin(number: int):
     """On random designs, duty of half an hour; no design was used to build anything but its own model."""
@@ -46,7 +47,7 @@ def test_sixteen_unknowns_follow_the_fluid_within_10_and_the_coil_within_50_mill
     assert miss(full, reduced, "coil") < 50e-3
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_sixteen_unknowns_follow_forty_designs_in_steps_of_ten_seconds():
     for design in draw_designs(40, seed=3):
         model = build_field(design)
@@ -57,6 +58,7 @@ def test_sixteen_unknowns_follow_forty_designs_in_steps_of_ten_seconds():
         assert miss(full, reduced, "coil") < 50e-3
 
 
+@pytest.mark.system
 def test_it_follows_a_duty_it_was_not_made_for():
     """Other powers, a pause, a start at 60 degC: the space knows of none of them."""
     model = build_field(DRAWING)

@@ -40,6 +40,7 @@ def test_no_time_at_all_is_no_load():
     assert loads_until([Load(10.0, constant(1.0))], 0.0) == []
 
 
+@pytest.mark.system
 def test_a_power_that_is_none_is_refused():
     grid = np.linspace(300.0, 400.0, 5)
     for power in (lambda kelvin: kelvin * np.nan, lambda kelvin: np.zeros(3)):

@@ -17,6 +17,8 @@ from tests.web.browser import opened, shoot
 from tests.web.served import served
 from tests.web.walking import download, plot, saved_table
 
+pytestmark = pytest.mark.system
+
 OF_CYCLE, CYCLES, STEP_S = 100, 600, 2e-3
 FADE = 0.3  # of the force, over the record
 OTHER_NAMES = """
@@ -65,6 +67,7 @@ def count(page):
     page.wait_for_selector("#cycles-tiles")
 
 
+@pytest.mark.nightly
 def test_a_record_is_counted_and_drawn_over_its_life(page, rig):
     """What the page draws is in the folder's table, and is what the command says."""
     root, client = rig
@@ -104,6 +107,7 @@ def test_a_record_is_counted_and_drawn_over_its_life(page, rig):
     page.wait_for_selector("#cycles-tiles")
 
 
+@pytest.mark.nightly
 def test_a_map_is_brought_for_a_record_that_does_not_speak_for_itself(page, rig, tmp_path):
     own = tmp_path / "long.toml"
     own.write_text(OTHER_NAMES, encoding="utf-8")
@@ -121,7 +125,7 @@ def test_a_map_is_brought_for_a_record_that_does_not_speak_for_itself(page, rig,
     assert "15.0 mm" in page.inner_text("#cycles-tiles")
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_count_that_is_cancelled_keeps_what_was_counted(browser, tmp_path):
     root = tmp_path / "damper"
     path = root / "records" / "long.csv"

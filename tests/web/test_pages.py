@@ -35,11 +35,14 @@ from tests.web.walking import (
     saved_table,
 )
 
+pytestmark = pytest.mark.system
+
 RUN = "nominal_020C_1.00A_sine5mm1Hz"
 
 # ------------------------------------------------------------------------------------------------- runs
 
 
+@pytest.mark.nightly
 def test_an_empty_folder_says_what_to_do_on_every_page(bare):
     page, _ = bare
     for name in PAGES:
@@ -49,6 +52,7 @@ def test_an_empty_folder_says_what_to_do_on_every_page(bare):
         shoot(page, f"{name}-empty")
 
 
+@pytest.mark.nightly
 def test_a_file_in_volts_is_mapped_with_a_preview_and_the_broken_one_says_where(bare, tmp_path):
     """Map, try, save: the command line reads the map that the page has written."""
     page, folder = bare
@@ -181,7 +185,7 @@ def test_a_fit_is_started_watched_and_found_in_the_folder(page, site):
     page.get_by_text("fitted on 27 runs").wait_for()
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_long_fit_is_found_again_after_a_reload_and_stopped(page, site):
     _, client = site
     page.goto("/#/identify")
@@ -224,6 +228,7 @@ def test_sliders_change_the_curve_and_a_hotter_day_is_hotter(page):
 # ------------------------------------------------------------------------------------------------ sink
 
 
+@pytest.mark.nightly
 def test_a_design_of_the_front_is_drawn_to_scale_with_its_own_curve(page, site):
     """The drawing has the design's fins in its proportions; the curve ends where the front says."""
     _, client = site
@@ -250,6 +255,7 @@ def test_a_design_of_the_front_is_drawn_to_scale_with_its_own_curve(page, site):
 # --------------------------------------------------------------------------------------------- tracking
 
 
+@pytest.mark.nightly
 def test_controllers_are_compared_and_what_is_out_of_reach_is_said(page, site):
     _, client = site
     page.goto("/#/tracking?card=strong")
@@ -273,6 +279,7 @@ def test_controllers_are_compared_and_what_is_out_of_reach_is_said(page, site):
 # ----------------------------------------------------------------------------------------------- export
 
 
+@pytest.mark.nightly
 def test_the_archive_compiles_and_the_fmu_verifies(page, tool, tmp_path):
     """C and FMU as they are downloaded: the compiler has nothing to say, the FMU's description is valid."""
     compiler = tool("cc")
@@ -301,13 +308,14 @@ def test_the_archive_compiles_and_the_fmu_verifies(page, tool, tmp_path):
 # ------------------------------------------------------------------------------------- all of the pages
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("size", "scheme"),
     [
         (SCREENS[0], "light"),
         (SCREENS[1], "dark"),
-        pytest.param(SCREENS[0], "dark", marks=pytest.mark.long),
-        pytest.param(SCREENS[1], "light", marks=pytest.mark.long),
+        pytest.param(SCREENS[0], "dark", marks=pytest.mark.nightly),
+        pytest.param(SCREENS[1], "light", marks=pytest.mark.nightly),
     ],
     ids=["desk-light", "tablet-dark", "desk-dark", "tablet-light"],
 )

@@ -25,6 +25,8 @@ from tests.web.browser import opened
 from tests.web.served import served
 from tests.web.walking import STATIC
 
+pytestmark = pytest.mark.system
+
 ROOT = Path(__file__).parents[2]
 
 FIELD_OF = {
@@ -144,6 +146,7 @@ def test_the_maps_that_are_installed_are_those_of_the_examples():
 # ---------------------------------------------------------------------------------------------- in a browser
 
 
+@pytest.mark.nightly
 def test_a_sweep_is_written_started_and_read(page, site):
     page.goto("/#/sweeps")
     text = page.input_value("#plan-text").replace("draws = 8", "draws = 1").replace("[20, 100]", "[20]")

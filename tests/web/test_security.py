@@ -28,6 +28,8 @@ from mrdamper.web.workspace import NotThereError, WorkFolder
 from tests.support.heated import plain_card
 from tests.web.served import Answer, call, living, patiently, served
 
+pytestmark = pytest.mark.system
+
 SECRET = "the key of the safe"
 CSV = b"time_s,displacement_mm,force_N,current_A\n0,0,0,1\n0.01,1,5,1\n"
 TOKEN = "correct-horse-battery-staple"
@@ -429,6 +431,7 @@ def within(seconds: float, holds: Callable[[], bool]) -> bool:
     return True
 
 
+@pytest.mark.nightly
 def test_an_upload_that_is_never_finished_leaves_nothing_and_keeps_nobody_waiting(tmp_path):
     """Slow senders, one that hangs up, and the server's end while some still send."""
     folder = tmp_path / "work"

@@ -44,6 +44,8 @@ from tests.support.rigs import answer_of, command, mrdamper, short_runs, write_c
 from tests.support.tracked import write_a_card
 from tests.web.served import is_alive, series_of, served
 
+pytestmark = pytest.mark.system
+
 TINY = (
     'motions = ["sine5mm1Hz"]\ncurrents_A = [0, 1]\ntemperatures_degC = [20]\nsteps = false\n'
     "held_out_temperatures_degC = []\nheld_out_motions = []\n"
@@ -529,7 +531,7 @@ def test_the_short_campaign_is_one():
     assert campaign.steps is not None  # the lag can be identified
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_controller_is_tracked_and_drawn_and_exported(clean, tool):
     tool("cc")
     root, client = clean
@@ -560,7 +562,7 @@ def test_a_controller_is_tracked_and_drawn_and_exported(clean, tool):
     assert got.content == place.read_bytes()
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_two_clients_and_a_long_fit_keep_the_pages_quick(clean, runs):
     """No request takes more than a second while a fit has the machine for itself."""
     root, client = clean
@@ -684,6 +686,7 @@ def test_a_port_in_use_and_a_host_without_token_end_in_one_message(site, tmp_pat
         assert "Traceback" not in run.stderr
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_an_interrupt_ends_the_server_quietly(tmp_path, number):
     """Ctrl-C, a service that is stopped, a terminal that is closed."""

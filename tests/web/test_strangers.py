@@ -16,6 +16,8 @@ from tests.web.served import served
 from tests.web.test_security import CSV, snapshot
 from tests.web.walking import PAGES
 
+pytestmark = pytest.mark.system
+
 MARKUP = "<img src=x onerror='window.ran = 1'>"
 
 EVIL = """<!DOCTYPE html><title>elsewhere</title>

@@ -21,10 +21,13 @@ from tests.web.browser import opened, shoot
 from tests.web.served import series_of, served
 from tests.web.walking import csv_rows, download, drop_files, map_the_logger, move, place_of, plot
 
+pytestmark = pytest.mark.system
+
 RUN = "ME5mm3Hz_0.50A"
 RATE = 1000
 
 
+@pytest.mark.nightly
 @pytest.mark.usefixtures("real_data")
 def test_from_the_raw_files_to_compiled_code(browser, tmp_path, real_data, tool):  # noqa: PLR0915 - one way
     compiler = tool("cc")

@@ -14,6 +14,8 @@ from tests.support.heated import plain_card
 from tests.support.rigs import answer_of, mrdamper, short_runs, write_runs
 from tests.web.served import Client, is_alive, python_processes_of, served
 
+pytestmark = pytest.mark.system
+
 LONG = {"method": "genetic", "law": "bouc-wen"}  # minutes, if nobody stops it
 
 
@@ -105,6 +107,7 @@ def test_cancel_ends_the_process_and_keeps_the_best_so_far(idle):
     assert not list(folder.rglob(".mrdamper-*"))
 
 
+@pytest.mark.nightly
 def test_a_process_that_does_not_listen_is_ended_by_force(idle):
     folder, client = idle
     job_id, pid = a_long_fit(client)
@@ -130,7 +133,7 @@ def test_a_process_that_dies_is_a_job_that_failed(idle):
     assert client.ended(again)["state"] == "done"
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_two_run_at_once_and_the_third_waits_its_turn(folder):
     with served(folder) as client:
         client.read_all()
@@ -189,7 +192,7 @@ def test_a_power_cut_loses_no_finished_result(folder):
         assert int(client.job("check").rpartition("-")[2]) > int(running.rpartition("-")[2])
 
 
-@pytest.mark.long
+@pytest.mark.nightly
 def test_a_server_that_is_stopped_takes_its_processes_with_it(folder):
     with served(folder) as client:
         client.read_all()
@@ -202,6 +205,7 @@ def test_a_server_that_is_stopped_takes_its_processes_with_it(folder):
         assert client.get(f"/api/jobs/{waiting}")["state"] == "interrupted"
 
 
+@pytest.mark.nightly
 def test_a_second_server_in_the_same_folder_is_refused(folder):
     with served(folder):
         second = mrdamper("serve", "--port", "0", "--folder", folder)
@@ -209,6 +213,7 @@ def test_a_second_server_in_the_same_folder_is_refused(folder):
         assert "another server" in second.stderr
 
 
+@pytest.mark.nightly
 def test_the_job_is_the_command_s(idle):
     folder, client = idle
     """The same card gives the same answer, on the page and in the terminal."""
