@@ -85,6 +85,7 @@ test-nightly: install $(VENV)/.tested
 	$(RUN) -m pytest $(PYTEST_ARGS) -m tier_nightly
 	$(RUN) -m pytest $(PYTEST_ARGS) -m "property and not tier_release" --hypothesis-profile nightly
 	$(RUN) -m fuzz all -runs=$(SHORT)
+	$(RUN) -m bench --check
 
 # docs/trust.md holds the last figures of what stands here.
 release-check: install $(VENV)/.tested

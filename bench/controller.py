@@ -35,7 +35,6 @@ from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.dependence import Bipolynomial, Constant, Exponential, Polynomial, TemperatureDependent
 from mrdamper.models.laws import LAWS
 from mrdamper.models.temperature import Arrhenius
-from tests.control.slow_step import SlowController
 
 __all__ = ["DAMPER", "LIMIT", "run"]
 
@@ -109,15 +108,6 @@ def _contenders(name: str, made: ForceController, folder: Path, *, full: bool) -
         plain = partial(_plain, lambda: PlainBank(DAMPER, made), lambda row: (row[0], row[2], row[3]))
         yield _Contender(f"{name}, plain NumPy (bench/plain.py)", plain, few * 2_000, made, tolerant=True)
         return
-    # The slow step has no table of the reach's: ours is asked without it too.
-    free = replace(made, numbers={**made.numbers, "reach": 0.0})
-    slow = partial(
-        _plain,
-        lambda: SlowController(DAMPER, made.period_s, made.preview_s, made.numbers["margin"]),
-        lambda row: (row[1], row[2], row[3]),
-    )
-    title = f"{name}, plain Python and SciPy's root search (tests/control/slow_step.py)"
-    yield _Contender(title, slow, few * 100, free, tolerant=True)
 
 
 def _side_by_side(group: str, contenders: list[_Contender]) -> list[Row]:

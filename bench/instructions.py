@@ -23,7 +23,7 @@ from mrdamper.export.target import target_of
 from mrdamper.models.card import Evidence, ModelCard
 from mrdamper.models.damper import OperatingEnvelope
 
-__all__ = ["COMMITTED", "GROWTH", "PARTS", "build", "committed", "count", "renew", "toolchain"]
+__all__ = ["check", "renew"]
 
 HERE = Path(__file__).parent
 KERNEL = HERE.parent / "src" / "mrdamper" / "core" / "kernel"
@@ -83,6 +83,26 @@ def committed() -> dict[str, Any]:
 
 def renew() -> None:
     """Count anew, print old and new, and write the committed figures."""
+    found = _counted()
+    COMMITTED.write_text(
+        json.dumps({"toolchain": toolchain(), "instructions": found}, indent=1) + "\n", encoding="utf-8"
+    )
+    print(f"written: {COMMITTED}")
+
+
+def check() -> str | None:
+    """Count anew; return a message where a part takes more than ``GROWTH`` of the committed figure."""
+    if toolchain() != committed()["toolchain"]:
+        print(f"not compared: the counts are those of {committed()['toolchain']}, and this is {toolchain()}")
+        return None
+    kept, found = committed()["instructions"], _counted()
+    grown = [part for part in PARTS if found[part] > GROWTH * kept[part]]
+    meant = "if that is meant: python -m bench --instructions"
+    return f"more than {GROWTH:g} x the instructions: {', '.join(grown)}; {meant}" if grown else None
+
+
+def _counted() -> dict[str, int]:
+    """Return the instructions of each part, printed beside the committed ones."""
     old = committed()["instructions"] if COMMITTED.is_file() else {}
     with tempfile.TemporaryDirectory(prefix="mrdamper-count-") as folder:
         program = build(Path(folder))
@@ -90,10 +110,7 @@ def renew() -> None:
     for part, instructions in found.items():
         before = f", was {old[part]:,} ({instructions / old[part]:.3f} x)" if part in old else ""
         print(f"{part}: {instructions:,} instructions{before}")
-    COMMITTED.write_text(
-        json.dumps({"toolchain": toolchain(), "instructions": found}, indent=1) + "\n", encoding="utf-8"
-    )
-    print(f"written: {COMMITTED}")
+    return found
 
 
 def _ran(command: Sequence[str]) -> str:

@@ -1,6 +1,6 @@
 """The controllers on a Cortex-M4F and M7 under QEMU: bits, instructions, bytes; and static analysis.
 
-Readings are those of ``bench.target``: turns, targets that cannot be, temperature ramps, sensors that fail.
+Readings are those of ``hard_readings``: turns, targets that cannot be, temperature ramps, sensors that fail.
 """
 
 from __future__ import annotations
@@ -13,10 +13,21 @@ from itertools import pairwise
 
 import pytest
 
-from bench.board import BOARDS, CLEAN, KERNEL, SOURCES, Replay, c_tables, hash_of, on_board, on_host, sizes
-from bench.target import SHOWN, Shown, readings
 from mrdamper.control.controllers import controllers_for
 from tests.control.dampers import DAMPERS, DOUBLE
+from tests.export.board import (
+    BOARDS,
+    CLEAN,
+    KERNEL,
+    SOURCES,
+    Replay,
+    c_tables,
+    hash_of,
+    on_board,
+    on_host,
+    sizes,
+)
+from tests.export.hard_readings import SHOWN, Shown, readings
 
 pytestmark = pytest.mark.system
 
@@ -41,6 +52,9 @@ def replayed(shown: Shown, board: str, samples: int) -> tuple[Replay, int]:
 
 
 def meets_its_bars(shown: Shown, there: Replay) -> None:
+    print(
+        f"{shown.controller}, {shown.damper}, {shown.optimised}: mean {there.mean:.0f}, most {there.most:.0f}"
+    )
     assert there.most <= (shown.most or 0)
     assert there.most <= 1.25 * there.mean
     assert there.outside == 0
@@ -76,6 +90,9 @@ def test_commands_and_flags_have_the_bits_of_the_extension_s_single_precision(bo
 def test_code_and_tables_fit(boards, shown):
     """16 kB of tables; 8 kB of code, half as much again for the valve's chain or a bank unrolled."""
     held = sizes(shown.made(), boards["M4F"], flags=(shown.optimised,))
+    print(
+        f"{shown.controller}, {shown.damper}, {shown.optimised}: code {held.code}, tables {held.tables} bytes"
+    )
     assert held.tables <= 16 * 1024
     assert held.code <= shown.most_code * 1024
     assert held.stack <= 1024

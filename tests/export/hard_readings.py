@@ -1,29 +1,25 @@
-"""What a controller costs on a microcontroller: instructions of a step on a Cortex-M4F under QEMU, and bytes.
+"""Controllers and readings for the tests on a microcontroller: what a step finds hard.
 
-The readings are those that a step finds hard: a motion that turns again and again, targets that no current
-gives, temperature over the whole range and past it, sensors that fail.
+A motion that turns again and again, targets that no current gives, temperature over the whole range and past
+it, sensors that fail.
 """
 
 from __future__ import annotations
 
-import shutil
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.signal import lfilter
 
-from bench.board import BOARDS, Replay, Sizes, hash_of, on_board, on_host, sizes
-from bench.measure import Asked, Row, absent
 from mrdamper.arrays import FloatArray
 from mrdamper.control.controllers import ForceController, controllers_for
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant
 from tests.control.dampers import DAMPERS, SERIES
 
-__all__ = ["CARD_RANGE_K", "SHOWN", "Shown", "dampers", "readings", "run"]
+__all__ = ["CARD_RANGE_K", "SHOWN", "Shown", "dampers", "readings"]
 
 SAMPLES = 100_000
-TOOLS = ("arm-none-eabi-gcc", "qemu-system-arm")
 CARD_RANGE_K = (293.15, 396.15)
 """Temperatures of a card that is identified from 20 to 123 degC."""
 
@@ -107,44 +103,3 @@ def readings(controller: ForceController, samples: int = SAMPLES, *, seed: int =
         rows[still, 2] = rows[min(begin + 4000, samples - 1), 2]
         rows[begin + 6000 : begin + 6100, 3] += 40.0
     return rows
-
-
-def run() -> list[Row]:
-    """Return instructions of a step, and bytes, on a Cortex-M4F; and whether three machines agree."""
-    missing = [name for name in TOOLS if shutil.which(name) is None]
-    if missing:
-        return [absent("controllers on a Cortex-M4F", f"{', '.join(missing)} is not installed")]
-    rows = []
-    for shown in SHOWN:
-        controller, flags = shown.made(), (shown.optimised,)
-        told = readings(controller)
-        m4, m7 = (on_board(controller, told, BOARDS[board], flags=flags) for board in ("M4F", "M7"))
-        host = on_host(controller, told)
-        single = replace(controller, single=True)
-        here = hash_of(*single.run(single.start(), told)[1:])
-        same = host.hash == m4.hash == m7.hash == here
-        held = sizes(controller, BOARDS["M4F"], flags=flags)
-        bar = "" if shown.most is None else f"at most {shown.most} instructions, "
-        title = f"{shown.controller}, {shown.damper}, {shown.optimised}"
-        rows.append(
-            Row(
-                title,
-                ratio=m4.most / m4.mean,
-                accuracy=f"{m4.least:.0f} to {m4.most:.0f} instructions, mean {m4.mean:.0f}; "
-                f"M7 {m7.mean:.0f}; "
-                f"code {held.code}, tables {held.tables}, stack {m4.stack_bytes} bytes; "
-                f"bits {'the same' if same else 'DIFFER'} on x86-64, M4F, M7 and from Python",
-                bar=f"{bar}1.25 x the mean; 8 kB of code, 16 kB of tables",
-                asked=() if shown.most is None else _asked(title, shown, shown.most, m4, held),
-            )
-        )
-    return rows
-
-
-def _asked(title: str, shown: Shown, most: int, run: Replay, held: Sizes) -> tuple[Asked, ...]:
-    return (
-        Asked(f"{title}: worst step", most, run.most, "instructions"),
-        Asked(f"{title}: worst step over the mean", 1.25, run.most / run.mean, "x"),
-        Asked(f"{title}: code", float(shown.most_code), held.code / 1024, "kB"),
-        Asked(f"{title}: tables", 16.0, held.tables / 1024, "kB"),
-    )
