@@ -699,7 +699,7 @@ CASES: tuple[Case, ...] = (
         r"an MTS 793 text without a row of numbers",
     ),
     Case("MTS, other columns", mts(other_columns), r"are not those of the first acquisition"),
-    Case("MTS, gigabytes", sparse(b"MTS793|MPT|ENU|1|2|.|/|:|1|0|0|A\n", "bad.dat"), r"line 2 does not end"),
+    Case("MTS, gigabytes", sparse(b"MTS793|MPT|ENU|1|2|.|/|:|1|0|0|A\n", "bad.dat"), r"line 2: does not end"),
     # every format: nothing in it, another's head, its own head and nothing else
     Case("empty, every format", empty_files, rf"(?s)(is empty.*){{8}}and {len(WRITERS) - 8} more"),
     *(

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from mrdamper.data.diagnosis.diagnose import compare, diagnose
 from mrdamper.data.diagnosis.finding import SEVERITIES, Finding, by_kind
 from mrdamper.data.diagnosis.resolution import samples_in_transition, white_noise
-from mrdamper.data.diagnosis.sensors import grain_of
+from mrdamper.data.diagnosis.sensors import resolution_of
 from mrdamper.data.prepare import prepare_run
 from mrdamper.data.readers import read_runs
 from mrdamper.data.records import Recording, RigRun
@@ -270,10 +270,10 @@ def test_a_coarse_converter_is_told_by_its_step(grain, expected):
 
 
 @given(grain=st.floats(1e-3, 50.0), levels=st.integers(20, 400), seed=st.integers(0, 99))
-def test_the_grain_of_a_grid_is_found_whatever_its_size(grain, levels, seed):
+def test_the_resolution_of_a_grid_is_found_whatever_its_size(grain, levels, seed):
     steps = np.random.default_rng(seed).integers(0, levels, 4000)
-    assert grain_of(grain * steps) == pytest.approx(grain, rel=1e-6)
-    assert grain_of(np.random.default_rng(seed).standard_normal(4000)) == 0.0
+    assert resolution_of(grain * steps) == pytest.approx(grain, rel=1e-6)
+    assert resolution_of(np.random.default_rng(seed).standard_normal(4000)) == 0.0
 
 
 def test_spikes_are_counted_and_sized():

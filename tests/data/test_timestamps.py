@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrdamper.data.formats import timestamps
-from mrdamper.data.formats.timestamps import Stamps
+from mrdamper.data.formats.timestamps import Timestamps
 from mrdamper.data.readers import read_run
 from mrdamper.data.tables import open_rows, read_table
 from mrdamper.errors import InputError
@@ -34,7 +34,7 @@ def spelled(seconds, form, start=START):
 
 
 def seconds(*cells):
-    return Stamps().seconds(pl.Series(list(cells), dtype=pl.String))
+    return Timestamps().seconds(pl.Series(list(cells), dtype=pl.String))
 
 
 @pytest.mark.parametrize("form", SPELLINGS)
@@ -56,7 +56,7 @@ def test_what_is_written_is_read_to_the_microsecond(steps_us, start):
 @pytest.mark.parametrize("size", [1, 7, 499])
 def test_blocks_join_where_they_were_cut(form, size):
     time = np.arange(500) * 0.01
-    cells, reader = spelled(time, form), Stamps()
+    cells, reader = spelled(time, form), Timestamps()
     parts = [reader.seconds(pl.Series(cells[k : k + size])) for k in range(0, len(cells), size)]
     assert np.allclose(np.concatenate(parts), time, atol=1e-10)
 

@@ -21,6 +21,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.core import TurningPoints
 from mrdamper.data.batches import Batch
 from mrdamper.data.diagnosis.finding import Finding
+from mrdamper.data.motion import SWING
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.data.segments import HEAD_ROWS, Count, Head, Segmenter, STILL_m
 from mrdamper.errors import InputError
@@ -29,8 +30,6 @@ __all__ = ["LONGEST_CYCLE", "CycleCounter", "CycleFigures", "ModelFigures", "Seg
 
 LONGEST_CYCLE = 1 << 22
 """Samples after which a cycle whose end is not in sight is left out."""
-
-_SWING = 0.05  # of the range of displacement: smaller to-and-fro does not begin a cycle
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -125,7 +124,7 @@ def cycles(prepared: PreparedRun) -> CycleFigures:
     To-and-fro below 5 % of the range of displacement, or below the dead band, does not begin a cycle.
     """
     samples = prepared.samples
-    least_stroke_m = max(_SWING * float(np.ptp(samples.displacement)), prepared.dead_band_m)
+    least_stroke_m = max(SWING * float(np.ptp(samples.displacement)), prepared.dead_band_m)
     found = SegmentCycles(0, least_stroke_m, longest_cycle=len(samples)).step_batch(samples)
     return found.where(found.row >= prepared.scored_from)
 
@@ -204,7 +203,7 @@ class CycleCounter:
         if self.step_s is None or not (moved or self._given):
             self._segmenter.skip(head)
             return CycleFigures.joined([])
-        self.least_stroke_m = self._given or max(_SWING * moved, STILL_m)
+        self.least_stroke_m = self._given or max(SWING * moved, STILL_m)
         return self._count(head)
 
     def _count(self, batch: Batch) -> CycleFigures:

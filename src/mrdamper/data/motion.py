@@ -14,9 +14,11 @@ from numpy import fft
 from mrdamper.arrays import FloatArray
 from mrdamper.core import turning_points
 
-__all__ = ["MotionFound", "describe_motion"]
+__all__ = ["SWING", "MotionFound", "describe_motion"]
 
-_SWING = 0.05  # turning points count when the motion comes back by this share of its range
+SWING = 0.05
+"""Share of its range by which a motion comes back where a turning point counts."""
+
 _ALIKE = 0.15  # strokes and their durations are alike when this near to their median
 _MOST = 0.7  # this share of the strokes must be alike for a motion to be periodic
 _TRIANGLE = 0.64  # rms / amplitude: sine 0.707, triangle 0.577; halfway
@@ -46,7 +48,7 @@ def describe_motion(displacement: FloatArray, step: float) -> MotionFound:
     median time between reversals.
     """
     stroke_range = float(np.ptp(displacement))
-    turns = turning_points(displacement, _SWING * stroke_range)
+    turns = turning_points(displacement, SWING * stroke_range)
     if len(turns) < 3:
         whole = step * (len(displacement) - 1)
         return MotionFound(f"single stroke {_mm(stroke_range / 2)}", None, whole / 2)
@@ -84,7 +86,7 @@ def _period_by_autocorrelation(displacement: FloatArray, step: float) -> float |
     size = 1 << (2 * n - 1).bit_length()  # as many zeros as values, or more
     centred = displacement - displacement.mean()
     echo = fft.irfft(np.abs(fft.rfft(centred, size)) ** 2, size)[: n // 2]
-    # normalised by the energy of the two stretches that overlap at each lag
+    # normalised by the energy of the two segments that overlap at each lag
     energy = np.concatenate(([0.0], np.cumsum(centred**2)))
     lags = np.arange(len(echo))
     overlap = np.sqrt(energy[n - lags] * (energy[n] - energy[lags]))
@@ -116,8 +118,8 @@ def _digits(value: float, count: int = 2) -> str:
 def _plain(value: float, tolerance: float = 0.025) -> str:
     """Return the plainest number near a value: one digit, else two with the second a 5, else any two."""
     decade = 10.0 ** np.floor(np.log10(value))
-    for grain in (decade, 0.5 * decade):
-        near = grain * round(value / grain)
+    for unit in (decade, 0.5 * decade):
+        near = unit * round(value / unit)
         if abs(near / value - 1.0) <= tolerance:
             return _digits(near)
     return _digits(value)

@@ -56,6 +56,22 @@ class _Command:
     unit: CommandUnit
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Channels:
+    """The channels that a file's columns hold, by role [SI]."""
+
+    displacement: FloatArray
+    force: FloatArray
+    time: FloatArray | None = None
+    velocity: FloatArray | None = None
+    temperature: FloatArray | None = None
+    current: FloatArray | None = None
+    voltage: FloatArray | None = None
+
+    def command(self, role: str) -> FloatArray | None:
+        return self.current if role == "current" else self.voltage
+
+
 @dataclass(frozen=True, slots=True)
 class Column:
     """Which column of a file was taken for a role, and its unit as the file or the map spells it."""
@@ -121,18 +137,18 @@ def runs_in(table: Table, chosen: ChannelMap, file: Path) -> RigFile:
             name += f"_{command.values[0]:.2f}{command.unit}" + (f"_{again + 1}" if again else "")
         elif len(parts) > 1:
             name += f"_{number + 1}"
-        temperature = found.get("temperature")
-        if temperature is None and "temperature" in chosen.constant:
-            temperature = np.full(len(time), chosen.constant["temperature"])
+        temperature = found.temperature
+        if temperature is None and (constant := chosen.constant.get("temperature")) is not None:
+            temperature = np.full(len(time), constant)
         recordings.append(
             Recording(
                 name=name,
                 time=time[part] - time[part][0] if len(parts) > 1 or chosen.segments else _cut(time, part),
-                displacement=_cut(found["displacement"], part),
-                force=_cut(found["force"], part),
+                displacement=_cut(found.displacement, part),
+                force=_cut(found.force, part),
                 command=given.values,
                 command_unit=given.unit,
-                velocity=_cut(found["velocity"], part) if "velocity" in found else None,
+                velocity=None if found.velocity is None else _cut(found.velocity, part),
                 temperature=None if temperature is None else temperature[part],
                 session=chosen.session or file.stem,
                 source=str(file),
@@ -145,7 +161,7 @@ def read_runs(paths: PathLike | Iterable[PathLike], channels: ChannelMap | PathL
     """Return the runs in files, folders and glob patterns, in the order given, each file once.
 
     A folder gives the files in it (not below it) of the formats read here. The faults of all files are
-    told at once.
+    in one message.
     """
     chosen = None if channels is None else _load_map(channels)
     runs: list[RigRun] = []
@@ -156,7 +172,7 @@ def read_runs(paths: PathLike | Iterable[PathLike], channels: ChannelMap | PathL
         except InputError as error:
             faults.append(str(error))
     if faults:
-        raise InputError(told_at_once(faults))
+        raise InputError(joined_faults(faults))
     return Dataset(tuple(runs))
 
 
@@ -169,7 +185,7 @@ def map_beside(file: Path) -> Path | None:
     return beside if is_file(beside) else None
 
 
-def told_at_once(faults: Sequence[str], most: int = 8) -> str:
+def joined_faults(faults: Sequence[str], most: int = 8) -> str:
     """Return the faults of many files as one message: the first few, and how many more there are."""
     more = [f"... and {len(faults) - most} more like these"] if len(faults) > most else []
     return "\n".join([*faults[:most], *more])
@@ -216,9 +232,7 @@ def _why_absent(path: Path) -> str:
     return "no such file or folder"
 
 
-def _find_channels(
-    table: Table, chosen: ChannelMap, place: str
-) -> tuple[dict[str, FloatArray], tuple[Column, ...]]:
+def _find_channels(table: Table, chosen: ChannelMap, place: str) -> tuple[_Channels, tuple[Column, ...]]:
     """Return the channels of a file in SI, by role."""
     columns = find_columns(table, chosen, place)
     found: dict[str, FloatArray] = {}
@@ -230,7 +244,7 @@ def _find_channels(
                 "file may be cut off: copy it again"
             )
         found[column.role] = chosen.channel(column.role).to_si(values, column.unit, place)
-    return found, columns
+    return _Channels(**found), columns
 
 
 def find_columns(table: Table, chosen: ChannelMap, place: str) -> tuple[Column, ...]:
@@ -346,10 +360,10 @@ def _listed(names: Sequence[str], most: int = 24) -> str:
     return ", ".join(names[:most]) + more
 
 
-def _time(table: Table, found: dict[str, FloatArray], chosen: ChannelMap, place: str) -> FloatArray:
+def _time(table: Table, found: _Channels, chosen: ChannelMap, place: str) -> FloatArray:
     """Return time [s] of each sample: a column, or from a stated sampling interval or rate."""
-    samples = len(found["displacement"])
-    stated = found.get("time")
+    samples = len(found.displacement)
+    stated = found.time
     if stated is not None and len(stated) > 1:
         return stated
     step = table.step_s
@@ -368,7 +382,7 @@ def _time(table: Table, found: dict[str, FloatArray], chosen: ChannelMap, place:
 
 
 def _split(table: Table, chosen: ChannelMap, samples: int, place: str) -> list[tuple[slice, _Command | None]]:
-    """Return the stretch of each run in a file, and its command when the map gives one for each."""
+    """Return the rows of each run in a file, and its command when the map gives one for each."""
     if chosen.segments is None:
         edges = [*(table.parts or (0,)), samples]
         return [(slice(a, b), None) for a, b in itertools.pairwise(edges)]
@@ -400,16 +414,14 @@ def _cut(values: FloatArray, part: slice) -> FloatArray:
     return values
 
 
-def _command(
-    found: dict[str, FloatArray], chosen: ChannelMap, part: slice, table: Table, place: str
-) -> _Command:
-    samples = len(found["displacement"][part])
+def _command(found: _Channels, chosen: ChannelMap, part: slice, table: Table, place: str) -> _Command:
+    samples = len(found.displacement[part])
     for role in _COMMAND_UNITS:
-        if role in chosen.constant and role in found:
+        if role in chosen.constant and found.command(role) is not None:
             raise InputError(f"{place}: {role} is a column and a constant of the channel map; leave one out")
     for role, unit in _COMMAND_UNITS.items():
-        if role in found:
-            return _Command(_cut(found[role], part), unit)
+        if (measured := found.command(role)) is not None:
+            return _Command(_cut(measured, part), unit)
     for role, unit in _COMMAND_UNITS.items():
         if role in chosen.constant:
             return _Command(np.full(samples, chosen.constant[role]), unit)

@@ -1,7 +1,7 @@
 """Records: one measured run, and a set of runs.
 
 A ``RigRun`` is what a rig wrote, in SI and kelvin, as it was measured: nothing is smoothed, shifted or
-resampled here (that is ``prepare``). It is checked when built; all faults found are told at once.
+resampled here (that is ``prepare``). It is checked when built; all faults found stand in one message.
 
 Sign convention: extension positive, a force that resists extension is positive.
 """
@@ -267,7 +267,7 @@ def _not_finite(name: str, array: FloatArray) -> str:
     bad = np.flatnonzero(~np.isfinite(array))
     return (
         f"{name} is {array[bad[0]]} at sample {bad[0]} ({len(bad)} such samples); expected finite numbers. "
-        "Fill the empty cells, or cut the stretch out of the file"
+        "Fill the empty cells, or cut the segment out of the file"
     )
 
 
@@ -324,7 +324,7 @@ def _motion_faults(run: RigRun) -> list[str]:
     if speeds[fastest] > _SPEED or stroke > _STROKE:
         hint = "It looks like mm read as m: give the channel's unit as mm"
         if stroke <= _STROKE and np.count_nonzero(speeds > _SPEED) < 0.01 * len(speeds):
-            hint = "It looks like a jump of the sensor: cut the stretch out of the file"
+            hint = "It looks like a jump of the sensor: cut the segment out of the file"
         return [
             f"displacement moves at {speeds[fastest]:.3g} m/s at sample {fastest}, with a stroke of "
             f"{stroke:.3g} m; expected at most {_SPEED:g} m/s and {_STROKE:g} m. {hint}"

@@ -17,7 +17,7 @@ from types import MappingProxyType
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.tables import read_table
+from mrdamper.data.tables import Table, read_table
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, to_si
 
@@ -93,27 +93,50 @@ def read_rheometer(path: str | Path) -> RheometerTable:
             f"{place}: neither viscosity nor yield stress among {found}; expected {_offer('viscosity')}, or "
             f"{_offer('yield stress')} with {_offer('field')}"
         )
-    columns: dict[str, FloatArray] = {}
-    units: dict[str, str] = {}
-    for what, header in headers.items():
-        if header not in table.columns:
-            raise InputError(f"{place}: column {header!r} holds text; expected numbers")
-        columns[what], units[what] = _to_si(table.columns[header], what, header, place)
-    _require_plausible(columns["temperature"], headers["temperature"], place)
+    columns = _columns(table, headers, place)
     notes = [f"{place}: column {name!r} is not used" for name in table.names if name not in headers.values()]
     viscosity = yield_stress = None
-    if "viscosity" in columns:
-        two = [columns["temperature"], _at_rest(columns, notes, place)]
-        kelvin, eta = _whole_rows(two, "viscosity", place)
+    if columns.viscosity is not None:
+        at_rest = _at_rest(columns.viscosity, columns.field, notes, place)
+        kelvin, eta = _whole_rows([columns.temperature, at_rest], "viscosity", place)
         viscosity = (kelvin, eta)
-    if "yield stress" in columns:
-        three = [columns[what] for what in ("field", "temperature", "yield stress")]
+    if columns.yield_stress is not None and columns.field is not None:
+        three = [columns.field, columns.temperature, columns.yield_stress]
         field, kelvin, stress = _whole_rows(three, "yield stress", place)
         yield_stress = (field, kelvin, stress)
-    empty = np.isnan([columns[what] for what in ("viscosity", "yield stress") if what in columns]).all(axis=0)
+    values = [each for each in (columns.viscosity, columns.yield_stress) if each is not None]
+    empty = np.isnan(values).all(axis=0)
     if empty.any():
         notes.append(f"{place}: rows without a value left out: {np.count_nonzero(empty)}")
-    return RheometerTable(place, viscosity, yield_stress, units.get("field", ""), tuple(notes))
+    return RheometerTable(place, viscosity, yield_stress, columns.field_unit, tuple(notes))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Columns:
+    """What the columns hold, in SI; not a number where a cell is empty."""
+
+    temperature: FloatArray
+    viscosity: FloatArray | None
+    yield_stress: FloatArray | None
+    field: FloatArray | None
+    field_unit: str
+
+
+def _columns(table: Table, headers: Mapping[str, str], place: str) -> _Columns:
+    def column(what: str) -> tuple[FloatArray, str] | tuple[None, str]:
+        header = headers.get(what)
+        if header is None:
+            return None, ""
+        if header not in table.columns:
+            raise InputError(f"{place}: column {header!r} holds text; expected numbers")
+        return _to_si(table.columns[header], what, header, place)
+
+    temperature, _ = column("temperature")
+    if temperature is None:  # _needed has asked for it
+        raise InputError(f"{place}: no temperature; expected {_offer('temperature')}")
+    _require_plausible(temperature, headers["temperature"], place)
+    field, unit = column("field")
+    return _Columns(temperature, column("viscosity")[0], column("yield stress")[0], field, unit)
 
 
 def _needed(headers: Mapping[str, str]) -> list[tuple[str, str]]:
@@ -185,10 +208,11 @@ def _require_plausible(kelvin: FloatArray, header: str, place: str) -> None:
         )
 
 
-def _at_rest(columns: Mapping[str, FloatArray], notes: list[str], place: str) -> FloatArray:
+def _at_rest(viscosity: FloatArray, field: FloatArray | None, notes: list[str], place: str) -> FloatArray:
     """Return the viscosities without field: those in a field are another quantity."""
-    viscosity = columns["viscosity"]
-    in_field = np.isfinite(viscosity) & (np.nan_to_num(columns.get("field", np.zeros(1))) != 0.0)
+    if field is None:
+        return viscosity
+    in_field = np.isfinite(viscosity) & (np.nan_to_num(field) != 0.0)
     if not in_field.any():
         return viscosity
     notes.append(f"{place}: viscosities in a field left out: {np.count_nonzero(in_field)}")

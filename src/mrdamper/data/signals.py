@@ -209,13 +209,13 @@ def _spline_basis(spacing: int) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 def _rounding(displacement: FloatArray) -> float:
     """Return the standard deviation of rounding [m] where the displacement keeps to a grid, else 0."""
-    grain = smallest_step(displacement)
-    if grain == 0.0:
+    resolution = smallest_step(displacement)
+    if resolution == 0.0:
         return 0.0
-    steps = np.abs(np.diff(displacement)) / grain
+    steps = np.abs(np.diff(displacement)) / resolution
     if steps.min() > 0.5 and steps.max() < 1.5:  # a motion of constant speed, not a grid
         return 0.0
-    for parts in (1, 2, 3):  # the finest grain itself need not occur
+    for parts in (1, 2, 3):  # the finest resolution itself need not occur
         if np.max(np.abs(parts * steps - np.round(parts * steps))) < 0.01:
-            return grain / parts / float(np.sqrt(12.0))
+            return resolution / parts / float(np.sqrt(12.0))
     return 0.0

@@ -32,9 +32,9 @@ FIGURES = (
 )
 
 BIN_K = 10.0
-"""Width of the temperatures [K] by which errors are told."""
+"""Width of the temperatures [K] in which errors are summed."""
 
-_PACE = 0.01  # of the usual step: a sampling that differs by more is told
+_PACE = 0.01  # of the usual step: a sampling that differs by more is noted
 
 
 def columns_of(done: CycleFigures) -> dict[str, FloatArray]:

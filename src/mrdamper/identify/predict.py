@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 
 from mrdamper.data.prepare import Preparation, PreparedRun, prepare_run
-from mrdamper.data.readers import told_at_once
+from mrdamper.data.readers import joined_faults
 from mrdamper.data.records import Dataset, RigRun
 from mrdamper.errors import EnvelopeWarning, InputError
 from mrdamper.identify.scores import RunError, score_run
@@ -189,7 +189,7 @@ def prepare_all(runs: Iterable[RigRun], preparation: Preparation) -> tuple[Prepa
         except InputError as fault:
             faults.append(str(fault))
     if faults:
-        raise InputError(told_at_once(faults))
+        raise InputError(joined_faults(faults))
     return tuple(prepared)
 
 

@@ -17,7 +17,7 @@ from mrdamper.data.channels import read_channel_map
 from mrdamper.data.diagnosis.diagnose import compare, diagnose
 from mrdamper.data.diagnosis.finding import SEVERITIES, Finding, worst_first
 from mrdamper.data.prepare import PreparedRun
-from mrdamper.data.readers import RigFile, find_files, read_file, told_at_once
+from mrdamper.data.readers import RigFile, find_files, joined_faults, read_file
 from mrdamper.data.records import Recording
 from mrdamper.errors import InputError
 from mrdamper.runtime.outputs import atomic_output, write_json, write_table
@@ -69,7 +69,7 @@ def check(paths: Sequence[str | Path], *, channels: Path | None = None, out: Pat
         except InputError as error:
             unreadable.append((path, str(error)))
     if not read:
-        raise InputError(told_at_once([said for _, said in unreadable]))
+        raise InputError(joined_faults([said for _, said in unreadable]))
     recordings = [recording for _, file in read for recording in file.recordings]
     twins = list(compare(recordings))
     runs = [

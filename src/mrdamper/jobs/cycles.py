@@ -45,7 +45,7 @@ Report = Callable[[int, int | None, int], None]
 """Told how far the job is: rows read, rows in all where that is known, cycles found."""
 
 
-def cycles(  # noqa: PLR0913 - what a job is told, by keyword
+def cycles(  # noqa: PLR0913 - a job's options, by keyword
     record: Path,
     *,
     channels: Path | None = None,

@@ -139,9 +139,9 @@ def find_drift(prepared: PreparedRun) -> Iterator[Finding]:
             effect="A stiffness turns it into a force that nobody measured"
             if channel == "displacement"
             else "A constant offset cannot follow it: it stays in the error",
-            remedy="Use a law without stiffness, or Preparation(reference='mean'), or a shorter stretch"
+            remedy="Use a law without stiffness, or Preparation(reference='mean'), or a shorter segment"
             if channel == "displacement"
-            else "Let the load cell and its amplifier warm up; take a shorter stretch",
+            else "Let the load cell and its amplifier warm up; take a shorter segment",
         )
     if abs(found.spread_percent) > _GROWS:
         yield Finding(
@@ -156,7 +156,7 @@ def find_drift(prepared: PreparedRun) -> Iterator[Finding]:
             f"{abs(found.spread_percent):.2g} % from the first to the last of {len(whole)} cycles",
             effect="A model at one temperature can only follow the middle: about "
             f"{0.3 * abs(found.spread_percent):.2g} % of error stay",
-            remedy="Record the temperature with the run, or take the stretch after the damper has settled",
+            remedy="Record the temperature with the run, or take the segment after the damper has settled",
         )
 
 

@@ -107,7 +107,7 @@ def find_noise(prepared: PreparedRun) -> Iterator[Finding]:
         + (f", where noise explains {percent(0.01 * share)}" if more else ", which is noise"),
         effect=f"No model of the damper alone can have an error below about {percent(0.01 * apart)} on "
         "this run",
-        remedy="Look for heating, drift of the position, or a loose mounting; take the stretch that repeats"
+        remedy="Look for heating, drift of the position, or a loose mounting; take the segment that repeats"
         if more
         else "More cycles average it out in a fit",
     )

@@ -18,22 +18,22 @@ __all__ = [
     "find_implausible_sizes",
     "find_spikes",
     "find_stuck_sensors",
-    "grain_of",
+    "resolution_of",
 ]
 
 _MEASURED = ("displacement", "force", "velocity")
 _FLAT = 3  # samples in a row at the very extreme
 _CROWDED = 8.0  # the extreme level holds so many times the samples of the levels below it
 _LEVELS = 4  # below the extreme, for comparison
-_FEWEST = 8  # samples at the extreme
+_LEAST_AT_EXTREME = 8  # samples at the extreme
 _MUCH = 0.01  # of the samples at an extreme: a fault
 
 _COARSE = 0.01  # rounding error above this share of the channel's standard deviation
-_GRID = 0.8  # of the distances between neighbouring values are the grain, twice or three times it
+_GRID = 0.8  # of the distances between neighbouring values are the resolution, twice or three times it
 
 _STUCK = 20  # samples in a row
 _MOVES = 0.15  # of the other channel's range, meanwhile
-_LONGER = 5.0  # than the usual longest stretch of equal values
+_LONGER = 5.0  # than the usual longest segment of equal values
 
 _SPIKE = 0.1  # of the range that all but a few samples keep to
 _ABOVE_NOISE = 30.0
@@ -82,7 +82,7 @@ def find_clipping(recording: Recording) -> Iterator[Finding]:
     """Give channels that stay at exactly their largest or smallest value, far more often than near it.
 
     The level at the extreme is compared with the four below it, which a smooth signal visits nearly as often.
-    A stretch counts when the signal comes to it at speed, so that a turn of a coarsely measured sine is none.
+    A segment counts when the signal comes to it at speed, so that a turn of a coarsely measured sine is none.
     """
     for role, values in channels_of(recording).items():
         if role not in _MEASURED or np.ptp(values) == 0.0:
@@ -91,10 +91,10 @@ def find_clipping(recording: Recording) -> Iterator[Finding]:
         for side, folded, often in (("upper", values, counts[::-1]), ("lower", -values, counts)):
             at_top = folded == folded.max()
             below = float(np.mean(often[1 : 1 + _LEVELS])) if len(levels) > 1 else 0.0
-            stretches = [
-                (a, b) for a, b in _stretches(at_top) if b - a >= _FLAT and _comes_at_speed(folded, a, b)
+            segments = [
+                (a, b) for a, b in _segments(at_top) if b - a >= _FLAT and _comes_at_speed(folded, a, b)
             ]
-            if not stretches or sum(b - a for a, b in stretches) < max(_FEWEST, _CROWDED * below):
+            if not segments or sum(b - a for a, b in segments) < max(_LEAST_AT_EXTREME, _CROWDED * below):
                 continue
             count = int(np.count_nonzero(at_top))
             share = count / len(values)
@@ -105,10 +105,10 @@ def find_clipping(recording: Recording) -> Iterator[Finding]:
                 channel=role,
                 size=100.0 * share,
                 unit="%",
-                from_s=float(recording.time[stretches[0][0]]),
-                to_s=float(recording.time[stretches[-1][1] - 1]),
-                found=f"{role} stays at its {side} end of {values[stretches[0][0]]:.5g} {unit} for "
-                f"{count} samples ({percent(share)}) in {len(stretches)} stretches: clipped",
+                from_s=float(recording.time[segments[0][0]]),
+                to_s=float(recording.time[segments[-1][1] - 1]),
+                found=f"{role} stays at its {side} end of {values[segments[0][0]]:.5g} {unit} for "
+                f"{count} samples ({percent(share)}) in {len(segments)} segments: clipped",
                 effect="Peak forces, viscosity and yield force come out too small"
                 if role == "force"
                 else "Velocity is zero where the damper moves, and the law is driven wrongly",
@@ -117,15 +117,15 @@ def find_clipping(recording: Recording) -> Iterator[Finding]:
 
 
 def find_stuck_sensors(recording: Recording) -> Iterator[Finding]:
-    """Give stretches in which one channel keeps one value while the other goes on."""
+    """Give segments in which one channel keeps one value while the other goes on."""
     x, force = recording.displacement, recording.force
     for role, values, other in (("force", force, x), ("displacement", x, force)):
-        stretches = sorted(_stretches(np.append(np.diff(values) == 0.0, False)), key=lambda s: s[0] - s[1])
-        if not stretches or np.ptp(values) == 0.0:
+        segments = sorted(_segments(np.append(np.diff(values) == 0.0, False)), key=lambda s: s[0] - s[1])
+        if not segments or np.ptp(values) == 0.0:
             continue
-        usual = _usual_stretch(stretches)
+        usual = _usual_segment(segments)
         moved = float(np.ptp(other))
-        for a, b in stretches:
+        for a, b in segments:
             if b - a < max(_STUCK, _LONGER * usual):
                 break
             share = _MOVES if role == "force" else 0.5  # a held displacement may let the force relax
@@ -142,7 +142,7 @@ def find_stuck_sensors(recording: Recording) -> Iterator[Finding]:
                 found=f"{role} keeps {values[a]:.5g} {QUANTITIES[role].unit} from "
                 f"{recording.time[a]:.4g} s to {recording.time[b]:.4g} s while the other channel goes "
                 "on: a stuck sensor or a lost connection",
-                effect="The loop has a stretch that no law can follow, and all coefficients bend towards it",
+                effect="The loop has a segment that no law can follow, and all coefficients bend towards it",
                 remedy="Cut the run before that place (from_s, to_s of the preparation), or record it again",
             )
             break
@@ -154,8 +154,8 @@ def find_coarse_steps(recording: Recording) -> Iterator[Finding]:
         spread = float(np.std(values))
         if role not in _MEASURED or spread == 0.0:
             continue
-        grain = grain_of(values)
-        error = grain / float(np.sqrt(12.0))
+        resolution = resolution_of(values)
+        error = resolution / float(np.sqrt(12.0))
         if error <= _COARSE * spread:
             continue
         unit = QUANTITIES[role].unit
@@ -164,10 +164,10 @@ def find_coarse_steps(recording: Recording) -> Iterator[Finding]:
             kind="coarse_steps",
             severity="warning" if error > 3.0 * _COARSE * spread else "note",
             channel=role,
-            size=grain,
+            size=resolution,
             unit=unit,
-            found=f"{role} has steps of {factor * grain:.3g} {shown}: "
-            f"{round(float(np.ptp(values)) / grain)} levels over the run",
+            found=f"{role} has steps of {factor * resolution:.3g} {shown}: "
+            f"{round(float(np.ptp(values)) / resolution)} levels over the run",
             effect=f"No model can come closer than {percent(error / spread)} of the force's spread"
             if role == "force"
             else "Steps of the displacement become jumps of the velocity; smoothing takes out what it can",
@@ -205,7 +205,7 @@ def find_spikes(recording: Recording) -> Iterator[Finding]:
         )
 
 
-def grain_of(values: FloatArray) -> float:
+def resolution_of(values: FloatArray) -> float:
     """Return the step of a channel that keeps to a grid, 0 when it does not."""
     levels = np.unique(values)
     if len(levels) < 3 or len(levels) > 0.5 * len(values):
@@ -214,27 +214,27 @@ def grain_of(values: FloatArray) -> float:
     apart = apart[apart > 1e-9 * float(levels[-1] - levels[0])]
     if not len(apart):
         return 0.0
-    grain = float(np.median(apart))
-    multiples = apart / grain
+    resolution = float(np.median(apart))
+    multiples = apart / resolution
     nearest = np.round(multiples)
     regular = (np.abs(multiples - nearest) < 0.1) & (nearest >= 1.0) & (nearest <= 3.0)
-    return grain if np.count_nonzero(regular) >= _GRID * len(apart) else 0.0
+    return resolution if np.count_nonzero(regular) >= _GRID * len(apart) else 0.0
 
 
-def _stretches(flags: np.ndarray) -> list[tuple[int, int]]:
-    """Return the stretches of flags that are set, each as (first, one after the last)."""
+def _segments(flags: np.ndarray) -> list[tuple[int, int]]:
+    """Return the segments of flags that are set, each as (first, one after the last)."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False])).astype(np.int8)))
     return list(zip(edges[0::2].tolist(), edges[1::2].tolist(), strict=True))
 
 
 def _comes_at_speed(values: FloatArray, a: int, b: int) -> bool:
-    """Tell whether the signal reaches a stretch with a slope, or leaves it so, as a turn does not."""
+    """Tell whether the signal reaches a segment with a slope, or leaves it so, as a turn does not."""
     usual = float(np.sqrt(np.mean(np.diff(values) ** 2)))
     into = abs(values[a] - values[a - 1]) if a > 0 else 0.0
     out = abs(values[b] - values[b - 1]) if b < len(values) else 0.0
     return bool(max(into, out) > 0.05 * usual) and a > 0 and b < len(values)
 
 
-def _usual_stretch(stretches: list[tuple[int, int]]) -> float:
-    lengths = [b - a for a, b in stretches]
+def _usual_segment(segments: list[tuple[int, int]]) -> float:
+    lengths = [b - a for a, b in segments]
     return float(np.quantile(lengths, 0.9)) if len(lengths) > 4 else 0.0

@@ -48,7 +48,7 @@ def find_missing_numbers(recording: Recording) -> Iterator[Finding]:
                 to_s=_finite(recording.time, last),
                 found=f"{role} is no finite number at {len(bad)} samples, the first at sample {first}",
                 effect="No fit can use the run: an error over such samples has no value",
-                remedy="Fill the empty cells in the source, or cut the stretch out of the file",
+                remedy="Fill the empty cells in the source, or cut the segment out of the file",
             )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.table import Texts
-from mrdamper.data.formats.timestamps import Stamps
+from mrdamper.data.formats.timestamps import Timestamps
 
 if TYPE_CHECKING:
     import polars as pl
@@ -64,7 +64,7 @@ class Cells:
         k = int(self._wrong.arg_max() or 0)
         return int(self._lines[k]), str(self._text[k])[:40]
 
-    def hold_times(self, reader: Stamps, at_least: float = 0.0) -> bool:
+    def hold_times(self, reader: Timestamps, at_least: float = 0.0) -> bool:
         """Take the cells as times of day or dates, if at least a share of them are; tell whether."""
         import polars as pl
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from mrdamper.data.formats.table import FileOptions, Layout, Table, Texts, decoding, load_extra
 from mrdamper.data.formats.text import find_data, find_header
-from mrdamper.data.formats.timestamps import Stamps
+from mrdamper.data.formats.timestamps import Timestamps
 from mrdamper.errors import InputError
 
 __all__ = ["is_workbook", "read_workbook"]
@@ -104,7 +104,7 @@ def _table(path: Path, sheet: str, titles: list[str], first: int, rows: Iterator
         for k, cells in words.items():
             cells.append(None if row[k] is None else str(row[k]))
     columns = {k: np.array(column, dtype=np.float64) for k, column in numbers.items()}
-    columns |= {k: times for k, cells in words.items() if (times := Stamps.in_texts(cells)) is not None}
+    columns |= {k: times for k, cells in words.items() if (times := Timestamps.in_texts(cells)) is not None}
     stamps = frozenset(order[k] for k in {*starts, *words} & {*columns})
     return Table(
         names=tuple(order),

@@ -11,7 +11,6 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +18,7 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.data.channels import unit_in_brackets
 from mrdamper.data.formats.table import FileOptions, Layout, Table, Texts, parts_of
-from mrdamper.data.formats.text import Head, parse_rows, read_head, split_line
+from mrdamper.data.formats.text import Head, lines_of, parse_rows, read_head, split_line
 from mrdamper.errors import InputError
 from mrdamper.quantities import is_unit
 
@@ -29,7 +28,6 @@ _FIRST = "LabVIEW Measurement"
 _END = "***End_of_Header***"
 _SEPARATORS = {"tab": "\t", "comma": ","}
 _X = "X_Value"
-_LONGEST = 1 << 20  # bytes of a line
 _MOST_TAGS = 200  # lines of a header
 
 Tags = Mapping[str, list[str]]
@@ -111,9 +109,7 @@ def _segments(path: Path, labels_start: int, lines_above: int, tags: Tags) -> It
         labels = stream.readline()
         at = labels_start + len(labels)
         now = _Segment(tags, labels.rstrip(), at, at, lines_above)
-        for number, line in enumerate(iter(partial(stream.readline, _LONGEST), b""), lines_above + 1):
-            if len(line) == _LONGEST:
-                raise InputError(f"{path}, line {number}: does not end; expected rows of numbers")
+        for number, line in lines_of(stream, path, lines_above + 1):
             at += len(line)
             if header is None and _begins_segment(line):
                 yield replace(now, stop=at - len(line))

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 
@@ -24,7 +23,7 @@ import numpy as np
 
 from mrdamper.data.channels import parse_header
 from mrdamper.data.formats.table import FileOptions, Layout, Table, Texts, parts_of
-from mrdamper.data.formats.text import count_numbers, find_header, parse_rows, read_head, split_line
+from mrdamper.data.formats.text import count_numbers, find_header, lines_of, parse_rows, read_head, split_line
 from mrdamper.errors import InputError
 
 __all__ = ["is_mts", "read_mts"]
@@ -32,7 +31,6 @@ __all__ = ["is_mts", "read_mts"]
 _DELIMITERS: Mapping[str, str] = MappingProxyType({"0": " ", "1": ",", "2": "\t"})
 _BEGINS_A_NUMBER = frozenset(b"0123456789+-.,")
 _MOST_HEADER_LINES = 64
-_LONGEST = 1 << 20  # bytes of a line
 
 
 @dataclass(slots=True)
@@ -86,14 +84,12 @@ def _find_acquisitions(path: Path, delimiter: str) -> list[_Acquisition]:
     found = [_Acquisition()]
     at = 0
     with path.open("rb") as stream:
-        for number, line in enumerate(iter(partial(stream.readline, _LONGEST), b"")):
-            if len(line) == _LONGEST:
-                raise InputError(f"{path}: line {number + 1} does not end; expected rows of numbers")
+        for number, line in lines_of(stream, path):
             text = line.strip()
             now = found[-1]
             if text and (text[0] in _BEGINS_A_NUMBER or _holds_numbers(line, delimiter)):
                 if now.start < 0:
-                    now.start, now.lines_above = at, number
+                    now.start, now.lines_above = at, number - 1
                 now.stop = at + len(line)
             elif text:
                 if now.start >= 0:

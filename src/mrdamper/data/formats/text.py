@@ -10,15 +10,16 @@ import itertools
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.cells import Cells
 from mrdamper.data.formats.table import FileOptions, Layout, Rows, Table, Texts
-from mrdamper.data.formats.timestamps import Stamps
+from mrdamper.data.formats.timestamps import Timestamps
 from mrdamper.errors import InputError
 from mrdamper.quantities import is_unit
 
@@ -32,6 +33,7 @@ __all__ = [
     "find_decimal",
     "find_header",
     "is_text",
+    "lines_of",
     "open_text",
     "parse_rows",
     "read_head",
@@ -87,7 +89,7 @@ def open_text(path: Path, options: FileOptions) -> Rows:
     """Return a delimited text whose rows are read a block at a time; how many there are is not known."""
     found = _look(path, options)
     order = tuple(_distinct(found.names))
-    stamps: dict[int, Stamps] = {}
+    stamps: dict[int, Timestamps] = {}
     first = next(iter(_number_blocks(path, found, order, stamps=stamps)), ([], []))
     numbers = {name: column for name, column in zip(order, first[0], strict=True) if column is not None}
     table = Table(
@@ -158,6 +160,20 @@ def read_head(path: Path) -> Head:
     return Head(lines, tuple(edges), _READ_AS.get(encoding, ()))
 
 
+def lines_of(stream: BinaryIO, path: Path, first: int = 1) -> Iterator[tuple[int, bytes]]:
+    """Give the lines of a text from where it stands, each with its number; the ``first`` one's is given.
+
+    Raises
+    ------
+    InputError
+        A line does not end.
+    """
+    for number, line in enumerate(iter(partial(stream.readline, _HEAD_BYTES), b""), first):
+        if len(line) == _HEAD_BYTES:
+            raise InputError(f"{path}, line {number}: does not end; expected rows of numbers")
+        yield number, line
+
+
 def parse_rows(
     path: Path, start: int, names: Sequence[str], layout: Layout, stop: int | None = None
 ) -> Table:
@@ -171,7 +187,7 @@ def parse_rows(
     texts: list[Texts] = [[] for _ in order]
     found = _Found(start, tuple(names), layout)
     is_number: list[bool] | None = None
-    stamps: dict[int, Stamps] = {}
+    stamps: dict[int, Timestamps] = {}
     for columns, words_of in _number_blocks(path, found, order, stop, stamps=stamps):
         is_number = [column is not None for column in columns]
         for k, column in enumerate(columns):
@@ -203,7 +219,7 @@ def _number_blocks(
     order: Sequence[str],
     stop: int | None = None,
     wanted: Sequence[int] = (),
-    stamps: dict[int, Stamps] | None = None,
+    stamps: dict[int, Timestamps] | None = None,
 ) -> Iterator[tuple[list[FloatArray | None], list[Texts]]]:
     """Give the columns of each block: numbers, or None and its cells where the first block has texts.
 
@@ -223,7 +239,7 @@ def _number_blocks(
             if column is not None and k in stamps:
                 column.hold_times(stamps[k])
             elif column is not None and is_number is None and column.mostly_text:
-                reader = Stamps()
+                reader = Timestamps()
                 if column.hold_times(reader, at_least=0.5):
                     stamps[k] = reader
         if is_number is None:

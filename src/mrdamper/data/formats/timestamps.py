@@ -19,7 +19,7 @@ from mrdamper.data.formats.table import Texts
 if TYPE_CHECKING:
     import polars as pl
 
-__all__ = ["Stamps"]
+__all__ = ["Timestamps"]
 
 _FORM = (
     r"^(?:([0-9]{1,4}[-./][0-9]{1,2}[-./][0-9]{1,4})[T ,] *)?"
@@ -31,7 +31,7 @@ _PM = ("pm", "PM", "Pm", "pM")
 _DAY_S = 86400.0
 
 
-class Stamps:
+class Timestamps:
     """Reads the cells of one column, a block at a time."""
 
     def __init__(self) -> None:
