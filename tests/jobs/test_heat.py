@@ -245,6 +245,17 @@ def test_one_node_is_blind_to_the_coil(folder):
 
 
 @pytest.mark.system
+def test_the_reduced_model_is_reported_under_its_name(folder):
+    options = HeatOptions(model="reduced")
+    found: Any = heating(folder / "card.json", DRAWING, options=options, out=folder / "reduced")
+    zones: Any = heating(folder / "card.json", DRAWING)
+    assert found["model"] == "reduced"
+    assert found.keys() >= zones.keys()
+    assert found["curve"]["fluid_degC"][-1] == pytest.approx(zones["curve"]["fluid_degC"][-1], abs=2.0)
+    assert "reduced to 16 unknowns" in (folder / "reduced" / "heat.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.system
 def test_the_same_run_gives_the_same_bytes(folder):
     for name in ("one", "two"):
         heating(folder / "card.json", DRAWING, out=folder / name)

@@ -19,7 +19,8 @@ from mrdamper.models.temperature import Arrhenius, Linear
 from mrdamper.thermal.dissipation import LoopWork, tabulate_work
 from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.duty import Duty, read_duty, stretch_of
-from mrdamper.thermal.temperature_rise import predict_rise, simulate_rise
+from mrdamper.thermal.model.finite_element import heat_field
+from mrdamper.thermal.temperature_rise import loads_of, predict_rise, simulate_rise
 
 DRAWING = read_drawing(Path(__file__).parents[2] / "examples" / "paper_damper.toml")
 BARE = DRAWING.with_sink(None)
@@ -274,3 +275,28 @@ def test_the_temperature_at_rest_falls_towards_ambient():
     assert (np.diff(rise.fluid) < 0.0).all()
     assert rise.fluid[-1] - 293.15 < 0.5
     assert rise.force_loss_percent is None
+
+
+def test_the_reduced_model_follows_the_finite_elements():
+    """Within 10 mK of them all the way; its account has the network's paths and closes."""
+    duty = read_duty("sine:15mm:1Hz:2A:600s")
+    works = [tabulate_work(temperature_dependent(), stretch) for stretch in duty.stretches]
+    rise, zones = (simulate_rise(works, DRAWING, duty, model=model) for model in ("reduced", "zones"))
+    _, course = heat_field(DRAWING, loads_of(works, DRAWING, duty))
+    assert rise.fluid == pytest.approx(np.interp(rise.time, course.time, course.fluid), abs=0.01)
+    assert rise.fluid != pytest.approx(zones.fluid, abs=0.01)
+    assert rise.fluid[-1] == pytest.approx(zones.fluid[-1], abs=2.0)
+    assert rise.paths_W.keys() == zones.paths_W.keys()
+    assert rise.energy_J.keys() == zones.energy_J.keys()
+    assert rise.energy_closure < 1e-9
+
+
+def test_the_reduced_model_goes_beyond_the_limit_and_says_when():
+    duty = read_duty("sine:15mm:1Hz:2A:2400s")
+    works = [LoopWork(np.array([293.15]), np.array([150.0]), np.array([1000.0]))]
+    ends, on = (
+        simulate_rise(works, BARE, duty, model="reduced", stop_at_limit=stop) for stop in (True, False)
+    )
+    assert ends.time_to_limit_s == on.time_to_limit_s == ends.time[-1]
+    assert ends.fluid[-1] == pytest.approx(ends.limit_K, abs=1e-4)
+    assert on.time[-1] == pytest.approx(2400.0)

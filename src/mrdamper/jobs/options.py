@@ -197,9 +197,10 @@ class HeatOptions:
     """Options of ``heat``."""
 
     past_limit: Annotated[bool, Option("Go on beyond the fluid's limit instead of ending there.")] = False
-    model: Annotated[Literal["zones", "lumped"], Option("Three axial zones, or the paper's one node.")] = (
-        "zones"
-    )
+    model: Annotated[
+        Literal["zones", "lumped", "reduced"],
+        Option("Three axial zones, the paper's one node, or the finite elements reduced to 16 unknowns."),
+    ] = "zones"
     start_degC: Annotated[
         float | None, Option("Of everything at the start.", unit="degC", default_help="ambient")
     ] = None

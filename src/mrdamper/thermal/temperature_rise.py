@@ -1,18 +1,21 @@
 """Temperature rise: card, drawing and duty together give temperatures, fade of force, heat paths and account.
 
-The mechanical power is that of the card's own loop at the running temperature (``work``), the coil's follows
-its resistance; where they go is the network's business (``network``, ``lumped``). A card without temperature
-laws holds its force constant, and the result says so. The curve stops where the fluid reaches its limit.
+The mechanical power is that of the card's own loop at the running temperature (``dissipation``), the coil's
+follows its resistance; where they go is the model's business (``network``, ``lumped``, ``reduced``). A card
+without temperature laws holds its force constant, and the result says so. The curve stops where the fluid
+reaches its limit.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
@@ -24,8 +27,11 @@ from mrdamper.thermal.dissipation import LoopWork, tabulate_work
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.duty import DEFAULT_DUTY, Duty, read_duty
 from mrdamper.thermal.films.surfaces import name_correlations
+from mrdamper.thermal.model.finite_element import build_field
+from mrdamper.thermal.model.heat_equation import FieldHeating, simulate_field
 from mrdamper.thermal.model.lumped import lumped_network
-from mrdamper.thermal.model.network import PATHS, ThermalNetwork, zone_network
+from mrdamper.thermal.model.network import ThermalNetwork, zone_network
+from mrdamper.thermal.model.reduced import reduce_field
 from mrdamper.thermal.model.stepping import Load
 from mrdamper.thermal.model.transient import Heating, simulate_network
 
@@ -41,10 +47,12 @@ __all__ = [
     "works_of",
 ]  # fmt: skip
 
-Model = Literal["zones", "lumped"]
+Model = Literal["zones", "lumped", "reduced"]
+"""Three axial zones, the paper's one node, or sixteen unknowns that follow the finite elements."""
 
-NETWORKS = MappingProxyType({"zones": zone_network, "lumped": lumped_network})
-"""How a drawing becomes a network, by the model's name."""
+NETWORKS = MappingProxyType({"zones": zone_network, "lumped": lumped_network, "reduced": zone_network})
+"""How a drawing becomes a network, by the model's name; the zones stand for the reduced model where a network
+is needed: in calibration and prediction intervals."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,7 +76,7 @@ class Rise:
     model: Model
     correlations: Mapping[str, str]  # by surface
     notes: tuple[str, ...]
-    heating: Heating
+    heating: Heating | FieldHeating
 
     @property
     def fluid_degC(self) -> FloatArray:
@@ -92,8 +100,6 @@ class Rise:
         """
         if not 0.0 <= time_s <= self.time[-1] * (1.0 + 1e-12):
             raise InputError(f"rise: no temperature at {time_s:g} s; the curve ends at {self.time[-1]:g} s")
-        from scipy.interpolate import PchipInterpolator
-
         return float(PchipInterpolator(self.time, self.fluid)(min(time_s, self.time[-1])))
 
 
@@ -114,7 +120,8 @@ def predict_rise(
     card : the damper's model, whose loop gives the mechanical power
     drawing : the damper as heat sees it
     duty : a duty, its text or a CSV file
-    model : ``zones`` (three axial zones) or ``lumped`` (the paper's Eq. (8))
+    model : ``zones`` (three axial zones), ``lumped`` (the paper's Eq. (8)) or ``reduced`` (sixteen unknowns
+        of the finite elements, within 10 mK of them; needs scikit-fem)
     start_K : temperature of everything at the start; None: ambient
     stop_at_limit : end the curve where the fluid reaches its limit; else go on, and say when it did
     longest_step : of time [s]
@@ -123,6 +130,8 @@ def predict_rise(
     ------
     InputError
         A command of another unit than the card's, or in volts without ``coil.A_per_V``.
+    MissingExtraError
+        The reduced model is asked for, and scikit-fem is not installed.
     """
     damper = card.damper if isinstance(card, ModelCard) else card
     plan = duty if isinstance(duty, Duty) else read_duty(duty)
@@ -155,29 +164,28 @@ def simulate_rise(  # keyword-only options beside the three things joined
 
     ``longest_step`` is in [s], the rest as in ``predict_rise``.
     """
-    network = build_network(drawing, model)
     limit = drawing.filling.valid_K[1]
-    loads = loads_of(works, drawing, duty)
-    heating = simulate_network(network, loads, start=start_K, longest_step=longest_step, stop_at=limit)
+    simulate = _simulator(drawing, model, loads_of(works, drawing, duty), start_K, longest_step)
+    heating = simulate(limit)
     reached = float(heating.time[-1]) if heating.stopped else None
     if heating.stopped and not stop_at_limit:
-        heating = simulate_network(network, loads, start=start_K, longest_step=longest_step)
+        heating = simulate(math.inf)
     if reached is not None:
         does = "the curve ends there" if stop_at_limit else "the curve goes on, outside what the fluid is for"
         notes = (
             *notes,
             f"the fluid reaches its limit, {limit - ZERO_CELSIUS_K:.4g} degC, after {reached:.0f} s; {does}",
         )
-    peak, loss = _fade(works, duty, heating)
+    peak, loss = _fade(works, duty, heating.fluid, heating.time)
     return Rise(
         time=heating.time,
         fluid=heating.fluid,
         coil=heating.coil,
         wall=heating.wall,
-        mechanical_W=heating.flow[:, -2],
-        coil_W=heating.flow[:, -1],
-        paths_W=_by_path(heating),
-        energy_J=_account(heating),
+        mechanical_W=heating.mechanical_W,
+        coil_W=heating.coil_W,
+        paths_W=heating.paths_W,
+        energy_J=heating.energy_J,
         energy_closure=heating.closure,
         peak_force_N=peak,
         force_loss_percent=loss,
@@ -188,6 +196,21 @@ def simulate_rise(  # keyword-only options beside the three things joined
         correlations=name_correlations(drawing),
         notes=notes,
         heating=heating,
+    )
+
+
+def _simulator(
+    drawing: DamperDrawing, model: Model, loads: Sequence[Load], start_K: float | None, longest_step: float
+) -> Callable[[float], Heating | FieldHeating]:
+    """Return the simulation of a drawing, built once; it takes the fluid's temperature to stop at [K]."""
+    if model == "reduced":
+        equation = reduce_field(build_field(drawing)).equation
+        return lambda stop_at: simulate_field(
+            equation, loads, start=start_K, longest_step=longest_step, stop_at=stop_at
+        )
+    network = build_network(drawing, model)
+    return lambda stop_at: simulate_network(
+        network, loads, start=start_K, longest_step=longest_step, stop_at=stop_at
     )
 
 
@@ -247,38 +270,12 @@ def _fluid_heat(drawing: DamperDrawing) -> float:
     return float(network.capacity[network.fluid > 0.0].sum())
 
 
-def _by_path(heating: Heating) -> Mapping[str, FloatArray]:
-    return MappingProxyType(
-        {path: heating.flow[:, columns].sum(axis=1) for path, columns in _columns(heating.network).items()}
-    )
-
-
-def _columns(network: ThermalNetwork) -> dict[str, list[int]]:
-    """Return the losses of each path that there is, by path."""
-    return {
-        path: [k for k, each in enumerate(network.loss_path) if each == path]
-        for path in PATHS
-        if path in network.loss_path
-    }
-
-
-def _account(heating: Heating) -> Mapping[str, float]:
-    last = heating.energy[-1]
-    found = {
-        "mechanical": float(last[-2]),
-        "coil": float(last[-1]),
-        "out": float(heating.energy_out[-1]),
-        "stored": float(heating.stored[-1]),
-    }
-    found |= {path: float(last[columns].sum()) for path, columns in _columns(heating.network).items()}
-    return MappingProxyType(found)
-
-
-def _fade(works: Sequence[LoopWork], duty: Duty, heating: Heating) -> tuple[FloatArray, float | None]:
+def _fade(
+    works: Sequence[LoopWork], duty: Duty, fluid: FloatArray, time: FloatArray
+) -> tuple[FloatArray, float | None]:
     """Return the peak force over time [N], and its fall at the end against 20 degC [%]."""
     ends = np.cumsum([stretch.duration for stretch in duty.stretches])
-    which = np.minimum(np.searchsorted(ends - 1e-9, heating.time), len(works) - 1)
-    fluid = heating.fluid
+    which = np.minimum(np.searchsorted(ends - 1e-9, time), len(works) - 1)
     peak = np.full(len(fluid), np.nan)
     for k, (work, stretch) in enumerate(zip(works, duty.stretches, strict=True)):
         here = which == k

@@ -80,7 +80,7 @@ class Heat(Order):
     ambient_degC: Degrees | None = None
     air_m_s: Annotated[float, Field(ge=0.0, le=200.0)] | None = None
     past_limit: bool = False
-    model: Literal["zones", "lumped"] = "zones"
+    model: Literal["zones", "lumped", "reduced"] = "zones"
     start_degC: Degrees | None = None
     calibrate: Name | None = None
     by_field: bool = True

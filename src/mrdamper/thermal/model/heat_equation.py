@@ -14,7 +14,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -180,17 +179,9 @@ class FieldHeating(EnergyAccount):
         return self._mean(self.equation.wall)
 
     @property
-    def paths_W(self) -> Mapping[str, FloatArray]:
-        """Heat given off, by path."""
-        return MappingProxyType({path: self.flow[:, k] for k, path in enumerate(PATHS)})
-
-    @property
-    def mechanical_W(self) -> FloatArray:
-        return np.asarray(self.flow[:, -2])
-
-    @property
-    def coil_W(self) -> FloatArray:
-        return np.asarray(self.flow[:, -1])
+    def columns(self) -> Mapping[str, Sequence[int]]:
+        """Columns of the losses by path, for each path that takes anything."""
+        return {path: [k] for k, path in enumerate(PATHS) if self.flow[:, k].any() or self.energy[:, k].any()}
 
     @property
     def stored(self) -> FloatArray:

@@ -10,11 +10,13 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import NamedTuple, Protocol
 
 import numpy as np
+from scipy.optimize import brentq
 
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
@@ -196,7 +198,6 @@ def growing_steps(duration: float, first: float, longest: float, *, growth: floa
 
 def _size_to(system: TimedSystem, state: FloatArray, step: float, stop_at: float) -> float:
     """Return the step, at most the given one, after which the fluid is at the temperature to stop at."""
-    from scipy.optimize import brentq
 
     def below(size: float) -> float:
         return stop_at - system.fluid(rosenbrock_step(system, state, size))
@@ -205,16 +206,49 @@ def _size_to(system: TimedSystem, state: FloatArray, step: float, stop_at: float
 
 
 class EnergyAccount(ABC):
-    """Energy in, out and stored of a course, and how well they close."""
+    """Energy in, out and stored of a simulation, by path, and how well they close."""
 
     __slots__ = ()
 
-    energy: FloatArray  # of losses, then of the two sources, since the start [J], shape (k, m + 2)
+    flow: FloatArray  # losses, then the two sources [W], shape (k, m + 2)
+    energy: FloatArray  # of each since the start [J], shape (k, m + 2)
+
+    @property
+    @abstractmethod
+    def columns(self) -> Mapping[str, Sequence[int]]:
+        """Columns of the losses by path, for each path that there is."""
 
     @property
     @abstractmethod
     def stored(self) -> FloatArray:
         """Heat stored since the start [J], shape (k,)."""
+
+    @property
+    def mechanical_W(self) -> FloatArray:
+        return np.asarray(self.flow[:, -2])
+
+    @property
+    def coil_W(self) -> FloatArray:
+        return np.asarray(self.flow[:, -1])
+
+    @property
+    def paths_W(self) -> Mapping[str, FloatArray]:
+        """Heat given off, by path."""
+        found = {path: self.flow[:, list(which)].sum(axis=1) for path, which in self.columns.items()}
+        return MappingProxyType(found)
+
+    @property
+    def energy_J(self) -> Mapping[str, float]:
+        """Energies since the start at the end: both sources, out, stored, and each path."""
+        last = self.energy[-1]
+        found = {
+            "mechanical": float(last[-2]),
+            "coil": float(last[-1]),
+            "out": float(self.energy_out[-1]),
+            "stored": float(self.stored[-1]),
+        }
+        found |= {path: float(last[list(which)].sum()) for path, which in self.columns.items()}
+        return MappingProxyType(found)
 
     @property
     def energy_in(self) -> FloatArray:

@@ -7,7 +7,7 @@ Jacobian of a step (``stepping``) is too.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +18,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.errors import ConvergenceError, EnvelopeError
 from mrdamper.quantities import ZERO_CELSIUS_K, to_degC
 from mrdamper.thermal.materials import COPPER_PER_K
-from mrdamper.thermal.model.network import ThermalNetwork
+from mrdamper.thermal.model.network import PATHS, ThermalNetwork
 from mrdamper.thermal.model.stepping import EnergyAccount, Load, Solver, integrate
 
 __all__ = ["Heating", "NetworkSystem", "simulate_network", "steady_state"]
@@ -50,6 +50,12 @@ class Heating(EnergyAccount):
     @property
     def wall(self) -> FloatArray:
         return np.asarray(self.temperature @ self.network.wall)
+
+    @property
+    def columns(self) -> Mapping[str, Sequence[int]]:
+        """Columns of the losses by path, for each path that there is."""
+        paths = self.network.loss_path
+        return {path: [k for k, each in enumerate(paths) if each == path] for path in PATHS if path in paths}
 
     @property
     def stored(self) -> FloatArray:

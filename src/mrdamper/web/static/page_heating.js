@@ -37,7 +37,7 @@ export async function show(place, app, query) {
   const duty = inputChoice(app, "Duty of the study", ".csv", ["duty"], "the sine above", { id: "study-duty", what: "table", hint: "a table of time, motion and command" });
   const other = inputChoice(app, "Heat sink of the study", ".toml", ["sink", "drawing"], "the drawing's", { id: "study-sink", what: "sink" });
   const measured = inputChoice(app, "Measured curve, to calibrate by", ".csv", ["curve"], "none", { id: "calibrate", what: "curve", hint: "time_s and fluid_degC, body_degC or coil_degC, under this duty" });
-  const model = select([["zones", "three axial zones"], ["lumped", "the paper's one node"]], "zones", { id: "heat-model" });
+  const model = select([["zones", "three axial zones"], ["lumped", "the paper's one node"], ["reduced", "reduced finite elements"]], "zones", { id: "heat-model" });
   const first = numberField("Temperature at the start", "°C", null, { placeholder: "ambient", min: -100, max: 400 });
   const elements = check("heat paths by finite elements", true);
   for (const { box } of [sink, past]) box.addEventListener("change", ask);

