@@ -246,7 +246,7 @@ def read_record(record: type[Record], document: Mapping[str, Any], place: str) -
     from pydantic import ValidationError
 
     try:
-        text = json.dumps(document, default=str)
+        text = json.dumps(dict(document), default=str)
     except (TypeError, ValueError, RecursionError) as error:
         raise InputError(f"{place}: nested too deep, or not made of plain values") from error
     try:

@@ -230,7 +230,7 @@ def test_files_that_are_being_moved_are_moved_to_the_last(
         for k in range(4):
             (beside / str(k)).write_text("old")
     monkeypatch.setattr(Path, "replace", interrupted)
-    with atomic_output(tmp_path / "out") as beside:
+    with pytest.raises(KeyboardInterrupt), atomic_output(tmp_path / "out") as beside:  # noqa: PT012
         for k in range(4):
             (beside / str(k)).write_text("new")
     assert [path.read_text() for path in sorted((tmp_path / "out").iterdir())] == ["new"] * 4

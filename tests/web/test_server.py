@@ -620,9 +620,8 @@ def test_a_process_ends_when_nobody_asks_and_comes_back(tmp_path):
         first = client.worker.pid
         assert first is not None
         async with asyncio.timeout(5.0):
-            while client.worker.pid is not None:
+            while is_alive(first):
                 await asyncio.sleep(0.02)
-        assert not is_alive(first)
         assert "x" in await client.ask(CHANNELS)
         await client.close()
 

@@ -23,7 +23,6 @@ from pathlib import Path
 
 from mrdamper.errors import InputError
 from mrdamper.runtime.locks import lock
-from mrdamper.runtime.signals import not_to_be_interrupted
 
 __all__ = ["atomic_output", "no_room", "recover_staging", "write_json", "write_table"]
 
@@ -72,10 +71,13 @@ def atomic_output(out: Path) -> Iterator[Path]:
             raise
         try:
             _flush(beside)
-            with not_to_be_interrupted():
-                _settle(hidden, place)
+            _settle(hidden, place)
         except OSError as fault:
             raise _cannot(out, standing, fault, hidden) from fault
+        except BaseException:  # an interrupt ends the job, and leaves no mixed set
+            if (hidden / _WHOLE).exists():
+                _move(hidden / _WHOLE, place)
+            raise
     finally:
         if not (hidden / _WHOLE).exists():  # else it is for the next job to bring to its end
             shutil.rmtree(hidden, ignore_errors=True)

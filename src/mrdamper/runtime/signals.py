@@ -29,7 +29,6 @@ __all__ = [
     "heed_interrupts",
     "interrupt_ends_all",
     "interrupts_end_at_once",
-    "not_to_be_interrupted",
     "on_interrupt",
 ]
 
@@ -99,13 +98,6 @@ def interrupt_ends_all() -> Iterator[None]:
         raise Interrupted
 
     with on_interrupt(stop):
-        yield
-
-
-@contextmanager
-def not_to_be_interrupted() -> Iterator[None]:
-    """Let interrupts inside the block pass: it takes a moment, and the work is done with it."""
-    with on_interrupt(lambda: None):
         yield
 
 

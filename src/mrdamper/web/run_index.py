@@ -12,11 +12,12 @@ import json
 import shutil
 from collections.abc import Callable, Iterable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any, Literal
 
 from mrdamper.errors import InputError
-from mrdamper.schema import Json
+from mrdamper.schema import Json, read_record
 from mrdamper.web.job_record import write_whole
 from mrdamper.web.query_worker import Query
 from mrdamper.web.worker_client import WorkerClient
@@ -24,7 +25,7 @@ from mrdamper.web.workspace import NoSpaceError, NotThereError, WorkFolder, is_f
 
 __all__ = ["Kept", "RunIndex", "SameNameError"]
 
-_FORM = "1"  # of what is kept; another number reads everything again
+_FORM = "2"  # of what is kept; another number reads everything again
 _MOST_WINDOWS = 64  # of a file
 _ROOM = 16 << 20  # bytes
 _READ, _CHECK = 5, 9  # urgency, behind whoever waits
@@ -40,7 +41,67 @@ class Kept:
 
     @property
     def series(self) -> Path:
+        """Samples of the run, for drawing."""
         return self.place / f"{self.number}.series"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FileRow:
+    """A file in the list of measured files."""
+
+    name: str
+    bytes: int
+    modified: str
+    state: Literal["reading", "unreadable", "ready"]
+    runs: tuple[str, ...]
+    error: str | None
+    mapped: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Contents:
+    """What a file holds: ``meta.json`` in its folder of the cache.
+
+    Attributes
+    ----------
+    preview : of the file and its runs, as ``jobs.preview`` makes it
+    findings : of each run; None until they have been looked for
+    full : the disk was full; not kept
+    """
+
+    file: str
+    preview: dict[str, Any]
+    findings: list[list[dict[str, Any]]] | None = None
+    full: bool = False
+
+    @classmethod
+    def unreadable(cls, file: str, why: str, *, full: bool = False) -> _Contents:
+        return cls(file=file, preview={"runs": [], "columns": [], "error": f"{file}: {why}"}, full=full)
+
+    @property
+    def error(self) -> str | None:
+        """Why it cannot be read."""
+        error = self.preview["error"]
+        return None if error is None else str(error)
+
+    @property
+    def run_names(self) -> tuple[str, ...]:
+        return tuple(run["name"] for run in self.preview["runs"])
+
+    def runs(self) -> list[Json]:
+        """Return the runs as the pages see them: each with its findings, the worst first."""
+        rows: list[Json] = []
+        for k, run in enumerate(self.preview["runs"]):
+            findings = self.findings[k] if self.findings is not None and k < len(self.findings) else []
+            rows.append(
+                {
+                    **run,
+                    "findings": findings,
+                    "worst": findings[0]["severity"] if findings else None,
+                    "checked": self.findings is not None,
+                }
+            )
+        return rows
 
 
 class SameNameError(InputError):
@@ -60,7 +121,7 @@ class RunIndex:
     ) -> None:
         self._folder, self._formats, self._changed = folder, formats, changed
         self._reader, self._checker = reader, checker
-        self._known: dict[str, Json] = {}  # by key
+        self._known: dict[str, _Contents] = {}  # by key
         self._pending: dict[str, asyncio.Task[None]] = {}
 
     def key_of(self, file: Path) -> str:
@@ -72,63 +133,46 @@ class RunIndex:
                 parts += [str(found.st_size), str(found.st_mtime_ns)]
         return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:24]
 
-    def files(self) -> list[Json]:
+    def files(self) -> list[FileRow]:
         """Return the files and how they stand; what is new is read from now on."""
-        rows = []
-        for file in self._folder.run_files(self._formats):
-            key = self.key_of(file)
-            meta = self._look_up(key)
-            size, modified = 0, 0.0
-            with suppress(OSError):
-                found = file.stat()
-                size, modified = found.st_size, found.st_mtime
-            if meta is not None and meta.get("full") and self._has_room_for(size):
-                self._known.pop(key, None)
-                meta = None
-            if meta is None:
-                self._begin(key, file)
-            error = None if meta is None else meta["error"]
-            rows.append(
-                {
-                    "name": file.name,
-                    "bytes": size,
-                    "modified": timestamp(modified),
-                    "state": "reading" if meta is None else "unreadable" if error else "ready",
-                    "runs": [] if meta is None else [run["name"] for run in meta["runs"]],
-                    "error": error,
-                    "mapped": self._folder.map_of(file).is_file(),
-                }
-            )
-        return rows
+        return [self._row(file) for file in self._folder.run_files(self._formats)]
+
+    def _row(self, file: Path) -> FileRow:
+        key = self.key_of(file)
+        contents = self._look_up(key)
+        size, modified = 0, 0.0
+        with suppress(OSError):
+            found = file.stat()
+            size, modified = found.st_size, found.st_mtime
+        if contents is not None and contents.full and self._has_room_for(size):
+            self._known.pop(key, None)
+            contents = None
+        if contents is None:
+            self._begin(key, file)
+        return FileRow(
+            name=file.name,
+            bytes=size,
+            modified=timestamp(modified),
+            state="reading" if contents is None else "unreadable" if contents.error else "ready",
+            runs=() if contents is None else contents.run_names,
+            error=None if contents is None else contents.error,
+            mapped=self._folder.map_of(file).is_file(),
+        )
 
     def runs(self) -> Json:
         """Return the runs of the files that have been read."""
         files = self.files()
-        runs: list[Json] = []
-        for row in files:
-            if row["state"] == "ready":
-                runs += self.runs_of(self._folder.runs / row["name"])
-        short = [{key: row[key] for key in ("name", "state", "error")} for row in files]
-        return {"runs": runs, "files": short, "reading": sum(row["state"] == "reading" for row in files)}
+        ready = [self._folder.runs / row.name for row in files if row.state == "ready"]
+        return {
+            "runs": [run for file in ready for run in self.runs_of(file)],
+            "files": [{"name": row.name, "state": row.state, "error": row.error} for row in files],
+            "reading": sum(row.state == "reading" for row in files),
+        }
 
     def runs_of(self, file: Path) -> list[Json]:
         """Return the runs of a file, with what is wrong with them as far as it is known."""
-        meta = self._look_up(self.key_of(file))
-        if meta is None:
-            return []
-        found = meta.get("findings")
-        rows = []
-        for k, run in enumerate(meta["runs"]):
-            mine = found[k] if found is not None and k < len(found) else []
-            rows.append(
-                {
-                    **run,
-                    "findings": mine,
-                    "worst": mine[0]["severity"] if mine else None,
-                    "checked": found is not None,
-                }
-            )
-        return rows
+        contents = self._look_up(self.key_of(file))
+        return [] if contents is None else contents.runs()
 
     def knows(self, file: Path) -> bool:
         """Tell whether a file has been read as it is now."""
@@ -137,32 +181,26 @@ class RunIndex:
     async def look(self, file: Path) -> Json:
         """Return what is in a file, waiting until it has been read."""
         key = self.key_of(file)
-        while (meta := self._look_up(key)) is None:
+        while (contents := self._look_up(key)) is None:
             self._begin(key, file)
             await asyncio.gather(self._pending[key], return_exceptions=True)
             key = self.key_of(file)
-        runs = self.runs_of(file)
+        runs = contents.runs()
         return {
-            **{name: value for name, value in meta.items() if name != "file"},
+            **contents.preview,
             "name": file.name,
             "runs": runs,
             "findings": [finding for run in runs for finding in run["findings"]],
-            "checked": meta["findings"] is not None,
+            "checked": contents.findings is not None,
         }
 
     def usable(self) -> list[str] | None:
         """Return the files whose runs can all be fitted; None while some are being read."""
         files = self.files()
-        if any(row["state"] == "reading" for row in files):
+        if any(row.state == "reading" for row in files):
             return None
-        ready = [row["name"] for row in files if row["state"] == "ready"]
-        return [
-            name
-            for name in ready
-            if all(
-                run["usable"] and run["worst"] != "fault" for run in self.runs_of(self._folder.runs / name)
-            )
-        ]
+        ready = [row.name for row in files if row.state == "ready"]
+        return [name for name in ready if all(map(_is_usable, self.runs_of(self._folder.runs / name)))]
 
     async def find(self, name: str, file: str | None) -> Kept:
         """Return a run by its name, waiting for files that are being read."""
@@ -210,13 +248,10 @@ class RunIndex:
             if file is not None and path.name != file:
                 continue
             key = self.key_of(path)
-            meta = self._look_up(key)
-            if meta is not None:
-                found += [
-                    Kept(path, k, self._folder.cache / key)
-                    for k, run in enumerate(meta["runs"])
-                    if run["name"] == name
-                ]
+            contents = self._look_up(key)
+            if contents is not None:
+                place = self._folder.cache / key
+                found += [Kept(path, k, place) for k, run in enumerate(contents.run_names) if run == name]
         if len(found) > 1:
             said = ", ".join(kept.file.name for kept in found)
             raise SameNameError(
@@ -224,19 +259,20 @@ class RunIndex:
             )
         return found[0] if found else None
 
-    def _look_up(self, key: str) -> Json | None:
+    def _look_up(self, key: str) -> _Contents | None:
         if key in self._known:
             return self._known[key]
         try:
-            meta = json.loads((self._folder.cache / key / "meta.json").read_text(encoding="utf-8"))
-        except (OSError, ValueError):
+            document = json.loads((self._folder.cache / key / "meta.json").read_text(encoding="utf-8"))
+            contents = read_record(_Contents, document, key)
+        except (OSError, ValueError, InputError):
             return None
-        self._known[key] = meta
-        if meta.get("findings") is None and not meta["error"]:
-            file = self._folder.runs / meta["file"]
+        self._known[key] = contents
+        if contents.findings is None and not contents.error:
+            file = self._folder.runs / contents.file
             if key not in self._pending and self.key_of(file) == key:
                 self._pending[key] = asyncio.create_task(self._check(key, file))
-        return self._known[key]
+        return contents
 
     def _begin(self, key: str, file: Path) -> None:
         if key not in self._pending:
@@ -247,23 +283,23 @@ class RunIndex:
         try:
             try:
                 query = Query("runs", {"path": file, "place": place})
-                meta = await self._reader.ask(query, urgency=_READ)
+                preview = await self._reader.ask(query, urgency=_READ)
+                contents = _Contents(file=file.name, preview=preview)
             except NoSpaceError as fault:
                 shutil.rmtree(place, ignore_errors=True)
-                meta = {"runs": [], "columns": [], "error": f"{file.name}: {fault}", "full": True}
+                contents = _Contents.unreadable(file.name, str(fault), full=True)
             except InputError as fault:
-                meta = {"runs": [], "columns": [], "error": f"{file.name}: {fault}"}
-            meta |= {"file": file.name, "findings": None}
+                contents = _Contents.unreadable(file.name, str(fault))
             if self.key_of(file) != key:  # it has changed meanwhile
                 shutil.rmtree(place, ignore_errors=True)
                 return
-            self._write(key, meta)
+            self._write(key, contents)
         finally:
             self._pending.pop(key, None)
             self._changed("files")
         if not self._pending:
             self.sweep()
-        if not meta["error"]:
+        if not contents.error:
             self._pending[key] = asyncio.create_task(self._check(key, file))
 
     async def _check(self, key: str, file: Path) -> None:
@@ -274,18 +310,18 @@ class RunIndex:
         finally:
             self._pending.pop(key, None)
         if self.key_of(file) == key and key in self._known:
-            self._write(key, {**self._known[key], **found})
+            self._write(key, replace(self._known[key], findings=found["findings"]))
             self._changed("files")
 
-    def _write(self, key: str, meta: Json) -> None:
+    def _write(self, key: str, contents: _Contents) -> None:
         """Keep what is known of a file; on a full disk in memory alone."""
-        self._known[key] = meta
-        if meta.get("full"):
+        self._known[key] = contents
+        if contents.full:
             return
         place = self._folder.cache / key
         try:
             place.mkdir(parents=True, exist_ok=True)
-            write_whole(place / "meta.json", meta)
+            write_whole(place / "meta.json", asdict(contents))
         except OSError as fault:
             if not is_full(fault):
                 raise
@@ -293,3 +329,8 @@ class RunIndex:
     def _has_room_for(self, size: int) -> bool:
         """Tell whether what a full disk stopped may be tried again."""
         return shutil.disk_usage(self._folder.cache).free > 4 * size + _ROOM
+
+
+def _is_usable(run: Json) -> bool:
+    """Whether a run can be fitted."""
+    return bool(run["usable"]) and run["worst"] != "fault"

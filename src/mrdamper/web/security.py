@@ -13,16 +13,17 @@ import asyncio
 import hashlib
 import hmac
 import ipaddress
-import json
 import socket
 import sys
 import traceback
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from http.cookies import CookieError, SimpleCookie
-from typing import Any
-from urllib.parse import parse_qsl, urlencode, urlsplit
+from urllib.parse import urlencode, urlsplit
 
+from starlette.datastructures import Headers, MutableHeaders, QueryParams
 from starlette.requests import ClientDisconnect
+from starlette.responses import JSONResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from mrdamper.errors import InputError
@@ -49,10 +50,11 @@ _WRITES = frozenset({"POST", "PUT", "PATCH", "DELETE"})
 _READS = frozenset({"GET", "HEAD"})
 _LOOPBACK = frozenset({"127.0.0.1", "localhost", "::1"})
 _SECURE = (
-    (b"x-content-type-options", b"nosniff"),
-    (b"referrer-policy", b"no-referrer"),
-    (b"cross-origin-opener-policy", b"same-origin"),
-    (b"cross-origin-resource-policy", b"same-origin"),
+    ("x-content-type-options", "nosniff"),
+    ("referrer-policy", "no-referrer"),
+    ("cross-origin-opener-policy", "same-origin"),
+    ("cross-origin-resource-policy", "same-origin"),
+    ("content-security-policy", PAGE_POLICY),
 )
 
 
@@ -99,7 +101,7 @@ class ListenAddress:
             return name in {socket.gethostname().lower(), socket.getfqdn().lower()}
         return True
 
-    def admits(self, headers: dict[str, str]) -> bool:
+    def admits(self, headers: Headers) -> bool:
         """Tell whether a request carries the token, or the cookie that it was traded for."""
         if self.token is None:
             return True
@@ -112,9 +114,9 @@ class ListenAddress:
             return False
         return _COOKIE in cookies and _same(cookies[_COOKIE].value, self.cookie_value)
 
-    def is_token(self, token: str) -> bool:
-        """Tell whether a token in an address is the one."""
-        return self.token is not None and _same(token, self.token)
+    def is_token(self, given: Sequence[str]) -> bool:
+        """Tell whether the first token in an address, if there is one, is the server's."""
+        return self.token is not None and len(given) > 0 and _same(given[0], self.token)
 
 
 class Guard:
@@ -138,24 +140,24 @@ class Guard:
                 else:
                     await self._app(scope, body, answer)
             if refusal is not None and not answer.started:
-                await _respond(answer, *refusal)
+                await answer.refuse(*refusal)
         except ClientDisconnect:
             pass  # who has hung up in the middle of an upload hears nothing
         except asyncio.CancelledError:  # the server ends, and somebody is still sending
             if not answer.started:
-                await _respond(answer, 503, "the server is ending; send it again when it is back")
+                await answer.refuse(503, "the server is ending; send it again when it is back")
         except Exception:  # the outermost layer: the browser hears nothing of the inside
             traceback.print_exc(file=sys.stderr)
             if answer.started and not answer.finished:
                 raise  # cut off, so that nobody takes it for whole
             if not answer.started:
-                await _respond(answer, 500, FAULT)
+                await answer.refuse(500, FAULT)
 
     async def _refuse(self, scope: Scope, send: _Strict) -> tuple[int, str] | None:
         """Return why a request is not let in; None lets it in, or answered it already."""
-        headers = {key.decode("latin-1"): value.decode("latin-1") for key, value in scope["headers"]}
+        headers = Headers(scope=scope)
         host = headers.get("host", "")
-        if [key for key, _ in scope["headers"]].count(b"host") != 1 or not self._address.knows(host):
+        if len(headers.getlist("host")) != 1 or not self._address.knows(host):
             return 403, "the request names another host; open the page by the address that the server printed"
         method, path = scope["method"], scope["path"]
         if method not in _WRITES | _READS:
@@ -164,19 +166,12 @@ class Guard:
             return 403, "the request comes from another site; open the page itself"
         if self._address.admits(headers):
             return None
-        query = parse_qsl(scope["query_string"].decode("latin-1"), keep_blank_values=True)
-        given = [value for key, value in query if key == "token"]
-        if method == "GET" and given and self._address.is_token(given[0]):
-            rest = urlencode([(key, value) for key, value in query if key != "token"])
-            cookie = f"{_COOKIE}={self._address.cookie_value}; HttpOnly; SameSite=Strict; Path=/"
+        query = QueryParams(scope["query_string"])
+        if method == "GET" and self._address.is_token(query.getlist("token")[:1]):
+            rest = urlencode([(key, value) for key, value in query.multi_items() if key != "token"])
             place = "/" + path.lstrip("/\\") + (f"?{rest}" if rest else "")
-            await _respond(
-                send,
-                303,
-                "see the page",
-                location=place.encode("ascii", "ignore"),
-                set_cookie=cookie.encode(),
-            )
+            cookie = f"{_COOKIE}={self._address.cookie_value}; HttpOnly; SameSite=Strict; Path=/"
+            await send.refuse(303, "see the page", {"location": _ascii(place), "set-cookie": cookie})
             return 303, ""
         return 401, "a token is needed: open the address with ?token=... that the server printed"
 
@@ -191,18 +186,19 @@ class _Strict:
     async def __call__(self, message: Message) -> None:
         if message["type"] == "http.response.start":
             self.started = True
-            headers = [(key.lower(), value) for key, value in message.get("headers", ())]
-            own = {key for key, _ in headers}
-            stored = b"no-store" if self._path.startswith("/api/") else b"no-cache"
-            usual = (
-                *_SECURE,
-                (b"content-security-policy", PAGE_POLICY.encode()),
-                (b"cache-control", stored),
-            )
-            message = {**message, "headers": [*headers, *((k, v) for k, v in usual if k not in own)]}
+            headers = MutableHeaders(scope=message)
+            stored = "no-store" if self._path.startswith("/api/") else "no-cache"
+            for name, value in (*_SECURE, ("cache-control", stored)):
+                headers.setdefault(name, value)
         else:
             self.finished = not message.get("more_body", False)
         await self._send(message)
+
+    async def refuse(self, status: int, why: str, headers: Mapping[str, str] | None = None) -> None:
+        """Answer with a message of the guard's own."""
+        response = JSONResponse({"error": why, "status": status}, status, headers)
+        await self({"type": "http.response.start", "status": status, "headers": response.raw_headers})
+        await self({"type": "http.response.body", "body": response.body})
 
 
 async def _bounded(scope: Scope, receive: Receive) -> Receive | None:
@@ -226,7 +222,7 @@ async def _bounded(scope: Scope, receive: Receive) -> Receive | None:
     return again
 
 
-def _is_own(headers: dict[str, str], host: str, *, write: bool, api: bool) -> bool:
+def _is_own(headers: Headers, host: str, *, write: bool, api: bool) -> bool:
     """Tell whether a request was made by our own page, by a person, or by no browser at all."""
     site = headers.get("sec-fetch-site")
     if write or api:
@@ -255,13 +251,5 @@ def _same(given: str, wanted: str) -> bool:
     return hmac.compare_digest(given.encode(), wanted.encode())
 
 
-async def _respond(send: _Strict, status: int, said: str, **headers: bytes) -> None:
-    """Answer with a message."""
-    body = json.dumps({"error": said, "status": status}).encode()
-    listed: list[tuple[bytes, Any]] = [
-        (b"content-type", b"application/json"),
-        (b"content-length", str(len(body)).encode()),
-        *((key.replace("_", "-").encode(), value) for key, value in headers.items()),
-    ]
-    await send({"type": "http.response.start", "status": status, "headers": listed})
-    await send({"type": "http.response.body", "body": body})
+def _ascii(text: str) -> str:
+    return text.encode("ascii", "ignore").decode()

@@ -6,7 +6,6 @@ the same.
 
 from __future__ import annotations
 
-import fcntl
 import socket
 import threading
 import webbrowser
@@ -23,6 +22,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp
 
 from mrdamper.errors import InputError, MrdamperError
+from mrdamper.runtime.locks import lock
 from mrdamper.runtime.signals import on_interrupt
 from mrdamper.web.context import MOST_UPLOAD, AppContext
 from mrdamper.web.job_queue import ConflictError
@@ -102,14 +102,9 @@ def serve(
         The port is in use, another server has the folder, or a host without a token.
     """
     app = build(root, ListenAddress(host, token))
-    lock = (root.resolve() / ".cache" / "server.lock").open("w")
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as fault:
-        raise InputError(
-            f"{root}: another server works in this folder; stop it, or choose another"
-        ) from fault
-    with _listening(host, port) as listener, lock:
+    with (root.resolve() / ".cache" / "server.lock").open("w") as file, _listening(host, port) as listener:
+        if lock(file.fileno()) is False:
+            raise InputError(f"{root}: another server works in this folder; stop it, or choose another")
         bound = listener.getsockname()[1]
         shown = f"[{host}]" if ":" in host else socket.gethostname() if host == "0.0.0.0" else host
         address = f"http://{shown}:{bound}/" + ("" if token is None else f"?token={token}")

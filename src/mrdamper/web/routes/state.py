@@ -6,6 +6,7 @@ import asyncio
 import platform
 from collections.abc import Callable, Iterable
 from contextlib import suppress
+from dataclasses import asdict
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
@@ -33,7 +34,7 @@ def state_routes(context: AppContext) -> APIRouter:
 
     @routes.get("/api/state")
     async def state() -> Response:
-        files = context.index.files()
+        files = [asdict(row) for row in context.index.files()]
         rest = await asyncio.to_thread(_state, context)
         return json_response({**rest, "files": files})
 
