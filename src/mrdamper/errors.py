@@ -16,8 +16,8 @@ code 1), never a way of reporting bad input.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
-from typing import ClassVar
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar
 
 __all__ = [
     "CheckError",
@@ -30,6 +30,7 @@ __all__ = [
     "command",
     "option",
     "spelled",
+    "spelled_within",
 ]
 
 
@@ -65,6 +66,10 @@ class MrdamperError(Exception):
 
     def __str__(self) -> str:
         return self.spelled()
+
+    def __format__(self, form: str) -> str:
+        """Return the message for another one, its options and commands still to be spelled."""
+        return format(self.args[0], form)
 
     def spelled(self, spell: Callable[[str], str] = str) -> str:
         """Return the message, its options and commands as ``spell`` has them (the terminal's by default)."""
@@ -105,6 +110,17 @@ def _cut(line: str) -> str:
     if len(line) <= _LONGEST_LINE:
         return line
     return f"{line[:half]} ... ({len(line) - 2 * half} characters left out) ... {line[-half:]}"
+
+
+def spelled_within(value: Any, spell: Callable[[str], str] = str) -> Any:  # noqa: ANN401 - whatever JSON holds
+    """Return an answer whose texts have their options and commands as ``spell`` has them."""
+    if isinstance(value, str):
+        return spelled(value, spell)
+    if isinstance(value, Mapping):
+        return {key: spelled_within(each, spell) for key, each in value.items()}
+    if isinstance(value, list | tuple) and value and not isinstance(value[0], int | float):
+        return [spelled_within(each, spell) for each in value]
+    return value
 
 
 class InputError(MrdamperError, ValueError):

@@ -20,13 +20,14 @@ from mrdamper.jobs.preview import glance
 from mrdamper.jobs.sweep.plan import KINDS as PLANS
 from mrdamper.jobs.sweep.plan import read_plan
 from mrdamper.web.schemas import KINDS
-from mrdamper.web.words import FIELDS
+from mrdamper.web.spelling import labels, on_page
 from tests.web.browser import opened
 from tests.web.served import served
 from tests.web.walking import STATIC
 
 pytestmark = pytest.mark.system
 
+NEW_JOB = "folder, as a new job has"  # what stands for --out, which no page has
 ROOT = Path(__file__).parents[2]
 
 FIELD_OF = {
@@ -82,7 +83,7 @@ def only_there() -> set[str]:
 OPTIONS = [
     (name, each.name or "", each.opts[-1])
     for name, command in commands()
-    for each in command.params
+    for each in command.get_params(click.Context(command))
     if not (isinstance(each, click.Option) and each.is_eager)
 ]
 
@@ -133,7 +134,21 @@ def test_commands_that_are_no_jobs_have_their_route():
 
 def test_messages_name_fields_that_the_pages_have():
     text = "".join(path.read_text(encoding="utf-8") for path in STATIC.glob("*.js"))
-    assert [words for words in FIELDS.values() if words not in text] == []
+    assert [words for words in labels().values() if words not in text and words != NEW_JOB] == []
+
+
+@pytest.mark.parametrize(
+    ("said", "shown"),
+    [
+        ("--starts", "“Starts”"),
+        ("--method varpro", "“Search”: variable projection"),
+        ("--channels FILE", "“Map channels”"),
+        ("mrdamper predict", "Predict on the page Identify"),
+        ("--unheard-of", "--unheard-of"),
+    ],
+)
+def test_options_and_commands_are_spelled_as_the_pages_have_them(said, shown):
+    assert on_page(said) == shown
 
 
 def test_the_maps_that_are_installed_are_those_of_the_examples():

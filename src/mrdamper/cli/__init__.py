@@ -19,7 +19,7 @@ from typing import Any, NoReturn, TypeVar
 import click
 
 from mrdamper.cli.commands import command_of
-from mrdamper.errors import MissingExtraError, MrdamperError
+from mrdamper.errors import MissingExtraError, MrdamperError, spelled, spelled_within
 from mrdamper.registry import JOBS, Job
 from mrdamper.runtime.signals import Interrupted, heed_interrupts, interrupts_end_at_once
 
@@ -80,12 +80,12 @@ def _leave_for_room(fault: OSError) -> None:
 
 
 def _tell(message: str) -> None:
-    click.echo(f"mrdamper: {message}", err=True)
+    click.echo(f"mrdamper: {spelled(message)}", err=True)
 
 
 def _leave(message: str, code: int) -> NoReturn:
     interrupts_end_at_once()
-    click.echo(f"mrdamper: {message}", err=True)
+    _tell(message)
     sys.exit(code)
 
 
@@ -764,7 +764,7 @@ def serve(folder: Path, *, port: int, open_browser: bool, host: str, token: str 
 def _show(job: Job, result: object, answer: Mapping[str, Any], as_json: bool) -> int:  # noqa: FBT001 - as all of them
     """Print what came of a job, as JSON or as its report has it for a terminal; return the exit code."""
     if as_json:
-        click.echo(json.dumps(answer, ensure_ascii=False, allow_nan=False))
+        click.echo(json.dumps(spelled_within(answer), ensure_ascii=False, allow_nan=False))
     else:
         from mrdamper.cli.terminal import open_console
 
@@ -785,9 +785,9 @@ def _finish(
 ) -> int:
     """Print a job's answer and return the exit code; ``cut_short`` is what an interrupted one has left."""
     if as_json:
-        click.echo(json.dumps(answer, ensure_ascii=False, allow_nan=False))
+        click.echo(json.dumps(spelled_within(answer), ensure_ascii=False, allow_nan=False))
     else:
-        show(answer)
+        show(spelled_within(answer))
     if answer.get("cancelled"):
         _tell(f"interrupted: {cut_short}")
         return _NOT_CONVERGED

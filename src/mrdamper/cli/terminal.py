@@ -14,6 +14,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
+from mrdamper.errors import spelled
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 
 if TYPE_CHECKING:  # an answer is shown without loading what made it
@@ -563,7 +564,14 @@ def _track_cells(row: Answer) -> list[str]:
 
 def open_console() -> Console:
     """Return the console of standard output, wide enough for the tables when that is a file."""
-    return Console(highlight=False, width=None if sys.stdout.isatty() else 110)
+    return _Terminal(highlight=False, width=None if sys.stdout.isatty() else 110)
+
+
+class _Terminal(Console):
+    """A console that spells options and commands as they are typed."""
+
+    def print(self, *objects: Any, **how: Any) -> None:  # noqa: ANN401 - as Rich has it
+        super().print(*(spelled(each) if isinstance(each, str) else each for each in objects), **how)
 
 
 def _errors(rows: Sequence[Answer], title: str) -> Table:

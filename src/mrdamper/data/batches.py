@@ -190,7 +190,7 @@ def open_record(path: str | Path, channels: ChannelMap | str | Path | None = Non
     if not ({"current", "voltage"} & (roles | set(chosen.constant))):
         raise InputError(
             f"{place}: no current or voltage; expected a column such as current_A or voltage_V, or the same "
-            "at [constant] in a channel map (--channels FILE)"
+            "at [constant] in a channel map (⟦--channels FILE⟧)"
         )
     step = None
     if "time" not in roles:
@@ -198,7 +198,7 @@ def open_record(path: str | Path, channels: ChannelMap | str | Path | None = Non
         if step is None:
             raise InputError(
                 f"{place}: no time column; the columns are: {', '.join(table.names[:24])}. Expected a header "
-                "such as time_s, [channel.time] in a channel map (--channels FILE), or rate_Hz at its "
+                "such as time_s, [channel.time] in a channel map (⟦--channels FILE⟧), or rate_Hz at its "
                 "[constant]"
             )
     for column in columns:  # a unit that is none is said before hours of reading

@@ -139,7 +139,7 @@ class Channel(ChannelTable):
             raise InputError(
                 f"{place}: {self.role} has no unit; expected one in the header (such as {self.role}_"
                 f"{QUANTITIES[self.role].unit}), or `unit` at [channel.{self.role}] in a channel map "
-                f"(--channels FILE): {choices}"
+                f"(⟦--channels FILE⟧): {choices}"
             )
         if self.gain is not None:
             with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused by its size

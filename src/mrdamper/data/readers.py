@@ -272,7 +272,7 @@ def find_columns(table: Table, chosen: ChannelMap, place: str) -> tuple[Column, 
             _require_no_text(role, table, place)
             raise InputError(
                 f"{place}: no {role} column; the columns are: {_listed(table.names)}. Expected a header such "
-                f"as {role}_{QUANTITIES[role].unit}, or [channel.{role}] in a channel map (--channels FILE)"
+                f"as {role}_{QUANTITIES[role].unit}, or [channel.{role}] in a channel map (⟦--channels FILE⟧)"
                 f"{_perhaps([role], table)}"
             )
     _require_one_clock(table, columns, place)
@@ -375,7 +375,7 @@ def _time(table: Table, found: _Channels, chosen: ChannelMap, place: str) -> Flo
         _require_no_text("time", table, place)
         raise InputError(
             f"{place}: no time column; the columns are: {_listed(table.names)}. Expected a header such as "
-            "time_s, [channel.time] in a channel map (--channels FILE), or rate_Hz at its [constant]"
+            "time_s, [channel.time] in a channel map (⟦--channels FILE⟧), or rate_Hz at its [constant]"
             f"{_perhaps(['time'], table)}"
         )
     return np.arange(samples, dtype=np.float64) * step
@@ -429,5 +429,5 @@ def _command(found: _Channels, chosen: ChannelMap, part: slice, table: Table, pl
         _require_no_text(role, table, place)
     raise InputError(
         f"{place}: no current or voltage; expected a column such as current_A or voltage_V, or the same at "
-        f"[constant] in a channel map (--channels FILE){_perhaps(_COMMAND_UNITS, table)}"
+        f"[constant] in a channel map (⟦--channels FILE⟧){_perhaps(_COMMAND_UNITS, table)}"
     )

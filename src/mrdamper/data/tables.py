@@ -126,8 +126,8 @@ def require_memory(path: Path, rows: int, how: str = "") -> None:
     if rows > most:
         raise InputError(
             f"{path}: has {how}{rows:,} rows, too many for memory at once; expected at most {most:,} in "
-            f"{memory / 1e9:.3g} GB. Count its cycles with: mrdamper cycles (with --model CARD a card goes "
-            "along), which reads it in parts; or cut the file"
+            f"{memory / 1e9:.3g} GB. Count its cycles with: ⟦mrdamper cycles⟧ (with ⟦--model CARD⟧ a card "
+            "goes along), which reads it in parts; or cut the file"
         )
 
 

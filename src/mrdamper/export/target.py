@@ -151,12 +151,12 @@ def _check_name(name: str) -> None:
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
         raise InputError(
             f"name is {name!r}; expected a C identifier (letters, digits and _, a letter first). Pass "
-            "another --name, such as front_left"
+            "another ⟦--name⟧, such as front_left"
         )
     if name.lower() in _C_WORDS or name.lower().startswith(_KERNEL_FILES):
         raise InputError(
             f"name is {name!r}, which C or the kernel uses itself; expected a name of your own. Pass another "
-            "--name, such as front_left"
+            "⟦--name⟧, such as front_left"
         )
     if len(name) > _LONGEST_NAME:
         raise InputError(f"name has {len(name)} characters; expected at most {_LONGEST_NAME}")
@@ -167,5 +167,5 @@ def _check_step(period_s: float) -> None:
     if not low <= period_s <= high:
         raise InputError(
             f"step is {1e3 * period_s:g} ms; expected {1e3 * low:g} to {1e3 * high:g} ms, for which the "
-            "motion filter is made. Pass another --step"
+            "motion filter is made. Use another ⟦--step⟧"
         )

@@ -123,7 +123,7 @@ def find_compiler() -> tuple[str, ...]:
             return tuple(command)
     raise InputError(
         "there is no C compiler (looked for $CC, cc, gcc, clang); an export is compiled here and compared "
-        "with the model before it is written. Install gcc or clang, or pass --no-verify, which writes the C "
+        "with the model before it is written. Install gcc or clang, or use ⟦--no-verify⟧, which writes the C "
         "folder unproved"
     )
 

@@ -270,7 +270,7 @@ def resolve_law(law: Law) -> tuple[HysteresisLaw, str | None]:
             return load_python_law(law), law
         if law not in LAWS and law == "auto":
             raise InputError(
-                "law 'auto' compares laws: use identify.assess.choose_law, or mrdamper identify --law auto"
+                "law 'auto' compares laws: use identify.assess.choose_law, or ⟦mrdamper identify --law auto⟧"
             )
         return find_law(law), None
     own = law() if isinstance(law, type) else law

@@ -114,7 +114,7 @@ def template(
             f"all {len(runs)} training runs have one command ({runs[0].trajectory.command[0]:g} "
             f"{runs[0].run.command_unit}); how {follow or 'the coefficients'} of {law.name} follow the "
             "command cannot be identified from them. Add the same tests at two or more other commands, "
-            "or say --one-command for a model of this command alone"
+            "or use ⟦--one-command⟧ for a model of this command alone"
         )
     follows_temperature = temperature != "none" and fluid is None and _has_temperature(runs, temperature)
     forms: dict[str, ParameterLaw] = {}
@@ -159,7 +159,7 @@ def _has_temperature(runs: Sequence[PreparedRun], temperature: Temperature) -> b
         raise InputError(
             f"{len(without)} of {len(runs)} runs have no temperature channel (the first: {without[0]}); "
             "expected one in every run. Map the channel, state it as a constant in the channel map, or leave "
-            "temperature out (--temperature none)"
+            "temperature out (⟦--temperature none⟧)"
         )
     return not without
 

@@ -31,8 +31,8 @@ RECORD = "verification.json"
 """The record's name in the C folder."""
 
 _PAPER = (
-    "a frozen thermometer is told by the heat capacity of the paper's damper; --damper FILE.toml takes that "
-    "of your own"
+    "a frozen thermometer is told by the heat capacity of the paper's damper; ⟦--damper FILE.toml⟧ takes "
+    "that of your own"
 )
 _UNLAGGED = (
     "the card has no actuation: force is taken to follow the command at once. Identify with runs whose "
@@ -70,11 +70,11 @@ def export(card: Path, options: ExportOptions) -> Json:
     clock = time.process_time()
     outputs = [path for path in (options.c, options.fmu, options.table) if path is not None]
     if not outputs:
-        raise InputError("export: nothing to write; expected --c DIR, --fmu FILE or --table FILE")
+        raise InputError("export: nothing to write; expected ⟦--c DIR⟧, ⟦--fmu FILE⟧ or ⟦--table FILE⟧")
     if len({path.absolute() for path in outputs}) < len(outputs):
         raise InputError(f"export: {outputs[-1]} is to be two things at once; expected a place for each")
     if options.fmu is not None and not options.verify:
-        raise InputError("export: an FMU is made from verified sources only; leave out --no-verify")
+        raise InputError("export: an FMU is made from verified sources only; leave out ⟦--no-verify⟧")
     for path in (options.fmu, options.table):
         if path is not None and is_folder(path):
             raise InputError(f"{path}: is a folder; expected the name of a file to write")

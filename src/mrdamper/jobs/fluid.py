@@ -127,7 +127,7 @@ def _study_yield(
             notes.append(
                 f"{table.name}: flux density is taken to field strength by Carlson's curve for "
                 f"{100 * base.particle_fraction:g} % of iron by volume"
-                + (f" (of {base.name!r}; --particle-fraction gives another)" if assumed else "")
+                + (f" (of {base.name!r}; ⟦--particle-fraction⟧ gives another)" if assumed else "")
             )
         else:
             fields.append(field)

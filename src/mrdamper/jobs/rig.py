@@ -112,7 +112,7 @@ def truth_folder(out: Path) -> Path:
     """Return the folder of the truth beside a folder of runs: ``DIR.truth``."""
     place = out if out.name not in {"", ".."} else out.resolve()
     if not place.name:
-        raise InputError(f"{out}: has nothing beside it for the truth; choose another --out")
+        raise InputError(f"{out}: has nothing beside it for the truth; choose another ⟦--out⟧")
     return place.with_name(f"{place.name}.truth")
 
 

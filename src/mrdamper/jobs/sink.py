@@ -157,7 +157,7 @@ def sink(
     model, load = read_card(card), read_duty(duty)
     if out is None:
         if resume:
-            raise InputError("--resume goes on with what is kept beside --out; expected an --out")
+            raise InputError("⟦--resume⟧ goes on with what is kept beside ⟦--out⟧; expected an ⟦--out⟧")
         run = search_sinks(model, drawing, load, chosen, report=report)
         return {"card": str(card), "damper": str(damper), **_answer(run, chosen)}
     head = {} if resume is None else _decisive(model, drawing, load, chosen)
@@ -295,8 +295,8 @@ def _with_law(drawing: DamperDrawing, options: SinkOptions) -> DamperDrawing:
     changed = replace(pattern, correlation=law, film_multiplier=factor)
     if drawing.sink is None:
         raise InputError(
-            f"{drawing.name}: --correlation and --film-multiplier change the drawing's own sink, and it has "
-            "none; give it a table [sink]"
+            f"{drawing.name}: ⟦--correlation⟧ and ⟦--film-multiplier⟧ change the drawing's own sink, and it "
+            "has none; give it a table [sink]"
         )
     return drawing.with_sink(changed)
 

@@ -378,7 +378,8 @@ def _controllers(path: Path, card: ModelCard, options: TrackOptions, largest: fl
         raise InputError(
             f"{where}: has no actuation, so {', '.join(names_of)} cannot know how late the force follows the "
             "current; expected a card identified with runs whose current steps (`steps` in the campaigns of "
-            "mrdamper rig). Add such a run, or name controllers that need none, such as --controller paper"
+            "⟦mrdamper rig⟧). Add such a run, or name controllers that need none, such as ⟦--controller "
+            "paper⟧"
         )
     return chosen
 

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mrdamper.data.diagnosis.finding import Finding, by_kind
+from mrdamper.errors import spelled
 from mrdamper.identify.assess import Assessment, CrossValidated, LawScore, RunError, summary
 from mrdamper.identify.fit import Identification, versions
 from mrdamper.identify.problem import Estimate, envelope_of
@@ -314,6 +315,7 @@ def environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
+        finalize=lambda value: spelled(value) if type(value) is str else value,
     )
     environment.globals["program"] = versions()
     environment.filters["svg"] = Markup  # our own figures, whose texts Matplotlib has escaped

@@ -99,7 +99,7 @@ class Checkpoint:
                 self._file.close()  # what it still holds is torn, and is dropped
             raise InputError(
                 f"{self.path}: cannot write there: {fault.strerror}; make room. What was finished is kept: "
-                "the same command with --resume goes on"
+                "the same command with ⟦--resume⟧ goes on"
             ) from fault
 
     def _read(self, head: Mapping[str, Any]) -> None:
@@ -115,7 +115,7 @@ class Checkpoint:
         if rows and rows[0] != json.loads(json.dumps(head)):
             raise InputError(
                 f"{self.path}: holds results of {_apart(rows[0], head)}; expected those of this one. Choose "
-                "another --out, or remove that file to begin anew"
+                "another ⟦--out⟧, or remove that file to begin anew"
             )
         self.done = {row["name"]: row["result"] for row in rows[1:]}
         self._file.truncate(whole)
@@ -139,11 +139,11 @@ def checkpointed(
         made = None if path.parent.exists() else path.parent
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as fault:
-        raise InputError(f"{out}: cannot write there: {fault.strerror}; choose another --out") from fault
+        raise InputError(f"{out}: cannot write there: {fault.strerror}; choose another ⟦--out⟧") from fault
     kept = Checkpoint(path, head, resume=resume)
     if tell is not None:
         if left and not resume:
-            tell(f"{path}: the progress of an earlier run is given up; --resume would have gone on with it")
+            tell(f"{path}: the progress of an earlier run is given up; ⟦--resume⟧ would have gone on with it")
         if resume:
             told = f"{len(kept.done)} finished parts" if kept.done else "no finished part, beginning anew"
             tell(f"going on from {path}: {told}")
@@ -151,7 +151,7 @@ def checkpointed(
         yield kept
     except (KeyboardInterrupt, Interrupted) as end:
         if kept.done:
-            end.add_note("what was finished is kept: the same command with --resume goes on")
+            end.add_note("what was finished is kept: the same command with ⟦--resume⟧ goes on")
         raise
     finally:
         kept.close()
@@ -177,12 +177,14 @@ def _taken(path: Path) -> BinaryIO:
         try:
             file = path.open("ab")
         except OSError as fault:
-            raise InputError(f"{path}: cannot write there: {fault.strerror}; choose another --out") from fault
+            raise InputError(
+                f"{path}: cannot write there: {fault.strerror}; choose another ⟦--out⟧"
+            ) from fault
         if lock(file.fileno()) is False:
             file.close()
             raise InputError(
                 f"{path}: another run is at work with it; expected none. Wait until it has ended, or choose "
-                "another --out"
+                "another ⟦--out⟧"
             )
         with suppress(FileNotFoundError):
             if os.path.samestat(os.fstat(file.fileno()), path.stat()):

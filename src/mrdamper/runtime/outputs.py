@@ -21,7 +21,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from mrdamper.errors import InputError
+from mrdamper.errors import InputError, spelled_within
 from mrdamper.runtime.locks import lock
 
 __all__ = ["atomic_output", "no_room", "recover_staging", "write_json", "write_table"]
@@ -48,7 +48,9 @@ def atomic_output(out: Path) -> Iterator[Path]:
     except OSError as fault:  # a name that no disk has, or a folder that nobody may look into
         raise _cannot(out, place, fault) from fault
     if not standing.is_dir():
-        raise InputError(f"{out}: {standing} is a file; expected a folder to write to. Choose another --out")
+        raise InputError(
+            f"{out}: {standing} is a file; expected a folder to write to. Choose another ⟦--out⟧"
+        )
     recover_staging(standing)
     try:
         hidden, handle = _hidden_in(standing)
@@ -187,13 +189,14 @@ def _cannot(out: Path, standing: Path, fault: OSError, hidden: Path | None = Non
             free = shutil.disk_usage(standing).free
             written = 0 if hidden is None else sum(p.stat().st_size for p in hidden.rglob("*") if p.is_file())
             why += f" ({free / 1e6:.1f} MB are free, {written / 1e6:.1f} MB were written so far)"
-        return InputError(f"{out}: {why}; nothing was changed. Make room, or choose another --out")
+        return InputError(f"{out}: {why}; nothing was changed. Make room, or choose another ⟦--out⟧")
     why = why or f"cannot write there: {fault.strerror}"
     return InputError(f"{out}: {why}; nothing was changed. Choose another folder")
 
 
 def write_json(path: Path, value: Mapping[str, object]) -> None:
     """Write one JSON object."""
+    value = spelled_within(value)
     path.write_text(json.dumps(value, indent=1, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
 
 

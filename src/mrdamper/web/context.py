@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
 
-from mrdamper.errors import InputError
+from mrdamper.errors import InputError, spelled_within
 from mrdamper.jobs.choices import choices, run_formats
 from mrdamper.web.events import EventBus
 from mrdamper.web.job_queue import JobQueue
@@ -19,7 +19,7 @@ from mrdamper.web.query_worker import Query
 from mrdamper.web.run_index import RunIndex
 from mrdamper.web.schemas import Order, told
 from mrdamper.web.security import REPORT_POLICY
-from mrdamper.web.words import spoken
+from mrdamper.web.spelling import on_page
 from mrdamper.web.worker_client import PendingAnswers, WorkerClient
 from mrdamper.web.workspace import WorkFolder
 
@@ -120,7 +120,7 @@ def send_file(path: Path, *, download: bool = False) -> Response:
 
 def json_response(answer: dict[str, Any], status: int = 200) -> Response:
     """Return an answer as JSON, its sentences in the words of the pages."""
-    return JSONResponse(spoken(answer), status)
+    return JSONResponse(spelled_within(answer, on_page), status)
 
 
 def stream(events: AsyncIterator[str]) -> Response:

@@ -9,9 +9,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from mrdamper.errors import InputError
+from mrdamper.errors import InputError, spelled_within
 from mrdamper.web.job_record import JobRecord
-from mrdamper.web.words import spoken
+from mrdamper.web.spelling import on_page
 from mrdamper.web.workspace import WorkFolder
 
 __all__ = ["EventBus", "job_events"]
@@ -27,9 +27,8 @@ Gone = Callable[[], bool]
 def event(name: str, told: Mapping[str, Any], number: int | None = None) -> str:
     """Return one event; JSON has no line breaks of its own."""
     numbered = "" if number is None else f"id: {number}\n"
-    return (
-        f"{numbered}event: {name}\ndata: {json.dumps(spoken(told), ensure_ascii=False, allow_nan=False)}\n\n"
-    )
+    said = json.dumps(spelled_within(told, on_page), ensure_ascii=False, allow_nan=False)
+    return f"{numbered}event: {name}\ndata: {said}\n\n"
 
 
 async def job_events(record: JobRecord, after: int, gone: Gone) -> AsyncIterator[str]:

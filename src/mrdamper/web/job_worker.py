@@ -112,7 +112,7 @@ def _fail(record: JobRecord, fault: BaseException) -> None:
         record.end("failed", str(NoSpaceError(f"{record.id} could not write its files")))
     elif isinstance(fault, MrdamperError):
         below = f"{record.folder.parent.parent}{os.sep}"  # paths are those in the work folder
-        record.end("failed", str(fault).replace(below, ""))
+        record.end("failed", f"{fault}".replace(below, ""))
     elif isinstance(fault, MemoryError):
         traceback.print_exception(fault)
         record.end("failed", "the job needs more memory than there is; use fewer or shorter runs")

@@ -33,7 +33,7 @@ from mrdamper.web.routes.runs import run_routes
 from mrdamper.web.routes.state import state_routes
 from mrdamper.web.run_index import SameNameError
 from mrdamper.web.security import Guard, ListenAddress
-from mrdamper.web.words import in_page_words
+from mrdamper.web.spelling import on_page
 from mrdamper.web.worker_client import NotYetError
 from mrdamper.web.workspace import FAULT, NoSpaceError, NotThereError, TooLargeError, is_full
 
@@ -158,7 +158,8 @@ async def _page(path: str) -> Response:
 
 def _told_with(status: int) -> Callable[[Request, Exception], Response]:
     def told(_: Request, fault: Exception) -> Response:
-        return JSONResponse({"error": in_page_words(str(fault)), "status": status}, status)
+        said = fault.spelled(on_page) if isinstance(fault, MrdamperError) else str(fault)
+        return JSONResponse({"error": said, "status": status}, status)
 
     return told
 

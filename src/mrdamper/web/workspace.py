@@ -83,7 +83,7 @@ class WorkFolder:
                     raise InputError(f"{self.root / part}: is a link that leads out of the folder; remove it")
         except OSError as fault:
             raise InputError(
-                f"{root}: cannot be worked in: {fault.strerror}; choose another --folder"
+                f"{root}: cannot be worked in: {fault.strerror}; choose another ⟦--folder⟧"
             ) from fault
 
     def clear(self) -> None:

@@ -74,7 +74,7 @@ def find_wrong_sign(run: RigRun, prepared: PreparedRun) -> Iterator[Finding]:
         found=f"force and velocity have opposite signs (correlation {correlation:.2f}), as if the damper "
         "gave power",
         effect="Every coefficient would come out negative, and the run is refused",
-        remedy="Put sign = -1 at [channel.force] in the channel map, or give --flip-force",
+        remedy="Put sign = -1 at [channel.force] in the channel map, or give ⟦--flip-force⟧",
     )
 
 
@@ -97,7 +97,7 @@ def find_force_offset(prepared: PreparedRun) -> Iterator[Finding]:
         "standard deviation)",
         effect="A law without an offset leaves it in its error, and takes part of it for asymmetry",
         remedy="Zero the load cell. If it is a gas preload, keep it: a law with an offset takes it, and "
-        "--session-offsets lets it differ between sessions",
+        "⟦--session-offsets⟧ lets it differ between sessions",
     )
 
 

@@ -40,7 +40,7 @@ class Ensemble:
     ) -> None:
         if problem.session_offsets:
             raise InputError(
-                "session offsets are eliminated by variable projection only: use --method varpro"
+                "session offsets are eliminated by variable projection only: use ⟦--method varpro⟧"
             )
         self.problem = problem
         self.runs = problem.prepare()

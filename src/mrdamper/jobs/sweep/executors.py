@@ -56,7 +56,7 @@ def run_on_processes(tasks: Sequence[Task], workers: int) -> Iterator[tuple[Task
                         if deaths >= _MOST_DEATHS:
                             raise InputError(
                                 f"workers died {deaths} times in a row, the last at {task.name}. Is there "
-                                "enough memory? Pass fewer --workers; --resume keeps what is done"
+                                "enough memory? Use fewer ⟦--workers⟧; ⟦--resume⟧ keeps what is done"
                             ) from fault
                         continue
                     yield task, result
@@ -123,13 +123,13 @@ def run_on_cluster(tasks: Sequence[Task], address: str) -> Iterator[tuple[Task, 
                     if tried[task.name] >= _MOST_DEATHS:
                         raise InputError(
                             f"task {task.name}: {tried[task.name]} x the workers died at it; "
-                            "--resume keeps what is done"
+                            "⟦--resume⟧ keeps what is done"
                         ) from fault
                     ready.add(submit(task))
                     continue
                 except CancelledError as fault:
                     raise InputError(
-                        f"scheduler {address!r}: has gone away; start it again, --resume keeps what is done"
+                        f"scheduler {address!r}: has gone away; start it again, ⟦--resume⟧ keeps what is done"
                     ) from fault
                 future.release()
                 yield task, result
@@ -144,7 +144,7 @@ def run_on_cluster(tasks: Sequence[Task], address: str) -> Iterator[tuple[Task, 
             if time.monotonic() - alone_since > _ALONE_S:
                 raise InputError(
                     f"scheduler {address!r}: has had no worker for {_ALONE_S:g} s; expected one at least. "
-                    "Start workers there; --resume keeps what is done"
+                    "Start workers there; ⟦--resume⟧ keeps what is done"
                 )
     finally:
         client.close()

@@ -35,12 +35,12 @@ class Store:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as fault:
             raise InputError(
-                f"{folder}: cannot write there: {fault.strerror}; choose another --out"
+                f"{folder}: cannot write there: {fault.strerror}; choose another ⟦--out⟧"
             ) from fault
         if not resume and path.exists() and path.stat().st_size > 0:
             raise InputError(
-                f"{folder}: holds results of a sweep; expected an empty place. Pass --resume to go "
-                "on with it, or another --out"
+                f"{folder}: holds results of a sweep; expected an empty place. Use ⟦--resume⟧ to go "
+                "on with it, or another ⟦--out⟧"
             )
         self._kept = Checkpoint(path, head, resume=True, always=True)
 

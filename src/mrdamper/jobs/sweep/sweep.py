@@ -66,7 +66,7 @@ def sweep(
                 "cancelled": True,
                 "done": len(store.done),
                 "tasks": len(plan.tasks),
-                "notes": [f"{len(store.done)} of {len(plan.tasks)} results are in {out}; --resume goes on"],
+                "notes": [f"{len(store.done)} of {len(plan.tasks)} results are in {out}; ⟦--resume⟧ goes on"],
             }
         return _written(plan, store.done, out, file, taken_up=before)
 
