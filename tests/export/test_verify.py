@@ -186,7 +186,7 @@ def test_without_a_compiler_the_message_names_the_remedy(monkeypatch, tmp_path):
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.delenv("CC", raising=False)
     with pytest.raises(
-        InputError, match=r"there is no C compiler .* Install gcc or clang, or pass --no-verify"
+        InputError, match=r"there is no C compiler .* Install gcc or clang, or use --no-verify"
     ):
         verify_c(a_target(), samples=100)
 
