@@ -174,7 +174,7 @@ export async function show(place, app, query) {
       model: model.value,
       start_degC: first.read(),
       calibrate: measured.read(),
-      field: elements.box.checked,
+      by_field: elements.box.checked,
     });
   }, { id: "full-study" });
 
