@@ -8,8 +8,8 @@ import pytest
 
 import mrdamper
 from mrdamper.errors import InputError
-from mrdamper.public import function_of, public_names
 from mrdamper.registry import JOBS
+from mrdamper.registry.public import function_of, public_names
 from tests.support.heated import paper_card
 
 

@@ -79,7 +79,7 @@ if not TYPE_CHECKING:  # a type checker sees the imports above, and a misspelt n
 
             value = getattr(import_module(_ROOM_OF[name]), name)
         else:
-            from mrdamper.public import function_of, public_names
+            from mrdamper.registry.public import function_of, public_names
 
             jobs = {} if name.startswith("_") else public_names()
             if name not in jobs:

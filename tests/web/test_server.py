@@ -35,8 +35,9 @@ from mrdamper.jobs.preview import channels_toml
 from mrdamper.jobs.series import keep_runs, keep_window, read_series
 from mrdamper.jobs.sink import SinkOptions
 from mrdamper.jobs.track import TrackOptions
+from mrdamper.registry.queries import QUERIES
 from mrdamper.thermal.duty import DEFAULT_DUTY
-from mrdamper.web.query_worker import FUNCTIONS, Query, find_function
+from mrdamper.web.query_worker import Query, find_function
 from mrdamper.web.schemas import KINDS
 from mrdamper.web.worker_client import NotYetError, PendingAnswers, WorkerClient
 from tests.support.heated import DRAWING, plain_card
@@ -646,7 +647,7 @@ def test_a_process_that_is_broken_by_a_query_answers_the_next_one(tmp_path):
     asyncio.run(break_it())
 
 
-@pytest.mark.parametrize("name", FUNCTIONS)
+@pytest.mark.parametrize("name", QUERIES)
 def test_every_query_has_its_function(name):
     assert callable(find_function(name))
 

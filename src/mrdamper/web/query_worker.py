@@ -14,39 +14,20 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 from mrdamper.errors import InputError, MrdamperError
+from mrdamper.registry.queries import QUERIES
 from mrdamper.runtime.worker_process import Handler, Reply
 from mrdamper.schema import Json
 from mrdamper.web.workspace import is_full
 
-__all__ = ["FUNCTIONS", "Query", "find_function", "query_handler"]
-
-FUNCTIONS: Mapping[str, str] = MappingProxyType(
-    {
-        "ready": "mrdamper.web.query_worker:load_previews",
-        "look": "mrdamper.jobs.preview:look",
-        "glance": "mrdamper.jobs.preview:glance",
-        "findings": "mrdamper.jobs.preview:findings_in",
-        "channels": "mrdamper.jobs.preview:channels_toml",
-        "runs": "mrdamper.jobs.series:keep_runs",
-        "window": "mrdamper.jobs.series:keep_window",
-        "model": "mrdamper.jobs.series:keep_model",
-        "heat_curve": "mrdamper.jobs.heat_preview:QuickHeat.curve",
-        "damper": "mrdamper.jobs.heat_preview:damper_facts",
-        "card": "mrdamper.jobs.card_summary:require_card",
-        "cite": "mrdamper.jobs.cite:cite",
-        "catalogue": "mrdamper.jobs.datasets:catalogue",
-    }
-)
-"""Function that answers a query, by name; loaded when it is first asked for."""
+__all__ = ["Query", "find_function", "query_handler"]
 
 
 @dataclass(frozen=True, slots=True)
 class Query:
-    """A call of one of ``FUNCTIONS`` by keyword: files, and values as JSON holds them."""
+    """A call of one of ``QUERIES`` by keyword: files, and values as JSON holds them."""
 
     name: str
     files: Mapping[str, Path] = field(default_factory=dict)
@@ -85,7 +66,7 @@ def query_handler() -> Handler:
 @cache
 def find_function(name: str) -> Callable[..., object]:
     """Return the function of a query; a method is one of the class's only object in this process."""
-    module, _, path = FUNCTIONS[name].partition(":")
+    module, _, path = QUERIES[name].partition(":")
     found = importlib.import_module(module)
     for part in path.split("."):
         found = getattr(found, part)
