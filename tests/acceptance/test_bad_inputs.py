@@ -18,6 +18,8 @@ import pytest
 from mrdamper.cli import main
 from tests.acceptance.bad_inputs import CARD, CASES, GOOD, Case, write_good_run
 
+pytestmark = pytest.mark.system
+
 _MOST_CPU_s = 2.0
 _HANGS_s = 60
 
@@ -66,7 +68,6 @@ def names_in(folder: Path) -> set[str]:
     return {str(path.relative_to(folder)) for path in folder.rglob("*")}
 
 
-@pytest.mark.system
 def test_the_corpus_is_large_and_every_case_has_its_name():
     assert len(CASES) >= 60
     assert len({case.name for case in CASES}) == len(CASES)
@@ -77,7 +78,6 @@ def test_the_page_on_trust_says_how_many_there_are():
     assert f"| tried | {len(CASES)} |" in page
 
 
-@pytest.mark.system
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 def test_a_bad_input_ends_in_its_own_message(case: Case, folder, monkeypatch, capfd):
     arguments = case.make(folder)
@@ -127,7 +127,6 @@ def test_check_says_the_same_of_what_cannot_be_read(case: Case, folder, monkeypa
     assert names_in(folder) == before
 
 
-@pytest.mark.system
 @pytest.mark.parametrize("case", cases(FAULTY), ids=lambda case: case.name)
 def test_check_calls_what_cannot_be_fitted_a_fault(case: Case, folder, monkeypatch, capfd):
     arguments = case.make(folder)

@@ -11,6 +11,8 @@ import mrdamper
 from mrdamper.identify.assess import Assessment, summary
 from mrdamper.identify.fit import Identification
 
+pytestmark = pytest.mark.nightly
+
 
 @pytest.fixture(scope="module")
 def sines(real_data: Path) -> mrdamper.Dataset:
@@ -27,7 +29,6 @@ def judged(series_valve: Identification) -> Assessment:
     return mrdamper.assess(series_valve, leave_out=["motion"])
 
 
-@pytest.mark.nightly
 @pytest.mark.data
 def test_the_series_valve_law_reproduces_twenty_sines_at_five_currents(judged: Assessment) -> None:
     errors = summary(judged.runs)
@@ -66,7 +67,6 @@ def test_its_energy_per_cycle_is_that_of_the_loops(judged: Assessment) -> None:
             assert error.energy_model_J == pytest.approx(error.energy_measured_J, rel=0.08), error.name
 
 
-@pytest.mark.system
 @pytest.mark.data
 @pytest.mark.parametrize("seed", range(8))
 def test_every_seed_comes_to_the_same_optimum(

@@ -34,6 +34,8 @@ from mrdamper.rig.campaign import Campaign
 from mrdamper.rig.measurement import measure
 from mrdamper.rig.plant import PRESETS, Plant
 
+pytestmark = pytest.mark.nightly
+
 CAMPAIGN = Campaign.from_toml(Path(__file__).parents[2] / "examples" / "vehicle_campaign.toml")
 CAR = QuarterCar()
 FASTEST_M_S = 4.0
@@ -76,7 +78,6 @@ def ride(which: str, degrees: float) -> Ride:
     return drive_car(vehicle, Stretch(temperature_degC=degrees))
 
 
-@pytest.mark.nightly
 def test_a_hot_car_rides_better_when_its_controller_knows_that_it_is_hot():
     """Asked: acceleration at most 0.85, tyre load at most 0.80 of those of a card identified at 20 degC."""
     aware, cold, pooled = (ride(which, 123.0) for which in ("aware", "cold", "pooled"))
@@ -86,14 +87,12 @@ def test_a_hot_car_rides_better_when_its_controller_knows_that_it_is_hot():
     assert aware.tyre_load_N < pooled.tyre_load_N
 
 
-@pytest.mark.nightly
 def test_at_20_degrees_there_is_nothing_to_know():
     aware, cold = ride("aware", 20.0), ride("cold", 20.0)
     assert aware.body_acceleration_m_s2 == pytest.approx(cold.body_acceleration_m_s2, rel=0.03)
     assert aware.tyre_load_N == pytest.approx(cold.tyre_load_N, rel=0.03)
 
 
-@pytest.mark.nightly
 def test_it_lies_between_the_ideal_damper_and_none():
     for degrees in (20.0, 123.0):
         comfort = [ride(which, degrees).body_acceleration_m_s2 for which in ("ideal", "aware", "passive")]
@@ -109,7 +108,6 @@ def journey_error(thermometer: Thermometer | None) -> float:
     return float(np.sqrt(np.mean(warm_up(vehicle, plan).force_error_N ** 2)))
 
 
-@pytest.mark.nightly
 def test_a_thermocouple_on_the_housing_will_do_with_a_guess_of_the_gradient():
     """The gradient is the power over a conductance that is 30 % wrong: at most 1.3 times the error."""
     told_true = journey_error(None)

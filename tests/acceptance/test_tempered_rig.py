@@ -30,6 +30,8 @@ from mrdamper.rig.plant import PRESETS, STEP_S, Plant
 from tests.oracles.paper_preset import CLAIMED_LOSSES, THERMAL_MOTION, peak_force
 from tests.support.pace import taken
 
+pytestmark = pytest.mark.nightly
+
 TRAINED, HELD_OUT = (20, 40, 80, 120), (60, 100, 123)
 TRAINED_MOTIONS = ("sine5mm1Hz", "sine3mm2Hz", "nonperiodic")
 CHIRP = "chirp3mm"
@@ -77,7 +79,6 @@ DAMPERS_AND_LAWS = [(preset, law) for preset in ("nominal", "hard") for law in (
 # ---------------------------------------------------------------------- training, held out
 
 
-@pytest.mark.system
 @pytest.mark.parametrize(
     ("preset", "law", "bar_N"),
     [("nominal", USUAL, 25.0), ("hard", USUAL, 35.0), ("nominal", PLAIN, 25.0), ("hard", PLAIN, 45.0)],
@@ -156,7 +157,6 @@ def errors_of_unaware(preset: str, known: str) -> Errors:
     return by_temperature(fitted, preset)
 
 
-@pytest.mark.nightly
 @pytest.mark.parametrize(("known", "times"), [("20 degC", 4.0), ("pooled", 2.0)])
 @pytest.mark.parametrize("preset", ["nominal", "hard"])
 def test_a_model_that_does_not_know_the_temperature_is_far_worse_at_123_degC(preset, known, times):
@@ -180,7 +180,6 @@ def test_where_it_was_identified_the_unaware_model_is_as_good_as_the_aware_one(p
     assert over(unaware, TRAINED_MOTIONS, [20]) <= 1.5 * over(aware, TRAINED_MOTIONS, [20])
 
 
-@pytest.mark.nightly
 @pytest.mark.parametrize("preset", ["nominal", "hard"])
 def test_the_paper_s_way_is_run_and_is_further_off(preset):
     """Plain law, its polynomials, genetic algorithm, one sine. The bench has the figures."""
@@ -251,7 +250,6 @@ def bias_of_n(preparation: Preparation | None, terms: tuple[str, ...] | None) ->
     return float(np.mean(found)) / KNOWN.parameters["n.value"] - 1.0
 
 
-@pytest.mark.system
 @pytest.mark.parametrize("terms", [None, ()], ids=["with friction", "plain"])
 def test_a_tenth_of_a_millimetre_of_noise_does_not_bias_the_exponent_after_preparation(terms):
     """Below 5 %, as identified by the usual template and by the bare law."""
@@ -279,7 +277,6 @@ def test_the_paper_s_losses_are_those_of_the_plant():
         assert 1.0 - warm / cold == pytest.approx(lost, abs=0.003)
 
 
-@pytest.mark.nightly
 @pytest.mark.parametrize("thermal_motion_run", [True, False], ids=["motion trained", "motion not seen"])
 def test_a_card_identified_on_it_loses_as_much(thermal_motion_run):
     """At 15 mm, 1 Hz, within a point; one more temperature, 130 degC, takes the card there.
@@ -352,7 +349,6 @@ def lateness(preset: str, degrees: float) -> Mapping[tuple[float, float], float]
     }
 
 
-@pytest.mark.nightly
 @pytest.mark.parametrize("degrees", [20.0, 120.0])
 @pytest.mark.parametrize("preset", ["nominal", "hard", "stiff"])
 def test_on_average_a_step_of_the_current_takes_the_plant_s_time(preset, degrees):
@@ -385,7 +381,6 @@ def test_without_the_actuation_the_steps_are_told_far_worse():
 # ---------------------------------------------------------------------- time
 
 
-@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("law", "bar_s", "seeds"), [(PLAIN, 1.0, 3), (USUAL, 1.0, 3), ("series-valve", 6.0, 1)]
 )
@@ -410,7 +405,6 @@ def test_one_start_on_sixty_runs_stays_within_its_time(law, bar_s, seeds):
 # ---------------------------------------------------------------------- few data
 
 
-@pytest.mark.system
 @pytest.mark.parametrize("seed", [0, 1])
 def test_the_cost_of_a_fit_to_little_data_is_that_of_its_damper(seed):
     """One motion leaves much unsaid: friction that is a thousand times too large must not look like a fit."""

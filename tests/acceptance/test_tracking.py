@@ -40,6 +40,8 @@ from tests.acceptance.followed import (
 )
 from tests.support.pace import taken
 
+pytestmark = pytest.mark.nightly
+
 PLANTS_AND_TARGETS = list(MUST)
 
 
@@ -90,7 +92,6 @@ def greatest(score: Score) -> float:
 # ---------------------------------------------------------------------- the card
 
 
-@pytest.mark.nightly
 @pytest.mark.parametrize("preset", ["nominal", "hard", "stiff"])
 def test_the_play_of_the_iron_is_found(preset):
     """It lies behind a driver that overshoots: twice the damper's half width times its share of the field."""
@@ -103,7 +104,6 @@ def test_the_play_of_the_iron_is_found(preset):
 # ---------------------------------------------------------------------- the table
 
 
-@pytest.mark.system
 @pytest.mark.parametrize(("preset", "target"), PLANTS_AND_TARGETS)
 def test_the_greatest_error_of_all_samples(preset, target):
     assert score_of(preset, target).max_N <= MUST[preset, target][0]
@@ -126,7 +126,6 @@ def test_the_targets_are_mostly_within_the_damper_s_reach(preset, target):
     assert score_of(preset, target).feasible_share > 0.5
 
 
-@pytest.mark.nightly
 @pytest.mark.parametrize("degrees", TEMPERATURES)
 def test_the_greatest_error_at_900_N_is_at_most_1_4_times_that_of_the_best_current(degrees):
     """The best current of a search that knows the damper; half a minute or less each."""
@@ -143,7 +142,6 @@ def test_the_greatest_error_at_900_N_is_at_most_1_4_times_that_of_the_best_curre
 # ---------------------------------------------------------------------- against others
 
 
-@pytest.mark.nightly
 @pytest.mark.parametrize(("known", "times"), [("at 20 degC", 4.6), ("pooled", 2.5)])
 def test_not_knowing_the_temperature_costs_at_900_N(known, times):
     """Of the greatest feasible error; the paper's own ratio is 4.6."""
@@ -152,20 +150,17 @@ def test_not_knowing_the_temperature_costs_at_900_N(known, times):
     assert greatest(unaware) >= times * greatest(score_of("nominal", SLOW))
 
 
-@pytest.mark.system
 @pytest.mark.parametrize(("preset", "target"), PLANTS_AND_TARGETS)
 def test_a_target_that_is_not_known_ahead_costs_little(preset, target):
     assert rmse(score_of(preset, target, "recommended-causal")) <= 1.3 * rmse(score_of(preset, target))
 
 
-@pytest.mark.system
 @pytest.mark.parametrize(("preset", "target"), PLANTS_AND_TARGETS)
 def test_the_error_is_a_share_of_the_paper_s_controller_s(preset, target):
     paper = rmse(score_of(preset, target, "paper"))
     assert rmse(score_of(preset, target)) <= OF_THE_PAPERS[target] * paper
 
 
-@pytest.mark.system
 @pytest.mark.parametrize(
     ("preset", "target"), [*PLANTS_AND_TARGETS, *(("stiff", target) for target in TARGETS)]
 )
@@ -265,7 +260,6 @@ def test_an_aged_damper_adds_little_after_3_s_of_force_readings():
     assert aged(SLOW, "recommended-adaptive") - rmse(score_of("nominal", SLOW)) <= 8.0
 
 
-@pytest.mark.system
 @pytest.mark.parametrize("target", [FAST, UNEVEN])
 def test_on_an_aged_damper_adaptation_is_not_worse_than_none(target):
     assert aged(target, "recommended-adaptive") <= aged(target, "recommended")

@@ -45,6 +45,17 @@ def test_what_happens_before_half_a_period_counts_only_in_the_whole_run() -> Non
     assert error.nrmse_whole_percent > 10.0
 
 
+def test_of_a_force_twice_its_own_a_model_misses_half() -> None:
+    """Every score is a share of the spread of what was measured: of the scored part, or of the whole run."""
+    run = measured(TRUTHS[LAW], noise=0.0, seed=0)[2]
+    force = np.asarray(run.force)
+    error = score_run(TRUTHS[LAW], replace(run, force=2.0 * force))
+    assert error.nrmse_offset_free_percent == pytest.approx(50.0, rel=1e-6)
+    assert error.nrmse_whole_percent == pytest.approx(
+        50.0 * np.sqrt(np.mean(force**2)) / np.std(force), rel=1e-6
+    )
+
+
 def test_the_energy_of_a_cycle_is_the_area_of_its_loop() -> None:
     """Sine through the model of its own truth: model and measured energy agree, and both are work taken."""
     run = next(r for r in measured(TRUTHS[LAW], noise=0.0, seed=0) if r.run.name == "sine 5 mm 1 Hz 2 A")
