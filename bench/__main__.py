@@ -25,7 +25,6 @@ NAMES = (
     "heating",
     "controller",
     "growth",
-    "stream",
     "web",
 )
 SIZED = {
@@ -35,7 +34,6 @@ SIZED = {
     "heating",
     "controller",
     "growth",
-    "stream",
 }  # take --full
 
 

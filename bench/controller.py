@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from bench.cards import card_of
 from bench.measure import Asked, Row, absent, judged, timed
 from bench.plain import PlainBank
 from mrdamper.arrays import FloatArray
@@ -30,8 +31,7 @@ from mrdamper.export.fmu import write_fmu
 from mrdamper.export.record import Verification
 from mrdamper.export.target import target_of
 from mrdamper.models.actuation import Actuation
-from mrdamper.models.card import Evidence, ModelCard
-from mrdamper.models.damper import Damper, OperatingEnvelope
+from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Bipolynomial, Constant, Exponential, Polynomial, TemperatureDependent
 from mrdamper.models.laws import LAWS
 from mrdamper.models.temperature import Arrhenius
@@ -70,7 +70,6 @@ DAMPER = Damper(
     actuation=Actuation(0.008, 0.0065, 0.003, 0.0035, largest_command=2.0, play=0.025),
     temperature_range=(288.15, 398.15),
 )
-ENVELOPE = OperatingEnvelope((0.0, 2.0), (-0.025, 0.025), (-0.5, 0.5), (288.15, 398.15))
 
 Job = Callable[[], FloatArray | list[float]]
 
@@ -102,7 +101,7 @@ def _contenders(name: str, made: ForceController, folder: Path, *, full: bool) -
     yield _Contender(f"{name}, Python extension", partial(_one_by_one, made), SAMPLES // 10, made)
     if name not in {"paper", "recommended"}:
         return
-    single = replace(controllers_for(_card())[name], single=True)
+    single = replace(controllers_for(card_of(DAMPER))[name], single=True)
     yield _Contender(f"{name}, FMU in FMPy", partial(_in_fmpy, name, folder), few * 5_000, single)
     if name == "paper":
         plain = partial(_plain, lambda: PlainBank(DAMPER, made), lambda row: (row[0], row[2], row[3]))
@@ -184,16 +183,10 @@ def _plain(
     return job
 
 
-def _card() -> ModelCard:
-    seen = ({"name": "a", "split": "training", "rmse_N": 1.0, "nrmse_percent": 1.0},)
-    evidence = Evidence(runs=seen, method="varpro", cost=1.0, dataset_fingerprint="0")
-    return ModelCard(title="for the benchmark", damper=DAMPER, envelope=ENVELOPE, evidence=evidence)
-
-
 def _in_fmpy(name: str, folder: Path, told: FloatArray) -> Job:
     """Step our exported FMU (FMI 3.0) as a master does: set the readings, do the step, get the command."""
     fmpy, fmi3 = import_module("fmpy"), import_module("fmpy.fmi3")
-    target = target_of(_card(), content="controller", controller=name, name=name)
+    target = target_of(card_of(DAMPER), content="controller", controller=name, name=name)
     sources = sources_sha256(c_files(target))
     passed = Verification(passed=True, sources_sha256=sources, precision=target.precision, samples=1)
     path = folder / f"{name}.fmu"

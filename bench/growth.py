@@ -28,6 +28,7 @@ from statistics import linear_regression
 
 import numpy as np
 
+from bench.cards import card_of
 from bench.measure import Asked, Row, timed
 from bench.problem import Problem
 from mrdamper import core
@@ -39,6 +40,7 @@ from mrdamper.identify.problem import FitProblem
 from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.templates import template
 from mrdamper.jobs.cycles import cycles
+from mrdamper.models.card import write_card
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant, Polynomial
 from mrdamper.models.laws import LAWS
@@ -55,15 +57,18 @@ SIZES: dict[str, tuple[tuple[int, ...], tuple[int, ...]]] = {  # usual, and what
     "samples": ((10_000, 100_000, 1_000_000, 10_000_000), (100_000_000,)),
     "batches": ((1_000_000, 10_000_000, 100_000_000), ()),
     "rows": ((1_000_000, 10_000_000), (100_000_000,)),
+    "replayed": ((1_000_000, 10_000_000), (100_000_000,)),
     "candidates": ((1, 16, 256, 1024, 4096), ()),
     "runs": ((1, 10, 100, 1000), ()),
     "fitted": ((3, 30, 100), (1000,)),
     "threads": ((1, 2), ()),
 }
+OF_FILES = ("rows", "replayed")
 JOBS = {
     "samples": "samples of one run, force and squared error",
     "batches": f"samples of one run in batches of {BATCH:,} that carry the state on, force",
     "rows": "rows of a Parquet file, energy of every cycle",
+    "replayed": "the same with a model replayed",
     "candidates": "candidates, 2,000 samples each",
     "runs": "runs of 1,000 samples prepared and scored by 16 candidates",
     "fitted": "runs of 1,000 samples, variable projection from one start",
@@ -112,7 +117,7 @@ def exponent(sizes: Sequence[float], spent: Sequence[float], least: float = LEAS
 
 def _memory_asked(kind: str, found: Sequence[dict[str, float]]) -> tuple[Asked, ...]:
     """Return what is asked of the memory of a job that works in batches: that size does not matter to it."""
-    if kind not in ("batches", "rows"):
+    if kind not in ("batches", *OF_FILES):
         return ()
     least, most = found[0]["memory_MB"], found[-1]["memory_MB"]
     flat = Asked(f"memory of the most {kind} over that of the least", 1.25, most / least, "x")
@@ -124,7 +129,7 @@ def _memory_asked(kind: str, found: Sequence[dict[str, float]]) -> tuple[Asked, 
 
 
 def _in_a_process(kind: str, size: int) -> dict[str, float]:
-    if kind != "rows":
+    if kind not in OF_FILES:
         return _told([kind, str(size)])
     with tempfile.TemporaryDirectory(prefix="mrdamper-growth-") as folder:
         file = str(Path(folder) / "record.parquet")
@@ -150,7 +155,7 @@ def _measure(kind: str, size: int, *files: Path) -> dict[str, float]:
     once = time.process_time() - begin
     each = timed({kind: job}, repeats=max(1, min(15, int(1.0 / max(once, 1e-6)))))[kind]
     # The largest of this process and, where a file is decoded by another, of that one beside it.
-    both = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)[: 2 if kind == "rows" else 1]
+    both = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)[: 2 if kind in OF_FILES else 1]
     memory = sum(resource.getrusage(who).ru_maxrss for who in both) / 1024.0
     low, high = each.spread
     found = {"size": size, "samples": samples, "cpu_s": each.cpu_s, "wall_s": each.wall_s}
@@ -187,15 +192,21 @@ def _batches(size: int) -> Made:
     return job, count * BATCH
 
 
-def _rows(size: int, file: Path) -> Made:
+def _rows(size: int, file: Path, *, card: Path | None = None) -> Made:
     def job() -> None:
-        found = cycles(file)["cycles"]
+        found = cycles(file, model=card)["cycles"]
         stop()  # what the process that decodes has used counts once it has ended
         expected = size / 500  # samples of a period
         if not (isinstance(found, int) and expected - 3 <= found <= expected):
             raise RuntimeError(f"{found} cycles were found, of {expected:g}")
 
     return job, size
+
+
+def _replayed(size: int, file: Path) -> Made:
+    card = file.with_name("card.json")
+    write_card(card_of(_damper()), card)
+    return _rows(size, file, card=card)
 
 
 def _write(size: int, place: Path) -> None:
@@ -290,6 +301,7 @@ MAKERS: dict[str, Callable[..., Made]] = {
     "samples": _samples,
     "batches": _batches,
     "rows": _rows,
+    "replayed": _replayed,
     "candidates": _candidates,
     "runs": _runs,
     "fitted": _fitted,

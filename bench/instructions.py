@@ -17,11 +17,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from bench.cards import card_of
 from bench.controller import DAMPER
 from mrdamper.export.c_code import c_files
 from mrdamper.export.target import target_of
-from mrdamper.models.card import Evidence, ModelCard
-from mrdamper.models.damper import OperatingEnvelope
 
 __all__ = ["check", "renew"]
 
@@ -35,17 +34,9 @@ FLAGS = ("-std=c99", "-O3", "-ffp-contract=off", "-fno-math-errno", "-fno-trappi
 PLAIN = {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-FMA4,-AVX512F"}
 
 
-def card() -> ModelCard:
-    """Return a card of the damper whose controller is timed."""
-    envelope = OperatingEnvelope((0.0, 2.0), (-0.012, 0.012), (-0.2, 0.2), (293.15, 393.15))
-    run = {"name": "nobody_measured_this", "split": "training", "rmse_N": 20.0, "nrmse_percent": 3.0}
-    evidence = Evidence(runs=(run,), method="varpro", cost=3.0, dataset_fingerprint="sha256:0")
-    return ModelCard(title="For counting", damper=DAMPER, envelope=envelope, evidence=evidence)
-
-
 def build(folder: Path, compiler: str = "gcc") -> Path:
     """Compile the program in a folder; return it."""
-    target = target_of(card(), content="controller", precision="double", name="guard")
+    target = target_of(card_of(DAMPER), content="controller", precision="double", name="guard")
     for name, text in c_files(target).items():
         (folder / name).write_text(text, encoding="utf-8", newline="\n")
     program = folder / "instructions"

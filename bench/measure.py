@@ -26,7 +26,6 @@ __all__ = [
     "absent",
     "asked_table",
     "cpu_clock",
-    "interleaved",
     "judged",
     "machine",
     "table",
@@ -122,11 +121,6 @@ def timed(jobs: Mapping[str, Callable[[], object]], repeats: int = 7) -> dict[st
         low, _, high = statistics.quantiles(times, n=4, method="inclusive") if repeats > 1 else 3 * times
         found[name] = Timing(statistics.median(times), statistics.median(wall[name]), low, high)
     return found
-
-
-def interleaved(jobs: Mapping[str, Callable[[], object]], repeats: int = 7) -> dict[str, float]:
-    """Return the median CPU time [s] of each job, the jobs taking turns; the first turn is not counted."""
-    return {name: each.cpu_s for name, each in timed(jobs, repeats).items()}
 
 
 def absent(contender: str, reason: object, group: str = "") -> Row:

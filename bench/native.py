@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["FLAGS", "CompilerMissingError", "library", "peak_of_core", "pointer"]
+__all__ = ["FLAGS", "CompilerMissingError", "library", "pointer"]
 
 HERE = Path(__file__).parent
 FLAGS = ("-O3", "-march=native", "-ffast-math")
@@ -45,10 +45,7 @@ def library() -> ctypes.CDLL:
         objects.append(str(folder / f"{name}.o"))
         _call(compiler, *FLAGS, "-fPIC", "-std=c99", "-c", str(HERE / f"{name}.c"), "-o", objects[-1])
     _call(compiler, "-shared", *objects, "-o", str(built), "-lm")
-    loaded = ctypes.CDLL(str(built))
-    for name in ("peak_multiply_adds", "read_all"):
-        getattr(loaded, name).restype = ctypes.c_double
-    return loaded
+    return ctypes.CDLL(str(built))
 
 
 def _call(*command: str) -> None:
@@ -61,19 +58,3 @@ def pointer(values: NDArray[np.float64] | NDArray[np.int64]) -> ctypes.c_void_p:
     """Return the address of a contiguous array, for a call; it keeps the array alive."""
     assert values.flags.c_contiguous
     return values.ctypes.data_as(ctypes.c_void_p)
-
-
-def peak_of_core() -> tuple[float, float]:
-    """Return a core's best: 1e9 flop/s of multiply-adds, 1e9 bytes/s read from its first cache."""
-    from bench.measure import timed
-
-    loaded, rounds, values = library(), 200_000, np.ones(2048)
-    spent = timed(
-        {
-            "flops": lambda: loaded.peak_multiply_adds(ctypes.c_size_t(rounds), ctypes.c_double(0.999)),
-            "bytes": lambda: loaded.read_all(ctypes.c_size_t(5000), ctypes.c_size_t(2048), pointer(values)),
-        },
-        repeats=5,
-    )
-    flops = 2.0 * 64 * rounds / spent["flops"].cpu_s
-    return 1e-9 * flops, 1e-9 * 8.0 * 2048 * 5000 / spent["bytes"].cpu_s

@@ -1,6 +1,6 @@
 """Tables and pictures of kept results, and the page ``docs/benchmarks.md`` that quotes them.
 
-Nothing is measured here. A test holds that the page says what the JSON holds.
+Nothing is measured here.
 """
 
 from __future__ import annotations
@@ -11,14 +11,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from bench.measure import Asked, Row, asked_table, number, table
+from bench.measure import Asked, Row, asked_table, table
 
 __all__ = [
     "PAGE",
     "PICTURES",
     "RESULTS",
     "draw",
-    "growth_lines",
     "rows_of",
     "search_points",
     "table_of",
@@ -107,12 +106,8 @@ def draw(results: Mapping[str, Any], folder: Path) -> list[Path]:
     drawn = []
     if "simulation" in results:
         drawn.append(_accuracy(rows_of(results["simulation"]), folder / "bench_accuracy.png"))
-    if "growth" in results:
-        drawn.append(_growth(results["growth"], folder / "bench_growth.png"))
     if "identification" in results:
         drawn.append(_searches(rows_of(results["identification"]), folder / "bench_identification.png"))
-    if "startup" in results:
-        drawn.append(_starts(rows_of(results["startup"]), folder / "bench_startup.png"))
     return drawn
 
 
@@ -132,29 +127,6 @@ def _accuracy(rows: Sequence[Row], place: Path) -> Path:
         axes.loglog(*zip(*points, strict=True), marker=mark, markersize=size, label=name)
     axes.set_xlabel("CPU time per candidate and sample [ns]")
     axes.set_ylabel("largest error over the largest force")
-    axes.grid(which="major", alpha=0.3)
-    figure.legend(loc="outside right upper", fontsize="small")
-    return _saved(figure, place)
-
-
-def growth_lines(rows: Sequence[Mapping[str, Any]]) -> dict[str, list[tuple[float, float]]]:
-    """Return count and CPU time [s] of each row of the growth benchmark, by what is counted."""
-    lines: dict[str, list[tuple[float, float]]] = {}
-    for row in rows:
-        name, count = row["contender"].split(" ")
-        lines.setdefault(name, []).append((float(count.replace(",", "")), row["cpu_s"]))
-    return lines
-
-
-def _growth(rows: Sequence[Mapping[str, Any]], place: Path) -> Path:
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(8.0, 4.0), layout="constrained")
-    axes = figure.add_subplot()
-    for name, points in growth_lines(rows).items():
-        axes.loglog(*zip(*points, strict=True), "o-", label=name)
-    axes.set_xlabel("count")
-    axes.set_ylabel("CPU time [s]")
     axes.grid(which="major", alpha=0.3)
     figure.legend(loc="outside right upper", fontsize="small")
     return _saved(figure, place)
@@ -183,24 +155,6 @@ def _searches(rows: Sequence[Row], place: Path) -> Path:
     axes.set_ylabel("cost over the noise floor")
     axes.grid(which="major", alpha=0.3)
     figure.legend(loc="outside lower center", ncols=2, fontsize="small")
-    return _saved(figure, place)
-
-
-def _starts(rows: Sequence[Row], place: Path) -> Path:
-    """Draw the CPU time of starting as bars, ours in another colour."""
-    from matplotlib.figure import Figure
-
-    shown = [row for row in rows if row.cpu_s is not None and not row.contender.startswith("python -c")]
-    figure = Figure(figsize=(8.0, 0.6 + 0.3 * len(shown)), layout="constrained")
-    axes = figure.add_subplot()
-    times = [1e3 * (row.cpu_s or 0.0) for row in shown]
-    colours = ["C1" if "mrdamper" in row.contender else "C0" for row in shown]
-    bars = axes.barh([row.contender for row in shown], times, color=colours)
-    axes.bar_label(bars, [f"{number(time)} ms" for time in times], padding=3, fontsize="small")
-    axes.invert_yaxis()
-    axes.set_xscale("log")
-    axes.set_xlim(right=3.0 * max(times))
-    axes.set_xlabel("CPU time [ms]; of an import, the interpreter's taken off")
     return _saved(figure, place)
 
 

@@ -141,23 +141,3 @@ void reference_errors(size_t samples, const double *restrict x, const double *re
         errors[j] = sum;
     }
 }
-
-/* What the core does at its best: multiply-adds in registers, and a sum over an array. */
-double peak_multiply_adds(size_t rounds, double by)
-{
-    double lane[64];
-    for (int i = 0; i < 64; i++) lane[i] = 1.0 + i;
-    for (size_t r = 0; r < rounds; r++)
-        for (int i = 0; i < 64; i++) lane[i] = lane[i] * by + 1e-9;
-    double sum = 0.0;
-    for (int i = 0; i < 64; i++) sum += lane[i];
-    return sum;
-}
-
-double read_all(size_t rounds, size_t n, const double *restrict a)
-{
-    double sum = 0.0;
-    for (size_t r = 0; r < rounds; r++)
-        for (size_t i = 0; i < n; i++) sum += a[i];
-    return sum;
-}

@@ -17,7 +17,7 @@ import numpy as np
 
 from bench import integrators as ways
 from bench.measure import Asked, Row, absent, judged, timed
-from bench.native import CompilerMissingError, peak_of_core
+from bench.native import CompilerMissingError
 from bench.problem import LIMIT, STIFF, Problem
 from mrdamper import core
 from mrdamper.core import _kernel
@@ -30,10 +30,6 @@ __all__ = ["CONTENDERS", "SWEEPS", "Contender", "run"]
 BARS = {"v4": 9.0, "baseline": 13.0}  # [ns]
 OF_THE_REFERENCE = 1.15
 ACCURATE = 1e-6  # what was asked of the kernel at 1 kHz
-FLOPS, BYTES = (
-    16,
-    32,
-)  # of a sample in curve_stretch and squared_error_bouc_wen: cubic, terms, error; path, x, v, force
 SERIES = {
     **{"stiffness": 731.0, "offset": 48.0, "yield_force": 500.0, "thinning": 3.2, "thinning_exponent": 0.43},
     **{"yield_velocity": 2.5e-3, "position_gain": -2.3, "gap_stiffness": 1.2e7, "gap": 1.67e-4},
@@ -95,7 +91,7 @@ ONE_BY_ONE = {ways.odeint, ways.solve_ivp, ways.cvode, ways.octave_lsode}
 
 
 def run(*, full: bool = False) -> list[Row]:
-    """Return ensemble, long trace, stiff problem, accuracy against cost, the machine's limit, the laws."""
+    """Return ensemble, long trace, stiff problem, accuracy against cost, instruction sets, the laws."""
     rows = _side_by_side("ensemble of 512 candidates x 10,000 samples", Problem(), CONTENDERS, full=full)
     rows[0] = _against_the_bars(rows, "ensemble")
     fast = [replace(each, candidates=1, samples=1_000_000) for each in CONTENDERS[:4]]
@@ -109,7 +105,7 @@ def run(*, full: bool = False) -> list[Row]:
     stiff += [replace(each, samples=2_000) for each in CONTENDERS[6:9]]
     group = "a textbook damper (A = 301, beta = gamma = 363 cm^-2, n = 2), one candidate"
     rows += _side_by_side(group, Problem(STIFF, candidates=1), stiff, full=full)
-    rows += [*_sweep(), *_roofline(rows[0]), *_levels(rows[0])]
+    rows += [*_sweep(), *_levels(rows[0])]
     problem = Problem()
     return [*rows, *_tangents(problem), *_series_valve(problem.record), *_stepped(problem.record)]
 
@@ -178,21 +174,6 @@ def _sweep() -> list[Row]:
             said = f"{errors[title]:.1e} of the largest force"
             rows.append(Row(title, each.cpu_s, ns, accuracy=said, group=group, error=errors[title]))
     return rows
-
-
-def _roofline(kernel: Row) -> list[Row]:
-    """Return what the core can do, and what the kernel does with it."""
-    group = "the machine's limit"
-    try:
-        flops, read = peak_of_core()
-    except CompilerMissingError as fault:
-        return [absent("peak of the core", fault, group)]
-    assert kernel.ns_per_sample is not None
-    does, reads = FLOPS / kernel.ns_per_sample, BYTES / kernel.ns_per_sample
-    limit = f"{flops:.0f} Gflop/s, {read:.0f} GB/s from the first cache"
-    used = f"{does:.1f} Gflop/s ({100 * does / flops:.0f} %), {reads:.1f} GB/s ({100 * reads / read:.0f} %)"
-    title = f"mrdamper kernel, ensemble: {FLOPS} flop and {BYTES} bytes a sample, tables not counted"
-    return [Row("peak of the core", accuracy=limit, group=group), Row(title, accuracy=used, group=group)]
 
 
 # ------------------------------------------------------------------------------------ the kernel alone

@@ -19,6 +19,7 @@ from statistics import median, quantiles
 import numpy as np
 
 from bench import peers
+from bench.cards import card_of
 from bench.measure import Asked, Row, absent
 
 __all__ = ["run"]
@@ -118,8 +119,8 @@ def _row(title: str, job: _Job, jobs: dict[str, _Job]) -> Row:
 
 def _small(folder: Path) -> tuple[Path, Path]:
     """Write a small card and a run of 2 s at 500 Hz; return the two files."""
-    from mrdamper.models.card import Evidence, ModelCard, write_card
-    from mrdamper.models.damper import Damper, OperatingEnvelope
+    from mrdamper.models.card import write_card
+    from mrdamper.models.damper import Damper
     from mrdamper.models.dependence import Constant, Polynomial
     from mrdamper.models.laws import LAWS
 
@@ -133,11 +134,7 @@ def _small(folder: Path) -> tuple[Path, Path]:
             "n": Constant(1.6),
         },
     )
-    seen = ({"name": "a", "split": "training", "rmse_N": 1.0, "nrmse_percent": 1.0},)
-    envelope = OperatingEnvelope((0.0, 2.0), (-0.015, 0.015), (-0.1, 0.1), None)
-    evidence = Evidence(runs=seen, method="varpro", cost=1.0, dataset_fingerprint="0")
-    card = ModelCard(title="small", damper=damper, envelope=envelope, evidence=evidence)
-    write_card(card, folder / "card.json")
+    write_card(card_of(damper), folder / "card.json")
     t = np.arange(1000) / 500.0
     speed = 0.01 * 4.0 * np.pi * np.cos(4.0 * np.pi * t)
     noise = np.random.default_rng(0).standard_normal((2, len(t)))

@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 
 from bench import pages
+from bench.cards import card_of
 from bench.measure import Asked, Row
 
 __all__ = ["run"]
@@ -169,8 +170,8 @@ def _write_run(path: Path) -> None:
 
 
 def _write_card(folder: Path) -> None:
-    from mrdamper.models.card import Evidence, ModelCard, write_card
-    from mrdamper.models.damper import Damper, OperatingEnvelope
+    from mrdamper.models.card import write_card
+    from mrdamper.models.damper import Damper
     from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial
     from mrdamper.models.laws import LAWS
 
@@ -180,15 +181,8 @@ def _write_card(folder: Path) -> None:
         "rho": Constant(4e3),
         "offset": Constant(0.0),
     }
-    seen = ({"name": "a", "split": "training", "rmse_N": 1.0, "nrmse_percent": 1.0},)
-    card = ModelCard(
-        title="plain",
-        damper=Damper(LAWS["dahl"], forms),
-        envelope=OperatingEnvelope((0.0, 2.0), (-0.015, 0.015), (-0.1, 0.1), None),
-        evidence=Evidence(runs=seen, method="varpro", cost=1.0, dataset_fingerprint="0"),
-    )
     folder.mkdir(parents=True)
-    write_card(card, folder / "card.json")
+    write_card(card_of(Damper(LAWS["dahl"], forms)), folder / "card.json")
 
 
 if os.name != "posix":
