@@ -246,7 +246,7 @@ def read_record(record: type[Record], document: Mapping[str, Any], place: str) -
     from pydantic import ValidationError
 
     try:
-        text = json.dumps(dict(document), default=str)
+        text = json.dumps(document, default=_plain_json)
     except (TypeError, ValueError, RecursionError) as error:
         raise InputError(f"{place}: nested too deep, or not made of plain values") from error
     try:
@@ -256,6 +256,10 @@ def read_record(record: type[Record], document: Mapping[str, Any], place: str) -
         more = [f"... and {len(faults) - _MOST_FAULTS} more"] if len(faults) > _MOST_FAULTS else []
         raise InputError("\n".join([*dict.fromkeys(faults[:_MOST_FAULTS]), *more])) from None
     return typing.cast("Record", found)
+
+
+def _plain_json(value: object) -> object:
+    return dict(value) if isinstance(value, Mapping) else str(value)
 
 
 def read_record_file(record: type[Record], path: str | Path, what: str) -> Record:

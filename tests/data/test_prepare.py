@@ -2,6 +2,7 @@
 
 import json
 import math
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -230,6 +231,7 @@ def test_decimating_to_a_whole_share_of_the_rate_is_exact():
 def test_a_preparation_survives_json(preparation):
     text = json.dumps(preparation.to_dict(), allow_nan=False)
     assert Preparation.from_dict(json.loads(text)) == preparation
+    assert Preparation.from_dict(MappingProxyType(preparation.to_dict())) == preparation
 
 
 @pytest.mark.parametrize(

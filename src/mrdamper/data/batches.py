@@ -16,9 +16,17 @@ from typing import Any
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.channels import ChannelMap, read_channel_map
+from mrdamper.data.channels import ChannelMap
 from mrdamper.data.formats.table import Rows
-from mrdamper.data.readers import Column, find_columns, map_beside
+from mrdamper.data.readers import (
+    COMMAND_UNITS,
+    Column,
+    command_role,
+    find_columns,
+    load_map,
+    map_beside,
+    sampling_step,
+)
 from mrdamper.data.records import RigRun
 from mrdamper.data.tables import open_rows
 from mrdamper.errors import InputError
@@ -93,20 +101,14 @@ class LongRecord:
     columns: tuple[Column, ...]
     channels: ChannelMap
     constant: dict[str, float]
+    command_role: str
     step_s: float | None
     rows: int | None
     source: Rows
 
     @property
     def command_unit(self) -> CommandUnit:
-        return "A" if self._has("current") else "V"
-
-    @property
-    def has_temperature(self) -> bool:
-        return self._has("temperature")
-
-    def _has(self, role: str) -> bool:
-        return role in self.constant or any(column.role == role for column in self.columns)
+        return COMMAND_UNITS[self.command_role]
 
     def batches(self, start: int = 0, rows: int = BATCH_ROWS) -> Iterator[Batch]:
         """Give the rows from ``start`` on, so many in each batch but the last.
@@ -133,7 +135,7 @@ class LongRecord:
                 return np.full(n, self.constant[role]) if role in self.constant else None
 
             time = channel("time")
-            command = channel("current" if self.command_unit == "A" else "voltage")
+            command = channel(self.command_role)
             displacement, force = channel("displacement"), channel("force")
             if time is None:
                 time = np.arange(row, row + n, dtype=np.float64) * np.float64(self.step_s or 0.0)
@@ -168,10 +170,7 @@ def open_record(path: str | Path, channels: ChannelMap | str | Path | None = Non
     file = Path(path)
     if is_folder(file):
         raise InputError(f"{file}: is a folder; expected the file of one record")
-    given = map_beside(file) if channels is None else channels
-    chosen = (
-        given if isinstance(given, ChannelMap) else ChannelMap() if given is None else read_channel_map(given)
-    )
+    chosen = load_map(map_beside(file) if channels is None else channels)
     place = file.name
     if chosen.segments is not None:
         raise InputError(
@@ -181,31 +180,14 @@ def open_record(path: str | Path, channels: ChannelMap | str | Path | None = Non
     source = open_rows(file, chosen.file)
     table = source.table
     columns = find_columns(table, chosen, place)
-    roles = {column.role for column in columns}
-    twice = roles & set(chosen.constant)
-    if twice:
-        raise InputError(
-            f"{place}: {min(twice)} is a column and a constant of the channel map; leave one out"
-        )
-    if not ({"current", "voltage"} & (roles | set(chosen.constant))):
-        raise InputError(
-            f"{place}: no current or voltage; expected a column such as current_A or voltage_V, or the same "
-            "at [constant] in a channel map (⟦--channels FILE⟧)"
-        )
-    step = None
-    if "time" not in roles:
-        step = table.step_s if chosen.rate_Hz is None else 1.0 / chosen.rate_Hz
-        if step is None:
-            raise InputError(
-                f"{place}: no time column; the columns are: {', '.join(table.names[:24])}. Expected a header "
-                "such as time_s, [channel.time] in a channel map (⟦--channels FILE⟧), or rate_Hz at its "
-                "[constant]"
-            )
+    command = command_role(columns, chosen, table, place)
+    timed = any(column.role == "time" for column in columns)
+    step = None if timed else sampling_step(table, chosen, place)
     for column in columns:  # a unit that is none is said before hours of reading
         chosen.channel(column.role).to_si(np.zeros(1), column.unit, place)
     constant = {role: value for role, value in chosen.constant.items() if role in QUANTITIES}
     rows = table.rows or None
-    return LongRecord(file, table.layout.in_words(), columns, chosen, constant, step, rows, source)
+    return LongRecord(file, table.layout.in_words(), columns, chosen, constant, command, step, rows, source)
 
 
 def _regular(parts: Iterator[list[FloatArray]], rows: int) -> Iterator[list[FloatArray]]:

@@ -33,21 +33,26 @@ from mrdamper.files import is_file, is_folder, is_there
 from mrdamper.quantities import QUANTITIES, CommandUnit, is_unit, spell_unit
 
 __all__ = [
+    "COMMAND_UNITS",
     "Column",
     "RigFile",
+    "command_role",
     "find_columns",
     "find_files",
+    "joined_faults",
+    "load_map",
     "map_beside",
     "read_file",
     "read_run",
     "read_runs",
     "runs_in",
+    "sampling_step",
 ]
 
 PathLike = str | Path
 
 _NEEDED = ("displacement", "force")
-_COMMAND_UNITS: dict[str, CommandUnit] = dict(zip(("current", "voltage"), get_args(CommandUnit), strict=True))
+COMMAND_UNITS: dict[str, CommandUnit] = dict(zip(("current", "voltage"), get_args(CommandUnit), strict=True))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -117,7 +122,7 @@ def read_file(path: PathLike, channels: ChannelMap | PathLike | None = None) -> 
     file = Path(path)
     if is_folder(file):
         raise InputError(f"{file}: is a folder; expected a file (read_runs takes folders)")
-    chosen = _load_map(map_beside(file) if channels is None else channels)
+    chosen = load_map(map_beside(file) if channels is None else channels)
     return runs_in(read_table(file, chosen.file), chosen, file)
 
 
@@ -129,7 +134,10 @@ def runs_in(table: Table, chosen: ChannelMap, file: Path) -> RigFile:
     parts = _split(table, chosen, len(time), place)
     recordings = []
     for number, (part, command) in enumerate(parts):
-        given = _command(found, chosen, part, table, place) if command is None else command
+        if command is None:
+            given = _command(found, chosen, part, command_role(columns, chosen, table, place))
+        else:
+            given = command
         name = file.stem
         if command is not None:
             same = [other.values[0] for _, other in parts[:number] if other is not None]
@@ -163,7 +171,7 @@ def read_runs(paths: PathLike | Iterable[PathLike], channels: ChannelMap | PathL
     A folder gives the files in it (not below it) of the formats read here. The faults of all files are
     in one message.
     """
-    chosen = None if channels is None else _load_map(channels)
+    chosen = None if channels is None else load_map(channels)
     runs: list[RigRun] = []
     faults: list[str] = []
     for file in find_files([paths] if isinstance(paths, str | Path) else list(paths)):
@@ -191,7 +199,8 @@ def joined_faults(faults: Sequence[str], most: int = 8) -> str:
     return "\n".join([*faults[:most], *more])
 
 
-def _load_map(channels: ChannelMap | PathLike | None) -> ChannelMap:
+def load_map(channels: ChannelMap | PathLike | None) -> ChannelMap:
+    """Return a channel map as given, from its file, or the empty one."""
     if channels is None:
         return ChannelMap()
     return channels if isinstance(channels, ChannelMap) else read_channel_map(channels)
@@ -366,11 +375,14 @@ def _time(table: Table, found: _Channels, chosen: ChannelMap, place: str) -> Flo
     stated = found.time
     if stated is not None and len(stated) > 1:
         return stated
-    step = table.step_s
-    if stated is not None:  # a time of one number is the sampling interval
-        step = float(stated[0])
-    elif chosen.rate_Hz is not None:
-        step = 1.0 / chosen.rate_Hz
+    # a time of one number is the sampling interval
+    step = sampling_step(table, chosen, place) if stated is None else float(stated[0])
+    return np.arange(samples, dtype=np.float64) * step
+
+
+def sampling_step(table: Table, chosen: ChannelMap, place: str) -> float:
+    """Return the sampling interval [s] of a file without a time column, as the map or the file states it."""
+    step = table.step_s if chosen.rate_Hz is None else 1.0 / chosen.rate_Hz
     if step is None:
         _require_no_text("time", table, place)
         raise InputError(
@@ -378,7 +390,7 @@ def _time(table: Table, found: _Channels, chosen: ChannelMap, place: str) -> Flo
             "time_s, [channel.time] in a channel map (⟦--channels FILE⟧), or rate_Hz at its [constant]"
             f"{_perhaps(['time'], table)}"
         )
-    return np.arange(samples, dtype=np.float64) * step
+    return step
 
 
 def _split(table: Table, chosen: ChannelMap, samples: int, place: str) -> list[tuple[slice, _Command | None]]:
@@ -399,7 +411,7 @@ def _split(table: Table, chosen: ChannelMap, samples: int, place: str) -> list[t
             f"{place}: {split!r} splits the file into {len(edges) - 1} tests and [segments] of the channel "
             f"map gives {len(commands)} commands; expected as many. Check the events and the list"
         )
-    unit = _COMMAND_UNITS[chosen.segments.role]
+    unit = COMMAND_UNITS[chosen.segments.role]
     return [
         (slice(a, b), _Command(np.full(b - a, command), unit))
         for a, b, command in zip(edges[:-1], edges[1:], commands, strict=True)
@@ -414,20 +426,26 @@ def _cut(values: FloatArray, part: slice) -> FloatArray:
     return values
 
 
-def _command(found: _Channels, chosen: ChannelMap, part: slice, table: Table, place: str) -> _Command:
-    samples = len(found.displacement[part])
-    for role in _COMMAND_UNITS:
-        if role in chosen.constant and found.command(role) is not None:
+def command_role(columns: Iterable[Column], chosen: ChannelMap, table: Table, place: str) -> str:
+    """Return the role of a file's command: current or voltage, a column's before a constant's."""
+    measured = {column.role for column in columns}
+    for role in COMMAND_UNITS:
+        if role in chosen.constant and role in measured:
             raise InputError(f"{place}: {role} is a column and a constant of the channel map; leave one out")
-    for role, unit in _COMMAND_UNITS.items():
-        if (measured := found.command(role)) is not None:
-            return _Command(_cut(measured, part), unit)
-    for role, unit in _COMMAND_UNITS.items():
-        if role in chosen.constant:
-            return _Command(np.full(samples, chosen.constant[role]), unit)
-    for role in _COMMAND_UNITS:
+    for known in (measured, chosen.constant):
+        for role in COMMAND_UNITS:
+            if role in known:
+                return role
+    for role in COMMAND_UNITS:
         _require_no_text(role, table, place)
     raise InputError(
         f"{place}: no current or voltage; expected a column such as current_A or voltage_V, or the same at "
-        f"[constant] in a channel map (⟦--channels FILE⟧){_perhaps(_COMMAND_UNITS, table)}"
+        f"[constant] in a channel map (⟦--channels FILE⟧){_perhaps(COMMAND_UNITS, table)}"
     )
+
+
+def _command(found: _Channels, chosen: ChannelMap, part: slice, role: str) -> _Command:
+    measured = found.command(role)
+    if measured is None:
+        measured = np.full(len(found.displacement), chosen.constant[role])
+    return _Command(_cut(measured, part), COMMAND_UNITS[role])
