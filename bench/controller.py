@@ -122,7 +122,7 @@ def _side_by_side(group: str, contenders: list[_Contender]) -> list[Row]:
             continue
         _, ours, flags = each.like.run(each.like.start(), told)
         counted = (flags & int(Flag.INFEASIBLE)) == 0 if each.tolerant else np.ones(len(told), dtype=bool)
-        off = np.abs(np.asarray(jobs[each.name]()) - ours)[counted] / each.like.numbers["largest"]
+        off = np.abs(np.asarray(jobs[each.name]()) - ours)[counted] / each.like.largest
         rms = float(np.sqrt(np.mean(off**2)))
         said = f"{rms:.1e} of the largest command off ours rms, {off.max():.1e} at most"
         rows[each.name] = Row(

@@ -24,11 +24,11 @@ class PlainBank:
 
     def __init__(self, damper: Damper, controller: ForceController) -> None:
         assert damper.law.name == _LAW
-        numbers = controller.numbers
-        self.currents = np.linspace(0.0, numbers["largest"], int(numbers["bank"]))
-        self.gains = [numbers[f"filter_{kind}"] for kind in "xva"]
-        self.period, self.keep = controller.period_s, numbers["warm_keep"]
-        self.kelvin = np.arange(numbers["coldest"], numbers["warmest"] + 1.0)
+        config = controller.config
+        self.currents = np.linspace(0.0, controller.largest, config.inverse.models)
+        self.gains = [config.motion.gain_x, config.motion.gain_v, config.motion.gain_a]
+        self.period, self.keep = controller.period_s, config.thermometer.keep
+        self.kelvin = np.arange(config.axes.coldest, config.axes.warmest + 1.0)
         names = damper.law.names
         every = np.array([damper.coefficients_at(self.currents, float(k)) for k in self.kelvin])
         self.table = {name: every[:, i] for i, name in enumerate(names)}  # of temperature and model

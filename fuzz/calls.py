@@ -7,6 +7,7 @@ was.
 from __future__ import annotations
 
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ import numpy as np
 from fuzz.contract import require
 from fuzz.edits import Draws
 from mrdamper.arrays import FloatArray
+from mrdamper.control.config import config_fields
 from mrdamper.core import _kernel
 
 __all__ = ["binding"]
@@ -163,22 +165,25 @@ def _call_lag(draws: Draws) -> None:
 
 def _call_tracker(draws: Draws) -> None:
     """A controller from odd parts: shapes that do not fit and numbers out of range are refused."""
-    octaves = [
+    lookups = [
         (1.0, 1.5, draws.whole(4), _array(draws, 4 << draws.whole(4))) for _ in range(8 + draws.whole(3))
     ]
     pieces, terms, currents = 1 + draws.whole(3), draws.whole(9), 1 + draws.whole(12)
     columns = draws.whole(terms + 2)
     current, factor = np.linspace(0.0, 2.0, currents), np.zeros((pieces, terms, 3))
     rows = bytes(draws.whole(12) for _ in range(terms))
-    numbers = _array(draws, len(_kernel.TRACK_NUMBERS))
+    config = SimpleNamespace()
+    for each in config_fields():
+        part = vars(config).setdefault(each.part, SimpleNamespace())
+        setattr(part, each.name, float(_array(draws, 1)[0]))
     _answered(
         _kernel.Tracker,
-        numbers,
+        config,
         rows,
         current,
         factor,
         np.zeros((currents, columns)),
-        octaves,
+        lookups,
         bool(terms % 2),
     )
 

@@ -1,7 +1,8 @@
 """Targets in C: built with clang's libFuzzer and the address and undefined-behaviour sanitizers.
 
-``laws`` is the kernel's laws, ``tables`` a controller's numbers and tables as the binding takes them, and the
-``exported`` ones what ``mrdamper export --c`` writes for a card, in both number types and both kinds of law.
+``laws`` is the kernel's laws, ``tables`` a controller's configuration and tables as the binding takes them,
+and the ``exported`` ones what ``mrdamper export --c`` writes for a card, in both number types and of both
+kinds of law.
 """
 
 from __future__ import annotations
@@ -12,6 +13,10 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 from unittest import mock
+
+import numpy as np
+
+from mrdamper.control.config import config_fields
 
 __all__ = ["COMPILER", "LONGEST", "TARGETS", "built", "seeds"]
 
@@ -100,22 +105,23 @@ def _parts() -> Iterator[str]:
     for k, (given, options) in enumerate(taken):
         yield from _part(f"p{k}", given, options.get("series"))
     yield f"#define PARTS {len(taken)}"
-    yield f"#define PARTS_NUMBERS {len(taken[0][0][0])}"
+    yield f"#define CONFIG_VALUES {len(config_fields())}"
     yield f"static const tracker_parts *const all_parts[] = {_list(f'&p{k}' for k in range(len(taken)))};\n"
 
 
 def _part(name: str, given: Sequence[Any], series: Sequence[Any] | None) -> Iterator[str]:
-    numbers, rows, current, factor, column, octaves = given
-    arrays = {"numbers": numbers, "t0": current, "t1": factor, "t2": column}
-    arrays |= {f"t{3 + k}": octave[3] for k, octave in enumerate(octaves)}
-    tables = [each for each in arrays if each != "numbers"]
+    config, rows, current, factor, column, lookups = given
+    numbers = np.array([float(each.of(config)) for each in config_fields()])
+    arrays = {"config": numbers, "t0": current, "t1": factor, "t2": column}
+    arrays |= {f"t{3 + k}": lookup[3] for k, lookup in enumerate(lookups)}
+    tables = [each for each in arrays if each != "config"]
     fields = [
-        f"{name}_numbers",
+        f"{name}_config",
         *map(str, (len(current), column.shape[1], factor.shape[0], factor.shape[1])),
         f"{name}_row",
         _list(f"{name}_{each}" for each in tables),
         _list(str(arrays[each].size) for each in tables),
-        *(_list(f"{octave[k]!r}" for octave in octaves) for k in range(3)),
+        *(_list(f"{lookup[k]!r}" for lookup in lookups) for k in range(3)),
     ]
     if series is not None:
         force, chain, powers, functions = series

@@ -1,4 +1,4 @@
-/* Fuzzing of a controller's tables: numbers, shapes and cells of sound ones altered, then steps.
+/* Fuzzing of a controller's tables: its configuration, shapes and cells of sound ones altered, then steps.
  *
  * What is refused is refused; what is taken steps without a report of the sanitizers, whatever comes of it. The
  * tables are those that the Python package hands to its binding (parts.h is made from them).
@@ -29,7 +29,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     bytes b = {data, size};
     tracker_parts parts = *(const tracker_parts *)all_parts[next(&b) % PARTS];
-    double *numbers = copied(parts.numbers, PARTS_NUMBERS), *table[TRACK_TABLES], *series[SERIES_TABLES];
+    double *config = copied(parts.config, CONFIG_VALUES), *table[TRACK_TABLES], *series[SERIES_TABLES];
     uint8_t row[MRD_TRACK_TERMS];
     size_t total = 0;
     memcpy(row, parts.row, (size_t)parts.terms);
@@ -41,11 +41,11 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     for (int e = 0; e < edits; e++) {
         const int k = next(&b);
         switch (next(&b) % 8) {
-        case 0: case 1: case 2: numbers[k % PARTS_NUMBERS] = any(&b); break;
+        case 0: case 1: case 2: config[k % CONFIG_VALUES] = any(&b); break;
         case 3: if (parts.length[k % TRACK_TABLES]) table[k % TRACK_TABLES][(size_t)next(&b) * 7 % parts.length[k % TRACK_TABLES]] = any(&b); break;
-        case 4: parts.bits[k % TRACK_OCTAVES] = (int32_t)next(&b) - 4; break;
-        case 5: parts.offset[k % TRACK_OCTAVES] = any(&b); break;
-        case 6: parts.top[k % TRACK_OCTAVES] = any(&b); break;
+        case 4: parts.bits[k % TRACK_LOOKUPS] = (int32_t)next(&b) - 4; break;
+        case 5: parts.offset[k % TRACK_LOOKUPS] = any(&b); break;
+        case 6: parts.top[k % TRACK_LOOKUPS] = any(&b); break;
         default: row[k % parts.terms] = next(&b); break;
         }
         if (parts.series && next(&b) % 4 == 0) {
@@ -58,7 +58,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
             }
         }
     }
-    parts.numbers = numbers;
+    parts.config = config;
     parts.row = row;
     for (int k = 0; k < TRACK_TABLES; k++) parts.table[k] = table[k];
     for (int k = 0; k < SERIES_TABLES; k++) parts.series_table[k] = series[k];
@@ -81,7 +81,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     }
     free(store);
     free(track);
-    free(numbers);
+    free(config);
     for (int k = 0; k < TRACK_TABLES; k++) free(table[k]);
     for (int k = 0; k < SERIES_TABLES; k++) free(series[k]);
     return 0;

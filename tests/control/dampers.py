@@ -1,9 +1,14 @@
-"""Dampers for the controllers' tests: numbers like those of a rig damper, and one without lags."""
+"""Dampers for the controllers' tests: numbers like those of a rig damper, and one without lags.
+
+And a controller or model some of whose configuration is another (``changed``).
+"""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any, TypeVar
 
+from mrdamper.control.stepper import Stepper
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import (
@@ -107,3 +112,16 @@ SERIES = Damper(LAWS["series-valve"], _SERIES, actuation=LAGS, temperature_range
 def at_once(damper: Damper) -> Damper:
     """Return the damper whose force follows the command without delay."""
     return replace(damper, actuation=Actuation(0.0, 0.0, largest_command=2.0))
+
+
+_AnyStepper = TypeVar("_AnyStepper", bound=Stepper)
+
+
+def changed(stepper: _AnyStepper, **values: object) -> _AnyStepper:
+    """Return a controller or model some of whose values are others: ``inverse__margin=-1.0``."""
+    config = stepper.config
+    for name, value in values.items():
+        part, _, field = name.partition("__")
+        known: Any = getattr(config, part)
+        config = replace(config, **{part: replace(known, **{field: value})})
+    return replace(stepper, config=config)

@@ -26,7 +26,7 @@ from mrdamper.models.actuation import Actuation
 from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial
 from mrdamper.models.laws import LAWS
 from mrdamper.models.simulate import simulate
-from tests.control.dampers import DAMPERS, DOUBLE, LAGS, at_once
+from tests.control.dampers import DAMPERS, DOUBLE, LAGS, at_once, changed
 from tests.control.slow_step import SlowController
 from tests.support.examples import examples
 
@@ -105,10 +105,9 @@ def test_without_lags_the_solved_current_gives_the_wanted_force(law):
 @pytest.mark.parametrize("kelvin", [293.15, 396.15])
 def test_the_step_in_c_is_the_slow_one_in_python(kelvin):
     """Same estimators, law and root without tables, 250 steps with noise and a reversal: 5 mA, 1 mA rms."""
-    numbers = {**RECOMMENDED.numbers, "reach": 0.0}
-    quick = replace(RECOMMENDED, numbers=numbers)
+    quick = changed(RECOMMENDED, inverse__compensation=0.0)
     rows = told(quick, 0.25, kelvin=kelvin)
-    slow = SlowController(DOUBLE, PERIOD, quick.preview_s, numbers["margin"])
+    slow = SlowController(DOUBLE, PERIOD, quick.preview_s, quick.config.inverse.margin)
     _, current, flags = quick.run(quick.start(), rows)
     expected = np.array([slow.step(row[1], row[2], row[3]) for row in rows])
     off = np.abs(current - expected)
@@ -151,8 +150,8 @@ def test_the_banks_agree_on_the_currents_of_their_models():
 
 def test_the_reversal_clamp_holds_the_command_while_the_hysteresis_builds_up():
     """Just after a reversal the exact solve asks for far more than the static answer; clamped, 5 % more."""
-    free = replace(RECOMMENDED, numbers={**RECOMMENDED.numbers, "margin": -1.0, "reach": 0.0})
-    held = replace(RECOMMENDED, numbers={**RECOMMENDED.numbers, "reach": 0.0})
+    free = changed(RECOMMENDED, inverse__margin=-1.0, inverse__compensation=0.0)
+    held = changed(RECOMMENDED, inverse__compensation=0.0)
     static = ALL["static-preview"]
     rows = told(free, 3.0, amplitude=1100.0)
     asked = [c.run(c.start(), rows)[1] for c in (free, held, static)]
@@ -237,7 +236,8 @@ def test_whatever_it_is_told_the_command_is_within_its_ends(name, rows, repeats,
     told_rows = np.repeat(np.array(rows), repeats, axis=0)
     state, current, flags = made.run(made.start(), told_rows)
     assert ((current >= 0.0) & (current <= 2.0)).all()
-    number: dict[str, float] = dict(made.numbers)
+    limits = made.config.thermometer
+    number = {"far": made.config.faults.far_x, "cold": limits.cold_limit, "hot": limits.hot_limit}
     if single:  # a target's readings are rounded, and its limits
         with np.errstate(over="ignore"):
             told_rows = told_rows.astype(np.float32).astype(np.float64)
@@ -245,8 +245,8 @@ def test_whatever_it_is_told_the_command_is_within_its_ends(name, rows, repeats,
     now, x, kelvin = told_rows[:, 0], told_rows[:, 2], told_rows[:, 3]
     wrong = {
         Flag.NO_TARGET: ~(np.abs(now) <= 1e7),
-        Flag.NO_DISPLACEMENT: ~(np.abs(x) <= number["far_x"]),
-        Flag.NO_TEMPERATURE: ~((kelvin >= number["cold_limit"]) & (kelvin <= number["hot_limit"])),
+        Flag.NO_DISPLACEMENT: ~(np.abs(x) <= number["far"]),
+        Flag.NO_TEMPERATURE: ~((kelvin >= number["cold"]) & (kelvin <= number["hot"])),
     }
     for flag, expected in wrong.items():
         if flag is Flag.NO_TEMPERATURE and name == "paper-unaware":
@@ -400,7 +400,7 @@ def test_the_preview_is_the_time_to_a_share_of_a_step_and_half_a_period():
         expected = LAGS.response_time(PREVIEW_SHARE) + 0.5 * period
         assert made["recommended"].preview_s == pytest.approx(expected)
         assert made["recommended-causal"].preview_s == 0.0
-        assert made["recommended-causal"].numbers["preview"] == pytest.approx(expected)
+        assert made["recommended-causal"].config.inverse.preview == pytest.approx(expected)
         assert made["paper"].preview_s == made["exact"].preview_s == 0.0
     later = controllers_for(DOUBLE, extra_delay_s=0.01)["recommended"]
     assert later.preview_s == pytest.approx(RECOMMENDED.preview_s + 0.01, abs=2e-5)
@@ -436,7 +436,7 @@ def test_what_is_measured_teaches_the_gains():
         | {"viscosity.c0": 1.3 * 7000.0, "viscosity.c1": 1.3 * 700.0}
     )
     made = controllers_for(damper, displacement_noise_m=1e-6)["recommended-adaptive"]
-    made = replace(made, numbers={**made.numbers, "error_variance": 100.0})
+    made = changed(made, learning__error_variance=100.0)
     rows, plant = told(made, 4.0, noise=1e-6), CardPlant(aged, step_s=PERIOD)
     t = PERIOD * np.arange(1, len(rows) + 1)
     x, v = MOTION.displacement(t), MOTION.velocity(t)

@@ -96,7 +96,7 @@ def test_a_controller_finds_out_as_the_model_does():
 
 def test_a_flagged_temperature_goes_on_by_the_energy_account_until_the_reading_moves():
     """As one body heated with constant power does; when the sensor wakes it is believed after 2 s."""
-    made = model(reckon_temperature=True)
+    made = model(extrapolate_temperature=True)
     told = rows(500.0)
     state, _, flags = made.run(made.start(), told)
     heat = power_of(ROOM) + 4.0 * PAPER.coil.resistance
@@ -113,13 +113,13 @@ def test_a_flagged_temperature_goes_on_by_the_energy_account_until_the_reading_m
 
 def test_the_account_stays_within_the_limits_of_temperature():
     """All heat and no loss for half an hour: 150 degC, no more."""
-    made = model(replace(WHOLE, loss_W_K=0.0, capacity_J_K=100.0), reckon_temperature=True)
+    made = model(replace(WHOLE, loss_W_K=0.0, capacity_J_K=100.0), extrapolate_temperature=True)
     state, force, _ = made.run(made.start(), rows(1800.0))
     assert made.believes(state).temperature == pytest.approx(423.15)
     assert np.isfinite(force).all()
 
 
-def test_without_being_asked_to_reckon_the_model_only_says_so():
+def test_without_being_asked_to_extrapolate_the_model_only_says_so():
     told = rows(200.0)
     plain, none = model(), model(NO_HEATING)
     _, force, flags = plain.run(plain.start(), told)
@@ -198,10 +198,10 @@ def test_a_drawing_s_numbers_are_those_of_its_network():
     assert WHOLE.loss_W_K > 3.0 * bare.loss_W_K
     assert WHOLE.capacity_J_K > bare.capacity_J_K
     assert WHOLE.source == f"drawing {PAPER.name}"
-    assert WHOLE.numbers("A")["coil_heat"] == PAPER.coil.resistance
-    assert WHOLE.numbers("V")["coil_heat"] == 0.0
+    assert WHOLE.config("A", extrapolate=True).coil_heat == PAPER.coil.resistance
+    assert WHOLE.config("V", extrapolate=True).coil_heat == 0.0
     driver = replace(WHOLE, amperes_per_volt=0.5)
-    assert driver.numbers("V")["coil_heat"] == pytest.approx(0.25 * PAPER.coil.resistance)
+    assert driver.config("V", extrapolate=True).coil_heat == pytest.approx(0.25 * PAPER.coil.resistance)
 
 
 def test_a_capacity_that_is_no_number_is_refused():

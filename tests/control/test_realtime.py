@@ -23,7 +23,7 @@ from mrdamper.errors import InputError
 from mrdamper.excitation import MOTIONS, Motion, Road, Sine, drive
 from mrdamper.models.dependence import Constant
 from mrdamper.models.simulate import simulate
-from tests.control.dampers import DAMPERS, DOUBLE, LAGS, at_once
+from tests.control.dampers import DAMPERS, DOUBLE, LAGS, at_once, changed
 from tests.support.examples import examples
 
 PERIOD, ROOM = 1e-3, 293.15
@@ -87,7 +87,7 @@ def test_the_force_is_the_law_s_through_random_motion_current_and_temperature(la
     kelvin = np.linspace(293.0, 390.0, len(current))
     path = drive(MOVED, duration=seconds - PERIOD, rate_Hz=1e3, command=current, temperature=kelvin)
     model = realtime_model(damper, single=single)
-    model = replace(model, numbers={**model.numbers, "warm_keep": 0.0, "slew": 1e3})
+    model = changed(model, thermometer__keep=0.0, thermometer__slew=1e3)
     rows = rows_for(MOVED, seconds, current=current, kelvin=kelvin, told=told)
     assert error_percent(model, simulate(damper, path, form="causal"), rows) < 0.25
 
@@ -151,7 +151,7 @@ def test_a_held_current_is_followed_through_dead_time_lags_and_play(dead_time, b
 def test_the_model_and_the_controller_s_observer_are_one():
     """Told the commands that a controller gave, the model feels what the controller felt, bit for bit."""
     made = controllers_for(DOUBLE)["recommended"]
-    model = RealtimeDamper(made.numbers, made.tables)  # the controller's motion filter and all
+    model = RealtimeDamper(made.config, made.tables)  # the controller's motion filter and all
     state, observed, command = made.start(), model.start(), 0.0
     for k in range(600):
         x = float(MOVED.displacement(np.array(k * PERIOD)))
@@ -250,17 +250,20 @@ def said(model: RealtimeDamper, row: tuple[float, ...]) -> Flag:
             return float(np.float32(value)) if model.single else value
 
     x, v, i, kelvin = (rounded(value) for value in row)
-    number = {name: rounded(value) for name, value in model.numbers.items()}
+    config = model.config
+    far_x, far_v = rounded(config.faults.far_x), rounded(config.faults.far_v)
+    cold, hot = rounded(config.thermometer.cold_limit), rounded(config.thermometer.hot_limit)
+    largest = rounded(config.axes.largest)
     flags = Flag(0)
-    if not abs(x) <= number["far_x"]:
+    if not abs(x) <= far_x:
         flags |= Flag.NO_DISPLACEMENT
-    if abs(v) > number["far_v"]:
+    if abs(v) > far_v:
         flags |= Flag.NO_VELOCITY
-    if not abs(i) <= 2 * number["largest"]:
+    if not abs(i) <= 2 * largest:
         flags |= Flag.NO_CURRENT
-    elif not 0.0 <= i <= number["largest"]:
+    elif not 0.0 <= i <= largest:
         flags |= Flag.SATURATED
-    if not number["cold_limit"] <= kelvin <= number["hot_limit"]:
+    if not cold <= kelvin <= hot:
         flags |= Flag.NO_TEMPERATURE
     return flags
 

@@ -46,7 +46,7 @@ from mrdamper.models.dependence import (
 )
 from mrdamper.models.simulate import simulate
 from mrdamper.models.temperature import Linear
-from tests.control.dampers import DOUBLE, LAGS, SERIES
+from tests.control.dampers import DOUBLE, LAGS, SERIES, changed
 from tests.support.examples import examples
 
 AT_ONCE = Actuation(0.0, 0.0, largest_command=2.0)
@@ -79,8 +79,7 @@ def test_a_power_is_one_octave_and_a_factor(exponent: float) -> None:
 
 
 def test_the_corner_is_half_of_what_a_root_leaves() -> None:
-    tables = tabulate_series(damper(), 2.0).series
-    assert tables is not None
+    tables, _ = tabulate_series(damper(), 2.0, (293.15, 293.15))
     u = np.linspace(0.0, 200.0, 40_001)
     assert np.abs(tables.corner.at(u) - 0.5 * (np.sqrt(u * u + 1.0) - u)).max() < 1e-5
     assert np.abs(tables.side.at(u) - np.tanh(u)).max() < 1e-5
@@ -96,7 +95,7 @@ def test_in_float_the_tables_take_at_most_sixteen_kilobytes() -> None:
         made.series.chain,
         made.factor,
         made.column,
-        *(o.cell for o in made.octaves),
+        *(o.cell for o in made.lookups),
     ]
     arrays += [
         each
@@ -111,12 +110,12 @@ def test_in_float_the_tables_take_at_most_sixteen_kilobytes() -> None:
 
 
 def forces(
-    model: Damper, rate: int, *columns: FloatArray, single: bool = False, **changed: float
+    model: Damper, rate: int, *columns: FloatArray, single: bool = False, **values: float
 ) -> FloatArray:
     """Return the real-time model's force [N] along displacement, velocity, current and temperature."""
     at_once = Safety(smooth_s=1e-6, slew_K_s=1e6, jump_K=1e3)
     made = realtime_model(model, period_s=1.0 / rate, largest=2.0, safety=at_once, heating=NO_HEATING)
-    made = replace(made, numbers={**made.numbers, **changed}, single=single)
+    made = replace(changed(made, **values), single=single)
     return made.run(made.start(), np.column_stack(np.broadcast_arrays(*columns)))[1]
 
 
@@ -161,7 +160,7 @@ def test_smaller_steps_bring_the_model_to_the_law() -> None:
     errors = []
     for rate in (125, 250, 500, 1000):
         step = fine // rate
-        force = forces(model, rate, *(each[::step] for each in (x, v, current, kelvin)), substeps=1.0)
+        force = forces(model, rate, *(each[::step] for each in (x, v, current, kelvin)), law__substeps=1)
         errors.append(float(np.sqrt(np.mean((force - truth[::step])[rate // 20 :] ** 2))))
     assert all(after < 0.5 * before for before, after in pairwise(errors))
 
@@ -251,10 +250,9 @@ def test_the_static_inverse_is_the_closed_form() -> None:
         assert given == pytest.approx(amperes, abs=6e-3)
 
 
-def feasible_rms(model: Damper, name: str, **changed: float) -> float:
+def feasible_rms(model: Damper, name: str, **values: float) -> float:
     """Return the RMS error [N] on the feasible set at 900 N, the damper being the model, without noise."""
-    made = controllers_for(model, largest=2.0)[name]
-    made = replace(made, numbers={**made.numbers, **changed})
+    made = changed(controllers_for(model, largest=2.0)[name], **values)
     scenario = replace(SCENARIOS["sine-900N-1Hz"], duration_s=2.0, temperature_degC=60.0)
     scenario = replace(
         scenario, sensors=Sensing(displacement_noise_m=1e-9, force_noise_N=0.0, temperature_noise_K=0.0)
@@ -269,7 +267,7 @@ def feasible_rms(model: Damper, name: str, **changed: float) -> float:
 @pytest.mark.system
 def test_without_lags_the_inverse_gives_the_wanted_force() -> None:
     """On the law as a plant, whose powers and roots are the library's: 5 N of 900."""
-    assert feasible_rms(damper(AT_ONCE), "exact", margin=-1.0) < 8.0
+    assert feasible_rms(damper(AT_ONCE), "exact", inverse__margin=-1.0) < 8.0
 
 
 @pytest.mark.nightly
@@ -285,8 +283,8 @@ def test_behind_lags_the_preview_and_the_clamp_are_worth_it() -> None:
 def test_how_the_inverse_is_stepped_hardly_matters() -> None:
     """Horizon from 1 to 15 ms, strides from 2 to 8: the rules of ``tuning`` tune nothing."""
     usual = feasible_rms(damper(), "recommended")
-    for changed in ({"horizon": 1e-3}, {"horizon": 15e-3}, {"strides": 8.0}):
-        assert feasible_rms(damper(), "recommended", **changed) == pytest.approx(usual, abs=2.0)
+    for values in ({"law__horizon": 1e-3}, {"law__horizon": 15e-3}, {"law__strides": 8}):
+        assert feasible_rms(damper(), "recommended", **values) == pytest.approx(usual, abs=2.0)
 
 
 def test_banks_agree_on_the_currents_of_their_models() -> None:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from mrdamper import core
 from mrdamper.control.tables.card_tables import CURRENTS, ROWS, TABULATED, tabulate
-from mrdamper.control.tables.lookup import fit_octaves, tabulate_octaves, universal_curve
+from mrdamper.control.tables.lookup import fit_lookup, tabulate_lookup, universal_curve
 from mrdamper.errors import InputError
 from mrdamper.models.dependence import Hill, ParameterLaw, TemperatureDependent
 from mrdamper.models.temperature import Linear
@@ -41,10 +41,13 @@ def law_s_force(damper, current, kelvin, x, v, w):
 def table_s_force(tables, kelvin, x, v, w):
     """Return the same at the currents of the tables, as the kernel adds it up."""
     speed, side = abs(v), 1.0 if v >= 0.0 else -1.0
-    built_up = float(tables.built_up.at(speed))
-    yields = w[0] if tables.elements else side * built_up
-    second = w[0] * built_up if tables.saturating else w[1]
-    functions = (float(table.at(speed)) for table in (tables.viscous, tables.sliding, tables.breakaway))
+    saturation = float(tables.speed.saturation.at(speed))
+    yields = w[0] if tables.elements else side * saturation
+    second = w[0] * saturation if tables.saturating else w[1]
+    functions = (
+        float(table.at(speed))
+        for table in (tables.speed.viscous, tables.speed.sliding, tables.speed.breakaway)
+    )
     by = (1.0, x, 0.0, *(side * f for f in functions), yields, second, 0.0, 0.0)
     assert len(by) == len(ROWS)
     return np.array(by) @ tables.at(kelvin)
@@ -93,7 +96,7 @@ def test_between_the_table_s_points_too_the_force_is_within_a_thousandth_of_the_
 @pytest.mark.parametrize("law", TABULATED)
 def test_the_tables_of_a_card_s_range_take_8_kilobytes_in_single_precision(law):
     tables = tabulate(DAMPERS[law], 2.0, temperatures=(293.15, 396.15))
-    numbers = tables.factor.size + tables.column.size + sum(o.cell.size for o in tables.octaves)
+    numbers = tables.factor.size + tables.column.size + sum(o.cell.size for o in tables.lookups)
     assert 4 * numbers < 8192
 
 
@@ -101,9 +104,9 @@ def test_the_functions_of_speed_are_themselves_within_1e_5():
     tables = tabulate(DOUBLE, 2.0)
     power = SPEEDS * (np.maximum(SPEEDS, 1e-300) / 0.1) ** (0.9 - 1.0)
     side = np.tanh(SPEEDS / 8e-4)
-    assert np.abs(tables.viscous.at(SPEEDS) - power).max() < 1e-5
-    assert np.abs(tables.sliding.at(SPEEDS) - side).max() < 1e-5
-    assert np.abs(tables.breakaway.at(SPEEDS) - side * np.exp(-((SPEEDS / 0.014) ** 2))).max() < 1e-5
+    assert np.abs(tables.speed.viscous.at(SPEEDS) - power).max() < 1e-5
+    assert np.abs(tables.speed.sliding.at(SPEEDS) - side).max() < 1e-5
+    assert np.abs(tables.speed.breakaway.at(SPEEDS) - side * np.exp(-((SPEEDS / 0.014) ** 2))).max() < 1e-5
 
 
 @pytest.mark.system
@@ -117,27 +120,27 @@ def test_the_curve_s_tables_are_the_kernel_s_curve_and_a_turn_sets_out_at_the_ot
     assert np.abs(tables.loading.at(tau) - up).max() < 3e-4
     inside = -down < 1.0 - 1e-5
     assert np.abs(tables.unloading.at(tau)[inside] + down[inside]).max() < 3e-4
-    turned = np.maximum(tables.from_loading.at(tau), 0.0)
+    turned = np.maximum(tables.unload_map.at(tau), 0.0)
     assert np.abs(tables.unloading.at(turned) - tables.loading.at(tau)).max() < 3e-4
     left = tables.unloaded - turned
     again = np.where(
-        left > turned, tables.from_unloading.at(turned), -tables.from_unloaded.at(np.maximum(left, 0.0))
+        left > turned, tables.reload_map.at(turned), -tables.reload_map_rest.at(np.maximum(left, 0.0))
     )
     assert np.abs(tables.loading.at(np.maximum(again, 0.0)) - tables.loading.at(tau)).max() < 3e-4
 
 
 def test_the_cells_are_no_more_than_the_error_asks_for():
     """Cubics are of fourth order: a sixteenth of the error for twice the cells."""
-    cells = [len(fit_octaves(np.sin, np.cos, 3.0, error).cell) for error in (1e-3, 1e-5, 1e-7)]
+    cells = [len(fit_lookup(np.sin, np.cos, 3.0, error).cell) for error in (1e-3, 1e-5, 1e-7)]
     assert cells[0] < cells[1] < cells[2] < 150
-    made = fit_octaves(np.sin, np.cos, 3.0, 1e-5)
+    made = fit_lookup(np.sin, np.cos, 3.0, 1e-5)
     u = np.linspace(0.0, 3.0, 10_001)
     assert np.abs(made.at(u) - np.sin(u)).max() < 1.2e-5
 
 
 def test_rising_cells_nowhere_fall():
     """Through a corner that a plain cubic would overshoot."""
-    made = tabulate_octaves(
+    made = tabulate_lookup(
         lambda u: np.minimum(u, 0.3), lambda u: np.where(u < 0.3, 1.0, 0.0), 1e-3, 1.0, rising=True
     )
     values = made.at(np.linspace(0.0, 1.0, 50_001))
@@ -146,7 +149,7 @@ def test_rising_cells_nowhere_fall():
 
 
 def test_beyond_its_end_a_table_holds_its_last_value():
-    made = tabulate_octaves(np.sqrt, lambda u: 0.5 / np.sqrt(np.maximum(u, 1e-4)), 1e-3, 1.0)
+    made = tabulate_lookup(np.sqrt, lambda u: 0.5 / np.sqrt(np.maximum(u, 1e-4)), 1e-3, 1.0)
     assert made.at(1e9) == pytest.approx(made.at(made.top - made.offset))
 
 

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from mrdamper import core
 from mrdamper.arrays import FloatArray
+from mrdamper.control.config import modes_of
 from mrdamper.control.controllers import ForceController
 from mrdamper.export.track_struct import Nested, Pointer, Table, Value, track_members
 
@@ -103,9 +104,14 @@ def c_tables(controller: ForceController, *, single: bool = True) -> str:
         return "{\n    " + ",\n    ".join(lines) + "}"
 
     whole = struct("of_", track_members(controller))
-    series = f"#define MRD_SERIES {int(controller.tables.series is not None)}"
+    modes = modes_of(None, controller.config).items()
     return "\n".join(
-        [series, '#include "controller.h"\n', *arrays, f"static const mrd_track track = {whole};\n"]
+        [
+            *(f"#define {macro} {state}" for macro, state in modes),
+            '#include "controller.h"\n',
+            *arrays,
+            f"static const mrd_track track = {whole};\n",
+        ]
     )
 
 

@@ -91,7 +91,7 @@ def readings(controller: ForceController, samples: int = SAMPLES, *, seed: int =
     low, high = CARD_RANGE_K
     ramp = 0.5 * (low + high) + 0.55 * (high - low) * np.sin(2.0 * np.pi * t / 40.0)
     rows = np.column_stack(
-        [wanted, np.roll(wanted, -round(controller.numbers["preview"] / h)), x, ramp, 0.9 * wanted]
+        [wanted, np.roll(wanted, -round(controller.config.inverse.preview / h)), x, ramp, 0.9 * wanted]
     )
     rows[:, 3] += 0.3 * rng.standard_normal(samples)
     if not controller.known_ahead:

@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrdamper import core
+from mrdamper.control.config import config_fields
 from mrdamper.control.stepper import Flag
 from mrdamper.errors import InputError
 from mrdamper.export.c_code import banner, c_files, flag_texts, kernel_files, literal, tables_bytes
@@ -114,6 +115,35 @@ def test_the_library_needs_no_heap_and_no_mathematical_library(content, tool, tm
     assert all(name.startswith("damper_") for kind, name in symbols if kind in "TR")
 
 
+OF_A_BANK = {"bank_answer", "shared_answer", "rho_of_models"}
+OF_A_MODEL = {"model_answer", "carry_on", "lagged_ahead"}
+OF_FEEDBACK = {"fed_back"}
+OF_LEARNING = {"learn"}
+OF_THE_VALVE = {"series_answer", "series_step", "follow_series", "solve_valve"}
+
+
+@pytest.mark.system
+@pytest.mark.parametrize(
+    ("controller", "law", "has"),
+    [
+        ("recommended", "double-bouc-wen", OF_A_MODEL),
+        ("recommended-adaptive", "double-bouc-wen", OF_A_MODEL | OF_LEARNING),
+        ("paper", "double-bouc-wen", {"bank_answer", "rho_of_models"}),
+        ("feed-forward-pi", "double-bouc-wen", OF_A_MODEL | OF_FEEDBACK),
+        ("pi", "double-bouc-wen", OF_FEEDBACK),
+        ("recommended", "series-valve", OF_THE_VALVE | {"lagged_ahead"}),
+    ],
+)
+def test_a_controller_s_code_holds_no_mode_of_another(tool, tmp_path, controller, law, has):
+    """Not even where the compiler does not see the numbers: they are in another file."""
+    place = write(a_target(law, controller=controller, content="controller"), tmp_path)
+    apart = ["-fno-inline-functions", "-fno-inline-small-functions", "-fno-inline-functions-called-once"]
+    ran(tool("gcc"), *STRICT, *apart, "-c", "damper.c", cwd=place)
+    listed = set(re.findall(r" t (\w+?)(?:\.\w+)*$", ran(tool("nm"), "damper.o", cwd=place), re.MULTILINE))
+    known = OF_A_BANK | OF_A_MODEL | OF_FEEDBACK | OF_LEARNING | OF_THE_VALVE
+    assert listed & known == has
+
+
 @pytest.mark.system
 def test_on_a_cortex_all_tables_are_in_flash(tool, tmp_path):
     target = a_target()
@@ -127,7 +157,7 @@ def test_on_a_cortex_all_tables_are_in_flash(tool, tmp_path):
         }
         assert sizes[unit].get(".data", 0) == sizes[unit].get(".bss", 0) == 0
     data = sum(size for name, size in sizes["damper_tables"].items() if name == ".rodata")
-    structs = 2 * 4 * (len(core.TRACK_NUMBERS) + 30 + 9 * 5)
+    structs = 2 * 4 * (len(config_fields()) + 30 + 9 * 5)
     assert tables_bytes(target) <= data <= tables_bytes(target) + structs + 64
     listed = ran(tool("arm-none-eabi-nm"), "-u", "damper.o", cwd=place)
     assert set(re.findall(r"U (\S+)", listed)) - ALLOWED == {"damper_model_data", "damper_controller_data"}

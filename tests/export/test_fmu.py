@@ -26,6 +26,7 @@ from mrdamper.export.target import target_of
 from mrdamper.export.variables import _SAID, variables_of
 from mrdamper.export.verify import FLAGS, WARNINGS, not_verified, verify_c
 from mrdamper.models.card_schema import read_card
+from tests.control.dampers import changed
 from tests.export.masters import (
     FmiRefusal,
     FmuController,
@@ -451,21 +452,21 @@ def _moved(library):
 @pytest.mark.parametrize(
     ("tuned", "number"),
     [
-        ({"fall_back": 0.7}, {"fall_back": 0.7}),
-        ({"clamp_margin": -1.0}, {"margin": -1.0}),
-        ({"reach": 0.25}, {"reach": 0.25}),
-        ({"held_temperature": 301.0}, {"held_temperature": 301.0}),
+        ({"fall_back": 0.7}, {"faults__fall_back": 0.7}),
+        ({"clamp_margin": -1.0}, {"inverse__margin": -1.0}),
+        ({"reach": 0.25}, {"inverse__compensation": 0.25}),
+        ({"held_temperature": 301.0}, {"thermometer__held": 301.0}),
     ],
 )
 def test_a_tuned_parameter_is_the_kernels_number(loaded, tuned, number):
     target, library = loaded("3.0")
     table = of_controller(1200)
     table["displacement"][1000:1150] = np.nan  # so that the fall-back is given, too
-    changed = _with(target.controller, **number)
+    altered = changed(target.controller, **number)
     with library.slave() as slave:
         slave.begin().set(use_wanted_force_ahead=True, **tuned)
         found = slave.run(table, ("current",))[:, 0]
-    expected, _ = commands(replace(target, controller=changed), table)
+    expected, _ = commands(replace(target, controller=altered), table)
     assert np.array_equal(found, expected)
     assert not np.array_equal(expected, commands(target, table)[0])
 
@@ -475,13 +476,18 @@ def test_a_tuned_parameter_is_the_kernels_number(loaded, tuned, number):
 def test_a_temperature_that_stands_still_is_carried_on_where_that_is_asked_for(made, place, reckons):
     """A damper that warms by two kelvin with every joule: soon a constant reading cannot be true."""
     light, _ = made("3.0")
-    light = replace(light, controller=_with(light.controller, capacity=0.5, loss=0.0, reckon=float(reckons)))
+    light = replace(
+        light,
+        controller=changed(
+            light.controller, heating__capacity=0.5, heating__loss=0.0, heating__extrapolate=reckons
+        ),
+    )
     library = Library(written(light, place / f"light-{reckons}.fmu", "3.0"), place / f"light-{reckons}")
     table = of_controller(1500)
     table["temperature"] = 320.0
     for asked in (reckons, not reckons):
         expected, flags = commands(
-            replace(light, controller=_with(light.controller, reckon=float(asked))), table
+            replace(light, controller=changed(light.controller, heating__extrapolate=asked)), table
         )
         with library.slave() as slave:
             assert slave.get("reckon_temperature") == [reckons]
@@ -491,11 +497,6 @@ def test_a_temperature_that_stands_still_is_carried_on_where_that_is_asked_for(m
         assert np.array_equal(found[:, 0], expected)
         assert np.array_equal(found[:, 1] > 0.5, (flags & Flag.FROZEN_TEMPERATURE) > 0)
         assert found[-1, 1] == 1.0
-
-
-def _with(controller, **numbers):
-    """Return a controller some of whose numbers are others."""
-    return replace(controller, numbers={**controller.numbers, **numbers})
 
 
 @pytest.mark.parametrize("name", ["yield_gain", "viscous_gain", "friction_gain"])

@@ -22,6 +22,7 @@ from mrdamper.control.series_plant import carry_chain
 from mrdamper.errors import InputError
 from mrdamper.models.actuation import PLAY_SHARE
 from mrdamper.models.damper import Damper
+from mrdamper.models.laws import VISCOUS_SPEED
 from mrdamper.quantities import ZERO_CELSIUS_K
 
 __all__ = ["LAWS_AS_PLANT", "CardPlant"]
@@ -44,7 +45,6 @@ _CHAIN = (
     "gap_stiffness", "gap", "gap_corner", "leak_damping", "leak_exponent",
 )  # fmt: skip
 _LEVELS = 401  # commands of the coefficients' table
-_VISCOUS_SPEED = 0.1  # [m/s], where the viscosity is viscous force over speed
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -141,10 +141,7 @@ class CardPlant:
         if self._damper.law.name != "series-valve":
             force += c["offset"] + c["stiffness"] * x
         force += (
-            c["viscosity"]
-            * np.sign(v)
-            * _VISCOUS_SPEED
-            * (np.abs(v) / _VISCOUS_SPEED) ** c["viscous_exponent"]
+            c["viscosity"] * np.sign(v) * VISCOUS_SPEED * (np.abs(v) / VISCOUS_SPEED) ** c["viscous_exponent"]
         )
         stribeck = c["breakaway_friction"] * np.exp(-((v / c["stribeck_velocity"]) ** 2))
         force += (c["coulomb_friction"] + stribeck) * np.tanh(v / c["transition_velocity"])

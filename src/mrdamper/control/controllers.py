@@ -1,14 +1,14 @@
 """Force-tracking controllers made from a card: the recommended one, the paper's, and baselines.
 
 Each is a small frozen value; its arithmetic is one step in C (``core/kernel/controller.c``), the same for all
-of them and the same that an export ships. What tells them apart are a few numbers:
+of them and the same that an export ships. What tells them apart is their configuration (``config``):
 
 - ``recommended``: motion, hysteresis and target at the preview, exact solve, reversal clamp; its causal form
   extrapolates the target, its adaptive form learns gains where a force is measured now and then;
 - ``paper``: a bank of models at constant currents, interpolated linearly, at the present instant;
 - baselines with and without a force sensor;
 - ``series-inverse``: the explicit inverse of the series valve law at the preview; with the reversal clamp and
-  the reach it is the ``recommended`` of such a card.
+  the lag compensation it is the ``recommended`` of such a card.
 
 A controller knows one temperature, that of the fluid; where it comes from is the business of ``estimators``.
 What a card leaves open is settled by the rules of ``tuning``.
@@ -18,20 +18,20 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrdamper.arrays import FloatArray
-from mrdamper.control import tuning
+from mrdamper.control import config, tuning
+from mrdamper.control.config import Config, FeedbackKind, InverseMethod
 from mrdamper.control.protocol import Measurement, Reference
 from mrdamper.control.stepper import Stepper
 from mrdamper.control.tables.card_tables import DamperTables, tabulate
 from mrdamper.control.tables.heating import Heating
 from mrdamper.errors import InputError
-from mrdamper.models.actuation import PLAY_SHARE, Actuation
+from mrdamper.models.actuation import Actuation as TrueActuation
 from mrdamper.models.card import ModelCard
 from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.quantities import ROOM_K
@@ -86,37 +86,76 @@ class Safety:
                 "expected a fall-back of 0 or more, and limits in order"
             )
 
+    def faults(
+        self, axes: config.Axes, envelope: OperatingEnvelope | None, *, frozen_speed: float
+    ) -> config.Faults:
+        """Return the kernel's part for displacement and velocity; ``frozen_speed`` in m/s."""
+        far_x, far_v = 1.0, 100.0
+        if envelope is not None:
+            far_x = self.stroke_times * max(map(abs, envelope.displacement))
+            far_v = self.stroke_times * max(map(abs, envelope.velocity))
+        return config.Faults(
+            far_x=max(far_x, 1e-3),
+            far_v=far_v,
+            frozen_samples=max(2, round(self.frozen_s / axes.period)),
+            frozen_speed=frozen_speed,
+            coast_samples=max(1, round(self.coast_s / axes.period)),
+            fall_back=min(self.fall_back, axes.largest),
+        )
+
+    def thermometer(self, axes: config.Axes) -> config.Thermometer:
+        """Return the kernel's part for the temperature."""
+        middle = 0.5 * (axes.coldest + axes.warmest)
+        return config.Thermometer(
+            cold_limit=self.cold_K,
+            hot_limit=self.hot_K,
+            jump=self.jump_K,
+            slew=self.slew_K_s * axes.period,
+            keep=math.exp(-axes.period / self.smooth_s),
+            hold_samples=round(self.hold_s / axes.period),
+            recover_samples=max(1, round(self.recover_s / axes.period)),
+            nominal=middle if self.nominal_K is None else self.nominal_K,
+            held=0.0,
+        )
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ForceController(Stepper):
-    """A controller: ``step(state, wanted, seen)`` gives the next state, which is bytes, and the command.
+    """A controller: ``step(state, reference, measurement)`` gives the next state (bytes) and the command.
 
-    Whatever it is told, the command stays within 0 and ``largest`` [A or V].
+    Whatever it reads, the command stays within 0 and ``largest`` [A or V].
     """
 
     name: str = field(kw_only=True)
     needs_force: bool = field(default=False, kw_only=True)
-    known_ahead: bool = field(default=True, kw_only=True)  # whether it is told the target ahead of time
+    known_ahead: bool = field(default=True, kw_only=True)  # whether the target is known ahead of time
 
     @property
     def preview_s(self) -> float:
         """How far ahead it looks at the target [s]; 0 where it does not, or extrapolates."""
-        return self.numbers["preview"] if self.known_ahead else 0.0
+        return self.config.inverse.preview if self.known_ahead else 0.0
 
-    def step(self, state: bytes, wanted: Reference, seen: Measurement) -> tuple[bytes, float]:
+    def step(self, state: bytes, reference: Reference, measurement: Measurement) -> tuple[bytes, float]:
         """Return the next state and the command [A or V]; the same arguments give the same answer."""
-        ahead = wanted.ahead if self.known_ahead else None
-        return self._native.step(state, wanted.now, ahead, seen.displacement, seen.temperature, seen.force)
+        ahead = reference.ahead if self.known_ahead else None
+        return self._native.step(
+            state,
+            reference.now,
+            ahead,
+            measurement.displacement,
+            measurement.temperature,
+            measurement.force,
+        )
 
-    def run(self, state: bytes, told: FloatArray) -> tuple[bytes, FloatArray, NDArray[np.int64]]:
+    def run(self, state: bytes, inputs: FloatArray) -> tuple[bytes, FloatArray, NDArray[np.int64]]:
         """Take many steps at once; return the last state, the commands and the flags, shape (n,).
 
-        ``told`` holds wanted force now and ahead [N], displacement [m], temperature [K] and force [N], shape
-        (n, 5), NaN for what is not known.
+        ``inputs`` holds wanted force now and ahead [N], displacement [m], temperature [K] and force [N],
+        shape (n, 5), NaN for what is not known.
         """
-        rows = np.ascontiguousarray(told, dtype=np.float64)
+        rows = np.ascontiguousarray(inputs, dtype=np.float64)
         if rows.ndim != 2 or rows.shape[1] != 5:
-            raise InputError(f"controller: told has shape {rows.shape}; expected (n, 5)")
+            raise InputError(f"controller: inputs have shape {rows.shape}; expected (n, 5)")
         if not self.known_ahead:
             rows = rows.copy()
             rows[:, 1] = np.nan
@@ -130,21 +169,7 @@ class ForceController(Stepper):
         gains = (yield_gain, viscous_gain, friction_gain)
         if not all(0.1 <= gain <= 10.0 for gain in gains):
             raise InputError(f"controller: gains are {gains}; expected 0.1 to 10")
-        if self.tables.series is not None:
-            return replace(self, tables=replace(self.tables, series=self.tables.series.scaled(*gains)))
         return replace(self, tables=self.tables.scaled(*gains))
-
-
-@dataclass(frozen=True, slots=True)
-class _Source:
-    """What all controllers of a card share."""
-
-    damper: Damper
-    actuation: Actuation
-    tables: DamperTables
-    numbers: Mapping[str, float]  # of ``exact`` with preview, clamp and reach switched on
-    preview: float
-    force_per_command: float  # [N/A] at a steady, fast motion
 
 
 NAMES = (
@@ -228,153 +253,140 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
     preview = tuning.preview_of(actuation, period_s) if preview_s is None else preview_s
     if not (math.isfinite(preview) and preview >= 0.0):
         raise InputError(f"controller: the preview is {preview} s; expected 0 or more")
-    gain_of_force = _force_per_command(tables)
-    numbers = _numbers(
-        tables=tables,
-        actuation=actuation,
-        period=period_s,
+    gains, spread = tuning.motion_filter(period_s, displacement_noise_m, jerk_density)
+    base = _base(
+        tables,
+        period_s,
+        safety or Safety(),
+        envelope,
+        motion=config.MotionFilter(gain_x=float(gains[0]), gain_v=float(gains[1]), gain_a=float(gains[2])),
+        speed_noise=math.sqrt(float(spread[1, 1])),
+        actuation=tuning.sampled_actuation(actuation, period_s, preview),
         preview=preview,
-        noise=displacement_noise_m,
-        density=jerk_density,
-        safety=safety or Safety(),
-        heating=(heating or Heating.paper()).numbers(damper.command_unit),
-        envelope=envelope,
         model_error=_model_error(card, tables),
+        heating=(heating or Heating.paper()).config(damper.command_unit, extrapolate=True),
     )
-    made = _Source(damper, actuation, tables, numbers, preview, gain_of_force)
-    return {name: _controller(name, made) for name in names_for(damper.law.name)}
-
-
-def _controller(name: str, made: _Source) -> ForceController:
-    """Return one controller: what its numbers differ in."""
-    numbers = dict(made.numbers)
-    present = {"preview": 0.0, "reach": 0.0, "margin": -1.0}
-    # as published: the command is known, and neither lags nor play
-    literal = present | {"play": 0.0, "unlagged": 1.0}
-    bank = {"reach": 0.0, "margin": -1.0, "play": 0.0}
-    gain, rate = tuning.feedback_gains(made.actuation, numbers["period"], made.force_per_command)
-    feedback = {"gain": gain, "rate": rate}
-    lead = dict(tuning.lead_of(made.actuation, numbers["period"]))
-    changes: dict[str, dict[str, float]] = {
-        "recommended": {},
-        "recommended-causal": {},
-        "recommended-adaptive": {"forget": math.exp(-numbers["period"] / tuning.FORGETTING_S)},
-        "recommended-observer": {"observe": 1.0 - math.exp(-numbers["period"] / tuning.OBSERVER_S)},
-        "paper": literal | {"bank": 5.0},
-        "paper-2": literal | {"bank": 2.0},
-        "paper-3": literal | {"bank": 3.0},
-        "paper-9": literal | {"bank": 9.0},
-        "paper-unaware": literal | {"bank": 5.0, "held_temperature": ROOM_K},
-        "paper-preview": bank | {"bank": 5.0},
-        "static-preview": {"reach": 0.0, "margin": -1.0, "is_static": 1.0},
-        "exact": present,
-        "lead": present | lead,
-        "inverse-bouc-wen": literal,
-        "clipped-on-off": present | {"feed_forward": 0.0, "on_off": 1.0},
-        "pi": present | feedback | {"feed_forward": 0.0},
-        "feed-forward-pi": feedback,
-        "series-inverse": {"reach": 0.0, "margin": -1.0},
-    }
-    numbers |= changes[name]
-    return ForceController(
-        numbers,
-        made.tables,
-        name=name,
-        needs_force=name in _READ_FORCE,
-        known_ahead=name != "recommended-causal",
-    )
-
-
-def _numbers(  # noqa: PLR0913 - one place where all numbers of the kernel's table are set
-    *,
-    tables: DamperTables,
-    actuation: Actuation,
-    period: float,
-    preview: float,
-    noise: float,
-    density: float,
-    safety: Safety,
-    heating: Mapping[str, float],
-    envelope: OperatingEnvelope | None,
-    model_error: float,
-) -> dict[str, float]:
-    """Return the kernel's numbers of the recommended controller."""
-    filter_gains, spread = tuning.motion_filter(period, noise, density)
-    speed_noise = math.sqrt(float(spread[1, 1]))
-    # The target is followed as the motion is: its filter forgets as fast.
-    wanted = filter_gains
-    lags = tuning.lags_of(actuation, period)
-    largest = float(tables.currents[-1])
-    low, high = float(tables.temperatures[0]), float(tables.temperatures[-1])
-    x = (-1e9, 1e9) if envelope is None else envelope.displacement
-    v = 1e9 if envelope is None else max(map(abs, envelope.velocity))
-    far = 1.0 if envelope is None else safety.stroke_times * max(map(abs, x))
+    variants = _variants(base, actuation, _force_per_command(tables))
     return {
-        "period": period,
-        "largest": largest,
-        "coldest": low,
-        "warmest": high,
-        "elements": float(tables.elements),
-        "saturating": float(tables.saturating),
-        "filter_x": float(filter_gains[0]),
-        "filter_v": float(filter_gains[1]),
-        "filter_a": float(filter_gains[2]),
-        "wanted_f": float(wanted[0]),
-        "wanted_v": float(wanted[1]),
-        "wanted_a": float(wanted[2]),
-        "dead_samples": float(lags.dead_samples),
-        "dead_part": lags.dead_part,
-        "rise": lags.rise,
-        "fall": lags.fall,
-        "second": lags.second,
-        "rise_couple": lags.rise_couple,
-        "fall_couple": lags.fall_couple,
-        **tuning.lags_ahead(actuation, period, preview),
-        "play": actuation.play,
-        "play_share": PLAY_SHARE,
-        "preview": preview,
-        "reach": tuning.REACH,
-        "margin": tuning.CLAMP_SHARE * largest,
-        "is_static": 0.0,
-        "unlagged": 0.0,
-        "bank": 0.0,
-        "lead": 0.0,
-        "lead_keep": 0.0,
-        "feed_forward": 1.0,
-        "on_off": 0.0,
-        "gain": 0.0,
-        "rate": 0.0,
-        "gain_speed": 4.0 * speed_noise,
-        "observe": 0.0,
-        "forget": 0.0,
-        "error_variance": model_error**2 * max(1.0, tuning.ERROR_LASTS_S / period),
-        "gain_variance": tuning.GAIN_SPREAD**2,
-        "low_x": x[0],
-        "high_x": x[1],
-        "high_v": v,
-        "far_x": max(far, 1e-3),
-        "frozen_samples": float(max(2, round(safety.frozen_s / period))),
-        "frozen_speed": 8.0 * speed_noise,
-        "coast_samples": float(max(1, round(safety.coast_s / period))),
-        "fall_back": min(safety.fall_back, largest),
-        "cold_limit": safety.cold_K,
-        "hot_limit": safety.hot_K,
-        "jump": safety.jump_K,
-        "slew": safety.slew_K_s * period,
-        "warm_keep": math.exp(-period / safety.smooth_s),
-        "hold_samples": float(round(safety.hold_s / period)),
-        "recover_samples": float(max(1, round(safety.recover_s / period))),
-        "nominal": 0.5 * (low + high) if safety.nominal_K is None else safety.nominal_K,
-        "held_temperature": 0.0,
-        "far_v": 100.0 if envelope is None else safety.stroke_times * v,
-        **heating,
-        "reckon": 1.0,
-        "substeps": float(max(1, math.ceil(period / tuning.SERIES_STEP_S - 1e-9))),
-        "strides": tuning.SERIES_STRIDES,
-        "horizon": tuning.SERIES_HORIZON_S,
-        "unloaded": tables.unloaded,
-        "shared": float(tables.shared),
+        name: ForceController(
+            variants[name],
+            tables,
+            name=name,
+            needs_force=name in _READ_FORCE,
+            known_ahead=name != "recommended-causal",
+        )
+        for name in names_for(damper.law.name)
     }
+
+
+def _variants(base: Config, actuation: TrueActuation, force_per_command: float) -> dict[str, Config]:
+    """Return the configuration of every controller, from that of the recommended one.
+
+    Parameters
+    ----------
+    force_per_command : [N/A] at a steady, fast motion
+    """
+    period = base.axes.period
+    ahead = replace(base.inverse, compensation=0.0, margin=-1.0)
+    present = replace(base, inverse=replace(ahead, preview=0.0))
+    # as published: the command is known, and neither lags nor play
+    published = replace(present, actuation=replace(base.actuation, no_lag=True, play=0.0))
+    gain, rate = tuning.feedback_gains(actuation, period, force_per_command)
+    feedback = replace(base.feedback, kind=FeedbackKind.PI, gain=gain, rate=rate)
+    lead, lead_keep = tuning.lead_of(actuation, period)
+    forget = math.exp(-period / tuning.FORGETTING_S)
+    observe = 1.0 - math.exp(-period / tuning.OBSERVER_S)
+    blind = replace(present, inverse=replace(present.inverse, method=InverseMethod.NONE))
+
+    def bank(models: int) -> Config:
+        return replace(published, inverse=replace(published.inverse, models=models))
+
+    return {
+        "recommended": base,
+        "recommended-causal": base,
+        "recommended-adaptive": replace(base, learning=replace(base.learning, forget=forget)),
+        "recommended-observer": replace(base, learning=replace(base.learning, observe=observe)),
+        "paper": bank(5),
+        "paper-2": bank(2),
+        "paper-3": bank(3),
+        "paper-9": bank(9),
+        "paper-unaware": replace(bank(5), thermometer=replace(base.thermometer, held=ROOM_K)),
+        "paper-preview": replace(
+            base, actuation=replace(base.actuation, play=0.0), inverse=replace(ahead, models=5)
+        ),
+        "static-preview": replace(base, inverse=replace(ahead, method=InverseMethod.STATIC)),
+        "exact": present,
+        "lead": replace(present, inverse=replace(present.inverse, lead=lead, lead_keep=lead_keep)),
+        "inverse-bouc-wen": published,
+        "clipped-on-off": replace(blind, feedback=replace(base.feedback, kind=FeedbackKind.ON_OFF)),
+        "pi": replace(blind, feedback=feedback),
+        "feed-forward-pi": replace(base, feedback=feedback),
+        "series-inverse": replace(base, inverse=ahead),
+    }
+
+
+def _base(  # noqa: PLR0913 - the parts of one configuration
+    tables: DamperTables,
+    period: float,
+    safety: Safety,
+    envelope: OperatingEnvelope | None,
+    *,
+    motion: config.MotionFilter,
+    speed_noise: float,
+    actuation: config.Actuation,
+    preview: float,
+    model_error: float,
+    heating: config.HeatBalance,
+) -> Config:
+    """Return the configuration of the recommended controller.
+
+    Parameters
+    ----------
+    speed_noise : what the motion filter leaves of the sensor's noise in the velocity [m/s]
+    model_error : of the force [N]
+    """
+    axes = tables.axes(period)
+    return Config(
+        axes=axes,
+        law=tables.law(
+            substeps=max(1, math.ceil(period / tuning.SERIES_STEP_S - 1e-9)),
+            strides=tuning.SERIES_STRIDES,
+            horizon=tuning.SERIES_HORIZON_S,
+        ),
+        motion=motion,
+        # The target is followed as the motion is: its filter forgets as fast.
+        reference=config.ReferenceFilter(
+            gain_f=motion.gain_x, gain_rate=motion.gain_v, gain_bend=motion.gain_a
+        ),
+        actuation=actuation,
+        inverse=config.Inverse(
+            method=InverseMethod.MODEL,
+            models=1,
+            preview=preview,
+            compensation=tuning.COMPENSATION,
+            margin=tuning.CLAMP_SHARE * axes.largest,
+            lead=0.0,
+            lead_keep=0.0,
+        ),
+        feedback=config.Feedback(kind=FeedbackKind.NONE, gain=0.0, rate=0.0, full_speed=4.0 * speed_noise),
+        learning=config.Learning(
+            observe=0.0,
+            forget=0.0,
+            error_variance=model_error**2 * max(1.0, tuning.ERROR_LASTS_S / period),
+            gain_variance=tuning.GAIN_SPREAD**2,
+        ),
+        envelope=_envelope(envelope),
+        faults=safety.faults(axes, envelope, frozen_speed=8.0 * speed_noise),
+        thermometer=safety.thermometer(axes),
+        heating=heating,
+    )
+
+
+def _envelope(of: OperatingEnvelope | None) -> config.Envelope:
+    if of is None:
+        return config.Envelope(low_x=-1e9, high_x=1e9, high_v=1e9)
+    low, high = of.displacement
+    return config.Envelope(low_x=low, high_x=high, high_v=max(map(abs, of.velocity)))
 
 
 def _force_per_command(tables: DamperTables) -> float:

@@ -106,12 +106,12 @@ class AppliedCurrent:
 
     def start(self) -> Underway:
         """Return the state without current, now or before."""
-        line = (0.0,) * (tuning.lags_of(self.actuation, self.period_s).dead_samples + 2)
+        line = (0.0,) * (tuning.sampled_actuation(self.actuation, self.period_s).dead_samples + 2)
         return Underway(0.0, 0.0, 0.0, line)
 
     def step(self, state: Underway, command: float) -> Underway:
         """Return the state at the end of a period through which the command was given."""
-        lags = tuning.lags_of(self.actuation, self.period_s)
+        lags = tuning.sampled_actuation(self.actuation, self.period_s)
         line = (command, *state.line[:-1])
         newer, older = line[lags.dead_samples], line[lags.dead_samples + 1]
         given = newer + lags.dead_part * (older - newer)

@@ -1,7 +1,7 @@
 """What controllers, estimators and plants are to each other.
 
 A controller is a small frozen value; what it remembers is a state that it hands back. One step per sample:
-it is told the wanted force and what the sensors see, and answers with a current. Extension is positive, a
+it gets the wanted force and what the sensors measure, and answers with a current. Extension is positive, a
 force that resists extension is positive.
 """
 
@@ -59,7 +59,12 @@ class Controller(Protocol):
         """Return the state before the first sample."""
         ...
 
-    def step(self, state: Any, wanted: Reference, seen: Measurement) -> tuple[Any, float]:  # noqa: ANN401
+    def step(
+        self,
+        state: Any,  # noqa: ANN401
+        reference: Reference,
+        measurement: Measurement,
+    ) -> tuple[Any, float]:
         """Return the next state and the commanded current [A]."""
         ...
 

@@ -1,16 +1,17 @@
 """The damper's model as a real-time target steps it: displacement, current and temperature in, force out.
 
-The same tables, numbers and C as the controllers (``core/kernel/track_model.c``), for hardware in the loop, a
-co-simulation, or as a force sensor that is none. Not for fitting: ``models.simulate`` is the law itself.
+The same tables, configuration and C as the controllers (``core/kernel/track_model.c``), for hardware in the
+loop, a co-simulation, or as a force sensor that is none. Not for fitting: ``models.simulate`` is the law
+itself.
 
-The current of a row is taken as held through the period that ends with it. Told a velocity, the model takes
+The current of a row is taken as held through the period that ends with it. Given a velocity, the model takes
 displacement and velocity as they are; without one it estimates it by the controllers' motion filter, made for
 a clean displacement: a sensor's noise of 10 um wants ``displacement_noise_m=10e-6, jerk_density=1.0``.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +41,7 @@ JERK_DENSITY = 30.0
 class RealtimeDamper(Stepper):
     """A damper's model: ``step(state, ...)`` gives the next state, which is bytes, and the force [N].
 
-    Whatever it is told, the force is finite, and the flags say what was wrong.
+    Whatever it reads, the force is finite, and the flags say what was wrong.
     """
 
     def step(
@@ -63,11 +64,11 @@ class RealtimeDamper(Stepper):
         ``rows`` holds displacement [m], velocity [m/s] or NaN, current [A or V] and temperature [K], shape
         (n, 4).
         """
-        told = np.ascontiguousarray(rows, dtype=np.float64)
-        if told.ndim != 2 or told.shape[1] != 4:
-            raise InputError(f"real-time model: rows have shape {told.shape}; expected (n, 4)")
-        force, flags = np.empty(len(told)), np.empty(len(told))
-        return self._native.simulate(state, told, force, flags), force, flags.astype(np.int64)
+        inputs = np.ascontiguousarray(rows, dtype=np.float64)
+        if inputs.ndim != 2 or inputs.shape[1] != 4:
+            raise InputError(f"real-time model: rows have shape {inputs.shape}; expected (n, 4)")
+        force, flags = np.empty(len(inputs)), np.empty(len(inputs))
+        return self._native.simulate(state, inputs, force, flags), force, flags.astype(np.int64)
 
 
 def realtime_model(  # noqa: PLR0913 - what a caller may know better than the rules
@@ -79,7 +80,7 @@ def realtime_model(  # noqa: PLR0913 - what a caller may know better than the ru
     jerk_density: float = JERK_DENSITY,
     safety: Safety | None = None,
     heating: Heating | None = None,
-    reckon_temperature: bool = False,
+    extrapolate_temperature: bool = False,
     speed_m_s: float = 1.0,
     single: bool = False,
 ) -> RealtimeDamper:
@@ -92,7 +93,7 @@ def realtime_model(  # noqa: PLR0913 - what a caller may know better than the ru
     displacement_noise_m, jerk_density : of the motion filter [m], [m/s^3 per root Hz]
     safety : when readings are not believed; None: the usual
     heating : what tells a frozen thermometer; None: the paper's damper; ``NO_HEATING``: it is not looked for
-    reckon_temperature : a frozen temperature is carried on by the energy put in, as a controller does.
+    extrapolate_temperature : a frozen temperature is carried on by the energy put in, as a controller does.
         Without, it is flagged and used as it is: in a simulation a constant temperature is a choice
     speed_m_s : speed up to which the tables reach [m/s]
     single : in single precision
@@ -112,5 +113,5 @@ def realtime_model(  # noqa: PLR0913 - what a caller may know better than the ru
         heating=heating,
         speed_m_s=speed_m_s,
     )["exact"]
-    numbers = {**made.numbers, "reckon": float(reckon_temperature)}
-    return RealtimeDamper(numbers, made.tables, single)
+    heat_balance = replace(made.config.heating, extrapolate=extrapolate_temperature)
+    return RealtimeDamper(replace(made.config, heating=heat_balance), made.tables, single)

@@ -1,22 +1,19 @@
-"""What a step in C is told and tells: the part that controllers and the real-time model share.
+"""A step in C behind Python: the part that controllers and the real-time model share.
 
-A stepper is a small frozen value of numbers and tables, from which the kernel's part is built once
+A stepper is a small frozen value of a configuration and tables, from which the kernel's part is built once
 (``core/kernel/track_*.c``). Its state is bytes; what the bytes hold to be true is a ``Prior``, and what a
 step had to say about its readings are its flags.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from enum import IntFlag
 from functools import partial
-from types import MappingProxyType
 from typing import Self
 
-import numpy as np
-
 from mrdamper import core
+from mrdamper.control.config import Config
 from mrdamper.control.tables.card_tables import DamperTables
 
 __all__ = ["FAULTS", "Flag", "Prior", "Stepper"]
@@ -73,43 +70,41 @@ class Prior:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Stepper:
-    """Numbers and tables in the kernel's form; those who inherit say what a step is told and gives."""
+    """Configuration and tables in the kernel's form; those who inherit say what a step takes and gives."""
 
-    numbers: Mapping[str, float]  # the kernel's, by name
+    config: Config
     tables: DamperTables
     single: bool = False  # the arithmetic, tables and state of a target without double precision
     _native: core.Tracker = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        numbers = {name: float(self.numbers[name]) for name in core.TRACK_NUMBERS}
         tables = self.tables
         native = core.Tracker(
-            np.array(list(numbers.values())),
+            self.config,
             bytes(tables.rows),
             tables.currents,
             tables.factor,
             tables.column,
-            [(o.offset, o.top, o.bits, o.cell) for o in tables.octaves],
+            [each.native for each in tables.lookups],
             single=self.single,
             series=None if tables.series is None else tables.series.native,
         )
-        object.__setattr__(self, "numbers", MappingProxyType(numbers))
         object.__setattr__(self, "_native", native)
 
     def __reduce__(self) -> tuple[partial[Self], tuple[()]]:
         """Pickle through the constructor: the kernel's part cannot be pickled."""
         parts = {each.name: getattr(self, each.name) for each in fields(self) if each.init}
-        return partial(type(self), **parts | {"numbers": dict(self.numbers)}), ()
+        return partial(type(self), **parts), ()
 
     @property
     def period_s(self) -> float:
         """Sampling period [s]."""
-        return self.numbers["period"]
+        return self.config.axes.period
 
     @property
     def largest(self) -> float:
         """Largest command, or current of the tables [A or V]."""
-        return self.numbers["largest"]
+        return self.config.axes.largest
 
     def start(self) -> bytes:
         """Return the state before the first sample: no motion, no current."""

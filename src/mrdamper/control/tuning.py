@@ -10,8 +10,8 @@ sampling period, for which a held command is late on average. The share, 0.57, w
 ``nominal``, ``hard`` and ``stiff`` and looked at on eight dampers drawn at random. It weighs motions: 0.54 is
 better at 900 and 1100 N (by up to 1 and 5 N of RMS) and worse on the non-periodic target (by 1 to 2 N).
 
-*Reach.* Of what the lags still withhold at the preview the command makes up for ``REACH``: full inversion
-gains little and moves the command twice as much.
+*Lag compensation.* Of what the lags still withhold at the preview the command makes up for
+``COMPENSATION``: full inversion gains little and moves the command twice as much.
 
 *Reversal clamp.* The command stays below the static answer plus 5 % of the largest.
 
@@ -22,42 +22,39 @@ the first lag as time constant, all that follows as dead time, closed loop as sl
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
 from mrdamper.arrays import FloatArray
+from mrdamper.control import config
 from mrdamper.control.loop import SLOWEST_HZ
 from mrdamper.errors import InputError
-from mrdamper.models.actuation import Actuation
+from mrdamper.models.actuation import PLAY_SHARE, Actuation
 from mrdamper.models.damper import Damper
 
 __all__ = [
     "CLAMP_SHARE",
+    "COMPENSATION",
     "ERROR_LASTS_S",
     "FORGETTING_S",
     "GAIN_SPREAD",
     "JERK_DENSITY",
     "OBSERVER_S",
     "PREVIEW_SHARE",
-    "REACH",
-    "Lags",
     "actuation_of",
     "check_sampling",
     "feedback_gains",
-    "lags_ahead",
-    "lags_of",
     "lead_of",
     "motion_filter",
     "preview_of",
+    "sampled_actuation",
 ]
 
 JERK_DENSITY = 1.0
 """Of the motion filter [m/s^3 per root Hz]."""
 
 PREVIEW_SHARE = 0.57
-REACH = 0.2
+COMPENSATION = 0.2
 CLAMP_SHARE = 0.05
 
 FORGETTING_S = 60.0
@@ -78,29 +75,13 @@ LEAD_RATIO = 5.0
 SERIES_STEP_S = 1e-3
 """Longest step in which the state of the series valve is carried on [s]."""
 
-SERIES_STRIDES = 2.0
+SERIES_STRIDES = 2
 """Steps in which it is carried on to the preview; eight change no figure by 1 N."""
 
 SERIES_HORIZON_S = 4e-3
 """Time in which its spring is taken to the wanted force [s]: from 1 to 15 ms changes no RMSE by 1 N."""
 
-_LINE = 128  # MRD_TRACK_LINE of the kernel
-
-
-@dataclass(frozen=True, slots=True)
-class Lags:
-    """The actuation sampled: a dead time in periods, and what a period leaves of the gaps of both lags.
-
-    With ``couple`` of the first lag's gap in the second the held command is followed exactly.
-    """
-
-    dead_samples: int
-    dead_part: float
-    rise: float
-    fall: float
-    second: float
-    rise_couple: float
-    fall_couple: float
+_DELAY_LINE = 128  # MRD_TRACK_DELAY_LINE of the kernel
 
 
 def actuation_of(damper: Damper) -> Actuation:
@@ -110,20 +91,31 @@ def actuation_of(damper: Damper) -> Actuation:
     return Actuation(damper.command_lag_s, damper.command_lag_s)
 
 
-def lags_of(actuation: Actuation, period_s: float) -> Lags:
-    """Return the actuation over a sampling period [s]."""
+def sampled_actuation(actuation: Actuation, period_s: float, preview_s: float = 0.0) -> config.Actuation:
+    """Return the actuation over a sampling period [s], and from the end of its dead time to a preview [s].
+
+    With the ``couple`` of the first lag's gap in the second a held command is followed exactly.
+    """
     samples, part = divmod(actuation.delay_s / period_s, 1.0)
-    rise, fall, second = (
-        _left(lag, period_s) for lag in (actuation.rise_s, actuation.fall_s, actuation.second_s)
-    )
-    return Lags(
-        int(samples),
-        part,
-        rise,
-        fall,
-        second,
-        _couple(actuation.rise_s, actuation.second_s, period_s),
-        _couple(actuation.fall_s, actuation.second_s, period_s),
+    (rise, fall), second = (actuation.rise_s, actuation.fall_s), actuation.second_s
+    past = math.ceil(actuation.delay_s / period_s - 1e-9) * period_s
+    rest, free = max(preview_s - past, 0.0), max(preview_s - actuation.delay_s, 0.0)
+    return config.Actuation(
+        no_lag=False,
+        dead_samples=int(samples),
+        dead_part=part,
+        rise=_left(rise, period_s),
+        fall=_left(fall, period_s),
+        second=_left(second, period_s),
+        rise_couple=_couple(rise, second, period_s),
+        fall_couple=_couple(fall, second, period_s),
+        second_ahead=_left(second, rest),
+        rise_couple_ahead=_couple(rise, second, rest),
+        fall_couple_ahead=_couple(fall, second, rest),
+        rise_answer=1.0 - _left(second, free) - _couple(rise, second, free),
+        fall_answer=1.0 - _left(second, free) - _couple(fall, second, free),
+        play=actuation.play,
+        play_share=PLAY_SHARE,
     )
 
 
@@ -141,27 +133,11 @@ def check_sampling(actuation: Actuation, period_s: float) -> None:
             f"{math.ceil(max(1.0 / slowest, SLOWEST_HZ))} Hz or faster"
         )
     samples = actuation.delay_s // period_s
-    if samples > _LINE - 3:
+    if samples > _DELAY_LINE - 3:
         raise InputError(
             f"controller: the dead time of {1e3 * actuation.delay_s:g} ms is {samples:.0f} periods; expected "
-            f"at most {_LINE - 3}. Sample more slowly"
+            f"at most {_DELAY_LINE - 3}. Sample more slowly"
         )
-
-
-def lags_ahead(actuation: Actuation, period_s: float, preview_s: float) -> Mapping[str, float]:
-    """Return the kernel's numbers for the stretch from the dead time to the preview."""
-    first, second = (actuation.rise_s, actuation.fall_s), actuation.second_s
-    past = math.ceil(actuation.delay_s / period_s - 1e-9) * period_s
-    rest, free = max(preview_s - past, 0.0), max(preview_s - actuation.delay_s, 0.0)
-    couples = [_couple(lag, second, rest) for lag in first]
-    answers = [1.0 - _left(second, free) - _couple(lag, second, free) for lag in first]
-    return {
-        "second_ahead": _left(second, rest),
-        "rise_couple_ahead": couples[0],
-        "fall_couple_ahead": couples[1],
-        "rise_answer": answers[0],
-        "fall_answer": answers[1],
-    }
 
 
 def preview_of(actuation: Actuation, period_s: float) -> float:
@@ -201,10 +177,10 @@ def motion_filter(period_s: float, noise: float, density: float) -> tuple[FloatA
     return gains / period_s ** np.arange(3), left * np.outer(unit, unit)
 
 
-def lead_of(actuation: Actuation, period_s: float) -> Mapping[str, float]:
-    """Return the kernel's numbers of a lead compensation of all lags, as one lag."""
+def lead_of(actuation: Actuation, period_s: float) -> tuple[float, float]:
+    """Return gain and keep of a lead compensation of all lags, as one lag; zeros where there is none."""
     time = actuation.delay_s + max(actuation.rise_s, actuation.fall_s) + actuation.second_s
-    return {"lead": LEAD_RATIO - 1.0, "lead_keep": _left(time / LEAD_RATIO, period_s)} if time > 0.0 else {}
+    return (LEAD_RATIO - 1.0, _left(time / LEAD_RATIO, period_s)) if time > 0.0 else (0.0, 0.0)
 
 
 def feedback_gains(actuation: Actuation, period_s: float, force_per_command: float) -> tuple[float, float]:

@@ -17,7 +17,6 @@ from mrdamper.core import _kernel
 from mrdamper.core._kernel import (
     MOTION_NUMBERS,
     STATE_NUMBERS,
-    TRACK_NUMBERS,
     TURNS_NUMBERS,
     Record,
     Tracker,
@@ -30,7 +29,6 @@ __all__ = [
     "MOST_DIRECTIONS",
     "MOTION_NUMBERS",
     "STATE_NUMBERS",
-    "TRACK_NUMBERS",
     "Record",
     "Tracker",
     "TurningPoints",

@@ -27,7 +27,6 @@ class Record:
 
 class Workspace: ...
 
-TRACK_NUMBERS: tuple[str, ...]
 MOTION_NUMBERS: int
 TURNS_NUMBERS: int
 STATE_NUMBERS: int
@@ -54,12 +53,12 @@ SeriesTables = tuple[
 class Tracker:
     def __new__(
         cls,
-        numbers: FloatArray,
+        config: object,
         rows: bytes,
         current: FloatArray,
         factor: FloatArray,
         column: FloatArray,
-        octaves: Sequence[tuple[float, float, int, FloatArray]],
+        lookups: Sequence[tuple[float, float, int, FloatArray]],
         single: bool = False,
         series: SeriesTables | None = None,
     ) -> Tracker: ...
@@ -74,7 +73,7 @@ class Tracker:
         force: float | None,
         /,
     ) -> tuple[bytes, float]: ...
-    def run(self, state: bytes, told: FloatArray, current: FloatArray, flags: FloatArray, /) -> bytes: ...
+    def run(self, state: bytes, inputs: FloatArray, current: FloatArray, flags: FloatArray, /) -> bytes: ...
     def model(
         self,
         state: bytes,
@@ -84,7 +83,9 @@ class Tracker:
         temperature: float | None,
         /,
     ) -> tuple[bytes, float]: ...
-    def simulate(self, state: bytes, told: FloatArray, force: FloatArray, flags: FloatArray, /) -> bytes: ...
+    def simulate(
+        self, state: bytes, inputs: FloatArray, force: FloatArray, flags: FloatArray, /
+    ) -> bytes: ...
     def read(self, state: bytes, /) -> Belief: ...
 
 def run(

@@ -270,6 +270,7 @@ def _context(target: Target) -> dict[str, Any]:
         "flags": flag_texts(),
         "envelope": target.card.envelope,
         "kernel_files": list(kernel_files()),
+        "modes": target.modes(),
         "tables_bytes": printed.table_bytes,
     }
 

@@ -7,14 +7,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 from xml.etree import ElementTree as Tree
 
 from mrdamper import __version__
+from mrdamper.export.target import Target
 from mrdamper.export.variables import UNITS, Variable
-
-if TYPE_CHECKING:
-    from mrdamper.export.target import Target
 
 __all__ = ["build_description", "description_of", "model_description"]
 

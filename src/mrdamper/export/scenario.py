@@ -63,14 +63,14 @@ def envelope_rows(target: Target, samples: int = 100_000, seed: int = 1) -> dict
 
 
 def _reach_of(target: Target) -> _Reach:
-    envelope, numbers = target.card.envelope, next(iter(target.parts.values())).numbers
+    envelope, axes = target.card.envelope, target.any_part.config.axes
     stroke = max(map(abs, envelope.displacement)) or 1e-3
     speed = max(map(abs, envelope.velocity)) or 1e-2
     within = max(min(map(abs, envelope.displacement)), 0.1 * stroke)  # on either side of the middle
     motion = Sine(within, speed / (2.0 * np.pi * within))
-    strongest = settled_cycle(target.card.damper, motion, target.largest, numbers["coldest"])
+    strongest = settled_cycle(target.card.damper, motion, target.largest, axes.coldest)
     force = strongest.peak_N + 1.0
-    warm = (numbers["coldest"] - 12.0, numbers["warmest"] + 12.0)
+    warm = (axes.coldest - 12.0, axes.warmest + 12.0)
     warm = (max(warm[0], _WARM_K[0] + 1.0), min(warm[1], _WARM_K[1] - 1.0))
     return _Reach(target.period_s, stroke, speed, target.largest, force, warm)
 

@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import hashlib
 import re
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal, cast
 
+from mrdamper.control.config import modes_of
 from mrdamper.control.controllers import ForceController, check_name, controllers_for
 from mrdamper.control.realtime import RealtimeDamper, realtime_model
 from mrdamper.control.tables.heating import Heating
@@ -81,7 +83,17 @@ class Target:
     @property
     def largest(self) -> float:
         """Largest command [A or V]."""
-        return next(iter(self.parts.values())).numbers["largest"]
+        return self.any_part.largest
+
+    @property
+    def any_part(self) -> RealtimeDamper | ForceController:
+        """Return one of the parts, for what both have."""
+        return next(iter(self.parts.values()))
+
+    def modes(self, tuned: Iterable[str] = ()) -> Mapping[str, str]:
+        """Return the modes that the code is compiled with; ``tuned`` values may change afterwards."""
+        model, controller = (None if part is None else part.config for part in (self.model, self.controller))
+        return modes_of(model, controller, tuned=tuned)
 
 
 def target_of(

@@ -12,9 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mrdamper.control.config import Config, config_fields
 from mrdamper.control.controllers import ForceController
 from mrdamper.control.realtime import RealtimeDamper
-from mrdamper.control.tables.lookup import Octaves
+from mrdamper.control.tables.card_tables import CURVES, SPEEDS
+from mrdamper.control.tables.lookup import LookupTable
 from mrdamper.control.tables.series import CHAIN, Power, SeriesTables
 
 __all__ = ["Nested", "Pointer", "Table", "Value", "track_members"]
@@ -45,11 +47,6 @@ class Pointer:
 
 Value = float | int | tuple[int, ...] | Table | Nested | Pointer
 
-_CURVES = (
-    "loading", "unloading", "from_loading", "from_unloading", "from_unloaded", "viscous", "sliding",
-    "breakaway", "built_up",
-)  # fmt: skip
-
 
 def track_members(part: RealtimeDamper | ForceController) -> dict[str, Value]:
     """Return every member of a part's ``mrd_track``."""
@@ -57,7 +54,7 @@ def track_members(part: RealtimeDamper | ForceController) -> dict[str, Value]:
     pieces, terms, _ = tables.factor.shape
     currents, columns = tables.column.shape
     return {
-        **part.numbers,
+        **_config(part.config),
         "currents": currents,
         "pieces": pieces,
         "levels": tables.levels,
@@ -67,9 +64,18 @@ def track_members(part: RealtimeDamper | ForceController) -> dict[str, Value]:
         "current": Table(tables.currents, f"{currents} commands"),
         "factor": Table(tables.factor, f"[{pieces} pieces of temperature][{terms} terms][parabola]"),
         "column": Table(tables.column, f"[{currents} commands][{columns} terms]"),
-        **{name: _octaves(table) for name, table in zip(_CURVES, tables.octaves, strict=True)},
+        **{name: _lookup(table) for name, table in zip((*CURVES, *SPEEDS), tables.lookups, strict=True)},
         "series": Pointer("mrd_series", None if tables.series is None else _series(tables.series)),
     }
+
+
+def _config(config: Config) -> dict[str, Nested]:
+    """Return the parts of a configuration, their members in the order of the kernel's struct."""
+    parts: dict[str, dict[str, Value]] = {}
+    for each in config_fields():
+        value = each.of(config)
+        parts.setdefault(each.part, {})[each.name] = value if each.type is float else int(value)
+    return {name: Nested(members) for name, members in parts.items()}
 
 
 def _series(tables: SeriesTables) -> dict[str, Value]:
@@ -81,7 +87,7 @@ def _series(tables: SeriesTables) -> dict[str, Value]:
         "yield": Table(tables.yield_force, f"[{sheets} temperatures][{commands} commands] [N]"),
         "chain": Table(tables.chain, f"[{sheets} temperatures][{len(CHAIN)} coefficients]"),
         **{name: _power(table) for name, table in powers.items()},
-        **{name: _octaves(table) for name, table in functions.items()},
+        **{name: _lookup(table) for name, table in functions.items()},
     }
 
 
@@ -99,7 +105,7 @@ def _power(table: Power) -> Nested:
     )
 
 
-def _octaves(table: Octaves) -> Nested:
+def _lookup(table: LookupTable) -> Nested:
     cells = len(table.cell)
     return Nested(
         {

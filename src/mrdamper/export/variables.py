@@ -10,16 +10,16 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from operator import attrgetter
+from typing import Literal
 
 import numpy as np
 
+from mrdamper.control.config import Config, FeedbackKind, InverseMethod
 from mrdamper.control.stepper import FAULTS, Flag
 from mrdamper.export.c_code import flag_texts
+from mrdamper.export.target import Target
 from mrdamper.quantities import ZERO_CELSIUS_K
-
-if TYPE_CHECKING:
-    from mrdamper.export.target import Target
 
 __all__ = ["UNITS", "Unit", "Variable", "variables_of"]
 
@@ -135,7 +135,7 @@ def _switch(name: str, description: str, start: bool) -> Variable:  # noqa: FBT0
 
 def _inputs(target: Target) -> Iterator[Variable]:
     command = _command_name(target)
-    warm = next(iter(target.parts.values())).numbers["nominal"]
+    warm = target.any_part.config.thermometer.nominal
     if target.controller is not None:
         yield _input("wanted_force", "N", 0.0, "wanted force, positive against extension")
         if target.controller.preview_s > 0.0:
@@ -214,43 +214,45 @@ def _parameters(target: Target) -> Iterator[Variable]:
         # Alone, a part's parameters have plain names; side by side the two parts' are told apart.
         owner = "" if target.content != "both" else "damper_" if part == "model" else "controller_"
         # Both in one is a simulation, where a constant temperature is a choice and not a fault.
-        numbers = {**source.numbers, "reckon": 0.0} if target.content == "both" else source.numbers
-        for each in _tunable(part, numbers, target.command_unit):
+        config = source.config
+        if target.content == "both":
+            config = replace(config, heating=replace(config.heating, extrapolate=False))
+        for each in _tunable(part, config, target.command_unit):
             yield replace(each, name=owner + each.name)
 
 
-def _tunable(part: str, numbers: Mapping[str, float], unit: str) -> Iterator[Variable]:
+def _tunable(part: str, config: Config, unit: str) -> Iterator[Variable]:
     def number(name: str, of: str, unit: str, low: float, high: float, description: str) -> Variable:
         return Variable(
             name=name, description=description, kind="real", causality="parameter", variability="tunable",
-            unit=unit, start=numbers[of], low=low, high=high, place=f"{part}_data.{of}",
+            unit=unit, start=attrgetter(of)(config), low=low, high=high, place=f"{part}_data.{of}",
         )  # fmt: skip
 
-    largest, coldest, hottest = numbers["largest"], numbers["cold_limit"], numbers["hot_limit"]
+    largest, inverse, feedback = config.axes.largest, config.inverse, config.feedback
+    coldest, hottest = config.thermometer.cold_limit, config.thermometer.hot_limit
     if part == "controller":
         said = "command where the motion is not known"
-        yield number("fall_back", "fall_back", unit, 0.0, largest, said)
-        if numbers["feed_forward"] > 0.0 and numbers["bank"] < 1.5:
+        yield number("fall_back", "faults.fall_back", unit, 0.0, largest, said)
+        if inverse.method is not InverseMethod.NONE and inverse.models == 1:
             said = "reversal clamp: most above the static answer; negative: none"
-            yield number("clamp_margin", "margin", unit, -largest, largest, said)
+            yield number("clamp_margin", "inverse.margin", unit, -largest, largest, said)
             said = "share of the lags' remaining gap that the command makes up for"
-            yield number("reach", "reach", "1", 0.0, 1.0, said)
-        if numbers["gain"] > 0.0:
-            yield number("feedback_gain", "gain", f"{unit}/N", 0.0, _LARGE, "gain of the force error")
-        if numbers["rate"] > 0.0:
-            yield number(
-                "feedback_rate", "rate", f"{unit}/(N.s)", 0.0, _LARGE, "gain of the force error's integral"
-            )
-    if numbers["capacity"] > 0.0:
+            yield number("reach", "inverse.compensation", "1", 0.0, 1.0, said)
+        if feedback.kind is FeedbackKind.PI:
+            said = "gain of the force error"
+            yield number("feedback_gain", "feedback.gain", f"{unit}/N", 0.0, _LARGE, said)
+            said = "gain of the force error's integral"
+            yield number("feedback_rate", "feedback.rate", f"{unit}/(N.s)", 0.0, _LARGE, said)
+    if config.heating.capacity > 0.0:
         said = "temperature of the surroundings"
-        yield number("ambient_temperature", "ambient", "K", coldest, hottest, said)
+        yield number("ambient_temperature", "heating.ambient", "K", coldest, hottest, said)
         said = "a temperature that stands still is carried on by the energy put in; else flagged only"
-        reckons = _switch("reckon_temperature", said, start=numbers["reckon"] > 0.5)
-        yield replace(reckons, low=0.0, high=1.0, place=f"{part}_data.reckon")
+        extrapolates = _switch("reckon_temperature", said, start=config.heating.extrapolate)
+        yield replace(extrapolates, low=0.0, high=1.0, place=f"{part}_data.heating.extrapolate")
     said = "temperature to fall back to when none is known"
-    yield number("nominal_temperature", "nominal", "K", coldest, hottest, said)
+    yield number("nominal_temperature", "thermometer.nominal", "K", coldest, hottest, said)
     said = "temperature to use whatever is read; 0: read it"
-    yield number("held_temperature", "held_temperature", "K", 0.0, hottest, said)
+    yield number("held_temperature", "thermometer.held", "K", 0.0, hottest, said)
     for index, what in enumerate(("yield", "viscous", "friction")):
         yield Variable(
             name=f"{what}_gain", description=f"gain of the {what} force, 1 as identified", kind="real",
@@ -266,15 +268,15 @@ def _constants(target: Target) -> Iterator[Variable]:
             unit=unit, start=value,
         )  # fmt: skip
 
-    numbers = next(iter(target.parts.values())).numbers
+    axes = target.any_part.config.axes
     command = _command_name(target)
     yield constant("sample_time", "s", target.period_s, "time between two steps inside")
     if target.controller is not None and target.controller.preview_s > 0.0:
         said = "how much later than wanted_force wanted_force_ahead is"
         yield constant("preview_time", "s", target.controller.preview_s, said)
     yield constant(f"largest_{command}", target.command_unit, target.largest, "largest command")
-    yield constant("coldest", "K", numbers["coldest"], "lowest temperature of the tables")
-    yield constant("warmest", "K", numbers["warmest"], "highest temperature of the tables")
+    yield constant("coldest", "K", axes.coldest, "lowest temperature of the tables")
+    yield constant("warmest", "K", axes.warmest, "highest temperature of the tables")
 
 
 def _command_name(target: Target) -> str:

@@ -26,7 +26,10 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 
-__all__ = ["COMMON", "LAWS", "Coefficient", "HysteresisLaw", "PythonLaw", "find_law"]
+__all__ = ["COMMON", "LAWS", "VISCOUS_SPEED", "Coefficient", "HysteresisLaw", "PythonLaw", "find_law"]
+
+VISCOUS_SPEED = 0.1
+"""Speed [m/s] at which ``viscosity`` is viscous force over speed; ``MRD_VISCOUS_SPEED`` of the kernel."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,6 +6,6 @@
 
 #include "one.h"
 
-mrd_real one_largest(void) { return track.largest; }
+mrd_real one_largest(void) { return track.axes.largest; }
 void one_start(mrd_track_state *s) { mrd_track_start(&track, s); }
-mrd_real one_step(mrd_track_state *s, const mrd_told *told) { return mrd_track_step(&track, s, told); }
+mrd_real one_step(mrd_track_state *s, const mrd_inputs *told) { return mrd_track_step(&track, s, told); }

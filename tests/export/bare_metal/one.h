@@ -3,4 +3,4 @@
 
 mrd_real one_largest(void);
 void one_start(mrd_track_state *s);
-mrd_real one_step(mrd_track_state *s, const mrd_told *told);
+mrd_real one_step(mrd_track_state *s, const mrd_inputs *told);

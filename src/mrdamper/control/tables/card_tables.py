@@ -3,12 +3,12 @@
 Every coefficient over current and temperature is a sum of terms, each a column over a few currents times a
 factor that temperature moves; a coefficient that current does not move is one factor, and one that is zero is
 not there. The universal curve of the hysteresis and the functions of speed that the force is made of are
-cubics on cells of their own (``octaves``). ``track_tables.c`` reads all that.
+cubics on cells of their own (``lookup``). ``track_tables.c`` reads all that.
 
 The tables are as small as their accuracy lets them be, which is stated, and measured when they are built.
 Between two currents a straight line is at most ``CURRENT_SHARE`` of the largest yield force off what makes up
 the force (of its own largest value off a viscosity or an inverse yield displacement); between two
-temperatures a parabola is off by at most ``TEMPERATURE_SHARE``. With the errors that ``octaves`` states that
+temperatures a parabola is off by at most ``TEMPERATURE_SHARE``. With the errors that ``lookup`` states that
 is about a thousandth of the peak force together. A yield force that rises like a root from zero current can
 take more currents than there may be; then the first share is doubled until it does not.
 """
@@ -17,19 +17,28 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.control.tables.lookup import Octaves, built_up, functions_of_speed, universal_curve
+from mrdamper.control.config import Axes, Law
+from mrdamper.control.tables.lookup import (
+    CurveTables,
+    LookupTable,
+    SpeedTables,
+    functions_of_speed,
+    no_curve,
+    no_functions_of_speed,
+    universal_curve,
+)
+from mrdamper.control.tables.series import SeriesTables, tabulate_series
 from mrdamper.errors import InputError
 from mrdamper.models.damper import Damper
 
-if TYPE_CHECKING:
-    from mrdamper.control.tables.series import SeriesTables
-
-__all__ = ["CURRENTS", "CURRENT_SHARE", "ROWS", "TABULATED", "TEMPERATURE_SHARE", "DamperTables", "tabulate"]
+__all__ = [
+    "CURRENTS", "CURRENT_SHARE", "CURVES", "ROWS", "SPEEDS", "TABULATED", "TEMPERATURE_SHARE", "DamperTables",
+    "tabulate",
+]  # fmt: skip
 
 CURRENTS = 41
 """Most currents of a table; the eighths of the largest, where the models of a bank lie, are always there."""
@@ -45,6 +54,10 @@ as inverse yield displacement."""
 
 TABULATED = ("bouc-wen", "dahl", "bouc-wen-saturating", "double-bouc-wen", "bingham")
 """Laws whose force is a sum over current-dependent rows, and whose shape does not depend on current."""
+
+CURVES = ("loading", "unloading", "unload_map", "reload_map", "reload_map_rest")
+SPEEDS = ("viscous", "sliding", "breakaway", "saturation")
+"""Lookup tables of the universal curve and of speed, in the kernel's order."""
 
 _LEVELS = 6  # the first rows: those that may be a level
 _GROUPS = (0, 6, 7, 8, 9)  # first rows of the kernel's groups
@@ -71,30 +84,36 @@ class DamperTables:
     column: FloatArray  # of each term that is no level, shape (n, columns)
     elements: int
     saturating: bool
-    unloaded: float  # travel of the universal curve from w = -1 to 0 [-]
-    loading: Octaves
-    unloading: Octaves
-    from_loading: Octaves
-    from_unloading: Octaves
-    from_unloaded: Octaves
-    viscous: Octaves
-    sliding: Octaves
-    breakaway: Octaves
-    built_up: Octaves
+    curve: CurveTables
+    speed: SpeedTables
     series: SeriesTables | None = None  # of the series valve law, which uses none of those above
 
     @property
-    def octaves(self) -> tuple[Octaves, ...]:
-        """The functions in the kernel's order."""
-        turns = (self.from_loading, self.from_unloading, self.from_unloaded)
-        return (
-            self.loading,
-            self.unloading,
-            *turns,
-            self.viscous,
-            self.sliding,
-            self.breakaway,
-            self.built_up,
+    def lookups(self) -> tuple[LookupTable, ...]:
+        """The functions in the kernel's order: of ``CURVES`` and ``SPEEDS``."""
+        of_curve = tuple(getattr(self.curve, name) for name in CURVES)
+        return (*of_curve, *(getattr(self.speed, name) for name in SPEEDS))
+
+    def axes(self, period: float) -> Axes:
+        """Return the kernel's part, for a sampling period [s]."""
+        return Axes(
+            period=period,
+            largest=float(self.currents[-1]),
+            coldest=float(self.temperatures[0]),
+            warmest=float(self.temperatures[-1]),
+        )
+
+    def law(self, *, substeps: int, strides: int, horizon: float) -> Law:
+        """Return the kernel's part; the arguments are of the series valve."""
+        return Law(
+            series=self.series is not None,
+            elements=self.elements,
+            saturating=self.saturating,
+            shared_rho=self.shared_rho,
+            unloaded=self.curve.unloaded,
+            substeps=substeps,
+            strides=strides,
+            horizon=horizon,
         )
 
     @property
@@ -115,7 +134,7 @@ class DamperTables:
         return tuple(int(np.argmin(np.abs(self.currents - each))) for each in wanted)
 
     @property
-    def shared(self) -> bool:
+    def shared_rho(self) -> bool:
         """Whether the inverse yield displacements are the same at all currents: one column of ones each."""
         return bool((self.column[:, self.begin[3] :] == 1.0).all())
 
@@ -140,6 +159,8 @@ class DamperTables:
         self, yield_gain: float = 1.0, viscous_gain: float = 1.0, friction_gain: float = 1.0
     ) -> DamperTables:
         """Return the tables with the force's parts multiplied."""
+        if self.series is not None:
+            return replace(self, series=self.series.scaled(yield_gain, viscous_gain, friction_gain))
         factors = dict.fromkeys(ROWS, 1.0)
         factors |= {"yield": yield_gain, "second": yield_gain, "viscous": viscous_gain}
         factors |= {"sliding": friction_gain, "breakaway": friction_gain}
@@ -167,18 +188,16 @@ def tabulate(
         A law that has no such tables, or one whose shape moves with current or temperature; a force that does
         not depend on the current; a law that is not well posed somewhere on the grid.
     """
+    if not (math.isfinite(largest) and largest > 0.0):
+        raise InputError(f"controller: the largest command is {largest}; expected a positive number")
+    low, high = temperatures or damper.temperature_range or (293.15, 293.15)
     if damper.law.name == "series-valve":
-        from mrdamper.control.tables.series import tabulate_series
-
-        return tabulate_series(damper, largest, temperatures=temperatures)
+        return _around_series(*tabulate_series(damper, largest, (low, high)), largest)
     if damper.law.name not in TABULATED:
         raise InputError(
             f"controller: the law is {damper.law.name!r}; expected one of {', '.join(TABULATED)}, "
             "series-valve. Identify the same runs with one of these"
         )
-    if not (math.isfinite(largest) and largest > 0.0):
-        raise InputError(f"controller: the largest command is {largest}; expected a positive number")
-    low, high = temperatures or damper.temperature_range or (293.15, 293.15)
     if not damper.temperature_dependent or high <= low:
         high = low
     fine = _coefficients(damper, np.linspace(0.0, largest, 1025), np.linspace(low, high, 7))
@@ -200,16 +219,8 @@ def tabulate(
             f"temperature; expected at most {_TERMS}. Identify with simpler temperature laws"
         )
 
-    kappa, n = shapes.get("kappa", -1.0), shapes.get("n", 1.0)  # those of the Dahl law
     elements = 0 if damper.law.name == "bingham" else 2 if "second_force" in fine else 1
-    curve = universal_curve(kappa, n, needed=elements > 0)
-    speeds = functions_of_speed(
-        {ROWS[row] for row in rows},
-        shapes["viscous_exponent"],
-        shapes["stribeck_velocity"],
-        shapes["transition_velocity"],
-        speed,
-    )
+    saturating = "rate_force" in fine
     return DamperTables(
         currents=at,
         temperatures=np.linspace(low, high, pieces + 1),
@@ -217,17 +228,29 @@ def tabulate(
         factor=factor,
         column=column,
         elements=elements,
-        saturating="rate_force" in fine,
-        unloaded=curve.unloaded,
-        loading=curve.loading,
-        unloading=curve.unloading,
-        from_loading=curve.from_loading,
-        from_unloading=curve.from_unloading,
-        from_unloaded=curve.from_unloaded,
-        viscous=speeds["viscous"],
-        sliding=speeds["sliding"],
-        breakaway=speeds["breakaway"],
-        built_up=built_up(shapes.get("saturation_velocity"), shapes.get("yield_velocity"), speed),
+        saturating=saturating,
+        # without shape coefficients: those of the Dahl law
+        curve=universal_curve(shapes.get("kappa", -1.0), shapes.get("n", 1.0)) if elements else no_curve(),
+        speed=functions_of_speed(
+            {ROWS[row] for row in rows}, shapes, speed, saturating=saturating, memoryless=elements == 0
+        ),
+    )
+
+
+def _around_series(series: SeriesTables, temperatures: FloatArray, largest: float) -> DamperTables:
+    """Return the tables of a series valve: its own, and the least that the kernel asks for beside them."""
+    pieces = max(len(temperatures) - 1, 1)
+    return DamperTables(
+        currents=np.linspace(0.0, largest, 9),
+        temperatures=np.linspace(temperatures[0], temperatures[-1], pieces + 1),
+        rows=(ROWS.index("yield"),),
+        factor=np.zeros((pieces, 1, 3)),
+        column=np.zeros((9, 1)),
+        elements=1,
+        saturating=False,
+        curve=no_curve(),
+        speed=no_functions_of_speed(),
+        series=series,
     )
 
 

@@ -17,6 +17,7 @@ from functools import cache
 
 import numpy as np
 
+from mrdamper.control.config import HeatBalance
 from mrdamper.errors import InputError
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.drawing_file import read_drawing
@@ -69,17 +70,18 @@ class Heating:
         """Return those of the paper's damper with its fins: taken where nothing else is known."""
         return _paper()
 
-    def numbers(self, command_unit: str) -> dict[str, float]:
-        """Return the kernel's numbers."""
+    def config(self, command_unit: str, *, extrapolate: bool) -> HeatBalance:
+        """Return the kernel's part; a frozen temperature goes on by the energy put in, or is only flagged."""
         amperes = 1.0 if command_unit == "A" else self.amperes_per_volt or 0.0
-        return {
-            "capacity": self.capacity_J_K,
-            "loss": self.loss_W_K,
-            "loss_margin": self.loss_margin,
-            "ambient": self.ambient_K,
-            "coil_heat": amperes**2 * self.resistance_20_ohm,
-            "frozen_warming": self.frozen_K,
-        }
+        return HeatBalance(
+            capacity=self.capacity_J_K,
+            loss=self.loss_W_K,
+            loss_margin=self.loss_margin,
+            ambient=self.ambient_K,
+            coil_heat=amperes**2 * self.resistance_20_ohm,
+            frozen_rise=self.frozen_K,
+            extrapolate=extrapolate,
+        )
 
 
 NO_HEATING = Heating(capacity_J_K=0.0, loss_W_K=0.0, source="none: a frozen thermometer is not looked for")

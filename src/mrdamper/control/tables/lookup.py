@@ -1,24 +1,26 @@
-"""Functions of a size as cubics on octaves: the universal curve of the hysteresis, the functions of speed.
+"""Binned lookup tables: the universal curve of the hysteresis, and the functions of speed.
 
-A cell is a cubic; cells double in width with every octave of the size, so that what bends near zero is fine
-there and nowhere else. Each function is given the fewest cells with which it is within ``CURVE_ERROR`` of a
-hysteretic state, or ``SPEED_ERROR``, everywhere it is looked at. ``track_tables.c`` reads them.
+A table is piecewise cubic; its cells double in width with every octave of the size, so that what bends near
+zero is fine there and nowhere else. Each function is given the fewest cells with which it is within
+``CURVE_ERROR`` of a hysteretic state, or ``SPEED_ERROR``, everywhere it is looked at. ``track_tables.c``
+reads them.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from mrdamper import core
 from mrdamper.arrays import FloatArray
+from mrdamper.models.laws import VISCOUS_SPEED
 
 __all__ = [
-    "CURVE_ERROR", "SPEED_ERROR", "CurveTables", "Octaves", "built_up", "fit_octaves", "functions_of_speed",
-    "tabulate_octaves", "universal_curve",
+    "CURVE_ERROR", "SPEED_ERROR", "CurveTables", "LookupTable", "SpeedTables", "fit_lookup",
+    "functions_of_speed", "no_curve", "no_functions_of_speed", "tabulate_lookup", "universal_curve",
 ]  # fmt: skip
 
 CURVE_ERROR = 1e-4
@@ -28,13 +30,12 @@ SPEED_ERROR = 1e-5
 """Of a function of speed; of the viscous one [m/s]."""
 
 _MOST_BITS = 6
-_VISCOUS_SPEED = 0.1  # [m/s], MRD_VISCOUS_SPEED of the kernel
 
 _Function = Callable[[FloatArray], FloatArray]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Octaves:
+class LookupTable:
     """A function of a size u >= 0 as cubics, shape (cells, 4), in the place 0 to 1 inside each cell.
 
     The cells of [2^k, 2^(k+1)) of u + ``offset`` number 2^``bits``; beyond ``top`` the last value holds.
@@ -44,6 +45,11 @@ class Octaves:
     top: float
     bits: int
     cell: FloatArray
+
+    @property
+    def native(self) -> tuple[float, float, int, FloatArray]:
+        """What the kernel's binding takes."""
+        return self.offset, self.top, self.bits, self.cell
 
     def at(self, size: FloatArray | float) -> FloatArray:
         """Return the function at sizes, as the kernel reads it."""
@@ -57,7 +63,7 @@ class Octaves:
         return c[..., 0] + place * (c[..., 1] + place * (c[..., 2] + place * c[..., 3]))
 
 
-def tabulate_octaves(
+def tabulate_lookup(
     value: _Function,
     slope: _Function,
     fine: float,
@@ -65,7 +71,7 @@ def tabulate_octaves(
     *,
     bits: int = 4,
     rising: bool = False,
-) -> Octaves:
+) -> LookupTable:
     """Return a function of a size, from 0 to ``end``, as cubics through values and slopes at the cells' ends.
 
     ``fine`` is the size below which the cells are of one width. With ``rising`` no slope is steeper than
@@ -85,10 +91,10 @@ def tabulate_octaves(
         most = 3.0 * np.maximum(rise, 0.0)
         before, after = np.minimum(before, most), np.minimum(after, most)
     cell = np.stack([f[:-1], before, 3.0 * rise - 2.0 * before - after, before + after - 2.0 * rise], axis=1)
-    return Octaves(offset, float(ends[-1] * (1.0 - 1e-6)), bits, np.ascontiguousarray(cell))
+    return LookupTable(offset, float(ends[-1] * (1.0 - 1e-6)), bits, np.ascontiguousarray(cell))
 
 
-def fit_octaves(
+def fit_lookup(
     value: _Function,
     slope: _Function,
     end: float,
@@ -96,17 +102,17 @@ def fit_octaves(
     *,
     weight: _Function = np.ones_like,
     rising: bool = False,
-) -> Octaves:
-    """Return the smallest octaves that are nowhere further from the function than ``error``.
+) -> LookupTable:
+    """Return the smallest table that is nowhere further from the function than ``error``.
 
     ``weight`` of a size is what an error counts there. Where none is near enough, the finest.
     """
     inside = (np.arange(8) + 0.5) / 8.0
-    best: Octaves | None = None
+    best: LookupTable | None = None
     for bits in range(_MOST_BITS + 1):
         for halvings in range(30):
             fine = 2.0 ** (math.ceil(math.log2(end)) - halvings)
-            made = tabulate_octaves(value, slope, fine, end, bits=bits, rising=rising)
+            made = tabulate_lookup(value, slope, fine, end, bits=bits, rising=rising)
             if best is not None and len(made.cell) >= len(best.cell):
                 break
             per = 2**bits
@@ -118,7 +124,7 @@ def fit_octaves(
             if float(np.max(weight(looked) * np.abs(made.at(looked) - value(looked)))) <= error:
                 best = made
                 break
-    return best or tabulate_octaves(value, slope, end / 2.0**14, end, bits=5, rising=rising)
+    return best or tabulate_lookup(value, slope, end / 2.0**14, end, bits=5, rising=rising)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,18 +135,20 @@ class CurveTables:
     """
 
     unloaded: float  # travel of unloading from w = -1 to 0
-    loading: Octaves  # size of w over travel
-    unloading: Octaves
-    from_loading: Octaves  # place on the unloading branch over that on the loading one
-    from_unloading: Octaves  # ... and back, over the first half of the travel
-    from_unloaded: Octaves  # the same for the second half, over what is left of it
+    loading: LookupTable  # size of w over travel
+    unloading: LookupTable
+    unload_map: LookupTable  # place on the unloading branch over that on the loading one
+    reload_map: LookupTable  # ... and back, over the first half of the travel
+    reload_map_rest: LookupTable  # the same for the second half, over what is left of it
 
 
-def universal_curve(kappa: float, n: float, *, needed: bool = True) -> CurveTables:
+def no_curve() -> CurveTables:
+    """Return the tables of a law that has no hysteretic element: nothing is looked up in them."""
+    return CurveTables(1.0, *(_nothing(1.0),) * 5)
+
+
+def universal_curve(kappa: float, n: float) -> CurveTables:
     """Return the tables of u' = 1 - k u^n from zero, k = 1 where it loads and kappa where it unloads."""
-    if not needed:
-        nothing = _nothing(1.0)
-        return CurveTables(1.0, nothing, nothing, nothing, nothing, nothing)
     end = 26.0 / n + 2.0
     dense = end * np.sinh(np.linspace(0.0, 14.0, 40_001)) / math.sinh(14.0)
     up, down = (np.maximum.accumulate(np.abs(core.curve(kappa, n, side * dense)[0])) for side in (1.0, -1.0))
@@ -172,9 +180,9 @@ def universal_curve(kappa: float, n: float, *, needed: bool = True) -> CurveTabl
     half = 0.5 * unloaded
     return CurveTables(
         unloaded=unloaded,
-        loading=fit_octaves(load, load_slope, loaded, CURVE_ERROR, rising=True),
-        unloading=fit_octaves(unload, unload_slope, unloaded, CURVE_ERROR, rising=True),
-        from_loading=fit_octaves(
+        loading=fit_lookup(load, load_slope, loaded, CURVE_ERROR, rising=True),
+        unloading=fit_lookup(unload, unload_slope, unloaded, CURVE_ERROR, rising=True),
+        unload_map=fit_lookup(
             lambda tau: to_unloading(load(tau)),
             lambda tau: load_slope(tau) / unload_slope(to_unloading(load(tau))),
             loaded,
@@ -182,7 +190,7 @@ def universal_curve(kappa: float, n: float, *, needed: bool = True) -> CurveTabl
             weight=lambda tau: unload_slope(to_unloading(load(tau))),
             rising=True,
         ),
-        from_unloading=fit_octaves(
+        reload_map=fit_lookup(
             lambda tau: to_loading(unload(tau)),
             lambda tau: unload_slope(tau) / np.maximum(load_slope(to_loading(unload(tau))), 1e-9),
             half,
@@ -191,7 +199,7 @@ def universal_curve(kappa: float, n: float, *, needed: bool = True) -> CurveTabl
             rising=True,
         ),
         # sign reversed, so that it rises
-        from_unloaded=fit_octaves(
+        reload_map_rest=fit_lookup(
             lambda rest: -to_loading(unload(left(rest))),
             lambda rest: (
                 unload_slope(left(rest)) / np.maximum(load_slope(to_loading(unload(left(rest)))), 1e-9)
@@ -204,48 +212,69 @@ def universal_curve(kappa: float, n: float, *, needed: bool = True) -> CurveTabl
     )
 
 
-def functions_of_speed(
-    present: set[str], exponent: float, stribeck: float, transition: float, end: float
-) -> dict[str, Octaves]:
-    """Return what viscous, sliding and breakaway friction are multiplied with.
+@dataclass(frozen=True, slots=True, eq=False)
+class SpeedTables:
+    """What forces are multiplied with at a speed [m/s]."""
 
-    One cell for what is not ``present``. Friction is tabulated as far as it still moves.
+    viscous: LookupTable  # the viscosity [m/s]
+    sliding: LookupTable
+    breakaway: LookupTable
+    saturation: LookupTable  # a yield force that saturates with speed, or one without memory
+
+
+def no_functions_of_speed() -> SpeedTables:
+    """Return the tables of a law that has none: nothing is looked up in them."""
+    return SpeedTables(*(_nothing(1.0),) * 4)
+
+
+def functions_of_speed(
+    present: set[str], shape: Mapping[str, float], end: float, *, saturating: bool, memoryless: bool
+) -> SpeedTables:
+    """Return the functions of speed up to ``end`` [m/s]; one cell for what is not there.
+
+    Friction is tabulated as far as it still moves.
+
+    Parameters
+    ----------
+    present : rows that the law has, of viscous, sliding, breakaway
+    shape : exponent and velocities of the law, by coefficient
+    saturating, memoryless : whether a yield force saturates with speed, or follows its sign
     """
-    out = dict.fromkeys(("viscous", "sliding", "breakaway"), _nothing(end))
+    nothing = _nothing(end)
+    viscous = sliding = breakaway = saturation = nothing
+    exponent, stribeck = shape["viscous_exponent"], shape["stribeck_velocity"]
+    transition = shape["transition_velocity"]
     if "viscous" in present:
-        out["viscous"] = fit_octaves(
-            lambda v: v * (np.maximum(v, 1e-300) / _VISCOUS_SPEED) ** (exponent - 1.0),
-            lambda v: exponent * (np.maximum(v, 1e-9) / _VISCOUS_SPEED) ** (exponent - 1.0),
+        viscous = fit_lookup(
+            lambda v: v * (np.maximum(v, 1e-300) / VISCOUS_SPEED) ** (exponent - 1.0),
+            lambda v: exponent * (np.maximum(v, 1e-9) / VISCOUS_SPEED) ** (exponent - 1.0),
             end,
             SPEED_ERROR,
             rising=True,
         )
     side, steepness = _side(transition)
     if "sliding" in present:
-        out["sliding"] = fit_octaves(side, steepness, min(end, 7.0 * transition), SPEED_ERROR, rising=True)
+        sliding = fit_lookup(side, steepness, min(end, 7.0 * transition), SPEED_ERROR, rising=True)
     if "breakaway" in present:
-        out["breakaway"] = fit_octaves(
+        breakaway = fit_lookup(
             lambda v: side(v) * np.exp(-((v / stribeck) ** 2)),
             lambda v: (steepness(v) - 2.0 * v / stribeck**2 * side(v)) * np.exp(-((v / stribeck) ** 2)),
             min(end, 3.5 * stribeck),
             SPEED_ERROR,
         )
-    return out
+    if saturating:
+        saturation = _saturation(shape["saturation_velocity"], end)
+    elif memoryless:
+        steep = shape["yield_velocity"]
+        saturation = fit_lookup(*_side(steep), min(end, 7.0 * steep), SPEED_ERROR, rising=True)
+    return SpeedTables(viscous, sliding, breakaway, saturation)
 
 
-def built_up(saturation: float | None, steep: float | None, end: float) -> Octaves:
-    """Return the share of a yield force that is there at a speed, by the law's velocity; one cell without."""
-    if saturation is not None:
-        return fit_octaves(
-            lambda v: v / (v + saturation),
-            lambda v: saturation / (v + saturation) ** 2,
-            end,
-            SPEED_ERROR,
-            rising=True,
-        )
-    if steep is not None:
-        return fit_octaves(*_side(steep), min(end, 7.0 * steep), SPEED_ERROR, rising=True)
-    return _nothing(end)
+def _saturation(half: float, end: float) -> LookupTable:
+    """Return the saturation curve v / (v + half)."""
+    return fit_lookup(
+        lambda v: v / (v + half), lambda v: half / (v + half) ** 2, end, SPEED_ERROR, rising=True
+    )
 
 
 def _side(over: float) -> tuple[_Function, _Function]:
@@ -256,5 +285,5 @@ def _side(over: float) -> tuple[_Function, _Function]:
     )
 
 
-def _nothing(end: float) -> Octaves:
-    return tabulate_octaves(np.zeros_like, np.zeros_like, end, end, bits=0)
+def _nothing(end: float) -> LookupTable:
+    return tabulate_lookup(np.zeros_like, np.zeros_like, end, end, bits=0)

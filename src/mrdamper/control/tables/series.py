@@ -1,7 +1,7 @@
 """The series valve law in tables: what ``core/kernel/track_series.c`` reads.
 
 Its yield force over an even grid of commands and temperatures, its other coefficients over temperature, the
-powers of speed by octaves, and three functions that are the same for every damper: tanh u, exp(-u^2), and
+powers of speed, and three functions that are the same for every damper: tanh u, exp(-u^2), and
 the rounded corner of the free play, (sqrt(u^2 + 1) - u) / 2.
 
 The inverse of the law is explicit because the yield force alone follows the command; the exponents are
@@ -17,10 +17,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.control.tables.card_tables import ROWS, DamperTables
-from mrdamper.control.tables.lookup import Octaves, tabulate_octaves
+from mrdamper.control.tables.lookup import LookupTable, tabulate_lookup
 from mrdamper.errors import InputError
 from mrdamper.models.damper import Damper
+from mrdamper.models.laws import VISCOUS_SPEED
 
 __all__ = ["CHAIN", "CURRENTS", "Power", "SeriesTables", "tabulate_power", "tabulate_series"]
 
@@ -36,7 +36,6 @@ CHAIN = (
 
 _INVERTED = ("yield_velocity", "gap_corner", "transition_velocity", "stribeck_velocity")
 _EXPONENTS = ("thinning_exponent", "leak_exponent", "viscous_exponent")
-_VISCOUS_SPEED = 0.1  # [m/s], MRD_VISCOUS_SPEED of the kernel
 _LEAST_SPEED = 2.0**-20  # [m/s], below which a power goes straight to zero
 _SPEEDS = 23  # octaves from there: to 8 m/s
 _TEMPERATURE_STEP_K = 5.0
@@ -53,6 +52,11 @@ class Power:
     bits: int
     scale: FloatArray
     cell: FloatArray
+
+    @property
+    def native(self) -> tuple[float, float, float, int, FloatArray, FloatArray]:
+        """What the kernel's binding takes."""
+        return self.exponent, self.least, self.top, self.bits, self.scale, self.cell
 
     def at(self, size: FloatArray | float) -> FloatArray:
         """Return the power at sizes, as the kernel reads it."""
@@ -76,9 +80,9 @@ class SeriesTables:
     thinning: Power
     leak: Power
     viscous: Power
-    side: Octaves
-    fade: Octaves
-    corner: Octaves
+    side: LookupTable
+    fade: LookupTable
+    corner: LookupTable
 
     @property
     def native(
@@ -90,12 +94,9 @@ class SeriesTables:
         list[tuple[float, float, int, FloatArray]],
     ]:
         """What the kernel's binding takes."""
-        powers = [
-            (p.exponent, p.least, p.top, p.bits, p.scale, p.cell)
-            for p in (self.thinning, self.leak, self.viscous)
-        ]
-        octaves = [(o.offset, o.top, o.bits, o.cell) for o in (self.side, self.fade, self.corner)]
-        return self.yield_force, self.chain, powers, octaves
+        powers = [each.native for each in (self.thinning, self.leak, self.viscous)]
+        lookups = [each.native for each in (self.side, self.fade, self.corner)]
+        return self.yield_force, self.chain, powers, lookups
 
     def scaled(
         self, yield_gain: float = 1.0, viscous_gain: float = 1.0, friction_gain: float = 1.0
@@ -109,9 +110,9 @@ class SeriesTables:
 
 
 def tabulate_series(
-    damper: Damper, largest: float, *, temperatures: tuple[float, float] | None = None
-) -> DamperTables:
-    """Return the tables of a series valve from 0 to the ``largest`` command [A or V].
+    damper: Damper, largest: float, temperatures: tuple[float, float]
+) -> tuple[SeriesTables, FloatArray]:
+    """Return the tables of a series valve from 0 to the ``largest`` command [A or V], and their temperatures.
 
     Raises
     ------
@@ -119,9 +120,7 @@ def tabulate_series(
         A coefficient other than the yield force that follows the command, an exponent that follows
         temperature, a yield force that does not rise with the command, a law that is not well posed.
     """
-    if not (math.isfinite(largest) and largest > 0.0):
-        raise InputError(f"controller: the largest command is {largest}; expected a positive number")
-    low, high = temperatures or damper.temperature_range or (293.15, 293.15)
+    low, high = temperatures
     single = not damper.temperature_dependent or high <= low
     sheets = 1 if single else max(2, math.ceil((high - low) / _TEMPERATURE_STEP_K) + 1)
     warm = np.linspace(low, high, sheets)
@@ -136,47 +135,20 @@ def tabulate_series(
     chain = {name: values[name][:, 0].copy() for name in CHAIN}
     for name in _INVERTED:
         chain[name] = 1.0 / chain[name]
-    chain["viscosity"] *= _VISCOUS_SPEED ** (1.0 - exponents["viscous_exponent"])
-    nothing = tabulate_octaves(np.zeros_like, np.zeros_like, 0.25, 1.0, bits=0)
-    pieces = max(sheets - 1, 1)
-    return DamperTables(
-        currents=np.linspace(0.0, largest, 9),
-        temperatures=np.linspace(warm[0], warm[-1], pieces + 1),
-        rows=(ROWS.index("yield"),),
-        factor=np.zeros((pieces, 1, 3)),
-        column=np.zeros((9, 1)),
-        elements=1,
-        saturating=False,
-        unloaded=1.0,
-        **dict.fromkeys(
-            (
-                "loading",
-                "unloading",
-                "from_loading",
-                "from_unloading",
-                "from_unloaded",
-                "viscous",
-                "sliding",
-                "breakaway",
-                "built_up",
-            ),
-            nothing,
+    chain["viscosity"] *= VISCOUS_SPEED ** (1.0 - exponents["viscous_exponent"])
+    tables = SeriesTables(
+        yield_force=np.ascontiguousarray(values["yield_force"]),
+        chain=np.ascontiguousarray(np.stack([chain[name] for name in CHAIN], axis=1)),
+        thinning=tabulate_power(exponents["thinning_exponent"]),
+        leak=tabulate_power(exponents["leak_exponent"]),
+        viscous=tabulate_power(exponents["viscous_exponent"]),
+        side=tabulate_lookup(np.tanh, lambda u: 1.0 - np.tanh(u) ** 2, 0.25, 9.0, bits=_BITS, rising=True),
+        fade=tabulate_lookup(
+            lambda u: np.exp(-u * u), lambda u: -2.0 * u * np.exp(-u * u), 0.25, 4.5, bits=_BITS
         ),
-        series=SeriesTables(
-            yield_force=np.ascontiguousarray(values["yield_force"]),
-            chain=np.ascontiguousarray(np.stack([chain[name] for name in CHAIN], axis=1)),
-            thinning=tabulate_power(exponents["thinning_exponent"]),
-            leak=tabulate_power(exponents["leak_exponent"]),
-            viscous=tabulate_power(exponents["viscous_exponent"]),
-            side=tabulate_octaves(
-                np.tanh, lambda u: 1.0 - np.tanh(u) ** 2, 0.25, 9.0, bits=_BITS, rising=True
-            ),
-            fade=tabulate_octaves(
-                lambda u: np.exp(-u * u), lambda u: -2.0 * u * np.exp(-u * u), 0.25, 4.5, bits=_BITS
-            ),
-            corner=tabulate_octaves(_corner, _corner_slope, 0.25, 250.0, bits=_BITS),
-        ),
+        corner=tabulate_lookup(_corner, _corner_slope, 0.25, 250.0, bits=_BITS),
     )
+    return tables, warm
 
 
 def tabulate_power(exponent: float) -> Power:

@@ -238,26 +238,34 @@ typedef struct {
     void *track, *store;
 } TrackerObject;
 
-static PyObject *track_names(void)
+/* Reads one value of a configuration by name: an attribute of an attribute. */
+static int read_value(PyObject *config, const char *part, const char *name, double *value)
 {
-    static const char *names[] = {
-#define X(name) #name,
-        MRD_TRACK_NUMBERS(X)
-#undef X
-    };
-    const Py_ssize_t count = (Py_ssize_t)(sizeof names / sizeof *names);
-    PyObject *out = PyTuple_New(count);
-    for (Py_ssize_t k = 0; out && k < count; k++)
-        if (PyTuple_SetItem(out, k, PyUnicode_FromString(names[k])) < 0) Py_CLEAR(out);
-    return out;
+    PyObject *of = PyObject_GetAttrString(config, part), *found = of ? PyObject_GetAttrString(of, name) : NULL;
+    if (found) *value = PyFloat_AsDouble(found);
+    Py_XDECREF(found);
+    Py_XDECREF(of);
+    return !PyErr_Occurred();
 }
 
-#define X(name) +1
-enum { TRACK_NUMBER_COUNT = 0 MRD_TRACK_NUMBERS(X) };
+static int read_config(PyObject *config, double *value)
+{
+    static const char *const names[][2] = {
+#define X(part, name, type) {#part, #name},
+        MRD_CONFIG_VALUES(X)
+#undef X
+    };
+    for (size_t k = 0; k < sizeof names / sizeof *names; k++)
+        if (!read_value(config, names[k][0], names[k][1], value + k)) return 0;
+    return 1;
+}
+
+#define X(part, name, type) +1
+enum { CONFIG_VALUES = 0 MRD_CONFIG_VALUES(X) };
 #undef X
 
 /* A function of a size: (offset, top, bits, cells). */
-static int open_octaves(PyObject *sequence, Py_ssize_t at, double *offset, double *top, int32_t *bits, Py_buffer *view)
+static int open_lookup(PyObject *sequence, Py_ssize_t at, double *offset, double *top, int32_t *bits, Py_buffer *view)
 {
     PyObject *item = PySequence_GetItem(sequence, at), *ocell;
     int read = 0;
@@ -267,19 +275,19 @@ static int open_octaves(PyObject *sequence, Py_ssize_t at, double *offset, doubl
     return fine;
 }
 
-/* (yield, chain, powers, octaves) of the series valve. */
+/* (yield, chain, powers, lookups) of the series valve. */
 static int open_series(PyObject *object, Py_ssize_t pieces, tracker_parts *parts, Py_buffer *view, int *opened)
 {
-    PyObject *oyield, *ochain, *opowers, *ooctaves;
+    PyObject *oyield, *ochain, *opowers, *olookups;
     Py_buffer *const first = view;
-    if (!PyArg_ParseTuple(object, "OOOO", &oyield, &ochain, &opowers, &ooctaves)) return 0;
+    if (!PyArg_ParseTuple(object, "OOOO", &oyield, &ochain, &opowers, &olookups)) return 0;
     if (!open_doubles(oyield, view, 0, "yield")) return 0;
     ++*opened;
     if (!open_doubles(ochain, ++view, 0, "chain")) return 0;
     ++*opened;
     int fits = first[0].ndim == 2 && first[1].ndim == 2 && (first[0].shape[0] == 1 || first[0].shape[0] == pieces + 1)
             && first[0].shape[1] <= 1025 && first[1].shape[0] == first[0].shape[0] && first[1].shape[1] == MRD_CHAIN
-            && PySequence_Size(opowers) == SERIES_POWERS && PySequence_Size(ooctaves) == SERIES_OCTAVES;
+            && PySequence_Size(opowers) == SERIES_POWERS && PySequence_Size(olookups) == SERIES_LOOKUPS;
     for (int k = 0; fits && k < SERIES_POWERS; k++) {
         PyObject *item = PySequence_GetItem(opowers, k), *oscale, *ocell;
         int bits = 0;
@@ -293,8 +301,8 @@ static int open_series(PyObject *object, Py_ssize_t pieces, tracker_parts *parts
         parts->power_bits[k] = bits;
         fits = bits >= 0 && bits <= 10 && count_of(view) == (size_t)4 << bits;
     }
-    for (int k = 0; fits && k < SERIES_OCTAVES; k++) {
-        if (!open_octaves(ooctaves, k, &parts->series_offset[k], &parts->series_top[k], &parts->series_bits[k], ++view))
+    for (int k = 0; fits && k < SERIES_LOOKUPS; k++) {
+        if (!open_lookup(olookups, k, &parts->series_offset[k], &parts->series_top[k], &parts->series_bits[k], ++view))
             return 0;
         ++*opened;
     }
@@ -314,50 +322,48 @@ static int open_series(PyObject *object, Py_ssize_t pieces, tracker_parts *parts
 
 static PyObject *tracker_new(PyTypeObject *type, PyObject *args, PyObject *kwargs)
 {
-    PyObject *onumbers, *orows, *ocurrent, *ofactor, *ocolumn, *ooctaves, *oseries = Py_None;
+    PyObject *oconfig, *orows, *ocurrent, *ofactor, *ocolumn, *olookups, *oseries = Py_None;
     int single = 0;
-    static char *names[] = {"numbers", "rows", "current", "factor", "column", "octaves", "single", "series", NULL};
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OSOOOO|pO", names, &onumbers, &orows, &ocurrent, &ofactor, &ocolumn,
-                                     &ooctaves, &single, &oseries))
+    static char *names[] = {"config", "rows", "current", "factor", "column", "lookups", "single", "series", NULL};
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OSOOOO|pO", names, &oconfig, &orows, &ocurrent, &ofactor, &ocolumn,
+                                     &olookups, &single, &oseries))
         return NULL;
-    Py_buffer view[1 + TRACK_TABLES + SERIES_TABLES]; /* numbers, then the tables */
+    Py_buffer view[TRACK_TABLES + SERIES_TABLES];
+    double config[CONFIG_VALUES];
     int opened = 0, sound = 0;
     TrackerObject *self = NULL;
     tracker_parts parts;
     memset(&parts, 0, sizeof parts);
-    PyObject *const arrays[] = {onumbers, ocurrent, ofactor, ocolumn};
-    for (; opened < 4; opened++)
-        if (!open_doubles(arrays[opened], view + opened, 0, names[opened ? opened + 1 : 0])) goto done;
-    if (PySequence_Size(ooctaves) != TRACK_OCTAVES) {
-        if (!PyErr_Occurred()) PyErr_Format(PyExc_ValueError, "expected %d functions", TRACK_OCTAVES);
+    if (!read_config(oconfig, config)) return NULL;
+    PyObject *const arrays[] = {ocurrent, ofactor, ocolumn};
+    for (; opened < 3; opened++)
+        if (!open_doubles(arrays[opened], view + opened, 0, names[opened + 2])) goto done;
+    if (PySequence_Size(olookups) != TRACK_LOOKUPS) {
+        if (!PyErr_Occurred()) PyErr_Format(PyExc_ValueError, "expected %d functions", TRACK_LOOKUPS);
         goto done;
     }
-    for (int k = 0; k < TRACK_OCTAVES; k++) {
-        if (!open_octaves(ooctaves, k, &parts.offset[k], &parts.top[k], &parts.bits[k], view + opened)) goto done;
+    for (int k = 0; k < TRACK_LOOKUPS; k++) {
+        if (!open_lookup(olookups, k, &parts.offset[k], &parts.top[k], &parts.bits[k], view + opened)) goto done;
         opened++;
     }
-    if (count_of(view) != TRACK_NUMBER_COUNT) {
-        PyErr_Format(PyExc_ValueError, "expected %d numbers, got %zu", (int)TRACK_NUMBER_COUNT, count_of(view));
-        goto done;
-    }
     parts.row = (const uint8_t *)PyBytes_AsString(orows);
-    if (view[2].ndim != 3 || view[2].shape[2] != 3 || view[3].ndim != 2 || view[2].shape[0] > 10000
-        || view[2].shape[1] > MRD_TRACK_TERMS || view[2].shape[1] != PyBytes_Size(orows) || view[3].shape[0] > MRD_TRACK_CURRENTS
-        || view[3].shape[1] > view[2].shape[1] || count_of(view + 1) != (size_t)view[3].shape[0]) {
+    if (view[1].ndim != 3 || view[1].shape[2] != 3 || view[2].ndim != 2 || view[1].shape[0] > 10000
+        || view[1].shape[1] > MRD_TRACK_TERMS || view[1].shape[1] != PyBytes_Size(orows) || view[2].shape[0] > MRD_TRACK_CURRENTS
+        || view[2].shape[1] > view[1].shape[1] || count_of(view) != (size_t)view[2].shape[0]) {
         PyErr_SetString(PyExc_ValueError, "factor must be [pieces][terms][3], column [currents][columns], current "
                                           "[currents], and rows the terms' rows, levels first");
         goto done;
     }
-    if (oseries != Py_None && !open_series(oseries, view[2].shape[0], &parts, view + opened, &opened)) goto done;
-    parts.numbers = view[0].buf;
-    parts.pieces = (int32_t)view[2].shape[0];
-    parts.terms = (int32_t)view[2].shape[1];
-    parts.currents = (int32_t)view[3].shape[0];
-    parts.columns = (int32_t)view[3].shape[1];
+    if (oseries != Py_None && !open_series(oseries, view[1].shape[0], &parts, view + opened, &opened)) goto done;
+    parts.config = config;
+    parts.pieces = (int32_t)view[1].shape[0];
+    parts.terms = (int32_t)view[1].shape[1];
+    parts.currents = (int32_t)view[2].shape[0];
+    parts.columns = (int32_t)view[2].shape[1];
     size_t total = 0;
     for (int k = 0; k < TRACK_TABLES; k++) {
-        parts.table[k] = view[1 + k].buf;
-        parts.length[k] = count_of(view + 1 + k);
+        parts.table[k] = view[k].buf;
+        parts.length[k] = count_of(view + k);
         total += parts.length[k];
     }
     for (int k = 0; k < SERIES_TABLES; k++) total += parts.series_length[k];
@@ -369,7 +375,7 @@ static PyObject *tracker_new(PyTypeObject *type, PyObject *args, PyObject *kwarg
     self->store = malloc(total * self->face->real_size);
     if (!self->track || !self->store) PyErr_NoMemory();
     else if (!self->face->load(self->track, self->store, &parts))
-        PyErr_SetString(PyExc_ValueError, "a controller's numbers or tables are out of their range");
+        PyErr_SetString(PyExc_ValueError, "a controller's configuration or tables are out of their range");
     else sound = 1;
     if (!sound) Py_CLEAR(self);
 done:
@@ -428,17 +434,17 @@ static PyObject *tracker_start(PyObject *object, PyObject *unused)
     return state_bytes(self->face, &state);
 }
 
-typedef double (*tracker_move)(const void *track, void *state, const double *told);
+typedef double (*tracker_move)(const void *track, void *state, const double *inputs);
 
 /* One step from a state and `count` readings: the next state and what the step gives. */
 static PyObject *one_step(const TrackerObject *self, tracker_move move, PyObject *const *args, int count)
 {
     state_room state;
-    double told[5];
+    double inputs[5];
     if (!read_state(self->face, args[0], &state)) return NULL;
     for (int k = 0; k < count; k++)
-        if (!read_number(args[1 + k], told + k)) return NULL;
-    const double answer = move(self->track, &state, told);
+        if (!read_number(args[1 + k], inputs + k)) return NULL;
+    const double answer = move(self->track, &state, inputs);
     PyObject *next = state_bytes(self->face, &state), *given = PyFloat_FromDouble(answer);
     PyObject *out = next && given ? PyTuple_New(2) : NULL;
     if (!out) {
@@ -454,21 +460,21 @@ static PyObject *one_step(const TrackerObject *self, tracker_move move, PyObject
 /* Many steps at once: rows of `count` readings in, what the steps give and their flags out. */
 static PyObject *many_steps(const TrackerObject *self, tracker_move move, PyObject *args, size_t count)
 {
-    PyObject *ostate, *otold, *ogiven, *oflags;
-    if (!PyArg_ParseTuple(args, "OOOO", &ostate, &otold, &ogiven, &oflags)) return NULL;
+    PyObject *ostate, *oinputs, *ogiven, *oflags;
+    if (!PyArg_ParseTuple(args, "OOOO", &ostate, &oinputs, &ogiven, &oflags)) return NULL;
     const tracker_face *with = self->face;
     state_room state;
     if (!read_state(with, ostate, &state)) return NULL;
-    Py_buffer told, given, flags;
-    if (!open_doubles(otold, &told, 0, "told")) return NULL;
+    Py_buffer inputs, given, flags;
+    if (!open_doubles(oinputs, &inputs, 0, "inputs")) return NULL;
     PyObject *out = NULL;
     if (open_doubles(ogiven, &given, 1, "what is given")) {
         if (open_doubles(oflags, &flags, 1, "flags")) {
             const size_t n = count_of(&given);
-            if (count_of(&told) != count * n || count_of(&flags) != n) {
-                PyErr_Format(PyExc_ValueError, "told must be [n][%zu], what is given and flags [n]", count);
+            if (count_of(&inputs) != count * n || count_of(&flags) != n) {
+                PyErr_Format(PyExc_ValueError, "inputs must be [n][%zu], what is given and flags [n]", count);
             } else {
-                const double *row = told.buf;
+                const double *row = inputs.buf;
                 double *to = given.buf, *raised = flags.buf;
                 Py_BEGIN_ALLOW_THREADS
                 for (size_t k = 0; k < n; k++, row += count) {
@@ -482,7 +488,7 @@ static PyObject *many_steps(const TrackerObject *self, tracker_move move, PyObje
         }
         PyBuffer_Release(&given);
     }
-    PyBuffer_Release(&told);
+    PyBuffer_Release(&inputs);
     return out;
 }
 
@@ -528,11 +534,11 @@ static PyMethodDef tracker_methods[] = {
     {"start", tracker_start, METH_NOARGS, "The state before the first sample."},
     {"step", (PyCFunction)(void (*)(void))tracker_step, METH_FASTCALL,
      "step(state, now, ahead, displacement, temperature, force): the next state and the command."},
-    {"run", tracker_run, METH_VARARGS, "run(state, told, current, flags): many steps; the state after them."},
+    {"run", tracker_run, METH_VARARGS, "run(state, inputs, current, flags): many steps; the state after them."},
     {"model", (PyCFunction)(void (*)(void))tracker_model, METH_FASTCALL,
      "model(state, displacement, velocity, current, temperature): the next state and the model's force."},
     {"simulate", tracker_simulate, METH_VARARGS,
-     "simulate(state, told, force, flags): many steps of the model; the state after them."},
+     "simulate(state, inputs, force, flags): many steps of the model; the state after them."},
     {"read", tracker_read, METH_O, "read(state): what the controller believes."},
     {NULL, NULL, 0, NULL}};
 
@@ -1100,12 +1106,5 @@ PyMODINIT_FUNC PyInit__kernel(void)
         Py_DECREF(module);
         return NULL;
     }
-    PyObject *names = track_names();
-    if (!names || PyModule_AddObjectRef(module, "TRACK_NUMBERS", names) < 0) {
-        Py_XDECREF(names);
-        Py_DECREF(module);
-        return NULL;
-    }
-    Py_DECREF(names);
     return module;
 }

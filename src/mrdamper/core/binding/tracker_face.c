@@ -9,10 +9,10 @@ typedef struct {
     mrd_series series;
 } track_room;
 
-static int octaves_are_sound(const mrd_octaves *octaves, int count)
+static int lookups_are_sound(const mrd_lookup *lookups, int count)
 {
     for (int k = 0; k < count; k++) {
-        const mrd_octaves *o = octaves + k;
+        const mrd_lookup *o = lookups + k;
         if (!(o->offset > (mrd_real)0 && o->bits >= 0 && o->bits <= 10 && o->cells > 0)) return 0;
         /* the last cell that can be read is the last there is */
         mrd_real end = o->offset;
@@ -29,12 +29,12 @@ static int octaves_are_sound(const mrd_octaves *octaves, int count)
 /* The same as below of the series valve's numbers and tables. */
 static int series_is_sound(const mrd_track *t)
 {
-    const mrd_real one = 1, most = 1000;
+    const mrd_real one = 1;
     const mrd_series *series = t->series;
     const int32_t cells = series->currents - 1;
     if (cells < 1 || cells > 1024 || (cells & (cells - 1))) return 0;
-    if (!(t->substeps >= one && t->substeps <= most && t->strides >= one && t->strides <= most)) return 0;
-    if (!(t->horizon > (mrd_real)0)) return 0;
+    if (t->law.substeps < 1 || t->law.substeps > 1000 || t->law.strides < 1 || t->law.strides > 1000) return 0;
+    if (!(t->law.horizon > (mrd_real)0)) return 0;
     const mrd_power *powers = &series->thinning;
     for (int k = 0; k < SERIES_POWERS; k++) {
         const mrd_power *p = powers + k;
@@ -45,26 +45,26 @@ static int series_is_sound(const mrd_track *t)
         for (int32_t octave = 0; octave < p->octaves; octave++) end *= (mrd_real)2;
         if (!(p->top >= p->least && p->top < end)) return 0;
     }
-    return octaves_are_sound(&series->side, SERIES_OCTAVES);
+    return lookups_are_sound(&series->side, SERIES_LOOKUPS);
 }
 
 /* Everything that the step relies on without looking: shapes, and numbers that become indices. */
 static int track_is_sound(const mrd_track *t)
 {
-    const mrd_real zero = 0, models = t->bank < (mrd_real)1.5 ? (mrd_real)1 : t->bank;
-    if (!(t->period > zero && t->largest > zero && t->coldest > zero && t->warmest >= t->coldest)) return 0;
-    if (!(t->elements >= zero && t->elements <= (mrd_real)2 && models <= (mrd_real)MRD_TRACK_BANK)) return 0;
-    if (!(t->dead_samples >= zero && t->dead_samples <= (mrd_real)((int)MRD_TRACK_LINE - 3) && t->dead_part >= zero
-          && t->dead_part <= (mrd_real)1))
+    const mrd_real zero = 0, one = 1;
+    const int32_t models = t->inverse.models, dead = t->actuation.dead_samples;
+    if (!(t->axes.period > zero && t->axes.largest > zero && t->axes.coldest > zero
+          && t->axes.warmest >= t->axes.coldest))
         return 0;
-    if (!(t->preview >= zero && t->fall_back >= zero && t->gain_variance > zero && t->error_variance > zero)) return 0;
-    if (!(t->capacity >= zero && t->loss >= zero && t->loss_margin >= zero && t->far_v > zero)) return 0;
-    const mrd_real counts[] = {t->frozen_samples, t->coast_samples, t->hold_samples, t->recover_samples};
-    for (size_t k = 0; k < sizeof counts / sizeof *counts; k++)
-        if (!(counts[k] >= zero && counts[k] <= (mrd_real)1e9)) return 0;
-    if (t->currents < 2 || t->currents > MRD_TRACK_CURRENTS || t->pieces < 1 || !(t->unloaded >= zero)) return 0;
-    if (models > (mrd_real)1 && (MRD_TRACK_BANK - 1) % ((int)models - 1) != 0) return 0;
-    return octaves_are_sound(&t->loading, TRACK_OCTAVES) && (!t->series || series_is_sound(t));
+    if (t->law.elements < 0 || t->law.elements > 2 || models < 1 || models > MRD_TRACK_BANK) return 0;
+    if (dead < 0 || dead > (int32_t)MRD_TRACK_DELAY_LINE - 3) return 0;
+    if (!(t->actuation.dead_part >= zero && t->actuation.dead_part <= one)) return 0;
+    if (!(t->inverse.preview >= zero && t->faults.fall_back >= zero && t->faults.far_v > zero)) return 0;
+    if (!(t->learning.gain_variance > zero && t->learning.error_variance > zero)) return 0;
+    if (!(t->heating.capacity >= zero && t->heating.loss >= zero && t->heating.loss_margin >= zero)) return 0;
+    if (t->currents < 2 || t->currents > MRD_TRACK_CURRENTS || t->pieces < 1 || !(t->law.unloaded >= zero)) return 0;
+    if (models > 1 && (MRD_TRACK_BANK - 1) % (models - 1) != 0) return 0;
+    return lookups_are_sound(&t->loading, TRACK_LOOKUPS) && (t->series ? series_is_sound(t) : !t->law.series);
 }
 
 static mrd_real *rounded(mrd_real *to, const double *from, size_t count)
@@ -76,7 +76,7 @@ static mrd_real *rounded(mrd_real *to, const double *from, size_t count)
 static void load_series(mrd_series *into, mrd_real *to, const tracker_parts *parts)
 {
     mrd_power *powers = &into->thinning;
-    mrd_octaves *octaves = &into->side;
+    mrd_lookup *lookups = &into->side;
     const mrd_real *at[SERIES_TABLES];
     for (int k = 0; k < SERIES_TABLES; k++) {
         at[k] = to;
@@ -95,8 +95,8 @@ static void load_series(mrd_series *into, mrd_real *to, const tracker_parts *par
         p->scale = at[2 + 2 * k];
         p->cell = at[3 + 2 * k];
     }
-    for (int k = 0; k < SERIES_OCTAVES; k++) {
-        mrd_octaves *o = octaves + k;
+    for (int k = 0; k < SERIES_LOOKUPS; k++) {
+        mrd_lookup *o = lookups + k;
         o->offset = (mrd_real)parts->series_offset[k];
         o->top = (mrd_real)parts->series_top[k];
         o->bits = parts->series_bits[k];
@@ -135,20 +135,28 @@ static int place_currents(mrd_track *t, const double *current)
         if (!(current[j] >= eighth - near && current[j] <= eighth + near)) return 0;
         t->eighth[k] = (uint8_t)j;
     }
-    return j == last && (mrd_real)current[last] == t->largest;
+    return j == last && (mrd_real)current[last] == t->axes.largest;
 }
+
+/* Whether a number can become a value of a type of the configuration. */
+#define FITS_mrd_real(v) 1
+#define FITS_int32_t(v) ((v) >= 0.0 && (v) <= 1e9)
+#define FITS_bool(v) ((v) == 0.0 || (v) == 1.0)
+#define FITS_mrd_inverse_method(v) ((v) == 0.0 || (v) == 1.0 || (v) == 2.0)
+#define FITS_mrd_feedback_kind(v) ((v) == 0.0 || (v) == 1.0 || (v) == 2.0)
 
 static int face_load(void *into, void *store, const tracker_parts *parts)
 {
     mrd_track *t = into;
-    mrd_octaves *octaves = &t->loading;
-    mrd_real *to = store, *const number[] = {
-#define X(name) &t->name,
-        MRD_TRACK_NUMBERS(X)
-#undef X
-    };
+    mrd_lookup *lookups = &t->loading;
+    mrd_real *to = store;
+    const double *value = parts->config;
     memset(t, 0, sizeof *t);
-    for (size_t k = 0; k < sizeof number / sizeof *number; k++) *number[k] = (mrd_real)parts->numbers[k];
+#define X(part, name, type) \
+    if (!FITS_##type(*value)) return 0; \
+    t->part.name = (type)*value++;
+    MRD_CONFIG_VALUES(X)
+#undef X
     t->pieces = parts->pieces;
     t->currents = parts->currents;
     if (!place_terms(t, parts) || !place_currents(t, parts->table[0])) return 0;
@@ -157,7 +165,7 @@ static int face_load(void *into, void *store, const tracker_parts *parts)
         else if (k == 1) t->factor = to;
         else if (k == 2) t->column = to;
         else {
-            mrd_octaves *o = octaves + (k - 3);
+            mrd_lookup *o = lookups + (k - 3);
             o->offset = (mrd_real)parts->offset[k - 3];
             o->top = (mrd_real)parts->top[k - 3];
             o->bits = parts->bits[k - 3];
@@ -167,7 +175,7 @@ static int face_load(void *into, void *store, const tracker_parts *parts)
         to = rounded(to, parts->table[k], parts->length[k]);
     }
     if (parts->series) {
-        if (parts->series_sheets != (t->warmest > t->coldest ? t->pieces + 1 : 1)) return 0;
+        if (parts->series_sheets != (t->axes.warmest > t->axes.coldest ? t->pieces + 1 : 1)) return 0;
         mrd_series *series = &((track_room *)into)->series;
         load_series(series, to, parts);
         t->series = series;
@@ -178,20 +186,20 @@ static int face_load(void *into, void *store, const tracker_parts *parts)
 static int face_is_sound(const void *state)
 {
     const mrd_track_state *s = state;
-    return s->at >= 0 && s->at < (int32_t)MRD_TRACK_LINE && s->term >= 0 && s->term < MRD_TRACK_TERMS;
+    return s->at >= 0 && s->at < (int32_t)MRD_TRACK_DELAY_LINE && s->term >= 0 && s->term < MRD_TRACK_TERMS;
 }
 
 static void face_start(const void *track, void *state) { TRACK(start)(track, state); }
 
-static double face_step(const void *track, void *state, const double *told)
+static double face_step(const void *track, void *state, const double *inputs)
 {
-    const mrd_told at = {(mrd_real)told[0], (mrd_real)told[1], (mrd_real)told[2], (mrd_real)told[3], (mrd_real)told[4]};
+    const mrd_inputs at = {(mrd_real)inputs[0], (mrd_real)inputs[1], (mrd_real)inputs[2], (mrd_real)inputs[3], (mrd_real)inputs[4]};
     return (double)TRACK(step)(track, state, &at);
 }
 
-static double face_model(const void *track, void *state, const double *driven)
+static double face_model(const void *track, void *state, const double *inputs)
 {
-    const mrd_driven at = {(mrd_real)driven[0], (mrd_real)driven[1], (mrd_real)driven[2], (mrd_real)driven[3]};
+    const mrd_model_inputs at = {(mrd_real)inputs[0], (mrd_real)inputs[1], (mrd_real)inputs[2], (mrd_real)inputs[3]};
     return (double)TRACK_MODEL(track, state, &at);
 }
 
@@ -203,7 +211,7 @@ static void face_read(const void *track, const void *state, double *out)
     mrd_real parts[4];
     TRACK(parts)(track, s, parts);
     const mrd_real values[TRACK_READ] = {s->x, s->v, s->a, s->applied, s->command, s->temperature, s->gain[0], s->gain[1],
-                                         s->gain[2], s->disturbance, parts[0], parts[1], parts[2], parts[3], s->warmed};
+                                         s->gain[2], s->disturbance, parts[0], parts[1], parts[2], parts[3], s->temperature_rise};
     for (int k = 0; k < TRACK_READ; k++) out[k] = (double)values[k];
 }
 

@@ -15,11 +15,11 @@
 MRD_TRACK_API void mrd_track_start(const mrd_track *c, mrd_track_state *s)
 {
     (void)memset(s, 0, sizeof *s);
-    s->play = -c->play;
+    s->play = -c->actuation.play;
     s->side = R(1.0);
     for (int i = 0; i < MRD_TRACK_GAINS; i++) {
         s->gain[i] = R(1.0);
-        s->spread[i * (MRD_TRACK_GAINS + 1)] = c->gain_variance;
+        s->spread[i * (MRD_TRACK_GAINS + 1)] = c->learning.gain_variance;
     }
 }
 
@@ -36,7 +36,7 @@ static inline search search_from(int32_t last)
     return q;
 }
 
-static inline void look(search *q, int32_t current, mrd_real off)
+static inline void visit(search *q, int32_t current, mrd_real off)
 {
     if (off * q->before <= R(0.0)) { /* the first time there is none before, and the cell none of the table's */
         q->cell = current;
@@ -68,13 +68,14 @@ static mrd_real found_at(const mrd_track *c, const search *q, int32_t last, int3
 static mrd_real lagged_ahead(const mrd_track *c, const mrd_track_state *s, mrd_real *answer)
 {
     mrd_real first = s->first, second = s->second;
-    const int32_t dead = (int32_t)c->dead_samples;
-    for (int32_t i = 1; i <= dead + (c->dead_part > R(0.0) ? 1 : 0); i++)
+    const int32_t dead = c->actuation.dead_samples;
+    for (int32_t i = 1; i <= dead + (c->actuation.dead_part > R(0.0) ? 1 : 0); i++)
         pass_lags(c, past_dead_time(c, s, -i), &first, &second);
     const mrd_real input = s->command, gap = first - input;
     const bool rises = input > first;
-    *answer = rises ? c->rise_answer : c->fall_answer;
-    return input + c->second_ahead * (second - input) + (rises ? c->rise_couple_ahead : c->fall_couple_ahead) * gap;
+    *answer = rises ? c->actuation.rise_answer : c->actuation.fall_answer;
+    const mrd_real couple = rises ? c->actuation.rise_couple_ahead : c->actuation.fall_couple_ahead;
+    return input + c->actuation.second_ahead * (second - input) + couple * gap;
 }
 
 /* The answer of a bank of models at constant currents that have one hysteresis. */
@@ -84,7 +85,7 @@ static mrd_real shared_answer(const mrd_track *c, const mrd_real *weight, mrd_re
     search q = search_from(models - 1);
     for (int b = models - 1; b >= 0; b--) {
         const mrd_real *here = &c->column[(int32_t)c->eighth[b * stride] * c->begin[MRD_GROUPS]];
-        look(&q, b, off + sum_of(weight, here, c->begin[MRD_GROUP_RHO]));
+        visit(&q, b, off + sum_of(weight, here, c->begin[MRD_GROUP_RHO]));
     }
     *found = is_found(&q, models - 1);
     return found_at(c, &q, models - 1, stride);
@@ -94,12 +95,12 @@ static mrd_real shared_answer(const mrd_track *c, const mrd_real *weight, mrd_re
 static mrd_real bank_answer(const mrd_track *c, const mrd_track_state *s, axis_point warm, const moment *m,
                             const mrd_real *weight, mrd_real off, bool *found)
 {
-    const int models = bank_of(c), stride = bank_stride(models), elements = (int)c->elements;
+    const int models = bank_of(c), stride = bank_stride(models), elements = c->law.elements;
     const int32_t yield = c->begin[MRD_GROUP_YIELD], second = c->begin[MRD_GROUP_SECOND], end = c->begin[MRD_GROUP_RHO];
     const mixture mix = mixture_of(c, m);
     mrd_real w[MRD_TRACK_BANK][2];
-    if (c->preview > R(0.0)) {
-        const stretch way = stretch_of(s->side, s->v, m->v, c->preview);
+    if (mrd_has_preview(&c->inverse)) {
+        const segment way = segment_of(s->side, s->v, m->v, c->inverse.preview);
         for (int e = 0; e < elements; e++) {
             mrd_real rho[MRD_TRACK_BANK];
             rho_of_models(c, warm, e, models, rho);
@@ -118,7 +119,7 @@ static mrd_real bank_answer(const mrd_track *c, const mrd_track_state *s, axis_p
             const mrd_real share = mix.second[0] * w[b][0] + (elements > 1 ? mix.second[1] * w[b][1] : R(0.0));
             force += share * sum_of(&weight[second], &here[second], end - second);
         }
-        look(&q, b, force);
+        visit(&q, b, force);
     }
     *found = is_found(&q, models - 1);
     return found_at(c, &q, models - 1, stride);
@@ -128,7 +129,7 @@ static mrd_real bank_answer(const mrd_track *c, const mrd_track_state *s, axis_p
 static mrd_real model_answer(const mrd_track *c, mrd_track_state *s, const moment *m, const mrd_real *weight, mrd_real off,
                              mrd_real sign, bool *found)
 {
-    const bool clamped = c->margin >= R(0.0) && c->elements > R(0.5);
+    const bool clamped = mrd_has_clamp(&c->inverse) && !mrd_has_memoryless(&c->law);
     const int32_t last = c->currents - 1, motion = c->begin[MRD_GROUP_YIELD], end = c->begin[MRD_GROUP_RHO];
     const mrd_real settled[2] = {sign, sign};
     const mixture mix = mixture_of(c, m);
@@ -146,13 +147,13 @@ static mrd_real model_answer(const mrd_track *c, mrd_track_state *s, const momen
             one += pair[k - motion][0] * here[k];
             other += pair[k - motion][1] * here[k];
         }
-        look(&exact, j, one);
-        look(&clamp, j, other);
+        visit(&exact, j, one);
+        visit(&clamp, j, other);
     }
     mrd_real current = found_at(c, &exact, last, 0);
     *found = is_found(&exact, last);
     if (clamped) {
-        const mrd_real most = found_at(c, &clamp, last, 0) + c->margin;
+        const mrd_real most = found_at(c, &clamp, last, 0) + c->inverse.margin;
         if (current > most) {
             current = most;
             s->flags |= MRD_CLAMPED;
@@ -164,31 +165,32 @@ static mrd_real model_answer(const mrd_track *c, mrd_track_state *s, const momen
 /* Hysteresis of the one model there is at the preview, at the current that will be felt. */
 static void carry_on(const mrd_track *c, const mrd_track_state *s, axis_point warm, mrd_real felt, moment *m)
 {
-    const stretch way = stretch_of(s->side, s->v, m->v, c->preview);
+    const segment way = segment_of(s->side, s->v, m->v, c->inverse.preview);
     mrd_real rho[2];
     rho_at(c, warm, felt, rho);
-    for (int e = 0; e < (int)c->elements; e++) m->w[e] = way.side * size_at(c, place_after(c, s->place[0][e], rho[e], &way));
+    for (int e = 0; e < c->law.elements; e++) m->w[e] = way.side * size_at(c, place_after(c, s->place[0][e], rho[e], &way));
 }
 
 /* The model's answer: the command for a wanted force at the preview. */
 static mrd_real answer_of(const mrd_track *c, mrd_track_state *s, axis_point warm, mrd_real wanted)
 {
-    const mrd_real p = c->preview;
-    const bool bank = bank_of(c) > 1, several = states_of(c) > 1, ahead = p > R(0.0) && (!bank || c->reach > R(0.0));
+    const mrd_real p = c->inverse.preview;
+    const bool bank = mrd_has_bank(&c->inverse), several = has_states(c);
+    const bool ahead = mrd_has_preview(&c->inverse) && (!bank || mrd_has_compensation(&c->inverse));
     mrd_real answer = R(1.0), lagged = s->second, play = s->play, current;
     bool found;
     moment m = {s->x, s->v, s->a, {R(0.0), R(0.0)}};
-    if (p > R(0.0)) predict(&m.x, &m.v, m.a, p);
+    if (mrd_has_preview(&c->inverse)) predict(&m.x, &m.v, m.a, p);
     const mrd_real sign = m.v < R(0.0) ? R(-1.0) : R(1.0);
     m.w[0] = sign; /* settled, until the hysteresis says more */
     m.w[1] = sign;
     if (ahead) lagged = lagged_ahead(c, s, &answer);
-    if (c->unlagged > R(0.5)) lagged = s->command;
-    if (is_series(c)) {
+    if (mrd_has_no_lag(&c->actuation)) lagged = s->command;
+    if (mrd_has_series(&c->law)) {
         current = series_answer(c, s, warm, &m, past_play(c, lagged, &play), wanted, &found);
     } else {
         mrd_real by[MRD_ROWS], weight[MRD_TRACK_TERMS];
-        if (!several && !(c->is_static > R(0.5)))
+        if (!several && !mrd_has_static(&c->inverse))
             carry_on(c, s, warm, R(0.5) * (s->applied + past_play(c, lagged, &play)), &m);
         motion_multipliers(c, s, &m, by);
         if (bank && !several) {
@@ -207,11 +209,11 @@ static mrd_real answer_of(const mrd_track *c, mrd_track_state *s, axis_point war
     }
     if (!found) s->flags |= MRD_INFEASIBLE;
     current = before_play(c, current, s->play);
-    if (c->reach > R(0.0) && ahead && answer > R(0.05))
-        current += c->reach * (s->command + (current - lagged) / answer - current);
-    if (c->lead > R(0.0)) {
-        s->leading = current + c->lead_keep * (s->leading - current);
-        current += c->lead * (current - s->leading);
+    if (mrd_has_compensation(&c->inverse) && ahead && answer > R(0.05))
+        current += c->inverse.compensation * (s->command + (current - lagged) / answer - current);
+    if (mrd_has_lead(&c->inverse)) {
+        s->leading = current + c->inverse.lead_keep * (s->leading - current);
+        current += c->inverse.lead * (current - s->leading);
     }
     return current;
 }
@@ -222,65 +224,64 @@ static mrd_real fed_back(const mrd_track *c, mrd_track_state *s, bool measured, 
 {
     if (!measured) {
         s->flags |= MRD_NO_FORCE;
-        return c->on_off > R(0.5) ? R(0.0) : forward;
+        return mrd_has_on_off(&c->feedback) ? R(0.0) : forward;
     }
-    if (c->on_off > R(0.5)) return (wanted - force) * force > R(0.0) ? c->largest : R(0.0);
-    const mrd_real share = c->gain_speed > R(0.0) ? limited(s->v / c->gain_speed, R(-1.0), R(1.0)) : R(1.0);
+    if (mrd_has_on_off(&c->feedback)) return (wanted - force) * force > R(0.0) ? c->axes.largest : R(0.0);
+    const mrd_real full = c->feedback.full_speed, share = full > R(0.0) ? limited(s->v / full, R(-1.0), R(1.0)) : R(1.0);
     const mrd_real error = share * (wanted - force);
-    s->integral = limited(s->integral + c->rate * c->period * error, -forward, c->largest - forward);
-    return forward + c->gain * error + s->integral;
+    s->integral = limited(s->integral + c->feedback.rate * c->axes.period * error, -forward, c->axes.largest - forward);
+    return forward + c->feedback.gain * error + s->integral;
 }
 
-MRD_TRACK_API mrd_real mrd_track_step(const mrd_track *c, mrd_track_state *s, const mrd_told *told)
+MRD_TRACK_API mrd_real mrd_track_step(const mrd_track *c, mrd_track_state *s, const mrd_inputs *inputs)
 {
     static const mrd_real most_force = R(1e7), most_length = R(1e9);
     s->flags = 0;
     const mrd_real v_before = s->v;
-    const bool known = follow_motion(c, s, told->displacement);
-    follow_temperature(c, s, told->temperature);
-    const axis_point warm = warmth(c, s->temperature);
+    const bool known = follow_motion(c, s, inputs->displacement);
+    follow_temperature(c, s, inputs->temperature);
+    const axis_point warm = on_temperatures(c, s->temperature);
 
     const mrd_real applied = follow_applied(c, s);
     follow_hysteresis(c, s, warm, v_before, applied);
-    if (c->capacity > R(0.0)) follow_heat(c, s, sampled_work(c, s, warm));
+    if (mrd_has_heating(&c->heating)) follow_heat(c, s, sampled_work(c, s, warm));
 
     /* the wanted force, now and ahead */
-    mrd_real now = told->now, ahead = told->ahead;
+    mrd_real now = inputs->now, ahead = inputs->ahead;
     if (!(magnitude(now) <= most_force)) {
         s->flags |= MRD_NO_TARGET;
         now = R(0.0);
     }
-    if (c->preview > R(0.0)) {
-        predict(&s->wanted, &s->wanted_rate, s->wanted_bend, c->period);
-        const mrd_real off = now - s->wanted;
-        s->wanted += c->wanted_f * off;
-        s->wanted_rate = limited(s->wanted_rate + c->wanted_v * off, -most_length, most_length);
-        s->wanted_bend = limited(s->wanted_bend + c->wanted_a * off, -most_length, most_length);
+    if (mrd_has_preview(&c->inverse)) {
+        predict(&s->reference, &s->reference_rate, s->reference_bend, c->axes.period);
+        const mrd_real off = now - s->reference;
+        s->reference += c->reference.gain_f * off;
+        s->reference_rate = limited(s->reference_rate + c->reference.gain_rate * off, -most_length, most_length);
+        s->reference_bend = limited(s->reference_bend + c->reference.gain_bend * off, -most_length, most_length);
         if (!(magnitude(ahead) <= most_force)) {
-            mrd_real rate = s->wanted_rate;
+            mrd_real rate = s->reference_rate;
             ahead = now;
-            predict(&ahead, &rate, s->wanted_bend, c->preview);
+            predict(&ahead, &rate, s->reference_bend, c->inverse.preview);
         }
     } else {
         ahead = now;
     }
 
-    const bool measured = magnitude(told->force) <= most_force;
-    if (measured && known && (c->observe > R(0.0) || c->forget > R(0.0))) learn(c, s, told->force);
-    if (c->observe > R(0.0))
-        ahead -= (s->v + c->preview * s->a < R(0.0) ? R(-1.0) : R(1.0)) * s->disturbance;
+    const bool measured = magnitude(inputs->force) <= most_force;
+    if (measured && known && (mrd_has_observer(&c->learning) || mrd_has_adaptive(&c->learning))) learn(c, s, inputs->force);
+    if (mrd_has_observer(&c->learning))
+        ahead -= (s->v + c->inverse.preview * s->a < R(0.0) ? R(-1.0) : R(1.0)) * s->disturbance;
 
     mrd_real current = R(0.0);
-    if (c->feed_forward > R(0.0)) {
+    if (mrd_has_inverse(&c->inverse)) {
         const mrd_real asked = answer_of(c, s, warm, ahead);
-        current = limited(asked, R(0.0), c->largest);
+        current = limited(asked, R(0.0), c->axes.largest);
         if (known && (current != asked)) s->flags |= MRD_SATURATED;
-        current *= c->feed_forward;
     }
-    if (c->on_off > R(0.5) || c->gain > R(0.0) || c->rate > R(0.0))
-        current = fed_back(c, s, measured, now, told->force, current);
-    if (!known) current = c->fall_back;
-    const mrd_real given = limited(current, R(0.0), c->largest);
+    if (mrd_has_feedback(&c->feedback))
+        current = fed_back(c, s, measured, now, inputs->force, current);
+    if (!known) current = c->faults.fall_back;
+    const mrd_real given = limited(current, R(0.0), c->axes.largest);
     if (given != current) s->flags |= MRD_SATURATED;
     give(s, given);
     return given;

@@ -146,8 +146,8 @@ typedef struct {
     int (*banded)(size_t n, size_t width, double *lower, double *right);
     size_t (*turns)(mrd_turns *turns, size_t n, const double *x, double dead_band, double *at);
     void (*track_start)(const mrd_track *controller, mrd_track_state *state);
-    mrd_real (*track_step)(const mrd_track *controller, mrd_track_state *state, const mrd_told *told);
-    mrd_real (*model_step)(const mrd_track *model, mrd_track_state *state, const mrd_driven *told);
+    mrd_real (*track_step)(const mrd_track *controller, mrd_track_state *state, const mrd_inputs *told);
+    mrd_real (*model_step)(const mrd_track *model, mrd_track_state *state, const mrd_model_inputs *told);
     void (*track_parts)(const mrd_track *controller, const mrd_track_state *state, mrd_real *parts);
 } mrd_api;
 

@@ -13,69 +13,70 @@ static inline void predict(mrd_real *x, mrd_real *v, mrd_real a, mrd_real h)
 }
 
 /* Says whether the motion is one that the data have. */
-static inline void look_at_motion(const mrd_track *c, mrd_track_state *s)
+static inline void check_motion(const mrd_track *c, mrd_track_state *s)
 {
-    if (!(s->x >= c->low_x && s->x <= c->high_x && magnitude(s->v) <= c->high_v)) s->flags |= MRD_OUTSIDE_MOTION;
+    const bool inside = s->x >= c->envelope.low_x && s->x <= c->envelope.high_x;
+    if (!(inside && magnitude(s->v) <= c->envelope.high_v)) s->flags |= MRD_OUTSIDE_MOTION;
 }
 
 /* Displacement in; estimated motion one period on. Returns whether the motion is known. */
 static bool follow_motion(const mrd_track *c, mrd_track_state *s, mrd_real reading)
 {
-    const bool there = magnitude(reading) <= c->far_x; /* false where it is not a number */
+    const bool there = magnitude(reading) <= c->faults.far_x; /* false where it is not a number */
     if (there && s->started != 0 && reading == s->last_x) {
         if (s->repeated == 0) s->speed_before = magnitude(s->v);
         if (s->repeated < INT32_MAX) s->repeated++;
     } else {
         s->repeated = 0;
     }
-    const bool frozen = s->repeated >= (int32_t)c->frozen_samples && s->speed_before > c->frozen_speed;
+    const bool frozen = s->repeated >= c->faults.frozen_samples && s->speed_before > c->faults.frozen_speed;
     if (!there) s->flags |= MRD_NO_DISPLACEMENT;
     if (frozen) s->flags |= MRD_FROZEN;
     if (there) s->last_x = reading;
 
     if (there && !frozen) {
-        if (s->started == 0 || s->lost > (int32_t)c->coast_samples) { /* anew */
+        if (s->started == 0 || s->lost > c->faults.coast_samples) { /* anew */
             s->x = reading;
             s->v = R(0.0);
             s->a = R(0.0);
-            s->back = s->started != 0 ? (int32_t)c->coast_samples : 0;
+            s->back = s->started != 0 ? c->faults.coast_samples : 0;
             s->started = 1;
         } else {
-            predict(&s->x, &s->v, s->a, c->period);
+            predict(&s->x, &s->v, s->a, c->axes.period);
             const mrd_real gap = reading - s->x;
-            s->x += c->filter_x * gap;
-            s->v += c->filter_v * gap;
-            s->a += c->filter_a * gap;
+            s->x += c->motion.gain_x * gap;
+            s->v += c->motion.gain_v * gap;
+            s->a += c->motion.gain_a * gap;
         }
         s->lost = 0;
     } else {
         if (s->lost < INT32_MAX) s->lost++;
-        if (s->lost <= (int32_t)c->coast_samples) {
-            predict(&s->x, &s->v, s->a, c->period);
-            s->x = limited(s->x, -c->far_x, c->far_x);
+        if (s->lost <= c->faults.coast_samples) {
+            predict(&s->x, &s->v, s->a, c->axes.period);
+            s->x = limited(s->x, -c->faults.far_x, c->faults.far_x);
         } else {
             s->v = R(0.0);
             s->a = R(0.0);
         }
     }
     if (s->back > 0) s->back--;
-    const bool known = s->started != 0 && s->lost <= (int32_t)c->coast_samples && s->back == 0;
+    const bool known = s->started != 0 && s->lost <= c->faults.coast_samples && s->back == 0;
     if (!known) s->flags |= MRD_MOTION_UNKNOWN;
-    look_at_motion(c, s);
+    check_motion(c, s);
     return known;
 }
 
 /* Whether a temperature stands still though the energy put in should have moved it; for good, until it changes. */
-static bool is_stuck(const mrd_track *c, mrd_track_state *s, mrd_real reading)
+static bool is_frozen(const mrd_track *c, mrd_track_state *s, mrd_real reading)
 {
     if (reading != s->read) {
         s->read = reading;
-        s->warmed = R(0.0);
-        s->warmed_least = R(0.0);
-        s->stuck = 0;
+        s->temperature_rise = R(0.0);
+        s->least_rise = R(0.0);
+        s->temperature_frozen = 0;
     }
-    if (c->capacity > R(0.0) && s->warmed_least > c->frozen_warming) s->stuck = 1;
-    return s->stuck != 0;
+    if (mrd_has_heating(&c->heating) && s->least_rise > c->heating.frozen_rise) s->temperature_frozen = 1;
+    return s->temperature_frozen != 0;
 }
 
 /* The energy account of a reading that stands still: heat put in [W] less what is lost, over the capacity. The
@@ -84,76 +85,79 @@ static bool is_stuck(const mrd_track *c, mrd_track_state *s, mrd_real reading)
 static void follow_heat(const mrd_track *c, mrd_track_state *s, mrd_real work)
 {
     static const mrd_real most = R(1000.0);
-    const mrd_real heat = work + c->coil_heat * s->applied * s->applied, part = c->period / c->capacity;
-    const mrd_real cold = s->coolest < c->ambient ? s->coolest : c->ambient;
-    const mrd_real above = limited(s->read + s->warmed_least - cold, R(0.0), most);
-    s->warmed = limited(s->warmed + part * (heat - c->loss * (s->read + s->warmed - c->ambient)), -most, most);
-    s->warmed_least = limited(s->warmed_least + part * (heat - c->loss_margin * c->loss * above), R(0.0), most);
+    const mrd_config_heating *damper = &c->heating;
+    const mrd_real heat = work + damper->coil_heat * s->applied * s->applied, part = c->axes.period / damper->capacity;
+    const mrd_real cold = s->coolest < damper->ambient ? s->coolest : damper->ambient;
+    const mrd_real above = limited(s->read + s->least_rise - cold, R(0.0), most);
+    const mrd_real lost = damper->loss * (s->read + s->temperature_rise - damper->ambient);
+    s->temperature_rise = limited(s->temperature_rise + part * (heat - lost), -most, most);
+    s->least_rise = limited(s->least_rise + part * (heat - damper->loss_margin * damper->loss * above), R(0.0), most);
 }
 
 /* Temperature in; the believed one is updated. */
 static void follow_temperature(const mrd_track *c, mrd_track_state *s, mrd_real reading)
 {
-    if (c->held_temperature > R(0.0)) {
-        s->temperature = c->held_temperature;
+    const mrd_config_thermometer *of = &c->thermometer;
+    if (mrd_has_held_temperature(of)) {
+        s->temperature = of->held;
         return;
     }
-    const bool there = reading >= c->cold_limit && reading <= c->hot_limit;
+    const bool there = reading >= of->cold_limit && reading <= of->hot_limit;
     if (there && !(s->temperature > R(0.0))) s->temperature = reading; /* the first */
     const mrd_real gap = there ? reading - s->temperature : R(0.0);
-    const bool stuck = there && is_stuck(c, s, reading);
-    if (stuck) s->flags |= MRD_FROZEN_TEMPERATURE;
-    if (stuck && c->reckon > R(0.5)) {
-        const mrd_real reckoned = limited(reading + s->warmed, c->cold_limit, c->hot_limit);
-        s->temperature += limited((R(1.0) - c->warm_keep) * (reckoned - s->temperature), -c->slew, c->slew);
+    const bool frozen = there && is_frozen(c, s, reading);
+    if (frozen) s->flags |= MRD_FROZEN_TEMPERATURE;
+    if (frozen && mrd_has_extrapolation(&c->heating)) {
+        const mrd_real extrapolated = limited(reading + s->temperature_rise, of->cold_limit, of->hot_limit);
+        s->temperature += limited((R(1.0) - of->keep) * (extrapolated - s->temperature), -of->slew, of->slew);
         s->cold = 0;
         s->steady = 0;
-    } else if (there && magnitude(gap) <= c->jump) {
-        s->temperature += limited((R(1.0) - c->warm_keep) * gap, -c->slew, c->slew);
+    } else if (there && magnitude(gap) <= of->jump) {
+        s->temperature += limited((R(1.0) - of->keep) * gap, -of->slew, of->slew);
         s->cold = 0;
         s->steady = 0;
     } else {
         s->flags |= there ? MRD_TEMPERATURE_JUMP : MRD_NO_TEMPERATURE;
         if (s->cold < INT32_MAX) s->cold++;
-        if (!(s->temperature > R(0.0))) s->temperature = c->nominal;
-        if (s->cold > (int32_t)c->hold_samples) {
+        if (!(s->temperature > R(0.0))) s->temperature = of->nominal;
+        if (s->cold > of->hold_samples) {
             s->flags |= MRD_NOMINAL_TEMPERATURE;
-            s->temperature += limited(c->nominal - s->temperature, -c->slew, c->slew);
+            s->temperature += limited(of->nominal - s->temperature, -of->slew, of->slew);
         }
         /* A reading that stays where it has jumped to is believed in the end. */
-        if (there && s->steady > 0 && magnitude(reading - s->probe) <= c->jump) {
-            if (++s->steady > (int32_t)c->recover_samples) {
-                s->temperature = s->probe;
+        if (there && s->steady > 0 && magnitude(reading - s->candidate) <= of->jump) {
+            if (++s->steady > of->recover_samples) {
+                s->temperature = s->candidate;
                 s->cold = 0;
                 s->steady = 0;
             }
         } else {
-            s->probe = reading;
+            s->candidate = reading;
             s->steady = 0;
             if (there) s->steady = 1;
         }
     }
     if (!(s->coolest > R(0.0)) || s->temperature < s->coolest) s->coolest = s->temperature;
-    if (!(s->temperature >= c->coldest && s->temperature <= c->warmest)) s->flags |= MRD_OUTSIDE_TEMPERATURE;
+    if (!(s->temperature >= c->axes.coldest && s->temperature <= c->axes.warmest)) s->flags |= MRD_OUTSIDE_TEMPERATURE;
 }
 
 /* A command on its way. */
 static inline void give(mrd_track_state *s, mrd_real command)
 {
-    const uint32_t next = ((uint32_t)s->at + 1u) % MRD_TRACK_LINE;
+    const uint32_t next = ((uint32_t)s->at + 1u) % MRD_TRACK_DELAY_LINE;
     s->at = (int32_t)next;
-    s->line[s->at] = command;
+    s->delay_line[s->at] = command;
     s->command = command;
 }
 
 /* The command that reached the lags `ago` periods before the newest one did not; negative: is still to come. */
 static mrd_real past_dead_time(const mrd_track *c, const mrd_track_state *s, int32_t ago)
 {
-    const int32_t n = (int32_t)c->dead_samples + ago, since = s->at - n;
+    const int32_t n = c->actuation.dead_samples + ago, since = s->at - n;
     const uint32_t newest = (uint32_t)since;
-    const mrd_real older = s->line[(newest - 1u) % MRD_TRACK_LINE];
-    const mrd_real newer = n < 0 ? s->command : s->line[newest % MRD_TRACK_LINE];
-    return newer + c->dead_part * (older - newer);
+    const mrd_real older = s->delay_line[(newest - 1u) % MRD_TRACK_DELAY_LINE];
+    const mrd_real newer = n < 0 ? s->command : s->delay_line[newest % MRD_TRACK_DELAY_LINE];
+    return newer + c->actuation.dead_part * (older - newer);
 }
 
 /* Both lags one period on with a held input: exact. */
@@ -161,29 +165,32 @@ static inline void pass_lags(const mrd_track *c, mrd_real input, mrd_real *first
 {
     const bool rises = input > *first;
     const mrd_real gap = *first - input;
-    *second = input + c->second * (*second - input) + (rises ? c->rise_couple : c->fall_couple) * gap;
-    *first = input + (rises ? c->rise : c->fall) * gap;
+    const mrd_real couple = rises ? c->actuation.rise_couple : c->actuation.fall_couple;
+    *second = input + c->actuation.second * (*second - input) + couple * gap;
+    *first = input + (rises ? c->actuation.rise : c->actuation.fall) * gap;
 }
 
 /* Magnetic play: a share of the field follows the lagged command with a dead band. While the command rises from
  * rest what is felt is the command itself; when it falls, up to twice the share's half width more. */
 static inline mrd_real past_play(const mrd_track *c, mrd_real lagged, mrd_real *play)
 {
-    if (!(c->play > R(0.0))) {
+    const mrd_real width = c->actuation.play, share = c->actuation.play_share;
+    if (!mrd_has_play(&c->actuation)) {
         *play = lagged;
         return lagged;
     }
-    *play = limited(*play, lagged - c->play, lagged + c->play);
-    return lagged + c->play_share * (*play + c->play - lagged);
+    *play = limited(*play, lagged - width, lagged + width);
+    return lagged + share * (*play + width - lagged);
 }
 
 /* The lagged command at which so much is felt, the play being where it is. */
 static inline mrd_real before_play(const mrd_track *c, mrd_real felt, mrd_real play)
 {
-    if (!(c->play > R(0.0))) return felt;
-    const mrd_real inside = (felt - c->play_share * (play + c->play)) / (R(1.0) - c->play_share);
-    if (inside > play + c->play) return felt;
-    if (inside < play - c->play) return felt - R(2.0) * c->play_share * c->play;
+    const mrd_real width = c->actuation.play, share = c->actuation.play_share;
+    if (!mrd_has_play(&c->actuation)) return felt;
+    const mrd_real inside = (felt - share * (play + width)) / (R(1.0) - share);
+    if (inside > play + width) return felt;
+    if (inside < play - width) return felt - R(2.0) * share * width;
     return inside;
 }
 
@@ -191,7 +198,7 @@ static inline mrd_real before_play(const mrd_track *c, mrd_real felt, mrd_real p
 static mrd_real follow_applied(const mrd_track *c, mrd_track_state *s)
 {
     const mrd_real applied = s->applied;
-    if (c->unlagged > R(0.5)) {
+    if (mrd_has_no_lag(&c->actuation)) {
         s->first = s->command;
         s->second = s->command;
     } else {
@@ -201,14 +208,14 @@ static mrd_real follow_applied(const mrd_track *c, mrd_track_state *s)
     return R(0.5) * (applied + s->applied);
 }
 
-/* A stretch of h in which the velocity goes straight from v0 to v1: up to where it turns, and from there. */
+/* A segment of h in which the velocity goes straight from v0 to v1: up to where it turns, and from there. */
 typedef struct {
     mrd_real to, from;          /* sizes of the travel */
     bool turns_first, turns;    /* whether the hysteresis turns before it, and in between */
-    mrd_real side;              /* its way after the stretch */
-} stretch;
+    mrd_real side;              /* its way after the segment */
+} segment;
 
-static stretch stretch_of(mrd_real side, mrd_real v0, mrd_real v1, mrd_real h)
+static segment segment_of(mrd_real side, mrd_real v0, mrd_real v1, mrd_real h)
 {
     mrd_real to = R(0.5) * h * (v0 + v1), from = R(0.0);
     if ((v0 < R(0.0) && v1 > R(0.0)) || (v0 > R(0.0) && v1 < R(0.0))) {
@@ -219,22 +226,20 @@ static stretch stretch_of(mrd_real side, mrd_real v0, mrd_real v1, mrd_real h)
     const bool turns_first = side * to < R(0.0);
     const mrd_real between = turns_first ? -side : side;
     const bool turns = between * from < R(0.0);
-    const stretch way = {magnitude(to), magnitude(from), turns_first, turns, turns ? -between : between};
+    const segment way = {magnitude(to), magnitude(from), turns_first, turns, turns ? -between : between};
     return way;
 }
 
-/* Place on the universal curve after a stretch. */
-static mrd_real place_after(const mrd_track *c, mrd_real before, mrd_real rho, const stretch *s)
+/* Place on the universal curve after a segment. */
+static mrd_real place_after(const mrd_track *c, mrd_real before, mrd_real rho, const segment *s)
 {
     mrd_real u = (s->turns_first ? after_turn(c, before) : before) + rho * s->to;
     if (s->turns) u = after_turn(c, u) + rho * s->from;
     return u < c->loading.top ? u : c->loading.top;
 }
 
-static inline int bank_of(const mrd_track *c) { return c->bank > R(1.5) ? (int)c->bank : 1; }
-
-/* How many of its models have a hysteresis of their own. */
-static inline int states_of(const mrd_track *c) { return c->shared > R(0.5) ? 1 : bank_of(c); }
+/* Whether the models of a bank have a hysteresis each. */
+static inline bool has_states(const mrd_track *c) { return mrd_has_bank(&c->inverse) && !mrd_has_shared_rho(&c->law); }
 
 /* Eighths of the largest current between one model of a bank and the next. */
 static inline int bank_stride(int models) { return (MRD_TRACK_BANK - 1) / (models - 1); }
@@ -255,15 +260,15 @@ static void rho_of_models(const mrd_track *c, axis_point warm, int element, int 
 /* Hysteresis of every model through the period that ends now, velocity having been v0 at its begin. */
 static void follow_hysteresis(const mrd_track *c, mrd_track_state *s, axis_point warm, mrd_real v0, mrd_real applied)
 {
-    if (is_series(c)) {
+    if (mrd_has_series(&c->law)) {
         follow_series(c, s, warm, v0, applied);
         return;
     }
-    const int models = states_of(c), elements = (int)c->elements;
-    const stretch way = stretch_of(s->side, v0, s->v, c->period);
+    const int models = bank_of(c), elements = c->law.elements;
+    const segment way = segment_of(s->side, v0, s->v, c->axes.period);
     mrd_real rho[MRD_TRACK_BANK];
     s->side = way.side;
-    if (models > 1) {
+    if (has_states(c)) {
         for (int e = 0; e < elements; e++) {
             rho_of_models(c, warm, e, models, rho);
             for (int b = 0; b < models; b++) s->place[b][e] = place_after(c, s->place[b][e], rho[b], &way);
@@ -279,7 +284,7 @@ static moment present(const mrd_track *c, const mrd_track_state *s)
 {
     const mrd_real sign = s->v < R(0.0) ? R(-1.0) : R(1.0);
     moment m = {s->x, s->v, s->a, {sign, sign}};
-    for (int e = 0; e < (int)c->elements; e++) m.w[e] = s->side * size_at(c, s->place[0][e]);
+    for (int e = 0; e < c->law.elements; e++) m.w[e] = s->side * size_at(c, s->place[0][e]);
     return m;
 }
 
@@ -288,7 +293,7 @@ static moment present(const mrd_track *c, const mrd_track_state *s)
 static mrd_real sampled_work(const mrd_track *c, mrd_track_state *s, axis_point warm)
 {
     const int32_t columns = c->begin[MRD_GROUPS], terms = c->levels + c->begin[MRD_GROUP_RHO];
-    if (is_series(c)) {
+    if (mrd_has_series(&c->law)) {
         s->term = s->term + 1 < MRD_ROWS ? s->term + 1 : 0;
         return s->term == 0 ? R(MRD_ROWS) * series_force(c, s, warm) * s->v : R(0.0);
     }
@@ -298,7 +303,7 @@ static mrd_real sampled_work(const mrd_track *c, mrd_track_state *s, axis_point 
     if (row >= (int32_t)MRD_ROW_YIELD) m = present(c, s);
     mrd_real force = multiplier(c, s, &m, row) * parabola(&parabolas_at(c, warm)[3 * s->term], warm.share);
     if (s->term >= c->levels) {
-        const mrd_real where = limited(s->applied / c->largest, R(0.0), R(1.0)) * R(8.0);
+        const mrd_real where = limited(s->applied / c->axes.largest, R(0.0), R(1.0)) * R(8.0);
         const int32_t eighth = where < R(7.0) ? (int32_t)where : 7, column = s->term - c->levels;
         const mrd_real low = c->column[(int32_t)c->eighth[eighth] * columns + column];
         const mrd_real high = c->column[(int32_t)c->eighth[eighth + 1] * columns + column];
@@ -310,8 +315,8 @@ static mrd_real sampled_work(const mrd_track *c, mrd_track_state *s, axis_point 
 MRD_TRACK_API void mrd_track_parts(const mrd_track *c, const mrd_track_state *s, mrd_real *parts)
 {
     static const uint8_t part_of[MRD_ROWS] = {3, 3, 3, 1, 2, 2, 0, 0};
-    const axis_point warm = warmth(c, s->temperature), at = on_currents(c, s->applied);
-    if (is_series(c)) {
+    const axis_point warm = on_temperatures(c, s->temperature), at = on_currents(c, s->applied);
+    if (mrd_has_series(&c->law)) {
         series_parts(c, s, warm, parts);
         return;
     }
@@ -337,9 +342,9 @@ static void learn(const mrd_track *c, mrd_track_state *s, mrd_real force)
     mrd_track_parts(c, s, parts);
     const mrd_real error = force - (parts[0] + parts[1] + parts[2] + parts[3]);
     const mrd_real sign = s->v < R(0.0) ? R(-1.0) : R(1.0);
-    if (c->observe > R(0.0)) s->disturbance += c->observe * (sign * error - s->disturbance);
-    if (!(c->forget > R(0.0)) || magnitude(s->v) < c->gain_speed) return;
-    mrd_real feature[MRD_TRACK_GAINS], p[MRD_TRACK_GAINS], spread = c->error_variance;
+    if (mrd_has_observer(&c->learning)) s->disturbance += c->learning.observe * (sign * error - s->disturbance);
+    if (!mrd_has_adaptive(&c->learning) || magnitude(s->v) < c->feedback.full_speed) return;
+    mrd_real feature[MRD_TRACK_GAINS], p[MRD_TRACK_GAINS], spread = c->learning.error_variance;
     for (int i = 0; i < MRD_TRACK_GAINS; i++) feature[i] = parts[i] / s->gain[i];
     for (int i = 0; i < MRD_TRACK_GAINS; i++) {
         p[i] = R(0.0);
@@ -351,13 +356,13 @@ static void learn(const mrd_track *c, mrd_track_state *s, mrd_real force)
     for (int i = 0; i < MRD_TRACK_GAINS; i++)
         for (int j = 0; j < MRD_TRACK_GAINS; j++) {
             mrd_real *q = &s->spread[i * MRD_TRACK_GAINS + j];
-            *q = (*q - p[i] * p[j] / spread) / c->forget;
+            *q = (*q - p[i] * p[j] / spread) / c->learning.forget;
         }
     /* Forgetting lets the covariance of what is not excited grow: it never passes where it began. */
     for (int i = 0; i < MRD_TRACK_GAINS; i++) {
         const mrd_real own = s->spread[i * (MRD_TRACK_GAINS + 1)];
-        if (own > c->gain_variance) {
-            for (int k = 0; k < MRD_TRACK_GAINS * MRD_TRACK_GAINS; k++) s->spread[k] *= c->gain_variance / own;
+        if (own > c->learning.gain_variance) {
+            for (int k = 0; k < MRD_TRACK_GAINS * MRD_TRACK_GAINS; k++) s->spread[k] *= c->learning.gain_variance / own;
         }
     }
 }

@@ -1,23 +1,23 @@
 /* One step of the damper's model on a target: displacement, current and temperature in, force out.
  *
  * The same tables, the same observer of current and hysteresis and the same looks at every reading as the
- * controller has. A velocity may be told; without one it is estimated from the displacement.
+ * controller has. A velocity may be given; without one it is estimated from the displacement.
  */
 #include "controller.h"
 
 /* Displacement and velocity in; the motion of now. */
 static void follow_driven_motion(const mrd_track *c, mrd_track_state *s, mrd_real displacement, mrd_real velocity)
 {
-    if (!(magnitude(velocity) <= c->far_v)) {
+    if (!(magnitude(velocity) <= c->faults.far_v)) {
         if (velocity == velocity) s->flags |= MRD_NO_VELOCITY;
-        s->driven = 0;
+        s->velocity_known = 0;
         (void)follow_motion(c, s, displacement);
         return;
     }
-    const bool there = magnitude(displacement) <= c->far_x;
-    const int32_t enough = (int32_t)c->frozen_samples;
+    const bool there = magnitude(displacement) <= c->faults.far_x;
+    const int32_t enough = c->faults.frozen_samples;
     if (!(there && s->started != 0 && displacement == s->last_x)) s->repeated = 0;
-    else if (s->repeated < enough) s->repeated = magnitude(velocity) > c->frozen_speed ? s->repeated + 1 : 0;
+    else if (s->repeated < enough) s->repeated = magnitude(velocity) > c->faults.frozen_speed ? s->repeated + 1 : 0;
     const bool frozen = s->repeated >= enough;
     if (!there) s->flags |= MRD_NO_DISPLACEMENT;
     if (frozen) s->flags |= MRD_FROZEN;
@@ -27,48 +27,48 @@ static void follow_driven_motion(const mrd_track *c, mrd_track_state *s, mrd_rea
         s->lost = 0;
         s->back = 0;
     } else { /* the velocity carries it on */
-        s->x = limited(s->x + R(0.5) * c->period * (s->v + velocity), -c->far_x, c->far_x);
+        s->x = limited(s->x + R(0.5) * c->axes.period * (s->v + velocity), -c->faults.far_x, c->faults.far_x);
         if (s->lost < INT32_MAX) s->lost++;
-        if (s->lost > (int32_t)c->coast_samples) s->flags |= MRD_MOTION_UNKNOWN;
+        if (s->lost > c->faults.coast_samples) s->flags |= MRD_MOTION_UNKNOWN;
     }
     if (there) s->last_x = displacement;
-    s->a = s->driven != 0 ? (velocity - s->v) / c->period : R(0.0);
+    s->a = s->velocity_known != 0 ? (velocity - s->v) / c->axes.period : R(0.0);
     s->v = velocity;
-    s->driven = 1;
-    look_at_motion(c, s);
+    s->velocity_known = 1;
+    check_motion(c, s);
 }
 
-/* Current in: into the line of those under way, as a controller's own command. */
+/* Current in: into the delay line, as a controller's own command. */
 static void follow_current(const mrd_track *c, mrd_track_state *s, mrd_real reading)
 {
     mrd_real current = s->command;
-    if (magnitude(reading) <= R(2.0) * c->largest) {
+    if (magnitude(reading) <= R(2.0) * c->axes.largest) {
         s->unpowered = 0;
-        current = limited(reading, R(0.0), c->largest);
+        current = limited(reading, R(0.0), c->axes.largest);
         if (current != reading) s->flags |= MRD_SATURATED;
     } else {
         s->flags |= MRD_NO_CURRENT;
         if (s->unpowered < INT32_MAX) s->unpowered++;
-        if (s->unpowered > (int32_t)c->coast_samples) current = R(0.0);
+        if (s->unpowered > c->faults.coast_samples) current = R(0.0);
     }
     give(s, current);
 }
 
-MRD_TRACK_API mrd_real mrd_model_step(const mrd_track *c, mrd_track_state *s, const mrd_driven *told)
+MRD_TRACK_API mrd_real mrd_model_step(const mrd_track *c, mrd_track_state *s, const mrd_model_inputs *inputs)
 {
-    const bool first = s->started == 0 && s->driven == 0; /* nothing has been travelled before */
+    const bool first = s->started == 0 && s->velocity_known == 0; /* nothing has been travelled before */
     const mrd_real v_before = s->v;
     s->flags = 0;
-    follow_driven_motion(c, s, told->displacement, told->velocity);
-    follow_temperature(c, s, told->temperature);
-    follow_current(c, s, told->current);
-    const axis_point warm = warmth(c, s->temperature);
+    follow_driven_motion(c, s, inputs->displacement, inputs->velocity);
+    follow_temperature(c, s, inputs->temperature);
+    follow_current(c, s, inputs->current);
+    const axis_point warm = on_temperatures(c, s->temperature);
     const mrd_real applied = follow_applied(c, s);
     if (!first) follow_hysteresis(c, s, warm, v_before, applied);
-    if (first && is_series(c)) start_series(c, s, warm);
+    if (first && mrd_has_series(&c->law)) start_series(c, s, warm);
 
     mrd_real force;
-    if (is_series(c)) {
+    if (mrd_has_series(&c->law)) {
         force = series_force(c, s, warm);
     } else {
         const moment m = present(c, s);
@@ -76,6 +76,6 @@ MRD_TRACK_API mrd_real mrd_model_step(const mrd_track *c, mrd_track_state *s, co
         multipliers(c, s, &m, by);
         force = force_at(c, warm, on_currents(c, s->applied), by);
     }
-    if (c->capacity > R(0.0)) follow_heat(c, s, force * s->v);
+    if (mrd_has_heating(&c->heating)) follow_heat(c, s, force * s->v);
     return force;
 }

@@ -80,7 +80,7 @@ typedef struct {
 static valve_chain chain_at(const mrd_track *c, const mrd_track_state *s, axis_point warm)
 {
     const mrd_real *cold = c->series->chain + warm.index * (int32_t)SERIES_CHAIN;
-    const mrd_real *hot = cold + (c->warmest > c->coldest ? SERIES_CHAIN : 0);
+    const mrd_real *hot = cold + (c->axes.warmest > c->axes.coldest ? SERIES_CHAIN : 0);
     valve_chain k;
     for (int i = 0; i < SERIES_CHAIN; i++) k.at[i] = cold[i] + warm.share * (hot[i] - cold[i]);
     k.at[MRD_CHAIN_THINNING] *= s->gain[1] / s->gain[0]; /* of the yield force, whose own gain comes on top */
@@ -94,12 +94,12 @@ static valve_chain chain_at(const mrd_track *c, const mrd_track_state *s, axis_p
 static inline mrd_real yield_of(const mrd_track *c, axis_point warm, int32_t current)
 {
     const mrd_real *cold = c->series->yield + warm.index * c->series->currents + current;
-    return cold[0] + warm.share * (cold[c->warmest > c->coldest ? c->series->currents : 0] - cold[0]);
+    return cold[0] + warm.share * (cold[c->axes.warmest > c->axes.coldest ? c->series->currents : 0] - cold[0]);
 }
 
 static inline mrd_real yield_at(const mrd_track *c, axis_point warm, mrd_real current)
 {
-    const axis_point at = series_axis(current, c->largest, c->series->currents);
+    const axis_point at = series_axis(current, c->axes.largest, c->series->currents);
     const mrd_real below = yield_of(c, warm, at.index);
     return below + at.share * (yield_of(c, warm, at.index + 1) - below);
 }
@@ -108,7 +108,7 @@ static inline mrd_real yield_at(const mrd_track *c, axis_point warm, mrd_real cu
 static mrd_real current_of(const mrd_track *c, axis_point warm, mrd_real wanted, bool *found)
 {
     int32_t low = 0, width = c->series->currents - 1;
-    const mrd_real pitch = c->largest / (mrd_real)width;
+    const mrd_real pitch = c->axes.largest / (mrd_real)width;
     while (width > 1) {
         width /= 2;
         if (yield_of(c, warm, low + width) <= wanted) low += width;
@@ -120,9 +120,9 @@ static mrd_real current_of(const mrd_track *c, axis_point warm, mrd_real wanted,
 }
 
 /* A corner of the free play: (u + sqrt(u^2 + 1)) / 2, its slope in *slope. */
-static inline mrd_real corner_at(const mrd_octaves *o, mrd_real u, mrd_real *slope)
+static inline mrd_real corner_at(const mrd_lookup *o, mrd_real u, mrd_real *slope)
 {
-    const mrd_real size = magnitude(u), tail = octaves_at(o, size), value = u > R(0.0) ? size + tail : tail;
+    const mrd_real size = magnitude(u), tail = lookup_at(o, size), value = u > R(0.0) ? size + tail : tail;
     *slope = value / (size + R(2.0) * tail);
     return value;
 }
@@ -150,7 +150,7 @@ static inline mrd_real leak_at(const mrd_series *t, const valve_chain *k, mrd_re
 static inline mrd_real valve_at_speed(const mrd_series *t, const valve_chain *k, mrd_real speed, mrd_real *slope)
 {
     const mrd_real slowness = k->at[MRD_CHAIN_SLOWNESS], thinning = k->at[MRD_CHAIN_THINNING];
-    const mrd_real side = octaves_at(&t->side, slowness * speed);
+    const mrd_real side = lookup_at(&t->side, slowness * speed);
     mrd_real by_power;
     const mrd_real power = power_at(&t->thinning, speed, &by_power);
     *slope = (R(1.0) - side * side) * slowness + thinning * by_power;
@@ -226,15 +226,16 @@ static inline mrd_real valve_amplitude(const mrd_track *c, const mrd_track_state
  * current. */
 static void follow_series(const mrd_track *c, mrd_track_state *s, axis_point warm, mrd_real v0, mrd_real applied)
 {
-    const int models = c->bank > R(1.5) ? (int)c->bank : 1;
-    const mrd_real h = c->period / c->substeps, per = (s->v - v0) / c->substeps;
+    const bool bank = mrd_has_bank(&c->inverse);
+    const int models = bank_of(c), gaps = models - 1;
+    const mrd_real h = c->axes.period / (mrd_real)c->law.substeps, per = (s->v - v0) / (mrd_real)c->law.substeps;
     const mrd_real started = R(2.0) * applied - s->applied;
     const valve_chain k = chain_at(c, s, warm);
     for (int b = 0; b < models; b++) {
-        const mrd_real own = models > 1 ? c->largest * (mrd_real)b / (c->bank - R(1.0)) : R(0.0);
-        mrd_real from = models > 1 ? own : started, v = v0, x = s->x - R(0.5) * c->period * (v0 + s->v);
-        const mrd_real grows = models > 1 ? R(0.0) : (s->applied - started) / c->substeps;
-        for (int i = 0; i < (int)c->substeps; i++) {
+        const mrd_real own = bank ? c->axes.largest * (mrd_real)b / (mrd_real)gaps : R(0.0);
+        mrd_real from = bank ? own : started, v = v0, x = s->x - R(0.5) * c->axes.period * (v0 + s->v);
+        const mrd_real grows = bank ? R(0.0) : (s->applied - started) / (mrd_real)c->law.substeps;
+        for (int i = 0; i < c->law.substeps; i++) {
             const mrd_real to = from + grows, v1 = v + per;
             x += R(0.5) * h * (v + v1);
             (void)series_step(c->series, &k, s->place[b], x, v, v1, h, valve_amplitude(c, s, &k, warm, from, x),
@@ -262,9 +263,9 @@ static void series_beside(const mrd_series *t, const valve_chain *k, mrd_real v,
     const mrd_real speed = magnitude(v), sign = v < R(0.0) ? R(-1.0) : R(1.0);
     mrd_real slope;
     *viscous = sign * k->at[MRD_CHAIN_VISCOSITY] * power_at(&t->viscous, speed, &slope);
-    *friction = sign * octaves_at(&t->side, k->at[MRD_CHAIN_TRANSITION] * speed)
+    *friction = sign * lookup_at(&t->side, k->at[MRD_CHAIN_TRANSITION] * speed)
               * (k->at[MRD_CHAIN_SLIDING]
-                 + k->at[MRD_CHAIN_BREAKAWAY] * octaves_at(&t->fade, k->at[MRD_CHAIN_STRIBECK] * speed));
+                 + k->at[MRD_CHAIN_BREAKAWAY] * lookup_at(&t->fade, k->at[MRD_CHAIN_STRIBECK] * speed));
     *inertia = k->at[MRD_CHAIN_MASS] * a;
 }
 
@@ -277,7 +278,7 @@ static void series_parts(const mrd_track *c, const mrd_track_state *s, axis_poin
     const mrd_real amplitude = valve_amplitude(c, s, &k, warm, s->applied, s->x) * (q < R(0.0) ? R(-1.0) : R(1.0));
     mrd_real slope, inertia;
     series_beside(t, &k, s->v, s->a, &parts[1], &parts[2], &inertia);
-    parts[0] = amplitude * octaves_at(&t->side, k.at[MRD_CHAIN_SLOWNESS] * speed);
+    parts[0] = amplitude * lookup_at(&t->side, k.at[MRD_CHAIN_SLOWNESS] * speed);
     parts[1] += amplitude * k.at[MRD_CHAIN_THINNING] * power_at(&t->thinning, speed, &slope);
     parts[3] = inertia + k.at[MRD_CHAIN_OFFSET] + k.at[MRD_CHAIN_STIFFNESS] * (s->x - e);
 }
@@ -295,9 +296,9 @@ static mrd_real series_force(const mrd_track *c, const mrd_track_state *s, axis_
 static mrd_real series_ahead(const mrd_track *c, const mrd_track_state *s, const valve_chain *k, axis_point warm, mrd_real *w,
                              mrd_real h, mrd_real from, mrd_real to)
 {
-    const mrd_real stride = h / c->strides, grows = (to - from) / c->strides;
+    const mrd_real stride = h / (mrd_real)c->law.strides, grows = (to - from) / (mrd_real)c->law.strides;
     mrd_real x = s->x, v = s->v, force = R(0.0), current = from;
-    for (int i = 0; i < (int)c->strides; i++) {
+    for (int i = 0; i < c->law.strides; i++) {
         const mrd_real travel = stride * (v + R(0.5) * stride * s->a), y = x - w[0];
         x += travel;
         v += stride * s->a;
@@ -340,7 +341,7 @@ static mrd_real current_for(const mrd_track *c, axis_point warm, mrd_real force,
     const mrd_real along = q < R(0.0) ? -force : force;
     if (along > R(0.0) && per > R(0.0)) return current_of(c, warm, along / per, found);
     *found = false;
-    return force * v > R(0.0) ? c->largest : R(0.0);
+    return force * v > R(0.0) ? c->axes.largest : R(0.0);
 }
 
 /* The applied current at which the model has the wanted force at the preview, where the motion is *m and the last
@@ -353,15 +354,16 @@ static mrd_real series_answer(const mrd_track *c, mrd_track_state *s, axis_point
     mrd_real viscous, friction, inertia, w[2];
     series_beside(t, &k, m->v, m->a, &viscous, &friction, &inertia);
     const mrd_real force = wanted - viscous - friction - inertia;
-    const int models = c->bank > R(1.5) ? (int)c->bank : 1;
-    if (models > 1) {
+    const bool bank = mrd_has_bank(&c->inverse);
+    const int models = bank_of(c), gaps = models - 1;
+    if (bank) {
         mrd_real at[MRD_TRACK_BANK], slope;
         for (int b = 0; b < models; b++) {
-            const mrd_real own = c->largest * (mrd_real)b / (c->bank - R(1.0));
+            const mrd_real own = c->axes.largest * (mrd_real)b / (mrd_real)gaps;
             w[0] = s->place[b][0];
             w[1] = s->place[b][1];
-            if (c->preview > R(0.0)) {
-                at[b] = series_ahead(c, s, &k, warm, w, c->preview, own, own);
+            if (mrd_has_preview(&c->inverse)) {
+                at[b] = series_ahead(c, s, &k, warm, w, c->inverse.preview, own, own);
             } else {
                 const mrd_real carried = valve_amplitude(c, s, &k, warm, own, s->x)
                                        * valve_at_speed(t, &k, magnitude(w[1]), &slope);
@@ -369,15 +371,15 @@ static mrd_real series_answer(const mrd_track *c, mrd_track_state *s, axis_point
                       + (w[1] < R(0.0) ? -carried : carried);
             }
         }
-        return series_row(at, models, c->largest, force, found);
+        return series_row(at, models, c->axes.largest, force, found);
     }
-    const mrd_real before = c->preview - c->horizon;
+    const mrd_real before = c->inverse.preview - c->law.horizon;
     w[0] = s->place[0][0];
     w[1] = s->place[0][1];
     if (before > R(0.0))
         (void)series_ahead(c, s, &k, warm, w, before, s->applied,
-                           s->applied + before / c->preview * (applied - s->applied));
-    const mrd_real e = solve_spring(t, &k, w[0], force, c->horizon);
+                           s->applied + before / c->inverse.preview * (applied - s->applied));
+    const mrd_real e = solve_spring(t, &k, w[0], force, c->law.horizon);
     const mrd_real carried = force - k.at[MRD_CHAIN_OFFSET] - k.at[MRD_CHAIN_STIFFNESS] * (m->x - e);
     /* settled: the valve takes up all of the motion, and has yielded */
     bool settled;
@@ -385,12 +387,12 @@ static mrd_real series_answer(const mrd_track *c, mrd_track_state *s, axis_point
     const mrd_real gain = valve_gain(s, &k, m->x);
     const mrd_real yielded = R(1.0) + k.at[MRD_CHAIN_THINNING] * power_at(&t->thinning, magnitude(m->v), &slope);
     mrd_real current = current_for(c, warm, carried, m->v, gain * yielded, m->v, &settled);
-    if (c->is_static > R(0.5)) {
+    if (mrd_has_static(&c->inverse)) {
         *found = settled;
         return current;
     }
-    const mrd_real most = c->margin >= R(0.0) ? current + c->margin : c->largest;
-    const mrd_real q = m->v - (e - w[0]) / c->horizon;
+    const mrd_real most = mrd_has_clamp(&c->inverse) ? current + c->inverse.margin : c->axes.largest;
+    const mrd_real q = m->v - (e - w[0]) / c->law.horizon;
     current = current_for(c, warm, carried, q, gain * valve_at_speed(t, &k, magnitude(q), &slope), m->v, found);
     if (current > most) {
         current = most;

@@ -1,4 +1,4 @@
-/* Tables of a controller: functions of a size on octaves, the universal curve, force and rho over current and
+/* Tables of a controller: functions of a size, the universal curve, force and rho over current and
  * temperature. Nothing here fails on a number that is not one: it reads an end of the table.
  */
 #include "controller.h"
@@ -30,7 +30,7 @@ static inline mrd_real of_pattern(mrd_pattern p)
     return t;
 }
 
-static mrd_real octaves_at(const mrd_octaves *o, mrd_real size)
+static mrd_real lookup_at(const mrd_lookup *o, mrd_real size)
 {
     const mrd_pattern one = 1u, mask = (one << MRD_DIGITS) - one;
     const uint32_t bits = (uint32_t)o->bits, beside = MRD_DIGITS - bits;
@@ -47,14 +47,14 @@ static mrd_real octaves_at(const mrd_octaves *o, mrd_real size)
  */
 static mrd_real size_at(const mrd_track *c, mrd_real u)
 {
-    return u < R(0.0) ? -octaves_at(&c->unloading, -u) : octaves_at(&c->loading, u);
+    return u < R(0.0) ? -lookup_at(&c->unloading, -u) : lookup_at(&c->loading, u);
 }
 
 static mrd_real after_turn(const mrd_track *c, mrd_real u)
 {
-    const mrd_real left = c->unloaded + u;
-    if (u >= R(0.0)) return -octaves_at(&c->from_loading, u);
-    return left > -u ? octaves_at(&c->from_unloading, -u) : -octaves_at(&c->from_unloaded, magnitude(left));
+    const mrd_real left = c->law.unloaded + u;
+    if (u >= R(0.0)) return -lookup_at(&c->unload_map, u);
+    return left > -u ? lookup_at(&c->reload_map, -u) : -lookup_at(&c->reload_map_rest, magnitude(left));
 }
 
 /* A point on an axis: the entry below, and the share of the way to the next. */
@@ -81,14 +81,15 @@ static axis_point on_currents(const mrd_track *c, mrd_real u)
     return at;
 }
 
-/* Whether the law is that of a valve in series; a constant where MRD_SERIES leaves that law out. */
-static inline bool is_series(const mrd_track *c) { return (MRD_SERIES != 0) && (c->series != NULL); }
+/* Models of a bank at constant currents; 1 where there is no bank. */
+static inline int bank_of(const mrd_track *c) { return mrd_has_bank(&c->inverse) ? c->inverse.models : 1; }
 
-static inline axis_point warmth(const mrd_track *c, mrd_real kelvin)
+static inline axis_point on_temperatures(const mrd_track *c, mrd_real kelvin)
 {
     axis_point at = {0, R(0.0)};
-    if (c->warmest > c->coldest) {
-        const mrd_real where = (limited(kelvin, c->coldest, c->warmest) - c->coldest) / (c->warmest - c->coldest) * (mrd_real)c->pieces;
+    if (c->axes.warmest > c->axes.coldest) {
+        const mrd_real low = c->axes.coldest, high = c->axes.warmest;
+        const mrd_real where = (limited(kelvin, low, high) - low) / (high - low) * (mrd_real)c->pieces;
         at.index = (int32_t)where;
         if (at.index > c->pieces - 1) at.index = c->pieces - 1;
         at.share = where - (mrd_real)at.index;
@@ -108,13 +109,13 @@ static inline mrd_real parabola(const mrd_real *p, mrd_real share) { return p[0]
 static void rho_at(const mrd_track *c, axis_point warm, mrd_real current, mrd_real *rho)
 {
     const mrd_real *p = &parabolas_at(c, warm)[3 * (c->levels + c->begin[MRD_GROUP_RHO])];
-    if (c->shared > R(0.5)) {
-        for (int e = 0; e < (int)c->elements; e++) rho[e] = parabola(&p[3 * e], warm.share);
+    if (mrd_has_shared_rho(&c->law)) {
+        for (int e = 0; e < c->law.elements; e++) rho[e] = parabola(&p[3 * e], warm.share);
     } else {
         const axis_point at = on_currents(c, current);
         const int32_t columns = c->begin[MRD_GROUPS], first = c->begin[MRD_GROUP_RHO];
         const mrd_real *here = &c->column[at.index * columns], *beyond = &here[columns];
-        for (int e = 0; e < (int)c->elements; e++) {
+        for (int e = 0; e < c->law.elements; e++) {
             rho[e] = R(0.0);
             for (int32_t k = c->begin[MRD_GROUP_RHO + e]; k < c->begin[MRD_GROUP_RHO + e + 1]; k++)
                 rho[e] += parabola(&p[3 * (k - first)], warm.share) * (here[k] + at.share * (beyond[k] - here[k]));
@@ -134,9 +135,9 @@ static void motion_multipliers(const mrd_track *c, const mrd_track_state *s, con
     by[MRD_ROW_OFFSET] = R(1.0);
     by[MRD_ROW_STIFFNESS] = m->x;
     by[MRD_ROW_MASS] = m->a;
-    by[MRD_ROW_VISCOUS] = s->gain[1] * sign * octaves_at(&c->viscous, speed);
-    by[MRD_ROW_SLIDING] = s->gain[2] * sign * octaves_at(&c->sliding, speed);
-    by[MRD_ROW_BREAKAWAY] = s->gain[2] * sign * octaves_at(&c->breakaway, speed);
+    by[MRD_ROW_VISCOUS] = s->gain[1] * sign * lookup_at(&c->viscous, speed);
+    by[MRD_ROW_SLIDING] = s->gain[2] * sign * lookup_at(&c->sliding, speed);
+    by[MRD_ROW_BREAKAWAY] = s->gain[2] * sign * lookup_at(&c->breakaway, speed);
     by[MRD_ROW_YIELD] = s->gain[0];
     by[MRD_ROW_SECOND] = s->gain[0];
 }
@@ -149,9 +150,9 @@ typedef struct {
 
 static inline mixture mixture_of(const mrd_track *c, const moment *m)
 {
-    const bool settled = c->elements < R(0.5), rate = c->saturating > R(0.5);
-    const mrd_real built_up = settled || rate ? octaves_at(&c->built_up, magnitude(m->v)) : R(1.0);
-    const mixture mix = {settled ? built_up : R(1.0), {rate ? built_up : R(0.0), rate ? R(0.0) : R(1.0)}};
+    const bool settled = mrd_has_memoryless(&c->law), rate = mrd_has_saturating(&c->law);
+    const mrd_real saturation = settled || rate ? lookup_at(&c->saturation, magnitude(m->v)) : R(1.0);
+    const mixture mix = {settled ? saturation : R(1.0), {rate ? saturation : R(0.0), rate ? R(0.0) : R(1.0)}};
     return mix;
 }
 
@@ -179,9 +180,9 @@ static mrd_real multiplier(const mrd_track *c, const mrd_track_state *s, const m
     switch (row) {
     case MRD_ROW_STIFFNESS: by = m->x; break;
     case MRD_ROW_MASS: by = m->a; break;
-    case MRD_ROW_VISCOUS: by = s->gain[1] * sign * octaves_at(&c->viscous, speed); break;
-    case MRD_ROW_SLIDING: by = s->gain[2] * sign * octaves_at(&c->sliding, speed); break;
-    case MRD_ROW_BREAKAWAY: by = s->gain[2] * sign * octaves_at(&c->breakaway, speed); break;
+    case MRD_ROW_VISCOUS: by = s->gain[1] * sign * lookup_at(&c->viscous, speed); break;
+    case MRD_ROW_SLIDING: by = s->gain[2] * sign * lookup_at(&c->sliding, speed); break;
+    case MRD_ROW_BREAKAWAY: by = s->gain[2] * sign * lookup_at(&c->breakaway, speed); break;
     case MRD_ROW_YIELD:
         mix = mixture_of(c, m);
         by = s->gain[0] * yield_share(&mix, m->w);
