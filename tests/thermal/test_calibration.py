@@ -20,7 +20,7 @@ from mrdamper.thermal.dissipation import LoopWork
 from mrdamper.thermal.drawing import Calibration, DamperDrawing
 from mrdamper.thermal.drawing_file import calibrated_text, drawing_of, read_drawing
 from mrdamper.thermal.duty import Duty, read_duty
-from mrdamper.thermal.estimation.calibration import calibrate_drawing, calibrate_with, fit_heating
+from mrdamper.thermal.estimation.calibration import calibrate_drawing, fit_heating
 from mrdamper.thermal.estimation.measured_curve import (
     HeatingCurve,
     Place,
@@ -30,7 +30,7 @@ from mrdamper.thermal.estimation.measured_curve import (
 )
 from mrdamper.thermal.estimation.uncertainty import ModelUncertainty
 from mrdamper.thermal.model.lumped import constant_heating
-from mrdamper.thermal.temperature_rise import Rise, predict_rise, simulate_rise
+from mrdamper.thermal.temperature_rise import Rise, predict_rise, simulate_rise, works_of
 from tests.support.examples import examples
 
 DRAWING = read_drawing(Path(__file__).parents[2] / "examples" / "paper_damper.toml")
@@ -45,7 +45,7 @@ def work(scale: float = 1.0) -> LoopWork:
 
 
 def heated(drawing: DamperDrawing, *, scale: float = 1.0, start: float = AMBIENT, duty: Duty = DUTY) -> Rise:
-    works = [work(scale) for _ in duty.stretches]
+    works = [work(scale) for _ in duty.segments]
     return simulate_rise(works, drawing, duty, start_K=start, stop_at_limit=False, longest_step=10.0)
 
 
@@ -115,12 +115,12 @@ def test_a_short_curve_says_that_it_does_not_tell_the_losses():
     rng = np.random.default_rng(2)
     short = one_node_curve(rng, 0.5).until(200.0)
     found = fit_heating(short, AMBIENT)
-    assert any("too short or too noisy for UA/C" in each for each in found.words)
-    assert not any("noisy for P/C" in each for each in found.words)
+    assert any("too short or too noisy for UA/C" in each for each in found.notes)
+    assert not any("noisy for P/C" in each for each in found.notes)
 
 
 def test_never_more_than_two_numbers_are_claimed_and_the_words_say_so():
-    words = " ".join(fit_heating(one_node_curve(np.random.default_rng(0), 0.1), AMBIENT).words)
+    words = " ".join(fit_heating(one_node_curve(np.random.default_rng(0), 0.1), AMBIENT).notes)
     assert "P/C and UA/C" in words
     assert "it does not tell" in words
 
@@ -134,8 +134,8 @@ def test_a_curve_that_the_model_cannot_follow_says_so_and_has_larger_errors():
     wavy = fit_heating(HeatingCurve(time, course + 0.5 * np.sqrt(2.0) * np.sin(time / 60.0)), AMBIENT)
     assert wavy.residual_K == pytest.approx(noisy.residual_K, rel=0.1)
     assert wavy.power_error > 3.0 * noisy.power_error
-    assert any("does not follow" in each for each in wavy.words)
-    assert not any("does not follow" in each for each in noisy.words)
+    assert any("does not follow" in each for each in wavy.notes)
+    assert not any("does not follow" in each for each in noisy.notes)
 
 
 # ------------------------------------------------------------------------------------------------ drawings
@@ -145,16 +145,16 @@ def test_a_curve_that_the_model_cannot_follow_says_so_and_has_larger_errors():
 def test_the_drawing_comes_back_with_the_multipliers_of_the_truth(place):
     truth = replace(BARE, calibration=Calibration(heat_capacity=1.15, film=1.05))
     curve = measured(heated(truth, start=297.0), np.random.default_rng(1), noise=0.3, place=place)
-    found = calibrate_with(curve, BARE, [work()], DUTY)
+    found = calibrate_drawing(curve, BARE, [work()], DUTY)
     assert found.heat_capacity == pytest.approx(1.15, rel=3.0 * found.heat_capacity_error)
     assert found.film == pytest.approx(1.05, rel=3.0 * found.film_error)
-    assert found.numbers.start_K == pytest.approx(297.0, abs=0.3)
+    assert found.parameters.start_K == pytest.approx(297.0, abs=0.3)
     assert found.heat_capacity_error < 0.01
 
 
 def test_without_noise_the_multipliers_are_exact():
     truth = replace(BARE, calibration=Calibration(heat_capacity=1.15, film=1.05))
-    found = calibrate_with(measured(heated(truth), np.random.default_rng(1)), BARE, [work()], DUTY)
+    found = calibrate_drawing(measured(heated(truth), np.random.default_rng(1)), BARE, [work()], DUTY)
     assert found.heat_capacity == pytest.approx(1.15, rel=2e-4)
     assert found.film == pytest.approx(1.05, rel=5e-4)
 
@@ -165,7 +165,7 @@ def test_the_calibrated_drawing_foretells_another_duty():
     finned = replace(DRAWING.sink, film_multiplier=1.3)
     truth = replace(DRAWING, calibration=Calibration(heat_capacity=1.2, film=0.7), sink=finned)
     curve = measured(heated(truth), np.random.default_rng(3), noise=0.2, until=900.0)
-    found = calibrate_with(curve, DRAWING, [work()], DUTY)
+    found = calibrate_drawing(curve, DRAWING, [work()], DUTY)
     hour = read_duty("sine:15mm:1Hz:1A:3600s")
     off = (
         heated(found.drawing, scale=0.5, duty=hour).fluid[-1] - heated(truth, scale=0.5, duty=hour).fluid[-1]
@@ -180,12 +180,12 @@ def test_scaling_power_capacity_and_losses_together_changes_nothing():
     no_more = replace(BARE.surroundings, emissivity=0.0, mount=0.0)
     alone = replace(BARE, surroundings=no_more, coil=replace(BARE.coil, resistance=0.0))
     curve = measured(heated(alone, scale=0.6), np.random.default_rng(4), noise=0.2)
-    once = calibrate_with(curve, alone, [work(0.6)], DUTY, model="lumped")
-    twice = calibrate_with(curve, alone, [work(1.2)], DUTY, model="lumped")
+    once = calibrate_drawing(curve, alone, [work(0.6)], DUTY, model="lumped")
+    twice = calibrate_drawing(curve, alone, [work(1.2)], DUTY, model="lumped")
     assert twice.heat_capacity == pytest.approx(2.0 * once.heat_capacity, rel=1e-6)
     assert twice.film == pytest.approx(2.0 * once.film, rel=1e-6)
     for name in ("power_over_capacity", "conductance_over_capacity", "power_error", "conductance_error"):
-        assert getattr(twice.numbers, name) == pytest.approx(getattr(once.numbers, name), rel=1e-5)
+        assert getattr(twice.parameters, name) == pytest.approx(getattr(once.parameters, name), rel=1e-5)
 
 
 @pytest.mark.system
@@ -196,35 +196,35 @@ def test_film_emissivity_and_mountings_cannot_be_told_apart():
         replace(BARE, surroundings=replace(BARE.surroundings, emissivity=emissivity, mount=mount))
         for emissivity, mount in ((0.31, 0.10), (0.05, 0.10), (0.31, 0.25))
     ]
-    found = [calibrate_with(curve, way, [work()], DUTY) for way in ways]
+    found = [calibrate_drawing(curve, way, [work()], DUTY) for way in ways]
     films = [each.film for each in found]
     assert max(films) > 4.0 * min(films)
     ends = [heated(each.drawing).fluid[-1] for each in found]
     assert np.ptp(ends) < 0.2
     for each in found[1:]:
-        assert each.numbers.residual_K == pytest.approx(found[0].numbers.residual_K, rel=0.02)
-        told = each.numbers.conductance_over_capacity
-        assert told == pytest.approx(found[0].numbers.conductance_over_capacity, rel=0.06)
+        assert each.parameters.residual_K == pytest.approx(found[0].parameters.residual_K, rel=0.02)
+        told = each.parameters.conductance_over_capacity
+        assert told == pytest.approx(found[0].parameters.conductance_over_capacity, rel=0.06)
 
 
-def test_a_card_and_a_duty_in_words_are_enough():
+def test_a_card_s_own_loop_gives_the_power_that_is_calibrated_by():
     """The card's own loop gives the power; a card in volts does not fit a duty in amperes."""
     numbers = {"yield_force": Constant(1100.0), "yield_velocity": Constant(1e-6), "viscosity": Constant(1e3)}
     damper = Damper(LAWS["bingham"], numbers)
     truth = replace(BARE, calibration=Calibration(heat_capacity=1.15, film=1.05))
     rise = predict_rise(damper, truth, DUTY, stop_at_limit=False, longest_step=10.0)
     curve = measured(rise, np.random.default_rng(10), noise=0.2)
-    found = calibrate_drawing(curve, BARE, damper, "sine:15mm:1Hz:2A:1800s")
+    found = calibrate_drawing(curve, BARE, works_of(damper, DUTY), DUTY)
     assert found.heat_capacity == pytest.approx(1.15, rel=3.0 * found.heat_capacity_error)
     with pytest.raises(InputError, match="its command is in V, the card's in A"):
-        calibrate_drawing(curve, BARE, damper, "sine:15mm:1Hz:2V:1800s")
+        works_of(damper, read_duty("sine:15mm:1Hz:2V:1800s"))
 
 
 def test_the_entries_read_back_as_the_same_drawing():
     """A file of its own: the drawing's text with the entries in place of those that were there."""
     path = Path(__file__).parents[2] / "examples" / "paper_damper.toml"
     curve = measured(heated(DRAWING, scale=1.1), np.random.default_rng(6), noise=0.2, until=600.0)
-    found = calibrate_with(curve, DRAWING, [work()], DUTY, model_uncertainty=ModelUncertainty())
+    found = calibrate_drawing(curve, DRAWING, [work()], DUTY, model_uncertainty=ModelUncertainty())
     text = calibrated_text(path.read_text(encoding="utf-8"), found.entries, "the paper's, calibrated")
     read = drawing_of(text, DRAWING.name)
     assert found.heat_capacity != DRAWING.calibration.heat_capacity
@@ -252,15 +252,15 @@ def test_a_curve_of_half_an_hour_outweighs_what_was_believed():
     """Believed at a tenth and a quarter, told at a per cent: the same numbers within their errors."""
     truth = replace(BARE, calibration=Calibration(heat_capacity=1.15, film=1.05))
     curve = measured(heated(truth), np.random.default_rng(1), noise=0.3)
-    alone = calibrate_with(curve, BARE, [work()], DUTY)
-    held = calibrate_with(curve, BARE, [work()], DUTY, model_uncertainty=ModelUncertainty())
+    alone = calibrate_drawing(curve, BARE, [work()], DUTY)
+    held = calibrate_drawing(curve, BARE, [work()], DUTY, model_uncertainty=ModelUncertainty())
     for found in (alone, held):
         assert found.heat_capacity == pytest.approx(1.15, rel=3.0 * found.heat_capacity_error)
         assert found.film == pytest.approx(1.05, rel=3.0 * found.film_error)
     # what is carried along takes some certainty
     assert alone.heat_capacity_error < held.heat_capacity_error < 0.05
-    assert not any("hardly tells" in each for each in held.numbers.words)
-    assert any("nothing is claimed of them" in each for each in held.numbers.words)
+    assert not any("hardly tells" in each for each in held.parameters.notes)
+    assert any("nothing is claimed of them" in each for each in held.parameters.notes)
 
 
 def test_a_minute_of_curve_leaves_the_losses_to_the_drawing():
@@ -268,8 +268,10 @@ def test_a_minute_of_curve_leaves_the_losses_to_the_drawing():
     curve = measured(heated(BARE, scale=1.2), np.random.default_rng(2), noise=0.3, until=60.0)
     for losses in (0.25, 0.05):
         model_uncertainty = ModelUncertainty(power=0.10, capacity=1e-3, loss=losses)
-        numbers = calibrate_with(curve, BARE, [work()], DUTY, model_uncertainty=model_uncertainty).numbers
-        assert any("hardly tells UA/C yet" in each for each in numbers.words)
+        numbers = calibrate_drawing(
+            curve, BARE, [work()], DUTY, model_uncertainty=model_uncertainty
+        ).parameters
+        assert any("hardly tells UA/C yet" in each for each in numbers.notes)
         assert numbers.power_error / numbers.power_over_capacity < 0.09
         # at the start's low excess the film has a smaller share of the losses than at 40 K
         assert 0.7 * losses < numbers.conductance_error / numbers.conductance_over_capacity < 1.05 * losses
@@ -279,16 +281,16 @@ def test_without_any_doubt_the_drawing_stays_as_it_is():
     """Only the start is fitted then."""
     nothing = ModelUncertainty(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     curve = measured(heated(BARE, start=296.0), np.random.default_rng(2), noise=0.3, until=600.0)
-    found = calibrate_with(curve, BARE, [work()], DUTY, model_uncertainty=nothing)
+    found = calibrate_drawing(curve, BARE, [work()], DUTY, model_uncertainty=nothing)
     assert found.heat_capacity == pytest.approx(BARE.calibration.heat_capacity, rel=1e-4)
     assert found.film == pytest.approx(BARE.calibration.film, rel=1e-4)
-    assert found.numbers.start_K == pytest.approx(296.0, abs=0.15)
+    assert found.parameters.start_K == pytest.approx(296.0, abs=0.15)
 
 
 def test_the_spread_is_that_of_capacity_and_losses():
     """Without a doubt: two multipliers, of which the film's moves the convective part of UA alone."""
     curve = measured(heated(BARE), np.random.default_rng(1), noise=0.3)
-    found = calibrate_with(curve, BARE, [work()], DUTY)
+    found = calibrate_drawing(curve, BARE, [work()], DUTY)
     start, capacity, losses, *carried = np.sqrt(np.diag(found.spread))
     assert capacity == pytest.approx(found.heat_capacity_error, rel=1e-6)  # no fins: all of it is multiplied
     assert losses < 0.8 * found.film_error
@@ -308,7 +310,7 @@ def test_the_spread_is_that_of_capacity_and_losses():
 def test_a_curve_of_no_damper_is_refused_with_a_doubt_as_well(course, said):
     time = np.arange(0.0, 120.0, 1.5)
     with pytest.raises(ConvergenceError, match=said):
-        calibrate_with(
+        calibrate_drawing(
             HeatingCurve(time, course(time) + 273.15),
             BARE,
             [work()],
@@ -322,20 +324,20 @@ def test_a_curve_of_a_damper_of_twice_the_size_is_refused_with_a_doubt():
     """A clean curve, a fifth of the drawing's rate: no drawing is that far off."""
     curve = measured(heated(BARE, scale=0.2), np.random.default_rng(3), noise=0.05, until=900.0)
     with pytest.raises(ConvergenceError, match=r"it takes a heat capacity .* times the drawing's"):
-        calibrate_with(curve, BARE, [work()], DUTY, model_uncertainty=ModelUncertainty())
+        calibrate_drawing(curve, BARE, [work()], DUTY, model_uncertainty=ModelUncertainty())
 
 
 def test_a_curve_of_something_else_is_refused():
     time = np.linspace(0.0, 1800.0, 100)
     cold = HeatingCurve(time, AMBIENT + 0.1 * np.sin(time))
     with pytest.raises(ConvergenceError, match=r"no multipliers from 0\.05 to 20 follow it"):
-        calibrate_with(cold, BARE, [work()], DUTY)
+        calibrate_drawing(cold, BARE, [work()], DUTY)
 
 
 def test_a_curve_longer_than_the_duty_is_refused():
     time = np.linspace(0.0, 3600.0, 100)
     with pytest.raises(InputError, match="expected a curve within the duty"):
-        calibrate_with(HeatingCurve(time, np.full(100, 300.0)), BARE, [work()], DUTY)
+        calibrate_drawing(HeatingCurve(time, np.full(100, 300.0)), BARE, [work()], DUTY)
 
 
 # ------------------------------------------------------------------------------------------- dirty curves
@@ -358,7 +360,7 @@ def test_gaps_spikes_and_repeated_stamps_go_and_are_counted():
     ]
     told = fit_heating(found, AMBIENT)
     assert told.power_over_capacity == pytest.approx(0.08, abs=3.0 * told.power_error)
-    assert told.words[-3:] == found.notes
+    assert told.notes[-3:] == found.notes
 
 
 def test_a_clean_curve_is_left_alone_even_where_it_is_steep():

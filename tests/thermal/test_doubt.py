@@ -143,5 +143,5 @@ def test_a_load_of_days_ends_in_the_steady_state():
 
 
 def test_a_doubt_below_zero_is_refused():
-    with pytest.raises(InputError, match=r"doubt\.loss is -1"):
+    with pytest.raises(InputError, match=r"model uncertainty: loss is -1"):
         ModelUncertainty(loss=-1.0)

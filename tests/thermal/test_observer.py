@@ -18,8 +18,10 @@ from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.estimation.observer import (
     ObserverState,
     TemperatureObserver,
-    ThermalSeen,
+    ThermalMeasurement,
+    ThermalRecord,
     Thermometers,
+    observe_temperature,
     time_left,
 )
 from mrdamper.thermal.estimation.uncertainty import FACTORS, ModelUncertainty
@@ -75,7 +77,7 @@ def zero(
     state = observer.start(spread_K=0.3)
     for _ in range(30):
         ohm = truth.resistance_20 * (1.0 + noise * rng.standard_normal())
-        state = observer.step(state, ThermalSeen(1.0, 0.0, 0.5, ohm))
+        state = observer.step(state, ThermalMeasurement(1.0, 0.0, 0.5, ohm))
     return state
 
 
@@ -97,7 +99,7 @@ def follow(
     errors, stated = [], []
     for k in range(1, until + 1):
         watts = float(power(observer.fluid(state)[0]))
-        seen = ThermalSeen(1.0, watts, 2.0, ohm[k] if by_coil else None, body[k] if by_body else None)
+        seen = ThermalMeasurement(1.0, watts, 2.0, ohm[k] if by_coil else None, body[k] if by_body else None)
         state = observer.step(state, seen)
         fluid, spread = observer.fluid(state)
         errors.append(fluid - truth.fluid[k])
@@ -118,7 +120,7 @@ def test_its_covariance_is_that_of_its_errors():
         state = observer.start()
         actual = rng.multivariate_normal(state.mean, state.covariance, method="cholesky")
         for _ in range(40):
-            truth_told = ThermalSeen(5.0, 70.0, 2.0)
+            truth_told = ThermalMeasurement(5.0, 70.0, 2.0)
             ahead, _ = observer._advance(actual, np.eye(size), truth_told)
             actual = ahead + np.sqrt(5.0 * observer._walk()) * rng.standard_normal(size)
             coil = float(observer.network.coil @ actual[: size - len(FACTORS)])
@@ -152,8 +154,10 @@ def test_with_a_perfect_drawing_and_no_doubt_it_is_the_network():
         for _ in range(round(300.0 / step)):
             fluid = observer.fluid(state)[0]
             # the power at the step's end, as the implicit step has everything else
-            ahead = observer.step(state, ThermalSeen(step, float(power(fluid)), 2.0))
-            state = observer.step(state, ThermalSeen(step, float(power(observer.fluid(ahead)[0])), 2.0))
+            ahead = observer.step(state, ThermalMeasurement(step, float(power(fluid)), 2.0))
+            state = observer.step(
+                state, ThermalMeasurement(step, float(power(observer.fluid(ahead)[0])), 2.0)
+            )
         errors.append(observer.fluid(state)[0] - reference)
     assert abs(errors[1]) < 0.05
     assert errors[0] / errors[1] == pytest.approx(2.0, rel=0.2)
@@ -162,11 +166,11 @@ def test_with_a_perfect_drawing_and_no_doubt_it_is_the_network():
 def test_a_thousand_milliseconds_are_a_second():
     """The rate of a control loop or of a logger: the same state, temperatures and spread."""
     observer = observer_of()
-    slow = observer.step(observer.start(), ThermalSeen(1.0, 70.0, 2.0, 4.25))
+    slow = observer.step(observer.start(), ThermalMeasurement(1.0, 70.0, 2.0, 4.25))
     fast = observer.start()
     for _ in range(999):
-        fast = observer.step(fast, ThermalSeen(1e-3, 70.0, 2.0))
-    fast = observer.step(fast, ThermalSeen(1e-3, 70.0, 2.0, 4.25))
+        fast = observer.step(fast, ThermalMeasurement(1e-3, 70.0, 2.0))
+    fast = observer.step(fast, ThermalMeasurement(1e-3, 70.0, 2.0, 4.25))
     assert fast.time_s == pytest.approx(1.0)
     assert observer.fluid(fast) == pytest.approx(observer.fluid(slow), abs=0.02)
 
@@ -204,7 +208,7 @@ def test_without_zeroing_the_offset_is_degrees():
     trusting = observer_of(model_uncertainty=ModelUncertainty(resistance=1e-6))
     state = trusting.start(spread_K=20.0)
     for _ in range(200):
-        state = trusting.step(state, ThermalSeen(1.0, 0.0, 0.5, truth.resistance_20))
+        state = trusting.step(state, ThermalMeasurement(1.0, 0.0, 0.5, truth.resistance_20))
     assert trusting.coil(state)[0] - AMBIENT == pytest.approx(0.01 / COPPER, abs=0.4)
 
 
@@ -232,7 +236,7 @@ def test_without_current_there_is_no_signal_and_the_spread_grows():
     spreads = []
     for _ in range(60):
         # a driver that is off reports any number: it must not count
-        state = observer.step(state, ThermalSeen(10.0, 60.0, 0.0, 4.2))
+        state = observer.step(state, ThermalMeasurement(10.0, 60.0, 0.0, 4.2))
         spreads.append(observer.fluid(state)[1])
     assert (np.diff(spreads) > 0.0).all()
     assert spreads[-1] > 5.0 * spreads[0]
@@ -245,7 +249,7 @@ def test_a_probing_current_brings_the_signal_back_and_hardly_heats():
         observer = observer_of()
         state = observer.start()
         for _ in range(60):
-            state = observer.step(state, ThermalSeen(10.0, 60.0, amperes, 4.4))
+            state = observer.step(state, ThermalMeasurement(10.0, 60.0, amperes, 4.4))
         ends[amperes] = observer.fluid(state)[1]
     assert ends[0.0] > ends[0.02] > ends[0.1] > ends[0.5]
     assert ends[0.1] < 0.5 * ends[0.0]
@@ -261,8 +265,8 @@ def test_the_noise_of_a_resistance_goes_by_the_current():
 def test_a_reading_that_is_nan_is_no_reading():
     observer = observer_of()
     state = observer.start()
-    silent = observer.step(state, ThermalSeen(1.0, 50.0, 2.0))
-    broken = observer.step(state, ThermalSeen(1.0, 50.0, 2.0, math.nan, math.nan))
+    silent = observer.step(state, ThermalMeasurement(1.0, 50.0, 2.0))
+    broken = observer.step(state, ThermalMeasurement(1.0, 50.0, 2.0, math.nan, math.nan))
     assert np.array_equal(silent.mean, broken.mean)
     assert np.array_equal(silent.covariance, broken.covariance)
 
@@ -287,8 +291,8 @@ def test_scaling_power_capacity_and_conductances_together_changes_nothing():
     light, thrice = TemperatureObserver(network, OHM), TemperatureObserver(heavy, 3.0 * OHM)
     one, other = light.start(), thrice.start()
     for k in range(50):
-        one = light.step(one, ThermalSeen(2.0, 70.0, 1.5, 4.2 + 0.005 * k))
-        other = thrice.step(other, ThermalSeen(2.0, 210.0, 1.5, 12.6 + 0.015 * k))
+        one = light.step(one, ThermalMeasurement(2.0, 70.0, 1.5, 4.2 + 0.005 * k))
+        other = thrice.step(other, ThermalMeasurement(2.0, 210.0, 1.5, 12.6 + 0.015 * k))
     # the same but for the voltage's noise, which is smaller beside three times the ohms
     assert light.fluid(one)[0] == pytest.approx(thrice.fluid(other)[0], abs=0.02)
 
@@ -349,7 +353,7 @@ def test_at_the_limit_no_time_is_left():
 def test_impossible_numbers_are_refused():
     with pytest.raises(InputError, match="resistance_20_ohm is 0"):
         TemperatureObserver(zone_network(BARE), 0.0)
-    with pytest.raises(InputError, match=r"doubt\.loss is -1"):
+    with pytest.raises(InputError, match=r"model uncertainty: loss is -1"):
         ModelUncertainty(loss=-1.0)
     with pytest.raises(InputError, match="expected positive noise"):
         Thermometers(body_K=0.0)
@@ -357,4 +361,47 @@ def test_impossible_numbers_are_refused():
         observer_of(body=np.ones(3))
     observer = observer_of()
     with pytest.raises(InputError, match=r"-1\.0 s passed"):
-        observer.step(observer.start(), ThermalSeen(-1.0, 0.0, 0.0))
+        observer.step(observer.start(), ThermalMeasurement(-1.0, 0.0, 0.0))
+
+
+# ------------------------------------------------------------------------------------------------- a record
+
+
+def test_a_record_is_observed_row_by_row():
+    """The same as the observer step by step; the fluid's error is what it says."""
+    rng = np.random.default_rng(8)
+    truth = truth_of(BARE, rng)
+    time = np.arange(0.0, 601.0, 5.0)
+    at = time.astype(int)
+    ohm = truth.resistance_20 * (1.0 + COPPER * (truth.coil[at] - AMBIENT))
+    body = truth.wall[at] + 0.5 * rng.standard_normal(len(at))
+    body[10:20] = math.nan
+    watts = power(truth.fluid[at])
+    found = observe_temperature(
+        BARE, ThermalRecord(time, watts, np.full(len(time), 2.0), resistance=ohm, body=body)
+    )
+    observer = observer_of()
+    state = observer.start()
+    for k in range(len(time)):
+        elapsed = 5.0 if k else 0.0
+        state = observer.step(state, ThermalMeasurement(elapsed, watts[k], 2.0, ohm[k], body[k]))
+    assert (found.fluid[-1], found.fluid_error[-1]) == observer.fluid(state)
+    assert (found.wall[-1], found.wall_error[-1]) == observer.wall(state)
+    assert found.factors == observer.factors(state)
+    assert np.abs(found.fluid - truth.fluid[at])[60:].max() < 4.0 * found.fluid_error[60:].max()
+    assert found.state.time_s == pytest.approx(600.0)
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"time": np.zeros(4)}, "time does not rise"),
+        ({"power": np.array([1.0, 2.0, math.nan, 3.0])}, "a power or current is not finite"),
+        ({"body": np.zeros(3)}, r"body has shape \(3,\), time \(4,\)"),
+        ({"body": None}, "expected the coil's resistance, a body temperature, or both"),
+    ],
+)
+def test_a_record_that_says_nothing_is_refused(changed, said):
+    plain = {"time": np.arange(4.0), "power": np.ones(4), "current": np.ones(4), "body": np.full(4, 300.0)}
+    with pytest.raises(InputError, match=said):
+        ThermalRecord(**{**plain, **changed})

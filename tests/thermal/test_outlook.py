@@ -14,7 +14,7 @@ from mrdamper.thermal.dissipation import LoopWork
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.duty import read_duty
-from mrdamper.thermal.estimation.calibration import calibrate_with
+from mrdamper.thermal.estimation.calibration import calibrate_drawing
 from mrdamper.thermal.estimation.measured_curve import HeatingCurve, Place
 from mrdamper.thermal.estimation.prediction_interval import predict_interval
 from mrdamper.thermal.estimation.uncertainty import ModelUncertainty, PredictionInterval
@@ -53,7 +53,7 @@ def measured(
 
 
 def foretold(base: DamperDrawing, curve: HeatingCurve) -> PredictionInterval:
-    calibrated = calibrate_with(curve, base, [WORK], DUTY, model_uncertainty=ModelUncertainty())
+    calibrated = calibrate_drawing(curve, base, [WORK], DUTY, model_uncertainty=ModelUncertainty())
     return predict_interval([WORK], calibrated.drawing, DUTY, calibrated=calibrated)
 
 

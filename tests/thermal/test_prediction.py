@@ -9,7 +9,13 @@ import pytest
 
 from mrdamper.errors import ConvergenceError, InputError
 from mrdamper.thermal.estimation.measured_curve import HeatingCurve
-from mrdamper.thermal.estimation.prediction import EarlyPrediction, _Problem, predict_early
+from mrdamper.thermal.estimation.prediction import (
+    EarlyPrediction,
+    PredictionOptions,
+    _Problem,
+    predict_early,
+    predict_temperature,
+)
 from mrdamper.thermal.estimation.two_node import PARAMETERS, PRIOR, simulate_two_node
 from mrdamper.thermal.model.lumped import constant_heating
 from tests.thermal.fleet import Member, draw_fleet
@@ -36,7 +42,7 @@ def scores(fleet: list[Member], minutes: float, *, dampers: int = 400) -> tuple[
     return float(np.sqrt(np.mean(np.square(errors)))), float(np.mean(inside))
 
 
-# ------------------------------------------------------------------------------------------- the lean model
+# --------------------------------------------------------------------------------------- the two-node model
 
 
 def test_without_falls_and_growth_it_is_the_closed_form():
@@ -126,11 +132,11 @@ def _chains(problem: _Problem, *, walkers: int = 100, steps: int = 2000) -> np.n
         moves = np.log(rng.uniform(size=walkers)) < new - log
         at, log = np.where(moves, trial, at), np.where(moves, new, log)
         if k >= steps // 2 and k % 50 == 0:
-            numbers, start = problem.numbers(at)
+            parameters, start = problem.parameters(at)
             kept.append(
-                simulate_two_node(numbers, start, problem.ambient, np.array([problem.curve.time[0], END_S]))[
-                    1
-                ]
+                simulate_two_node(
+                    parameters, start, problem.ambient, np.array([problem.curve.time[0], END_S])
+                )[1]
             )
     return np.concatenate(kept)
 
@@ -218,3 +224,37 @@ def test_a_prediction_of_the_past_is_refused():
     known: EarlyPrediction = predict_early(curve.until(600.0), AMBIENT, dampers=10)
     with pytest.raises(InputError, match="expected a later time"):
         known.temperature(-5.0)
+
+
+def test_a_prediction_is_the_early_one_at_every_time_asked():
+    member = draw_fleet(1, FLEET_SEED)[0]
+    curve = member.curve.until(600.0)
+    options = PredictionOptions(until=END_S, limit=member.truth_at(END_S) - 1.0, dampers=100)
+    found = predict_temperature(curve, member.ambient, options)
+    known = predict_early(curve, member.ambient, dampers=100)
+    ends = (found.interval.median[-1], found.interval.low[-1], found.interval.high[-1])
+    assert found.interval.time[-1] == END_S
+    assert ends == pytest.approx(known.temperature(END_S), abs=1e-9)
+    assert found.interval.to_limit == known.time_to(options.limit)
+    middle, low, high = found.parameters["heating"]
+    assert low < middle < high
+    assert found.parameters.keys() == set(PARAMETERS)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"probability": 1.0}, r"prediction\.probability is 1\.0; expected a number, above 0 and below 1"),
+        ({"limit": 130.0}, r"prediction\.limit_degC is -143\.15; expected a number in degC"),
+        ({"dampers": 3}, r"prediction\.dampers is 3; expected a whole number, at least 20"),
+    ],
+)
+def test_what_cannot_be_asked_is_refused(given, said):
+    with pytest.raises(InputError, match=said):
+        PredictionOptions(**given)
+
+
+def test_a_prediction_that_ends_before_the_curve_begins_is_refused():
+    curve = HeatingCurve(np.arange(100.0, 300.0), 300.0 + 0.01 * np.arange(200.0))
+    with pytest.raises(InputError, match="it should end at 50 s, the curve starts at 100 s"):
+        predict_temperature(curve, AMBIENT, PredictionOptions(until=50.0, dampers=20))

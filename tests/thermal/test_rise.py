@@ -18,7 +18,7 @@ from mrdamper.models.laws import LAWS
 from mrdamper.models.temperature import Arrhenius, Linear
 from mrdamper.thermal.dissipation import LoopWork, tabulate_work
 from mrdamper.thermal.drawing_file import read_drawing
-from mrdamper.thermal.duty import Duty, read_duty, stretch_of
+from mrdamper.thermal.duty import Duty, read_duty, segment_of
 from mrdamper.thermal.model.finite_element import heat_field
 from mrdamper.thermal.temperature_rise import loads_of, predict_rise, simulate_rise
 
@@ -47,15 +47,15 @@ def temperature_dependent() -> Damper:
 
 def test_the_default_duty_is_read():
     duty = read_duty("sine:15mm:1Hz:2A:1800s")
-    (stretch,) = duty.stretches
-    assert (duty.duration, duty.command_unit, stretch.command) == (1800.0, "A", 2.0)
-    assert stretch.path is not None
-    assert np.abs(stretch.path.displacement).max() == pytest.approx(0.015, rel=1e-4)
+    (segment,) = duty.segments
+    assert (duty.duration, duty.command_unit, segment.command) == (1800.0, "A", 2.0)
+    assert segment.path is not None
+    assert np.abs(segment.path.displacement).max() == pytest.approx(0.015, rel=1e-4)
 
 
 def test_minutes_and_volts_are_units_too():
     duty = read_duty("sine:5mm:2Hz:3.5V:30min")
-    assert (duty.duration, duty.command_unit, duty.stretches[0].command) == (1800.0, "V", 3.5)
+    assert (duty.duration, duty.command_unit, duty.segments[0].command) == (1800.0, "V", 3.5)
 
 
 @pytest.mark.parametrize(
@@ -80,9 +80,9 @@ def test_a_table_of_amplitudes_is_a_stretch_per_row_and_rests_are_allowed(tmp_pa
         "time_s,amplitude_mm,frequency_Hz,current_A\n0,15,1,2\n600,0,0,0\n900,5,2,1\n1200,5,2,1\n"
     )
     duty = read_duty(path)
-    assert [stretch.duration for stretch in duty.stretches] == [600.0, 300.0, 300.0]
-    assert [stretch.command for stretch in duty.stretches] == [2.0, 0.0, 1.0]
-    assert duty.stretches[1].path is None
+    assert [segment.duration for segment in duty.segments] == [600.0, 300.0, 300.0]
+    assert [segment.command for segment in duty.segments] == [2.0, 0.0, 1.0]
+    assert duty.segments[1].path is None
     rise = predict_rise(temperature_dependent(), BARE, duty)
     at = [rise.fluid_at(seconds) for seconds in (0.0, 600.0, 900.0, 1200.0)]
     assert at[1] > at[0]
@@ -122,7 +122,7 @@ def test_a_table_that_says_too_little_is_refused(tmp_path, content, said):
 
 
 def test_dry_friction_takes_four_strokes_of_force_a_cycle():
-    work = tabulate_work(dry_and_viscous(dry=1000.0), stretch_of(Sine(0.015, 1.0), 2.0, 60.0))
+    work = tabulate_work(dry_and_viscous(dry=1000.0), segment_of(Sine(0.015, 1.0), 2.0, 60.0))
     assert work.constant
     assert work.power[0] == pytest.approx(4.0 * 1000.0 * 0.015, rel=1e-3)
     assert work.peak[0] == pytest.approx(1000.0, rel=1e-6)
@@ -130,29 +130,29 @@ def test_dry_friction_takes_four_strokes_of_force_a_cycle():
 
 def test_a_dashpot_takes_half_the_product_of_its_amplitudes():
     speed = 2.0 * math.pi * 2.0 * 0.005
-    work = tabulate_work(dry_and_viscous(viscous=3000.0), stretch_of(Sine(0.005, 2.0), 0.0, 60.0))
+    work = tabulate_work(dry_and_viscous(viscous=3000.0), segment_of(Sine(0.005, 2.0), 0.0, 60.0))
     assert work.power[0] == pytest.approx(0.5 * 3000.0 * speed**2, rel=1e-5)
     assert work.peak[0] == pytest.approx(3000.0 * speed, rel=1e-6)
 
 
 def test_a_spring_takes_none():
-    work = tabulate_work(dry_and_viscous(stiffness=Constant(1e4)), stretch_of(Sine(0.015, 1.0), 0.0, 60.0))
+    work = tabulate_work(dry_and_viscous(stiffness=Constant(1e4)), segment_of(Sine(0.015, 1.0), 0.0, 60.0))
     assert work.power[0] == pytest.approx(0.0, abs=1e-3)
 
 
 def test_a_motion_without_a_period_is_averaged_over_its_first_two_minutes():
     """Within what half a beat in that time can make of it."""
     tones = Harmonics((0.003, 0.002), (1.0, 1.5), (0.0, 1.0))
-    work = tabulate_work(dry_and_viscous(viscous=3000.0), stretch_of(tones, 0.0, 600.0))
+    work = tabulate_work(dry_and_viscous(viscous=3000.0), segment_of(tones, 0.0, 600.0))
     exact = sum(0.5 * 3000.0 * (2.0 * math.pi * f * a) ** 2 for a, f in ((0.003, 1.0), (0.002, 1.5)))
     assert work.power[0] == pytest.approx(exact, rel=0.01)
 
 
 def test_power_between_the_table_s_temperatures_is_the_loop_s_own():
-    damper, stretch = temperature_dependent(), stretch_of(Sine(0.015, 1.0), 2.0, 60.0)
-    table = tabulate_work(damper, stretch)
+    damper, segment = temperature_dependent(), segment_of(Sine(0.015, 1.0), 2.0, 60.0)
+    table = tabulate_work(damper, segment)
     between = np.array([297.0, 331.3, 388.8])
-    own = tabulate_work(damper, stretch, temperature_K=between)
+    own = tabulate_work(damper, segment, temperature_K=between)
     assert table.power_at(between) == pytest.approx(own.power, rel=2e-4)
     assert table.peak_at(between) == pytest.approx(own.peak, rel=2e-4)
     assert (np.diff(table.power_at(np.linspace(280.0, 420.0, 200))) < 0.0).all()
@@ -160,7 +160,7 @@ def test_power_between_the_table_s_temperatures_is_the_loop_s_own():
 
 def test_beyond_the_card_s_temperatures_power_is_held():
     damper = replace(temperature_dependent(), temperature_range=(293.15, 353.15))
-    work = tabulate_work(damper, stretch_of(Sine(0.015, 1.0), 2.0, 60.0))
+    work = tabulate_work(damper, segment_of(Sine(0.015, 1.0), 2.0, 60.0))
     assert work.power_at(400.0) == work.power_at(353.15) == work.power[-1]
 
 
@@ -183,7 +183,7 @@ def test_force_fades_as_the_card_says_at_the_fluid_s_temperature():
     damper = temperature_dependent()
     rise = predict_rise(damper, BARE)
     at = np.array([293.15, float(rise.fluid[-1])])
-    own = tabulate_work(damper, read_duty("sine:15mm:1Hz:2A:1800s").stretches[0], temperature_K=at)
+    own = tabulate_work(damper, read_duty("sine:15mm:1Hz:2A:1800s").segments[0], temperature_K=at)
     assert rise.force_loss_percent == pytest.approx(100.0 * (1.0 - own.peak[1] / own.peak[0]), abs=0.02)
     assert rise.peak_force_N[0] == pytest.approx(own.peak[0], rel=1e-4)
 
@@ -269,7 +269,7 @@ def test_a_duty_beyond_what_the_card_was_identified_on_is_noted():
 
 def test_the_temperature_at_rest_falls_towards_ambient():
     duty = read_duty("sine:15mm:1Hz:2A:600s")
-    rest = replace(duty.stretches[0], path=None, command=0.0, duration=36000.0)
+    rest = replace(duty.segments[0], path=None, command=0.0, duration=36000.0)
     work = tabulate_work(temperature_dependent(), rest)
     rise = simulate_rise([work], BARE, Duty((rest,), "A", "rest"), start_K=373.15)
     assert (np.diff(rise.fluid) < 0.0).all()
@@ -280,7 +280,7 @@ def test_the_temperature_at_rest_falls_towards_ambient():
 def test_the_reduced_model_follows_the_finite_elements():
     """Within 10 mK of them all the way; its account has the network's paths and closes."""
     duty = read_duty("sine:15mm:1Hz:2A:600s")
-    works = [tabulate_work(temperature_dependent(), stretch) for stretch in duty.stretches]
+    works = [tabulate_work(temperature_dependent(), segment) for segment in duty.segments]
     rise, zones = (simulate_rise(works, DRAWING, duty, model=model) for model in ("reduced", "zones"))
     _, course = heat_field(DRAWING, loads_of(works, DRAWING, duty))
     assert rise.fluid == pytest.approx(np.interp(rise.time, course.time, course.fluid), abs=0.01)

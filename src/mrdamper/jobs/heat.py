@@ -22,7 +22,7 @@ from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.thermal.dissipation import LoopWork
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.duty import Duty
-from mrdamper.thermal.estimation.calibration import CalibratedDrawing, calibrate_with
+from mrdamper.thermal.estimation.calibration import CalibratedDrawing, calibrate_drawing
 from mrdamper.thermal.estimation.measured_curve import HeatingCurve
 from mrdamper.thermal.estimation.prediction_interval import predict_interval
 from mrdamper.thermal.estimation.uncertainty import ModelUncertainty, PredictionInterval
@@ -121,11 +121,11 @@ def heat(
         works = works_of(card.damper, duty)
     calibrated = None
     if calibrate is not None:
-        calibrated = calibrate_with(
+        calibrated = calibrate_drawing(
             calibrate, drawing, works, duty, model=model, model_uncertainty=ModelUncertainty()
         )
         drawing = calibrated.drawing
-        start = calibrated.numbers.start_K if start is None else start
+        start = calibrated.parameters.start_K if start is None else start
     step = max(_LONGEST_STEP_S, duty.duration / _MOST_STEPS)
 
     def rise_of(damper: DamperDrawing, notes: tuple[str, ...] = ()) -> Rise:

@@ -23,7 +23,7 @@ from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.schema import Json
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.drawing_file import read_drawing
-from mrdamper.thermal.duty import Duty, Stretch, stretch_of
+from mrdamper.thermal.duty import Duty, Segment, segment_of
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.materials import find_material
 from mrdamper.thermal.sinks.design import HeatedDamper
@@ -82,8 +82,8 @@ class QuickHeat:
             works = self._once(key, lambda: works_of(model.damper, duty))
             notes = notes_of(model, duty)
             works = [replace(w, power=duty_share * w.power, ripple=duty_share * w.ripple) for w in works]
-            resting = tuple(replace(s, command=math.sqrt(duty_share) * s.command) for s in duty.stretches)
-            duty = replace(duty, stretches=resting)
+            resting = tuple(replace(s, command=math.sqrt(duty_share) * s.command) for s in duty.segments)
+            duty = replace(duty, segments=resting)
             rise = simulate_rise(works, drawing, duty, stop_at_limit=not past_limit, notes=notes)
         return {
             "curve": {
@@ -164,9 +164,9 @@ def _finned(drawing: DamperDrawing, fins: Mapping[str, float | str]) -> HeatSink
 def _duty(amplitude_mm: float, frequency_Hz: float, command: float, duration_s: float, unit: str) -> Duty:
     """Return a sine's duty; without amplitude, rest with a current in the coil."""
     if amplitude_mm == 0.0:
-        return Duty((Stretch(duration_s, None, 0, abs(command)),), unit, f"rest at {command:g} {unit}")
+        return Duty((Segment(duration_s, None, 0, abs(command)),), unit, f"rest at {command:g} {unit}")
     text = f"sine:{amplitude_mm:g}mm:{frequency_Hz:g}Hz:{command:g}{unit}:{duration_s:g}s"
-    return Duty((stretch_of(Sine(1e-3 * amplitude_mm, frequency_Hz), command, duration_s),), unit, text)
+    return Duty((segment_of(Sine(1e-3 * amplitude_mm, frequency_Hz), command, duration_s),), unit, text)
 
 
 def _version(path: Path) -> tuple[str, int, int]:

@@ -189,7 +189,7 @@ def _decisive(card: ModelCard, drawing: DamperDrawing, duty: Duty, options: Sink
 
 def _duty_digest(duty: Duty) -> str:
     digest = hashlib.sha256(f"{duty.text}\0{duty.command_unit}".encode())
-    for each in duty.stretches:
+    for each in duty.segments:
         digest.update(f"\0{each.duration!r} {each.counted_from} {each.command!r}".encode())
         if each.path is not None:
             for track in (each.path.displacement, each.path.velocity, each.path.command):

@@ -117,23 +117,23 @@ def _answer(run: HeatResult) -> Json:
 
 
 def _calibration(calibrated: CalibratedDrawing) -> Json:
-    numbers, curve = calibrated.numbers, calibrated.curve
+    found, curve = calibrated.parameters, calibrated.curve
     return {
         "curve": curve.name,
         "place": curve.place,
         "from_s": float(curve.time[0]),
         "to_s": float(curve.time[-1]),
-        "power_over_capacity_K_s": numbers.power_over_capacity,
-        "power_over_capacity_error_K_s": numbers.power_error,
-        "conductance_over_capacity_1_s": numbers.conductance_over_capacity,
-        "conductance_over_capacity_error_1_s": numbers.conductance_error,
-        "correlation": numbers.correlation,
-        "at_degC": numbers.at_K - ZERO_CELSIUS_K,
-        "start_degC": numbers.start_K - ZERO_CELSIUS_K,
-        "residual_K": numbers.residual_K,
-        "noise_K": numbers.noise_K,
+        "power_over_capacity_K_s": found.power_over_capacity,
+        "power_over_capacity_error_K_s": found.power_error,
+        "conductance_over_capacity_1_s": found.conductance_over_capacity,
+        "conductance_over_capacity_error_1_s": found.conductance_error,
+        "correlation": found.correlation,
+        "at_degC": found.at_K - ZERO_CELSIUS_K,
+        "start_degC": found.start_K - ZERO_CELSIUS_K,
+        "residual_K": found.residual_K,
+        "noise_K": found.noise_K,
         "entries": {table: dict(entries) for table, entries in calibrated.entries.items()},
-        "words": list(numbers.words),
+        "words": list(found.notes),
     }
 
 
@@ -269,18 +269,18 @@ def _words(rise: Rise, interval: PredictionInterval) -> list[str]:
 
 def _calibration_words(calibrated: CalibratedDrawing) -> list[str]:
     """Return what a measured curve told."""
-    numbers, curve = calibrated.numbers, calibrated.curve
+    found, curve = calibrated.parameters, calibrated.curve
     lines = [
         f"calibrated by {curve.name} ({curve.place}, {curve.time[0] / 60:.4g} to "
-        f"{curve.time[-1] / 60:.4g} min), at {numbers.at_K - ZERO_CELSIUS_K:.0f} degC:",
-        f"  P/C  {numbers.power_over_capacity:.4g} +- {numbers.power_error:.1g} K/s",
-        f"  UA/C {numbers.conductance_over_capacity:.4g} +- {numbers.conductance_error:.1g} 1/s; "
-        f"correlation {numbers.correlation:.2f}",
-        f"  left: {numbers.residual_K:.2g} K, noise of the thermometer {numbers.noise_K:.2g} K",
+        f"{curve.time[-1] / 60:.4g} min), at {found.at_K - ZERO_CELSIUS_K:.0f} degC:",
+        f"  P/C  {found.power_over_capacity:.4g} +- {found.power_error:.1g} K/s",
+        f"  UA/C {found.conductance_over_capacity:.4g} +- {found.conductance_error:.1g} 1/s; "
+        f"correlation {found.correlation:.2f}",
+        f"  left: {found.residual_K:.2g} K, noise of the thermometer {found.noise_K:.2g} K",
     ]
     for table, entries in calibrated.entries.items():
         lines.append(f"  [{table}] " + ", ".join(f"{name} = {value:.4g}" for name, value in entries.items()))
-    return [*lines, *(f"  {word}" for word in numbers.words)]
+    return [*lines, *(f"  {word}" for word in found.notes)]
 
 
 # ----------------------------------------------------------------------------------------------- the files

@@ -20,7 +20,7 @@ from mrdamper.errors import InputError
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import simulate
 from mrdamper.models.temperature import REFERENCE_K
-from mrdamper.thermal.duty import Stretch
+from mrdamper.thermal.duty import Segment
 
 __all__ = ["LoopWork", "tabulate_work"]
 
@@ -68,8 +68,8 @@ class LoopWork:
         return np.asarray(PchipInterpolator(self.temperature, values)(held))
 
 
-def tabulate_work(damper: Damper, stretch: Stretch, *, temperature_K: FloatArray | None = None) -> LoopWork:
-    """Return the work of a damper on a stretch of a duty.
+def tabulate_work(damper: Damper, segment: Segment, *, temperature_K: FloatArray | None = None) -> LoopWork:
+    """Return the work of a damper on a segment of a duty.
 
     Parameters
     ----------
@@ -77,9 +77,9 @@ def tabulate_work(damper: Damper, stretch: Stretch, *, temperature_K: FloatArray
         20 degC among them; one only for a damper that does not depend on temperature
     """
     at = _temperatures(damper) if temperature_K is None else np.asarray(temperature_K, dtype=np.float64)
-    if stretch.path is None:
+    if segment.path is None:
         return LoopWork(at, np.zeros_like(at), np.zeros_like(at))
-    path, first = stretch.path, stretch.counted_from
+    path, first = segment.path, segment.counted_from
     x = path.displacement[first:]
     power, peak = np.empty_like(at), np.empty_like(at)
     ripple = 0.0

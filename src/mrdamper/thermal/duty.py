@@ -1,4 +1,4 @@
-"""Duties: how a damper is moved and what current it carries while it heats, stretch by stretch.
+"""Duties: how a damper is moved and what current it carries while it heats, segment by segment.
 
 ``sine:15mm:1Hz:2A:1800s`` is a motion of ``excitation`` with a command and a duration; a CSV table says more:
 
@@ -26,7 +26,7 @@ from mrdamper.excitation import Motion, Sine, Trajectory, drive, motion_from_tex
 from mrdamper.files import is_file
 from mrdamper.quantities import to_si
 
-__all__ = ["DEFAULT_DUTY", "Duty", "Stretch", "read_duty"]
+__all__ = ["DEFAULT_DUTY", "Duty", "Segment", "read_duty"]
 
 DEFAULT_DUTY = "sine:15mm:1Hz:2A:1800s"
 """The paper's: 15 mm, 1 Hz, 2 A for 30 minutes."""
@@ -39,7 +39,7 @@ _EXPECTED = 'expected MOTION:COMMAND:DURATION, such as "sine:15mm:1Hz:2A:1800s",
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Stretch:
+class Segment:
     """A part of a duty over which power is averaged.
 
     ``path`` is a sample of the motion (None: at rest), averaged from sample ``counted_from`` on.
@@ -59,9 +59,9 @@ class Stretch:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Duty:
-    """Stretches one after another; ``command_unit`` is that of the commands, ``text`` says it in words."""
+    """Segments one after another; ``command_unit`` is that of the commands, ``text`` says it in words."""
 
-    stretches: tuple[Stretch, ...]
+    segments: tuple[Segment, ...]
     command_unit: str  # "A" or "V"
     text: str
 
@@ -75,7 +75,7 @@ class Duty:
     @property
     def duration(self) -> float:
         """Length of the whole duty [s]."""
-        return math.fsum(stretch.duration for stretch in self.stretches)
+        return math.fsum(segment.duration for segment in self.segments)
 
 
 def read_duty(text: str | Path) -> Duty:
@@ -96,15 +96,15 @@ def read_duty(text: str | Path) -> Duty:
             raise InputError("there are less than three parts")
         seconds = _number(words[-1], "time")
         command, unit = _command(words[-2])
-        stretch = stretch_of(motion_from_text(":".join(words[:-2])), command, seconds)
+        segment = segment_of(motion_from_text(":".join(words[:-2])), command, seconds)
     except InputError as fault:
         more = "" if "expected" in str(fault) else f"; {_EXPECTED}"
         raise InputError(f"duty {str(text)!r}: {fault}{more}") from fault
-    return Duty((stretch,), unit, str(text))
+    return Duty((segment,), unit, str(text))
 
 
-def stretch_of(motion: Motion, command: float, duration: float) -> Stretch:
-    """Return a stretch of a motion at a constant command.
+def segment_of(motion: Motion, command: float, duration: float) -> Segment:
+    """Return a segment of a motion at a constant command.
 
     Of a periodic motion the third period counts, at 1000 samples or more; of any other its first two
     minutes, without a twentieth of them at the start.
@@ -113,10 +113,10 @@ def stretch_of(motion: Motion, command: float, duration: float) -> Stretch:
     if period is None:
         length = min(duration, _SAMPLE_S)
         path = drive(motion, duration=length, rate_Hz=1000.0, command=command)
-        return Stretch(duration, path, len(path) // 20, abs(command))
+        return Segment(duration, path, len(path) // 20, abs(command))
     samples = round(min(max(1000.0 * period, 1000.0), 20000.0))
     path = drive(motion, duration=3.0 * period, rate_Hz=samples / period, command=command)
-    return Stretch(duration, path, 2 * samples, abs(command))
+    return Segment(duration, path, 2 * samples, abs(command))
 
 
 def _command(text: str) -> tuple[float, str]:
@@ -162,15 +162,15 @@ def _duty_of_table(table: Table, place: str) -> Duty:
     if not (steps > 0.0).all():
         raise InputError(f"{place}: time does not rise from row to row; expected rising times")
     if "amplitude" in columns:
-        stretches = []
+        segments = []
         for k, duration in enumerate(steps):
             amplitude, frequency = float(columns["amplitude"][k]), float(columns["frequency"][k])
             if amplitude == 0.0:
-                stretches.append(Stretch(float(duration), None, 0, abs(float(command[k]))))
+                segments.append(Segment(float(duration), None, 0, abs(float(command[k]))))
                 continue
             motion = Sine(abs(amplitude), frequency)
-            stretches.append(stretch_of(motion, float(command[k]), float(duration)))
-        return Duty(tuple(stretches), unit, place)
+            segments.append(segment_of(motion, float(command[k]), float(duration)))
+        return Duty(tuple(segments), unit, place)
     step = float(time[-1] - time[0]) / (len(time) - 1)
     if np.abs(steps - step).max() > _UNEVEN * step or len(time) < 8:
         raise InputError(
@@ -210,16 +210,16 @@ def _columns(table: Table, place: str) -> dict[str, FloatArray]:
     return found
 
 
-def _chunks(step: float, displacement: FloatArray, command: FloatArray) -> tuple[Stretch, ...]:
-    """Cut a measured motion into stretches of about 20 s."""
+def _chunks(step: float, displacement: FloatArray, command: FloatArray) -> tuple[Segment, ...]:
+    """Cut a measured motion into segments of about 20 s."""
     velocity = differentiate(displacement, step)
     acceleration = differentiate(velocity, step)
     count = max(1, round((len(displacement) - 1) * step / _CHUNK_S))
     cuts = np.linspace(0, len(displacement) - 1, count + 1).round().astype(int)
-    stretches = []
+    segments = []
     for low, high in pairwise(cuts):
         part = slice(low, high + 1)
         path = Trajectory(step, displacement[part], velocity[part], acceleration[part], command[part])
         square = float(np.sqrt(np.mean(command[part] ** 2)))
-        stretches.append(Stretch(float(high - low) * step, path, 0, square))
-    return tuple(stretches)
+        segments.append(Segment(float(high - low) * step, path, 0, square))
+    return tuple(segments)

@@ -160,7 +160,7 @@ def simulate_rise(  # keyword-only options beside the three things joined
     longest_step: float = 60.0,
     notes: tuple[str, ...] = (),
 ) -> Rise:
-    """Return the rise for work that is known already, one ``LoopWork`` for each stretch of the duty.
+    """Return the rise for work that is known already, one ``LoopWork`` for each segment of the duty.
 
     ``longest_step`` is in [s], the rest as in ``predict_rise``.
     """
@@ -215,7 +215,7 @@ def _simulator(
 
 
 def works_of(damper: Damper, duty: Duty) -> list[LoopWork]:
-    """Return the work of a damper on each stretch of a duty.
+    """Return the work of a damper on each segment of a duty.
 
     Raises
     ------
@@ -228,7 +228,7 @@ def works_of(damper: Damper, duty: Duty) -> list[LoopWork]:
             f"{damper.command_unit}; expected the same unit, as in sine:15mm:1Hz:2{damper.command_unit}:1800s"
         )
     try:
-        return [tabulate_work(damper, stretch) for stretch in duty.stretches]
+        return [tabulate_work(damper, segment) for segment in duty.segments]
     except InputError as fault:
         raise InputError(
             f"duty {duty.text!r}: the card's law cannot be run there: {fault}. Keep to commands that the "
@@ -237,10 +237,10 @@ def works_of(damper: Damper, duty: Duty) -> list[LoopWork]:
 
 
 def loads_of(works: Sequence[LoopWork], drawing: DamperDrawing, duty: Duty) -> list[Load]:
-    """Return what heats a damper, stretch by stretch: the work of its loop and its coil's heat."""
+    """Return what heats a damper, segment by segment: the work of its loop and its coil's heat."""
     return [
-        Load(stretch.duration, work.power_at, _coil_heat(drawing, duty.command_unit, stretch.command))
-        for stretch, work in zip(duty.stretches, works, strict=True)
+        Load(segment.duration, work.power_at, _coil_heat(drawing, duty.command_unit, segment.command))
+        for segment, work in zip(duty.segments, works, strict=True)
     ]
 
 
@@ -274,12 +274,12 @@ def _fade(
     works: Sequence[LoopWork], duty: Duty, fluid: FloatArray, time: FloatArray
 ) -> tuple[FloatArray, float | None]:
     """Return the peak force over time [N], and its fall at the end against 20 degC [%]."""
-    ends = np.cumsum([stretch.duration for stretch in duty.stretches])
+    ends = np.cumsum([segment.duration for segment in duty.segments])
     which = np.minimum(np.searchsorted(ends - 1e-9, time), len(works) - 1)
     peak = np.full(len(fluid), np.nan)
-    for k, (work, stretch) in enumerate(zip(works, duty.stretches, strict=True)):
+    for k, (work, segment) in enumerate(zip(works, duty.segments, strict=True)):
         here = which == k
-        if stretch.path is not None and here.any():
+        if segment.path is not None and here.any():
             peak[here] = work.peak_at(fluid[here])
     moving = np.flatnonzero(np.isfinite(peak))
     if not moving.size:
@@ -306,7 +306,7 @@ def notes_of(card: ModelCard | Damper, duty: Duty) -> tuple[str, ...]:
 def _beyond(card: ModelCard, duty: Duty) -> list[str]:
     """Say where the duty leaves what the card was identified on."""
     found = []
-    paths = [stretch.path for stretch in duty.stretches if stretch.path is not None]
+    paths = [segment.path for segment in duty.segments if segment.path is not None]
     for name, unit, scale in (("displacement", "mm", 1e3), ("velocity", "mm/s", 1e3), ("command", "", 1.0)):
         low, high = getattr(card.envelope, name)
         values = [getattr(path, name) for path in paths]

@@ -2,7 +2,7 @@
 
 A curve tells P/C and UA/C (power and conductance to ambient, over the heat capacity) and nothing else: twice
 the power, capacity and losses give the same curve, and film, emissivity and mountings all make one UA. So two
-numbers are claimed, with standard errors and their correlation, and the words say what is not known.
+numbers are claimed, with standard errors and their correlation, and the notes say what is not known.
 
 ``fit_heating`` fits the two as constants, without a drawing. ``calibrate_drawing`` takes the power from the
 card's loop and lets the network say how power and losses change with temperature; what comes back is the
@@ -21,19 +21,24 @@ from scipy.optimize import least_squares
 
 from mrdamper.arrays import FloatArray, read_only
 from mrdamper.errors import ConvergenceError, InputError
-from mrdamper.models.card import ModelCard
-from mrdamper.models.damper import Damper
+from mrdamper.quantities import ROOM_K
 from mrdamper.thermal.dissipation import LoopWork
 from mrdamper.thermal.drawing import DamperDrawing
-from mrdamper.thermal.duty import DEFAULT_DUTY, Duty, read_duty
-from mrdamper.thermal.estimation.curve_fit import CARRIED, CurveFit, inverse_of, multiplied, variance_of
+from mrdamper.thermal.duty import Duty
+from mrdamper.thermal.estimation.curve_fit import (
+    NUISANCE,
+    CurveFit,
+    inverse_of,
+    variance_of,
+    with_multipliers,
+)
 from mrdamper.thermal.estimation.measured_curve import HeatingCurve, lag_signal
-from mrdamper.thermal.estimation.uncertainty import ROOM_K, ModelUncertainty
+from mrdamper.thermal.estimation.uncertainty import ModelUncertainty
 from mrdamper.thermal.materials import COPPER_PER_K
 from mrdamper.thermal.model.stepping import Load
-from mrdamper.thermal.temperature_rise import Model, build_network, loads_of, works_of
+from mrdamper.thermal.temperature_rise import Model, build_network, loads_of
 
-__all__ = ["CalibratedDrawing", "HeatingNumbers", "calibrate_drawing", "calibrate_with", "fit_heating"]
+__all__ = ["CalibratedDrawing", "HeatingParameters", "calibrate_drawing", "fit_heating"]
 
 _UNTOLD = 0.5  # relative standard error from which a number is not told by the curve
 _HARDLY = 0.7  # of what was believed: a curve that leaves more is said to tell hardly anything
@@ -44,7 +49,7 @@ _TO_COMBINATIONS = np.array([[-1.0, 0.0], [-1.0, 1.0]])
 
 
 @dataclass(frozen=True, slots=True)
-class HeatingNumbers:
+class HeatingParameters:
     """What one heating curve tells: P/C and UA/C at a temperature, their standard errors and correlation."""
 
     power_over_capacity: float  # P/C [K/s]
@@ -56,7 +61,7 @@ class HeatingNumbers:
     start_K: float  # of the damper at the curve's first time
     residual_K: float  # root mean square of what is left
     noise_K: float  # of the thermometer, from neighbouring samples
-    words: tuple[str, ...]
+    notes: tuple[str, ...]
 
     @property
     def time_constant_s(self) -> float:
@@ -69,7 +74,7 @@ class CalibratedDrawing:
     """A drawing that follows a measured curve, and what the curve told."""
 
     drawing: DamperDrawing
-    numbers: HeatingNumbers
+    parameters: HeatingParameters
     heat_capacity_error: float  # relative standard error, the card's power taken as right [-]
     film_error: float  # relative standard error [-]
     spread: FloatArray  # covariance of start [K] and logarithms: capacity, losses (the power being right),
@@ -97,7 +102,7 @@ class CalibratedDrawing:
         return MappingProxyType(found)
 
 
-def fit_heating(curve: HeatingCurve, ambient_K: float) -> HeatingNumbers:
+def fit_heating(curve: HeatingCurve, ambient_K: float) -> HeatingParameters:
     """Return P/C and UA/C of a curve as constants (one node, constant power and conductance).
 
     T = T_a + (T_0 - T_a) exp(-b t) + a/b (1 - exp(-b t)) with a = P/C and b = UA/C.
@@ -134,17 +139,17 @@ def fit_heating(curve: HeatingCurve, ambient_K: float) -> HeatingNumbers:
         raise ConvergenceError(f"{curve.name}: the fit of P/C and UA/C did not settle ({found.message})")
     jacobian, residual = np.asarray(found.jac), np.asarray(found.fun)
     covariance = inverse_of(jacobian.T @ jacobian) * variance_of(residual, 3)
-    numbers = found.x[:2]
-    return _told(
-        curve, numbers, covariance[:2, :2], _loss_weighted(seen, ambient_K), float(found.x[2]), residual, ()
+    values = found.x[:2]
+    return _parameters_of(
+        curve, values, covariance[:2, :2], _loss_weighted(seen, ambient_K), float(found.x[2]), residual, ()
     )
 
 
 def calibrate_drawing(
     curve: HeatingCurve,
     drawing: DamperDrawing,
-    card: ModelCard | Damper,
-    duty: Duty | str = DEFAULT_DUTY,
+    works: Sequence[LoopWork],
+    duty: Duty,
     *,
     model: Model = "zones",
     model_uncertainty: ModelUncertainty | None = None,
@@ -157,10 +162,10 @@ def calibrate_drawing(
     Parameters
     ----------
     curve : time from the start of the duty [s]
-    card : gives the power; an error in it goes into the heat capacity and the film alike
+    works : the power, one for each segment of the duty; an error in it goes into heat capacity and film alike
     duty : at least as long as the curve
-    doubt : how far P/C and UA/C may be off the drawing's, so that a short curve is enough to go on with;
-        None: the curve alone decides
+    model_uncertainty : how far P/C and UA/C may be off the drawing's, so that a short curve is enough to go
+        on with; None: the curve alone decides
 
     Raises
     ------
@@ -169,23 +174,6 @@ def calibrate_drawing(
     ConvergenceError
         No multipliers from 0.05 to 20 follow the curve.
     """
-    damper = card.damper if isinstance(card, ModelCard) else card
-    plan = duty if isinstance(duty, Duty) else read_duty(duty)
-    return calibrate_with(
-        curve, drawing, works_of(damper, plan), plan, model=model, model_uncertainty=model_uncertainty
-    )
-
-
-def calibrate_with(
-    curve: HeatingCurve,
-    drawing: DamperDrawing,
-    works: Sequence[LoopWork],
-    duty: Duty,
-    *,
-    model: Model = "zones",
-    model_uncertainty: ModelUncertainty | None = None,
-) -> CalibratedDrawing:
-    """Return the same for work that is known already, one ``LoopWork`` for each stretch of the duty."""
     if curve.time[0] < 0.0 or curve.time[-1] > duty.duration * (1.0 + 1e-9):
         raise InputError(
             f"{curve.name}: it runs from {curve.time[0]:g} to {curve.time[-1]:g} s, the duty from 0 to "
@@ -196,12 +184,12 @@ def calibrate_with(
     at, covariance, residual, beforehand = fit.solve()
     changed = fit.drawing(at)
     middle = _loss_weighted(curve.temperature, drawing.surroundings.ambient)
-    numbers, slope = _combinations(changed, loads, model, middle)
+    values, slope = _combinations(changed, loads, model, middle)
     relative = slope @ covariance[1:3, 1:3] @ slope.T
-    told = _told(
+    parameters = _parameters_of(
         curve,
-        numbers,
-        relative * np.outer(numbers, numbers),
+        values,
+        relative * np.outer(values, values),
         middle,
         float(at[0]),
         residual,
@@ -210,12 +198,12 @@ def calibrate_with(
             "off, and leaves the temperatures right.",
             "The errors take the drawing's way of losing heat as right: with other shares of film, radiation "
             "and mountings the same curve gives a UA/C that differs by some per cent.",
-            *_carried_words(relative, slope, beforehand),
+            *_nuisance_notes(relative, slope, beforehand),
         ),
     )
     return CalibratedDrawing(
         drawing=changed,
-        numbers=told,
+        parameters=parameters,
         heat_capacity_error=float(math.sqrt(covariance[1, 1])),
         film_error=float(math.sqrt(covariance[2, 2])),
         spread=read_only(_spread(covariance, slope)),
@@ -224,12 +212,12 @@ def calibrate_with(
     )
 
 
-def _carried_words(relative: FloatArray, slope: FloatArray, beforehand: FloatArray | None) -> list[str]:
-    """Say what is carried along, and which of P/C and UA/C the curve hardly told, by their covariance."""
+def _nuisance_notes(relative: FloatArray, slope: FloatArray, beforehand: FloatArray | None) -> list[str]:
+    """Say which parameters are nuisance, and which of P/C and UA/C the curve hardly told."""
     if beforehand is None:
         return []
     said = [
-        f"The multipliers {', '.join(CARRIED)} mend the network's first minutes; nothing is claimed of them."
+        f"The multipliers {', '.join(NUISANCE)} mend the network's first minutes; nothing is claimed of them."
     ]
     before, after = (np.sqrt(np.diag(each)) for each in (slope @ beforehand @ slope.T, relative))
     return said + [
@@ -249,7 +237,7 @@ def _spread(covariance: FloatArray, slope: FloatArray) -> FloatArray:
     turned[0, 0] = 1.0
     turned[1:3, 1:3] = np.linalg.inv(_TO_COMBINATIONS) @ slope
     if len(covariance) > 3:
-        names = list(CARRIED)
+        names = list(NUISANCE)
         turned[3, 3 + names.index("fluid_wall")] = turned[4, 3 + names.index("coil")] = 1.0
     return np.asarray(turned @ covariance @ turned.T)
 
@@ -266,15 +254,15 @@ def _combinations(
     growth = 1.0 + COPPER_PER_K * (at_K - ROOM_K)
     watts = max(float(load.power(np.array(at_K))) + load.coil_W * growth for load in loads)
 
-    def numbers(capacity: float, film: float) -> FloatArray:
-        network = build_network(multiplied(drawing, capacity, film), model)
+    def combinations(capacity: float, film: float) -> FloatArray:
+        network = build_network(with_multipliers(drawing, capacity, film), model)
         lost = sum(float(np.interp(network.ambient + off, network.grid, row)) for row in network.watts)
         return np.array([watts, lost / off]) / network.total_capacity
 
     h = 1e-4
-    here = numbers(1.0, 1.0)
-    by_capacity = (numbers(math.exp(h), 1.0) - numbers(math.exp(-h), 1.0)) / (2.0 * h)
-    by_film = (numbers(1.0, math.exp(h)) - numbers(1.0, math.exp(-h))) / (2.0 * h)
+    here = combinations(1.0, 1.0)
+    by_capacity = (combinations(math.exp(h), 1.0) - combinations(math.exp(-h), 1.0)) / (2.0 * h)
+    by_film = (combinations(1.0, math.exp(h)) - combinations(1.0, math.exp(-h))) / (2.0 * h)
     size = np.where(here == 0.0, 1.0, here)
     return here, np.column_stack([by_capacity / size, by_film / size])
 
@@ -285,40 +273,40 @@ def _loss_weighted(seen: FloatArray, ambient: float) -> float:
     return float(excess @ seen / excess.sum()) if excess.any() else ambient
 
 
-def _told(
+def _parameters_of(
     curve: HeatingCurve,
-    numbers: FloatArray,
+    values: FloatArray,
     covariance: FloatArray,
     at_K: float,
     start_K: float,
     residual: FloatArray,
     more: tuple[str, ...],
-) -> HeatingNumbers:
+) -> HeatingParameters:
     errors = np.sqrt(np.diag(covariance))
     joint = float(errors[0] * errors[1])
     correlation = float(covariance[0, 1]) / joint if joint > 0.0 else 0.0
     left = float(np.sqrt(np.mean(residual**2)))
     noise = curve.noise_K
-    words = [
+    notes = [
         "One heating curve tells P/C and UA/C; power, heat capacity and conductance each, or film, "
         "emissivity and mountings apart, it does not tell.",
         *more,
     ]
-    for name, value, error in zip(("P/C", "UA/C"), numbers, errors, strict=True):
+    for name, value, error in zip(("P/C", "UA/C"), values, errors, strict=True):
         if not error < _UNTOLD * abs(value):
-            words.append(
+            notes.append(
                 f"The curve is too short or too noisy for {name}: its standard error is "
                 f"{100.0 * error / abs(value) if value else math.inf:.0f} % of it."
             )
     if left > 2.0 * noise and left > 0.05:
-        words.append(
+        notes.append(
             f"The fit leaves {left:.2g} K, the thermometer's noise is {noise:.2g} K: the model does not "
             "follow the curve, and the errors count that only in part."
         )
-    words += curve.notes
-    return HeatingNumbers(
-        power_over_capacity=float(numbers[0]),
-        conductance_over_capacity=float(numbers[1]),
+    notes += curve.notes
+    return HeatingParameters(
+        power_over_capacity=float(values[0]),
+        conductance_over_capacity=float(values[1]),
         power_error=float(errors[0]),
         conductance_error=float(errors[1]),
         correlation=correlation,
@@ -326,5 +314,5 @@ def _told(
         start_K=start_K,
         residual_K=left,
         noise_K=noise,
-        words=tuple(words),
+        notes=tuple(notes),
     )

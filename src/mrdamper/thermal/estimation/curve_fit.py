@@ -1,7 +1,7 @@
 """Least squares of a drawing's heating against a measured curve.
 
-The network's multipliers are searched within wide bounds, with or without beliefs about them. What the found
-numbers tell of P/C and UA/C, and in which words, is the business of ``calibration``.
+The network's multipliers are searched within wide bounds, with or without priors. What the found
+multipliers tell of P/C and UA/C is the business of ``calibration``.
 """
 
 from __future__ import annotations
@@ -19,39 +19,38 @@ from mrdamper.arrays import FloatArray
 from mrdamper.errors import ConvergenceError, EnvelopeError
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.estimation.measured_curve import HeatingCurve, lag_signal
-from mrdamper.thermal.estimation.uncertainty import ModelUncertainty
+from mrdamper.thermal.estimation.uncertainty import REFERENCE_EXCESS_K, ModelUncertainty
 from mrdamper.thermal.model.stepping import Load, loads_until
 from mrdamper.thermal.model.transient import Heating, simulate_network
 from mrdamper.thermal.temperature_rise import Model, build_network
 
-__all__ = ["CARRIED", "CurveFit", "inverse_of", "multiplied", "variance_of"]
+__all__ = ["NUISANCE", "CurveFit", "inverse_of", "variance_of", "with_multipliers"]
 
 _LONGEST_STEP_S = 20.0
 _FACTOR_RANGE = (0.05, 20.0)  # of a multiplier
 _START_RANGE_K = 50.0  # of the start about the first readings
 _AT_EDGE = 0.01  # of the range's logarithm
-_AT_EXCESS_K = 40.0  # over ambient: where the losses are believed to be the drawing's
 _MOST_CORRELATED = 0.999
 _LEAST_NOISE_K = 0.02
 _TINY_K = 1e-9
 _MOST_NOISE_K = 2.0  # of a thermometer
 _MOST_LEFT = 0.03  # of a curve's range that a drawing may be off it
 _INCREDIBLE = 5.0  # deviations of what was believed
-_SURE = 1e-6  # stands for no doubt at all [-]
+_SURE = 1e-6  # stands for no uncertainty at all [-]
 _FAR_OFF_K = 1e3  # stands for a trial that leaves the temperatures that the network knows
 
-CARRIED: Mapping[str, str] = MappingProxyType(
+NUISANCE: Mapping[str, str] = MappingProxyType(
     {"fluid_wall": "fluid_body", "fluid_core": "fluid_body", "core_axial": "fluid_body", "coil": "coil"}
 )
-"""Multipliers that are carried along where a doubt is given, and what of the doubt is believed of each."""
+"""Multipliers that are fitted too where a model uncertainty is given, and each one's prior."""
 
 
 class CurveFit:
     """Least squares of a drawing's heating against a curve.
 
     What is fitted: the start [K], then logarithms of multipliers: the heat capacity's, that of all
-    convection, and with ``doubt`` those that mend the network's first minutes (``CARRIED``). What is
-    believed of them, and of capacity and losses, is then fitted too, as residuals of variance 1.
+    convection, and with a model uncertainty those that mend the network's first minutes (``NUISANCE``). The
+    priors of them, and of capacity and losses, are then residuals of variance 1.
     """
 
     def __init__(
@@ -64,41 +63,42 @@ class CurveFit:
     ) -> None:
         self._curve, self._drawing, self._model = curve, drawing, model
         self._loads = loads_until(loads, float(curve.time[-1]))
-        self._carried = tuple(CARRIED) if model_uncertainty is not None else ()
-        self._size = 3 + len(self._carried)
-        # before the curve: covariance of log capacity and losses (a power that is off shows in both), carried
-        self._believed = np.zeros((0, 0))
+        self._nuisance = tuple(NUISANCE) if model_uncertainty is not None else ()
+        self._size = 3 + len(self._nuisance)
+        # before the curve: covariance of log capacity and losses (a power that is off shows in
+        # both), nuisance parameters
+        self._prior = np.zeros((0, 0))
         if model_uncertainty is not None:
-            self._believed = np.diag(
+            self._prior = np.diag(
                 [model_uncertainty.capacity**2, model_uncertainty.loss**2]
-                + [getattr(model_uncertainty, CARRIED[name]) ** 2 for name in self._carried]
+                + [getattr(model_uncertainty, NUISANCE[name]) ** 2 for name in self._nuisance]
             )
-            self._believed[:2, :2] += model_uncertainty.power**2
-            self._believed += _SURE**2 * np.eye(len(self._believed))
-        self._whiten = np.linalg.inv(np.linalg.cholesky(self._believed))
+            self._prior[:2, :2] += model_uncertainty.power**2
+            self._prior += _SURE**2 * np.eye(len(self._prior))
+        self._whiten = np.linalg.inv(np.linalg.cholesky(self._prior))
         self._drawn = self._logarithms(np.zeros(self._size))
 
     def drawing(self, at: FloatArray) -> DamperDrawing:
         """Return the drawing with the multipliers at a point."""
-        carried = dict(zip(self._carried, np.exp(at[3:]).tolist(), strict=True))
-        return multiplied(self._drawing, math.exp(at[1]), math.exp(at[2]), carried)
+        nuisance = dict(zip(self._nuisance, np.exp(at[3:]).tolist(), strict=True))
+        return with_multipliers(self._drawing, math.exp(at[1]), math.exp(at[2]), nuisance)
 
     def solve(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray | None]:
         """Return the point of least squares, its covariance, and what it leaves of the curve [K].
 
-        Last comes the covariance of the two multipliers' logarithms before the curve; None without a doubt.
+        Last comes the covariance of the two multipliers' logarithms before the curve; None without priors.
         """
         at, deviation = self._first_point(), max(self._curve.noise_K, _LEAST_NOISE_K)
         at, residual, jacobian = self._search(at, deviation)
         found = max(math.sqrt(variance_of(residual, 3)), _TINY_K)
-        if self._carried:  # once more, with the deviation that was found beside the beliefs
+        if self._nuisance:  # once more, with the deviation that was found beside the priors
             deviation = found
             at, residual, jacobian = self._search(at, deviation)
             found = max(math.sqrt(variance_of(residual, 3)), _TINY_K)
         self._check(at, residual)
         jacobian[: len(residual)] *= deviation / found
         priors = jacobian[len(residual) :, 1:3]
-        beforehand = inverse_of(priors.T @ priors) if self._carried else None
+        beforehand = inverse_of(priors.T @ priors) if self._nuisance else None
         return at, inverse_of(jacobian.T @ jacobian), residual, beforehand
 
     def _search(self, first: FloatArray, deviation: float) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -107,7 +107,7 @@ class CurveFit:
         low[0], high[0] = first[0] - _START_RANGE_K, first[0] + _START_RANGE_K
 
         def miss(at: FloatArray) -> FloatArray:
-            return np.append(self._off(at) / deviation, self._disbelief(at))
+            return np.append(self._off(at) / deviation, self._prior_residuals(at))
 
         found = least_squares(
             miss, first, jac="2-point", bounds=(low, high), x_scale=[1.0, *[0.1] * (self._size - 1)],
@@ -135,7 +135,7 @@ class CurveFit:
                 f"{curve.name}: this damper under this duty is {left:.2g} K off it at best; expected "
                 f"{most:.2g} K or less. Check the duty, that time counts from its start, and the sensor"
             )
-        off = self._disbelief(at)
+        off = self._prior_residuals(at)
         if off.size and float(np.abs(off).max()) > _INCREDIBLE:
             raise ConvergenceError(
                 f"{curve.name}: it takes a heat capacity {math.exp(at[1]):.3g} times and a film "
@@ -175,28 +175,28 @@ class CurveFit:
         return lag_signal(curve.time, shown, curve.lag_s) - curve.temperature
 
     def _logarithms(self, at: FloatArray) -> FloatArray:
-        """Return what something is believed of: nothing without doubt."""
-        if not self._carried:
+        """Return what there are priors of: nothing without a model uncertainty."""
+        if not self._nuisance:
             return np.zeros(0)
         network = build_network(self.drawing(at), self._model)
-        warm = network.ambient + _AT_EXCESS_K
+        warm = network.ambient + REFERENCE_EXCESS_K
         lost = sum(float(np.interp(warm, network.grid, row)) for row in network.watts)
         return np.append(np.log([network.total_capacity, max(lost, 1e-300)]), at[3:])
 
-    def _disbelief(self, at: FloatArray) -> FloatArray:
+    def _prior_residuals(self, at: FloatArray) -> FloatArray:
         return np.asarray(self._whiten @ (self._logarithms(at) - self._drawn))
 
 
-def multiplied(
-    drawing: DamperDrawing, capacity: float, film: float, carried: Mapping[str, float] | None = None
+def with_multipliers(
+    drawing: DamperDrawing, capacity: float, film: float, nuisance: Mapping[str, float] | None = None
 ) -> DamperDrawing:
-    """Return the drawing with heat capacity, all convection and what is carried, multiplied."""
+    """Return the drawing with heat capacity, all convection and the nuisance parameters multiplied."""
     given = drawing.calibration
     changed = replace(
         given,
         heat_capacity=given.heat_capacity * capacity,
         film=given.film * film,
-        **{name: getattr(given, name) * factor for name, factor in (carried or {}).items()},
+        **{name: getattr(given, name) * factor for name, factor in (nuisance or {}).items()},
     )
     sink = drawing.sink
     if sink is not None:
@@ -204,7 +204,7 @@ def multiplied(
     return replace(drawing, calibration=changed, sink=sink)
 
 
-def variance_of(residual: FloatArray, numbers: int) -> float:
+def variance_of(residual: FloatArray, parameters: int) -> float:
     """Return the variance of what is left of a fit, raised for residuals that follow each other.
 
     By the factor (1 + r)/(1 - r) with r the correlation of neighbouring residuals, as for a first order
@@ -213,11 +213,11 @@ def variance_of(residual: FloatArray, numbers: int) -> float:
     total = float(residual @ residual)
     follow = float(residual[1:] @ residual[:-1]) / total if total > 0.0 else 0.0
     follow = min(max(follow, 0.0), _MOST_CORRELATED)
-    return total / max(len(residual) - numbers, 1) * (1.0 + follow) / (1.0 - follow)
+    return total / max(len(residual) - parameters, 1) * (1.0 + follow) / (1.0 - follow)
 
 
 def inverse_of(precision: FloatArray) -> FloatArray:
-    """Return a covariance from its inverse, whose numbers may be of very different size."""
+    """Return a covariance from its inverse, whose entries may be of very different size."""
     scale = np.sqrt(np.diag(precision))
     scale = np.where(scale == 0.0, 1.0, scale)
     joint = np.outer(scale, scale)

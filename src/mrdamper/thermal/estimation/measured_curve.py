@@ -25,7 +25,7 @@ __all__ = ["HeatingCurve", "Place", "clean_curve", "lag_signal", "read_curve"]
 Place = Literal["fluid", "wall", "coil"]
 """Where the thermometer sits; ``wall`` is the body."""
 
-_FEWEST = 8  # readings of a curve
+_LEAST_READINGS = 8  # readings of a curve
 _SPIKE = 8.0  # standard deviations of the noise
 _LEAST_SPIKE_K = 0.5
 _APART = 4.0
@@ -57,8 +57,10 @@ class HeatingCurve:
                 f"{self.name}: time has shape {self.time.shape}, temperature {self.temperature.shape}; "
                 "expected one temperature per time"
             )
-        if len(self.time) < _FEWEST:
-            raise InputError(f"{self.name}: it has {len(self.time)} readings; expected at least {_FEWEST}")
+        if len(self.time) < _LEAST_READINGS:
+            raise InputError(
+                f"{self.name}: it has {len(self.time)} readings; expected at least {_LEAST_READINGS}"
+            )
         if not np.isfinite(self.time).all() or not (np.diff(self.time) > 0.0).all():
             raise InputError(f"{self.name}: time does not rise; expected seconds in order, none twice")
         limits = find_quantity("temperature")

@@ -1,9 +1,9 @@
 """Temperature of the fluid from what can be measured: an extended Kalman filter on the thermal network.
 
-It sees the coil's resistance, a thermocouple on the body, or both, and is told the mechanical power by the
-model. Beside the nodes' temperatures it estimates the factors by which the drawing may be off
-(``doubt.FACTORS``): among them the conductance from fluid to body, so that T_fluid = T_body + P/G goes by an
-estimated G, and the coil's resistance at 20 degC, which a cold start zeroes.
+It sees the coil's resistance, a thermocouple on the body, or both, and takes the mechanical power from the
+model. Beside the nodes' temperatures it estimates the factors by which the drawing may be off (``FACTORS``):
+among them the conductance from fluid to body, so that T_fluid = T_body + P/G goes by an estimated G, and the
+coil's resistance at 20 degC, which a cold start zeroes.
 
 What it cannot know it says: without current there is no resistance to read, the spread grows, and a small
 probing current brings it back; power, capacity and losses share a common factor that no thermometer tells.
@@ -22,6 +22,8 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray, read_only
 from mrdamper.errors import InputError
+from mrdamper.quantities import ROOM_K
+from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.estimation.sampling import TimeToLimit
 from mrdamper.thermal.estimation.uncertainty import (
     BODY,
@@ -31,15 +33,17 @@ from mrdamper.thermal.estimation.uncertainty import (
     LOSS,
     POWER,
     RESISTANCE,
-    ROOM_K,
     ModelUncertainty,
     UncertainNetwork,
 )
 from mrdamper.thermal.materials import COPPER_PER_K
-from mrdamper.thermal.model.network import ThermalNetwork
+from mrdamper.thermal.model.network import ThermalNetwork, zone_network
 from mrdamper.thermal.model.stepping import Load
 
-__all__ = ["ObserverState", "TemperatureObserver", "ThermalSeen", "Thermometers", "time_left"]
+__all__ = [
+    "ObservedTemperatures", "ObserverOptions", "ObserverState", "TemperatureObserver", "ThermalMeasurement",
+    "ThermalRecord", "Thermometers", "observe_temperature", "time_left",
+]  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +71,7 @@ class Thermometers:
 
 
 @dataclass(frozen=True, slots=True)
-class ThermalSeen:
+class ThermalMeasurement:
     """What happened since the last step, and what the thermometers say now; None or NaN is no reading."""
 
     elapsed_s: float
@@ -75,6 +79,65 @@ class ThermalSeen:
     current_A: float  # root mean square over the time
     resistance_ohm: float | None = None
     body_K: float | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ThermalRecord:
+    """A series of ``ThermalMeasurement``: a row says what happened since the row before; read-only.
+
+    Power and current of the first row are not used: nothing happened before it.
+    """
+
+    time: FloatArray  # rising [s], shape (n,)
+    power: FloatArray  # mechanical [W], shape (n,)
+    current: FloatArray  # [A], shape (n,)
+    resistance: FloatArray | None = None  # of the coil [ohm], NaN where nothing was read, shape (n,)
+    body: FloatArray | None = None  # thermocouple on the body [K], NaN where nothing was read, shape (n,)
+
+    def __post_init__(self) -> None:
+        for name in ("time", "power", "current", "resistance", "body"):
+            values = getattr(self, name)
+            if values is None:
+                continue
+            object.__setattr__(self, name, read_only(values))
+            if values.shape != self.time.shape:
+                raise InputError(
+                    f"thermal record: {name} has shape {values.shape}, time {self.time.shape}; expected "
+                    "the same"
+                )
+        if self.time.ndim != 1 or not len(self.time) or not (np.diff(self.time) > 0.0).all():
+            raise InputError("thermal record: time does not rise; expected seconds in order, none twice")
+        if not (np.isfinite(self.power).all() and np.isfinite(self.current).all()):
+            raise InputError(
+                "thermal record: a power or current is not finite; expected W and A in every row"
+            )
+        if self.resistance is None and self.body is None:
+            raise InputError("thermal record: expected the coil's resistance, a body temperature, or both")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ObserverOptions:
+    """How a damper starts, how far its drawing may be off, and how good its thermometers are."""
+
+    start_K: float | None = None  # of everything; None: ambient
+    start_spread_K: float = 0.5
+    model_uncertainty: ModelUncertainty = field(default_factory=ModelUncertainty)
+    thermometers: Thermometers = field(default_factory=Thermometers)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ObservedTemperatures:
+    """Temperatures and their standard deviations over a record [K], shape (n,) each."""
+
+    time: FloatArray  # [s]
+    fluid: FloatArray
+    fluid_error: FloatArray
+    coil: FloatArray
+    coil_error: FloatArray
+    wall: FloatArray
+    wall_error: FloatArray
+    factors: Mapping[str, tuple[float, float]]  # of the drawing at the end, with relative standard deviations
+    state: ObserverState  # at the end, to go on from
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,7 +162,7 @@ class TemperatureObserver:
     model_uncertainty: ModelUncertainty = field(default_factory=ModelUncertainty)
     thermometers: Thermometers = field(default_factory=Thermometers)
     body: FloatArray | None = None
-    doubted: UncertainNetwork = field(init=False, repr=False)
+    uncertain: UncertainNetwork = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.resistance_20_ohm) and self.resistance_20_ohm > 0.0):
@@ -111,7 +174,7 @@ class TemperatureObserver:
         if body.shape != (len(self.network.names),) or not math.isclose(float(body.sum()), 1.0, rel_tol=1e-9):
             raise InputError("observer: body is not one weight per node, sum 1")
         object.__setattr__(self, "body", body)
-        object.__setattr__(self, "doubted", UncertainNetwork(self.network))
+        object.__setattr__(self, "uncertain", UncertainNetwork(self.network))
 
     def start(
         self,
@@ -129,7 +192,7 @@ class TemperatureObserver:
         spread_K : its standard deviation; of a damper that is still warm, give the mean and a wide one
         learnt : an earlier state, whose factors are kept
         """
-        n, size = self.doubted.nodes, self.doubted.nodes + len(FACTORS)
+        n, size = self.uncertain.nodes, self.uncertain.nodes + len(FACTORS)
         start = self.network.ambient if temperature_K is None else temperature_K
         if not (math.isfinite(start) and spread_K > 0.0):
             raise InputError(
@@ -146,7 +209,7 @@ class TemperatureObserver:
             covariance[n:, n:] = learnt.covariance[n:, n:]
         return ObserverState(0.0, read_only(mean), read_only(covariance))
 
-    def step(self, state: ObserverState, seen: ThermalSeen) -> ObserverState:
+    def step(self, state: ObserverState, seen: ThermalMeasurement) -> ObserverState:
         """Return the state after the time that passed and the readings at its end."""
         if not seen.elapsed_s >= 0.0:
             raise InputError(f"observer: {seen.elapsed_s} s passed; expected zero or more")
@@ -157,7 +220,7 @@ class TemperatureObserver:
             mean, covariance = self._see_resistance(mean, covariance, seen)
         if _reads(seen.body_K):
             row = np.zeros(len(mean))
-            row[: self.doubted.nodes] = self.body
+            row[: self.uncertain.nodes] = self.body
             noise = self.thermometers.body_K
             off = float(seen.body_K or 0.0) - float(row @ mean)
             mean, covariance = _correct(mean, covariance, row, off, noise)
@@ -177,29 +240,31 @@ class TemperatureObserver:
 
     def factors(self, state: ObserverState) -> Mapping[str, tuple[float, float]]:
         """Return each factor and its relative standard deviation."""
-        n = self.doubted.nodes
+        n = self.uncertain.nodes
         spread = np.sqrt(np.diag(state.covariance)[n:])
         return {
             name: (math.exp(float(state.mean[n + k])), float(spread[k])) for k, name in enumerate(FACTORS)
         }
 
     def _weighted(self, state: ObserverState, weight: FloatArray) -> tuple[float, float]:
-        n = self.doubted.nodes
+        n = self.uncertain.nodes
         variance = float(weight @ state.covariance[:n, :n] @ weight)
         return float(weight @ state.mean[:n]), math.sqrt(max(variance, 0.0))
 
     def _advance(
-        self, mean: FloatArray, covariance: FloatArray, seen: ThermalSeen
+        self, mean: FloatArray, covariance: FloatArray, seen: ThermalMeasurement
     ) -> tuple[FloatArray, FloatArray]:
         """Return mean and covariance after the time that passed: Euler, implicit in the temperatures."""
-        n, network, doubted, h = self.doubted.nodes, self.network, self.doubted, seen.elapsed_s
+        n, network, uncertain, h = self.uncertain.nodes, self.network, self.uncertain, seen.elapsed_s
         nodes, factor = mean[:n], np.exp(mean[n:])
         stored = factor[CAPACITY] / h * network.capacity
-        lost, lost_slope = doubted.losses(nodes)
+        lost, lost_slope = uncertain.losses(nodes)
         joule = factor[RESISTANCE] * seen.current_A**2 * self.resistance_20_ohm
         by_coil = joule * COPPER_PER_K * np.outer(network.electrical, network.coil)
         driven = factor[POWER] * seen.power_W * network.mechanical
-        matrix = -doubted.rest - factor[BODY] * doubted.of_body - factor[COIL] * doubted.of_coil - by_coil
+        matrix = (
+            -uncertain.rest - factor[BODY] * uncertain.of_body - factor[COIL] * uncertain.of_coil - by_coil
+        )
         matrix[np.diag_indices(n)] += stored + factor[LOSS] * lost_slope
         inverse = np.linalg.inv(matrix)
         heated = joule * (1.0 - COPPER_PER_K * ROOM_K) * network.electrical
@@ -210,8 +275,8 @@ class TemperatureObserver:
         by_factor[:, POWER] = driven
         by_factor[:, CAPACITY] = -stored * move
         by_factor[:, LOSS] = -factor[LOSS] * (lost + lost_slope * move)
-        by_factor[:, BODY] = factor[BODY] * (doubted.of_body @ new)
-        by_factor[:, COIL] = factor[COIL] * (doubted.of_coil @ new)
+        by_factor[:, BODY] = factor[BODY] * (uncertain.of_body @ new)
+        by_factor[:, COIL] = factor[COIL] * (uncertain.of_coil @ new)
         by_factor[:, RESISTANCE] = heated + by_coil @ new
         slope = np.eye(len(mean))
         slope[:n, :n] = inverse * stored
@@ -224,12 +289,12 @@ class TemperatureObserver:
         """Return the variance by which each of a state's numbers wanders in a second."""
         drift = np.full(len(FACTORS), self.model_uncertainty.drift_per_sqrt_h**2 / 3600.0)
         drift[RESISTANCE] = 0.0
-        return np.append(np.full(self.doubted.nodes, self.model_uncertainty.node_K_per_sqrt_s**2), drift)
+        return np.append(np.full(self.uncertain.nodes, self.model_uncertainty.node_K_per_sqrt_s**2), drift)
 
     def _see_resistance(
-        self, mean: FloatArray, covariance: FloatArray, seen: ThermalSeen
+        self, mean: FloatArray, covariance: FloatArray, seen: ThermalMeasurement
     ) -> tuple[FloatArray, FloatArray]:
-        n = self.doubted.nodes
+        n = self.uncertain.nodes
         cold = self.resistance_20_ohm * math.exp(mean[n + RESISTANCE])
         expected = cold * (1.0 + COPPER_PER_K * (float(self.network.coil @ mean[:n]) - ROOM_K))
         row = np.zeros(len(mean))
@@ -237,6 +302,44 @@ class TemperatureObserver:
         row[n + RESISTANCE] = expected
         noise = self.thermometers.resistance_error(expected, seen.current_A)
         return _correct(mean, covariance, row, float(seen.resistance_ohm or 0.0) - expected, noise)
+
+
+_USUAL = ObserverOptions()
+
+
+def observe_temperature(
+    drawing: DamperDrawing, record: ThermalRecord, options: ObserverOptions = _USUAL
+) -> ObservedTemperatures:
+    """Return the temperatures of a drawn damper over a record, by the observer.
+
+    Raises
+    ------
+    InputError
+        The drawing's coil has no resistance.
+    """
+    observer = TemperatureObserver(
+        zone_network(drawing),
+        drawing.coil.resistance,
+        model_uncertainty=options.model_uncertainty,
+        thermometers=options.thermometers,
+    )
+    state = observer.start(options.start_K, spread_K=options.start_spread_K)
+    elapsed = np.diff(record.time, prepend=record.time[0])
+    found = []
+    for k, seconds in enumerate(elapsed.tolist()):
+        measured = ThermalMeasurement(
+            seconds,
+            float(record.power[k]),
+            float(record.current[k]),
+            None if record.resistance is None else float(record.resistance[k]),
+            None if record.body is None else float(record.body[k]),
+        )
+        state = observer.step(state, measured)
+        found.append((*observer.fluid(state), *observer.coil(state), *observer.wall(state)))
+    fluid, fluid_error, coil, coil_error, wall, wall_error = np.array(found).T
+    return ObservedTemperatures(
+        record.time, fluid, fluid_error, coil, coil_error, wall, wall_error, observer.factors(state), state
+    )
 
 
 def time_left(
@@ -251,7 +354,7 @@ def time_left(
 ) -> TimeToLimit:
     """Return in how long the fluid's mean temperature reaches a limit under a load.
 
-    Dampers are drawn from the state, temperatures and factors together (so the doubt about the capacity is
+    Dampers are drawn from the state, temperatures and factors together (so the uncertainty of the capacity is
     in the interval), and run ahead.
 
     Parameters
@@ -259,7 +362,7 @@ def time_left(
     load : what heats from now on; its duration is how far is looked, and what is not reached until then is
         "not reached", infinity. Its ``coil_W`` goes with the drawing's resistance
     """
-    return observer.doubted.look_ahead(
+    return observer.uncertain.look_ahead(
         state.mean, state.covariance, [load], limit_K, probability=probability, dampers=dampers, seed=seed
     ).to_limit
 

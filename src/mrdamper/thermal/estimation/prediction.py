@@ -1,8 +1,8 @@
 """Early prediction: from the first minutes of an unknown damper's curve, what it will be later.
 
-No drawing, no card: the lean model (``lean``) with its stated beliefs, and Bayes' rule. The curve is averaged
+No drawing, no card: the two-node model (``two_node``) with its priors, and Bayes' rule. The curve is averaged
 over short bins; what the two nodes of the model cannot follow is a third source of error beside noise and
-ignorance (``Misfit``). Four hundred dampers are drawn: for each, errors of the curve and of the beliefs are
+ignorance (``Misfit``). Four hundred dampers are drawn: for each, errors of the curve and of the priors are
 drawn, and the damper is the one that fits best with those errors put in (randomised maximum likelihood; exact
 for a linear model). Every answer is a share of those dampers: a temperature with its interval, the time to a
 limit with infinity among the outcomes.
@@ -15,12 +15,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
+from typing import Annotated
 
 import numpy as np
 
 from mrdamper.arrays import FloatArray, read_only
 from mrdamper.errors import ConvergenceError, InputError
 from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.schema import Option, check_ranges
 from mrdamper.thermal.estimation.measured_curve import HeatingCurve, lag_signal
 from mrdamper.thermal.estimation.sampling import (
     TimeToLimit,
@@ -30,8 +32,13 @@ from mrdamper.thermal.estimation.sampling import (
     summarise_times,
 )
 from mrdamper.thermal.estimation.two_node import PARAMETERS, PRIOR, simulate_two_node
+from mrdamper.thermal.estimation.uncertainty import PredictionInterval
 
-__all__ = ["EarlyPrediction", "Misfit", "predict_early"]
+__all__ = [
+    "EarlyPrediction", "Misfit", "PredictionOptions", "TemperaturePrediction", "predict_early",
+    "predict_temperature",
+]  # fmt: skip
+
 
 _LOOK_STEP_S = 20.0
 _BIN_S = 10.0  # averaged over
@@ -43,7 +50,7 @@ _ITERATIONS = 10
 _WORST_SCORE = 4.0  # of the best fit; 1 is expected
 _SETTLED = 0.01  # fall of twice the log-likelihood that is not worth another step
 _LONGEST_MOVE = 1.5  # [spreads]
-_PROBE = 1e-3  # step of the derivatives, in spreads of the beliefs
+_PROBE = 1e-3  # step of the derivatives, in spreads of the priors
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,16 +67,46 @@ _MISFITS: Mapping[str, Misfit] = MappingProxyType(
 )
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PredictionOptions:
+    """What is asked of a prediction; times are on the curve's clock."""
+
+    until: Annotated[float, Option("end of the predicted curve", key="until_s", unit="s", above=0.0)] = 1800.0
+    limit: Annotated[
+        float,
+        Option("temperature whose time is asked", key="limit_degC", unit="degC", least=-50.0, most=400.0),
+    ] = 403.15  # [K]: the limit of many MR fluids
+    look: Annotated[
+        float, Option("how far after the curve the limit is looked for", key="look_s", unit="s", above=0.0)
+    ] = 14400.0
+    probability: Annotated[float, Option("that the intervals hold", above=0.0, below=1.0)] = 0.90
+    dampers: Annotated[int, Option("drawn", least=20)] = 400
+    seed: Annotated[int, Option("of the draws", least=0)] = 0
+
+    def __post_init__(self) -> None:
+        check_ranges(self, "prediction")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TemperaturePrediction:
+    """What the first minutes of a curve say of the rest, at the place of the thermometer."""
+
+    curve: HeatingCurve
+    ambient: float  # [K]
+    interval: PredictionInterval
+    parameters: Mapping[str, tuple[float, float, float]]  # of ``two_node.PRIOR``: median, low, high
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class EarlyPrediction:
     """What is known of a damper after the first minutes of its curve: dampers that fit it.
 
-    Arrays are read-only; ``numbers`` holds what each damper is, per heat capacity (``lean.PRIOR``).
+    Arrays are read-only; ``parameters`` holds what each damper is, per heat capacity (``two_node.PRIOR``).
     """
 
     curve: HeatingCurve
     ambient: float  # [K]
-    numbers: Mapping[str, FloatArray]  # each shape (k,)
+    parameters: Mapping[str, FloatArray]  # each shape (k,)
     start: FloatArray  # [K], shape (k,)
     off: FloatArray  # the model's error in units of the misfit [-], shape (k,)
     misfit: Misfit
@@ -79,8 +116,7 @@ class EarlyPrediction:
 
         The time is on the curve's clock, the temperature that of the place where the curve was measured.
         """
-        middle, low, high = interval_of(self.temperatures(np.array([time_s]))[0], probability)
-        return float(middle), float(low), float(high)
+        return _interval(self.temperatures(np.array([time_s]))[0], probability)
 
     def temperatures(self, time: FloatArray) -> FloatArray:
         """Return the temperature of each damper at rising times [K], shape (t, k), the misfit included.
@@ -90,7 +126,7 @@ class EarlyPrediction:
         first = float(self.curve.time[0])
         if not (time > first).all():
             raise InputError(f"prediction: the curve starts at {first:g} s; expected a later time")
-        values = simulate_two_node(self.numbers, self.start, self.ambient, np.append(first, time))[1:]
+        values = simulate_two_node(self.parameters, self.start, self.ambient, np.append(first, time))[1:]
         spread = np.hypot(self.misfit.floor_K, self.misfit.share * np.abs(values - self.start))
         return np.asarray(values + spread * self.off)
 
@@ -103,6 +139,53 @@ class EarlyPrediction:
         time = np.linspace(first, last + look_s, round((last - first + look_s) / _LOOK_STEP_S) + 2)
         values = np.vstack([self.start, self.temperatures(time[1:])])
         return summarise_times(first_crossing(time, values, limit_K), limit_K, probability, time[-1])
+
+
+_USUAL = PredictionOptions()
+
+
+def predict_temperature(
+    curve: HeatingCurve, ambient_K: float, options: PredictionOptions = _USUAL
+) -> TemperaturePrediction:
+    """Return the temperature that an unknown damper will have, from the first minutes of its heating curve.
+
+    Parameters
+    ----------
+    curve : from when the duty began (or later: the damper need not be at ambient), a minute or more
+    ambient_K : air temperature [K], 223 to 373
+
+    Raises
+    ------
+    InputError
+        Less than a minute of curve, an ambient that cannot be, or a time that is not after the curve's first.
+    ConvergenceError
+        No damper within the priors fits the curve.
+    """
+    known = predict_early(curve, ambient_K, dampers=options.dampers, seed=options.seed)
+    first = float(curve.time[0])
+    if not options.until > first:
+        raise InputError(
+            f"prediction: it should end at {options.until:g} s, the curve starts at {first:g} s; expected a "
+            "later end"
+        )
+    time = np.linspace(first, options.until, round((options.until - first) / _LOOK_STEP_S) + 2)[1:]
+    probability = options.probability
+    return TemperaturePrediction(
+        curve,
+        ambient_K,
+        PredictionInterval(
+            time,
+            *interval_of(known.temperatures(time), probability),
+            probability,
+            known.time_to(options.limit, probability=probability, look_s=options.look),
+        ),
+        MappingProxyType({name: _interval(values, probability) for name, values in known.parameters.items()}),
+    )
+
+
+def _interval(values: FloatArray, probability: float) -> tuple[float, float, float]:
+    middle, low, high = interval_of(values, probability)
+    return float(middle), float(low), float(high)
 
 
 def predict_early(
@@ -126,7 +209,7 @@ def predict_early(
     InputError
         Less than a minute of curve, or an ambient that cannot be.
     ConvergenceError
-        No damper within the beliefs fits the curve.
+        No damper within the priors fits the curve.
     """
     if not 223.15 <= ambient_K <= 373.15:
         raise InputError(f"prediction: ambient is {ambient_K - ZERO_CELSIUS_K:g} degC; expected -50 to 100")
@@ -140,11 +223,11 @@ def predict_early(
     rng = np.random.default_rng(seed)
     drawn = draw_evenly(rng, problem.rows + 1, dampers, problem.size + 1)
     errors, off = drawn[:-1], drawn[-1]
-    numbers, start = problem.numbers(problem.fit(np.repeat(middle, dampers, axis=1), errors))
+    parameters, start = problem.parameters(problem.fit(np.repeat(middle, dampers, axis=1), errors))
     return EarlyPrediction(
         curve,
         ambient_K,
-        MappingProxyType({name: read_only(values) for name, values in numbers.items()}),
+        MappingProxyType({name: read_only(values) for name, values in parameters.items()}),
         read_only(start),
         read_only(off),
         problem.misfit,
@@ -152,7 +235,7 @@ def predict_early(
 
 
 class _Problem:
-    """Residuals of a binned curve and of the beliefs, all of them of variance 1.
+    """Residuals of a binned curve and of the priors, all of them of variance 1.
 
     Coordinates: ``two_node.PARAMETERS``, the thermometer's lag, the start; in spreads from the means.
     """
@@ -172,14 +255,14 @@ class _Problem:
         # an explicit inverse of a small triangle: many right-hand sides cost one product
         self._whiten = np.linalg.inv(np.linalg.cholesky(covariance))
 
-    def numbers(self, at: FloatArray) -> tuple[dict[str, FloatArray], FloatArray]:
-        """Return numbers and start temperatures at coordinates, shape (size, k)."""
+    def parameters(self, at: FloatArray) -> tuple[dict[str, FloatArray], FloatArray]:
+        """Return parameters and start temperatures at coordinates, shape (size, k)."""
         values = {name: PRIOR[name].value(at[k]) for k, name in enumerate(PARAMETERS)}
         return values, np.asarray(self.start + _START_SPREAD_K * at[-1])
 
     def residuals(self, at: FloatArray) -> FloatArray:
         """Return the residuals at coordinates, shape (rows, k)."""
-        values, start = self.numbers(at)
+        values, start = self.parameters(at)
         time = np.append(self.curve.time[0], self.time)
         lag = self.curve.lag_s or self._lag.value(at[-2])
         shown = lag_signal(time, simulate_two_node(values, start, self.ambient, time), lag)
@@ -209,7 +292,7 @@ class _Problem:
         for _ in range(iterations):
             slope = self._slope(best, residual + errors)
             normal, pull = slope @ slope.transpose(0, 2, 1), slope @ residual.T[:, :, None]
-            # the beliefs are among the residuals: the matrix is at least 1 on its diagonal
+            # the priors are among the residuals: the matrix is at least 1 on its diagonal
             move = -np.linalg.solve(normal + damping[:, None, None] * np.eye(self.size), pull)[:, :, 0].T
             move *= np.minimum(1.0, _LONGEST_MOVE / np.abs(move).max(axis=0))
             trial = self.residuals(best + move) - errors

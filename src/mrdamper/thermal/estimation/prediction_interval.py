@@ -54,25 +54,25 @@ def predict_interval(
 
     Parameters
     ----------
-    works : one for each stretch of the duty
+    works : one for each segment of the duty
     calibrated : what a measured curve told of this very drawing; None: nothing was measured
     model_uncertainty : how far drawing and card may be off before anything was measured; None: as usual
     start_K : temperature of everything at the start; None: the fitted one, else ambient
     """
     believed = model_uncertainty or ModelUncertainty()
-    doubted = UncertainNetwork(build_network(drawing, model))
-    n = doubted.nodes
+    uncertain = UncertainNetwork(build_network(drawing, model))
+    n = uncertain.nodes
     mean, covariance = np.zeros(n + len(FACTORS)), np.zeros((n + len(FACTORS),) * 2)
     mean[:n] = drawing.surroundings.ambient
     if calibrated is None:
         covariance[n:, n:] = believed.covariance
     else:
-        mean[:n] = calibrated.numbers.start_K
-        covariance = _told_by(calibrated, n)
+        mean[:n] = calibrated.parameters.start_K
+        covariance = _covariance_of(calibrated, n)
     if start_K is not None:
         mean[:n] = start_K
         covariance[:n, :] = covariance[:, :n] = 0.0
-    return doubted.look_ahead(
+    return uncertain.look_ahead(
         mean,
         covariance,
         loads_of(works, drawing, duty),
@@ -83,7 +83,7 @@ def predict_interval(
     )
 
 
-def _told_by(calibrated: CalibratedDrawing, nodes: int) -> FloatArray:
+def _covariance_of(calibrated: CalibratedDrawing, nodes: int) -> FloatArray:
     """Return the covariance that a fit left, of a state: the start is that of all nodes."""
     where = np.zeros((nodes + len(FACTORS), 5))
     where[:nodes, 0] = 1.0

@@ -1,7 +1,7 @@
 """Answers from dampers that were drawn: even draws, when each reaches a limit, intervals.
 
-What is drawn, and by which model it is run, is the business of ``doubt`` (a network that may be off its
-drawing) and ``prediction`` (a damper nobody has drawn).
+What is drawn, and by which model it is run, is the business of ``uncertainty`` (a network that may be off
+its drawing) and ``prediction`` (a damper nobody has drawn).
 """
 
 from __future__ import annotations

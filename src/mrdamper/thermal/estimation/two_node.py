@@ -1,4 +1,4 @@
-r"""A damper's heating in a few numbers, all per heat capacity: the model of a damper nobody has drawn.
+r"""A damper's heating in a few parameters, all per heat capacity: the model of a damper nobody has drawn.
 
 Two nodes: what the fluid's temperature reaches at once (fluid, wall, fins), which takes the heat in and gives
 it off, and a core behind it, which only stores.
@@ -13,7 +13,7 @@ with the exponent m: about 0.25 in still air and by radiation, 0 in a wind and t
 power, capacity and losses together changes nothing: nothing absolute is in here, and nothing absolute comes
 out.
 
-Which numbers are likely is ``PRIOR``, a proposal for laboratory and car dampers with or without fins; its
+Which values are likely is ``PRIOR``, a proposal for laboratory and car dampers with or without fins; its
 share, settling and lags are what the model needs to follow zone networks of such dampers. What a measured
 curve says to it is the business of ``prediction``.
 """
@@ -28,12 +28,12 @@ from types import MappingProxyType
 import numpy as np
 
 from mrdamper.arrays import FloatArray
+from mrdamper.thermal.estimation.uncertainty import REFERENCE_EXCESS_K
 from mrdamper.thermal.model.stepping import Solver, growing_steps, rosenbrock_step
 
 __all__ = ["PARAMETERS", "PRIOR", "Prior", "simulate_two_node"]
 
 _VISCOSITY_K = 1400.0
-_AT_EXCESS_K = 40.0
 _SMOOTH_K = 5.0  # delta: keeps the film's power smooth through ambient
 _LEAST_POWER = 0.05  # of the power at ambient
 _FIRST_STEP, _GROWTH, _LONGEST = 2.0, 1.3, 40.0  # [s]
@@ -146,7 +146,7 @@ def _balance(
 ) -> Callable[[FloatArray], tuple[FloatArray, FloatArray]]:
     """Return the function that gives power less loss over the capacity [K/s], and its slope [1/s]."""
     q, u, v, s, m = (parameters[name] for name in PARAMETERS[:5])
-    bottom = _AT_EXCESS_K**2 + _SMOOTH_K**2
+    bottom = REFERENCE_EXCESS_K**2 + _SMOOTH_K**2
 
     def balance(fluid: FloatArray) -> tuple[FloatArray, FloatArray]:
         viscous = v * np.exp(_VISCOSITY_K * (1.0 / fluid - 1.0 / ambient))

@@ -27,13 +27,14 @@ from mrdamper.thermal.model.network import ThermalNetwork
 from mrdamper.thermal.model.stepping import Load, rosenbrock_step
 from mrdamper.thermal.model.transient import NetworkSystem
 
-__all__ = ["FACTORS", "ModelUncertainty", "PredictionInterval", "UncertainNetwork"]
+__all__ = ["FACTORS", "REFERENCE_EXCESS_K", "ModelUncertainty", "PredictionInterval", "UncertainNetwork"]
 
 FACTORS = ("power", "capacity", "loss", "fluid_body", "coil", "resistance")
 """What the drawing may be off by; states hold the logarithm of each factor."""
 
 POWER, CAPACITY, LOSS, BODY, COIL, RESISTANCE = range(len(FACTORS))
-ROOM_K = 293.15
+REFERENCE_EXCESS_K = 40.0
+"""Over ambient: where losses of different dampers are compared [K]."""
 
 _FIRST_STEP_S, _LONGEST_STEP_S, _GROWTH = 2.0, 60.0, 1.4
 _MOST_STEPS = 300  # of the longest, in a load that goes on for days
@@ -57,7 +58,7 @@ class ModelUncertainty:
         for name in self.__dataclass_fields__:
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0.0):
-                raise InputError(f"observer: doubt.{name} is {value}; expected zero or more, finite")
+                raise InputError(f"model uncertainty: {name} is {value}; expected zero or more, finite")
 
     @property
     def covariance(self) -> FloatArray:
@@ -67,10 +68,10 @@ class ModelUncertainty:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PredictionInterval:
-    """What a heating curve may be: the interval of the fluid's temperature, and of the time to a limit."""
+    """What a heating curve may be: the interval of the temperature, and of the time to a limit."""
 
     time: FloatArray  # since the start [s], shape (t,)
-    median: FloatArray  # of the fluid [K], shape (t,)
+    median: FloatArray  # of the fluid, or where a thermometer sits [K], shape (t,)
     low: FloatArray  # with ``high``, holds it with the probability, at each time [K], shape (t,)
     high: FloatArray
     probability: float
@@ -79,7 +80,7 @@ class PredictionInterval:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UncertainNetwork:
-    """A network's numbers such that factors may stand before them; made once."""
+    """A network with its conductances taken apart, so that factors may stand before each kind; made once."""
 
     network: ThermalNetwork
     watts: FloatArray = field(init=False, repr=False)  # losses of each node over the grid, shape (n, g)

@@ -219,9 +219,9 @@ def nusselt_cross_flow_zukauskas(
     Source: Zukauskas, Advances in Heat Transfer 8 (1972) 93-160; as in ``ht``.
     """
     number, pr = _within("Re_D of a cylinder", reynolds, 1.0, 1e6), _positive(prandtl)
-    stretch = np.searchsorted([40.0, 1e3, 2e5], number, side="right")
-    stretch = np.where(number == 40.0, 0, stretch)
-    factor, power = np.array([0.75, 0.51, 0.26, 0.076])[stretch], np.array([0.4, 0.5, 0.6, 0.7])[stretch]
+    segment = np.searchsorted([40.0, 1e3, 2e5], number, side="right")
+    segment = np.where(number == 40.0, 0, segment)
+    factor, power = np.array([0.75, 0.51, 0.26, 0.076])[segment], np.array([0.4, 0.5, 0.6, 0.7])[segment]
     nusselt = factor * number**power * pr ** np.where(pr <= 10.0, 0.37, 0.36)
     return np.asarray(nusselt if prandtl_wall is None else nusselt * (pr / _positive(prandtl_wall)) ** 0.25)
 

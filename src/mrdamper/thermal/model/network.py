@@ -349,7 +349,7 @@ def _zone_edges(drawing: DamperDrawing) -> tuple[float, float, float, float]:
 
 
 def _covered(sink: HeatSink, body_length: float, low: float, high: float) -> tuple[float, float]:
-    """Return how much of a stretch the sink spans [m], and how much of that is floor between fins [m]."""
+    """Return how much of a segment the sink spans [m], and how much of that is floor between fins [m]."""
     centres, half = sink.centres(body_length), 0.5 * sink.thickness
 
     def overlap(start: FloatArray, stop: FloatArray) -> float:
@@ -360,7 +360,7 @@ def _covered(sink: HeatSink, body_length: float, low: float, high: float) -> tup
 
 
 def _fins_on(sink: HeatSink, body_length: float, low: float, high: float) -> float:
-    """Return how many fins stand on a stretch; one across its end counts by its share."""
+    """Return how many fins stand on a segment; one across its end counts by its share."""
     centres, half = sink.centres(body_length), 0.5 * sink.thickness
     shares = np.minimum(centres + half, high) - np.maximum(centres - half, low)
     return float(np.maximum(shares, 0.0).sum() / sink.thickness)
