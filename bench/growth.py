@@ -40,7 +40,7 @@ from mrdamper.identify.problem import FitProblem
 from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.templates import template
 from mrdamper.jobs.cycles import cycles
-from mrdamper.models.card import write_card
+from mrdamper.models.card_schema import write_card
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant, Polynomial
 from mrdamper.models.laws import LAWS

@@ -119,7 +119,7 @@ def _row(title: str, job: _Job, jobs: dict[str, _Job]) -> Row:
 
 def _small(folder: Path) -> tuple[Path, Path]:
     """Write a small card and a run of 2 s at 500 Hz; return the two files."""
-    from mrdamper.models.card import write_card
+    from mrdamper.models.card_schema import write_card
     from mrdamper.models.damper import Damper
     from mrdamper.models.dependence import Constant, Polynomial
     from mrdamper.models.laws import LAWS

@@ -170,7 +170,7 @@ def _write_run(path: Path) -> None:
 
 
 def _write_card(folder: Path) -> None:
-    from mrdamper.models.card import write_card
+    from mrdamper.models.card_schema import write_card
     from mrdamper.models.damper import Damper
     from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial
     from mrdamper.models.laws import LAWS

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from mrdamper.models.card import card_text
+from mrdamper.models.card_schema import card_text
 from mrdamper.rig.campaign import Campaign
 from mrdamper.rig.damper import PRESETS
 from tests.data.rig_files import WRITERS, titled

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import mrdamper
-from mrdamper.models.card import write_card
+from mrdamper.models.card_schema import write_card
 from mrdamper.rig.campaign import Campaign
 from mrdamper.rig.measurement import measure
 from mrdamper.rig.plant import find_preset

@@ -184,6 +184,13 @@ class Field:
         return tuple(self.option.among()) if self.option.among is not None else ()
 
     @property
+    def item_words(self) -> str:
+        """What each value of a list or a table of values is expected to be."""
+        if get_origin(self.type) is Mapping:
+            return _WORDS.get(get_args(self.type)[1], "a table")
+        return self.words.removeprefix("a list, each ")
+
+    @property
     def words(self) -> str:
         """What the field expects: ``a number of mm above 0``."""
         if self.choices:
@@ -298,14 +305,17 @@ def _fault(record: type, fault: Mapping[str, Any], place: str) -> str:
     kind, field = fault["type"], _field_at(record, fault["loc"])
     if kind == "value_error":  # a check of the record's own
         own = ".".join(str(part) for part in fault["loc"])
-        return f"{place}: {own}: {fault['ctx']['error']}" if own else f"{place}: {fault['ctx']['error']}"
+        said = str(fault["ctx"]["error"]).removeprefix(f"{own}: ")
+        return f"{place}: {own}: {said}" if own else f"{place}: {said}"
     where = ".".join(str(part)[:_LONGEST_FOUND] for part in parents)
     whole = f"{where}.{last}".strip(".")
     if kind in {"unexpected_keyword_argument", "extra_forbidden"}:
         known = [each.key for each in _fields_at(record, parents)]
         said = f"{where} has no key" if where else "unknown key"
         return f"{place}: {said} {str(last)[:_LONGEST_FOUND]!r}; {did_you_mean(str(last), known)}"
-    expected = field.words if field is not None else str(fault["msg"]).removeprefix("Input should be ")
+    expected = str(fault["msg"]).removeprefix("Input should be ")
+    if field is not None:  # of many values the place is one of them
+        expected = field.words if last == field.key else field.item_words
     if kind in {"missing", "missing_argument", "missing_keyword_only_argument"}:
         return f"{place}: {whole} is missing; expected {expected}"
     if not whole:
@@ -377,30 +387,31 @@ def check_ranges(record: object, place: str) -> None:
 # ------------------------------------------------------------------------------------------- writing
 
 
-def write_record(record: object, *, defaults: bool = False) -> Json:
+def write_record(record: object, *, defaults: bool = False, nulls: bool = False) -> Json:
     """Return a record as a document that ``read_record`` takes.
 
-    Fields that hold None are left out, as are those that hold their default unless ``defaults``.
+    Fields that hold None are left out unless ``nulls`` (JSON's null), as are those that hold their default
+    unless ``defaults``.
     """
     table: Json = {}
     for field in fields_of(type(record)):
         value = getattr(record, field.name)
-        if value is None or (not defaults and not field.required and value == field.default):
+        if (value is None and not nulls) or (not defaults and not field.required and value == field.default):
             continue
         stored = field.option.from_si(value) if field.option.key and isinstance(value, float) else value
-        table[field.key] = _plain(stored, defaults=defaults)
+        table[field.key] = _plain(stored, defaults=defaults, nulls=nulls)
     return table
 
 
-def _plain(value: Any, *, defaults: bool) -> Any:  # noqa: ANN401 - whatever a field holds
+def _plain(value: Any, *, defaults: bool, nulls: bool) -> Any:  # noqa: ANN401 - whatever a field holds
     if hasattr(type(value), "__get_pydantic_core_schema__"):  # what is read from a text is written as one
         return str(value)
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return write_record(value, defaults=defaults)
+        return write_record(value, defaults=defaults, nulls=nulls)
     if isinstance(value, Mapping):
-        return {key: _plain(each, defaults=defaults) for key, each in value.items()}
+        return {key: _plain(each, defaults=defaults, nulls=nulls) for key, each in value.items()}
     if isinstance(value, tuple | list):
-        return [_plain(each, defaults=defaults) for each in value]
+        return [_plain(each, defaults=defaults, nulls=nulls) for each in value]
     return str(value) if isinstance(value, Path) else value
 
 

@@ -14,8 +14,7 @@ import numpy as np
 import pytest
 
 from mrdamper import cli
-from mrdamper.models.card import write_card
-from mrdamper.models.card_schema import read_card
+from mrdamper.models.card_schema import read_card, write_card
 from tests.support.rigs import answer_of, mrdamper
 
 pytestmark = pytest.mark.system

@@ -8,8 +8,8 @@ from dataclasses import replace
 import pytest
 
 import mrdamper
-from mrdamper.models.card import card_to_json, verify_excerpt
-from mrdamper.models.card_schema import card_from_json
+from mrdamper.models.card import verify_excerpt
+from mrdamper.models.card_schema import card_from_json, card_to_json
 from mrdamper.models.simulate import simulate
 from mrdamper.runtime.outputs import atomic_output
 from tests.support.rigs import PYTHON_LAW, short_runs

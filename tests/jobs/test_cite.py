@@ -14,7 +14,8 @@ import mrdamper
 from mrdamper.cli import cli
 from mrdamper.errors import InputError
 from mrdamper.jobs.cite import LAW_SOURCES, METHOD_SOURCES, cite
-from mrdamper.models.card import ModelCard, write_card
+from mrdamper.models.card import ModelCard
+from mrdamper.models.card_schema import write_card
 from mrdamper.models.laws import LAWS
 from mrdamper.rig.campaign import Campaign
 from mrdamper.rig.measurement import measure

@@ -12,7 +12,8 @@ import pytest
 from mrdamper.errors import InputError
 from mrdamper.jobs.compare import compare
 from mrdamper.models.actuation import Actuation
-from mrdamper.models.card import Evidence, ModelCard, write_card
+from mrdamper.models.card import Evidence, ModelCard
+from mrdamper.models.card_schema import write_card
 from mrdamper.models.comparison import common_envelope, compare_cards
 from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial, TemperatureDependent

@@ -21,7 +21,7 @@ from mrdamper.jobs.sweep.plan import Plan, Task, read_plan
 from mrdamper.jobs.sweep.results import CHECKPOINT, Store
 from mrdamper.jobs.sweep.sweep import sweep
 from mrdamper.jobs.sweep.tasks import run_task
-from mrdamper.models.card import write_card
+from mrdamper.models.card_schema import write_card
 from mrdamper.rig.campaign import Campaign
 from mrdamper.rig.measurement import measure
 from mrdamper.rig.plant import PRESETS

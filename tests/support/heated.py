@@ -7,7 +7,8 @@ from pathlib import Path
 
 from mrdamper.data.records import Dataset
 from mrdamper.identify.fit import fit
-from mrdamper.models.card import Evidence, ModelCard, write_card
+from mrdamper.models.card import Evidence, ModelCard
+from mrdamper.models.card_schema import write_card
 from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial, TemperatureDependent
 from mrdamper.models.laws import LAWS

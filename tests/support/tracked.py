@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from mrdamper.models.actuation import Actuation
-from mrdamper.models.card import Evidence, ModelCard, write_card
+from mrdamper.models.card import Evidence, ModelCard
+from mrdamper.models.card_schema import write_card
 from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.dependence import (
     Constant,

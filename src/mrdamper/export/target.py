@@ -17,7 +17,8 @@ from mrdamper.control.controllers import ForceController, check_name, controller
 from mrdamper.control.realtime import RealtimeDamper, realtime_model
 from mrdamper.control.tables.heating import Heating
 from mrdamper.errors import InputError
-from mrdamper.models.card import ModelCard, card_text
+from mrdamper.models.card import ModelCard
+from mrdamper.models.card_schema import card_text
 from mrdamper.schema import did_you_mean
 
 __all__ = ["CONTENTS", "PRECISIONS", "Content", "Precision", "Target", "card_fingerprint", "target_of"]

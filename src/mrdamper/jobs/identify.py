@@ -22,7 +22,7 @@ from mrdamper.identify.predict import row
 from mrdamper.identify.temperature import Temperature
 from mrdamper.jobs.inputs import read_dataset
 from mrdamper.jobs.predict import predict
-from mrdamper.models.card import write_card
+from mrdamper.models.card_schema import write_card
 from mrdamper.models.fluids.fluid_file import find_fluid
 from mrdamper.models.laws import LAWS
 from mrdamper.report import answers

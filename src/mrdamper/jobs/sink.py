@@ -17,8 +17,8 @@ import numpy as np
 
 from mrdamper.errors import InputError, MissingExtraError
 from mrdamper.identify.fit import versions
-from mrdamper.models.card import ModelCard, card_text
-from mrdamper.models.card_schema import read_card
+from mrdamper.models.card import ModelCard
+from mrdamper.models.card_schema import card_text, read_card
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.heat import sink_in_words
 from mrdamper.runtime.checkpoint import Tell, checkpointed

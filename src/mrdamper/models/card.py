@@ -4,20 +4,17 @@ A card holds the damper (law, dependence of each coefficient, numbers with units
 operating envelope, how its data were prepared, the evidence (errors run by run), and a short excerpt of
 one run on which it must reproduce its own stated error. docs/card.md describes the file key by key.
 
-The same card gives the same bytes. Reading and checking a file is the business of ``card_reading``.
+``card_schema`` reads, checks and writes the file.
 """
 
 from __future__ import annotations
 
-import json
-import os
 import statistics
 import sys
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field, fields
-from pathlib import Path
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -25,37 +22,16 @@ from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 from mrdamper.excitation import Trajectory
 from mrdamper.models.damper import LAG, Damper, OperatingEnvelope
-from mrdamper.models.dependence_json import dependence_to_json
-from mrdamper.schema import did_you_mean
+from mrdamper.quantities import to_degC
+from mrdamper.schema import Option, did_you_mean
 
-__all__ = [
-    "RUN_KEYS",
-    "SCHEMA_VERSION",
-    "SIGNALS",
-    "SPLITS",
-    "Document",
-    "Evidence",
-    "Excerpt",
-    "Json",
-    "ModelCard",
-    "Simulate",
-    "card_text",
-    "card_to_json",
-    "cut_excerpt",
-    "is_finite",
-    "verify_excerpt",
-    "write_card",
-]
+__all__ = ["SPLITS", "Evidence", "Excerpt", "ModelCard", "Simulate", "cut_excerpt", "verify_excerpt"]
 
-SCHEMA_VERSION = 2
-
-Json = Any  # what json.loads returns, or its read-only copy
-Document = dict[str, Json]
 Simulate = Callable[[Damper, Trajectory], FloatArray]
 
-SIGNALS = ("displacement_m", "velocity_m_s", "acceleration_m_s2", "command", "force_N")
 SPLITS = ("training", "held_out")
-RUN_KEYS = ("name", "split", "rmse_N", "nrmse_percent")
+_SIGNALS = ("displacement_m", "velocity_m_s", "acceleration_m_s2", "command", "force_N")
+_RUN_KEYS = ("name", "split", "rmse_N", "nrmse_percent")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,10 +54,9 @@ class Evidence:
             object.__setattr__(self, name, _freeze(getattr(self, name), f"evidence.{name}"))
         object.__setattr__(self, "cost", float(self.cost))
         for k, run in enumerate(self.runs):
-            lacking = [key for key in RUN_KEYS if key not in run]
-            if lacking or run["split"] not in SPLITS:
-                wrong = f"no {', '.join(lacking)}" if lacking else f"split is {run['split']!r}"
-                raise InputError(f"evidence.runs[{k}]: {wrong}; expected {', '.join(RUN_KEYS)}")
+            problem = _problem_of_run(run)
+            if problem:
+                raise InputError(f"evidence.runs[{k}]: {problem}")
 
     def errors(self, split: str) -> dict[str, float | int | None]:
         """Return the number of runs of a split and their median and worst ``nrmse_percent``."""
@@ -98,19 +73,19 @@ class Excerpt:
     """A short stretch of one training run, and the card's error on it when simulated from rest."""
 
     run: str
-    step_s: float
+    step_s: Annotated[float, Option(least=0.0)]
     displacement_m: tuple[float, ...]
     velocity_m_s: tuple[float, ...]
     acceleration_m_s2: tuple[float, ...]
     command: tuple[float, ...]
     force_N: tuple[float, ...]
-    rmse_N: float  # from sample `scored_from` on
+    rmse_N: Annotated[float, Option(least=0.0)]  # from sample `scored_from` on
     scored_from: int = 0
-    dead_band_m: float = 0.0
-    temperature_K: float | None = None  # of the whole stretch
+    dead_band_m: Annotated[float, Option(least=0.0)] = 0.0
+    temperature_K: float | None = None  # of the whole excerpt
 
     def __post_init__(self) -> None:
-        lengths = {name: len(getattr(self, name)) for name in SIGNALS}
+        lengths = {name: len(getattr(self, name)) for name in _SIGNALS}
         if len(set(lengths.values())) != 1 or not 0 <= self.scored_from < len(self.force_N):
             raise InputError(
                 f"excerpt: lengths are {lengths} and scored_from is {self.scored_from}; expected "
@@ -118,7 +93,7 @@ class Excerpt:
             )
 
     def trajectory(self) -> Trajectory:
-        x, v, a, command = (np.array(getattr(self, name)) for name in SIGNALS[:4])
+        x, v, a, command = (np.array(getattr(self, name)) for name in _SIGNALS[:4])
         kelvin = None if self.temperature_K is None else np.full(len(x), self.temperature_K)
         return Trajectory(self.step_s, x, v, a, command, self.dead_band_m, kelvin)
 
@@ -128,7 +103,7 @@ class Excerpt:
         return float(np.sqrt(np.mean(residual[self.scored_from :] ** 2)))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class ModelCard:
     """A damper with its evidence. ``python_law`` is ``file.py:Class`` when the law is a user's own."""
 
@@ -157,6 +132,32 @@ class ModelCard:
         object.__setattr__(self, "notes", _freeze(self.notes, "notes"))
         object.__setattr__(self, "sources", tuple(self.sources))
 
+    def __repr__(self) -> str:
+        """Return the card in a few lines: its law, its range and its errors."""
+        damper, envelope = self.damper, self.envelope
+        (low, high), (in_, out), speed = (
+            envelope.command,
+            envelope.displacement,
+            max(map(abs, envelope.velocity)),
+        )
+        reach = f"{low:.3g} to {high:.3g} {damper.command_unit}, {1e3 * in_:.3g} to {1e3 * out:.3g} mm, "
+        reach += f"up to {1e3 * speed:.3g} mm/s"
+        if envelope.temperature is not None:
+            reach += ", {:.3g} to {:.3g} degC".format(*map(to_degC, envelope.temperature))
+        lines = [
+            f"ModelCard {self.title!r}",
+            f"  law {damper.law.name}, {len(damper.parameters)} parameters",
+            f"  identified on {reach}",
+        ]
+        for split, found in ((split, self.evidence.errors(split)) for split in SPLITS):
+            if found["runs"]:
+                lines.append(
+                    f"  {split.replace('_', ' ')}: {found['runs']} runs, error "
+                    f"{found['median_nrmse_percent']:.2f} % median, "
+                    f"{found['worst_nrmse_percent']:.2f} % worst"
+                )
+        return "\n".join(lines)
+
 
 def cut_excerpt(
     damper: Damper,
@@ -177,7 +178,7 @@ def cut_excerpt(
     columns = (t.displacement, t.velocity, t.acceleration, t.command, force)
     rounded = {
         name: tuple(float(f"{value:.9g}") for value in column[samples])
-        for name, column in zip(SIGNALS, columns, strict=True)
+        for name, column in zip(_SIGNALS, columns, strict=True)
     }
     kelvin = None if t.temperature is None else float(f"{float(np.mean(t.temperature[samples])):.9g}")
     unscored = Excerpt(
@@ -189,7 +190,7 @@ def cut_excerpt(
         temperature_K=kelvin,
         **rounded,
     )
-    return Excerpt(**{**_as_dict(unscored), "rmse_N": unscored.error(damper, simulate)})
+    return replace(unscored, rmse_N=unscored.error(damper, simulate))
 
 
 def verify_excerpt(card: ModelCard, simulate: Simulate) -> float:
@@ -212,98 +213,28 @@ def verify_excerpt(card: ModelCard, simulate: Simulate) -> float:
     return found
 
 
-# ------------------------------------------------------------------------------------------------ writing
+def _problem_of_run(run: Mapping[str, Any]) -> str:
+    """Return the fault of a run's row in the evidence; empty where there is none."""
+    lacking = [key for key in _RUN_KEYS if key not in run]
+    if lacking:
+        return f"no {', '.join(lacking)}; expected {', '.join(_RUN_KEYS)}"
+    if not isinstance(run["name"], str) or run["split"] not in SPLITS:
+        found = f"name is {run['name']!r} and split is {run['split']!r}"
+        return f"{found}; expected a text, and one of {', '.join(SPLITS)}"
+    for key in ("rmse_N", "nrmse_percent"):
+        if not _is_finite(run[key]) or run[key] < 0.0:
+            return f"{key} is {run[key]!r}; expected a finite number, at least 0"
+    return ""
 
 
-def write_card(card: ModelCard, path: str | Path) -> None:
-    """Write the card; the file appears whole or not at all."""
-    target = Path(path)
-    beside = target.with_name(f".{target.name}.{os.getpid()}.part")
-    try:
-        beside.write_text(card_text(card), encoding="utf-8", newline="\n")
-        beside.replace(target)
-    except OSError as fault:
-        beside.unlink(missing_ok=True)
-        raise InputError(f"{target}: cannot write: {fault.strerror}; choose another folder") from fault
-
-
-def card_text(card: ModelCard) -> str:
-    """Return what ``write_card`` writes."""
-    return _layout(card_to_json(card)) + "\n"
-
-
-def card_to_json(card: ModelCard) -> Document:
-    """Return the card as a JSON document in the order of docs/card.md."""
-    damper, evidence = card.damper, card.evidence
-    units = damper.units
-    coefficients = {}
-    for name, form in damper.coefficients.items():
-        data = dependence_to_json(form)
-        parameters = {
-            number: {
-                "value": value,
-                "unit": units[f"{name}.{number}"],
-                "standard_error": card.standard_errors[f"{name}.{number}"],
-            }
-            for number, value in zip(form.parameter_names, form.parameters, strict=True)
-        }
-        coefficients[name] = {**data, "unit": damper.law[name].unit, "numbers": parameters}
-    return {
-        "schema_version": SCHEMA_VERSION,
-        "title": card.title,
-        "law": damper.law.name,
-        "python_law": card.python_law,
-        "command_unit": damper.command_unit,
-        "command_lag_s": damper.command_lag_s,
-        "command_lag_standard_error_s": card.standard_errors[LAG],
-        "actuation": None if damper.actuation is None else asdict(damper.actuation),
-        "temperature_range_K": damper.temperature_range,
-        "coefficients": coefficients,
-        "envelope": {
-            "command": card.envelope.command,
-            "displacement_m": card.envelope.displacement,
-            "velocity_m_s": card.envelope.velocity,
-            "temperature_K": card.envelope.temperature,
-        },
-        "preparation": card.preparation,
-        "evidence": {
-            "method": evidence.method,
-            "seed": evidence.seed,
-            "cost": evidence.cost,
-            "dataset_fingerprint": evidence.dataset_fingerprint,
-            **{split: evidence.errors(split) for split in SPLITS},
-            "runs": [{"name": run["name"], "split": run["split"], **run} for run in evidence.runs],
-            "session_offsets_N": evidence.session_offsets_N,
-            "versions": evidence.versions,
-        },
-        "excerpt": None if card.excerpt is None else _as_dict(card.excerpt),
-        "sources": list(card.sources),
-        "notes": card.notes,
-    }
-
-
-def _layout(value: Json, indent: int = 0) -> str:
-    """Return JSON text: short tables and rows of numbers on one line, the rest one entry per line."""
-    line = json.dumps(value, default=dict, ensure_ascii=False, allow_nan=False)
-    nested = isinstance(value, Mapping) or any(isinstance(part, Mapping) for part in _parts(value))
-    if not _parts(value) or not nested or (indent > 2 and len(line) + indent <= 110):
-        return line
-    inner = " " * (indent + 2)
-    if isinstance(value, Mapping):
-        rows = [f"{json.dumps(key, ensure_ascii=False)}: {_layout(value[key], indent + 2)}" for key in value]
-        return "{\n" + ",\n".join(inner + row for row in rows) + f"\n{' ' * indent}}}"
-    rows = [_layout(part, indent + 2) for part in value]
-    return "[\n" + ",\n".join(inner + row for row in rows) + f"\n{' ' * indent}]"
-
-
-def is_finite(value: object) -> bool:
-    """Say whether the value is a JSON number that a float can hold."""
+def _is_finite(value: object) -> bool:
+    """Return whether the value is a JSON number that a float can hold."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False
     return abs(value) <= sys.float_info.max
 
 
-def _freeze(value: Json, place: str, *, ordered: bool = False) -> Json:
+def _freeze(value: Any, place: str, *, ordered: bool = False) -> Any:  # noqa: ANN401 - whatever JSON holds
     """Return a read-only copy, tables in alphabetical order; refuse what JSON cannot hold."""
     if isinstance(value, Mapping):
         keys = list(value) if ordered else sorted(value, key=str)
@@ -314,17 +245,6 @@ def _freeze(value: Json, place: str, *, ordered: bool = False) -> Json:
         return tuple(_freeze(each, f"{place}[{k}]") for k, each in enumerate(value))
     if isinstance(value, np.generic | np.ndarray):
         return _freeze(value.tolist(), place)
-    if value is None or isinstance(value, str | bool) or is_finite(value):
+    if value is None or isinstance(value, str | bool) or _is_finite(value):
         return value
     raise InputError(f"{place} is {value!r}; expected what JSON holds: text, finite numbers, lists, tables")
-
-
-def _parts(value: Json) -> list[Json]:
-    """Return what a table or list holds; nothing for a scalar."""
-    if isinstance(value, Mapping):
-        return list(value.values())
-    return list(value) if isinstance(value, list | tuple) else []
-
-
-def _as_dict(excerpt: Excerpt) -> Document:
-    return {each.name: getattr(excerpt, each.name) for each in fields(Excerpt)}

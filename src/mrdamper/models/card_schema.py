@@ -1,65 +1,248 @@
-"""Reading a model card: the file is checked whole before anything is made of it.
+"""The file of a model card: the records that it is made of, read, checked, written and upgraded.
 
-All its problems are reported at once, each with its place. Nothing in the file is ever run. Older schema
-versions are brought up to the present one first.
+A card never carries code: a coefficient names its form (``FORMS``) and its temperature factor
+(``temperature.FACTORS``), and nothing in the file is ever run. A file is checked whole before anything is
+made of it, first its records (``schema``), then what they say together; each round reports all of its
+problems. Older schema versions are brought up to the present one first. The same card gives the same bytes.
 """
 
 from __future__ import annotations
 
 import json
-import math
+import os
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import fields
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any, TypeVar
+from types import MappingProxyType
+from typing import Annotated, Any, Literal
 
 from mrdamper.errors import InputError
 from mrdamper.files import read_text
 from mrdamper.models.actuation import Actuation
-from mrdamper.models.card import (
-    RUN_KEYS,
-    SCHEMA_VERSION,
-    SIGNALS,
-    SPLITS,
-    Document,
-    Evidence,
-    Excerpt,
-    Json,
-    ModelCard,
-    is_finite,
-)
+from mrdamper.models.card import SPLITS, Evidence, Excerpt, ModelCard
 from mrdamper.models.damper import LAG, Damper, OperatingEnvelope
-from mrdamper.models.dependence import ParameterLaw
-from mrdamper.models.dependence_json import dependence_from_json
+from mrdamper.models.dependence import (
+    Bipolynomial,
+    CommandForm,
+    Constant,
+    Exponential,
+    Hill,
+    ParameterLaw,
+    Polynomial,
+    TemperatureDependent,
+)
 from mrdamper.models.laws import LAWS, HysteresisLaw
-from mrdamper.schema import did_you_mean
+from mrdamper.models.temperature import FACTORS, PolynomialFactor
+from mrdamper.schema import Json, Option, did_you_mean, read_record, write_record
 
-__all__ = ["UPGRADES", "card_from_json", "read_card"]
+__all__ = [
+    "FORMS",
+    "SCHEMA_VERSION",
+    "UPGRADES",
+    "CoefficientRecord",
+    "card_from_json",
+    "card_text",
+    "card_to_json",
+    "parameter_law",
+    "read_card",
+    "record_of_law",
+    "write_card",
+]
 
-_KEYS = (
-    *("schema_version", "title", "law", "python_law", "command_unit", "command_lag_s"),
-    *("command_lag_standard_error_s", "actuation", "temperature_range_K", "coefficients", "envelope"),
-    *("preparation", "evidence", "excerpt", "sources", "notes"),
+SCHEMA_VERSION = 2
+
+FORMS: Mapping[str, type[CommandForm | Bipolynomial]] = MappingProxyType(
+    {form.kind: form for form in (Constant, Polynomial, Hill, Exponential, Bipolynomial)}
 )
-_PARAMETER_KEYS = ("value", "unit", "standard_error")
-_EVIDENCE_KEYS = (
-    *("method", "seed", "cost", "dataset_fingerprint", *SPLITS, "runs", "session_offsets_N", "versions"),
-)
-
-
-def _from_version_1(document: Document) -> Document:
-    """Version 1 knew neither temperature nor an actuation."""
-    excerpt = document.get("excerpt")
-    if isinstance(excerpt, dict):
-        excerpt = {**excerpt, "temperature_K": None}
-    return {**document, "actuation": None, "temperature_range_K": None, "excerpt": excerpt}
-
+"""The forms there are, by the name that a card stores."""
 
 _MOST_BYTES = 1 << 26  # of a card
+_NotNegative = Annotated[float | None, Option(least=0.0)]
+_FormName = Annotated[str, Option("parameter law", among=lambda: FORMS)]
+_FactorName = Annotated[str, Option("temperature factor", among=lambda: FACTORS)]
 
-UPGRADES: dict[int, Callable[[Document], Document]] = {1: _from_version_1}
-"""Schema version -> the function that turns a document of that version into one of the next."""
+
+# ------------------------------------------------------------------------------------------- records
+
+
+@dataclass(frozen=True, kw_only=True)
+class TemperatureRecord:
+    """The temperature factor of a coefficient; ``assumed``: from a fluid's data, not identified."""
+
+    kind: _FactorName
+    assumed: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class ParameterRecord:
+    """One parameter with its unit and standard error."""
+
+    value: float
+    unit: str
+    standard_error: _NotNegative
+
+
+@dataclass(frozen=True, kw_only=True)
+class CoefficientRecord:
+    """One coefficient: the kind of its parameter law, parameters by name, settings that no fit moves."""
+
+    kind: _FormName
+    temperature: TemperatureRecord | None = None
+    numbers: Mapping[str, ParameterRecord]
+    settings: Mapping[str, float] | None = None
+    unit: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class SplitRecord:
+    """The errors of the training or the held-out runs."""
+
+    runs: int
+    median_nrmse_percent: float | None
+    worst_nrmse_percent: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvidenceRecord:
+    """``card.Evidence`` with the errors of its two splits."""
+
+    method: str
+    seed: int | None
+    cost: float
+    dataset_fingerprint: str
+    training: SplitRecord
+    held_out: SplitRecord
+    runs: tuple[Mapping[str, Any], ...]
+    session_offsets_N: Mapping[str, float]
+    versions: Mapping[str, str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CardRecord:
+    """A card's file, key by key (docs/card.md)."""
+
+    schema_version: int
+    title: str
+    law: str
+    python_law: str | None
+    command_unit: Literal["A", "V"]
+    command_lag_s: Annotated[float, Option(least=0.0)]
+    command_lag_standard_error_s: _NotNegative
+    actuation: Actuation | None
+    temperature_range_K: tuple[float, float] | None
+    coefficients: Mapping[str, CoefficientRecord]
+    envelope: OperatingEnvelope
+    preparation: Mapping[str, Any]
+    evidence: EvidenceRecord
+    excerpt: Excerpt | None
+    sources: tuple[str, ...]
+    notes: Mapping[str, Any]
+
+
+# ------------------------------------------------------------------------------------------- writing
+
+
+def write_card(card: ModelCard, path: str | Path) -> None:
+    """Write the card; the file appears whole or not at all."""
+    target = Path(path)
+    beside = target.with_name(f".{target.name}.{os.getpid()}.part")
+    try:
+        beside.write_text(card_text(card), encoding="utf-8", newline="\n")
+        beside.replace(target)
+    except OSError as fault:
+        beside.unlink(missing_ok=True)
+        raise InputError(f"{target}: cannot write: {fault.strerror}; choose another folder") from fault
+
+
+def card_text(card: ModelCard) -> str:
+    """Return the bytes of a card's file as text."""
+    return _layout(card_to_json(card)) + "\n"
+
+
+def card_to_json(card: ModelCard) -> Json:
+    """Return the card as a JSON document in the order of docs/card.md."""
+    damper, evidence = card.damper, card.evidence
+    record = CardRecord(
+        schema_version=SCHEMA_VERSION,
+        title=card.title,
+        law=damper.law.name,
+        python_law=card.python_law,
+        command_unit=damper.command_unit,
+        command_lag_s=damper.command_lag_s,
+        command_lag_standard_error_s=card.standard_errors[LAG],
+        actuation=damper.actuation,
+        temperature_range_K=damper.temperature_range,
+        coefficients={name: _coefficient_of(card, name) for name in damper.coefficients},
+        envelope=card.envelope,
+        preparation=card.preparation,
+        evidence=EvidenceRecord(
+            method=evidence.method,
+            seed=evidence.seed,
+            cost=evidence.cost,
+            dataset_fingerprint=evidence.dataset_fingerprint,
+            training=_split_of(evidence, "training"),
+            held_out=_split_of(evidence, "held_out"),
+            runs=tuple({"name": run["name"], "split": run["split"], **run} for run in evidence.runs),
+            session_offsets_N=evidence.session_offsets_N,
+            versions=evidence.versions,
+        ),
+        excerpt=card.excerpt,
+        sources=card.sources,
+        notes=card.notes,
+    )
+    document = write_record(record, defaults=True, nulls=True)
+    for coefficient in document["coefficients"].values():
+        for key in ("temperature", "settings"):
+            if coefficient[key] is None:
+                del coefficient[key]
+    return document
+
+
+def _coefficient_of(card: ModelCard, name: str) -> CoefficientRecord:
+    law, unit = card.damper.coefficients[name], card.damper.law[name].unit
+    errors = [card.standard_errors[f"{name}.{parameter}"] for parameter in law.parameter_names]
+    return record_of_law(law, unit, card.damper.command_unit, errors)
+
+
+def record_of_law(
+    law: ParameterLaw, unit: str, command_unit: str, errors: Sequence[float | None] | None = None
+) -> CoefficientRecord:
+    """Return a coefficient [unit] as a record, with standard errors where they are known."""
+    known = [None] * len(law.parameters) if errors is None else errors
+    rows = zip(law.parameter_names, law.parameters, law.units(unit, command_unit), known, strict=True)
+    temperature = None
+    if isinstance(law, TemperatureDependent):
+        temperature = TemperatureRecord(kind=law.factor.kind, assumed=law.assumed)
+    return CoefficientRecord(
+        kind=law.kind,
+        temperature=temperature,
+        numbers={n: ParameterRecord(value=v, unit=u, standard_error=e) for n, v, u, e in rows},
+        settings=dict(law.settings) or None,
+        unit=unit,
+    )
+
+
+def _split_of(evidence: Evidence, split: str) -> SplitRecord:
+    return SplitRecord(**evidence.errors(split))  # type: ignore[arg-type]  # by the names of its fields
+
+
+def _layout(value: Any, indent: int = 0) -> str:  # noqa: ANN401 - whatever JSON holds
+    """Return JSON text: short tables and rows of numbers on one line, the rest one entry per line."""
+    line = json.dumps(value, ensure_ascii=False, allow_nan=False)
+    parts = list(value.values()) if isinstance(value, dict) else value if isinstance(value, list) else []
+    nested = isinstance(value, dict) or any(isinstance(part, dict) for part in parts)
+    if not parts or not nested or (indent > 2 and len(line) + indent <= 110):
+        return line
+    inner = " " * (indent + 2)
+    if isinstance(value, dict):
+        rows = [f"{json.dumps(key, ensure_ascii=False)}: {_layout(value[key], indent + 2)}" for key in value]
+        return "{\n" + ",\n".join(inner + row for row in rows) + f"\n{' ' * indent}}}"
+    rows = [_layout(part, indent + 2) for part in value]
+    return "[\n" + ",\n".join(inner + row for row in rows) + f"\n{' ' * indent}]"
+
+
+# ------------------------------------------------------------------------------------------- reading
 
 
 def read_card(path: str | Path, *, python_law: HysteresisLaw | None = None) -> ModelCard:
@@ -85,305 +268,241 @@ def read_card(path: str | Path, *, python_law: HysteresisLaw | None = None) -> M
         ) from fault
     except (ValueError, RecursionError) as fault:
         raise InputError(f"{path}: not a card: {fault}") from fault
+    return card_from_json(document, str(path), python_law=python_law)
+
+
+def card_from_json(
+    document: object, place: str = "card", *, python_law: HysteresisLaw | None = None
+) -> ModelCard:
+    """Return the card that ``card_to_json`` wrote; ``place`` begins the messages.
+
+    Raises
+    ------
+    InputError
+        With every problem and its place.
+    """
+    record = read_record(CardRecord, _upgraded(document, place), place)
+    law = _law_of(record, place, python_law)
+    laws, problems = {}, []
+    for name, coefficient in record.coefficients.items():
+        try:
+            laws[name] = _checked_law(law, name, coefficient, record.command_unit)
+        except InputError as fault:
+            problems.append(f"coefficients.{name}: {fault}")
+    problems += _contradictions(record)
+    if not problems:
+        problems += _problems_of_damper(law, laws, record)
+    if problems:
+        raise InputError("\n".join(f"{place}: {problem}" for problem in problems))
+    errors = {
+        f"{name}.{parameter}": each.standard_error
+        for name, coefficient in record.coefficients.items()
+        for parameter, each in coefficient.numbers.items()
+    }
     try:
-        return card_from_json(document, python_law=python_law)
+        return ModelCard(
+            title=record.title,
+            damper=_damper_of(law, laws, record),
+            envelope=record.envelope,
+            evidence=_evidence_of(record.evidence),
+            standard_errors={LAG: record.command_lag_standard_error_s, **errors},
+            preparation=record.preparation,
+            excerpt=record.excerpt,
+            sources=record.sources,
+            notes=record.notes,
+            python_law=record.python_law,
+        )
     except InputError as fault:
-        raise InputError(f"{path}: {fault}") from fault
+        raise InputError(f"{place}: {fault}") from fault
 
 
-def card_from_json(document: object, *, python_law: HysteresisLaw | None = None) -> ModelCard:
-    """Return the card that ``card_to_json`` wrote; raise ``InputError`` with all that is wrong with it."""
-    problems: list[str] = []
-    top = _Place(_upgraded(document), "", problems).table(_KEYS)
-    law = _read_law(top, python_law)
-    damper = None if law is None else _read_damper(top, law)
-    errors = {} if damper is None else _read_standard_errors(top, damper)
-    envelope = _read_envelope(top["envelope"])
-    evidence = _read_evidence(top["evidence"])
-    excerpt = _read_excerpt(top["excerpt"])
-    title, sources = top["title"].text(), tuple(each.text() for each in top["sources"].items())
-    preparation, notes = (_plain(top[key].entries()) for key in ("preparation", "notes"))
-    if damper is not None and envelope is not None:
-        for problem in damper.problems(envelope):
-            top["coefficients"].say(problem)
-    if problems or damper is None or envelope is None or evidence is None:
-        found = "" if len(problems) == 1 else f"{len(problems)} problems\n  "
-        raise InputError(found + "\n  ".join(problems))
-    return ModelCard(
-        title=title,
-        damper=damper,
-        envelope=envelope,
-        evidence=evidence,
-        standard_errors=errors,
-        preparation=preparation,
-        excerpt=excerpt,
-        sources=sources,
-        notes=notes,
-        python_law=top["python_law"].value,
-    )
+def _damper_of(law: HysteresisLaw, laws: Mapping[str, ParameterLaw], record: CardRecord) -> Damper:
+    held = record.temperature_range_K
+    return Damper(law, laws, record.command_unit, record.command_lag_s, record.actuation, held)
 
 
-def _read_law(top: Mapping[str, _Place], python_law: HysteresisLaw | None) -> HysteresisLaw | None:
-    name, reference = top["law"].text(), top["python_law"]
-    if reference.value in (None, _MISSING):
-        if name and name not in LAWS:
-            top["law"].say(f"there is no law {name!r}; {did_you_mean(name, LAWS)}")
-        return LAWS.get(name)
-    file = reference.text()
+def _problems_of_damper(
+    law: HysteresisLaw, laws: Mapping[str, ParameterLaw], record: CardRecord
+) -> Iterator[str]:
+    """Yield why the coefficients make no damper that is well posed inside the envelope."""
+    try:
+        damper = _damper_of(law, laws, record)
+    except InputError as fault:
+        yield f"coefficients: {fault}"
+        return
+    for problem in damper.problems(record.envelope):
+        yield f"coefficients: {problem}"
+
+
+def _law_of(record: CardRecord, place: str, python_law: HysteresisLaw | None) -> HysteresisLaw:
+    """Return the law that a card names, a user's own only where it was passed."""
+    if record.python_law is None:
+        if record.law not in LAWS:
+            raise InputError(
+                f"{place}: law: there is no law {record.law!r}; {did_you_mean(record.law, LAWS)}"
+            )
+        return LAWS[record.law]
     if python_law is None:
-        reference.say(
-            f"law {name!r} is a user's own, and a card carries no code; "
-            f"pass python_law=load_python_law({file!r}) if you trust that file"
+        raise InputError(
+            f"{place}: python_law: law {record.law!r} is a user's own, and a card carries no code; "
+            f"pass python_law=load_python_law({record.python_law!r}) if you trust that file"
         )
-    elif python_law.name != name:
-        reference.say(f"the card needs the law {name!r}; the one passed is {python_law.name!r}")
-    else:
-        return python_law
-    return None
-
-
-def _read_damper(top: Mapping[str, _Place], law: HysteresisLaw) -> Damper | None:
-    unit = top["command_unit"].text("A", "V")
-    lag = top["command_lag_s"].number(low=0.0)
-    forms: dict[str, ParameterLaw] = {}
-    for name, place in top["coefficients"].entries().items():
-        if name not in law.names:
-            place.say(f"{law.name} has no such coefficient; {did_you_mean(name, law.names)}")
-            continue
-        form = _read_coefficient(place, law[name].unit, unit)
-        if form is not None:
-            forms[name] = form
-    actuation = _read_actuation(top["actuation"])
-    if actuation is not None and lag > 0.0:
-        top["actuation"].say(f"command_lag_s is {lag:g} beside it; expected one of them")
-        actuation = None
-    held = _read_temperature_range(top["temperature_range_K"])
-    return top["coefficients"].build(
-        lambda: Damper(law, forms, "V" if unit == "V" else "A", lag, actuation, held)
-    )
-
-
-def _read_actuation(place: _Place) -> Actuation | None:
-    if place.value is None:
-        return None
-    needed = tuple(each.name for each in fields(Actuation) if each.name != "play")
-    table = place.table(needed, optional=("play",))
-    values = {name: each.number_or_none() for name, each in table.items() if each.value is not _MISSING}
-    return place.build(lambda: Actuation(**values))  # type: ignore[arg-type]  # checked when built
-
-
-def _read_temperature_range(place: _Place) -> tuple[float, float] | None:
-    if place.value is None:
-        return None
-    low, high = place.pair()
-    sound = place.build(lambda: (low, high))
-    if sound is not None and not 0.0 < low <= high:
-        place.say(f"is [{low:g}, {high:g}]; expected two temperatures, low and high")
-        return None
-    return sound
-
-
-def _read_coefficient(place: _Place, unit: str, command_unit: str) -> ParameterLaw | None:
-    """Return the parameter law of one coefficient, its units checked against what the law says."""
-    entry = place.table(("kind", "numbers", "unit"), optional=("settings", "temperature"))
-    entry["unit"].text(unit)
-    parameters = {name: each.table(_PARAMETER_KEYS) for name, each in entry["numbers"].entries().items()}
-    values = {name: each["value"].number() for name, each in parameters.items()}
-    settings = {name: each.number() for name, each in entry["settings"].entries().items()}
-    data: Document = {"kind": entry["kind"].text(), "numbers": values, "settings": settings}
-    if entry["temperature"].value is not _MISSING:
-        data["temperature"] = entry["temperature"].value
-    form = place.build(lambda: dependence_from_json(data))
-    if form is not None and command_unit:
-        for name, expected in zip(form.parameter_names, form.units(unit, command_unit), strict=True):
-            parameters[name]["unit"].text(expected)
-    return form
-
-
-def _read_standard_errors(top: Mapping[str, _Place], damper: Damper) -> dict[str, float | None]:
-    """Return the standard errors; called when the coefficients themselves were read."""
-    found = {LAG: top["command_lag_standard_error_s"].number_or_none()}
-    for coefficient, place in top["coefficients"].entries().items():
-        for number, each in place.entries()["numbers"].entries().items():
-            found[f"{coefficient}.{number}"] = each.entries()["standard_error"].number_or_none()
-    return found
-
-
-def _read_envelope(place: _Place) -> OperatingEnvelope | None:
-    ends = place.table(("command", "displacement_m", "velocity_m_s", "temperature_K"))
-    command, displacement, velocity = (ends[k].pair() for k in ("command", "displacement_m", "velocity_m_s"))
-    temperature = None if ends["temperature_K"].value is None else ends["temperature_K"].pair()
-    return place.build(lambda: OperatingEnvelope(command, displacement, velocity, temperature))
-
-
-def _read_evidence(place: _Place) -> Evidence | None:
-    table = place.table(_EVIDENCE_KEYS)
-    runs = [run.table(RUN_KEYS, others=True) for run in table["runs"].items()]
-    for run in runs:
-        run["name"].text()
-        run["split"].text(*SPLITS)
-        run["rmse_N"].number(low=0.0)
-        run["nrmse_percent"].number(low=0.0)
-    seed = None if table["seed"].value is None else table["seed"].whole()
-    made = place.build(
-        lambda: Evidence(
-            runs=tuple(_plain(run) for run in runs),
-            method=table["method"].text(),
-            cost=table["cost"].number(),
-            dataset_fingerprint=table["dataset_fingerprint"].text(),
-            seed=seed,
-            versions={name: each.text() for name, each in table["versions"].entries().items()},
-            session_offsets_N={n: each.number() for n, each in table["session_offsets_N"].entries().items()},
+    if python_law.name != record.law:
+        raise InputError(
+            f"{place}: python_law: the card needs the law {record.law!r}; the one passed is "
+            f"{python_law.name!r}"
         )
-    )
-    if made is not None:
-        for split in SPLITS:
-            if table[split].value != made.errors(split):
-                table[split].say(f"is {table[split].value}; the runs listed give {made.errors(split)}")
+    return python_law
+
+
+def _contradictions(record: CardRecord) -> Iterator[str]:
+    """Yield what does not fit together in a card, a sentence each."""
+    if record.actuation is not None and record.command_lag_s > 0.0:
+        yield f"actuation: command_lag_s is {record.command_lag_s:g} beside it; expected one of them"
+    held = record.temperature_range_K
+    if held is not None and not 0.0 < held[0] <= held[1]:
+        yield f"temperature_range_K is {list(held)}; expected two temperatures, low and high"
+    try:
+        evidence = _evidence_of(record.evidence)
+    except InputError as fault:
+        yield str(fault)
+        return
+    for split in SPLITS:
+        stated, found = getattr(record.evidence, split), _split_of(evidence, split)
+        if stated != found:
+            yield f"evidence.{split} is {write_record(stated)}; the runs listed give {write_record(found)}"
+
+
+def _evidence_of(record: EvidenceRecord) -> Evidence:
+    return Evidence(**{each.name: getattr(record, each.name) for each in fields(Evidence)})
+
+
+def _checked_law(
+    law: HysteresisLaw, name: str, coefficient: CoefficientRecord, command_unit: str
+) -> ParameterLaw:
+    """Return the parameter law of a coefficient, its units those of the law."""
+    if name not in law.names:
+        raise InputError(f"{law.name} has no such coefficient; {did_you_mean(name, law.names)}")
+    unit = law[name].unit
+    if coefficient.unit != unit:
+        raise InputError(f"unit is {coefficient.unit!r}; expected {unit!r}")
+    made = parameter_law(coefficient)
+    for parameter, expected in zip(made.parameter_names, made.units(unit, command_unit), strict=True):
+        found = coefficient.numbers[parameter].unit
+        if found != expected:
+            raise InputError(f"numbers.{parameter}.unit is {found!r}; expected {expected!r}")
     return made
 
 
-def _read_excerpt(place: _Place) -> Excerpt | None:
-    if place.value is None:
-        return None
-    table = place.table(tuple(each.name for each in fields(Excerpt)))
-    signals = {name: tuple(each.number() for each in table[name].items()) for name in SIGNALS}
-    return place.build(
-        lambda: Excerpt(
-            run=table["run"].text(),
-            step_s=table["step_s"].number(low=0.0),
-            rmse_N=table["rmse_N"].number(low=0.0),
-            scored_from=table["scored_from"].whole(),
-            dead_band_m=table["dead_band_m"].number(low=0.0),
-            temperature_K=table["temperature_K"].number_or_none(),
-            **signals,
-        )
-    )
+def parameter_law(coefficient: CoefficientRecord) -> ParameterLaw:
+    """Return the parameter law of a record.
 
-
-_MISSING: Json = object()
-T = TypeVar("T")
-
-
-class _Place:
-    """A value in the document and where it stands.
-
-    What is wrong with it is added to ``problems`` and reads as an empty value, so that one reading finds
-    all faults; a missing value is reported once, by the table that it is missing from.
+    Raises
+    ------
+    InputError
+        An unknown kind, or parameters and settings that are not those of its kinds.
     """
-
-    def __init__(self, value: Json, path: str, problems: list[str]) -> None:
-        self.value, self.path, self.problems = value, path, problems
-
-    def say(self, problem: str) -> None:
-        self.problems.append(f"{self.path}: {problem}" if self.path else problem)
-
-    def _refuse(self, expected: str) -> None:
-        if self.value is not _MISSING:
-            shown = json.dumps(self.value, default=str)
-            self.say(f"is {shown if len(shown) < 60 else shown[:57] + '...'}; expected {expected}")
-
-    def build(self, make: Callable[[], T]) -> T | None:
-        """Return what ``make`` makes of this place, or None when something in it is wrong."""
-        before = len(self.problems)
-        here = tuple(self.path + mark for mark in ".[:")
-        if self.value is _MISSING or any(problem.startswith(here) for problem in self.problems):
-            return None
-        try:
-            made = make()
-        except InputError as fault:
-            self.say(str(fault).removeprefix(f"{self.path}: "))
-        return made if len(self.problems) == before else None
-
-    def entries(self) -> dict[str, _Place]:
-        """Return the places in a table of any keys."""
-        if not isinstance(self.value, dict):
-            self._refuse("a table {...}")
-            return {}
-        return {key: _Place(each, self._below(key), self.problems) for key, each in self.value.items()}
-
-    def table(
-        self, keys: Sequence[str], *, optional: Sequence[str] = (), others: bool = False
-    ) -> dict[str, _Place]:
-        """Return the places in a table that has ``keys``, and no more than ``optional`` unless ``others``."""
-        found, known = self.entries(), (*keys, *optional)
-        for key in found:
-            if key not in known and not others:
-                found[key].say(f"unknown key; {did_you_mean(key, known)}")
-        for key in known:
-            if key not in found:
-                found[key] = _Place(_MISSING, self._below(key), self.problems)
-                if key in keys and isinstance(self.value, dict):
-                    found[key].say("missing")
-        return found
-
-    def _below(self, key: str) -> str:
-        return f"{self.path}.{key}" if self.path else key
-
-    def items(self) -> list[_Place]:
-        if not isinstance(self.value, list):
-            self._refuse("a list [...]")
-            return []
-        return [_Place(each, f"{self.path}[{k}]", self.problems) for k, each in enumerate(self.value)]
-
-    def text(self, *choices: str) -> str:
-        """Return the text, one of ``choices`` when there are any."""
-        if isinstance(self.value, str) and (self.value in choices or not choices):
-            return self.value
-        self._refuse(" or ".join(repr(choice) for choice in choices) if choices else "a text")
-        return ""
-
-    def number(self, *, low: float = -math.inf) -> float:
-        if is_finite(self.value) and self.value >= low:
-            return float(self.value)
-        self._refuse("a finite number" if low == -math.inf else f"a finite number, at least {low:g}")
-        return max(low, 0.0)
-
-    def whole(self) -> int:
-        if isinstance(self.value, int) and not isinstance(self.value, bool) and self.value >= 0:
-            return self.value
-        self._refuse("a whole number, at least 0")
-        return 0
-
-    def pair(self) -> tuple[float, float]:
-        ends = [each.number() for each in self.items()]
-        if len(ends) != 2 and isinstance(self.value, list):
-            self._refuse("two numbers, low and high")
-        return (ends[0], ends[1]) if len(ends) == 2 else (0.0, 0.0)
-
-    def number_or_none(self) -> float | None:
-        """Return the number (0 or more), or None for null."""
-        return None if self.value is None else self.number(low=0.0)
+    kind, settings = coefficient.kind, coefficient.settings or {}
+    parameters = {name: each.value for name, each in coefficient.numbers.items()}
+    if kind not in FORMS:
+        raise InputError(f"there is no parameter law of kind {kind!r}; there are {', '.join(FORMS)}")
+    if coefficient.temperature is None:
+        return _form(kind, parameters, settings)
+    factor, assumed = coefficient.temperature.kind, coefficient.temperature.assumed
+    if factor not in FACTORS:
+        raise InputError(f"there is no temperature factor of kind {factor!r}; there are {', '.join(FACTORS)}")
+    names = _factor_names(factor, parameters)
+    of_factor = _by_name(factor, "parameter", {n: v for n, v in parameters.items() if n in names}, names)
+    form = _form(kind, {n: v for n, v in parameters.items() if n not in names}, settings)
+    if isinstance(form, Bipolynomial):
+        raise InputError("bipolynomial depends on temperature itself; it takes no temperature factor")
+    if factor == PolynomialFactor.kind:
+        return TemperatureDependent(form, PolynomialFactor(tuple(of_factor)), assumed)
+    return TemperatureDependent(form, FACTORS[factor](*of_factor), assumed)
 
 
-def _upgraded(document: object) -> Document:
+def _factor_names(factor: str, parameters: Mapping[str, float]) -> tuple[str, ...]:
+    if factor != PolynomialFactor.kind:
+        form: Any = FACTORS[factor]  # all are dataclasses
+        return tuple(each.name for each in fields(form))
+    degree = sum(name[:1] == "t" and name[1:].isdigit() for name in parameters)
+    return tuple(f"t{power}" for power in range(1, max(degree, 1) + 1))
+
+
+def _form(
+    kind: str, parameters: Mapping[str, float], settings: Mapping[str, float]
+) -> CommandForm | Bipolynomial:
+    if kind == Hill.kind:
+        values = _by_name("hill", "parameter", parameters, Hill.parameter_names)
+        return Hill(*values, *_by_name("hill", "setting", settings, ("reference",)))
+    if kind == Bipolynomial.kind:
+        (degree,) = _by_name(kind, "setting", settings, ("temperature_degree",))
+        if not 0 <= degree <= len(parameters) or degree != int(degree):
+            raise InputError(
+                f"bipolynomial: temperature_degree is {degree:g}; it must be a whole number, and every power "
+                "of the command has a parameter for each power of the temperature up to it"
+            )
+        rows = max(len(parameters), 1) // (int(degree) + 1)
+        names = tuple(f"c{i}{j}" for i in range(max(rows, 1)) for j in range(int(degree) + 1))
+        return Bipolynomial(tuple(_by_name(kind, "parameter", parameters, names)), int(degree))
+    _by_name(kind, "setting", settings, ())
+    if kind == Polynomial.kind:
+        powers = tuple(f"c{power}" for power in range(max(len(parameters), 1)))
+        return Polynomial(tuple(_by_name(kind, "parameter", parameters, powers)))
+    form = Constant if kind == Constant.kind else Exponential
+    return form(*_by_name(kind, "parameter", parameters, form.parameter_names))
+
+
+def _by_name(kind: str, role: str, given: Mapping[str, float], names: Sequence[str]) -> list[float]:
+    """Return the given values in the order of ``names``; every name once, nothing else."""
+    for name in given:
+        if name not in names:
+            raise InputError(f"{kind} has no {role} {name!r}; {did_you_mean(name, names)}")
+    for name in names:
+        if name not in given:
+            raise InputError(f"{kind}: {role} {name} is missing; it must be a finite number")
+    return [float(given[name]) for name in names]
+
+
+# ------------------------------------------------------------------------------------------- versions
+
+
+def _from_version_1(document: Json) -> Json:
+    """Version 1 knew neither temperature nor an actuation."""
+    return {**document, "actuation": None, "temperature_range_K": None}
+
+
+UPGRADES: dict[int, Callable[[Json], Json]] = {1: _from_version_1}
+"""Schema version -> the function that turns a document of that version into one of the next."""
+
+
+def _upgraded(document: object, place: str) -> Json:
     """Return the document in the present schema, by one function per step."""
     if not isinstance(document, dict):
-        raise InputError(f"a card is a table {{...}} with schema_version; found {type(document).__name__}")
+        raise InputError(
+            f"{place}: a card is a table {{...}} with schema_version; found {type(document).__name__}"
+        )
     version = document.get("schema_version")
     if isinstance(version, bool) or not isinstance(version, int):
-        raise InputError(f"schema_version is {version!r}; a model card has an integer there")
+        raise InputError(f"{place}: schema_version is {version!r}; a model card has an integer there")
     if version > SCHEMA_VERSION:
         raise InputError(
-            f"schema_version is {version}, and this mrdamper reads up to {SCHEMA_VERSION}; upgrade mrdamper"
+            f"{place}: schema_version is {version}, and this mrdamper reads up to {SCHEMA_VERSION}; "
+            "upgrade mrdamper"
         )
     while version < SCHEMA_VERSION:
         if version not in UPGRADES:
-            raise InputError(f"schema_version is {version}, which no longer can be read")
+            raise InputError(f"{place}: schema_version is {version}, which no longer can be read")
         document = {**UPGRADES[version](document), "schema_version": version + 1}
         version += 1
     return document
-
-
-def _plain(table: Mapping[str, _Place]) -> Document:
-    return {key: place.value for key, place in table.items() if place.value is not _MISSING}
 
 
 def _refuse_constant(text: str) -> float:
     raise ValueError(f"{text} is not a JSON number")
 
 
-def _unique(pairs: list[tuple[str, Any]]) -> Document:
+def _unique(pairs: list[tuple[str, Any]]) -> Json:
     table = dict(pairs)
     if len(table) < len(pairs):
         often = Counter(name for name, _ in pairs)

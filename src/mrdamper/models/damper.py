@@ -1,7 +1,7 @@
 """A damper: a hysteresis law with each coefficient as a function of command and temperature.
 
 The damper is a value: it holds no runs and no solver. Its numbers have flat names, ``coefficient.number``
-(``yield_force.gain``), in the law's order; a fit moves those and calls ``with_numbers``. Simulating it is
+(``yield_force.gain``), in the law's order; a fit moves those and calls ``with_parameters``. Simulating it is
 the business of ``simulate`` (the kernel) and ``reference`` (slow and obvious).
 """
 
@@ -11,6 +11,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,7 +22,7 @@ from mrdamper.models.actuation import Actuation
 from mrdamper.models.dependence import Constant, ParameterLaw, TemperatureDependent
 from mrdamper.models.laws import HysteresisLaw
 from mrdamper.quantities import ZERO_CELSIUS_K, CommandUnit
-from mrdamper.schema import did_you_mean
+from mrdamper.schema import Option, did_you_mean
 
 __all__ = ["LAG", "Damper", "OperatingEnvelope"]
 
@@ -39,9 +40,9 @@ class OperatingEnvelope:
     """The range that the data behind a damper cover, as (low, high) pairs."""
 
     command: Range  # [A or V]
-    displacement: Range  # [m]
-    velocity: Range  # [m/s]
-    temperature: Range | None = None  # [K]; None: not known
+    displacement: Annotated[Range, Option(key="displacement_m")]
+    velocity: Annotated[Range, Option(key="velocity_m_s")]
+    temperature: Annotated[Range | None, Option(key="temperature_K")] = None  # None: not known
 
     def __post_init__(self) -> None:
         for name in ("command", "displacement", "velocity", "temperature"):

@@ -26,7 +26,8 @@ from mrdamper.jobs.options import HeatOptions
 from mrdamper.jobs.rig import write_campaign
 from mrdamper.jobs.sink import SinkOptions, search_sinks, write_sink
 from mrdamper.jobs.track import TrackOptions, track_card, write_track
-from mrdamper.models.card import ModelCard, write_card
+from mrdamper.models.card import ModelCard
+from mrdamper.models.card_schema import write_card
 from mrdamper.models.fluids.fluid_file import find_fluid
 from mrdamper.paper.claims import claims_of
 from mrdamper.paper.figures import sections_of

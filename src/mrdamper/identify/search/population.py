@@ -191,7 +191,7 @@ def fit_cma(
 ) -> FitResult:
     """Fit by CMA-ES (package ``cma``) from the middle of the bounds: a cross-check of the optimum.
 
-    ``ledger`` as in ``fit_genetic``.
+    ``checkpoint`` as in ``fit_genetic``.
     """
     try:
         import cma

@@ -39,7 +39,7 @@ def _identify(seed: int, what: What) -> What:
     from mrdamper.identify.assess import summary
     from mrdamper.identify.fit import assess, fit
     from mrdamper.jobs.identify import read_dataset
-    from mrdamper.models.card import card_text
+    from mrdamper.models.card_schema import card_text
 
     channels = what["channels"]
     dataset = read_dataset([what["path"]], None if channels is None else Path(channels))
