@@ -51,10 +51,12 @@ class _Now:
 _NOW = _Now()
 
 
-def _refuse_processes(event: str, _: tuple[object, ...]) -> None:
-    """End a fast test that starts a process (an audit hook)."""
-    if _NOW.fast and event in _STARTS:
-        pytest.fail(f"{_NOW.fast} is fast and starts a process ({event}): mark it system", pytrace=False)
+def _refuse_processes(
+    event: str, _: tuple[object, ...], *, now: _Now = _NOW, starts: tuple[str, ...] = _STARTS
+) -> None:
+    """End a fast test that starts a process (an audit hook; it outlives this module's names)."""
+    if event in starts and now.fast:
+        pytest.fail(f"{now.fast} is fast and starts a process ({event}): mark it system", pytrace=False)
 
 
 sys.addaudithook(_refuse_processes)

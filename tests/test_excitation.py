@@ -262,6 +262,7 @@ def test_current_steps_without_sense_are_refused(given):
 # ------------------------------------------------------------------------------------------- roads
 
 
+@pytest.mark.system
 def test_a_road_has_the_spectrum_of_its_class():
     """Octave by octave, a periodogram's power against Gd(n0) (n / n0)^-2, far above the corner."""
     from scipy.signal import periodogram

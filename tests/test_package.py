@@ -12,6 +12,8 @@ import pytest
 
 import mrdamper
 
+pytestmark = pytest.mark.system
+
 
 def cpu_ms(*command: str, repeats: int = 5) -> float:
     """Return the least CPU time of a command over some runs [ms]: what it needs, without the noise."""

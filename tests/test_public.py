@@ -12,6 +12,8 @@ from mrdamper.registry import JOBS
 from mrdamper.registry.public import function_of, public_names
 from tests.support.heated import paper_card
 
+pytestmark = pytest.mark.system
+
 
 @pytest.mark.parametrize("name", sorted(public_names()))
 def test_a_jobs_function_has_the_inputs_and_options_that_its_row_declares(name):

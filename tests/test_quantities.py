@@ -137,6 +137,7 @@ def test_every_unit_that_a_message_offers_is_one():
     assert not is_unit("CHANNEL1")
 
 
+@pytest.mark.system
 def test_si_needs_no_unit_library():
     """Most files are SI already: reading them must not wait for Pint's registry."""
     code = (
@@ -146,6 +147,7 @@ def test_si_needs_no_unit_library():
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
+@pytest.mark.system
 def test_a_unit_of_another_role_is_refused_without_the_unit_library():
     """A duty such as ``sine:15mm:1Hz:2A`` asks of each of its parts what it is."""
     code = (

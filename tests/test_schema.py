@@ -122,6 +122,7 @@ def test_the_json_schema_has_units_ranges_and_defaults_as_the_file_has_them():
     assert schema["additionalProperties"] is False
 
 
+@pytest.mark.system
 def test_fields_are_known_without_loading_what_checks_them():
     """A command's help is made from its options' fields: it must answer at once."""
     program = (

@@ -114,6 +114,7 @@ def test_words_in_a_docstring_are_no_finding():
     assert not list(findings(ast.parse('"""Never eval( or pickle.loads(."""\nx = "exec(1)"')))
 
 
+@pytest.mark.system
 def test_the_only_addresses_are_https_and_ours():
     """A namespace of XML is a name; the server prints its own address."""
     literal = re.compile(r"\b(http|ftp|ws)://(?!www\.w3\.org/)")

@@ -27,6 +27,7 @@ import dataclasses
 import difflib
 import json
 import math
+import sys
 import types
 import typing
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -213,7 +214,9 @@ def fields_of(record: type) -> tuple[Field, ...]:
 
 
 def _taken_fields(record: Any) -> Iterator[Field]:  # noqa: ANN401 - a dataclass
-    hints = typing.get_type_hints(record, include_extras=True)
+    # The module's names, not those of the class: a lambda in an annotation looks there when it is called.
+    names = vars(sys.modules[record.__module__])
+    hints = typing.get_type_hints(record, globalns=names, include_extras=True)
     for each in dataclasses.fields(record):
         if not each.init:
             continue

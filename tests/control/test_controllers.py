@@ -420,6 +420,7 @@ def test_a_target_that_bends_evenly_is_extrapolated_without_error():
     np.testing.assert_allclose(causal[800:], known[800:], atol=1e-6)
 
 
+@pytest.mark.system
 def test_what_is_measured_teaches_the_gains():
     """A damper with 12 % less yield and 30 % more viscous force: 4 s of force data find both.
 

@@ -76,6 +76,7 @@ def test_a_reading_that_stands_still_is_flagged_when_the_energy_put_in_is_that_o
     assert (flags[round(first(flags) / PERIOD) :] & FROZEN).all()
 
 
+@pytest.mark.system
 def test_a_controller_finds_out_as_the_model_does():
     """It counts one row of the force's table at a time; over a minute that is the whole force's work."""
     seconds = 150.0

@@ -205,6 +205,7 @@ def test_a_lag_delays_the_force_by_itself():
     assert late == pytest.approx(0.01, abs=1.01e-3)
 
 
+@pytest.mark.system
 def test_the_targets_have_the_phase_and_the_size_that_they_say():
     for name, amplitude, motion in (
         ("sine-900N-1Hz", 900.0, "sine5mm1Hz"),

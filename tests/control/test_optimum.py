@@ -79,6 +79,7 @@ def test_no_constant_current_is_better(nominal):
         assert score_run(run, found.reach).rmse_N > found.score.rmse_N
 
 
+@pytest.mark.system
 def test_what_it_found_is_what_the_plant_does_with_that_current(nominal):
     plant, _, found = nominal
     course = found.course

@@ -129,6 +129,7 @@ def test_a_velocity_estimated_from_a_clean_displacement_costs_little(law, motion
         assert off[1].max() < off[0].max() + 0.15
 
 
+@pytest.mark.system
 @pytest.mark.parametrize(("dead_time", "bound"), [(0.003, 0.1), (0.0035, 0.25)])
 def test_a_held_current_is_followed_through_dead_time_lags_and_play(dead_time, bound):
     """Steps of the current against the law on a fifty times finer grid, where they are steps too.
@@ -268,6 +269,7 @@ def said(model: RealtimeDamper, row: tuple[float, ...]) -> Flag:
     return flags
 
 
+@pytest.mark.system
 @examples(50)
 @given(rows=rows_of_anything, repeats=st.integers(1, 60), single=st.booleans())
 def test_whatever_it_is_told_the_force_is_finite_and_the_flags_say_what_was_wrong(rows, repeats, single):

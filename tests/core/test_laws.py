@@ -733,6 +733,7 @@ RICH: Mapping[str, Mapping[str, ParameterLaw]] = {
 }
 
 
+@pytest.mark.system
 @every_law
 def test_every_number_s_tangent_is_a_central_difference_when_the_command_varies(name):
     """Numbers of every dependence, and the command lag, through ``models.simulate.sensitivities``."""

@@ -77,6 +77,7 @@ def test_the_line_of_a_bad_cell_counts_lines_that_are_empty():
     assert read(rows, ";", ".", 2)[1].first_bad() == (3, "x")
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("end", ["\n", "\r\n"])
 def test_numbers_with_decimal_commas_are_read_without_polars(tmp_path, end):
     lines = [f"{0.001 * k:.3f};{k},5;{-k},25;0,5".replace(".", ",") for k in range(50)]

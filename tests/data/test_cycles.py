@@ -82,6 +82,7 @@ def test_a_force_of_the_wrong_sign_is_a_fault() -> None:
     assert [each.kind for each in counter.findings()] == ["force_sign"]
 
 
+@pytest.mark.system
 @given(
     rows=st.integers(1, 3_000),
     seed=st.integers(0, 30),

@@ -37,6 +37,8 @@ from tests.data.rig_files import (
     write_tdms,
 )
 
+pytestmark = pytest.mark.system
+
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
@@ -217,7 +219,6 @@ def test_what_is_no_unit_does_not_speak_against_one_that_is(with_force, header, 
 # ------------------------------------------------------------------------------------------- damage
 
 
-@pytest.mark.system
 @pytest.mark.parametrize("name", WRITERS)
 def test_a_damaged_file_is_read_or_refused_and_nothing_else(tmp_path, name, capfd):
     """Whatever a decoder does on garbage ends in one error of ours, and in no word on standard error."""
@@ -251,7 +252,6 @@ def decoder(monkeypatch):
     sandbox.stop()
 
 
-@pytest.mark.system
 @pytest.mark.parametrize("code", ["import os; os.abort()", "print('no answer')", "pass"])
 @pytest.mark.parametrize("name", ["run.mf4", "run.h5", "v5.mat", "run.parquet"])
 def test_a_decoder_that_crashes_is_a_message(tmp_path, decoder, name, code):
@@ -262,7 +262,6 @@ def test_a_decoder_that_crashes_is_a_message(tmp_path, decoder, name, code):
         read_run(tmp_path / name)
 
 
-@pytest.mark.system
 def test_a_decoder_that_loops_ends_where_nobody_waits(tmp_path):
     """Its user was killed meanwhile: the loop would go on for ever; and it leaves no core."""
     code = """if True:
@@ -283,7 +282,6 @@ def test_a_decoder_that_loops_ends_where_nobody_waits(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.system
 @pytest.mark.parametrize("name", sorted(WRITERS))
 def test_reading_leaves_nothing_behind(tmp_path, monkeypatch, name):
     """Libraries put files aside, and the decoder's process is ended, not asked to end."""
@@ -298,7 +296,6 @@ def test_reading_leaves_nothing_behind(tmp_path, monkeypatch, name):
     assert [each.name for each in runs.iterdir()] == [name]
 
 
-@pytest.mark.system
 def test_a_decoder_that_loops_is_ended_and_told(tmp_path, decoder, monkeypatch):
     """Damaged links lead libhdf5 in a circle; a file that is good is read by the next process."""
     WRITERS["v5.mat"](tmp_path / "v5.mat")
@@ -313,7 +310,6 @@ def test_a_decoder_that_loops_is_ended_and_told(tmp_path, decoder, monkeypatch):
     assert read_table(tmp_path / "v5.mat").rows > 1
 
 
-@pytest.mark.system
 def test_a_crash_costs_one_file_and_not_the_next(tmp_path):
     for name in ("a.h5", "b.mf4", "c.h5"):
         WRITERS["run" + name[1:]](tmp_path / name)
@@ -323,7 +319,6 @@ def test_a_crash_costs_one_file_and_not_the_next(tmp_path):
     assert np.array_equal(first.force, read_run(tmp_path / "c.h5")[0].force)
 
 
-@pytest.mark.system
 def test_what_a_small_file_unpacks_to_is_bounded_by_the_memory_of_its_process(tmp_path, monkeypatch):
     """A MAT file of 0.2 MB that unpacks to 128 MB, where the decoder may have 220 MB, itself included."""
     from scipy.io import savemat
@@ -339,7 +334,6 @@ def test_what_a_small_file_unpacks_to_is_bounded_by_the_memory_of_its_process(tm
     small.stop()
 
 
-@pytest.mark.system
 def test_the_decoder_holds_its_memory(tmp_path):
     """As it is started for users: not more than three quarters of the machine's, and 12 GB."""
     WRITERS["v5.mat"](tmp_path / "v5.mat")

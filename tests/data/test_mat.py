@@ -13,6 +13,8 @@ from mrdamper.data.formats.table import FileOptions
 from mrdamper.data.readers import read_run
 from tests.data.rig_files import save_mat73
 
+pytestmark = pytest.mark.system
+
 TIME = np.arange(0.0, 2.0, 0.002)
 SIGNALS = {
     "displacement": (5.0 * np.sin(2 * np.pi * TIME), "mm"),

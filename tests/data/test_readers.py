@@ -81,6 +81,7 @@ def test_delimited_text_in_any_dialect_is_the_same_run(tmp_path, text):
     _assert_same(_read(tmp_path, text))
 
 
+@pytest.mark.system
 def test_parquet_and_csv_hold_the_same_run(tmp_path):
     names = SELF_DESCRIBING.split(",")
     frame = pl.DataFrame(dict(zip(names, map(list, zip(*ROWS, strict=True)), strict=True)))
@@ -96,6 +97,7 @@ def read_runs_of_csv(folder):
     return read_runs(folder / "csv")
 
 
+@pytest.mark.system
 def test_a_mat_file_with_bare_names_needs_a_map(tmp_path):
     millimetres = 1e3 * RUN.displacement[:, None]
     savemat(
@@ -239,6 +241,7 @@ def test_what_cannot_be_read_says_why(tmp_path, text, message):
     assert "run" in str(error.value)
 
 
+@pytest.mark.system
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
@@ -279,6 +282,7 @@ def _whole_files(folder):
     return sorted(folder.iterdir())
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("kind", [0, 1, 2])
 def test_a_torn_or_damaged_file_is_read_or_refused_but_never_our_fault(tmp_path, kind):
     whole = _whole_files(tmp_path)[kind]

@@ -28,6 +28,7 @@ def _position(short, long):
     return starts[0]
 
 
+@pytest.mark.system
 def test_the_loggers_five_tests_are_the_trimmed_runs(real_data, dev):
     """0, 0.25, 0.5, 0.75, 1 A one after the other; trimmed, and the displacement set to zero at the start."""
     runs = read_run(real_data / "raw" / "ME5mm3Hz.txt", EXAMPLES / "utfsm_logger.toml")

@@ -52,6 +52,7 @@ def test_what_is_written_is_read_to_the_microsecond(steps_us, start):
         )
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("form", SPELLINGS)
 @pytest.mark.parametrize("size", [1, 7, 499])
 def test_blocks_join_where_they_were_cut(form, size):
@@ -160,6 +161,7 @@ def test_rows_in_batches_have_the_same_times(tmp_path):
     assert np.allclose(whole[0], RUN.time - RUN.time[0], atol=2e-6)
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("kind", ["moments", "times of day", "durations", "texts"])
 def test_times_in_a_workbook_count_from_the_first(tmp_path, kind):
     from openpyxl import Workbook

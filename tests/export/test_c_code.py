@@ -226,6 +226,7 @@ def test_exports_of_two_number_types_in_one_file_are_refused(tool, tmp_path):
 # ----------------------------------------------------------------------------------------------- text
 
 
+@pytest.mark.system
 def test_the_kernel_is_copied_byte_for_byte():
     folder = Path(core.__file__).parent / "kernel"
     files = c_files(a_target())
@@ -418,6 +419,7 @@ def test_a_name_that_c_does_not_take_is_refused(name):
         target_of(card_of(DOUBLE), name=name)
 
 
+@pytest.mark.system
 @pytest.mark.parametrize(
     ("options", "said"),
     [

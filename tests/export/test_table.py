@@ -50,6 +50,7 @@ def sine(damper, speed, command, kelvin, *, samples=20_000, periods=4):
     return path.velocity[-samples - 1 :], force[-samples - 1 :]
 
 
+@pytest.mark.system
 @pytest.mark.parametrize(("i", "j", "k"), [(0, 0, -1), (2, 4, 3), (5, 8, 15), (3, 1, 20)])
 def test_the_force_is_that_at_mid_stroke_of_a_sine_of_that_peak_velocity(made, i, j, k):
     speed = float(made.velocity[k])
@@ -118,6 +119,7 @@ def test_the_file_says_what_it_is_and_holds_every_point(made):
     assert text == made.as_csv()
 
 
+@pytest.mark.system
 def test_a_command_in_volts_has_its_column():
     card = card_of(replace(DOUBLE, command_unit="V"))
     assert "voltage_V" in force_map(card).as_csv()

@@ -188,6 +188,7 @@ def test_a_run_that_hides_some_of_the_play_is_not_believed():
     assert found.actuation.play == pytest.approx(0.05, abs=4.0 * found.standard_errors["play"] + 1e-3)
 
 
+@pytest.mark.system
 def test_runs_that_agree_on_the_play_count_together():
     """The standard error falls with the root of their number."""
     runs = [stepped(replace(LAW, actuation=replace(KNOWN["slow up"], play=0.05)), seed=k) for k in range(4)]

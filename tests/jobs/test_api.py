@@ -14,6 +14,8 @@ from mrdamper.models.simulate import simulate
 from mrdamper.runtime.outputs import atomic_output
 from tests.support.rigs import PYTHON_LAW, short_runs
 
+pytestmark = pytest.mark.system
+
 
 @pytest.fixture(scope="module")
 def runs():

@@ -22,6 +22,8 @@ from mrdamper.models.temperature import Linear
 from mrdamper.report.compare import render_comparison
 from tests.support.rigs import answer_of, mrdamper
 
+pytestmark = pytest.mark.system
+
 NASTY = "<script>alert('x')</script>"
 ENVELOPE = OperatingEnvelope((0.0, 2.0), (-0.02, 0.02), (-0.2, 0.2))
 WARM = replace(ENVELOPE, temperature=(293.15, 393.15))
@@ -188,7 +190,6 @@ def page():
     return render_comparison(compare_cards(*cards, names=(NASTY, "b")))
 
 
-@pytest.mark.system
 def test_the_page_loads_nothing_and_no_name_becomes_markup(page):
     assert "<script" not in page
     assert "&lt;script&gt;" in page

@@ -20,6 +20,8 @@ from mrdamper.models.laws import LAWS
 from tests.support.rigs import answer_of, command, mrdamper
 from tests.support.tracked import a_damper, write_a_card
 
+pytestmark = pytest.mark.system
+
 FILES = {
     "damper.h", "damper.c", "damper_tables.c", "main.c", "CMakeLists.txt", "README.md", "misra.md",
     "verification.json",
@@ -53,7 +55,6 @@ def made(folder, tool):
     )
 
 
-@pytest.mark.system
 def test_it_answers_with_one_json_object(made, folder):
     answer = answer_of(made)
     assert made.stderr == ""
@@ -81,7 +82,6 @@ def test_it_leaves_these_files_and_nothing_else(made, folder):
     assert (folder / "map.csv").read_text(encoding="utf-8").startswith("# Force map")
 
 
-@pytest.mark.system
 def test_the_same_card_gives_the_same_bytes_in_another_process(made, folder):
     assert made.returncode == 0
     arguments = ["export", folder / "card.json", "--c", folder / "again", "--table", folder / "again.csv"]
@@ -99,7 +99,6 @@ def test_the_same_card_gives_the_same_bytes_in_another_process(made, folder):
     assert (folder / "again.csv").read_bytes() == (folder / "map.csv").read_bytes()
 
 
-@pytest.mark.system
 def test_without_json_it_says_how_it_was_proved(folder, tmp_path):
     done = mrdamper(
         *("export", folder / "card.json", "--c", tmp_path / "front", "--content", "model", "--name", "front"),
@@ -133,7 +132,6 @@ def test_an_existing_folder_is_written_over_and_what_else_lies_there_stays(folde
     assert "damper_model_step" in (tmp_path / "damper.h").read_text(encoding="ascii")
 
 
-@pytest.mark.system
 def test_folder_fmu_and_map_come_from_one_check(folder, tmp_path):
     options = ExportOptions(
         c=tmp_path / "c", fmu=tmp_path / "damper.fmu", table=tmp_path / "map.csv", content="model", fmi="2.0"
@@ -160,7 +158,6 @@ def test_what_is_not_verified_says_so(folder, tmp_path):
     assert record["passed"] is False
 
 
-@pytest.mark.system
 def test_without_a_compiler_nothing_is_written(folder, tmp_path):
     env = {**os.environ, "PATH": str(tmp_path), "CC": ""}
     arguments = command("export", folder / "card.json", "--c", tmp_path / "c")
@@ -171,7 +168,6 @@ def test_without_a_compiler_nothing_is_written(folder, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.system
 def test_a_compiler_that_computes_something_else_ends_with_5_and_nothing_is_written(folder, tool, tmp_path):
     """The look at the bits is real: here a compiler that changes a table."""
     wrapper = tmp_path / "cc"

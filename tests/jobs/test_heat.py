@@ -24,6 +24,8 @@ from mrdamper.thermal.temperature_rise import predict_rise
 from tests.support.heated import DRAWING, paper_card, plain_card
 from tests.support.rigs import answer_of, mrdamper
 
+pytestmark = pytest.mark.system
+
 HALF_HOUR = "sine:15mm:1Hz:2A:1800s"
 
 
@@ -63,7 +65,6 @@ def changed(folder: Path, old: str, new: str, name: str = "changed.toml") -> Pat
 # ------------------------------------------------------------------------------------- the paper's figures
 
 
-@pytest.mark.system
 def test_a_card_identified_on_the_rig_heats_as_the_paper_says():
     """Power and fade come from the card, the force losses within 0.3 points."""
     card, drawing = paper_card(), read_drawing(DRAWING)
@@ -82,7 +83,6 @@ def test_a_card_identified_on_the_rig_heats_as_the_paper_says():
 # --------------------------------------------------------------------------------------------- the answer
 
 
-@pytest.mark.system
 def test_the_keys_that_scripts_rely_on(answer):
     assert {"curve", "energy_closure", "time_to_limit_s", "force_loss_percent"} <= answer.keys()
     assert answer["curve"].keys() == {"time_s", "fluid_degC", "coil_degC", "wall_degC"}
@@ -183,7 +183,6 @@ def test_a_drawing_without_sink_is_run_once(folder):
     assert found["without_sink"] is None
 
 
-@pytest.mark.system
 def test_the_curve_ends_at_the_fluid_s_limit_and_says_when(folder):
     bare = changed(folder, "fins = 5", "fins = 0")
     ended: Any = heating(folder / "card.json", bare, duty="sine:15mm:1Hz:2A:3000s")
@@ -198,7 +197,6 @@ def test_the_curve_ends_at_the_fluid_s_limit_and_says_when(folder):
     assert f"reached after {ended['time_to_limit_s'] / 60:.1f} min" in page.stdout
 
 
-@pytest.mark.system
 def test_a_card_without_temperature_holds_its_power_and_says_so(folder):
     card = plain_card(folder, "cold.json", temperature_dependent=False)
     found: Any = heating(card, DRAWING, out=folder / "cold")
@@ -208,7 +206,6 @@ def test_a_card_without_temperature_holds_its_power_and_says_so(folder):
     assert "held constant" in (folder / "cold" / "heat.html").read_text(encoding="utf-8")
 
 
-@pytest.mark.system
 def test_assumed_temperature_laws_are_marked(folder):
     card = plain_card(folder, "assumed.json", assumed=True)
     found: Any = heating(card, DRAWING, out=folder / "assumed")
@@ -216,7 +213,6 @@ def test_assumed_temperature_laws_are_marked(folder):
     assert "Assumed, not identified" in (folder / "assumed" / "heat.html").read_text(encoding="utf-8")
 
 
-@pytest.mark.system
 def test_temperatures_beyond_the_card_s_are_said(folder):
     card = read_card(folder / "card.json")
     run = heat(card, read_drawing(DRAWING), read_duty(HALF_HOUR), HeatOptions(start_degC=-10.0))
@@ -227,7 +223,6 @@ def test_temperatures_beyond_the_card_s_are_said(folder):
     assert heat(card, read_drawing(DRAWING), read_duty(HALF_HOUR)).notes == ()
 
 
-@pytest.mark.system
 def test_a_damper_at_rest_has_no_force_to_fade(folder):
     (folder / "rest.csv").write_text(
         "time_s,amplitude_mm,frequency_Hz,current_A\n0,0,0,2\n600,0,0,2\n", encoding="utf-8"
@@ -244,7 +239,6 @@ def test_one_node_is_blind_to_the_coil(folder):
     assert found["curve"]["coil_degC"] == found["curve"]["fluid_degC"]
 
 
-@pytest.mark.system
 def test_the_reduced_model_is_reported_under_its_name(folder):
     options = HeatOptions(model="reduced")
     found: Any = heating(folder / "card.json", DRAWING, options=options, out=folder / "reduced")
@@ -255,7 +249,6 @@ def test_the_reduced_model_is_reported_under_its_name(folder):
     assert "reduced to 16 unknowns" in (folder / "reduced" / "heat.html").read_text(encoding="utf-8")
 
 
-@pytest.mark.system
 def test_the_same_run_gives_the_same_bytes(folder):
     for name in ("one", "two"):
         heating(folder / "card.json", DRAWING, out=folder / name)
@@ -297,7 +290,6 @@ def test_the_interval_holds_the_curve_and_the_time_to_the_limit(folder):
     assert short["interval"]["limit_not_reached"] == 1.0
 
 
-@pytest.mark.system
 def test_the_page_and_the_terminal_say_the_interval(folder):
     bare = changed(folder, "fins = 5", "fins = 0", "open.toml")
     page = mrdamper("heat", folder / "card.json", "--damper", bare, "--out", folder / "sure")
@@ -375,7 +367,6 @@ def test_the_page_says_what_the_curve_told(calibrated, folder):
     assert "fluid, measured" in page
 
 
-@pytest.mark.system
 def test_a_curve_that_is_none_ends_in_one_message(folder):
     path = folder / "contact.csv"
     rows = "".join(f"{20 * k},{20 + 30 * (k % 2)}\n" for k in range(60))
@@ -436,7 +427,6 @@ def test_a_duty_that_cannot_be_is_refused(folder, duty, message):
         heating(folder / "card.json", DRAWING, duty=duty, options=HeatOptions(past_limit=True))
 
 
-@pytest.mark.system
 def test_a_card_in_volts_needs_the_driver_s_amperes_per_volt(folder):
     card = plain_card(folder, "volts.json", unit="V")
     with pytest.raises(InputError, match=r"expected the same unit, as in sine:15mm:1Hz:2V:1800s"):
@@ -449,7 +439,6 @@ def test_a_card_in_volts_needs_the_driver_s_amperes_per_volt(folder):
     assert found["curve"]["fluid_degC"] == pytest.approx(in_amperes["curve"]["fluid_degC"])
 
 
-@pytest.mark.system
 def test_a_start_at_the_limit_ends_at_once(folder):
     hot = HeatOptions(start_degC=131.0)
     found: Any = heating(folder / "card.json", DRAWING, options=hot, out=folder / "hot")

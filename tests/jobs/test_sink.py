@@ -21,6 +21,8 @@ from tests.jobs.test_heat import changed
 from tests.support.heated import DRAWING, paper_card, plain_card
 from tests.support.rigs import answer_of, mrdamper
 
+pytestmark = pytest.mark.system
+
 DESIGN = {"fins", "width_m", "thickness_m", "pitch_m", "mass_kg", "temperature_degC", "model"}
 SMALL = SinkOptions(span_mm=30.0, least_thickness_mm=2.0, by_field=False, members=4)
 
@@ -44,7 +46,6 @@ def answer(folder) -> Any:
     )  # fmt: skip
 
 
-@pytest.mark.system
 def test_the_keys_that_scripts_rely_on(answer):
     assert {"reference", "front", "study"} <= answer.keys()
     for design in (answer["reference"], answer["bare"], *answer["front"], answer["best"]):
@@ -77,7 +78,6 @@ def test_ten_kelvin_cooler_in_the_same_envelope_and_with_no_more_mass(answer):
     assert answer["cooler_K"] == pytest.approx(reference["temperature_degC"] - best["temperature_degC"])
 
 
-@pytest.mark.system
 def test_ten_kelvin_cooler_with_the_card_that_the_rig_leads_to():
     """By the network; the finite elements confirm it in tests/thermal/test_design.py."""
     options = SinkOptions(span_mm=84.0, by_field=False)
@@ -131,7 +131,6 @@ def test_the_best_sink_s_file_heats_to_what_was_promised(answer, folder):
     assert found["curve"]["fluid_degC"][-1] == pytest.approx(answer["best"]["network_degC"], abs=0.02)
 
 
-@pytest.mark.system
 def test_the_table_on_the_terminal_has_the_reference_and_the_coolest(folder):
     run = mrdamper(
         "sink", folder / "card.json", "--damper", DRAWING, "--span-mm", 30, "--least-thickness-mm", 2,
@@ -143,7 +142,6 @@ def test_the_table_on_the_terminal_has_the_reference_and_the_coolest(folder):
     assert all(len(line) <= 110 for line in run.stdout.splitlines())
 
 
-@pytest.mark.system
 def test_without_finite_elements_the_network_stands_and_it_is_said(folder, monkeypatch):
     def refuse(*_: object, **__: object) -> None:
         raise MissingExtraError("pip install 'mrdamper[thermal]'")
@@ -156,7 +154,6 @@ def test_without_finite_elements_the_network_stands_and_it_is_said(folder, monke
     assert any("pip install 'mrdamper[thermal]'" in note for note in found["notes"])
 
 
-@pytest.mark.system
 def test_a_drawing_without_sink_is_its_own_reference(folder):
     bare = changed(folder, "fins = 5", "fins = 0")
     options = SinkOptions(span_mm=20.0, width_mm=10.0, least_thickness_mm=2.0, by_field=False)
@@ -167,7 +164,6 @@ def test_a_drawing_without_sink_is_its_own_reference(folder):
     assert found["best"]["temperature_degC"] < found["reference"]["temperature_degC"]
 
 
-@pytest.mark.system
 def test_a_damper_on_which_the_paper_s_fins_do_not_fit_has_no_study(folder):
     short = changed(folder, "length_mm = 200", "length_mm = 82")
     options = SinkOptions(span_mm=40.0, least_thickness_mm=2.0, by_field=False)
@@ -180,7 +176,6 @@ def test_a_damper_on_which_the_paper_s_fins_do_not_fit_has_no_study(folder):
     assert any("the paper's sweeps are left out" in note for note in found["notes"])
 
 
-@pytest.mark.system
 def test_the_law_of_the_fins_can_be_changed(folder):
     options = SinkOptions(
         span_mm=30.0, least_thickness_mm=2.0, by_field=False, correlation="vdi", film_multiplier=1.0
@@ -201,7 +196,6 @@ def test_nsga2_is_the_other_way_to_search(folder, monkeypatch):
     assert found["best"]["mass_kg"] <= found["reference"]["mass_kg"] * (1.0 + 1e-9)
 
 
-@pytest.mark.system
 def test_a_duty_that_no_sink_can_carry_is_told(folder):
     found: Any = sink(folder / "card.json", DRAWING, options=SMALL, duty="sine:15mm:2Hz:2A:7200s")
     assert any("no sink keeps the fluid below its limit" in note for note in found["notes"])

@@ -17,6 +17,8 @@ from mrdamper.models.laws import LAWS
 from tests.support.rigs import answer_of, mrdamper
 from tests.support.tracked import a_damper, write_a_card
 
+pytestmark = pytest.mark.system
+
 KEYS = {
     "controller", "target", "plant", "temperature_degC", "max_N", "rmse_N", "max_feasible_N",
     "rmse_feasible_N", "feasible_share", "coil_power_W", "chatter_A_per_s",
@@ -58,7 +60,6 @@ def feasible(run):
     return run.rows[0].score.rmse_feasible_N
 
 
-@pytest.mark.system
 def test_looking_ahead_beats_the_paper_and_the_causal_form_comes_near(run):
     for degrees in (20.0, 123.0):
         best, paper = figures(run, "recommended", degrees), figures(run, "paper", degrees)
@@ -87,7 +88,6 @@ def test_the_summary_is_the_worst_of_the_temperatures(run):
         assert row.score.rmse_feasible_N == max(s.rmse_feasible_N for s in each)
 
 
-@pytest.mark.system
 def test_a_card_tracked_on_itself_leaves_lag_and_noise_alone(folder):
     """Model error is the rest: on the virtual damper the same controllers do worse."""
     options = TrackOptions(targets=(str(folder / "short.toml"),), controllers=("recommended",))
@@ -105,7 +105,6 @@ def test_the_same_seed_gives_the_same_rows_and_another_pair_does_not(folder):
     assert rows[0] != rows[2]
 
 
-@pytest.mark.system
 def test_the_command_writes_its_page_and_prints_the_rows(folder):
     answer = answer_of(
         mrdamper(
@@ -131,7 +130,6 @@ def test_the_command_writes_its_page_and_prints_the_rows(folder):
     assert len(table) == 1 + len(answer["rows"])
 
 
-@pytest.mark.system
 def test_a_terminal_gets_a_table_per_target(folder):
     done = mrdamper(
         "track", folder / "card.json", "--target", folder / "short.toml", "--controller", "paper",
@@ -143,7 +141,6 @@ def test_a_terminal_gets_a_table_per_target(folder):
     assert "noise seeds 1 and 2, the worse of the two" in done.stdout
 
 
-@pytest.mark.system
 def test_the_optimum_is_the_first_row_and_the_measure_of_the_others(folder):
     (folder / "brief.toml").write_text(SHORT.replace("2.0", "0.8") + "unscored_s = 0.3\n", encoding="utf-8")
     options = TrackOptions(
@@ -169,7 +166,6 @@ def refused(folder, *arguments, card="card.json"):
     return done.stderr
 
 
-@pytest.mark.system
 def test_a_target_out_of_reach_says_how_much_of_it(folder):
     target = 'kind = "sine"\namplitude_N = 900\nfrequency_Hz = 1\nphase_deg = 180\n'
     (folder / "against.toml").write_text(f"[target]\n{target}", encoding="utf-8")
@@ -179,7 +175,6 @@ def test_a_target_out_of_reach_says_how_much_of_it(folder):
     assert "expected at least 50 %" in said
 
 
-@pytest.mark.system
 def test_a_card_without_actuation_names_the_test_that_is_missing(folder):
     write_a_card(folder / "unlagged.json", a_damper(lag=None))
     said = refused(folder, card="unlagged.json")
@@ -189,7 +184,6 @@ def test_a_card_without_actuation_names_the_test_that_is_missing(folder):
     assert track_card(folder / "unlagged.json", options).rows  # the paper's needs none
 
 
-@pytest.mark.system
 def test_a_card_that_does_not_depend_on_the_current_is_refused(folder):
     forms = {"viscosity": Constant(2000.0), "yield_force": Constant(500.0), "rho": Constant(3000.0)}
     write_a_card(folder / "still.json", Damper(LAWS["dahl"], forms))
@@ -202,7 +196,6 @@ def test_a_card_that_does_not_depend_on_the_current_is_refused(folder):
     assert "still.json: its force does not depend on the current" in said
 
 
-@pytest.mark.system
 def test_a_stroke_beyond_the_card_is_refused(folder):
     envelope = OperatingEnvelope((0.0, 2.0), (-0.003, 0.003), (-0.04, 0.04), (293.15, 393.15))
     write_a_card(folder / "small.json", envelope=envelope)
@@ -215,14 +208,12 @@ def test_a_stroke_beyond_the_card_is_refused(folder):
     assert "its data cover -3 to 3 mm" in said
 
 
-@pytest.mark.system
 def test_sampling_slower_than_the_lag_is_refused(folder):
     write_a_card(folder / "quick.json", a_damper(lag=Actuation(0.001, 0.001)))
     assert "Sample at" in refused(folder, "--rate", 100, card="quick.json")
     assert "expected 0.2 to 10 ms" in refused(folder, "--rate", 50)
 
 
-@pytest.mark.system
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [

@@ -79,6 +79,7 @@ def borders_of(rng: np.random.Generator, length: int) -> list[int]:
     return [int(at) for at in steps if at <= length - 2]
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("name", list(LAWS))
 @given(seed=st.integers(0, 10_000), noisy=st.booleans(), commanded=st.booleans())
 @examples(12)

@@ -203,6 +203,7 @@ json_values = st.recursive(
 )
 
 
+@pytest.mark.system
 @examples(60)
 @given(
     forms=st.fixed_dictionaries(forms),

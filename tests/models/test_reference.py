@@ -284,6 +284,7 @@ def test_the_shift_of_the_tanh_law_follows_the_side_of_the_stroke():
     assert simulate_reference(model, at_rest) == pytest.approx([-500 * math.tanh(0.5), 500 * math.tanh(0.5)])
 
 
+@pytest.mark.system
 def test_a_stiff_compliance_leaves_the_valve_alone():
     """With gap 0, the force tends to the algebraic valve law as spring and leak harden, to first order."""
     values = {"position_gain": -2.3, "offset": 48.0, "stiffness": 730.0, "gap": 0.0, "gap_corner": 1e-9}

@@ -14,6 +14,8 @@ from mrdamper.paper.claims import ROWS, judge
 from mrdamper.paper.demo import Report, demo
 from tests.support.pace import REFERENCE_S, pace
 
+pytestmark = pytest.mark.system
+
 NAMES = {
     "bare_temperature_30min_degC", "bare_temperature_35min_degC", "five_fin_temperature_30min_degC",
     "force_loss_bare_percent", "force_loss_finned_percent", "viscosity_drop_percent", "rmse_20C_N",
@@ -44,7 +46,6 @@ def timed(out: Path, report: Report | None = None) -> tuple[dict[str, Any], floa
     return answer, spent / float(np.mean(paces)) - REFERENCE_S * len(paces)
 
 
-@pytest.mark.system
 def test_the_runs_are_said_to_be_simulated(quick):
     answer, out, *_ = quick
     assert answer["simulated"] is True
@@ -72,7 +73,6 @@ def test_every_row_of_the_paper_has_an_answer(quick):
         assert claim["why"]
 
 
-@pytest.mark.system
 def test_only_hardware_and_lost_tables_cannot_be_checked(quick):
     unchecked = {claim["row"] for claim in quick[0]["claims"] if claim["verdict"] == "not_checkable"}
     assert unchecked == {36, 37}

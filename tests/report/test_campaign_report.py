@@ -29,6 +29,8 @@ from mrdamper.report.identification.temperature import characteristics_section, 
 from mrdamper.report.page import render_report, significant
 from tests.support.warm import MOTIONS, NOISE_N, warm_damper, warm_runs
 
+pytestmark = pytest.mark.system
+
 AS_IT_IS = Preparation(cutoff_Hz=math.inf, reference="none")
 
 
@@ -189,7 +191,6 @@ def test_characteristics_of_a_fit_are_those_of_the_damper_that_was_measured(fitt
 # ------------------------------------------------------------------------------------------- page
 
 
-@pytest.mark.system
 def test_a_campaign_over_temperatures_shows_each_of_them(text, judged):
     said = said_in(text)
     for level in ("20 °C", "60 °C", "100 °C"):
@@ -204,12 +205,10 @@ def test_every_run_of_a_campaign_is_in_the_table(text, judged):
         assert error.name in text
 
 
-@pytest.mark.system
 def test_the_same_campaign_gives_the_same_bytes(fitted, judged, text):
     assert render_report(fitted, judged) == text
 
 
-@pytest.mark.system
 def test_assumed_factors_are_marked_wherever_they_show(fitted, judged, text):
     assert "assumed" not in said_in(text)
     forms = {
@@ -227,7 +226,6 @@ def test_assumed_factors_are_marked_wherever_they_show(fitted, judged, text):
     assert "Assumed: From 20 to 100 °C" in said
 
 
-@pytest.mark.system
 def test_a_campaign_whose_every_command_steps_still_has_its_report(fitted, judged):
     """No constant command, so no main sine and no measured points: the damper's own figures stay."""
     stepping = tuple(replace(error, command=None) for error in judged.runs)

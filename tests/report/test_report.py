@@ -12,6 +12,8 @@ import mrdamper
 from mrdamper.report.page import render_report
 from tests.support.rigs import short_runs
 
+pytestmark = pytest.mark.system
+
 NASTY = "阻尼器 <script>alert('x')</script> & \"run\" $x_1^"
 
 
@@ -54,7 +56,6 @@ def page(text):
     return parsed
 
 
-@pytest.mark.system
 def test_every_run_is_named_and_no_name_becomes_markup(page, judged):
     said = "".join(page.said)
     for error in judged.runs:
@@ -68,7 +69,6 @@ def test_nothing_is_loaded_from_outside(page, text):
     assert re.findall(r"url\((?!#)", text) == []
 
 
-@pytest.mark.system
 def test_the_same_input_gives_the_same_bytes(fitted, judged, text):
     assert render_report(fitted, judged, title=f"Title {NASTY}") == text
 
@@ -90,6 +90,5 @@ def test_held_out_runs_are_marked_and_summed_up_apart(page):
     assert "on 1 held out run the median error is" in said
 
 
-@pytest.mark.system
 def test_runs_are_said_to_be_simulated_when_they_are(fitted, judged):
     assert "simulated, not measured" in render_report(fitted, judged, simulated="made up")

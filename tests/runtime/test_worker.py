@@ -26,6 +26,8 @@ from mrdamper.runtime.worker import (
 )
 from tests.support.kills import alive
 
+pytestmark = pytest.mark.system
+
 HANDLERS = """
 import errno, os, signal, subprocess, sys, time
 from mrdamper.errors import EnvelopeError

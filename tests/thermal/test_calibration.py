@@ -96,6 +96,7 @@ def test_a_cooling_curve_tells_the_time_constant():
     assert found.power_over_capacity == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.system
 def test_standard_errors_and_correlation_are_those_of_repeated_measurements():
     """200 repeats: errors over standard errors have spread 1, and the two errors go together as stated."""
     rng = np.random.default_rng(11)
@@ -141,6 +142,7 @@ def test_a_curve_that_the_model_cannot_follow_says_so_and_has_larger_errors():
 # ------------------------------------------------------------------------------------------------ drawings
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("place", ["fluid", "wall", "coil"])
 def test_the_drawing_comes_back_with_the_multipliers_of_the_truth(place):
     truth = replace(BARE, calibration=Calibration(heat_capacity=1.15, film=1.05))
@@ -175,6 +177,7 @@ def test_the_calibrated_drawing_foretells_another_duty():
     assert abs(before) > 3.0
 
 
+@pytest.mark.system
 def test_scaling_power_capacity_and_losses_together_changes_nothing():
     """A card that says twice the power gets twice the capacity and film; P/C and UA/C stay."""
     no_more = replace(BARE.surroundings, emissivity=0.0, mount=0.0)
@@ -220,6 +223,7 @@ def test_a_card_s_own_loop_gives_the_power_that_is_calibrated_by():
         works_of(damper, read_duty("sine:15mm:1Hz:2V:1800s"))
 
 
+@pytest.mark.system
 def test_the_entries_read_back_as_the_same_drawing():
     """A file of its own: the drawing's text with the entries in place of those that were there."""
     path = Path(__file__).parents[2] / "examples" / "paper_damper.toml"
@@ -263,6 +267,7 @@ def test_a_curve_of_half_an_hour_outweighs_what_was_believed():
     assert any("nothing is claimed of them" in each for each in held.parameters.notes)
 
 
+@pytest.mark.system
 def test_a_minute_of_curve_leaves_the_losses_to_the_drawing():
     """Losses that are believed at no more than 5 % stay so; P/C is told better already."""
     curve = measured(heated(BARE, scale=1.2), np.random.default_rng(2), noise=0.3, until=60.0)
@@ -327,6 +332,7 @@ def test_a_curve_of_a_damper_of_twice_the_size_is_refused_with_a_doubt():
         calibrate_drawing(curve, BARE, [work()], DUTY, model_uncertainty=ModelUncertainty())
 
 
+@pytest.mark.system
 def test_a_curve_of_something_else_is_refused():
     time = np.linspace(0.0, 1800.0, 100)
     cold = HeatingCurve(time, AMBIENT + 0.1 * np.sin(time))

@@ -126,6 +126,7 @@ def test_freefem_confirms_it(found, tool, tmp_path):
     assert ends[0] - ends[1] >= 10.0
 
 
+@pytest.mark.system
 def test_under_the_other_fin_law_and_without_multiplier_it_is_still_cooler(found):
     """The laws disagree on narrow gaps, and the multiplier is a guess there: the gain shrinks, and stays."""
     rows = spread(DAMPER, SINK, found.best.sink)
@@ -157,6 +158,7 @@ def test_thinner_fins_that_can_be_made_never_make_it_worse():
     assert fine <= coarse
 
 
+@pytest.mark.system
 def test_a_lighter_limit_cuts_the_front_and_leaves_the_rest(found):
     half = search_grid(DAMPER, replace(PAPER_LIMITS, mass=0.5 * found.best.mass))
     assert half.designs == tuple(each for each in found.designs if each.mass <= 0.5 * found.best.mass)
@@ -214,6 +216,7 @@ def test_without_a_sink_the_body_gives_the_envelope():
     assert (limits.span, limits.width, limits.mass) == (0.200, 0.023, math.inf)
 
 
+@pytest.mark.system
 def test_on_a_vertical_damper_the_fins_are_discs_with_room_between():
     upright = replace(DRAWING, sink=None, body=replace(DRAWING.body, orientation="vertical"))
     damper = HeatedDamper(upright, DAMPER.loads)

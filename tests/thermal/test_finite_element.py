@@ -226,6 +226,7 @@ def test_the_energy_account_closes_at_any_step(longest_step: float):
     assert course.energy_in[-1] == pytest.approx(course.energy_out[-1] + course.stored[-1], rel=1e-9)
 
 
+@pytest.mark.system
 def test_the_paths_add_up_to_what_is_lost_in_the_steady_state():
     model = build_field(DRAWING, size=0.016)
     course = simulate_field(model.equation, [DUTY], start=steady_field(model.equation, DUTY))
@@ -248,6 +249,7 @@ def test_a_symmetric_damper_has_a_symmetric_field(drawing: DamperDrawing):
     assert np.abs(field[order] - field[other]).max() < 1e-8
 
 
+@pytest.mark.system
 def test_a_rod_at_one_end_breaks_the_symmetry_the_right_way():
     """The end without a rod has more fluid and no shaft to carry heat to it: it lags."""
     model, course = heat_field(replace(BARE, rod=replace(BARE.rod, through=False)), [DUTY])
@@ -341,6 +343,7 @@ def test_the_error_falls_with_the_square_of_the_step():
     assert np.log2(gaps[-2] / gaps[-1]) > 1.9
 
 
+@pytest.mark.system
 def test_half_an_hour_takes_at_most_two_seconds():
     heat_field(DRAWING, [Load(10.0, fading)], size=0.05)  # imports
     started = time.process_time()
@@ -351,6 +354,7 @@ def test_half_an_hour_takes_at_most_two_seconds():
 # -------------------------------------------------------------------------------------------- behaviour
 
 
+@pytest.mark.system
 def test_the_network_is_near_and_the_coil_hotter_than_the_fluid():
     """Two models of one drawing: the network has ten nodes, the finite elements thousands."""
     course = heat_field(DRAWING, [DUTY])[1]

@@ -193,6 +193,7 @@ def heat_up_evenly(network: ThermalNetwork, loads: list[Load], start):
     return system.fluid(state)
 
 
+@pytest.mark.system
 def test_sixty_seconds_a_step_cost_less_than_ten_millikelvin():
     for drawing in (BARE, DRAWING):
         network = zone_network(drawing)

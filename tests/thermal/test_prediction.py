@@ -163,6 +163,7 @@ def test_more_curve_and_less_noise_narrow_the_interval():
     assert width(quiet, 10.0) < width(curve, 10.0)
 
 
+@pytest.mark.system
 def test_what_was_measured_already_is_known():
     """With the whole curve in hand, its end is known to a fraction of a kelvin, and right."""
     curve, end = member_of_the_model(3, 0.1)
@@ -172,6 +173,7 @@ def test_what_was_measured_already_is_known():
     assert middle == pytest.approx(end, abs=0.5)
 
 
+@pytest.mark.system
 def test_the_clock_and_the_seed_do_not_matter_beyond_their_place():
     """A clock that starts elsewhere shifts nothing; the same seed gives the same answer."""
     curve, _ = member_of_the_model(2, 0.2)
@@ -210,6 +212,7 @@ def test_less_than_a_minute_is_no_curve_to_predict_from():
         predict_early(curve, 20.0)
 
 
+@pytest.mark.system
 def test_a_curve_of_something_else_is_refused():
     """A duty that stops within the curve is no constant duty."""
     time = np.arange(0.0, 1200.0, 2.0)

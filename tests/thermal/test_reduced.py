@@ -70,6 +70,7 @@ def test_it_follows_a_duty_it_was_not_made_for():
     assert miss(full, reduced, "coil") < 50e-3
 
 
+@pytest.mark.system
 def test_more_unknowns_miss_less():
     model = build_field(BARE)
     full = simulate_field(model.equation, [DUTY])
@@ -97,6 +98,7 @@ def test_a_uniform_field_comes_back_as_it_was():
     assert small.field(course.state[0]) == pytest.approx(np.full(model.equation.size, 340.0), abs=1e-8)
 
 
+@pytest.mark.system
 def test_the_field_at_the_nodes_comes_back():
     """Where it changes most, at the coil, too."""
     model = build_field(BARE)
@@ -121,6 +123,7 @@ def test_too_few_unknowns_are_refused():
         reduce_field(build_field(BARE, size=0.05), order=2)
 
 
+@pytest.mark.system
 def test_the_example_of_the_docs_prints_what_it_says(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):
