@@ -14,7 +14,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrdamper.errors import InputError
-from mrdamper.schema import Option, check_ranges, fields_of, json_schema, read_record, toml_text, write_record
+from mrdamper.schema import (
+    Option,
+    check_ranges,
+    did_you_mean,
+    fields_of,
+    json_schema,
+    read_record,
+    toml_text,
+    write_record,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,3 +156,10 @@ def test_a_record_made_in_python_is_checked_as_one_of_a_file():
         "a part.share is 2.0; expected a number, 0 to 1",
         "a part.way is 'upward'; expected one of: horizontal, vertical",
     ]
+
+
+def test_an_unknown_name_is_told_by_its_nearest_in_any_case_or_by_the_first_of_many():
+    assert did_you_mean("FORCE_n", ["time_s", "force_N"]) == "did you mean force_N?"
+    many = did_you_mean("zzz", [f"run_{k}" for k in range(100)])
+    assert many.startswith("expected one of: run_0, run_1, ")
+    assert many.endswith(" and 60 more")

@@ -59,6 +59,7 @@ Json = dict[str, Any]
 Record = TypeVar("Record")
 
 _MOST_FAULTS = 12  # of a document, in one message
+_MOST_NAMES = 40  # in one message
 _LONGEST_FOUND = 60  # characters of a value in a message
 _SCALES = {"mm": 1e-3, "g": 1e-3, "ms": 1e-3, "percent": 1e-2, "kN": 1e3, "min": 60.0}
 # Of each record, once asked for.
@@ -357,12 +358,17 @@ def _shown(value: object) -> str:
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Return the end of a message about an unknown name: the nearest known ones, or all of them."""
-    names = list(known)
-    near = difflib.get_close_matches(name, names, n=3, cutoff=0.6)
+    """Return the end of a message about an unknown name: the nearest known ones in any case, or all of them.
+
+    Of very many the first few stand for all.
+    """
+    names = {each.lower(): each for each in known}
+    near = difflib.get_close_matches(name.lower(), names, n=3, cutoff=0.6)
     if near:
-        return f"did you mean {' or '.join(near)}?"
-    return f"expected one of: {', '.join(names)}" if names else "expected none"
+        return f"did you mean {' or '.join(names[each] for each in near)}?"
+    shown = list(names.values())[:_MOST_NAMES]
+    more = f" and {len(names) - len(shown)} more" if len(names) > len(shown) else ""
+    return f"expected one of: {', '.join(shown)}{more}" if names else "expected none"
 
 
 def check_ranges(record: object, place: str) -> None:

@@ -95,7 +95,7 @@ def test_a_mirror_may_hold_a_part_but_not_nothing(small_set, tmp_path):
 
 
 def test_an_unknown_set_names_the_nearest():
-    with pytest.raises(InputError, match="no data set 'utfms'; the nearest are: utfsm"):
+    with pytest.raises(InputError, match="no data set 'utfms'; did you mean utfsm"):
         fetch("utfms")
 
 

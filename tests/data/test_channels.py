@@ -97,7 +97,7 @@ def test_a_column_is_found_by_name_pattern_or_index():
     [
         (
             Channel("force", name="Axial load"),
-            "f: channel.force: no column 'Axial load'; the nearest are: 'Axial Load'",
+            "f: channel.force: no column 'Axial load'; did you mean 'Axial Load'",
         ),
         (
             Channel("force", pattern="*o*"),

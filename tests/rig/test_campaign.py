@@ -93,7 +93,7 @@ def test_of_the_default_hold_out_what_is_not_run_is_left_out():
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"motion": ["chirp3mm"]}, "'motion' is not known; the nearest are: motions"),
+        ({"motion": ["chirp3mm"]}, "unknown key 'motion'; did you mean motions"),
         ({"motions": ["sine5mm2Hz"]}, "motion 'sine5mm2Hz' is not known"),
         ({"motions": "chirp3mm"}, "motions is 'chirp3mm'; expected a list"),
         ({"currents_A": ["high"]}, "currents_A is ['high']; expected finite numbers"),
@@ -107,7 +107,7 @@ def test_of_the_default_hold_out_what_is_not_run_is_left_out():
         ({"steps_motion": "triangle:12mm"}, "motion 'triangle:12mm' is not known"),
         ({"steps": 3}, "steps is 3; expected true, false or a table"),
         ({"steps": {"levels_A": [0, "x"], "hold_s": 1}}, "levels_A is [0, 'x']"),
-        ({"sensors": {"rate": 500}}, "sensors: 'rate' is not known; the nearest are: rate_Hz"),
+        ({"sensors": {"rate": 500}}, "sensors: unknown key 'rate'; did you mean rate_Hz"),
         ({"body": {"heat_capacity_J_K": 0}}, "expected a positive capacity"),
         ({"body": 3}, "body is 3; expected a table [body]"),
     ],

@@ -41,7 +41,6 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.table import FileOptions
-from mrdamper.data.records import nearest_names
 from mrdamper.errors import InputError
 from mrdamper.files import read_toml
 from mrdamper.quantities import QUANTITIES, find_quantity, is_unit, spell_unit, to_si
@@ -127,8 +126,7 @@ class Channel(ChannelTable):
         if len(found) > 1:
             raise InputError(f"{where}: {wanted!r} is {len(found)} columns; expected one. Give its index")
         if not found:
-            near = ", ".join(map(repr, nearest_names(wanted, names)))
-            raise InputError(f"{where}: no column {wanted!r}; the nearest are: {near}")
+            raise InputError(f"{where}: no column {wanted!r}; {did_you_mean(wanted, map(repr, names))}")
         return found[0]
 
     def to_si(self, raw: FloatArray, header_unit: str, place: str) -> FloatArray:

@@ -8,7 +8,6 @@ Sign convention: extension positive, a force that resists extension is positive.
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
@@ -21,6 +20,7 @@ from mrdamper.arrays import FloatArray, read_only
 from mrdamper.core import turning_points
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, CommandUnit, to_degC
+from mrdamper.schema import did_you_mean
 
 __all__ = [
     "GAP",
@@ -30,7 +30,6 @@ __all__ = [
     "RigRun",
     "changes_of_pace",
     "command_slack",
-    "nearest_names",
     "steady_command",
 ]
 
@@ -188,8 +187,7 @@ class Dataset:
         """Return the runs whose name matches any of the patterns, in the order they are kept."""
         for glob in globs:
             if not any(fnmatchcase(name, glob) for name in self.names):
-                near = ", ".join(nearest_names(glob, self.names)) or "no runs"
-                raise InputError(f"pattern {glob!r} matches no run; the nearest names are: {near}")
+                raise InputError(f"pattern {glob!r} matches no run; {did_you_mean(glob, self.names)}")
         chosen = (run for run in self.runs if any(fnmatchcase(run.name, glob) for glob in globs))
         return Dataset(tuple(chosen))
 
@@ -215,13 +213,6 @@ def steady_command(command: FloatArray) -> float | None:
 def command_slack(command: float) -> float:
     """Return by how much [A or V] a command that keeps still may be measured off: 2 %, or 20 mA (mV)."""
     return max(0.02 * abs(command), 0.02)
-
-
-def nearest_names(name: str, known: Sequence[str], count: int = 3) -> list[str]:
-    """Return the known names nearest to one that is not known (the first few when none is near)."""
-    lower = {item.lower(): item for item in known}
-    near = difflib.get_close_matches(name.lower(), lower, n=count, cutoff=0.4)
-    return [lower[item] for item in near] or list(known[:count])
 
 
 def _faults(run: RigRun) -> list[str]:

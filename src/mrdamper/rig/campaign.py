@@ -15,7 +15,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-from mrdamper.data.records import nearest_names
 from mrdamper.errors import InputError
 from mrdamper.excitation import (
     CURRENT_STEPS,
@@ -28,6 +27,7 @@ from mrdamper.excitation import (
 )
 from mrdamper.files import read_toml
 from mrdamper.rig.sensors import Sensors
+from mrdamper.schema import did_you_mean
 
 __all__ = ["Body", "Campaign", "PlannedRun", "Procedure"]
 
@@ -262,8 +262,7 @@ def _check_keys(given: Mapping[str, object], kind: type, place: str) -> None:
     known = tuple(each.name for each in fields(kind))
     for key in given:
         if key not in known:
-            near = ", ".join(nearest_names(key, known))
-            raise InputError(f"{place}: {key!r} is not known; the nearest are: {near}")
+            raise InputError(f"{place}: unknown key {key!r}; {did_you_mean(key, known)}")
 
 
 def _list(value: object, name: str) -> tuple[Any, ...]:

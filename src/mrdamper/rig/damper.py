@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from mrdamper.data.records import nearest_names
 from mrdamper.errors import InputError
 from mrdamper.files import read_toml
 from mrdamper.quantities import ROOM_K, ZERO_CELSIUS_K
+from mrdamper.schema import did_you_mean
 
 __all__ = ["PRESETS", "VirtualDamper", "draw_damper", "find_preset"]
 
@@ -131,8 +131,8 @@ class VirtualDamper:
         known = tuple(field.name for field in fields(cls))
         for key in given:
             if key != "preset" and key not in known:
-                near = ", ".join(nearest_names(key, ("preset", *known)))
-                raise InputError(f"{place}: {key!r} is not known; the nearest are: {near}")
+                said = did_you_mean(key, ("preset", *known))
+                raise InputError(f"{place}: unknown key {key!r}; {said}")
         changes = {key: value for key, value in given.items() if key != "preset"}
         try:
             base = find_preset(preset)
@@ -202,6 +202,5 @@ def draw_damper(damper: VirtualDamper, rng: np.random.Generator, spread: float) 
 def find_preset(name: object) -> VirtualDamper:
     """Return a preset; an unknown name is an error that names the nearest ones."""
     if not isinstance(name, str) or name not in PRESETS:
-        near = ", ".join(nearest_names(str(name), tuple(PRESETS), count=len(PRESETS)))
-        raise InputError(f"{name!r} is not a preset of the virtual rig; the nearest are: {near}")
+        raise InputError(f"{name!r} is not a preset of the virtual rig; {did_you_mean(str(name), PRESETS)}")
     return PRESETS[name]
