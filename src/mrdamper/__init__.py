@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from mrdamper.models.simulate import simulate
 
     __version__: str
+    forecast: Callable[..., Any]
     heat: Callable[..., Any]
 
 __all__ = [
@@ -43,6 +44,7 @@ __all__ = [
     "__version__",
     "assess",
     "fit",
+    "forecast",
     "heat",
     "predict",
     "prepare_run",

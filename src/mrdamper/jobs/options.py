@@ -21,6 +21,7 @@ __all__ = [
     "ExportOptions",
     "FitOptions",
     "FluidOptions",
+    "ForecastOptions",
     "HeatOptions",
     "PredictOptions",
     "RigOptions",
@@ -190,6 +191,33 @@ class FluidOptions:
             default_help="that of --like",
         ),
     ] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ForecastOptions:
+    """Options of ``forecast``."""
+
+    ambient_degC: Annotated[float, Option("Air around the damper.", unit="degC", least=-50.0, most=100.0)] = (
+        20.0
+    )
+    limit_degC: Annotated[
+        float, Option("Temperature whose time is asked for.", unit="degC", least=-50.0, most=400.0)
+    ] = 130.0
+    until_s: Annotated[
+        float,
+        Option(
+            "How far from the curve's start.",
+            unit="s",
+            above=60.0,
+            most=1e5,
+            flag="--until",
+            metavar="SECONDS",
+        ),
+    ] = 3600.0
+    probability: Annotated[
+        float, Option("That the interval holds the temperature.", least=0.5, most=0.99)
+    ] = 0.9
+    seed: Seed = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -223,6 +223,23 @@ _ROWS = (
         progress_word="step",
         page="the page Heating",
     ),
+    Job(
+        name="forecast",
+        help="Tell from ten minutes of its curve how hot a damper will get, without drawing or card.",
+        inputs=(
+            Input(
+                name="curve",
+                kind="curve",
+                help="Measured from the duty's start on: time_s and fluid_degC, body_degC or coil_degC.",
+            ),
+        ),
+        options="mrdamper.jobs.options:ForecastOptions",
+        run="mrdamper.jobs.forecast:forecast",
+        result="mrdamper.jobs.forecast:ForecastResult",
+        report="mrdamper.report.forecast:REPORT",
+        files_help="For forecast.svg, forecast.json, forecast.csv.",
+        progress_word="step",
+    ),
 )
 
 JOBS: Mapping[str, Job] = {row.name: row for row in _ROWS}

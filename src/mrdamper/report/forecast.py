@@ -1,0 +1,137 @@
+"""What ``forecast`` found: the answer's keys, lines for a terminal, the picture, the table."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from rich.console import Console
+from rich.table import Table
+
+from mrdamper.jobs.forecast import ForecastResult
+from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.report.base import Report, WrittenFile
+from mrdamper.report.figures.style import HELD_OUT, INK, WIDE, drawing_style, svg_of
+from mrdamper.runtime.outputs import write_table
+from mrdamper.schema import Json
+
+__all__ = ["REPORT"]
+
+_LIMIT_COLOUR = "#a03020"
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _answer(found: ForecastResult) -> Json:
+    return {
+        "curve": found.curve.name,
+        "place": found.curve.place,
+        "from_s": float(found.curve.time[0]),
+        "to_s": float(found.curve.time[-1]),
+        "probability": found.probability,
+        "time_s": found.time_s.tolist(),
+        "median_degC": found.median_degC.tolist(),
+        "low_degC": found.low_degC.tolist(),
+        "high_degC": found.high_degC.tolist(),
+        "limit_degC": found.limit_degC,
+        "time_to_limit_s": _finite(found.to_limit.median_s),
+        "time_to_limit_interval_s": [_finite(found.to_limit.low_s), _finite(found.to_limit.high_s)],
+        "limit_not_reached": found.to_limit.not_reached,
+        "notes": list(found.curve.notes),
+    }
+
+
+def _summary(found: ForecastResult) -> list[str]:
+    """Return how hot it gets and when the limit is reached."""
+    minutes, percent = found.time_s[-1] / 60.0, f"{100.0 * found.probability:.0f} %"
+    to_limit = found.to_limit
+    if to_limit.not_reached > 0.5:
+        reached = f"not reached within {minutes:.0f} min with {100.0 * to_limit.not_reached:.0f} %"
+    else:
+        latest = (
+            "later than that" if not math.isfinite(to_limit.high_s) else f"{to_limit.high_s / 60.0:.1f} min"
+        )
+        soonest = f"{to_limit.low_s / 60.0:.1f} min"
+        reached = f"reached after {to_limit.median_s / 60.0:.1f} min ({percent}: {soonest} to {latest})"
+    return [
+        f"{found.curve.place} after {minutes:.0f} min: {found.median_degC[-1]:.1f} degC "
+        f"({percent}: {found.low_degC[-1]:.1f} to {found.high_degC[-1]:.1f} degC)",
+        f"{found.limit_degC:g} degC: {reached}",
+    ]
+
+
+def _show(found: ForecastResult, console: Console) -> None:
+    table = Table(
+        title=f"{found.curve.name}: {found.curve.place} to come, from {len(found.curve.time)} readings"
+    )
+    for name in ("minutes", "degC", "low", "high"):
+        table.add_column(name, justify="right")
+    for k in np.unique(np.linspace(0, len(found.time_s) - 1, 7).astype(int)):
+        cells = (found.median_degC[k], found.low_degC[k], found.high_degC[k])
+        table.add_row(f"{found.time_s[k] / 60.0:.1f}", *(f"{each:.1f}" for each in cells))
+    console.print(table)
+    for line in _summary(found):
+        console.print(line)
+    for note in found.curve.notes:
+        console.print(f"- {note}", markup=False)
+
+
+def _figure(found: ForecastResult) -> Figure:
+    """Return what was measured, the interval to come and the limit."""
+    figure = Figure(figsize=(WIDE, 3.4))
+    axes = figure.add_subplot()
+    minutes = found.time_s / 60.0
+    said = f"{100.0 * found.probability:.0f} %"
+    axes.fill_between(
+        minutes, found.low_degC, found.high_degC, color=HELD_OUT, alpha=0.16, linewidth=0, label=said
+    )
+    axes.plot(minutes, found.median_degC, color=HELD_OUT, linewidth=1.6, label="forecast, median")
+    celsius = found.curve.temperature - ZERO_CELSIUS_K
+    axes.plot(found.curve.time / 60.0, celsius, ".", color=INK, markersize=2, label="measured")
+    if found.limit_degC < 1.2 * float(found.high_degC.max()):
+        axes.axhline(found.limit_degC, color=_LIMIT_COLOUR, linewidth=0.8, linestyle=(0, (5, 2)))
+        axes.annotate(
+            f"limit, {found.limit_degC:g} °C",
+            (minutes[0], found.limit_degC),
+            (2, 2),
+            textcoords="offset points",
+            fontsize=6.5,
+            color=_LIMIT_COLOUR,
+        )
+    axes.set_xlabel("minutes")
+    axes.set_ylabel(f"temperature of the {found.curve.place}, °C")
+    axes.legend(loc="lower right")
+    figure.subplots_adjust(left=0.08, right=0.98, top=0.96, bottom=0.13)
+    return figure
+
+
+def _write_picture(found: ForecastResult, path: Path) -> None:
+    with drawing_style():
+        path.write_text(svg_of(_figure(found), "Temperatures to come"), encoding="utf-8")
+
+
+def _rows(found: ForecastResult) -> list[dict[str, object]]:
+    columns = (found.time_s, found.median_degC, found.low_degC, found.high_degC)
+    names = ("time_s", "median_degC", "low_degC", "high_degC")
+    return [
+        dict(zip(names, (round(float(each[k]), 6) for each in columns), strict=True))
+        for k in range(len(found.time_s))
+    ]
+
+
+REPORT = Report(
+    answer=_answer,
+    show=_show,
+    summary=_summary,
+    files=(
+        WrittenFile(name="forecast.svg", key="report", write=_write_picture),
+        WrittenFile(name="forecast.json", key="file"),
+        WrittenFile(name="forecast.csv", write=lambda found, path: write_table(path, _rows(found))),
+    ),
+    figure=_figure,
+    rows=_rows,
+)
