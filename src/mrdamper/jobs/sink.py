@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, cast
@@ -23,6 +23,7 @@ from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.heat import sink_in_words
 from mrdamper.runtime.checkpoint import Tell, checkpointed
 from mrdamper.runtime.outputs import atomic_output, write_json, write_table
+from mrdamper.runtime.progress import ProgressUpdate
 from mrdamper.schema import Json
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.drawing_file import read_drawing
@@ -32,7 +33,6 @@ from mrdamper.thermal.materials import find_material
 from mrdamper.thermal.sinks.design import (
     HeatedDamper,
     Memory,
-    Report,
     SinkDesign,
     SinkFront,
     SinkLimits,
@@ -63,6 +63,10 @@ __all__ = ["Method", "SinkOptions", "SinkRun", "search_sinks", "sink", "write_si
 Method = Literal["grid", "nsga2"]
 
 _WIDE_APART = 3.0  # between network and finite elements, before it is said [K]
+
+
+Report = Callable[[int, int, str], None]
+"""Receives how many are done, how many there are, and what comes now."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -233,6 +237,11 @@ def search_sinks(
 
     A ``memory`` recalls and keeps what was tried.
     """
+
+    def on_progress(update: ProgressUpdate) -> None:
+        if report is not None:
+            report(update.done, update.total or 0, update.text)
+
     clock = time.process_time()
     drawing = _with_law(drawing, options)
     limits = options.limits(drawing)
@@ -241,14 +250,14 @@ def search_sinks(
     bare = heated.evaluate(None)
     reference = bare if drawing.sink is None else heated.evaluate(drawing.sink)
     if options.method == "grid":
-        found = search_grid(heated, limits, report=report, memory=memory)
+        found = search_grid(heated, limits, on_progress=on_progress, memory=memory)
     else:
-        found = search_genetic(heated, limits, seed=options.seed, report=report, memory=memory)
+        found = search_genetic(heated, limits, seed=options.seed, on_progress=on_progress, memory=memory)
     shown: Sequence[SinkDesign] = thinned(found.designs, options.members)
     notes = _notes(card, duty, drawing, limits, found)
     if options.by_field:
         try:
-            judged = confirm(heated, (bare, reference, *shown), report=report, memory=memory)
+            judged = confirm(heated, (bare, reference, *shown), on_progress=on_progress, memory=memory)
         except MissingExtraError as fault:
             notes.append(f"not judged by finite elements: {fault}")
         else:

@@ -15,16 +15,18 @@ from __future__ import annotations
 import hashlib
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal, Protocol
 
 import numpy as np
 
 from mrdamper.errors import ConvergenceError, EnvelopeError, InputError
+from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.thermal.drawing import DISC_GAP, DamperDrawing
 from mrdamper.thermal.heatsink import FinLaw, HeatSink
 from mrdamper.thermal.materials import Material
+from mrdamper.thermal.model.finite_element import heat_field
 from mrdamper.thermal.model.network import zone_network
 from mrdamper.thermal.model.stepping import Load
 from mrdamper.thermal.model.transient import simulate_network, steady_state
@@ -33,7 +35,6 @@ __all__ = [
     "DesignModel",
     "HeatedDamper",
     "Memory",
-    "Report",
     "SinkDesign",
     "SinkFront",
     "SinkLimits",
@@ -49,9 +50,6 @@ __all__ = [
 ]
 
 DesignModel = Literal["network", "finite_element"]
-
-Report = Callable[[int, int, str], None]
-"""Told how many are done, how many there are, and what comes now."""
 
 
 class Memory(Protocol):
@@ -242,7 +240,7 @@ def limits_of(
 
 
 def search_grid(
-    damper: HeatedDamper, limits: SinkLimits, *, report: Report | None = None, memory: Memory | None = None
+    damper: HeatedDamper, limits: SinkLimits, *, on_progress: Progress = silent, memory: Memory | None = None
 ) -> SinkFront:
     """Return the front of every sink of a grid that keeps to the limits.
 
@@ -267,8 +265,7 @@ def search_grid(
     found: list[SinkDesign] = []
     for first in range(0, len(sinks), _PIECE):
         piece = sinks[first : first + _PIECE]
-        if report is not None:
-            report(first, len(sinks), f"{piece[0].fins} fins")
+        on_progress(ProgressUpdate(done=first, total=len(sinks), text=f"{piece[0].fins} fins"))
         tried = evaluate_all(damper, piece, f"grid {first}", memory)
         found += [design for design in tried if design is not None]
     if not found:
@@ -370,7 +367,7 @@ def confirm(
     damper: HeatedDamper,
     designs: Sequence[SinkDesign],
     *,
-    report: Report | None = None,
+    on_progress: Progress = silent,
     memory: Memory | None = None,
 ) -> tuple[SinkDesign, ...]:
     """Return designs with their temperatures by finite elements; a ``memory`` recalls and keeps them.
@@ -380,12 +377,9 @@ def confirm(
     MissingExtraError
         scikit-fem is not installed.
     """
-    from mrdamper.thermal.model.finite_element import heat_field  # which needs the extra
-
     found = []
     for number, design in enumerate(designs):
-        if report is not None:
-            report(number, len(designs), "finite elements")
+        on_progress(ProgressUpdate(done=number, total=len(designs), text="finite elements"))
         of = hashlib.sha256(repr(design.sink).encode()).hexdigest()[:16]
         known = None if memory is None else memory.recall(f"finite elements {of}")
         if known is None:

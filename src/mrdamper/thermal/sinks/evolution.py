@@ -14,11 +14,11 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError, MissingExtraError
+from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.sinks.design import (
     HeatedDamper,
     Memory,
-    Report,
     SinkDesign,
     SinkFront,
     SinkLimits,
@@ -40,7 +40,7 @@ def search_genetic(
     population: int = 40,
     generations: int = 40,
     seed: int = 0,
-    report: Report | None = None,
+    on_progress: Progress = silent,
     memory: Memory | None = None,
 ) -> SinkFront:
     """Return the front of all sinks that NSGA-II tried; the same seed gives the same front.
@@ -74,8 +74,7 @@ def search_genetic(
     algorithm = NSGA2(pop_size=population, sampling=LHS())
     algorithm.setup(search, termination=("n_gen", generations), seed=seed)
     while algorithm.has_next():
-        if report is not None:
-            report(len(tried.designs), population * generations, "NSGA-II")
+        on_progress(ProgressUpdate(done=len(tried.designs), total=population * generations, text="NSGA-II"))
         algorithm.next()
     if not tried.designs:
         raise InputError(
