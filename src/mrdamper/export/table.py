@@ -22,7 +22,7 @@ from mrdamper.errors import InputError
 from mrdamper.excitation import Sine, drive
 from mrdamper.export.target import card_fingerprint
 from mrdamper.models.card import ModelCard
-from mrdamper.models.characteristics import peak_velocity_pick
+from mrdamper.models.characteristics import PERIODS, peak_velocity_pick
 from mrdamper.models.simulate import simulate
 from mrdamper.models.temperature import REFERENCE_K
 from mrdamper.quantities import ZERO_CELSIUS_K
@@ -33,7 +33,6 @@ _SPEEDS = 12  # on either side of rest; closer together where it is slow
 _COMMANDS = 9
 _TEMPERATURE_STEP_K = 20.0
 _LOOP_SAMPLES = 4000  # of a period of the loop whose branches are read
-_PERIODS = 3  # from rest; the last one is read
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,7 +126,7 @@ def _branches(
     motion = Sine(amplitude, fastest / (2.0 * math.pi * amplitude))
     path = drive(
         motion,
-        duration=_PERIODS * motion.period,
+        duration=PERIODS * motion.period,
         rate_Hz=_LOOP_SAMPLES * motion.frequency,
         command=command,
         temperature=kelvin,

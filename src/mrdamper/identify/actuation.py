@@ -15,11 +15,11 @@ reached from below. It is told where runs come to one command from both sides an
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import least_squares
+from scipy.optimize import OptimizeResult, least_squares
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.prepare import PreparedRun
@@ -83,24 +83,7 @@ def fit_actuation(
     """
     clock = time.process_time()
     still = replace(damper, command_lag_s=0.0, actuation=None)
-    stretches: list[tuple[Drive, FloatArray, list[slice]]] = []
-    for run in runs:
-        path = run.trajectory
-        drive = open_drive(path)
-        held = replace(path, command=np.full(len(path), path.command.min()))
-        moved = simulate(still, drive) - simulate(still, held)  # by the command, not by the motion
-        windows = [
-            window
-            for window in steps_of(path.command, path.step)
-            if np.ptp(moved[window]) > _LEAST_MOVED_N and window.start >= run.scored_from
-        ]
-        if windows:
-            stretches.append((drive, run.force, windows))
-    if not stretches:
-        raise InputError(
-            "no run has a step of the command that moves the force; expected runs such as a triangle of "
-            "constant speed with the current stepped at mid-stroke. Without one the lags are unknown"
-        )
+    stepped = _stepped_runs(still, runs)
     largest = max(float(np.abs(run.trajectory.command).max()) for run in runs)
 
     def made(point: FloatArray) -> Actuation:
@@ -110,33 +93,14 @@ def fit_actuation(
     def residual(actuation: Actuation | None) -> FloatArray:
         moved = replace(still, actuation=actuation)
         parts = []
-        for drive, measured, windows in stretches:
+        for drive, measured, windows in stepped:
             force = simulate(moved, drive)
             parts += [_level_free(force[window], measured[window]) for window in windows]
         return np.concatenate(parts)
 
     low = np.array([np.log(_SHORTEST_S)] * 2 + [0.0, 0.0])
     high = np.array([np.log(_LONGEST_S)] * 2 + [_LONGEST_S, 0.1])
-
-    def wrong(point: FloatArray) -> FloatArray:
-        return residual(made(point))
-
-    found = None
-    for slow in (0.008, 0.03):  # the second start only where the first has not explained much
-        start = np.array([np.log(slow)] * 2 + [0.3 * slow, 0.1 * slow])
-        tried = least_squares(
-            wrong,
-            start,
-            bounds=(low, high),
-            x_scale=[0.3, 0.3, 2e-3, 1e-3],
-            diff_step=[1e-4] * 4,
-        )
-        if found is None or tried.cost < found.cost:
-            found = tried
-    if found is None or not np.isfinite(found.cost):
-        raise ConvergenceError(
-            "actuation: no finite error; check that current and force belong together in time"
-        )
+    found = _search(lambda point: residual(made(point)), low, high)
     lags = made(found.x)
     play, play_error = _fit_play(replace(still, actuation=lags), runs)
     actuation = replace(lags, play=play)
@@ -148,9 +112,52 @@ def fit_actuation(
         t90_s=actuation.response_time(0.9),
         rmse_N=float(np.sqrt(np.mean(found.fun**2))),
         unlagged_rmse_N=float(np.sqrt(np.mean(residual(None) ** 2))),
-        windows=sum(len(windows) for _, _, windows in stretches),
+        windows=sum(len(windows) for _, _, windows in stepped),
         cpu_s=time.process_time() - clock,
     )
+
+
+def _stepped_runs(still: Damper, runs: Sequence[PreparedRun]) -> list[tuple[Drive, FloatArray, list[slice]]]:
+    """Return drive, force [N] and windows of the runs in which a step of the command moves the force."""
+    found = []
+    for run in runs:
+        path = run.trajectory
+        drive = open_drive(path)
+        held = replace(path, command=np.full(len(path), path.command.min()))
+        moved = simulate(still, drive) - simulate(still, held)  # by the command, not by the motion
+        windows = [
+            window
+            for window in steps_of(path.command, path.step)
+            if np.ptp(moved[window]) > _LEAST_MOVED_N and window.start >= run.scored_from
+        ]
+        if windows:
+            found.append((drive, run.force, windows))
+    if not found:
+        raise InputError(
+            "no run has a step of the command that moves the force; expected runs such as a triangle of "
+            "constant speed with the current stepped at mid-stroke. Without one the lags are unknown"
+        )
+    return found
+
+
+def _search(
+    residual: Callable[[FloatArray], FloatArray], low: FloatArray, high: FloatArray
+) -> OptimizeResult:
+    """Return the better of two least-squares searches, from quick and from slow lags."""
+    tried = []
+    for slow in (0.008, 0.03):
+        start = np.array([np.log(slow)] * 2 + [0.3 * slow, 0.1 * slow])
+        tried.append(
+            least_squares(
+                residual, start, bounds=(low, high), x_scale=[0.3, 0.3, 2e-3, 1e-3], diff_step=[1e-4] * 4
+            )
+        )
+    best = tried[1] if tried[1].cost < tried[0].cost else tried[0]
+    if not np.isfinite(best.cost):
+        raise ConvergenceError(
+            "actuation: no finite error; check that current and force belong together in time"
+        )
+    return best
 
 
 @dataclass(frozen=True, slots=True)

@@ -201,11 +201,7 @@ def _entries(law: HysteresisLaw, s: Scale) -> list[Entry]:
         ("offset", "polynomial", *any_force, "linear"),
         ("yield_force", "polynomial", 0.0, 2.0 * s.force, "linear"),
     ]
-    hysteresis: list[Entry] = [
-        ("rho", "constant", 0.5 / s.stroke, 1e4 / s.stroke, "log"),
-        ("kappa", "constant", -1.0, 0.95, "linear"),
-        ("n", "constant", 0.2, 8.0, "log"),
-    ]
+    hysteresis = _hysteresis(s)
     plain: list[Entry] = [parallel[0], ("stiffness", "constant", 0.0, s.force / s.stroke, "linear")]
     plain += [("offset", "line", *any_force, "linear"), parallel[3]]
     damping = s.force / s.speed
@@ -239,31 +235,52 @@ def _entries(law: HysteresisLaw, s: Scale) -> list[Entry]:
             ("fade_velocity", "constant", 1e-3 * s.speed, s.speed, "log"),
             ("bristle_damping", "constant", 0.0, 2.0 * damping, "linear"),
         ],
-        "spencer": [
-            ("yield_force", "hill", 1e-4 * s.force, 2.0 * s.force, "log"),
-            ("series_damping", "exponential", 0.1 * damping, 1e3 * damping, "log"),
-            ("inner_viscosity", "exponential", 1e-3 * damping, 10.0 * damping, "log"),
-            ("inner_stiffness", "constant", 0.0, s.force / s.stroke, "linear"),
-            *hysteresis,
-            ("offset", "constant", *any_force, "linear"),
-            ("stiffness", "constant", 0.0, s.force / s.stroke, "linear"),
-        ],
-        "series-valve": [
-            ("yield_force", "hill", 1e-4 * s.force, 2.0 * s.force, "log"),
-            ("thinning", "constant", 1e-3 * s.speed**-0.5, 30.0 * s.speed**-0.5, "log"),
-            ("thinning_exponent", "constant", 0.1, 1.2, "linear"),
-            ("yield_velocity", "constant", 1e-4 * s.speed, 2.0 * s.speed, "log"),
-            ("position_gain", "constant", -0.5 / s.stroke, 0.5 / s.stroke, "linear"),
-            ("gap_stiffness", "constant", 3.0 * s.force / s.stroke, 3e5 * s.force / s.stroke, "log"),
-            ("gap", "constant", 1e-5 * s.stroke, 0.2 * s.stroke, "log"),
-            ("gap_corner", "constant", 1e-5 * s.stroke, 0.1 * s.stroke, "log"),
-            ("leak_damping", "constant", 1e-3 * damping, 1e3 * damping, "log"),
-            ("leak_exponent", "constant", 0.5, 1.5, "linear"),
-            ("offset", "constant", -0.5 * s.force, 0.5 * s.force, "linear"),
-            ("stiffness", "constant", 0.0, s.force / s.stroke, "linear"),
-        ],
+        "spencer": _spencer(s),
+        "series-valve": _series_valve(s),
     }
     return known[law.name] if law.name in known else _entries_of_python_law(law, s)
+
+
+def _hysteresis(s: Scale) -> list[Entry]:
+    """Return the coefficients of the hysteresis loop that move."""
+    return [
+        ("rho", "constant", 0.5 / s.stroke, 1e4 / s.stroke, "log"),
+        ("kappa", "constant", -1.0, 0.95, "linear"),
+        ("n", "constant", 0.2, 8.0, "log"),
+    ]
+
+
+def _spencer(s: Scale) -> list[Entry]:
+    """Return the coefficients of Spencer's chain that move."""
+    damping = s.force / s.speed
+    return [
+        ("yield_force", "hill", 1e-4 * s.force, 2.0 * s.force, "log"),
+        ("series_damping", "exponential", 0.1 * damping, 1e3 * damping, "log"),
+        ("inner_viscosity", "exponential", 1e-3 * damping, 10.0 * damping, "log"),
+        ("inner_stiffness", "constant", 0.0, s.force / s.stroke, "linear"),
+        *_hysteresis(s),
+        ("offset", "constant", -s.force, s.force, "linear"),
+        ("stiffness", "constant", 0.0, s.force / s.stroke, "linear"),
+    ]
+
+
+def _series_valve(s: Scale) -> list[Entry]:
+    """Return the coefficients of the series valve that move."""
+    damping = s.force / s.speed
+    return [
+        ("yield_force", "hill", 1e-4 * s.force, 2.0 * s.force, "log"),
+        ("thinning", "constant", 1e-3 * s.speed**-0.5, 30.0 * s.speed**-0.5, "log"),
+        ("thinning_exponent", "constant", 0.1, 1.2, "linear"),
+        ("yield_velocity", "constant", 1e-4 * s.speed, 2.0 * s.speed, "log"),
+        ("position_gain", "constant", -0.5 / s.stroke, 0.5 / s.stroke, "linear"),
+        ("gap_stiffness", "constant", 3.0 * s.force / s.stroke, 3e5 * s.force / s.stroke, "log"),
+        ("gap", "constant", 1e-5 * s.stroke, 0.2 * s.stroke, "log"),
+        ("gap_corner", "constant", 1e-5 * s.stroke, 0.1 * s.stroke, "log"),
+        ("leak_damping", "constant", 1e-3 * damping, 1e3 * damping, "log"),
+        ("leak_exponent", "constant", 0.5, 1.5, "linear"),
+        ("offset", "constant", -0.5 * s.force, 0.5 * s.force, "linear"),
+        ("stiffness", "constant", 0.0, s.force / s.stroke, "linear"),
+    ]
 
 
 def _terms(s: Scale) -> dict[str, list[Entry]]:

@@ -25,6 +25,7 @@ from mrdamper.models.simulate import simulate
 from mrdamper.models.temperature import REFERENCE_K
 
 __all__ = [
+    "PERIODS",
     "ForceResponse",
     "GasForce",
     "PeakVelocityCurve",
@@ -38,7 +39,8 @@ __all__ = [
 ]
 
 _SAMPLES = 400  # of a period; divisible by 4, so that peak velocity and turning points are samples
-_PERIODS = 3  # simulated from rest; the last one is read
+PERIODS = 3
+"""Periods of a cycle that are simulated from rest; the last one is read."""
 _STEP_s = 1e-4  # of the path on which a response is read
 _MIDDLE = 0.2  # share of the stroke over which the gas force is read
 _SLOW_m_s = 1e-3  # peak speed of the sine that shows the gas force
@@ -101,7 +103,7 @@ def settled_cycle(
     """
     path = drive(
         motion,
-        duration=_PERIODS * motion.period,
+        duration=PERIODS * motion.period,
         rate_Hz=_SAMPLES * motion.frequency,
         command=command,
         temperature=_kelvin_or_reference(temperature),

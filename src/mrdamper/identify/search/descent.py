@@ -22,7 +22,9 @@ __all__ = ["Box", "Descents"]
 
 
 _LONGEST = 1.5  # longest step of a search coordinate per iteration, in e-folds on a log scale
-_DRIFT = 0.03  # share of the force by which guessed linear parameters may be off for the tangents to hold
+_MOST_DRIFT = (
+    0.03  # share of the force by which guessed linear parameters may be off for the tangents to hold
+)
 _EXACT = 1e-4  # the same, for a step that fails to be the fault of its length and not of the tangents
 
 
@@ -152,7 +154,7 @@ class Descents:
         assert found.gram is not None
         self._slopes[k] = np.where(self._box.log, self._box.to_physical(self.points[k]), 1.0)
         self._rough[k] = found.drift > _EXACT
-        off = (found.drift > _DRIFT) & ~self.done[k]
+        off = (found.drift > _MOST_DRIFT) & ~self.done[k]
         self._take(k[~off], found.gram[~off])
         self._refine(k[off])
 

@@ -10,7 +10,7 @@ projected off the space of the linear columns. A law without linear parameters (
 algorithm with nothing to eliminate. The elimination is in ``objective``, the steps are in ``descent``; here
 is where starts come from and what becomes of them.
 
-Golub & Pereyra (1973), Kaufman (1975): cited from memory, not re-read.
+Known as the method of Golub and Pereyra; the approximation as Kaufman's.
 """
 
 from __future__ import annotations
@@ -111,44 +111,25 @@ def fit_variable_projection(
     if first is not None:
         places = itertools.chain([_opening(objective, first)], places)
         count += 1
+    progress = _Progress(count, on_progress)
     outcomes: list[Start] = []
     finished: list[_Place] = []
-    history: list[float] = []
-    best: _Place | None = None
     cancelled = False
     offset = int(first is not None)
     try:
         for index, place in enumerate(places):
-            if place.joined is not None:
-                joined = place.joined + offset
-                state = replace(finished[joined], evaluations=place.evaluations)
-                finished.append(state)
-                outcomes.append(replace(_outcome(index, state), joined=joined))
-                continue
-            key = f"start-{index}"
-            kept = checkpoint.recall(key)
-            costs: list[float] = []
-            if kept is None:
-                for state in _descend(objective, place):
-                    costs.append(state.cost)
-                    if best is None or state.cost < best.cost:
-                        best = state
-                    history.append(float(np.sqrt(best.cost)))
-                    now = float(np.sqrt(state.cost))
-                    on_progress(SearchState("varpro", index, count, len(costs) - 1, now, history[-1]).update)
-                checkpoint.keep(key, {**state.plain(), "costs": costs})
+            joined = None if place.joined is None else place.joined + offset
+            if joined is None:
+                state = _finish(objective, place, index, progress, checkpoint)
             else:
-                state = _Place.read(kept)
-                for cost in kept["costs"]:
-                    history.append(float(np.sqrt(cost if best is None else min(cost, best.cost))))
-                if best is None or state.cost < best.cost:
-                    best = state
+                state = replace(finished[joined], evaluations=place.evaluations)
             finished.append(state)
-            outcomes.append(_outcome(index, state))
+            outcomes.append(replace(_outcome(index, state), joined=joined))
     except KeyboardInterrupt:
-        if best is None:
+        if progress.best is None:
             raise
         cancelled = True
+    best = progress.best
     if best is None or not np.isfinite(best.cost):
         raise ConvergenceError(
             f"{problem.template.law.name}: no start reached a finite cost in {count} tries; check the runs "
@@ -169,11 +150,55 @@ def fit_variable_projection(
         correlation=correlation,
         starts=tuple(outcomes),
         offsets_N=offsets,
-        history=tuple(history),
+        history=tuple(progress.history),
         seed=seed,
         cpu_s=time.process_time() - clock,
         cancelled=cancelled,
     )
+
+
+class _Progress:
+    """The best place so far and the history of its cost [%], over the steps of all starts."""
+
+    def __init__(self, starts: int, on_progress: Progress) -> None:
+        self.best: _Place | None = None
+        self.history: list[float] = []
+        self._starts, self._on_progress = starts, on_progress
+
+    def step(self, index: int, iteration: int, state: _Place) -> None:
+        """Take a step of a start, and report it."""
+        if self.best is None or state.cost < self.best.cost:
+            self.best = state
+        self.history.append(float(np.sqrt(self.best.cost)))
+        now = float(np.sqrt(state.cost))
+        self._on_progress(SearchState("varpro", index, self._starts, iteration, now, self.history[-1]).update)
+
+    def recall(self, costs: Sequence[float], state: _Place) -> None:
+        """Take all steps of a start that was kept, and the place where it ended."""
+        for cost in costs:
+            least = cost if self.best is None else min(cost, self.best.cost)
+            self.history.append(float(np.sqrt(least)))
+        if self.best is None or state.cost < self.best.cost:
+            self.best = state
+
+
+def _finish(
+    objective: Objective, place: _Place, index: int, progress: _Progress, checkpoint: CheckpointStore
+) -> _Place:
+    """Return where the descent of a start ends: as it was kept, or from its place."""
+    key = f"start-{index}"
+    kept = checkpoint.recall(key)
+    if kept is not None:
+        state = _Place.read(kept)
+        progress.recall(kept["costs"], state)
+        return state
+    costs: list[float] = []
+    state = place
+    for state in _descend(objective, place):
+        costs.append(state.cost)
+        progress.step(index, len(costs) - 1, state)
+    checkpoint.keep(key, {**state.plain(), "costs": costs})
+    return state
 
 
 def latin_hypercube(free: Sequence[FreeParameter], count: int, seed: int) -> FloatArray:

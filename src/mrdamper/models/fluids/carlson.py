@@ -8,9 +8,9 @@ water. How the yield stress changes with temperature is the business of ``temper
 curve is taken as the same at every temperature. The sign of the field does not matter to the stress, and B
 is odd in H.
 
-Source: Carlson's empirical formulas, from a public source file; the values of C from memory, not re-read.
-Against the manufacturer's points for MRF-132DG (second hand: 4.64, 13.77 and 23.47 kPa at 18, 46 and
-80 kA/m) the formula with phi = 0.32, C = 1 gives +17, -2 and -5 %.
+Source: Carlson's empirical formulas, from a public source file; the values of C are this project's
+assumptions. Against the manufacturer's points for MRF-132DG (second hand: 4.64, 13.77 and 23.47 kPa at 18, 46
+and 80 kA/m) the formula with phi = 0.32, C = 1 gives +17, -2 and -5 %.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ FIELD_SCALE_A_m = 1.0 / 6.33e-6
 """Carlson's field scale H_s [A/m], 158 kA/m."""
 
 CARRIERS: Mapping[str, float] = MappingProxyType({"hydrocarbon": 1.0, "silicone": 0.95, "water": 1.16})
-"""Carlson's constant C of a carrier [-]; from memory, not re-read."""
+"""Carlson's constant C of a carrier [-]: assumptions of this project, no source of them was at hand."""
 
 _STRESS_PA, _STRESS_POWER = 271700.0, 1.5239
 _IRON_T, _IRON_POWER, _IRON_RATE = 1.91, 1.133, 10.97

@@ -170,13 +170,9 @@ def _carlson(h: FloatArray, t: FloatArray, y: FloatArray, *, free_scale: bool) -
     limit = ""
     if free_scale and not low[1] + 0.01 < parameters[1] < high[1] - 0.01:
         limit = "its field scale rests on the end of what the fields of the table can tell"
-    # from ln saturation and ln scale to the numbers themselves
-    by_logarithm = np.array([np.exp(parameters[0]), np.exp(parameters[1]), 1.0])
-    covariance = np.full((3, 3), np.nan)
     known = [k for k in moving if not (limit and k == 1)]
     columns = curve(solved.x)[1][:, [moving.index(k) for k in known]]
-    covariance[np.ix_(known, known)] = covariance_of(columns, residual)
-    covariance *= np.outer(by_logarithm, by_logarithm)
+    covariance = _unscaled_covariance(parameters, known, covariance_of(columns, residual))
     saturation, scale, slope = (float(number) for number in parameters)
     field_law = Carlson(float(np.exp(saturation)), float(np.exp(scale)) if free_scale else FIELD_SCALE_A_m)
     return YieldFit(
@@ -195,6 +191,17 @@ def _carlson(h: FloatArray, t: FloatArray, y: FloatArray, *, free_scale: bool) -
         residual=residual,
         limit=limit,
     )
+
+
+def _unscaled_covariance(parameters: FloatArray, known: list[int], covariance: FloatArray) -> FloatArray:
+    """Return the covariance of saturation, scale and slope from that of the logarithms of the first two.
+
+    Shape (3, 3); NaN where a parameter is not ``known``.
+    """
+    by_logarithm = np.array([np.exp(parameters[0]), np.exp(parameters[1]), 1.0])
+    found = np.full((3, 3), np.nan)
+    found[np.ix_(known, known)] = covariance
+    return np.asarray(found * np.outer(by_logarithm, by_logarithm))
 
 
 def _yield_bounds(h: FloatArray, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
