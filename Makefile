@@ -17,8 +17,8 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 RUN    := $(BIN)/python
 # Two workers: limits in the tests are on CPU time, which a neighbour does not lengthen as it does the clock.
-# Tests of one group (the pages in the browser, the docs) share a worker, and what they start.
-PYTEST_ARGS ?= -n 2 --dist loadgroup
+# Tests of one module share a worker, and what the module starts.
+PYTEST_ARGS ?= -n 2 --dist loadscope
 # Executions of each fuzzing target at night; those that ask another process for each are some tens a second.
 SHORT   ?= 1500
 

@@ -52,10 +52,21 @@ def main(given: list[str]) -> int:
         for kind in ("python", "isolated", "c"):
             print(f"{kind}:", *kinds[kind])
         return 2 if unknown else 0
+    if "all" in asked:
+        _check_corpus(kinds["all"])
     failed = [name for name in names if not _run(name, python.get(name), options)]
     if failed:
         print(f"promises broken by: {', '.join(failed)}; the inputs are in {BUILD}/")
     return bool(failed)
+
+
+def _check_corpus(names: Sequence[str]) -> None:
+    """End where a kept input belongs to no target, or where the contract lets pass what it must not."""
+    corpus = Path(__file__).with_name("corpus")
+    strays = [path for path in corpus.rglob("*") if path.is_file() and path.parent.name not in names]
+    if strays:
+        sys.exit(f"no target takes {', '.join(map(str, strays))}")
+    import_module("fuzz.contract").check_contract()
 
 
 def _targets() -> dict[str, Any]:

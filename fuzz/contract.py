@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from mrdamper.data.formats.table import Table
-from mrdamper.errors import MrdamperError
+from mrdamper.errors import InputError, MrdamperError
 
-__all__ = ["BrokenPromiseError", "folder", "promised", "require", "sound_table", "written"]
+__all__ = ["BrokenPromiseError", "check_contract", "folder", "promised", "require", "sound_table", "written"]
 
 _LONGEST_MESSAGE = 200 * 4100
 _MOST_READ = 1 << 16  # samples: a column that claims more is not read here, for the time it takes
@@ -42,6 +42,23 @@ def promised(place: str = "") -> Iterator[None]:
             require(0 < len(said) <= _LONGEST_MESSAGE, f"a message of {len(said)} characters: {said[:200]!r}")
             require("Traceback" not in said, f"a trace in a message: {said[:400]!r}")
             require(place in said, f"the message does not name {place}: {said[:200]!r}")
+
+
+def check_contract() -> None:
+    """Require that our errors pass when they say something and name the place, and that nothing else does."""
+    for error, passes in (
+        (InputError("a.csv: is empty; expected columns"), True),
+        (InputError("is empty"), False),
+        (InputError(""), False),
+        (KeyError("force"), False),
+    ):
+        try:
+            with promised("a.csv"):
+                raise error
+        except (BrokenPromiseError, KeyError):
+            require(not passes, f"{error!r} should pass")
+        else:
+            require(passes, f"{error!r} should not pass")
 
 
 @cache

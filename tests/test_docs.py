@@ -153,15 +153,18 @@ def difference(shown: Sequence[str], printed: str, tolerance: float) -> str:
 # -------------------------------------------------------------------------------------------- following
 
 
-def follow(page: Path, text: str, folder: Path, *, also: str = "", tool: Tool | None = None) -> None:
-    """Do what a page says, in a folder; fail with the page's line.
+def follow(
+    page: Path, blocks: Sequence[Block], folder: Path, *, also: str = "", tool: Tool | None = None
+) -> None:
+    """Do what blocks of a page say, in a folder; fail with the page's line.
 
     Of the blocks marked long or data only those are done that ``also`` names.
     """
-    module = ModuleType(f"page_{page.stem}")  # a dataclass looks for the module that it is in
-    sys.modules[module.__name__] = module
-    namespace = module.__dict__
-    for block in blocks_of(text):
+    name = f"page_{page.stem}"  # a dataclass looks for the module that it is in
+    if page != START:
+        sys.modules.pop(name, None)
+    namespace = sys.modules.setdefault(name, ModuleType(name)).__dict__
+    for block in blocks:
         place = f"{page.relative_to(ROOT)}:{block.line}"
         if {"long", "data"} & block.notes.keys() - {also}:
             continue
@@ -223,23 +226,43 @@ def laboratory(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder in which the first page was followed until there is a card."""
     folder = tmp_path_factory.mktemp("laboratory")
     shutil.copytree(ROOT / "examples", folder / "examples", ignore=shutil.ignore_patterns("__pycache__"))
-    text, mark, _ = START.read_text(encoding="utf-8").partition(_LAST_OF_START)
-    assert mark, f"{START.name} has no line {_LAST_OF_START!r}"
     with contextlib.chdir(folder):
-        follow(START, text, folder)
+        follow(START, BLOCKS[START][: blocks_before_the_others()], folder)
     return folder
 
 
-def test_the_first_page_does_what_it_says(tmp_path, monkeypatch):
-    shutil.copytree(ROOT / "examples", tmp_path / "examples")
-    monkeypatch.chdir(tmp_path)
-    follow(START, START.read_text(encoding="utf-8"), tmp_path)
+def blocks_before_the_others() -> int:
+    """Return the number of blocks of the first page that come before the others start."""
+    before, mark, _ = START.read_text(encoding="utf-8").partition(_LAST_OF_START)
+    assert mark, f"{START.name} has no line {_LAST_OF_START!r}"
+    return len(blocks_of(before))
+
+
+def test_the_first_page_does_what_it_says(folder):
+    """The laboratory followed its beginning."""
+    follow(START, BLOCKS[START][blocks_before_the_others() :], folder)
+
+
+LONG = {
+    "README.md",
+    "fmu.md",
+    "which_tests.md",
+    "temperature.md",
+    "heat_sink.md",
+    "export.md",
+    "large_campaigns.md",
+}
+"""Pages whose commands take seconds of CPU: followed at night."""
 
 
 def pages_with(mark: str = "") -> list[object]:
     """Return the pages but the first that have something to do: marked so, or at all."""
     return [
-        pytest.param(page, id=page.relative_to(ROOT).as_posix())
+        pytest.param(
+            page,
+            id=page.relative_to(ROOT).as_posix(),
+            marks=[pytest.mark.nightly] if page.name in LONG else [],
+        )
         for page, blocks in BLOCKS.items()
         if page != START and any(mark in block.notes if mark else block.kind != "file" for block in blocks)
     ]
@@ -256,7 +279,7 @@ def folder(laboratory: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
 
 @pytest.mark.parametrize("page", pages_with())
 def test_a_page_does_what_it_says(page, folder, tool):
-    follow(page, page.read_text(encoding="utf-8"), folder, tool=tool)
+    follow(page, BLOCKS[page], folder, tool=tool)
 
 
 @pytest.mark.nightly
@@ -264,13 +287,13 @@ def test_a_page_does_what_it_says(page, folder, tool):
 def test_a_page_does_what_it_says_with_public_data(page, folder, tool, real_data, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(folder / ".cache"))
     monkeypatch.setenv("HOME", str(folder))
-    follow(page, page.read_text(encoding="utf-8"), folder, also="data", tool=tool)
+    follow(page, BLOCKS[page], folder, also="data", tool=tool)
 
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("page", pages_with("long"))
 def test_a_page_does_what_takes_long(page, folder, tool):
-    follow(page, page.read_text(encoding="utf-8"), folder, also="long", tool=tool)
+    follow(page, BLOCKS[page], folder, also="long", tool=tool)
 
 
 def test_every_make_target_that_a_page_names_is_there():
