@@ -21,7 +21,7 @@ def test_a_jobs_function_has_the_inputs_and_options_that_its_row_declares(name):
     known = inspect.signature(function_of(job)).parameters
     assert [*known] == [
         *(each.name for each in sorted(job.inputs, key=lambda each: not each.required)),
-        *(field.name for field in job.fields),
+        *(field.name for field in (*job.reading, *job.fields)),
         "on_progress",
     ]
     for field in job.fields:
@@ -35,7 +35,8 @@ def test_a_command_has_an_option_for_each_field(name):
     job = JOBS[name]
     made = {parameter.name for parameter in parameters_of(job)}
     shown = {field.name for field in job.fields if field.option.flag != "-"}
-    assert shown | {each.name for each in job.inputs} <= made
+    assert shown | {each.name for each in job.inputs if each.flag != "-"} <= made
+    assert {field.name for field in job.reading} <= made
 
 
 def test_a_result_says_in_few_lines_what_was_asked(tmp_path):

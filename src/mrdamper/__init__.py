@@ -21,15 +21,16 @@ if TYPE_CHECKING:
     from mrdamper.data.readers import read_runs
     from mrdamper.data.records import Dataset, RigRun
     from mrdamper.identify.fit import assess, fit
-    from mrdamper.identify.predict import predict
     from mrdamper.models.card import ModelCard
     from mrdamper.models.card_schema import read_card
     from mrdamper.models.damper import Damper
     from mrdamper.models.simulate import simulate
 
     __version__: str
+    check: Callable[..., Any]
     forecast: Callable[..., Any]
     heat: Callable[..., Any]
+    predict: Callable[..., Any]
 
 __all__ = [
     "ConvergenceError",
@@ -43,6 +44,7 @@ __all__ = [
     "RigRun",
     "__version__",
     "assess",
+    "check",
     "fit",
     "forecast",
     "heat",
@@ -60,7 +62,6 @@ _ROOM_OF = {
     "RigRun": "mrdamper.data.records",
     "assess": "mrdamper.identify.fit",
     "fit": "mrdamper.identify.fit",
-    "predict": "mrdamper.identify.predict",
     "prepare_run": "mrdamper.data.prepare",
     "read_card": "mrdamper.models.card_schema",
     "read_runs": "mrdamper.data.readers",

@@ -147,12 +147,12 @@ def test_wrong_usage_ends_with_exit_code_2(arguments, tmp_path):
 
 def test_an_internal_fault_ends_with_exit_code_1_and_no_traceback(monkeypatch, capsys, folder):
     from mrdamper import cli
-    from mrdamper.jobs import predict as predict_job
+    from mrdamper.registry import Job
 
     def broken(*_args, **_options):
         raise ZeroDivisionError("made for this test")
 
-    monkeypatch.setattr(predict_job, "predict", broken)
+    monkeypatch.setattr(Job, "perform", broken)
     monkeypatch.setattr(sys, "argv", ["mrdamper", "predict", "card.json", "run.csv"])
     with pytest.raises(SystemExit) as left:
         cli.main()

@@ -25,8 +25,9 @@ from mrdamper.report.identification.groups import (
     measured_pick,
     sine_of,
 )
+from mrdamper.report.identification.page import render_report
 from mrdamper.report.identification.temperature import characteristics_section, temperature_section
-from mrdamper.report.page import render_report, significant
+from mrdamper.report.page import significant
 from tests.support.warm import MOTIONS, NOISE_N, warm_damper, warm_runs
 
 pytestmark = pytest.mark.system

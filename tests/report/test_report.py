@@ -9,7 +9,7 @@ from html.parser import HTMLParser
 import pytest
 
 import mrdamper
-from mrdamper.report.page import render_report
+from mrdamper.report.identification.page import render_report
 from tests.support.rigs import short_runs
 
 pytestmark = pytest.mark.system

@@ -18,8 +18,8 @@ from typing import Any, NoReturn, TypeVar
 
 import click
 
-from mrdamper.cli.commands import command_of
-from mrdamper.errors import MissingExtraError, MrdamperError, spelled, spelled_within
+from mrdamper.cli.commands import command_of, tell
+from mrdamper.errors import MissingExtraError, MrdamperError, spelled_within
 from mrdamper.registry import JOBS, Job
 from mrdamper.runtime.signals import Interrupted, heed_interrupts, interrupts_end_at_once
 
@@ -79,13 +79,9 @@ def _leave_for_room(fault: OSError) -> None:
     _leave(f"{where}: {why}; make room there, or write elsewhere", _UNREADABLE)
 
 
-def _tell(message: str) -> None:
-    click.echo(f"mrdamper: {spelled(message)}", err=True)
-
-
 def _leave(message: str, code: int) -> NoReturn:
     interrupts_end_at_once()
-    _tell(message)
+    tell(message)
     sys.exit(code)
 
 
@@ -128,33 +124,6 @@ _duty = click.option(
     metavar="DUTY",
     help="MOTION:COMMAND:DURATION, or a CSV of time, motion and command.",
 )
-
-
-@cli.command()
-@_paths
-@_channels
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    metavar="DIR",
-    help="For check.html, check.json, findings.csv.",
-)
-@_json
-def check(paths: tuple[str, ...], *, channels: Path | None, out: Path | None, as_json: bool) -> int:
-    """Tell what is wrong with runs before they are fitted, and how their files were understood.
-
-    PATH: files, folders or patterns of runs. Exit code 5 when a run has a fault.
-    """
-    from mrdamper.cli.check_view import show_check
-    from mrdamper.jobs.check import check as job
-
-    answer = job(paths, channels=channels, out=out)
-    code = _finish(answer, show_check, as_json=as_json)
-    for each in answer["unreadable"]:
-        click.echo(f"mrdamper: {each['error']}", err=True)
-    if answer["unreadable"]:
-        return _UNREADABLE
-    return code if answer["usable"] else _FAILED
 
 
 @cli.command()
@@ -272,29 +241,11 @@ def identify(
             channels=channels,
             flip_force=flip_force,
             resume=resume,
-            tell=_tell,
+            tell=tell,
             on_progress=on_progress,
         )
     cut_short = f"{_BEST_SO_FAR}; the same command with --resume goes on"
     return _finish(answer, terminal.show_identification, as_json=as_json, cut_short=cut_short)
-
-
-@cli.command()
-@click.argument("card", type=click.Path(path_type=Path))
-@_paths
-@_channels
-@click.option(
-    "--law", metavar="FILE.py:CLASS", help="The user's own law, for a card that was identified with one."
-)
-@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="Write errors.csv there.")
-@_flip
-@_json
-def predict(card: Path, paths: tuple[str, ...], *, as_json: bool, **options: Any) -> int:  # noqa: ANN401 - click checks them
-    """Score a model card on runs that it has not seen."""
-    from mrdamper.cli import terminal
-    from mrdamper.jobs.predict import predict as job
-
-    return _finish(job(card, paths, **options), terminal.show_prediction, as_json=as_json)
 
 
 @cli.command()
@@ -526,7 +477,7 @@ def sink(
     ctrl_c = "leaves nothing" if out is None else "keeps what is finished for --resume"
     with terminal.counter(ctrl_c=ctrl_c) as report:
         answer = job(
-            card, damper, duty=duty, options=chosen, out=out, resume=resume, tell=_tell, report=report
+            card, damper, duty=duty, options=chosen, out=out, resume=resume, tell=tell, report=report
         )
     return _finish(answer, terminal.show_sink, as_json=as_json)
 
@@ -763,17 +714,21 @@ def serve(folder: Path, *, port: int, open_browser: bool, host: str, token: str 
 
 def _show(job: Job, result: object, answer: Mapping[str, Any], as_json: bool) -> int:  # noqa: FBT001 - as all of them
     """Print what came of a job, as JSON or as its report has it for a terminal; return the exit code."""
+    report = job.reported
     if as_json:
         click.echo(json.dumps(spelled_within(answer), ensure_ascii=False, allow_nan=False))
     else:
         from mrdamper.cli.terminal import open_console
 
         screen = open_console()
-        job.reported.show(result, screen)
-        told = [answer[key] for key in ("report", "file", "drawing") if key in answer]
+        report.show(result, screen)
+        told = [answer[file.key] for file in report.files if file.key and file.key in answer]
         if told:
             screen.print(f"wrote {' and '.join(told)}", markup=False)
-    return 0
+    outcome = report.outcome(result)
+    for each in outcome.said:
+        tell(each)
+    return outcome.exit_code
 
 
 for _each in JOBS.values():
@@ -789,6 +744,6 @@ def _finish(
     else:
         show(spelled_within(answer))
     if answer.get("cancelled"):
-        _tell(f"interrupted: {cut_short}")
+        tell(f"interrupted: {cut_short}")
         return _NOT_CONVERGED
     return 0

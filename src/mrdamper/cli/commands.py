@@ -11,24 +11,33 @@ from typing import Any
 
 import click
 
-from mrdamper.registry import Input, Job
+from mrdamper.errors import spelled
+from mrdamper.registry import KINDS, Input, Job
 from mrdamper.schema import Field
 
-__all__ = ["command_of", "parameters_of"]
+__all__ = ["command_of", "parameters_of", "tell"]
 
 _FILE = click.Path(path_type=Path)
+
+
+def tell(message: str) -> None:
+    """Say something on standard error."""
+    click.echo(f"mrdamper: {spelled(message)}", err=True)
 
 
 def command_of(job: Job, finish: Callable[[Job, Any, Mapping[str, Any], bool], int]) -> click.Command:
     """Return the command of a job; ``finish`` prints what came of it and returns the exit code."""
 
-    def run(*, as_json: bool, out: Path | None = None, **values: Any) -> int:  # noqa: ANN401 - click checks them
+    def run(*, as_json: bool, out: Path | None = None, resume: bool | None = None, **values: Any) -> int:  # noqa: ANN401 - click checks them
         from mrdamper.cli.terminal import on_progress
 
-        given = {each.name: values.pop(each.name) for each in job.inputs}
+        given = {name: values.pop(name, None) for name in job.given_names}
         options = job.options_type(**{name: value for name, value in values.items() if value is not None})
-        with on_progress(job.progress_word) as progress:
-            result, answer = job.perform(given, options, out=out, on_progress=progress)
+        ctrl_c = job.ctrl_c or ("keeps what is finished for --resume" if job.checkpoint and out else "")
+        with on_progress(job.progress_word, ctrl_c=ctrl_c or "leaves nothing") as progress:
+            result, answer = job.perform(
+                given, options, out=out, on_progress=progress, resume=resume, tell=tell
+            )
         return finish(job, result, answer, as_json)
 
     return LateCommand(job, callback=run)
@@ -58,22 +67,29 @@ class LateCommand(click.Command):
 def parameters_of(job: Job) -> Iterator[click.Parameter]:
     """Yield a job's arguments and options as click has them: inputs, the folder, its own options."""
     yield from (_input(each) for each in job.inputs if not each.flag)
-    yield from (_input(each) for each in job.inputs if each.flag)
+    yield from (_input(each) for each in job.inputs if each.flag not in {"", "-"})
+    yield from (_option(each) for each in job.reading)
     if job.files_help:
         text = job.files_help
         yield click.Option(["--out"], type=_FILE, metavar="DIR", help=text, required=job.out_required)
     yield from (_option(each) for each in job.fields if each.option.flag != "-")
+    if job.checkpoint:
+        text = "Go on with what a run of this same command had finished when it ended; it is in OUT.progress."
+        yield click.Option(["--resume"], is_flag=True, help=text)
     text = "Print one JSON object on standard output, nothing else."
     yield click.Option(["--json", "as_json"], is_flag=True, help=text)
 
 
 def _input(each: Input) -> click.Parameter:
-    from mrdamper.registry import KINDS
-
-    metavar = KINDS[each.kind].metavar
+    kind_of = KINDS[each.kind]
+    metavar = kind_of.metavar
+    if kind_of.many:
+        return click.Argument(
+            [each.name], nargs=-1, type=click.STRING, required=each.required, metavar=metavar
+        )
     if not each.flag:
         return click.Argument([each.name], type=_FILE, required=each.required, metavar=metavar)
-    kind = str if each.default is not None else _FILE
+    kind = str if each.default is not None or not kind_of.read or kind_of.choices else _FILE
     return click.Option(
         [each.flag, each.name],
         type=kind,

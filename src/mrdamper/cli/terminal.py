@@ -35,7 +35,6 @@ __all__ = [
     "show_files",
     "show_fluid",
     "show_identification",
-    "show_prediction",
     "show_rig",
     "show_sink",
     "show_sweep",
@@ -149,15 +148,6 @@ def show_identification(answer: Answer) -> None:
     console.print(
         f"{answer['cpu_s']:.2f} s of CPU; wrote {escape(answer['card'])} and {escape(answer['report'])}"
     )
-
-
-def show_prediction(answer: Answer) -> None:
-    """Print errors by run."""
-    console = open_console()
-    _print_errors(console, answer)
-    _print_summary(console, answer["summary"])
-    for note in answer["notes"]:
-        console.print(f"- {escape(note)}")
 
 
 def show_comparison(answer: Answer) -> None:

@@ -1,4 +1,4 @@
-"""``mrdamper check``: what is wrong with runs before they are fitted, and how their files were understood.
+"""The job ``check``: what is wrong with runs before they are fitted, and how their files were understood.
 
 Files that cannot be read are told beside the others; runs are diagnosed one by one (``data.diagnosis``).
 Nothing is repaired and nothing is fitted.
@@ -6,112 +6,92 @@ Nothing is repaired and nothing is fitted.
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from mrdamper.data.channels import read_channel_map
+from mrdamper.arrays import FloatArray
 from mrdamper.data.diagnosis.diagnose import compare, diagnose
-from mrdamper.data.diagnosis.finding import SEVERITIES, Finding, worst_first
+from mrdamper.data.diagnosis.finding import SEVERITIES, Finding, Severity, worst_first
+from mrdamper.data.formats.table import Layout
 from mrdamper.data.prepare import PreparedRun
-from mrdamper.data.readers import RigFile, find_files, joined_faults, read_file
-from mrdamper.data.records import Recording
-from mrdamper.errors import InputError
-from mrdamper.runtime.outputs import atomic_output, write_json, write_table
-from mrdamper.schema import Json
+from mrdamper.data.readers import Column
+from mrdamper.data.records import Recording, RigRun
+from mrdamper.jobs.inputs import ReadFiles, UnreadableFile
+from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 
-__all__ = ["check", "findings_of", "render_check"]
-
-_COLUMNS = (
-    "run",
-    "severity",
-    "kind",
-    "channel",
-    "size",
-    "unit",
-    "from_s",
-    "to_s",
-    "found",
-    "effect",
-    "remedy",
-)
+__all__ = ["CheckResult", "CheckedFile", "CheckedRun", "check", "findings_of"]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Run:
-    """A run and what was found in it, worst first."""
+@dataclass(frozen=True, slots=True)
+class CheckedFile:
+    """How a file was understood."""
 
-    recording: Recording
+    path: Path
+    layout: Layout
+    columns: tuple[Column, ...]
+    runs: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class CheckedRun:
+    """A run in numbers, and what was found in it, worst first; None where it cannot be told."""
+
+    name: str
+    source: str
+    samples: int
+    rate_Hz: float | None
+    duration_s: float | None
+    stroke_mm: float | None
+    force_range_N: float | None
     findings: tuple[Finding, ...]
 
+    @property
+    def worst(self) -> Severity | None:
+        return self.findings[0].severity if self.findings else None
 
-def check(paths: Sequence[str | Path], *, channels: Path | None = None, out: Path | None = None) -> Json:
-    """Diagnose runs; with ``out`` write check.html, check.json and findings.csv there.
 
-    Returns
-    -------
-    The answer of ``--json``; ``usable`` is false when a run has a fault.
+@dataclass(frozen=True, slots=True)
+class CheckResult:
+    """What is wrong with runs, and with the files that they are in."""
 
-    Raises
-    ------
-    InputError
-        No file could be read.
-    """
-    chosen = None if channels is None else read_channel_map(channels)
-    read: list[tuple[Path, RigFile]] = []
-    unreadable: list[tuple[Path, str]] = []
-    for path in find_files(list(paths)):
-        try:
-            read.append((path, read_file(path, chosen)))
-        except InputError as error:
-            unreadable.append((path, str(error)))
-    if not read:
-        raise InputError(joined_faults([said for _, said in unreadable]))
-    recordings = [recording for _, file in read for recording in file.recordings]
-    twins = list(compare(recordings))
-    runs = [
-        _Run(
-            recording,
-            tuple(
-                sorted(
-                    (*diagnose(recording), *(t for t in twins if t.run == recording.name)), key=worst_first
-                )
-            ),
-        )
-        for recording in recordings
-    ]
-    findings = [finding for run in runs for finding in run.findings]
-    counts = Counter(finding.severity for finding in findings)
-    answer: Json = {
-        "usable": not counts["fault"],
-        "counts": {severity: counts[severity] for severity in SEVERITIES},
-        "files": [
-            {
-                "path": str(path),
-                "understood": file.layout.in_words(),
-                "layout": file.layout.to_dict(),
-                "columns": [
-                    {"role": each.role, "name": each.name, "unit": each.unit} for each in file.columns
-                ],
-                "runs": [recording.name for recording in file.recordings],
-            }
-            for path, file in read
-        ],
-        "runs": [_row(run) for run in runs],
-        "findings": [dict(finding.to_dict()) for finding in findings],
-        "unreadable": [{"path": str(path), "error": said} for path, said in unreadable],
-    }
-    if out is not None:
-        with atomic_output(out) as beside:
-            answer |= {"report": str(out / "check.html")}
-            (beside / "check.html").write_text(render_check(answer), encoding="utf-8")
-            write_json(beside / "check.json", answer)
-            rows = [{key: finding.to_dict()[key] for key in _COLUMNS} for finding in findings]
-            write_table(beside / "findings.csv", rows or [dict.fromkeys(_COLUMNS)])
-    return answer
+    files: tuple[CheckedFile, ...]
+    runs: tuple[CheckedRun, ...]
+    unreadable: tuple[UnreadableFile, ...]
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        return tuple(finding for run in self.runs for finding in run.findings)
+
+    @property
+    def counts(self) -> dict[Severity, int]:
+        """Number of findings of each severity, faults first."""
+        return {severity: sum(f.severity == severity for f in self.findings) for severity in SEVERITIES}
+
+    @property
+    def usable(self) -> bool:
+        """Whether the runs can be fitted as they are."""
+        return not any(finding.severity == "fault" for finding in self.findings)
+
+
+def check(files: ReadFiles, *, on_progress: Progress = silent) -> CheckResult:
+    """Diagnose runs, each by itself and all against each other."""
+    twins = list(compare(files.runs))
+    runs = []
+    for number, run in enumerate(files.runs):
+        on_progress(ProgressUpdate(done=number, total=len(files.runs), text=run.name))
+        found = (*diagnose(run), *(twin for twin in twins if twin.run == run.name))
+        runs.append(_checked(run, tuple(sorted(found, key=worst_first))))
+    return CheckResult(
+        files=tuple(
+            CheckedFile(path, file.layout, file.columns, tuple(each.name for each in file.recordings))
+            for path, file in files.files
+        ),
+        runs=tuple(runs),
+        unreadable=files.unreadable,
+    )
 
 
 def findings_of(runs: Iterable[PreparedRun]) -> tuple[Finding, ...]:
@@ -121,31 +101,23 @@ def findings_of(runs: Iterable[PreparedRun]) -> tuple[Finding, ...]:
     return tuple(sorted((*found, *compare([run.run for run in prepared])), key=worst_first))
 
 
-def render_check(answer: Json) -> str:
-    """Return the page's HTML."""
-    from mrdamper.report.page import environment
-
-    return environment().get_template("check.html.j2").render(it=answer)
-
-
-def _row(run: _Run) -> Json:
-    recording, time = run.recording, run.recording.time
+def _checked(run: Recording | RigRun, findings: tuple[Finding, ...]) -> CheckedRun:
+    time = run.time
     steps = np.diff(time)
     step = float(np.median(steps)) if len(steps) and np.isfinite(steps).all() else 0.0
-    return {
-        "name": recording.name,
-        "source": recording.source,
-        "samples": len(recording),
-        "rate_Hz": 1.0 / step if step > 0.0 else None,
-        "duration_s": _finite(time[-1] - time[0]) if len(time) else None,
-        "stroke_mm": _span(recording.displacement, 1e3),
-        "force_range_N": _span(recording.force, 1.0),
-        "worst": run.findings[0].severity if run.findings else None,
-        "findings": [finding.kind for finding in run.findings],
-    }
+    return CheckedRun(
+        name=run.name,
+        source=run.source,
+        samples=len(run),
+        rate_Hz=1.0 / step if step > 0.0 else None,
+        duration_s=_finite(time[-1] - time[0]) if len(time) else None,
+        stroke_mm=_span(run.displacement, 1e3),
+        force_range_N=_span(run.force, 1.0),
+        findings=findings,
+    )
 
 
-def _span(values: np.ndarray, scale: float) -> float | None:
+def _span(values: FloatArray, scale: float) -> float | None:
     return _finite(scale * float(np.max(values) - np.min(values))) if len(values) else None
 
 

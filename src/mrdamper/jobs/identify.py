@@ -21,7 +21,6 @@ from mrdamper.identify.fit import assess as assess_fit
 from mrdamper.identify.predict import row
 from mrdamper.identify.temperature import Temperature
 from mrdamper.jobs.inputs import read_dataset
-from mrdamper.jobs.predict import predict
 from mrdamper.models.card_schema import write_card
 from mrdamper.models.fluids.fluid_file import find_fluid
 from mrdamper.models.laws import LAWS
@@ -37,7 +36,6 @@ __all__ = [
     "data_fetch",
     "data_list",
     "identify",
-    "predict",
     "read_dataset",
     "run_identification",
     "write_identification",
@@ -203,20 +201,15 @@ def write_identification(
 ) -> Json:
     """Write card.json, errors.csv and report.html into ``beside``; they will lie in ``out``."""
     from mrdamper.jobs.check import findings_of
-    from mrdamper.report.page import write_report
+    from mrdamper.report.identification.page import render_report
 
     write_card(fitted.card(judged, title=title, sources=sources), beside / "card.json")
     write_table(beside / "errors.csv", [row(error) for error in judged.runs])
     findings = findings_of((*fitted.training, *fitted.held_out))
-    write_report(
-        beside / "report.html",
-        fitted,
-        judged,
-        law_table=law_table,
-        simulated=simulated,
-        title=title,
-        findings=findings,
+    page = render_report(
+        fitted, judged, law_table=law_table, simulated=simulated, title=title, findings=findings
     )
+    (beside / "report.html").write_text(page, encoding="utf-8")
     answer = answers.identification(fitted, judged, out, law_table)
     return answer | {"findings": [dict(finding.to_dict()) for finding in findings]}
 

@@ -8,23 +8,24 @@ once; names that live in heavy ones are asked for late (``among``).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Literal
 
 from mrdamper.schema import Option
 
 __all__ = [
-    "CheckOptions",
-    "CiteOptions",
-    "CompareOptions",
     "CyclesOptions",
     "DemoOptions",
     "ExportOptions",
+    "FilesReading",
     "FitOptions",
     "FluidOptions",
     "ForecastOptions",
     "HeatOptions",
-    "PredictOptions",
+    "LawReading",
+    "NoOptions",
     "RigOptions",
+    "RunsReading",
     "SinkOptions",
     "SweepOptions",
     "TrackOptions",
@@ -32,15 +33,40 @@ __all__ = [
 
 
 Seed = Annotated[int, Option("Of every random draw.", least=0, below=2**31)]
-OwnLaw = Annotated[
-    str | None,
-    Option("The user's own law, for a card that was identified with one.", metavar="FILE.py:CLASS"),
-]
+
+Channels = Annotated[Path | None, Option("Channel map (TOML) for headers that do not speak.", metavar="FILE")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CheckOptions:
-    """Options of ``check``: none but those of reading."""
+class FilesReading:
+    """Options of reading files of runs as they are."""
+
+    channels: Channels = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunsReading:
+    """Options of reading runs, or one long record."""
+
+    channels: Channels = None
+    flip_force: Annotated[bool, Option("Turn the sign of the force (compression-positive load cells).")] = (
+        False
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LawReading:
+    """Options of reading a card that may be of a user's own law."""
+
+    law: Annotated[
+        str | None,
+        Option("The user's own law, for a card that was identified with one.", metavar="FILE.py:CLASS"),
+    ] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NoOptions:
+    """Of a job that has none but those of reading."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -131,30 +157,6 @@ class FitOptions:
         float | None,
         Option("Of the coil at 20 degC, for the card.", above=0.0, flag="--coil-resistance", metavar="OHM"),
     ] = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PredictOptions:
-    """Options of ``predict``."""
-
-    law: OwnLaw = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CompareOptions:
-    """Options of ``compare``."""
-
-    law: Annotated[
-        str | None,
-        Option("The user's own law, for cards that were identified with one.", metavar="FILE.py:CLASS"),
-    ] = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CiteOptions:
-    """Options of ``cite``."""
-
-    law: OwnLaw = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

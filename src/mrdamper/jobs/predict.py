@@ -1,54 +1,58 @@
-"""``mrdamper predict``: a card's error on runs. It loads nothing that fits, so that it answers at once."""
+"""The job ``predict``: a card's error on runs. It loads nothing that fits, so that it answers at once."""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
-from pathlib import Path
+from collections.abc import Iterator
+from dataclasses import dataclass
 
+from mrdamper.data.prepare import Preparation
+from mrdamper.data.records import Dataset
 from mrdamper.errors import EnvelopeWarning
 from mrdamper.identify import predict as scoring
-from mrdamper.jobs.inputs import read_dataset
-from mrdamper.models.card_schema import read_card
-from mrdamper.report import answers
-from mrdamper.runtime.outputs import atomic_output, write_table
-from mrdamper.schema import Json
+from mrdamper.identify.scores import RunError
+from mrdamper.models.card import ModelCard
+from mrdamper.models.damper import Damper
 
-__all__ = ["predict"]
+__all__ = ["PredictResult", "predict"]
+
+
+@dataclass(frozen=True, slots=True)
+class PredictResult:
+    """The errors of a model on runs; it is the sequence of them, too."""
+
+    law: str
+    errors: tuple[RunError, ...]
+    notes: tuple[str, ...]  # where the runs leave what the card was identified on
+
+    def __iter__(self) -> Iterator[RunError]:
+        return iter(self.errors)
+
+    def __len__(self) -> int:
+        return len(self.errors)
+
+    def __getitem__(self, k: int) -> RunError:
+        return self.errors[k]
 
 
 def predict(
-    card: Path,
-    paths: Sequence[str | Path],
-    *,
-    channels: Path | None = None,
-    law: str | None = None,
-    out: Path | None = None,
-    flip_force: bool = False,
-) -> Json:
-    """Score a card on runs, prepared as the card says; with ``out`` write errors.csv there.
+    card: ModelCard | Damper | scoring.FittedDamper, runs: Dataset, preparation: Preparation | None = None
+) -> PredictResult:
+    """Score a model on runs, prepared as the card says.
 
-    ``law`` is the ``file.py:Class`` of a user's own law, for a card that was identified with one.
+    Parameters
+    ----------
+    card : a card; also a damper alone, or a fit
+    preparation : how the runs are prepared, in place of what the card says
+
+    Raises
+    ------
+    InputError
+        The runs cannot be prepared, or lack what the model needs.
     """
-    own = None
-    if law is not None:
-        from mrdamper.identify.fit import resolve_law
-
-        own = resolve_law(law)[0]
-    model = read_card(card, python_law=own)
-    dataset = read_dataset(paths, channels, flip_force=flip_force)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", EnvelopeWarning)
-        errors = scoring.predict(model, dataset)
-    answer: Json = {
-        "card": str(card),
-        "law": model.damper.law.name,
-        "runs": [scoring.row(error) for error in errors],
-        "summary": answers.summaries(errors),
-        "by_temperature": answers.by_temperature(errors),
-        "notes": [str(each.message) for each in caught if issubclass(each.category, EnvelopeWarning)],
-    }
-    if out is not None:
-        with atomic_output(out) as beside:
-            write_table(beside / "errors.csv", [scoring.row(error) for error in errors])
-    return answer
+        errors = scoring.predict(card, runs, preparation=preparation)
+    notes = tuple(str(each.message) for each in caught if issubclass(each.category, EnvelopeWarning))
+    damper = card if isinstance(card, Damper) else card.damper
+    return PredictResult(damper.law.name, errors, notes)

@@ -105,7 +105,11 @@ class Excerpt:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class ModelCard:
-    """A damper with its evidence. ``python_law`` is ``file.py:Class`` when the law is a user's own."""
+    """A damper with its evidence.
+
+    ``python_law`` is ``file.py:Class`` when the law is a user's own; ``file`` is where the card was read
+    from, empty for one that was made here.
+    """
 
     title: str
     damper: Damper
@@ -117,6 +121,7 @@ class ModelCard:
     sources: tuple[str, ...] = ()
     notes: Mapping[str, Any] = field(default_factory=dict)
     python_law: str | None = None
+    file: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
         parameters = (*self.damper.parameters, LAG)

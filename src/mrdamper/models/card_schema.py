@@ -12,7 +12,7 @@ import json
 import os
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any, Literal
@@ -268,7 +268,7 @@ def read_card(path: str | Path, *, python_law: HysteresisLaw | None = None) -> M
         ) from fault
     except (ValueError, RecursionError) as fault:
         raise InputError(f"{path}: not a card: {fault}") from fault
-    return card_from_json(document, str(path), python_law=python_law)
+    return replace(card_from_json(document, str(path), python_law=python_law), file=str(path))
 
 
 def card_from_json(

@@ -30,7 +30,7 @@ __all__ = ["bind_result", "function_of", "public_names"]
 
 def public_names() -> dict[str, Job]:
     """Return the jobs by their names in Python."""
-    return {job.attribute: job for job in JOBS.values()}
+    return {name: job for job in JOBS.values() for name in (job.name, *job.aliases)}
 
 
 def function_of(job: Job) -> Callable[..., Any]:
@@ -39,7 +39,7 @@ def function_of(job: Job) -> Callable[..., Any]:
     def call(*inputs: Any, on_progress: Any = None, **given: Any) -> Any:  # noqa: ANN401 - as the signature says
         return _call(job, inputs, given, on_progress)
 
-    call.__name__ = call.__qualname__ = job.attribute
+    call.__name__ = call.__qualname__ = job.name
     call.__module__ = "mrdamper"
     call.__doc__ = _documentation(job)
     vars(call)["__signature__"] = _signature(job)
@@ -48,23 +48,24 @@ def function_of(job: Job) -> Callable[..., Any]:
 
 
 def _call(job: Job, inputs: tuple[Any, ...], given: dict[str, Any], on_progress: Any) -> Any:  # noqa: ANN401
-    known = [*(each.name for each in job.inputs), *(field.name for field in job.fields)]
+    known = [*job.given_names, *(field.name for field in job.fields)]
     for name in given:
         if name not in known:
-            raise InputError(f"mrdamper.{job.attribute}: no option {name!r}; {did_you_mean(name, known)}")
+            raise InputError(f"mrdamper.{job.name}: no option {name!r}; {did_you_mean(name, known)}")
     names = [each.name for each in job.inputs]
     if len(inputs) > len(names):
         raise InputError(
-            f"mrdamper.{job.attribute}: {len(inputs)} inputs were given", expected=f"at most {len(names)}"
+            f"mrdamper.{job.name}: {len(inputs)} inputs were given", expected=f"at most {len(names)}"
         )
     named = dict(zip(names, inputs, strict=False))
     named |= {name: given.pop(name) for name in names if name in given}
     missing = [each.name for each in job.inputs if each.required and named.get(each.name) is None]
     if missing:
         raise InputError(
-            f"mrdamper.{job.attribute}: {', '.join(missing)} is missing", expected="a path, or the thing"
+            f"mrdamper.{job.name}: {', '.join(missing)} is missing", expected="a path, or the thing"
         )
-    return job(named, job.options_from(given), on_progress)
+    reading = {field.name: given.pop(field.name) for field in job.reading if field.name in given}
+    return job({**named, **job.reading_from(reading)}, job.options_from(given), on_progress)
 
 
 def _signature(job: Job) -> inspect.Signature:
@@ -75,7 +76,7 @@ def _signature(job: Job) -> inspect.Signature:
     ]
     rest = [
         kind(field.name, kind.KEYWORD_ONLY, default=kind.empty if field.required else field.default)
-        for field in job.fields
+        for field in (*job.reading, *job.fields)
     ]
     return inspect.Signature([*first, *rest, kind("on_progress", kind.KEYWORD_ONLY, default=None)])
 
@@ -87,7 +88,7 @@ def _default_of(each: Input) -> Any:  # noqa: ANN401 - a text, None, or that the
 def _documentation(job: Job) -> str:
     lines = [job.help, "", "Parameters", "----------"]
     lines += [f"{each.name} : {each.help or each.kind}" for each in job.inputs]
-    for field in job.fields:
+    for field in (*job.reading, *job.fields):
         unit = f" [{field.option.unit}]" if field.option.unit else ""
         lines.append(f"{field.name} : {field.option.help}{unit} Expected: {field.words}.")
     return "\n".join([*lines, "on_progress : receives ``ProgressUpdate``"])
@@ -119,7 +120,7 @@ def bind_result(job: Job) -> None:
 
     def save(self: object, folder: str | Path) -> dict[str, Any]:
         """Write the result's files into a folder, all or none; return the answer, with their paths."""
-        return job.write(self, Path(folder))
+        return job.save(self, Path(folder))
 
     def to_frame(self: object) -> polars.DataFrame:
         """Return the result as a table."""

@@ -78,16 +78,16 @@ def _identify(options: Json, folder: WorkFolder, _out: Path, say: Say, resume: b
 
 
 def _predict(options: Json, folder: WorkFolder, out: Path, _say: Say) -> Json:
-    from mrdamper.jobs.identify import predict
-
-    paths = _runs(folder, options["files"])
-    return predict(folder.card(options["card"]), paths, out=out, flip_force=options["flip_force"])
+    given = {
+        "card": folder.card(options["card"]),
+        "runs": _runs(folder, options["files"]),
+        "flip_force": options["flip_force"],
+    }
+    return JOBS["predict"].perform(given, out=out)[1]
 
 
 def _check(options: Json, folder: WorkFolder, out: Path, _say: Say) -> Json:
-    from mrdamper.jobs.check import check
-
-    return check(_runs(folder, options["files"]), out=out)
+    return JOBS["check"].perform({"files": _runs(folder, options["files"])}, out=out)[1]
 
 
 def _compare(options: Json, folder: WorkFolder, out: Path, _say: Say) -> Json:

@@ -1,0 +1,171 @@
+"""What ``check`` found: the answer's keys, the tables of a terminal, the page, findings as CSV."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from mrdamper.data.diagnosis.finding import Severity, by_kind
+from mrdamper.errors import CheckError, InputError
+from mrdamper.jobs.check import CheckedFile, CheckedRun, CheckResult
+from mrdamper.report.base import DONE, Outcome, Report, WrittenFile
+from mrdamper.report.page import environment
+from mrdamper.runtime.outputs import write_table
+from mrdamper.schema import Json
+
+__all__ = ["REPORT", "render_check"]
+
+_COLOUR: dict[Severity, str] = {"fault": "red", "warning": "yellow", "note": "cyan"}
+_COLUMNS = (
+    "run",
+    "severity",
+    "kind",
+    "channel",
+    "size",
+    "unit",
+    "from_s",
+    "to_s",
+    "found",
+    "effect",
+    "remedy",
+)
+
+
+def render_check(result: CheckResult) -> str:
+    """Return the page's HTML."""
+    return environment().get_template("check.html.j2").render(it=result)
+
+
+def _answer(result: CheckResult) -> Json:
+    return {
+        "usable": result.usable,
+        "counts": result.counts,
+        "files": [
+            {
+                "path": str(file.path),
+                "understood": file.layout.in_words(),
+                "layout": file.layout.to_dict(),
+                "columns": [
+                    {"role": each.role, "name": each.name, "unit": each.unit} for each in file.columns
+                ],
+                "runs": list(file.runs),
+            }
+            for file in result.files
+        ],
+        "runs": [_run(run) for run in result.runs],
+        "findings": [dict(finding.to_dict()) for finding in result.findings],
+        "unreadable": [{"path": str(each.path), "error": each.error} for each in result.unreadable],
+    }
+
+
+def _run(run: CheckedRun) -> Json:
+    return {
+        "name": run.name,
+        "source": run.source,
+        "samples": run.samples,
+        "rate_Hz": run.rate_Hz,
+        "duration_s": run.duration_s,
+        "stroke_mm": run.stroke_mm,
+        "force_range_N": run.force_range_N,
+        "worst": run.worst,
+        "findings": [finding.kind for finding in run.findings],
+    }
+
+
+def _rows(result: CheckResult) -> list[dict[str, object]]:
+    """Return the findings as a table."""
+    told = [finding.to_dict() for finding in result.findings]
+    return [{name: each[name] for name in _COLUMNS} for each in told]
+
+
+# --------------------------------------------------------------------------------------------- the terminal
+
+
+def _show(result: CheckResult, console: Console) -> None:
+    """Print how files were understood, the runs, and the findings."""
+    for words, paths in _by_layout(result.files).items():
+        more = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
+        console.print(f"{escape(paths[0])}{more}: {escape(words)}")
+    console.print(_runs_table(result.runs))
+    for finding, names in by_kind(result.findings):
+        colour, others = _COLOUR[finding.severity], names - 1
+        more = f" (and in {others} more run{'s' if others > 1 else ''})" if others else ""
+        console.print(
+            f"[{colour}]{finding.severity}[/{colour}] {escape(finding.run)}: {escape(finding.found)}{more}. "
+            f"{escape(finding.effect)}. {escape(finding.remedy)}."
+        )
+    verdict, counts = _verdict(result)
+    console.print(f"[bold]{verdict}[/bold]: {counts}")
+
+
+def _runs_table(runs: Sequence[CheckedRun]) -> Table:
+    table = Table(title="Runs")
+    table.add_column("run", overflow="fold")
+    for name in ("samples", "Hz", "s", "stroke mm", "force N"):
+        table.add_column(name, justify="right")
+    table.add_column("findings", overflow="fold")
+    for run in runs:
+        cells = (run.rate_Hz, run.duration_s, run.stroke_mm, run.force_range_N)
+        found = escape(", ".join(finding.kind for finding in run.findings)) or "-"
+        colour = None if run.worst is None else _COLOUR[run.worst]
+        table.add_row(
+            escape(run.name),
+            str(run.samples),
+            *("-" if cell is None else f"{cell:.4g}" for cell in cells),
+            f"[{colour}]{found}[/{colour}]" if colour else found,
+        )
+    return table
+
+
+def _verdict(result: CheckResult) -> tuple[str, str]:
+    """Return whether the runs can be fitted, and the number of findings."""
+    counts = ", ".join(
+        f"{number} {severity}{'s' if number != 1 else ''}" for severity, number in result.counts.items()
+    )
+    return "the runs can be fitted" if result.usable else "not to be fitted as they are", counts
+
+
+def _by_layout(files: Sequence[CheckedFile]) -> dict[str, list[str]]:
+    """Return the files by how they were understood, columns and all."""
+    found: dict[str, list[str]] = {}
+    for file in files:
+        columns = ", ".join(f"{each.role} {each.name!r} in {each.unit}" for each in file.columns)
+        found.setdefault(f"{file.layout.in_words()}; {columns}", []).append(str(file.path))
+    return found
+
+
+def _summary(result: CheckResult) -> list[str]:
+    worst = [f"{each.severity} in {each.run}: {each.found}" for each, _ in by_kind(result.findings)]
+    return [": ".join(_verdict(result)), *worst[:5]]
+
+
+def _outcome(result: CheckResult) -> Outcome:
+    if result.unreadable:
+        said = tuple(each.error for each in result.unreadable)
+        return Outcome(exit_code=InputError.exit_code, said=said)
+    return DONE if result.usable else Outcome(exit_code=CheckError.exit_code)
+
+
+def _write_page(result: CheckResult, path: Path) -> None:
+    path.write_text(render_check(result), encoding="utf-8")
+
+
+REPORT: Report[CheckResult] = Report(
+    answer=_answer,
+    show=_show,
+    summary=_summary,
+    files=(
+        WrittenFile(name="check.html", key="report", write=_write_page),
+        WrittenFile(name="check.json"),
+        WrittenFile(
+            name="findings.csv",
+            write=lambda result, path: write_table(path, _rows(result) or [dict.fromkeys(_COLUMNS)]),
+        ),
+    ),
+    rows=_rows,
+    outcome=_outcome,
+)

@@ -1,0 +1,269 @@
+"""The page of an identification: what an engineer asks first, and what the answers rest on.
+
+Everything it shows follows from the fit and its assessment.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from mrdamper.data.diagnosis.finding import Finding, by_kind
+from mrdamper.identify.assess import Assessment, CrossValidated, LawScore, RunError, summary
+from mrdamper.identify.fit import Identification, versions
+from mrdamper.identify.problem import Estimate, envelope_of
+from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.report.figures import style as plots
+from mrdamper.report.identification.campaign import Campaign
+from mrdamper.report.identification.coefficients import coefficient_figure
+from mrdamper.report.identification.groups import OperatingPoints
+from mrdamper.report.identification.loops import (
+    error_section,
+    loop_pictures,
+    residual_picture,
+    worst_by_motion,
+)
+from mrdamper.report.identification.temperature import (
+    assumed_words,
+    characteristics_section,
+    temperature_section,
+)
+from mrdamper.report.identification.traces import trace_of
+from mrdamper.report.page import environment
+
+__all__ = ["render_report"]
+
+_MOST_LOOPS = 48  # runs that are drawn one by one; more are grouped by motion and temperature
+_MOST_GROUPS = 6  # motions whose residuals have a figure of their own
+
+
+@dataclass(frozen=True, slots=True)
+class _Group:
+    """The loops of one motion."""
+
+    motion: str
+    loops: tuple[tuple[plots.Trace, str], ...]  # with the SVG
+
+
+def render_report(
+    fitted: Identification,
+    judged: Assessment,
+    *,
+    law_table: Sequence[LawScore] = (),
+    simulated: str = "",
+    title: str = "",
+    findings: Sequence[Finding] = (),
+) -> str:
+    """Return the report's HTML.
+
+    Parameters
+    ----------
+    law_table : the laws that were compared, when there was a choice
+    simulated : what the runs are when nobody measured them; said at the top
+    findings : what the runs show by themselves (``mrdamper check``)
+    """
+    campaign = Campaign(fitted, judged.runs)
+    many = len(judged.runs) > _MOST_LOOPS
+    grouped = many or campaign.warm
+    if grouped:
+        drawn = [_trace(campaign, error) for error in worst_by_motion(judged.runs)[:_MOST_GROUPS]]
+    else:
+        drawn = _worst_traces(campaign)
+    unit = fitted.damper.command_unit
+    highest = max((abs(e.command) for e in judged.runs if e.command is not None), default=0.0)
+    ordered = sorted(judged.runs, key=partial(_order, levels=campaign.levels))
+    training = [e for e in ordered if e.split == "training"]
+    held_out = [e for e in ordered if e.split == "held_out"]
+    moving = [k for k, e in enumerate(fitted.estimates) if not e.at_bound]
+    return (
+        environment()
+        .get_template("report.html.j2")
+        .render(
+            title=title or "MR damper identification",
+            simulated=simulated,
+            law=fitted.damper.law,
+            method=_METHODS.get(fitted.result.method, fitted.result.method),
+            result=fitted.result,
+            commands=_range(envelope_of(fitted.training).command, unit),
+            envelope=_envelope_rows(fitted),
+            splits=[
+                (word, len(errors), summary(errors), summary(e for e in errors if e.command == 0.0))
+                for word, errors in (("training", training), ("held out", held_out))
+                if errors
+            ],
+            zero=f"0 {unit}",
+            unit=unit,
+            runs=ordered,
+            many=many,
+            warm=campaign.warm,
+            error_bars=""
+            if many
+            else plots.errors([(e.name, e.split, e.nrmse_percent) for e in (*training, *held_out)]),
+            error_section=error_section(campaign) if grouped else None,
+            loop_pictures=loop_pictures(campaign) if grouped else [],
+            groups=_groups(drawn, highest),
+            residual_picture=residual_picture(campaign) if grouped else None,
+            residuals=_residuals(_of_each_cell(campaign) if grouped else drawn, highest),
+            warmth=temperature_section(campaign),
+            characteristics=characteristics_section(campaign),
+            assumed=assumed_words(campaign),
+            energies=plots.energies(
+                [(e.command, e.split, e.energy_measured_J, e.energy_model_J) for e in judged.runs], highest
+            ),
+            estimates=[(e, _in_words(e)) for e in fitted.estimates],
+            curves=coefficient_figure(campaign),
+            correlations=plots.correlations(
+                [fitted.estimates[k].name for k in moving], fitted.result.correlation[np.ix_(moving, moving)]
+            )
+            if len(moving) > 1
+            else "",
+            words=(*fitted.result.notes, *judged.words),
+            findings=by_kind(findings),
+            left_out=_left_out_tables(judged.left_out),
+            law_table=law_table,
+            passivity=judged.passivity_min,
+            preparation=_preparation_rows(fitted),
+            fingerprint=fitted.fingerprint,
+            versions=versions(),
+        )
+    )
+
+
+_METHODS: Mapping[str, str] = {
+    "varpro": "variable projection",
+    "genetic": "genetic algorithm",
+    "cma": "covariance matrix adaptation",
+}
+
+
+# ------------------------------------------------------------------------------------------- traces
+
+
+def _worst_traces(campaign: Campaign) -> list[plots.Trace]:
+    """Return what is drawn of each run, by motion and command; the worst ones when there are too many."""
+    chosen = sorted(campaign.errors, key=lambda e: -e.nrmse_percent)[:_MOST_LOOPS]
+    return [_trace(campaign, error) for error in sorted(chosen, key=_order)]
+
+
+def _trace(campaign: Campaign, error: RunError) -> plots.Trace:
+    return trace_of(campaign.fitted.damper, campaign.runs[error.name], error)
+
+
+def _groups(traces: Sequence[plots.Trace], highest: float) -> list[_Group]:
+    """Return the loops by motion, with the same axes within a motion."""
+    groups = []
+    for motion in dict.fromkeys(trace.motion for trace in traces):
+        members = [trace for trace in traces if trace.motion == motion]
+        limits = plots.Limits.of(members)
+        drawn = tuple((trace, plots.loops(trace, limits, highest)) for trace in members)
+        groups.append(_Group(motion, drawn))
+    return groups
+
+
+def _residuals(traces: Sequence[plots.Trace], highest: float) -> list[tuple[str, str]]:
+    """Return the residuals of the traces, a figure for each motion where those are few."""
+    motions = list(dict.fromkeys(trace.motion for trace in traces))
+    if len(motions) > _MOST_GROUPS:
+        return [("all motions", plots.residuals(traces, "all motions", highest))]
+    of_motion = {motion: [trace for trace in traces if trace.motion == motion] for motion in motions}
+    return [(motion, plots.residuals(members, motion, highest)) for motion, members in of_motion.items()]
+
+
+def _of_each_cell(campaign: Campaign) -> list[plots.Trace]:
+    """Return one run of each motion and command, where the residuals are not drawn by temperature."""
+    if campaign.warm:
+        return []
+    motions = list(dict.fromkeys(error.motion for error in campaign.errors))[:_MOST_GROUPS]
+    cells = [campaign.at(motion, None, command) for motion in motions for command in campaign.commands]
+    return [campaign.trace(error) for error in cells if error is not None]
+
+
+def _order(
+    error: RunError, levels: OperatingPoints | None = None
+) -> tuple[list[tuple[str, float]], float, float, str]:
+    """Sort by motion (numbers in its label as numbers), then temperature, command and name."""
+    parts = re.findall(r"([^\d]*)(\d+(?:\.\d+)?)?", error.motion)
+    motion = [(text, float(number or 0.0)) for text, number in parts]
+    warm = levels.of(error) if levels is not None and levels.kind == "temperature" else None
+    return motion, warm or 0.0, np.inf if error.command is None else error.command, error.name
+
+
+# ------------------------------------------------------------------------------------------- numbers
+
+
+def _in_words(estimate: Estimate) -> str:
+    if estimate.at_bound:
+        bound = estimate.lower if estimate.at_bound == "lower" else estimate.upper
+        return f"rests on its {estimate.at_bound} bound, {bound:.3g}"
+    if not estimate.identifiable:
+        return "not identifiable from these runs"
+    return "well determined" if estimate.design_error_percent < 10.0 else "determined"
+
+
+def _left_out_tables(
+    left_out: Sequence[CrossValidated],
+) -> list[tuple[str, dict[str, float], list[tuple[str, int, dict[str, float]]]]]:
+    tables = []
+    for kind in dict.fromkeys(left.kind for left in left_out):
+        members = [left for left in left_out if left.kind == kind]
+        whole = summary(error for left in members for error in left.errors)
+        rows = [(left.left_out, len(left.errors), summary(left.errors)) for left in members]
+        tables.append((str(kind), whole, rows))
+    return tables
+
+
+def _range(pair: tuple[float, float], unit: str, scale: float = 1.0) -> str:
+    low, high = (scale * end for end in pair)
+    return f"{low:.4g} {unit}" if low == high else f"{low:.4g} to {high:.4g} {unit}"
+
+
+def _envelope_rows(fitted: Identification) -> list[tuple[str, str]]:
+    envelope = envelope_of(fitted.training)
+    unit = fitted.damper.command_unit
+    rows = [
+        ("current" if unit == "A" else "voltage", _range(envelope.command, unit)),
+        ("displacement", _range(envelope.displacement, "mm", 1e3)),
+        ("velocity", _range(envelope.velocity, "mm/s", 1e3)),
+    ]
+    if envelope.temperature is None:
+        return [*rows, ("temperature", "not recorded")]
+    low, high = envelope.temperature
+    return [*rows, ("temperature", _range((low - ZERO_CELSIUS_K, high - ZERO_CELSIUS_K), "°C"))]
+
+
+def _preparation_rows(fitted: Identification) -> list[tuple[str, str]]:
+    chosen = fitted.preparation
+    cut = sorted(run.cutoff_Hz for run in fitted.training)
+    dead = sorted(1e6 * run.dead_band_m for run in fitted.training)
+    by_rule = "chosen from each run: "
+    return [
+        (
+            "low-pass of the displacement",
+            ("" if chosen.cutoff_Hz is not None else by_rule)
+            + f"{cut[0]:.3g} to {cut[-1]:.3g} Hz, zero phase",
+        ),
+        (
+            "reversal dead band",
+            ("" if chosen.dead_band_m is not None else by_rule) + f"{dead[0]:.3g} to {dead[-1]:.3g} µm",
+        ),
+        (
+            "zero of displacement",
+            {"start": "rest before the motion", "mean": "mean", "none": "as measured"}[chosen.reference],
+        ),
+        (
+            "velocity",
+            "from the smoothed displacement" if chosen.velocity == "displacement" else "measured channel",
+        ),
+        (
+            "force",
+            "as measured" if not chosen.force_offset_N else f"tare of {chosen.force_offset_N:g} N taken off",
+        ),
+        (
+            "rate inside the fit",
+            f"{fitted.problem.rate_Hz:g} Hz or the file's; errors are taken at the file's full rate",
+        ),
+    ]

@@ -1,0 +1,46 @@
+"""What ``predict`` found: the answer's keys, the tables of a terminal, errors as CSV."""
+
+from __future__ import annotations
+
+from rich.console import Console
+from rich.markup import escape
+
+from mrdamper.identify.predict import row
+from mrdamper.jobs.predict import PredictResult
+from mrdamper.report.base import Report, WrittenFile
+from mrdamper.report.scores import pooled_json, show_errors, show_summaries, summaries, summary_lines
+from mrdamper.runtime.outputs import write_table
+from mrdamper.schema import Json
+
+__all__ = ["REPORT"]
+
+
+def _answer(result: PredictResult) -> Json:
+    return {
+        "law": result.law,
+        "runs": _rows(result),
+        "summary": summaries(result.errors),
+        "by_temperature": pooled_json(result.errors),
+        "notes": list(result.notes),
+    }
+
+
+def _rows(result: PredictResult) -> list[dict[str, object]]:
+    return [row(error) for error in result.errors]
+
+
+def _show(result: PredictResult, console: Console) -> None:
+    """Print errors by run."""
+    show_errors(result.errors, result.law, console)
+    show_summaries(result.errors, console)
+    for note in result.notes:
+        console.print(f"- {escape(note)}")
+
+
+REPORT: Report[PredictResult] = Report(
+    answer=_answer,
+    show=_show,
+    summary=lambda result: [*summary_lines(result.errors), *result.notes],
+    files=(WrittenFile(name="errors.csv", write=lambda result, path: write_table(path, _rows(result))),),
+    rows=_rows,
+)

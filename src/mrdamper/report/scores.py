@@ -1,0 +1,170 @@
+"""Errors of a model by run: as JSON has them, and as tables of a terminal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from mrdamper.identify.predict import finite
+from mrdamper.identify.scores import RunError, Split, summary
+from mrdamper.schema import Json
+
+__all__ = [
+    "PooledError",
+    "in_percent",
+    "pooled_by_temperature",
+    "pooled_json",
+    "show_errors",
+    "show_summaries",
+    "summaries",
+    "summary_lines",
+]
+
+_MOST_RUNS = 40  # more than so many are shown by motion and temperature,
+_WORST_RUNS = 10  # and the worst of them
+_SPLITS: tuple[Split, ...] = ("training", "held_out")
+
+
+def by_split(errors: Iterable[RunError]) -> dict[str, dict[str, float]]:
+    """Return median, worst and worst above zero command of ``nrmse_percent``, by split."""
+    every = tuple(errors)
+    parts = {split: [error for error in every if error.split == split] for split in _SPLITS}
+    return {split: summary(part) for split, part in parts.items() if part}
+
+
+def summaries(errors: Iterable[RunError]) -> Json:
+    """Return median and worst of ``nrmse_percent`` by split, as JSON has them."""
+    return {split: in_percent(values) for split, values in by_split(errors).items()}
+
+
+def in_percent(values: Mapping[str, float]) -> Json:
+    """Return a summary with the unit in its keys."""
+    return {f"{name}_nrmse_percent": finite(value) for name, value in values.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class PooledError:
+    """The RMS error over the runs of one motion, temperature (to 1 degC) and split."""
+
+    motion: str
+    temperature_degC: int
+    split: Split
+    runs: int
+    rmse_N: float
+
+
+def pooled_by_temperature(errors: Iterable[RunError]) -> tuple[PooledError, ...]:
+    """Return the errors pooled over currents; runs without a temperature are left out."""
+    groups: dict[tuple[str, int, Split], list[float]] = {}
+    for error in errors:
+        if error.temperature_degC is not None:
+            key = (error.motion, round(error.temperature_degC), error.split)
+            groups.setdefault(key, []).append(error.rmse_N**2)
+    return tuple(
+        PooledError(motion, degrees, split, len(squares), math.sqrt(sum(squares) / len(squares)))
+        for (motion, degrees, split), squares in sorted(groups.items())
+    )
+
+
+def pooled_json(errors: Iterable[RunError]) -> list[Json]:
+    """Return the pooled errors as JSON has them."""
+    return [
+        {
+            "motion": each.motion,
+            "temperature_degC": each.temperature_degC,
+            "split": each.split,
+            "runs": each.runs,
+            "rmse_N": each.rmse_N,
+        }
+        for each in pooled_by_temperature(errors)
+    ]
+
+
+# --------------------------------------------------------------------------------------------- the terminal
+
+
+def show_errors(errors: Sequence[RunError], law: str, console: Console) -> None:
+    """Print the error of every run; of a campaign, by motion and temperature, and the worst runs."""
+    title = f"{law}: error by run"
+    if len(errors) <= _MOST_RUNS:
+        console.print(_table(errors, title))
+        return
+    pooled = pooled_by_temperature(errors)
+    if pooled:
+        console.print(_pooled_table(pooled, law))
+    worst = sorted(errors, key=lambda error: -error.nrmse_percent)[:_WORST_RUNS]
+    console.print(_table(worst, f"{title}, the {len(worst)} worst of {len(errors)} (all are in errors.csv)"))
+
+
+def summary_lines(errors: Iterable[RunError]) -> Iterator[str]:
+    """Yield a line for each split: median and worst errors."""
+    for split, values in by_split(errors).items():
+        said = ", ".join(
+            f"{word} {percent(values[name])}"
+            for word, name in (
+                ("median", "median"),
+                ("worst above zero command", "worst_above_zero"),
+                ("worst", "worst"),
+            )
+        )
+        yield f"{split.replace('_', ' ')}: {said}"
+
+
+def show_summaries(errors: Iterable[RunError], console: Console) -> None:
+    """Print the errors' median and worst, by split."""
+    for line in summary_lines(errors):
+        split, _, said = line.partition(":")
+        console.print(f"[bold]{split}[/bold]:{said}")
+
+
+def percent(value: float) -> str:
+    """Return a share for a table; NaN is a dash."""
+    return "-" if math.isnan(value) else f"{value:.2f} %"
+
+
+def _table(errors: Sequence[RunError], title: str) -> Table:
+    table = Table(title=escape(title))
+    table.add_column("run", overflow="fold")
+    table.add_column("split")
+    for name in ("command", "RMS error N", "error %", "whole run %", "offset free %"):
+        table.add_column(name, justify="right")
+    last = None
+    for error in sorted(errors, key=lambda e: (e.split != "training", e.command == 0.0)):
+        part = (error.split, error.command == 0.0)
+        if last is not None and part != last:
+            table.add_section()
+        last = part
+        table.add_row(
+            escape(error.name),
+            error.split.replace("_", " "),
+            "varies" if error.command is None else f"{error.command:g} {error.command_unit}",
+            f"{error.rmse_N:.1f}",
+            f"{error.nrmse_percent:.2f}",
+            f"{error.nrmse_whole_percent:.2f}",
+            f"{error.nrmse_offset_free_percent:.2f}",
+        )
+    return table
+
+
+def _pooled_table(pooled: Sequence[PooledError], law: str) -> Table:
+    """Return the RMS error by motion and temperature; held-out ones are in brackets."""
+    degrees = sorted({each.temperature_degC for each in pooled})
+    table = Table(title=escape(f"{law}: RMS error in N over all currents, held-out runs in brackets"))
+    table.add_column("motion")
+    for degree in degrees:
+        table.add_column(f"{degree} degC", justify="right")
+    for motion in dict.fromkeys(each.motion for each in pooled):
+        cells = []
+        for degree in degrees:
+            found = [each for each in pooled if (each.motion, each.temperature_degC) == (motion, degree)]
+            told = [
+                f"{each.rmse_N:.1f}" if each.split == "training" else f"({each.rmse_N:.1f})" for each in found
+            ]
+            cells.append(" ".join(told))
+        table.add_row(escape(motion), *cells)
+    return table
