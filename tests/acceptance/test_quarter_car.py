@@ -16,18 +16,9 @@ import pytest
 import mrdamper
 from mrdamper.control.controllers import controllers_for
 from mrdamper.control.protocol import Controller
-from mrdamper.control.vehicle import (
-    Demand,
-    LongDrive,
-    QuarterCar,
-    Ride,
-    Stretch,
-    Thermometer,
-    Vehicle,
-    drive_car,
-    linear_quadratic,
-    warm_up,
-)
+from mrdamper.control.vehicle.car import Demand, QuarterCar, linear_quadratic
+from mrdamper.control.vehicle.drive import Ride, RoadSegment, Vehicle, drive_car
+from mrdamper.control.vehicle.long_drive import LongDrive, Thermometer, drive_long
 from mrdamper.data.records import Dataset, RigRun
 from mrdamper.models.card import ModelCard
 from mrdamper.rig.campaign import Campaign
@@ -75,7 +66,7 @@ def ride(which: str, degrees: float) -> Ride:
         vehicle = Vehicle(CAR, demand())
     elif which != "passive":
         vehicle = replace(vehicle, controller=controller(which))
-    return drive_car(vehicle, Stretch(temperature_degC=degrees))
+    return drive_car(vehicle, RoadSegment(temperature_degC=degrees))
 
 
 def test_a_hot_car_rides_better_when_its_controller_knows_that_it_is_hot():
@@ -105,7 +96,7 @@ def journey_error(thermometer: Thermometer | None) -> float:
     if thermometer is not None:
         plan = replace(plan, thermometer=thermometer)
     vehicle = Vehicle(CAR, demand(), Plant(PRESETS["vehicle"]), controller("aware"))
-    return float(np.sqrt(np.mean(warm_up(vehicle, plan).force_error_N ** 2)))
+    return float(np.sqrt(np.mean(drive_long(vehicle, plan).force_error_N ** 2)))
 
 
 def test_a_thermocouple_on_the_housing_will_do_with_a_guess_of_the_gradient():

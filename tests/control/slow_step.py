@@ -14,8 +14,8 @@ from scipy.optimize import brentq
 
 from mrdamper import core
 from mrdamper.arrays import FloatArray
-from mrdamper.control.estimators import AppliedCurrent, Motion, MotionFilter, Underway
 from mrdamper.models.damper import Damper
+from tests.oracles.estimators import AppliedCurrent, Motion, MotionFilter, Underway
 
 
 @dataclass

@@ -10,20 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import solve_discrete_are
 
+from mrdamper.control.coil_thermometer import CoilErrors, CoilFault, CoilThermometer, coil_temperature
 from mrdamper.control.controllers import controllers_for
-from mrdamper.control.estimators import (
-    AppliedCurrent,
-    BodyObserver,
-    CoilFault,
-    CoilThermometer,
-    DisturbanceObserver,
-    GainLearner,
-    MotionFilter,
-)
 from mrdamper.control.tuning import ERROR_LASTS_S, feedback_gains, motion_filter
+from mrdamper.errors import InputError
 from mrdamper.excitation import MOTIONS
 from mrdamper.models.actuation import Actuation
 from tests.control.dampers import DOUBLE, LAGS
+from tests.oracles.estimators import AppliedCurrent, DisturbanceObserver, GainLearner, MotionFilter
 from tests.support.examples import examples
 
 PERIOD = 1e-3
@@ -201,23 +195,38 @@ def test_while_the_current_changes_or_is_too_small_the_last_temperature_stands()
         assert reading.temperature == pytest.approx(293.15)
 
 
-@given(power=st.floats(1.0, 400.0), conductance=st.floats(1.0, 30.0))
-def test_at_even_power_the_fluid_is_warmer_by_power_over_conductance(power, conductance):
-    each = BodyObserver(conductance_W_K=conductance, fluid_capacity_J_K=150.0, period_s=10.0)
-    state = each.start(320.0)
-    for _ in range(200):
-        state = each.step(state, 320.0, power)
-    expected = 320.0 + power / conductance * -math.expm1(-2000.0 * conductance / 150.0)
-    assert state == pytest.approx(expected, rel=1e-9)
+def test_a_record_gives_the_coil_s_temperature_within_its_standard_error():
+    """Readings with the stated errors, a warming coil, a pause: 95 % lie within two errors."""
+    coil, errors = CoilThermometer(resistance_20_ohm=5.0, period_s=0.1, smooth_s=1e-6), CoilErrors()
+    time, rng = 0.1 * np.arange(3000.0), np.random.default_rng(4)
+    true = 300.0 + 0.02 * time
+    current = np.where((time > 100.0) & (time < 110.0), 0.0, 1.0)
+    resistance = np.array([coil.resistance_at(kelvin) for kelvin in true])
+    voltage = resistance * current + errors.voltage_V * rng.standard_normal(len(time))
+    found = coil_temperature(time, current + errors.current_A * rng.standard_normal(len(time)), voltage, coil)
+    read = np.array([fault is CoilFault.NONE for fault in found.faults])
+    assert 0.9 < read.mean() < 1.0
+    off = np.abs(found.temperature - true)[read] / found.standard_error[read]
+    assert 0.95 <= (off < 2.0).mean() <= 1.0
+    pause = (time > 100.5) & (time < 109.5)
+    assert np.ptp(found.temperature[pause]) == 0.0
+    assert np.isfinite(found.standard_error[pause]).all()
 
 
-def test_heat_that_does_not_leave_warms_the_fluid_by_its_capacity():
-    """Conductance towards zero: T = P t / C."""
-    each = BodyObserver(conductance_W_K=1e-9, fluid_capacity_J_K=150.0, period_s=1.0)
-    state = each.start(300.0)
-    for _ in range(60):
-        state = each.step(state, 300.0, 50.0)
-    assert state == pytest.approx(300.0 + 50.0 * 60.0 / 150.0, rel=1e-4)
+@pytest.mark.parametrize("resistance_share", [0.01, 0.05])
+def test_a_coil_s_resistance_that_is_wrong_by_a_share_is_so_much_temperature(resistance_share):
+    """At 20 degC: the share over copper's coefficient, 2.5 K for a hundredth."""
+    errors = CoilErrors(voltage_V=0.0, current_A=0.0, wiring_ohm=0.0, resistance_share=resistance_share)
+    coil, one = CoilThermometer(resistance_20_ohm=5.0, period_s=0.1), np.ones(4)
+    found = coil_temperature(0.1 * np.arange(4.0), one, 5.0 * one, coil, errors)
+    assert found.temperature[1:] == pytest.approx(293.15)
+    assert found.standard_error[1:] == pytest.approx(resistance_share / 0.00393)
+
+
+def test_a_record_with_uneven_steps_is_refused():
+    coil, one = CoilThermometer(resistance_20_ohm=5.0, period_s=0.1), np.ones(3)
+    with pytest.raises(InputError, match=r"steps are 0.1 to 0.3 s; expected even ones"):
+        coil_temperature(np.array([0.0, 0.1, 0.4]), one, one, coil)
 
 
 # ------------------------------------------------------------------------------------- with a force sensor

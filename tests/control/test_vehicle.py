@@ -8,28 +8,21 @@ import numpy as np
 import pytest
 from scipy import integrate, linalg
 
-from mrdamper.control.vehicle import (
-    Demand,
-    LongDrive,
-    QuarterCar,
-    Stretch,
-    TwoBodies,
-    Vehicle,
-    drive_car,
-    groundhook,
-    hybrid,
-    linear_quadratic,
-    skyhook,
-    warm_up,
-)
+from mrdamper.control.vehicle.car import Demand, QuarterCar, groundhook, hybrid, linear_quadratic, skyhook
+from mrdamper.control.vehicle.drive import RoadSegment, Vehicle, drive_car
+from mrdamper.control.vehicle.long_drive import LongDrive, TwoBodies, drive_long
+from mrdamper.control.vehicle.quarter_car import QuarterCarOptions, drive_quarter_car
 from mrdamper.errors import InputError
 from mrdamper.excitation import ROAD_ROUGHNESS, Sine
+from mrdamper.models.damper import OperatingEnvelope
 from mrdamper.rig.plant import PRESETS, Plant
+from tests.control.dampers import DOUBLE
 from tests.control.loops import LAST, Constant, Ideal, Inverse, Recording
+from tests.export.exports import card_of
 
 CAR = QuarterCar()
 NOTHING = Demand("nothing", (0.0, 0.0, 0.0, 0.0))
-QUIET = Stretch(
+QUIET = RoadSegment(
     displacement_noise_m=0.0, velocity_noise_m_s=0.0, temperature_noise_K=0.0, duration_s=4.0, unscored_s=2.0
 )
 
@@ -210,7 +203,7 @@ def test_a_ride_goes_on_where_the_last_one_ended():
 
 def test_the_same_seed_gives_the_same_ride():
     vehicle = Vehicle(CAR, skyhook(), Plant(PRESETS["vehicle"]), Constant(0.7))
-    noisy = Stretch(duration_s=0.5, unscored_s=0.0)
+    noisy = RoadSegment(duration_s=0.5, unscored_s=0.0)
     one, two, other = (drive_car(vehicle, replace(noisy, seed=seed)).states for seed in (3, 3, 4))
     assert np.array_equal(one, two)
     ideal = Vehicle(CAR, skyhook())
@@ -258,13 +251,13 @@ def test_two_bodies_close_their_energy_account():
     assert at == pytest.approx(lossy.warm((20.0, 20.0), 80.0, 500.0))  # exact over any step
 
 
-PLAN = LongDrive(duration_s=600.0, every_s=120.0, stretch_s=2.0)
+PLAN = LongDrive(duration_s=600.0, every_s=120.0, segment_s=2.0)
 
 
 @pytest.mark.system
 def test_a_long_drive_warms_the_damper_by_what_it_took_up():
     vehicle = Vehicle(CAR, skyhook(), Plant(PRESETS["vehicle"]), Constant(0.5))
-    journey = warm_up(vehicle, PLAN, QUIET)
+    journey = drive_long(vehicle, PLAN, QUIET)
     assert journey.fluid_degC[0] == 20.0
     assert np.all(np.diff(journey.fluid_degC[:3]) > 0.0)
     assert np.all(journey.fluid_degC[1:] > journey.housing_degC[1:])
@@ -276,30 +269,30 @@ def test_a_long_drive_warms_the_damper_by_what_it_took_up():
 @pytest.mark.system
 def test_the_cut_off_takes_the_current_away_until_it_is_cool_again():
     vehicle = Vehicle(CAR, skyhook(), Plant(PRESETS["vehicle"]), Constant(2.0))
-    plan = replace(PLAN, duration_s=1080.0, stretch_s=1.0, cut_off_degC=60.0, back_degC=50.0)
-    journey = warm_up(vehicle, plan, QUIET)
+    plan = replace(PLAN, duration_s=1080.0, segment_s=1.0, cut_off_degC=60.0, back_degC=50.0)
+    journey = drive_long(vehicle, plan, QUIET)
     cut = journey.is_cut_off > 0.0
     assert cut.any()
     assert np.all(journey.coil_W[cut] == 0.0)
-    assert np.all(journey.told_degC[cut] > 50.0)
-    assert np.all(journey.told_degC[~cut] <= 60.0)
-    assert journey.told_degC[cut].min() < 60.0  # it stays away while it cools
-    hot = warm_up(vehicle, replace(plan, cut_off_degC=None), QUIET)
+    assert np.all(journey.thermometer_degC[cut] > 50.0)
+    assert np.all(journey.thermometer_degC[~cut] <= 60.0)
+    assert journey.thermometer_degC[cut].min() < 60.0  # it stays away while it cools
+    hot = drive_long(vehicle, replace(plan, cut_off_degC=None), QUIET)
     assert hot.fluid_degC.max() > journey.fluid_degC.max()
 
 
 @pytest.mark.system
 def test_a_thermometer_on_the_housing_reads_low_while_the_damper_warms():
     vehicle = Vehicle(CAR, skyhook(), Plant(PRESETS["vehicle"]), Constant(0.5))
-    journey = warm_up(vehicle, replace(PLAN, thermometer=lambda _fluid, housing, _power: housing), QUIET)
-    assert np.array_equal(journey.told_degC, journey.housing_degC)
-    known = warm_up(
+    journey = drive_long(vehicle, replace(PLAN, thermometer=lambda _fluid, housing, _power: housing), QUIET)
+    assert np.array_equal(journey.thermometer_degC, journey.housing_degC)
+    known = drive_long(
         vehicle, replace(PLAN, thermometer=lambda _fluid, housing, power: housing + power / 6.0), QUIET
     )
     # With the true conductance it is high by the power that warms the fluid itself: in a steady rise that is
     # the fluid's share of the heat capacity.
-    high = known.told_degC[1:] - known.fluid_degC[1:]
-    gradient = known.told_degC[1:] - known.housing_degC[1:]
+    high = known.thermometer_degC[1:] - known.fluid_degC[1:]
+    gradient = known.thermometer_degC[1:] - known.housing_degC[1:]
     assert np.all(np.abs(high) < 150.0 / (150.0 + 950.0) * gradient)
 
 
@@ -307,7 +300,7 @@ def test_a_thermometer_on_the_housing_reads_low_while_the_damper_warms():
 def test_a_drive_that_would_boil_stays_at_its_limit():
     vehicle = Vehicle(CAR, skyhook(), Plant(PRESETS["vehicle"]), Constant(2.0))
     plan = replace(PLAN, bodies=TwoBodies(ambient_W_K=0.0), ambient_degC=100.0, hottest_degC=130.0)
-    journey = warm_up(vehicle, plan, QUIET)
+    journey = drive_long(vehicle, plan, QUIET)
     assert journey.fluid_degC.max() == 130.0
 
 
@@ -317,8 +310,8 @@ def test_a_drive_that_would_boil_stays_at_its_limit():
         (lambda: QuarterCar(body_kg=-1.0), r"quarter car: body_kg is -1\.0; expected a positive number"),
         (lambda: QuarterCar(tyre_N_m=float("nan")), "tyre_N_m is nan"),
         (lambda: Vehicle(CAR, NOTHING, None, Constant()), "a controller without a damper"),
-        (lambda: Stretch(duration_s=1.0), "lasts 1 s, of which 2 s are not scored"),
-        (lambda: LongDrive(stretch_s=100.0), "stretches of 100 s every 60 s"),
+        (lambda: RoadSegment(duration_s=1.0), "lasts 1 s, of which 2 s are not scored"),
+        (lambda: LongDrive(segment_s=100.0), "segments of 100 s every 60 s"),
         (lambda: LongDrive(cut_off_degC=100.0), "cut off at 100 degC and comes back at 110 degC"),
         (lambda: Demand("x", (float("inf"), 0.0, 0.0, 0.0)), "expected four finite numbers"),
         (
@@ -330,3 +323,54 @@ def test_a_drive_that_would_boil_stays_at_its_limit():
 def test_what_cannot_be_is_refused(make, said):
     with pytest.raises(InputError, match=said):
         make()
+
+
+# ----------------------------------------------------------------------- a card's damper in the car
+
+
+def car_card():
+    """Return the card of a damper of a car's size: the tests' damper, its envelope a car's."""
+    card = card_of(DOUBLE)
+    envelope = OperatingEnvelope((0.0, 2.0), (-0.08, 0.08), (-1.5, 1.5), card.envelope.temperature)
+    return replace(card, envelope=envelope)
+
+
+def test_a_card_s_controlled_car_rides_between_the_ideal_and_the_passive_one():
+    """The same road, skyhook: the ideal damper is more comfortable; a run repeats bit for bit."""
+    options = QuarterCarOptions(demand="skyhook", duration_s=6.0)
+    rides = drive_quarter_car(car_card(), options)
+    ideal, controlled, passive = (
+        each.body_acceleration_m_s2 for each in (rides.ideal, rides.controlled, rides.passive)
+    )
+    assert ideal < controlled
+    assert rides.passive.current_rms_A == 0.0 < rides.controlled.current_rms_A
+    assert passive != controlled
+    assert rides.controlled.force_error_N is not None
+    assert rides.passive.force_error_N is None
+    again = drive_quarter_car(car_card(), options)
+    np.testing.assert_array_equal(again.controlled.states, rides.controlled.states)
+
+
+def test_the_thermometer_is_the_controller_s_alone():
+    """What it shows changes the controlled ride; the damper itself is as warm as before."""
+    hot = QuarterCarOptions(duration_s=3.0, temperature_degC=100.0)
+    right, wrong = (
+        drive_quarter_car(car_card(), each) for each in (hot, replace(hot, thermometer_degC=20.0))
+    )
+    assert not np.array_equal(right.controlled.states, wrong.controlled.states)
+    np.testing.assert_array_equal(right.ideal.states, wrong.ideal.states)
+    np.testing.assert_array_equal(right.passive.states, wrong.passive.states)
+
+
+def test_a_long_drive_warms_the_damper():
+    plan = LongDrive(duration_s=180.0, every_s=60.0, segment_s=2.0)
+    journey = drive_quarter_car(car_card(), QuarterCarOptions(duration_s=3.0, long_drive=plan)).journey
+    assert journey is not None
+    assert (np.diff(journey.fluid_degC) > 0.0).all()
+
+
+def test_what_a_quarter_car_cannot_have_is_refused():
+    with pytest.raises(InputError, match="demand is 'sky'; expected one of: skyhook"):
+        QuarterCarOptions(demand="sky")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="there is no controller 'recomended'"):
+        drive_quarter_car(car_card(), QuarterCarOptions(controller="recomended"))

@@ -15,7 +15,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from mrdamper.arrays import BoolArray, FloatArray
+from mrdamper.arrays import BoolArray, FloatArray, rms
 from mrdamper.control.loop import LoopRun, ReferenceTrajectory
 from mrdamper.control.protocol import Plant
 from mrdamper.errors import InputError
@@ -107,13 +107,13 @@ def score_forces(
     error = np.abs(force - target)
     inside = reach.feasible(target)
     feasible = error[inside]
-    rmse, span = _rms(error), float(np.ptp(target))
+    rmse, span = rms(error), float(np.ptp(target))
     worst_of_all = float(error.max())
     return Score(
         max_N=worst_of_all,
         rmse_N=rmse,
         max_feasible_N=float(feasible.max()) if feasible.size else None,
-        rmse_feasible_N=_rms(feasible) if feasible.size else None,
+        rmse_feasible_N=rms(feasible) if feasible.size else None,
         p99_feasible_N=float(np.percentile(feasible, 99.0)) if feasible.size else None,
         feasible_share=float(inside.mean()),
         rmse_over_range_percent=100.0 * rmse / span if span > 0.0 else float("inf"),
@@ -134,7 +134,3 @@ def worst(scores: Sequence[Score]) -> Score:
         pick = min if each.name == "feasible_share" else max
         found[each.name] = pick(values) if values else None
     return Score(**found)  # type: ignore[arg-type]  # a figure that is never None has values
-
-
-def _rms(values: FloatArray) -> float:
-    return float(np.sqrt(np.mean(values**2)))

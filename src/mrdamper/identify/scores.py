@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from mrdamper.arrays import FloatArray
+from mrdamper.arrays import rms
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import InputError
 from mrdamper.models.damper import Damper
@@ -78,9 +78,9 @@ def score_run(damper: Damper, prepared: PreparedRun, split: Split = "held_out") 
     return RunError(
         name=run.name,
         split=split,
-        rmse_N=_rms(error[start:]),
-        nrmse_percent=100.0 * _rms(error[start:]) / spread,
-        nrmse_whole_percent=100.0 * _rms(error) / whole,
+        rmse_N=rms(error[start:]),
+        nrmse_percent=100.0 * rms(error[start:]) / spread,
+        nrmse_whole_percent=100.0 * rms(error) / whole,
         nrmse_offset_free_percent=100.0 * float(np.std(error[start:])) / spread,
         command=run.constant_command,
         command_unit=run.command_unit,
@@ -103,7 +103,3 @@ def summary(errors: Iterable[RunError]) -> dict[str, float]:
         "worst": float(every.max()) if len(every) else float("nan"),
         "worst_above_zero": float(above.max()) if len(above) else float("nan"),
     }
-
-
-def _rms(values: FloatArray) -> float:
-    return float(np.sqrt(np.mean(values**2)))

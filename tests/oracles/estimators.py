@@ -1,35 +1,25 @@
 """Estimators: what a controller must know and no sensor tells. Frozen values that hand their state back.
 
-Motion from displacement alone, the current that the force feels from the commands, the fluid's temperature
-from the coil's resistance or from a thermocouple on the body, and, where a force is measured now and then,
-how far the damper has come away from its model. The first two and the last two are also inside the
-controller's step (``core/kernel/track_estimate.c``), where the same formulas run on the target; these are for
-use on their own, and what that step is tested against.
+Motion from displacement alone, the current that the force feels from the commands, and, where a force is
+measured now and then, how far the damper has come away from its model: what is inside the controller's step
+(``core/kernel/track_estimate.c``) once more in plain Python, which that step is held against.
 
-None of them checks what it is told: a reading that is not finite leaves the state as it was.
+None of them checks what it reads: a reading that is not finite leaves the state as it was.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from enum import Enum
 
 import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.control import tuning
-from mrdamper.errors import InputError
 from mrdamper.models.actuation import PLAY_SHARE, Actuation
-from mrdamper.quantities import ROOM_K
-from mrdamper.thermal.materials import COPPER_PER_K
 
 __all__ = [
     "AppliedCurrent",
-    "BodyObserver",
-    "CoilFault",
-    "CoilReading",
-    "CoilThermometer",
     "DisturbanceObserver",
     "GainLearner",
     "Motion",
@@ -124,118 +114,6 @@ class AppliedCurrent:
         # ``behind`` is the play's output plus its half width: the command itself while it rises
         behind = min(max(state.behind, second), second + 2.0 * play)
         return Underway(first, second, behind, line)
-
-
-class CoilFault(Enum):
-    """What the coil's resistance says beside its temperature."""
-
-    NONE = "none"
-    UNKNOWN = "unknown"  # too little current to tell
-    OPEN = "open"
-    SHORT = "short"
-
-
-@dataclass(frozen=True, slots=True)
-class CoilReading:
-    """Temperature of the coil [K], NaN until one is known or where the coil is at fault."""
-
-    temperature: float
-    fault: CoilFault
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CoilThermometer:
-    """Temperature from the coil's resistance: copper's rises by 0.39 % per kelvin.
-
-    Told the voltage and the current at the driver once a period, while the current hardly changes (inductance
-    would count as resistance). A resistance that no temperature from ``cold_K`` to ``hot_K`` explains by
-    a factor of two is a break or a short. Give the controller the reading's temperature: NaN is then its own
-    matter (last good value, then nominal).
-    """
-
-    resistance_20_ohm: float
-    period_s: float
-    wiring_ohm: float = 0.0
-    least_A: float = 0.2
-    steady_A_s: float = 5.0  # a current that changes faster is not looked at
-    smooth_s: float = 1.0
-    cold_K: float = 233.15
-    hot_K: float = 423.15
-    open_V: float = 2.0  # that much voltage without current is a break
-
-    def __post_init__(self) -> None:
-        if not (self.resistance_20_ohm > 0.0 and self.period_s > 0.0 and self.least_A > 0.0):
-            raise InputError(
-                f"coil thermometer: resistance {self.resistance_20_ohm} ohm, period {self.period_s} s, least "
-                f"current {self.least_A} A; expected positive numbers"
-            )
-
-    def start(self) -> tuple[float, float]:
-        """Return the state: smoothed temperature [K] and last current [A], neither known."""
-        return (math.nan, math.nan)
-
-    def step(
-        self, state: tuple[float, float], voltage: float, current: float
-    ) -> tuple[tuple[float, float], CoilReading]:
-        """Return the next state and the reading."""
-        kelvin, before = state
-        if not (math.isfinite(voltage) and math.isfinite(current)):
-            return state, CoilReading(kelvin, CoilFault.UNKNOWN)
-        after = (kelvin, current)
-        if abs(current) < self.least_A:
-            broken = abs(current) < 0.1 * self.least_A and abs(voltage) > self.open_V
-            return after, CoilReading(
-                math.nan if broken else kelvin, CoilFault.OPEN if broken else CoilFault.UNKNOWN
-            )
-        if not abs(current - before) <= self.steady_A_s * self.period_s:
-            return after, CoilReading(kelvin, CoilFault.UNKNOWN)
-        ohm = voltage / current - self.wiring_ohm
-        if ohm > 2.0 * self.resistance_at(self.hot_K):
-            return after, CoilReading(math.nan, CoilFault.OPEN)
-        if ohm < 0.5 * self.resistance_at(self.cold_K):
-            return after, CoilReading(math.nan, CoilFault.SHORT)
-        read = ROOM_K + (ohm / self.resistance_20_ohm - 1.0) / COPPER_PER_K
-        keep = math.exp(-self.period_s / self.smooth_s)
-        smooth = read if math.isnan(kelvin) else read + keep * (kelvin - read)
-        return (smooth, current), CoilReading(smooth, CoilFault.NONE)
-
-    def resistance_at(self, kelvin: float) -> float:
-        """Return the coil's resistance [ohm] at a temperature."""
-        return self.resistance_20_ohm * (1.0 + COPPER_PER_K * (kelvin - ROOM_K))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BodyObserver:
-    """The fluid's temperature from a thermocouple on the body and the power that the damper takes.
-
-        C_f dT_f/dt = P - G (T_f - T_body)
-
-    so that at rest in P it is T_body + P / G. P is the model's force times the estimated velocity, and the
-    coil's heat. G comes from a warm-up (``bodies.identify_bodies``) or from the thermal model of a drawing.
-    """
-
-    conductance_W_K: float  # G, fluid to body
-    fluid_capacity_J_K: float  # C_f
-    period_s: float
-
-    def __post_init__(self) -> None:
-        for name in ("conductance_W_K", "fluid_capacity_J_K", "period_s"):
-            if not 0.0 < getattr(self, name) < math.inf:
-                raise InputError(
-                    f"body observer: {name} is {getattr(self, name)}; expected a positive number"
-                )
-
-    def start(self, body: float) -> float:
-        """Return the state: a damper that has soaked, fluid as warm as body [K]."""
-        return body
-
-    def step(self, state: float, body: float, power: float) -> float:
-        """Return the fluid's temperature [K] after a period, from the body's [K] and the power [W]."""
-        if not (math.isfinite(body) and math.isfinite(power)):
-            return state
-        settled = body + power / self.conductance_W_K
-        keep = math.exp(-self.period_s * self.conductance_W_K / self.fluid_capacity_J_K)
-        return settled + keep * (state - settled)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,157 @@
+"""A card's damper in a quarter car: the controlled ride between the ideal one and the passive one.
+
+The damper is the card's own real-time model, the controller is made from the same card: what is left is what
+controller, lags and thermometer cost, not what the card does not know of the damper.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Literal, get_args
+
+from mrdamper.control.controllers import check_name, controllers_for, names_for
+from mrdamper.control.realtime import RealtimeDamper, realtime_model
+from mrdamper.control.vehicle.car import (
+    Demand,
+    QuarterCar,
+    groundhook,
+    hybrid,
+    linear_quadratic,
+    skyhook,
+)
+from mrdamper.control.vehicle.drive import Ride, RoadSegment, Vehicle, drive_car
+from mrdamper.control.vehicle.long_drive import Journey, LongDrive, drive_long
+from mrdamper.errors import InputError
+from mrdamper.excitation import Road
+from mrdamper.models.card import ModelCard
+from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.schema import did_you_mean
+
+__all__ = [
+    "DEMANDS",
+    "DemandName",
+    "QuarterCarOptions",
+    "QuarterCarRides",
+    "RealtimeCarDamper",
+    "drive_quarter_car",
+]
+
+DemandName = Literal["skyhook", "groundhook", "hybrid", "linear-quadratic"]
+DEMANDS: tuple[DemandName, ...] = get_args(DemandName)
+
+_STEP_S = 0.25e-3  # of the damper's model, a quarter of the controller's period
+_FASTEST_M_S = 4.0  # speed up to which the tables reach: a car's damper is faster than a rig's
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class QuarterCarOptions:
+    """What is driven, and by whom.
+
+    Raises
+    ------
+    InputError
+        A demand that there is not; a segment without anything to score; a road or a car that cannot be.
+    """
+
+    car: QuarterCar = field(default_factory=QuarterCar)
+    demand: DemandName = "linear-quadratic"
+    damping_N_s_m: float = 2500.0  # of skyhook, groundhook and hybrid
+    controller: str = "recommended"
+    road_class: str = "C"  # ISO 8608, A (smooth) to H
+    speed_m_s: float = 20.0
+    duration_s: float = 20.0
+    unscored_s: float = 2.0
+    temperature_degC: float = 20.0  # of fluid and coil, held
+    thermometer_degC: float | None = None  # what the controller's thermometer shows; None: the same
+    seed: int = 5  # of road and sensors
+    long_drive: LongDrive | None = None  # the damper warms over this, after the ride
+
+    def __post_init__(self) -> None:
+        if self.demand not in DEMANDS:
+            raise InputError(f"demand is {self.demand!r}; expected one of: {', '.join(DEMANDS)}")
+        self.segment()
+
+    def segment(self) -> RoadSegment:
+        """Return the road to drive on."""
+        return RoadSegment(
+            road=Road(self.road_class, self.speed_m_s, self.seed),
+            duration_s=self.duration_s,
+            unscored_s=self.unscored_s,
+            temperature_degC=self.temperature_degC,
+            thermometer_degC=self.thermometer_degC,
+            seed=self.seed,
+        )
+
+    def demanded(self) -> Demand:
+        """Return the force that is asked for."""
+        if self.demand == "linear-quadratic":
+            return linear_quadratic(self.car)
+        kinds = {"skyhook": skyhook, "groundhook": groundhook, "hybrid": hybrid}
+        return kinds[self.demand](self.damping_N_s_m)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class QuarterCarRides:
+    """One road, driven three times, and the long drive if one was asked for."""
+
+    controlled: Ride
+    ideal: Ride  # the demand itself acts
+    passive: Ride  # no current
+    journey: Journey | None
+    preview_s: float  # of the controller
+
+
+@dataclass(slots=True, eq=False)
+class RealtimeCarDamper:
+    """The real-time model of a card as a car's damper; it remembers, as every ``CarDamper``."""
+
+    model: RealtimeDamper
+    state: bytes
+
+    @property
+    def step_s(self) -> float:
+        """Time between two steps [s]."""
+        return self.model.period_s
+
+    def advance(
+        self, displacement: float, velocity: float, current: float, temperature_degC: float, /
+    ) -> float:
+        """Move on by one step; return the force [N] at its end."""
+        kelvin = temperature_degC + ZERO_CELSIUS_K
+        self.state, force = self.model.step(self.state, displacement, velocity, current, kelvin)
+        return force
+
+    def copy(self) -> RealtimeCarDamper:
+        """Return a damper in the same state, which goes its own way from here."""
+        return replace(self)
+
+
+def drive_quarter_car(card: ModelCard, options: QuarterCarOptions | None = None) -> QuarterCarRides:
+    """Drive a road with the controlled damper of a card, with the ideal one, and without current.
+
+    Raises
+    ------
+    InputError
+        A law without a real-time form, a controller that there is not, a card whose largest command is not
+        known, a car that is not held: its travel leaves +-1 m.
+    """
+    asked = options or QuarterCarOptions()
+    law = card.damper.law.name
+    check_name(asked.controller, law)
+    if asked.controller not in names_for(law):
+        raise InputError(
+            f"there is no controller {asked.controller!r}; {did_you_mean(asked.controller, names_for(law))}"
+        )
+    controller = controllers_for(card, speed_m_s=_FASTEST_M_S)[asked.controller]
+    model = realtime_model(card, period_s=_STEP_S, speed_m_s=_FASTEST_M_S)
+    ideal = Vehicle(asked.car, asked.demanded())
+    passive = replace(ideal, damper=RealtimeCarDamper(model, model.start()), highest_A=controller.largest)
+    controlled, segment = replace(passive, controller=controller), asked.segment()
+    journey = None if asked.long_drive is None else drive_long(controlled, asked.long_drive, segment)
+    return QuarterCarRides(
+        controlled=drive_car(controlled, segment),
+        ideal=drive_car(ideal, segment),
+        passive=drive_car(passive, segment),
+        journey=journey,
+        preview_s=controller.preview_s,
+    )
