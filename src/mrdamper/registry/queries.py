@@ -10,8 +10,8 @@ __all__ = ["QUERIES"]
 QUERIES: Mapping[str, str] = MappingProxyType(
     {
         "ready": "mrdamper.web.query_worker:load_previews",
-        "look": "mrdamper.jobs.preview:look",
-        "glance": "mrdamper.jobs.preview:glance",
+        "preview": "mrdamper.jobs.preview:look",
+        "preview_head": "mrdamper.jobs.preview:glance",
         "findings": "mrdamper.jobs.preview:findings_in",
         "channels": "mrdamper.jobs.preview:channels_toml",
         "runs": "mrdamper.jobs.series:keep_runs",

@@ -78,4 +78,4 @@ def find_function(name: str) -> Callable[..., object]:
 
 def load_previews() -> None:
     """Load what the next query is likely to need."""
-    find_function("look")
+    find_function("preview")

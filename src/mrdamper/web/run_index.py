@@ -178,7 +178,7 @@ class RunIndex:
         """Tell whether a file has been read as it is now."""
         return self._look_up(self.key_of(file)) is not None
 
-    async def look(self, file: Path) -> Json:
+    async def preview(self, file: Path) -> Json:
         """Return what is in a file, waiting until it has been read."""
         key = self.key_of(file)
         while (contents := self._look_up(key)) is None:

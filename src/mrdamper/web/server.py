@@ -28,6 +28,7 @@ from mrdamper.web.context import MOST_UPLOAD, AppContext
 from mrdamper.web.job_queue import ConflictError
 from mrdamper.web.routes.cards import card_routes
 from mrdamper.web.routes.files import file_routes
+from mrdamper.web.routes.inputs import input_routes
 from mrdamper.web.routes.jobs import job_routes
 from mrdamper.web.routes.runs import run_routes
 from mrdamper.web.routes.state import state_routes
@@ -65,7 +66,7 @@ def build(root: Path, address: ListenAddress | None = None, *, most_upload: int 
         await context.close()
 
     app = FastAPI(lifespan=lifespan, docs_url=None, redoc_url=None, openapi_url=None)
-    for routes in (state_routes, file_routes, run_routes, card_routes, job_routes):
+    for routes in (state_routes, file_routes, input_routes, run_routes, card_routes, job_routes):
         app.include_router(routes(context))
     app.mount("/static", StaticFiles(directory=_STATIC, check_dir=False))
     app.add_api_route("/{path:path}", _page, methods=["GET"], response_model=None)

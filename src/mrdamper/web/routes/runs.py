@@ -14,7 +14,7 @@ from starlette.responses import FileResponse, Response
 from mrdamper.errors import InputError
 from mrdamper.web.context import AppContext, json_response, read_request
 from mrdamper.web.query_worker import Query
-from mrdamper.web.routes.files import drawing_of
+from mrdamper.web.routes.inputs import drawing_of
 from mrdamper.web.run_index import Kept
 from mrdamper.web.schemas import HeatCurve
 

@@ -1,0 +1,52 @@
+"""Routes: what people write (drawings, sinks, plans, tables), and what a drawing holds."""
+
+from __future__ import annotations
+
+from fastapi import APIRouter
+from starlette.requests import Request
+from starlette.responses import PlainTextResponse, Response
+
+from mrdamper.web.context import AppContext, json_response
+from mrdamper.web.query_worker import Query
+from mrdamper.web.workspace import INPUT_SUFFIXES
+
+__all__ = ["drawing_of", "input_routes"]
+
+_MOST_INPUT = 4_000_000  # bytes
+
+
+def input_routes(context: AppContext) -> APIRouter:
+    """Return the routes below /api/inputs and /api/dampers."""
+    routes, folder = APIRouter(), context.folder
+
+    @routes.put("/api/inputs/{name}")
+    async def write_input(name: str, request: Request) -> Response:
+        path = folder.new(folder.inputs, name, INPUT_SUFFIXES)
+        size = await folder.store(path, request.stream(), _MOST_INPUT, request.headers.get("content-length"))
+        context.events.publish("inputs")
+        return json_response({"name": name, "bytes": size}, 201)
+
+    @routes.get("/api/inputs/{name}")
+    async def read_input(name: str) -> Response:
+        path = folder.input(name)
+        with path.open("rb") as file:
+            text = file.read(_MOST_INPUT).decode("utf-8", errors="replace")
+        return PlainTextResponse(text)
+
+    @routes.delete("/api/inputs/{name}")
+    async def remove_input(name: str) -> Response:
+        folder.remove(folder.input(name))
+        context.events.publish("inputs")
+        return json_response({"deleted": name})
+
+    @routes.get("/api/dampers/{name}")
+    async def damper(name: str) -> Response:
+        query = Query("damper", values={"damper": drawing_of(context, name), "shown": name})
+        return json_response(await context.answer(context.heater, query))
+
+    return routes
+
+
+def drawing_of(context: AppContext, name: str) -> str:
+    """Return a preset's name, or the path of the drawing in the folder."""
+    return name if name in context.choices["dampers"] else str(context.folder.input(name))  # type: ignore[operator]  # a list
