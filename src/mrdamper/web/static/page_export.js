@@ -3,20 +3,14 @@
 import { cardFile } from "./api.js";
 import { citePanel } from "./cite.js";
 import { button, check, el, empty, field, fill, note, number, select } from "./dom.js";
-import { cardField, cardInUse, cardsOf, fileLinks, heading, inputsOf, inWords, JobPanel, notes, numberField, tile } from "./parts.js";
+import { cardPage, fileLinks, heading, inputsOf, inWords, JobPanel, notes, numberField, tile } from "./parts.js";
 
 const CONTROLLERS = ["recommended", "recommended-causal", "paper"];
 
 export async function show(place, app, query) {
   const title = heading("Export", "Take the card to its target. The code is compiled and compared with the model before you can download it.");
-  if (!cardsOf(app).length) {
-    fill(place, title, empty("No card yet", "C code, FMUs and force maps are made from a card. Identify one first.", button("Go to Identify", () => app.go("identify"), { class: "main" })));
-    return { changed: () => cardsOf(app).length && app.again() };
-  }
-  const card = cardInUse(app, query.get("card"));
-  app.choose("card", card);
-  const about = app.state.cards.find((one) => one.name === card);
-  const cards = cardField(app, card, (name) => app.go("export", { card: name }));
+  const { card, about, cards, without } = cardPage(place, app, query, "export", title, "C code, FMUs and force maps are made from a card. Identify one first.");
+  if (without) return without;
   const what = [["c", "C99 source, as an archive"], ["fmu", "FMU for co-simulation"], ["table", "force map (CSV) for simulators"]].map(([key, text]) => ({ key, ...check(text, key !== "table", { id: `what-${key}` }) }));
   const fmi = select([["3.0", "FMI 3.0"], ["2.0", "FMI 2.0"]], "3.0");
   const content = select([["both", "model and controller"], ["model", "the model"], ["controller", "the controller"]], about.actuation ? "both" : "model");

@@ -1,25 +1,19 @@
 // Heating: temperatures while sliders move, the time to the fluid's limit, and the full study as a job.
 
 import { getDamper, heatCurve, jobFile, putInput } from "./api.js";
-import { button, check, duration, el, empty, field, fill, fixed, note, number, select } from "./dom.js";
-import { cardField, cardInUse, cardsOf, fileLinks, heading, inputChoice, inputPicker, inputsOf, JobPanel, notes, numberField, slider, tile } from "./parts.js";
+import { button, check, duration, el, field, fill, fixed, note, number, select } from "./dom.js";
+import { cardPage, damperChoice, fileLinks, heading, inputChoice, inputPicker, JobPanel, notes, numberField, slider, tile } from "./parts.js";
 import { nth, Plot } from "./plot.js";
 
 export async function show(place, app, query) {
   const title = heading("Heating", "How hot the damper gets, how soon, and how much force that costs. Move a slider and read the curve.");
-  if (!cardsOf(app).length) {
-    fill(place, title, empty("No card yet", "Heat comes from the force that a card predicts. Identify a model first, or bring a card there.", button("Go to Identify", () => app.go("identify"), { class: "main" })));
-    return { changed: () => cardsOf(app).length && app.again() };
-  }
-  let card = cardInUse(app, query.get("card"));
-  app.choose("card", card);
-  const about = () => app.state.cards.find((one) => one.name === card);
-  const unit = about().command_unit ?? "A";
-  const highest = about().envelope?.command?.[1] ?? 2;
+  const { card, about, cards, without } = cardPage(place, app, query, "heating", title, "Heat comes from the force that a card predicts. Identify a model first, or bring a card there.");
+  if (without) return without;
+  const unit = about.command_unit ?? "A";
+  const highest = about.envelope?.command?.[1] ?? 2;
   let limit = null;
 
-  const cards = cardField(app, card, (name) => app.go("heating", { card: name }));
-  const damper = select([...app.state.choices.dampers.map((name) => [name, name === "paper" ? "the paper's damper" : name]), ...inputsOf(app, ".toml", ["drawing"])], "paper", { id: "drawing" });
+  const damper = damperChoice(app, { id: "drawing" });
   const bring = inputPicker(app, "Bring a drawing (TOML)", ".toml", (name) => {
     damper.append(el("option", { value: name, text: name, selected: true }));
     facts();

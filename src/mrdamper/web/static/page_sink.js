@@ -3,21 +3,15 @@
 import { getDamper, heatCurve, jobFile } from "./api.js";
 import { button, check, el, empty, field, fill, fixed, note, number, select, table } from "./dom.js";
 import { drawDamper } from "./drawing.js";
-import { cardField, cardInUse, cardsOf, dutyFields, fileLinks, heading, inputPicker, inputsOf, JobPanel, notes, numberField, numbersIn, tile } from "./parts.js";
+import { cardPage, damperChoice, dutyFields, fileLinks, heading, inputPicker, JobPanel, notes, numberField, numbersIn, tile } from "./parts.js";
 import { nth, Plot } from "./plot.js";
 
 export async function show(place, app, query) {
   const title = heading("Heat sink", "Annular fins on the body: the coolest damper for the least mass, inside what you can build.");
-  if (!cardsOf(app).length) {
-    fill(place, title, empty("No card yet", "A sink is searched for the heat that a card's force makes. Identify a model first.", button("Go to Identify", () => app.go("identify"), { class: "main" })));
-    return { changed: () => cardsOf(app).length && app.again() };
-  }
-  const card = cardInUse(app, query.get("card"));
-  app.choose("card", card);
-  const about = app.state.cards.find((one) => one.name === card);
+  const { card, about, cards, without } = cardPage(place, app, query, "sink", title, "A sink is searched for the heat that a card's force makes. Identify a model first.");
+  if (without) return without;
   const unit = about.command_unit ?? "A";
-  const cards = cardField(app, card, (name) => app.go("sink", { card: name }));
-  const damper = select([...app.state.choices.dampers.map((name) => [name, name === "paper" ? "the paper's damper" : name]), ...inputsOf(app, ".toml", ["drawing"])], "paper");
+  const damper = damperChoice(app);
   const duty = dutyFields(app, unit, { highest: Math.min(2, about.envelope?.command?.[1] ?? 2) });
   const span = numberField("Length to stand on", "mm", null, { placeholder: "as drawn", min: 0 });
   const width = numberField("Widest fin", "mm", null, { placeholder: "as drawn", min: 0 });

@@ -2,21 +2,16 @@
 
 import { jobFile } from "./api.js";
 import { button, check, el, empty, field, fill, fixed, note, number, select, table } from "./dom.js";
-import { cardField, cardInUse, cardsOf, fileLinks, heading, inputPicker, inputsOf, JobPanel, notes, numberField, numbersIn } from "./parts.js";
+import { cardPage, cardsOf, fileLinks, heading, inputPicker, inputsOf, JobPanel, notes, numberField, numbersIn } from "./parts.js";
 import { nth, Plot } from "./plot.js";
 
 const DEGREES = [20, 60, 100, 123];
 
 export async function show(place, app, query) {
   const title = heading("Tracking", "Force without a force sensor: controllers made from a card follow targets on a virtual damper whose physics is none of the laws.");
-  if (!cardsOf(app).length) {
-    fill(place, title, empty("No card yet", "A controller is made from a card whose command is in amperes. Identify one first.", button("Go to Identify", () => app.go("identify"), { class: "main" })));
-    return { changed: () => cardsOf(app).length && app.again() };
-  }
+  const { card, cards, without } = cardPage(place, app, query, "tracking", title, "A controller is made from a card whose command is in amperes. Identify one first.");
+  if (without) return without;
   const { choices } = app.state;
-  const card = cardInUse(app, query.get("card"));
-  app.choose("card", card);
-  const cards = cardField(app, card, (name) => app.go("tracking", { card: name }));
   const others = cardsOf(app).filter((one) => one.name !== card).map((one) => one.name);
   const plant = select([...choices.plants.map((name) => [name, `virtual damper, ${name}`]), ...inputsOf(app, ".toml", ["damper"]), ...cardsOf(app).map((one) => [one.name, `card ${one.name}`])], choices.plants.includes("nominal") ? "nominal" : choices.plants[0], { id: "plant" });
   const targets = choices.targets.map((name, k) => ({ name, ...check(name, k === 0) }));

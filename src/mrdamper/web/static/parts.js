@@ -1,7 +1,7 @@
 // Pieces that several pages use: headings, the choice of a card, a duty, a job's progress, lists of notes.
 
 import { cancelJob, follow, getJob, jobFile, putInput, resumeJob, startJob } from "./api.js";
-import { bytes, button, duration, el, field, fill, note, number, select, table } from "./dom.js";
+import { bytes, button, duration, el, empty, field, fill, note, number, select, table } from "./dom.js";
 
 /** Return a page's heading with a sentence below it. */
 export function heading(title, sub) {
@@ -42,6 +42,25 @@ export function cardField(app, name, onchange, { label = "Card", none = "", id =
   });
   return { list, node: field(label, list) };
 }
+
+/**
+ * Begin a page about one card: the card that is chosen, what is known about it, and the choice of another.
+ * Where there is no card, the page says why one is needed, and `without` is all there is of it.
+ */
+export function cardPage(place, app, query, page, title, why) {
+  if (!cardsOf(app).length) {
+    fill(place, title, empty("No card yet", why, button("Go to Identify", () => app.go("identify"), { class: "main" })));
+    return { without: { changed: () => cardsOf(app).length && app.again() } };
+  }
+  const card = cardInUse(app, query.get("card"));
+  app.choose("card", card);
+  const about = app.state.cards.find((one) => one.name === card);
+  return { card, about, cards: cardField(app, card, (name) => app.go(page, { card: name })) };
+}
+
+/** Return the choice of dampers: presets, and drawings of the folder. */
+export const damperChoice = (app, props = {}) =>
+  select([...app.state.choices.dampers.map((name) => [name, name === "paper" ? "the paper's damper" : name]), ...inputsOf(app, ".toml", ["drawing"])], "paper", props);
 
 /** Return inputs of a suffix as `[value, text]` pairs; with kinds, those that are or may be of one of them. */
 export const inputsOf = (app, suffix, kinds = null) =>
