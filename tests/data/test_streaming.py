@@ -14,6 +14,8 @@ from click.testing import CliRunner
 from mrdamper.arrays import FloatArray
 from mrdamper.cli import cli
 from mrdamper.data.batches import open_record
+from mrdamper.data.channels import ChannelMap
+from mrdamper.data.readers import read_run
 from mrdamper.data.tables import open_rows, read_table
 from mrdamper.errors import InputError
 from tests.support.tracked import write_a_card
@@ -141,3 +143,18 @@ def test_the_rows_of_a_text_are_judged_by_its_length(tmp_path: Path) -> None:
         stream.truncate(2_000_000_000)  # nothing more is written
     with pytest.raises(InputError, match=r"has about 1\d\d,\d+,\d+ rows, too many"):
         read_table(record)
+
+
+def test_columns_and_constants_are_taken_for_roles_as_those_of_a_run_are(tmp_path: Path) -> None:
+    """A temperature of the file goes before a constant one; a command must not be stated twice."""
+    path = tmp_path / "run.csv"
+    pl.DataFrame(COLUMNS | {"temperature_degC": np.full(SAMPLES, 40.0)}).write_csv(path)
+    channels = ChannelMap.from_dict({"constant": {"temperature_degC": 20.0}})
+    (run,) = read_run(path, channels)
+    batch = next(open_record(path, channels).batches())
+    assert run.temperature is not None
+    np.testing.assert_array_equal(batch.temperature, run.temperature)
+    twice = ChannelMap.from_dict({"constant": {"current_A": 1.0}})
+    for read in (read_run, open_record):
+        with pytest.raises(InputError, match="current is a column and a constant of the channel map"):
+            read(path, twice)
