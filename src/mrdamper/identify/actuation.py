@@ -162,7 +162,7 @@ def _search(
 
 @dataclass(frozen=True, slots=True)
 class _PlayEvidence:
-    """What runs tell of the play: sums of squares, of the column that it multiplies and of the error."""
+    """Evidence of runs on the play: sums of squares, of the column that it multiplies and of the error."""
 
     squares: float  # of the column [N^2/A^2]
     products: float  # of column and error [N^2/A]

@@ -17,6 +17,7 @@ import numpy as np
 
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import InputError
+from mrdamper.excitation import Sine, drive
 from mrdamper.identify.checkpoint import CheckpointStore, NoCheckpoint, Scope
 from mrdamper.identify.confidence.direction import Direction, worst_direction
 from mrdamper.identify.confidence.profiles import Profile, profile
@@ -65,7 +66,7 @@ class CrossValidated:
 
 @dataclass(frozen=True, slots=True)
 class Assessment:
-    """What is known about a fit.
+    """The assessment of a fit.
 
     ``passivity_min`` is the least work that a closed cycle inside the envelope takes, over 4 x amplitude x
     peak force: negative means that the model can push. ``direction`` is the combination of parameters that
@@ -275,8 +276,6 @@ def passivity(damper: Damper, runs: Sequence[PreparedRun], *, commands: int = 5)
     Sines from a hundredth of the stroke to the whole of it, from a fifth of the top speed to all of it,
     at commands over the range, at the coldest and the warmest run; the second of two cycles is counted.
     """
-    from mrdamper.excitation import Sine, drive
-
     envelope = envelope_of(runs)
     stroke = max(abs(end) for end in envelope.displacement)
     speed = max(abs(end) for end in envelope.velocity)
@@ -356,7 +355,7 @@ def _temperature_labels(runs: Sequence[PreparedRun]) -> dict[str, str]:
 
 
 def _edges(result: FitResult, training: Sequence[PreparedRun]) -> list[str]:
-    """Say where an eliminated coefficient lies on the edge of its law's range."""
+    """Return where an eliminated coefficient lies on the edge of its law's range."""
     envelope, unit = envelope_of(training), result.damper.command_unit
     kelvin = np.unique(envelope.temperature or (REFERENCE_K,))
     commands, temperatures = (g.ravel() for g in np.meshgrid(np.linspace(*envelope.command, 41), kelvin))
@@ -381,7 +380,7 @@ def _edges(result: FitResult, training: Sequence[PreparedRun]) -> list[str]:
 
 
 def _words(result: FitResult, runs: Sequence[RunError], least: float) -> list[str]:
-    """Say what a reader should know before using the parameters."""
+    """Return what a reader should know before using the parameters."""
     said = []
     for estimate in result.estimates:
         if estimate.at_bound:

@@ -29,12 +29,14 @@ from mrdamper.identify.assess import assess as assess_fit
 from mrdamper.identify.checkpoint import CheckpointStore
 from mrdamper.identify.predict import at_reference, finite, predict, prepare_all, row
 from mrdamper.identify.problem import Estimate, FitProblem, FitResult, envelope_of
+from mrdamper.identify.search.population import fit_cma, fit_genetic
 from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.temperature import TEMPERATURES, FluidFactors, Temperature, scale_thinning
 from mrdamper.identify.templates import command_levels, template
 from mrdamper.models.card import Evidence, Excerpt, ModelCard, cut_excerpt
 from mrdamper.models.damper import Damper
 from mrdamper.models.laws import LAWS, HysteresisLaw, PythonLaw, find_law
+from mrdamper.models.python_law import law_from_python, load_python_law
 from mrdamper.models.simulate import simulate
 from mrdamper.runtime.progress import Progress, silent
 
@@ -191,8 +193,6 @@ def fit(  # noqa: PLR0913 - the options of a fit, by keyword
             problem, starts=starts, seed=seed, on_progress=on_progress, checkpoint=checkpoint
         )
     else:
-        from mrdamper.identify.search.population import fit_cma, fit_genetic
-
         search = fit_genetic if method == "genetic" else fit_cma
         result = search(problem, seed=seed, on_progress=on_progress, checkpoint=checkpoint)
     if fluid is not None:
@@ -261,8 +261,6 @@ def resolve_law(law: Law) -> tuple[HysteresisLaw, str | None]:
 
     A text that names a Python file runs that file.
     """
-    from mrdamper.models.python_law import law_from_python, load_python_law
-
     if isinstance(law, HysteresisLaw):
         return law, None if law.python is None else _place_of(law.python)
     if isinstance(law, str):

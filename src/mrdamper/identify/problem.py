@@ -72,7 +72,7 @@ class FreeParameter:
 
 @dataclass(frozen=True)
 class FitProblem:
-    """What is to be fitted. Scaling lives in ``FreeParameter`` and is applied in one place, the search.
+    """A fitting problem. Scaling lives in ``FreeParameter`` and is applied in one place, the search.
 
     ``session_offsets`` lets each session have its own constant force (a tare that shifted); it is
     reported and never applied to runs of another session. ``rate_Hz`` is the sampling inside the fit,

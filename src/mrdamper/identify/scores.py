@@ -27,7 +27,7 @@ Split = Literal["training", "held_out"]
 
 @dataclass(frozen=True, slots=True)
 class RunError:
-    """How far a model is from one run. ``command`` is None when it varies over the run."""
+    """Error of a model on one run. ``command`` is None when it varies over the run."""
 
     name: str
     split: Split

@@ -1,4 +1,4 @@
-"""Temperature in a template: which coefficients follow it, how, and what the runs must offer for that.
+"""Temperature in a template: the coefficients that follow it, their laws, and the runs that these need.
 
 The usual choice is physical: viscous parts follow the fluid's viscosity (Arrhenius, Reynolds or VFT), yield
 forces and friction are linear in temperature. ``paper`` is the separable polynomial of the paper's Eq. (12)
@@ -61,7 +61,7 @@ _STEEPEST = 0.95  # share of a linear factor that may be lost at the run furthes
 
 
 class FluidFactors(Protocol):
-    """What an assumption takes from a fluid."""
+    """The temperature factors that a fluid gives to assumptions."""
 
     @property
     def viscosity_factor(self) -> TemperatureFactor: ...

@@ -1,4 +1,4 @@
-"""How well the data pin the parameters down: standard errors, correlations, bounds that were reached.
+"""Uncertainty of fitted parameters: standard errors, correlations, bounds that were reached.
 
 Residuals of a real run hang together in time, so the usual covariance (independent noise) is far too
 small. The reported standard error is the larger of that and of a sandwich over blocks of half a cycle

@@ -51,7 +51,7 @@ class Actuation:
             object.__setattr__(self, field.name, float(value))
 
     def applied(self, command: FloatArray, step: float) -> FloatArray:
-        """Return what the law feels of a command [A or V] on a uniform step [s], shape (n,).
+        """Return the command that the law feels [A or V] on a uniform step [s], shape (n,).
 
         It starts settled; the command is taken as linear between its samples.
         """
@@ -72,7 +72,7 @@ class Actuation:
 
 
 class Applied:
-    """What the law feels of a command that comes in batches; it begins settled at the first sample."""
+    """The command that the law feels, of one that comes in batches; it begins settled at the first sample."""
 
     def __init__(self, actuation: Actuation, step: float) -> None:
         self._actuation = actuation
@@ -87,7 +87,7 @@ class Applied:
         self._behind = np.nan
 
     def on(self, command: FloatArray) -> FloatArray:
-        """Return what is felt [A or V] of the next commands, shape (n,)."""
+        """Return the felt command [A or V] of the next samples, shape (n,)."""
         at = np.ascontiguousarray(command, dtype=np.float64)
         if self._actuation.delay_s > 0.0:
             at = self._after_delay(at)

@@ -1,4 +1,4 @@
-"""What a damper engineer asks first, of one damper over its envelope: values for report and compare.
+"""Characteristics of one damper over its envelope: values for report and compare.
 
 The figures themselves are ``models.characteristics``'; here is at which commands, temperatures and speeds
 they are taken, in round numbers inside what the damper was identified on.

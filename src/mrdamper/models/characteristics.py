@@ -319,7 +319,7 @@ def force_response(
 
 @dataclass(frozen=True, slots=True)
 class GasForce:
-    """What pushes without motion: the gas preload at mid-stroke and the rate of the gas spring."""
+    """Force without motion: the gas preload at mid-stroke and the rate of the gas spring."""
 
     offset_N: float  # at zero displacement
     spring_rate_N_m: float

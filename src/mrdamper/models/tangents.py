@@ -1,4 +1,4 @@
-"""Tangents: how the force of a damper moves with its parameters, along one run or many.
+"""Tangents: derivatives of a damper's force by its parameters, along one run or many.
 
 Kernel laws bring their tangents; for a law in Python central differences serve.
 """

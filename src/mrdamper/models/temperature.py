@@ -73,7 +73,7 @@ class TemperatureFactor(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class _Factor:
-    """What the factors below share: their fields are their parameters."""
+    """Shared parts of the factors below: their fields are their parameters."""
 
     def __post_init__(self) -> None:
         for name, number in zip(self.parameter_names, self.parameters, strict=True):

@@ -1,1 +1,1 @@
-"""What the data do not pin down: the worst direction, profiles, resampling, each in one sentence."""
+"""Confidence in fitted parameters: the worst direction, profiles, resampling, each in one sentence."""

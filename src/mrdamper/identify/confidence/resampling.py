@@ -39,7 +39,7 @@ class Bootstrap:
 
     @property
     def draws(self) -> int:
-        """How many draws the figures rest on."""
+        """Number of draws that the figures rest on."""
         return len(self.values)
 
     @property

@@ -1,4 +1,4 @@
-"""What the data cannot tell apart, in numbers and in one plain sentence.
+"""Sentences about the uncertainty of a fit: worst direction, profile, bootstrap.
 
 ``worst_direction`` costs a few passes over the runs; ``profile`` and ``bootstrap`` fit again, from the
 fit's own parameters, on runs that are prepared once. Which tests would identify a parameter is not said here.

@@ -1,4 +1,4 @@
-"""What the fits of rheometer tables share: the statistics of a small least-squares fit, and its conditions.
+"""Fits of rheometer tables, shared parts: the statistics of a small least-squares fit, its conditions.
 
 All fits are least squares of the logarithm (a rheometer errs in percent). Laws of one table are compared by
 AICc. Standard errors are those of independent scatter; ``enlargement_of`` says by how much more when the
