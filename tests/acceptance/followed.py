@@ -1,7 +1,4 @@
-"""A controller followed on a damper of the rig, and the figures that were asked of it.
-
-Shared by ``test_tracking`` and ``python -m bench tracking``: one set-up, so that both judge the same runs.
-"""
+"""A controller followed on a damper of the rig, and the figures that were asked of it."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ these eight runs. A bar that could be read in two ways is read the stricter way.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import cache
 
 import numpy as np
@@ -26,7 +26,7 @@ from mrdamper.models.actuation import PLAY_SHARE
 from mrdamper.models.card import ModelCard
 from mrdamper.rig.campaign import Campaign
 from mrdamper.rig.measurement import measure
-from mrdamper.rig.plant import PRESETS, Plant
+from mrdamper.rig.plant import PRESETS, Plant, VirtualDamper
 from tests.acceptance.followed import (
     FAST,
     MUST,
@@ -37,6 +37,7 @@ from tests.acceptance.followed import (
     TEMPERATURES,
     UNEVEN,
     followed,
+    forget_reaches,
 )
 from tests.support.pace import taken
 
@@ -295,3 +296,40 @@ def test_one_step_takes_a_microsecond_in_c_and_two_from_python():
 
     assert cpu_per_step(lambda: controller.run(controller.start(), told), steps, 1e-6) <= 1e-6
     assert cpu_per_step(one_by_one, steps, 2e-6) <= 2e-6
+
+
+# ---------------------------------------------------------------------- dampers that nothing was tuned on
+
+
+def drawn_damper(rng: np.random.Generator) -> VirtualDamper:
+    """Return a damper with every parameter within 30 % of those of a preset, itself drawn."""
+    preset = PRESETS[("nominal", "hard", "stiff")[int(rng.integers(3))]]
+    no_properties = {"name", "full_current_A", "copper_per_K"}
+    names = [each.name for each in fields(VirtualDamper) if each.name not in no_properties]
+    factors = rng.uniform(0.7, 1.3, len(names))
+    changes = {name: getattr(preset, name) * factor for name, factor in zip(names, factors, strict=True)}
+    changes["viscosity_pole_K"] = min(changes["viscosity_pole_K"], 190.0)
+    return replace(preset, name=f"drawn-{preset.name}", **changes)
+
+
+@pytest.mark.release
+def test_twenty_dampers_that_nothing_was_tuned_on_are_tracked():
+    """Each identified at the trained temperatures; of the RMS error the median and the worst, printed."""
+    rng, usual = np.random.default_rng(5), Campaign()
+    held = usual.held_out_temperatures_degC
+    campaign = Campaign(
+        motions=tuple(each for each in usual.motions if each not in usual.held_out_motions),
+        temperatures_degC=tuple(each for each in usual.temperatures_degC if each not in held),
+    )
+    found: dict[str, list[float]] = {target: [] for target in TARGETS}
+    for _ in range(20):
+        damper = drawn_damper(rng)
+        card = mrdamper.fit([run for run, _ in measure(damper, campaign)]).card()
+        controller = controllers_for(card)["recommended"]
+        for target in TARGETS:
+            found[target].append(rmse(followed(damper, controller, SCENARIOS[target])))
+        forget_reaches()
+    for target, (median, most) in {SLOW: (22.0, 55.0), FAST: (38.0, 78.0), UNEVEN: (38.0, 70.0)}.items():
+        print(f"{target}: median {np.median(found[target]):.1f} N, worst {max(found[target]):.1f} N")
+        assert np.median(found[target]) <= median
+        assert max(found[target]) <= most
