@@ -312,7 +312,6 @@ def drawn_damper(rng: np.random.Generator) -> VirtualDamper:
     return replace(preset, name=f"drawn-{preset.name}", **changes)
 
 
-@pytest.mark.release
 def test_twenty_dampers_that_nothing_was_tuned_on_are_tracked():
     """Each identified at the trained temperatures; of the RMS error the median and the worst, printed."""
     rng, usual = np.random.default_rng(5), Campaign()
