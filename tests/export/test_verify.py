@@ -14,8 +14,8 @@ from mrdamper.control.tables.heating import Heating
 from mrdamper.errors import CheckError, InputError
 from mrdamper.export import verify
 from mrdamper.export.c_code import c_files, sources_sha256
-from mrdamper.export.scenario import COLUMNS, envelope_rows
 from mrdamper.export.target import target_of
+from mrdamper.export.verification_rows import COLUMNS, envelope_rows
 from mrdamper.export.verify import compare, difference, not_verified, replay, rounded, verify_c
 from tests.control.dampers import DAMPERS, DOUBLE
 from tests.export.exports import ENVELOPE, STRICT, a_target, card_of, ran, write
@@ -157,7 +157,7 @@ def test_a_check_of_a_reading_that_is_left_out_is_found(monkeypatch):
     changed(
         monkeypatch,
         "track_estimate.c",
-        "const bool there = magnitude(reading) <= c->far_x;",
+        "const bool there = magnitude(reading) <= c->faults.far_x;",
         "const bool there = true;",
     )
     record = verify_c(a_target(content="model"), samples=4 * SHORT)

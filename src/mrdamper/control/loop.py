@@ -60,7 +60,7 @@ class LoopRun:
     scenario: Scenario
     course: ReferenceTrajectory
     force: FloatArray  # [N], of the damper, without the sensor's noise
-    current: FloatArray  # [A], that the driver is told
+    current: FloatArray  # [A], that the driver gets
     steps_per_sample: int
 
     @property
@@ -145,9 +145,11 @@ def run_loop(
     state, step, felt = controller.start(), controller.step, 0.0
     feels_force = controller.needs_force
     for k in range(samples):
-        seen = Measurement(displacement[k], temperature[k], sensor.read(k, felt) if feels_force else None)
-        wanted = Reference(now[k], None if ahead is None else ahead[k])
-        state, current = step(state, wanted, seen)
+        measurement = Measurement(
+            displacement[k], temperature[k], sensor.read(k, felt) if feels_force else None
+        )
+        reference = Reference(now[k], None if ahead is None else ahead[k])
+        state, current = step(state, reference, measurement)
         if not math.isfinite(current):
             raise InputError(
                 f"controller {controller.name!r}: its current is {current} at sample {k}; expected a finite "

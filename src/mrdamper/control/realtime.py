@@ -27,10 +27,10 @@ from mrdamper.models.damper import Damper
 __all__ = ["DISPLACEMENT_NOISE_M", "JERK_DENSITY", "RealtimeDamper", "realtime_model"]
 
 DISPLACEMENT_NOISE_M = 1e-8
-"""Of the motion filter, where the velocity is not told: a simulation's displacement is clean.
+"""Of the motion filter, where the velocity is not given: a simulation's displacement is clean.
 
 Chosen by measurement on five motions of 0.4 to 20 Hz at 1 kHz: below 1e-7 the force is as good as with the
-velocity told, and from 1e-8 on the gains no longer change.
+velocity given, and from 1e-8 on the gains no longer change.
 """
 
 JERK_DENSITY = 30.0

@@ -148,7 +148,7 @@ class Sensing:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Disturbance:
-    """What the damper and its driver do that the controller was not told."""
+    """What the damper and its driver do that the controller does not know."""
 
     force_gain: float = 1.0  # the damper's force, times this
     command_delay_s: float = 0.0  # from the sample to the driver, in whole steps of the plant

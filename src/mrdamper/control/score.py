@@ -96,7 +96,7 @@ def score_forces(
 
     Parameters
     ----------
-    current : that the driver is told [A], shape (n,)
+    current : that the driver gets [A], shape (n,)
     step_s : time from one sample to the next [s]
     resistance_ohm : of the coil; None: its power is not known
     optimum : the score of the best current that a search found, for the ratios

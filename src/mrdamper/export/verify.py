@@ -27,8 +27,8 @@ from mrdamper.control.stepper import Flag, Prior
 from mrdamper.errors import CheckError, InputError
 from mrdamper.export.c_code import c_files, sources_sha256, tables_bytes
 from mrdamper.export.record import Difference, Verification
-from mrdamper.export.scenario import COLUMNS, envelope_rows
 from mrdamper.export.target import Target
+from mrdamper.export.verification_rows import COLUMNS, envelope_rows
 
 __all__ = [
     "DOUBLE_TOLERANCE",
@@ -147,13 +147,13 @@ def replay(
     folder : for the two files
     """
     names = _csv_names(target)
-    told, got = folder / "told.csv", folder / "got.csv"
+    given, got = folder / "given.csv", folder / "got.csv"
     table = np.column_stack([rows[name] for name in names])
     header = ",".join(names.values())
     np.savetxt(
-        told, table, delimiter=",", header=header, comments="", fmt="%.9g" if target.single else "%.17g"
+        given, table, delimiter=",", header=header, comments="", fmt="%.9g" if target.single else "%.17g"
     )
-    done = _run([*map(str, program), str(told), str(got)], folder)
+    done = _run([*map(str, program), str(given), str(got)], folder)
     if done.returncode != 0:
         raise CheckError(f"verification: the compiled replay ended with {done.returncode}: {_first(done)}")
     columns = got.read_text(encoding="ascii").partition("\n")[0].split(",")
@@ -175,9 +175,9 @@ def compare(
             name = f"{part}.{output}"
             outputs[name] = difference(given, values, single=target.single)
             problems += _problems_of(target, name, given, outputs[name])
-        told = expected["flags"].astype(np.int64)
+        raised = expected["flags"].astype(np.int64)
         flags_raised[part] = {
-            str(flag.name): int(np.count_nonzero(told & flag)) for flag in Flag if np.any(told & flag)
+            str(flag.name): int(np.count_nonzero(raised & flag)) for flag in Flag if np.any(raised & flag)
         }
     return outputs, problems, flags_raised
 
@@ -211,10 +211,10 @@ def expectations(
     unit = target.command_unit
     if target.model is not None:
         columns = {"force": "force_N", "applied": f"applied_{unit}", "flags": "model_flags"}
-        told = np.column_stack(
+        inputs = np.column_stack(
             [rows[name] for name in ("displacement", "velocity", "current", "temperature")]
         )
-        force, flags, priors = _by_chunks(target.model, told)
+        force, flags, priors = _by_chunks(target.model, inputs)
         applied = np.array([prior.applied for prior in priors])
         expected["model"] = (columns, {"force": force, "applied": applied, "flags": flags}, at)
     if target.controller is not None:
@@ -232,13 +232,13 @@ def expectations(
 
 
 def _by_chunks(
-    part: ForceController | RealtimeDamper, told: FloatArray
+    part: ForceController | RealtimeDamper, inputs: FloatArray
 ) -> tuple[FloatArray, FloatArray, list[Prior]]:
     """Run a part; return its output, its flags, and what it believes at the end of each chunk."""
     state = part.start()
     values, flags, priors = [], [], []
-    for start in range(0, len(told), _CHUNK):
-        state, value, flag = part.run(state, told[start : start + _CHUNK])
+    for start in range(0, len(inputs), _CHUNK):
+        state, value, flag = part.run(state, inputs[start : start + _CHUNK])
         values.append(value)
         flags.append(flag.astype(np.float64))
         if len(value) == _CHUNK:

@@ -1,7 +1,7 @@
 """What an export is run through before it leaves: the envelope, its edges, and readings that cannot be true.
 
 Rows of inputs, a sample each, drawn from a seed: random motion, reversals of all sizes, motion and commands
-beyond the data, temperature ramps, steps of command and target, and failing sensors. Every stretch is a share
+beyond the data, temperature ramps, steps of command and target, and failing sensors. Every segment is a share
 of the whole, so that a short run sees a little of everything. Nothing here knows the answer.
 """
 
@@ -27,8 +27,8 @@ _SINES = 12
 
 
 @dataclass(frozen=True, slots=True)
-class _Reach:
-    """What a stretch may go up to."""
+class _Limits:
+    """What a segment may go up to."""
 
     step: float
     stroke: float
@@ -38,7 +38,7 @@ class _Reach:
     temperature: tuple[float, float]
 
 
-_Stretch = Callable[[_Reach, int, np.random.Generator], dict[str, FloatArray]]
+_Segment = Callable[[_Limits, int, np.random.Generator], dict[str, FloatArray]]
 
 
 def envelope_rows(target: Target, samples: int = 100_000, seed: int = 1) -> dict[str, FloatArray]:
@@ -47,22 +47,22 @@ def envelope_rows(target: Target, samples: int = 100_000, seed: int = 1) -> dict
     The same target, samples and seed give the same rows. ``velocity`` is not-a-number over half of them.
     """
     rng = np.random.default_rng(seed)
-    reach = _reach_of(target)
-    stretches: tuple[tuple[float, _Stretch], ...] = (
+    limits = _limits_of(target)
+    segments: tuple[tuple[float, _Segment], ...] = (
         (0.16, _random), (0.12, _reversing), (0.12, _beyond), (0.20, _warming), (0.12, _stepping),
         (0.20, _failing),
     )  # fmt: skip
-    counts = [int(share * samples) for share, _ in stretches]
-    pieces = [make(reach, count, rng) for count, (_, make) in zip(counts, stretches, strict=True)]
-    pieces.append(_random(reach, samples - sum(counts), rng))  # what was not known is known again
+    counts = [int(share * samples) for share, _ in segments]
+    pieces = [make(limits, count, rng) for count, (_, make) in zip(counts, segments, strict=True)]
+    pieces.append(_random(limits, samples - sum(counts), rng))  # what was not known is known again
     rows = {name: np.concatenate([piece[name] for piece in pieces]) for name in COLUMNS}
-    # Whether the velocity is told changes every now and then.
-    told = np.repeat(rng.random(samples // 130 + 1) < 0.5, 130)[:samples]
-    rows["velocity"] = np.where(told, rows["velocity"], np.nan)
+    # Whether the velocity is known changes every now and then.
+    known = np.repeat(rng.random(samples // 130 + 1) < 0.5, 130)[:samples]
+    rows["velocity"] = np.where(known, rows["velocity"], np.nan)
     return rows
 
 
-def _reach_of(target: Target) -> _Reach:
+def _limits_of(target: Target) -> _Limits:
     envelope, axes = target.card.envelope, target.any_part.config.axes
     stroke = max(map(abs, envelope.displacement)) or 1e-3
     speed = max(map(abs, envelope.velocity)) or 1e-2
@@ -72,7 +72,7 @@ def _reach_of(target: Target) -> _Reach:
     force = strongest.peak_N + 1.0
     warm = (axes.coldest - 12.0, axes.warmest + 12.0)
     warm = (max(warm[0], _WARM_K[0] + 1.0), min(warm[1], _WARM_K[1] - 1.0))
-    return _Reach(target.period_s, stroke, speed, target.largest, force, warm)
+    return _Limits(target.period_s, stroke, speed, target.largest, force, warm)
 
 
 def _drawn(rng: np.random.Generator, count: int, step: float, slowest: float, fastest: float) -> FloatArray:
@@ -84,14 +84,14 @@ def _drawn(rng: np.random.Generator, count: int, step: float, slowest: float, fa
     return np.asarray(waves.sum(axis=0) / weight.sum())
 
 
-def _moving(reach: _Reach, count: int, rng: np.random.Generator, times: float = 1.0) -> FloatArray:
+def _moving(limits: _Limits, count: int, rng: np.random.Generator, times: float = 1.0) -> FloatArray:
     """Return a random displacement with the envelope's stroke and about its speed [m]."""
-    slow = 2.0 * np.pi * reach.stroke / reach.speed
-    return times * reach.stroke * _drawn(rng, count, reach.step, 0.3 * slow, 3.0 * slow) * 2.0
+    slow = 2.0 * np.pi * limits.stroke / limits.speed
+    return times * limits.stroke * _drawn(rng, count, limits.step, 0.3 * slow, 3.0 * slow) * 2.0
 
 
 def _rows(
-    reach: _Reach,
+    limits: _Limits,
     rng: np.random.Generator,
     displacement: FloatArray,
     *,
@@ -99,18 +99,18 @@ def _rows(
     temperature: FloatArray | None = None,
     wanted: FloatArray | None = None,
 ) -> dict[str, FloatArray]:
-    """Complete a stretch: what is not given is drawn."""
-    count, step = len(displacement), reach.step
-    low, high = reach.temperature
+    """Complete a segment: what is not given is drawn."""
+    count, step = len(displacement), limits.step
+    low, high = limits.temperature
     t = step * np.arange(count)
     if current is None:
-        current = 0.5 * reach.command * (1.0 + 1.2 * _drawn(rng, count, step, 0.02, 2.0))
+        current = 0.5 * limits.command * (1.0 + 1.2 * _drawn(rng, count, step, 0.02, 2.0))
     if temperature is None:
         middle = 0.5 * (low + high)
         temperature = middle + 2.0 * np.sin(0.3 * t) + 0.02 * rng.standard_normal(count)
     velocity = np.gradient(displacement, step) if count > 1 else np.zeros(count)
     if wanted is None:  # along the motion, as a damper can, and against it
-        wanted = reach.force * _drawn(rng, count, step, 0.05, 2.0) * 2.0
+        wanted = limits.force * _drawn(rng, count, step, 0.05, 2.0) * 2.0
         along = np.repeat(rng.random(count // 300 + 1) < 0.7, 300)[:count]
         wanted = np.where(along, np.copysign(wanted, velocity), wanted)
     ahead = np.concatenate([wanted[min(15, count) :], np.repeat(wanted[-1:], min(15, count))])
@@ -120,43 +120,43 @@ def _rows(
     return dict(zip(COLUMNS, values, strict=True))
 
 
-def _random(reach: _Reach, count: int, rng: np.random.Generator) -> dict[str, FloatArray]:
+def _random(limits: _Limits, count: int, rng: np.random.Generator) -> dict[str, FloatArray]:
     noise = 1e-5 * rng.standard_normal(count)
-    return _rows(reach, rng, _moving(reach, count, rng) + noise)
+    return _rows(limits, rng, _moving(limits, count, rng) + noise)
 
 
-def _reversing(reach: _Reach, count: int, rng: np.random.Generator) -> dict[str, FloatArray]:
+def _reversing(limits: _Limits, count: int, rng: np.random.Generator) -> dict[str, FloatArray]:
     """Straight pieces of random length between turns: reversals from a micrometre to the stroke."""
     steps = np.empty(0)
     while len(steps) < count:
-        speed = reach.speed * 10.0 ** rng.uniform(-3.0, 0.0) * (-1.0) ** rng.integers(2)
-        steps = np.append(steps, np.full(rng.integers(1, 120), speed * reach.step))
+        speed = limits.speed * 10.0 ** rng.uniform(-3.0, 0.0) * (-1.0) ** rng.integers(2)
+        steps = np.append(steps, np.full(rng.integers(1, 120), speed * limits.step))
     # Turned back at the stroke's ends: the path is folded, the reversals are sharp.
     path = np.cumsum(steps[:count])
-    folded = np.abs((path + reach.stroke) % (4.0 * reach.stroke) - 2.0 * reach.stroke) - reach.stroke
-    return _rows(reach, rng, folded)
+    folded = np.abs((path + limits.stroke) % (4.0 * limits.stroke) - 2.0 * limits.stroke) - limits.stroke
+    return _rows(limits, rng, folded)
 
 
-def _beyond(reach: _Reach, count: int, rng: np.random.Generator) -> dict[str, FloatArray]:
+def _beyond(limits: _Limits, count: int, rng: np.random.Generator) -> dict[str, FloatArray]:
     """Motion, commands and targets past what the data cover; a thermometer that stands still meanwhile."""
-    current = reach.command * (0.5 + 1.6 * _drawn(rng, count, reach.step, 0.05, 1.0))
-    wanted = 4.0 * reach.force * np.sign(_drawn(rng, count, reach.step, 0.1, 1.0))
-    still = np.full(count, 0.5 * sum(reach.temperature))
-    moving = _moving(reach, count, rng, 2.5)
-    return _rows(reach, rng, moving, current=current, temperature=still, wanted=wanted)
+    current = limits.command * (0.5 + 1.6 * _drawn(rng, count, limits.step, 0.05, 1.0))
+    wanted = 4.0 * limits.force * np.sign(_drawn(rng, count, limits.step, 0.1, 1.0))
+    still = np.full(count, 0.5 * sum(limits.temperature))
+    moving = _moving(limits, count, rng, 2.5)
+    return _rows(limits, rng, moving, current=current, temperature=still, wanted=wanted)
 
 
-def _warming(reach: _Reach, count: int, rng: np.random.Generator) -> dict[str, FloatArray]:
+def _warming(limits: _Limits, count: int, rng: np.random.Generator) -> dict[str, FloatArray]:
     """From below the tables' coldest sheet to above their warmest, and back, as fast as is believed."""
-    low, high = reach.temperature
+    low, high = limits.temperature
     ramp = np.interp(np.arange(count), [0, 0.45 * count, 0.55 * count, count], [low, high, high, low])
-    return _rows(reach, rng, _moving(reach, count, rng), temperature=ramp)
+    return _rows(limits, rng, _moving(limits, count, rng), temperature=ramp)
 
 
-def _stepping(reach: _Reach, count: int, rng: np.random.Generator) -> dict[str, FloatArray]:
+def _stepping(limits: _Limits, count: int, rng: np.random.Generator) -> dict[str, FloatArray]:
     """Step command and target between ends and anywhere, at steady sines."""
-    t = reach.step * np.arange(count)
-    motion = reach.stroke * np.sin(reach.speed / reach.stroke * t)
+    t = limits.step * np.arange(count)
+    motion = limits.stroke * np.sin(limits.speed / limits.stroke * t)
     levels = np.array([0.0, 1.0, 0.5])
 
     def stepped(low: int, high: int) -> FloatArray:
@@ -166,13 +166,13 @@ def _stepping(reach: _Reach, count: int, rng: np.random.Generator) -> dict[str, 
             held = np.append(held, np.full(rng.integers(low, high), level))
         return held[:count]
 
-    wanted = reach.force * (2.0 * stepped(20, 400) - 1.0)
-    return _rows(reach, rng, motion, current=reach.command * stepped(5, 200), wanted=wanted)
+    wanted = limits.force * (2.0 * stepped(20, 400) - 1.0)
+    return _rows(limits, rng, motion, current=limits.command * stepped(5, 200), wanted=wanted)
 
 
-def _failing(reach: _Reach, count: int, rng: np.random.Generator) -> dict[str, FloatArray]:
+def _failing(limits: _Limits, count: int, rng: np.random.Generator) -> dict[str, FloatArray]:
     """Put in readings that cannot be true, each for a few samples and for long, alone and together."""
-    rows = _rows(reach, rng, _moving(reach, count, rng))
+    rows = _rows(limits, rng, _moving(limits, count, rng))
     wrong = {
         "displacement": (np.nan, np.inf, -np.inf, 1e6, "frozen"),
         "velocity": (np.inf, -np.inf, 1e6),
