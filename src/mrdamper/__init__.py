@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from mrdamper.data.prepare import prepare_run
     from mrdamper.data.readers import read_runs
     from mrdamper.data.records import Dataset, RigRun
-    from mrdamper.identify.fit import assess, fit
+    from mrdamper.identify.fit import assess
     from mrdamper.models.card import ModelCard
     from mrdamper.models.card_schema import read_card
     from mrdamper.models.damper import Damper
@@ -28,8 +28,10 @@ if TYPE_CHECKING:
 
     __version__: str
     check: Callable[..., Any]
+    fit: Callable[..., Any]
     forecast: Callable[..., Any]
     heat: Callable[..., Any]
+    identify: Callable[..., Any]
     predict: Callable[..., Any]
 
 __all__ = [
@@ -48,6 +50,7 @@ __all__ = [
     "fit",
     "forecast",
     "heat",
+    "identify",
     "predict",
     "prepare_run",
     "read_card",
@@ -61,7 +64,6 @@ _ROOM_OF = {
     "ModelCard": "mrdamper.models.card",
     "RigRun": "mrdamper.data.records",
     "assess": "mrdamper.identify.fit",
-    "fit": "mrdamper.identify.fit",
     "prepare_run": "mrdamper.data.prepare",
     "read_card": "mrdamper.models.card_schema",
     "read_runs": "mrdamper.data.readers",

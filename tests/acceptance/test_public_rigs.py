@@ -21,7 +21,8 @@ def sines(real_data: Path) -> mrdamper.Dataset:
 
 @pytest.fixture(scope="module")
 def series_valve(sines: mrdamper.Dataset) -> Identification:
-    return mrdamper.fit(sines, "series-valve")
+    fitted: Identification = mrdamper.fit(sines, "series-valve")
+    return fitted
 
 
 @pytest.fixture(scope="module")

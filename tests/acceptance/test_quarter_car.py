@@ -40,12 +40,13 @@ def runs() -> tuple[RigRun, ...]:
 def card(which: str) -> ModelCard:
     """Return the card that knows temperature, one of 20 degC alone, or one pooled over all."""
     wanted = tuple(run for run in runs() if which != "cold" or "_020C_" in run.name)
-    return mrdamper.fit(
+    made: ModelCard = mrdamper.fit(
         Dataset(wanted),
         "double-bouc-wen",
         temperature="auto" if which == "aware" else "none",
         hold_out=CAMPAIGN.hold_out if which != "cold" else (),
     ).card()
+    return made
 
 
 @cache

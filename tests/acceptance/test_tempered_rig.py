@@ -50,7 +50,9 @@ def runs_of(preset: str) -> Dataset:
 
 @cache
 def identified(preset: str, law: str) -> Identification:
-    return mrdamper.fit(runs_of(preset), None if law == USUAL else law, hold_out=Campaign().hold_out)
+    asked = None if law == USUAL else law
+    fitted: Identification = mrdamper.fit(runs_of(preset), asked, hold_out=Campaign().hold_out)
+    return fitted
 
 
 @cache

@@ -57,7 +57,8 @@ def runs_of(preset: str) -> Dataset:
 
 @cache
 def card_of(preset: str) -> ModelCard:
-    return mrdamper.fit(runs_of(preset), hold_out=Campaign().hold_out).card()
+    card: ModelCard = mrdamper.fit(runs_of(preset), hold_out=Campaign().hold_out).card()
+    return card
 
 
 @cache
@@ -67,7 +68,8 @@ def blind_card(known: str) -> ModelCard:
     runs = [run for run in training if known == "pooled" or "_020C_" in run.name]
     assert len(runs) == (64 if known == "pooled" else 16)
     law = card_of("nominal").damper.law.name
-    return mrdamper.fit(runs, law, temperature="none", terms=("friction", "thinning")).card()
+    card: ModelCard = mrdamper.fit(runs, law, temperature="none", terms=("friction", "thinning")).card()
+    return card
 
 
 @cache

@@ -14,6 +14,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mrdamper.jobs.options import FitOptions
+from mrdamper.registry import JOBS
 from tests.support.rigs import (
     PYTHON_LAW,
     answer_of,
@@ -335,7 +337,6 @@ def test_an_interrupt_keeps_the_best_so_far_and_says_so(folder):
 
 def test_an_interrupt_while_leaving_runs_out_keeps_the_fit_and_drops_the_table(folder, monkeypatch):
     from mrdamper.identify import fit as api
-    from mrdamper.jobs import identify as jobs
 
     whole = api.assess
 
@@ -345,9 +346,11 @@ def test_an_interrupt_while_leaving_runs_out_keeps_the_fit_and_drops_the_table(f
             time.sleep(5.0)
         return whole(fitted)
 
-    monkeypatch.setattr(jobs, "assess_fit", interrupted)
-    options = jobs.FitOptions(law="dahl", starts=1, leave_out=("run",))
-    answer = jobs.identify([folder / "runs"], folder / "half", options)
+    monkeypatch.setattr(api, "assess", interrupted)
+    options = FitOptions(starts=1, leave_out=("run",))
+    given = {"runs": [folder / "runs"], "law": "dahl"}
+    result, answer = JOBS["identify"].perform(given, options, out=folder / "half")
+    assert result.cancelled
     assert answer["left_out"] == []
     assert "interrupted while fitting again" in str(answer["notes"])
     assert answer["cancelled"] is True  # a script must not take it for the whole

@@ -64,7 +64,7 @@ def test_a_law_given_as_class_or_object_is_fitted(runs, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "option", [{"method": "guess"}, {"starts": 0}, {"law": "auto"}, {"law": "bouc-when"}]
+    "option", [{"method": "guess"}, {"starts": 0}, {"law": "bouc-when"}, {"laws": "dahl"}]
 )
 def test_an_option_that_is_not_there_is_refused(runs, option):
     with pytest.raises(mrdamper.InputError):

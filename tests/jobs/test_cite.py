@@ -29,7 +29,8 @@ MARK = "from memory, not re-read"
 def card() -> ModelCard:
     tests = Campaign(motions=("sine5mm1Hz",), currents_A=(0.0, 2.0), temperatures_degC=(20.0,), steps=None)
     runs = [run for run, _ in measure(find_preset("nominal"), tests)]
-    return mrdamper.fit(runs, "bouc-wen", temperature="none").card(sources=["my_run.csv"])
+    found: ModelCard = mrdamper.fit(runs, "bouc-wen", temperature="none").card(sources=["my_run.csv"])
+    return found
 
 
 def cited(card: ModelCard, folder: Path) -> dict[str, dict[str, object]]:

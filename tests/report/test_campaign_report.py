@@ -43,12 +43,12 @@ def fitted():
 
 @pytest.fixture(scope="module")
 def judged(fitted):
-    return mrdamper.assess(fitted)
+    return fitted.assessment
 
 
 @pytest.fixture(scope="module")
-def text(fitted, judged):
-    return render_report(fitted, judged)
+def text(fitted):
+    return render_report(fitted)
 
 
 def said_in(text: str) -> str:
@@ -206,11 +206,11 @@ def test_every_run_of_a_campaign_is_in_the_table(text, judged):
         assert error.name in text
 
 
-def test_the_same_campaign_gives_the_same_bytes(fitted, judged, text):
-    assert render_report(fitted, judged) == text
+def test_the_same_campaign_gives_the_same_bytes(fitted, text):
+    assert render_report(fitted) == text
 
 
-def test_assumed_factors_are_marked_wherever_they_show(fitted, judged, text):
+def test_assumed_factors_are_marked_wherever_they_show(fitted, text):
     assert "assumed" not in said_in(text)
     forms = {
         name: replace(form, assumed=True)
@@ -220,7 +220,7 @@ def test_assumed_factors_are_marked_wherever_they_show(fitted, judged, text):
     }
     damper = replace(fitted.damper, coefficients=forms)
     assumed = replace(fitted, result=replace(fitted.result, damper=damper))
-    said = said_in(render_report(assumed, judged))
+    said = said_in(render_report(assumed))
     assert "Assumed, not identified. The temperature factor of viscosity is taken from a fluid's data" in said
     assert "viscosity, N s/m (assumed)" in said
     assert "temperature assumed" in said
@@ -230,7 +230,7 @@ def test_assumed_factors_are_marked_wherever_they_show(fitted, judged, text):
 def test_a_campaign_whose_every_command_steps_still_has_its_report(fitted, judged):
     """No constant command, so no main sine and no measured points: the damper's own figures stay."""
     stepping = tuple(replace(error, command=None) for error in judged.runs)
-    said = said_in(render_report(fitted, replace(judged, runs=stepping)))
+    said = said_in(render_report(replace(fitted, assessment=replace(judged, runs=stepping))))
     assert "What warmth does" in said
     assert "the command steps" in said
 
@@ -247,12 +247,14 @@ def test_many_runs_are_grouped_and_few_are_drawn_one_by_one(fitted, judged):
         runs.append(replace(run, run=replace(run.run, name=name)))
         errors.append(replace(by_name[run.name], name=name, temperature_degC=None))
     many = render_report(
-        replace(fitted, training=tuple(runs), held_out=()), replace(judged, runs=tuple(errors))
+        replace(fitted, training=tuple(runs), held_out=(), assessment=replace(judged, runs=tuple(errors)))
     )
     assert "All 49 runs" in said_in(many)
     assert 'aria-label="Error by run"' not in many
     few = render_report(
-        replace(fitted, training=tuple(runs[:3]), held_out=()), replace(judged, runs=tuple(errors[:3]))
+        replace(
+            fitted, training=tuple(runs[:3]), held_out=(), assessment=replace(judged, runs=tuple(errors[:3]))
+        )
     )
     assert "<details>" not in few
     assert 'aria-label="Error by run"' in few

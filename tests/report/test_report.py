@@ -36,17 +36,17 @@ class Page(HTMLParser):
 def fitted():
     runs = list(short_runs())
     runs[1] = replace(runs[1], name=NASTY)
-    return mrdamper.fit(runs, "dahl", starts=1, hold_out=["*_1.50V_sine5*"])
+    return mrdamper.fit(runs, "dahl", starts=1, hold_out=["*_1.50V_sine5*"], leave_out=["current"])
 
 
 @pytest.fixture(scope="module")
 def judged(fitted):
-    return mrdamper.assess(fitted, leave_out=["current"])
+    return fitted.assessment
 
 
 @pytest.fixture(scope="module")
-def text(fitted, judged):
-    return render_report(fitted, judged, title=f"Title {NASTY}")
+def text(fitted):
+    return render_report(replace(fitted, title=f"Title {NASTY}"))
 
 
 @pytest.fixture(scope="module")
@@ -69,8 +69,8 @@ def test_nothing_is_loaded_from_outside(page, text):
     assert re.findall(r"url\((?!#)", text) == []
 
 
-def test_the_same_input_gives_the_same_bytes(fitted, judged, text):
-    assert render_report(fitted, judged, title=f"Title {NASTY}") == text
+def test_the_same_input_gives_the_same_bytes(fitted, text):
+    assert render_report(replace(fitted, title=f"Title {NASTY}")) == text
 
 
 def test_figures_are_vectors_without_a_date(text):
@@ -90,5 +90,5 @@ def test_held_out_runs_are_marked_and_summed_up_apart(page):
     assert "on 1 held out run the median error is" in said
 
 
-def test_runs_are_said_to_be_simulated_when_they_are(fitted, judged):
-    assert "simulated, not measured" in render_report(fitted, judged, simulated="made up")
+def test_runs_are_said_to_be_simulated_when_they_are(fitted):
+    assert "simulated, not measured" in render_report(replace(fitted, simulated="made up"))

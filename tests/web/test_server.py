@@ -30,7 +30,7 @@ from mrdamper.identify.fit import METHODS
 from mrdamper.identify.temperature import TEMPERATURES
 from mrdamper.jobs import choices as choices_job
 from mrdamper.jobs.export import ExportOptions
-from mrdamper.jobs.identify import FitOptions
+from mrdamper.jobs.options import FitOptions
 from mrdamper.jobs.preview import channels_toml
 from mrdamper.jobs.series import keep_runs, keep_window, read_series
 from mrdamper.jobs.sink import SinkOptions
@@ -114,7 +114,7 @@ def test_lists_that_stand_twice_are_the_same():
 @pytest.mark.parametrize(
     ("kind", "options", "own"),
     [
-        ("identify", FitOptions, {"card", "files", "flip_force", "replace"}),
+        ("identify", FitOptions, {"card", "files", "law", "fluid", "flip_force", "replace"}),
         ("sink", SinkOptions, {"card", "damper", "duty"}),
         ("track", TrackOptions, {"card"}),
         ("export", ExportOptions, {"card", "what"}),

@@ -31,7 +31,6 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 _INTERNAL, _UNREADABLE, _NOT_CONVERGED, _FAILED = 1, 3, 4, 5
 _INTERRUPTED = "interrupted before there was a result; nothing was written"
 _BEST_SO_FAR = "what was written is the best so far, marked as cancelled"
-_LAWS = "series-valve, double-bouc-wen, bouc-wen, bouc-wen-saturating, spencer, lugre, dahl, bingham, tanh"
 
 
 def main() -> NoReturn:
@@ -127,128 +126,6 @@ _duty = click.option(
 
 
 @cli.command()
-@_paths
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    required=True,
-    metavar="DIR",
-    help="For card.json, report.html, errors.csv.",
-)
-@click.option(
-    "--law",
-    metavar="LAW",
-    help=f"{_LAWS}; auto; or file.py:Class.  [default: series-valve; double-bouc-wen for tempered runs]",
-)
-@click.option(
-    "--method",
-    type=click.Choice(["varpro", "genetic", "cma"]),
-    default="varpro",
-    show_default=True,
-    help="How to search.",
-)
-@click.option(
-    "--hold-out",
-    multiple=True,
-    metavar="GLOB",
-    help="Runs that the fit must not see (by name; may be repeated).",
-)
-@_channels
-@_seed
-@click.option(
-    "--starts",
-    type=click.IntRange(min=1),
-    default=3,
-    show_default=True,
-    help="Starts of the search (varpro); each draws many points.",
-)
-@click.option(
-    "--leave-out",
-    type=click.Choice(["run", "current", "motion", "temperature"]),
-    multiple=True,
-    help="Fit again without each run, current, motion or temperature in turn.",
-)
-@click.option(
-    "--profile", "profiled", is_flag=True, help="Follow the least known combination along its profile."
-)
-@click.option(
-    "--bootstrap",
-    "draws",
-    type=click.IntRange(min=0),
-    default=0,
-    metavar="DRAWS",
-    help="Fit again to runs drawn with replacement, so many times.",
-)
-@click.option("--session-offsets", is_flag=True, help="Let each session have its own constant force.")
-@click.option(
-    "--one-command", is_flag=True, help="Accept runs at a single command; the model holds for it alone."
-)
-@click.option(
-    "--term",
-    "terms",
-    type=click.Choice(["friction", "mass", "viscosity", "thinning", "none"]),
-    multiple=True,
-    help="Add a parallel term to the law (may be repeated).  [default: friction, thinning for tempered runs]",
-)
-@click.option(
-    "--temperature",
-    type=click.Choice(["auto", "none", "arrhenius", "reynolds", "vft", "paper"]),
-    default="auto",
-    show_default=True,
-    help="How coefficients follow temperature (auto: arrhenius where the runs have one; none: not at all).",
-)
-@click.option(
-    "--fluid",
-    metavar="PRESET|FILE",
-    help="Take temperature laws from a fluid (paper, lord-mrf-132dg, a file), marked as assumed.",
-)
-@click.option(
-    "--coil-resistance",
-    "coil_resistance_ohm",
-    type=click.FloatRange(min=0.0, min_open=True),
-    metavar="OHM",
-    help="Of the coil at 20 degC, for the card.",
-)
-@_flip
-@_resume
-@_json
-def identify(
-    paths: tuple[str, ...],
-    out: Path,
-    *,
-    resume: bool,
-    channels: Path | None,
-    flip_force: bool,
-    as_json: bool,
-    **options: Any,  # noqa: ANN401 - click checks them, FitOptions names them
-) -> int:
-    """Fit one hysteresis law to measured runs over all currents and temperatures at once.
-
-    PATH: files, folders or patterns of runs.
-    """
-    from mrdamper.cli import terminal
-    from mrdamper.jobs.identify import FitOptions
-    from mrdamper.jobs.identify import identify as job
-
-    terms = options.pop("terms")
-    options["terms"] = tuple(t for t in terms if t != "none") if terms else None
-
-    with terminal.progress() as on_progress:
-        answer = job(
-            paths,
-            out,
-            FitOptions(**options),
-            channels=channels,
-            flip_force=flip_force,
-            resume=resume,
-            tell=tell,
-            on_progress=on_progress,
-        )
-    cut_short = f"{_BEST_SO_FAR}; the same command with --resume goes on"
-    return _finish(answer, terminal.show_identification, as_json=as_json, cut_short=cut_short)
-
-
-@cli.command()
 @click.argument("first", type=click.Path(path_type=Path), metavar="CARD")
 @click.argument("second", type=click.Path(path_type=Path), metavar="CARD")
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="For compare.html, compare.json.")
@@ -313,7 +190,7 @@ def data() -> None:
 def list_data(*, as_json: bool) -> int:
     """List the public data sets."""
     from mrdamper.cli import terminal
-    from mrdamper.jobs.identify import data_list
+    from mrdamper.jobs.datasets import data_list
 
     return _finish({"datasets": data_list()}, terminal.show_datasets, as_json=as_json)
 
@@ -324,7 +201,7 @@ def list_data(*, as_json: bool) -> int:
 def fetch(name: str, *, as_json: bool) -> int:
     """Fetch a public data set and print where its files lie."""
     from mrdamper.cli import terminal
-    from mrdamper.jobs.identify import data_fetch
+    from mrdamper.jobs.datasets import data_fetch
 
     return _finish(data_fetch(name), terminal.show_files, as_json=as_json)
 

@@ -6,7 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.live import Live
@@ -18,13 +18,12 @@ from mrdamper.errors import spelled
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 
 if TYPE_CHECKING:  # an answer is shown without loading what made it
-    from mrdamper.identify.search.variable_projection import SearchState
+    pass
 
 __all__ = [
     "counter",
     "on_progress",
     "open_console",
-    "progress",
     "reading",
     "show_citations",
     "show_comparison",
@@ -34,7 +33,6 @@ __all__ = [
     "show_export",
     "show_files",
     "show_fluid",
-    "show_identification",
     "show_rig",
     "show_sink",
     "show_sweep",
@@ -46,29 +44,6 @@ Answer = Mapping[str, Any]
 _LEAST_INTERVAL = 0.1  # between two updates of the progress line [s]
 _MOST_RUNS = 40  # more than so many are shown by motion and temperature,
 _WORST_RUNS = 10  # and the worst of them
-
-
-@contextmanager
-def progress() -> Iterator[Progress]:
-    """Give a function that shows the state of a fit; it shows nothing when standard error is no terminal."""
-    if not sys.stderr.isatty():
-        yield silent
-        return
-    shown = [0.0]
-    with Live(Text("reading ..."), console=Console(stderr=True), transient=True, auto_refresh=False) as live:
-
-        def report(update: ProgressUpdate) -> None:
-            clock, now = time.monotonic(), cast("SearchState", update.detail)
-            if clock - shown[0] < _LEAST_INTERVAL:
-                return
-            shown[0] = clock
-            line = (
-                f"{now.method}  start {now.start + 1} of {now.starts}  iteration {now.iteration}  "
-                f"error {now.cost_percent:.3f} %  best {now.best_percent:.3f} %  (Ctrl-C keeps the best)"
-            )
-            live.update(Text(line), refresh=True)
-
-        yield report
 
 
 @contextmanager
@@ -129,25 +104,6 @@ def reading() -> Iterator[Callable[[int, int | None, int], None] | None]:
                 live.update(Text(said), refresh=True)
 
         yield report
-
-
-def show_identification(answer: Answer) -> None:
-    """Print errors by run, coefficients with their uncertainty, and what a reader should know."""
-    console = open_console()
-    if answer["law_table"]:
-        console.print(_law_table(answer["law_table"]))
-    _print_errors(console, answer)
-    _print_summary(console, answer["summary"])
-    if answer["left_out_summary"]:
-        console.print(_left_out_table(answer["left_out_summary"]))
-    console.print(_coefficients(answer["coefficients"]))
-    for session, offset in answer["session_offsets_N"].items():
-        console.print(f"force offset of session {escape(session) or '(unnamed)'}: {offset:+.1f} N")
-    for note in answer["notes"]:
-        console.print(f"- {escape(note)}")
-    console.print(
-        f"{answer['cpu_s']:.2f} s of CPU; wrote {escape(answer['card'])} and {escape(answer['report'])}"
-    )
 
 
 def show_comparison(answer: Answer) -> None:
@@ -223,38 +179,6 @@ def show_demo(answer: Answer) -> None:
 
 def _figure(value: float | str | None) -> str:
     return "-" if value is None else escape(value) if isinstance(value, str) else f"{value:.4g}"
-
-
-def _print_errors(console: Console, answer: Answer) -> None:
-    """Print the error of every run; of a campaign, by motion and temperature, and the worst runs."""
-    runs, groups = answer["runs"], answer.get("by_temperature", [])
-    title = f"{answer['law']}: error by run"
-    if len(runs) <= _MOST_RUNS:
-        console.print(_errors(runs, title))
-        return
-    if groups:
-        console.print(_by_temperature(groups, answer["law"]))
-    worst = sorted(runs, key=lambda run: -run["nrmse_percent"])[:_WORST_RUNS]
-    console.print(_errors(worst, f"{title}, the {len(worst)} worst of {len(runs)} (all are in errors.csv)"))
-
-
-def _by_temperature(groups: Sequence[Answer], law: str) -> Table:
-    """Return the RMS error by motion and temperature; held-out ones are in brackets."""
-    degrees = sorted({group["temperature_degC"] for group in groups})
-    table = Table(title=escape(f"{law}: RMS error in N over all currents, held-out runs in brackets"))
-    table.add_column("motion")
-    for degree in degrees:
-        table.add_column(f"{degree} degC", justify="right")
-    for motion in dict.fromkeys(group["motion"] for group in groups):
-        cells = []
-        for degree in degrees:
-            found = [g for g in groups if g["motion"] == motion and g["temperature_degC"] == degree]
-            told = [
-                f"{g['rmse_N']:.1f}" if g["split"] == "training" else f"({g['rmse_N']:.1f})" for g in found
-            ]
-            cells.append(" ".join(told))
-        table.add_row(escape(motion), *cells)
-    return table
 
 
 def show_rig(answer: Answer) -> None:
@@ -562,81 +486,6 @@ class _Terminal(Console):
 
     def print(self, *objects: Any, **how: Any) -> None:  # noqa: ANN401 - as Rich has it
         super().print(*(spelled(each) if isinstance(each, str) else each for each in objects), **how)
-
-
-def _errors(rows: Sequence[Answer], title: str) -> Table:
-    table = Table(title=escape(title))
-    table.add_column("run", overflow="fold")
-    table.add_column("split")
-    for name in ("command", "RMS error N", "error %", "whole run %", "offset free %"):
-        table.add_column(name, justify="right")
-    last = None
-    for row in sorted(rows, key=lambda r: (r["split"] != "training", r["command"] == 0.0)):
-        part = (row["split"], row["command"] == 0.0)
-        if last is not None and part != last:
-            table.add_section()
-        last = part
-        command = "varies" if row["command"] is None else f"{row['command']:g} {row['command_unit']}"
-        table.add_row(
-            escape(row["name"]),
-            row["split"].replace("_", " "),
-            command,
-            f"{row['rmse_N']:.1f}",
-            f"{row['nrmse_percent']:.2f}",
-            f"{row['nrmse_whole_percent']:.2f}",
-            f"{row['nrmse_offset_free_percent']:.2f}",
-        )
-    return table
-
-
-def _print_summary(console: Console, summaries: Answer) -> None:
-    for split, values in summaries.items():
-        parts = (
-            ("median", "median"), ("worst above zero command", "worst_above_zero"), ("worst", "worst"),
-        )  # fmt: skip
-        said = [f"{word} {_percent(values[f'{key}_nrmse_percent'])}" for word, key in parts]
-        console.print(f"[bold]{split.replace('_', ' ')}[/bold]: {', '.join(said)}")
-
-
-def _coefficients(coefficients: Answer) -> Table:
-    table = Table(title="Coefficients")
-    table.add_column("number")
-    for name in ("value", "± standard error"):
-        table.add_column(name, justify="right")
-    table.add_column("unit")
-    table.add_column("identifiable")
-    for name, e in coefficients.items():
-        error = "" if e["standard_error"] is None else f"{e['standard_error']:.2g}"
-        table.add_row(escape(name), f"{e['value']:.5g}", error, escape(e["unit"]), _judged(e))
-    return table
-
-
-def _judged(estimate: Answer) -> str:
-    if estimate["at_bound"]:
-        return f"on its {estimate['at_bound']} bound"
-    design = estimate["design_error_percent"]
-    known = "" if design is None else " (over 1000 %)" if design > 1e3 else f" ({design:.2g} %)"
-    return ("yes" if estimate["identifiable"] else "no") + known
-
-
-def _left_out_table(summaries: Answer) -> Table:
-    table = Table(title="Left out in turn: error on what the fit did not see")
-    for name in ("left out", "median %", "worst above zero %", "worst %"):
-        table.add_column(name, justify="left" if name == "left out" else "right")
-    for kind, values in summaries.items():
-        keys = ("median", "worst_above_zero", "worst")
-        table.add_row(kind, *(_percent(values[f"{key}_nrmse_percent"]) for key in keys))
-    return table
-
-
-def _law_table(scores: Sequence[Answer]) -> Table:
-    table = Table(title="Laws, each fitted with one motion left out in turn; the first is chosen")
-    for name in ("law", "numbers", "training median", "held-out median", "held-out worst", "CPU s"):
-        table.add_column(name, justify="left" if name == "law" else "right")
-    for s in scores:
-        errors = (s[f"{key}_percent"] for key in ("training_median", "held_out_median", "held_out_worst"))
-        table.add_row(s["law"], str(s["numbers"]), *map(_percent, errors), f"{s['cpu_s']:.2f}")
-    return table
 
 
 def _median_worst(values: Answer | None) -> str:

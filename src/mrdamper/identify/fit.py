@@ -1,9 +1,4 @@
-"""The Python API: fit, assess, predict. The jobs of the command line do the same and write files.
-
->>> runs = mrdamper.read_runs(["runs/"])  # doctest: +SKIP
->>> fitted = mrdamper.fit(runs, "series-valve", hold_out=["*chirp*"])  # doctest: +SKIP
->>> errors = mrdamper.assess(fitted).runs  # doctest: +SKIP
->>> mrdamper.predict(fitted.card(), other_runs)  # doctest: +SKIP
+"""Fitting a law to runs, and judging the fit: what the job ``identify`` is made of.
 
 A law is named, or is a user's own in Python: an object or class with ``name``, ``coefficients``, ``rate``
 and ``force`` (``models.laws.PythonLaw``).

@@ -10,13 +10,12 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
-from mrdamper.data.catalog import list_sets
+from mrdamper.data.catalog import fetch, list_sets
 from mrdamper.errors import InputError
-from mrdamper.jobs.identify import data_fetch
 from mrdamper.runtime.outputs import atomic_output
 from mrdamper.schema import Json
 
-__all__ = ["MAPS", "catalogue", "fetch_into"]
+__all__ = ["MAPS", "catalogue", "data_fetch", "data_list", "fetch_into"]
 
 MAPS = Path(__file__).parent / "public_data"
 
@@ -81,3 +80,27 @@ def fetch_into(runs: Path, name: str, map_suffix: str, *, report: Report | None 
         "runs": found,
         "notes": [chosen.notes, *([f"not there: {', '.join(missing)}"] if missing else [])],
     }
+
+
+def data_list() -> list[Json]:
+    """Return the public data sets that can be fetched."""
+    return [
+        {
+            "name": each.name,
+            "title": each.title,
+            "files": len(each.files),
+            "licence": each.licence,
+            "doi": each.doi or None,
+            "repository": each.repository,
+            "commit": each.commit,
+            "channels": each.channels,
+            "notes": each.notes,
+        }
+        for each in list_sets()
+    ]
+
+
+def data_fetch(name: str) -> Json:
+    """Fetch a public data set (or find it in the local mirror ``MRDAMPER_DATA``) and say where it lies."""
+    folder = fetch(name)
+    return {"name": name, "folder": str(folder), "files": [str(path) for path in sorted(folder.iterdir())]}

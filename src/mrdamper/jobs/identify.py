@@ -1,172 +1,98 @@
-"""The jobs, end to end: all that the command line calls.
-
-A job reads runs, computes, writes its files all at once or not at all, and returns one JSON-ready object.
-Keys that scripts rely on: docs/architecture.md. Nothing is printed here.
-"""
+"""The job ``identify``: measured runs in; a fitted damper, what is known about the fit, and its card out."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
+from mrdamper.data.diagnosis.finding import Finding
 from mrdamper.data.prepare import Preparation
 from mrdamper.data.records import Dataset
 from mrdamper.files import is_file
-from mrdamper.identify.assess import Assessment, Kind, LawScore, choose_law
+from mrdamper.identify import fit as fitting
+from mrdamper.identify.assess import Assessment, LawScore, choose_law
 from mrdamper.identify.checkpoint import CheckpointStore, Scope
-from mrdamper.identify.fit import Identification, Method, fit, versions
-from mrdamper.identify.fit import assess as assess_fit
-from mrdamper.identify.predict import row
-from mrdamper.identify.temperature import Temperature
-from mrdamper.jobs.inputs import read_dataset
-from mrdamper.models.card_schema import write_card
-from mrdamper.models.fluids.fluid_file import find_fluid
+from mrdamper.identify.fit import Identification, Law
+from mrdamper.identify.predict import prepare_all
+from mrdamper.identify.temperature import FluidFactors
+from mrdamper.jobs.check import findings_of
+from mrdamper.jobs.options import FitOptions
+from mrdamper.models.card import ModelCard
 from mrdamper.models.laws import LAWS
-from mrdamper.report import answers
-from mrdamper.runtime.checkpoint import Tell, checkpointed
-from mrdamper.runtime.outputs import atomic_output, write_table
 from mrdamper.runtime.progress import Progress, silent
 from mrdamper.runtime.signals import Interrupted, interrupt_ends_all
 from mrdamper.schema import Json
 
-__all__ = [
-    "FitOptions",
-    "data_fetch",
-    "data_list",
-    "identify",
-    "read_dataset",
-    "run_identification",
-    "write_identification",
-]
+__all__ = ["IdentifyResult", "decisive", "identify"]
 
-
+_USUAL = FitOptions()
 _CUT_SHORT = "interrupted while fitting again: the first fit is whole, what was to follow is not there"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FitOptions:
-    """What ``mrdamper identify`` can be told about the fit."""
+@dataclass(frozen=True, kw_only=True)
+class IdentifyResult(Identification):
+    """A fit with what is known about it: all that its card and its report are made of."""
 
-    law: str | None = None  # a name, ``auto``, ``file.py:Class``; None: the usual one for the runs
-    method: Method = "varpro"
-    starts: int = 3
-    seed: int = 0
-    hold_out: tuple[str, ...] = ()
-    leave_out: tuple[Kind, ...] = ()
-    session_offsets: bool = False
-    one_command: bool = False
-    terms: tuple[str, ...] | None = None
-    temperature: Temperature = "auto"
-    fluid: str | None = None  # a preset's name or a fluid file
-    coil_resistance_ohm: float | None = None
-    profiled: bool = False
-    draws: int = 0
+    assessment: Assessment
+    law_table: tuple[LawScore, ...] = ()  # the laws that were compared, the best first; none without a choice
+    findings: tuple[Finding, ...] = ()  # what the runs show by themselves
+    sources: tuple[str, ...] = ()  # names of the files that the runs are from
+    title: str = ""  # of card and report, where it is not the usual one
+    simulated: str = ""  # what the runs are, where nobody measured them
+
+    @property
+    def cancelled(self) -> bool:
+        """Whether an interrupt has cut short the fit, or what was to follow it."""
+        return self.result.cancelled or _CUT_SHORT in self.result.notes
+
+    def card(
+        self, assessment: Assessment | None = None, *, title: str = "", sources: Iterable[str] = ()
+    ) -> ModelCard:
+        """Return the model card, by default with the result's own assessment, title and sources."""
+        return super().card(
+            assessment or self.assessment,
+            title=title or self.title,
+            sources=tuple(sources) or self.sources,
+        )
 
 
 def identify(
-    paths: Sequence[str | Path],
-    out: Path,
-    options: FitOptions,
+    runs: Dataset,
+    law: Law | None = None,
+    fluid: FluidFactors | None = None,
+    preparation: Preparation | None = None,
+    options: FitOptions = _USUAL,
     *,
-    channels: Path | None = None,
-    flip_force: bool = False,
-    resume: bool | None = None,
-    tell: Tell | None = None,
     on_progress: Progress = silent,
-) -> Json:
-    """Read runs, fit, assess; write card.json, report.html and errors.csv into ``out``.
+    checkpoint: CheckpointStore | None = None,
+) -> IdentifyResult:
+    """Fit one law to runs, over all their commands and temperatures at once, and judge the fit.
+
+    An interrupt keeps the best fit so far; one while runs are left out keeps the fit and drops the rest.
 
     Parameters
     ----------
-    resume : go on with what a run of the same data and options had finished; False: begin anew, but keep what
-        is finished; None: keep nothing (``checkpoint``)
-    tell : told what is done with an earlier run's progress
+    law : a law's name, ``auto``, ``file.py:Class``, or a user's own law in Python; None: the usual one
+    fluid : its temperature laws are assumed; runs without a temperature channel count as at 20 degC
+    preparation : how the runs are prepared; None: as each asks for
+    checkpoint : recalls and keeps what the searches have finished
+
+    Raises
+    ------
+    InputError
+        Runs, law and options do not fit together.
+    ConvergenceError
+        No start of the search found a finite cost.
     """
-    dataset = read_dataset(paths, channels, flip_force=flip_force)
-    sources = tuple(dict.fromkeys(Path(run.source).name for run in dataset if run.source))
-    head = {} if resume is None else _decisive(dataset, options)
-    with checkpointed(out, head, resume=resume, tell=tell) as kept:
-        with atomic_output(out) as beside:
-            answer = run_identification(
-                dataset, beside, out, options, sources=sources, on_progress=on_progress, checkpoint=kept
-            )
-        if kept is not None:
-            kept.finished = not answer["cancelled"]
-        return answer
-
-
-def _decisive(dataset: Dataset, options: FitOptions) -> Json:
-    """Return all that decides what a fit comes to; progress is taken up only where this is the same."""
-    digest = hashlib.sha256(dataset.fingerprint.encode())
-    for run in dataset:
-        digest.update(f"{run.name}\0{run.session}\0{run.motion}\0".encode())
-    own = options.law.rpartition(":")[0] if options.law is not None and ".py:" in options.law else ""
-    if own and is_file(own):  # one that is not there is told by who reads it
-        digest.update(Path(own).read_bytes())
-    if options.fluid is not None:
-        digest.update(repr(find_fluid(options.fluid)).encode())
-    return {
-        "job": "identify",
-        "program": versions(),
-        "data": digest.hexdigest(),
-        "options": {key: value for key, value in asdict(options).items() if key != "seed"},
-        "seed": options.seed,
-    }
-
-
-def data_list() -> list[Json]:
-    """Return the public data sets that can be fetched."""
-    from mrdamper.data.catalog import list_sets
-
-    return [
-        {
-            "name": each.name,
-            "title": each.title,
-            "files": len(each.files),
-            "licence": each.licence,
-            "doi": each.doi or None,
-            "repository": each.repository,
-            "commit": each.commit,
-            "channels": each.channels,
-            "notes": each.notes,
-        }
-        for each in list_sets()
-    ]
-
-
-def data_fetch(name: str) -> Json:
-    """Fetch a public data set (or find it in the local mirror ``MRDAMPER_DATA``) and say where it lies."""
-    from mrdamper.data.catalog import fetch
-
-    folder = fetch(name)
-    return {"name": name, "folder": str(folder), "files": [str(path) for path in sorted(folder.iterdir())]}
-
-
-# ------------------------------------------------------------------------------------------- identify
-
-
-def run_identification(  # noqa: PLR0913 - what a job is told, by keyword
-    dataset: Dataset,
-    beside: Path,
-    out: Path,
-    options: FitOptions,
-    *,
-    sources: Sequence[str],
-    simulated: str = "",
-    title: str = "",
-    on_progress: Progress = silent,
-    checkpoint: CheckpointStore | None = None,
-) -> Json:
-    """Fit, assess and write into ``beside`` what will lie in ``out``."""
     table: tuple[LawScore, ...] = ()
-    law = options.law
-    if law == "auto":
-        table = _compare(dataset, options, on_progress, checkpoint)
+    if isinstance(law, str) and law == "auto":
+        table = _compare(runs, fluid, preparation, options, on_progress, checkpoint)
         law = table[0].law
-    fitted = fit(
-        dataset,
+    fitted = fitting.fit(
+        runs,
         law,
         method=options.method,
         starts=options.starts,
@@ -174,62 +100,75 @@ def run_identification(  # noqa: PLR0913 - what a job is told, by keyword
         hold_out=options.hold_out,
         session_offsets=options.session_offsets,
         one_command=options.one_command,
-        terms=options.terms,
+        terms=_terms(options),
         temperature=options.temperature,
-        fluid=None if options.fluid is None else find_fluid(options.fluid),
+        fluid=fluid,
         coil_resistance_ohm=options.coil_resistance_ohm,
+        preparation=preparation,
         on_progress=on_progress,
         checkpoint=checkpoint,
     )
     fitted, judged = _assessed(fitted, options, on_progress, checkpoint)
-    answer = write_identification(
-        fitted, judged, beside, out, law_table=table, sources=sources, simulated=simulated, title=title
+    return IdentifyResult(
+        **vars(fitted),
+        assessment=judged,
+        law_table=table,
+        findings=findings_of((*fitted.training, *fitted.held_out)),
+        sources=tuple(dict.fromkeys(Path(run.source).name for run in runs if run.source)),
     )
-    return answer | {"cancelled": answer["cancelled"] or _CUT_SHORT in fitted.result.notes}
 
 
-def write_identification(
-    fitted: Identification,
-    judged: Assessment,
-    beside: Path,
-    out: Path,
-    *,
-    law_table: tuple[LawScore, ...] = (),
-    sources: Sequence[str] = (),
-    simulated: str = "",
-    title: str = "",
+def decisive(
+    runs: Dataset,
+    law: Law | None,
+    fluid: FluidFactors | None,
+    preparation: Preparation | None,
+    options: FitOptions,
 ) -> Json:
-    """Write card.json, errors.csv and report.html into ``beside``; they will lie in ``out``."""
-    from mrdamper.jobs.check import findings_of
-    from mrdamper.report.identification.page import render_report
+    """Return all that decides what a fit comes to; progress is taken up only where this is the same."""
+    digest = hashlib.sha256(runs.fingerprint.encode())
+    for run in runs:
+        digest.update(f"{run.name}\0{run.session}\0{run.motion}\0".encode())
+    own = law.rpartition(":")[0] if isinstance(law, str) and ".py:" in law else ""
+    if own and is_file(own):  # one that is not there is told by who reads it
+        digest.update(Path(own).read_bytes())
+    for given in (fluid, preparation):
+        if given is not None:
+            digest.update(repr(given).encode())
+    told: dict[str, Any] = asdict(options)
+    seed = told.pop("seed")
+    return {
+        "job": "identify",
+        "program": fitting.versions(),
+        "data": digest.hexdigest(),
+        "options": {"law": law if law is None else str(law), "fluid": fluid is not None, **told},
+        "seed": seed,
+    }
 
-    write_card(fitted.card(judged, title=title, sources=sources), beside / "card.json")
-    write_table(beside / "errors.csv", [row(error) for error in judged.runs])
-    findings = findings_of((*fitted.training, *fitted.held_out))
-    page = render_report(
-        fitted, judged, law_table=law_table, simulated=simulated, title=title, findings=findings
-    )
-    (beside / "report.html").write_text(page, encoding="utf-8")
-    answer = answers.identification(fitted, judged, out, law_table)
-    return answer | {"findings": [dict(finding.to_dict()) for finding in findings]}
+
+def _terms(options: FitOptions) -> tuple[str, ...] | None:
+    """Return the parallel terms to add; None: what the runs ask for."""
+    return None if options.terms is None else tuple(term for term in options.terms if term != "none")
 
 
 def _compare(
-    dataset: Dataset, options: FitOptions, on_progress: Progress, checkpoint: CheckpointStore | None
+    runs: Dataset,
+    fluid: FluidFactors | None,
+    preparation: Preparation | None,
+    options: FitOptions,
+    on_progress: Progress,
+    checkpoint: CheckpointStore | None,
 ) -> tuple[LawScore, ...]:
     """Compare all laws on the training runs, one motion left out; held-out runs are not looked at."""
-    from mrdamper.identify.fit import split_by_command
-    from mrdamper.identify.predict import prepare_all
-
-    training = dataset.split(options.hold_out)[0] if options.hold_out else dataset
+    training = runs.split(options.hold_out)[0] if options.hold_out else runs
     with interrupt_ends_all():
         return choose_law(
-            split_by_command(prepare_all(training, Preparation()))[0],
+            fitting.split_by_command(prepare_all(training, preparation or Preparation()))[0],
             tuple(LAWS),
             seed=options.seed,
             starts=min(options.starts, 2),
             one_command=options.one_command,
-            temperature="none" if options.fluid is not None else options.temperature,
+            temperature="none" if fluid is not None else options.temperature,
             on_progress=on_progress,
             checkpoint=Scope(checkpoint, "laws"),
         )
@@ -243,7 +182,7 @@ def _assessed(
     if not fitted.result.cancelled and more:
         try:
             with interrupt_ends_all():
-                return fitted, assess_fit(
+                return fitted, fitting.assess(
                     fitted,
                     leave_out=options.leave_out,
                     profiled=options.profiled,
@@ -254,4 +193,4 @@ def _assessed(
         except Interrupted:
             notes = (*fitted.result.notes, _CUT_SHORT)
             fitted = replace(fitted, result=replace(fitted.result, notes=notes))
-    return fitted, assess_fit(fitted)
+    return fitted, fitting.assess(fitted)

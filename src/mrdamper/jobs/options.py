@@ -73,16 +73,6 @@ class NoOptions:
 class FitOptions:
     """Options of ``identify``."""
 
-    law: Annotated[
-        str | None,
-        Option(
-            "series-valve, double-bouc-wen, bouc-wen, bouc-wen-saturating, spencer, lugre, dahl, bingham, "
-            "tanh; auto; or file.py:Class.",
-            metavar="LAW",
-            label="Law",
-            default_help="series-valve; double-bouc-wen for tempered runs",
-        ),
-    ] = None
     method: Annotated[Literal["varpro", "genetic", "cma"], Option("How to search.", label="Search")] = (
         "varpro"
     )
@@ -145,14 +135,6 @@ class FitOptions:
             label="Temperature",
         ),
     ] = "auto"
-    fluid: Annotated[
-        str | None,
-        Option(
-            "Take temperature laws from a fluid (paper, lord-mrf-132dg, a file), marked as assumed.",
-            metavar="PRESET|FILE",
-            label="Fluid, where runs do not tell",
-        ),
-    ] = None
     coil_resistance_ohm: Annotated[
         float | None,
         Option("Of the coil at 20 degC, for the card.", above=0.0, flag="--coil-resistance", metavar="OHM"),

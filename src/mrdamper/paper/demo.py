@@ -11,18 +11,19 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from mrdamper.data.records import Dataset
 from mrdamper.errors import InputError
-from mrdamper.identify.assess import Assessment
-from mrdamper.identify.fit import Identification, assess, fit, versions
+from mrdamper.identify.fit import fit, versions
+from mrdamper.identify.predict import finite
 from mrdamper.jobs.export import ExportOptions, export
 from mrdamper.jobs.heat import HeatResult, heat
-from mrdamper.jobs.identify import read_dataset, write_identification
-from mrdamper.jobs.options import HeatOptions
+from mrdamper.jobs.identify import IdentifyResult, identify
+from mrdamper.jobs.inputs import read_dataset
+from mrdamper.jobs.options import FitOptions, HeatOptions
 from mrdamper.jobs.rig import write_campaign
 from mrdamper.jobs.sink import SinkOptions, search_sinks, write_sink
 from mrdamper.jobs.track import TrackOptions, track_card, write_track
@@ -33,11 +34,12 @@ from mrdamper.paper.claims import claims_of
 from mrdamper.paper.figures import sections_of
 from mrdamper.paper.findings import Findings
 from mrdamper.paper.page import render_paper
-from mrdamper.report import answers
 from mrdamper.report.base import write_report
 from mrdamper.report.figures.sink import SinkPictures
 from mrdamper.report.figures.track import TrackPictures
 from mrdamper.report.heat import REPORT as HEAT_REPORT
+from mrdamper.report.identify import REPORT as IDENTIFY_REPORT
+from mrdamper.report.scores import summaries
 from mrdamper.rig.campaign import Campaign
 from mrdamper.rig.measurement import measure
 from mrdamper.rig.plant import find_preset
@@ -101,19 +103,14 @@ def demo(out: Path, *, quick: bool = False, seed: int = 0, report: Report | None
         dataset = _measured(place, campaign, seed)
         now(1)
         starts = 1 if quick else 3  # of the fits that are compared with this one
-        fitted = fit(dataset, seed=seed, hold_out=campaign.hold_out)
-        judged = assess(fitted)
-        first = _write_identification(fitted, judged, place)
+        fitted = identify(dataset, options=FitOptions(seed=seed, hold_out=campaign.hold_out))
+        first = _write_identification(fitted, place)
         now(2)
-        literal = fit(
+        literal = identify(
             dataset,
             "bouc-wen",
-            temperature="paper",
-            starts=starts,
-            seed=seed,
-            hold_out=campaign.hold_out,
+            options=FitOptions(temperature="paper", starts=starts, seed=seed, hold_out=campaign.hold_out),
         )
-        literally = assess(literal)
         cold = fit(dataset.select("*_020C_*"), temperature="none", starts=starts, seed=seed)
         write_card(cold.card(title="identified at 20 degC alone"), beside / "cold_card.json")
         now(3)
@@ -149,8 +146,8 @@ def demo(out: Path, *, quick: bool = False, seed: int = 0, report: Report | None
         now(8)
         found = Findings(
             fitted=fitted,
-            judged=judged,
-            paper_law=literally,
+            judged=fitted.assessment,
+            paper_law=literal.assessment,
             fluid=find_fluid("paper"),
             warm_up=heated[0],
             small=heated[1],
@@ -164,10 +161,7 @@ def demo(out: Path, *, quick: bool = False, seed: int = 0, report: Report | None
             **first,
             "simulated": True,
             "runs_are": _LABEL,
-            "laws": [
-                answers.line(first),
-                answers.line(answers.identification(literal, literally, out, ())),
-            ],
+            "laws": [_law_line(fitted), _law_line(literal)],
             "claims": [claim.to_json() for claim in claims],
             "heating": {
                 key: heating[key] for key in ("time_to_limit_s", "force_loss_percent", "energy_closure")
@@ -213,16 +207,26 @@ def _measured(place: _Place, campaign: Campaign, seed: int) -> Dataset:
     runs, _ = place.part("runs")
     truth, _ = place.part("runs.truth")
     write_campaign(runs, truth, find_preset("nominal"), campaign, seed=seed)
-    return read_dataset([runs], None)
+    return read_dataset([runs])
 
 
-def _write_identification(fitted: Identification, judged: Assessment, place: _Place) -> Json:
+def _law_line(found: IdentifyResult) -> Json:
+    """Return one law's line of the comparison."""
+    return {
+        "law": found.damper.law.name,
+        "summary": summaries(found.assessment.runs),
+        "cost_percent": found.cost_percent,
+        "cpu_s": round(found.cpu_s, 4),
+        "passivity_min": finite(found.assessment.passivity_min),
+    }
+
+
+def _write_identification(fitted: IdentifyResult, place: _Place) -> Json:
     """Write the identification's files; the card lies at the top."""
     beside, out = place.part("identification")
     title = "The virtual rig's preset nominal"
-    answer = write_identification(
-        fitted, judged, beside, out, sources=(_LABEL,), simulated=_LABEL, title=title
-    )
+    named = replace(fitted, sources=(_LABEL,), simulated=_LABEL, title=title)
+    answer = write_report(IDENTIFY_REPORT, named, beside, out, {})
     (beside / "card.json").replace(place.beside / "card.json")
     return {**answer, "card": str(place.out / "card.json")}
 

@@ -337,6 +337,46 @@ _ROWS = (
         page="the page Runs",
     ),
     Job(
+        name="identify",
+        help="""Fit one hysteresis law to measured runs over all currents and temperatures at once.
+
+        PATH: files, folders or patterns of runs.
+        """,
+        inputs=(
+            RUNS,
+            Input(
+                name="law",
+                kind="law",
+                flag="--law",
+                required=False,
+                help="series-valve, double-bouc-wen, bouc-wen, bouc-wen-saturating, spencer, lugre, dahl, "
+                "bingham, tanh; auto; or file.py:Class.  [default: series-valve; double-bouc-wen for "
+                "tempered runs]",
+                label="Law",
+            ),
+            Input(
+                name="fluid",
+                kind="fluid",
+                flag="--fluid",
+                required=False,
+                help="Take temperature laws from a fluid (paper, lord-mrf-132dg, a file), marked as assumed.",
+                label="Fluid, where runs do not tell",
+            ),
+            PREPARATION,
+        ),
+        options="mrdamper.jobs.options:FitOptions",
+        run="mrdamper.jobs.identify:identify",
+        result="mrdamper.jobs.identify:IdentifyResult",
+        report="mrdamper.report.identify:REPORT",
+        files_help="For card.json, report.html, errors.csv.",
+        out_required=True,
+        progress_word="start",
+        checkpoint="mrdamper.jobs.identify:decisive",
+        ctrl_c="keeps the best",
+        page="the page Identify",
+        aliases=("fit",),
+    ),
+    Job(
         name="predict",
         help="Score a model card on runs that it has not seen.",
         inputs=(CARD_OF_ANY_LAW, RUNS, PREPARATION),

@@ -45,14 +45,12 @@ def do(kind: str, options: Json, folder: WorkFolder, out: Path, say: Say, *, res
 
 
 def _identify(options: Json, folder: WorkFolder, _out: Path, say: Say, resume: bool) -> Json:  # noqa: FBT001 - as all of _LONG
-    from mrdamper.jobs.identify import FitOptions, identify
-
     def on_progress(update: ProgressUpdate) -> None:
         now: Any = update.detail  # a search's state
         say(
             done=update.done,
             of=update.total,
-            text=update.text,
+            text=f"start {now.start + 1} of {now.starts}, iteration {now.iteration}",
             method=now.method,
             start=now.start,
             starts=now.starts,
@@ -61,20 +59,23 @@ def _identify(options: Json, folder: WorkFolder, _out: Path, say: Say, resume: b
             best_percent=_finite(now.best_percent),
         )
 
-    given = {key: options[key] for key in options if key not in {"card", "files", "flip_force", "replace"}}
-    for key in ("hold_out", "leave_out", "terms"):
-        given[key] = None if given[key] is None else tuple(given[key])
-    given["fluid"] = _preset_or_input(folder, given["fluid"], "fluids")
+    job = JOBS["identify"]
     place = folder.new(folder.cards, options["card"])
-    return identify(
-        _runs(folder, options["files"]),
-        place,
-        FitOptions(**given),
-        flip_force=options["flip_force"],
+    given = {
+        "runs": _runs(folder, options["files"]),
+        "law": options["law"],
+        "fluid": _preset_or_input(folder, options["fluid"], "fluids"),
+        "flip_force": options["flip_force"],
+    }
+    chosen = {key: options[key] for key in options if key not in {*given, "card", "files", "replace"}}
+    return job.perform(
+        given,
+        job.options_from(chosen),
+        out=place,
+        on_progress=on_progress,
         resume=resume,
         tell=_told(say, folder),
-        on_progress=on_progress,
-    )
+    )[1]
 
 
 def _predict(options: Json, folder: WorkFolder, out: Path, _say: Say) -> Json:

@@ -72,7 +72,10 @@ class SearchState:
     @property
     def update(self) -> ProgressUpdate:
         """The progress that a search reports in this state."""
-        text = f"start {self.start + 1} of {self.starts}, iteration {self.iteration}"
+        text = (
+            f"{self.method}  iteration {self.iteration}  error {self.cost_percent:.3f} %  best "
+            f"{self.best_percent:.3f} %"
+        )
         return ProgressUpdate(done=self.start, total=self.starts, text=text, detail=self)
 
 

@@ -38,7 +38,7 @@ def run_task(kind: str, seed: int, what: What) -> What:
 def _identify(seed: int, what: What) -> What:
     from mrdamper.identify.assess import summary
     from mrdamper.identify.fit import assess, fit
-    from mrdamper.jobs.identify import read_dataset
+    from mrdamper.jobs.inputs import read_dataset
     from mrdamper.models.card_schema import card_text
 
     channels = what["channels"]

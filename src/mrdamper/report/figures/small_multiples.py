@@ -33,6 +33,7 @@ __all__ = [
     "colour_of_warmth",
     "curves",
     "grid",
+    "grid_figure",
     "run_errors",
 ]
 
@@ -98,50 +99,55 @@ def colour_of_warmth(temperature: float, levels: Sequence[float]) -> str:
 
 
 def grid(titles: Sequence[tuple[str, bool]], rows: Sequence[Row], label: str, *, tall: float = 1.2) -> str:
+    """Return ``grid_figure`` as SVG."""
+    with drawing_style():
+        return svg_of(grid_figure(titles, rows, tall=tall), label)
+
+
+def grid_figure(titles: Sequence[tuple[str, bool]], rows: Sequence[Row], *, tall: float = 1.2) -> Figure:
     """Return rows of small panels, one column for each (title, held out); limits are shared along a row.
 
-    ``tall`` is the height of a panel [inch].
+    ``tall`` is the height of a panel [inch]. The caller sets the style of drawing.
     """
     columns = len(titles)
     width = min(WIDE, 0.55 + 3.2 * columns)
     height = 0.27 + sum(tall + (0.55 if row.title else 0.4) for row in rows)
-    with drawing_style():
-        figure = Figure(figsize=(width, height))
-        left, right, gap = 0.52, 0.08, 0.10  # inches
-        across = (width - left - right - gap * (columns - 1)) / columns
-        top = height - 0.22
-        for row in rows:
-            top -= 0.17 if row.title else 0.0
-            drawn = [line for panel in row.panels for line in panel]
-            x_ends, y_ends = _span([line.x for line in drawn]), _span([line.y for line in drawn])
-            first = True
-            for column, panel in enumerate(row.panels):
-                if not panel:
-                    continue
-                place = (left + column * (across + gap)) / width, (top - tall) / height
-                axes = figure.add_axes((*place, across / width, tall / height))
-                _prepare(axes, x_ends, y_ends)
-                for line in panel:
-                    axes.plot(line.x, line.y, line.style, color=line.colour, linewidth=line.width)
-                axes.set_xlabel(row.x_label, labelpad=1.0)
-                if first:
-                    axes.set_ylabel(row.y_label, labelpad=1.0)
-                    if row.title:
-                        axes.set_title(row.title, loc="left", pad=3, fontweight="bold")
-                else:
-                    axes.tick_params(axis="y", labelleft=False)
-                first = False
-            top -= tall + 0.38
-        for column, (title, held_out) in enumerate(titles):
-            figure.text(
-                (left + column * (across + gap)) / width,
-                1.0 - 0.06 / height,
-                title,
-                color=HELD_OUT if held_out else INK,
-                fontsize=8.0,
-                va="top",
-            )
-        return svg_of(figure, label)
+    figure = Figure(figsize=(width, height))
+    left, right, gap = 0.52, 0.08, 0.10  # inches
+    across = (width - left - right - gap * (columns - 1)) / columns
+    top = height - 0.22
+    for row in rows:
+        top -= 0.17 if row.title else 0.0
+        drawn = [line for panel in row.panels for line in panel]
+        x_ends, y_ends = _span([line.x for line in drawn]), _span([line.y for line in drawn])
+        first = True
+        for column, panel in enumerate(row.panels):
+            if not panel:
+                continue
+            place = (left + column * (across + gap)) / width, (top - tall) / height
+            axes = figure.add_axes((*place, across / width, tall / height))
+            _prepare(axes, x_ends, y_ends)
+            for line in panel:
+                axes.plot(line.x, line.y, line.style, color=line.colour, linewidth=line.width)
+            axes.set_xlabel(row.x_label, labelpad=1.0)
+            if first:
+                axes.set_ylabel(row.y_label, labelpad=1.0)
+                if row.title:
+                    axes.set_title(row.title, loc="left", pad=3, fontweight="bold")
+            else:
+                axes.tick_params(axis="y", labelleft=False)
+            first = False
+        top -= tall + 0.38
+    for column, (title, held_out) in enumerate(titles):
+        figure.text(
+            (left + column * (across + gap)) / width,
+            1.0 - 0.06 / height,
+            title,
+            color=HELD_OUT if held_out else INK,
+            fontsize=8.0,
+            va="top",
+        )
+    return figure
 
 
 def against_temperature(panels: Sequence[tuple[str, Sequence[Series]]], label: str) -> str:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from matplotlib.figure import Figure
+
 from mrdamper.arrays import FloatArray
 from mrdamper.identify.assess import RunError
 from mrdamper.models.characterisation import spread_out
@@ -14,7 +16,14 @@ from mrdamper.report.figures.style import MEASURED, Trace, colour_of
 from mrdamper.report.identification.campaign import MOST_COLUMNS, Campaign, Key, Picture, command_keys
 from mrdamper.report.identification.groups import ErrorTable, error_table
 
-__all__ = ["ErrorSection", "error_section", "loop_pictures", "residual_picture", "worst_by_motion"]
+__all__ = [
+    "ErrorSection",
+    "error_section",
+    "loop_pictures",
+    "residual_picture",
+    "worst_by_motion",
+    "worst_loops",
+]
 
 _MOST_MOTIONS = 4  # beside the main one, that are drawn
 _STEPPED_s = 7.0  # drawn of a run whose command steps
@@ -73,10 +82,29 @@ def _over_commands(campaign: Campaign, motion: str, level: float | None) -> Pict
 _ERRORS_SAID = "Above each column its RMS error; red: held out."
 
 
+def worst_loops(campaign: Campaign) -> Figure:
+    """Return the loops of the worst run of each motion, as a Matplotlib figure."""
+    worst = worst_by_motion(campaign.errors)[:MOST_COLUMNS]
+    colours = [colour_of(error.command, campaign.highest) for error in worst]
+    found = _loop_rows(
+        campaign, [(error.name, colour, error) for error, colour in zip(worst, colours, strict=True)]
+    )
+    assert found is not None  # a fit has a run
+    return panels.grid_figure(*found, tall=2.0)
+
+
 def _loop_grid(
     campaign: Campaign, columns: Sequence[tuple[str, str, RunError | None]], label: str
 ) -> str | None:
-    """Return force over displacement and over velocity, a column for each run that there is."""
+    """Return force over displacement and over velocity as SVG, a column for each run that there is."""
+    found = _loop_rows(campaign, columns)
+    return None if found is None else panels.grid(*found, label)
+
+
+def _loop_rows(
+    campaign: Campaign, columns: Sequence[tuple[str, str, RunError | None]]
+) -> tuple[list[tuple[str, bool]], list[Row]] | None:
+    """Return titles and panels of loops; None without a run."""
     known = [(title, colour, error) for title, colour, error in columns if error is not None]
     if not known:
         return None
@@ -89,7 +117,7 @@ def _loop_grid(
             for trace, (_, colour, _) in zip(traces, known, strict=True)
         )
         rows.append(Row(x_label, "force, N", panel))
-    return panels.grid(titles, rows, label)
+    return titles, rows
 
 
 def _both(trace: Trace, x: FloatArray, colour: str) -> tuple[Line, ...]:

@@ -12,10 +12,11 @@ from functools import partial
 
 import numpy as np
 
-from mrdamper.data.diagnosis.finding import Finding, by_kind
-from mrdamper.identify.assess import Assessment, CrossValidated, LawScore, RunError, summary
+from mrdamper.data.diagnosis.finding import by_kind
+from mrdamper.identify.assess import CrossValidated, RunError, summary
 from mrdamper.identify.fit import Identification, versions
 from mrdamper.identify.problem import Estimate, envelope_of
+from mrdamper.jobs.identify import IdentifyResult
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.figures import style as plots
 from mrdamper.report.identification.campaign import Campaign
@@ -49,23 +50,9 @@ class _Group:
     loops: tuple[tuple[plots.Trace, str], ...]  # with the SVG
 
 
-def render_report(
-    fitted: Identification,
-    judged: Assessment,
-    *,
-    law_table: Sequence[LawScore] = (),
-    simulated: str = "",
-    title: str = "",
-    findings: Sequence[Finding] = (),
-) -> str:
-    """Return the report's HTML.
-
-    Parameters
-    ----------
-    law_table : the laws that were compared, when there was a choice
-    simulated : what the runs are when nobody measured them; said at the top
-    findings : what the runs show by themselves (``mrdamper check``)
-    """
+def render_report(fitted: IdentifyResult) -> str:
+    """Return the report's HTML."""
+    judged = fitted.assessment
     campaign = Campaign(fitted, judged.runs)
     many = len(judged.runs) > _MOST_LOOPS
     grouped = many or campaign.warm
@@ -83,8 +70,8 @@ def render_report(
         environment()
         .get_template("report.html.j2")
         .render(
-            title=title or "MR damper identification",
-            simulated=simulated,
+            title=fitted.title or "MR damper identification",
+            simulated=fitted.simulated,
             law=fitted.damper.law,
             method=_METHODS.get(fitted.result.method, fitted.result.method),
             result=fitted.result,
@@ -122,9 +109,9 @@ def render_report(
             if len(moving) > 1
             else "",
             words=(*fitted.result.notes, *judged.words),
-            findings=by_kind(findings),
+            findings=by_kind(fitted.findings),
             left_out=_left_out_tables(judged.left_out),
-            law_table=law_table,
+            law_table=fitted.law_table,
             passivity=judged.passivity_min,
             preparation=_preparation_rows(fitted),
             fingerprint=fitted.fingerprint,

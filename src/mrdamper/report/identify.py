@@ -1,0 +1,268 @@
+"""What ``identify`` found: the answer's keys, the tables of a terminal, card, report and errors as files."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from mrdamper.errors import option
+from mrdamper.identify.assess import CrossValidated, LawScore, summary
+from mrdamper.identify.confidence.sentences import sentence
+from mrdamper.identify.predict import finite, row
+from mrdamper.identify.problem import Estimate
+from mrdamper.jobs.identify import IdentifyResult
+from mrdamper.models.card_schema import write_card
+from mrdamper.report.base import BEST_SO_FAR, DONE, Outcome, Report, WrittenFile, interrupted
+from mrdamper.report.identification.campaign import Campaign
+from mrdamper.report.identification.loops import worst_loops
+from mrdamper.report.identification.page import render_report
+from mrdamper.report.scores import (
+    in_percent,
+    percent,
+    pooled_json,
+    show_errors,
+    show_summaries,
+    summaries,
+    summary_lines,
+)
+from mrdamper.runtime.outputs import write_table
+from mrdamper.schema import Json
+
+__all__ = ["REPORT"]
+
+
+def _answer(found: IdentifyResult) -> Json:
+    """Return what ``mrdamper identify --json`` prints, but for the files."""
+    result, judged = found.result, found.assessment
+    return {
+        "law": found.damper.law.name,
+        "method": result.method,
+        "coefficients": {estimate.name: _estimate(estimate) for estimate in result.estimates},
+        "cpu_s": round(found.cpu_s, 4),
+        "runs": _rows(found),
+        "summary": summaries(judged.runs),
+        "cost_percent": result.cost_percent,
+        "seed": result.seed,
+        "starts": [
+            {
+                "index": start.index,
+                "cost_percent": finite(start.cost_percent),
+                "evaluations": start.evaluations,
+                "converged": start.converged,
+            }
+            for start in result.starts
+        ],
+        "session_offsets_N": dict(result.offsets_N),
+        "passivity_min": finite(judged.passivity_min),
+        "cancelled": found.cancelled,
+        "notes": _notes(found),
+        "by_temperature": pooled_json(judged.runs),
+        "actuation": _actuation(found),
+        "assumed": list(found.damper.assumed),
+        "identifiability": _identifiability(found),
+        "left_out": [_left(left) for left in judged.left_out],
+        "left_out_summary": {
+            kind: in_percent(values) for kind, values in _left_out_summaries(judged.left_out).items()
+        },
+        "law_table": [_law_score(score) for score in found.law_table],
+        "findings": [dict(finding.to_dict()) for finding in found.findings],
+    }
+
+
+def _notes(found: IdentifyResult) -> list[str]:
+    return [*found.result.notes, *found.assessment.words]
+
+
+def _rows(found: IdentifyResult) -> list[dict[str, object]]:
+    """Return the errors as a table, one row for each run."""
+    return [row(error) for error in found.assessment.runs]
+
+
+def _estimate(estimate: Estimate) -> Json:
+    return {
+        "value": estimate.value,
+        "unit": estimate.unit,
+        "standard_error": finite(estimate.standard_error),
+        "design_error_percent": finite(estimate.design_error_percent),
+        "identifiable": bool(estimate.identifiable),
+        "at_bound": estimate.at_bound or None,
+        "lower": finite(estimate.lower),
+        "upper": finite(estimate.upper),
+    }
+
+
+def _law_score(score: LawScore) -> Json:
+    return {
+        "law": score.law,
+        "numbers": score.free_parameters,
+        "training_median_percent": finite(score.training_median),
+        "held_out_median_percent": finite(score.held_out_median),
+        "held_out_worst_percent": finite(score.held_out_worst),
+        "cpu_s": round(score.cpu_s, 3),
+    }
+
+
+def _actuation(found: IdentifyResult) -> Json | None:
+    fitted = found.actuation
+    if fitted is None:
+        return None
+    errors = {f"{name}_standard_error": finite(error) for name, error in fitted.standard_errors.items()}
+    told: Json = {**asdict(fitted.actuation), **errors}
+    return {
+        **told,
+        "t63_s": fitted.t63_s,
+        "t90_s": fitted.t90_s,
+        "rmse_N": fitted.rmse_N,
+        "unlagged_rmse_N": fitted.unlagged_rmse_N,
+        "windows": fitted.windows,
+    }
+
+
+def _identifiability(found: IdentifyResult) -> Json | None:
+    """Return what the data cannot tell apart, with the profile and the bootstrap where they were made."""
+    judged = found.assessment
+    direction, profile, bootstrap = judged.direction, judged.profile, judged.bootstrap
+    if direction is None:
+        return None
+    told: Json = {
+        "worst_direction": dict(zip(direction.names, map(float, direction.weights), strict=True)),
+        "standard_error_percent": finite(direction.standard_error_percent),
+        "condition": finite(direction.condition),
+        "sentence": sentence(direction),
+    }
+    if profile is not None:
+        told["profile"] = {
+            "name": profile.name,
+            "values": [float(value) for value in profile.values],
+            "cost_percent": [finite(cost) for cost in profile.costs_percent],
+            "interval": [finite(end) for end in profile.interval],
+            "ends": list(profile.ends),
+        }
+    if bootstrap is not None:
+        told["bootstrap"] = {
+            "draws": bootstrap.draws,
+            "failed": bootstrap.failed,
+            "standard_deviation": {n: finite(v) for n, v in bootstrap.standard_deviation.items()},
+            "percentiles_5_95": {n: [finite(x) for x in v] for n, v in bootstrap.percentiles.items()},
+        }
+    return told
+
+
+def _left(left: CrossValidated) -> Json:
+    errors = [{**row(error), "split": "held_out"} for error in left.errors]
+    return {"kind": left.kind, "left_out": left.left_out, **in_percent(summary(left.errors)), "runs": errors}
+
+
+def _left_out_summaries(left_out: Sequence[CrossValidated]) -> dict[str, dict[str, float]]:
+    """Return the errors on all that was left out, by what that was."""
+    kinds = dict.fromkeys(left.kind for left in left_out)
+    return {
+        kind: summary(error for left in left_out if left.kind == kind for error in left.errors)
+        for kind in kinds
+    }
+
+
+# --------------------------------------------------------------------------------------------- the terminal
+
+
+def _show(found: IdentifyResult, console: Console) -> None:
+    """Print errors by run, coefficients with their uncertainty, and what a reader should know."""
+    errors = found.assessment.runs
+    if found.law_table:
+        console.print(_law_table(found.law_table))
+    show_errors(errors, found.damper.law.name, console)
+    show_summaries(errors, console)
+    left = _left_out_summaries(found.assessment.left_out)
+    if left:
+        console.print(_left_out_table(left))
+    console.print(_coefficients(found.estimates))
+    for session, offset in found.result.offsets_N.items():
+        console.print(f"force offset of session {escape(session) or '(unnamed)'}: {offset:+.1f} N")
+    for note in _notes(found):
+        console.print(f"- {escape(note)}")
+    console.print(f"{found.cpu_s:.2f} s of CPU")
+
+
+def _law_table(scores: Sequence[LawScore]) -> Table:
+    table = Table(title="Laws, each fitted with one motion left out in turn; the first is chosen")
+    for name in ("law", "numbers", "training median", "held-out median", "held-out worst", "CPU s"):
+        table.add_column(name, justify="left" if name == "law" else "right")
+    for score in scores:
+        errors = (score.training_median, score.held_out_median, score.held_out_worst)
+        table.add_row(score.law, str(score.free_parameters), *map(percent, errors), f"{score.cpu_s:.2f}")
+    return table
+
+
+def _left_out_table(found: dict[str, dict[str, float]]) -> Table:
+    table = Table(title="Left out in turn: error on what the fit did not see")
+    for name in ("left out", "median %", "worst above zero %", "worst %"):
+        table.add_column(name, justify="left" if name == "left out" else "right")
+    for kind, values in found.items():
+        table.add_row(kind, *(percent(values[name]) for name in ("median", "worst_above_zero", "worst")))
+    return table
+
+
+def _coefficients(estimates: Sequence[Estimate]) -> Table:
+    table = Table(title="Coefficients")
+    table.add_column("number")
+    for name in ("value", "± standard error"):
+        table.add_column(name, justify="right")
+    table.add_column("unit")
+    table.add_column("identifiable")
+    for each in estimates:
+        spread = finite(each.standard_error)
+        error = "" if spread is None else f"{spread:.2g}"
+        table.add_row(escape(each.name), f"{each.value:.5g}", error, escape(each.unit), _judged(each))
+    return table
+
+
+def _judged(estimate: Estimate) -> str:
+    if estimate.at_bound:
+        return f"on its {estimate.at_bound} bound"
+    design = finite(estimate.design_error_percent)
+    known = "" if design is None else " (over 1000 %)" if design > 1e3 else f" ({design:.2g} %)"
+    return ("yes" if estimate.identifiable else "no") + known
+
+
+def _summary(found: IdentifyResult) -> list[str]:
+    """Return the law, its errors, and how many of its numbers the runs do not tell."""
+    unknown = sum(not each.identifiable for each in found.estimates)
+    return [
+        f"{found.damper.law.title} ({found.damper.law.name}) on {len(found.training)} training and "
+        f"{len(found.held_out)} held-out runs",
+        *summary_lines(found.assessment.runs),
+        f"{len(found.estimates)} numbers, {unknown} of them not identifiable from these runs",
+    ]
+
+
+def _outcome(found: IdentifyResult) -> Outcome:
+    if not found.cancelled:
+        return DONE
+    return interrupted(f"{BEST_SO_FAR}; the same command with {option('resume')} goes on")
+
+
+# ----------------------------------------------------------------------------------------------- the files
+
+
+def _write_page(found: IdentifyResult, path: Path) -> None:
+    path.write_text(render_report(found), encoding="utf-8")
+
+
+REPORT: Report[IdentifyResult] = Report(
+    answer=_answer,
+    show=_show,
+    summary=_summary,
+    files=(
+        WrittenFile(name="card.json", key="card", write=lambda found, path: write_card(found.card(), path)),
+        WrittenFile(name="report.html", key="report", write=_write_page),
+        WrittenFile(name="errors.csv", write=lambda found, path: write_table(path, _rows(found))),
+    ),
+    figure=lambda found: worst_loops(Campaign(found, found.assessment.runs)),
+    rows=_rows,
+    outcome=_outcome,
+)
