@@ -3,7 +3,8 @@
     MrdamperError                     1  base; a plain one is never raised
     ├── InputError                    3  data, a file, a unit or an option that cannot be used as given
     │   ├── EnvelopeError             3  a value outside the range in which a law or correlation holds
-    │   └── MissingExtraError         3  an optional library is not installed
+    │   ├── MissingExtraError         3  an optional library is not installed
+    │   └── UsageError                2  options that exclude each other, or one that is missing
     ├── ConvergenceError              4  a fit or solve that did not reach its tolerance
     └── CheckError                    5  something was made and did not pass its own check
 
@@ -27,6 +28,7 @@ __all__ = [
     "InputError",
     "MissingExtraError",
     "MrdamperError",
+    "UsageError",
     "command",
     "option",
     "spelled",
@@ -59,10 +61,17 @@ class MrdamperError(Exception):
         self, message: str = "", *, place: str = "", found: str = "", expected: str = "", remedy: str = ""
     ) -> None:
         self.place, self.found, self.expected, self.remedy = place, found or message, expected, remedy
-        said = f"{place}: {self.found}" if place else self.found
-        said += f"; expected {expected}" if expected else ""
-        said += f". {remedy}" if remedy else ""
-        super().__init__(said)
+        super().__init__(self._said())
+
+    def _said(self) -> str:
+        said = f"{self.place}: {self.found}" if self.place else self.found
+        said += f"; expected {self.expected}" if self.expected else ""
+        return said + (f". {self.remedy}" if self.remedy else "")
+
+    def move_to(self, place: str) -> None:
+        """Change the place: who called knows the file of what was given as a value."""
+        self.place = place
+        self.args = (self._said(),)
 
     def __str__(self) -> str:
         return self.spelled()
@@ -142,6 +151,12 @@ class EnvelopeWarning(UserWarning):
 
 class MissingExtraError(InputError):
     """An optional library is not installed; the message names the install command."""
+
+
+class UsageError(InputError):
+    """Options that exclude each other, or one that is missing: told before anything is read."""
+
+    exit_code: ClassVar[int] = 2
 
 
 class ConvergenceError(MrdamperError):

@@ -837,21 +837,21 @@ def test_in_the_tracking_loop_the_fmu_has_the_rows_of_mrdamper_track(
     loaded, place, monkeypatch, version, precision
 ):
     """The card's controller and its FMU, sample by sample against the virtual rig's physics."""
-    from mrdamper.control import controllers
-    from mrdamper.jobs.track import TrackOptions, track
+    from mrdamper.jobs import track
+    from mrdamper.jobs.options import TrackOptions
+    from mrdamper.registry import JOBS
 
-    options = TrackOptions(
-        plant="nominal", targets=("sine-900N-1Hz",), temperatures_degC=(60.0,), controllers=("recommended",)
-    )
+    options = TrackOptions(temperatures_degC=(60.0,), controllers=("recommended",))
+    given = {"card": place / "card.json", "targets": ["sine-900N-1Hz"]}
 
     def rows_of_track() -> dict[str, object]:
-        rows = cast(list[dict[str, object]], track(place / "card.json", options)["rows"])
+        rows = cast(list[dict[str, object]], JOBS["track"].perform(given, options)[1]["rows"])
         assert len(rows) == 1
         return rows[0]
 
     def row_of(controller):
         with monkeypatch.context() as patch:
-            patch.setattr(controllers, "controllers_for", lambda *_, **__: {"recommended": controller})
+            patch.setattr(track, "controllers_for", lambda *_, **__: {"recommended": controller})
             return rows_of_track()
 
     printed = rows_of_track()

@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 from mrdamper.errors import InputError
-from mrdamper.jobs import fluid as fluid_job
+from mrdamper.jobs.options import FluidOptions
 from mrdamper.models.fluids.carlson import Carlson, flux_density
 from mrdamper.models.fluids.fluid_file import find_fluid
 from mrdamper.models.temperature import Arrhenius, Linear, Vft
+from mrdamper.registry import JOBS
 from tests.support.rigs import answer_of, mrdamper
 
 CELSIUS = np.arange(20.0, 151.0, 5.0)
@@ -24,9 +25,10 @@ AT = np.tile([20.0, 40.0, 60.0, 80.0, 100.0], 4)
 STRESS = Carlson(47.9e3).stress(FIELD) * Linear(1.67e-3).value(AT + 273.15)
 
 
-def fluid(paths, **options) -> Any:
-    """Run the job in this process."""
-    return fluid_job.fluid(paths, **options)
+def fluid(tables, *, like="paper", out=None, **options) -> Any:
+    """Run the job in this process; return its answer."""
+    given = {"tables": tables, "like": like}
+    return JOBS["fluid"].perform(given, FluidOptions(**options), out=out)[1]
 
 
 def write(path, header, *columns):

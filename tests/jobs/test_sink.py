@@ -11,8 +11,7 @@ import pytest
 
 from mrdamper.errors import InputError, MissingExtraError
 from mrdamper.jobs import sink as sink_job
-from mrdamper.jobs.options import HeatOptions
-from mrdamper.jobs.sink import SinkOptions, sink
+from mrdamper.jobs.options import HeatOptions, SinkOptions
 from mrdamper.registry import JOBS
 from mrdamper.thermal.drawing_file import read_drawing, read_sink
 from mrdamper.thermal.duty import DEFAULT_DUTY, read_duty
@@ -25,6 +24,12 @@ pytestmark = pytest.mark.system
 
 DESIGN = {"fins", "width_m", "thickness_m", "pitch_m", "mass_kg", "temperature_degC", "model"}
 SMALL = SinkOptions(span_mm=30.0, least_thickness_mm=2.0, by_field=False, members=4)
+
+
+def sink(card, drawing, *, options=SMALL, duty=None, out=None) -> Any:
+    """Run the job in this process; return its answer."""
+    given = {"card": card, "drawing": drawing, "duty": duty}
+    return JOBS["sink"].perform(given, options, out=out)[1]
 
 
 @pytest.fixture(scope="module")
@@ -81,7 +86,7 @@ def test_ten_kelvin_cooler_in_the_same_envelope_and_with_no_more_mass(answer):
 def test_ten_kelvin_cooler_with_the_card_that_the_rig_leads_to():
     """By the network; the finite elements confirm it in tests/thermal/test_design.py."""
     options = SinkOptions(span_mm=84.0, by_field=False)
-    run = sink_job.search_sinks(paper_card(), read_drawing(DRAWING), read_duty(DEFAULT_DUTY), options)
+    run = sink_job.sink(paper_card(), read_drawing(DRAWING), read_duty(DEFAULT_DUTY), options)
     assert run.reference.fluid - 273.15 == pytest.approx(76.9, abs=0.5)
     assert run.reference.fluid - run.best.fluid >= 10.0
     assert run.lightest is not None

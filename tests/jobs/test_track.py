@@ -9,11 +9,12 @@ import pytest
 
 from mrdamper.control.controllers import NAMES
 from mrdamper.errors import InputError
-from mrdamper.jobs.track import TrackOptions, track, track_card
+from mrdamper.jobs.options import TrackOptions
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.dependence import Constant
 from mrdamper.models.laws import LAWS
+from mrdamper.registry import JOBS
 from tests.support.rigs import answer_of, mrdamper
 from tests.support.tracked import a_damper, write_a_card
 
@@ -30,6 +31,11 @@ temperature_degC = 60
 """
 
 
+def track(card, options, *, out=None, **inputs):
+    """Return what the job finds."""
+    return JOBS["track"].perform({"card": card, **inputs}, options, out=out)[0]
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     place = tmp_path_factory.mktemp("track")
@@ -42,12 +48,10 @@ def folder(tmp_path_factory):
 @pytest.fixture(scope="module")
 def run(folder):
     options = TrackOptions(
-        targets=("sine-900N-1Hz",),
         temperatures_degC=(20.0, 123.0),
         controllers=("recommended", "recommended-causal", "paper", "recommended-unaware", "paper-unaware"),
-        unaware=folder / "cold.json",
     )
-    return track_card(folder / "card.json", options)
+    return track(folder / "card.json", options, targets=["sine-900N-1Hz"], unaware=folder / "cold.json")
 
 
 def figures(run, name, degrees):
@@ -90,17 +94,20 @@ def test_the_summary_is_the_worst_of_the_temperatures(run):
 
 def test_a_card_tracked_on_itself_leaves_lag_and_noise_alone(folder):
     """Model error is the rest: on the virtual damper the same controllers do worse."""
-    options = TrackOptions(targets=(str(folder / "short.toml"),), controllers=("recommended",))
-    itself = track_card(folder / "card.json", replace(options, plant=str(folder / "card.json")))
-    real = track_card(folder / "card.json", replace(options, plant="hard"))
+    options = TrackOptions(controllers=("recommended",))
+    itself = track(folder / "card.json", options, targets=[folder / "short.toml"], plant=folder / "card.json")
+    real = track(folder / "card.json", options, targets=[folder / "short.toml"], plant="hard")
     assert itself.rows[0].temperature_degC == 60.0  # the file's own
     assert feasible(itself) < 0.5 * feasible(real)
     assert any("what a law leaves out" in note for note in itself.notes)
 
 
 def test_the_same_seed_gives_the_same_rows_and_another_pair_does_not(folder):
-    options = TrackOptions(targets=(str(folder / "short.toml"),), controllers=("recommended",))
-    rows = [track_card(folder / "card.json", replace(options, seed=seed)).rows for seed in (1, 1, 5)]
+    options = TrackOptions(controllers=("recommended",))
+    rows = [
+        track(folder / "card.json", replace(options, seed=seed), targets=[folder / "short.toml"]).rows
+        for seed in (1, 1, 5)
+    ]
     assert rows[0] == rows[1]
     assert rows[0] != rows[2]
 
@@ -143,10 +150,9 @@ def test_a_terminal_gets_a_table_per_target(folder):
 
 def test_the_optimum_is_the_first_row_and_the_measure_of_the_others(folder):
     (folder / "brief.toml").write_text(SHORT.replace("2.0", "0.8") + "unscored_s = 0.3\n", encoding="utf-8")
-    options = TrackOptions(
-        targets=(str(folder / "brief.toml"),), controllers=("recommended", "paper"), optimum=True
-    )
-    rows = {row.controller: row.score for row in track_card(folder / "card.json", options).rows}
+    options = TrackOptions(controllers=("recommended", "paper"), optimum=True)
+    found = track(folder / "card.json", options, targets=[folder / "brief.toml"])
+    rows = {row.controller: row.score for row in found.rows}
     assert list(rows) == ["optimum", "recommended", "paper"]
     ours, papers = rows["recommended"].rmse_over_optimum, rows["paper"].rmse_over_optimum
     assert ours is not None
@@ -180,8 +186,8 @@ def test_a_card_without_actuation_names_the_test_that_is_missing(folder):
     said = refused(folder, card="unlagged.json")
     assert "unlagged.json: has no actuation, so recommended, recommended-causal" in said
     assert "`steps`" in said
-    options = TrackOptions(targets=(str(folder / "short.toml"),), controllers=("paper",))
-    assert track_card(folder / "unlagged.json", options).rows  # the paper's needs none
+    options = TrackOptions(controllers=("paper",))  # it needs none
+    assert track(folder / "unlagged.json", options, targets=[folder / "short.toml"]).rows
 
 
 def test_a_card_that_does_not_depend_on_the_current_is_refused(folder):
@@ -241,5 +247,5 @@ def test_a_card_in_volts_is_refused(folder):
 
 def test_nothing_is_left_behind_by_a_refusal(folder):
     with pytest.raises(InputError):
-        track(folder / "card.json", TrackOptions(plant="none"), out=folder / "never")
+        track(folder / "card.json", TrackOptions(), plant="none", out=folder / "never")
     assert not (folder / "never").exists()

@@ -30,11 +30,9 @@ from mrdamper.identify.fit import METHODS
 from mrdamper.identify.temperature import TEMPERATURES
 from mrdamper.jobs import choices as choices_job
 from mrdamper.jobs.export import ExportOptions
-from mrdamper.jobs.options import FitOptions
+from mrdamper.jobs.options import FitOptions, SinkOptions, TrackOptions
 from mrdamper.jobs.preview import channels_toml
 from mrdamper.jobs.series import keep_runs, keep_window, read_series
-from mrdamper.jobs.sink import SinkOptions
-from mrdamper.jobs.track import TrackOptions
 from mrdamper.registry.queries import QUERIES
 from mrdamper.thermal.duty import DEFAULT_DUTY
 from mrdamper.web.query_worker import Query, find_function
@@ -116,7 +114,7 @@ def test_lists_that_stand_twice_are_the_same():
     [
         ("identify", FitOptions, {"card", "files", "law", "fluid", "flip_force", "replace"}),
         ("sink", SinkOptions, {"card", "damper", "duty"}),
-        ("track", TrackOptions, {"card"}),
+        ("track", TrackOptions, {"card", "plant", "targets", "unaware", "pooled"}),
         ("export", ExportOptions, {"card", "what"}),
     ],
 )

@@ -10,14 +10,14 @@ import signal
 import socket
 import subprocess
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
 from playwright.sync_api import expect
 
-from mrdamper.jobs.sink import SinkOptions, sink
+from mrdamper.jobs.options import SinkOptions
 from mrdamper.models.card_schema import read_card
+from mrdamper.registry import JOBS
 from tests.support.heated import DRAWING
 from tests.support.rigs import short_runs, write_runs
 from tests.support.tracked import a_damper, write_a_card
@@ -410,7 +410,7 @@ def test_a_search_whose_process_died_is_resumed_to_the_same_front(page, rig, tmp
     page.wait_for_selector("#section svg")
     assert not kept.exists()
     card = root / "cards" / "strong" / "card.json"
-    sink(card, Path("paper"), duty=duty, options=chosen, out=tmp_path / "whole")
+    JOBS["sink"].perform({"card": card, "drawing": "paper", "duty": duty}, chosen, out=tmp_path / "whole")
     found = (root / "results" / job / "front.csv").read_text(encoding="utf-8")
     assert found == (tmp_path / "whole" / "front.csv").read_text(encoding="utf-8")
     assert client.get(f"/api/jobs/{job}")["resumed"] == 1

@@ -11,7 +11,7 @@ import json
 import os
 import re
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
@@ -108,20 +108,6 @@ _resume = click.option(
     "--resume",
     is_flag=True,
     help="Go on with what a run of this same command had finished when it ended; it is in OUT.progress.",
-)
-_damper = click.option(
-    "--damper",
-    type=click.Path(path_type=Path),
-    required=True,
-    metavar="FILE|paper",
-    help="The drawing of the damper (TOML), or the paper's.",
-)
-_duty = click.option(
-    "--duty",
-    default="sine:15mm:1Hz:2A:1800s",
-    show_default=True,
-    metavar="DUTY",
-    help="MOTION:COMMAND:DURATION, or a CSV of time, motion and command.",
 )
 
 
@@ -247,194 +233,6 @@ def run_rig(out: Path, *, preset: str | None, as_json: bool, **options: Any) -> 
     with terminal.counter() as report:
         answer = job(out, preset=preset or "nominal", report=report, **options)
     return _finish(answer, terminal.show_rig, as_json=as_json)
-
-
-@cli.command()
-@click.argument("tables", nargs=-1, required=True, type=click.Path(path_type=Path), metavar="TABLE.csv...")
-@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="For fluid.toml and fluid.svg.")
-@click.option(
-    "--like",
-    default="paper",
-    show_default=True,
-    metavar="PRESET|FILE",
-    help="Fluid that gives what the tables do not hold: paper, lord-mrf-132dg, or a fluid.toml.",
-)
-@click.option(
-    "--particle-fraction",
-    type=float,
-    metavar="SHARE",
-    help="Volume share of iron, which leads from mT to kA/m.  [default: that of --like]",
-)
-@_json
-def fluid(tables: tuple[Path, ...], *, as_json: bool, **options: Any) -> int:  # noqa: ANN401 - click checks them
-    """Fit viscosity and yield-stress laws to rheometer tables.
-
-    TABLE.csv: temperature_degC and viscosity_mPas, or field_mT (field_kA_m), temperature_degC and
-    yield_stress_kPa.
-    """
-    from mrdamper.cli import terminal
-    from mrdamper.jobs.fluid import fluid as job
-
-    return _finish(job(tables, **options), terminal.show_fluid, as_json=as_json)
-
-
-@cli.command()
-@click.argument("card", type=click.Path(path_type=Path))
-@_damper
-@_duty
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    metavar="DIR",
-    help="For sink.html, sink.json, front.csv, best.toml.",
-)
-@click.option(
-    "--span-mm", type=float, help="Length of the body to stand on.  [default: the drawing's sink's]"
-)
-@click.option("--width-mm", type=float, help="Greatest width of a fin.  [default: the drawing's sink's]")
-@click.option("--mass-g", type=float, help="Greatest mass of all fins.  [default: the drawing's sink's]")
-@click.option(
-    "--least-thickness-mm", type=float, default=1.0, show_default=True, help="Of a fin that can be made."
-)
-@click.option("--least-gap-mm", type=float, default=3.0, show_default=True, help="Between two fins.")
-@click.option(
-    "--material",
-    "materials",
-    multiple=True,
-    metavar="NAME",
-    help="aluminium-alloy, copper, steel, stainless-steel (may be repeated).",
-)
-@click.option(
-    "--emissivity",
-    "emissivities",
-    type=float,
-    multiple=True,
-    metavar="SHARE",
-    help="Of the finish: 0.1 bare, 0.85 anodised (may be repeated).",
-)
-@click.option("--correlation", type=click.Choice(["channel", "vdi", "disc"]), help="The fins' law.")
-@click.option("--film-multiplier", type=float, metavar="NUMBER", help="On the fins' law.")
-@click.option(
-    "--method",
-    type=click.Choice(["grid", "nsga2"]),
-    default="grid",
-    show_default=True,
-    help="Every sink of a grid, or NSGA-II.",
-)
-@click.option(
-    "--front",
-    "members",
-    type=click.IntRange(min=2),
-    default=12,
-    show_default=True,
-    metavar="NUMBER",
-    help="Members of the front that are shown and judged by finite elements.",
-)
-@click.option("--network-only", is_flag=True, help="Do not judge by finite elements.")
-@_seed
-@_resume
-@_json
-def sink(
-    card: Path,
-    damper: Path,
-    *,
-    duty: str,
-    out: Path | None,
-    resume: bool,
-    network_only: bool,
-    as_json: bool,
-    **options: Any,  # noqa: ANN401 - click checks them, SinkOptions names them
-) -> int:
-    """Search annular-fin heat sinks: the coolest damper for the least mass, inside limits."""
-    from mrdamper.cli import terminal
-    from mrdamper.jobs.sink import SinkOptions
-    from mrdamper.jobs.sink import sink as job
-
-    chosen = SinkOptions(by_field=not network_only, **options)
-    ctrl_c = "leaves nothing" if out is None else "keeps what is finished for --resume"
-    with terminal.counter(ctrl_c=ctrl_c) as report:
-        answer = job(
-            card, damper, duty=duty, options=chosen, out=out, resume=resume, tell=tell, report=report
-        )
-    return _finish(answer, terminal.show_sink, as_json=as_json)
-
-
-@cli.command()
-@click.argument("card", type=click.Path(path_type=Path))
-@click.option(
-    "--plant",
-    default="nominal",
-    show_default=True,
-    metavar="PRESET|FILE|CARD",
-    help="The damper that is tracked: nominal, hard, stiff, ..., a virtual damper (TOML), or a card (JSON).",
-)
-@click.option(
-    "--target",
-    "targets",
-    multiple=True,
-    metavar="NAME|FILE",
-    help="sine-900N-1Hz, sine-1100N-2Hz, non-periodic, or a scenario (may be repeated).  [default: all]",
-)
-@click.option(
-    "--temperature",
-    "temperatures_degC",
-    type=float,
-    multiple=True,
-    metavar="DEGC",
-    help="Of fluid and coil (may be repeated).  [default: 20, 60, 100, 123]",
-)
-@click.option(
-    "--controller",
-    "controllers",
-    multiple=True,
-    metavar="NAME",
-    help="recommended, paper, ... (may be repeated).  [default: all]",
-)
-@click.option(
-    "--rate",
-    "rate_Hz",
-    type=float,
-    default=1000.0,
-    show_default=True,
-    metavar="HZ",
-    help="Sampling, 100 to 5000 Hz.",
-)
-@click.option(
-    "--unaware",
-    type=click.Path(path_type=Path),
-    metavar="CARD",
-    help="Identified at one temperature: adds recommended-unaware and paper-unaware.",
-)
-@click.option(
-    "--pooled",
-    type=click.Path(path_type=Path),
-    metavar="CARD",
-    help="Identified over all temperatures without knowing them: adds recommended-pooled.",
-)
-@click.option("--optimum", is_flag=True, help="Search the best current, too (minutes), for the ratios to it.")
-@click.option(
-    "--seed",
-    type=int,
-    default=1,
-    show_default=True,
-    help="Of the sensors' noise; the next one is run as well.",
-)
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    metavar="DIR",
-    help="For track.html, track.json, track.csv.",
-)
-@_json
-def track(card: Path, *, out: Path | None, as_json: bool, **options: Any) -> int:  # noqa: ANN401 - click checks them
-    """Track forces on a virtual damper with controllers made from a card, without a force sensor."""
-    from mrdamper.cli import terminal
-    from mrdamper.jobs.track import TrackOptions
-    from mrdamper.jobs.track import track as job
-
-    with terminal.counter() as report:
-        answer = job(card, TrackOptions(**options), out=out, report=report)
-    return _finish(answer, terminal.show_track, as_json=as_json)
 
 
 def _seconds(_: click.Context, __: click.Parameter, text: str) -> float:
@@ -589,7 +387,7 @@ def serve(folder: Path, *, port: int, open_browser: bool, host: str, token: str 
     return 0
 
 
-def _show(job: Job, result: object, answer: Mapping[str, Any], as_json: bool) -> int:  # noqa: FBT001 - as all of them
+def _show(job: Job, result: object, answer: Answer, as_json: bool) -> int:  # noqa: FBT001 - as all of them
     """Print what came of a job, as JSON or as its report has it for a terminal; return the exit code."""
     report = job.reported
     if as_json:
@@ -599,9 +397,7 @@ def _show(job: Job, result: object, answer: Mapping[str, Any], as_json: bool) ->
 
         screen = open_console()
         report.show(result, screen)
-        told = [answer[file.key] for file in report.files if file.key and file.key in answer]
-        if told:
-            screen.print(f"wrote {' and '.join(told)}", markup=False)
+        report.wrote(result, answer, screen)
     outcome = report.outcome(result)
     for each in outcome.said:
         tell(each)
@@ -609,7 +405,8 @@ def _show(job: Job, result: object, answer: Mapping[str, Any], as_json: bool) ->
 
 
 for _each in JOBS.values():
-    cli.add_command(command_of(_each, _show))
+    *_group, _name = _each.name.split()
+    (data if _group else cli).add_command(command_of(_each, _show))
 
 
 def _finish(

@@ -5,13 +5,13 @@ Only click is loaded with this module; a job's libraries are loaded when it star
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import click
 
-from mrdamper.errors import spelled
+from mrdamper.errors import UsageError, spelled
 from mrdamper.registry import KINDS, Input, Job
 from mrdamper.schema import Field
 
@@ -25,19 +25,33 @@ def tell(message: str) -> None:
     click.echo(f"mrdamper: {spelled(message)}", err=True)
 
 
-def command_of(job: Job, finish: Callable[[Job, Any, Mapping[str, Any], bool], int]) -> click.Command:
+def command_of(job: Job, finish: Callable[[Job, Any, dict[str, Any], bool], int]) -> click.Command:
     """Return the command of a job; ``finish`` prints what came of it and returns the exit code."""
 
     def run(*, as_json: bool, out: Path | None = None, resume: bool | None = None, **values: Any) -> int:  # noqa: ANN401 - click checks them
         from mrdamper.cli.terminal import on_progress
 
         given = {name: values.pop(name, None) for name in job.given_names}
+        places = {each.name: values.pop(each.name) for each in job.outputs}
+        outputs = {name: place for name, place in places.items() if place is not None}
+        if job.outputs and not outputs:
+            ways = [f"{each.flag} {each.metavar}" for each in job.outputs]
+            raise click.UsageError(f"nothing to write: give {', '.join(ways[:-1])} or {ways[-1]}")
         options = job.options_type(**{name: value for name, value in values.items() if value is not None})
         ctrl_c = job.ctrl_c or ("keeps what is finished for --resume" if job.checkpoint and out else "")
-        with on_progress(job.progress_word, ctrl_c=ctrl_c or "leaves nothing") as progress:
-            result, answer = job.perform(
-                given, options, out=out, on_progress=progress, resume=resume, tell=tell
-            )
+        try:
+            with on_progress(job.progress_word, ctrl_c=ctrl_c or "leaves nothing") as progress:
+                result, answer = job.perform(
+                    given,
+                    options,
+                    out=out,
+                    outputs=outputs,
+                    on_progress=progress,
+                    resume=resume,
+                    tell=tell,
+                )
+        except UsageError as fault:
+            raise click.UsageError(str(fault)) from fault
         return finish(job, result, answer, as_json)
 
     return LateCommand(job, callback=run)
@@ -47,7 +61,7 @@ class LateCommand(click.Command):
     """A command whose parameters are made when they are asked for: a list of commands needs none."""
 
     def __init__(self, job: Job, callback: Callable[..., int]) -> None:
-        super().__init__(job.name, help=job.help, callback=callback)
+        super().__init__(job.name.split()[-1], help=job.help, callback=callback)
         self._job: Job | None = job
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
@@ -69,9 +83,18 @@ def parameters_of(job: Job) -> Iterator[click.Parameter]:
     yield from (_input(each) for each in job.inputs if not each.flag)
     yield from (_input(each) for each in job.inputs if each.flag not in {"", "-"})
     yield from (_option(each) for each in job.reading)
+    for each in job.outputs:
+        yield click.Option([each.flag], type=_FILE, metavar=each.metavar, help=each.help)
     if job.files_help:
-        text = job.files_help
-        yield click.Option(["--out"], type=_FILE, metavar="DIR", help=text, required=job.out_required)
+        yield click.Option(
+            ["--out"],
+            type=_FILE,
+            metavar="DIR",
+            help=job.files_help,
+            required=job.out_required,
+            default=Path(job.out_default) if job.out_default else None,
+            show_default=bool(job.out_default),
+        )
     yield from (_option(each) for each in job.fields if each.option.flag != "-")
     if job.checkpoint:
         text = "Go on with what a run of this same command had finished when it ended; it is in OUT.progress."
@@ -83,7 +106,7 @@ def parameters_of(job: Job) -> Iterator[click.Parameter]:
 def _input(each: Input) -> click.Parameter:
     kind_of = KINDS[each.kind]
     metavar = kind_of.metavar
-    if kind_of.many:
+    if kind_of.many and not each.flag:
         return click.Argument(
             [each.name], nargs=-1, type=click.STRING, required=each.required, metavar=metavar
         )
@@ -98,6 +121,8 @@ def _input(each: Input) -> click.Parameter:
         default=each.default,
         show_default=each.default is not None,
         required=each.required,
+        multiple=kind_of.many,
+        callback=(lambda _, __, values: values or None) if kind_of.many else None,
     )
 
 

@@ -32,11 +32,8 @@ __all__ = [
     "show_demo",
     "show_export",
     "show_files",
-    "show_fluid",
     "show_rig",
-    "show_sink",
     "show_sweep",
-    "show_track",
 ]
 
 Answer = Mapping[str, Any]
@@ -272,112 +269,6 @@ def _print_model(console: Console, model: Answer) -> None:
         console.print(escape(f"- {note}"))
 
 
-def show_fluid(answer: Answer) -> None:
-    """Print the laws of a fluid, the chosen ones with their numbers, and what a reader should know."""
-    console = open_console()
-    for quantity, title in (("viscosity", "Viscosity without field"), ("yield_stress", "Yield stress")):
-        study = answer[quantity]
-        if study is None:
-            continue
-        low, high = study["temperature_degC"]
-        points = f"{study['points']} points at {low:.4g} to {high:.4g} degC"
-        console.print(_fluid_laws(study["laws"], f"{title}: {points}; the first law is taken"))
-        fall, error = study["fall_20_to_100_degC_percent"], study["fall_standard_error_percent"]
-        spread = "" if error is None else f" ± {error:.2g}"
-        console.print(f"[bold]{title.lower()}[/bold] falls by {fall:.1f}{spread} % from 20 to 100 degC")
-        for law in study["laws"]:
-            if law["limit"]:
-                console.print(f"- {law['law']}: {law['limit']}")
-    for note in answer["notes"]:
-        console.print(f"- {escape(note)}")
-    if answer["file"] is not None:
-        console.print(f"wrote {escape(answer['file'])} and {escape(answer['picture'])}")
-
-
-def show_sink(answer: Answer) -> None:
-    """Print the front beside the reference, the paper's sweeps, and what a reader should know."""
-    console = open_console()
-    by = "finite elements" if answer["best"]["model"] == "finite_element" else "zone network"
-    table = Table(title=f"Heat sinks: fluid at the end of the duty against mass, by {by}")
-    for name in ("", "fins", "width mm", "thickness mm", "pitch mm", "material", "g", "degC", "network degC"):
-        table.add_column(name, justify="left" if name in {"", "material"} else "right", no_wrap=True)
-    rows = [("bare", answer["bare"])]
-    if answer["reference"]["fins"]:
-        rows.append(("reference", answer["reference"]))
-    rows += [("", design) for design in answer["front"][:-1]] + [("coolest", answer["best"])]
-    for title, design in rows:
-        sizes = [f"{1e3 * design[f'{name}_m']:.3g}" for name in ("width", "thickness", "pitch")]
-        known = min(design["fins"], 2) + 1 if design["fins"] else 0  # a single fin has no pitch
-        table.add_row(
-            title,
-            str(design["fins"]),
-            *(size if k < known else "-" for k, size in enumerate(sizes)),
-            design["material"] or "",
-            f"{1e3 * design['mass_kg']:.1f}",
-            f"{design['temperature_degC']:.1f}",
-            f"{design['network_degC']:.1f}",
-        )
-    console.print(table)
-    console.print(f"[bold]{answer['cooler_K']:.1f} K[/bold] cooler than the reference")
-    for each in answer["spread"]:
-        told = (_number_or_dash(each[f"{name}_degC"]) for name in ("reference", "best"))
-        law = f"{each['correlation']} law times {each['film_multiplier']:g}"
-        console.print(f"  {law}: reference and coolest {' and '.join(told)} degC (network)")
-    if answer["study"] is not None:
-        console.print(_study_table(answer["study"]))
-        for each in answer["study"]["definitions"]:
-            console.print(escape(f"  {each['symbol']:4} {each['formula']} [{each['unit']}]"))
-    for note in answer["notes"]:
-        console.print(f"- {escape(note)}")
-    if "report" in answer:
-        console.print(f"wrote {escape(answer['report'])} and {escape(answer['file'])}")
-
-
-def _study_table(study: Answer) -> Table:
-    table = Table(title="The paper's sweeps, by every reading of its efficiency (Eq. 10); * is the default")
-    table.add_column("efficiency")
-    for row in study["width"]:
-        table.add_column(f"{1e3 * row['width_m']:.0f} mm", justify="right")
-    table.add_column("as paper")
-    for row in study["fins"]:
-        table.add_column(f"{row['fins']} fins", justify="right")
-    table.add_column("as paper")
-    for each in study["definitions"]:
-        cells = []
-        for sweep in ("width", "fins"):
-            cells += [f"{row['efficiency'][each['name']]:.4g}" for row in study[sweep]]
-            cells.append("yes" if each["follows_paper"][sweep] else each[sweep])
-        star = "*" if each["name"] == study["default"] else ""
-        table.add_row(f"{each['symbol']}{star}", *cells)
-    return table
-
-
-def _fluid_laws(laws: Sequence[Answer], title: str) -> Table:
-    table = Table(title=escape(title))
-    for name in ("law", "number", "value", "± standard error", "unit", "rms %", "AICc", "fall %"):
-        table.add_column(name, justify="left" if name in {"law", "number", "unit"} else "right", no_wrap=True)
-    for law in laws:
-        judged = (f"{law['rms_percent']:.2g}", *(_number_or_dash(law[key]) for key in _FLUID_FIGURES))
-        for row, (name, number) in enumerate(law["numbers"].items()):
-            table.add_row(
-                "" if row else escape(law["law"]),
-                escape(name),
-                f"{number['value']:.5g}",
-                "-" if number["standard_error"] is None else f"{number['standard_error']:.2g}",
-                escape(number["unit"]),
-                *(("", "", "") if row else judged),
-            )
-        table.add_section()
-    return table
-
-
-_FLUID_FIGURES = ("aicc", "fall_20_to_100_degC_percent")
-
-
-def _number_or_dash(value: float | None) -> str:
-    return "-" if value is None else f"{value:.1f}"
-
-
 def show_sweep(answer: Answer) -> None:
     """Print every figure over all tasks, and which tasks have no result."""
     console = open_console()
@@ -395,34 +286,6 @@ def show_sweep(answer: Answer) -> None:
     for row in answer["failed"]:
         console.print(escape(f"no result: {row['name']}: {row['error']}"))
     console.print(escape(f"report: {answer['report']}"))
-
-
-def show_track(answer: Answer) -> None:
-    """Print the worst of all temperatures by target, and what a reader should know."""
-    console = open_console()
-    degrees = sorted({row["temperature_degC"] for row in answer["rows"]})
-    at = ", ".join(f"{each:g}" for each in degrees)
-    for target in dict.fromkeys(row["target"] for row in answer["worst"]):
-        rows = [row for row in answer["worst"] if row["target"] == target]
-        share = 100.0 * rows[0]["feasible_share"]
-        table = Table(
-            title=escape(
-                f"{target} on {answer['plant']}: worst of {at} degC; feasible {share:.0f} % of the time"
-            )
-        )
-        table.add_column("controller", no_wrap=True)
-        ratio = any(row["max_over_optimum"] is not None for row in rows)
-        for name in _TRACK_COLUMNS[: None if ratio else -1]:
-            table.add_column(name, justify="right")
-        for row in rows:
-            table.add_row(escape(row["controller"]), *_track_cells(row)[: None if ratio else -1])
-        console.print(table)
-    for note in answer["notes"]:
-        console.print(f"- {escape(note)}")
-    seeds = " and ".join(map(str, answer["seeds"]))
-    console.print(f"noise seeds {seeds}, the worse of the two; the first second is not scored")
-    if "report" in answer:
-        console.print(f"wrote {escape(answer['report'])} and {escape(answer['file'])}")
 
 
 def show_export(answer: Answer) -> None:
@@ -457,23 +320,6 @@ def show_export(answer: Answer) -> None:
     for note in answer.get("notes", ()):
         console.print(f"- {escape(note)}")
     console.print(escape(f"{answer['cpu_s']:.2f} s of CPU; wrote {', '.join(answer['files'])}"))
-
-
-_TRACK_COLUMNS = (
-    "max N", "RMS N", "max feasible N", "RMS feasible N", "coil W", "chatter A/s", "max / optimum",
-)  # fmt: skip
-
-
-def _track_cells(row: Answer) -> list[str]:
-    ratio = row["max_over_optimum"]
-    return [
-        *(
-            _number_or_dash(row[key])
-            for key in ("max_N", "rmse_N", "max_feasible_N", "rmse_feasible_N", "coil_power_W")
-        ),
-        f"{row['chatter_A_per_s']:.0f}",
-        "-" if ratio is None else f"{ratio:.2f}",
-    ]
 
 
 def open_console() -> Console:

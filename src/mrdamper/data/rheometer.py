@@ -21,7 +21,7 @@ from mrdamper.data.tables import Table, read_table
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, to_si
 
-__all__ = ["RheometerTable", "read_rheometer"]
+__all__ = ["RheometerTable", "read_rheometer", "read_rheometer_tables"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,6 +68,11 @@ _QUANTITIES: Mapping[str, _Quantity] = MappingProxyType(
         ),
     }
 )
+
+
+def read_rheometer_tables(given: Sequence[str | Path | RheometerTable]) -> list[RheometerTable]:
+    """Return the rheometer tables in files; those that are given as themselves stay."""
+    return [each if isinstance(each, RheometerTable) else read_rheometer(each) for each in given]
 
 
 def read_rheometer(path: str | Path) -> RheometerTable:

@@ -1,7 +1,7 @@
-"""The job behind ``mrdamper fluid``: rheometer tables in, laws with standard errors and a fluid file out.
+"""The job ``fluid``: rheometer tables in; laws with standard errors and the fluid made of them out.
 
 What the tables do not hold (a yield stress, a density) is taken from another fluid, with its sources; the
-answer says which. Nothing is printed here.
+notes say which.
 """
 
 from __future__ import annotations
@@ -9,30 +9,31 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
+from pathlib import PurePath
 
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.rheometer import RheometerTable, read_rheometer
-from mrdamper.errors import InputError
-from mrdamper.models.fluids.carlson import field_strength, saturation_stress
+from mrdamper.data.rheometer import RheometerTable
+from mrdamper.errors import InputError, option
+from mrdamper.jobs.options import FluidOptions
+from mrdamper.models.fluids.carlson import field_strength
 from mrdamper.models.fluids.fluid import Fluid, Origin
-from mrdamper.models.fluids.fluid_file import find_fluid, fluid_to_toml
 from mrdamper.models.fluids.rheometer import FittedParameter
-from mrdamper.models.fluids.viscosity_fit import ViscosityFit, ViscosityStudy, fit_viscosity
-from mrdamper.models.fluids.yield_fit import YieldFit, YieldStudy, fit_yield_stress
+from mrdamper.models.fluids.viscosity_fit import ViscosityStudy, fit_viscosity
+from mrdamper.models.fluids.yield_fit import YieldStudy, fit_yield_stress
 from mrdamper.models.temperature import TemperatureFactor
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.runtime.outputs import atomic_output
-from mrdamper.schema import Json
+from mrdamper.runtime.progress import Progress, silent
 
-__all__ = ["FluidStudy", "fluid", "study_tables"]
+__all__ = ["FluidResult", "fluid"]
+
+_USUAL = FluidOptions()
 
 
 @dataclass(frozen=True, slots=True)
-class FluidStudy:
-    """What rheometer tables say: the fits of what they hold, the fluid made of them, and notes."""
+class FluidResult:
+    """The fits of what rheometer tables hold, the fluid made of them, and notes."""
 
     fluid: Fluid
     like: Fluid
@@ -42,68 +43,43 @@ class FluidStudy:
 
 
 def fluid(
-    paths: Sequence[str | Path],
+    tables: Sequence[RheometerTable],
+    like: Fluid,
+    options: FluidOptions = _USUAL,
     *,
-    out: Path | None = None,
-    like: str = "paper",
-    particle_fraction: float | None = None,
-) -> Json:
-    """Fit the laws of rheometer tables; with ``out`` write fluid.toml and fluid.svg there.
+    on_progress: Progress = silent,
+) -> FluidResult:
+    """Fit the laws of rheometer tables.
 
     Parameters
     ----------
-    paths : tables of viscosity, of yield stress, or of both; several of one kind are taken together
-    out : folder for the files
-    like : preset or file of the fluid that gives what the tables do not hold
-    particle_fraction : volume fraction of iron [-], which leads from flux density to field strength; that
-        of ``like`` when not given
+    tables : of viscosity, of yield stress, or of both; several of one kind are taken together
+    like : the fluid that gives what the tables do not hold
+
+    Raises
+    ------
+    InputError
+        Tables that no law can be fitted to.
     """
-    study = study_tables(paths, like=like, particle_fraction=particle_fraction)
-    if out is not None:
-        from mrdamper.report.figures.fluid import draw_fluid
-
-        with atomic_output(out) as beside:
-            (beside / "fluid.toml").write_text(fluid_to_toml(study.fluid), encoding="utf-8")
-            picture = draw_fluid(study.viscosity, study.yield_stress, study.fluid.name)
-            (beside / "fluid.svg").write_text(picture, encoding="utf-8")
-    return {
-        "fluid": study.fluid.name,
-        "tables": [str(path) for path in paths],
-        "viscosity": None if study.viscosity is None else _viscosity(study.viscosity),
-        "yield_stress": None if study.yield_stress is None else _yield(study.yield_stress, study.fluid),
-        "like": study.like.name,
-        "valid_degC": _celsius(study.fluid.valid_K),
-        "notes": list(study.notes),
-        "file": None if out is None else str(out / "fluid.toml"),
-        "picture": None if out is None else str(out / "fluid.svg"),
-    }
-
-
-def study_tables(
-    paths: Sequence[str | Path], *, like: str = "paper", particle_fraction: float | None = None
-) -> FluidStudy:
-    """Read rheometer tables and fit what they hold."""
-    base = find_fluid(like)
-    if particle_fraction is not None:
+    base, share = like, options.particle_fraction
+    if share is not None:
         stated = Origin("given with the rheometer tables", "A")
         origins = {**base.origins, "properties.particle_fraction": stated}
-        base = replace(base, particle_fraction=particle_fraction, origins=origins)
-    tables = [read_rheometer(path) for path in paths]
+        base = replace(base, particle_fraction=share, origins=origins)
     notes = [note for table in tables for note in table.notes]
     viscosity = _study_viscosity(tables)
-    yields = _study_yield(tables, base, notes, assumed=particle_fraction is None)
-    name = Path(paths[0]).stem
-    fitted = _fluid_of(name, base, viscosity, yields, tables)
+    yields = _study_yield(tables, base, notes, assumed=share is None)
+    made = _fluid_of(PurePath(tables[0].name).stem, base, viscosity, yields, tables)
     notes += [*(() if viscosity is None else viscosity.notes), *(() if yields is None else yields.notes)]
-    if fitted.valid_K != base.valid_K:
-        low, high = _celsius(fitted.valid_K)
+    if made.valid_K != base.valid_K:
+        low, high = (round(end - ZERO_CELSIUS_K, 6) for end in made.valid_K)
         notes.append(f"the laws hold no further than the tables: {low:g} to {high:g} degC")
     taken = [
         word for word, study in (("the viscosity", viscosity), ("the yield stress", yields)) if study is None
     ]
     kept = ", ".join([*taken, "density and heat properties"])
     notes.append(f"{kept}: not in the tables, taken from {base.name!r} with its sources")
-    return FluidStudy(fitted, base, viscosity, yields, tuple(notes))
+    return FluidResult(made, base, viscosity, yields, tuple(notes))
 
 
 def _study_viscosity(tables: Sequence[RheometerTable]) -> ViscosityStudy | None:
@@ -127,7 +103,7 @@ def _study_yield(
             notes.append(
                 f"{table.name}: flux density is taken to field strength by Carlson's curve for "
                 f"{100 * base.particle_fraction:g} % of iron by volume"
-                + (f" (of {base.name!r}; ⟦--particle-fraction⟧ gives another)" if assumed else "")
+                + (f" (of {base.name!r}; {option('particle-fraction')} gives another)" if assumed else "")
             )
         else:
             fields.append(field)
@@ -217,77 +193,3 @@ def _origins(section: str, numbers: Sequence[FittedParameter], source: str) -> d
         else Origin(f"{source}; this number was held, or the points leave it open", "B")
         for number in numbers
     }
-
-
-# ------------------------------------------------------------------------------------------- the answer
-
-
-def _viscosity(study: ViscosityStudy) -> Json:
-    best, used = study.best, study.used
-    kelvin, measured = study.temperature_K, study.viscosity_Pa_s
-    left_out = zip(kelvin[~used], measured[~used], best.value(kelvin[~used]), strict=True)
-    return {
-        **_viscosity_law(best),
-        "points": int(np.count_nonzero(used)),
-        "temperature_degC": _celsius((kelvin[used][0], kelvin[used][-1])),
-        "left_out": [
-            {
-                "temperature_degC": round(float(at) - ZERO_CELSIUS_K, 6),
-                "viscosity_Pa_s": float(value),
-                "law_Pa_s": _finite(law),
-            }
-            for at, value, law in left_out
-        ],
-        "laws": [_viscosity_law(fit) for fit in study.fits],
-    }
-
-
-def _viscosity_law(fit: ViscosityFit) -> Json:
-    return {"law": fit.factor.kind, **_law(fit)}
-
-
-def _yield(study: YieldStudy, made: Fluid) -> Json:
-    best = study.best
-    kelvin = study.temperature_K[study.used]
-    field = study.field_A_m[study.used]
-    return {
-        **_yield_law(best),
-        "points": int(np.count_nonzero(study.used)),
-        "temperature_degC": _celsius((float(kelvin.min()), float(kelvin.max()))),
-        "field_A_m": [float(field.min()), float(field.max())],
-        "particle_fraction": made.particle_fraction,
-        "carrier_constant": best.field_law.saturation_Pa / saturation_stress(made.particle_fraction),
-        "laws": [_yield_law(fit) for fit in study.fits],
-    }
-
-
-def _yield_law(fit: YieldFit) -> Json:
-    return {"law": fit.name, **_law(fit)}
-
-
-def _law(fit: ViscosityFit | YieldFit) -> Json:
-    fall, error = fit.fall_percent()
-    return {
-        "numbers": {
-            number.name: {
-                "value": number.value,
-                "unit": number.unit,
-                "standard_error": _finite(number.standard_error),
-            }
-            for number in fit.parameters
-        },
-        "rms_percent": fit.rms_percent,
-        "aicc": _finite(fit.aicc),
-        "fall_20_to_100_degC_percent": _finite(fall),
-        "fall_standard_error_percent": _finite(error),
-        "limit": fit.limit or None,
-    }
-
-
-def _finite(value: float) -> float | None:
-    """Return a number that JSON can hold, None for what is not finite."""
-    return float(value) if math.isfinite(value) else None
-
-
-def _celsius(ends_K: tuple[float, float]) -> list[float]:
-    return [round(float(end) - ZERO_CELSIUS_K, 6) for end in ends_K]

@@ -159,13 +159,6 @@ class CyclesOptions:
 class FluidOptions:
     """Options of ``fluid``."""
 
-    like: Annotated[
-        str,
-        Option(
-            "Fluid that gives what the tables do not hold: paper, lord-mrf-132dg, or a fluid.toml.",
-            metavar="PRESET|FILE",
-        ),
-    ] = "paper"
     particle_fraction: Annotated[
         float | None,
         Option(
@@ -304,24 +297,6 @@ class SinkOptions:
 class TrackOptions:
     """Options of ``track``."""
 
-    plant: Annotated[
-        str,
-        Option(
-            "The damper that is tracked: nominal, hard, stiff, ..., a virtual damper (TOML), or a card "
-            "(JSON).",
-            metavar="PRESET|FILE|CARD",
-        ),
-    ] = "nominal"
-    targets: Annotated[
-        tuple[str, ...],
-        Option(
-            "sine-900N-1Hz, sine-1100N-2Hz, non-periodic, or a scenario (may be repeated).",
-            flag="--target",
-            metavar="NAME|FILE",
-            default_help="all",
-            most_items=20,
-        ),
-    ] = ()
     temperatures_degC: Annotated[
         tuple[float, ...],
         Option(

@@ -1,54 +1,52 @@
-"""The job behind ``mrdamper track``: controllers made from a card, on a damper that is not the card.
+"""The job ``track``: controllers made from a card, on a damper that is not the card.
 
 Every controller follows every target at every temperature, with two seeds of sensor noise; a row holds the
 worse of the two. The damper is a preset of the virtual rig, one of the user's own (TOML), or the damper of
 another card. Controllers that do not know temperature come from cards identified at one temperature or
-pooled over all. Nothing is printed here.
+pooled over all.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mrdamper.control.card_plant import CardPlant
+from mrdamper.control.controllers import check_name, controllers_for
 from mrdamper.control.loop import LoopRun, ReferenceTrajectory, reference_trajectory, run_loop
 from mrdamper.control.optimum import search_optimum
 from mrdamper.control.protocol import Controller, Plant
 from mrdamper.control.scenario import SCENARIOS, Scenario, find_scenario, read_scenario
 from mrdamper.control.score import AttainableRange, Score, attainable_range, score_run, worst
-from mrdamper.errors import InputError
+from mrdamper.errors import InputError, command, option
 from mrdamper.files import is_there
+from mrdamper.jobs.options import TrackOptions
 from mrdamper.models.card import ModelCard
 from mrdamper.models.card_schema import read_card
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.rig.plant import PRESETS, VirtualDamper
 from mrdamper.rig.plant import Plant as RigPlant
-from mrdamper.runtime.outputs import atomic_output, write_json, write_table
-from mrdamper.schema import Json, did_you_mean
-
-if TYPE_CHECKING:
-    from mrdamper.control.controllers import ForceController
-    from mrdamper.report.figures.track import TrackPictures
+from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
+from mrdamper.schema import did_you_mean
 
 __all__ = [
     "TEMPERATURES_DEGC",
     "Row",
     "Traced",
-    "TrackOptions",
-    "TrackRun",
+    "TrackResult",
+    "TrackedDamper",
+    "read_plant",
+    "read_targets",
     "track",
-    "track_card",
-    "write_track",
 ]
 
 TEMPERATURES_DEGC = (20.0, 60.0, 100.0, 123.0)
 
+_USUAL = TrackOptions()
 _HIGHEST_A = 2.0  # of the virtual rig's driver
 _LEAST_SHARE = 0.5  # of a target, within the damper's reach
 _STROKE_SLACK = 1.05  # of the card's displacement
@@ -59,23 +57,50 @@ _NEED_LAG = (
     "static-preview", "lead", "pi", "feed-forward-pi", "series-inverse",
 )  # fmt: skip
 
-Report = Callable[[int, int, str], None]
-"""Told how many of how many tests are done, and which one comes now."""
+
+@dataclass(frozen=True, slots=True)
+class TrackedDamper:
+    """The damper that is to be tracked: a virtual one, or that of a card."""
+
+    name: str
+    source: VirtualDamper | ModelCard
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TrackOptions:
-    """What ``mrdamper track`` can be told."""
+def read_plant(name: str | Path) -> TrackedDamper:
+    """Return the damper of a preset's name, of a virtual damper's TOML, or of a card.
 
-    plant: str = "nominal"  # a preset, a damper's TOML or a card
-    targets: tuple[str, ...] = ()  # names or scenario files; (): the three of the rig
-    temperatures_degC: tuple[float, ...] = ()  # (): 20, 60, 100, 123
-    controllers: tuple[str, ...] = ()  # (): all
-    seed: int = 1  # and the next one
-    rate_Hz: float = 1000.0
-    unaware: Path | None = None  # a card identified at one temperature
-    pooled: Path | None = None  # a card identified over all, without temperature
-    optimum: bool = False  # search the best current, for the ratios
+    Raises
+    ------
+    InputError
+        Neither of them; a file that cannot be read.
+    """
+    text = str(name)
+    if text in PRESETS:
+        return TrackedDamper(text, PRESETS[text])
+    if text.endswith(".toml"):
+        virtual = VirtualDamper.from_toml(text)
+        return TrackedDamper(virtual.name, virtual)
+    if not text.endswith(".json") and not is_there(text):
+        raise InputError(
+            f"there is no plant {text!r}; {did_you_mean(text, PRESETS)} (or the path of a card, or of a "
+            "virtual damper's TOML)"
+        )
+    return TrackedDamper(text, read_card(text))
+
+
+def read_targets(names: Sequence[str | Path | Scenario]) -> list[Scenario]:
+    """Return the targets of names and of scenarios' TOML; those that are given as themselves stay.
+
+    Raises
+    ------
+    InputError
+        A name that is not known; a file that cannot be read.
+    """
+    return [name if isinstance(name, Scenario) else _read_target(name) for name in names]
+
+
+def _read_target(name: str | Path) -> Scenario:
+    return read_scenario(name) if str(name).endswith(".toml") else find_scenario(str(name))
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,8 +141,8 @@ class Traced:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class TrackRun:
-    """What ``mrdamper track`` found, before it is put into words."""
+class TrackResult:
+    """Errors of every controller on every target at every temperature, and what is drawn of them."""
 
     card: ModelCard
     plant: str
@@ -139,56 +164,67 @@ class TrackRun:
             for rows in groups.values()
         ]
 
+    @property
+    def targets(self) -> list[str]:
+        """The targets, in the order in which they were asked for."""
+        return list(dict.fromkeys(row.target for row in self.rows))
+
 
 def track(
-    card: Path, options: TrackOptions, *, out: Path | None = None, report: Report | None = None
-) -> Json:
-    """Track forces with controllers made from a card; with ``out`` write track.html, track.json, track.csv.
+    card: ModelCard,
+    plant: TrackedDamper | VirtualDamper | ModelCard,
+    options: TrackOptions = _USUAL,
+    *,
+    targets: Sequence[Scenario] | None = None,
+    unaware: ModelCard | None = None,
+    pooled: ModelCard | None = None,
+    on_progress: Progress = silent,
+) -> TrackResult:
+    """Run every controller on every target at every temperature.
+
+    Parameters
+    ----------
+    plant : the damper that is tracked
+    targets : None: those of the virtual rig
+    unaware : a card identified at one temperature, whose controllers do not know it
+    pooled : a card identified over all temperatures without knowing them
 
     Raises
     ------
     InputError
         A card that cannot control, a target that the damper cannot follow, a name that is not known.
     """
-    run = track_card(card, options, report=report)
-    if out is None:
-        return {"card": str(card), **_answer(run)}
-    with atomic_output(out) as beside:
-        return write_track(run, card, beside, out)
-
-
-def write_track(
-    run: TrackRun, card: Path, beside: Path, out: Path, *, pictures: TrackPictures | None = None
-) -> Json:
-    """Write track.html, track.json and track.csv into ``beside``, of what will lie in ``out``."""
-    from mrdamper.report.figures.track import TrackPictures
-    from mrdamper.report.track import render_track
-
-    files = {"report": str(out / "track.html"), "file": str(out / "track.json")}
-    answer: Json = {"card": str(card), **_answer(run), **files}
-    (beside / "track.html").write_text(render_track(pictures or TrackPictures(run)), encoding="utf-8")
-    write_json(beside / "track.json", answer)
-    write_table(beside / "track.csv", [_row(row, run.plant) for row in run.rows])
-    return answer
-
-
-def track_card(path: Path, options: TrackOptions, *, report: Report | None = None) -> TrackRun:
-    """Run every controller on every target at every temperature."""
     clock = time.process_time()
-    card = _read_card(path)
-    if not (np.isfinite(options.rate_Hz) and options.rate_Hz > 0.0):
-        raise InputError(f"rate is {options.rate_Hz:g} Hz; expected a positive number")
-    if options.seed < 0:
-        raise InputError(f"seed is {options.seed}; expected zero or more")
-    seeds = (options.seed, options.seed + 1)
-    damper = _find_damper(options.plant, card)
-    scenarios = _scenarios(options, damper)
+    _check(options)
+    _check_unit("card", card)
+    damper = _damper_of(plant, card)
+    scenarios = _scenarios(targets or tuple(SCENARIOS.values()), options, damper)
     for scenario in scenarios:
-        _check_stroke(scenario, str(path), card.envelope.displacement)
+        _check_stroke(scenario, "card", card.envelope.displacement)
         if damper.stroke is not None:
             _check_stroke(scenario, f"the plant {damper.name}", damper.stroke)
-    controllers = _controllers(path, card, options, damper.highest_A)
+    cards = {"card": card, "unaware": unaware, "pooled": pooled}
+    given = {place: each for place, each in cards.items() if each is not None}
+    controllers = _controllers(given, options, damper.highest_A)
+    seeds = (options.seed, options.seed + 1)
     tests = _Tests(damper, seeds, 1.0 / options.rate_Hz, options.optimum)
+    rows, traced = _run_all(tests, scenarios, controllers, on_progress)
+    return TrackResult(
+        card=card,
+        plant=damper.name,
+        seeds=seeds,
+        rate_Hz=options.rate_Hz,
+        rows=tuple(rows),
+        traced=tuple(traced),
+        notes=_notes(card, scenarios, damper),
+        cpu_s=time.process_time() - clock,
+    )
+
+
+def _run_all(
+    tests: _Tests, scenarios: Sequence[Scenario], controllers: Mapping[str, Controller], on_progress: Progress
+) -> tuple[list[Row], list[Traced]]:
+    """Return the rows by target, and each target's hottest test."""
     reaches = {(each.name, each.temperature_degC): tests.reach(each) for each in scenarios}
     rows: list[Row] = []
     traced: list[Traced] = []
@@ -197,24 +233,15 @@ def track_card(path: Path, options: TrackOptions, *, report: Report | None = Non
     }
     drawn = [name for name in _DRAWN if name in controllers] or list(controllers)[:3]
     for done, scenario in enumerate(scenarios):
-        if report is not None:
-            report(done, len(scenarios), f"{scenario.name} at {scenario.temperature_degC:g} degC")
+        text = f"{scenario.name} at {scenario.temperature_degC:g} degC"
+        on_progress(ProgressUpdate(done=done, total=len(scenarios), text=text))
         course, reach = reaches[scenario.name, scenario.temperature_degC]
         found, runs = tests.run(scenario, controllers, course, reach)
         rows += found
         if hottest[scenario.name] == scenario.temperature_degC:
             shown = tuple(runs[name] for name in drawn)
             traced.append(Traced(scenario.name, scenario.temperature_degC, course, reach, shown))
-    return TrackRun(
-        card=card,
-        plant=damper.name,
-        seeds=seeds,
-        rate_Hz=options.rate_Hz,
-        rows=tuple(sorted(rows, key=lambda row: list(hottest).index(row.target))),
-        traced=tuple(traced),
-        notes=_notes(card, scenarios, damper),
-        cpu_s=time.process_time() - clock,
-    )
+    return sorted(rows, key=lambda row: list(hottest).index(row.target)), traced
 
 
 class _Tests:
@@ -272,54 +299,59 @@ class _Tests:
 # --------------------------------------------------------------------------------------- what is asked for
 
 
-def _read_card(path: Path) -> ModelCard:
-    card = read_card(path)
+def _check(options: TrackOptions) -> None:
+    if not (np.isfinite(options.rate_Hz) and options.rate_Hz > 0.0):
+        raise InputError(f"rate is {options.rate_Hz:g} Hz; expected a positive number")
+    if options.seed < 0:
+        raise InputError(f"seed is {options.seed}; expected zero or more")
+
+
+def _check_unit(place: str, card: ModelCard) -> None:
     if card.damper.command_unit != "A":
         raise InputError(
-            f"{path}: its command is in {card.damper.command_unit}; expected amperes, which the damper to be "
-            "tracked is commanded in. Identify the runs with their coil current"
+            f"its command is in {card.damper.command_unit}",
+            place=place,
+            expected="amperes, which the damper to be tracked is commanded in",
+            remedy="Identify the runs with their coil current",
         )
-    return card
 
 
-def _find_damper(name: str, card: ModelCard) -> _Damper:
-    """Return the plant of a preset, a damper's TOML or a card."""
-    if name in PRESETS or name.endswith(".toml"):
-        virtual = PRESETS[name] if name in PRESETS else VirtualDamper.from_toml(name)
+def _damper_of(given: TrackedDamper | VirtualDamper | ModelCard, card: ModelCard) -> _Damper:
+    """Return the plant of a virtual damper or a card."""
+    if isinstance(given, VirtualDamper):
+        given = TrackedDamper(given.name, given)
+    elif isinstance(given, ModelCard):
+        given = TrackedDamper(given.title or given.damper.law.name, given)
+    name, source = given.name, given.source
+    if isinstance(source, VirtualDamper):
         highest = min(_HIGHEST_A, card.envelope.command[1])
-        return _Damper(virtual.name, RigPlant(virtual), virtual.coil_ohm, highest, None, virtual.copper_per_K)
-    if not name.endswith(".json") and not is_there(name):
-        raise InputError(
-            f"there is no plant {name!r}; {did_you_mean(name, PRESETS)} (or the path of a card, or of a "
-            "virtual damper's TOML)"
-        )
-    other = _read_card(Path(name))
-    _check_current(f"the plant {name}", other)
-    highest = min(other.envelope.command[1], card.envelope.command[1])
-    actuation = other.damper.actuation
+        return _Damper(name, RigPlant(source), source.coil_ohm, highest, None, source.copper_per_K)
+    _check_unit(name, source)
+    _check_current(f"the plant {name}", source)
+    highest = min(source.envelope.command[1], card.envelope.command[1])
+    actuation = source.damper.actuation
     return _Damper(
         name,
-        CardPlant(other.damper, highest=highest),
+        CardPlant(source.damper, highest=highest),
         None if actuation is None else actuation.resistance_20_ohm,
         highest,
-        other.envelope.displacement,
+        source.envelope.displacement,
     )
 
 
-def _scenarios(options: TrackOptions, damper: _Damper) -> list[Scenario]:
+def _scenarios(targets: Sequence[Scenario], options: TrackOptions, damper: _Damper) -> list[Scenario]:
     """Return every target at every temperature."""
-    found = []
-    for name in dict.fromkeys(options.targets or tuple(SCENARIOS)):
-        from_file = name.endswith(".toml")
-        base = read_scenario(name) if from_file else find_scenario(name)
-        usual = (base.temperature_degC,) if from_file else TEMPERATURES_DEGC
+    found: list[Scenario] = []
+    for base in targets:
+        usual = TEMPERATURES_DEGC if SCENARIOS.get(base.name) is base else (base.temperature_degC,)
         for degrees in dict.fromkeys(options.temperatures_degC or usual):
             highest = min(base.highest_A, damper.highest_A)
             found.append(replace(base, temperature_degC=float(degrees), highest_A=highest))
-    names = [(each.name, each.temperature_degC) for each in found]
+    unique = list(dict.fromkeys(found))
+    names = [(each.name, each.temperature_degC) for each in unique]
     if len(set(names)) < len(names):
         raise InputError("two targets have the same name; give one of the files another name")
-    return found
+    return unique
 
 
 def _check_stroke(scenario: Scenario, place: str, stroke: tuple[float, float]) -> None:
@@ -328,9 +360,11 @@ def _check_stroke(scenario: Scenario, place: str, stroke: tuple[float, float]) -
     low, high = _STROKE_SLACK * min(stroke[0], 0.0), _STROKE_SLACK * max(stroke[1], 0.0)
     if not (x.min() >= low and x.max() <= high):
         raise InputError(
-            f"{place}: its data cover {1e3 * stroke[0]:.3g} to {1e3 * stroke[1]:.3g} mm, and the target "
-            f"{scenario.name!r} moves over {1e3 * x.min():.3g} to {1e3 * x.max():.3g} mm; expected a motion "
-            "inside. Identify runs of that stroke, or name another target"
+            f"its data cover {1e3 * stroke[0]:.3g} to {1e3 * stroke[1]:.3g} mm, and the target "
+            f"{scenario.name!r} moves over {1e3 * x.min():.3g} to {1e3 * x.max():.3g} mm",
+            place=place,
+            expected="a motion inside",
+            remedy="Identify runs of that stroke, or name another target",
         )
 
 
@@ -340,67 +374,78 @@ def _check_current(place: str, card: ModelCard) -> None:
     rows = card.damper.coefficients_at(np.array([low, high]))
     if not (np.ptp(rows, axis=1) > 0.0).any():
         raise InputError(
-            f"{place}: its force does not depend on the current (data from {low:g} to {high:g} A); no "
-            "current can track a force. Identify runs at two or more currents"
+            f"its force does not depend on the current (data from {low:g} to {high:g} A); no current can "
+            "track a force",
+            place=place,
+            remedy="Identify runs at two or more currents",
         )
 
 
-def _controllers(path: Path, card: ModelCard, options: TrackOptions, largest: float) -> dict[str, Controller]:
-    """Return the controllers that are asked for, those of the cards that do not know temperature last."""
-    every: dict[str, Controller] = dict(_made(path, card, options, largest))
-    made_of = dict.fromkeys(every, (path, card))
-    for kind, other, names in (
-        ("unaware", options.unaware, ("recommended", "paper")),
-        ("pooled", options.pooled, ("recommended",)),
-    ):
-        if other is not None:
-            blind = _read_card(other)
-            made = _made(other, blind, options, largest)
+def _controllers(
+    cards: Mapping[str, ModelCard], options: TrackOptions, largest: float
+) -> dict[str, Controller]:
+    """Return the controllers that are asked for, those of cards that do not know temperature last.
+
+    Parameters
+    ----------
+    cards : by their place in messages: ``card``, and ``unaware`` and ``pooled`` where there is such a one
+    """
+    card = cards["card"]
+    every: dict[str, Controller] = dict(_made("card", card, options, largest))
+    made_of = dict.fromkeys(every, "card")
+    for kind, names in (("unaware", ("recommended", "paper")), ("pooled", ("recommended",))):
+        if kind in cards:
+            _check_unit(kind, cards[kind])
+            made = _made(kind, cards[kind], options, largest)
             every |= {f"{name}-{kind}": made[name] for name in names}
-            made_of |= {f"{name}-{kind}": (other, blind) for name in names}
+            made_of |= {f"{name}-{kind}": kind for name in names}
     for name in options.controllers:
         if name not in every:
-            _check_law(path, name, card)
-            kind = name.removeprefix("recommended-")
-            more = f" It is made from another card: --{kind} CARD" if kind in ("unaware", "pooled") else ""
-            raise InputError(f"there is no controller {name!r}; {did_you_mean(name, every)}{more}")
+            raise _no_controller(name, card, every)
     chosen = {
         name: each for name, each in every.items() if name in options.controllers or not options.controllers
     }
-    late: dict[Path, list[str]] = {}
-    for name in chosen:
-        where, model = made_of[name]
-        no_actuator_lag = model.damper.actuation is None and model.damper.command_lag_s == 0.0
-        if no_actuator_lag and name.removesuffix("-unaware").removesuffix("-pooled") in _NEED_LAG:
-            late.setdefault(where, []).append(name)
-    if late:
-        where, names_of = next(iter(late.items()))
-        raise InputError(
-            f"{where}: has no actuation, so {', '.join(names_of)} cannot know how late the force follows the "
-            "current; expected a card identified with runs whose current steps (`steps` in the campaigns of "
-            "⟦mrdamper rig⟧). Add such a run, or name controllers that need none, such as ⟦--controller "
-            "paper⟧"
-        )
+    _check_lag(cards, {name: made_of[name] for name in chosen})
     return chosen
 
 
-def _check_law(path: Path, name: str, card: ModelCard) -> None:
-    from mrdamper.control.controllers import check_name
-
+def _no_controller(name: str, card: ModelCard, every: Mapping[str, Controller]) -> InputError:
+    """Return why there is no such controller: it is of another law, of another card, or of none."""
     try:
         check_name(name, card.damper.law.name)
     except InputError as error:
-        raise InputError(f"{path}: {error}") from error
+        return InputError(f"{error}", place="card")
+    kind = name.removeprefix("recommended-")
+    other = kind in ("unaware", "pooled")
+    more = f" It is made from another card: {option(kind, 'CARD')}" if other else ""
+    return InputError(f"there is no controller {name!r}; {did_you_mean(name, every)}{more}")
 
 
-def _made(path: Path, card: ModelCard, options: TrackOptions, largest: float) -> dict[str, ForceController]:
-    from mrdamper.control.controllers import controllers_for
+def _check_lag(cards: Mapping[str, ModelCard], made_of: Mapping[str, str]) -> None:
+    """Refuse controllers that need to know the lag of the force, of a card that has none."""
+    late: dict[str, list[str]] = {}
+    for name, place in made_of.items():
+        damper = cards[place].damper
+        no_actuator_lag = damper.actuation is None and damper.command_lag_s == 0.0
+        if no_actuator_lag and name.removesuffix("-unaware").removesuffix("-pooled") in _NEED_LAG:
+            late.setdefault(place, []).append(name)
+    for place, names in late.items():
+        raise InputError(
+            f"has no actuation, so {', '.join(names)} cannot know how late the force follows the current",
+            place=place,
+            expected="a card identified with runs whose current steps (`steps` in the campaigns of "
+            f"{command('rig')})",
+            remedy="Add such a run, or name controllers that need none, such as "
+            f"{option('controller', 'paper')}",
+        )
 
-    _check_current(str(path), card)
+
+def _made(place: str, card: ModelCard, options: TrackOptions, largest: float) -> Mapping[str, Controller]:
+    _check_current(place, card)
     try:
         return controllers_for(card, period_s=1.0 / options.rate_Hz, largest=largest)
     except InputError as error:
-        raise InputError(f"{path}: {error}") from error
+        raise InputError(f"{error}", place=place) from error
 
 
 def _notes(card: ModelCard, scenarios: Sequence[Scenario], damper: _Damper) -> tuple[str, ...]:
@@ -431,29 +476,3 @@ def _notes(card: ModelCard, scenarios: Sequence[Scenario], damper: _Damper) -> t
                 f"{name}: speeds up to {1e3 * speed:.0f} mm/s; the card's data end at {1e3 * known:.0f} mm/s"
             )
     return tuple(notes)
-
-
-# ------------------------------------------------------------------------------------------- in words
-
-
-def _answer(run: TrackRun) -> Json:
-    return {
-        "rows": [_row(row, run.plant) for row in run.rows],
-        "worst": [_row(row, run.plant) for row in run.worst],
-        "plant": run.plant,
-        "seeds": list(run.seeds),
-        "rate_Hz": run.rate_Hz,
-        "scored": "the worse of the seeds; all samples after the first second, at the plant's steps",
-        "notes": list(run.notes),
-        "cpu_s": round(run.cpu_s, 3),
-    }
-
-
-def _row(row: Row, plant: str) -> Json:
-    return {
-        "controller": row.controller,
-        "target": row.target,
-        "plant": plant,
-        "temperature_degC": row.temperature_degC,
-        **asdict(row.score),
-    }

@@ -23,23 +23,23 @@ from mrdamper.jobs.export import ExportOptions, export
 from mrdamper.jobs.heat import HeatResult, heat
 from mrdamper.jobs.identify import IdentifyResult, identify
 from mrdamper.jobs.inputs import read_dataset
-from mrdamper.jobs.options import FitOptions, HeatOptions
+from mrdamper.jobs.options import FitOptions, HeatOptions, SinkOptions, TrackOptions
 from mrdamper.jobs.rig import write_campaign
-from mrdamper.jobs.sink import SinkOptions, search_sinks, write_sink
-from mrdamper.jobs.track import TrackOptions, track_card, write_track
+from mrdamper.jobs.sink import sink
+from mrdamper.jobs.track import read_plant, track
 from mrdamper.models.card import ModelCard
-from mrdamper.models.card_schema import write_card
+from mrdamper.models.card_schema import read_card, write_card
 from mrdamper.models.fluids.fluid_file import find_fluid
 from mrdamper.paper.claims import claims_of
 from mrdamper.paper.figures import sections_of
 from mrdamper.paper.findings import Findings
 from mrdamper.paper.page import render_paper
-from mrdamper.report.base import write_report
-from mrdamper.report.figures.sink import SinkPictures
-from mrdamper.report.figures.track import TrackPictures
+from mrdamper.report.base import Place, write_report
 from mrdamper.report.heat import REPORT as HEAT_REPORT
 from mrdamper.report.identify import REPORT as IDENTIFY_REPORT
 from mrdamper.report.scores import summaries
+from mrdamper.report.sink import REPORT as SINK_REPORT
+from mrdamper.report.track import REPORT as TRACK_REPORT
 from mrdamper.rig.campaign import Campaign
 from mrdamper.rig.measurement import measure
 from mrdamper.rig.plant import find_preset
@@ -121,26 +121,24 @@ def demo(out: Path, *, quick: bool = False, seed: int = 0, report: Report | None
         now(4)
         heated = [_heated(warm, text, past_limit=text == _WARM_UP) for text in (_WARM_UP, *_OTHERS)]
         head = {"card": str(out / "paper_card.json"), "damper": "paper"}
-        heating = write_report(HEAT_REPORT, heated[0], *place.part("heating"), head)
+        heating = write_report(HEAT_REPORT, heated[0], {"": Place(*place.part("heating"))}, head)
         now(5)
         options = SinkOptions(by_field=not quick)
-        sinks = search_sinks(warm, read_drawing("paper"), read_duty(_HALF_HOUR), options)
-        sink_pictures = SinkPictures(sinks)
-        sink = write_sink(
-            sinks, options, out / "paper_card.json", "paper", *place.part("sink"), pictures=sink_pictures
-        )
+        sinks = sink(warm, read_drawing("paper"), read_duty(_HALF_HOUR), options)
+        searched = write_report(SINK_REPORT, sinks, {"": Place(*place.part("sink"))}, head)
         now(6)
-        tracked = track_card(
-            beside / "card.json",
+        tracked = track(
+            read_card(beside / "card.json"),
+            read_plant("nominal"),
             TrackOptions(
                 controllers=_CONTROLLERS,
-                unaware=beside / "cold_card.json",
                 temperatures_degC=(20.0, 123.0) if quick else (),
                 seed=seed + 1,
             ),
+            unaware=read_card(beside / "cold_card.json"),
         )
-        track_pictures = TrackPictures(tracked)
-        tracking = write_track(tracked, out / "card.json", *place.part("tracking"), pictures=track_pictures)
+        head = {"card": str(out / "card.json")}
+        tracking = write_report(TRACK_REPORT, tracked, {"": Place(*place.part("tracking"))}, head)
         now(7)
         target = _exported(beside)
         now(8)
@@ -153,8 +151,8 @@ def demo(out: Path, *, quick: bool = False, seed: int = 0, report: Report | None
             small=heated[1],
             fast=heated[2],
             works=tuple((each.duty.text, works_of(warm.damper, each.duty)[0]) for each in heated),
-            sink_pictures=sink_pictures,
-            track_pictures=track_pictures,
+            sink=sinks,
+            track=tracked,
         )
         claims = claims_of(found)
         answer: Json = {
@@ -166,7 +164,7 @@ def demo(out: Path, *, quick: bool = False, seed: int = 0, report: Report | None
             "heating": {
                 key: heating[key] for key in ("time_to_limit_s", "force_loss_percent", "energy_closure")
             },
-            "sink": {"reference": sink["reference"], "best": sink["best"], "cooler_K": sink["cooler_K"]},
+            "sink": {key: searched[key] for key in ("reference", "best", "cooler_K")},
             "tracking": tracking["worst"],
             "target": target,
             "cpu_s": round(time.process_time() - clock, 3),
@@ -226,7 +224,7 @@ def _write_identification(fitted: IdentifyResult, place: _Place) -> Json:
     beside, out = place.part("identification")
     title = "The virtual rig's preset nominal"
     named = replace(fitted, sources=(_LABEL,), simulated=_LABEL, title=title)
-    answer = write_report(IDENTIFY_REPORT, named, beside, out, {})
+    answer = write_report(IDENTIFY_REPORT, named, {"": Place(beside, out)}, {})
     (beside / "card.json").replace(place.beside / "card.json")
     return {**answer, "card": str(place.out / "card.json")}
 

@@ -13,8 +13,11 @@ from mrdamper.paper.findings import Findings
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.figures.damper_section import draw_dampers
 from mrdamper.report.figures.heat import draw_fade, draw_paths, draw_temperatures
+from mrdamper.report.figures.sink import draw_front, draw_sweeps
 from mrdamper.report.figures.small_multiples import colour_of_warmth
 from mrdamper.report.figures.style import HELD_OUT, INK, TRAINING, WIDE, drawing_style, svg_of
+from mrdamper.report.figures.track import draw_temperatures as draw_track_errors
+from mrdamper.report.figures.track import draw_tracking
 from mrdamper.report.identification.campaign import Campaign
 from mrdamper.report.identification.loops import loop_pictures
 
@@ -203,13 +206,13 @@ def _sink_plates(found: Findings) -> Iterator[PaperFigure]:
             "First panel of each row: the temperature, which falls all the way. The others are readings "
             "of its “heat "
             "dissipation efficiency”, whose equation is lost; those with the paper's trend are coloured.",
-            found.sink_pictures.sweeps,
+            draw_sweeps(run),
         )
     yield PaperFigure(
         "beyond the paper",
         "Which heat sink to build",
         "Temperature after 30 min against mass, within the envelope of the paper's heat sink.",
-        found.sink_pictures.front,
+        draw_front(run),
     )
     pictures = [("the paper's", run.reference), ("coolest", run.best)]
     yield PaperFigure(
@@ -230,14 +233,14 @@ def _sink_plates(found: Findings) -> Iterator[PaperFigure]:
 
 
 def _tracking_plates(found: Findings) -> Iterator[PaperFigure]:
-    pictures = found.track_pictures
     numbers = {"sine-900N-1Hz": "28 and 29", "sine-1100N-2Hz": "30", "non-periodic": "31"}
-    for traced, picture in zip(found.track.traced, pictures.over_time, strict=True):
+    for traced in found.track.traced:
         yield PaperFigure(
             numbers.get(traced.target, ""),
             f"{traced.target} at {traced.temperature_degC:g} °C",
             "The grey band is what the damper could give at that instant; below, grey is out of reach.",
-            picture,
+            draw_tracking(traced),
         )
-    if pictures.over_temperature:
-        yield PaperFigure("beyond the paper", "RMS error over temperature", "", pictures.over_temperature)
+    over_temperature = draw_track_errors(found.track)
+    if over_temperature:
+        yield PaperFigure("beyond the paper", "RMS error over temperature", "", over_temperature)

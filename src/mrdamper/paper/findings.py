@@ -7,11 +7,9 @@ from dataclasses import dataclass
 from mrdamper.identify.assess import Assessment
 from mrdamper.identify.fit import Identification
 from mrdamper.jobs.heat import HeatResult
-from mrdamper.jobs.sink import SinkRun
-from mrdamper.jobs.track import TrackRun
+from mrdamper.jobs.sink import SinkResult
+from mrdamper.jobs.track import TrackResult
 from mrdamper.models.fluids.fluid import Fluid
-from mrdamper.report.figures.sink import SinkPictures
-from mrdamper.report.figures.track import TrackPictures
 from mrdamper.thermal.dissipation import LoopWork
 
 __all__ = ["Findings"]
@@ -29,13 +27,5 @@ class Findings:
     small: HeatResult  # 5 mm, 1 Hz
     fast: HeatResult  # 3 mm, 2 Hz
     works: tuple[tuple[str, LoopWork], ...]  # the same three motions
-    sink_pictures: SinkPictures
-    track_pictures: TrackPictures
-
-    @property
-    def sink(self) -> SinkRun:
-        return self.sink_pictures.run
-
-    @property
-    def track(self) -> TrackRun:
-        return self.track_pictures.run
+    sink: SinkResult
+    track: TrackResult

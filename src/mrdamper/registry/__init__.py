@@ -9,31 +9,33 @@ Rows name modules as text (``"mrdamper.jobs.heat:heat"``), so that reading the t
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from contextlib import ExitStack
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from importlib import import_module
+from operator import attrgetter
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from mrdamper.errors import InputError, option
+from mrdamper.errors import InputError, MrdamperError, option
+from mrdamper.files import is_folder
 from mrdamper.schema import Field, Json, fields_of, read_record
 
 if TYPE_CHECKING:
-    from mrdamper.report.base import Report
+    from mrdamper.report.base import Place, Report
     from mrdamper.runtime.checkpoint import Tell
     from mrdamper.runtime.progress import Progress
 
 _NOTHING: Mapping[str, Any] = MappingProxyType({})
 
-__all__ = ["JOBS", "KINDS", "Input", "Job", "Kind", "find_job", "load"]
+__all__ = ["JOBS", "KINDS", "Input", "Job", "Kind", "Output", "find_job", "load"]
 
 
 def load(name: str) -> Any:  # noqa: ANN401 - whatever has this name
     """Return the object that ``module:name`` names."""
     module, _, attribute = name.partition(":")
-    return getattr(import_module(module), attribute)
+    return attrgetter(attribute)(import_module(module))
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +71,9 @@ KINDS: Mapping[str, Kind] = {
     ),
     "record": Kind("RECORD", "mrdamper.jobs.inputs:read_record", place="records", options=_RUNS),
     "law": Kind("LAW"),
+    "plant": Kind("PRESET|FILE|CARD", "mrdamper.jobs.track:read_plant", choices="plants"),
+    "targets": Kind("NAME|FILE", "mrdamper.jobs.track:read_targets", choices="targets", many=True),
+    "rheometer tables": Kind("TABLE.csv...", "mrdamper.data.rheometer:read_rheometer_tables", many=True),
     "fluid": Kind("PRESET|FILE", "mrdamper.models.fluids.fluid_file:find_fluid", choices="fluids"),
     "preparation": Kind(""),
     "drawing": Kind("FILE|paper", "mrdamper.thermal.drawing_file:read_drawing", choices="dampers"),
@@ -90,11 +95,14 @@ class Input:
     default: str | None = None  # a preset or text; None beside required=False: nothing
     required: bool = True
     label: str = ""  # beside its field on a page
-    in_answer: bool = True  # whether the answer begins with its path, where it is required and one file
+    in_answer: bool | None = None  # whether the answer begins with its path; None: where it is required and
+    # one file
 
     @property
     def named_in_answer(self) -> bool:
-        return self.in_answer and self.required and not KINDS[self.kind].many
+        if self.in_answer is None:
+            return self.required and not KINDS[self.kind].many
+        return self.in_answer
 
     @property
     def told(self) -> str:
@@ -118,6 +126,19 @@ class Input:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Output:
+    """One thing that a job writes to a place of its own: ``WrittenFile.output`` has its name."""
+
+    name: str
+    metavar: str  # FILE, or DIR for a folder
+    help: str
+
+    @property
+    def flag(self) -> str:
+        return f"--{self.name}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Job:
     """One row: a job, with all that its faces are made from."""
 
@@ -130,14 +151,23 @@ class Job:
     options: str = "mrdamper.jobs.options:NoOptions"  # module:class; without fields, ``run`` takes none
     files_help: str = ""  # what --out is for; empty: the job writes nothing
     out_required: bool = False
+    out_default: str = ""
+    outputs: tuple[Output, ...] = ()  # the options' ``what`` names those that are wanted
+    check: str = ""  # module:function(given, options), before anything is read
     set_when_written: tuple[str, ...] = ()  # options that are None by default, and mean: with a folder
     progress_word: str = "run"  # of what the progress counts; empty: ``run`` takes no ``on_progress``
     checkpoint: str = ""  # module:function(**inputs, options=...) -> all that decides the result; with it the
     # job can be resumed, and ``run`` takes a ``checkpoint``
+    keeper: str = "mrdamper.runtime.checkpoint:checkpointed"  # gives the checkpoint of a folder
     stream: str = ""  # the file that ``run`` writes as it goes, to its argument ``stream``
     ctrl_c: str = ""  # what an interrupt does, in a word or two, where the job does not simply end
     page: str = ""  # where the pages have it
+    python: str = ""  # its name in Python, where that is not its own: a room may have that
     aliases: tuple[str, ...] = ()  # its other names in Python
+
+    @property
+    def attribute(self) -> str:
+        return self.python or self.name
 
     @property
     def options_type(self) -> type:
@@ -194,10 +224,12 @@ class Job:
             required may be missing
         options : of the job's own type
         """
-        return self._run(self._read(given), options, on_progress)
+        return self._run(given, self._read(given, options), options, on_progress)
 
-    def _read(self, given: Mapping[str, Any]) -> dict[str, Any]:
+    def _read(self, given: Mapping[str, Any], options: Any) -> dict[str, Any]:  # noqa: ANN401
         """Return the things that the job works on, by name."""
+        if self.check:
+            load(self.check)(given, options)
         return {each.name: self._value(each, given) for each in self.inputs}
 
     def _value(self, each: Input, given: Mapping[str, Any]) -> Any:  # noqa: ANN401
@@ -205,12 +237,25 @@ class Job:
         value = each.default if value is None else value
         return None if value is None else each.read(value, given)
 
-    def _run(self, things: Mapping[str, Any], options: Any, on_progress: Progress | None, **more: Any) -> Any:  # noqa: ANN401
+    def _run(
+        self,
+        given: Mapping[str, Any],
+        things: Mapping[str, Any],
+        options: Any,  # noqa: ANN401
+        on_progress: Progress | None,
+        **more: Any,  # noqa: ANN401
+    ) -> Any:  # noqa: ANN401
+        """Run the job; a fault whose place is an input gets the path that was given for it."""
         if self.progress_word and on_progress is not None:
             more["on_progress"] = on_progress
         if self.fields:
             more["options"] = options
-        return load(self.run)(**things, **more)
+        try:
+            return load(self.run)(**things, **more)
+        except MrdamperError as fault:
+            if isinstance(path := given.get(fault.place), str | Path):
+                fault.move_to(str(path))
+            raise
 
     def perform(
         self,
@@ -218,6 +263,7 @@ class Job:
         options: Any = None,  # noqa: ANN401 - of the job's own type
         *,
         out: Path | None = None,
+        outputs: Mapping[str, Path] = _NOTHING,
         on_progress: Progress | None = None,
         resume: bool | None = None,
         tell: Tell | None = None,
@@ -228,6 +274,7 @@ class Job:
         ----------
         given : as ``__call__`` takes it
         options : None: the usual ones
+        outputs : places of what has one of its own, by the output's name
         resume : go on with what the same job into the same folder had finished; False: begin anew, but keep
             what is finished; None: keep nothing
         tell : told what is done with an earlier run's progress
@@ -236,23 +283,26 @@ class Job:
         for name in self.set_when_written:
             if getattr(options, name) is None:
                 options = replace(options, **{name: out is not None})
+        if outputs:
+            options = replace(options, what=tuple(outputs))
         reported = self.reported  # loaded now: what an interrupted job has found can be written at once
-        things = self._read(given)
+        things = self._read(given, options)
         head = self._head(given)
-        if out is not None:
-            kept = resume if self.checkpoint else None
-            return self._into(out, things, options, head, on_progress, resume=kept, tell=tell)
+        if out is not None or outputs:
+            places = self._places(out, outputs)
+            return self._into(places, given, things, options, head, on_progress, resume=resume, tell=tell)
         if resume:
             raise InputError(
                 f"{option('resume')} goes on with what is kept beside {option('out')}",
                 expected=f"an {option('out')}",
             )
-        result = self._run(things, options, on_progress)
+        result = self._run(given, things, options, on_progress)
         return result, {**head, **reported.answer(result)}
 
     def _into(
         self,
-        out: Path,
+        folders: Mapping[str, Path],
+        given: Mapping[str, Any],
         things: Mapping[str, Any],
         options: Any,  # noqa: ANN401
         head: Mapping[str, object],
@@ -261,38 +311,82 @@ class Job:
         resume: bool | None,
         tell: Tell | None,
     ) -> tuple[Any, Json]:
-        """Run the job on things that are read, its files into a folder; return (result, answer)."""
+        """Run the job on things that are read, its files into their places; return (result, answer)."""
         from mrdamper.report.base import write_report
-        from mrdamper.runtime.checkpoint import checkpointed
-        from mrdamper.runtime.outputs import atomic_output
 
-        decisive = {} if resume is None else load(self.checkpoint)(**things, options=options)
         more: dict[str, Any] = {}
-        with checkpointed(out, decisive, resume=resume, tell=tell) as kept:
-            if kept is not None:
-                more["checkpoint"] = kept
-            with atomic_output(out) as beside:
-                with ExitStack() as open_files:
-                    if self.stream:
-                        more["stream"] = open_files.enter_context((beside / self.stream).open("wb"))
-                    result = self._run(things, options, on_progress, **more)
-                answer = write_report(self.reported, result, beside, out, head)
-            if kept is not None:
-                kept.finished = self.reported.outcome(result).exit_code == 0
+        with ExitStack() as stack:
+            if self.checkpoint and resume is not None:
+                decisive = load(self.checkpoint)(**things, options=options)
+                kept = load(self.keeper)(folders[""], decisive, resume=resume, tell=tell)
+                more["checkpoint"] = stack.enter_context(kept)
+            # The places first: one that cannot be written to is told before anything is made.
+            places = stack.enter_context(self._staged(folders))
+            with ExitStack() as open_files:
+                if self.stream:
+                    path = places[""].stage / self.stream
+                    more["stream"] = open_files.enter_context(path.open("wb"))
+                result = self._run(given, things, options, on_progress, **more)
+            answer = write_report(self.reported, result, places, head)
+            if "checkpoint" in more:
+                more["checkpoint"].finished = self.reported.outcome(result).exit_code == 0
         return result, answer
 
-    def _head(self, given: Mapping[str, Any]) -> dict[str, str]:
+    def _places(self, out: Path | None, outputs: Mapping[str, Path]) -> dict[str, Path]:
+        """Return the places of all that is written: the folder under the empty name, others by theirs."""
+        given = [path.absolute() for path in outputs.values()]
+        for name, path in outputs.items():
+            if given.count(path.absolute()) > 1:
+                raise InputError(
+                    f"{self.name}: {path} is to be two things at once; expected a place for each"
+                )
+            if name in self._files and is_folder(path):
+                raise InputError(f"{path}: is a folder; expected the name of a file to write")
+        if out is None:
+            return dict(outputs)
+        beside = {name: follow(out) for name, follow in self.reported.beside.items()}
+        return {"": out, **beside, **outputs}
+
+    @contextmanager
+    def _staged(self, folders: Mapping[str, Path]) -> Iterator[Mapping[str, Place]]:
+        """Give the places to write to; what was written there is moved to where it belongs at the end."""
+        from mrdamper.report.base import Place
+        from mrdamper.runtime.outputs import atomic_output
+
+        with ExitStack() as stack:
+            places = {}
+            for name, path in folders.items():
+                file = name in self._files
+                stage = stack.enter_context(atomic_output(path.parent if file else path))
+                places[name] = Place(stage / path.name if file else stage, path)
+            yield places
+
+    @property
+    def _files(self) -> set[str]:
+        """The outputs that are a file."""
+        return {each.name for each in self.outputs if each.metavar != "DIR"}
+
+    def page_answer(self, result: object) -> Json:
+        """Return what a web page shows of a result beside its answer: curves, mostly."""
+        return self.reported.for_page(result)
+
+    def _head(self, given: Mapping[str, Any]) -> Json:
         """Return what an answer begins with: the files that were named, by key."""
         named = {each.told: given.get(each.name) for each in self.inputs if each.named_in_answer}
-        return {key: str(value) for key, value in named.items() if isinstance(value, str | Path)}
+        one = {key: str(value) for key, value in named.items() if isinstance(value, str | Path)}
+        many = {
+            key: [str(each) for each in value if isinstance(each, str | Path)]
+            for key, value in named.items()
+            if isinstance(value, list | tuple)
+        }
+        return {**one, **many}
 
     def save(self, result: object, out: Path) -> Json:
         """Write a result's files into a folder, all or none; return the answer, with their paths."""
         from mrdamper.report.base import write_report
-        from mrdamper.runtime.outputs import atomic_output
 
-        with atomic_output(out) as beside:
-            return write_report(self.reported, result, beside, out, _NOTHING)
+        with self._staged(self._places(out, {})) as places:
+            return write_report(self.reported, result, places, _NOTHING)
 
 
 CARD = Input(name="card", kind="card", help="The model card.")
@@ -435,6 +529,84 @@ _ROWS = (
         report="mrdamper.report.forecast:REPORT",
         files_help="For forecast.svg, forecast.json, forecast.csv.",
         progress_word="step",
+    ),
+    Job(
+        name="fluid",
+        help="Fit viscosity and yield-stress laws to rheometer tables.\n\nTABLE.csv: temperature_degC and "
+        "viscosity_mPas, or field_mT (field_kA_m), temperature_degC and yield_stress_kPa.",
+        inputs=(
+            Input(name="tables", kind="rheometer tables", in_answer=True, help="Rheometer tables."),
+            Input(
+                name="like",
+                kind="fluid",
+                flag="--like",
+                default="paper",
+                required=False,
+                help="Fluid that gives what the tables do not hold: paper, lord-mrf-132dg, or a fluid.toml.",
+            ),
+        ),
+        options="mrdamper.jobs.options:FluidOptions",
+        run="mrdamper.jobs.fluid:fluid",
+        result="mrdamper.jobs.fluid:FluidResult",
+        report="mrdamper.report.fluid:REPORT",
+        files_help="For fluid.toml and fluid.svg.",
+        page="the page Fluid",
+    ),
+    Job(
+        name="track",
+        help="Track forces on a virtual damper with controllers made from a card, without a force sensor.",
+        inputs=(
+            CARD,
+            Input(
+                name="plant",
+                kind="plant",
+                flag="--plant",
+                default="nominal",
+                required=False,
+                help="The damper that is tracked: nominal, hard, stiff, ..., a virtual damper (TOML), or a "
+                "card (JSON).",
+            ),
+            Input(
+                name="targets",
+                kind="targets",
+                flag="--target",
+                required=False,
+                help="sine-900N-1Hz, sine-1100N-2Hz, non-periodic, or a scenario (may be repeated).  "
+                "[default: all]",
+            ),
+            Input(
+                name="unaware",
+                kind="card",
+                flag="--unaware",
+                required=False,
+                help="Identified at one temperature: adds recommended-unaware and paper-unaware.",
+            ),
+            Input(
+                name="pooled",
+                kind="card",
+                flag="--pooled",
+                required=False,
+                help="Identified over all temperatures without knowing them: adds recommended-pooled.",
+            ),
+        ),
+        options="mrdamper.jobs.options:TrackOptions",
+        run="mrdamper.jobs.track:track",
+        result="mrdamper.jobs.track:TrackResult",
+        report="mrdamper.report.track:REPORT",
+        files_help="For track.html, track.json, track.csv.",
+        page="the page Control",
+    ),
+    Job(
+        name="sink",
+        help="Search annular-fin heat sinks: the coolest damper for the least mass, inside limits.",
+        inputs=(CARD, DRAWING, DUTY),
+        options="mrdamper.jobs.options:SinkOptions",
+        run="mrdamper.jobs.sink:sink",
+        result="mrdamper.jobs.sink:SinkResult",
+        report="mrdamper.report.sink:REPORT",
+        checkpoint="mrdamper.jobs.sink:decisive",
+        files_help="For sink.html, sink.json, front.csv, best.toml.",
+        page="the page Sink",
     ),
 )
 

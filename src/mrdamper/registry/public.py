@@ -30,7 +30,7 @@ __all__ = ["bind_result", "function_of", "public_names"]
 
 def public_names() -> dict[str, Job]:
     """Return the jobs by their names in Python."""
-    return {name: job for job in JOBS.values() for name in (job.name, *job.aliases)}
+    return {name: job for job in JOBS.values() for name in (job.attribute, *job.aliases)}
 
 
 def function_of(job: Job) -> Callable[..., Any]:
@@ -39,7 +39,7 @@ def function_of(job: Job) -> Callable[..., Any]:
     def call(*inputs: Any, on_progress: Any = None, **given: Any) -> Any:  # noqa: ANN401 - as the signature says
         return _call(job, inputs, given, on_progress)
 
-    call.__name__ = call.__qualname__ = job.name
+    call.__name__ = call.__qualname__ = job.attribute
     call.__module__ = "mrdamper"
     call.__doc__ = _documentation(job)
     vars(call)["__signature__"] = _signature(job)
@@ -48,24 +48,28 @@ def function_of(job: Job) -> Callable[..., Any]:
 
 
 def _call(job: Job, inputs: tuple[Any, ...], given: dict[str, Any], on_progress: Any) -> Any:  # noqa: ANN401
-    known = [*job.given_names, *(field.name for field in job.fields)]
+    known = [*job.given_names, *(field.name for field in job.fields), *(each.name for each in job.outputs)]
     for name in given:
         if name not in known:
-            raise InputError(f"mrdamper.{job.name}: no option {name!r}; {did_you_mean(name, known)}")
+            raise InputError(f"mrdamper.{job.attribute}: no option {name!r}; {did_you_mean(name, known)}")
     names = [each.name for each in job.inputs]
     if len(inputs) > len(names):
         raise InputError(
-            f"mrdamper.{job.name}: {len(inputs)} inputs were given", expected=f"at most {len(names)}"
+            f"mrdamper.{job.attribute}: {len(inputs)} inputs were given", expected=f"at most {len(names)}"
         )
     named = dict(zip(names, inputs, strict=False))
     named |= {name: given.pop(name) for name in names if name in given}
     missing = [each.name for each in job.inputs if each.required and named.get(each.name) is None]
     if missing:
         raise InputError(
-            f"mrdamper.{job.name}: {', '.join(missing)} is missing", expected="a path, or the thing"
+            f"mrdamper.{job.attribute}: {', '.join(missing)} is missing", expected="a path, or the thing"
         )
     reading = {field.name: given.pop(field.name) for field in job.reading if field.name in given}
-    return job({**named, **job.reading_from(reading)}, job.options_from(given), on_progress)
+    outputs = {each.name: Path(given.pop(each.name)) for each in job.outputs if given.get(each.name)}
+    named |= job.reading_from(reading)
+    if outputs:
+        return job.perform(named, job.options_from(given), outputs=outputs, on_progress=on_progress)[0]
+    return job(named, job.options_from(given), on_progress)
 
 
 def _signature(job: Job) -> inspect.Signature:
@@ -78,6 +82,7 @@ def _signature(job: Job) -> inspect.Signature:
         kind(field.name, kind.KEYWORD_ONLY, default=kind.empty if field.required else field.default)
         for field in (*job.reading, *job.fields)
     ]
+    rest += [kind(each.name, kind.KEYWORD_ONLY, default=None) for each in job.outputs]
     return inspect.Signature([*first, *rest, kind("on_progress", kind.KEYWORD_ONLY, default=None)])
 
 
@@ -91,6 +96,7 @@ def _documentation(job: Job) -> str:
     for field in (*job.reading, *job.fields):
         unit = f" [{field.option.unit}]" if field.option.unit else ""
         lines.append(f"{field.name} : {field.option.help}{unit} Expected: {field.words}.")
+    lines += [f"{each.name} : {each.metavar}. {each.help}" for each in job.outputs]
     return "\n".join([*lines, "on_progress : receives ``ProgressUpdate``"])
 
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Generic, TypeVar
+
+from rich.markup import escape
 
 from mrdamper.errors import ConvergenceError
 from mrdamper.runtime.outputs import write_json
@@ -15,7 +17,17 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from rich.console import Console
 
-__all__ = ["BEST_SO_FAR", "DONE", "Outcome", "Report", "WrittenFile", "interrupted", "write_report"]
+__all__ = [
+    "BEST_SO_FAR",
+    "DONE",
+    "Outcome",
+    "Place",
+    "Report",
+    "WrittenFile",
+    "interrupted",
+    "print_notes",
+    "write_report",
+]
 
 Result = TypeVar("Result")
 
@@ -39,15 +51,44 @@ def interrupted(left: str = BEST_SO_FAR) -> Outcome:
     return Outcome(exit_code=ConvergenceError.exit_code, said=(f"interrupted: {left}",))
 
 
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A folder or file: where it is written until all are, and where it will lie."""
+
+    stage: Path
+    path: Path
+
+    def __truediv__(self, name: str) -> Place:
+        return Place(self.stage / name, self.path / name)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WrittenFile(Generic[Result]):
-    """One of the files that a result is written to."""
+    """One of the files that a result is written to, or a folder of them."""
 
-    name: str
+    name: str | Callable[[Result], str]  # empty: ``write`` is given the folder itself
     key: str = ""  # of the answer, under which its path stands; empty: it is not told
-    write: Callable[[Result, Path], None] | None = None  # None: the answer itself, as JSON
+    write: Callable[[Result, Path], object] | None = None  # None: the answer itself, as JSON
     streamed: bool = False  # the job itself has written it as it went
     when: Callable[[Result], bool] = lambda _: True
+    folder: str = ""  # of ``Report.beside``; empty: the one that the user names
+    output: str = ""  # of the job's outputs, which have an option each; empty: none
+
+    def where(self, result: Result, places: Mapping[str, Place]) -> Place | None:
+        """Return the place of this file: that of its output, else its name in a folder; None: nowhere."""
+        if self.output and self.output in places:
+            return places[self.output]
+        if self.folder not in places or not self.when(result):
+            return None
+        place = places[self.folder] / (self.name if isinstance(self.name, str) else self.name(result))
+        return None if self.streamed and not place.stage.exists() else place
+
+
+def _wrote(_: object, answer: Json, console: Console) -> None:
+    """Print where the files are that a person would open."""
+    paths = [answer[key] for key in ("report", "file", "picture", "drawing") if answer.get(key) is not None]
+    if paths:
+        console.print(f"wrote {' and '.join(paths)}", markup=False)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,8 +99,13 @@ class Report(Generic[Result]):
     ----------
     answer : the object that ``--json`` prints; its keys are documented
     show : prints tables and notes to a terminal
+    wrote : prints what was written, after them; it is given the answer, too
     summary : a few lines that answer the user's question, without a figure
     files : what is written into the folder that the user names, all or nothing
+    beside : further folders, by name: each follows from the one that the user names
+    in_folder : further keys of the answer, which follow from that folder
+    lists_files : the answer's ``files`` names all that was written
+    for_page : further keys of the answer, for the curves of a web page
     figure : the picture that answers the question; None where there is none
     rows : the result as a table, one mapping a row; None where rows make no sense
     outcome : how the job ended, where that is not always well
@@ -67,32 +113,54 @@ class Report(Generic[Result]):
 
     answer: Callable[[Result], Json]
     show: Callable[[Result, Console], None]
+    wrote: Callable[[Result, Json, Console], None] = _wrote
     summary: Callable[[Result], Sequence[str]]
     files: tuple[WrittenFile[Result], ...] = ()
+    beside: Mapping[str, Callable[[Path], Path]] = field(default_factory=dict)
+    in_folder: Callable[[Result, Path], Json] = lambda _, __: {}
+    lists_files: bool = False
+    for_page: Callable[[Result], Json] = lambda _: {}
     figure: Callable[[Result], Figure] | None = None
     rows: Callable[[Result], Rows] | None = None
     outcome: Callable[[Result], Outcome] = lambda _: DONE
 
 
 def write_report(
-    report: Report[Result], result: Result, beside: Path, out: Path, head: Mapping[str, object]
+    report: Report[Result], result: Result, places: Mapping[str, Place], head: Mapping[str, object]
 ) -> Json:
-    """Write a result's files into ``beside``, of what will lie in ``out``; return the answer with paths."""
-    files = [
-        file
-        for file in report.files
-        if file.when(result) and (not file.streamed or (beside / file.name).exists())
-    ]
-    answer = {
+    """Write a result's files; return the answer, with their paths.
+
+    Parameters
+    ----------
+    places : the folder that the user named, under the empty name, and further folders and outputs by their
+        names; what has no place is not written
+    head : what the answer begins with
+    """
+    found = ((file, file.where(result, places)) for file in report.files)
+    files = [(file, place) for file, place in found if place is not None]
+    written: list[str] = []
+    for file, place in files:
+        if file.write is not None and not file.streamed:
+            file.write(result, place.stage)
+            written += [str(place.path / each.relative_to(place.stage)) for each in _files_of(place.stage)]
+    answer: Json = {
         **head,
         **report.answer(result),
-        **{file.key: str(out / file.name) for file in files if file.key},
+        **{file.key: str(place.path) for file, place in files if file.key},
+        **(report.in_folder(result, places[""].path) if "" in places else {}),
+        **({"files": written} if report.lists_files else {}),
     }
-    for file in files:
-        if file.streamed:
-            continue
-        if file.write is None:
-            write_json(beside / file.name, answer)
-        else:
-            file.write(result, beside / file.name)
+    for file, place in files:
+        if file.write is None and not file.streamed:
+            write_json(place.stage, answer)
     return answer
+
+
+def _files_of(path: Path) -> Iterable[Path]:
+    return sorted(each for each in path.rglob("*") if each.is_file()) if path.is_dir() else (path,)
+
+
+def print_notes(notes: Iterable[str], console: Console) -> None:
+    """Print what a reader of a result should know, one line each."""
+    for note in notes:
+        console.print(f"- {escape(note)}")

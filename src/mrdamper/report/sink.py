@@ -1,23 +1,31 @@
-"""The page of ``mrdamper sink``: one HTML file that opens offline, as the report does."""
+"""What ``sink`` found: the answer's keys, tables of a terminal, the page, the front as CSV, the best sink."""
 
 from __future__ import annotations
 
-from mrdamper.jobs.sink import SinkRun
+from pathlib import Path
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from mrdamper.jobs.sink import SinkResult
 from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.report.base import Report, WrittenFile, print_notes
 from mrdamper.report.figures.damper_section import draw_dampers
-from mrdamper.report.figures.sink import SinkPictures
+from mrdamper.report.figures.sink import draw_front, draw_sweeps, front_figure
 from mrdamper.report.heat import sink_in_words
 from mrdamper.report.page import environment
+from mrdamper.runtime.outputs import write_table
+from mrdamper.schema import Json
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.sinks.design import SinkDesign
-from mrdamper.thermal.sinks.efficiency import DEFAULT_EFFICIENCY, EFFICIENCIES
+from mrdamper.thermal.sinks.efficiency import DEFAULT_EFFICIENCY, EFFICIENCIES, SinkEffect, Sweep
 
-__all__ = ["render_sink"]
+__all__ = ["REPORT", "render_sink"]
 
 
-def render_sink(pictures: SinkPictures) -> str:
+def render_sink(run: SinkResult) -> str:
     """Return the page's HTML."""
-    run = pictures.run
     return (
         environment()
         .get_template("sink.html.j2")
@@ -25,16 +33,16 @@ def render_sink(pictures: SinkPictures) -> str:
             it=run,
             zero=ZERO_CELSIUS_K,
             words=[sink_in_words(each.sink) for each in run.front if each.sink is not None],
-            front=pictures.front,
+            front=draw_front(run),
             dampers=draw_dampers(_dampers(run), "Best sink and reference, to scale"),
-            sweeps=pictures.sweeps,
+            sweeps=draw_sweeps(run),
             definitions=list(EFFICIENCIES.values()),
             default=DEFAULT_EFFICIENCY,
         )
     )
 
 
-def _dampers(run: SinkRun) -> list[tuple[str, DamperDrawing]]:
+def _dampers(run: SinkResult) -> list[tuple[str, DamperDrawing]]:
     """Return what is drawn: the reference, the best, and the lightest that is as cool as the reference."""
 
     def titled(name: str, design: SinkDesign) -> tuple[str, DamperDrawing]:
@@ -46,3 +54,221 @@ def _dampers(run: SinkRun) -> list[tuple[str, DamperDrawing]]:
     if run.lightest is not None and run.reference.sink is not None and run.lightest is not run.best:
         chosen.append(titled("lightest that is as cool as the reference", run.lightest))
     return chosen
+
+
+# ------------------------------------------------------------------------------------------- the answer
+
+
+def _answer(run: SinkResult) -> Json:
+    """Return what ``mrdamper sink --json`` prints, but for the files."""
+    limits, lightest = run.limits, run.lightest
+    return {
+        "duty": run.duty.text,
+        "reference": _design(run.reference),
+        "bare": _design(run.bare),
+        "front": [_design(each) for each in run.front],
+        "best": _design(run.best),
+        "cooler_K": run.reference.fluid - run.best.fluid,
+        "lightest_as_cool": None if lightest is None else _design(lightest),
+        "limits": {
+            "span_m": limits.span,
+            "width_m": limits.width,
+            "mass_kg": limits.mass if limits.mass < float("inf") else None,
+            "least_thickness_m": limits.least_thickness,
+            "least_gap_m": limits.least_gap,
+            "materials": [material.name for material in limits.materials],
+            "emissivities": list(limits.emissivities),
+        },
+        "search": {
+            "method": run.found.method,
+            "seed": run.seed,
+            "tried": run.found.tried,
+            "outside": run.found.outside,
+            "front": len(run.found.designs),
+            "cpu_s": round(run.found.cpu_s, 3),
+        },
+        "spread": [
+            {
+                "correlation": each.correlation,
+                "film_multiplier": each.film_multiplier,
+                "reference_degC": _celsius(each.reference),
+                "best_degC": _celsius(each.best),
+            }
+            for each in run.spread
+        ],
+        "study": None if run.sweeps is None else _study(run.sweeps),
+        "notes": list(run.notes),
+        "cpu_s": round(run.cpu_s, 3),
+    }
+
+
+def _design(design: SinkDesign) -> Json:
+    """Return a design's line; the bare damper has no fins."""
+    found = design.sink
+    return {
+        "fins": 0 if found is None else found.fins,
+        "width_m": 0.0 if found is None else found.width,
+        "thickness_m": 0.0 if found is None else found.thickness,
+        "pitch_m": 0.0 if found is None else found.pitch,
+        "mass_kg": design.mass,
+        "temperature_degC": design.fluid - ZERO_CELSIUS_K,
+        "model": design.model,
+        "coil_degC": design.coil - ZERO_CELSIUS_K,
+        "network_degC": design.network_fluid - ZERO_CELSIUS_K,
+        "steady_degC": _celsius(design.steady),
+        "material": None if found is None else found.material.name,
+        "emissivity": None if found is None else found.emissivity,
+    }
+
+
+def _study(sweeps: tuple[Sweep, Sweep]) -> Json:
+    width, fins = sweeps
+    return {
+        "default": DEFAULT_EFFICIENCY,
+        "definitions": [
+            {
+                "name": name,
+                "symbol": each.symbol,
+                "formula": each.formula,
+                "unit": each.unit,
+                "width": width.trend(name),
+                "fins": fins.trend(name),
+                "follows_paper": {"width": width.follows_paper(name), "fins": fins.follows_paper(name)},
+            }
+            for name, each in EFFICIENCIES.items()
+        ],
+        "width": [_swept(width, k, effect) for k, effect in enumerate(width.effects)],
+        "fins": [_swept(fins, k, effect) for k, effect in enumerate(fins.effects)],
+    }
+
+
+def _swept(sweep: Sweep, place: int, effect: SinkEffect) -> Json:
+    return {
+        "fins": effect.sink.fins,
+        "width_m": effect.sink.width,
+        "temperature_degC": effect.finned - ZERO_CELSIUS_K,
+        "efficiency": {name: float(values[place]) for name, values in sweep.values.items()},
+    }
+
+
+def _celsius(kelvin: float | None) -> float | None:
+    return None if kelvin is None else kelvin - ZERO_CELSIUS_K
+
+
+def _toml(run: SinkResult) -> str:
+    """Return the best sink as a file for ``mrdamper heat --sink``."""
+    best = run.best.sink
+    assert best is not None  # a search returns sinks
+    own = (("fins", best.fins), ("width_mm", 1e3 * best.width), ("thickness_mm", 1e3 * best.thickness))
+    more = (
+        ("pitch_mm", 1e3 * best.pitch),
+        ("emissivity", best.emissivity),
+        ("film_multiplier", best.film_multiplier),
+        ("contact_m2K_W", best.contact),
+    )
+    lines = [f"{name} = {value:.10g}" for name, value in (*own, *more)]
+    lines += [f'material = "{best.material.name}"', f'correlation = "{best.correlation}"']
+    return "\n".join([f"# {sink_in_words(best)}", "[sink]", *lines, ""])
+
+
+# ------------------------------------------------------------------------------------------- a terminal
+
+
+def _show(run: SinkResult, console: Console) -> None:
+    """Print the front beside the reference, the paper's sweeps, and what a reader should know."""
+    console.print(_front_table(run))
+    console.print(f"[bold]{run.reference.fluid - run.best.fluid:.1f} K[/bold] cooler than the reference")
+    for each in run.spread:
+        told = " and ".join(_degrees(kelvin) for kelvin in (each.reference, each.best))
+        law = f"{each.correlation} law times {each.film_multiplier:g}"
+        console.print(f"  {law}: reference and coolest {told} degC (network)")
+    if run.sweeps is not None:
+        console.print(_study_table(*run.sweeps))
+        for definition in EFFICIENCIES.values():
+            console.print(escape(f"  {definition.symbol:4} {definition.formula} [{definition.unit}]"))
+    print_notes(run.notes, console)
+
+
+def _degrees(kelvin: float | None) -> str:
+    return "-" if kelvin is None else f"{kelvin - ZERO_CELSIUS_K:.1f}"
+
+
+def _front_table(run: SinkResult) -> Table:
+    by = "finite elements" if run.best.model == "finite_element" else "zone network"
+    table = Table(title=f"Heat sinks: fluid at the end of the duty against mass, by {by}")
+    for name in ("", "fins", "width mm", "thickness mm", "pitch mm", "material", "g", "degC", "network degC"):
+        table.add_column(name, justify="left" if name in {"", "material"} else "right", no_wrap=True)
+    rows = [("bare", run.bare)]
+    if run.reference.sink is not None:
+        rows.append(("reference", run.reference))
+    rows += [("", design) for design in run.front[:-1]] + [("coolest", run.best)]
+    for title, design in rows:
+        sink = design.sink
+        sizes = (0.0, 0.0, 0.0) if sink is None else (sink.width, sink.thickness, sink.pitch)
+        known = 0 if sink is None else min(sink.fins, 2) + 1  # a single fin has no pitch
+        table.add_row(
+            title,
+            "0" if sink is None else str(sink.fins),
+            *(f"{1e3 * size:.3g}" if k < known else "-" for k, size in enumerate(sizes)),
+            "" if sink is None else sink.material.name,
+            f"{1e3 * design.mass:.1f}",
+            _degrees(design.fluid),
+            _degrees(design.network_fluid),
+        )
+    return table
+
+
+def _study_table(width: Sweep, fins: Sweep) -> Table:
+    table = Table(title="The paper's sweeps, by every reading of its efficiency (Eq. 10); * is the default")
+    table.add_column("efficiency")
+    for effect in width.effects:
+        table.add_column(f"{1e3 * effect.sink.width:.0f} mm", justify="right")
+    table.add_column("as paper")
+    for effect in fins.effects:
+        table.add_column(f"{effect.sink.fins} fins", justify="right")
+    table.add_column("as paper")
+    for name, definition in EFFICIENCIES.items():
+        cells = []
+        for sweep in (width, fins):
+            cells += [f"{float(value):.4g}" for value in sweep.values[name]]
+            cells.append("yes" if sweep.follows_paper(name) else sweep.trend(name))
+        star = "*" if name == DEFAULT_EFFICIENCY else ""
+        table.add_row(f"{definition.symbol}{star}", *cells)
+    return table
+
+
+def _summary(run: SinkResult) -> list[str]:
+    best, reference = run.best, run.reference
+    assert best.sink is not None  # a search returns sinks
+    own = "bare" if reference.sink is None else "the drawing's own sink"
+    lines = [
+        f"{sink_in_words(best.sink)}: {_degrees(best.fluid)} degC, {1e3 * best.mass:.0f} g",
+        f"{own}: {_degrees(reference.fluid)} degC, {1e3 * reference.mass:.0f} g",
+        f"{reference.fluid - best.fluid:.1f} K cooler; {run.found.tried} sinks were tried",
+    ]
+    if run.lightest is not None and run.lightest is not best:
+        lines.append(f"as cool as that one with {1e3 * run.lightest.mass:.0f} g")
+    return lines
+
+
+def _rows(run: SinkResult) -> list[Json]:
+    return [_design(each) for each in run.front]
+
+
+def _write_page(run: SinkResult, path: Path) -> None:
+    path.write_text(render_sink(run), encoding="utf-8")
+
+
+REPORT = Report(
+    answer=_answer,
+    show=_show,
+    summary=_summary,
+    files=(
+        WrittenFile(name="sink.html", key="report", write=_write_page),
+        WrittenFile(name="sink.json", key="file"),
+        WrittenFile(name="front.csv", write=lambda run, path: write_table(path, _rows(run))),
+        WrittenFile(name="best.toml", write=lambda run, path: path.write_text(_toml(run), encoding="utf-8")),
+    ),
+    figure=front_figure,
+    rows=_rows,
+)

@@ -13,7 +13,7 @@ from typing import Any
 
 from mrdamper.errors import InputError
 from mrdamper.registry import JOBS
-from mrdamper.runtime.progress import ProgressUpdate
+from mrdamper.runtime.progress import Progress, ProgressUpdate
 from mrdamper.schema import Json
 from mrdamper.web.workspace import MAP_SUFFIX, NotThereError, WorkFolder
 
@@ -110,36 +110,34 @@ def _heat(options: Json, folder: WorkFolder, out: Path, _say: Say) -> Json:
 
 
 def _sink(options: Json, folder: WorkFolder, out: Path, say: Say, resume: bool) -> Json:  # noqa: FBT001 - as all of _LONG
-    from mrdamper.jobs.sink import SinkOptions, sink
-
-    given = {key: options[key] for key in options if key not in {"card", "damper", "duty"}}
-    given |= {key: tuple(given[key]) for key in ("materials", "emissivities")}
-    return sink(
-        folder.card(options["card"]),
-        Path(_preset_or_input(folder, options["damper"], "dampers")),
-        duty=_duty(folder, options["duty"]),
-        options=SinkOptions(**given),
+    job = JOBS["sink"]
+    given = {
+        "card": folder.card(options["card"]),
+        "drawing": _preset_or_input(folder, options["damper"], "dampers"),
+        "duty": _duty(folder, options["duty"]),
+    }
+    rest = {key: options[key] for key in options if key not in {each.told for each in job.inputs}}
+    return job.perform(
+        given,
+        job.options_from(rest),
         out=out,
         resume=resume,
         tell=_told(say, folder),
-        report=_counted(say),
-    )
+        on_progress=_progress(say),
+    )[1]
 
 
 def _track(options: Json, folder: WorkFolder, out: Path, say: Say) -> Json:
-    from mrdamper.jobs.track import TrackOptions, track_card, write_track
-    from mrdamper.jobs.track_traces import traces_of
-    from mrdamper.runtime.outputs import atomic_output
-
-    card = folder.card(options["card"])
-    given = {key: options[key] for key in options if key != "card"}
-    given["plant"] = _plant(folder, given["plant"])
-    given["targets"] = tuple(_preset_or_input(folder, each, "targets") for each in given["targets"])
-    given |= {key: tuple(given[key]) for key in ("temperatures_degC", "controllers")}
-    given |= {k: None if given[k] is None else folder.card(given[k]) for k in ("unaware", "pooled")}
-    run = track_card(card, TrackOptions(**given), report=_counted(say))
-    with atomic_output(out) as beside:
-        return {**write_track(run, card, beside, out), "traces": traces_of(run)}
+    job = JOBS["track"]
+    given: dict[str, Any] = {
+        "card": folder.card(options["card"]),
+        "plant": _plant(folder, options["plant"]),
+        "targets": tuple(_preset_or_input(folder, each, "targets") for each in options["targets"]) or None,
+        **{k: None if options[k] is None else folder.card(options[k]) for k in ("unaware", "pooled")},
+    }
+    rest = {key: options[key] for key in options if key not in {each.told for each in job.inputs}}
+    result, answer = job.perform(given, job.options_from(rest), out=out, on_progress=_progress(say))
+    return {**answer, **job.page_answer(result)}
 
 
 def _export(options: Json, folder: WorkFolder, out: Path, _say: Say) -> Json:
@@ -179,14 +177,13 @@ def _rig(options: Json, folder: WorkFolder, out: Path, say: Say) -> Json:
 
 
 def _fluid(options: Json, folder: WorkFolder, out: Path, _say: Say) -> Json:
-    from mrdamper.jobs.fluid import fluid
-
-    return fluid(
-        [folder.input(each) for each in options["tables"]],
-        out=out,
-        like=_preset_or_input(folder, options["like"], "fluids"),
-        particle_fraction=options["particle_fraction"],
-    )
+    job = JOBS["fluid"]
+    given = {
+        "tables": tuple(folder.input(each) for each in options["tables"]),
+        "like": _preset_or_input(folder, options["like"], "fluids"),
+    }
+    rest = {key: options[key] for key in ("particle_fraction",)}
+    return job.perform(given, job.options_from(rest), out=out)[1]
 
 
 def _cycles(options: Json, folder: WorkFolder, out: Path, say: Say) -> Json:
@@ -319,6 +316,10 @@ def _duty(folder: WorkFolder, text: str) -> str:
         raise InputError(
             f"duty {text!r}: neither an input in the folder nor such as sine:15mm:1Hz:2A:1800s"
         ) from fault
+
+
+def _progress(say: Say) -> Progress:
+    return lambda now: say(done=now.done, of=now.total or 0, text=now.text)
 
 
 def _counted(say: Say) -> Callable[[int, int, str], None]:

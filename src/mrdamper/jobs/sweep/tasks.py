@@ -100,15 +100,14 @@ def _tolerance(seed: int, what: What) -> What:
 
 
 def _sink(seed: int, what: What) -> What:
-    from mrdamper.jobs.sink import SinkOptions, search_sinks
+    from mrdamper.jobs.options import SinkOptions
+    from mrdamper.jobs.sink import sink
     from mrdamper.models.card_schema import read_card
     from mrdamper.thermal.drawing_file import read_drawing
     from mrdamper.thermal.duty import read_duty
 
     options = SinkOptions(method=what["method"], by_field=False, seed=seed % 2**31)
-    run = search_sinks(
-        read_card(what["card"]), read_drawing(what["damper"]), read_duty(what["duty"]), options
-    )
+    run = sink(read_card(what["card"]), read_drawing(what["damper"]), read_duty(what["duty"]), options)
     best = run.best.sink
     assert best is not None  # a search returns sinks
     return {

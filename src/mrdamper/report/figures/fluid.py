@@ -19,12 +19,12 @@ from mrdamper.models.fluids.rheometer import BoolArray
 from mrdamper.models.fluids.viscosity_fit import ViscosityStudy
 from mrdamper.models.fluids.yield_fit import YieldStudy
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.report.figures.style import HELD_OUT, TRAINING, drawing_style, svg_of
+from mrdamper.report.figures.style import HELD_OUT, TRAINING, drawing_style
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["draw_fluid"]
+__all__ = ["fluid_figure"]
 
 _POINT = "#888888"
 _OTHER = ("#b08a3c", "#7a5c8e")
@@ -38,8 +38,8 @@ _NAMES = {
 _MOST_CURVES = 8
 
 
-def draw_fluid(viscosity: ViscosityStudy | None, yields: YieldStudy | None, name: str) -> str:
-    """Return the picture of what the tables hold, two panels for each."""
+def fluid_figure(viscosity: ViscosityStudy | None, yields: YieldStudy | None) -> Figure:
+    """Return what the tables hold, two panels for each quantity."""
     rows = int(viscosity is not None) + int(yields is not None)
     with drawing_style():
         figure = Figure(figsize=(9.2, 3.5 * rows))
@@ -55,7 +55,7 @@ def draw_fluid(viscosity: ViscosityStudy | None, yields: YieldStudy | None, name
         height = 3.5 * rows
         figure.subplots_adjust(left=0.06, right=0.985, wspace=0.14, hspace=0.26)
         figure.subplots_adjust(top=1.0 - 0.28 / height, bottom=0.42 / height)
-        return svg_of(figure, f"Laws of the fluid {name}")
+    return figure
 
 
 def _draw_viscosity(axes: Axes, study: ViscosityStudy) -> None:

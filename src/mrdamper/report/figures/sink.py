@@ -3,44 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from mrdamper.jobs.sink import SinkRun
+from mrdamper.jobs.sink import SinkResult
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.figures.style import HELD_OUT, INK, MEASURED, TRAINING, WIDE, drawing_style, svg_of
-from mrdamper.thermal.sinks.design import SinkDesign
 from mrdamper.thermal.sinks.efficiency import DEFAULT_EFFICIENCY, EFFICIENCIES, Sweep
 
-__all__ = ["SinkPictures"]
+__all__ = ["draw_front", "draw_sweeps", "front_figure"]
 
 _FOLLOWS, _OTHER = HELD_OUT, "#8a8a8a"
 
 
-@dataclass(frozen=True)
-class SinkPictures:
-    """The figures of a search, each drawn once for all pages that show it."""
-
-    run: SinkRun
-
-    @cached_property
-    def front(self) -> str:
-        run = self.run
-        return _draw_front(run.found.designs, run.front, run.reference, run.drawing.filling.valid_K[1])
-
-    @cached_property
-    def sweeps(self) -> str:
-        """The paper's sweeps; empty where there are none."""
-        return "" if self.run.sweeps is None else _draw_sweeps(self.run.sweeps)
+def draw_front(run: SinkResult) -> str:
+    """Return ``front_figure`` as SVG."""
+    with drawing_style():
+        return svg_of(front_figure(run), "Front of temperature against mass")
 
 
-def _draw_front(
-    whole: Sequence[SinkDesign], shown: Sequence[SinkDesign], reference: SinkDesign, limit_K: float
-) -> str:
+def draw_sweeps(run: SinkResult) -> str:
+    """Return the paper's sweeps; empty where there are none."""
+    return "" if run.sweeps is None else _draw_sweeps(run.sweeps)
+
+
+def front_figure(run: SinkResult) -> Figure:
     """Return temperature over mass: the network's front, its members judged again, the reference."""
+    whole, shown, reference = run.found.designs, run.front, run.reference
+    limit_K = run.drawing.filling.valid_K[1]
     with drawing_style():
         figure = Figure(figsize=(WIDE, 3.9))
         axes = figure.add_subplot()
@@ -98,7 +89,7 @@ def _draw_front(
         axes.set_ylabel("fluid at the end, °C", labelpad=1.5)
         axes.legend(loc="upper right")
         figure.subplots_adjust(left=0.055, right=0.985, top=0.97, bottom=0.115)
-        return svg_of(figure, "Front of temperature against mass")
+    return figure
 
 
 def _draw_sweeps(sweeps: Sequence[Sweep]) -> str:

@@ -6,22 +6,20 @@ target lies outside of it, less a margin, the lower panels are grey.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from mrdamper.arrays import BoolArray, FloatArray
-from mrdamper.jobs.track import Traced, TrackRun
+from mrdamper.jobs.track import Traced, TrackResult
 from mrdamper.report.figures.style import HELD_OUT, INK, TRAINING, WIDE, drawing_style, svg_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-__all__ = ["TrackPictures"]
+__all__ = ["draw_temperatures", "draw_tracking", "error_figure"]
 
 _COLOURS = (TRAINING, "#b08a3c", HELD_OUT, "#7a5c8e")
 _REACH, _OUTSIDE = "#ececec", "#f1efe9"
@@ -29,27 +27,7 @@ _DRAWN_HZ = 500.0
 _CYCLES_S = 4.0  # the longest stretch that is drawn
 
 
-@dataclass(frozen=True)
-class TrackPictures:
-    """The figures of a tracking, each drawn once for all pages that show it."""
-
-    run: TrackRun
-
-    @cached_property
-    def over_time(self) -> tuple[str, ...]:
-        """One for each of the traced targets."""
-        return tuple(_draw_tracking(each) for each in self.run.traced)
-
-    @cached_property
-    def over_temperature(self) -> str:
-        """Errors over temperature; empty where there is one temperature."""
-        if len({row.temperature_degC for row in self.run.rows}) < 2:
-            return ""
-        traced = self.run.traced
-        return _draw_temperatures(self.run, [each.controller for each in traced[0].runs] if traced else [])
-
-
-def _draw_tracking(traced: Traced) -> str:
+def draw_tracking(traced: Traced) -> str:
     """Return wanted force and reach, error, and current of a target's runs."""
     course = traced.course
     thin = max(round(1.0 / (_DRAWN_HZ * course.step_s)), 1)
@@ -88,13 +66,21 @@ def _draw_tracking(traced: Traced) -> str:
         return svg_of(figure, f"Tracking of {traced.target}")
 
 
-def _draw_temperatures(run: TrackRun, controllers: list[str]) -> str:
+def draw_temperatures(run: TrackResult) -> str:
+    """Return ``error_figure`` as SVG; empty where there is one temperature."""
+    if len({row.temperature_degC for row in run.rows}) < 2:
+        return ""
+    with drawing_style():
+        return svg_of(error_figure(run), "RMS error over temperature")
+
+
+def error_figure(run: TrackResult) -> Figure:
     """Return the feasible RMS error over temperature, a panel per target, a line per controller."""
-    targets = list(dict.fromkeys(row.target for row in run.rows))
+    controllers = [each.controller for each in run.traced[0].runs] if run.traced else []
     with drawing_style():
         figure = Figure(figsize=(WIDE, 2.6))
-        for place, target in enumerate(targets):
-            axes = figure.add_subplot(1, len(targets), place + 1)
+        for place, target in enumerate(run.targets):
+            axes = figure.add_subplot(1, len(run.targets), place + 1)
             for name, colour in zip(controllers, _COLOURS, strict=False):
                 of = [r for r in run.rows if r.target == target and r.controller == name]
                 points = [
@@ -111,7 +97,7 @@ def _draw_temperatures(run: TrackRun, controllers: list[str]) -> str:
                 axes.set_ylabel("RMS error, feasible, N")
                 axes.legend(loc="best")
         figure.subplots_adjust(left=0.06, right=0.99, top=0.91, bottom=0.17, wspace=0.16)
-        return svg_of(figure, "RMS error over temperature")
+    return figure
 
 
 def _shade(axes: Axes, time: FloatArray, outside: BoolArray) -> None:

@@ -1,0 +1,204 @@
+"""What ``fluid`` found: the answer's keys, the laws on a terminal, the fluid's file and its picture."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from mrdamper.identify.predict import finite
+from mrdamper.jobs.fluid import FluidResult
+from mrdamper.models.fluids.carlson import saturation_stress
+from mrdamper.models.fluids.fluid import Fluid
+from mrdamper.models.fluids.fluid_file import fluid_to_toml
+from mrdamper.models.fluids.viscosity_fit import ViscosityFit, ViscosityStudy
+from mrdamper.models.fluids.yield_fit import YieldFit, YieldStudy
+from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.report.base import Report, WrittenFile, print_notes
+from mrdamper.report.figures.fluid import fluid_figure
+from mrdamper.report.figures.style import drawing_style, svg_of
+from mrdamper.schema import Json
+
+__all__ = ["REPORT"]
+
+_Fit = ViscosityFit | YieldFit
+
+
+def _answer(found: FluidResult) -> Json:
+    return {
+        "fluid": found.fluid.name,
+        "viscosity": None if found.viscosity is None else _viscosity(found.viscosity),
+        "yield_stress": None if found.yield_stress is None else _yield(found.yield_stress, found.fluid),
+        "like": found.like.name,
+        "valid_degC": _celsius(found.fluid.valid_K),
+        "notes": list(found.notes),
+        "file": None,
+        "picture": None,
+    }
+
+
+def _viscosity(study: ViscosityStudy) -> Json:
+    best, used = study.best, study.used
+    kelvin, measured = study.temperature_K, study.viscosity_Pa_s
+    left_out = zip(kelvin[~used], measured[~used], best.value(kelvin[~used]), strict=True)
+    return {
+        **_law(best),
+        "points": int(np.count_nonzero(used)),
+        "temperature_degC": _celsius((kelvin[used][0], kelvin[used][-1])),
+        "left_out": [
+            {
+                "temperature_degC": round(float(at) - ZERO_CELSIUS_K, 6),
+                "viscosity_Pa_s": float(value),
+                "law_Pa_s": finite(law),
+            }
+            for at, value, law in left_out
+        ],
+        "laws": [_law(fit) for fit in study.fits],
+    }
+
+
+def _yield(study: YieldStudy, made: Fluid) -> Json:
+    best = study.best
+    kelvin = study.temperature_K[study.used]
+    field = study.field_A_m[study.used]
+    return {
+        **_law(best),
+        "points": int(np.count_nonzero(study.used)),
+        "temperature_degC": _celsius((float(kelvin.min()), float(kelvin.max()))),
+        "field_A_m": [float(field.min()), float(field.max())],
+        "particle_fraction": made.particle_fraction,
+        "carrier_constant": best.field_law.saturation_Pa / saturation_stress(made.particle_fraction),
+        "laws": [_law(fit) for fit in study.fits],
+    }
+
+
+def _law(fit: _Fit) -> Json:
+    fall, error = fit.fall_percent()
+    return {
+        "law": _name(fit),
+        "numbers": {
+            number.name: {
+                "value": number.value,
+                "unit": number.unit,
+                "standard_error": finite(number.standard_error),
+            }
+            for number in fit.parameters
+        },
+        "rms_percent": fit.rms_percent,
+        "aicc": finite(fit.aicc),
+        "fall_20_to_100_degC_percent": finite(fall),
+        "fall_standard_error_percent": finite(error),
+        "limit": fit.limit or None,
+    }
+
+
+def _name(fit: _Fit) -> str:
+    return fit.name if isinstance(fit, YieldFit) else fit.factor.kind
+
+
+def _celsius(ends_K: tuple[float, float]) -> list[float]:
+    return [round(float(end) - ZERO_CELSIUS_K, 6) for end in ends_K]
+
+
+# ------------------------------------------------------------------------------------------- a terminal
+
+
+def _studies(found: FluidResult) -> Iterator[tuple[str, ViscosityStudy | YieldStudy]]:
+    if found.viscosity is not None:
+        yield "Viscosity without field", found.viscosity
+    if found.yield_stress is not None:
+        yield "Yield stress", found.yield_stress
+
+
+def _show(found: FluidResult, console: Console) -> None:
+    """Print the laws of a fluid, the chosen ones first, with their numbers, and what a reader should know."""
+    for title, study in _studies(found):
+        kelvin = study.temperature_K[study.used]
+        low, high = _celsius((float(kelvin.min()), float(kelvin.max())))
+        points = f"{kelvin.size} points at {low:.4g} to {high:.4g} degC"
+        console.print(_laws(study.fits, f"{title}: {points}; the first law is taken"))
+        console.print(f"[bold]{title.lower()}[/bold] {_fall(study.best)}")
+        for fit in study.fits:
+            if fit.limit:
+                console.print(f"- {_name(fit)}: {fit.limit}")
+    print_notes(found.notes, console)
+
+
+def _fall(fit: _Fit) -> str:
+    fall, error = fit.fall_percent()
+    spread = f" ± {error:.2g}" if np.isfinite(error) else ""
+    return f"falls by {fall:.1f}{spread} % from 20 to 100 degC"
+
+
+def _laws(fits: Sequence[_Fit], title: str) -> Table:
+    table = Table(title=escape(title))
+    for name in ("law", "number", "value", "± standard error", "unit", "rms %", "AICc", "fall %"):
+        table.add_column(name, justify="left" if name in {"law", "number", "unit"} else "right", no_wrap=True)
+    for fit in fits:
+        fall, _ = fit.fall_percent()
+        judged = (
+            f"{fit.rms_percent:.2g}",
+            *(f"{v:.1f}" if np.isfinite(v) else "-" for v in (fit.aicc, fall)),
+        )
+        for row, number in enumerate(fit.parameters):
+            error = number.standard_error
+            table.add_row(
+                "" if row else escape(_name(fit)),
+                escape(number.name),
+                f"{number.value:.5g}",
+                f"{error:.2g}" if np.isfinite(error) else "-",
+                escape(number.unit),
+                *(("", "", "") if row else judged),
+            )
+        table.add_section()
+    return table
+
+
+def _summary(found: FluidResult) -> list[str]:
+    lines = [f"{title.lower()}: {_name(study.best)}; {_fall(study.best)}" for title, study in _studies(found)]
+    low, high = _celsius(found.fluid.valid_K)
+    return [*lines, f"valid from {low:g} to {high:g} degC; the rest as {found.like.name}"]
+
+
+def _write_picture(found: FluidResult, path: Path) -> None:
+    with drawing_style():
+        figure = fluid_figure(found.viscosity, found.yield_stress)
+        path.write_text(svg_of(figure, f"Laws of the fluid {found.fluid.name}"), encoding="utf-8")
+
+
+def _rows(found: FluidResult) -> list[dict[str, object]]:
+    """Return one row for each number of each law."""
+    return [
+        {
+            "quantity": title.lower(),
+            "law": _name(fit),
+            "number": number.name,
+            "value": number.value,
+            "standard_error": finite(number.standard_error),
+            "unit": number.unit,
+        }
+        for title, study in _studies(found)
+        for fit in study.fits
+        for number in fit.parameters
+    ]
+
+
+REPORT = Report(
+    answer=_answer,
+    show=_show,
+    summary=_summary,
+    files=(
+        WrittenFile(
+            name="fluid.toml",
+            key="file",
+            write=lambda found, path: path.write_text(fluid_to_toml(found.fluid), encoding="utf-8"),
+        ),
+        WrittenFile(name="fluid.svg", key="picture", write=_write_picture),
+    ),
+    figure=lambda found: fluid_figure(found.viscosity, found.yield_stress),
+    rows=_rows,
+)
