@@ -15,8 +15,8 @@ from playwright.sync_api import Route, expect
 
 from mrdamper.cli import cli
 from mrdamper.data.catalog import list_sets
-from mrdamper.jobs.datasets import MAPS
-from mrdamper.jobs.preview import glance
+from mrdamper.jobs.previews.runs import glance
+from mrdamper.jobs.public_data.datasets import MAPS
 from mrdamper.jobs.sweep.plan import KINDS as PLANS
 from mrdamper.jobs.sweep.plan import read_plan
 from mrdamper.web.schemas import KINDS

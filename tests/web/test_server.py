@@ -28,11 +28,11 @@ from mrdamper.files import parse_toml
 from mrdamper.identify.assess import Kind
 from mrdamper.identify.fit import METHODS
 from mrdamper.identify.temperature import TEMPERATURES
-from mrdamper.jobs import choices as choices_job
 from mrdamper.jobs.export import ExportOptions
 from mrdamper.jobs.options import FitOptions, SinkOptions, TrackOptions
-from mrdamper.jobs.preview import channels_toml
-from mrdamper.jobs.series import keep_runs, keep_window, read_series
+from mrdamper.jobs.previews import choices as choices_job
+from mrdamper.jobs.previews.runs import channels_toml
+from mrdamper.jobs.previews.series import keep_runs, keep_window, read_series
 from mrdamper.registry.queries import QUERIES
 from mrdamper.thermal.duty import DEFAULT_DUTY
 from mrdamper.web.query_worker import Query, find_function

@@ -176,7 +176,7 @@ def data() -> None:
 def list_data(*, as_json: bool) -> int:
     """List the public data sets."""
     from mrdamper.cli import terminal
-    from mrdamper.jobs.datasets import data_list
+    from mrdamper.jobs.public_data.datasets import data_list
 
     return _finish({"datasets": data_list()}, terminal.show_datasets, as_json=as_json)
 
@@ -187,7 +187,7 @@ def list_data(*, as_json: bool) -> int:
 def fetch(name: str, *, as_json: bool) -> int:
     """Fetch a public data set and print where its files lie."""
     from mrdamper.cli import terminal
-    from mrdamper.jobs.datasets import data_fetch
+    from mrdamper.jobs.public_data.datasets import data_fetch
 
     return _finish(data_fetch(name), terminal.show_files, as_json=as_json)
 

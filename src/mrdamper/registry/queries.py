@@ -10,18 +10,18 @@ __all__ = ["QUERIES"]
 QUERIES: Mapping[str, str] = MappingProxyType(
     {
         "ready": "mrdamper.web.query_worker:load_previews",
-        "preview": "mrdamper.jobs.preview:look",
-        "preview_head": "mrdamper.jobs.preview:glance",
-        "findings": "mrdamper.jobs.preview:findings_in",
-        "channels": "mrdamper.jobs.preview:channels_toml",
-        "runs": "mrdamper.jobs.series:keep_runs",
-        "window": "mrdamper.jobs.series:keep_window",
-        "model": "mrdamper.jobs.series:keep_model",
-        "heat_curve": "mrdamper.jobs.heat_preview:QuickHeat.curve",
-        "damper": "mrdamper.jobs.heat_preview:damper_facts",
-        "card": "mrdamper.jobs.card_summary:require_card",
+        "preview": "mrdamper.jobs.previews.runs:look",
+        "preview_head": "mrdamper.jobs.previews.runs:glance",
+        "findings": "mrdamper.jobs.previews.runs:findings_in",
+        "channels": "mrdamper.jobs.previews.runs:channels_toml",
+        "runs": "mrdamper.jobs.previews.series:keep_runs",
+        "window": "mrdamper.jobs.previews.series:keep_window",
+        "model": "mrdamper.jobs.previews.series:keep_model",
+        "heat_curve": "mrdamper.jobs.previews.heat:QuickHeat.curve",
+        "damper": "mrdamper.jobs.previews.heat:damper_facts",
+        "card": "mrdamper.jobs.previews.card:require_card",
         "cite": "mrdamper.jobs.cite:cite",
-        "catalogue": "mrdamper.jobs.datasets:catalogue",
+        "catalogue": "mrdamper.jobs.public_data.datasets:catalogue",
     }
 )
 """Function that answers a query, by name; loaded when it is first asked for."""

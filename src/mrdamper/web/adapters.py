@@ -214,7 +214,7 @@ def _demo(options: Json, _folder: WorkFolder, out: Path, say: Say) -> Json:
 
 
 def _fetch(options: Json, folder: WorkFolder, _out: Path, say: Say) -> Json:
-    from mrdamper.jobs.datasets import fetch_into
+    from mrdamper.jobs.public_data.datasets import fetch_into
 
     return fetch_into(folder.runs, options["name"], MAP_SUFFIX, report=_counted(say))
 
@@ -256,7 +256,7 @@ _LONG: dict[str, Callable[[Json, WorkFolder, Path, Say, bool], Json]] = {
 
 def _runs(folder: WorkFolder, names: list[str] | None) -> list[Path]:
     """Return the runs' files of these names, or all there are."""
-    from mrdamper.jobs.choices import run_formats
+    from mrdamper.jobs.previews.choices import run_formats
 
     if names is not None:
         return [folder.run_file(name) for name in names]
@@ -286,7 +286,7 @@ def _inside(folder: WorkFolder, plan: Path, text: str) -> None:
 
 def _preset_or_input(folder: WorkFolder, name: Any, group: str) -> Any:  # noqa: ANN401 - None or a text
     """Return a preset's name as it is, or the path of an input."""
-    from mrdamper.jobs.choices import choices
+    from mrdamper.jobs.previews.choices import choices
 
     presets = choices()[group]
     if name is None or name in presets:  # type: ignore[operator]  # a list

@@ -12,7 +12,7 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
 
 from mrdamper.errors import InputError, spelled_within
-from mrdamper.jobs.choices import choices, run_formats
+from mrdamper.jobs.previews.choices import choices, run_formats
 from mrdamper.web.events import EventBus
 from mrdamper.web.job_queue import JobQueue
 from mrdamper.web.query_worker import Query

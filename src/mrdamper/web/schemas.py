@@ -11,7 +11,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from mrdamper.errors import InputError
-from mrdamper.jobs.choices import DUTY
+from mrdamper.jobs.previews.choices import DUTY
 
 __all__ = ["KINDS", "HeatCurve", "Mapping", "Order", "read_order", "told"]
 

@@ -15,7 +15,7 @@ from typing import TypeVar
 from fastapi import APIRouter
 from starlette.responses import Response
 
-from mrdamper.jobs.card_summary import card_line
+from mrdamper.jobs.previews.card import card_line
 from mrdamper.schema import Json
 from mrdamper.web.context import AppContext, json_response, stream
 from mrdamper.web.inputs import kind_of_input

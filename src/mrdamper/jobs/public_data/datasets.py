@@ -17,7 +17,7 @@ from mrdamper.schema import Json
 
 __all__ = ["MAPS", "catalogue", "data_fetch", "data_list", "fetch_into"]
 
-MAPS = Path(__file__).parent / "public_data"
+MAPS = Path(__file__).parent
 
 Report = Callable[[int, int, str], None]
 

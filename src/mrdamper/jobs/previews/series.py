@@ -26,7 +26,7 @@ from mrdamper.data.records import Recording
 from mrdamper.errors import InputError
 from mrdamper.identify.assess import score_run
 from mrdamper.identify.predict import finite, outside_envelope
-from mrdamper.jobs.preview import look_into, run_row
+from mrdamper.jobs.previews.runs import look_into, run_row
 from mrdamper.models.card_schema import read_card
 from mrdamper.models.simulate import simulate
 from mrdamper.models.temperature import REFERENCE_K

@@ -1,0 +1,1 @@
+"""Public data sets: the catalogue, and the channel maps that come with the package."""
