@@ -137,7 +137,7 @@ def forces(target, table):
 # ---------------------------------------------------------------------------------------- what is inside
 
 
-@pytest.mark.system
+@pytest.mark.nightly
 @BOTH
 @pytest.mark.parametrize("content", ["model", "controller", "both"])
 @pytest.mark.parametrize("precision", ["float", "double"])
@@ -146,7 +146,7 @@ def test_fmpy_finds_nothing_wrong(made, version, content, precision):
     assert VALIDATION.validate_fmu(str(path)) == []
 
 
-@pytest.mark.nightly
+@pytest.mark.system
 @pytest.mark.parametrize("controller", ["recommended-causal", "recommended-adaptive", "paper", "pi"])
 def test_fmpy_finds_nothing_wrong_with_any_controller(made, controller):
     _, path = made("3.0", controller=controller)
@@ -228,7 +228,7 @@ def test_the_sources_that_were_verified_are_the_sources_inside(made, version):
     assert {name: inside[name].decode() for name in kernel} == kernel
 
 
-@pytest.mark.system
+@pytest.mark.nightly
 @BOTH
 @pytest.mark.parametrize("content", ["model", "controller", "both"])
 @pytest.mark.parametrize("precision", ["float", "double"])

@@ -77,6 +77,7 @@ def test_over_100_000_steps_too(boards, shown, board):
     assert there.hash == here
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("shown", SHOWN, ids=NAMES)
 def test_commands_and_flags_have_the_bits_of_the_extension_s_single_precision(boards, shown):
     """On x86-64 compiled alone, on an M7, and with the extension: three compilers' choices, one result."""
