@@ -12,11 +12,12 @@ import pytest
 
 from mrdamper.errors import InputError
 from mrdamper.export.c_code import kernel_files
-from mrdamper.jobs.export import ExportOptions, export
+from mrdamper.jobs.options import ExportOptions
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial
 from mrdamper.models.laws import LAWS
+from mrdamper.registry import JOBS
 from tests.support.rigs import answer_of, command, mrdamper
 from tests.support.tracked import a_damper, write_a_card
 
@@ -27,6 +28,11 @@ FILES = {
     "verification.json",
     *kernel_files(),
 }  # fmt: skip
+
+
+def export(card, options, **places):
+    """Run the job in this process; return its answer."""
+    return JOBS["export"].perform({"card": card}, options, outputs=places)[1]
 
 
 @pytest.fixture(scope="module")
@@ -133,10 +139,8 @@ def test_an_existing_folder_is_written_over_and_what_else_lies_there_stays(folde
 
 
 def test_folder_fmu_and_map_come_from_one_check(folder, tmp_path):
-    options = ExportOptions(
-        c=tmp_path / "c", fmu=tmp_path / "damper.fmu", table=tmp_path / "map.csv", content="model", fmi="2.0"
-    )
-    answer = export(folder / "card.json", options)
+    places = {"c": tmp_path / "c", "fmu": tmp_path / "damper.fmu", "table": tmp_path / "map.csv"}
+    answer = export(folder / "card.json", ExportOptions(content="model", fmi="2.0"), **places)
     assert str(tmp_path / "damper.fmu") in answer["files"]
     with zipfile.ZipFile(tmp_path / "damper.fmu") as archive:
         names = archive.namelist()
@@ -236,23 +240,28 @@ def test_wrong_usage_is_exit_code_2(folder, tmp_path, arguments, said):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_place_that_cannot_be_written_to_is_told_before_anything_is_made(tmp_path):
+def test_a_place_that_cannot_be_written_to_is_told_before_anything_is_made(folder, tmp_path, monkeypatch):
+    def refuse(*_: object) -> None:
+        raise AssertionError("something was made")
+
+    monkeypatch.setattr("mrdamper.jobs.export.verify_c", refuse)
+    monkeypatch.setattr("mrdamper.jobs.export.force_map", refuse)
     (tmp_path / "file").write_text("a file", encoding="ascii")
-    nothing = Path("no_card_was_read.json")
+    card = folder / "card.json"
     for place in ({"c": tmp_path / "file"}, {"table": tmp_path / "file" / "map.csv"}):
         with pytest.raises(InputError, match="is a file; expected a folder to write to"):
-            export(nothing, ExportOptions(**place))
+            export(card, ExportOptions(), **place)
     with pytest.raises(InputError, match="is a folder; expected the name of a file to write"):
-        export(nothing, ExportOptions(c=tmp_path / "c", table=tmp_path))
+        export(card, ExportOptions(), c=tmp_path / "c", table=tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["file"]
 
 
 @pytest.mark.skipif(not Path("/proc/self").exists(), reason="no /proc, which is closed even to root")
-def test_a_folder_that_is_closed_is_told():
+def test_a_folder_that_is_closed_is_told(folder):
     with pytest.raises(
         InputError, match=r"c: cannot write there: .*; nothing was changed. Choose another folder"
     ):
-        export(Path("card.json"), ExportOptions(c=Path("/proc/self/c"), verify=False))
+        export(folder / "card.json", ExportOptions(verify=False), c=Path("/proc/self/c"))
 
 
 def test_a_map_that_fails_takes_the_folder_with_it(folder, tmp_path, monkeypatch):
@@ -260,16 +269,15 @@ def test_a_map_that_fails_takes_the_folder_with_it(folder, tmp_path, monkeypatch
         raise InputError("no map today")
 
     monkeypatch.setattr("mrdamper.jobs.export.force_map", refuse)
-    options = ExportOptions(c=tmp_path / "c", table=tmp_path / "map.csv", verify=False)
+    places = {"c": tmp_path / "c", "table": tmp_path / "map.csv"}
     with pytest.raises(InputError, match="no map today"):
-        export(folder / "card.json", options)
+        export(folder / "card.json", ExportOptions(verify=False), **places)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_one_place_cannot_be_two_things(folder, tmp_path):
-    options = ExportOptions(fmu=tmp_path / "x", table=tmp_path / "x")
     with pytest.raises(InputError, match="is to be two things at once"):
-        export(folder / "card.json", options)
+        export(folder / "card.json", ExportOptions(), fmu=tmp_path / "x", table=tmp_path / "x")
 
 
 def test_the_wheel_s_files_are_found_where_the_package_is_installed():

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import sys
 from collections.abc import Callable
 from contextlib import suppress
@@ -233,73 +232,6 @@ def run_rig(out: Path, *, preset: str | None, as_json: bool, **options: Any) -> 
     with terminal.counter() as report:
         answer = job(out, preset=preset or "nominal", report=report, **options)
     return _finish(answer, terminal.show_rig, as_json=as_json)
-
-
-def _seconds(_: click.Context, __: click.Parameter, text: str) -> float:
-    """Return a time such as 1ms, 500us or 0.001s in seconds."""
-    found = re.fullmatch(r"\s*(\d+\.?\d*(?:e-?\d+)?|\.\d+)\s*(us|ms|s)\s*", text, re.IGNORECASE)
-    if found is None:
-        raise click.BadParameter(f"{text!r} is not a time; expected such as 1ms, 500us or 0.001s")
-    return float(found[1]) * {"us": 1e-6, "ms": 1e-3, "s": 1.0}[found[2].lower()]
-
-
-@cli.command()
-@click.argument("card", type=click.Path(path_type=Path))
-@click.option("--c", type=click.Path(path_type=Path), metavar="DIR", help="Write C99 source there.")
-@click.option("--fmu", type=click.Path(path_type=Path), metavar="FILE", help="Write a co-simulation FMU.")
-@click.option(
-    "--table", type=click.Path(path_type=Path), metavar="FILE", help="Write a force map (CSV) for simulators."
-)
-@click.option(
-    "--fmi", type=click.Choice(["2.0", "3.0"]), default="3.0", show_default=True, help="Version of the FMU."
-)
-@click.option(
-    "--content",
-    type=click.Choice(["model", "controller", "both"]),
-    default="both",
-    show_default=True,
-    help="The damper's model, its force controller, or both.",
-)
-@click.option(
-    "--precision",
-    type=click.Choice(["float", "double"]),
-    default="float",
-    show_default=True,
-    help="The target's number type.",
-)
-@click.option(
-    "--step", "period_s", default="1ms", show_default=True, metavar="TIME", callback=_seconds, help="Period."
-)
-@click.option(
-    "--controller",
-    default="recommended",
-    show_default=True,
-    metavar="NAME",
-    help="recommended, recommended-causal, paper, ...",
-)
-@click.option(
-    "--name", default="damper", show_default=True, metavar="IDENT", help="Prefix of every name in the code."
-)
-@click.option(
-    "--damper",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="The drawing (TOML), whose heat capacity tells a frozen thermometer.  [default: the paper's]",
-)
-@click.option("--no-verify", is_flag=True, help="Write the C folder without compiling and comparing it.")
-@_json
-def export(card: Path, *, no_verify: bool, as_json: bool, **options: Any) -> int:  # noqa: ANN401 - click checks them
-    """Export a card as C source, as FMU or as force map, proved against the model before it is written."""
-    if options["c"] is None and options["fmu"] is None and options["table"] is None:
-        raise click.UsageError("nothing to write: give --c DIR, --fmu FILE or --table FILE")
-    if options["fmu"] is not None and no_verify:
-        raise click.UsageError("--fmu and --no-verify exclude each other: an FMU is made from proved sources")
-    from mrdamper.cli import terminal
-    from mrdamper.jobs.export import ExportOptions
-    from mrdamper.jobs.export import export as job
-
-    answer = job(card, ExportOptions(verify=not no_verify, **options))
-    return _finish(answer, terminal.show_export, as_json=as_json)
 
 
 @cli.command()

@@ -5,6 +5,7 @@ Only click is loaded with this module; a job's libraries are loaded when it star
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -146,6 +147,8 @@ def _option(field: Field) -> click.Option:
             metavar=option.metavar or None,
             callback=lambda _, __, values: values or None,
         )
+    if option.metavar == "TIME":
+        default = f"{1e3 * field.default:g}ms"
     return click.Option(
         [flag, field.name],
         type=_type(field),
@@ -156,9 +159,23 @@ def _option(field: Field) -> click.Option:
     )
 
 
+class _Time(click.ParamType[float]):
+    """A time such as 1ms, 500us or 0.001s, in seconds."""
+
+    name = "time"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:  # noqa: ANN401 - click's own
+        found = re.fullmatch(r"\s*(\d+\.?\d*(?:e-?\d+)?|\.\d+)\s*(us|ms|s)\s*", str(value), re.IGNORECASE)
+        if found is None:
+            self.fail(f"{value!r} is not a time; expected such as 1ms, 500us or 0.001s", param, ctx)
+        return float(found[1]) * {"us": 1e-6, "ms": 1e-3, "s": 1.0}[found[2].lower()]
+
+
 def _type(field: Field) -> click.ParamType[Any]:
     """Return what click checks a value by."""
     item, option = field.item, field.option
+    if option.metavar == "TIME":
+        return _Time()
     if field.choices and option.among is None:
         return click.Choice(field.choices)
     low = option.above if option.least is None else option.least

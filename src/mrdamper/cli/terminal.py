@@ -30,7 +30,6 @@ __all__ = [
     "show_cycles",
     "show_datasets",
     "show_demo",
-    "show_export",
     "show_files",
     "show_rig",
     "show_sweep",
@@ -286,40 +285,6 @@ def show_sweep(answer: Answer) -> None:
     for row in answer["failed"]:
         console.print(escape(f"no result: {row['name']}: {row['error']}"))
     console.print(escape(f"report: {answer['report']}"))
-
-
-def show_export(answer: Answer) -> None:
-    """Print what was exported, how it was proved, and what a reader should know."""
-    console = open_console()
-    if "verification" in answer:
-        parts = (
-            answer["content"]
-            if answer["controller"] is None
-            else f"{answer['content']} ({answer['controller']})"
-        )
-        console.print(
-            escape(
-                f"{answer['name']}: {parts} of {answer['title']!r}, law {answer['law']}, "
-                f"{answer['precision']}, step {1e3 * answer['step_s']:g} ms"
-            )
-        )
-        proof = answer["verification"]
-        if proof["verified"]:
-            worst = proof["worst_ulp"]
-            same = "the same bits" if worst == 0 else f"at most {worst} units in the last place from it"
-            console.print(
-                f"compiled with {escape(proof['compiler_version'])}, run over {proof['samples']} samples and "
-                f"compared with the model in Python: [bold]{same}[/bold]"
-            )
-        else:
-            console.print("[bold]not verified[/bold]: it was asked for without")
-        sizes = (("tables", "tables_bytes"), ("state", "state_bytes"), ("code here", "code_bytes"))
-        said = [f"{word} {answer[key]} bytes" for word, key in sizes if answer[key] is not None]
-        if said:
-            console.print(", ".join(said))
-    for note in answer.get("notes", ()):
-        console.print(f"- {escape(note)}")
-    console.print(escape(f"{answer['cpu_s']:.2f} s of CPU; wrote {', '.join(answer['files'])}"))
 
 
 def open_console() -> Console:

@@ -1,172 +1,138 @@
-"""The job behind ``mrdamper export``: a card in; C folder, FMU and force map out, proved before written.
-
-Nothing is written unless everything that was asked for could be made. Nothing is printed here.
-"""
+"""The job ``export``: a card in; C code, FMU and force map out, proved against the model before written."""
 
 from __future__ import annotations
 
 import time
-from contextlib import ExitStack
+from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from mrdamper.control.tables.heating import Heating
-from mrdamper.errors import CheckError, InputError
-from mrdamper.export.c_code import c_files
+from mrdamper.errors import CheckError, InputError, UsageError, option
 from mrdamper.export.record import Verification
-from mrdamper.export.table import force_map
+from mrdamper.export.table import ForceMap, force_map
 from mrdamper.export.target import Target, target_of
 from mrdamper.export.verify import not_verified, verify_c
-from mrdamper.files import is_folder
+from mrdamper.jobs.options import ExportOptions
 from mrdamper.models.card import ModelCard
-from mrdamper.models.card_schema import read_card
-from mrdamper.runtime.outputs import atomic_output, write_json
-from mrdamper.schema import Json
-from mrdamper.thermal.drawing_file import read_drawing
+from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
+from mrdamper.thermal.drawing import DamperDrawing
 
-__all__ = ["RECORD", "ExportOptions", "export"]
+__all__ = ["CodeExport", "ExportResult", "check_options", "export"]
 
-RECORD = "verification.json"
-"""The record's name in the C folder."""
-
-_PAPER = (
-    "a frozen thermometer is told by the heat capacity of the paper's damper; ⟦--damper FILE.toml⟧ takes "
-    "that of your own"
-)
-_UNLAGGED = (
-    "the card has no actuation: force is taken to follow the command at once. Identify with runs whose "
-    "current steps for its lags"
-)
+_USUAL = ExportOptions()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ExportOptions:
-    """What ``mrdamper export`` can be told; at least one of ``c``, ``fmu`` and ``table``."""
+@dataclass(frozen=True, slots=True)
+class CodeExport:
+    """A card's code for a target, and the record of its proof."""
 
-    c: Path | None = None  # folder
-    fmu: Path | None = None
-    table: Path | None = None
-    fmi: Literal["2.0", "3.0"] = "3.0"
-    precision: str = "float"
-    period_s: float = 1e-3
-    content: str = "both"
-    controller: str = "recommended"
-    name: str = "damper"
-    damper: Path | None = None  # a drawing
-    verify: bool = True
+    target: Target
+    record: Verification
+    fmi: Literal["2.0", "3.0"]  # version of the FMU
 
 
-def export(card: Path, options: ExportOptions) -> Json:
-    """Write what was asked for from a card, all of it or nothing.
+@dataclass(frozen=True, slots=True)
+class ExportResult:
+    """What is made of a card: code, as C folder and as FMU, and a force map."""
+
+    card: ModelCard
+    name: str
+    what: tuple[str, ...]  # of c, fmu, table
+    code: CodeExport | None
+    table: ForceMap | None
+    notes: tuple[str, ...]
+    cpu_s: float
+
+
+def check_options(given: Mapping[str, Any], options: ExportOptions) -> None:
+    """Refuse an FMU without proof."""
+    if "fmu" in options.what and not options.verify:
+        raise UsageError(
+            f"{option('fmu')} and {option('no-verify')} exclude each other: an FMU is made from proved "
+            "sources"
+        )
+
+
+def export(
+    card: ModelCard,
+    options: ExportOptions = _USUAL,
+    *,
+    damper: DamperDrawing | None = None,
+    on_progress: Progress = silent,
+) -> ExportResult:
+    """Make what is asked for from a card, and prove its code.
+
+    Parameters
+    ----------
+    damper : the drawing, whose heat capacity tells a frozen thermometer; None: the paper's
 
     Raises
     ------
     InputError
-        A card, a choice or a place that cannot be used; no C compiler to prove the code with.
+        A card or a choice that cannot be used; no C compiler to prove the code with.
     CheckError
         The compiled code is not the model in Python.
     """
     clock = time.process_time()
-    outputs = [path for path in (options.c, options.fmu, options.table) if path is not None]
-    if not outputs:
-        raise InputError("export: nothing to write; expected ⟦--c DIR⟧, ⟦--fmu FILE⟧ or ⟦--table FILE⟧")
-    if len({path.absolute() for path in outputs}) < len(outputs):
-        raise InputError(f"export: {outputs[-1]} is to be two things at once; expected a place for each")
-    if options.fmu is not None and not options.verify:
-        raise InputError("export: an FMU is made from verified sources only; leave out ⟦--no-verify⟧")
-    for path in (options.fmu, options.table):
-        if path is not None and is_folder(path):
-            raise InputError(f"{path}: is a folder; expected the name of a file to write")
-    files: list[Path] = []
-    with ExitStack() as places:
-        # The places first: one that cannot be written to is told before anything is made.
-        folders = [atomic_output(path if path is options.c else path.parent) for path in outputs]
-        stages = dict(zip(outputs, [places.enter_context(folder) for folder in folders], strict=True))
-        model = read_card(card)
-        answer: Json = {"card": str(card), "title": model.title, "law": model.damper.law.name}
-        if options.c is not None or options.fmu is not None:
-            target = _target(card, model, options)
-            record = verify_c(target) if options.verify else not_verified(target)
-            if options.verify and not record.passed:
-                raise CheckError(
-                    f"{card}: the compiled code is not the model in Python: {'; '.join(record.problems)}\n"
-                    f"Nothing was written. Compiler: {record.compiler_version}, "
-                    f"{' '.join(record.compiler_flags)}"
-                )
-            answer |= _answer(target, record)
-            if options.c is not None:
-                files += _write_folder(stages[options.c], options.c, target, record)
-            if options.fmu is not None:
-                files += _write_fmu(stages[options.fmu], options.fmu, target, record, options.fmi)
-        if options.table is not None:
-            name = options.table.name
-            try:
-                text = force_map(model).as_csv()
-            except InputError as fault:
-                raise InputError(f"{card}: {fault}") from fault
-            (stages[options.table] / name).write_text(text, encoding="utf-8", newline="\n")
-            files.append(options.table)
-    answer["files"] = [str(path) for path in files]
-    answer["cpu_s"] = round(time.process_time() - clock, 3)
-    return answer
+    code, table = None, None
+    if {"c", "fmu"} & {*options.what}:
+        on_progress(ProgressUpdate(total=2, text="code"))
+        code = _code(card, options, damper)
+    if "table" in options.what:
+        on_progress(ProgressUpdate(done=1, total=2, text="force map"))
+        try:
+            table = force_map(card)
+        except InputError as fault:
+            raise InputError(f"{fault}", place="card") from fault
+    return ExportResult(
+        card=card,
+        name=options.name,
+        what=options.what,
+        code=code,
+        table=table,
+        notes=() if code is None else _notes(code.target),
+        cpu_s=time.process_time() - clock,
+    )
 
 
-def _target(card: Path, model: ModelCard, options: ExportOptions) -> Target:
-    heating = None if options.damper is None else Heating.of_drawing(read_drawing(options.damper))
+def _code(card: ModelCard, options: ExportOptions, damper: DamperDrawing | None) -> CodeExport:
+    """Return the code of a target, compiled and compared with the model unless that is not wanted."""
     try:
-        return target_of(
-            model,
+        target = target_of(
+            card,
             content=options.content,
             precision=options.precision,
             period_s=options.period_s,
             controller=options.controller,
             name=options.name,
-            heating=heating,
+            heating=None if damper is None else Heating.of_drawing(damper),
         )
     except InputError as fault:
-        raise InputError(f"{card}: {fault}") from fault
+        raise InputError(f"{fault}", place="card") from fault
+    record = verify_c(target) if options.verify else not_verified(target)
+    if options.verify and not record.passed:
+        raise CheckError(
+            f"the compiled code is not the model in Python: {'; '.join(record.problems)}\n"
+            f"Nothing was written. Compiler: {record.compiler_version}, {' '.join(record.compiler_flags)}",
+            place="card",
+        )
+    return CodeExport(target, record, options.fmi)
 
 
-def _write_folder(stage: Path, folder: Path, target: Target, record: Verification) -> list[Path]:
-    sources = c_files(target)
-    for name, text in sources.items():
-        (stage / name).write_bytes(text.encode("utf-8"))
-    write_json(stage / RECORD, record.as_json())
-    return [folder / name for name in (*sources, RECORD)]
-
-
-def _write_fmu(
-    stage: Path, path: Path, target: Target, record: Verification, version: Literal["2.0", "3.0"]
-) -> list[Path]:
-    from mrdamper.export.fmu import write_fmu
-
-    write_fmu(target, stage / path.name, version=version, verification=record)
-    return [path]
-
-
-def _answer(target: Target, record: Verification) -> Json:
+def _notes(target: Target) -> tuple[str, ...]:
     notes = []
     if target.heating is Heating.paper():
-        notes.append(_PAPER)
+        notes.append(
+            "a frozen thermometer is told by the heat capacity of the paper's damper; "
+            f"{option('damper', 'FILE.toml')} takes that of your own"
+        )
     damper = target.card.damper
     if damper.actuation is None and damper.command_lag_s == 0.0:
-        notes.append(_UNLAGGED)
+        notes.append(
+            "the card has no actuation: force is taken to follow the command at once. Identify with runs "
+            "whose current steps for its lags"
+        )
     if not damper.temperature_dependent:
         notes.append("the card does not know temperature: force and command do not follow it")
-    controller = target.controller
-    return {
-        "name": target.name,
-        "fingerprint": target.fingerprint,
-        "content": target.content,
-        "controller": None if controller is None else controller.name,
-        "precision": target.precision,
-        "step_s": target.period_s,
-        "largest": target.largest,
-        "command_unit": target.command_unit,
-        "tables_bytes": record.sizes_bytes.get("tables"),
-        "state_bytes": record.sizes_bytes.get("state"),
-        "code_bytes": record.sizes_bytes.get("code"),
-        "verification": record.as_json(),
-        "notes": notes,
-    }
+    return tuple(notes)

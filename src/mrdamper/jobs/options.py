@@ -329,6 +329,10 @@ class TrackOptions:
 class ExportOptions:
     """Options of ``export``."""
 
+    what: Annotated[
+        tuple[Literal["c", "fmu", "table"], ...],
+        Option("C99 source, an FMU, a force map (CSV).", flag="-", least_items=1, label="What"),
+    ] = ("c", "fmu", "table")
     fmi: Annotated[Literal["2.0", "3.0"], Option("Version of the FMU.")] = "3.0"
     content: Annotated[
         Literal["model", "controller", "both"], Option("The damper's model, its force controller, or both.")

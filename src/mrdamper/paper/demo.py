@@ -10,20 +10,20 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from mrdamper.data.records import Dataset
 from mrdamper.errors import InputError
 from mrdamper.identify.fit import fit, versions
 from mrdamper.identify.predict import finite
-from mrdamper.jobs.export import ExportOptions, export
+from mrdamper.jobs.export import export
 from mrdamper.jobs.heat import HeatResult, heat
 from mrdamper.jobs.identify import IdentifyResult, identify
 from mrdamper.jobs.inputs import read_dataset
-from mrdamper.jobs.options import FitOptions, HeatOptions, SinkOptions, TrackOptions
+from mrdamper.jobs.options import ExportOptions, FitOptions, HeatOptions, SinkOptions, TrackOptions
 from mrdamper.jobs.rig import write_campaign
 from mrdamper.jobs.sink import sink
 from mrdamper.jobs.track import read_plant, track
@@ -35,6 +35,7 @@ from mrdamper.paper.figures import sections_of
 from mrdamper.paper.findings import Findings
 from mrdamper.paper.page import render_paper
 from mrdamper.report.base import Place, write_report
+from mrdamper.report.export import REPORT as EXPORT_REPORT
 from mrdamper.report.heat import REPORT as HEAT_REPORT
 from mrdamper.report.identify import REPORT as IDENTIFY_REPORT
 from mrdamper.report.scores import summaries
@@ -79,6 +80,7 @@ _FILES = (
     ("damper.fmu", "the same as a functional mock-up unit (FMI 3.0), sources inside"),
     ("summary.json", "all figures, with the claims"),
 )
+_EXPORTED: Mapping[Literal["c", "fmu"], str] = {"c": "c", "fmu": "damper.fmu"}
 _STEPS = (
     "campaign on the virtual rig", "identification", "the paper's law, and one temperature alone",
     "the paper's damper", "heating", "heat sinks", "force tracking", "C code and FMU", "report",
@@ -231,9 +233,10 @@ def _write_identification(fitted: IdentifyResult, place: _Place) -> Json:
 
 def _exported(beside: Path) -> dict[str, Any]:
     """Export controller and model as C and FMU, or say why not: no C compiler, say."""
-    options = ExportOptions(c=beside / "c", fmu=beside / "damper.fmu")
+    places: dict[str, Place] = {n: Place(beside / path, beside / path) for n, path in _EXPORTED.items()}
     try:
-        answer = export(beside / "card.json", options)
+        made = export(read_card(beside / "card.json"), ExportOptions(what=tuple(_EXPORTED)))
+        answer = write_report(EXPORT_REPORT, made, places, {})
     except InputError as fault:
         return {"written": False, "why": str(fault)}
     return {

@@ -608,6 +608,35 @@ _ROWS = (
         files_help="For sink.html, sink.json, front.csv, best.toml.",
         page="the page Sink",
     ),
+    Job(
+        name="export",
+        python="export_card",
+        help="Export a card as C source, as FMU or as force map, proved against the model before it is "
+        "written.",
+        inputs=(
+            CARD,
+            Input(
+                name="damper",
+                kind="drawing",
+                flag="--damper",
+                required=False,
+                help="The drawing (TOML), whose heat capacity tells a frozen thermometer.  "
+                "[default: the paper's]",
+            ),
+        ),
+        options="mrdamper.jobs.options:ExportOptions",
+        check="mrdamper.jobs.export:check_options",
+        run="mrdamper.jobs.export:export",
+        result="mrdamper.jobs.export:ExportResult",
+        report="mrdamper.report.export:REPORT",
+        outputs=(
+            Output(name="c", metavar="DIR", help="Write C99 source there."),
+            Output(name="fmu", metavar="FILE", help="Write a co-simulation FMU."),
+            Output(name="table", metavar="FILE", help="Write a force map (CSV) for simulators."),
+        ),
+        progress_word="part",
+        page="the page Export",
+    ),
 )
 
 JOBS: Mapping[str, Job] = {row.name: row for row in _ROWS}

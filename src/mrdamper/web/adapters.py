@@ -140,20 +140,16 @@ def _track(options: Json, folder: WorkFolder, out: Path, say: Say) -> Json:
     return {**answer, **job.page_answer(result)}
 
 
-def _export(options: Json, folder: WorkFolder, out: Path, _say: Say) -> Json:
-    from mrdamper.jobs.export import ExportOptions, export
-
-    name, what, damper = options["name"], options["what"], options["damper"]
-    given = {key: options[key] for key in options if key not in {"card", "what", "damper"}}
-    if "fmu" in what and not options["verify"]:
-        raise InputError("export: an FMU is made from proved sources; leave verify on")
-    places = {"c": out / f"{name}_c", "fmu": out / f"{name}.fmu", "table": out / f"{name}_map.csv"}
-    wanted: dict[str, Any] = {key: places[key] for key in what}
-    if damper is not None:
-        given["damper"] = Path(_preset_or_input(folder, damper, "dampers"))
-    answer = export(folder.card(options["card"]), ExportOptions(**given, **wanted))
-    if "c" in what:
-        _zip(places["c"], out / f"{name}_c.zip")
+def _export(options: Json, folder: WorkFolder, out: Path, say: Say) -> Json:
+    job = JOBS["export"]
+    given = {
+        "card": folder.card(options["card"]),
+        "damper": _preset_or_input(folder, options["damper"], "dampers"),
+    }
+    rest = {key: options[key] for key in options if key not in given}
+    result, answer = job.perform(given, job.options_from(rest), out=out, on_progress=_progress(say))
+    if "c" in result.what:
+        _zip(out / f"{result.name}_c", out / f"{result.name}_c.zip")
     return answer
 
 

@@ -1,0 +1,145 @@
+"""What ``export`` made: the answer's keys, how it was proved, and the files: C folder, FMU, force map."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rich.console import Console
+from rich.markup import escape
+
+from mrdamper.export.c_code import c_files
+from mrdamper.export.fmu import write_fmu
+from mrdamper.export.record import Verification
+from mrdamper.jobs.export import CodeExport, ExportResult
+from mrdamper.report.base import Report, WrittenFile, print_notes
+from mrdamper.runtime.outputs import write_json
+from mrdamper.schema import Json
+
+__all__ = ["RECORD", "REPORT"]
+
+RECORD = "verification.json"
+"""The record's name in the C folder."""
+
+
+def _answer(found: ExportResult) -> Json:
+    return {
+        "title": found.card.title,
+        "law": found.card.damper.law.name,
+        **({} if found.code is None else _code_answer(found.code, found.notes)),
+        "cpu_s": round(found.cpu_s, 3),
+    }
+
+
+def _code_answer(code: CodeExport, notes: tuple[str, ...]) -> Json:
+    target, record = code.target, code.record
+    return {
+        "name": target.name,
+        "fingerprint": target.fingerprint,
+        "content": target.content,
+        "controller": None if target.controller is None else target.controller.name,
+        "precision": target.precision,
+        "step_s": target.period_s,
+        "largest": target.largest,
+        "command_unit": target.command_unit,
+        **{f"{part}_bytes": record.sizes_bytes.get(part) for part in ("tables", "state", "code")},
+        "verification": record.as_json(),
+        "notes": list(notes),
+    }
+
+
+def _summary(found: ExportResult) -> list[str]:
+    """Return what was exported and how it was proved."""
+    lines = []
+    if found.code is not None:
+        target = found.code.target
+        controller = "" if target.controller is None else f" ({target.controller.name})"
+        lines += [
+            f"{target.name}: {target.content}{controller} of {found.card.title!r}, law "
+            f"{found.card.damper.law.name}, {target.precision}, step {1e3 * target.period_s:g} ms",
+            _proof(found.code.record),
+        ]
+        lines += _sizes(found.code.record)
+    if found.table is not None:
+        shape = (len(found.table.temperature), len(found.table.command), len(found.table.velocity))
+        lines.append("force map: {} temperatures, {} commands, {} velocities".format(*shape))
+    return lines
+
+
+def _proof(record: Verification) -> str:
+    if not record.samples:
+        return "not verified: it was asked for without"
+    worst = record.worst_ulp
+    same = "the same bits" if worst == 0 else f"at most {worst} units in the last place from it"
+    return (
+        f"compiled with {record.compiler_version}, run over {record.samples} samples and compared with the "
+        f"model in Python: {same}"
+    )
+
+
+def _sizes(record: Verification) -> list[str]:
+    words = (("tables", "tables"), ("state", "state"), ("code here", "code"))
+    said = [f"{word} {record.sizes_bytes[key]} bytes" for word, key in words if key in record.sizes_bytes]
+    return [", ".join(said)] if said else []
+
+
+def _show(found: ExportResult, console: Console) -> None:
+    """Print what was exported, how it was proved, and what a reader should know."""
+    for line in _summary(found):
+        console.print(escape(line))
+    print_notes(found.notes, console)
+
+
+def _wrote(found: ExportResult, answer: Json, console: Console) -> None:
+    console.print(escape(f"{found.cpu_s:.2f} s of CPU; wrote {', '.join(answer['files'])}"))
+
+
+# ------------------------------------------------------------------------------------------- the files
+
+
+def _write_folder(found: ExportResult, folder: Path) -> None:
+    """Write the C sources with their record."""
+    assert found.code is not None
+    folder.mkdir(exist_ok=True)
+    for name, text in c_files(found.code.target).items():
+        (folder / name).write_bytes(text.encode("utf-8"))
+    write_json(folder / RECORD, found.code.record.as_json())
+
+
+def _write_fmu(found: ExportResult, path: Path) -> None:
+    assert found.code is not None
+    code = found.code
+    write_fmu(code.target, path, version=code.fmi, verification=code.record)
+
+
+def _write_table(found: ExportResult, path: Path) -> None:
+    assert found.table is not None
+    path.write_text(found.table.as_csv(), encoding="utf-8", newline="\n")
+
+
+REPORT = Report(
+    answer=_answer,
+    show=_show,
+    wrote=_wrote,
+    summary=_summary,
+    files=(
+        WrittenFile(
+            name=lambda found: f"{found.name}_c",
+            output="c",
+            write=_write_folder,
+            when=lambda found: "c" in found.what,
+        ),
+        WrittenFile(
+            name=lambda found: f"{found.name}.fmu",
+            output="fmu",
+            write=_write_fmu,
+            when=lambda found: "fmu" in found.what,
+        ),
+        WrittenFile(
+            name=lambda found: f"{found.name}_map.csv",
+            output="table",
+            write=_write_table,
+            when=lambda found: "table" in found.what,
+        ),
+    ),
+    lists_files=True,
+)
