@@ -282,11 +282,11 @@ def test_a_demonstration_makes_no_claims_from_half_a_fit(tmp_path: Path, monkeyp
     """A fit that is interrupted returns its best so far; here nobody would be told."""
     from mrdamper.paper import demo as demo_job
 
-    def fit(*_: object, **__: object) -> None:
+    def identify(*_: object, **__: object) -> None:
         signal.raise_signal(INT)
 
     monkeypatch.setattr(demo_job, "_measured", lambda *_: ())
-    monkeypatch.setattr(demo_job, "fit", fit)
+    monkeypatch.setattr(demo_job, "identify", identify)
     with pytest.raises(Interrupted):
         demo_job.demo(tmp_path / "out")
     assert not list(tmp_path.iterdir())
