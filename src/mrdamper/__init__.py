@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
     __version__: str
     check: Callable[..., Any]
+    cite: Callable[..., Any]
+    compare: Callable[..., Any]
     fit: Callable[..., Any]
     forecast: Callable[..., Any]
     heat: Callable[..., Any]
@@ -47,6 +49,8 @@ __all__ = [
     "__version__",
     "assess",
     "check",
+    "cite",
+    "compare",
     "fit",
     "forecast",
     "heat",

@@ -13,13 +13,21 @@ from click.testing import CliRunner
 import mrdamper
 from mrdamper.cli import cli
 from mrdamper.errors import InputError
-from mrdamper.jobs.cite import LAW_SOURCES, METHOD_SOURCES, cite
+from mrdamper.jobs.cite import LAW_SOURCES, METHOD_SOURCES
 from mrdamper.models.card import ModelCard
 from mrdamper.models.card_schema import write_card
 from mrdamper.models.laws import LAWS
+from mrdamper.registry import JOBS
 from mrdamper.rig.campaign import Campaign
 from mrdamper.rig.measurement import measure
 from mrdamper.rig.plant import find_preset
+from mrdamper.schema import Json
+
+
+def cite(card: Path) -> Json:
+    """Return the answer of the job."""
+    return JOBS["cite"].perform({"card": card})[1]
+
 
 DOCS = Path(__file__).parents[2] / "docs"
 MARK = "from memory, not re-read"

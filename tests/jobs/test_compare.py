@@ -9,8 +9,8 @@ from dataclasses import replace
 
 import pytest
 
+import mrdamper as mrdamper_package
 from mrdamper.errors import InputError
-from mrdamper.jobs.compare import compare
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.card import Evidence, ModelCard
 from mrdamper.models.card_schema import write_card
@@ -233,5 +233,7 @@ def test_cards_called_card_go_by_their_folder(tmp_path):
     for folder in ("before", "after"):
         (tmp_path / folder).mkdir()
         write_card(a_card(a_damper()), tmp_path / folder / "card.json")
-    answer = compare(tmp_path / "before" / "card.json", tmp_path / "after" / "card.json")
-    assert answer["verdict"] == "after and before give the same force everywhere."
+    paths = [tmp_path / folder / "card.json" for folder in ("before", "after")]
+    found = mrdamper_package.compare(*paths)
+    assert [card.file for card in found.cards] == [*map(str, paths)]
+    assert found.verdict == "after and before give the same force everywhere."

@@ -111,25 +111,6 @@ _resume = click.option(
 
 
 @cli.command()
-@click.argument("first", type=click.Path(path_type=Path), metavar="CARD")
-@click.argument("second", type=click.Path(path_type=Path), metavar="CARD")
-@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="For compare.html, compare.json.")
-@click.option(
-    "--law", metavar="FILE.py:CLASS", help="The user's own law, for cards that were identified with one."
-)
-@_json
-def compare(first: Path, second: Path, *, as_json: bool, **options: Any) -> int:  # noqa: ANN401 - click checks them
-    """Compare two dampers, or one before and after: forces, energy, response, numbers.
-
-    Differences are second minus first, inside what both were identified on.
-    """
-    from mrdamper.cli import terminal
-    from mrdamper.jobs.compare import compare as job
-
-    return _finish(job(first, second, **options), terminal.show_comparison, as_json=as_json)
-
-
-@cli.command()
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
@@ -149,20 +130,6 @@ def demo(*, as_json: bool, **options: Any) -> int:  # noqa: ANN401 - click check
     with terminal.counter("step") as report:
         answer = job(report=report, **options)
     return _finish(answer, terminal.show_demo, as_json=as_json)
-
-
-@cli.command()
-@click.argument("card", type=click.Path(path_type=Path))
-@click.option(
-    "--law", metavar="FILE.py:CLASS", help="The user's own law, for a card that was identified with one."
-)
-@_json
-def cite(card: Path, *, law: str | None, as_json: bool) -> int:
-    """Tell what to cite for a card: law, method, data and program, as text and BibTeX."""
-    from mrdamper.cli import terminal
-    from mrdamper.jobs.cite import cite as job
-
-    return _finish(job(card, law=law), terminal.show_citations, as_json=as_json)
 
 
 @cli.group()

@@ -87,15 +87,12 @@ def parameters_of(job: Job) -> Iterator[click.Parameter]:
     for each in job.outputs:
         yield click.Option([each.flag], type=_FILE, metavar=each.metavar, help=each.help)
     if job.files_help:
-        yield click.Option(
-            ["--out"],
-            type=_FILE,
-            metavar="DIR",
-            help=job.files_help,
-            required=job.out_required,
-            default=Path(job.out_default) if job.out_default else None,
-            show_default=bool(job.out_default),
+        # a default of None, said as one, would stand for what is required
+        usual: dict[str, Any] = (
+            {"default": Path(job.out_default), "show_default": True} if job.out_default else {}
         )
+        help_text, required = job.files_help, job.out_required
+        yield click.Option(["--out"], type=_FILE, metavar="DIR", help=help_text, required=required, **usual)
     yield from (_option(each) for each in job.fields if each.option.flag != "-")
     if job.checkpoint:
         text = "Go on with what a run of this same command had finished when it ended; it is in OUT.progress."

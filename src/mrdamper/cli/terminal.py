@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -25,8 +25,6 @@ __all__ = [
     "on_progress",
     "open_console",
     "reading",
-    "show_citations",
-    "show_comparison",
     "show_cycles",
     "show_datasets",
     "show_demo",
@@ -102,55 +100,6 @@ def reading() -> Iterator[Callable[[int, int | None, int], None] | None]:
         yield report
 
 
-def show_comparison(answer: Answer) -> None:
-    """Print the verdict, forces side by side, and the numbers where the laws are the same."""
-    console = open_console()
-    first, second = (escape(card["name"]) for card in answer["cards"])
-    console.print(f"[bold]{escape(answer['verdict'])}[/bold]")
-    console.print(
-        _forces_side_by_side(answer["forces"], f"Damping force at peak velocity: {first} → {second}")
-    )
-    if answer["numbers"]:
-        table = Table(title="Numbers")
-        for name in ("number", first, "±", second, "±", "unit", "z"):
-            table.add_column(name, justify="left" if name in {"number", "unit"} else "right", no_wrap=True)
-        for line in answer["numbers"]:
-            values = (line[key] for key in ("first", "second"))
-            errors = (line[f"{key}_standard_error"] for key in ("first", "second"))
-            cells = ("-" if v is None else f"{v:.5g}" for v in values)
-            spreads = ("" if e is None else f"{e:.2g}" for e in errors)
-            pairs = [cell for pair in zip(cells, spreads, strict=True) for cell in pair]
-            z = "-" if line["z"] is None else f"{line['z']:+.1f}"
-            table.add_row(escape(line["name"]), *pairs, escape(line["unit"]), z)
-        console.print(table)
-    for note in answer["notes"]:
-        console.print(f"- {escape(note)}")
-    if "report" in answer:
-        console.print(f"wrote {escape(answer['report'])} and {escape(answer['file'])}")
-
-
-def _forces_side_by_side(rows: Sequence[Answer], title: str) -> Table:
-    """Return one row for each temperature and command, one column for each speed [mm/s]."""
-    table = Table(title=title)
-    table.add_column("degC", justify="right")
-    table.add_column("command", justify="right")
-    speeds = list(dict.fromkeys(row["velocity_m_s"] for row in rows))
-    for speed in speeds:
-        table.add_column(f"{1e3 * speed:.3g} mm/s: N", justify="right", no_wrap=True)
-    places = list(dict.fromkeys((row["temperature_degC"], row["command"]) for row in rows))
-    for warm, command in places:
-        cells = []
-        for row in rows:
-            if (row["temperature_degC"], row["command"]) == (warm, command):
-                change = row["difference_percent"]
-                share = "" if change is None else f" ({change:+.1f} %)"
-                cells.append(f"{row['first_N']:.0f} → {row['second_N']:.0f}{share}")
-        table.add_row(
-            "-" if warm is None else f"{warm:.0f}", f"{command:g} {rows[0]['command_unit']}", *cells
-        )
-    return table
-
-
 def show_demo(answer: Answer) -> None:
     """Print the laws side by side, then the paper's claims with their verdicts."""
     console = open_console()
@@ -211,16 +160,6 @@ def show_datasets(answer: Answer) -> None:
         for key, value in entry.items():
             if key != "name":
                 console.print(f"  {key}: {escape(str(value))}")
-
-
-def show_citations(answer: Answer) -> None:
-    """Print what to cite, as sentences and then as BibTeX that a file can take."""
-    for each in answer["citations"]:
-        print(f"{each['for']}: {each['text']}")
-    for note in answer["notes"]:
-        print(f"- {note}")
-    for each in answer["citations"]:
-        print(f"\n{each['bibtex']}")
 
 
 def show_files(answer: Answer) -> None:

@@ -11,12 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mrdamper.data.catalog import DataSet, list_sets
-from mrdamper.identify.fit import resolve_law
 from mrdamper.models.card import ModelCard
-from mrdamper.models.card_schema import read_card
-from mrdamper.schema import Json
 
-__all__ = ["LAW_SOURCES", "METHOD_SOURCES", "Source", "cite"]
+__all__ = ["LAW_SOURCES", "METHOD_SOURCES", "Citation", "CiteResult", "Source", "cite"]
 
 _MARK = "from memory, not re-read"
 
@@ -149,31 +146,27 @@ METHOD_SOURCES: dict[str, tuple[Source, ...]] = {"varpro": (_GOLUB, _KAUFMAN)}
 _PROGRAMS = {"genetic": "pymoo", "cma": "cma"}
 
 
-def cite(card: Path, *, law: str | None = None) -> Json:
-    """Return what to cite for a card, as text and as BibTeX.
+@dataclass(frozen=True, slots=True)
+class Citation:
+    """A work, and what it is cited for."""
 
-    Parameters
-    ----------
-    card : file of the card
-    law : ``file.py:Class`` of a user's own law, for a card that was identified with one
+    reason: str
+    source: Source
 
-    Raises
-    ------
-    InputError
-        The card cannot be read.
-    """
-    found = read_card(card) if law is None else read_card(card, python_law=resolve_law(law)[0])
-    citations = [
-        {
-            "key": source.key,
-            "for": what,
-            "text": source.text(),
-            "bibtex": source.bibtex(),
-            "from_memory": not source.reread,
-        }
-        for what, source in _sources(found)
-    ]
-    return {"card": str(card), "law": found.damper.law.name, "citations": citations, "notes": _notes(found)}
+
+@dataclass(frozen=True, slots=True)
+class CiteResult:
+    """What to cite for a card."""
+
+    law: str
+    citations: tuple[Citation, ...]
+    notes: tuple[str, ...]
+
+
+def cite(card: ModelCard) -> CiteResult:
+    """Return what to cite for a card: the program, and where law, method and data are from."""
+    found = tuple(Citation(reason, source) for reason, source in _sources(card))
+    return CiteResult(card.damper.law.name, found, tuple(_notes(card)))
 
 
 def _sources(card: ModelCard) -> Iterator[tuple[str, Source]]:

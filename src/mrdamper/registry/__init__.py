@@ -482,6 +482,33 @@ _ROWS = (
         page="the page Cards",
     ),
     Job(
+        name="compare",
+        help="""Compare two dampers, or one before and after: forces, energy, response, numbers.
+
+        Differences are second minus first, inside what both were identified on.
+        """,
+        inputs=(
+            Input(name="first", kind="card of any law", help="The card before.", in_answer=False),
+            Input(name="second", kind="card of any law", help="The card after.", in_answer=False),
+        ),
+        run="mrdamper.jobs.compare:compare",
+        result="mrdamper.models.comparison:Comparison",
+        report="mrdamper.report.compare:REPORT",
+        files_help="For compare.html, compare.json.",
+        progress_word="",
+        page="the page Cards",
+    ),
+    Job(
+        name="cite",
+        help="Tell what to cite for a card: law, method, data and program, as text and BibTeX.",
+        inputs=(CARD_OF_ANY_LAW,),
+        run="mrdamper.jobs.cite:cite",
+        result="mrdamper.jobs.cite:CiteResult",
+        report="mrdamper.report.cite:REPORT",
+        progress_word="",
+        page="the page Cards",
+    ),
+    Job(
         name="heat",
         help="Tell how hot a damper gets under a duty, how soon, and where the heat goes.",
         inputs=(

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from types import MappingProxyType
 
-__all__ = ["QUERIES"]
+from mrdamper.registry import JOBS
+from mrdamper.schema import Json
+
+__all__ = ["QUERIES", "cite_card"]
 
 QUERIES: Mapping[str, str] = MappingProxyType(
     {
@@ -20,8 +24,13 @@ QUERIES: Mapping[str, str] = MappingProxyType(
         "heat_curve": "mrdamper.jobs.previews.heat:QuickHeat.curve",
         "damper": "mrdamper.jobs.previews.heat:damper_facts",
         "card": "mrdamper.jobs.previews.card:require_card",
-        "cite": "mrdamper.jobs.cite:cite",
+        "cite": "mrdamper.registry.queries:cite_card",
         "catalogue": "mrdamper.jobs.public_data.datasets:catalogue",
     }
 )
 """Function that answers a query, by name; loaded when it is first asked for."""
+
+
+def cite_card(card: Path | str) -> Json:
+    """Return what to cite for a card, as the job tells it."""
+    return JOBS["cite"].perform({"card": Path(card)})[1]

@@ -185,7 +185,12 @@ def _show(found: IdentifyResult, console: Console) -> None:
         console.print(f"force offset of session {escape(session) or '(unnamed)'}: {offset:+.1f} N")
     for note in _notes(found):
         console.print(f"- {escape(note)}")
-    console.print(f"{found.cpu_s:.2f} s of CPU")
+
+
+def _wrote(found: IdentifyResult, answer: Json, console: Console) -> None:
+    """Print what the fit has taken, and where card and report are."""
+    files = f"; wrote {answer['card']} and {answer['report']}" if "card" in answer else ""
+    console.print(f"{found.cpu_s:.2f} s of CPU{files}", markup=False)
 
 
 def _law_table(scores: Sequence[LawScore]) -> Table:
@@ -256,6 +261,7 @@ def _write_page(found: IdentifyResult, path: Path) -> None:
 REPORT: Report[IdentifyResult] = Report(
     answer=_answer,
     show=_show,
+    wrote=_wrote,
     summary=_summary,
     files=(
         WrittenFile(name="card.json", key="card", write=lambda found, path: write_card(found.card(), path)),

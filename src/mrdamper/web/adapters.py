@@ -92,9 +92,8 @@ def _check(options: Json, folder: WorkFolder, out: Path, _say: Say) -> Json:
 
 
 def _compare(options: Json, folder: WorkFolder, out: Path, _say: Say) -> Json:
-    from mrdamper.jobs.compare import compare
-
-    return compare(folder.card(options["first"]), folder.card(options["second"]), out=out)
+    given = {name: folder.card(options[name]) for name in ("first", "second")}
+    return JOBS["compare"].perform(given, out=out)[1]
 
 
 def _heat(options: Json, folder: WorkFolder, out: Path, _say: Say) -> Json:
