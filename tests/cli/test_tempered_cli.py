@@ -126,6 +126,7 @@ def degrees(row: dict[str, str], to: Callable[[float], float], unit: str = "degC
 # -------------------------------------------------------------------------------- the way through
 
 
+@pytest.mark.nightly
 def test_what_the_rig_holds_out_is_what_identify_holds_out(measured, identified):
     held = {run["name"] for run in measured["runs"] if run["held_out"]}
     assert {run["name"] for run in identified["runs"] if run["split"] == "held_out"} == held

@@ -101,7 +101,7 @@ def test_without_lags_the_solved_current_gives_the_wanted_force(law):
     assert np.quantile(np.abs(error[free]), 0.99) < 5.0
 
 
-@pytest.mark.system
+@pytest.mark.nightly
 @pytest.mark.parametrize("kelvin", [293.15, 396.15])
 def test_the_step_in_c_is_the_slow_one_in_python(kelvin):
     """Same estimators, law and root without tables, 250 steps with noise and a reversal: 5 mA, 1 mA rms."""

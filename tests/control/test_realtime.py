@@ -72,7 +72,7 @@ def error_percent(model: RealtimeDamper, law: FloatArray, rows: FloatArray) -> f
 # ------------------------------------------------------------------------------------- the force
 
 
-@pytest.mark.system
+@pytest.mark.nightly
 @pytest.mark.parametrize("law", DAMPERS)
 @pytest.mark.parametrize("told", [True, False])
 @pytest.mark.parametrize("single", [False, True])

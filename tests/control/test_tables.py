@@ -66,7 +66,7 @@ def test_the_force_of_the_table_is_the_law_s(law):
         np.testing.assert_allclose(found, expected, atol=2e-2 if law == "bouc-wen-saturating" else 1e-2)
 
 
-@pytest.mark.system
+@pytest.mark.nightly
 @pytest.mark.parametrize("rises", ["as it is", "like a root", "in an S"])
 @pytest.mark.parametrize("law", TABULATED)
 def test_between_the_table_s_points_too_the_force_is_within_a_thousandth_of_the_peak(law, rises):

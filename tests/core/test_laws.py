@@ -141,7 +141,7 @@ def test_a_law_is_what_an_adaptive_integrator_makes_of_its_equation(name, tolera
     assert relative(simulate(d, trajectory), simulate_reference(d, trajectory)) < tolerance
 
 
-@pytest.mark.system
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("name", "tolerance"),
     [("bouc-wen", 2e-5), ("bouc-wen-saturating", 2e-5), ("tanh", 2e-5), ("lugre", 5e-5), ("spencer", 1e-4)],
@@ -549,7 +549,7 @@ def prototype(k: rig.SpencerDamper, voltage: float) -> Damper:
     )
 
 
-@pytest.mark.system
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("motion", "voltage", "largest", "rms"),
     [

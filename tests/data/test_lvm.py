@@ -67,7 +67,7 @@ def lvm(
     return "\r\n".join([*tags, ""])
 
 
-@pytest.mark.system
+@pytest.mark.nightly
 @pytest.mark.parametrize("anew", [False, True])
 @pytest.mark.parametrize("cuts", [(100,), (3, 50, 51, 390), tuple(range(1, len(RUN)))])
 @pytest.mark.parametrize("x", ["One", "No"])

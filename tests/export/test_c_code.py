@@ -40,7 +40,7 @@ def replay(folder, tool):
 # ------------------------------------------------------------------------------------------ compilers
 
 
-@pytest.mark.system
+@pytest.mark.nightly
 @pytest.mark.parametrize("precision", ["float", "double"])
 @pytest.mark.parametrize("content", ["model", "controller", "both"])
 def test_gcc_has_nothing_to_say(content, precision, tool, tmp_path):
@@ -122,7 +122,7 @@ OF_LEARNING = {"learn"}
 OF_THE_VALVE = {"series_answer", "series_step", "follow_series", "solve_valve"}
 
 
-@pytest.mark.system
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("controller", "law", "has"),
     [

@@ -111,6 +111,7 @@ def test_the_readings_are_stepped_without_undefined_behaviour(tool, single):
         assert there.outside == 0
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("single", [True, False])
 @pytest.mark.parametrize("law", DAMPERS)
 def test_kernel_and_tables_compile_without_a_warning(tool, tmp_path, law, single):

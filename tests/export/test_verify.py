@@ -33,6 +33,7 @@ def _a_compiler(tool):
 # -------------------------------------------------------------------------------------- the same bits
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("law", [*DAMPERS, "series-valve"])
 def test_in_single_precision_every_law_has_the_same_bits_in_c_as_in_python(law):
     record = verify_c(a_target(law), samples=SHORT)
@@ -76,6 +77,7 @@ def test_in_double_precision_too(law, content):
     assert {name.partition(".")[0] for name in record.outputs} == {content}
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     "controller",
     [

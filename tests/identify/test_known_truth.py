@@ -50,7 +50,7 @@ def errors_from_the_truth(law: str, seeds: range) -> dict[str, NDArray[np.float6
     return {name: np.array(off[name]) for name, count in identifiable.items() if count > len(seeds) / 2}
 
 
-@pytest.mark.system
+@pytest.mark.nightly
 @pytest.mark.parametrize("law", TRUTHS)
 def test_twenty_noisy_campaigns_give_the_numbers_back(law: str) -> None:
     """One miss of twenty is 5 %: allowed for one draw, not for two."""
@@ -72,7 +72,7 @@ def test_two_hundred_noisy_campaigns_give_the_numbers_back(law: str) -> None:
     assert all(0.8 < size < 1.2 for size in scatter.values()), scatter
 
 
-@pytest.mark.system
+@pytest.mark.nightly
 @pytest.mark.parametrize("law", TRUTHS)
 def test_without_noise_the_numbers_come_back_exactly(law: str) -> None:
     runs = measured(TRUTHS[law], noise=0.0, seed=0)

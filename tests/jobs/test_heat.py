@@ -249,6 +249,7 @@ def test_the_reduced_model_is_reported_under_its_name(folder):
     assert "reduced to 16 unknowns" in (folder / "reduced" / "heat.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.nightly
 def test_the_same_run_gives_the_same_bytes(folder):
     for name in ("one", "two"):
         heating(folder / "card.json", DRAWING, out=folder / name)

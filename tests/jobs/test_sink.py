@@ -51,6 +51,7 @@ def answer(folder) -> Any:
     )  # fmt: skip
 
 
+@pytest.mark.nightly
 def test_the_keys_that_scripts_rely_on(answer):
     assert {"reference", "front", "study"} <= answer.keys()
     for design in (answer["reference"], answer["bare"], *answer["front"], answer["best"]):
@@ -83,6 +84,7 @@ def test_ten_kelvin_cooler_in_the_same_envelope_and_with_no_more_mass(answer):
     assert answer["cooler_K"] == pytest.approx(reference["temperature_degC"] - best["temperature_degC"])
 
 
+@pytest.mark.nightly
 def test_ten_kelvin_cooler_with_the_card_that_the_rig_leads_to():
     """By the network; the finite elements confirm it in tests/thermal/test_design.py."""
     options = SinkOptions(span_mm=84.0, by_field=False)

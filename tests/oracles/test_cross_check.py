@@ -43,6 +43,7 @@ def coarse(drawing) -> FieldModel:
     return discretise(section, mesh_section(section, 0.03, levels=1))
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("drawing", [BARE, DRAWING], ids=["bare", "fins"])
 def test_freefem_agrees_at_every_node(tool: Tool, tmp_path: Path, drawing):
     """The whole nonlinear problem, 5 min; each program by its own method of order 2."""

@@ -46,6 +46,7 @@ def timed(out: Path, report: Report | None = None) -> tuple[dict[str, Any], floa
     return answer, spent / float(np.mean(paces)) - REFERENCE_S * len(paces)
 
 
+@pytest.mark.nightly
 def test_the_runs_are_said_to_be_simulated(quick):
     answer, out, *_ = quick
     assert answer["simulated"] is True

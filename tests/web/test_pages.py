@@ -409,6 +409,7 @@ def test_the_first_paint_is_quick(page):
     assert paint < 1500.0
 
 
+@pytest.mark.nightly
 def test_a_slider_redraws_at_once(page):
     """Asked: 100 ms from slider to picture; the quickest of ten, as a loaded machine can stall any."""
     page.goto("/#/heating?card=strong")

@@ -285,6 +285,7 @@ def test_the_sheet_of_a_large_file_begins_with_its_head(page, site, tmp_path):
     assert site[1].ask("DELETE", "/api/files/large.csv").status_code == 200
 
 
+@pytest.mark.nightly
 def test_without_a_connection_nothing_is_fetched_and_the_page_says_so(browser, tmp_path, monkeypatch):
     for name in ("HTTPS_PROXY", "https_proxy"):
         monkeypatch.setenv(name, "http://127.0.0.1:9")

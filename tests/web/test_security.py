@@ -492,6 +492,7 @@ def a_mat_file_of_zeros(stated: int, held: int) -> bytes:
     return b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM" + struct.pack("<II", 15, len(packed)) + packed
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize(
     ("name", "made"),
     [

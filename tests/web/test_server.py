@@ -705,6 +705,7 @@ def test_without_the_extra_the_install_command_is_named(tmp_path):
     assert "pip install 'mrdamper[web]'" in run.stderr
 
 
+@pytest.mark.nightly
 def test_a_token_opens_a_server_that_others_can_reach(tmp_path):
     token = "a-token-of-some-length"
     with served(tmp_path / "work", "--token", token) as client:

@@ -416,6 +416,7 @@ def test_a_search_whose_process_died_is_resumed_to_the_same_front(page, rig, tmp
     assert client.get(f"/api/jobs/{job}")["resumed"] == 1
 
 
+@pytest.mark.nightly
 def test_a_job_that_is_removed_takes_along_what_it_had_left(rig):
     root, client = rig
     job = client.job("sink", card="strong", method="nsga2", by_field=False)
