@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     fit: Callable[..., Any]
     forecast: Callable[..., Any]
     heat: Callable[..., Any]
+    observe: Callable[..., Any]
     identify: Callable[..., Any]
     predict: Callable[..., Any]
 
@@ -55,6 +56,7 @@ __all__ = [
     "forecast",
     "heat",
     "identify",
+    "observe",
     "predict",
     "prepare_run",
     "read_card",

@@ -24,6 +24,8 @@ __all__ = [
     "HeatOptions",
     "LawReading",
     "NoOptions",
+    "ObserveOptions",
+    "RideOptions",
     "RigOptions",
     "RunsReading",
     "SinkOptions",
@@ -222,6 +224,133 @@ class HeatOptions:
         bool | None,
         Option("Judge the end by finite elements; None: where files are written.", flag="-"),
     ] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ObserveOptions:
+    """Options of ``observe``."""
+
+    ambient_degC: Annotated[
+        float | None,
+        Option("Air around the damper.", unit="degC", least=-50.0, most=100.0, default_help="the drawing's"),
+    ] = None
+    start_degC: Annotated[
+        float | None,
+        Option(
+            "Of everything at the record's start.",
+            unit="degC",
+            least=-50.0,
+            most=200.0,
+            default_help="ambient",
+        ),
+    ] = None
+    start_spread_K: Annotated[
+        float,
+        Option(
+            "Standard deviation of that; some 20 for a damper that is still warm.",
+            unit="K",
+            above=0.0,
+            most=200.0,
+        ),
+    ] = 0.5
+    power_W: Annotated[
+        float | None,
+        Option(
+            "Mean mechanical power, in place of the record's.",
+            unit="W",
+            least=0.0,
+            most=1e6,
+            default_help="the record's power_W",
+        ),
+    ] = None
+    wiring_ohm: Annotated[
+        float, Option("Of the wires between driver and coil.", unit="ohm", least=0.0, most=100.0)
+    ] = 0.0
+    resistance_noise: Annotated[
+        float, Option("Standard deviation of a reading of the resistance, as a share.", above=0.0, most=0.5)
+    ] = 0.01
+    body_noise_K: Annotated[
+        float, Option("Standard deviation of a reading of the body.", unit="K", above=0.0, most=50.0)
+    ] = 0.5
+    limit_degC: Annotated[
+        float | None,
+        Option(
+            "Temperature of the fluid whose time is asked for.",
+            unit="degC",
+            least=-50.0,
+            most=400.0,
+            default_help="the fluid's limit in the drawing",
+        ),
+    ] = None
+    look_s: Annotated[
+        float,
+        Option("How far beyond the record.", unit="s", above=0.0, most=1e5, flag="--look", metavar="SECONDS"),
+    ] = 7200.0
+    probability: Annotated[
+        float, Option("That an interval holds the temperature, or the time.", least=0.5, most=0.99)
+    ] = 0.9
+    seed: Seed = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RideOptions:
+    """Options of ``ride``."""
+
+    controller: Annotated[
+        str, Option("recommended, recommended-causal, paper, ...", metavar="NAME", label="Controllers")
+    ] = "recommended"
+    demand: Annotated[
+        Literal["skyhook", "groundhook", "hybrid", "linear-quadratic"],
+        Option("The force that is asked of the damper."),
+    ] = "linear-quadratic"
+    damping_N_s_m: Annotated[
+        float,
+        Option("Of skyhook, groundhook and hybrid.", unit="N s/m", above=0.0, most=1e6, flag="--damping"),
+    ] = 2500.0
+    road_class: Annotated[
+        Literal["A", "B", "C", "D", "E", "F", "G", "H"],
+        Option("Class of ISO 8608, A (smooth) to H.", flag="--road"),
+    ] = "C"
+    speed_m_s: Annotated[float, Option("Of the car.", unit="m/s", above=0.0, most=100.0)] = 20.0
+    duration_s: Annotated[
+        float,
+        Option(
+            "Of the ride that is scored; its first 2 s are not.",
+            unit="s",
+            above=2.0,
+            most=600.0,
+            flag="--duration",
+            metavar="SECONDS",
+        ),
+    ] = 20.0
+    warm_up_s: Annotated[
+        float,
+        Option(
+            "Drive on for so long while the damper warms; 0: not at all.",
+            unit="s",
+            least=0.0,
+            most=14400.0,
+            flag="--warm-up",
+            metavar="SECONDS",
+        ),
+    ] = 1800.0
+    start_degC: Annotated[
+        float, Option("Of the damper during the scored ride.", unit="degC", least=-50.0, most=200.0)
+    ] = 20.0
+    ambient_degC: Annotated[
+        float,
+        Option(
+            "Air around the damper, its temperature when it begins to warm.",
+            unit="degC",
+            least=-50.0,
+            most=100.0,
+        ),
+    ] = 20.0
+    body_kg: Annotated[float, Option("Of the body above the wheel.", unit="kg", above=0.0, most=1e5)] = 320.0
+    wheel_kg: Annotated[float, Option("Of the wheel.", unit="kg", above=0.0, most=1e4)] = 40.0
+    spring_N_m: Annotated[float, Option("Stiffness of the spring.", unit="N/m", above=0.0, most=1e7)] = 20e3
+    tyre_N_m: Annotated[float, Option("Stiffness of the tyre.", unit="N/m", above=0.0, most=1e8)] = 200e3
+    seed: Annotated[int, Option("Of road and sensors.", least=0, below=2**31)] = 5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

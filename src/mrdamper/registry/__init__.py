@@ -80,6 +80,7 @@ KINDS: Mapping[str, Kind] = {
     "sink": Kind("FILE", "mrdamper.thermal.drawing_file:read_sink"),
     "duty": Kind("DUTY", "mrdamper.thermal.duty:read_duty"),
     "curve": Kind("CURVE.csv", "mrdamper.thermal.estimation.measured_curve:read_curve"),
+    "thermal log": Kind("RECORD.csv", "mrdamper.thermal.estimation.thermal_log:read_thermal_log"),
 }
 
 
@@ -555,6 +556,25 @@ _ROWS = (
         result="mrdamper.jobs.forecast:ForecastResult",
         report="mrdamper.report.forecast:REPORT",
         files_help="For forecast.svg, forecast.json, forecast.csv.",
+        progress_word="step",
+    ),
+    Job(
+        name="observe",
+        help="Tell the fluid's temperature from a record of coil or body, and the time left to its limit.",
+        inputs=(
+            Input(
+                name="record",
+                kind="thermal log",
+                help="time_s, current_A, power_W (mechanical), and what was read: voltage_V or "
+                "resistance_ohm of the coil, body_degC.",
+            ),
+            DRAWING,
+        ),
+        options="mrdamper.jobs.options:ObserveOptions",
+        run="mrdamper.jobs.observe:observe",
+        result="mrdamper.jobs.observe:ObserveResult",
+        report="mrdamper.report.observe:REPORT",
+        files_help="For observe.svg, observe.json, observe.csv.",
         progress_word="step",
     ),
     Job(

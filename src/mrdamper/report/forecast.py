@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 import numpy as np
@@ -14,16 +13,11 @@ from mrdamper.jobs.forecast import ForecastResult
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.base import Report, WrittenFile
 from mrdamper.report.figures.style import HELD_OUT, INK, WIDE, drawing_style, svg_of
+from mrdamper.report.time_to_limit import draw_limit, limit_answer, limit_words
 from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json
 
 __all__ = ["REPORT"]
-
-_LIMIT_COLOUR = "#a03020"
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def _answer(found: ForecastResult) -> Json:
@@ -37,10 +31,7 @@ def _answer(found: ForecastResult) -> Json:
         "median_degC": found.median_degC.tolist(),
         "low_degC": found.low_degC.tolist(),
         "high_degC": found.high_degC.tolist(),
-        "limit_degC": found.limit_degC,
-        "time_to_limit_s": _finite(found.to_limit.median_s),
-        "time_to_limit_interval_s": [_finite(found.to_limit.low_s), _finite(found.to_limit.high_s)],
-        "limit_not_reached": found.to_limit.not_reached,
+        **limit_answer(found.limit_degC, found.to_limit),
         "notes": list(found.curve.notes),
     }
 
@@ -48,19 +39,10 @@ def _answer(found: ForecastResult) -> Json:
 def _summary(found: ForecastResult) -> list[str]:
     """Return how hot it gets and when the limit is reached."""
     minutes, percent = found.time_s[-1] / 60.0, f"{100.0 * found.probability:.0f} %"
-    to_limit = found.to_limit
-    if to_limit.not_reached > 0.5:
-        reached = f"not reached within {minutes:.0f} min with {100.0 * to_limit.not_reached:.0f} %"
-    else:
-        latest = (
-            "later than that" if not math.isfinite(to_limit.high_s) else f"{to_limit.high_s / 60.0:.1f} min"
-        )
-        soonest = f"{to_limit.low_s / 60.0:.1f} min"
-        reached = f"reached after {to_limit.median_s / 60.0:.1f} min ({percent}: {soonest} to {latest})"
     return [
         f"{found.curve.place} after {minutes:.0f} min: {found.median_degC[-1]:.1f} degC "
         f"({percent}: {found.low_degC[-1]:.1f} to {found.high_degC[-1]:.1f} degC)",
-        f"{found.limit_degC:g} degC: {reached}",
+        limit_words(found.limit_degC, found.to_limit, found.probability, float(found.time_s[-1])),
     ]
 
 
@@ -92,16 +74,7 @@ def _figure(found: ForecastResult) -> Figure:
     axes.plot(minutes, found.median_degC, color=HELD_OUT, linewidth=1.6, label="forecast, median")
     celsius = found.curve.temperature - ZERO_CELSIUS_K
     axes.plot(found.curve.time / 60.0, celsius, ".", color=INK, markersize=2, label="measured")
-    if found.limit_degC < 1.2 * float(found.high_degC.max()):
-        axes.axhline(found.limit_degC, color=_LIMIT_COLOUR, linewidth=0.8, linestyle=(0, (5, 2)))
-        axes.annotate(
-            f"limit, {found.limit_degC:g} °C",
-            (minutes[0], found.limit_degC),
-            (2, 2),
-            textcoords="offset points",
-            fontsize=6.5,
-            color=_LIMIT_COLOUR,
-        )
+    draw_limit(axes, found.limit_degC, float(found.high_degC.max()), float(minutes[0]))
     axes.set_xlabel("minutes")
     axes.set_ylabel(f"temperature of the {found.curve.place}, °C")
     axes.legend(loc="lower right")

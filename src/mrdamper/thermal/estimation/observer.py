@@ -42,7 +42,7 @@ from mrdamper.thermal.model.stepping import Load
 
 __all__ = [
     "ObservedTemperatures", "ObserverOptions", "ObserverState", "TemperatureObserver", "ThermalMeasurement",
-    "ThermalRecord", "Thermometers", "observe_temperature", "time_left",
+    "ThermalRecord", "Thermometers", "build_observer", "observe_temperature", "time_left",
 ]  # fmt: skip
 
 
@@ -307,6 +307,16 @@ class TemperatureObserver:
 _USUAL = ObserverOptions()
 
 
+def build_observer(drawing: DamperDrawing, options: ObserverOptions = _USUAL) -> TemperatureObserver:
+    """Return the observer of a drawn damper; raise ``InputError`` where its coil has no resistance."""
+    return TemperatureObserver(
+        zone_network(drawing),
+        drawing.coil.resistance,
+        model_uncertainty=options.model_uncertainty,
+        thermometers=options.thermometers,
+    )
+
+
 def observe_temperature(
     drawing: DamperDrawing, record: ThermalRecord, options: ObserverOptions = _USUAL
 ) -> ObservedTemperatures:
@@ -317,12 +327,7 @@ def observe_temperature(
     InputError
         The drawing's coil has no resistance.
     """
-    observer = TemperatureObserver(
-        zone_network(drawing),
-        drawing.coil.resistance,
-        model_uncertainty=options.model_uncertainty,
-        thermometers=options.thermometers,
-    )
+    observer = build_observer(drawing, options)
     state = observer.start(options.start_K, spread_K=options.start_spread_K)
     elapsed = np.diff(record.time, prepend=record.time[0])
     found = []
