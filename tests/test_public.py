@@ -22,6 +22,7 @@ def test_a_jobs_function_has_the_inputs_and_options_that_its_row_declares(name):
     assert [*known] == [
         *(each.name for each in sorted(job.inputs, key=lambda each: not each.required)),
         *(field.name for field in (*job.reading, *job.fields)),
+        *(each.name for each in job.outputs),
         "on_progress",
     ]
     for field in job.fields:

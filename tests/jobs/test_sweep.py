@@ -16,12 +16,14 @@ import pytest
 
 import mrdamper
 from mrdamper.errors import InputError
+from mrdamper.jobs.options import RigOptions
 from mrdamper.jobs.sweep.executors import run_on_processes
 from mrdamper.jobs.sweep.plan import Plan, Task, read_plan
 from mrdamper.jobs.sweep.results import CHECKPOINT, Store
 from mrdamper.jobs.sweep.sweep import sweep
 from mrdamper.jobs.sweep.tasks import run_task
 from mrdamper.models.card_schema import write_card
+from mrdamper.registry import JOBS
 from mrdamper.rig.campaign import Campaign
 from mrdamper.rig.measurement import measure
 from mrdamper.rig.plant import PRESETS
@@ -241,14 +243,9 @@ def test_no_scheduler_is_one_message(folder: Path, monkeypatch: pytest.MonkeyPat
 @pytest.mark.nightly
 def test_campaigns_are_identified_each_for_itself(folder: Path):
     """A file that is no run costs its own result and no other."""
-    from mrdamper.jobs.rig import write_campaign
-
     for seed in (1, 2):
-        for name in (f"lab-{seed}", f"lab-{seed}.truth"):
-            (folder / name).mkdir(exist_ok=True)
-        write_campaign(
-            folder / f"lab-{seed}", folder / f"lab-{seed}.truth", PRESETS["nominal"], SMALL, seed=seed
-        )
+        given = {"damper": PRESETS["nominal"], "campaign": SMALL}
+        JOBS["rig"].perform(given, RigOptions(seed=seed), out=folder / f"lab-{seed}")
     (folder / "lab-3").mkdir()
     (folder / "lab-3" / "broken.csv").write_text("time_s,force_N\n0,1\n", encoding="utf-8")
     plan = folder / "identify.toml"

@@ -26,10 +26,7 @@ __all__ = [
     "open_console",
     "reading",
     "show_cycles",
-    "show_datasets",
     "show_demo",
-    "show_files",
-    "show_rig",
     "show_sweep",
 ]
 
@@ -124,48 +121,6 @@ def show_demo(answer: Answer) -> None:
 
 def _figure(value: float | str | None) -> str:
     return "-" if value is None else escape(value) if isinstance(value, str) else f"{value:.4g}"
-
-
-def show_rig(answer: Answer) -> None:
-    """Print what was run, where it lies, and how to identify it."""
-    console = open_console()
-    runs = answer["runs"]
-    table = Table(title=escape(f"Virtual damper {answer['damper']}, seed {answer['seed']}: runs by motion"))
-    for name in ("motion", "runs", "held out", "currents A", "temperatures degC"):
-        table.add_column(name, justify="right" if name in {"runs", "held out"} else "left")
-    for motion in dict.fromkeys(run["motion"] for run in runs):
-        each = [run for run in runs if run["motion"] == motion]
-        currents = dict.fromkeys(run["current_A"] for run in each)
-        table.add_row(
-            escape(motion),
-            str(len(each)),
-            str(sum(run["held_out"] for run in each)),
-            ", ".join("stepped" if current is None else f"{current:g}" for current in currents),
-            ", ".join(f"{degrees:g}" for degrees in dict.fromkeys(run["temperature_degC"] for run in each)),
-        )
-    console.print(table)
-    for note in answer["notes"]:
-        console.print(f"- {escape(note)}")
-    held_out = "".join(f" --hold-out '{pattern}'" for pattern in answer["hold_out"])
-    console.print(escape(f"{answer['cpu_s']:.2f} s of CPU; wrote {len(runs)} runs to {answer['folder']}"))
-    console.print(escape(f"the truth, for judging only: {answer['truth']}"))
-    console.print(escape(f"next: mrdamper identify {answer['folder']}{held_out} --out card"), soft_wrap=True)
-
-
-def show_datasets(answer: Answer) -> None:
-    """Print the data sets, one paragraph each."""
-    console = open_console()
-    for entry in answer["datasets"]:
-        console.print(f"[bold]{escape(str(entry.get('name', '')))}[/bold]")
-        for key, value in entry.items():
-            if key != "name":
-                console.print(f"  {key}: {escape(str(value))}")
-
-
-def show_files(answer: Answer) -> None:
-    """Print one path a line."""
-    for path in answer["files"]:
-        print(path)
 
 
 def show_cycles(answer: Answer) -> None:

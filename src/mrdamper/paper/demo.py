@@ -23,8 +23,15 @@ from mrdamper.jobs.export import export
 from mrdamper.jobs.heat import HeatResult, heat
 from mrdamper.jobs.identify import IdentifyResult, identify
 from mrdamper.jobs.inputs import read_dataset
-from mrdamper.jobs.options import ExportOptions, FitOptions, HeatOptions, SinkOptions, TrackOptions
-from mrdamper.jobs.rig import write_campaign
+from mrdamper.jobs.options import (
+    ExportOptions,
+    FitOptions,
+    HeatOptions,
+    RigOptions,
+    SinkOptions,
+    TrackOptions,
+)
+from mrdamper.jobs.rig import rig
 from mrdamper.jobs.sink import sink
 from mrdamper.jobs.track import read_plant, track
 from mrdamper.models.card import ModelCard
@@ -38,6 +45,7 @@ from mrdamper.report.base import Place, write_report
 from mrdamper.report.export import REPORT as EXPORT_REPORT
 from mrdamper.report.heat import REPORT as HEAT_REPORT
 from mrdamper.report.identify import REPORT as IDENTIFY_REPORT
+from mrdamper.report.rig import REPORT as RIG_REPORT
 from mrdamper.report.scores import summaries
 from mrdamper.report.sink import REPORT as SINK_REPORT
 from mrdamper.report.track import REPORT as TRACK_REPORT
@@ -204,10 +212,10 @@ class _Place:
 
 def _measured(place: _Place, campaign: Campaign, seed: int) -> Dataset:
     """Run a campaign on the preset ``nominal``, write it and read it back as any rig's runs."""
-    runs, _ = place.part("runs")
-    truth, _ = place.part("runs.truth")
-    write_campaign(runs, truth, find_preset("nominal"), campaign, seed=seed)
-    return read_dataset([runs])
+    runs, truth = (Place(*place.part(name)) for name in ("runs", "runs.truth"))
+    found = rig(RigOptions(preset="nominal", seed=seed), campaign=campaign)
+    write_report(RIG_REPORT, found, {"": runs, "truth": truth}, {})
+    return read_dataset([runs.stage])
 
 
 def _law_line(found: IdentifyResult) -> Json:

@@ -153,22 +153,17 @@ def _export(options: Json, folder: WorkFolder, out: Path, say: Say) -> Json:
 
 
 def _rig(options: Json, folder: WorkFolder, out: Path, say: Say) -> Json:
-    from mrdamper.jobs.rig import rig
-
+    job = JOBS["rig"]
     campaign: Path | None = None
     if options["campaign"] == "short":
         campaign = out / "campaign.toml"
         campaign.write_text(_SHORT, encoding="utf-8")
     elif options["campaign"] != "full":
         campaign = folder.input(options["campaign"])
-    return rig(
-        folder.runs,
-        preset=options["preset"],
-        damper_file=None if options["damper"] is None else folder.input(options["damper"]),
-        campaign_file=campaign,
-        seed=options["seed"],
-        report=_counted(say),
-    )
+    own = options["damper"]
+    given = {"damper": None if own is None else folder.input(own), "campaign": campaign}
+    rest = {"seed": options["seed"], "preset": options["preset"] if own is None else None}
+    return job.perform(given, job.options_from(rest), out=folder.runs, on_progress=_progress(say))[1]
 
 
 def _fluid(options: Json, folder: WorkFolder, out: Path, _say: Say) -> Json:
@@ -209,9 +204,17 @@ def _demo(options: Json, _folder: WorkFolder, out: Path, say: Say) -> Json:
 
 
 def _fetch(options: Json, folder: WorkFolder, _out: Path, say: Say) -> Json:
-    from mrdamper.jobs.public_data.datasets import fetch_into
-
-    return fetch_into(folder.runs, options["name"], MAP_SUFFIX, report=_counted(say))
+    name = options["name"]
+    try:
+        return JOBS["data fetch"].perform({"name": name}, out=folder.runs, on_progress=_progress(say))[1]
+    except InputError as fault:
+        if isinstance(fault.__cause__, OSError):  # of requests, too
+            raise InputError(
+                f"{name}: nothing was fetched: the server's machine has no connection to github.com, where "
+                "this set lies. Connect it and try again; or start the server with MRDAMPER_DATA set to a "
+                "folder that holds the files; or download them elsewhere and drop them on the page Runs"
+            ) from fault
+        raise
 
 
 def _sweep(options: Json, folder: WorkFolder, out: Path, say: Say, resume: bool) -> Json:  # noqa: FBT001 - as all of _LONG

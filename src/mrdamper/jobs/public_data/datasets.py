@@ -1,25 +1,74 @@
-"""Public data into a folder of runs: each file with its channel map beside it, ready to be fitted.
+"""Public data: what there is, and fetching it, with the channel maps that read it.
 
-The catalogue and the download are ``mrdamper data``'s. The maps are those of the examples, which are not
-installed with the program; a test holds the copies here to them.
+The maps are those of the examples, which are not installed with the program; a test holds the copies here to
+them.
 """
 
 from __future__ import annotations
 
-import shutil
-from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
-from mrdamper.data.catalog import fetch, list_sets
-from mrdamper.errors import InputError
-from mrdamper.runtime.outputs import atomic_output
+from mrdamper.data.catalog import DataSet, fetch, list_sets
+from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.schema import Json
 
-__all__ = ["MAPS", "catalogue", "data_fetch", "data_list", "fetch_into"]
+__all__ = ["MAPS", "FetchedData", "PublicData", "catalogue", "fetch_data", "list_data"]
 
 MAPS = Path(__file__).parent
 
-Report = Callable[[int, int, str], None]
+
+@dataclass(frozen=True, slots=True)
+class PublicData:
+    """The public data sets that can be fetched."""
+
+    sets: tuple[DataSet, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class FetchedData:
+    """A public data set, and where its files lie."""
+
+    data: DataSet
+    folder: Path
+
+    @property
+    def files(self) -> list[Path]:
+        """All that lies there."""
+        return sorted(self.folder.iterdir())
+
+    @property
+    def runs(self) -> list[Path]:
+        """The set's own files, of those that are there."""
+        return [self.folder / file.name for file in self.data.files if (self.folder / file.name).is_file()]
+
+    @property
+    def missing(self) -> list[str]:
+        """Names of the set's files that are not there."""
+        return [file.name for file in self.data.files if not (self.folder / file.name).is_file()]
+
+    @property
+    def channels(self) -> Path:
+        """The channel map that reads the set's files."""
+        return MAPS / self.data.channels
+
+
+def list_data() -> PublicData:
+    """Return the public data sets."""
+    return PublicData(tuple(list_sets()))
+
+
+def fetch_data(name: str, *, on_progress: Progress = silent) -> FetchedData:
+    """Fetch a public data set, or find it in the local mirror ``MRDAMPER_DATA``.
+
+    Raises
+    ------
+    InputError
+        No such set, no connection, or a file that is not the one pinned.
+    """
+    on_progress(ProgressUpdate(total=1, text=f"fetching {name}"))
+    folder = fetch(name)
+    return FetchedData(next(each for each in list_sets() if each.name == name), folder)
 
 
 def catalogue() -> list[Json]:
@@ -37,70 +86,3 @@ def catalogue() -> list[Json]:
         }
         for each in list_sets()
     ]
-
-
-def fetch_into(runs: Path, name: str, map_suffix: str, *, report: Report | None = None) -> Json:
-    """Fetch a public data set and put its files into ``runs``, all of them or none.
-
-    Parameters
-    ----------
-    map_suffix : what the name of a file's channel map ends with
-
-    Raises
-    ------
-    InputError
-        No such set, no connection, or a file that is not the one pinned.
-    """
-    if report is not None:
-        report(0, 1, f"fetching {name}")
-    try:
-        lies = Path(str(data_fetch(name)["folder"]))
-    except InputError as fault:
-        if isinstance(fault.__cause__, OSError):  # of requests, too
-            raise InputError(
-                f"{name}: nothing was fetched: the server's machine has no connection to github.com, where "
-                "this set lies. Connect it and try again; or start the server with MRDAMPER_DATA set to a "
-                "folder that holds the files; or download them elsewhere and drop them on the page Runs"
-            ) from fault
-        raise
-    chosen = next(each for each in list_sets() if each.name == name)
-    found = [file.name for file in chosen.files if (lies / file.name).is_file()]
-    with atomic_output(runs) as beside:
-        for file in found:
-            shutil.copyfile(lies / file, beside / file)
-            shutil.copyfile(MAPS / chosen.channels, beside / f"{file}{map_suffix}")
-    missing = [file.name for file in chosen.files if file.name not in found]
-    return {
-        "name": name,
-        "title": chosen.title,
-        "licence": chosen.licence,
-        "doi": chosen.doi or None,
-        "repository": chosen.repository,
-        "commit": chosen.commit,
-        "runs": found,
-        "notes": [chosen.notes, *([f"not there: {', '.join(missing)}"] if missing else [])],
-    }
-
-
-def data_list() -> list[Json]:
-    """Return the public data sets that can be fetched."""
-    return [
-        {
-            "name": each.name,
-            "title": each.title,
-            "files": len(each.files),
-            "licence": each.licence,
-            "doi": each.doi or None,
-            "repository": each.repository,
-            "commit": each.commit,
-            "channels": each.channels,
-            "notes": each.notes,
-        }
-        for each in list_sets()
-    ]
-
-
-def data_fetch(name: str) -> Json:
-    """Fetch a public data set (or find it in the local mirror ``MRDAMPER_DATA``) and say where it lies."""
-    folder = fetch(name)
-    return {"name": name, "folder": str(folder), "files": [str(path) for path in sorted(folder.iterdir())]}

@@ -1,0 +1,91 @@
+"""Public data sets: their list, and where a fetched one lies; its runs with their channel maps."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+from rich.console import Console
+from rich.markup import escape
+
+from mrdamper.data.catalog import DataSet
+from mrdamper.jobs.public_data.datasets import FetchedData, PublicData
+from mrdamper.report.base import Report, WrittenFile
+from mrdamper.schema import Json
+
+__all__ = ["FETCHED", "LISTED", "MAP_SUFFIX"]
+
+MAP_SUFFIX = ".channels.toml"
+"""What the name of a file's channel map ends with, beside the file."""
+
+
+def _entry(each: DataSet) -> Json:
+    return {
+        "name": each.name,
+        "title": each.title,
+        "files": len(each.files),
+        "licence": each.licence,
+        "doi": each.doi or None,
+        "repository": each.repository,
+        "commit": each.commit,
+        "channels": each.channels,
+        "notes": each.notes,
+    }
+
+
+def _entries(found: PublicData) -> list[Json]:
+    return [_entry(each) for each in found.sets]
+
+
+def _show_list(found: PublicData, console: Console) -> None:
+    """Print the data sets, one paragraph each."""
+    for entry in _entries(found):
+        console.print(f"[bold]{escape(entry.pop('name'))}[/bold]")
+        for key, value in entry.items():
+            console.print(f"  {key}: {escape(str(value))}")
+
+
+LISTED = Report(
+    answer=lambda found: {"datasets": _entries(found)},
+    show=_show_list,
+    summary=lambda found: [f"{each.name}: {each.title}" for each in found.sets],
+    rows=_entries,
+)
+
+
+def _fetched(found: FetchedData) -> Json:
+    data = found.data
+    more = [f"not there: {', '.join(found.missing)}"] if found.missing else []
+    return {
+        "name": data.name,
+        "folder": str(found.folder),
+        "files": [str(path) for path in found.files],
+        "title": data.title,
+        "licence": data.licence,
+        "doi": data.doi or None,
+        "repository": data.repository,
+        "commit": data.commit,
+        "runs": [path.name for path in found.runs],
+        "notes": [data.notes, *more],
+    }
+
+
+def _show_fetched(found: FetchedData, console: Console) -> None:
+    """Print one path a line."""
+    for path in found.files:
+        console.print(str(path), markup=False, soft_wrap=True)
+
+
+def _write_runs(found: FetchedData, folder: Path) -> None:
+    """Write each file with its channel map beside it, ready to be fitted."""
+    for path in found.runs:
+        shutil.copyfile(path, folder / path.name)
+        shutil.copyfile(found.channels, folder / f"{path.name}{MAP_SUFFIX}")
+
+
+FETCHED = Report(
+    answer=_fetched,
+    show=_show_fetched,
+    summary=lambda found: [f"{found.data.name}: {len(found.runs)} files in {found.folder}"],
+    files=(WrittenFile(name="", write=_write_runs),),
+)

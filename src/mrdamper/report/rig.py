@@ -1,0 +1,196 @@
+"""What ``rig`` ran: the answer's keys, runs by motion, the runs' files, and the truth in a folder beside.
+
+The runs go to ``DIR``, as any rig's runs would. The truth goes to ``DIR.truth`` beside it. Both are written
+when the whole campaign is done, or not at all.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from mrdamper.arrays import FloatArray
+from mrdamper.data.records import RigRun
+from mrdamper.errors import InputError
+from mrdamper.jobs.rig import MeasuredRun, RigResult
+from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.report.base import Report, WrittenFile, print_notes
+from mrdamper.rig.measurement import Truth
+from mrdamper.rig.plant import VirtualDamper
+from mrdamper.schema import Json
+
+__all__ = ["REPORT", "truth_folder", "write_runs"]
+
+
+def _answer(found: RigResult) -> Json:
+    return {
+        "damper": found.damper.name,
+        "seed": found.seed,
+        "procedure": found.campaign.procedure,
+        "hold_out": list(found.campaign.hold_out),
+        "runs": _rows(found),
+        "simulated": True,
+        "cpu_s": round(found.cpu_s, 3),
+        "notes": [],
+    }
+
+
+def _rows(found: RigResult) -> list[Json]:
+    return [_row(each) for each in found.runs]
+
+
+def _in_folder(found: RigResult, out: Path) -> Json:
+    """Return where the files are, and what else lies there."""
+    strangers = sorted({path.stem for path in out.glob("*.csv")} - {each.plan.name for each in found.runs})
+    notes = []
+    if strangers:
+        notes.append(
+            f"{out} holds other runs, {len(strangers)} of them, such as {strangers[0]}: identify takes every "
+            "run in the folder"
+        )
+    return {
+        "folder": str(out),
+        "truth": str(truth_folder(out)),
+        "channels": str(out / "channels.toml"),
+        "notes": notes,
+    }
+
+
+def _show(found: RigResult, console: Console) -> None:
+    """Print what was run, by motion."""
+    title = f"Virtual damper {found.damper.name}, seed {found.seed}: runs by motion"
+    table = Table(title=escape(title))
+    for name in ("motion", "runs", "held out", "currents A", "temperatures degC"):
+        table.add_column(name, justify="right" if name in {"runs", "held out"} else "left")
+    for motion in dict.fromkeys(each.plan.label for each in found.runs):
+        runs = [each for each in found.runs if each.plan.label == motion]
+        currents = dict.fromkeys(each.run.constant_command for each in runs)
+        degrees = dict.fromkeys(each.plan.temperature_degC for each in runs)
+        table.add_row(
+            escape(motion),
+            str(len(runs)),
+            str(sum(each.plan.held_out for each in runs)),
+            ", ".join("stepped" if current is None else f"{current:g}" for current in currents),
+            ", ".join(f"{each:g}" for each in degrees),
+        )
+    console.print(table)
+
+
+def _wrote(found: RigResult, answer: Json, console: Console) -> None:
+    """Print where the runs lie, and how to identify them."""
+    folder = answer["folder"]
+    print_notes(answer["notes"], console)
+    held_out = "".join(f" --hold-out '{pattern}'" for pattern in found.campaign.hold_out)
+    console.print(escape(f"{found.cpu_s:.2f} s of CPU; wrote {len(found.runs)} runs to {folder}"))
+    console.print(escape(f"the truth, for judging only: {answer['truth']}"))
+    console.print(escape(f"next: mrdamper identify {folder}{held_out} --out card"), soft_wrap=True)
+
+
+def _summary(found: RigResult) -> list[str]:
+    held = sum(each.plan.held_out for each in found.runs)
+    return [
+        f"virtual damper {found.damper.name}, seed {found.seed}: {len(found.runs)} runs, {held} held out",
+        f"motions: {', '.join(dict.fromkeys(each.plan.label for each in found.runs))}",
+    ]
+
+
+# ------------------------------------------------------------------------------------------- the files
+
+
+def write_runs(found: RigResult, folder: Path) -> None:
+    """Write the runs as their logger would, with a channel map."""
+    for each in found.runs:
+        _write_run(folder / f"{each.run.name}.csv", each.run)
+    (folder / "channels.toml").write_text(_channel_map(found.damper), encoding="utf-8")
+
+
+def _write_truths(found: RigResult, folder: Path) -> None:
+    name = found.damper.name
+    for each in found.runs:
+        _write_truth(folder / f"{each.run.name}.csv", each.truth)
+    (folder / f"{name}.damper.toml").write_text(found.damper.to_toml(), encoding="utf-8")
+    (folder / f"{name}.campaign.toml").write_text(found.campaign.to_toml(), encoding="utf-8")
+
+
+def truth_folder(out: Path) -> Path:
+    """Return the folder of the truth beside a folder of runs: ``DIR.truth``."""
+    place = out if out.name not in {"", ".."} else out.resolve()
+    if not place.name:
+        raise InputError(f"{out}: has nothing beside it for the truth; choose another ⟦--out⟧")
+    return place.with_name(f"{place.name}.truth")
+
+
+def _row(each: MeasuredRun) -> Json:
+    plan, run = each.plan, each.run
+    return {
+        "name": plan.name,
+        "motion": plan.label,
+        "current_A": run.constant_command,  # None when it is stepped
+        "temperature_degC": plan.temperature_degC,
+        "duration_s": plan.duration_s,
+        "samples": len(run),
+        "held_out": plan.held_out,
+    }
+
+
+def _write_run(path: Path, run: RigRun) -> None:
+    """Write a run as its logger would; the first line says that nobody measured it."""
+    if run.temperature is None:  # never on this rig
+        raise InputError(f"{run.name}: has no temperature; expected one")
+    header = "time_s,displacement_m,force_N,current_A,temperature_degC"
+    columns = (run.time, run.displacement, run.force, run.command, run.temperature - ZERO_CELSIUS_K)
+    _write(path, f"{run.source}; not measured", header, "%.4f,%.7f,%.2f,%.4f,%.2f", columns)
+
+
+def _write_truth(path: Path, true: Truth) -> None:
+    header = "time_s,displacement_m,velocity_m_s,force_N,coil_current_A,temperature_degC"
+    columns = (
+        true.time, true.displacement, true.velocity, true.force, true.coil_current, true.temperature_degC,
+    )  # fmt: skip
+    _write(path, "the truth of a simulated run", header, "%.4f,%.9f,%.9f,%.5f,%.7f,%.5f", columns)
+
+
+def _write(path: Path, label: str, header: str, form: str, columns: Iterable[FloatArray]) -> None:
+    table = np.column_stack(tuple(columns))
+    lines = (f"{form}\n" * len(table)) % tuple(table.ravel().tolist())
+    path.write_text(f"# {label}\n{header}\n{lines}", encoding="utf-8")
+
+
+def _channel_map(damper: VirtualDamper) -> str:
+    """Return a channel map: the headers speak for themselves, the session does not."""
+    columns = (
+        ("time", "s"),
+        ("displacement", "m"),
+        ("force", "N"),
+        ("current", "A"),
+        ("temperature", "degC"),
+    )
+    lines = [
+        "# The headers of these files speak for themselves: `mrdamper identify DIR` needs no map.",
+        "# With it (--channels), the runs are one session: they share one tare of the force cell.",
+        "[session]",
+        f'name = "virtual rig {damper.name}"',
+    ]
+    for role, unit in columns:
+        lines += [f"[channel.{role}]", f'name = "{role}_{unit}"', f'unit = "{unit}"']
+    return "\n".join([*lines, ""])
+
+
+REPORT = Report(
+    answer=_answer,
+    show=_show,
+    wrote=_wrote,
+    summary=_summary,
+    files=(
+        WrittenFile(name="", write=write_runs),
+        WrittenFile(name="", write=_write_truths, folder="truth"),
+    ),
+    beside={"truth": truth_folder},
+    in_folder=_in_folder,
+    rows=_rows,
+)
