@@ -163,3 +163,38 @@ def test_an_unknown_name_is_told_by_its_nearest_in_any_case_or_by_the_first_of_m
     many = did_you_mean("zzz", [f"run_{k}" for k in range(100)])
     assert many.startswith("expected one of: run_0, run_1, ")
     assert many.endswith(" and 60 more")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Quantity:
+    value: Annotated[float, Option(above=0.0)]
+    source: str = "no source given"
+
+
+def _bare(value: object) -> object:
+    return {"value": value} if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sourced:
+    mass: Annotated[Quantity | None, Option(short=_bare, short_words="a number")]
+    parts: tuple[Part, ...] = ()
+
+
+def test_a_bare_number_stands_for_the_table_that_holds_it():
+    assert read_record(Sourced, {"mass": 3}, "x").mass == Quantity(value=3.0)
+    assert read_record(Sourced, {"mass": {"value": 3, "source": "a scale"}}, "x").mass == Quantity(
+        value=3.0, source="a scale"
+    )
+    for given_mass, said in (
+        ("3", "x: mass is '3'; expected a number or a table"),
+        (0, "x: mass.value is 0; expected a number, above 0"),
+        ({"source": "a scale"}, "x: mass.value is missing; expected a number, above 0"),
+    ):
+        with pytest.raises(InputError, match=f"^{said}$"):
+            read_record(Sourced, {"mass": given_mass}, "x")
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False), st.text())
+def test_numbers_and_texts_are_read_from_toml_as_they_were_written(number, text):
+    assert tomllib.loads(toml_text({"number": number, "text": text})) == {"number": number, "text": text}

@@ -14,7 +14,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from types import MappingProxyType
-from typing import Protocol
+from typing import Annotated, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike
 from mrdamper.arrays import FloatArray, read_only
 from mrdamper.errors import InputError
 from mrdamper.quantities import to_si
+from mrdamper.schema import Option, check_ranges
 
 __all__ = [
     "CURRENT_STEPS",
@@ -287,16 +288,13 @@ class Road:
 class CurrentSteps:
     """A commanded current that is held at each of its levels in turn; the first before, the last after."""
 
-    levels: tuple[float, ...]  # [A]
-    hold: float  # [s]
+    levels: Annotated[tuple[float, ...], Option("[A]", key="levels_A", least_items=1)]
+    hold: Annotated[float, Option("of each level", key="hold_s", unit="s", above=0.0)]
 
     def __post_init__(self) -> None:
-        if not self.levels or not np.isfinite(self.levels).all():
-            raise InputError(
-                f"current steps: levels are {self.levels}; expected finite numbers, at least one"
-            )
-        if not (np.isfinite(self.hold) and self.hold > 0.0):
-            raise InputError(f"current steps: hold is {self.hold} s; expected a positive, finite number")
+        check_ranges(self, "current steps")
+        if not self.levels:
+            raise InputError("current steps: there are no levels; expected at least one")
 
     @property
     def duration(self) -> float:

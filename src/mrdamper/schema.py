@@ -14,7 +14,10 @@ beside it says unit, range, help and, where the file's key is not the field's na
     schema = json_schema(Body)
 
 A field with a ``key`` holds SI (kelvin) and its file holds ``unit``; a field without one holds what the file
-holds. All faults of a document are gathered into one ``InputError``, a line each: place, key, what was found,
+holds. A table may have a short form: an ``Option`` with ``short`` says which table a bare value stands for
+(a number of which no more is known, or ``false`` for none).
+
+All faults of a document are gathered into one ``InputError``, a line each: place, key, what was found,
 what is expected; an unknown key names the nearest. Checks across fields belong into ``__post_init__``, as an
 ``InputError``, which gets its place here.
 
@@ -90,6 +93,8 @@ class Option:
     pattern: str = ""
     most_items: int | None = None
     least_items: int | None = None
+    short: Callable[[Any], Any] | None = None  # the table (or None) that a value which is none stands for
+    short_words: str = ""  # what such a value is: "a number"
 
     __is_annotated_types_grouped_metadata__: typing.ClassVar[Literal[True]] = True
 
@@ -198,7 +203,7 @@ class Field:
         if self.choices:
             said = f"one of: {', '.join(self.choices)}"
         elif dataclasses.is_dataclass(self.item):
-            said = "a table"
+            said = f"{self.option.short_words} or a table" if self.option.short else "a table"
         else:
             said = _WORDS.get(get_origin(self.item) or self.item, "a table")
             unit = f" in {self.option.unit}" if self.option.unit else ""
@@ -257,7 +262,7 @@ def read_record(record: type[Record], document: Mapping[str, Any], place: str) -
     from pydantic import ValidationError
 
     try:
-        text = json.dumps(document, default=_plain_json)
+        text = json.dumps(_written_out(record, document), default=_plain_json)
     except (TypeError, ValueError, RecursionError) as error:
         raise InputError(f"{place}: nested too deep, or not made of plain values") from error
     try:
@@ -267,6 +272,24 @@ def read_record(record: type[Record], document: Mapping[str, Any], place: str) -
         more = [f"... and {len(faults) - _MOST_FAULTS} more"] if len(faults) > _MOST_FAULTS else []
         raise InputError("\n".join([*dict.fromkeys(faults[:_MOST_FAULTS]), *more])) from None
     return typing.cast("Record", found)
+
+
+def _written_out(kind: Any, value: Any) -> Any:  # noqa: ANN401 - a type, and whatever a document holds
+    """Return a value of a document with the tables that its short forms stand for."""
+    origin, parts = get_origin(kind), get_args(kind)
+    if isinstance(value, Mapping) and origin is Mapping:
+        return {key: _written_out(parts[1], each) for key, each in value.items()}
+    if isinstance(value, list | tuple) and origin is tuple:
+        return [_written_out(parts[0], each) for each in value]
+    if not (isinstance(value, Mapping) and isinstance(kind, type) and dataclasses.is_dataclass(kind)):
+        return value
+    found = dict(value)
+    for field in fields_of(kind):
+        if field.key in found:
+            given, short = found[field.key], field.option.short
+            given = given if short is None or isinstance(given, Mapping) else short(given)
+            found[field.key] = _written_out(field.type, given)
+    return found
 
 
 def _plain_json(value: object) -> object:
@@ -382,15 +405,23 @@ def check_ranges(record: object, place: str) -> None:
     faults = []
     for field in fields_of(type(record)):
         value = getattr(record, field.name)
-        if isinstance(value, int | float) and not isinstance(value, bool):
-            value = field.option.from_si(value) if field.option.key else value
-            fits = field.option.holds(value) and (field.type is not int or value == int(value))
-        else:
-            fits = not isinstance(value, str) or not field.choices or value in field.choices
-        if not fits:
-            faults.append(f"{place}.{field.key} is {_shown(value)}; expected {field.words}")
+        for each in value if field.many and isinstance(value, tuple) else (value,):
+            number = isinstance(each, int | float) and not isinstance(each, bool)
+            found = field.option.from_si(each) if field.option.key and number else each
+            if not _fits(field, found):
+                said = field.item_words if each is not value else field.words
+                faults.append(f"{place}.{field.key} is {_shown(found)}; expected {said}")
     if faults:
         raise InputError("\n".join(faults))
+
+
+def _fits(field: Field, value: object) -> bool:
+    """Tell whether one value of a field, as the file has it, is a number in range or one of its choices."""
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return field.option.holds(value) and (field.item is not int or value == int(value))
+    if field.item in (int, float) and isinstance(value, str | bool):
+        return False
+    return not isinstance(value, str) or not field.choices or value in field.choices
 
 
 # ------------------------------------------------------------------------------------------- writing
@@ -467,8 +498,11 @@ def _toml_value(value: object) -> str:
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(_toml_value, value))}]"
     if isinstance(value, float):
-        return "nan" if math.isnan(value) else f"{value:.12g}" if math.isfinite(value) else f"{value:+}"
-    return json.dumps(value, ensure_ascii=False)
+        if not math.isfinite(value):
+            return "nan" if math.isnan(value) else f"{value:+}"
+        short = f"{value:.12g}"
+        return short if float(short) == value else repr(value)  # the same number is read again
+    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")  # TOML allows no bare delete
 
 
 # ------------------------------------------------------------------------------------------- describing

@@ -274,18 +274,21 @@ def test_a_scenario_is_read_from_toml():
 @pytest.mark.parametrize(
     ("given_toml", "said"),
     [
-        ({"motoin": "x"}, r"scenario: 'motoin' is not known; did you mean motion\?"),
+        ({"motoin": "x"}, r"scenario: unknown key 'motoin'; did you mean motion\?"),
         ({"like": "sine-900N"}, r"there is no target 'sine-900N'; did you mean sine-900N-1Hz"),
         ({"motion": "walk"}, r"motion 'walk' is not known"),
-        ({"target": {"kind": "square"}}, r"expected a table with kind = sine or velocity"),
-        ({"target": {"kind": "sine", "amplitude_N": 5}}, r"target: something is missing; it has amplitude_N"),
+        ({"target": {"kind": "square"}}, r"target\.kind is 'square'; expected one of: sine, velocity"),
+        (
+            {"target": {"kind": "sine", "amplitude_N": 5}},
+            r"target: frequency_Hz is missing; expected a number in Hz",
+        ),
         ({"target": {"kind": "sine", "amplitude_N": -5, "frequency_Hz": 1}}, r"amplitude_N is -5"),
         ({"duration_s": 0.5}, r"lasts 0\.5 s, of which 1 s are not scored"),
-        ({"temperature_degC": 293.15}, r"temperature is 293\.15 degC; expected -40 to 200"),
+        ({"temperature_degC": 293.15}, r"temperature_degC is 293\.15; expected a number in degC, -40 to 200"),
         ({"seed": 1.5}, r"seed is 1\.5; expected a whole number"),
-        ({"sensors": {"force_noise_N": -1}}, r"force_noise_N is -1; expected a number, zero or more"),
+        ({"sensors": {"force_noise_N": -1}}, r"force_noise_N is -1; expected a number in N, at least 0"),
         ({"sensors": {"dropouts": [{"sensor": "smell", "start_s": 0, "end_s": 1}]}}, r"sensor is 'smell'"),
-        ({"sensors": {"lost_share": 1.0}}, r"lost_share is 1; expected below 1"),
+        ({"sensors": {"lost_share": 1.0}}, r"lost_share is 1\.0; expected a number, at least 0 and below 1"),
         ({"duration_s": float("nan")}, r"duration_s is nan"),
     ],
 )

@@ -63,9 +63,9 @@ def test_a_logger_takes_every_so_many_samples_of_the_plant():
     ("changed", "message"),
     [
         ({"rate_Hz": 300.0}, "rate is 300 Hz; expected a whole part of 10000 Hz"),
-        ({"rate_Hz": 0.0}, "rate is 0 Hz"),
+        ({"rate_Hz": 0.0}, "rate_Hz is 0.0; expected a number in Hz, above 0"),
         ({"rate_Hz": 20_000.0}, "rate is 20000 Hz"),
-        ({"force_noise_N": -1.0}, "force_noise_N is -1.0; expected a number, zero or more"),
+        ({"force_noise_N": -1.0}, "force_noise_N is -1.0; expected a number in N, at least 0"),
         ({"thermocouple_lag_s": "10"}, "thermocouple_lag_s is '10'"),
     ],
 )

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Literal, Protocol, TypeVar, get_args
+from typing import Annotated, Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,7 +23,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 from mrdamper.excitation import Motion, motion_from_text
 from mrdamper.files import read_toml
-from mrdamper.schema import did_you_mean
+from mrdamper.schema import Option, check_ranges, did_you_mean, read_record, write_record
 
 __all__ = [
     "SCENARIOS",
@@ -41,8 +41,6 @@ __all__ = [
 Sensor = Literal["displacement", "temperature", "force"]
 Fault = Literal["missing", "frozen"]
 
-_ANY_SIGN = ("phase_deg", "modulation_phase_rad", "temperature_offset_K", "temperature_degC")
-_MAY_BE_ZERO = ("modulation", "modulation_Hz", "unscored_s", "seed", "start_s")
 _LONGEST_S = 3600.0  # the arrays of a run at the plant's rate fit the memory
 
 
@@ -54,31 +52,16 @@ class Target(Protocol):
         ...
 
 
-def _check_numbers(record: object, place: str, *, zero: bool = False) -> None:
-    """Refuse a number that is not finite, or negative where it must not be."""
-    for each in fields(record):  # type: ignore[arg-type]  # dataclasses only
-        value = getattr(record, each.name)
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            if each.type in ("float", "int"):
-                raise InputError(f"{place}: {each.name} is {value!r}; expected a number")
-            continue
-        may_be_zero = zero or each.name in _MAY_BE_ZERO
-        fine = each.name in _ANY_SIGN or value > 0.0 or (value == 0.0 and may_be_zero)
-        if not (math.isfinite(value) and fine):
-            kind = "finite" if each.name in _ANY_SIGN else "zero or more" if may_be_zero else "positive"
-            raise InputError(f"{place}: {each.name} is {value!r}; expected a number, {kind}")
-
-
 @dataclass(frozen=True, slots=True)
 class SineTarget:
     """F* = amplitude cos(2 pi f t + phase): in phase with the velocity of a sine of that frequency."""
 
-    amplitude_N: float
-    frequency_Hz: float
-    phase_deg: float = 0.0  # ahead of the velocity
+    amplitude_N: Annotated[float, Option(unit="N", above=0.0)]
+    frequency_Hz: Annotated[float, Option(unit="Hz", above=0.0)]
+    phase_deg: Annotated[float, Option("ahead of the velocity", unit="deg")] = 0.0
 
     def __post_init__(self) -> None:
-        _check_numbers(self, "target")
+        check_ranges(self, "target")
 
     def force(self, time: ArrayLike, motion: Motion) -> FloatArray:
         phase = 2 * np.pi * self.frequency_Hz * np.asarray(time, dtype=np.float64)
@@ -89,14 +72,14 @@ class SineTarget:
 class VelocityTarget:
     """F* = amplitude tanh[v / v0 (1 + modulation sin(2 pi f t + phase))], v the motion's velocity."""
 
-    amplitude_N: float
-    velocity_m_s: float  # v0
-    modulation: float = 0.0
-    modulation_Hz: float = 0.0
-    modulation_phase_rad: float = 0.0
+    amplitude_N: Annotated[float, Option(unit="N", above=0.0)]
+    velocity_m_s: Annotated[float, Option("v0", unit="m/s", above=0.0)]
+    modulation: Annotated[float, Option(least=0.0)] = 0.0
+    modulation_Hz: Annotated[float, Option(unit="Hz", least=0.0)] = 0.0
+    modulation_phase_rad: Annotated[float, Option(unit="rad")] = 0.0
 
     def __post_init__(self) -> None:
-        _check_numbers(self, "target")
+        check_ranges(self, "target")
 
     def force(self, time: ArrayLike, motion: Motion) -> FloatArray:
         t = np.asarray(time, dtype=np.float64)
@@ -104,7 +87,9 @@ class VelocityTarget:
         return np.asarray(self.amplitude_N * np.tanh(motion.velocity(t) / self.velocity_m_s * gain))
 
 
-_TARGETS = ("sine", "velocity")
+_TARGETS: Mapping[str, type[SineTarget | VelocityTarget]] = MappingProxyType(
+    {"sine": SineTarget, "velocity": VelocityTarget}
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,16 +97,12 @@ class Dropout:
     """A sensor that fails for a while: it gives nothing (NaN), or the last good value again and again."""
 
     sensor: Sensor
-    start_s: float
-    end_s: float
+    start_s: Annotated[float, Option(unit="s", least=0.0)]
+    end_s: Annotated[float, Option(unit="s", above=0.0)]
     fault: Fault = "missing"
 
     def __post_init__(self) -> None:
-        _check_numbers(self, "dropout")
-        for name, choices in (("sensor", get_args(Sensor)), ("fault", get_args(Fault))):
-            if getattr(self, name) not in choices:
-                said = ", ".join(choices)
-                raise InputError(f"dropout: {name} is {getattr(self, name)!r}; expected one of: {said}")
+        check_ranges(self, "dropout")
         if not self.start_s < self.end_s:
             raise InputError(f"dropout: from {self.start_s:g} to {self.end_s:g} s; expected a later end")
 
@@ -130,36 +111,72 @@ class Dropout:
 class Sensing:
     """What the sensors add: white noise (standard deviation), converter steps (0: none), offset, losses."""
 
-    displacement_noise_m: float = 10e-6
-    displacement_step_m: float = 0.0
-    displacement_delay_s: float = 0.0
-    force_noise_N: float = 5.0
-    force_step_N: float = 0.0
-    temperature_noise_K: float = 0.3
-    temperature_offset_K: float = 0.0
-    lost_share: float = 0.0  # of the samples of each sensor, at random, NaN
+    displacement_noise_m: Annotated[float, Option(unit="m", least=0.0)] = 10e-6
+    displacement_step_m: Annotated[float, Option(unit="m", least=0.0)] = 0.0
+    displacement_delay_s: Annotated[float, Option(unit="s", least=0.0)] = 0.0
+    force_noise_N: Annotated[float, Option(unit="N", least=0.0)] = 5.0
+    force_step_N: Annotated[float, Option(unit="N", least=0.0)] = 0.0
+    temperature_noise_K: Annotated[float, Option(unit="K", least=0.0)] = 0.3
+    temperature_offset_K: Annotated[float, Option(unit="K")] = 0.0
+    lost_share: Annotated[
+        float, Option("of the samples of each sensor, at random, NaN", least=0.0, below=1.0)
+    ] = 0.0
     dropouts: tuple[Dropout, ...] = ()
 
     def __post_init__(self) -> None:
-        _check_numbers(self, "sensors", zero=True)
-        if not self.lost_share < 1.0:
-            raise InputError(f"sensors: lost_share is {self.lost_share:g}; expected below 1")
+        check_ranges(self, "sensors")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Disturbance:
     """What the damper and its driver do that the controller does not know."""
 
-    force_gain: float = 1.0  # the damper's force, times this
-    command_delay_s: float = 0.0  # from the sample to the driver, in whole steps of the plant
-    command_step_A: float = 0.0  # of the driver's converter; 0: none
+    force_gain: Annotated[float, Option("the damper's force, times this", least=0.0)] = 1.0
+    command_delay_s: Annotated[
+        float, Option("from the sample to the driver, in whole steps of the plant", unit="s", least=0.0)
+    ] = 0.0
+    command_step_A: Annotated[float, Option("of the driver's converter; 0: none", unit="A", least=0.0)] = 0.0
 
     def __post_init__(self) -> None:
-        _check_numbers(self, "disturbance", zero=True)
+        check_ranges(self, "disturbance")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scenario:
+class _Conditions:
+    """A scenario but for its target: what its file may say with values alone."""
+
+    name: str = "sine-900N-1Hz"
+    motion: Annotated[str, Option("a name or a form that motion_from_text knows")] = "sine5mm1Hz"
+    duration_s: Annotated[float, Option(unit="s", above=0.0, most=_LONGEST_S)] = 4.0
+    unscored_s: Annotated[float, Option("at the beginning", unit="s", least=0.0)] = 1.0
+    temperature_degC: Annotated[
+        float, Option("of fluid and coil, held", unit="degC", least=-40.0, most=200.0)
+    ] = 20.0
+    highest_A: Annotated[float, Option("the driver gives 0 to this", unit="A", above=0.0)] = 2.0
+    seed: Annotated[int, Option("of the sensors' noise", least=0)] = 1
+    sensors: Sensing = field(default_factory=Sensing)
+    disturbance: Disturbance = field(default_factory=Disturbance)
+
+    def __post_init__(self) -> None:
+        check_ranges(self, f"scenario {self.name!r}")
+        motion_from_text(self.motion)
+        if not self.unscored_s < self.duration_s:
+            raise InputError(
+                f"scenario {self.name!r}: lasts {self.duration_s:g} s, of which {self.unscored_s:g} s are "
+                "not scored; expected something to score"
+            )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _ScenarioTable(_Conditions):
+    """A scenario's file: conditions, and the tables that are taken apart by a name in them."""
+
+    like: str | None = None
+    target: Mapping[str, Any] | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scenario(_Conditions):
     """One test of a controller: 900 N at 1 Hz on the 5 mm sine unless it says otherwise.
 
     Raises
@@ -168,30 +185,7 @@ class Scenario:
         A number without sense, an unknown motion, or nothing left to score.
     """
 
-    name: str = "sine-900N-1Hz"
     target: Target = field(default_factory=lambda: SineTarget(900.0, 1.0))
-    motion: str = "sine5mm1Hz"  # a name or a form that ``motion_from_text`` knows
-    duration_s: float = 4.0
-    unscored_s: float = 1.0  # at the beginning
-    temperature_degC: float = 20.0  # of fluid and coil, held
-    highest_A: float = 2.0  # the driver gives 0 to this
-    seed: int = 1  # of the sensors' noise
-    sensors: Sensing = field(default_factory=Sensing)
-    disturbance: Disturbance = field(default_factory=Disturbance)
-
-    def __post_init__(self) -> None:
-        place = f"scenario {self.name!r}"
-        _check_numbers(self, place)
-        motion_from_text(self.motion)
-        if not -40.0 <= self.temperature_degC <= 200.0:
-            raise InputError(f"{place}: temperature is {self.temperature_degC:g} degC; expected -40 to 200")
-        if not self.unscored_s < self.duration_s <= _LONGEST_S:
-            raise InputError(
-                f"{place}: lasts {self.duration_s:g} s, of which {self.unscored_s:g} s are not scored; "
-                f"expected something to score, in at most {_LONGEST_S:g} s"
-            )
-        if isinstance(self.seed, bool) or not isinstance(self.seed, int):
-            raise InputError(f"{place}: seed is {self.seed!r}; expected a whole number, zero or more")
 
     @property
     def path(self) -> Motion:
@@ -207,20 +201,13 @@ class Scenario:
         """Return the scenario of a TOML document; ``like`` names one that gives what it does not say."""
         try:
             base = find_scenario(given["like"]) if "like" in given else cls()
-            values = {each.name: getattr(base, each.name) for each in fields(cls)}
-            _check_keys(given, (*values, "like"), "")
-            values |= {key: value for key, value in given.items() if key != "like"}
-            if "target" in given:
-                values["target"] = _target(given["target"])
-            if "sensors" in given:
-                values["sensors"] = _sensing(given["sensors"])
-            if "disturbance" in given:
-                values["disturbance"] = _record(Disturbance, given["disturbance"], "disturbance")
-            if not isinstance(values["name"], str) or not isinstance(values["motion"], str):
-                raise InputError("name and motion must be texts")
-            return cls(**values)
         except InputError as error:
             raise InputError(f"{place}: {error}") from error
+        own = {each.name: getattr(base, each.name) for each in fields(_Conditions)}
+        conditions = write_record(_Conditions(**own), defaults=True)
+        table = read_record(_ScenarioTable, {**conditions, **given}, place)
+        read = {name: getattr(table, name) for name in own}
+        return cls(**read, target=base.target if table.target is None else _target(table.target, place))
 
 
 def read_scenario(path: str | Path) -> Scenario:
@@ -256,39 +243,9 @@ def find_scenario(name: object) -> Scenario:
     return SCENARIOS[name]
 
 
-_Record = TypeVar("_Record", Disturbance, Dropout, Sensing, SineTarget, VelocityTarget)
-
-
-def _check_keys(given: Mapping[str, Any], known: tuple[str, ...], place: str) -> None:
-    for key in given:
-        if key not in known:
-            raise InputError(
-                f"{place}{': ' if place else ''}{key!r} is not known; {did_you_mean(key, known)}"
-            )
-
-
-def _record(kind: type[_Record], given: object, place: str) -> _Record:
-    if not isinstance(given, dict):
-        raise InputError(f"{place} is {given!r}; expected a table [{place}]")
-    _check_keys(given, tuple(each.name for each in fields(kind)), f"{place}: ")
-    try:
-        return kind(**given)
-    except TypeError as error:
-        needed = ", ".join(each.name for each in fields(kind))
-        raise InputError(f"{place}: something is missing; it has {needed}") from error
-
-
-def _target(given: object) -> SineTarget | VelocityTarget:
-    if not isinstance(given, dict) or given.get("kind") not in _TARGETS:
-        raise InputError(f"target is {given!r}; expected a table with kind = {' or '.join(_TARGETS)}")
-    numbers = {key: value for key, value in given.items() if key != "kind"}
-    if given["kind"] == "sine":
-        return _record(SineTarget, numbers, "target")
-    return _record(VelocityTarget, numbers, "target")
-
-
-def _sensing(given: object) -> Sensing:
-    if isinstance(given, dict) and isinstance(given.get("dropouts"), list):
-        dropouts = tuple(_record(Dropout, each, "sensors.dropouts") for each in given["dropouts"])
-        given = {**given, "dropouts": dropouts}
-    return _record(Sensing, given, "sensors")
+def _target(table: Mapping[str, Any], place: str) -> Target:
+    kind = table.get("kind")
+    if not isinstance(kind, str) or kind not in _TARGETS:
+        raise InputError(f"{place}: target.kind is {kind!r}; expected one of: {', '.join(_TARGETS)}")
+    numbers = {key: value for key, value in table.items() if key != "kind"}
+    return read_record(_TARGETS[kind], numbers, f"{place}: target")

@@ -10,10 +10,10 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
 from mrdamper.errors import InputError
 from mrdamper.excitation import (
@@ -27,7 +27,7 @@ from mrdamper.excitation import (
 )
 from mrdamper.files import read_toml
 from mrdamper.rig.sensors import Sensors
-from mrdamper.schema import did_you_mean
+from mrdamper.schema import Option, check_ranges, read_record, toml_text, write_record
 
 __all__ = ["Body", "Campaign", "PlannedRun", "Procedure"]
 
@@ -35,6 +35,7 @@ Procedure = Literal["soak", "self-heating"]
 
 _HELD_OUT = {"held_out_temperatures_degC": "temperatures_degC", "held_out_motions": "motions"}
 _MOST_RUNS = 10_000
+_RATE_Hz = 500.0  # of a campaign's log, unless it says otherwise
 _RUN_IN_S = 1.0  # before the log begins, at least; whole periods of a periodic motion
 
 
@@ -42,17 +43,12 @@ _RUN_IN_S = 1.0  # before the log begins, at least; whole periods of a periodic 
 class Body:
     """The damper as one heat capacity, for ``self-heating``."""
 
-    heat_capacity_J_K: float = 1100.0
-    conductance_W_K: float = 2.0  # to the surroundings
-    ambient_degC: float = 20.0
+    heat_capacity_J_K: Annotated[float, Option(unit="J/K", above=0.0)] = 1100.0
+    conductance_W_K: Annotated[float, Option("to the surroundings", unit="W/K", least=0.0)] = 2.0
+    ambient_degC: Annotated[float, Option(unit="degC")] = 20.0
 
     def __post_init__(self) -> None:
-        _check_numbers(self, "body")
-        if not (self.heat_capacity_J_K > 0.0 and self.conductance_W_K >= 0.0):
-            raise InputError(
-                f"body: heat_capacity_J_K is {self.heat_capacity_J_K:g} and conductance_W_K "
-                f"{self.conductance_W_K:g}; expected a positive capacity, and a conductance of zero or more"
-            )
+        check_ranges(self, "body")
 
     def warm(self, temperature_degC: float, power_W: float, duration_s: float) -> float:
         """Return the temperature [degC] after a time at constant power, exactly."""
@@ -77,6 +73,11 @@ class PlannedRun:
     held_out: bool
 
 
+def _steps(value: object) -> object:
+    """Return the current steps that true stands for; none for false."""
+    return {True: write_record(CURRENT_STEPS), False: None}[value] if isinstance(value, bool) else value
+
+
 @dataclass(frozen=True)
 class Campaign:
     """What is run: each motion at each current and temperature, and current steps at each temperature.
@@ -90,31 +91,23 @@ class Campaign:
     motions: tuple[str, ...] = ("sine5mm1Hz", "sine3mm2Hz", "nonperiodic", "chirp3mm")
     currents_A: tuple[float, ...] = (0.0, 0.5, 1.0, 1.5, 2.0)
     temperatures_degC: tuple[float, ...] = (20.0, 40.0, 60.0, 80.0, 100.0, 120.0, 123.0)
-    steps: CurrentSteps | None = CURRENT_STEPS  # None: no such runs
+    steps: Annotated[
+        CurrentSteps | None, Option("none: no such runs", short=_steps, short_words="true, false")
+    ] = CURRENT_STEPS
     steps_motion: str = "steps"  # under the current steps
-    duration_s: float = 4.0
+    duration_s: Annotated[float, Option(unit="s", above=0.0)] = 4.0
     held_out_temperatures_degC: tuple[float, ...] = (60.0, 100.0, 123.0)
     held_out_motions: tuple[str, ...] = ("chirp3mm",)
     procedure: Procedure = "soak"
     body: Body = field(default_factory=Body)
-    sensors: Sensors = field(default_factory=lambda: Sensors(rate_Hz=500.0))
+    sensors: Sensors = field(default_factory=lambda: Sensors(rate_Hz=_RATE_Hz))
 
     def __post_init__(self) -> None:
-        _check_numbers(self, "campaign")
+        check_ranges(self, "campaign")
         for name in ("currents_A", "temperatures_degC", "held_out_temperatures_degC"):
-            values = getattr(self, name)
-            if not all(_is_number(value) for value in values):
-                raise InputError(f"campaign: {name} is {list(values)}; expected finite numbers")
-            object.__setattr__(self, name, tuple(float(value) for value in values))
+            object.__setattr__(self, name, tuple(float(value) for value in getattr(self, name)))
         if not self.temperatures_degC or not ((self.motions and self.currents_A) or self.steps):
             raise InputError("campaign: nothing to run; expected temperatures, and motions with currents")
-        if self.procedure not in get_args(Procedure):
-            choices = ", ".join(get_args(Procedure))
-            raise InputError(f"campaign: procedure is {self.procedure!r}; use one of: {choices}")
-        if not isinstance(self.steps_motion, str):
-            raise InputError(f"campaign: steps_motion is {self.steps_motion!r}; expected a text")
-        if not self.duration_s > 0.0:
-            raise InputError(f"campaign: duration_s is {self.duration_s:g}; expected a positive number")
         for name, of in _HELD_OUT.items():
             kept = tuple(value for value in getattr(self, name) if value in getattr(self, of))
             object.__setattr__(self, name, kept)
@@ -186,33 +179,19 @@ class Campaign:
     @classmethod
     def from_mapping(cls, given: Mapping[str, Any], place: str = "campaign") -> Campaign:
         """Return the campaign that a TOML document holds; what it does not say is the default campaign's."""
-        _check_keys(given, cls, place)
-        values = dict(given)
-        try:
-            for name in ("motions", "currents_A", "temperatures_degC", "held_out_motions",
-                         "held_out_temperatures_degC"):  # fmt: skip
-                if name in values:
-                    values[name] = _list(values[name], name)
-            if "steps" in values:
-                values["steps"] = _steps(values["steps"])
-            for name, kind in (("body", Body), ("sensors", Sensors)):
-                if name in values:
-                    table = values[name]
-                    if not isinstance(table, dict):
-                        raise InputError(f"{name} is {table!r}; expected a table [{name}]")
-                    _check_keys(table, kind, name)
-                    values[name] = kind(**({"rate_Hz": 500.0} if kind is Sensors else {}) | table)
-            campaign = cls(**values)
-            for name, of in _HELD_OUT.items():
-                for value in values.get(name, ()):
-                    if value not in getattr(campaign, of):
-                        run = ", ".join(map(str, getattr(campaign, of)))
-                        raise InputError(
-                            f"{name} holds {value!r}, which is not in {of} ({run}); add it there, or drop it"
-                        )
-            return campaign
-        except InputError as error:
-            raise InputError(f"{place}: {error}") from error
+        document, sensors = dict(given), given.get("sensors")
+        if isinstance(sensors, Mapping):
+            document["sensors"] = {"rate_Hz": _RATE_Hz, **sensors}
+        campaign = read_record(cls, document, place)
+        for name, of in _HELD_OUT.items():
+            for value in given.get(name, ()):
+                if value not in getattr(campaign, of):
+                    run = ", ".join(map(str, getattr(campaign, of)))
+                    raise InputError(
+                        f"{place}: {name} holds {value!r}, which is not in {of} ({run}); add it there, or "
+                        "drop it"
+                    )
+        return campaign
 
     @classmethod
     def from_toml(cls, path: str | Path) -> Campaign:
@@ -221,18 +200,8 @@ class Campaign:
 
     def to_toml(self) -> str:
         """Return the campaign as TOML; ``from_toml`` reads the same one back."""
-        lines = ["# a campaign on the virtual rig"]
-        for each in fields(self):
-            value = getattr(self, each.name)
-            if each.name not in {"steps", "body", "sensors"}:
-                lines.append(f"{each.name} = {_toml(value)}")
-        if self.steps is None:
-            lines.append("steps = false")
-        else:
-            lines += ["[steps]", f"levels_A = {_toml(self.steps.levels)}", f"hold_s = {self.steps.hold!r}"]
-        for name, part in (("body", self.body), ("sensors", self.sensors)):
-            lines += [f"[{name}]", *(f"{key} = {_toml(value)}" for key, value in asdict(part).items())]
-        return "\n".join([*lines, ""])
+        steps = {"steps": False} if self.steps is None else {}
+        return toml_text({**steps, **write_record(self, defaults=True)}, "a campaign on the virtual rig")
 
 
 def _degrees(temperature_degC: float) -> str:
@@ -244,48 +213,3 @@ def _degrees(temperature_degC: float) -> str:
 def _label(motion: str) -> str:
     """Return a motion's text as it may stand in a file's name."""
     return motion.replace(":", "").replace("/", "p")
-
-
-def _is_number(value: object) -> bool:
-    return not isinstance(value, bool) and isinstance(value, int | float) and math.isfinite(value)
-
-
-def _check_numbers(record: object, place: str) -> None:
-    """Refuse a field whose default is a number when it is none."""
-    for each in fields(record):  # type: ignore[arg-type]  # dataclasses only
-        value = getattr(record, each.name)
-        if isinstance(each.default, float) and not _is_number(value):
-            raise InputError(f"{place}: {each.name} is {value!r}; expected a finite number")
-
-
-def _check_keys(given: Mapping[str, object], kind: type, place: str) -> None:
-    known = tuple(each.name for each in fields(kind))
-    for key in given:
-        if key not in known:
-            raise InputError(f"{place}: unknown key {key!r}; {did_you_mean(key, known)}")
-
-
-def _list(value: object, name: str) -> tuple[Any, ...]:
-    if not isinstance(value, list):
-        raise InputError(f"{name} is {value!r}; expected a list")
-    if name.endswith("motions") and not all(isinstance(item, str) for item in value):
-        raise InputError(f"{name} is {value!r}; expected a list of texts")
-    return tuple(value)
-
-
-def _steps(value: object) -> CurrentSteps | None:
-    """Return the current steps that a campaign file asks for: true, false, or a table of levels and hold."""
-    if isinstance(value, bool):
-        return CURRENT_STEPS if value else None
-    if not isinstance(value, dict) or set(value) != {"levels_A", "hold_s"}:
-        raise InputError(f"steps is {value!r}; expected true, false or a table with levels_A and hold_s")
-    levels, hold = _list(value["levels_A"], "steps.levels_A"), value["hold_s"]
-    if not all(_is_number(number) for number in (*levels, hold)):
-        raise InputError(f"steps: levels_A is {list(levels)} and hold_s {hold!r}; expected finite numbers")
-    return CurrentSteps(tuple(float(level) for level in levels), float(hold))
-
-
-def _toml(value: object) -> str:
-    if isinstance(value, tuple):
-        return f"[{', '.join(_toml(item) for item in value)}]"
-    return f'"{value}"' if isinstance(value, str) else repr(value)

@@ -11,28 +11,29 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from mrdamper.errors import InputError
 from mrdamper.files import read_toml
 from mrdamper.quantities import ROOM_K, ZERO_CELSIUS_K
-from mrdamper.schema import did_you_mean
+from mrdamper.schema import (
+    Option,
+    check_ranges,
+    did_you_mean,
+    fields_of,
+    read_record,
+    toml_text,
+    write_record,
+)
 
 __all__ = ["PRESETS", "VirtualDamper", "draw_damper", "find_preset"]
 
 _SAFE = re.compile(r"[A-Za-z0-9][A-Za-z0-9.-]*")  # what may begin a file's name
-_POSITIVE = (
-    "coil_ohm", "coil_henry", "supply_V", "eddy_rise_s", "eddy_fall_s", "fluid_lag_s", "full_current_A",
-    "field_current_A", "field_exponent", "yield_N", "stiffness_N_m", "viscous_m_s", "viscous_exponent",
-    "stribeck_m_s", "friction_N_m", "leak_N_s_m",
-)  # fmt: skip
 _OF_THE_KIND = ("name", "full_current_A", "copper_per_K")  # what dampers of a kind share
-_ANY_SIGN = ("name", "offset_N", "asymmetry")
-_AT_MOST: Mapping[str, float] = MappingProxyType(
-    {"play_share": 1.0, "spread": 0.5, "asymmetry": 0.9, "viscosity_pole_K": 200.0}
-)
+_Positive = Annotated[float, Option(above=0.0)]
+_NotNegative = Annotated[float, Option(least=0.0)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,72 +51,66 @@ class VirtualDamper:
 
     name: str = "nominal"  # the runs' names begin with it
     # driver and coil
-    coil_ohm: float = 5.0  # R0
-    copper_per_K: float = 0.00393  # R = R0 (1 + this (T - 20 C))
-    coil_henry: float = 0.04  # L0, at zero current
-    inductance_fall: float = 0.25  # [1/A^2], L = L0 / (1 + this i^2)
-    supply_V: float = 24.0  # the driver's limit
-    driver_V_A: float = 20.0  # proportional gain Kp
-    driver_V_A_s: float = 2000.0  # integral gain Ki
+    coil_ohm: _Positive = 5.0  # R0
+    copper_per_K: _NotNegative = 0.00393  # R = R0 (1 + this (T - 20 C))
+    coil_henry: _Positive = 0.04  # L0, at zero current
+    inductance_fall: _NotNegative = 0.25  # [1/A^2], L = L0 / (1 + this i^2)
+    supply_V: _Positive = 24.0  # the driver's limit
+    driver_V_A: _NotNegative = 20.0  # proportional gain Kp
+    driver_V_A_s: _NotNegative = 2000.0  # integral gain Ki
     # field
-    eddy_rise_s: float = 0.0045  # lag of the flux behind a rising current
-    eddy_fall_s: float = 0.006  # ... behind a falling one
-    eddy_per_K: float = 0.002  # both lags are divided by 1 + this (T - 20 C)
-    fluid_lag_s: float = 0.0015  # lag of the fluid's structure behind the flux
-    play_share: float = 0.4  # wp: share of the field with magnetic play
-    play_A: float = 0.04  # r: half width of the play
-    full_current_A: float = 2.0  # where g = 1
-    field_current_A: float = 1.5  # Is: saturation
-    field_exponent: float = 1.2  # p
+    eddy_rise_s: _Positive = 0.0045  # lag of the flux behind a rising current
+    eddy_fall_s: _Positive = 0.006  # ... behind a falling one
+    eddy_per_K: _NotNegative = 0.002  # both lags are divided by 1 + this (T - 20 C)
+    fluid_lag_s: _Positive = 0.0015  # lag of the fluid's structure behind the flux
+    play_share: Annotated[float, Option(least=0.0, most=1.0)] = (
+        0.4  # wp: share of the field with magnetic play
+    )
+    play_A: _NotNegative = 0.04  # r: half width of the play
+    full_current_A: _Positive = 2.0  # where g = 1
+    field_current_A: _Positive = 1.5  # Is: saturation
+    field_exponent: _Positive = 1.2  # p
     # yield force and pre-yield stiffness
-    yield_N: float = 12.0  # Fy0, without field
-    yield_field_N: float = 1300.0  # Fym, at g = 1
-    yield_loss_per_K: float = 0.0014  # kT, of the field's share of force and stiffness
-    low_field_loss: float = 0.3  # kx: the loss is kT (1 + kx (1 - g))
-    stiffness_N_m: float = 1.2e6  # s0, without field
-    stiffness_field_N_m: float = 5e6  # s1, at g = 1
-    spread: float = 0.15  # weight of a bristle of a quarter and of one of four times the stiffness
-    asymmetry: float = 0.015  # yield (1 + this) in extension, (1 - this) in compression
-    position: float = 0.0  # yield (1 + this (x / 5 mm)^2)
+    yield_N: _Positive = 12.0  # Fy0, without field
+    yield_field_N: _NotNegative = 1300.0  # Fym, at g = 1
+    yield_loss_per_K: _NotNegative = 0.0014  # kT, of the field's share of force and stiffness
+    low_field_loss: _NotNegative = 0.3  # kx: the loss is kT (1 + kx (1 - g))
+    stiffness_N_m: _Positive = 1.2e6  # s0, without field
+    stiffness_field_N_m: _NotNegative = 5e6  # s1, at g = 1
+    spread: Annotated[float, Option(least=0.0, most=0.5)] = (
+        0.15  # weight of a bristle of a quarter and of one of four times the stiffness
+    )
+    asymmetry: Annotated[float, Option(least=-0.9, most=0.9)] = (
+        0.015  # yield (1 + this) in extension, (1 - this) in compression
+    )
+    position: _NotNegative = 0.0  # yield (1 + this (x / 5 mm)^2)
     # viscous force
-    viscous_N: float = 250.0  # Fv0, at the reference speed
-    viscous_m_s: float = 0.0314  # the reference speed
-    viscous_exponent: float = 0.88  # nv
-    viscous_field: float = 0.15  # kvb: viscous force (1 + kvb g)
-    viscosity_K: float = 404.0  # B of exp(B / (T - pole))
-    viscosity_pole_K: float = 153.15  # T0; zero kelvin is Arrhenius
+    viscous_N: _NotNegative = 250.0  # Fv0, at the reference speed
+    viscous_m_s: _Positive = 0.0314  # the reference speed
+    viscous_exponent: _Positive = 0.88  # nv
+    viscous_field: _NotNegative = 0.15  # kvb: viscous force (1 + kvb g)
+    viscosity_K: _NotNegative = 404.0  # B of exp(B / (T - pole))
+    viscosity_pole_K: Annotated[float, Option(least=0.0, most=200.0)] = 153.15  # T0; zero kelvin is Arrhenius
     # friction
-    friction_N: float = 40.0  # Fc, sliding
-    friction_static: float = 1.5  # static over sliding friction
-    stribeck_m_s: float = 0.003  # vs
-    friction_N_m: float = 4e5  # sf: stiffness before sliding
-    friction_loss_per_K: float = 0.002  # fT
+    friction_N: _NotNegative = 40.0  # Fc, sliding
+    friction_static: _NotNegative = 1.5  # static over sliding friction
+    stribeck_m_s: _Positive = 0.003  # vs
+    friction_N_m: _Positive = 4e5  # sf: stiffness before sliding
+    friction_loss_per_K: _NotNegative = 0.002  # fT
     # the rest
-    spring_N_m: float = 1500.0  # k1
+    spring_N_m: _NotNegative = 1500.0  # k1
     offset_N: float = 6.0  # f0
-    leak_N_s_m: float = 1.5e6  # c1: the oil's compliance as a leak, in series with yield and viscous force
+    leak_N_s_m: _Positive = (
+        1.5e6  # c1: the oil's compliance as a leak, in series with yield and viscous force
+    )
 
     def __post_init__(self) -> None:
-        name: object = self.name  # a file may have said anything
-        if not isinstance(name, str) or not _SAFE.fullmatch(name):
+        if not _SAFE.fullmatch(self.name):
             raise InputError(
-                f"virtual damper: name is {name!r}; expected letters, digits, dots and dashes, as it "
+                f"virtual damper: name is {self.name!r}; expected letters, digits, dots and dashes, as it "
                 "begins the runs' file names"
             )
-        for field in fields(self):
-            if field.name != "name":
-                self._check(field.name)
-
-    def _check(self, name: str) -> None:
-        value = getattr(self, name)
-        number = not isinstance(value, bool) and isinstance(value, int | float) and np.isfinite(value)
-        low, high = -np.inf if name in _ANY_SIGN else 0.0, _AT_MOST.get(name, np.inf)
-        if name == "asymmetry":
-            low = -high
-        if not number or not low <= value <= high or (name in _POSITIVE and value == 0.0):
-            range_ = "a positive number" if name in _POSITIVE else f"a number, {low:g} to {high:g}"
-            raise InputError(f"virtual damper {self.name!r}: {name} is {value!r}; expected {range_}")
-        object.__setattr__(self, name, float(value))
+        check_ranges(self, f"virtual damper {self.name!r}")
 
     def coil_resistance_ohm(self, temperature_degC: float) -> float:
         """Return the coil's resistance [ohm] at a temperature."""
@@ -127,20 +122,13 @@ class VirtualDamper:
 
         The name is the preset's when nothing is changed and none is given, else ``<preset>-own``.
         """
-        preset = given.get("preset", "nominal")
-        known = tuple(field.name for field in fields(cls))
-        for key in given:
-            if key != "preset" and key not in known:
-                said = did_you_mean(key, ("preset", *known))
-                raise InputError(f"{place}: unknown key {key!r}; {said}")
-        changes = {key: value for key, value in given.items() if key != "preset"}
         try:
-            base = find_preset(preset)
-            if changes and "name" not in changes:
-                changes["name"] = f"{base.name}-own"
-            return replace(base, **changes)
+            base = find_preset(given.get("preset", "nominal"))
         except InputError as error:
             raise InputError(f"{place}: {error}") from error
+        own = {} if given.keys() <= {"preset"} else {"name": f"{base.name}-own"}
+        table = read_record(_DamperTable, {**write_record(base, defaults=True), **own, **given}, place)
+        return cls(**{each.name: getattr(table, each.name) for each in fields(cls)})
 
     @classmethod
     def from_toml(cls, path: str | Path) -> VirtualDamper:
@@ -149,9 +137,14 @@ class VirtualDamper:
 
     def to_toml(self) -> str:
         """Return all parameters as TOML; ``from_toml`` reads the same damper back."""
-        lines = [f'name = "{self.name}"']
-        lines += [f"{field.name} = {getattr(self, field.name)!r}" for field in fields(self)[1:]]
-        return "\n".join(["# a virtual damper, in SI and kelvin", *lines, ""])
+        return toml_text(write_record(self, defaults=True), "a virtual damper, in SI and kelvin")
+
+
+@dataclass(frozen=True, slots=True)
+class _DamperTable(VirtualDamper):
+    """A damper's file: parameters, and the preset that gives those which it leaves out."""
+
+    preset: str = "nominal"
 
 
 _NOMINAL = VirtualDamper()
@@ -190,12 +183,12 @@ def draw_damper(damper: VirtualDamper, rng: np.random.Generator, spread: float) 
     The name, the current at which the field is full and the copper's coefficient are no properties of one
     damper among its kind and stay.
     """
-    names = [each.name for each in fields(VirtualDamper) if each.name not in _OF_THE_KIND]
-    factors = rng.uniform(1.0 - spread, 1.0 + spread, len(names))
-    changes = {
-        name: min(getattr(damper, name) * factor, _AT_MOST.get(name, np.inf))
-        for name, factor in zip(names, factors, strict=True)
-    }
+    drawn = [each for each in fields_of(VirtualDamper) if each.name not in _OF_THE_KIND]
+    factors = rng.uniform(1.0 - spread, 1.0 + spread, len(drawn))
+    changes = {}
+    for each, factor in zip(drawn, factors, strict=True):
+        most = each.option.most
+        changes[each.name] = min(getattr(damper, each.name) * factor, np.inf if most is None else most)
     return replace(damper, **changes)
 
 

@@ -6,13 +6,15 @@ comes from a generator that the caller gives, so that seeds are part of a scenar
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 from mrdamper.rig.plant import STEP_S
+from mrdamper.schema import Option, check_ranges
 
 __all__ = ["Readings", "Sensors"]
 
@@ -31,22 +33,18 @@ class Readings:
 class Sensors:
     """The faults of the sensors: noise as standard deviation; a step of zero is a converter without steps."""
 
-    rate_Hz: float = 1000.0
-    displacement_noise_m: float = 10e-6
-    displacement_step_m: float = 0.0
-    force_noise_N: float = 5.0
-    force_step_N: float = 0.0
-    thermocouple_noise_K: float = 0.3
-    thermocouple_lag_s: float = 10.0
-    thermocouple_offset_K: float = 0.0
+    rate_Hz: Annotated[float, Option(unit="Hz", above=0.0)] = 1000.0
+    displacement_noise_m: Annotated[float, Option(unit="m", least=0.0)] = 10e-6
+    displacement_step_m: Annotated[float, Option(unit="m", least=0.0)] = 0.0
+    force_noise_N: Annotated[float, Option(unit="N", least=0.0)] = 5.0
+    force_step_N: Annotated[float, Option(unit="N", least=0.0)] = 0.0
+    thermocouple_noise_K: Annotated[float, Option(unit="K", least=0.0)] = 0.3
+    thermocouple_lag_s: Annotated[float, Option(unit="s", least=0.0)] = 10.0
+    thermocouple_offset_K: Annotated[float, Option(unit="K")] = 0.0
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            number = not isinstance(value, bool) and isinstance(value, int | float) and np.isfinite(value)
-            if not number or (value < 0.0 and field.name != "thermocouple_offset_K"):
-                raise InputError(f"sensors: {field.name} is {value!r}; expected a number, zero or more")
-        every = 1.0 / (STEP_S * self.rate_Hz) if self.rate_Hz else 0.0
+        check_ranges(self, "sensors")
+        every = 1.0 / (STEP_S * self.rate_Hz)
         if every < 1.0 - 1e-9 or abs(every - round(every)) > 1e-6:
             raise InputError(
                 f"sensors: rate is {self.rate_Hz:g} Hz; expected a whole part of {1.0 / STEP_S:g} Hz, the "
