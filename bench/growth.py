@@ -28,6 +28,7 @@ from statistics import linear_regression
 
 import numpy as np
 
+import mrdamper
 from bench.cards import card_of
 from bench.measure import Asked, Row, timed
 from bench.problem import Problem
@@ -39,7 +40,6 @@ from mrdamper.excitation import Sine, drive
 from mrdamper.identify.problem import FitProblem
 from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.templates import template
-from mrdamper.jobs.cycles import cycles
 from mrdamper.models.card_schema import write_card
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant, Polynomial
@@ -194,10 +194,10 @@ def _batches(size: int) -> Made:
 
 def _rows(size: int, file: Path, *, card: Path | None = None) -> Made:
     def job() -> None:
-        found = cycles(file, model=card)["cycles"]
+        found = mrdamper.cycles(file, card).cycles
         stop()  # what the process that decodes has used counts once it has ended
         expected = size / 500  # samples of a period
-        if not (isinstance(found, int) and expected - 3 <= found <= expected):
+        if not expected - 3 <= found <= expected:
             raise RuntimeError(f"{found} cycles were found, of {expected:g}")
 
     return job, size

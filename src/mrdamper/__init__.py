@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     check: Callable[..., Any]
     cite: Callable[..., Any]
     compare: Callable[..., Any]
+    cycles: Callable[..., Any]
     fit: Callable[..., Any]
     forecast: Callable[..., Any]
     heat: Callable[..., Any]
@@ -52,6 +53,7 @@ __all__ = [
     "check",
     "cite",
     "compare",
+    "cycles",
     "fit",
     "forecast",
     "heat",

@@ -262,14 +262,6 @@ def test_rules_come_from_the_next_head_where_the_sensor_jumps_in_the_first() -> 
         replayed(short, 777)
 
 
-def test_a_load_cell_that_counts_the_other_way_is_turned() -> None:
-    batch = held(record(2 * HEAD))
-    _, expected = replayed(batch, 777)
-    replay = Replay(WARM, Preparation(), "record", "A", head_rows=HEAD, force_sign=-1.0)
-    turned = [*replay.step_batch(replace(batch, force=-batch.force)), *replay.close()]
-    np.testing.assert_array_equal(Batch.joined(turned).modelled, expected)
-
-
 def test_temperature_that_is_missing_is_asked_for_and_one_that_has_holes_is_held() -> None:
     batch = held(record(HEAD))
     with pytest.raises(InputError, match=r"record: has no temperature channel.*temperature_degC = 20"):

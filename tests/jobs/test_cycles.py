@@ -18,13 +18,29 @@ from mrdamper.cli import cli
 from mrdamper.data.prepare import prepare_run
 from mrdamper.data.readers import read_run
 from mrdamper.errors import InputError
-from mrdamper.jobs.cycles import cycles
+from mrdamper.jobs.options import CyclesOptions
 from mrdamper.models.damper import OperatingEnvelope
 from mrdamper.models.simulate import simulate
+from mrdamper.registry import JOBS
+from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
+from mrdamper.schema import Json
 from tests.data.test_cycles import ENERGY_J, sine
 from tests.identify.test_replay import WARM
 from tests.identify.test_replay import record as replayed_record
 from tests.support.tracked import write_a_card
+
+
+def cycles(
+    record: Path,
+    *,
+    batch_rows: int | None = None,
+    out: Path | None = None,
+    on_progress: Progress = silent,
+    **given: Path | bool,
+) -> Json:
+    """Return the answer of the job."""
+    options = CyclesOptions(batch_rows=batch_rows)
+    return JOBS["cycles"].perform({"record": record, **given}, options, out=out, on_progress=on_progress)[1]
 
 
 def write(place: Path, samples: int = 20_001) -> Path:
@@ -61,14 +77,26 @@ def test_the_table_does_not_depend_on_the_batches(tmp_path: Path) -> None:
 
 
 @pytest.mark.system
+def test_a_load_cell_that_counts_the_other_way_is_turned(tmp_path: Path, card: Path) -> None:
+    """The table of a record whose force has the other sign is the same, the model's columns too."""
+    force = replayed_record(3_000).force
+    right = write_warm(tmp_path / "right.parquet")
+    wrong = write_warm(tmp_path / "wrong.parquet", force_N=-force)
+    cycles(right, model=card, out=tmp_path / "a")
+    answer = cycles(wrong, model=card, out=tmp_path / "b", flip_force=True)
+    assert not answer["findings"]
+    assert (tmp_path / "a" / "cycles.csv").read_bytes() == (tmp_path / "b" / "cycles.csv").read_bytes()
+
+
+@pytest.mark.system
 def test_an_interrupt_keeps_what_was_counted(tmp_path: Path) -> None:
     record = write(tmp_path / "record.parquet")
 
-    def stop(rows: int, _of: int | None, _cycles: int) -> None:
-        if rows == 6_000:
+    def stop(update: ProgressUpdate) -> None:
+        if update.done == 6_000:
             signal.raise_signal(signal.SIGINT)
 
-    answer = cycles(record, batch_rows=2_000, out=tmp_path / "out", report=stop)
+    answer = cycles(record, batch_rows=2_000, out=tmp_path / "out", on_progress=stop)
     assert answer["cancelled"]
     assert answer["rows"] == 6_000
     assert answer["cycles"] == 30 - 1  # lower turning points at 150, 350, ... 5950
@@ -86,13 +114,13 @@ def test_a_second_interrupt_leaves_what_was_there_before_and_nothing_beside_it(
     out.mkdir()
     (out / "cycles.csv").write_text("of an earlier run\n", encoding="utf-8")
 
-    def stop(rows: int, _of: int | None, _cycles: int) -> None:
-        if rows == 6_000:
+    def stop(update: ProgressUpdate) -> None:
+        if update.done == 6_000:
             signal.raise_signal(signal.SIGINT)
             signal.raise_signal(signal.SIGINT)
 
     with pytest.raises(KeyboardInterrupt):
-        cycles(record, batch_rows=2_000, out=out, report=stop)
+        cycles(record, batch_rows=2_000, out=out, on_progress=stop)
     assert [file.name for file in out.iterdir()] == ["cycles.csv"]
     assert (out / "cycles.csv").read_text(encoding="utf-8") == "of an earlier run\n"
     assert sorted(file.name for file in tmp_path.iterdir()) == ["out", "record.parquet"]
@@ -185,11 +213,11 @@ def test_the_table_with_a_model_does_not_depend_on_the_batches(tmp_path: Path, c
 def test_an_interrupt_keeps_the_model_of_what_was_counted(tmp_path: Path, card: Path) -> None:
     record = write_warm(tmp_path / "record.parquet")
 
-    def stop(rows: int, _of: int | None, _cycles: int) -> None:
-        if rows == 2_000:
+    def stop(update: ProgressUpdate) -> None:
+        if update.done == 2_000:
             signal.raise_signal(signal.SIGINT)
 
-    answer = cycles(record, model=card, batch_rows=500, out=tmp_path / "out", report=stop)
+    answer = cycles(record, model=card, batch_rows=500, out=tmp_path / "out", on_progress=stop)
     assert answer["cancelled"]
     assert answer["rows"] == 2_000
     assert isinstance(answer["model"], dict)
@@ -206,12 +234,12 @@ def test_an_interrupt_before_the_model_could_begin_is_no_fault(
 
     asked: list[int] = []
 
-    def stop(rows: int, _of: int | None, _cycles: int) -> None:
+    def stop(update: ProgressUpdate) -> None:
         if not asked:  # a second time, it would be the end
-            asked.append(rows)
+            asked.append(update.done)
             signal.raise_signal(signal.SIGINT)
 
-    answer = cycles(record, model=card, batch_rows=40, report=stop)
+    answer = cycles(record, model=card, batch_rows=40, on_progress=stop)
     assert answer["cancelled"]
     assert answer["rows"] == 40
     assert isinstance(answer["model"], dict)
@@ -238,11 +266,10 @@ def test_without_a_model_nothing_is_said_of_one(tmp_path: Path) -> None:
 
 LIMITED = """
 import resource, sys
-from pathlib import Path
-from mrdamper.jobs.cycles import cycles
+import mrdamper
 resource.setrlimit(resource.RLIMIT_DATA, (1_500_000_000, 1_500_000_000))
-answer = cycles(Path(sys.argv[1]), model=Path(sys.argv[2]))
-print(answer["cycles"], answer["model"]["cycles"])
+found = mrdamper.cycles(sys.argv[1], sys.argv[2])
+print(found.cycles, found.model.errors.cycles)
 """
 
 

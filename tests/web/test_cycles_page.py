@@ -12,7 +12,7 @@ import polars as pl
 import pytest
 from playwright.sync_api import expect
 
-from mrdamper.jobs.cycles import cycles as count_cycles
+from mrdamper.registry import JOBS
 from tests.web.browser import opened, shoot
 from tests.web.served import served
 from tests.web.walking import download, plot, saved_table
@@ -98,7 +98,7 @@ def test_a_record_is_counted_and_drawn_over_its_life(page, rig):
         page.get_by_role("link", name="Open the report").click()
     waiting.value.wait_for_load_state()
     assert "energy per cycle" in waiting.value.inner_text("body")
-    told = count_cycles(root / "records" / "endurance.parquet")
+    told = JOBS["cycles"].perform({"record": root / "records" / "endurance.parquet"})[1]
     answer = client.get(f"/api/jobs/{job['id']}")["answer"]
     assert {name: answer[name] for name in ("cycles", "energy_J", "figures")} == {
         name: told[name] for name in ("cycles", "energy_J", "figures")

@@ -138,39 +138,6 @@ def data() -> None:
 
 
 @cli.command()
-@click.argument("record", type=click.Path(path_type=Path))
-@_channels
-@click.option(
-    "--least-stroke-mm",
-    type=float,
-    metavar="MM",
-    help="A smaller to-and-fro is no cycle.  [default: 5 % of the range of the first rows]",
-)
-@click.option(
-    "--model",
-    type=click.Path(path_type=Path),
-    metavar="CARD",
-    help="A card, replayed over the record beside what was measured.",
-)
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    metavar="DIR",
-    help="For cycles.csv, cycles.html, summary.json.",
-)
-@_flip
-@_json
-def cycles(record: Path, *, as_json: bool, **options: Any) -> int:  # noqa: ANN401 - click checks them
-    """Count the cycles of a record of any length: energy, peak forces, stiffness and temperature of each."""
-    from mrdamper.cli import terminal
-    from mrdamper.jobs.cycles import cycles as job
-
-    with terminal.reading() as report:
-        answer = job(record, report=report, **options)
-    return _finish(answer, terminal.show_cycles, as_json=as_json)
-
-
-@cli.command()
 @click.argument("file", type=click.Path(path_type=Path), metavar="FILE.toml")
 @click.option("--out", type=click.Path(path_type=Path), required=True, metavar="DIR", help="For the results.")
 @click.option(

@@ -24,8 +24,6 @@ __all__ = [
     "counter",
     "on_progress",
     "open_console",
-    "reading",
-    "show_cycles",
     "show_demo",
     "show_sweep",
 ]
@@ -70,31 +68,11 @@ def on_progress(word: str = "run", *, ctrl_c: str = "leaves nothing") -> Iterato
             clock = time.monotonic()
             if clock - shown[0] >= _LEAST_INTERVAL:
                 shown[0] = clock
-                of = "" if update.total is None else f" of {update.total}"
-                text = f"{word} {update.done + 1}{of}  {update.text}  (Ctrl-C {ctrl_c})"
+                of = "" if update.total is None else f" of {update.total:,}"
+                text = f"{word} {update.done + 1:,}{of}  {update.text}  (Ctrl-C {ctrl_c})"
                 live.update(Text(text), refresh=True)
 
         yield show
-
-
-@contextmanager
-def reading() -> Iterator[Callable[[int, int | None, int], None] | None]:
-    """Give a function that shows how much of a record is read; None when standard error is no terminal."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    shown = [0.0]
-    with Live(Text("reading ..."), console=Console(stderr=True), transient=True, auto_refresh=False) as live:
-
-        def report(rows: int, of: int | None, cycles: int) -> None:
-            clock = time.monotonic()
-            if clock - shown[0] >= _LEAST_INTERVAL:
-                shown[0] = clock
-                whole = "" if of is None else f" of {of:,}"
-                said = f"{rows:,}{whole} rows  {cycles:,} cycles  (Ctrl-C keeps what was counted)"
-                live.update(Text(said), refresh=True)
-
-        yield report
 
 
 def show_demo(answer: Answer) -> None:
@@ -121,45 +99,6 @@ def show_demo(answer: Answer) -> None:
 
 def _figure(value: float | str | None) -> str:
     return "-" if value is None else escape(value) if isinstance(value, str) else f"{value:.4g}"
-
-
-def show_cycles(answer: Answer) -> None:
-    """Print the figures over the cycles, and what is wrong with the record."""
-    console = open_console()
-    table = Table(title=escape(f"{answer['cycles']:,} cycles in {answer['rows']:,} rows"))
-    table.add_column("figure")
-    for name in ("first", "last", "mean", "least", "most", "per 1000 cycles"):
-        table.add_column(name, justify="right")
-    for name, of in answer["figures"].items():
-        values = (
-            *(of[key] for key in ("first", "last", "mean", "least", "most")),
-            of["trend_per_1000_cycles"],
-        )
-        table.add_row(name, *("-" if value is None else f"{value:.5g}" for value in values))
-    console.print(table)
-    if answer["model"] is not None:
-        _print_model(console, answer["model"])
-    for each in answer["findings"]:
-        console.print(escape(f"- {each['severity']}: {each['found']}. {each['effect']}. {each['remedy']}."))
-    if "report" in answer:
-        console.print(f"wrote {escape(answer['report'])} and {escape(answer['file'])}")
-
-
-def _print_model(console: Console, model: Answer) -> None:
-    """Print how far a card is from a record, in all and by temperature."""
-    if not model["cycles"]:
-        console.print("no cycle has a force of the model")
-    else:
-        table = Table(title=escape(f"{model['card']} over {model['cycles']:,} cycles"))
-        for name in ("temperature, degC", "cycles", "RMS error, N", "% of the spread", "mean error, N"):
-            table.add_column(name, justify="right")
-        bins = [(f"{b['from_degC']:g} to {b['to_degC']:g}", b) for b in model["by_temperature"]]
-        for name, of in [*bins, ("all", model)]:
-            numbers = (of["rmse_N"], of["nrmse_percent"], of["mean_error_N"])
-            table.add_row(name, f"{of['cycles']:,}", *("-" if n is None else f"{n:.4g}" for n in numbers))
-        console.print(table)
-    for note in model["notes"]:
-        console.print(escape(f"- {note}"))
 
 
 def show_sweep(answer: Answer) -> None:

@@ -105,6 +105,7 @@ class LongRecord:
     step_s: float | None
     rows: int | None
     source: Rows
+    flip_force: bool = False  # turn the sign of the force, of a cell that counts compression as positive
 
     @property
     def command_unit(self) -> CommandUnit:
@@ -141,6 +142,8 @@ class LongRecord:
                 time = np.arange(row, row + n, dtype=np.float64) * np.float64(self.step_s or 0.0)
             if displacement is None or force is None or command is None:  # open_record has asked for them
                 raise InputError(f"{place}: displacement, force or command is missing")
+            if self.flip_force:
+                force = -force
             yield Batch(row, time, displacement, force, command, channel("velocity"), channel("temperature"))
             row += n
 

@@ -9,10 +9,26 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.schema import Json
 
-__all__ = ["MOST_GROUPS", "Groups"]
+__all__ = ["MOST_GROUPS", "FigureSummary", "Groups"]
 
 MOST_GROUPS = 2048
 """Of cycles, in the page and the summary; at twice as many, two neighbours become one."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FigureSummary:
+    """A figure over the cycles; first and last are means of the first and the last group."""
+
+    mean: float
+    least: float
+    most: float
+    first: float
+    last: float
+    slope: float | None  # a cycle, by least squares through the groups; None where there is one group only
+
+    @property
+    def trend_per_1000_cycles(self) -> float | None:
+        return None if self.slope is None else 1000.0 * self.slope
 
 
 @dataclass(slots=True)
@@ -63,28 +79,30 @@ class Groups:
         """Mean number of the cycles in each group, the first cycle being 1; shape (groups,)."""
         return np.asarray(self.size * np.arange(len(self.count)) + 0.5 * (self.count + 1.0))
 
-    def summary(self, name: str) -> dict[str, float | None] | None:
-        """Return a figure's mean, least, most, first, last and its slope over the number of the cycle.
-
-        The slope is that of least squares through the groups, None where there is one group only. None where
-        no cycle has the figure.
-        """
+    def summary(self, name: str) -> FigureSummary | None:
+        """Return a figure over all cycles; None where no cycle has it."""
         k = self.names.index(name)
         there = self.known[:, k] > 0.0
         if not there.any():
             return None
         mean, weight, number = self.mean[there, k], self.known[there, k], self.number[there]
         from_mean = number - np.average(number, weights=weight)
-        return {
-            "mean": float(np.average(mean, weights=weight)),
-            "least": float(np.nanmin(self.least[:, k])),
-            "most": float(np.nanmax(self.most[:, k])),
-            "first": float(mean[0]),
-            "last": float(mean[-1]),
-            "slope": float(np.sum(weight * from_mean * mean) / np.sum(weight * from_mean**2))
-            if len(mean) > 1
-            else None,
-        }
+        slope = None
+        if len(mean) > 1:
+            slope = float(np.sum(weight * from_mean * mean) / np.sum(weight * from_mean**2))
+        return FigureSummary(
+            mean=float(np.average(mean, weights=weight)),
+            least=float(np.nanmin(self.least[:, k])),
+            most=float(np.nanmax(self.most[:, k])),
+            first=float(mean[0]),
+            last=float(mean[-1]),
+            slope=slope,
+        )
+
+    def total(self, name: str) -> float:
+        """Return the sum of a figure over the cycles that have it."""
+        k = self.names.index(name)
+        return float(np.nan_to_num(self.mean[:, k]) @ self.known[:, k])
 
     def curves(self) -> Json:
         """Return each figure's mean as lists; its least and most where groups are of several cycles.

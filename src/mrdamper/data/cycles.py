@@ -135,7 +135,6 @@ class CycleCounter:
     Parameters
     ----------
     name : of the record, for messages
-    force_sign : -1.0 for load cells that count compression as positive
     least_stroke_m : a smaller to-and-fro does not begin a cycle; None: 5 % of the range of displacement in
         the first ``head_rows`` rows that move
     longest_cycle : samples after which a cycle whose end is not in sight is left out
@@ -145,14 +144,13 @@ class CycleCounter:
         self,
         name: str,
         *,
-        force_sign: float = 1.0,
         least_stroke_m: float | None = None,
         head_rows: int = HEAD_ROWS,
         longest_cycle: int = LONGEST_CYCLE,
     ) -> None:
         if least_stroke_m is not None and not 0.0 < least_stroke_m < math.inf:
             raise InputError(f"least stroke: {least_stroke_m:g} m; expected more than 0")
-        self._name, self._sign = name, force_sign
+        self._name = name
         self._given, self._longest = least_stroke_m, longest_cycle
         self.least_stroke_m: float | None = None  # None until the head is read
         self.rows = 0
@@ -215,7 +213,7 @@ class CycleCounter:
                 self._segment = SegmentCycles(
                     part.row, least_stroke_m, longest_cycle=self._longest, too_long=self._long
                 )
-            done.append(self._segment.step_batch(replace(part, force=self._sign * part.force)))
+            done.append(self._segment.step_batch(part))
         found = CycleFigures.joined(done)
         self.cycles += len(found)
         self._energy += float(found.energy_J.sum())

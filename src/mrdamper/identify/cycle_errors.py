@@ -1,26 +1,33 @@
-"""What ``mrdamper cycles --model`` says of a card over a record: errors, in all and by temperature."""
+"""A card over a long record: its errors, in all and by temperature."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.batches import LongRecord
+from mrdamper.data.conditioning import Rules
 from mrdamper.data.cycles import CycleFigures
 from mrdamper.data.prepare import Preparation
 from mrdamper.identify.predict import all_assumed, beyond_envelope
 from mrdamper.identify.replay import Replay
 from mrdamper.models.card import ModelCard
-from mrdamper.models.card_schema import read_card
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.schema import Json
 
-__all__ = ["BIN_K", "FIGURES", "ModelOver", "columns_of", "open_model"]
+__all__ = [
+    "BIN_K",
+    "FIGURES",
+    "CycleErrors",
+    "ErrorBin",
+    "ModelErrors",
+    "ModelOver",
+    "columns_of",
+    "open_model",
+]
 
 FIGURES = (
     "model_energy_J",
@@ -56,6 +63,42 @@ def columns_of(done: CycleFigures) -> dict[str, FloatArray]:
     return dict(zip(FIGURES, values, strict=True))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CycleErrors:
+    """How far a model is from some cycles: over all their samples, and by their energy."""
+
+    cycles: int
+    rmse_N: float
+    nrmse_percent: float | None  # of the spread of the measured force; None where that does not change
+    percent_of_peak: float | None  # of the measured force
+    mean_error_N: float  # model less measured
+    peak_N: float  # measured
+    energy_J: float
+    model_energy_J: float
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorBin:
+    """The errors on the cycles of some temperatures."""
+
+    from_degC: float
+    to_degC: float
+    errors: CycleErrors
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModelErrors:
+    """What there is to say of a card that was replayed over a record."""
+
+    card: ModelCard
+    errors: CycleErrors | None  # None: no cycle has a force of the model
+    cycles_without: int  # a force of the model
+    by_temperature: tuple[ErrorBin, ...]
+    rules: Rules | None  # of the conditioning, as chosen from the record's head; None before there was one
+    segments: int
+    notes: tuple[str, ...]
+
+
 @dataclass(slots=True)
 class _Sums:
     """Sums over cycles, from which errors follow."""
@@ -86,29 +129,28 @@ class _Sums:
         self.energy_J += float(done.energy_J[which].sum())
         self.model_energy_J += float(model.energy_J[which].sum())
 
-    def answer(self) -> Json:
-        """Return errors of the samples of all these cycles together, and energies."""
+    def errors(self) -> CycleErrors | None:
+        """Return errors of the samples of all these cycles together, and energies; None without a cycle."""
         if not self.cycles:
-            return {"cycles": 0}
+            return None
         rmse = math.sqrt(self.squared_error / self.samples)
         variance = self.squared_force / self.samples - (self.force / self.samples) ** 2
-        return {
-            "cycles": self.cycles,
-            "rmse_N": rmse,
-            "nrmse_percent": 100.0 * rmse / math.sqrt(variance) if variance > 0.0 else None,
-            "percent_of_peak": 100.0 * rmse / self.peak_N if self.peak_N > 0.0 else None,
-            "mean_error_N": self.error / self.samples,
-            "peak_N": self.peak_N,
-            "energy_J": self.energy_J,
-            "model_energy_J": self.model_energy_J,
-        }
+        return CycleErrors(
+            cycles=self.cycles,
+            rmse_N=rmse,
+            nrmse_percent=100.0 * rmse / math.sqrt(variance) if variance > 0.0 else None,
+            percent_of_peak=100.0 * rmse / self.peak_N if self.peak_N > 0.0 else None,
+            mean_error_N=self.error / self.samples,
+            peak_N=self.peak_N,
+            energy_J=self.energy_J,
+            model_energy_J=self.model_energy_J,
+        )
 
 
 @dataclass(slots=True)
 class ModelOver:
     """A card that goes along with a record, and its errors so far."""
 
-    path: Path
     card: ModelCard
     replay: Replay
     lacking: int = 0  # cycles without a model's force
@@ -126,31 +168,22 @@ class ModelOver:
         for number in np.unique(bins[scored & np.isfinite(bins)]).tolist():
             self._by_bin.setdefault(int(number), _Sums()).add(done, scored & (bins == number))
 
-    def answer(self) -> Json:
-        """Return what ``--json`` says of the model."""
-        rules = self.replay.rules
-        return {
-            "card": str(self.path),
-            "title": self.card.title,
-            "law": self.card.damper.law.name,
-            **self._all.answer(),
-            "cycles_without": self.lacking,
-            "by_temperature": [
-                {"from_degC": BIN_K * (number - 0.5), "to_degC": BIN_K * (number + 0.5), **sums.answer()}
-                for number, sums in sorted(self._by_bin.items())
-            ],
-            "conditioning": None
-            if rules is None
-            else {
-                "step_s": rules.step_s,
-                "resampled": not rules.even,
-                "cutoff_Hz": rules.cutoff_Hz,
-                "dead_band_mm": 1e3 * rules.dead_band_m,
-                "reference_mm": 1e3 * rules.reference_m,
-            },
-            "stretches": self.replay.segments,
-            "notes": self._notes(),
-        }
+    def errors(self) -> ModelErrors:
+        """Return the errors so far."""
+        found = ((number, sums.errors()) for number, sums in sorted(self._by_bin.items()))
+        return ModelErrors(
+            card=self.card,
+            errors=self._all.errors(),
+            cycles_without=self.lacking,
+            by_temperature=tuple(
+                ErrorBin(BIN_K * (number - 0.5), BIN_K * (number + 0.5), errors)
+                for number, errors in found
+                if errors is not None
+            ),
+            rules=self.replay.rules,
+            segments=self.replay.segments,
+            notes=tuple(self._notes()),
+        )
 
     def _notes(self) -> list[str]:
         notes = beyond_envelope(self.card, {self.replay.name: self.replay.extremes})
@@ -167,21 +200,19 @@ class ModelOver:
         return notes
 
 
-def open_model(path: Path, record: LongRecord, *, flip_force: bool) -> ModelOver:
+def open_model(card: ModelCard, record: LongRecord) -> ModelOver:
     """Return a card ready to go along with a record.
 
     Raises
     ------
     InputError
-        The card cannot be read or is of another command; it needs a temperature that the record lacks.
+        The card is of another command, or needs a temperature that the record lacks.
     """
-    card = read_card(path)
     replay = Replay(
         card.damper,
         Preparation.from_dict(card.preparation),
         record.path.name,
         record.command_unit,
-        force_sign=-1.0 if flip_force else 1.0,
         reference_temperature=all_assumed(card.damper),
     )
-    return ModelOver(path, card, replay)
+    return ModelOver(card, replay)

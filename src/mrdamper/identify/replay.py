@@ -38,7 +38,6 @@ class Replay:
     name : of the record, for messages
     command_unit : of the record
     preparation : as the card has it
-    force_sign : -1.0 for load cells that count compression as positive
     reference_temperature : a record without temperature is at 20 degC
     head_rows : from which the rules of the conditioning are chosen; a rest before the motion is passed, and
         where no run can be made of them, up to ``MOST_HEADS`` times as many are tried
@@ -56,7 +55,6 @@ class Replay:
         name: str,
         command_unit: CommandUnit,
         *,
-        force_sign: float = 1.0,
         reference_temperature: bool = False,
         head_rows: int = HEAD_ROWS,
     ) -> None:
@@ -69,11 +67,7 @@ class Replay:
             raise InputError(f"{damper.law.name}: a law in Python runs whole, not in batches")
         self.name = name
         self._damper, self._preparation, self._unit = damper, preparation, command_unit
-        self._sign, self._reference_temperature, self._head_rows = (
-            force_sign,
-            reference_temperature,
-            head_rows,
-        )
+        self._reference_temperature, self._head_rows = reference_temperature, head_rows
         self.rules: Rules | None = None  # None until the head is read
         self.extremes: dict[str, tuple[float, float]] = {}  # of what the model was driven through, by name
         self.segments = 0
@@ -155,7 +149,7 @@ class Replay:
                 name=self.name,
                 time=longest.time,
                 displacement=longest.displacement,
-                force=self._sign * longest.force,
+                force=longest.force,
                 command=longest.command,
                 command_unit=self._unit,
                 velocity=longest.velocity if self._preparation.velocity == "channel" else None,

@@ -1,34 +1,34 @@
-"""``mrdamper cycles``: the figures of every cycle of a record that no memory holds.
+"""The job ``cycles``: the figures of every cycle of a record that no memory holds.
 
 The record is read in batches, cycles are written as they come; for the page and the summary, cycles are put
-together in groups, of which there are fewer than two times ``MOST_GROUPS``. Figures are what was measured: no
-model is used.
+together in groups, of which there are fewer than two times ``MOST_GROUPS``. Figures are what was measured,
+beside them those of a card where one is replayed over the record.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from pathlib import Path
+from dataclasses import dataclass
 from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.batches import BATCH_ROWS, LongRecord, open_record
-from mrdamper.data.cycle_groups import Groups
+from mrdamper.data.batches import BATCH_ROWS, LongRecord
+from mrdamper.data.cycle_groups import FigureSummary, Groups
 from mrdamper.data.cycles import CycleCounter, CycleFigures
-from mrdamper.data.diagnosis.finding import worst_first
+from mrdamper.data.diagnosis.finding import Finding, worst_first
 from mrdamper.identify.cycle_errors import FIGURES as MODEL_FIGURES
-from mrdamper.identify.cycle_errors import ModelOver, columns_of, open_model
+from mrdamper.identify.cycle_errors import ModelErrors, ModelOver, columns_of, open_model
+from mrdamper.jobs.options import CyclesOptions
+from mrdamper.models.card import ModelCard
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.runtime.outputs import atomic_output, write_json
+from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.runtime.signals import on_interrupt
-from mrdamper.schema import Json
 
-__all__ = ["FIGURES", "cycles"]
+__all__ = ["FIGURES", "CyclesResult", "cycles"]
 
-_TREND = 1000.0  # cycles
+_USUAL = CyclesOptions()
 FIGURES = (
     "period_s",
     "amplitude_mm",
@@ -41,107 +41,116 @@ FIGURES = (
 
 _Columns = dict[str, FloatArray | NDArray[np.int64]]
 
-Report = Callable[[int, int | None, int], None]
-"""Told how far the job is: rows read, rows in all where that is known, cycles found."""
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CyclesResult:
+    """The cycles of a record, in groups, and what is wrong with the record."""
+
+    record: LongRecord
+    rows: int  # that were read
+    step_s: float | None  # usual time between two rows; None before two were read
+    least_stroke_m: float | None  # a smaller to-and-fro is no cycle; None before the record has moved
+    cycles: int
+    broken_cycles: int  # left out because the record breaks in them
+    groups: Groups
+    model: ModelErrors | None  # of the card that was replayed; None without one
+    findings: tuple[Finding, ...]  # worst first
+    cancelled: bool  # by an interrupt, which ended the reading
+
+    @property
+    def energy_J(self) -> float:
+        """Energy that all cycles have dissipated."""
+        return self.groups.total("energy_J")
+
+    @property
+    def figures(self) -> dict[str, FigureSummary]:
+        """The figures over all cycles, by name; those that no cycle has are left out."""
+        found = ((name, self.groups.summary(name)) for name in self.groups.names)
+        return {name: summary for name, summary in found if summary is not None}
 
 
-def cycles(  # noqa: PLR0913 - a job's options, by keyword
-    record: Path,
+def cycles(
+    record: LongRecord,
+    model: ModelCard | None = None,
+    options: CyclesOptions = _USUAL,
     *,
-    channels: Path | None = None,
-    flip_force: bool = False,
-    least_stroke_mm: float | None = None,
-    model: Path | None = None,
-    batch_rows: int = BATCH_ROWS,
-    out: Path | None = None,
-    curves: bool = False,
-    report: Report | None = None,
-) -> Json:
-    """Count a record's cycles; with ``out`` write cycles.csv, cycles.html and summary.json there.
+    on_progress: Progress = silent,
+    stream: BinaryIO | None = None,
+) -> CyclesResult:
+    """Count a record's cycles.
 
-    ``model`` is a card, replayed over the record beside what was measured.
+    An interrupt ends the reading: what was counted until then is kept, ``cancelled`` says so; a second one
+    ends the job.
 
-    Ctrl-C ends the reading: what was counted until then is kept, ``cancelled`` says so.
-
-    Returns
-    -------
-    The answer of ``--json``; with ``curves`` beside it those of the page, as ``Groups.curves`` gives them.
+    Parameters
+    ----------
+    model : replayed over the record beside what was measured
+    stream : the cycles are written there as they come, as CSV
 
     Raises
     ------
     InputError
-        The record cannot be read, or nothing in it can be used.
+        The record cannot be read, or nothing in it can be used; the card does not fit to it.
     """
-    opened = open_record(record, channels)
-    along = None if model is None else open_model(model, opened, flip_force=flip_force)
-    counter = CycleCounter(
-        record.name,
-        force_sign=-1.0 if flip_force else 1.0,
-        least_stroke_m=None if least_stroke_mm is None else 1e-3 * least_stroke_mm,
-    )
-    if out is None:
-        answer, groups = _run(opened, counter, along, batch_rows, None, report)
-        return answer | {"curves": groups.curves()} if curves else answer
-    with atomic_output(out) as beside:
-        with (beside / "cycles.csv").open("wb") as table:
-            answer, groups = _run(opened, counter, along, batch_rows, table, report)
-        from mrdamper.report.cycles import render_cycles
-
-        answer |= {name: str(out / file) for name, file in _FILES.items()}
-        (beside / "cycles.html").write_text(render_cycles(answer, groups), encoding="utf-8")
-        write_json(beside / "summary.json", answer)
-    return answer | {"curves": groups.curves()} if curves else answer
-
-
-_FILES = {"report": "cycles.html", "file": "cycles.csv", "summary_file": "summary.json"}
-
-
-def _run(
-    opened: LongRecord,
-    counter: CycleCounter,
-    along: ModelOver | None,
-    batch_rows: int,
-    table: BinaryIO | None,
-    report: Report | None,
-) -> tuple[Json, Groups]:
-    groups, found, read = Groups(FIGURES + (MODEL_FIGURES if along is not None else ())), 0, 0
-
-    def take(done: CycleFigures) -> None:
-        nonlocal found
-        if len(done) or (table is not None and not table.tell()):
-            columns = _columns(done, found, opened.command_unit)
-            if along is not None:
-                columns |= columns_of(done) or dict.fromkeys(MODEL_FIGURES, np.empty(0))
-                along.add(done)
-            if table is not None:
-                _write(table, columns)
-            if len(done):
-                groups.feed(np.stack([columns[name] for name in groups.names], axis=1))
-            found += len(done)
-
-    cancelled = False
-    noted: list[bool] = []
+    least_mm = options.least_stroke_mm
+    counter = CycleCounter(record.path.name, least_stroke_m=None if least_mm is None else 1e-3 * least_mm)
+    along = None if model is None else open_model(model, record)
+    taken = _Taken(along, record.command_unit, stream)
+    asked: list[bool] = []
 
     def note() -> None:
-        if noted:  # a second time: now
+        if asked:  # a second time: now
             raise KeyboardInterrupt
-        noted.append(True)
+        asked.append(True)
 
+    read = 0
     with on_interrupt(note):
-        for batch in opened.batches(rows=batch_rows):
+        for batch in record.batches(rows=options.batch_rows or BATCH_ROWS):
             read += len(batch)
             for part in (batch,) if along is None else along.replay.step_batch(batch):
-                take(counter.step_batch(part))
-            if report is not None:
-                report(read, opened.rows, found)
-            if noted:
-                cancelled = True
+                taken.add(counter.step_batch(part))
+            on_progress(ProgressUpdate(done=read, total=record.rows, text=f"{taken.count:,} cycles"))
+            if asked:
                 break
-    for part in () if along is None else along.replay.close(cut_short=cancelled):
-        take(counter.step_batch(part))
-    take(counter.close())
-    groups.close()
-    return _answer(opened, counter, along, groups, cancelled=cancelled), groups
+    for part in () if along is None else along.replay.close(cut_short=bool(asked)):
+        taken.add(counter.step_batch(part))
+    taken.add(counter.close())
+    taken.groups.close()
+    return CyclesResult(
+        record=record,
+        rows=counter.rows,
+        step_s=counter.step_s,
+        least_stroke_m=counter.least_stroke_m,
+        cycles=counter.cycles,
+        broken_cycles=counter.broken,
+        groups=taken.groups,
+        model=None if along is None else along.errors(),
+        findings=tuple(sorted(counter.findings(), key=worst_first)),
+        cancelled=bool(asked),
+    )
+
+
+class _Taken:
+    """The cycles that were found so far: in groups, in a table, and beside a model."""
+
+    def __init__(self, along: ModelOver | None, command_unit: str, table: BinaryIO | None) -> None:
+        self.groups = Groups(FIGURES + (MODEL_FIGURES if along is not None else ()))
+        self.count = 0
+        self._along, self._unit, self._table = along, command_unit, table
+
+    def add(self, done: CycleFigures) -> None:
+        """Take the next cycles; the table gets its header even where there is none."""
+        if not (len(done) or (self._table is not None and not self._table.tell())):
+            return
+        columns = _columns(done, self.count, self._unit)
+        if self._along is not None:
+            columns |= columns_of(done) or dict.fromkeys(MODEL_FIGURES, np.empty(0))
+            self._along.add(done)
+        if self._table is not None:
+            _write(self._table, columns)
+        if len(done):
+            self.groups.feed(np.stack([columns[name] for name in self.groups.names], axis=1))
+        self.count += len(done)
 
 
 def _columns(done: CycleFigures, before: int, command_unit: str) -> _Columns:
@@ -169,31 +178,3 @@ def _write(table: BinaryIO, columns: _Columns) -> None:
 
     frame = pl.DataFrame(columns).fill_nan(None)
     frame.write_csv(table, include_header=not table.tell())
-
-
-def _answer(
-    opened: LongRecord, counter: CycleCounter, along: ModelOver | None, groups: Groups, *, cancelled: bool
-) -> Json:
-    figures: dict[str, Json] = {}
-    for name in groups.names:
-        if (found := groups.summary(name)) is not None:
-            slope = found.pop("slope")
-            figures[name] = {**found, "trend_per_1000_cycles": None if slope is None else _TREND * slope}
-    k = groups.names.index("energy_J")
-    energy = np.nan_to_num(groups.mean[:, k]) @ groups.known[:, k]
-    least = counter.least_stroke_m
-    return {
-        "record": str(opened.path),
-        "understood": opened.understood,
-        "rows": counter.rows,
-        "step_s": counter.step_s,
-        "least_stroke_mm": None if least is None else 1e3 * least,
-        "cycles": counter.cycles,
-        "broken_cycles": counter.broken,
-        "energy_J": float(energy),
-        "group_cycles": groups.size,
-        "figures": figures,
-        "model": None if along is None else along.answer(),
-        "findings": [dict(each.to_dict()) for each in sorted(counter.findings(), key=worst_first)],
-        "cancelled": cancelled,
-    }

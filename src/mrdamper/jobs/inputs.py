@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from mrdamper.data.batches import LongRecord, open_record
 from mrdamper.data.channels import read_channel_map
 from mrdamper.data.readers import RigFile, find_files, joined_faults, read_file, read_runs
 from mrdamper.data.records import Dataset, Recording, RigRun
@@ -14,7 +15,7 @@ from mrdamper.models.card import ModelCard
 from mrdamper.models.card_schema import read_card
 from mrdamper.models.python_law import load_python_law
 
-__all__ = ["ReadFiles", "UnreadableFile", "read_card_of_law", "read_dataset", "read_files"]
+__all__ = ["ReadFiles", "UnreadableFile", "read_card_of_law", "read_dataset", "read_files", "read_record"]
 
 Paths = str | Path | Iterable[str | Path | RigRun]
 
@@ -88,6 +89,17 @@ def read_files(given: Paths, channels: Path | None = None) -> ReadFiles:
         raise InputError(joined_faults([each.error for each in unreadable]))
     runs += [recording for _, file in read for recording in file.recordings]
     return ReadFiles(tuple(read), tuple(unreadable), tuple(runs))
+
+
+def read_record(path: str | Path, channels: Path | None = None, *, flip_force: bool = False) -> LongRecord:
+    """Return a record that no memory holds; of its rows only the first few are read.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, a column or a unit is missing, or the map splits the file into tests.
+    """
+    return replace(open_record(path, channels), flip_force=flip_force)
 
 
 def read_card_of_law(path: str | Path, law: str | None = None) -> ModelCard:

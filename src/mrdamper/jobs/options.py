@@ -155,6 +155,9 @@ class CyclesOptions:
             default_help="5 % of the range of the first rows",
         ),
     ] = None
+    batch_rows: Annotated[
+        int | None, Option("Rows of a batch; what is found does not depend on it.", least=1, flag="-")
+    ] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -503,6 +503,30 @@ _ROWS = (
         page="the page Cards",
     ),
     Job(
+        name="cycles",
+        help="Count the cycles of a record of any length: energy, peak forces, stiffness and temperature of "
+        "each.",
+        inputs=(
+            Input(name="record", kind="record", help="The record's file."),
+            Input(
+                name="model",
+                kind="card",
+                flag="--model",
+                required=False,
+                help="A card, replayed over the record beside what was measured.",
+            ),
+        ),
+        options="mrdamper.jobs.options:CyclesOptions",
+        run="mrdamper.jobs.cycles:cycles",
+        result="mrdamper.jobs.cycles:CyclesResult",
+        report="mrdamper.report.cycles:REPORT",
+        files_help="For cycles.csv, cycles.html, summary.json.",
+        progress_word="row",
+        stream="cycles.csv",
+        ctrl_c="keeps what was counted",
+        page="the page Cycles",
+    ),
+    Job(
         name="cite",
         help="Tell what to cite for a card: law, method, data and program, as text and BibTeX.",
         inputs=(CARD_OF_ANY_LAW,),

@@ -1,15 +1,26 @@
-"""The page of ``mrdamper cycles``: how energy, force, stiffness and temperature go over the cycles."""
+"""What ``cycles`` found: the answer's keys, the tables of a terminal, page, figures."""
 
 from __future__ import annotations
 
-from matplotlib.figure import Figure
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
 
-from mrdamper.data.cycle_groups import Groups
+from matplotlib.figure import Figure
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from mrdamper.data.cycle_groups import FigureSummary
+from mrdamper.data.diagnosis.finding import Finding
+from mrdamper.identify.cycle_errors import CycleErrors, ModelErrors
+from mrdamper.jobs.cycles import CyclesResult
+from mrdamper.report.base import DONE, Outcome, Report, WrittenFile, interrupted
 from mrdamper.report.figures.style import HELD_OUT, INK, TRAINING, WIDE, drawing_style, svg_of
 from mrdamper.report.page import environment
 from mrdamper.schema import Json
 
-__all__ = ["TITLES", "render_cycles"]
+__all__ = ["REPORT", "TITLES", "render_cycles"]
 
 TITLES = {
     "energy_J": "energy per cycle, J",
@@ -40,44 +51,188 @@ _BESIDE = {
 }
 
 
-def render_cycles(answer: Json, groups: Groups) -> str:
+def render_cycles(result: CyclesResult) -> str:
     """Return the page's HTML."""
     template = environment().get_template("cycles.html.j2")
-    return template.render(it=answer, titles=TITLES, picture=_over_cycles(answer, groups))
+    figures = result.figures
+    picture = ""
+    if any(panel[0] in figures for panel in _PANELS):
+        with drawing_style():
+            picture = svg_of(_over_cycles(result), "Figures over the cycles")
+    return template.render(it=result, figures=figures, titles=TITLES, picture=picture)
 
 
-def _over_cycles(answer: Json, groups: Groups) -> str:
+def _over_cycles(result: CyclesResult) -> Figure:
     """Return a panel for each figure over the number of the cycle: the groups' means, and their range.
 
     The model's are dashed.
     """
-    figures = answer["figures"]
-    known = set(figures) if isinstance(figures, dict) else set()
+    groups, known = result.groups, set(result.figures)
     panels = [panel for panel in _PANELS if panel[0] in known]
-    if not panels:
-        return ""
     height = 1.35 * len(panels) + 0.4
-    with drawing_style():
-        figure = Figure(figsize=(WIDE, height))
-        rows = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
-        for axes, panel in zip(rows, panels, strict=True):
-            for name, colour in zip(panel, (TRAINING, HELD_OUT), strict=False):
-                k = groups.names.index(name)
-                least, most = groups.least[:, k], groups.most[:, k]
-                if groups.size > 1:
-                    axes.fill_between(groups.number, least, most, color=colour, alpha=0.25, linewidth=0)
-                mark = "." if len(groups.count) < 2 else ""
-                axes.plot(groups.number, groups.mean[:, k], mark or "-", color=colour, linewidth=1.0)
-                beside = _BESIDE.get(name, "")
-                if beside in known:
-                    model = groups.mean[:, groups.names.index(beside)]
-                    axes.plot(groups.number, model, mark or "--", color=INK, linewidth=0.9)
-            said = "; ".join(TITLES[name] for name in panel)
-            if _BESIDE.get(panel[0]) in known:
-                said += "; the model's dashed"
-            axes.set_title(said[0].upper() + said[1:], loc="left", pad=3)
-        rows[-1].set_xlabel("cycle", labelpad=1.5)
-        figure.subplots_adjust(
-            left=0.075, right=0.99, top=1.0 - 0.22 / height, bottom=0.36 / height, hspace=0.28
-        )
-        return svg_of(figure, "Figures over the cycles")
+    figure = Figure(figsize=(WIDE, height))
+    if not panels:
+        return figure
+    rows = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, panel in zip(rows, panels, strict=True):
+        for name, colour in zip(panel, (TRAINING, HELD_OUT), strict=False):
+            k = groups.names.index(name)
+            least, most = groups.least[:, k], groups.most[:, k]
+            if groups.size > 1:
+                axes.fill_between(groups.number, least, most, color=colour, alpha=0.25, linewidth=0)
+            mark = "." if len(groups.count) < 2 else ""
+            axes.plot(groups.number, groups.mean[:, k], mark or "-", color=colour, linewidth=1.0)
+            beside = _BESIDE.get(name, "")
+            if beside in known:
+                model = groups.mean[:, groups.names.index(beside)]
+                axes.plot(groups.number, model, mark or "--", color=INK, linewidth=0.9)
+        said = "; ".join(TITLES[name] for name in panel)
+        if _BESIDE.get(panel[0]) in known:
+            said += "; the model's dashed"
+        axes.set_title(said[0].upper() + said[1:], loc="left", pad=3)
+    rows[-1].set_xlabel("cycle", labelpad=1.5)
+    figure.subplots_adjust(left=0.075, right=0.99, top=1.0 - 0.22 / height, bottom=0.36 / height, hspace=0.28)
+    return figure
+
+
+# ------------------------------------------------------------------------------------------- the answer
+
+
+def _answer(result: CyclesResult) -> Json:
+    """Return what ``mrdamper cycles --json`` prints, but for the files."""
+    least = result.least_stroke_m
+    return {
+        "record": str(result.record.path),
+        "understood": result.record.understood,
+        "rows": result.rows,
+        "step_s": result.step_s,
+        "least_stroke_mm": None if least is None else 1e3 * least,
+        "cycles": result.cycles,
+        "broken_cycles": result.broken_cycles,
+        "energy_J": result.energy_J,
+        "group_cycles": result.groups.size,
+        "figures": {name: _summary_json(summary) for name, summary in result.figures.items()},
+        "model": None if result.model is None else _model_json(result.model),
+        "findings": [dict(finding.to_dict()) for finding in result.findings],
+        "cancelled": result.cancelled,
+    }
+
+
+def _summary_json(summary: FigureSummary) -> Json:
+    told = asdict(summary)
+    told.pop("slope")
+    return {**told, "trend_per_1000_cycles": summary.trend_per_1000_cycles}
+
+
+def _model_json(model: ModelErrors) -> Json:
+    rules = model.rules
+    return {
+        "card": model.card.file,
+        "title": model.card.title,
+        "law": model.card.damper.law.name,
+        **({"cycles": 0} if model.errors is None else asdict(model.errors)),
+        "cycles_without": model.cycles_without,
+        "by_temperature": [
+            {"from_degC": each.from_degC, "to_degC": each.to_degC, **asdict(each.errors)}
+            for each in model.by_temperature
+        ],
+        "conditioning": None
+        if rules is None
+        else {
+            "step_s": rules.step_s,
+            "resampled": not rules.even,
+            "cutoff_Hz": rules.cutoff_Hz,
+            "dead_band_mm": 1e3 * rules.dead_band_m,
+            "reference_mm": 1e3 * rules.reference_m,
+        },
+        "stretches": model.segments,
+        "notes": list(model.notes),
+    }
+
+
+def _rows(result: CyclesResult) -> list[dict[str, object]]:
+    """Return the means of the groups as a table."""
+    groups = result.groups
+    return [
+        {"cycle": number, **dict(zip(groups.names, mean, strict=True))}
+        for number, mean in zip(groups.number.tolist(), groups.mean.tolist(), strict=True)
+    ]
+
+
+# --------------------------------------------------------------------------------------------- the terminal
+
+
+def _show(result: CyclesResult, console: Console) -> None:
+    """Print the figures over the cycles, and what is wrong with the record."""
+    console.print(_figures_table(result.figures, f"{result.cycles:,} cycles in {result.rows:,} rows"))
+    if result.model is not None:
+        _show_model(result.model, console)
+    for finding in result.findings:
+        console.print(escape(f"- {finding.severity}: {_in_words(finding)}"))
+
+
+def _in_words(finding: Finding) -> str:
+    return f"{finding.found}. {finding.effect}. {finding.remedy}."
+
+
+def _figures_table(figures: Mapping[str, FigureSummary], title: str) -> Table:
+    table = Table(title=escape(title))
+    table.add_column("figure")
+    for name in ("first", "last", "mean", "least", "most", "per 1000 cycles"):
+        table.add_column(name, justify="right")
+    for name, of in figures.items():
+        values = (of.first, of.last, of.mean, of.least, of.most, of.trend_per_1000_cycles)
+        table.add_row(name, *("-" if value is None else f"{value:.5g}" for value in values))
+    return table
+
+
+def _show_model(model: ModelErrors, console: Console) -> None:
+    """Print how far a card is from a record, in all and by temperature."""
+    if model.errors is None:
+        console.print("no cycle has a force of the model")
+    else:
+        table = Table(title=escape(f"{model.card.file} over {model.errors.cycles:,} cycles"))
+        for name in ("temperature, degC", "cycles", "RMS error, N", "% of the spread", "mean error, N"):
+            table.add_column(name, justify="right")
+        for each in model.by_temperature:
+            _add_errors(table, f"{each.from_degC:g} to {each.to_degC:g}", each.errors)
+        _add_errors(table, "all", model.errors)
+        console.print(table)
+    for note in model.notes:
+        console.print(escape(f"- {note}"))
+
+
+def _add_errors(table: Table, name: str, errors: CycleErrors) -> None:
+    numbers = (errors.rmse_N, errors.nrmse_percent, errors.mean_error_N)
+    table.add_row(name, f"{errors.cycles:,}", *("-" if n is None else f"{n:.4g}" for n in numbers))
+
+
+def _summary(result: CyclesResult) -> list[str]:
+    lines = [f"{result.cycles:,} cycles in {result.rows:,} rows, which dissipated {result.energy_J:.5g} J"]
+    if result.model is not None and result.model.errors is not None:
+        lines.append(f"the card's RMS error over them: {result.model.errors.rmse_N:.4g} N")
+    return [*lines, *(f"{each.severity}: {each.found}" for each in result.findings)]
+
+
+def _outcome(result: CyclesResult) -> Outcome:
+    return interrupted() if result.cancelled else DONE
+
+
+def _write_page(result: CyclesResult, path: Path) -> None:
+    path.write_text(render_cycles(result), encoding="utf-8")
+
+
+REPORT: Report[CyclesResult] = Report(
+    answer=_answer,
+    show=_show,
+    summary=_summary,
+    files=(
+        WrittenFile(name="cycles.html", key="report", write=_write_page),
+        WrittenFile(name="cycles.csv", key="file", streamed=True),
+        WrittenFile(name="summary.json", key="summary_file"),
+    ),
+    for_page=lambda result: {"curves": result.groups.curves()},
+    figure=_over_cycles,
+    rows=_rows,
+    outcome=_outcome,
+)

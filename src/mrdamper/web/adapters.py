@@ -177,24 +177,20 @@ def _fluid(options: Json, folder: WorkFolder, out: Path, _say: Say) -> Json:
 
 
 def _cycles(options: Json, folder: WorkFolder, out: Path, say: Say) -> Json:
-    import mrdamper.report.cycles  # noqa: F401 - loaded now, so that what is counted can be kept at once
-    from mrdamper.jobs.cycles import cycles
+    def on_progress(update: ProgressUpdate) -> None:
+        share = f"{update.done:,}" if update.total is None else f"{update.done:,} of {update.total:,}"
+        say(done=update.done, of=update.total or 0, text=f"{share} rows read, {update.text}")
 
-    def report(rows: int, of: int | None, found: int) -> None:
-        share = f"{rows:,}" if of is None else f"{rows:,} of {of:,}"
-        say(done=rows, of=of or 0, text=f"{share} rows read, {found:,} cycles")
-
-    channels = options["channels"]
-    return cycles(
-        folder.record(options["record"]),
-        channels=None if channels is None else folder.channel_map(channels),
-        flip_force=options["flip_force"],
-        least_stroke_mm=options["least_stroke_mm"],
-        model=None if options["model"] is None else folder.card(options["model"]),
-        out=out,
-        curves=True,
-        report=report,
-    )
+    job, channels = JOBS["cycles"], options["channels"]
+    given = {
+        "record": folder.record(options["record"]),
+        "channels": None if channels is None else folder.channel_map(channels),
+        "flip_force": options["flip_force"],
+        "model": None if options["model"] is None else folder.card(options["model"]),
+    }
+    chosen = job.options_from({"least_stroke_mm": options["least_stroke_mm"]})
+    result, answer = job.perform(given, chosen, out=out, on_progress=on_progress)
+    return {**answer, **job.page_answer(result)}
 
 
 def _demo(options: Json, _folder: WorkFolder, out: Path, say: Say) -> Json:
