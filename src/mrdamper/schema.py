@@ -91,6 +91,7 @@ class Option:
     among: Callable[[], Iterable[str]] | None = None  # names that are known only at run time
     default_help: str = ""  # what a default of None means
     pattern: str = ""
+    expected: str = ""  # in messages, where type, unit and range do not say enough
     most_items: int | None = None
     least_items: int | None = None
     short: Callable[[Any], Any] | None = None  # the table (or None) that a value which is none stands for
@@ -176,7 +177,7 @@ class Field:
     @property
     def item(self) -> Any:  # noqa: ANN401 - a type
         """The type of each of many values; the type itself of a single one."""
-        return get_args(self.type)[0] if get_origin(self.type) is tuple else self.type
+        return _taken_apart(get_args(self.type)[0])[0] if get_origin(self.type) is tuple else self.type
 
     @property
     def many(self) -> bool:
@@ -200,6 +201,8 @@ class Field:
     @property
     def words(self) -> str:
         """What the field expects: ``a number of mm above 0``."""
+        if self.option.expected:
+            return self.option.expected
         if self.choices:
             said = f"one of: {', '.join(self.choices)}"
         elif dataclasses.is_dataclass(self.item):

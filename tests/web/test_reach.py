@@ -19,7 +19,7 @@ from mrdamper.jobs.previews.runs import glance
 from mrdamper.jobs.public_data.datasets import MAPS
 from mrdamper.jobs.sweep.plan import KINDS as PLANS
 from mrdamper.jobs.sweep.plan import read_plan
-from mrdamper.web.schemas import KINDS
+from mrdamper.web.schemas import order_kinds, request_fields
 from mrdamper.web.spelling import labels, on_page
 from tests.web.browser import opened
 from tests.web.served import served
@@ -31,10 +31,10 @@ NEW_JOB = "folder, as a new job has"  # what stands for --out, which no page has
 ROOT = Path(__file__).parents[2]
 
 FIELD_OF = {
-    "identify": {"profile": "profiled", "bootstrap": "draws", "term": "terms",
+    "identify": {"runs": "files", "profile": "profiled", "bootstrap": "draws", "term": "terms",
                  "coil_resistance": "coil_resistance_ohm", "paths": "files", "out": "card"},
-    "predict": {"paths": "files"},
-    "check": {"paths": "files"},
+    "predict": {"runs": "files"},
+    "check": {"files": "files"},
     "sink": {"material": "materials", "emissivity": "emissivities", "front": "members",
              "network_only": "by_field"},
     "track": {"target": "targets", "temperature": "temperatures_degC", "controller": "controllers",
@@ -100,7 +100,7 @@ def test_every_option_has_a_field_or_a_reason(command, name, told):
         return
     kind = command.split()[-1]
     field = FIELD_OF.get(kind, {}).get(name, name)
-    fields = set(KINDS[kind].model_fields)
+    fields = {field.name for field in request_fields(kind)}
     assert {field, told.lstrip("-").replace("-", "_")} & fields, f"{command} {told}: add it to {kind}"
 
 
@@ -118,11 +118,12 @@ def test_every_command_is_in_the_table_of_pages():
     )
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", order_kinds())
 def test_every_field_of_an_order_is_asked_for_on_its_page(kind):
     script = (STATIC / f"{PAGE_OF[kind]}.js").read_text(encoding="utf-8")
-    asked = {name for name in KINDS[kind].model_fields if re.search(rf"\b{name}\b *[:,}}]", script)}
-    wanted = {name for name in KINDS[kind].model_fields if (kind, name) not in UNASKED}
+    names = [field.key for field in request_fields(kind)]
+    asked = {name for name in names if re.search(rf"\b{name}\b *[:,}}]", script)}
+    wanted = {name for name in names if (kind, name) not in UNASKED}
     assert asked >= wanted, sorted(wanted - asked)
 
 

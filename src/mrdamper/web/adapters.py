@@ -8,11 +8,12 @@ from __future__ import annotations
 import os
 import zipfile
 from collections.abc import Callable
+from dataclasses import asdict, is_dataclass
 from pathlib import Path
 from typing import Any
 
 from mrdamper.errors import InputError
-from mrdamper.registry import JOBS
+from mrdamper.registry import JOBS, KINDS, Input, Job
 from mrdamper.runtime.progress import Progress, ProgressUpdate
 from mrdamper.schema import Json
 from mrdamper.web.workspace import MAP_SUFFIX, NotThereError, WorkFolder
@@ -41,114 +42,57 @@ def do(kind: str, options: Json, folder: WorkFolder, out: Path, say: Say, *, res
     """
     if kind in _LONG:
         return _LONG[kind](options, folder, out, say, resume)
-    return _WORK[kind](options, folder, out, say)
+    if kind in _WORK:
+        return _WORK[kind](options, folder, out, say)
+    return _perform(JOBS[kind], options, folder, out, say, resume=resume)
 
 
-def _identify(options: Json, folder: WorkFolder, _out: Path, say: Say, resume: bool) -> Json:  # noqa: FBT001 - as all of _LONG
-    def on_progress(update: ProgressUpdate) -> None:
-        now: Any = update.detail  # a search's state
-        say(
-            done=update.done,
-            of=update.total,
-            text=f"start {now.start + 1} of {now.starts}, iteration {now.iteration}",
-            method=now.method,
-            start=now.start,
-            starts=now.starts,
-            iteration=now.iteration,
-            cost_percent=_finite(now.cost_percent),
-            best_percent=_finite(now.best_percent),
-        )
-
-    job = JOBS["identify"]
-    place = folder.new(folder.cards, options["card"])
-    given = {
-        "runs": _runs(folder, options["files"]),
-        "law": options["law"],
-        "fluid": _preset_or_input(folder, options["fluid"], "fluids"),
-        "flip_force": options["flip_force"],
+def _perform(job: Job, options: Json, folder: WorkFolder, out: Path, say: Say, *, resume: bool) -> Json:
+    """Do a job of the registry."""
+    given: dict[str, Any] = {
+        each.name: _thing(folder, each, options) for each in job.inputs if each.flag != "-"
     }
-    chosen = {key: options[key] for key in options if key not in {*given, "card", "files", "replace"}}
-    return job.perform(
+    given |= {each.name: options[each.name] for each in job.reading if each.name in options}
+    chosen = {each.name: options[each.name] for each in job.fields if each.name in options}
+    result, answer = job.perform(
         given,
         job.options_from(chosen),
-        out=place,
-        on_progress=on_progress,
-        resume=resume,
-        tell=_told(say, folder),
-    )[1]
-
-
-def _predict(options: Json, folder: WorkFolder, out: Path, _say: Say) -> Json:
-    given = {
-        "card": folder.card(options["card"]),
-        "runs": _runs(folder, options["files"]),
-        "flip_force": options["flip_force"],
-    }
-    return JOBS["predict"].perform(given, out=out)[1]
-
-
-def _check(options: Json, folder: WorkFolder, out: Path, _say: Say) -> Json:
-    return JOBS["check"].perform({"files": _runs(folder, options["files"])}, out=out)[1]
-
-
-def _compare(options: Json, folder: WorkFolder, out: Path, _say: Say) -> Json:
-    given = {name: folder.card(options[name]) for name in ("first", "second")}
-    return JOBS["compare"].perform(given, out=out)[1]
-
-
-def _heat(options: Json, folder: WorkFolder, out: Path, _say: Say) -> Json:
-    job = JOBS["heat"]
-    given = {
-        "card": folder.card(options["card"]),
-        "drawing": _preset_or_input(folder, options["damper"], "dampers"),
-        "duty": _duty(folder, options["duty"]),
-        **{key: folder.input(options[key]) for key in ("sink", "calibrate") if options[key] is not None},
-    }
-    rest = {key: options[key] for key in options if key not in {each.told for each in job.inputs}}
-    return job.perform(given, job.options_from(rest), out=out)[1]
-
-
-def _sink(options: Json, folder: WorkFolder, out: Path, say: Say, resume: bool) -> Json:  # noqa: FBT001 - as all of _LONG
-    job = JOBS["sink"]
-    given = {
-        "card": folder.card(options["card"]),
-        "drawing": _preset_or_input(folder, options["damper"], "dampers"),
-        "duty": _duty(folder, options["duty"]),
-    }
-    rest = {key: options[key] for key in options if key not in {each.told for each in job.inputs}}
-    return job.perform(
-        given,
-        job.options_from(rest),
-        out=out,
-        resume=resume,
-        tell=_told(say, folder),
+        out=folder.new(folder.cards, options["card"]) if job.name == "identify" else out,
         on_progress=_progress(say),
-    )[1]
-
-
-def _track(options: Json, folder: WorkFolder, out: Path, say: Say) -> Json:
-    job = JOBS["track"]
-    given: dict[str, Any] = {
-        "card": folder.card(options["card"]),
-        "plant": _plant(folder, options["plant"]),
-        "targets": tuple(_preset_or_input(folder, each, "targets") for each in options["targets"]) or None,
-        **{k: None if options[k] is None else folder.card(options[k]) for k in ("unaware", "pooled")},
-    }
-    rest = {key: options[key] for key in options if key not in {each.told for each in job.inputs}}
-    result, answer = job.perform(given, job.options_from(rest), out=out, on_progress=_progress(say))
+        resume=resume if job.checkpoint else None,
+        tell=_told(say, folder),
+    )
     return {**answer, **job.page_answer(result)}
 
 
-def _export(options: Json, folder: WorkFolder, out: Path, say: Say) -> Json:
-    job = JOBS["export"]
-    given = {
-        "card": folder.card(options["card"]),
-        "damper": _preset_or_input(folder, options["damper"], "dampers"),
+def _thing(folder: WorkFolder, each: Input, options: Json) -> Any:  # noqa: ANN401 - a path, a name, or several
+    """Return what of the folder a request means by an input."""
+    kind = KINDS[each.kind]
+    if kind.place == "runs":
+        return _runs(folder, options["files"])
+    value = options[each.told]
+    if kind.many and not kind.choices:
+        return tuple(map(folder.input, value)) or None
+    if kind.many:
+        return tuple(_preset_or_input(folder, name, kind.choices) for name in value) or None
+    if value is None or each.kind == "law":
+        return value
+    if kind.choices and each.kind != "plant":
+        return _preset_or_input(folder, value, kind.choices)
+    finders: dict[str, Callable[[str], Any]] = {
+        "duty": lambda name: _duty(folder, name),
+        "plant": lambda name: _plant(folder, name),
+        "cards": folder.card,
+        "records": folder.record,
     }
-    rest = {key: options[key] for key in options if key not in given}
-    result, answer = job.perform(given, job.options_from(rest), out=out, on_progress=_progress(say))
-    if "c" in result.what:
-        _zip(out / f"{result.name}_c", out / f"{result.name}_c.zip")
+    find = finders.get(each.kind) or finders.get(kind.place) or folder.input
+    return find(value)
+
+
+def _export(options: Json, folder: WorkFolder, out: Path, say: Say) -> Json:
+    answer = _perform(JOBS["export"], options, folder, out, say, resume=False)
+    if "c" in options["what"]:
+        _zip(out / f"{options['name']}_c", out / f"{options['name']}_c.zip")
     return answer
 
 
@@ -164,16 +108,6 @@ def _rig(options: Json, folder: WorkFolder, out: Path, say: Say) -> Json:
     given = {"damper": None if own is None else folder.input(own), "campaign": campaign}
     rest = {"seed": options["seed"], "preset": options["preset"] if own is None else None}
     return job.perform(given, job.options_from(rest), out=folder.runs, on_progress=_progress(say))[1]
-
-
-def _fluid(options: Json, folder: WorkFolder, out: Path, _say: Say) -> Json:
-    job = JOBS["fluid"]
-    given = {
-        "tables": tuple(folder.input(each) for each in options["tables"]),
-        "like": _preset_or_input(folder, options["like"], "fluids"),
-    }
-    rest = {key: options[key] for key in ("particle_fraction",)}
-    return job.perform(given, job.options_from(rest), out=out)[1]
 
 
 def _cycles(options: Json, folder: WorkFolder, out: Path, say: Say) -> Json:
@@ -226,21 +160,13 @@ def _sweep(options: Json, folder: WorkFolder, out: Path, say: Say, resume: bool)
 
 
 _WORK: dict[str, Callable[[Json, WorkFolder, Path, Say], Json]] = {
-    "predict": _predict,
-    "check": _check,
-    "compare": _compare,
-    "heat": _heat,
-    "track": _track,
     "export": _export,
     "rig": _rig,
-    "fluid": _fluid,
     "cycles": _cycles,
     "demo": _demo,
     "fetch": _fetch,
 }
 _LONG: dict[str, Callable[[Json, WorkFolder, Path, Say, bool], Json]] = {
-    "identify": _identify,
-    "sink": _sink,
     "sweep": _sweep,
 }
 
@@ -313,7 +239,17 @@ def _duty(folder: WorkFolder, text: str) -> str:
 
 
 def _progress(say: Say) -> Progress:
-    return lambda now: say(done=now.done, of=now.total or 0, text=now.text)
+    """Return what tells of progress, the state of a search with it."""
+
+    def on_progress(now: ProgressUpdate) -> None:
+        state = asdict(now.detail) if is_dataclass(now.detail) and not isinstance(now.detail, type) else {}
+        told: Json = {k: _finite(v) if isinstance(v, float) else v for k, v in state.items()}
+        text = now.text
+        if "iteration" in told:
+            text = f"start {told['start'] + 1} of {told['starts']}, iteration {told['iteration']}"
+        say(done=now.done, of=now.total or 0, text=text, **told)
+
+    return on_progress
 
 
 def _counted(say: Say) -> Callable[[int, int, str], None]:

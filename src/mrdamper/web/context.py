@@ -7,17 +7,16 @@ from collections.abc import AsyncIterator, Awaitable, Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pydantic import ValidationError
 from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, Response, StreamingResponse
 
 from mrdamper.errors import InputError, spelled_within
 from mrdamper.jobs.previews.choices import choices, run_formats
+from mrdamper.schema import read_record
 from mrdamper.web.events import EventBus
 from mrdamper.web.job_queue import JobQueue
 from mrdamper.web.query_worker import Query
 from mrdamper.web.run_index import RunIndex
-from mrdamper.web.schemas import Order, told
 from mrdamper.web.security import REPORT_POLICY
 from mrdamper.web.spelling import on_page
 from mrdamper.web.worker_client import PendingAnswers, WorkerClient
@@ -27,7 +26,7 @@ __all__ = ["MOST_UPLOAD", "AppContext", "json_response", "read_body", "read_requ
 
 MOST_UPLOAD = 200_000_000  # bytes
 
-Wanted = TypeVar("Wanted", bound=Order)
+Wanted = TypeVar("Wanted")
 
 _TYPES = {
     ".html": "text/html; charset=utf-8",
@@ -100,10 +99,7 @@ async def read_body(request: Request) -> dict[str, Any]:
 
 async def read_request(request: Request, kind: type[Wanted]) -> Wanted:
     """Return what a request asks for, checked."""
-    try:
-        return kind.model_validate(await read_body(request))
-    except ValidationError as fault:
-        raise InputError(told("the request", fault)) from fault
+    return read_record(kind, await read_body(request), "the request")
 
 
 def send_file(path: Path, *, download: bool = False) -> Response:

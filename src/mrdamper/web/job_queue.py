@@ -71,11 +71,11 @@ class JobQueue:
         """How many jobs run."""
         return len(self._running)
 
-    def submit(self, kind: str, order: Order) -> str:
+    def submit(self, order: Order) -> str:
         """Queue a job; return its id."""
         if len(self._waiting) >= _MOST_WAITING:
             raise ConflictError(f"{_MOST_WAITING} jobs wait already; wait, or cancel some")
-        options = order.model_dump()
+        kind, options = order.kind, order.options
         card = options["card"] if kind == "identify" else None
         if card is not None:
             self._claim(card, replace=options["replace"])

@@ -1,253 +1,233 @@
-"""What may be asked of a job: its options by name, with their kinds, bounds and defaults.
+"""What may be asked of the server: requests for jobs, made from the registry, and questions of the pages.
 
-Options name things in the folder (a card, a run's file, an input), never paths, and nothing that would be
-run: a law in a Python file is for the command line alone.
+A request names things in the folder (a card, a run's file, an input), never paths, and nothing that would be
+run: a law in a Python file is for the command line alone. Its options are the job's own (``jobs.options``);
+what the pages add to them, and leave out, stands in ``_PAGES``.
 """
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar, Literal
-
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, make_dataclass
+from functools import cache
+from typing import Annotated, Any
 
 from mrdamper.errors import InputError
-from mrdamper.jobs.previews.choices import DUTY
+from mrdamper.registry import JOBS, KINDS, Input, Job
+from mrdamper.schema import Field, Json, Option, did_you_mean, fields_of, read_record, write_record
 
-__all__ = ["KINDS", "HeatCurve", "Mapping", "Order", "read_order", "told"]
+__all__ = ["HeatCurve", "MapRequest", "Order", "order_kinds", "read_order", "request_fields"]
 
-Name = Annotated[str, Field(min_length=1, max_length=160, pattern=r"^[^/\\\x00-\x1f]+$")]
-Word = Annotated[str, Field(min_length=1, max_length=60, pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")]
-Glob = Annotated[str, Field(min_length=1, max_length=200)]
-DutyText = Annotated[str, Field(min_length=1, max_length=200)]
-Seed = Annotated[int, Field(ge=0, lt=2**31)]
-Positive = Annotated[float, Field(gt=0.0, lt=1e6)]
-Degrees = Annotated[float, Field(ge=-100.0, le=400.0)]
-Files = Annotated[list[Name], Field(max_length=20_000)] | None
-
-
-class Order(BaseModel):
-    """Options of one kind of job."""
-
-    model_config = ConfigDict(extra="forbid", allow_inf_nan=False, frozen=True)
-
-    needs_runs: ClassVar[bool] = False
-
-
-class Identify(Order):
-    needs_runs = True
-    card: Name
-    files: Files = None
-    law: Word | None = None
-    method: Literal["varpro", "genetic", "cma"] = "varpro"
-    starts: Annotated[int, Field(ge=1, le=100)] = 3
-    seed: Seed = 0
-    hold_out: Annotated[list[Glob], Field(max_length=20_000)] = []
-    leave_out: list[Literal["run", "current", "motion", "temperature"]] = []
-    session_offsets: bool = False
-    one_command: bool = False
-    terms: list[Literal["friction", "mass", "viscosity", "thinning"]] | None = None
-    temperature: Literal["auto", "none", "arrhenius", "reynolds", "vft", "paper"] = "auto"
-    fluid: Name | None = None
-    coil_resistance_ohm: Positive | None = None
-    profiled: bool = False
-    draws: Annotated[int, Field(ge=0, le=10_000)] = 0
-    flip_force: bool = False
-    replace: bool = False
+_NAME, _WORD = r"^[^/\\\x00-\x1f]{1,160}$", r"^[A-Za-z0-9][A-Za-z0-9._-]{0,59}$"
+Name = Annotated[
+    str,
+    Option(
+        "Something in the folder.", pattern=_NAME, expected="a name in the folder, of at most 160 characters"
+    ),
+]
+Word = Annotated[
+    str, Option("A name of the package.", pattern=_WORD, expected="a name of letters, digits and ._-")
+]
+Names = Annotated[
+    tuple[Name, ...],
+    Option("Things in the folder.", most_items=20_000, expected="a list of names in the folder"),
+]
+Celsius = Annotated[float, Option("A temperature.", unit="degC", least=-100.0, most=400.0)]
+AirSpeed = Annotated[float, Option("Speed of the air.", unit="m/s", least=0.0, most=200.0)]
+Length = Annotated[float, Option("A length.", unit="mm", above=0.0, below=1e6)]
+Share = Annotated[float, Option("A share.", least=0.0, most=1.0)]
 
 
-class Predict(Order):
-    needs_runs = True
-    card: Name
-    files: Files = None
-    flip_force: bool = False
+@dataclass(frozen=True, slots=True)
+class Order:
+    """A job that was asked for: its kind, and what it is told as plain JSON."""
+
+    kind: str
+    options: Json
+
+    @property
+    def needs_runs(self) -> bool:
+        """Whether it is of all usable runs, as no files were named."""
+        return self.kind in {"identify", "predict"} and self.options["files"] is None
 
 
-class Check(Order):
-    files: Files = None
+# --------------------------------------------------------------------------------- requests for jobs
 
 
-class Compare(Order):
-    first: Name
-    second: Name
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Page:
+    """What the pages add to the options of a job, and what they leave out."""
+
+    more: Mapping[str, tuple[Any, Any]] = field(default_factory=dict)  # name -> (type, default)
+    without: tuple[str, ...] = ()
 
 
-class Heat(Order):
-    card: Name
-    damper: Name = "paper"
-    duty: DutyText = DUTY
-    sink: Name | None = None
-    with_sink: bool = True
-    ambient_degC: Degrees | None = None
-    air_m_s: Annotated[float, Field(ge=0.0, le=200.0)] | None = None
-    past_limit: bool = False
-    model: Literal["zones", "lumped", "reduced"] = "zones"
-    start_degC: Degrees | None = None
-    calibrate: Name | None = None
-    by_field: bool = True
+_REQUIRED = object()
+_ANNOTATED: Any = Annotated  # of types that are known at run time
+_PAGES: Mapping[str, _Page] = {
+    "check": _Page(without=("channels",)),
+    "identify": _Page(more={"card": (Name, _REQUIRED), "replace": (bool, False)}, without=("channels",)),
+    "predict": _Page(without=("channels", "law")),
+    "compare": _Page(without=("law",)),
+}
 
 
-class Sink(Order):
-    card: Name
-    damper: Name = "paper"
-    duty: DutyText = DUTY
-    span_mm: Positive | None = None
-    width_mm: Positive | None = None
-    mass_g: Positive | None = None
-    least_thickness_mm: Positive = 1.0
-    least_gap_mm: Positive = 3.0
-    materials: list[Word] = []
-    emissivities: list[Annotated[float, Field(ge=0.0, le=1.0)]] = []
-    correlation: Literal["channel", "vdi", "disc"] | None = None
-    film_multiplier: Positive | None = None
-    method: Literal["grid", "nsga2"] = "grid"
-    members: Annotated[int, Field(ge=2, le=200)] = 12
-    by_field: bool = True
-    seed: Seed = 0
-
-
-class Track(Order):
-    card: Name
-    plant: Name = "nominal"
-    targets: Annotated[list[Name], Field(max_length=20)] = []
-    temperatures_degC: Annotated[list[Degrees], Field(max_length=20)] = []
-    controllers: Annotated[list[Word], Field(max_length=40)] = []
-    seed: Seed = 1
-    rate_Hz: Annotated[float, Field(ge=100.0, le=5000.0)] = 1000.0
-    unaware: Name | None = None
-    pooled: Name | None = None
-    optimum: bool = False
-
-
-class Export(Order):
-    card: Name
-    what: Annotated[list[Literal["c", "fmu", "table"]], Field(min_length=1)] = ["c", "fmu", "table"]
-    fmi: Literal["2.0", "3.0"] = "3.0"
-    precision: Literal["float", "double"] = "float"
-    period_s: Annotated[float, Field(gt=0.0, le=1.0)] = 1e-3
-    content: Literal["model", "controller", "both"] = "both"
-    controller: Word = "recommended"
-    name: Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]{0,40}$")] = "damper"
-    damper: Name | None = None
-    verify: bool = True
-
-
-class Rig(Order):
+@dataclass(frozen=True, kw_only=True)
+class _Rig:
     preset: Word = "nominal"
     damper: Name | None = None
     campaign: Name = "short"
-    seed: Seed = 0
+    seed: Annotated[int, Option(least=0, below=2**31)] = 0
 
 
-class Fluid(Order):
-    tables: Annotated[list[Name], Field(min_length=1, max_length=20)]
-    like: Name = "paper"
-    particle_fraction: Annotated[float, Field(gt=0.0, lt=1.0)] | None = None
-
-
-class Demo(Order):
+@dataclass(frozen=True, kw_only=True)
+class _Demo:
     quick: bool = True
-    seed: Seed = 0
+    seed: Annotated[int, Option(least=0, below=2**31)] = 0
 
 
-class Cycles(Order):
+@dataclass(frozen=True, kw_only=True)
+class _Cycles:
     record: Name
     channels: Name | None = None
-    least_stroke_mm: Positive | None = None
+    least_stroke_mm: Length | None = None
     model: Name | None = None
     flip_force: bool = False
 
 
-class Sweep(Order):
+@dataclass(frozen=True, kw_only=True)
+class _Sweep:
     plan: Name
-    workers: Annotated[int, Field(ge=1, le=64)] | None = None
+    workers: Annotated[int | None, Option("Processes.", least=1, most=64)] = None
 
 
-class Fetch(Order):
+@dataclass(frozen=True, kw_only=True)
+class _Fetch:
     name: Word
 
 
-KINDS: dict[str, type[Order]] = {
-    "identify": Identify,
-    "predict": Predict,
-    "check": Check,
-    "compare": Compare,
-    "heat": Heat,
-    "sink": Sink,
-    "track": Track,
-    "export": Export,
-    "rig": Rig,
-    "fluid": Fluid,
-    "demo": Demo,
-    "cycles": Cycles,
-    "sweep": Sweep,
-    "fetch": Fetch,
+_BY_HAND: Mapping[str, type] = {
+    "rig": _Rig,
+    "demo": _Demo,
+    "cycles": _Cycles,
+    "sweep": _Sweep,
+    "fetch": _Fetch,
 }
+_NO_ORDERS = ("cite", "data list", "data fetch", "forecast", "observe", "ride")
+"""Jobs that are questions of the pages, or for the command line and Python alone."""
 
 
-class Fins(Order):
+def order_kinds() -> tuple[str, ...]:
+    """Return the kinds of jobs that can be asked for."""
+    return (*(name for name in JOBS if name not in {*_BY_HAND, *_NO_ORDERS}), *_BY_HAND)
+
+
+def request_fields(kind: str) -> tuple[Field, ...]:
+    """Return the fields of a request for a job, with their types, ranges and defaults."""
+    return fields_of(_request_type(kind))
+
+
+@cache
+def _request_type(kind: str) -> type:
+    if kind in _BY_HAND:
+        return _BY_HAND[kind]
+    members = []
+    for name, type_, default in _members(JOBS[kind], _PAGES.get(kind, _Page())):
+        members.append((name, type_) if default is _REQUIRED else (name, type_, field(default=default)))
+    return make_dataclass(f"{kind}_request", members, frozen=True, kw_only=True)
+
+
+def _members(job: Job, page: _Page) -> Iterator[tuple[str, Any, Any]]:
+    """Yield (name, type, default) of all that a request for a job holds."""
+    yield from ((name, type_, default) for name, (type_, default) in page.more.items())
+    for each in job.inputs:
+        if each.flag != "-":
+            yield _member_of(each)
+    for option in (*job.reading, *job.fields):
+        if option.name not in page.without:
+            kind: Any = option.type | None if option.optional else option.type
+            yield option.name, _ANNOTATED[kind, option.option], option.default
+
+
+def _member_of(each: Input) -> tuple[str, Any, Any]:
+    """Return (name, type, default) of a thing that a job reads."""
+    kind = KINDS[each.kind]
+    if kind.place == "runs":
+        return "files", Names | None, None
+    if kind.many:
+        few = Annotated[
+            tuple[Name, ...],
+            Option(
+                each.help,
+                most_items=20,
+                least_items=int(each.required),
+                expected="a list of 20 names at most",
+            ),
+        ]
+        return each.told, few, _REQUIRED if each.required else ()
+    single: Any = Word if each.kind == "law" else Name
+    if not each.required:
+        return each.told, single if each.default else single | None, each.default
+    return each.told, single, "paper" if each.kind == "drawing" else _REQUIRED
+
+
+def read_order(kind: object, options: object) -> Order:
+    """Return a job that was asked for, or one ``InputError`` with all that is wrong with it."""
+    kinds = order_kinds()
+    if not isinstance(kind, str) or kind not in kinds:
+        raise InputError(f"kind is {str(kind)[:40]!r}; {did_you_mean(str(kind)[:40], kinds)}")
+    if not isinstance(options, dict):
+        raise InputError(f"{kind}: options are {type(options).__name__}; expected an object")
+    found: object = read_record(_request_type(kind), options, kind)
+    return Order(kind, write_record(found, defaults=True, nulls=True))
+
+
+# ------------------------------------------------------------------------------- questions of the pages
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fins:
     """A heat sink of a search, to be heated."""
 
-    fins: Annotated[int, Field(ge=1, le=500)]
-    width_mm: Positive
-    thickness_mm: Positive
-    pitch_mm: Positive
+    fins: Annotated[int, Option("Number of fins.", least=1, most=500)]
+    width_mm: Length
+    thickness_mm: Length
+    pitch_mm: Length
     material: Name
-    emissivity: Annotated[float, Field(ge=0.0, le=1.0)]
+    emissivity: Share
 
 
-class HeatCurve(Order):
+@dataclass(frozen=True, kw_only=True)
+class HeatCurve:
     """A quick heating curve."""
 
     card: Name
     damper: Name = "paper"
-    amplitude_mm: Annotated[float, Field(ge=0.0, le=1000.0)] = 15.0
-    frequency_Hz: Annotated[float, Field(gt=0.0, le=100.0)] = 1.0
-    command: Annotated[float, Field(ge=-1000.0, le=1000.0)] = 2.0
-    duty_share: Annotated[float, Field(ge=0.05, le=1.0)] = 1.0
-    duration_s: Annotated[float, Field(ge=1.0, le=1e6)] = 1800.0
-    ambient_degC: Degrees | None = None
-    air_m_s: Annotated[float, Field(ge=0.0, le=200.0)] | None = None
+    amplitude_mm: Annotated[float, Option("Of the sine.", unit="mm", least=0.0, most=1000.0)] = 15.0
+    frequency_Hz: Annotated[float, Option("Of the sine.", unit="Hz", above=0.0, most=100.0)] = 1.0
+    command: Annotated[float, Option("Current or voltage.", least=-1000.0, most=1000.0)] = 2.0
+    duty_share: Annotated[float, Option("Share of the time at work.", least=0.05, most=1.0)] = 1.0
+    duration_s: Annotated[float, Option("Duration.", unit="s", least=1.0, most=1e6)] = 1800.0
+    ambient_degC: Celsius | None = None
+    air_m_s: AirSpeed | None = None
     with_sink: bool = True
     fins: Fins | None = None
     past_limit: bool = False
 
 
-class Mapping(Order):
+@dataclass(frozen=True, kw_only=True)
+class MapRequest:
     """A channel map for some files."""
 
-    files: Annotated[list[Name], Field(min_length=1, max_length=500)]
-    map: dict[str, Any] | None = None
+    files: Annotated[tuple[Name, ...], Option("Measured files.", least_items=1, most_items=500)]
+    map: Mapping[str, Any] | None = None
     save: bool = False
     head: bool = False  # look at the beginning alone, where that tells something
 
-    @model_validator(mode="after")
-    def _shallow(self) -> Mapping:
+    def __post_init__(self) -> None:
         def depth(value: object) -> int:
             inner = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
             return 1 + max(map(depth, inner), default=0)
 
         if self.map is not None and depth(self.map) > 5:
-            raise ValueError("map is nested too deep; expected the tables of a channel map")
-        return self
-
-
-def read_order(kind: object, options: object) -> Order:
-    """Return the options of a job, or one ``InputError`` with all that is wrong with them."""
-    if not isinstance(kind, str) or kind not in KINDS:
-        raise InputError(f"kind is {str(kind)[:40]!r}; expected one of: {', '.join(KINDS)}")
-    if not isinstance(options, dict):
-        raise InputError(f"{kind}: options are {type(options).__name__}; expected an object")
-    try:
-        return KINDS[kind].model_validate(options)
-    except ValidationError as fault:
-        raise InputError(told(kind, fault)) from fault
-
-
-def told(place: str, fault: ValidationError) -> str:
-    """Return what is wrong, one line for each option."""
-    lines = []
-    for each in fault.errors(include_url=False, include_context=False)[:8]:
-        where = ".".join(str(part)[:60] for part in each["loc"]) or "the whole"
-        found = "" if each["type"] == "missing" else f" is {str(each['input'])[:60]!r}"
-        lines.append(f"{place}: {where}{found}: {each['msg']}")
-    return "\n".join(lines)
+            raise InputError("map is nested too deep; expected the tables of a channel map")

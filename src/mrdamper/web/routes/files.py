@@ -10,10 +10,10 @@ from fastapi import APIRouter
 from starlette.requests import Request
 from starlette.responses import Response
 
-from mrdamper.schema import Json
+from mrdamper.schema import Json, write_record
 from mrdamper.web.context import AppContext, json_response, read_request
 from mrdamper.web.query_worker import Query
-from mrdamper.web.schemas import Mapping
+from mrdamper.web.schemas import MapRequest
 from mrdamper.web.workspace import WorkFolder
 
 __all__ = ["file_routes"]
@@ -60,7 +60,7 @@ def file_routes(context: AppContext) -> APIRouter:
 
     @routes.put("/api/channels")
     async def map_channels(request: Request) -> Response:
-        order = await read_request(request, Mapping)
+        order = await read_request(request, MapRequest)
         paths = [folder.run_file(name) for name in dict.fromkeys(order.files)]
         if order.head and not order.save:
             previews = await _beginnings(context, paths, order)
@@ -68,7 +68,7 @@ def file_routes(context: AppContext) -> APIRouter:
                 return json_response({"saved": False, "previews": previews})
         key = (
             "channels",
-            json.dumps(order.model_dump(), sort_keys=True),
+            json.dumps(write_record(order, defaults=True), sort_keys=True),
             tuple(map(context.index.key_of, paths)),
         )
         return json_response(await context.wait(key, lambda: _map(context, paths, order)))
@@ -76,7 +76,7 @@ def file_routes(context: AppContext) -> APIRouter:
     return routes
 
 
-async def _beginnings(context: AppContext, paths: list[Path], order: Mapping) -> list[Json] | None:
+async def _beginnings(context: AppContext, paths: list[Path], order: MapRequest) -> list[Json] | None:
     """Preview the beginnings of files with a map; None when one of them must be read whole."""
     previews = []
     for path in paths:
@@ -88,7 +88,7 @@ async def _beginnings(context: AppContext, paths: list[Path], order: Mapping) ->
     return previews
 
 
-async def _map(context: AppContext, paths: list[Path], order: Mapping) -> Json:
+async def _map(context: AppContext, paths: list[Path], order: MapRequest) -> Json:
     """Look into files with a map; write it beside them when all can be read with it."""
     given = order.map or {}
     queries = [Query("preview", {"path": path}, {"given": given}) for path in paths]

@@ -28,10 +28,10 @@ def job_routes(context: AppContext) -> APIRouter:
     async def ask(request: Request) -> Response:
         body = await read_body(request)
         order = read_order(body.get("kind"), body.get("options", {}))
-        if order.needs_runs and getattr(order, "files", None) is None:
-            order = order.model_copy(update={"files": context.index.usable() or None})
-        _names_are_there(context.folder, order.model_dump())
-        return json_response({"id": queue.submit(str(body["kind"]), order)}, 201)
+        if order.needs_runs:
+            order.options["files"] = context.index.usable() or None
+        _names_are_there(context.folder, order.options)
+        return json_response({"id": queue.submit(order)}, 201)
 
     @routes.get("/api/jobs")
     async def listed() -> Response:

@@ -12,6 +12,7 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, Response
 
 from mrdamper.errors import InputError
+from mrdamper.schema import write_record
 from mrdamper.web.context import AppContext, json_response, read_request
 from mrdamper.web.query_worker import Query
 from mrdamper.web.routes.inputs import drawing_of
@@ -65,7 +66,8 @@ def run_routes(context: AppContext) -> APIRouter:
     @routes.post("/api/heat/curve")
     async def curve(request: Request) -> Response:
         order = await read_request(request, HeatCurve)
-        options = order.model_dump(exclude={"card", "damper"})
+        asked = write_record(order, defaults=True, nulls=True)
+        options = {key: value for key, value in asked.items() if key not in {"card", "damper"}}
         query = Query(
             "heat_curve",
             {"card": context.folder.card(order.card)},
