@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import json
 import re
+import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from mrdamper.paper.claims import ROWS, judge
-from mrdamper.paper.demo import Report, demo
+from mrdamper.jobs.options import DemoOptions
+from mrdamper.paper.claim_table import ROWS
+from mrdamper.paper.claims import judge
+from mrdamper.registry import JOBS
+from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from tests.support.pace import REFERENCE_S, pace
 
 pytestmark = pytest.mark.system
@@ -28,21 +32,21 @@ NAMES = {
 def quick(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], Path, list[str], float]:
     out = tmp_path_factory.mktemp("demo") / "demo"
     steps: list[str] = []
-    answer, spent = timed(out, lambda done, of, name: steps.append(f"{done}/{of} {name}"))
+    answer, spent = timed(out, lambda now: steps.append(f"{now.done}/{now.total} {now.text}"))
     return answer, out, steps, spent
 
 
-def timed(out: Path, report: Report | None = None) -> tuple[dict[str, Any], float]:
+def timed(out: Path, on_progress: Progress = silent) -> tuple[dict[str, Any], float]:
     """Run the quick demo; return its answer and its CPU time on the machine of reference [s]."""
     paces: list[float] = []
 
-    def told(done: int, of: int, name: str) -> None:
+    def told(update: ProgressUpdate) -> None:
         paces.append(pace())
-        if report is not None:
-            report(done, of, name)
+        on_progress(update)
 
-    answer = demo(out, quick=True, report=told)
-    spent = float(answer["cpu_s"])  # a number
+    clock = time.process_time()
+    answer = JOBS["demo"].perform({}, DemoOptions(quick=True), out=out, on_progress=told)[1]
+    spent = time.process_time() - clock
     return answer, spent / float(np.mean(paces)) - REFERENCE_S * len(paces)
 
 

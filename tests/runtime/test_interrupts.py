@@ -14,11 +14,13 @@ import sys
 import time
 from collections import Counter
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from mrdamper.jobs.sweep.results import CHECKPOINT
+from mrdamper.rig.campaign import Campaign
 from mrdamper.runtime.outputs import atomic_output
 from mrdamper.runtime.signals import Interrupted, heed_interrupts, interrupt_ends_all, on_interrupt
 from tests.support.kills import (
@@ -281,14 +283,16 @@ def test_an_interrupt_is_what_the_innermost_block_makes_of_it(monkeypatch: pytes
 def test_a_demonstration_makes_no_claims_from_half_a_fit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """A fit that is interrupted returns its best so far; here nobody would be told."""
     from mrdamper.paper import demo as demo_job
+    from mrdamper.registry import JOBS
 
     def identify(*_: object, **__: object) -> None:
         signal.raise_signal(INT)
 
-    monkeypatch.setattr(demo_job, "_measured", lambda *_: ())
+    monkeypatch.setattr(demo_job, "rig", lambda *_, **__: SimpleNamespace(campaign=Campaign()))
+    monkeypatch.setattr(demo_job, "_read_back", lambda *_: ())
     monkeypatch.setattr(demo_job, "identify", identify)
     with pytest.raises(Interrupted):
-        demo_job.demo(tmp_path / "out")
+        JOBS["demo"].perform({}, out=tmp_path / "out")
     assert not list(tmp_path.iterdir())
 
 

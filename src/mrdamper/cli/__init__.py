@@ -110,28 +110,6 @@ _resume = click.option(
 )
 
 
-@cli.command()
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path),
-    default=Path("build/demo"),
-    show_default=True,
-    metavar="DIR",
-    help="Where to.",
-)
-@click.option("--quick", is_flag=True, help="Fewer and shorter runs.")
-@_seed
-@_json
-def demo(*, as_json: bool, **options: Any) -> int:  # noqa: ANN401 - click checks them
-    """Run every job on the virtual rig and compare with the paper (no measured data needed)."""
-    from mrdamper.cli import terminal
-    from mrdamper.paper.demo import demo as job
-
-    with terminal.counter("step") as report:
-        answer = job(report=report, **options)
-    return _finish(answer, terminal.show_demo, as_json=as_json)
-
-
 @cli.group()
 def data() -> None:
     """Public data sets: what there is, and fetching it."""

@@ -24,7 +24,6 @@ __all__ = [
     "counter",
     "on_progress",
     "open_console",
-    "show_demo",
     "show_sweep",
 ]
 
@@ -73,32 +72,6 @@ def on_progress(word: str = "run", *, ctrl_c: str = "leaves nothing") -> Iterato
                 live.update(Text(text), refresh=True)
 
         yield show
-
-
-def show_demo(answer: Answer) -> None:
-    """Print the laws side by side, then the paper's claims with their verdicts."""
-    console = open_console()
-    console.print(escape(f"The runs are {answer['runs_are']}."))
-    table = Table(title="Laws side by side: error in % of the force's spread, median (worst)")
-    for name in ("law", "training", "held out"):
-        table.add_column(name, justify="left" if name == "law" else "right")
-    for line in answer["laws"]:
-        cells = [_median_worst(line["summary"].get(split)) for split in ("training", "held_out")]
-        table.add_row(escape(line["law"]), *cells)
-    console.print(table)
-    claims = Table(title="The paper's figures, and what came out here (reasons are in the report)")
-    for name in ("#", "the paper says", "paper", "here", "unit", "verdict"):
-        claims.add_column(name, justify="right" if name in {"#", "paper", "here"} else "left")
-    for each in answer["claims"]:
-        cells = [_figure(each[key]) for key in ("paper", "ours")]
-        verdict = each["verdict"].replace("_", " ")
-        claims.add_row(str(each["row"]), escape(each["says"]), *cells, escape(each["unit"]), verdict)
-    console.print(claims)
-    console.print(escape(f"report: {answer['report']}"))
-
-
-def _figure(value: float | str | None) -> str:
-    return "-" if value is None else escape(value) if isinstance(value, str) else f"{value:.4g}"
 
 
 def show_sweep(answer: Answer) -> None:

@@ -762,6 +762,19 @@ _ROWS = (
         progress_word="set",
         page="the page Runs",
     ),
+    Job(
+        name="demo",
+        help="Run every job on the virtual rig and compare with the paper (no measured data needed).",
+        inputs=(),
+        options="mrdamper.jobs.options:DemoOptions",
+        run="mrdamper.paper.demo:demo",
+        result="mrdamper.paper.demo:DemoResult",
+        report="mrdamper.paper.report:REPORT",
+        files_help="Where to.",
+        out_default="build/demo",
+        progress_word="step",
+        page="the page Demo",
+    ),
 )
 
 JOBS: Mapping[str, Job] = {row.name: row for row in _ROWS}

@@ -69,6 +69,7 @@ class WrittenFile(Generic[Result]):
     name: str | Callable[[Result], str]  # empty: ``write`` is given the folder itself
     key: str = ""  # of the answer, under which its path stands; empty: it is not told
     write: Callable[[Result, Path], object] | None = None  # None: the answer itself, as JSON
+    write_in: Callable[[Result, Place], object] | None = None  # in its stead, where a part's answer has paths
     streamed: bool = False  # the job itself has written it as it went
     when: Callable[[Result], bool] = lambda _: True
     folder: str = ""  # of ``Report.beside``; empty: the one that the user names
@@ -140,7 +141,9 @@ def write_report(
     files = [(file, place) for file, place in found if place is not None]
     written: list[str] = []
     for file, place in files:
-        if file.write is not None and not file.streamed:
+        if file.write_in is not None:
+            file.write_in(result, place)
+        elif file.write is not None and not file.streamed:
             file.write(result, place.stage)
             written += [str(place.path / each.relative_to(place.stage)) for each in _files_of(place.stage)]
     answer: Json = {
@@ -151,7 +154,7 @@ def write_report(
         **({"files": written} if report.lists_files else {}),
     }
     for file, place in files:
-        if file.write is None and not file.streamed:
+        if file.write is None and file.write_in is None and not file.streamed:
             write_json(place.stage, answer)
     return answer
 

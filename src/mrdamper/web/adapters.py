@@ -127,12 +127,6 @@ def _cycles(options: Json, folder: WorkFolder, out: Path, say: Say) -> Json:
     return {**answer, **job.page_answer(result)}
 
 
-def _demo(options: Json, _folder: WorkFolder, out: Path, say: Say) -> Json:
-    from mrdamper.paper.demo import demo
-
-    return demo(out, quick=options["quick"], seed=options["seed"], report=_counted(say))
-
-
 def _fetch(options: Json, folder: WorkFolder, _out: Path, say: Say) -> Json:
     name = options["name"]
     try:
@@ -163,7 +157,6 @@ _WORK: dict[str, Callable[[Json, WorkFolder, Path, Say], Json]] = {
     "export": _export,
     "rig": _rig,
     "cycles": _cycles,
-    "demo": _demo,
     "fetch": _fetch,
 }
 _LONG: dict[str, Callable[[Json, WorkFolder, Path, Say, bool], Json]] = {

@@ -1,0 +1,192 @@
+"""The figures of the claims: each a small function of what the demo found."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from mrdamper.control.score import Score
+from mrdamper.excitation import Sine, motion_from_text
+from mrdamper.identify.assess import Assessment, RunError
+from mrdamper.models.fluids.fluid import fall_percent
+from mrdamper.paper.findings import Findings
+from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.thermal.temperature_rise import Rise
+
+HALF_HOUR_S, LIMIT_TEST_S = 1800.0, 2100.0
+
+# ------------------------------------------------------------------------------------------- tests and fluid
+
+
+def speed_mm_s(motion: str) -> float:
+    """Return the greatest speed of a sine [mm/s]."""
+    sine = motion_from_text(motion)
+    assert isinstance(sine, Sine)
+    return 2e3 * np.pi * sine.frequency * sine.amplitude
+
+
+def largest_stroke_mm(found: Findings, motion: str) -> float | None:
+    """Return the largest displacement of a motion's runs [mm]."""
+    runs = [run for run in (*found.fitted.training, *found.fitted.held_out) if motion in run.run.name]
+    return 1e3 * max(float(np.abs(run.trajectory.displacement).max()) for run in runs) if runs else None
+
+
+def viscosity_fall_percent(found: Findings, cold: float, hot: float) -> float:
+    """Return how much of the viscosity at 20 degC is lost between two temperatures [%]."""
+    factor = found.fluid.viscosity_factor
+    return 100.0 * float(
+        (factor.value(cold + ZERO_CELSIUS_K) - factor.value(hot + ZERO_CELSIUS_K))
+        / factor.value(20.0 + ZERO_CELSIUS_K)
+    )
+
+
+def falls_per_K(found: Findings) -> tuple[float, float]:
+    """Return the fall of the viscosity from 20 to 60 degC and from 60 to 138 degC [% per K]."""
+    return viscosity_fall_percent(found, 20.0, 60.0) / 40.0, viscosity_fall_percent(found, 60.0, 138.0) / 78.0
+
+
+def viscosity_drop(found: Findings) -> float:
+    """Return the fall of the viscosity from 20 to 100 degC [%]."""
+    return fall_percent(found.fluid.viscosity_factor)
+
+
+def yield_drop(found: Findings) -> float:
+    """Return the fall of the yield stress from 20 to 100 degC [%]."""
+    return fall_percent(found.fluid.yield_factor)
+
+
+def collapse_begins(found: Findings) -> float | None:
+    """Return where the collapse takes the first 10 % off the viscosity [degC]; None without one."""
+    if found.fluid.collapse is None:
+        return None
+    warm = np.arange(100.0, 160.0, 0.05)
+    left = found.fluid.collapse.value(warm + ZERO_CELSIUS_K)
+    return float(warm[int(np.argmax(left < 0.9))])
+
+
+# ------------------------------------------------------------------------------------------- forces and heat
+
+
+def peak_losses(found: Findings) -> dict[float, float]:
+    """Return by current [A] how much of the peak force is lost from 20 to 120 degC [%]."""
+    losses = {current: _peak_loss_percent(found.judged, current) for current in (0.0, 1.0, 2.0)}
+    return {current: loss for current, loss in losses.items() if loss is not None}
+
+
+def loss_is_relatively_less_at_current(found: Findings) -> bool:
+    """Whether forces fall, and fall most without current."""
+    falls = list(peak_losses(found).values())
+    return len(falls) > 1 and all(value > 0.0 for value in falls) and falls[0] > max(falls[1:])
+
+
+def _peak_loss_percent(judged: Assessment, current: float) -> float | None:
+    """Return how much of the measured peak force is gone at the hottest of 20 to 120 degC."""
+    runs = [e for e in judged.runs if e.command == current and "sine 5 mm 1 Hz" in e.motion]
+    warm = {round(e.temperature_degC): e.peak_measured_N for e in runs if e.temperature_degC is not None}
+    cold, hot = _nearest(warm, 20.0), _nearest(warm, 120.0)
+    return None if cold is None or hot is None else 100.0 * (1.0 - hot / cold)
+
+
+def _nearest(values: dict[int, float], degrees: float, within: float = 6.0) -> float | None:
+    near = min(values, key=lambda at: abs(at - degrees), default=None)
+    return None if near is None or abs(near - degrees) > within else values[near]
+
+
+def bare(found: Findings) -> Rise:
+    """Return the warm-up without fins."""
+    rise = found.warm_up.bare
+    assert rise is not None  # the paper's drawing has fins
+    return rise
+
+
+def at(rise: Rise, what: Literal["fluid", "wall"], time_s: float) -> float:
+    """Return a temperature of a rise at a time [degC]."""
+    if what == "fluid":
+        return rise.fluid_at(time_s) - ZERO_CELSIUS_K
+    return float(np.interp(time_s, rise.time, rise.wall_degC))
+
+
+def small_bare_degC(found: Findings) -> float:
+    """Return what the damper without fins reaches at 5 mm after half an hour [degC]."""
+    small = found.small.bare
+    assert small is not None  # the paper's drawing has fins
+    return at(small, "fluid", HALF_HOUR_S)
+
+
+def half_hour(found: Findings) -> tuple[float, float]:
+    """Return the fluid after half an hour with fins and without [degC]."""
+    return at(found.warm_up.rise, "fluid", HALF_HOUR_S), at(bare(found), "fluid", HALF_HOUR_S)
+
+
+def rise_reduction_percent(found: Findings) -> float:
+    """Return by how much fins lower the rise above 20 degC [%]."""
+    finned, without = half_hour(found)
+    return 100.0 * (without - finned) / (without - 20.0)
+
+
+def work_J(found: Findings) -> list[float]:
+    """Return the work of a cycle at 20, 40, 80 and 120 degC [J]."""
+    work = found.works[0][1]
+    return [float(work.power_at(degrees + ZERO_CELSIUS_K)) for degrees in (20.0, 40.0, 80.0, 120.0)]
+
+
+def loss_percent(rise: Rise, time_s: float) -> float:
+    """Return the loss of peak force at a time against 20 degC [%]."""
+    end = rise.force_loss_percent
+    assert end is not None
+    cold = rise.peak_force_N[-1] / (1.0 - end / 100.0)
+    return float(100.0 * (1.0 - np.interp(time_s, rise.time, rise.peak_force_N) / cold))
+
+
+# -------------------------------------------------------------------------------- model and tracking
+
+
+def rmse_at(judged: Assessment, degrees: float) -> float | None:
+    """Return the RMS error over the runs at a temperature [N]; None where there is none."""
+    found = _runs_at(judged, degrees)
+    return float(np.sqrt(np.mean([e.rmse_N**2 for e in found]))) if found else None
+
+
+def split_at(judged: Assessment, degrees: float) -> str:
+    """Return how many of the runs at a temperature were held out, in words."""
+    runs = _runs_at(judged, degrees)
+    held = sum(e.split == "held_out" for e in runs)
+    return f"{held} of {len(runs)} runs held out of the fit"
+
+
+def _runs_at(judged: Assessment, degrees: float) -> list[RunError]:
+    return [
+        e
+        for e in judged.runs
+        if e.command is not None
+        and e.temperature_degC is not None
+        and abs(e.temperature_degC - degrees) < 2.0
+    ]
+
+
+def worst_score(found: Findings, controller: str, target: str = "sine-900N-1Hz") -> Score:
+    """Return the worst of all temperatures."""
+    return next(r.score for r in found.track.worst if (r.controller, r.target) == (controller, target))
+
+
+def unaware_ratio(found: Findings) -> float:
+    """Return the largest error without temperature over that with it; 0 where one is not known."""
+    aware = worst_score(found, "recommended").max_feasible_N
+    unaware = worst_score(found, "paper-unaware").max_feasible_N
+    return 0.0 if not aware or unaware is None else unaware / aware
+
+
+def hottest_degC(found: Findings) -> float:
+    """Return the highest temperature of the tracking [degC]."""
+    return max(row.temperature_degC for row in found.track.rows)
+
+
+def largest_rms_when_hottest_N(found: Findings) -> float:
+    """Return the largest feasible RMS error at the highest temperature [N]."""
+    hottest = hottest_degC(found)
+    return max(
+        row.score.rmse_feasible_N or 0.0
+        for row in found.track.rows
+        if row.controller == "recommended" and row.temperature_degC == hottest
+    )

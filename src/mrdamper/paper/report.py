@@ -1,0 +1,240 @@
+"""What the demo found: the answer's keys, laws and claims on a terminal, the page and all jobs' files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from mrdamper.identify.fit import versions
+from mrdamper.identify.predict import finite
+from mrdamper.jobs.identify import IdentifyResult
+from mrdamper.models.card_schema import write_card
+from mrdamper.paper.demo import LABEL, DemoResult
+from mrdamper.paper.figures import sections_of
+from mrdamper.paper.page import render_paper
+from mrdamper.report.base import Place, Report, WrittenFile, write_report
+from mrdamper.report.export import REPORT as EXPORT_REPORT
+from mrdamper.report.heat import REPORT as HEAT_REPORT
+from mrdamper.report.identify import REPORT as IDENTIFY_REPORT
+from mrdamper.report.rig import REPORT as RIG_REPORT
+from mrdamper.report.scores import summaries
+from mrdamper.report.sink import REPORT as SINK_REPORT
+from mrdamper.report.track import REPORT as TRACK_REPORT
+from mrdamper.schema import Json
+
+__all__ = ["REPORT"]
+
+_FILES = (
+    ("card.json", "the model card: all that the other jobs need of a damper"),
+    ("identification/report.html", "identification: loops, errors by run, parameters with uncertainty"),
+    ("heating/heat.html", "heating of the preset paper, with the paper's heat sink and without"),
+    ("sink/sink.html", "search of heat sinks"),
+    ("sink/best.toml", "the best heat sink, as ⟦mrdamper heat⟧ reads it"),
+    ("tracking/track.html", "force tracking"),
+    ("c/README.md", "model and controller as C99, with the record of their verification"),
+    ("damper.fmu", "the same as a functional mock-up unit (FMI 3.0), sources inside"),
+    ("summary.json", "all figures, with the claims"),
+)
+_EXPORTED = ("c/README.md", "damper.fmu")
+
+
+# ------------------------------------------------------------------------------------------- the answer
+
+
+def _answer(found: DemoResult) -> Json:
+    findings = found.findings
+    rise = findings.warm_up.rise
+    searched, tracked = SINK_REPORT.answer(findings.sink), TRACK_REPORT.answer(findings.track)
+    return {
+        **IDENTIFY_REPORT.answer(found.fitted),
+        "simulated": True,
+        "runs_are": LABEL,
+        "laws": [_law_line(each) for each in (found.fitted, found.paper_law)],
+        "claims": [claim.to_json() for claim in found.claims],
+        "heating": {
+            "time_to_limit_s": rise.time_to_limit_s,
+            "force_loss_percent": rise.force_loss_percent,
+            "energy_closure": rise.energy_closure,
+        },
+        "sink": {key: searched[key] for key in ("reference", "best", "cooler_K")},
+        "tracking": tracked["worst"],
+        "target": _target(found),
+        "cpu_s": round(found.cpu_s, 3),
+        "versions": versions(),
+    }
+
+
+def _law_line(found: IdentifyResult) -> Json:
+    """Return one law's line of the comparison."""
+    return {
+        "law": found.damper.law.name,
+        "summary": summaries(found.assessment.runs),
+        "cost_percent": found.cost_percent,
+        "cpu_s": round(found.cpu_s, 4),
+        "passivity_min": finite(found.assessment.passivity_min),
+    }
+
+
+def _target(found: DemoResult) -> Json:
+    """Return what was exported, and its proof."""
+    if found.export is None:
+        return {"written": False, "why": found.why_not_exported}
+    answer = EXPORT_REPORT.answer(found.export)
+    keys = ("precision", "step_s", "controller", "code_bytes", "tables_bytes", "verification")
+    return {"written": True, **{key: answer[key] for key in keys}}
+
+
+def _target_in_words(found: DemoResult) -> str:
+    code = None if found.export is None else found.export.code
+    if code is None:
+        return f"C code and FMU were not written: {found.why_not_exported}"
+    controller = "" if code.target.controller is None else code.target.controller.name
+    return (
+        f"C code and FMU: the controller {controller} and the model in {code.target.precision}, a step every "
+        f"{1e3 * code.target.period_s:g} ms, compiled here and compared with the model in Python over "
+        f"{code.record.samples} samples."
+    )
+
+
+# ------------------------------------------------------------------------------------------- a terminal
+
+
+def _show(found: DemoResult, console: Console) -> None:
+    """Print the laws side by side, then the paper's claims with their verdicts."""
+    console.print(escape(f"The runs are {LABEL}."))
+    laws = Table(title="Laws side by side: error in % of the force's spread, median (worst)")
+    for name in ("law", "training", "held out"):
+        laws.add_column(name, justify="left" if name == "law" else "right")
+    for each in (found.fitted, found.paper_law):
+        summary = summaries(each.assessment.runs)
+        cells = [_median_worst(summary.get(split)) for split in ("training", "held_out")]
+        laws.add_row(escape(each.damper.law.name), *cells)
+    console.print(laws)
+    claims = Table(title="The paper's figures, and what came out here (reasons are in the report)")
+    for name in ("#", "the paper says", "paper", "here", "unit", "verdict"):
+        claims.add_column(name, justify="right" if name in {"#", "paper", "here"} else "left")
+    for claim in found.claims:
+        cells = [_figure(value) for value in (claim.paper, claim.ours)]
+        verdict = claim.verdict.replace("_", " ")
+        claims.add_row(str(claim.row), escape(claim.says), *cells, escape(claim.unit), verdict)
+    console.print(claims)
+
+
+def _wrote(_: DemoResult, answer: Json, console: Console) -> None:
+    console.print(escape(f"report: {answer['report']}"))
+
+
+def _median_worst(values: Json | None) -> str:
+    if values is None:
+        return ""
+    median, worst = (values[f"{key}_nrmse_percent"] for key in ("median", "worst"))
+    return f"{_percent(median)} ({_percent(worst)})"
+
+
+def _percent(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2f} %"
+
+
+def _figure(value: float | str | None) -> str:
+    return "-" if value is None else escape(value) if isinstance(value, str) else f"{value:.4g}"
+
+
+def _summary(found: DemoResult) -> list[str]:
+    verdicts = [claim.verdict for claim in found.claims]
+    counts = ", ".join(
+        f"{verdicts.count(each)} {each.replace('_', ' ')}" for each in dict.fromkeys(sorted(verdicts))
+    )
+    return [f"{len(verdicts)} claims of the paper: {counts}", _target_in_words(found)]
+
+
+# ------------------------------------------------------------------------------------------- the files
+
+
+def _part(
+    report: Report[Any], of: Callable[[DemoResult], Any], card: str
+) -> Callable[[DemoResult, Place], None]:
+    """Return what writes a job's files into a folder of their own; ``card`` is what it was done with."""
+
+    def write(found: DemoResult, place: Place) -> None:
+        place.stage.mkdir()
+        head = {"card": str(place.path.parent / card), **({} if card == "card.json" else {"damper": "paper"})}
+        write_report(report, of(found), {"": place}, head)
+
+    return write
+
+
+def _write_runs(found: DemoResult, place: Place) -> None:
+    places = {
+        "": place,
+        "truth": Place(*(each.with_name("runs.truth") for each in (place.stage, place.path))),
+    }
+    for each in places.values():
+        each.stage.mkdir()
+    write_report(RIG_REPORT, found.campaign, places, {})
+
+
+def _write_identification(found: DemoResult, place: Place) -> None:
+    """Write the identification's files; the card lies at the top."""
+    place.stage.mkdir()
+    write_report(IDENTIFY_REPORT, found.fitted, {"": place}, {})
+    (place.stage / "card.json").unlink()
+
+
+def _write_export(found: DemoResult, place: Place) -> None:
+    assert found.export is not None
+    fmu = Place(*(each.with_name("damper.fmu") for each in (place.stage, place.path)))
+    write_report(EXPORT_REPORT, found.export, {"c": place, "fmu": fmu}, {})
+
+
+def _write_page(found: DemoResult, path: Path) -> None:
+    page = render_paper(
+        sections_of(found.findings),
+        found.claims,
+        [(name, words) for name, words in _FILES if found.export is not None or name not in _EXPORTED],
+        target=_target_in_words(found),
+        quick=found.options.quick,
+        fingerprint=found.fitted.fingerprint,
+        seed=found.options.seed,
+        versions=versions(),
+    )
+    path.write_text(page, encoding="utf-8")
+
+
+def _rows(found: DemoResult) -> list[Json]:
+    return [claim.to_json() for claim in found.claims]
+
+
+REPORT = Report(
+    answer=_answer,
+    show=_show,
+    wrote=_wrote,
+    summary=_summary,
+    files=(
+        WrittenFile(name="runs", write_in=_write_runs),
+        WrittenFile(
+            name="card.json", key="card", write=lambda found, path: write_card(found.fitted.card(), path)
+        ),
+        WrittenFile(name="cold_card.json", write=lambda found, path: write_card(found.cold, path)),
+        WrittenFile(name="paper_card.json", write=lambda found, path: write_card(found.warm, path)),
+        WrittenFile(name="identification", write_in=_write_identification),
+        WrittenFile(
+            name="heating",
+            write_in=_part(HEAT_REPORT, lambda found: found.findings.warm_up, "paper_card.json"),
+        ),
+        WrittenFile(
+            name="sink", write_in=_part(SINK_REPORT, lambda found: found.findings.sink, "paper_card.json")
+        ),
+        WrittenFile(
+            name="tracking", write_in=_part(TRACK_REPORT, lambda found: found.findings.track, "card.json")
+        ),
+        WrittenFile(name="c", write_in=_write_export, when=lambda found: found.export is not None),
+        WrittenFile(name="report.html", key="report", write=_write_page),
+        WrittenFile(name="summary.json", key="summary_file"),
+    ),
+    rows=_rows,
+)
