@@ -8,7 +8,8 @@ from pathlib import Path
 
 import mrdamper
 from mrdamper.control.controllers import controllers_for
-from mrdamper.control.vehicle import QuarterCar, Stretch, Vehicle, drive_car, linear_quadratic
+from mrdamper.control.vehicle.car import QuarterCar, linear_quadratic
+from mrdamper.control.vehicle.drive import RoadSegment, Vehicle, drive_car
 from mrdamper.rig.campaign import Campaign
 from mrdamper.rig.measurement import measure
 from mrdamper.rig.plant import PRESETS, Plant
@@ -29,5 +30,5 @@ rides = {
     "ideal": Vehicle(car, demand),
 }
 for name, vehicle in rides.items():
-    ride = drive_car(vehicle, Stretch(duration_s=20.0, temperature_degC=100.0))
+    ride = drive_car(vehicle, RoadSegment(duration_s=20.0, temperature_degC=100.0))
     print(f"{name:10} body {ride.body_acceleration_m_s2:.2f} m/s2, tyre {ride.tyre_load_N:.0f} N")

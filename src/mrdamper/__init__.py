@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     observe: Callable[..., Any]
     identify: Callable[..., Any]
     predict: Callable[..., Any]
+    ride: Callable[..., Any]
 
 __all__ = [
     "ConvergenceError",
@@ -63,6 +64,7 @@ __all__ = [
     "prepare_run",
     "read_card",
     "read_runs",
+    "ride",
     "simulate",
 ]
 

@@ -100,8 +100,9 @@ class Trajectory:
 
 
 class Motion(Protocol):
-    """A motion in closed form; ``t`` is time [s], of any shape."""
+    """A motion in closed form, a value that can be hashed; ``t`` is time [s], of any shape."""
 
+    def __hash__(self) -> int: ...
     def displacement(self, t: ArrayLike) -> FloatArray: ...  # [m]
     def velocity(self, t: ArrayLike) -> FloatArray: ...  # [m/s]
     def acceleration(self, t: ArrayLike) -> FloatArray: ...  # [m/s^2]

@@ -337,18 +337,30 @@ class RideOptions:
             metavar="SECONDS",
         ),
     ] = 1800.0
-    start_degC: Annotated[
+    temperature_degC: Annotated[
         float, Option("Of the damper during the scored ride.", unit="degC", least=-50.0, most=200.0)
     ] = 20.0
     ambient_degC: Annotated[
         float,
-        Option(
-            "Air around the damper, its temperature when it begins to warm.",
-            unit="degC",
-            least=-50.0,
-            most=100.0,
-        ),
+        Option("Air around the damper, where its warming begins.", unit="degC", least=-50.0, most=100.0),
     ] = 20.0
+    housing_J_K: Annotated[
+        float, Option("Heat capacity of the damper without its fluid.", unit="J/K", above=0.0, most=1e6)
+    ] = 950.0
+    cooling_W_K: Annotated[
+        float, Option("Heat that the housing gives to the air, per kelvin.", unit="W/K", least=0.0, most=1e3)
+    ] = 2.0
+    coil_resistance_ohm: Annotated[
+        float,
+        Option(
+            "Of the coil at 20 degC.",
+            unit="ohm",
+            least=0.0,
+            most=1e3,
+            flag="--coil-resistance",
+            metavar="OHM",
+        ),
+    ] = 5.0
     body_kg: Annotated[float, Option("Of the body above the wheel.", unit="kg", above=0.0, most=1e5)] = 320.0
     wheel_kg: Annotated[float, Option("Of the wheel.", unit="kg", above=0.0, most=1e4)] = 40.0
     spring_N_m: Annotated[float, Option("Stiffness of the spring.", unit="N/m", above=0.0, most=1e7)] = 20e3

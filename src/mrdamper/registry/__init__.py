@@ -627,6 +627,17 @@ _ROWS = (
         page="the page Fluid",
     ),
     Job(
+        name="ride",
+        help="Ride a quarter car on a card's damper, controlled and without current, and on an ideal one.",
+        inputs=(CARD,),
+        options="mrdamper.jobs.options:RideOptions",
+        run="mrdamper.jobs.ride:ride",
+        result="mrdamper.jobs.ride:RideResult",
+        report="mrdamper.report.ride:REPORT",
+        files_help="For ride.svg, ride.json, ride.csv, temperatures.csv.",
+        progress_word="drive",
+    ),
+    Job(
         name="track",
         help="Track forces on a virtual damper with controllers made from a card, without a force sensor.",
         inputs=(

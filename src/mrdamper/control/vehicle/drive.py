@@ -10,11 +10,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from mrdamper.arrays import FloatArray, rms
+from mrdamper.arrays import FloatArray, read_only, rms
 from mrdamper.control.loop import steps_per_sample
 from mrdamper.control.protocol import Controller, Measurement, Reference
 from mrdamper.control.vehicle.car import CarDamper, Demand, QuarterCar
@@ -113,7 +114,7 @@ def drive_car(vehicle: Vehicle, segment: RoadSegment, *, after: Ride | None = No
     step = 1e-4 if damper is None else damper.step_s
     every = steps_per_sample(period, step)
     samples = max(round(segment.duration_s / period), 1)
-    speeds = _road_speeds(segment.road, start.time, samples * every, step)
+    speeds = _road_speeds(segment.road, start.time, samples * every, step).tolist()
 
     (a11, a12, a13, a14), (a21, a22, a23, a24), (a31, a32, a33, a34), (a41, a42, a43, a44) = car.advance(
         step
@@ -230,11 +231,12 @@ def _readings(segment: RoadSegment, start: float, samples: int) -> Iterator[tupl
     )
 
 
-def _road_speeds(road: Motion, start: float, count: int, step: float) -> list[float]:
+@lru_cache(maxsize=64)  # one car after the other drives the same road: half of the time of a drive
+def _road_speeds(road: Motion, start: float, count: int, step: float) -> FloatArray:
     """Return the road's mean speed [m/s] over each step, worked out piece by piece: a road has many tones."""
     chunk = max(round(_CHUNK_S / step), 1)
     heights = [
         road.displacement(start + step * np.arange(first, min(first + chunk, count + 1)))
         for first in range(0, count + 1, chunk)
     ]
-    return list((np.diff(np.concatenate(heights)) / step).tolist())
+    return read_only(np.diff(np.concatenate(heights)) / step)

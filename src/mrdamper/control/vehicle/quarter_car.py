@@ -25,6 +25,7 @@ from mrdamper.errors import InputError
 from mrdamper.excitation import Road
 from mrdamper.models.card import ModelCard
 from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.schema import did_you_mean
 
 __all__ = [
@@ -92,12 +93,13 @@ class QuarterCarOptions:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class QuarterCarRides:
-    """One road, driven three times, and the long drive if one was asked for."""
+    """One road, driven three times, and the long drives if one was asked for."""
 
     controlled: Ride
     ideal: Ride  # the demand itself acts
     passive: Ride  # no current
-    journey: Journey | None
+    journey: Journey | None  # of the controlled car
+    passive_journey: Journey | None
     preview_s: float  # of the controller
 
 
@@ -126,7 +128,9 @@ class RealtimeCarDamper:
         return replace(self)
 
 
-def drive_quarter_car(card: ModelCard, options: QuarterCarOptions | None = None) -> QuarterCarRides:
+def drive_quarter_car(
+    card: ModelCard, options: QuarterCarOptions | None = None, *, on_progress: Progress = silent
+) -> QuarterCarRides:
     """Drive a road with the controlled damper of a card, with the ideal one, and without current.
 
     Raises
@@ -147,11 +151,28 @@ def drive_quarter_car(card: ModelCard, options: QuarterCarOptions | None = None)
     ideal = Vehicle(asked.car, asked.demanded())
     passive = replace(ideal, damper=RealtimeCarDamper(model, model.start()), highest_A=controller.largest)
     controlled, segment = replace(passive, controller=controller), asked.segment()
-    journey = None if asked.long_drive is None else drive_long(controlled, asked.long_drive, segment)
+    plan, done = asked.long_drive, 0
+
+    def begin(text: str) -> None:
+        nonlocal done
+        on_progress(ProgressUpdate(done=done, total=3 if plan is None else 5, text=text))
+        done += 1
+
+    def ride(name: str, vehicle: Vehicle) -> Ride:
+        begin(f"the {name} car")
+        return drive_car(vehicle, segment)
+
+    def journey(name: str, vehicle: Vehicle) -> Journey | None:
+        if plan is None:
+            return None
+        begin(f"the {name} car's damper warms")
+        return drive_long(vehicle, plan, segment)
+
     return QuarterCarRides(
-        controlled=drive_car(controlled, segment),
-        ideal=drive_car(ideal, segment),
-        passive=drive_car(passive, segment),
-        journey=journey,
+        controlled=ride("controlled", controlled),
+        ideal=ride("ideal", ideal),
+        passive=ride("passive", passive),
+        journey=journey("controlled", controlled),
+        passive_journey=journey("passive", passive),
         preview_s=controller.preview_s,
     )

@@ -1,0 +1,115 @@
+"""The job ``ride``: a card's damper in a quarter car on a road, with its controller and without current.
+
+Comfort, road holding and rattle space of one scored ride, and the temperatures of a long one, side by side;
+between them stands the ideal damper, which gives the demand itself (``control.vehicle``). The damper is the
+card's own model: what a ride shows is what controller, lags and temperature cost.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrdamper.control.vehicle.car import QuarterCar
+from mrdamper.control.vehicle.drive import Ride
+from mrdamper.control.vehicle.long_drive import Journey, LongDrive, TwoBodies
+from mrdamper.control.vehicle.quarter_car import QuarterCarOptions, QuarterCarRides, drive_quarter_car
+from mrdamper.errors import InputError
+from mrdamper.identify.predict import beyond_envelope
+from mrdamper.jobs.options import RideOptions
+from mrdamper.models.card import ModelCard
+from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.runtime.progress import Progress, silent
+
+__all__ = ["RideResult", "ride"]
+
+_USUAL = RideOptions()
+_UNSCORED_S = 2.0
+_EVERY_S, _SEGMENT_S = 60.0, 3.0  # of each minute of the long drive so much is driven
+_HOTTEST_DEGC = 150.0  # where the long drive holds the damper
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RideResult:
+    """A road driven by the controlled, the passive and the ideal car; ``notes`` say what to beware of."""
+
+    title: str  # of the card
+    options: RideOptions
+    rides: QuarterCarRides
+    notes: tuple[str, ...]
+
+    @property
+    def cars(self) -> tuple[tuple[str, Ride], ...]:
+        """The scored rides by name, the passive car first."""
+        return (
+            ("passive", self.rides.passive),
+            ("controlled", self.rides.controlled),
+            ("ideal", self.rides.ideal),
+        )
+
+
+def ride(card: ModelCard, options: RideOptions = _USUAL, *, on_progress: Progress = silent) -> RideResult:
+    """Return how a quarter car rides on a card's damper.
+
+    Raises
+    ------
+    InputError
+        A card whose command is a voltage, a law without a real-time form, a controller that there is not, a
+        car that is not held.
+    """
+    if card.damper.command_unit != "A":
+        raise InputError(
+            "ride: the card's command is a voltage, and the coil's heat goes by its current",
+            expected="a card whose command is a current",
+        )
+    rides = drive_quarter_car(card, _asked(options), on_progress=on_progress)
+    journeys = [each for each in (rides.journey, rides.passive_journey) if each is not None]
+    notes = beyond_envelope(card, {"these rides": _spans([rides.passive, rides.controlled], journeys)})
+    if any(journey.fluid_degC.max() >= _HOTTEST_DEGC for journey in journeys):
+        notes.append(f"the fluid is held at {_HOTTEST_DEGC:g} degC, which no damper does by itself")
+    return RideResult(card.title, options, rides, tuple(notes))
+
+
+def _asked(options: RideOptions) -> QuarterCarOptions:
+    plan = None
+    if options.warm_up_s > 0.0:
+        every = min(_EVERY_S, options.warm_up_s)
+        plan = LongDrive(
+            duration_s=options.warm_up_s,
+            every_s=every,
+            segment_s=min(_SEGMENT_S, every),
+            bodies=TwoBodies(housing_J_K=options.housing_J_K, ambient_W_K=options.cooling_W_K),
+            ambient_degC=options.ambient_degC,
+            hottest_degC=_HOTTEST_DEGC,
+            coil_ohm=options.coil_resistance_ohm,
+        )
+    return QuarterCarOptions(
+        car=QuarterCar(
+            body_kg=options.body_kg,
+            wheel_kg=options.wheel_kg,
+            spring_N_m=options.spring_N_m,
+            tyre_N_m=options.tyre_N_m,
+        ),
+        demand=options.demand,
+        damping_N_s_m=options.damping_N_s_m,
+        controller=options.controller,
+        road_class=options.road_class,
+        speed_m_s=options.speed_m_s,
+        duration_s=options.duration_s,
+        unscored_s=_UNSCORED_S,
+        temperature_degC=options.temperature_degC,
+        seed=options.seed,
+        long_drive=plan,
+    )
+
+
+def _spans(rides: Sequence[Ride], journeys: Sequence[Journey]) -> dict[str, tuple[float, float]]:
+    """Return least and most of what dampers went through: displacement [m], velocity [m/s], fluid [K]."""
+    states = np.concatenate([ride.states for ride in rides])
+    tracks = {"displacement": states[:, 0], "velocity": states[:, 1] - states[:, 3]}
+    if journeys:
+        celsius = np.concatenate([journey.fluid_degC for journey in journeys])
+        tracks["temperature"] = celsius + ZERO_CELSIUS_K
+    return {name: (float(track.min()), float(track.max())) for name, track in tracks.items()}

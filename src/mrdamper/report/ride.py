@@ -1,0 +1,205 @@
+"""What ``ride`` found: the answer's keys, lines for a terminal, the picture, the tables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from rich.console import Console
+from rich.table import Table
+
+from mrdamper.control.vehicle.drive import Ride
+from mrdamper.control.vehicle.long_drive import Journey
+from mrdamper.jobs.ride import RideResult
+from mrdamper.report.base import Report, WrittenFile
+from mrdamper.report.figures.style import HELD_OUT, MEASURED, TRAINING, WIDE, drawing_style, svg_of
+from mrdamper.runtime.outputs import write_table
+from mrdamper.schema import Json
+
+__all__ = ["REPORT"]
+
+_COLOURS: Mapping[str, str] = MappingProxyType(
+    {"passive": MEASURED, "controlled": HELD_OUT, "ideal": TRAINING}
+)
+_SHOWN_S = 3.0  # of the ride's end
+_MOST_POINTS = 1500  # of a drawn line
+
+
+def _figures(ride: Ride) -> dict[str, float]:
+    """Return what a ride is judged by, by the words of faces; root mean squares."""
+    return {
+        "body acceleration, m/s²": ride.body_acceleration_m_s2,
+        "tyre load, N": ride.tyre_load_N,
+        "rattle space, mm": 1e3 * ride.rattle_m,
+    }
+
+
+def _journeys(found: RideResult) -> dict[str, Journey]:
+    both = {"passive": found.rides.passive_journey, "controlled": found.rides.journey}
+    return {name: journey for name, journey in both.items() if journey is not None}
+
+
+def _rows(found: RideResult) -> list[dict[str, object]]:
+    """Return a row for each car; the ideal one has no damper that could warm."""
+    journeys = _journeys(found)
+    return [
+        {
+            "car": name,
+            "body_acceleration_m_s2": ride.body_acceleration_m_s2,
+            "tyre_load_N": ride.tyre_load_N,
+            "rattle_m": ride.rattle_m,
+            "heat_W": ride.heat_W,
+            "current_rms_A": ride.current_rms_A,
+            "force_error_N": ride.force_error_N,
+            "hottest_fluid_degC": float(journeys[name].fluid_degC.max()) if name in journeys else None,
+        }
+        for name, ride in found.cars
+    ]
+
+
+def _temperatures(found: RideResult) -> list[dict[str, object]]:
+    """Return a row for each driven segment of the long drive."""
+    journeys = _journeys(found)
+    columns = {}
+    for name, journey in journeys.items():
+        columns["time_s"] = journey.time
+        for key in ("fluid_degC", "housing_degC", "heat_W", "coil_W", "body_acceleration_m_s2"):
+            columns[f"{name}_{key}"] = getattr(journey, key)
+    count = len(columns.get("time_s", ()))
+    return [{name: float(values[k]) for name, values in columns.items()} for k in range(count)]
+
+
+def _answer(found: RideResult) -> Json:
+    return {
+        "controller": found.options.controller,
+        "demand": found.options.demand,
+        "road_class": found.options.road_class,
+        "speed_m_s": found.options.speed_m_s,
+        "cars": _rows(found),
+        "temperatures": _temperatures(found),
+        "notes": list(found.notes),
+    }
+
+
+def _summary(found: RideResult) -> list[str]:
+    """Return comfort, road holding and rattle space against the passive car, and how hot the damper gets."""
+    passive, controlled, ideal = (_figures(ride) for _, ride in found.cars)
+    lines = [
+        f"{name}: {controlled[name]:.4g} controlled, {passive[name]:.4g} passive "
+        f"({100.0 * (controlled[name] / passive[name] - 1.0):+.0f} %), {ideal[name]:.4g} ideal"
+        for name in passive
+    ]
+    journeys = _journeys(found)
+    if journeys:
+        minutes = max(journey.time[-1] for journey in journeys.values()) / 60.0
+        ends = ", ".join(f"{journey.fluid_degC[-1]:.0f} {name}" for name, journey in journeys.items())
+        lines.append(f"fluid after {minutes:.0f} min, degC: {ends}")
+    return lines
+
+
+def _show(found: RideResult, console: Console) -> None:
+    options = found.options
+    table = Table(
+        title=f"{found.title}: class {options.road_class} at {options.speed_m_s:g} m/s, {options.demand}, "
+        f"{options.controller}"
+    )
+    names = [*_figures(found.rides.passive), "heat, W", "current, A"]
+    for name in ("car", *names):
+        table.add_column(name, justify="right")
+    for name, ride in found.cars:
+        values = (*_figures(ride).values(), ride.heat_W, ride.current_rms_A)
+        table.add_row(name, *(f"{value:.4g}" for value in values))
+    console.print(table)
+    for line in _summary(found):
+        console.print(line)
+    for note in found.notes:
+        console.print(f"- {note}", markup=False)
+
+
+def _figure(found: RideResult) -> Figure:
+    """Return what the cars are judged by, the body's acceleration for a while, and the temperatures."""
+    figure = Figure(figsize=(WIDE, 3.2))
+    journeys = _journeys(found)
+    widths = [1.0, 1.4, 1.0] if journeys else [1.0, 1.8]
+    left, middle, *rest = figure.subplots(1, len(widths), width_ratios=widths)
+    _draw_shares(left, found)
+    _draw_acceleration(middle, found)
+    for axes in rest:
+        for name, journey in journeys.items():
+            minutes, colour = journey.time / 60.0, _COLOURS[name]
+            axes.plot(minutes, journey.fluid_degC, color=colour, linewidth=1.4, label=f"fluid, {name}")
+            axes.plot(minutes, journey.housing_degC, color=colour, linewidth=0.8, linestyle="--")
+        axes.set_xlabel("minutes on the road")
+        axes.set_ylabel("fluid, and housing (dashed), °C")
+        axes.legend(loc="lower right")
+    figure.subplots_adjust(left=0.05, right=0.99, top=0.93, bottom=0.14, wspace=0.22)
+    return figure
+
+
+def _draw_shares(axes: Axes, found: RideResult) -> None:
+    """Draw each car's figures as a share of the passive car's; their own numbers stand on the bars."""
+    passive = _figures(found.rides.passive)
+    places, width = np.arange(len(passive)), 0.8 / len(found.cars)
+    for k, (name, ride) in enumerate(found.cars):
+        values = _figures(ride)
+        shares = [100.0 * values[each] / passive[each] for each in passive]
+        at = places + (k - 0.5 * (len(found.cars) - 1)) * width
+        axes.bar(at, shares, 0.92 * width, color=_COLOURS[name], label=name)
+        for x, share, value in zip(at, shares, values.values(), strict=True):
+            axes.annotate(
+                f"{value:.4g}", (x, share), (0, 1), textcoords="offset points", ha="center", fontsize=5.5
+            )
+    axes.set_xticks(places, [name.replace(", ", ",\n") for name in passive])
+    axes.grid(visible=False, axis="x")
+    axes.set_title("rms, % of the passive car's")
+    axes.margins(y=0.25)
+    axes.legend(loc="upper left", ncols=3, handlelength=1.0, columnspacing=1.0)
+
+
+def _draw_acceleration(axes: Axes, found: RideResult) -> None:
+    car = found.options
+    for name, ride in found.cars[:2]:
+        shown = round(_SHOWN_S / ride.step_s)
+        thin = slice(-shown, None, max(shown // _MOST_POINTS, 1))
+        time = ride.step_s * np.arange(len(ride.force))
+        acceleration = -(car.spring_N_m * ride.states[:, 0] + ride.force) / car.body_kg
+        axes.plot(time[thin], acceleration[thin], color=_COLOURS[name], linewidth=1.0, label=name)
+    axes.set_xlabel("seconds")
+    axes.set_title("acceleration of the body, m/s²")
+    axes.legend(loc="upper left", ncols=2)
+
+
+def _write_picture(found: RideResult, path: Path) -> None:
+    with drawing_style():
+        path.write_text(svg_of(_figure(found), "Rides of a quarter car"), encoding="utf-8")
+
+
+def _write_rows(rows: Sequence[Mapping[str, object]], path: Path) -> None:
+    rounded = [
+        {name: round(value, 6) if isinstance(value, float) else value for name, value in row.items()}
+        for row in rows
+    ]
+    write_table(path, rounded)
+
+
+REPORT = Report(
+    answer=_answer,
+    show=_show,
+    summary=_summary,
+    files=(
+        WrittenFile(name="ride.svg", key="report", write=_write_picture),
+        WrittenFile(name="ride.json", key="file"),
+        WrittenFile(name="ride.csv", write=lambda found, path: _write_rows(_rows(found), path)),
+        WrittenFile(
+            name="temperatures.csv",
+            write=lambda found, path: _write_rows(_temperatures(found), path),
+            when=lambda found: bool(_journeys(found)),
+        ),
+    ),
+    figure=_figure,
+    rows=_rows,
+)

@@ -1,0 +1,127 @@
+"""``mrdamper ride``: a card's damper in a quarter car, with its controller and without current."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import mrdamper
+from mrdamper.control.vehicle.car import QuarterCar
+from mrdamper.control.vehicle.quarter_car import QuarterCarOptions, drive_quarter_car
+from mrdamper.errors import InputError
+from mrdamper.jobs.options import RideOptions
+from mrdamper.jobs.ride import ride
+from mrdamper.models.card_schema import write_card
+from mrdamper.registry import JOBS
+from tests.control.dampers import DOUBLE
+from tests.control.test_vehicle import car_card
+from tests.export.exports import card_of
+
+SHORT = RideOptions(demand="skyhook", duration_s=4.0, warm_up_s=0.0)
+HOUSING, OHM = 300.0, 4.0
+FLUID = 150.0  # J/K, of the fluid's body
+
+
+@pytest.fixture(scope="module")
+def ridden():
+    """Return a ride whose damper warms for five minutes and loses nothing to the air."""
+    return ride(
+        car_card(),
+        replace(
+            SHORT,
+            temperature_degC=100.0,
+            warm_up_s=300.0,
+            cooling_W_K=0.0,
+            housing_J_K=HOUSING,
+            coil_resistance_ohm=OHM,
+            ambient_degC=30.0,
+        ),
+    )
+
+
+def test_it_drives_as_the_function_behind_does():
+    """Bit for bit, by all that both can be told."""
+    options = replace(
+        SHORT,
+        controller="paper",
+        damping_N_s_m=3000.0,
+        road_class="D",
+        speed_m_s=15.0,
+        body_kg=400.0,
+        wheel_kg=50.0,
+        spring_N_m=25e3,
+        tyre_N_m=250e3,
+        temperature_degC=60.0,
+        seed=9,
+    )
+    behind = QuarterCarOptions(
+        car=QuarterCar(body_kg=400.0, wheel_kg=50.0, spring_N_m=25e3, tyre_N_m=250e3),
+        demand="skyhook",
+        damping_N_s_m=3000.0,
+        controller="paper",
+        road_class="D",
+        speed_m_s=15.0,
+        duration_s=4.0,
+        temperature_degC=60.0,
+        seed=9,
+    )
+    found, expected = ride(car_card(), options).rides, drive_quarter_car(car_card(), behind)
+    for name in ("controlled", "ideal", "passive"):
+        np.testing.assert_array_equal(getattr(found, name).states, getattr(expected, name).states)
+
+
+def test_without_losses_all_that_a_damper_takes_up_is_in_its_temperatures(ridden):
+    """The heat of road and coil is that of fluid and housing, in either car."""
+    for journey in (ridden.rides.journey, ridden.rides.passive_journey):
+        assert journey.fluid_degC[0] == journey.housing_degC[0] == 30.0
+        taken = 60.0 * np.cumsum(journey.heat_W + journey.coil_W)[:-1]
+        stored = FLUID * (journey.fluid_degC - 30.0) + HOUSING * (journey.housing_degC - 30.0)
+        np.testing.assert_allclose(stored[1:], taken, rtol=1e-9)
+    assert not ridden.rides.passive_journey.coil_W.any()
+    assert ridden.rides.journey.coil_W.all()
+
+
+def test_the_ideal_car_rides_more_comfortably_than_either(ridden):
+    by_name = {name: each.body_acceleration_m_s2 for name, each in ridden.cars}
+    assert by_name["ideal"] < min(by_name["passive"], by_name["controlled"])
+
+
+def test_a_smoother_road_is_felt_less(ridden):
+    smoother = ride(car_card(), replace(SHORT, road_class="A"))
+    assert smoother.rides.passive.body_acceleration_m_s2 < ridden.rides.passive.body_acceleration_m_s2
+    assert smoother.rides.journey is None
+
+
+def test_files_and_figures(ridden, tmp_path):
+    path = tmp_path / "card.json"
+    write_card(car_card(), path)
+    out = tmp_path / "out"
+    answer = JOBS["ride"].perform({"card": path}, SHORT, out=out)[1]
+    assert sorted(each.name for each in out.iterdir()) == ["ride.csv", "ride.json", "ride.svg"]
+    assert [car["car"] for car in answer["cars"]] == ["passive", "controlled", "ideal"]
+    assert answer["temperatures"] == []
+    mrdamper.ride  # noqa: B018 - binds what follows
+    ridden.save(tmp_path / "warm")
+    lines = (tmp_path / "warm" / "temperatures.csv").read_text(encoding="utf-8").splitlines()
+    assert lines[0].startswith("time_s,passive_fluid_degC")
+    assert len(lines) == 1 + 5
+    assert len(ridden.summary().splitlines()) == 4
+    assert len(ridden.plot().axes) == 3
+
+
+def test_what_leaves_the_card_s_envelope_is_noted(ridden):
+    rig_card = card_of(DOUBLE)
+    rig_card = replace(rig_card, envelope=replace(rig_card.envelope, displacement=(-1e-3, 1e-3)))
+    said = ride(rig_card, SHORT).notes
+    assert any("displacement" in note and "identified on -1 to 1 mm" in note for note in said)
+    assert not any("displacement" in note for note in ridden.notes)
+
+
+def test_what_cannot_ride_is_refused():
+    volts = replace(car_card(), damper=replace(car_card().damper, command_unit="V"))
+    with pytest.raises(InputError, match="the card's command is a voltage"):
+        ride(volts, SHORT)
+    with pytest.raises(InputError, match="there is no controller 'papr'"):
+        ride(car_card(), replace(SHORT, controller="papr"))
