@@ -196,23 +196,28 @@ class Field:
         """What each value of a list or a table of values is expected to be."""
         if get_origin(self.type) is Mapping:
             return _WORDS.get(get_args(self.type)[1], "a table")
-        return self.words.removeprefix("a list, each ")
+        return self.words.removeprefix(self._list_words) if self.many else self.words
 
     @property
     def words(self) -> str:
-        """What the field expects: ``a number of mm above 0``."""
+        """What the field expects: ``a number in mm, above 0``."""
         if self.option.expected:
             return self.option.expected
+        unit = f" in {self.option.unit}" if self.option.unit else ""
         if self.choices:
             said = f"one of: {', '.join(self.choices)}"
         elif dataclasses.is_dataclass(self.item):
-            said = f"{self.option.short_words} or a table" if self.option.short else "a table"
+            said = f"{self.option.short_words}{unit} or a table" if self.option.short else "a table"
         else:
             said = _WORDS.get(get_origin(self.item) or self.item, "a table")
-            unit = f" in {self.option.unit}" if self.option.unit else ""
             limits = f", {self.option.range_words}" if self.option.range_words else ""
             said = f"{said}{unit}{limits}"
-        return f"a list, each {said}" if self.many else said
+        return f"{self._list_words}{said}" if self.many else said
+
+    @property
+    def _list_words(self) -> str:
+        items = get_args(self.type)
+        return "a list, each " if ... in items else f"a list of {len(items)}, each "
 
 
 def fields_of(record: type) -> tuple[Field, ...]:

@@ -7,34 +7,108 @@ described in docs/fluid.md; temperatures are in degC here and in kelvin in ``flu
 
 from __future__ import annotations
 
-import json
-import math
-from collections.abc import Mapping, Sequence
-from dataclasses import fields
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields, make_dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, cast
+from typing import Annotated, Any, Final, Literal, TypeVar, cast
 
 from mrdamper.errors import InputError
 from mrdamper.files import parse_toml, read_text
 from mrdamper.models.fluids.carlson import Carlson, FIELD_SCALE_A_m
-from mrdamper.models.fluids.fluid import PROPERTIES, Collapse, Fluid, Origin
+from mrdamper.models.fluids.fluid import Collapse, Confidence, Fluid, Origin
 from mrdamper.models.temperature import FACTORS, PolynomialFactor, TemperatureFactor
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.schema import did_you_mean
+from mrdamper.schema import Json, Option, fields_of, read_record, toml_text, write_record
 
 __all__ = ["PRESETS", "SCHEMA_VERSION", "find_fluid", "fluid_from_toml", "fluid_to_toml"]
 
 PRESETS = ("paper", "lord-mrf-132dg")
 """The fluids that come with the package."""
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION: Final = 1
 
-Document = dict[str, Any]  # what tomllib returns
+_MOST_POWERS = 16  # of a polynomial in temperature
 
-_SECTIONS = ("viscosity", "yield_stress", "properties", "collapse")
-_TOP = ("schema_version", "name", "title", "like", "valid_degC", *_SECTIONS)
-_PARAMETER_KEYS = ("value", "unit", "confidence", "source", "standard_error")
+
+# ------------------------------------------------------------------------------------------- records
+
+
+@dataclass(frozen=True, kw_only=True)
+class SourcedNumber:
+    """A number with what is known of it."""
+
+    value: float
+    unit: str | None = None  # None: the one that it must have
+    confidence: Confidence = "D"
+    standard_error: Annotated[float | None, Option(least=0.0)] = None
+    source: str = "no source given"
+
+
+def _number(unit: str) -> Option:
+    """Return the option of a sourced number of which a file may give the value alone."""
+    return Option(unit=unit, short=_bare_number, short_words="a number")
+
+
+def _bare_number(value: object) -> object:
+    return {"value": value} if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+@dataclass(frozen=True, kw_only=True)
+class ViscosityTable:
+    """The viscosity without field; the parameters of its law stand beside these (``_table_with_law``)."""
+
+    law: Annotated[str, Option("of temperature", among=lambda: FACTORS)]
+    fitted_degC: Annotated[tuple[float, float] | None, Option(unit="degC")] = None
+    at_20degC_Pa_s: Annotated[SourcedNumber, _number("Pa s")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class YieldStressTable:
+    """The yield stress; the parameters of its law stand beside these (``_table_with_law``)."""
+
+    law: Annotated[str, Option("of temperature", among=lambda: FACTORS)]
+    field_law: Literal["carlson"] = "carlson"
+    saturation_Pa: Annotated[SourcedNumber, _number("Pa")]
+    field_scale_A_m: Annotated[SourcedNumber, _number("A/m")] = SourcedNumber(
+        value=FIELD_SCALE_A_m, confidence="B", source="the law's own constant"
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class PropertiesTable:
+    """The properties that no law changes."""
+
+    particle_fraction: Annotated[SourcedNumber, _number("-")]
+    density_kg_m3: Annotated[SourcedNumber | None, _number("kg/m^3")] = None
+    heat_capacity_J_kg_K: Annotated[SourcedNumber | None, _number("J/(kg K)")] = None
+    conductivity_W_m_K: Annotated[SourcedNumber | None, _number("W/(m K)")] = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class CollapseTable:
+    """The fall of a fluid that fails."""
+
+    middle_K: Annotated[SourcedNumber, _number("K")]
+    width_K: Annotated[SourcedNumber, _number("K")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FluidTables:
+    """A fluid's file, key by key (docs/fluid.md)."""
+
+    schema_version: Literal[1] = SCHEMA_VERSION
+    name: str
+    title: str = ""
+    like: str | None = None
+    valid_degC: Annotated[tuple[float, float], Option("low, high", unit="degC")] = (-40.0, 130.0)
+    viscosity: Mapping[str, Any]
+    yield_stress: Mapping[str, Any]
+    properties: PropertiesTable
+    collapse: CollapseTable | None = None
+
+
+# ------------------------------------------------------------------------------------------- reading
 
 
 def find_fluid(name_or_path: str | Path) -> Fluid:
@@ -76,34 +150,140 @@ def fluid_from_toml(text: str, place: str = "fluid") -> Fluid:
         given = parse_toml(text)
     except InputError as fault:
         raise InputError(f"{place}: not a TOML file: {fault}") from fault
+    tables = read_record(FluidTables, _completed(given, place), place)
+    viscosity, viscosity_factor = _section(ViscosityTable, tables.viscosity, f"{place}: viscosity")
+    stress, yield_factor = _section(YieldStressTable, tables.yield_stress, f"{place}: yield_stress")
+    sections = {
+        "viscosity": viscosity,
+        "yield_stress": stress,
+        "properties": tables.properties,
+        "collapse": tables.collapse,
+    }
+    numbers = dict(_sourced_numbers(sections, place))
+    values = {name: number.value for name, number in numbers.items()}
+    valid, fitted = tables.valid_degC, viscosity.fitted_degC
     try:
-        return Fluid(**_Reader(_completed(given, place), place).arguments())
+        return Fluid(
+            name=tables.name,
+            title=tables.title,
+            viscosity_Pa_s=viscosity.at_20degC_Pa_s.value,
+            viscosity_factor=viscosity_factor,
+            viscosity_fitted_K=_to_kelvin(valid if fitted is None else fitted),
+            yield_field=Carlson(stress.saturation_Pa.value, stress.field_scale_A_m.value),
+            yield_factor=yield_factor,
+            particle_fraction=tables.properties.particle_fraction.value,
+            density_kg_m3=values.get("properties.density_kg_m3"),
+            heat_capacity_J_kg_K=values.get("properties.heat_capacity_J_kg_K"),
+            conductivity_W_m_K=values.get("properties.conductivity_W_m_K"),
+            collapse=_collapse(tables.collapse),
+            valid_K=_to_kelvin(valid),
+            origins={
+                name: Origin(each.source, each.confidence, each.standard_error)
+                for name, each in numbers.items()
+            },
+        )
     except InputError as fault:
         raise fault if place in str(fault) else InputError(f"{place}: {fault}") from fault
 
 
-def fluid_to_toml(fluid: Fluid) -> str:
-    """Return a fluid as a TOML text; the same fluid gives the same text.
+def _completed(given: Json, place: str) -> Json:
+    """Return the document with what it leaves out taken from the preset that it says it is like."""
+    given = {"name": Path(place).stem, **given}
+    like = given.get("like")
+    if like is None:
+        for section in ("viscosity", "yield_stress", "properties"):
+            if section not in given and given.keys() <= {each.key for each in fields_of(FluidTables)}:
+                raise InputError(
+                    f"{place}: the table [{section}] is missing; give it, or `like` with the preset "
+                    f"to take it from ({', '.join(PRESETS)})"
+                )
+        return given
+    if not isinstance(like, str) or like not in PRESETS:
+        raise InputError(f"{place}: like is {like!r}; expected one of: {', '.join(PRESETS)}")
+    base = _document_of(find_fluid(like))
+    if "viscosity" in given:
+        base.pop("collapse", None)  # it belongs to the other fluid's viscosity
+    if isinstance(given.get("properties"), Mapping):
+        given["properties"] = {**base["properties"], **given["properties"]}
+    return {**base, "title": f"like {like}", **given}
 
-    Plain keys come first, then a table for each section and each number.
-    """
-    document = _document_of(fluid)
-    lines = _plain(document)
-    for section in _SECTIONS:
-        table = document.get(section, {})
-        lines += ["", f"[{section}]", *_plain(table)] if table else []
-        for key, number in table.items():
-            if isinstance(number, dict):
-                lines += ["", f"[{section}.{key}]", *_plain(number)]
-    return "\n".join([*lines, ""])
+
+# Of each section and law, once asked for.
+_TABLES_WITH_LAW: dict[tuple[type, tuple[tuple[str, str], ...]], type] = {}
+
+_Section = TypeVar("_Section", ViscosityTable, YieldStressTable)
+
+
+def _section(
+    kind: type[_Section], table: Mapping[str, Any], place: str
+) -> tuple[_Section, TemperatureFactor]:
+    """Return the record of a section and its factor of temperature; the section says which law that is."""
+    law = table.get("law")
+    if not isinstance(law, str) or law not in FACTORS:
+        raise InputError(f"{place}.law is {law!r}; expected one of: {', '.join(FACTORS)}")
+    # a factor of the law, for the names and units of its parameters
+    if law == PolynomialFactor.kind:
+        powers = sum(1 for key in table if key[:1] == "t" and key[1:].isdigit())
+        blank: TemperatureFactor = PolynomialFactor((0.0,) * min(max(powers, 1), _MOST_POWERS))
+    else:
+        form = cast("Any", FACTORS[law])
+        blank = form(*(0.0 for _ in fields(form)))
+    parameters = tuple(zip(blank.parameter_names, blank.units, strict=True))
+    record = read_record(_table_with_law(kind, parameters), table, place)
+    try:
+        return record, blank.with_parameters([getattr(record, name).value for name in blank.parameter_names])
+    except InputError as fault:
+        raise InputError(f"{place}: {fault}") from fault
+
+
+def _table_with_law(kind: type[_Section], parameters: tuple[tuple[str, str], ...]) -> type[_Section]:
+    """Return the record of a section that also has the parameters (name, unit) of its law of temperature."""
+    if (kind, parameters) not in _TABLES_WITH_LAW:
+        _TABLES_WITH_LAW[kind, parameters] = make_dataclass(
+            kind.__name__,
+            [(name, Annotated[SourcedNumber, _number(unit)]) for name, unit in parameters],
+            bases=(kind,),
+            frozen=True,
+            kw_only=True,
+            namespace={"__module__": __name__},
+        )
+    return cast("type[_Section]", _TABLES_WITH_LAW[kind, parameters])
+
+
+def _sourced_numbers(sections: Mapping[str, Any], place: str) -> Iterator[tuple[str, SourcedNumber]]:
+    """Yield every number of the sections by its name in the file; its unit is checked."""
+    for section, record in sections.items():
+        for field in fields_of(type(record)) if record is not None else ():
+            number = getattr(record, field.name)
+            if not isinstance(number, SourcedNumber):
+                continue
+            if number.unit not in (None, field.option.unit):
+                raise InputError(
+                    f"{place}: {section}.{field.key}: unit is {number.unit!r}; expected "
+                    f"{field.option.unit!r}, or none"
+                )
+            yield f"{section}.{field.key}", number
+
+
+def _collapse(table: CollapseTable | None) -> Collapse | None:
+    return None if table is None else Collapse(table.middle_K.value, table.width_K.value)
+
+
+def _to_kelvin(ends: tuple[float, float]) -> tuple[float, float]:
+    return ends[0] + ZERO_CELSIUS_K, ends[1] + ZERO_CELSIUS_K
 
 
 # ------------------------------------------------------------------------------------------- writing
 
 
-def _document_of(fluid: Fluid) -> Document:
+def fluid_to_toml(fluid: Fluid) -> str:
+    """Return a fluid as a TOML text; the same fluid gives the same text."""
+    return toml_text(_document_of(fluid))
+
+
+def _document_of(fluid: Fluid) -> Json:
     """Return the fluid as nested tables, every number as a table of its own."""
-    document: Document = {
+    document: Json = {
         "schema_version": SCHEMA_VERSION,
         "name": fluid.name,
         "title": fluid.title,
@@ -118,172 +298,16 @@ def _document_of(fluid: Fluid) -> Document:
     for name, (value, unit) in fluid.parameters.items():
         section, _, key = name.partition(".")
         origin = fluid.origins[name]
-        table: Document = {"value": value, "unit": unit, "confidence": origin.confidence}
-        if origin.standard_error is not None:
-            table["standard_error"] = origin.standard_error
-        document.setdefault(section, {})[key] = {**table, "source": origin.source}
+        number = SourcedNumber(
+            value=value,
+            unit=unit,
+            confidence=origin.confidence,
+            standard_error=origin.standard_error,
+            source=origin.source,
+        )
+        document.setdefault(section, {})[key] = write_record(number, defaults=True)
     return document
 
 
 def _to_celsius(ends: tuple[float, float]) -> list[float]:
     return [round(end - ZERO_CELSIUS_K, 9) for end in ends]
-
-
-def _plain(table: Document) -> list[str]:
-    return [f"{key} = {_scalar(value)}" for key, value in table.items() if not isinstance(value, dict)]
-
-
-def _scalar(value: object) -> str:
-    """Return a text, number or list as TOML: JSON's spelling is TOML's, but for the delete character."""
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-
-
-# ------------------------------------------------------------------------------------------- reading
-
-
-def _completed(given: Document, place: str) -> Document:
-    """Return the document with what it leaves out taken from the preset that it says it is like."""
-    _check_keys(given, _TOP, place)
-    version = given.get("schema_version", SCHEMA_VERSION)
-    if version != SCHEMA_VERSION:
-        raise InputError(f"{place}: schema_version is {version!r}; this version reads {SCHEMA_VERSION}")
-    for section in _SECTIONS:
-        if not isinstance(given.get(section, {}), dict):
-            raise InputError(f"{place}: {section} is {given[section]!r}; expected a table [{section}]")
-    given = {"name": Path(place).stem, **given}
-    if "like" not in given:
-        return given
-    like = given["like"]
-    if not isinstance(like, str) or like not in PRESETS:
-        raise InputError(f"{place}: like is {like!r}; expected one of: {', '.join(PRESETS)}")
-    base = _document_of(find_fluid(like))
-    if "viscosity" in given:
-        base.pop("collapse", None)  # it belongs to the other fluid's viscosity
-    properties = {**base["properties"], **given.get("properties", {})}
-    return {**base, "title": f"like {like}", **given, "properties": properties}
-
-
-class _Reader:
-    """Takes a document apart, key by key, and keeps the origin of each number on the way."""
-
-    def __init__(self, document: Document, place: str) -> None:
-        self.document = document
-        self.place = place
-        self.origins: dict[str, Origin] = {}
-
-    def arguments(self) -> Document:
-        for section in ("viscosity", "yield_stress", "properties"):
-            if section not in self.document:
-                raise InputError(
-                    f"{self.place}: the table [{section}] is missing; give it, or `like` with the preset "
-                    f"to take it from ({', '.join(PRESETS)})"
-                )
-        valid = self.temperatures(self.document.get("valid_degC", [-40.0, 130.0]), "valid_degC")
-        fitted = self.document["viscosity"].get("fitted_degC")
-        field_law = self.document["yield_stress"].get("field_law", "carlson")
-        if field_law != "carlson":
-            raise InputError(f"{self.place}: yield_stress.field_law is {field_law!r}; expected 'carlson'")
-        return {
-            "name": _text(self.document["name"], f"{self.place}: name"),
-            "title": _text(self.document.get("title", ""), f"{self.place}: title"),
-            "viscosity_Pa_s": self.number("viscosity", "at_20degC_Pa_s", "Pa s"),
-            "viscosity_factor": self.factor("viscosity", ("fitted_degC", "at_20degC_Pa_s")),
-            "viscosity_fitted_K": (
-                valid if fitted is None else self.temperatures(fitted, "viscosity.fitted_degC")
-            ),
-            "yield_field": Carlson(
-                self.number("yield_stress", "saturation_Pa", "Pa"),
-                self.number("yield_stress", "field_scale_A_m", "A/m", default=FIELD_SCALE_A_m),
-            ),
-            "yield_factor": self.factor("yield_stress", ("field_law", "saturation_Pa", "field_scale_A_m")),
-            **self.properties(),
-            "collapse": self.collapse(),
-            "valid_K": valid,
-            "origins": self.origins,
-        }
-
-    def number(self, section: str, key: str, unit: str, default: float | None = None) -> float:
-        """Return a number of a section, and keep its origin."""
-        where = f"{self.place}: {section}.{key}"
-        given = self.document[section].get(key)
-        if given is None and default is not None:
-            self.origins[f"{section}.{key}"] = Origin("the law's own constant", "B")
-            return default
-        if given is None:
-            raise InputError(f"{where} is missing; expected a number [{unit}]")
-        if not isinstance(given, dict):
-            self.origins[f"{section}.{key}"] = Origin("no source given", "D")
-            return _finite(given, where)
-        _check_keys(given, _PARAMETER_KEYS, where)
-        if given.get("unit", unit) != unit:
-            raise InputError(f"{where}: unit is {given['unit']!r}; expected {unit!r}, or none")
-        error = given.get("standard_error")
-        try:
-            self.origins[f"{section}.{key}"] = Origin(
-                _text(given.get("source", "no source given"), "source"),
-                given.get("confidence", "D"),
-                None if error is None else _finite(error, "standard_error"),
-            )
-        except InputError as fault:
-            raise InputError(f"{where}: {fault}") from fault
-        return _finite(given.get("value"), f"{where}.value")
-
-    def factor(self, section: str, other_keys: Sequence[str]) -> TemperatureFactor:
-        """Return the temperature law of a section, whose other keys are named."""
-        table = self.document[section]
-        kind = table.get("law")
-        if not isinstance(kind, str) or kind not in FACTORS:
-            raise InputError(
-                f"{self.place}: {section}.law is {kind!r}; expected one of: {', '.join(FACTORS)}"
-            )
-        # a factor of the kind, for the names and units of its numbers
-        if kind == PolynomialFactor.kind:
-            powers = sum(1 for key in table if key[:1] == "t" and key[1:].isdigit())
-            blank: TemperatureFactor = PolynomialFactor((0.0,) * max(powers, 1))
-        else:
-            form = cast("Any", FACTORS[kind])
-            blank = form(*(0.0 for _ in fields(form)))
-        _check_keys(table, ("law", *other_keys, *blank.parameter_names), f"{self.place}: {section}")
-        named = zip(blank.parameter_names, blank.units, strict=True)
-        parameters = [self.number(section, name, unit) for name, unit in named]
-        try:
-            return blank.with_parameters(parameters)
-        except InputError as fault:
-            raise InputError(f"{self.place}: {section}: {fault}") from fault
-
-    def properties(self) -> Document:
-        table = self.document["properties"]
-        _check_keys(table, tuple(PROPERTIES), f"{self.place}: properties")
-        wanted = [key for key in PROPERTIES if key in table or key == "particle_fraction"]
-        return {key: self.number("properties", key, PROPERTIES[key]) for key in wanted}
-
-    def collapse(self) -> Collapse | None:
-        if "collapse" not in self.document:
-            return None
-        _check_keys(self.document["collapse"], ("middle_K", "width_K"), f"{self.place}: collapse")
-        return Collapse(self.number("collapse", "middle_K", "K"), self.number("collapse", "width_K", "K"))
-
-    def temperatures(self, given: object, key: str) -> tuple[float, float]:
-        where = f"{self.place}: {key}"
-        if not isinstance(given, list) or len(given) != 2:
-            raise InputError(f"{where} is {given!r}; expected two temperatures, [low, high] in degC")
-        low, high = (_finite(end, where) + ZERO_CELSIUS_K for end in given)
-        return low, high
-
-
-def _finite(given: object, where: str) -> float:
-    if isinstance(given, bool) or not isinstance(given, int | float) or not math.isfinite(given):
-        raise InputError(f"{where} is {given!r}; expected a finite number")
-    return float(given)
-
-
-def _text(given: object, where: str) -> str:
-    if not isinstance(given, str):
-        raise InputError(f"{where} is {given!r}; expected a text")
-    return given
-
-
-def _check_keys(table: Mapping[str, object], known: Sequence[str], place: str) -> None:
-    for key in table:
-        if key not in known:
-            raise InputError(f"{place}: unknown key {key!r}; {did_you_mean(key, known)}")
