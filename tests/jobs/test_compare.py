@@ -19,7 +19,7 @@ from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial, TemperatureDependent
 from mrdamper.models.laws import LAWS
 from mrdamper.models.temperature import Linear
-from mrdamper.report.compare import render_comparison
+from mrdamper.report.cards.comparison_page import render_comparison
 from tests.support.rigs import answer_of, mrdamper
 
 pytestmark = pytest.mark.system

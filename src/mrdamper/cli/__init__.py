@@ -89,16 +89,6 @@ def cli() -> None:
     """From a magnetorheological damper's rig files to a model card with honest errors."""
 
 
-_paths = click.argument("paths", nargs=-1, required=True, metavar="PATH...")
-_channels = click.option(
-    "--channels",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="Channel map (TOML) for headers that do not speak.",
-)
-_flip = click.option(
-    "--flip-force", is_flag=True, help="Turn the sign of the force (compression-positive load cells)."
-)
 _json = click.option(
     "--json", "as_json", is_flag=True, help="Print one JSON object on standard output, nothing else."
 )

@@ -6,7 +6,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from rich.console import Console
 from rich.live import Live
@@ -16,9 +16,6 @@ from rich.text import Text
 
 from mrdamper.errors import spelled
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
-
-if TYPE_CHECKING:  # an answer is shown without loading what made it
-    pass
 
 __all__ = [
     "counter",
@@ -30,8 +27,6 @@ __all__ = [
 Answer = Mapping[str, Any]
 
 _LEAST_INTERVAL = 0.1  # between two updates of the progress line [s]
-_MOST_RUNS = 40  # more than so many are shown by motion and temperature,
-_WORST_RUNS = 10  # and the worst of them
 
 
 @contextmanager

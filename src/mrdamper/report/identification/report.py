@@ -21,7 +21,7 @@ from mrdamper.report.base import BEST_SO_FAR, DONE, Outcome, Report, WrittenFile
 from mrdamper.report.identification.campaign import Campaign
 from mrdamper.report.identification.loops import worst_loops
 from mrdamper.report.identification.page import render_report
-from mrdamper.report.scores import (
+from mrdamper.report.identification.scores import (
     in_percent,
     percent,
     pooled_json,

@@ -8,7 +8,13 @@ from rich.markup import escape
 from mrdamper.identify.predict import row
 from mrdamper.jobs.predict import PredictResult
 from mrdamper.report.base import Report, WrittenFile
-from mrdamper.report.scores import pooled_json, show_errors, show_summaries, summaries, summary_lines
+from mrdamper.report.identification.scores import (
+    pooled_json,
+    show_errors,
+    show_summaries,
+    summaries,
+    summary_lines,
+)
 from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json
 
