@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
+from pathlib import PurePath
 from typing import Any, ClassVar
 
 __all__ = [
@@ -58,9 +59,15 @@ class MrdamperError(Exception):
     exit_code: ClassVar[int] = 1
 
     def __init__(
-        self, message: str = "", *, place: str = "", found: str = "", expected: str = "", remedy: str = ""
+        self,
+        message: str = "",
+        *,
+        place: str | PurePath = "",
+        found: str = "",
+        expected: str = "",
+        remedy: str = "",
     ) -> None:
-        self.place, self.found, self.expected, self.remedy = place, found or message, expected, remedy
+        self.place, self.found, self.expected, self.remedy = str(place), found or message, expected, remedy
         super().__init__(self._said())
 
     def _said(self) -> str:
@@ -82,15 +89,16 @@ class MrdamperError(Exception):
 
     def spelled(self, spell: Callable[[str], str] = str) -> str:
         """Return the message, its options and commands as ``spell`` has them (the terminal's by default)."""
-        lines = spelled(self.args[0], spell).split("\n")
-        more = [f"... and {len(lines) - _MOST_LINES} more lines"] if len(lines) > _MOST_LINES else []
-        return "\n".join([*map(_cut, lines[:_MOST_LINES]), *more])
+        return _readable(self.args[0], spell)
 
-    def to_json(self) -> dict[str, str]:
-        """Return the kind of the error, its parts and its message, as the terminal spells them."""
+    def parts(self, spell: Callable[[str], str] = str) -> dict[str, str]:
+        """Return place, found, expected and remedy, those that it has, in the words of ``spell``."""
         parts = {name: getattr(self, name) for name in ("place", "found", "expected", "remedy")}
-        told = {name: spelled(text) for name, text in parts.items() if text}
-        return {"kind": type(self).__name__, "message": str(self), **told}
+        return {name: _readable(text, spell) for name, text in parts.items() if text}
+
+    def to_json(self, spell: Callable[[str], str] = str) -> dict[str, str]:
+        """Return the kind of the error, its message and its parts, in the words of ``spell``."""
+        return {"kind": type(self).__name__, "message": self.spelled(spell), **self.parts(spell)}
 
 
 def option(name: str, value: str = "") -> str:
@@ -111,6 +119,13 @@ def spelled(text: str, spell: Callable[[str], str] = str) -> str:
     spell : takes ``--hold-out GLOB`` or ``mrdamper predict`` and returns what this face calls it
     """
     return _NAMED.sub(lambda found: spell(found[1]), text)
+
+
+def _readable(text: str, spell: Callable[[str], str]) -> str:
+    """Return a text as ``spell`` has it, cut where it has too many lines, or too long ones."""
+    lines = spelled(text, spell).split("\n")
+    more = [f"... and {len(lines) - _MOST_LINES} more lines"] if len(lines) > _MOST_LINES else []
+    return "\n".join([*map(_cut, lines[:_MOST_LINES]), *more])
 
 
 def _cut(line: str) -> str:

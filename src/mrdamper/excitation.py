@@ -67,9 +67,13 @@ class Trajectory:
 
     def __post_init__(self) -> None:
         if not (np.isfinite(self.step) and self.step > 0.0):
-            raise InputError(f"trajectory: step is {self.step} s; expected a positive, finite number")
+            raise InputError(
+                place="trajectory", found=f"step is {self.step} s", expected="a positive, finite number"
+            )
         if not (np.isfinite(self.dead_band) and self.dead_band >= 0.0):
-            raise InputError(f"trajectory: dead band is {self.dead_band} m; expected zero or more, finite")
+            raise InputError(
+                place="trajectory", found=f"dead band is {self.dead_band} m", expected="zero or more, finite"
+            )
         for name in ("displacement", "velocity", "acceleration", "command", "temperature"):
             given = getattr(self, name)
             if given is None and name == "temperature":
@@ -78,12 +82,17 @@ class Trajectory:
             object.__setattr__(self, name, array)
             if array.ndim != 1 or len(array) != len(self.displacement) or len(array) < 2:
                 raise InputError(
-                    f"trajectory: {name} has shape {array.shape} and displacement "
-                    f"{self.displacement.shape}; expected one and the same length, at least 2"
+                    place="trajectory",
+                    found=f"{name} has shape {array.shape} and displacement {self.displacement.shape}",
+                    expected="one and the same length, at least 2",
                 )
             if not np.isfinite(array).all():
                 sample = int(np.flatnonzero(~np.isfinite(array))[0])
-                raise InputError(f"trajectory: {name} is {array[sample]} at sample {sample}; expected finite")
+                raise InputError(
+                    place="trajectory",
+                    found=f"{name} is {array[sample]} at sample {sample}",
+                    expected="finite",
+                )
 
     def __len__(self) -> int:
         return len(self.displacement)
@@ -114,7 +123,9 @@ def _require_positive(motion: object) -> None:
         value = getattr(motion, each.name)
         if not (np.isfinite(value) and value > 0.0):
             kind = type(motion).__name__.lower()
-            raise InputError(f"{kind}: {each.name} is {value}; expected a positive, finite number")
+            raise InputError(
+                place=kind, found=f"{each.name} is {value}", expected="a positive, finite number"
+            )
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,9 +196,13 @@ class Harmonics:
     def __post_init__(self) -> None:
         counts = {field.name: len(getattr(self, field.name)) for field in fields(self)}
         if len(set(counts.values())) != 1 or not self.amplitudes:
-            raise InputError(f"harmonics: {counts} numbers; expected the same count of each, at least one")
+            raise InputError(
+                place="harmonics", found=f"{counts} numbers", expected="the same count of each, at least one"
+            )
         if not np.isfinite([self.amplitudes, self.frequencies, self.phases]).all():
-            raise InputError("harmonics: a number is not finite; expected amplitudes, frequencies, phases")
+            raise InputError(
+                place="harmonics", found="a number is not finite", expected="amplitudes, frequencies, phases"
+            )
 
     def _sum(self, t: ArrayLike, order: int) -> FloatArray:
         time = np.asarray(t, dtype=np.float64)
@@ -258,16 +273,24 @@ class Road:
     def __post_init__(self) -> None:
         if self.road_class not in ROAD_ROUGHNESS:
             raise InputError(
-                f"road: class is {self.road_class!r}; expected one of: {', '.join(ROAD_ROUGHNESS)}"
+                place="road",
+                found=f"class is {self.road_class!r}",
+                expected=f"one of: {', '.join(ROAD_ROUGHNESS)}",
             )
         if not (np.isfinite(self.speed) and self.speed > 0.0):
-            raise InputError(f"road: speed is {self.speed}; expected a positive, finite number")
+            raise InputError(
+                place="road", found=f"speed is {self.speed}", expected="a positive, finite number"
+            )
         if not 0.0 < self.corner < _FINEST_WAVENUMBER:
             raise InputError(
-                f"road: corner is {self.corner} cycles/m; expected 0 to {_FINEST_WAVENUMBER}, both excluded"
+                place="road",
+                found=f"corner is {self.corner} cycles/m",
+                expected=f"0 to {_FINEST_WAVENUMBER}, both excluded",
             )
         if self.seed < 0:
-            raise InputError(f"road: seed is {self.seed!r}; expected a whole number, zero or more")
+            raise InputError(
+                place="road", found=f"seed is {self.seed!r}", expected="a whole number, zero or more"
+            )
         edges = np.geomspace(0.1 * self.corner, _FINEST_WAVENUMBER, _TONES + 1)
         power = np.diff(np.arctan(edges / self.corner)) / self.corner  # of each band of 1 / (n^2 + corner^2)
         amplitudes = np.sqrt(2.0 * ROAD_ROUGHNESS[self.road_class] * _REFERENCE_WAVENUMBER**2 * power)
@@ -295,7 +318,7 @@ class CurrentSteps:
     def __post_init__(self) -> None:
         check_ranges(self, "current steps")
         if not self.levels:
-            raise InputError("current steps: there are no levels; expected at least one")
+            raise InputError(place="current steps", found="there are no levels", expected="at least one")
 
     @property
     def duration(self) -> float:
@@ -367,7 +390,7 @@ def motion_from_text(text: str) -> Motion:
     try:
         if kind == "road":
             if not parts[2].isdecimal():
-                raise InputError(f"seed is {parts[2]!r}; expected a whole number")
+                raise InputError(found=f"seed is {parts[2]!r}", expected="a whole number")
             return Road(parts[0], _measure(parts[1], "velocity"), int(parts[2]))
         amplitude = _measure(parts[0], "displacement")
         if kind == "sine":
@@ -378,21 +401,23 @@ def motion_from_text(text: str) -> Motion:
         low, high = _hertz(f"{start.removesuffix('Hz')}Hz"), _hertz(stop)
         return Chirp(amplitude, low, high, _measure(parts[2], "time"))
     except InputError as error:
-        raise InputError(f"motion {text!r}: {error}; expected such as {_FORMS[kind]}") from error
+        raise InputError(
+            place=f"motion {text!r}", found=f"{error}", expected=f"such as {_FORMS[kind]}"
+        ) from error
 
 
 def _measure(text: str, role: str) -> float:
     """Return a number with its unit in the SI unit of a role."""
     number, unit = _number_and_unit(text)
     if not unit:
-        raise InputError(f"{role} is {text!r}; expected a number and its unit")
+        raise InputError(found=f"{role} is {text!r}", expected="a number and its unit")
     return float(to_si(number, unit, role))
 
 
 def _hertz(text: str) -> float:
     number, unit = _number_and_unit(text)
     if unit != "Hz":
-        raise InputError(f"frequency is {text!r}; expected a number in Hz")
+        raise InputError(found=f"frequency is {text!r}", expected="a number in Hz")
     return number
 
 
@@ -422,13 +447,15 @@ def drive(
     """
     for name, value in (("duration", duration), ("rate_Hz", rate_Hz)):
         if not (np.isfinite(value) and value > 0.0):
-            raise InputError(f"drive: {name} is {value}; expected a positive, finite number")
+            raise InputError(place="drive", found=f"{name} is {value}", expected="a positive, finite number")
     time = np.arange(round(duration * rate_Hz) + 1) / rate_Hz
 
     def per_sample(value: ArrayLike, name: str) -> FloatArray:
         array = np.asarray(value, dtype=np.float64)
         if array.shape not in {(), time.shape}:
-            raise InputError(f"drive: {name} has shape {array.shape}; expected one number or {len(time)}")
+            raise InputError(
+                place="drive", found=f"{name} has shape {array.shape}", expected=f"one number or {len(time)}"
+            )
         return np.broadcast_to(array, time.shape)
 
     return Trajectory(

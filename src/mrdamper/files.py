@@ -58,12 +58,15 @@ def require_file(path: str | Path, what: str = "file") -> int:
         found = Path(path).stat()
     except (OSError, ValueError) as error:
         said = getattr(error, "strerror", None) or error
-        raise InputError(f"{path}: cannot read the {what}: {said}") from error
+        raise InputError(place=path, found=f"cannot read the {what}: {said}") from error
     if stat.S_ISDIR(found.st_mode):
-        raise InputError(f"{path}: cannot read the {what}: is a folder; expected a file")
+        raise InputError(place=path, found=f"cannot read the {what}: is a folder", expected="a file")
     if not stat.S_ISREG(found.st_mode):
         raise InputError(
-            f"{path}: is a pipe or a device; expected a file. Save what it gives to a file first"
+            place=path,
+            found="is a pipe or a device",
+            expected="a file",
+            remedy="Save what it gives to a file first",
         )
     return found.st_size
 
@@ -73,13 +76,15 @@ def read_small(path: str | Path, what: str, most_bytes: int = _MOST_BYTES) -> by
     size = require_file(path, what)
     if size > most_bytes:
         raise InputError(
-            f"{path}: has {size / 1e6:.3g} MB; expected a {what} of at most {most_bytes / 1e6:.3g} MB. "
-            "Check that this is the file you mean"
+            place=path,
+            found=f"has {size / 1e6:.3g} MB",
+            expected=f"a {what} of at most {most_bytes / 1e6:.3g} MB",
+            remedy="Check that this is the file you mean",
         )
     try:
         return Path(path).read_bytes()
     except OSError as error:
-        raise InputError(f"{path}: cannot read the {what}: {error.strerror}") from error
+        raise InputError(place=path, found=f"cannot read the {what}: {error.strerror}") from error
 
 
 def read_text(path: str | Path, what: str, most_bytes: int = _MOST_BYTES) -> str:
@@ -88,7 +93,10 @@ def read_text(path: str | Path, what: str, most_bytes: int = _MOST_BYTES) -> str
         return read_small(path, what, most_bytes).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(
-            f"{path}: not UTF-8 text at byte {error.start}; expected a {what}. Save it as UTF-8"
+            place=path,
+            found=f"not UTF-8 text at byte {error.start}",
+            expected=f"a {what}",
+            remedy="Save it as UTF-8",
         ) from error
 
 
@@ -98,7 +106,7 @@ def read_toml(path: str | Path, what: str) -> dict[str, Any]:
     try:
         return parse_toml(content.decode("utf-8-sig"))
     except (InputError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: not a TOML file: {error}") from error
+        raise InputError(place=path, found=f"not a TOML file: {error}") from error
 
 
 def parse_toml(text: str) -> dict[str, Any]:

@@ -272,7 +272,7 @@ def read_record(record: type[Record], document: Mapping[str, Any], place: str) -
     try:
         text = json.dumps(_written_out(record, document), default=_plain_json)
     except (TypeError, ValueError, RecursionError) as error:
-        raise InputError(f"{place}: nested too deep, or not made of plain values") from error
+        raise InputError(place=place, found="nested too deep, or not made of plain values") from error
     try:
         found = _adapter(record).validate_json(text, strict=True)
     except ValidationError as error:

@@ -101,11 +101,12 @@ class CardPlant:
         law = damper.law.name
         if law not in _ELEMENTS:
             raise InputError(
-                f"plant: a card of the law {law!r} cannot be the plant; expected one of: "
-                f"{', '.join(LAWS_AS_PLANT)}. Name a preset of the virtual rig, or such a card"
+                found=f"plant: a card of the law {law!r} cannot be the plant",
+                expected=f"one of: {', '.join(LAWS_AS_PLANT)}",
+                remedy="Name a preset of the virtual rig, or such a card",
             )
         if not 0.0 < step_s <= 1e-3:
-            raise InputError(f"plant: step is {step_s} s; expected above 0, at most 1e-3")
+            raise InputError(found=f"plant: step is {step_s} s", expected="above 0, at most 1e-3")
         self.step_s = step_s
         self._damper, self._highest = damper, highest
         self._curve = self._make_curve() if _ELEMENTS[law] else None
@@ -233,6 +234,6 @@ class CardPlant:
         for name, fixed in (("kappa", -1.0), ("n", 1.0)):  # Dahl's law has them fixed
             row = values[names.index(name)] if name in names else np.array([fixed])
             if np.ptp(row) > 0.0:
-                raise InputError(f"plant: {name} depends on the command; expected one that does not")
+                raise InputError(found=f"plant: {name} depends on the command", expected="one that does not")
             shape.append(float(row[0]))
         return _Curve.of(shape[0], shape[1])

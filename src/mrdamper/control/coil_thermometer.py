@@ -58,8 +58,12 @@ class CoilThermometer:
     def __post_init__(self) -> None:
         if not (self.resistance_20_ohm > 0.0 and self.period_s > 0.0 and self.least_A > 0.0):
             raise InputError(
-                f"coil thermometer: resistance {self.resistance_20_ohm} ohm, period {self.period_s} s, least "
-                f"current {self.least_A} A; expected positive numbers"
+                place="coil thermometer",
+                found=(
+                    f"resistance {self.resistance_20_ohm} ohm, period {self.period_s} s, least current "
+                    f"{self.least_A} A"
+                ),
+                expected="positive numbers",
             )
 
     def start(self) -> tuple[float, float]:
@@ -154,14 +158,17 @@ def coil_temperature(
     """
     if not len(time) == len(current) == len(voltage) or len(time) < 2:
         raise InputError(
-            f"coil record: lengths are {len(time)}, {len(current)}, {len(voltage)}; expected one and the "
-            "same, at least 2"
+            place="coil record",
+            found=f"lengths are {len(time)}, {len(current)}, {len(voltage)}",
+            expected="one and the same, at least 2",
         )
     steps = np.diff(time)
     if not (np.abs(steps - coil.period_s) <= _UNEVEN * coil.period_s).all():
         raise InputError(
-            f"coil record: steps are {steps.min():g} to {steps.max():g} s; expected even ones of the "
-            f"thermometer's period, {coil.period_s:g} s. Resample the record"
+            place="coil record",
+            found=f"steps are {steps.min():g} to {steps.max():g} s",
+            expected=f"even ones of the thermometer's period, {coil.period_s:g} s",
+            remedy="Resample the record",
         )
     state, readings = coil.start(), []
     for volts, amperes in zip(voltage.tolist(), current.tolist(), strict=True):

@@ -79,11 +79,12 @@ class Safety:
         ):
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0.0):
-                raise InputError(f"safety: {name} is {value}; expected a positive number")
+                raise InputError(place="safety", found=f"{name} is {value}", expected="a positive number")
         if not (0.0 <= self.fall_back < math.inf and 0.0 < self.cold_K < self.hot_K < math.inf):
             raise InputError(
-                f"safety: fall_back is {self.fall_back} and the limits {self.cold_K} to {self.hot_K} K; "
-                "expected a fall-back of 0 or more, and limits in order"
+                place="safety",
+                found=f"fall_back is {self.fall_back} and the limits {self.cold_K} to {self.hot_K} K",
+                expected="a fall-back of 0 or more, and limits in order",
             )
 
     def faults(
@@ -155,7 +156,7 @@ class ForceController(Stepper):
         """
         rows = np.ascontiguousarray(inputs, dtype=np.float64)
         if rows.ndim != 2 or rows.shape[1] != 5:
-            raise InputError(f"controller: inputs have shape {rows.shape}; expected (n, 5)")
+            raise InputError(place="controller", found=f"inputs have shape {rows.shape}", expected="(n, 5)")
         if not self.known_ahead:
             rows = rows.copy()
             rows[:, 1] = np.nan
@@ -168,7 +169,7 @@ class ForceController(Stepper):
         """Return the controller of a damper whose parts have these gains: aged, or another of its kind."""
         gains = (yield_gain, viscous_gain, friction_gain)
         if not all(0.1 <= gain <= 10.0 for gain in gains):
-            raise InputError(f"controller: gains are {gains}; expected 0.1 to 10")
+            raise InputError(place="controller", found=f"gains are {gains}", expected="0.1 to 10")
         return replace(self, tables=self.tables.scaled(*gains))
 
 
@@ -193,8 +194,9 @@ def check_name(name: str, law: str) -> None:
     """Raise ``InputError`` for a controller that there is, but not for this law."""
     if name in _OF_ONE_LAW and name not in names_for(law):
         raise InputError(
-            f"controller: {name!r} is made from cards of {_OF_ONE_LAW[name]}, and this card's law is "
-            f"{law!r}; expected one of {', '.join(names_for(law))}"
+            place="controller",
+            found=f"{name!r} is made from cards of {_OF_ONE_LAW[name]}, and this card's law is {law!r}",
+            expected=f"one of {', '.join(names_for(law))}",
         )
 
 
@@ -237,22 +239,27 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
     damper = source.damper if isinstance(source, ModelCard) else source
     envelope = None if card is None else card.envelope
     if not (math.isfinite(period_s) and period_s > 0.0):
-        raise InputError(f"controller: the period is {period_s} s; expected a positive number")
+        raise InputError(
+            place="controller", found=f"the period is {period_s} s", expected="a positive number"
+        )
     if not (math.isfinite(extra_delay_s) and extra_delay_s >= 0.0):
-        raise InputError(f"controller: the extra delay is {extra_delay_s} s; expected 0 or more")
+        raise InputError(
+            place="controller", found=f"the extra delay is {extra_delay_s} s", expected="0 or more"
+        )
     actuation = tuning.actuation_of(damper)
     actuation = replace(actuation, delay_s=actuation.delay_s + extra_delay_s)
     tuning.check_sampling(actuation, period_s)
     highest = largest or actuation.largest_command or (None if envelope is None else envelope.command[1])
     if highest is None:
         raise InputError(
-            "controller: the largest command is not known; the damper has no actuation that tells. Pass it "
-            "(largest=...), or pass the card, whose envelope has it"
+            place="controller",
+            found="the largest command is not known; the damper has no actuation that tells",
+            remedy="Pass it (largest=...), or pass the card, whose envelope has it",
         )
     tables = tabulate(damper, highest, speed=speed_m_s)
     preview = tuning.preview_of(actuation, period_s) if preview_s is None else preview_s
     if not (math.isfinite(preview) and preview >= 0.0):
-        raise InputError(f"controller: the preview is {preview} s; expected 0 or more")
+        raise InputError(place="controller", found=f"the preview is {preview} s", expected="0 or more")
     gains, spread = tuning.motion_filter(period_s, displacement_noise_m, jerk_density)
     base = _base(
         tables,

@@ -94,14 +94,21 @@ def steps_per_sample(period_s: float, step_s: float) -> int:
     """
     if not (math.isfinite(period_s) and 0.999 / FASTEST_HZ <= period_s <= 1.001 / SLOWEST_HZ):
         raise InputError(
-            f"sampling: the period is {1e3 * period_s:g} ms; expected {1e3 / FASTEST_HZ:g} to "
-            f"{1e3 / SLOWEST_HZ:g} ms ({SLOWEST_HZ:g} Hz to {FASTEST_HZ:g} Hz)"
+            place="sampling",
+            found=f"the period is {1e3 * period_s:g} ms",
+            expected=(
+                f"{1e3 / FASTEST_HZ:g} to {1e3 / SLOWEST_HZ:g} ms ({SLOWEST_HZ:g} Hz to {FASTEST_HZ:g} Hz)"
+            ),
         )
     steps = round(period_s / step_s)
     if steps < 1 or abs(steps * step_s - period_s) > 1e-6 * period_s:
         raise InputError(
-            f"sampling: the period is {1e3 * period_s:g} ms; expected a whole number of the plant's steps of "
-            f"{1e3 * step_s:g} ms, such as {1e3 * max(steps, 1) * step_s:g} ms"
+            place="sampling",
+            found=f"the period is {1e3 * period_s:g} ms",
+            expected=(
+                f"a whole number of the plant's steps of {1e3 * step_s:g} ms, such as "
+                f"{1e3 * max(steps, 1) * step_s:g} ms"
+            ),
         )
     return steps
 
@@ -125,8 +132,9 @@ def run_loop(
         course = reference_trajectory(scenario, plant.step_s)
     elif course.step_s != plant.step_s or len(course) != round(scenario.duration_s / plant.step_s):
         raise InputError(
-            f"course: {len(course)} steps of {1e3 * course.step_s:g} ms; expected the scenario's, of "
-            f"{1e3 * plant.step_s:g} ms"
+            place="course",
+            found=f"{len(course)} steps of {1e3 * course.step_s:g} ms",
+            expected=f"the scenario's, of {1e3 * plant.step_s:g} ms",
         )
     every = steps_per_sample(controller.period_s, plant.step_s)
     late, apart = divmod(round(scenario.disturbance.command_delay_s / plant.step_s), every)
@@ -152,8 +160,9 @@ def run_loop(
         state, current = step(state, reference, measurement)
         if not math.isfinite(current):
             raise InputError(
-                f"controller {controller.name!r}: its current is {current} at sample {k}; expected a finite "
-                "number"
+                place=f"controller {controller.name!r}",
+                found=f"its current is {current} at sample {k}",
+                expected="a finite number",
             )
         given.append(driver.of(current))
         begin, end = k * every, min((k + 1) * every, count)

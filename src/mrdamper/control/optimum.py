@@ -82,7 +82,9 @@ def search_optimum(
     """
     if most_runs < _LEVELS + len(_PREVIEWS_S):
         raise InputError(
-            f"optimum: {most_runs} runs; expected at least {_LEVELS + len(_PREVIEWS_S)} for the start"
+            place="optimum",
+            found=f"{most_runs} runs",
+            expected=f"at least {_LEVELS + len(_PREVIEWS_S)} for the start",
         )
     course = reference_trajectory(scenario, plant.step_s)
     every = steps_per_sample(period_s, plant.step_s)

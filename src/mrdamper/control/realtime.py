@@ -66,7 +66,9 @@ class RealtimeDamper(Stepper):
         """
         inputs = np.ascontiguousarray(rows, dtype=np.float64)
         if inputs.ndim != 2 or inputs.shape[1] != 4:
-            raise InputError(f"real-time model: rows have shape {inputs.shape}; expected (n, 4)")
+            raise InputError(
+                place="real-time model", found=f"rows have shape {inputs.shape}", expected="(n, 4)"
+            )
         force, flags = np.empty(len(inputs)), np.empty(len(inputs))
         return self._native.simulate(state, inputs, force, flags), force, flags.astype(np.int64)
 

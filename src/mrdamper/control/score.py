@@ -103,7 +103,9 @@ def score_forces(
     """
     shapes = {len(values) for values in (target, force, current, reach.low, reach.high)}
     if len(shapes) != 1 or 0 in shapes:
-        raise InputError(f"scores: lengths are {sorted(shapes)}; expected one and the same, at least 1")
+        raise InputError(
+            place="scores", found=f"lengths are {sorted(shapes)}", expected="one and the same, at least 1"
+        )
     error = np.abs(force - target)
     inside = reach.feasible(target)
     feasible = error[inside]
@@ -127,7 +129,7 @@ def score_forces(
 def worst(scores: Sequence[Score]) -> Score:
     """Return the worst of each figure over several runs: the highest, of the feasible share the lowest."""
     if not scores:
-        raise InputError("scores: none to take the worst of")
+        raise InputError(place="scores", found="none to take the worst of")
     found: dict[str, float | None] = {}
     for each in fields(Score):
         values = [value for score in scores if (value := getattr(score, each.name)) is not None]

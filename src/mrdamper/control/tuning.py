@@ -128,15 +128,21 @@ def check_sampling(actuation: Actuation, period_s: float) -> None:
     slowest = math.inf if lagless else actuation.response_time(0.95)
     if period_s > slowest:
         raise InputError(
-            f"controller: the period is {1e3 * period_s:g} ms, and the force follows a command within "
-            f"{1e3 * slowest:.3g} ms (95 %); expected a shorter period. Sample at "
-            f"{math.ceil(max(1.0 / slowest, SLOWEST_HZ))} Hz or faster"
+            place="controller",
+            found=(
+                f"the period is {1e3 * period_s:g} ms, and the force follows a command within "
+                f"{1e3 * slowest:.3g} ms (95 %)"
+            ),
+            expected="a shorter period",
+            remedy=f"Sample at {math.ceil(max(1.0 / slowest, SLOWEST_HZ))} Hz or faster",
         )
     samples = actuation.delay_s // period_s
     if samples > _DELAY_LINE - 3:
         raise InputError(
-            f"controller: the dead time of {1e3 * actuation.delay_s:g} ms is {samples:.0f} periods; expected "
-            f"at most {_DELAY_LINE - 3}. Sample more slowly"
+            place="controller",
+            found=f"the dead time of {1e3 * actuation.delay_s:g} ms is {samples:.0f} periods",
+            expected=f"at most {_DELAY_LINE - 3}",
+            remedy="Sample more slowly",
         )
 
 
@@ -155,7 +161,11 @@ def motion_filter(period_s: float, noise: float, density: float) -> tuple[FloatA
     (per root Hz). Gains [-], [1/s], [1/s^2]; covariance after a reading, shape (3, 3).
     """
     if not (noise > 0.0 and density > 0.0):
-        raise InputError(f"motion filter: noise {noise} and density {density}; expected two positive numbers")
+        raise InputError(
+            place="motion filter",
+            found=f"noise {noise} and density {density}",
+            expected="two positive numbers",
+        )
     # In units of noise and period the step is 1, the noise 1, and one number is left.
     power = (density / noise) ** 2 * period_s**5
     step = np.array([[1.0, 1.0, 0.5], [0.0, 1.0, 1.0], [0.0, 0.0, 1.0]])

@@ -141,7 +141,7 @@ class LongRecord:
             if time is None:
                 time = np.arange(row, row + n, dtype=np.float64) * np.float64(self.step_s or 0.0)
             if displacement is None or force is None or command is None:  # open_record has asked for them
-                raise InputError(f"{place}: displacement, force or command is missing")
+                raise InputError(place=place, found="displacement, force or command is missing")
             if self.flip_force:
                 force = -force
             yield Batch(row, time, displacement, force, command, channel("velocity"), channel("temperature"))
@@ -172,13 +172,15 @@ def open_record(path: str | Path, channels: ChannelMap | str | Path | None = Non
     """
     file = Path(path)
     if is_folder(file):
-        raise InputError(f"{file}: is a folder; expected the file of one record")
+        raise InputError(place=file, found="is a folder", expected="the file of one record")
     chosen = load_map(map_beside(file) if channels is None else channels)
     place = file.name
     if chosen.segments is not None:
         raise InputError(
-            f"{place}: [segments] of the channel map split the file into tests; expected one record. Split "
-            "the file, or leave the table out"
+            place=place,
+            found="[segments] of the channel map split the file into tests",
+            expected="one record",
+            remedy="Split the file, or leave the table out",
         )
     source = open_rows(file, chosen.file)
     table = source.table

@@ -129,7 +129,9 @@ def fetch(name: str, *, folder: Path | None = None) -> Path:
         kept += 1
     if not kept:
         looked = ", ".join(file.name for file in chosen.files)
-        raise InputError(f"MRDAMPER_DATA={mirror} holds no file of {name!r}; expected any of: {looked}")
+        raise InputError(
+            found=f"MRDAMPER_DATA={mirror} holds no file of {name!r}", expected=f"any of: {looked}"
+        )
     return target
 
 
@@ -158,8 +160,9 @@ def _download(chosen: DataSet, file: RemoteFile) -> Path:
         return Path(pooch.retrieve(url, known_hash=known, path=place, progressbar=False))
     except (requests.RequestException, OSError, ValueError) as error:
         raise InputError(
-            f"{chosen.name}: cannot download {url} ({error}). Check the connection, or name a folder that "
-            "holds the files in MRDAMPER_DATA"
+            place=chosen.name,
+            found=f"cannot download {url} ({error})",
+            remedy="Check the connection, or name a folder that holds the files in MRDAMPER_DATA",
         ) from error
 
 
@@ -167,8 +170,11 @@ def _check(chosen: DataSet, file: RemoteFile, source: Path) -> None:
     found = _sha256(source)
     if found != file.sha256:
         raise InputError(
-            f"{source}: is not {file.name} of {chosen.name} at {chosen.commit[:8]}: SHA-256 {found[:12]}..., "
-            f"expected {file.sha256[:12]}.... Delete it and fetch again"
+            place=source,
+            found=(
+                f"is not {file.name} of {chosen.name} at {chosen.commit[:8]}: SHA-256 {found[:12]}..., "
+                f"expected {file.sha256[:12]}.... Delete it and fetch again"
+            ),
         )
 
 

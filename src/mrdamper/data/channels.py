@@ -92,19 +92,29 @@ class Channel(ChannelTable):
         quantity = find_quantity(self.role)
         given = [key for key in ("name", "pattern", "index") if getattr(self, key) is not None]
         if len(given) > 1:
-            raise InputError(f"channel.{self.role}: {' and '.join(given)} are given; give one of them")
+            raise InputError(
+                place=f"channel.{self.role}", found=f"{' and '.join(given)} are given; give one of them"
+            )
         if self.sign not in {1, -1}:
-            raise InputError(f"channel.{self.role}: sign is {self.sign}; expected 1 or -1")
+            raise InputError(place=f"channel.{self.role}", found=f"sign is {self.sign}", expected="1 or -1")
         if self.gain is not None and not (math.isfinite(self.gain) and self.gain != 0.0):
-            raise InputError(f"channel.{self.role}: gain is {self.gain}; expected a finite number, not zero")
+            raise InputError(
+                place=f"channel.{self.role}",
+                found=f"gain is {self.gain}",
+                expected="a finite number, not zero",
+            )
         if self.gain is not None and self.unit and spell_unit(self.unit, self.role) != quantity.unit:
             try:
                 to_si(0.0, self.unit, self.role)
             except InputError:
                 return
             raise InputError(
-                f"channel.{self.role}: a gain stands beside {self.unit!r}, which is a unit of {self.role} "
-                f"already; a gain leads to {quantity.unit}. Leave it out, or give unit {quantity.unit!r}"
+                place=f"channel.{self.role}",
+                found=(
+                    f"a gain stands beside {self.unit!r}, which is a unit of {self.role} already; a gain "
+                    f"leads to {quantity.unit}"
+                ),
+                remedy=f"Leave it out, or give unit {quantity.unit!r}",
             )
 
     def find(self, names: Sequence[str], place: str) -> int | None:
@@ -113,7 +123,7 @@ class Channel(ChannelTable):
         if self.index is not None:
             if not 1 <= self.index <= len(names):
                 raise InputError(
-                    f"{where}: index is {self.index}; expected 1 to {len(names)}, counted from 1"
+                    place=where, found=f"index is {self.index}", expected=f"1 to {len(names)}, counted from 1"
                 )
             return self.index - 1
         wanted = self.name if self.name is not None else self.pattern
@@ -124,9 +134,16 @@ class Channel(ChannelTable):
         else:
             found = [k for k, name in enumerate(names) if fnmatchcase(name, wanted)]
         if len(found) > 1:
-            raise InputError(f"{where}: {wanted!r} is {len(found)} columns; expected one. Give its index")
+            raise InputError(
+                place=where,
+                found=f"{wanted!r} is {len(found)} columns",
+                expected="one",
+                remedy="Give its index",
+            )
         if not found:
-            raise InputError(f"{where}: no column {wanted!r}; {did_you_mean(wanted, map(repr, names))}")
+            raise InputError(
+                place=where, found=f"no column {wanted!r}; {did_you_mean(wanted, map(repr, names))}"
+            )
         return found[0]
 
     def to_si(self, raw: FloatArray, header_unit: str, place: str) -> FloatArray:
@@ -135,9 +152,12 @@ class Channel(ChannelTable):
         if not unit:
             choices = ", ".join(QUANTITIES[self.role].units)
             raise InputError(
-                f"{place}: {self.role} has no unit; expected one in the header (such as {self.role}_"
-                f"{QUANTITIES[self.role].unit}), or `unit` at [channel.{self.role}] in a channel map "
-                f"(⟦--channels FILE⟧): {choices}"
+                place=place,
+                found=f"{self.role} has no unit",
+                expected=(
+                    f"one in the header (such as {self.role}_{QUANTITIES[self.role].unit}), or `unit` at "
+                    f"[channel.{self.role}] in a channel map (⟦--channels FILE⟧): {choices}"
+                ),
             )
         if self.gain is not None:
             with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused by its size
@@ -146,7 +166,7 @@ class Channel(ChannelTable):
             values = to_si(raw, unit, self.role)
         except InputError as error:
             hint = "" if self.unit else f". Give [channel.{self.role}] in the channel map"
-            raise InputError(f"{place}: {error}{hint}") from error
+            raise InputError(place=place, found=f"{error}{hint}") from error
         return values if self.sign == 1 and self.offset == 0.0 else self.sign * (values + self.offset)
 
 
@@ -217,13 +237,15 @@ class ChannelMap:
                 try:
                     channels[role.name] = Channel(role.name, **values)
                 except InputError as error:
-                    raise InputError(f"{place}: {error}") from error
+                    raise InputError(place=place, found=f"{error}") from error
         constant, rate = {}, None
         for key, value in document.constant.items():
             if key == "rate_Hz":
                 rate = value
                 if not rate > 0.0:
-                    raise InputError(f"{place}: constant.{key} is {rate:g}; expected a positive number")
+                    raise InputError(
+                        place=place, found=f"constant.{key} is {rate:g}", expected="a positive number"
+                    )
                 continue
             role_of, unit = _quantity_unit(key, f"{place}: constant", (*_COMMANDS, "temperature"))
             constant[role_of] = _to_si(value, unit, role_of, f"{place}: constant.{key}")
@@ -314,22 +336,26 @@ def _segments(table: Mapping[str, Any], place: str) -> Segments:
     where = f"{place}: segments"
     split = table.get("split")
     if not isinstance(split, str) or not split:
-        raise InputError(f"{where}.split is {split!r}; expected the text that begins a new test ('Resume')")
+        raise InputError(
+            found=f"{where}.split is {split!r}", expected="the text that begins a new test ('Resume')"
+        )
     lists = [key for key in table if key != "split"]
     if len(lists) != 1:
         found = ", ".join(lists) or "no command"
-        raise InputError(f"{where}: {found}; expected one list, current_A or voltage_V")
+        raise InputError(place=where, found=found, expected="one list, current_A or voltage_V")
     role, unit = _quantity_unit(lists[0], where, _COMMANDS)
     values = table[lists[0]]
     if not isinstance(values, list) or not values:
-        raise InputError(f"{where}.{lists[0]} is {values!r}; expected a list with the command of each test")
+        raise InputError(
+            found=f"{where}.{lists[0]} is {values!r}", expected="a list with the command of each test"
+        )
     numbers = (_number(value, f"{where}.{lists[0]}") for value in values)
     return Segments(split, role, tuple(_to_si(number, unit, role, where) for number in numbers))
 
 
 def _number(value: object, where: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise InputError(f"{where} is {value!r}; expected a finite number")
+        raise InputError(found=f"{where} is {value!r}", expected="a finite number")
     return float(value)
 
 
@@ -337,4 +363,4 @@ def _to_si(value: float, unit: str, role: str, where: str) -> float:
     try:
         return float(to_si(value, unit, role))
     except InputError as error:
-        raise InputError(f"{where}: {error}") from error
+        raise InputError(place=where, found=f"{error}") from error

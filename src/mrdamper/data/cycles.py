@@ -149,7 +149,7 @@ class CycleCounter:
         longest_cycle: int = LONGEST_CYCLE,
     ) -> None:
         if least_stroke_m is not None and not 0.0 < least_stroke_m < math.inf:
-            raise InputError(f"least stroke: {least_stroke_m:g} m; expected more than 0")
+            raise InputError(place="least stroke", found=f"{least_stroke_m:g} m", expected="more than 0")
         self._name = name
         self._given, self._longest = least_stroke_m, longest_cycle
         self.least_stroke_m: float | None = None  # None until the head is read
@@ -189,8 +189,12 @@ class CycleCounter:
         left = self._begin() if self._head else CycleFigures.joined([])
         if self.step_s is None:
             raise InputError(
-                f"{self._name}: none of its {self.rows} rows follows on another; expected time that "
-                "increases, and numbers of a possible size in displacement, force and command (their units?)"
+                place=self._name,
+                found=f"none of its {self.rows} rows follows on another",
+                expected=(
+                    "time that increases, and numbers of a possible size in displacement, force and command "
+                    "(their units?)"
+                ),
             )
         return left
 

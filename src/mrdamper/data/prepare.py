@@ -52,20 +52,22 @@ class Preparation:
 
     def __post_init__(self) -> None:
         if self.cutoff_Hz is not None and not self.cutoff_Hz > 0.0:
-            raise InputError(f"cutoff_Hz is {self.cutoff_Hz}; expected a positive number")
+            raise InputError(found=f"cutoff_Hz is {self.cutoff_Hz}", expected="a positive number")
         if self.dead_band_m is not None and not 0.0 <= self.dead_band_m < math.inf:
-            raise InputError(f"dead_band_m is {self.dead_band_m}; expected zero or more")
+            raise InputError(found=f"dead_band_m is {self.dead_band_m}", expected="zero or more")
         for name, known in (
             ("reference", ("start", "mean", "none")),
             ("velocity", ("displacement", "channel")),
         ):
             if getattr(self, name) not in known:
                 choices = ", ".join(known)
-                raise InputError(f"{name} is {getattr(self, name)!r}; expected one of: {choices}")
+                raise InputError(found=f"{name} is {getattr(self, name)!r}", expected=f"one of: {choices}")
         if not 0.0 <= self.thermocouple_lag_s < math.inf:
-            raise InputError(f"thermocouple_lag_s is {self.thermocouple_lag_s}; expected zero or more")
+            raise InputError(
+                found=f"thermocouple_lag_s is {self.thermocouple_lag_s}", expected="zero or more"
+            )
         if not math.isfinite(self.force_offset_N):
-            raise InputError(f"force_offset_N is {self.force_offset_N}; expected a number")
+            raise InputError(found=f"force_offset_N is {self.force_offset_N}", expected="a number")
 
     def to_dict(self) -> dict[str, float | str | None]:
         """Return the fields as JSON takes them (no smoothing is the text "none")."""
@@ -99,13 +101,18 @@ class PreparedRun:
         object.__setattr__(self, "force", read_only(self.force))
         if self.force.shape != self.trajectory.displacement.shape:
             raise InputError(
-                f"{self.run.name}: force has shape {self.force.shape} and the trajectory "
-                f"{self.trajectory.displacement.shape}; expected the same"
+                place=self.run.name,
+                found=(
+                    f"force has shape {self.force.shape} and the trajectory "
+                    f"{self.trajectory.displacement.shape}"
+                ),
+                expected="the same",
             )
         if not 0 <= self.scored_from < len(self.force):
             raise InputError(
-                f"{self.run.name}: scored from sample {self.scored_from} of {len(self.force)}; "
-                "expected a sample of the run"
+                place=self.run.name,
+                found=f"scored from sample {self.scored_from} of {len(self.force)}",
+                expected="a sample of the run",
             )
 
     def __len__(self) -> int:
@@ -184,8 +191,9 @@ def prepare_run(run: RigRun, preparation: Preparation | None = None) -> Prepared
     spectrum = measure_spectrum(displacement, step)
     if float(np.std(displacement)) < _MOVES * spectrum.noise:
         raise InputError(
-            f"{run.name}: displacement keeps still but for noise of {spectrum.noise:.2g} m rms; expected a "
-            f"motion far above it. {WITHOUT_MOTION}"
+            place=run.name,
+            found=f"displacement keeps still but for noise of {spectrum.noise:.2g} m rms",
+            expected=f"a motion far above it. {WITHOUT_MOTION}",
         )
     spacing = knot_spacing(step, chosen.cutoff_Hz or spectrum.cut_off())
     cutoff = 0.5 / (spacing * step)
@@ -228,7 +236,7 @@ def decimate(prepared: PreparedRun, rate_Hz: float) -> PreparedRun:
     noise that folds back is noise of the same size on each sample.
     """
     if not rate_Hz > 0.0:
-        raise InputError(f"decimate: rate is {rate_Hz} Hz; expected a positive number")
+        raise InputError(place="decimate", found=f"rate is {rate_Hz} Hz", expected="a positive number")
     path = prepared.trajectory
     factor = int(path.rate_Hz / rate_Hz * (1.0 + 1e-9))
     if factor <= 1:
@@ -278,13 +286,22 @@ def _rows_and_grid(run: RigRun) -> tuple[Batch, Grid, float, bool]:
 
 def _check_velocity(run: RigRun, measured: FloatArray | None, derived: FloatArray) -> None:
     if measured is None:
-        raise InputError(f"{run.name}: no velocity channel; expected one. Derive it from the displacement")
+        raise InputError(
+            place=run.name,
+            found="no velocity channel",
+            expected="one",
+            remedy="Derive it from the displacement",
+        )
     differs = float(np.std(measured - derived) / np.std(derived))
     if not differs < _AGREE:
         raise InputError(
-            f"{run.name}: the velocity channel differs from the displacement's rate by "
-            f"{100 * differs:.3g} % of its rms; expected less than {100 * _AGREE:g} %. "
-            "Check its unit, sign and delay in the channel map"
+            place=run.name,
+            found=(
+                f"the velocity channel differs from the displacement's rate by {100 * differs:.3g} % of its "
+                "rms"
+            ),
+            expected=f"less than {100 * _AGREE:g} %",
+            remedy="Check its unit, sign and delay in the channel map",
         )
 
 
@@ -293,8 +310,14 @@ def _check_sign(run: RigRun, force: FloatArray, velocity: FloatArray) -> None:
     spread = float(np.std(force) * np.std(velocity))
     if power < _AGAINST * spread:
         raise InputError(
-            f"{run.name}: force and velocity have opposite signs (correlation {power / spread:.2f}), as if "
-            "the damper gave power; expected extension positive and a force that resists extension positive. "
-            "If the load cell or the sensor counts the other way, put `sign = -1` at [channel.force] in the "
-            "channel map"
+            place=run.name,
+            found=(
+                f"force and velocity have opposite signs (correlation {power / spread:.2f}), as if the "
+                "damper gave power"
+            ),
+            expected="extension positive and a force that resists extension positive",
+            remedy=(
+                "If the load cell or the sensor counts the other way, put `sign = -1` at [channel.force] in "
+                "the channel map"
+            ),
         )

@@ -121,7 +121,7 @@ def read_file(path: PathLike, channels: ChannelMap | PathLike | None = None) -> 
     """
     file = Path(path)
     if is_folder(file):
-        raise InputError(f"{file}: is a folder; expected a file (read_runs takes folders)")
+        raise InputError(place=file, found="is a folder", expected="a file (read_runs takes folders)")
     chosen = load_map(map_beside(file) if channels is None else channels)
     return runs_in(read_table(file, chosen.file), chosen, file)
 
@@ -211,23 +211,25 @@ def find_files(paths: Sequence[PathLike]) -> list[Path]:
     suffixes = {suffix for known in FORMATS for suffix in known.suffixes}
     files: dict[Path, None] = {}
     if not paths:
-        raise InputError("no paths given; expected files, folders or patterns")
+        raise InputError(found="no paths given", expected="files, folders or patterns")
     for given in paths:
         path = Path(given)
         if is_folder(path):
             inside = sorted(file for file in path.iterdir() if file.suffix.lower() in suffixes)
             inside = [file for file in inside if file.is_file()]
             if not inside:
-                raise InputError(f"{path}: no runs in this folder; expected {', '.join(sorted(suffixes))}")
+                raise InputError(
+                    place=path, found="no runs in this folder", expected=", ".join(sorted(suffixes))
+                )
         elif is_there(path):
             inside = [path]
         elif glob.has_magic(str(given)):
             inside = sorted(Path(name) for name in glob.glob(str(given), recursive=True))  # noqa: PTH207
             inside = [file for file in inside if file.is_file()]
             if not inside:
-                raise InputError(f"{given}: the pattern matches no file")
+                raise InputError(place=given, found="the pattern matches no file")
         else:
-            raise InputError(f"{path}: {_why_absent(path)}")
+            raise InputError(place=path, found=_why_absent(path))
         files |= dict.fromkeys(inside)
     return list(files)
 
@@ -249,8 +251,10 @@ def _find_channels(table: Table, chosen: ChannelMap, place: str) -> tuple[_Chann
         values = table.columns[column.name]
         if not len(values):
             raise InputError(
-                f"{place}: column {column.name!r} ({column.role}) holds no sample; expected numbers. The "
-                "file may be cut off: copy it again"
+                place=place,
+                found=f"column {column.name!r} ({column.role}) holds no sample",
+                expected="numbers",
+                remedy="The file may be cut off: copy it again",
             )
         found[column.role] = chosen.channel(column.role).to_si(values, column.unit, place)
     return _Channels(**found), columns
@@ -271,8 +275,11 @@ def find_columns(table: Table, chosen: ChannelMap, place: str) -> tuple[Column, 
         column = _column_of(table, channel, said.get(role, ()), place)
         if column is None and role in chosen.channels:
             raise InputError(
-                f"{place}: neither channel.{role} nor a header names a column; the columns are: "
-                f"{_listed(table.names)}"
+                place=place,
+                found=(
+                    f"neither channel.{role} nor a header names a column; the columns are: "
+                    f"{_listed(table.names)}"
+                ),
             )
         if column is not None:
             columns.append(Column(role, column.name, channel.unit or column.unit))
@@ -280,9 +287,12 @@ def find_columns(table: Table, chosen: ChannelMap, place: str) -> tuple[Column, 
         if role not in {column.role for column in columns}:
             _require_no_text(role, table, place)
             raise InputError(
-                f"{place}: no {role} column; the columns are: {_listed(table.names)}. Expected a header such "
-                f"as {role}_{QUANTITIES[role].unit}, or [channel.{role}] in a channel map (⟦--channels FILE⟧)"
-                f"{_perhaps([role], table)}"
+                place=place,
+                found=(
+                    f"no {role} column; the columns are: {_listed(table.names)}. Expected a header such as "
+                    f"{role}_{QUANTITIES[role].unit}, or [channel.{role}] in a channel map (⟦--channels "
+                    f"FILE⟧){_perhaps([role], table)}"
+                ),
             )
     _require_one_clock(table, columns, place)
     return tuple(columns)
@@ -295,8 +305,10 @@ def _require_no_text(role: str, table: Table, place: str) -> None:
         if header is not None and header[0] == role:
             cell = next((cell for cell in cells if cell), "")
             raise InputError(
-                f"{place}: column {name!r} ({role}) holds text, such as {cell[:40]!r}; expected numbers, "
-                "without units or separators of thousands in the cells. Export the file again"
+                place=place,
+                found=f"column {name!r} ({role}) holds text, such as {cell[:40]!r}",
+                expected="numbers, without units or separators of thousands in the cells",
+                remedy="Export the file again",
             )
 
 
@@ -312,9 +324,13 @@ def _require_one_clock(table: Table, columns: Sequence[Column], place: str) -> N
     if len({table.clocks[column.name] for column in columns if column.name in table.clocks}) > 1:
         which = ", ".join(f"{column.role} {column.name!r}" for column in columns)
         raise InputError(
-            f"{place}: the channels ({which}) have clocks of their own; expected one for all. Name a group "
-            "that holds all of them at [file] part in the channel map, or write the file again with one "
-            "raster"
+            place=place,
+            found=f"the channels ({which}) have clocks of their own",
+            expected="one for all",
+            remedy=(
+                "Name a group that holds all of them at [file] part in the channel map, or write the file "
+                "again with one raster"
+            ),
         )
 
 
@@ -325,9 +341,13 @@ def _column_of(table: Table, channel: Channel, said: Sequence[Column], place: st
     if position is not None:
         name = table.names[position]
         if name in table.texts:
-            raise InputError(f"{place}: channel.{role}: column {name!r} holds text; expected numbers")
+            raise InputError(
+                place=place, found=f"channel.{role}: column {name!r} holds text", expected="numbers"
+            )
         if name in table.stamps and role != "time":
-            raise InputError(f"{place}: channel.{role}: column {name!r} holds times; expected numbers")
+            raise InputError(
+                place=place, found=f"channel.{role}: column {name!r} holds times", expected="numbers"
+            )
         return next(
             (column for column in said if column.name == name),
             Column(role, name, table.units.get(name, "") or unit_in_brackets(name)),
@@ -340,8 +360,10 @@ def _column_of(table: Table, channel: Channel, said: Sequence[Column], place: st
     if len(left) > 1:
         columns = ", ".join(repr(column.name) for column in left)
         raise InputError(
-            f"{place}: columns {columns} all hold {role}; expected one. Name it at [channel.{role}] in "
-            "the channel map"
+            place=place,
+            found=f"columns {columns} all hold {role}",
+            expected="one",
+            remedy=f"Name it at [channel.{role}] in the channel map",
         )
     return left[0] if left else None
 
@@ -358,8 +380,10 @@ def _unit(table: Table, name: str, header: tuple[str, str], place: str) -> str:
     units = [word for word in (of_header, stated) if is_unit(word)]
     if len(units) == 2:
         raise InputError(
-            f"{place}: column {name!r} states {stated!r} as its unit beside the name; expected one and the "
-            "same. Correct the file"
+            place=place,
+            found=f"column {name!r} states {stated!r} as its unit beside the name",
+            expected="one and the same",
+            remedy="Correct the file",
         )
     return units[0] if units else of_header
 
@@ -386,9 +410,12 @@ def sampling_step(table: Table, chosen: ChannelMap, place: str) -> float:
     if step is None:
         _require_no_text("time", table, place)
         raise InputError(
-            f"{place}: no time column; the columns are: {_listed(table.names)}. Expected a header such as "
-            "time_s, [channel.time] in a channel map (⟦--channels FILE⟧), or rate_Hz at its [constant]"
-            f"{_perhaps(['time'], table)}"
+            place=place,
+            found=(
+                f"no time column; the columns are: {_listed(table.names)}. Expected a header such as time_s, "
+                "[channel.time] in a channel map (⟦--channels FILE⟧), or rate_Hz at its "
+                f"[constant]{_perhaps(['time'], table)}"
+            ),
         )
     return step
 
@@ -408,8 +435,13 @@ def _split(table: Table, chosen: ChannelMap, samples: int, place: str) -> list[t
     edges = [0, *sorted(begins), samples]
     if len(edges) - 1 != len(commands):
         raise InputError(
-            f"{place}: {split!r} splits the file into {len(edges) - 1} tests and [segments] of the channel "
-            f"map gives {len(commands)} commands; expected as many. Check the events and the list"
+            place=place,
+            found=(
+                f"{split!r} splits the file into {len(edges) - 1} tests and [segments] of the channel map "
+                f"gives {len(commands)} commands"
+            ),
+            expected="as many",
+            remedy="Check the events and the list",
         )
     unit = COMMAND_UNITS[chosen.segments.role]
     return [
@@ -431,7 +463,9 @@ def command_role(columns: Iterable[Column], chosen: ChannelMap, table: Table, pl
     measured = {column.role for column in columns}
     for role in COMMAND_UNITS:
         if role in chosen.constant and role in measured:
-            raise InputError(f"{place}: {role} is a column and a constant of the channel map; leave one out")
+            raise InputError(
+                place=place, found=f"{role} is a column and a constant of the channel map; leave one out"
+            )
     for known in (measured, chosen.constant):
         for role in COMMAND_UNITS:
             if role in known:
@@ -439,8 +473,12 @@ def command_role(columns: Iterable[Column], chosen: ChannelMap, table: Table, pl
     for role in COMMAND_UNITS:
         _require_no_text(role, table, place)
     raise InputError(
-        f"{place}: no current or voltage; expected a column such as current_A or voltage_V, or the same at "
-        f"[constant] in a channel map (⟦--channels FILE⟧){_perhaps(COMMAND_UNITS, table)}"
+        place=place,
+        found="no current or voltage",
+        expected=(
+            "a column such as current_A or voltage_V, or the same at [constant] in a channel map "
+            f"(⟦--channels FILE⟧){_perhaps(COMMAND_UNITS, table)}"
+        ),
     )
 
 

@@ -92,11 +92,14 @@ def read_rheometer(path: str | Path) -> RheometerTable:
     found = ", ".join(map(repr, table.names))
     for what, needed in _needed(headers):
         if needed not in headers:
-            raise InputError(f"{place}: {what} but no {needed} among {found}; expected {_offer(needed)}")
+            raise InputError(
+                place=place, found=f"{what} but no {needed} among {found}", expected=_offer(needed)
+            )
     if not {"viscosity", "yield stress"} & headers.keys():
         raise InputError(
-            f"{place}: neither viscosity nor yield stress among {found}; expected {_offer('viscosity')}, or "
-            f"{_offer('yield stress')} with {_offer('field')}"
+            place=place,
+            found=f"neither viscosity nor yield stress among {found}",
+            expected=f"{_offer('viscosity')}, or {_offer('yield stress')} with {_offer('field')}",
         )
     columns = _columns(table, headers, place)
     notes = [f"{place}: column {name!r} is not used" for name in table.names if name not in headers.values()]
@@ -133,12 +136,12 @@ def _columns(table: Table, headers: Mapping[str, str], place: str) -> _Columns:
         if header is None:
             return None, ""
         if header not in table.columns:
-            raise InputError(f"{place}: column {header!r} holds text; expected numbers")
+            raise InputError(place=place, found=f"column {header!r} holds text", expected="numbers")
         return _to_si(table.columns[header], what, header, place)
 
     temperature, _ = column("temperature")
     if temperature is None:  # _needed has asked for it
-        raise InputError(f"{place}: no temperature; expected {_offer('temperature')}")
+        raise InputError(place=place, found="no temperature", expected=_offer("temperature"))
     _require_plausible(temperature, headers["temperature"], place)
     field, unit = column("field")
     return _Columns(temperature, column("viscosity")[0], column("yield stress")[0], field, unit)
@@ -160,13 +163,15 @@ def _find_column(what: str, names: Sequence[str], place: str) -> str | None:
     good = [name for name, unit in named if _factor(what, unit) is not None]
     if len(good) > 1:
         raise InputError(
-            f"{place}: {len(good)} columns hold the {what}: {', '.join(map(repr, good))}; expected one. Give "
-            "each its own table"
+            place=place,
+            found=f"{len(good)} columns hold the {what}: {', '.join(map(repr, good))}",
+            expected="one",
+            remedy="Give each its own table",
         )
     if named and not good:
         name, unit = named[0]
         said = f"unit {unit!r} in {name!r} is not a unit of {what}" if unit else f"{name!r} has no unit"
-        raise InputError(f"{place}: {said}; expected {_offer(what)}")
+        raise InputError(place=place, found=said, expected=_offer(what))
     return good[0] if good else None
 
 
@@ -199,7 +204,7 @@ def _to_si(raw: FloatArray, what: str, header: str, place: str) -> tuple[FloatAr
         return to_si(raw, unit, "temperature"), "K"
     factor = _factor(what, unit)
     if factor is None:
-        raise InputError(f"{place}: {header!r} has no unit of {what}; expected {_offer(what)}")
+        raise InputError(place=place, found=f"{header!r} has no unit of {what}", expected=_offer(what))
     return raw * factor[0], factor[1]
 
 
@@ -208,8 +213,10 @@ def _require_plausible(kelvin: FloatArray, header: str, place: str) -> None:
     bad = np.isfinite(kelvin) & ~((kelvin >= low) & (kelvin <= high))
     if bad.any():
         raise InputError(
-            f"{place}: {header!r} holds {kelvin[bad][0]:g} K ({np.count_nonzero(bad)} such rows); expected "
-            f"{low:g} to {high:g} K. Check the unit in the header"
+            place=place,
+            found=f"{header!r} holds {kelvin[bad][0]:g} K ({np.count_nonzero(bad)} such rows)",
+            expected=f"{low:g} to {high:g} K",
+            remedy="Check the unit in the header",
         )
 
 
@@ -228,5 +235,5 @@ def _whole_rows(columns: Sequence[FloatArray], what: str, place: str) -> list[Fl
     """Return the rows of columns that have every cell."""
     whole = np.all([np.isfinite(column) for column in columns], axis=0)
     if not whole.any():
-        raise InputError(f"{place}: no row has every cell that a {what} law needs; fill them in")
+        raise InputError(place=place, found=f"no row has every cell that a {what} law needs; fill them in")
     return [column[whole] for column in columns]

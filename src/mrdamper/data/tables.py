@@ -97,9 +97,10 @@ def open_rows(path: Path, options: FileOptions | None = None) -> Rows:
         _with_numbers(table, path, table.rows)
     if table.read_rows is None and table.rows > _MOST_WHOLE:
         raise InputError(
-            f"{path}: a {table.layout.format} of {table.rows:.3g} rows is read whole; expected at most "
-            f"{_MOST_WHOLE:.0e} rows in this format. Export it as Parquet, HDF5 or CSV, which are read in "
-            "parts"
+            place=path,
+            found=f"a {table.layout.format} of {table.rows:.3g} rows is read whole",
+            expected=f"at most {_MOST_WHOLE:.0e} rows in this format",
+            remedy="Export it as Parquet, HDF5 or CSV, which are read in parts",
         )
 
     def read(names: Sequence[str], start: int, count: int) -> Iterator[list[FloatArray]]:
@@ -111,7 +112,11 @@ def open_rows(path: Path, options: FileOptions | None = None) -> Rows:
                 else:
                     part = [column[row : row + count] for column in whole or ()]
             if len({len(column) for column in part}) > 1:
-                raise InputError(f"{path}: the columns differ in length; expected one value of each per row")
+                raise InputError(
+                    place=path,
+                    found="the columns differ in length",
+                    expected="one value of each per row",
+                )
             if not len(part[0]):
                 return
             yield part
@@ -125,9 +130,13 @@ def require_memory(path: Path, rows: int, how: str = "") -> None:
     most = memory // _BYTES_OF_ROW
     if rows > most:
         raise InputError(
-            f"{path}: has {how}{rows:,} rows, too many for memory at once; expected at most {most:,} in "
-            f"{memory / 1e9:.3g} GB. Count its cycles with: ⟦mrdamper cycles⟧ (with ⟦--model CARD⟧ a card "
-            "goes along), which reads it in parts; or cut the file"
+            place=path,
+            found=f"has {how}{rows:,} rows, too many for memory at once",
+            expected=f"at most {most:,} in {memory / 1e9:.3g} GB",
+            remedy=(
+                "Count its cycles with: ⟦mrdamper cycles⟧ (with ⟦--model CARD⟧ a card goes along), which "
+                "reads it in parts; or cut the file"
+            ),
         )
 
 
@@ -154,33 +163,35 @@ def _reading(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise InputError(f"{path}: cannot read the file ({error.strerror})") from error
+        raise InputError(place=path, found=f"cannot read the file ({error.strerror})") from error
     except MemoryError as error:
-        raise InputError(f"{path}: needs more memory than there is; split the file") from error
+        raise InputError(place=path, found="needs more memory than there is; split the file") from error
 
 
 def _with_numbers(table: Table, path: Path, rows: int) -> Table:
     if not table.columns or rows < 2:
-        raise InputError(f"{path}: no columns of numbers found; expected a header and rows of numbers")
+        raise InputError(
+            place=path, found="no columns of numbers found", expected="a header and rows of numbers"
+        )
     return table
 
 
 def _recognised(path: Path) -> Format:
     if require_file(path) == 0:
-        raise InputError(f"{path}: the file is empty; expected columns of numbers")
+        raise InputError(place=path, found="the file is empty", expected="columns of numbers")
     with path.open("rb") as stream:
         head = stream.read(4096)
     if not head.strip() and len(head) < 4096:
-        raise InputError(f"{path}: the file is empty; expected columns of numbers")
+        raise InputError(place=path, found="the file is empty", expected="columns of numbers")
     return _format_of(path, head[:512])
 
 
 def _format_of(path: Path, head: bytes) -> Format:
     for start, said in _OTHERS:
         if head.startswith(start):
-            raise InputError(f"{path}: is {said}")
+            raise InputError(place=path, found=f"is {said}")
     for known in FORMATS:
         if known.recognises(head):
             return known
     names = ", ".join(known.name for known in FORMATS)
-    raise InputError(f"{path}: not a format that is read here ({names}); export the run as CSV")
+    raise InputError(place=path, found=f"not a format that is read here ({names}); export the run as CSV")

@@ -106,7 +106,9 @@ def literal(value: float, precision: Precision) -> str:
         number = kind(value)
     if not np.isfinite(number):
         raise InputError(
-            f"export: a number of the tables is {value!r}; expected one that a {precision} holds"
+            place="export",
+            found=f"a number of the tables is {value!r}",
+            expected=f"one that a {precision} holds",
         )
     text = np.format_float_positional(number, unique=True, trim="0")
     if len(text) > 12:

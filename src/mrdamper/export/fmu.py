@@ -66,9 +66,11 @@ def write_fmu(
     """
     place = Path(path)
     if version not in FMI_VERSIONS:
-        raise InputError(f"FMI version is {version!r}; expected one of {', '.join(FMI_VERSIONS)}")
+        raise InputError(found=f"FMI version is {version!r}", expected=f"one of {', '.join(FMI_VERSIONS)}")
     if not is_folder(place.parent):
-        raise InputError(f"{place}: cannot write: there is no folder {place.parent}; choose another folder")
+        raise InputError(
+            place=place, found=f"cannot write: there is no folder {place.parent}; choose another folder"
+        )
     _check_verified(target, verification)
     content = {name: text.encode("utf-8") for name, text in fmu_files(target, version=version).items()}
     record = json.dumps(verification.as_json(), indent=2) + "\n"
@@ -155,14 +157,18 @@ def _check_verified(target: Target, verification: Verification) -> None:
     if not verification.passed:
         why = "; ".join(verification.problems) or "it did not pass"
         raise InputError(
-            f"{target.name}: the C source is not verified ({why}); expected a verification that passed. "
-            "Export with verification"
+            place=target.name,
+            found=f"the C source is not verified ({why})",
+            expected="a verification that passed",
+            remedy="Export with verification",
         )
     found = sources_sha256(c_files(target))
     if verification.sources_sha256 != found:
         raise InputError(
-            f"{target.name}: the verification holds for other sources ({verification.sources_sha256[:19]}); "
-            f"expected {found[:19]}. Verify this very target, with the same card, precision, step and name"
+            place=target.name,
+            found=f"the verification holds for other sources ({verification.sources_sha256[:19]})",
+            expected=found[:19],
+            remedy="Verify this very target, with the same card, precision, step and name",
         )
 
 
@@ -182,10 +188,10 @@ def _compiled(target: Target, version: FmiVersion, content: Mapping[str, bytes])
                 command, cwd=folder, capture_output=True, text=True, check=False, timeout=_COMPILE_s
             )
         except (OSError, subprocess.TimeoutExpired) as fault:
-            raise CheckError(f"FMU: {compiler[0]} cannot be run: {fault}") from fault
+            raise CheckError(place="FMU", found=f"{compiler[0]} cannot be run: {fault}") from fault
         if done.returncode != 0:
             said = next((line for line in done.stderr.splitlines() if "error" in line), done.stderr.strip())
-            raise CheckError(f"FMU: {' '.join(compiler)} does not take the sources: {said}")
+            raise CheckError(place="FMU", found=f"{' '.join(compiler)} does not take the sources: {said}")
         return (Path(folder) / f"{target.name}.so").read_bytes()
 
 
@@ -202,4 +208,6 @@ def _write_zip(place: Path, content: Mapping[str, bytes]) -> None:
         beside.replace(place)
     except OSError as fault:
         beside.unlink(missing_ok=True)
-        raise InputError(f"{place}: cannot write: {fault.strerror}; choose another folder") from fault
+        raise InputError(
+            place=place, found=f"cannot write: {fault.strerror}; choose another folder"
+        ) from fault

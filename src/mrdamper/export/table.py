@@ -92,8 +92,10 @@ def force_map(card: ModelCard) -> ForceMap:
     amplitude, fastest = max(map(abs, envelope.displacement)), max(map(abs, envelope.velocity))
     if not (amplitude > 0.0 and fastest > 0.0):
         raise InputError(
-            f"force map: the card's data cover {amplitude:g} m and {fastest:g} m/s; expected a motion. "
-            "Identify runs in which the damper moves"
+            place="force map",
+            found=f"the card's data cover {amplitude:g} m and {fastest:g} m/s",
+            expected="a motion",
+            remedy="Identify runs in which the damper moves",
         )
     shares = (np.arange(1, _SPEEDS + 1) / _SPEEDS) ** 1.5
     speeds = np.array([float(f"{fastest * share:.3g}") for share in shares[:-1]] + [fastest])

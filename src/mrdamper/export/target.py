@@ -128,7 +128,9 @@ def target_of(
     """
     for what, found, choices in (("content", content, CONTENTS), ("precision", precision, PRECISIONS)):
         if found not in choices:
-            raise InputError(f"export: {what} is {found!r}; expected one of {', '.join(choices)}")
+            raise InputError(
+                place="export", found=f"{what} is {found!r}", expected=f"one of {', '.join(choices)}"
+            )
     _check_name(name)
     _check_step(period_s)
     single, heating = precision == "float", heating or Heating.paper()
@@ -163,22 +165,25 @@ def card_fingerprint(card: ModelCard) -> str:
 def _check_name(name: str) -> None:
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
         raise InputError(
-            f"name is {name!r}; expected a C identifier (letters, digits and _, a letter first). Pass "
-            "another ⟦--name⟧, such as front_left"
+            found=f"name is {name!r}",
+            expected="a C identifier (letters, digits and _, a letter first)",
+            remedy="Pass another ⟦--name⟧, such as front_left",
         )
     if name.lower() in _C_WORDS or name.lower().startswith(_KERNEL_FILES):
         raise InputError(
-            f"name is {name!r}, which C or the kernel uses itself; expected a name of your own. Pass another "
-            "⟦--name⟧, such as front_left"
+            found=f"name is {name!r}, which C or the kernel uses itself",
+            expected="a name of your own",
+            remedy="Pass another ⟦--name⟧, such as front_left",
         )
     if len(name) > _LONGEST_NAME:
-        raise InputError(f"name has {len(name)} characters; expected at most {_LONGEST_NAME}")
+        raise InputError(found=f"name has {len(name)} characters", expected=f"at most {_LONGEST_NAME}")
 
 
 def _check_step(period_s: float) -> None:
     low, high = _STEPS_s
     if not low <= period_s <= high:
         raise InputError(
-            f"step is {1e3 * period_s:g} ms; expected {1e3 * low:g} to {1e3 * high:g} ms, for which the "
-            "motion filter is made. Use another ⟦--step⟧"
+            found=f"step is {1e3 * period_s:g} ms",
+            expected=f"{1e3 * low:g} to {1e3 * high:g} ms, for which the motion filter is made",
+            remedy="Use another ⟦--step⟧",
         )

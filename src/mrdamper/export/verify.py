@@ -122,9 +122,11 @@ def find_compiler() -> tuple[str, ...]:
         if command and shutil.which(command[0]):
             return tuple(command)
     raise InputError(
-        "there is no C compiler (looked for $CC, cc, gcc, clang); an export is compiled here and compared "
-        "with the model before it is written. Install gcc or clang, or use ⟦--no-verify⟧, which writes the C "
-        "folder unproved"
+        found=(
+            "there is no C compiler (looked for $CC, cc, gcc, clang); an export is compiled here and "
+            "compared with the model before it is written"
+        ),
+        remedy="Install gcc or clang, or use ⟦--no-verify⟧, which writes the C folder unproved",
     )
 
 
@@ -155,7 +157,9 @@ def replay(
     )
     done = _run([*map(str, program), str(given), str(got)], folder)
     if done.returncode != 0:
-        raise CheckError(f"verification: the compiled replay ended with {done.returncode}: {_first(done)}")
+        raise CheckError(
+            place="verification", found=f"the compiled replay ended with {done.returncode}: {_first(done)}"
+        )
     columns = got.read_text(encoding="ascii").partition("\n")[0].split(",")
     values = np.loadtxt(got, delimiter=",", skiprows=1, ndmin=2)
     return rounded(target, dict(zip(columns, values.T, strict=True)))
@@ -337,9 +341,13 @@ def _run(command: Sequence[str], place: Path) -> subprocess.CompletedProcess[str
             command, cwd=place, capture_output=True, text=True, check=False, env=plain, timeout=_LONGEST_s
         )
     except subprocess.TimeoutExpired as fault:
-        raise CheckError(f"verification: {shlex.join(command)} took more than {_LONGEST_s:g} s") from fault
+        raise CheckError(
+            place="verification", found=f"{shlex.join(command)} took more than {_LONGEST_s:g} s"
+        ) from fault
     except OSError as fault:
-        raise CheckError(f"verification: {command[0]} cannot be run: {fault.strerror}") from fault
+        raise CheckError(
+            place="verification", found=f"{command[0]} cannot be run: {fault.strerror}"
+        ) from fault
 
 
 def _first(done: subprocess.CompletedProcess[str]) -> str:

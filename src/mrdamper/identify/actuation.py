@@ -134,8 +134,9 @@ def _stepped_runs(still: Damper, runs: Sequence[PreparedRun]) -> list[tuple[Driv
             found.append((drive, run.force, windows))
     if not found:
         raise InputError(
-            "no run has a step of the command that moves the force; expected runs such as a triangle of "
-            "constant speed with the current stepped at mid-stroke. Without one the lags are unknown"
+            found="no run has a step of the command that moves the force",
+            expected="runs such as a triangle of constant speed with the current stepped at mid-stroke",
+            remedy="Without one the lags are unknown",
         )
     return found
 
@@ -155,7 +156,7 @@ def _search(
     best = tried[1] if tried[1].cost < tried[0].cost else tried[0]
     if not np.isfinite(best.cost):
         raise ConvergenceError(
-            "actuation: no finite error; check that current and force belong together in time"
+            place="actuation", found="no finite error; check that current and force belong together in time"
         )
     return best
 

@@ -165,7 +165,7 @@ def fit(  # noqa: PLR0913 - the options of a fit, by keyword
     if method not in METHODS:
         raise InputError(f"method is {method!r}; use one of: {', '.join(METHODS)}")
     if starts < 1:
-        raise InputError(f"starts is {starts}; expected 1 or more")
+        raise InputError(found=f"starts is {starts}", expected="1 or more")
     if temperature not in TEMPERATURES:
         raise InputError(f"temperature is {temperature!r}; use one of: {', '.join(TEMPERATURES)}")
     dataset = runs if isinstance(runs, Dataset) else Dataset(tuple(runs))

@@ -92,9 +92,12 @@ def _need_temperature(damper: Damper, runs: Sequence[PreparedRun]) -> None:
     if lacking:
         more = f" (and {len(lacking) - 1} more of {len(runs)} runs)" if len(lacking) > 1 else ""
         raise InputError(
-            f"{lacking[0]}{more}: has no temperature channel, and the model depends on temperature; expected "
-            "a column such as temperature_degC. Map the channel, or state it as a constant in the channel "
-            "map ([constant] temperature_degC = 20)"
+            found=f"{lacking[0]}{more}: has no temperature channel, and the model depends on temperature",
+            expected="a column such as temperature_degC",
+            remedy=(
+                "Map the channel, or state it as a constant in the channel map ([constant] temperature_degC "
+                "= 20)"
+            ),
         )
 
 

@@ -57,8 +57,9 @@ class FreeParameter:
     def __post_init__(self) -> None:
         if not self.lower < self.upper or (self.scale == "log" and not self.lower > 0.0):
             raise InputError(
-                f"free parameter {self.name}: bounds {self.lower:g} to {self.upper:g} on a {self.scale} "
-                "scale; expected lower < upper, and lower > 0 on a log scale"
+                place=f"free parameter {self.name}",
+                found=f"bounds {self.lower:g} to {self.upper:g} on a {self.scale} scale",
+                expected="lower < upper, and lower > 0 on a log scale",
             )
 
     def to_search(self, value: float | FloatArray) -> FloatArray:
@@ -128,7 +129,7 @@ class PreparedFit:
         """
         spread = float(np.std(run.force[run.scored_from :]))
         if not spread > 0.0:
-            raise InputError(f"{run.run.name}: the force does not change after the motion starts")
+            raise InputError(place=run.run.name, found="the force does not change after the motion starts")
         coarse = decimate(run, rate)
         trajectory, force, start = coarse.trajectory, coarse.force, coarse.scored_from
         longest = core.LONGEST_STEP

@@ -60,11 +60,14 @@ class Replay:
     ) -> None:
         if command_unit != damper.command_unit:
             raise InputError(
-                f"{name}: the command is in {command_unit}, the model's in {damper.command_unit}; "
-                "map the channel that the model was identified with"
+                place=name,
+                found=(
+                    f"the command is in {command_unit}, the model's in {damper.command_unit}; map the "
+                    "channel that the model was identified with"
+                ),
             )
         if damper.law.kernel is None:
-            raise InputError(f"{damper.law.name}: a law in Python runs whole, not in batches")
+            raise InputError(place=damper.law.name, found="a law in Python runs whole, not in batches")
         self.name = name
         self._damper, self._preparation, self._unit = damper, preparation, command_unit
         self._reference_temperature, self._head_rows = reference_temperature, head_rows
@@ -167,17 +170,25 @@ class Replay:
             if self._reference_temperature:
                 return REFERENCE_K
             raise InputError(
-                f"{self.name}: has no temperature channel, and the model depends on temperature; expected a "
-                "column such as temperature_degC. Map the channel, or state it as a constant in the channel "
-                "map ([constant] temperature_degC = 20)"
+                place=self.name,
+                found="has no temperature channel, and the model depends on temperature",
+                expected="a column such as temperature_degC",
+                remedy=(
+                    "Map the channel, or state it as a constant in the channel map ([constant] "
+                    "temperature_degC = 20)"
+                ),
             )
         known = known_temperature(head.temperature, np.nan)
         known = known[np.isfinite(known)]
         if not len(known):
             low, high = (QUANTITIES["temperature"].low, QUANTITIES["temperature"].high)
             raise InputError(
-                f"{self.name}: temperature is never a number of {low:g} to {high:g} K in its first "
-                f"{len(head)} rows; the model needs it. Check the sensor, and the column's unit"
+                place=self.name,
+                found=(
+                    f"temperature is never a number of {low:g} to {high:g} K in its first {len(head)} rows; "
+                    "the model needs it"
+                ),
+                remedy="Check the sensor, and the column's unit",
             )
         return float(known[0])
 
@@ -215,7 +226,7 @@ class Replay:
             try:
                 force, segment.state = simulate_batch(self._damper, path, segment.state)
             except InputError as error:
-                raise InputError(f"{self.name}: from row {segment.row_due} on: {error}") from error
+                raise InputError(place=self.name, found=f"from row {segment.row_due} on: {error}") from error
             segment.forces.append(force)
         self._answers += segment.answered(self._preparation.force_offset_N)
 

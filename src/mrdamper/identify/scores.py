@@ -56,15 +56,18 @@ def score_run(damper: Damper, prepared: PreparedRun, split: Split = "held_out") 
     run, path, start = prepared.run, prepared.trajectory, prepared.scored_from
     if run.command_unit != damper.command_unit:
         raise InputError(
-            f"{run.name}: the command is in {run.command_unit}, the model's in {damper.command_unit}; "
-            "map the channel that the model was identified with"
+            place=run.name,
+            found=(
+                f"the command is in {run.command_unit}, the model's in {damper.command_unit}; map the "
+                "channel that the model was identified with"
+            ),
         )
     force = simulate(damper, path)
     error = force - prepared.force
     spread = float(np.std(prepared.force[start:]))
     whole = float(np.std(prepared.force))
     if not spread > 0.0:
-        raise InputError(f"{run.name}: the force does not change after the motion starts")
+        raise InputError(place=run.name, found="the force does not change after the motion starts")
     count = len(force) - start
     if prepared.period_s:
         period = max(round(prepared.period_s / path.step), 1)

@@ -108,11 +108,16 @@ def apply_temperature(
     if len(levels) < needed:
         found = ", ".join(f"{level - ZERO_CELSIUS_K:.0f}" for level in levels)
         raise InputError(
-            f"the runs are at {len(levels)} temperature{'' if len(levels) == 1 else 's'} ({found} degC); "
-            f"how {', '.join(concerned)} of {law.name} change with temperature ({kind}) cannot be "
-            f"identified from them. Add the same tests at {needed} or more temperatures, at least 5 K apart "
-            "(20, 60 and 100 degC, say), take a fluid's laws by assumption (⟦--fluid⟧), or leave temperature "
-            "out (⟦--temperature none⟧)"
+            found=(
+                f"the runs are at {len(levels)} temperature{'' if len(levels) == 1 else 's'} ({found} degC); "
+                f"how {', '.join(concerned)} of {law.name} change with temperature ({kind}) cannot be "
+                "identified from them"
+            ),
+            remedy=(
+                f"Add the same tests at {needed} or more temperatures, at least 5 K apart (20, 60 and 100 "
+                "degC, say), take a fluid's laws by assumption (⟦--fluid⟧), or leave temperature out "
+                "(⟦--temperature none⟧)"
+            ),
         )
     span = max(1.0, *(abs(level - REFERENCE_K) for level in levels))
     steepest = _STEEPEST / span

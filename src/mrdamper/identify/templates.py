@@ -111,10 +111,15 @@ def template(
     if scale.levels < 2 and not one_command:
         follow = ", ".join(name for name, form, *_ in _entries(law, scale) if form != "constant")
         raise InputError(
-            f"all {len(runs)} training runs have one command ({runs[0].trajectory.command[0]:g} "
-            f"{runs[0].run.command_unit}); how {follow or 'the coefficients'} of {law.name} follow the "
-            "command cannot be identified from them. Add the same tests at two or more other commands, "
-            "or use ⟦--one-command⟧ for a model of this command alone"
+            found=(
+                f"all {len(runs)} training runs have one command ({runs[0].trajectory.command[0]:g} "
+                f"{runs[0].run.command_unit}); how {follow or 'the coefficients'} of {law.name} follow the "
+                "command cannot be identified from them"
+            ),
+            remedy=(
+                "Add the same tests at two or more other commands, or use ⟦--one-command⟧ for a model of "
+                "this command alone"
+            ),
         )
     follows_temperature = temperature != "none" and fluid is None and _has_temperature(runs, temperature)
     forms: dict[str, ParameterLaw] = {}
@@ -157,9 +162,12 @@ def _has_temperature(runs: Sequence[PreparedRun], temperature: Temperature) -> b
     without = [run.name for run in runs if run.trajectory.temperature is None]
     if without and (len(without) < len(runs) or temperature != "auto"):
         raise InputError(
-            f"{len(without)} of {len(runs)} runs have no temperature channel (the first: {without[0]}); "
-            "expected one in every run. Map the channel, state it as a constant in the channel map, or leave "
-            "temperature out (⟦--temperature none⟧)"
+            found=f"{len(without)} of {len(runs)} runs have no temperature channel (the first: {without[0]})",
+            expected="one in every run",
+            remedy=(
+                "Map the channel, state it as a constant in the channel map, or leave temperature out "
+                "(⟦--temperature none⟧)"
+            ),
         )
     return not without
 
@@ -304,7 +312,7 @@ def _entries_of_python_law(law: HysteresisLaw, s: Scale) -> list[Entry]:
     for c in law.coefficients:
         if not (np.isfinite(c.lower) and np.isfinite(c.upper)):
             raise InputError(
-                f"{law.name}: coefficient {c.name} needs finite lower and upper bounds to be fitted"
+                place=law.name, found=f"coefficient {c.name} needs finite lower and upper bounds to be fitted"
             )
         wide = c.lower > 0.0 and c.upper / c.lower > 50.0
         entries.append(

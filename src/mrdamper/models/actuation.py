@@ -47,7 +47,11 @@ class Actuation:
             if value is None and field.default is None:
                 continue
             if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value < math.inf:
-                raise InputError(f"actuation: {field.name} is {value!r}; expected a finite number, 0 or more")
+                raise InputError(
+                    place="actuation",
+                    found=f"{field.name} is {value!r}",
+                    expected="a finite number, 0 or more",
+                )
             object.__setattr__(self, field.name, float(value))
 
     def applied(self, command: FloatArray, step: float) -> FloatArray:
@@ -60,9 +64,11 @@ class Actuation:
     def response_time(self, share: float, start: float = 0.0, end: float = 1.0) -> float:
         """Return the time [s] from a step of the command to ``share`` of it at the law, the play left out."""
         if not 0.0 < share < 1.0:
-            raise InputError(f"response time: share is {share}; expected above 0 and below 1")
+            raise InputError(place="response time", found=f"share is {share}", expected="above 0 and below 1")
         if start == end:
-            raise InputError(f"response time: the step goes from {start} to {end}; expected two values")
+            raise InputError(
+                place="response time", found=f"the step goes from {start} to {end}", expected="two values"
+            )
         span = self.delay_s + 10.0 * (max(self.rise_s, self.fall_s) + self.second_s) + 1e-6
         step = span / 20_000
         command = np.full(20_001, float(end))

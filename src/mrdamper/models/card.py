@@ -56,7 +56,7 @@ class Evidence:
         for k, run in enumerate(self.runs):
             problem = _problem_of_run(run)
             if problem:
-                raise InputError(f"evidence.runs[{k}]: {problem}")
+                raise InputError(place=f"evidence.runs[{k}]", found=problem)
 
     def errors(self, split: str) -> dict[str, float | int | None]:
         """Return the number of runs of a split and their median and worst ``nrmse_percent``."""
@@ -88,8 +88,9 @@ class Excerpt:
         lengths = {name: len(getattr(self, name)) for name in _SIGNALS}
         if len(set(lengths.values())) != 1 or not 0 <= self.scored_from < len(self.force_N):
             raise InputError(
-                f"excerpt: lengths are {lengths} and scored_from is {self.scored_from}; expected "
-                f"equal lengths and one of the samples"
+                place="excerpt",
+                found=f"lengths are {lengths} and scored_from is {self.scored_from}",
+                expected="equal lengths and one of the samples",
             )
 
     def trajectory(self) -> Trajectory:
@@ -127,7 +128,9 @@ class ModelCard:
         parameters = (*self.damper.parameters, LAG)
         for name in self.standard_errors:
             if name not in parameters:
-                raise InputError(f"standard_errors: no parameter {name!r}; {did_you_mean(name, parameters)}")
+                raise InputError(
+                    place="standard_errors", found=f"no parameter {name!r}; {did_you_mean(name, parameters)}"
+                )
         if (self.damper.law.python is None) != (self.python_law is None):
             raise InputError(f"law {self.damper.law.name!r} and python_law {self.python_law!r} disagree")
         self.damper.check(self.envelope)
@@ -212,8 +215,11 @@ def verify_excerpt(card: ModelCard, simulate: Simulate) -> float:
     allowed = 1e-4 * max(map(abs, card.excerpt.force_N))
     if not abs(found - card.excerpt.rmse_N) <= allowed:
         raise InputError(
-            f"card {card.title!r}: its error on the excerpt of {card.excerpt.run} is {found:.6g} N, and it "
-            f"states {card.excerpt.rmse_N:.6g} N; its numbers were changed, or the simulation was"
+            place=f"card {card.title!r}",
+            found=(
+                f"its error on the excerpt of {card.excerpt.run} is {found:.6g} N, and it states "
+                f"{card.excerpt.rmse_N:.6g} N; its numbers were changed, or the simulation was"
+            ),
         )
     return found
 
@@ -244,7 +250,7 @@ def _freeze(value: Any, place: str, *, ordered: bool = False) -> Any:  # noqa: A
     if isinstance(value, Mapping):
         keys = list(value) if ordered else sorted(value, key=str)
         if not all(isinstance(key, str) for key in keys):
-            raise InputError(f"{place}: keys are {keys}; expected text")
+            raise InputError(place=place, found=f"keys are {keys}", expected="text")
         return MappingProxyType({key: _freeze(value[key], f"{place}.{key}") for key in keys})
     if isinstance(value, list | tuple):
         return tuple(_freeze(each, f"{place}[{k}]") for k, each in enumerate(value))
@@ -252,4 +258,6 @@ def _freeze(value: Any, place: str, *, ordered: bool = False) -> Any:  # noqa: A
         return _freeze(value.tolist(), place)
     if value is None or isinstance(value, str | bool) or _is_finite(value):
         return value
-    raise InputError(f"{place} is {value!r}; expected what JSON holds: text, finite numbers, lists, tables")
+    raise InputError(
+        found=f"{place} is {value!r}", expected="what JSON holds: text, finite numbers, lists, tables"
+    )

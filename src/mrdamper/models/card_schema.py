@@ -152,7 +152,9 @@ def write_card(card: ModelCard, path: str | Path) -> None:
         beside.replace(target)
     except OSError as fault:
         beside.unlink(missing_ok=True)
-        raise InputError(f"{target}: cannot write: {fault.strerror}; choose another folder") from fault
+        raise InputError(
+            place=target, found=f"cannot write: {fault.strerror}; choose another folder"
+        ) from fault
 
 
 def card_text(card: ModelCard) -> str:
@@ -263,11 +265,14 @@ def read_card(path: str | Path, *, python_law: HysteresisLaw | None = None) -> M
         document = json.loads(text, parse_constant=_refuse_constant, object_pairs_hook=_unique)
     except json.JSONDecodeError as fault:
         raise InputError(
-            f"{path}: line {fault.lineno}, column {fault.colno}: {fault.msg}; not a whole JSON file "
-            f"(cut off while copying?)"
+            place=path,
+            found=(
+                f"line {fault.lineno}, column {fault.colno}: {fault.msg}; not a whole JSON file (cut off "
+                "while copying?)"
+            ),
         ) from fault
     except (ValueError, RecursionError) as fault:
-        raise InputError(f"{path}: not a card: {fault}") from fault
+        raise InputError(place=path, found=f"not a card: {fault}") from fault
     return replace(card_from_json(document, str(path), python_law=python_law), file=str(path))
 
 
@@ -313,7 +318,7 @@ def card_from_json(
             python_law=record.python_law,
         )
     except InputError as fault:
-        raise InputError(f"{place}: {fault}") from fault
+        raise InputError(place=place, found=f"{fault}") from fault
 
 
 def _damper_of(law: HysteresisLaw, laws: Mapping[str, ParameterLaw], record: CardRecord) -> Damper:
@@ -339,18 +344,21 @@ def _law_of(record: CardRecord, place: str, python_law: HysteresisLaw | None) ->
     if record.python_law is None:
         if record.law not in LAWS:
             raise InputError(
-                f"{place}: law: there is no law {record.law!r}; {did_you_mean(record.law, LAWS)}"
+                place=place, found=f"law: there is no law {record.law!r}; {did_you_mean(record.law, LAWS)}"
             )
         return LAWS[record.law]
     if python_law is None:
         raise InputError(
-            f"{place}: python_law: law {record.law!r} is a user's own, and a card carries no code; "
-            f"pass python_law=load_python_law({record.python_law!r}) if you trust that file"
+            place=place,
+            found=(
+                f"python_law: law {record.law!r} is a user's own, and a card carries no code; pass "
+                f"python_law=load_python_law({record.python_law!r}) if you trust that file"
+            ),
         )
     if python_law.name != record.law:
         raise InputError(
-            f"{place}: python_law: the card needs the law {record.law!r}; the one passed is "
-            f"{python_law.name!r}"
+            place=place,
+            found=f"python_law: the card needs the law {record.law!r}; the one passed is {python_law.name!r}",
         )
     return python_law
 
@@ -385,12 +393,12 @@ def _checked_law(
         raise InputError(f"{law.name} has no such coefficient; {did_you_mean(name, law.names)}")
     unit = law[name].unit
     if coefficient.unit != unit:
-        raise InputError(f"unit is {coefficient.unit!r}; expected {unit!r}")
+        raise InputError(found=f"unit is {coefficient.unit!r}", expected=f"{unit!r}")
     made = parameter_law(coefficient)
     for parameter, expected in zip(made.parameter_names, made.units(unit, command_unit), strict=True):
         found = coefficient.numbers[parameter].unit
         if found != expected:
-            raise InputError(f"numbers.{parameter}.unit is {found!r}; expected {expected!r}")
+            raise InputError(found=f"numbers.{parameter}.unit is {found!r}", expected=f"{expected!r}")
     return made
 
 
@@ -439,8 +447,11 @@ def _form(
         (degree,) = _by_name(kind, "setting", settings, ("temperature_degree",))
         if not 0 <= degree <= len(parameters) or degree != int(degree):
             raise InputError(
-                f"bipolynomial: temperature_degree is {degree:g}; it must be a whole number, and every power "
-                "of the command has a parameter for each power of the temperature up to it"
+                place="bipolynomial",
+                found=(
+                    f"temperature_degree is {degree:g}; it must be a whole number, and every power of the "
+                    "command has a parameter for each power of the temperature up to it"
+                ),
             )
         rows = max(len(parameters), 1) // (int(degree) + 1)
         names = tuple(f"c{i}{j}" for i in range(max(rows, 1)) for j in range(int(degree) + 1))
@@ -460,7 +471,7 @@ def _by_name(kind: str, role: str, given: Mapping[str, float], names: Sequence[s
             raise InputError(f"{kind} has no {role} {name!r}; {did_you_mean(name, names)}")
     for name in names:
         if name not in given:
-            raise InputError(f"{kind}: {role} {name} is missing; it must be a finite number")
+            raise InputError(place=kind, found=f"{role} {name} is missing; it must be a finite number")
     return [float(given[name]) for name in names]
 
 
@@ -480,19 +491,25 @@ def _upgraded(document: object, place: str) -> Json:
     """Return the document in the present schema, by one function per step."""
     if not isinstance(document, dict):
         raise InputError(
-            f"{place}: a card is a table {{...}} with schema_version; found {type(document).__name__}"
+            place=place,
+            found=f"a card is a table {{...}} with schema_version; found {type(document).__name__}",
         )
     version = document.get("schema_version")
     if isinstance(version, bool) or not isinstance(version, int):
-        raise InputError(f"{place}: schema_version is {version!r}; a model card has an integer there")
+        raise InputError(
+            place=place, found=f"schema_version is {version!r}; a model card has an integer there"
+        )
     if version > SCHEMA_VERSION:
         raise InputError(
-            f"{place}: schema_version is {version}, and this mrdamper reads up to {SCHEMA_VERSION}; "
-            "upgrade mrdamper"
+            place=place,
+            found=(
+                f"schema_version is {version}, and this mrdamper reads up to {SCHEMA_VERSION}; upgrade "
+                "mrdamper"
+            ),
         )
     while version < SCHEMA_VERSION:
         if version not in UPGRADES:
-            raise InputError(f"{place}: schema_version is {version}, which no longer can be read")
+            raise InputError(place=place, found=f"schema_version is {version}, which no longer can be read")
         document = {**UPGRADES[version](document), "schema_version": version + 1}
         version += 1
     return document

@@ -203,8 +203,11 @@ def dynamic_range(
     ]
     if not forces[1] > 0.0:
         raise InputError(
-            f"dynamic range: the damping force at {low:g} {damper.command_unit} and {velocity:g} m/s is "
-            f"{forces[1]:g} N; expected a positive force to divide by"
+            place="dynamic range",
+            found=(
+                f"the damping force at {low:g} {damper.command_unit} and {velocity:g} m/s is {forces[1]:g} N"
+            ),
+            expected="a positive force to divide by",
         )
     return float(forces[0] / forces[1])
 
@@ -251,8 +254,12 @@ class ForceResponse:
         risen = np.maximum.accumulate(self.share)
         if not 0.0 < share <= risen[-1]:
             raise InputError(
-                f"force response: a share of {share:g} is not reached within {self.time[-1]:.3g} s (it comes "
-                f"to {risen[-1]:.3g}); expected above 0 and below 1, on a path that is long enough"
+                place="force response",
+                found=(
+                    f"a share of {share:g} is not reached within {self.time[-1]:.3g} s (it comes to "
+                    f"{risen[-1]:.3g})"
+                ),
+                expected="above 0 and below 1, on a path that is long enough",
             )
         first = int(np.argmax(risen >= share))
         if first == 0:
@@ -311,8 +318,9 @@ def force_response(
     way = after - before
     if not np.abs(way).min() > 1e-9 * max(float(np.abs(after).max()), 1e-300):
         raise InputError(
-            f"force response: the force at {start:g} and at {end:g} {damper.command_unit} is the same; "
-            "expected two commands that tell apart"
+            place="force response",
+            found=f"the force at {start:g} and at {end:g} {damper.command_unit} is the same",
+            expected="two commands that tell apart",
         )
     return ForceResponse(_STEP_s * np.arange(half + 1, dtype=np.float64), (along(stepped) - before) / way)
 
@@ -364,4 +372,6 @@ def _kelvin_or_reference(temperature: float | None) -> float:
 def _require_positive(**values: float) -> None:
     for name, value in values.items():
         if not 0.0 < value < math.inf:
-            raise InputError(f"characteristics: {name} is {value}; expected a positive, finite number")
+            raise InputError(
+                place="characteristics", found=f"{name} is {value}", expected="a positive, finite number"
+            )

@@ -102,8 +102,9 @@ def common_envelope(
     units = [card.damper.command_unit for card in cards]
     if units[0] != units[1]:
         raise InputError(
-            f"{names[0]} is commanded in {units[0]} and {names[1]} in {units[1]}; expected the same unit. "
-            "Identify both from the same channel"
+            found=f"{names[0]} is commanded in {units[0]} and {names[1]} in {units[1]}",
+            expected="the same unit",
+            remedy="Identify both from the same channel",
         )
     shared = {}
     for what, unit, scale in (
@@ -131,8 +132,9 @@ def _meeting(
         return low, high
     told = [f"{scale * pair[0] + shift:.4g} to {scale * pair[1] + shift:.4g} {unit}" for pair in ranges]
     raise InputError(
-        f"no common envelope: {what} is {told[0]} in {names[0]} and {told[1]} in {names[1]}; expected ranges "
-        "that overlap. Identify both on runs of the same kind"
+        found=f"no common envelope: {what} is {told[0]} in {names[0]} and {told[1]} in {names[1]}",
+        expected="ranges that overlap",
+        remedy="Identify both on runs of the same kind",
     )
 
 

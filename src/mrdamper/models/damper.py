@@ -51,7 +51,9 @@ class OperatingEnvelope:
                 continue
             pair = tuple(float(end) for end in given)
             if len(pair) != 2 or not all(map(math.isfinite, pair)) or not pair[0] <= pair[1]:
-                raise InputError(f"envelope: {name} is {pair}; expected two finite numbers, low and high")
+                raise InputError(
+                    place="envelope", found=f"{name} is {pair}", expected="two finite numbers, low and high"
+                )
             object.__setattr__(self, name, pair)
 
     def commands(self) -> FloatArray:
@@ -89,21 +91,25 @@ class Damper:
         law, given = self.law, self.coefficients
         for name in given:
             if name not in law.names:
-                raise InputError(f"{law.name}: no coefficient {name!r}; {did_you_mean(name, law.names)}")
+                raise InputError(
+                    place=law.name, found=f"no coefficient {name!r}; {did_you_mean(name, law.names)}"
+                )
         missing = [c.name for c in law.coefficients if c.name not in given and c.default is None]
         if missing:
-            raise InputError(f"{law.name}: {', '.join(missing)} not given, and there is no default")
+            raise InputError(place=law.name, found=f"{', '.join(missing)} not given, and there is no default")
         if self.command_unit not in ("A", "V"):
-            raise InputError(f"command_unit is {self.command_unit!r}; expected 'A' or 'V'")
+            raise InputError(found=f"command_unit is {self.command_unit!r}", expected="'A' or 'V'")
         if not 0.0 <= self.command_lag_s < math.inf:
-            raise InputError(f"command_lag_s is {self.command_lag_s}; expected 0 s or more")
+            raise InputError(found=f"command_lag_s is {self.command_lag_s}", expected="0 s or more")
         if self.temperature_range is not None:
             low, high = self.temperature_range
             if not (math.isfinite(low) and math.isfinite(high) and 0.0 < low <= high):
-                raise InputError(f"temperature_range is {self.temperature_range} K; expected low and high")
+                raise InputError(
+                    found=f"temperature_range is {self.temperature_range} K", expected="low and high"
+                )
             object.__setattr__(self, "temperature_range", (float(low), float(high)))
         if self.actuation is not None and self.command_lag_s > 0.0:
-            raise InputError("command_lag_s and an actuation are both given; expected one of them")
+            raise InputError(found="command_lag_s and an actuation are both given", expected="one of them")
         complete = {
             c.name: given[c.name] if c.name in given else Constant(_default(c.default))
             for c in law.coefficients
@@ -165,7 +171,9 @@ class Damper:
         present = self.parameters
         for name in parameters:
             if name not in present:
-                raise InputError(f"{self.law.name}: no parameter {name!r}; {did_you_mean(name, present)}")
+                raise InputError(
+                    place=self.law.name, found=f"no parameter {name!r}; {did_you_mean(name, present)}"
+                )
         changed = {
             coefficient: form.with_parameters(
                 [
@@ -240,8 +248,8 @@ class Damper:
         kelvin = np.asarray(temperature, dtype=np.float64)
         if kelvin.shape not in {(), at.shape}:
             raise InputError(
-                f"temperature has shape {kelvin.shape}, the command {at.shape}; expected one number or "
-                "the same shape"
+                found=f"temperature has shape {kelvin.shape}, the command {at.shape}",
+                expected="one number or the same shape",
             )
         return at, np.broadcast_to(self.held(kelvin), at.shape)
 

@@ -213,7 +213,9 @@ class Hill:
         _require_finite(self)
         for name in ("half_command", "exponent", "reference"):
             if not 0.0 < getattr(self, name) < math.inf:
-                raise InputError(f"hill: {name} is {getattr(self, name):g}; it must be positive and finite")
+                raise InputError(
+                    place="hill", found=f"{name} is {getattr(self, name):g}; it must be positive and finite"
+                )
 
     @property
     def parameters(self) -> tuple[float, ...]:
@@ -334,9 +336,9 @@ class Bipolynomial:
         columns = self.temperature_degree + 1
         if self.temperature_degree < 0 or not self.parameters or len(self.parameters) % columns:
             raise InputError(
-                f"bipolynomial: {len(self.parameters)} parameters, temperature degree "
-                f"{self.temperature_degree}; expected c00, c01, ... with every power of the temperature for "
-                "every power of the command"
+                place="bipolynomial",
+                found=f"{len(self.parameters)} parameters, temperature degree {self.temperature_degree}",
+                expected="c00, c01, ... with every power of the temperature for every power of the command",
             )
         _require_finite(self)
 
@@ -533,12 +535,13 @@ def _per(coefficient_unit: str, command_unit: str, power: int) -> str:
 def _require_finite(law: ParameterLaw) -> None:
     for name, number in zip(law.parameter_names, law.parameters, strict=True):
         if not math.isfinite(number):
-            raise InputError(f"{law.kind}: {name} is {number}; it must be a finite number")
+            raise InputError(place=law.kind, found=f"{name} is {number}; it must be a finite number")
 
 
 def _as_many(law: ParameterLaw, parameters: Sequence[float]) -> tuple[float, ...]:
     if len(parameters) != len(law.parameters):
         raise InputError(
-            f"{law.kind}: {len(parameters)} parameters given; it has {', '.join(law.parameter_names)}"
+            place=law.kind,
+            found=f"{len(parameters)} parameters given; it has {', '.join(law.parameter_names)}",
         )
     return tuple(float(number) for number in parameters)

@@ -90,7 +90,7 @@ class HysteresisLaw:
     def __post_init__(self) -> None:
         object.__setattr__(self, "names", tuple(c.name for c in self.coefficients))
         if (self.kernel is None) == (self.python is None):
-            raise InputError(f"law {self.name!r}: give either a kernel number or a Python law")
+            raise InputError(place=f"law {self.name!r}", found="give either a kernel number or a Python law")
 
     def __getitem__(self, name: str) -> Coefficient:
         for coefficient in self.coefficients:

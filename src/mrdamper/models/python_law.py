@@ -84,7 +84,9 @@ def integrate(
     result = np.array([equations.force(z, x, v, a, c) for z, (x, v, c), a in moved])
     if not np.isfinite(result).all():
         first = int(np.flatnonzero(~np.isfinite(result))[0])
-        raise ConvergenceError(f"law {damper.law.name!r}: the force is {result[first]} at sample {first}")
+        raise ConvergenceError(
+            place=f"law {damper.law.name!r}", found=f"the force is {result[first]} at sample {first}"
+        )
     return result
 
 
@@ -160,7 +162,8 @@ def _integrate(rate: Rate, scale: State, path: _Path, damper: Damper, tolerance:
         def slope(time: float, at: FloatArray, left: Iterator[int] = left) -> list[float]:  # time in samples
             if next(left, None) is None:  # LSODA itself would go on for ever
                 raise ConvergenceError(
-                    f"law {damper.law.name!r}: no progress at sample {time:.3f}, where its state is {at[0]:g}"
+                    place=f"law {damper.law.name!r}",
+                    found=f"no progress at sample {time:.3f}, where its state is {at[0]:g}",
                 )
             k = min(int(time), last - 1)
             return [path.step * each for each in rate(at.tolist(), *path.at(k, time - k))]
@@ -177,7 +180,9 @@ def _integrate(rate: Rate, scale: State, path: _Path, damper: Damper, tolerance:
             atol=[local * each for each in scale],
         )
         if not solution.success:
-            raise ConvergenceError(f"law {damper.law.name!r}: the integrator stopped: {solution.message}")
+            raise ConvergenceError(
+                place=f"law {damper.law.name!r}", found=f"the integrator stopped: {solution.message}"
+            )
         state[inside] = solution.y[:, : inside.size].T
         z = solution.y[:, -1]
     return state
@@ -216,16 +221,16 @@ def law_from_python(law: PythonLaw) -> HysteresisLaw:
     lacking = [part for part in ("name", "coefficients", "rate", "force") if not hasattr(law, part)]
     if lacking:
         raise InputError(
-            f"{what}: no {' or '.join(lacking)}; a law has name, coefficients, rate() and force()"
+            place=what, found=f"no {' or '.join(lacking)}; a law has name, coefficients, rate() and force()"
         )
     given: tuple[object, Sequence[object]] = (law.name, law.coefficients)
     name, coefficients = given
     if not isinstance(name, str) or not name or name in LAWS:
-        raise InputError(f"{what}: name is {name!r}; choose one that is not {', '.join(LAWS)}")
+        raise InputError(place=what, found=f"name is {name!r}; choose one that is not {', '.join(LAWS)}")
     names = [c.name for c in coefficients if isinstance(c, Coefficient)]
     if len(set(names)) < len(coefficients) or not all(each.isidentifier() for each in names):
         raise InputError(
-            f"{what}: coefficients must be Coefficient(...) with different names like yield_force"
+            place=what, found="coefficients must be Coefficient(...) with different names like yield_force"
         )
     title = (type(law).__doc__ or law.name).strip().splitlines()[0]
     return HysteresisLaw(
@@ -244,22 +249,27 @@ def load_python_law(reference: str) -> HysteresisLaw:
     file, colon, name = reference.rpartition(":")
     path = Path(file)
     if not colon or not name.isidentifier() or path.suffix != ".py":
-        raise InputError(f"law {reference!r}: expected path/to/file.py:ClassName")
+        raise InputError(place=f"law {reference!r}", found="expected path/to/file.py:ClassName")
     if not is_file(path):
-        raise InputError(f"law {reference!r}: there is no file {path}; give its path from {Path.cwd()}")
+        raise InputError(
+            place=f"law {reference!r}", found=f"there is no file {path}; give its path from {Path.cwd()}"
+        )
     spec = importlib.util.spec_from_file_location(f"mrdamper_user_law_{path.stem}", path)
     if spec is None or spec.loader is None:
-        raise InputError(f"law {reference!r}: Python cannot import {path}")
+        raise InputError(place=f"law {reference!r}", found=f"Python cannot import {path}")
     module = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)
         made = getattr(module, name, None)
         law = made() if made is not None else None
     except Exception as fault:  # whatever the user's file raises is bad input
-        raise InputError(f"law {reference!r}: {type(fault).__name__}: {fault}; correct {path}") from fault
+        raise InputError(
+            place=f"law {reference!r}", found=f"{type(fault).__name__}: {fault}; correct {path}"
+        ) from fault
     if law is None:
         defined = [key for key, value in vars(module).items() if isinstance(value, type)]
         raise InputError(
-            f"law {reference!r}: {path} has no class {name}; it has {', '.join(defined) or 'none'}"
+            place=f"law {reference!r}",
+            found=f"{path} has no class {name}; it has {', '.join(defined) or 'none'}",
         )
     return law_from_python(law)

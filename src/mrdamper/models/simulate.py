@@ -123,7 +123,7 @@ class RunState:
 
     def __post_init__(self) -> None:
         if self.patience < 1:
-            raise InputError(f"patience is {self.patience} samples; expected 1 or more")
+            raise InputError(found=f"patience is {self.patience} samples", expected="1 or more")
 
     def to_arrays(self) -> dict[str, FloatArray]:
         """Return the state as float64 arrays by name, for ``from_arrays``."""
@@ -145,13 +145,17 @@ class RunState:
         for name, count in expected.items():
             if name not in parts or parts[name].shape != (count,):
                 shape = parts[name].shape if name in parts else "not there"
-                raise InputError(f"state of a run: {name} is {shape}; expected {count} numbers")
+                raise InputError(
+                    place="state of a run", found=f"{name} is {shape}", expected=f"{count} numbers"
+                )
         longest_step, patience, step, dead_band, taken, answered, over = parts["run"].tolist()
         held = tuple(parts[f"held_{k}"] for k in range(_HELD) if f"held_{k}" in parts)
         lengths = [len(column) for column in held]
         if taken and (len(lengths) != _HELD or lengths[0] < 1 or len(set(lengths[:4])) != 1):
             raise InputError(
-                f"state of a run: held columns have {lengths} samples; expected {_HELD} of one length"
+                place="state of a run",
+                found=f"held columns have {lengths} samples",
+                expected=f"{_HELD} of one length",
             )
         return cls(
             longest_step=longest_step,
@@ -192,14 +196,16 @@ def simulate_batch(
     """
     state = RunState() if state is None else state
     if state.over:
-        raise InputError("the run is over: finish_run was called; expected no further batch")
+        raise InputError(found="the run is over: finish_run was called", expected="no further batch")
     if damper.law.kernel is None:
-        raise InputError(f"{damper.law.name}: a law in Python runs whole, not in batches")
+        raise InputError(place=damper.law.name, found="a law in Python runs whole, not in batches")
     if state.taken:
         for name in ("step", "dead_band"):
             found, expected = getattr(batch, name), getattr(state, name)
             if found != expected:
-                raise InputError(f"batch: {name} is {found}; expected the first batch's, {expected}")
+                raise InputError(
+                    place="batch", found=f"{name} is {found}", expected=f"the first batch's, {expected}"
+                )
     require_temperature(damper, batch)
     lag = damper.command_lag_s
     applied = Applied(damper.actuation or Actuation(lag, lag), batch.step)
@@ -259,9 +265,12 @@ def require_temperature(damper: Damper, trajectory: Trajectory) -> None:
     """Raise ``InputError`` where a damper that depends on temperature has none to go by."""
     if damper.temperature_dependent and trajectory.temperature is None:
         raise InputError(
-            "the model depends on temperature, and the run has no temperature channel; expected a column "
-            "such as temperature_degC. Map the channel, or state it as a constant in the channel map "
-            "([constant] temperature_degC = 20)"
+            found="the model depends on temperature, and the run has no temperature channel",
+            expected="a column such as temperature_degC",
+            remedy=(
+                "Map the channel, or state it as a constant in the channel map ([constant] temperature_degC "
+                "= 20)"
+            ),
         )
 
 

@@ -78,7 +78,9 @@ class _Factor:
     def __post_init__(self) -> None:
         for name, number in zip(self.parameter_names, self.parameters, strict=True):
             if not math.isfinite(number):
-                raise InputError(f"temperature factor: {name} is {number}; it must be a finite number")
+                raise InputError(
+                    place="temperature factor", found=f"{name} is {number}; it must be a finite number"
+                )
 
     @property
     def parameters(self) -> tuple[float, ...]:
@@ -180,7 +182,8 @@ class Vft(_Factor):
         _Factor.__post_init__(self)
         if not self.vft_pole_K < REFERENCE_K:
             raise InputError(
-                f"temperature factor: vft_pole_K is {self.vft_pole_K:g} K; it must be below 293.15 K"
+                place="temperature factor",
+                found=f"vft_pole_K is {self.vft_pole_K:g} K; it must be below 293.15 K",
             )
 
     def value(self, temperature: ArrayLike) -> FloatArray:
@@ -210,7 +213,9 @@ class PolynomialFactor:
     def __post_init__(self) -> None:
         object.__setattr__(self, "parameters", tuple(float(number) for number in self.parameters))
         if not self.parameters or not all(map(math.isfinite, self.parameters)):
-            raise InputError(f"temperature factor: {self.parameters}; expected one or more finite numbers")
+            raise InputError(
+                place="temperature factor", found=f"{self.parameters}", expected="one or more finite numbers"
+            )
 
     @property
     def parameter_names(self) -> tuple[str, ...]:

@@ -47,7 +47,7 @@ def measure(
     stand in place of the campaign's.
     """
     if seed < 0:
-        raise InputError(f"seed is {seed}; expected zero or more")
+        raise InputError(found=f"seed is {seed}", expected="zero or more")
     for run in campaign.runs(damper.name):
         yield measure_run(damper, run, campaign, sensors, seed=seed)
 

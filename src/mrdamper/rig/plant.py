@@ -61,7 +61,9 @@ class Plant:
 
     def __init__(self, damper: VirtualDamper, *, step_s: float = STEP_S) -> None:
         if not 0.0 < step_s <= 1e-3:
-            raise InputError(f"plant: step is {step_s} s; expected above 0, at most 1e-3 (the coil's lag)")
+            raise InputError(
+                found=f"plant: step is {step_s} s", expected="above 0, at most 1e-3 (the coil's lag)"
+            )
         self.damper = damper
         self.step_s = step_s
         numbers = np.array([getattr(damper, name) for name in _plant.PARAMETERS], dtype=np.float64)

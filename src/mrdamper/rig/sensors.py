@@ -47,8 +47,9 @@ class Sensors:
         every = 1.0 / (STEP_S * self.rate_Hz)
         if every < 1.0 - 1e-9 or abs(every - round(every)) > 1e-6:
             raise InputError(
-                f"sensors: rate is {self.rate_Hz:g} Hz; expected a whole part of {1.0 / STEP_S:g} Hz, the "
-                "plant's rate, such as 500 or 1000"
+                place="sensors",
+                found=f"rate is {self.rate_Hz:g} Hz",
+                expected=f"a whole part of {1.0 / STEP_S:g} Hz, the plant's rate, such as 500 or 1000",
             )
 
     @property

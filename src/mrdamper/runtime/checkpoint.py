@@ -98,8 +98,11 @@ class Checkpoint:
             with suppress(OSError):
                 self._file.close()  # what it still holds is torn, and is dropped
             raise InputError(
-                f"{self.path}: cannot write there: {fault.strerror}; make room. What was finished is kept: "
-                "the same command with ⟦--resume⟧ goes on"
+                place=self.path,
+                found=(
+                    f"cannot write there: {fault.strerror}; make room. What was finished is kept: the same "
+                    "command with ⟦--resume⟧ goes on"
+                ),
             ) from fault
 
     def _read(self, head: Mapping[str, Any]) -> None:
@@ -114,8 +117,10 @@ class Checkpoint:
             whole = end
         if rows and rows[0] != json.loads(json.dumps(head)):
             raise InputError(
-                f"{self.path}: holds results of {_apart(rows[0], head)}; expected those of this one. Choose "
-                "another ⟦--out⟧, or remove that file to begin anew"
+                place=self.path,
+                found=f"holds results of {_apart(rows[0], head)}",
+                expected="those of this one",
+                remedy="Choose another ⟦--out⟧, or remove that file to begin anew",
             )
         self.done = {row["name"]: row["result"] for row in rows[1:]}
         self._file.truncate(whole)
@@ -139,7 +144,9 @@ def checkpointed(
         made = None if path.parent.exists() else path.parent
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as fault:
-        raise InputError(f"{out}: cannot write there: {fault.strerror}; choose another ⟦--out⟧") from fault
+        raise InputError(
+            place=out, found=f"cannot write there: {fault.strerror}; choose another ⟦--out⟧"
+        ) from fault
     kept = Checkpoint(path, head, resume=resume)
     if tell is not None:
         if left and not resume:
@@ -178,13 +185,15 @@ def _taken(path: Path) -> BinaryIO:
             file = path.open("ab")
         except OSError as fault:
             raise InputError(
-                f"{path}: cannot write there: {fault.strerror}; choose another ⟦--out⟧"
+                place=path, found=f"cannot write there: {fault.strerror}; choose another ⟦--out⟧"
             ) from fault
         if lock(file.fileno()) is False:
             file.close()
             raise InputError(
-                f"{path}: another run is at work with it; expected none. Wait until it has ended, or choose "
-                "another ⟦--out⟧"
+                place=path,
+                found="another run is at work with it",
+                expected="none",
+                remedy="Wait until it has ended, or choose another ⟦--out⟧",
             )
         with suppress(FileNotFoundError):
             if os.path.samestat(os.fstat(file.fileno()), path.stat()):

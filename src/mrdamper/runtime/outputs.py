@@ -49,7 +49,10 @@ def atomic_output(out: Path) -> Iterator[Path]:
         raise _cannot(out, place, fault) from fault
     if not standing.is_dir():
         raise InputError(
-            f"{out}: {standing} is a file; expected a folder to write to. Choose another ⟦--out⟧"
+            place=out,
+            found=f"{standing} is a file",
+            expected="a folder to write to",
+            remedy="Choose another ⟦--out⟧",
         )
     recover_staging(standing)
     try:
@@ -181,17 +184,22 @@ def _cannot(out: Path, standing: Path, fault: OSError, hidden: Path | None = Non
     why = no_room(fault)
     if hidden is not None and (hidden / _WHOLE).exists():
         return InputError(
-            f"{out}: {why or fault.strerror}; some files are in their place, and the others in {hidden}. The "
-            "next job there moves them"
+            place=out,
+            found=(
+                f"{why or fault.strerror}; some files are in their place, and the others in {hidden}. The "
+                "next job there moves them"
+            ),
         )
     if fault.errno in _FULL:
         with suppress(OSError):
             free = shutil.disk_usage(standing).free
             written = 0 if hidden is None else sum(p.stat().st_size for p in hidden.rglob("*") if p.is_file())
             why += f" ({free / 1e6:.1f} MB are free, {written / 1e6:.1f} MB were written so far)"
-        return InputError(f"{out}: {why}; nothing was changed. Make room, or choose another ⟦--out⟧")
+        return InputError(
+            place=out, found=f"{why}; nothing was changed", remedy="Make room, or choose another ⟦--out⟧"
+        )
     why = why or f"cannot write there: {fault.strerror}"
-    return InputError(f"{out}: {why}; nothing was changed. Choose another folder")
+    return InputError(place=out, found=f"{why}; nothing was changed", remedy="Choose another folder")
 
 
 def write_json(path: Path, value: Mapping[str, object]) -> None:

@@ -43,9 +43,13 @@ class LoopWork:
         lengths = {len(self.temperature), len(self.power), len(self.peak)}
         values = np.concatenate([self.temperature, self.power, self.peak])
         if len(lengths) != 1 or not len(self.power) or not np.isfinite(values).all():
-            raise InputError("loop work: expected as many powers and peaks as temperatures, all finite")
+            raise InputError(
+                place="loop work", found="expected as many powers and peaks as temperatures, all finite"
+            )
         if not (np.diff(self.temperature) > 0.0).all():
-            raise InputError("loop work: temperatures do not rise; expected them in order, none twice")
+            raise InputError(
+                place="loop work", found="temperatures do not rise", expected="them in order, none twice"
+            )
 
     @property
     def constant(self) -> bool:

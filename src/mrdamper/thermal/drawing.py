@@ -134,10 +134,16 @@ class Filling:
         for name in ("density", "heat_capacity", "conductivity", "stirring"):
             if not 0.0 < getattr(self, name) < math.inf:
                 raise InputError(
-                    f"fluid {self.name!r}: {name} is {getattr(self, name):g}; expected a positive number"
+                    place=f"fluid {self.name!r}",
+                    found=f"{name} is {getattr(self, name):g}",
+                    expected="a positive number",
                 )
         if not 0.0 <= self.exchange < math.inf:
-            raise InputError(f"fluid {self.name!r}: exchange_W_K is {self.exchange:g}; expected zero or more")
+            raise InputError(
+                place=f"fluid {self.name!r}",
+                found=f"exchange_W_K is {self.exchange:g}",
+                expected="zero or more",
+            )
 
     @property
     def volumetric_heat(self) -> float:
@@ -255,7 +261,8 @@ def filling_of(fluid: Fluid, **given: float) -> Filling:
     for name, unit in (("density", "kg_m3"), ("heat_capacity", "J_kg_K")):
         if known[name] is None:
             raise InputError(
-                f"fluid {fluid.name!r}: it states no {name}; give [fluid] {name}_{unit} in the drawing"
+                place=f"fluid {fluid.name!r}",
+                found=f"it states no {name}; give [fluid] {name}_{unit} in the drawing",
             )
     return Filling(
         name=fluid.name,
@@ -277,13 +284,16 @@ def _check_body(drawing: DamperDrawing) -> None:
     check_ranges(body, f"{place}: body")
     if not body.wall < 0.5 * body.outer_diameter:
         raise InputError(
-            f"{place}: body.wall_mm is {_mm(body.wall)}, the outer radius {_mm(0.5 * body.outer_diameter)}; "
-            "expected a wall thinner than the radius. Check outer_diameter_mm: is it the diameter?"
+            place=place,
+            found=f"body.wall_mm is {_mm(body.wall)}, the outer radius {_mm(0.5 * body.outer_diameter)}",
+            expected="a wall thinner than the radius",
+            remedy="Check outer_diameter_mm: is it the diameter?",
         )
     if not body.inner_length > 0.0:
         raise InputError(
-            f"{place}: body.cap_mm is {_mm(body.cap)}, length_mm {_mm(body.length)}; expected caps that "
-            "leave room between them"
+            place=place,
+            found=f"body.cap_mm is {_mm(body.cap)}, length_mm {_mm(body.length)}",
+            expected="caps that leave room between them",
         )
 
 
@@ -299,18 +309,27 @@ def _check_inside(drawing: DamperDrawing) -> None:
                 f"{_mm(2.0 * body.outer_diameter)}"
             )
         raise InputError(
-            f"{place}: piston.diameter_mm is {_mm(piston.diameter)}, the bore {_mm(body.bore)} "
-            f"(outer_diameter_mm less two walls); expected a piston narrower than the bore{hint}"
+            place=place,
+            found=(
+                f"piston.diameter_mm is {_mm(piston.diameter)}, the bore {_mm(body.bore)} (outer_diameter_mm "
+                "less two walls)"
+            ),
+            expected=f"a piston narrower than the bore{hint}",
         )
     if not rod.diameter < piston.diameter:
         raise InputError(
-            f"{place}: rod.diameter_mm is {_mm(rod.diameter)}, the piston's {_mm(piston.diameter)}; expected "
-            "a rod thinner than the piston"
+            place=place,
+            found=f"rod.diameter_mm is {_mm(rod.diameter)}, the piston's {_mm(piston.diameter)}",
+            expected="a rod thinner than the piston",
         )
     if not piston.length < body.inner_length:
         raise InputError(
-            f"{place}: piston.length_mm is {_mm(piston.length)}, between the caps there are "
-            f"{_mm(body.inner_length)}; expected a piston shorter than that"
+            place=place,
+            found=(
+                f"piston.length_mm is {_mm(piston.length)}, between the caps there are "
+                f"{_mm(body.inner_length)}"
+            ),
+            expected="a piston shorter than that",
         )
     room = 0.5 * (piston.diameter - rod.diameter)
     if coil.depth == 0.0:
@@ -319,13 +338,15 @@ def _check_inside(drawing: DamperDrawing) -> None:
     check_ranges(coil, f"{place}: coil")
     if not coil.length <= piston.length:
         raise InputError(
-            f"{place}: coil.length_mm is {_mm(coil.length)}, the piston's {_mm(piston.length)}; expected a "
-            "coil inside the piston"
+            place=place,
+            found=f"coil.length_mm is {_mm(coil.length)}, the piston's {_mm(piston.length)}",
+            expected="a coil inside the piston",
         )
     if not coil.depth < room:
         raise InputError(
-            f"{place}: coil.depth_mm is {_mm(coil.depth)}; expected less than {_mm(room)}, what the piston "
-            "leaves around the rod"
+            place=place,
+            found=f"coil.depth_mm is {_mm(coil.depth)}",
+            expected=f"less than {_mm(room)}, what the piston leaves around the rod",
         )
 
 
@@ -333,21 +354,28 @@ def _check_sink(drawing: DamperDrawing, sink: HeatSink) -> None:
     place, body = drawing.name, drawing.body
     if sink.span > body.length * (1.0 + 1e-9):
         raise InputError(
-            f"{place}: {sink.fins} fins at pitch_mm {_mm(sink.pitch)} span {_mm(sink.span)} mm, the body's "
-            f"length_mm is {_mm(body.length)}; expected fins that fit on the body. Take fewer fins or a "
-            "smaller pitch"
+            place=place,
+            found=(
+                f"{sink.fins} fins at pitch_mm {_mm(sink.pitch)} span {_mm(sink.span)} mm, the body's "
+                f"length_mm is {_mm(body.length)}"
+            ),
+            expected="fins that fit on the body",
+            remedy="Take fewer fins or a smaller pitch",
         )
     upright = body.orientation == "vertical"
     if upright != (sink.correlation == "disc"):
         use = '"disc"' if upright else '"channel" or "vdi"'
         raise InputError(
-            f"{place}: sink.correlation is {sink.correlation!r} on a {body.orientation} body; expected "
-            f"{use}: the fins of a vertical damper lie flat"
+            place=place,
+            found=f"sink.correlation is {sink.correlation!r} on a {body.orientation} body",
+            expected=f"{use}: the fins of a vertical damper lie flat",
         )
     if upright and sink.fins > 1 and sink.gap < DISC_GAP * (1.0 - 1e-9):
         raise InputError(
-            f"{place}: the fins of a vertical damper are {_mm(sink.gap)} mm apart; expected at least "
-            f"{_mm(DISC_GAP)}: the correlation for single discs knows no neighbours. Widen the pitch"
+            place=place,
+            found=f"the fins of a vertical damper are {_mm(sink.gap)} mm apart",
+            expected=f"at least {_mm(DISC_GAP)}: the correlation for single discs knows no neighbours",
+            remedy="Widen the pitch",
         )
 
 

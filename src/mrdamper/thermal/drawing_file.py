@@ -105,8 +105,9 @@ def text_of(path: str | Path) -> str:
         return read_text(path, "drawing")
     except InputError as fault:
         raise InputError(
-            f"drawing {str(path)!r}: the file cannot be read ({fault}); expected a drawing (TOML), or one of "
-            f"the presets: {', '.join(DRAWINGS)}"
+            place=f"drawing {str(path)!r}",
+            found=f"the file cannot be read ({fault})",
+            expected=f"a drawing (TOML), or one of the presets: {', '.join(DRAWINGS)}",
         ) from fault
 
 
@@ -116,7 +117,7 @@ def drawing_of(text: str, place: str = "drawing") -> DamperDrawing:
     try:
         filling = tables.fluid.filling()
     except InputError as fault:
-        raise InputError(f"{place}: fluid: {fault}") from fault
+        raise InputError(place=place, found=f"fluid: {fault}") from fault
     return DamperDrawing(
         name=place,
         body=tables.body,
@@ -137,10 +138,12 @@ def sink_of(text: str, place: str) -> HeatSink:
     known = [each.key for each in fields_of(DrawingTables)]
     for key in document:
         if key not in known:
-            raise InputError(f"{place}: unknown key {key!r}; {did_you_mean(key, known)}")
+            raise InputError(place=place, found=f"unknown key {key!r}; {did_you_mean(key, known)}")
     found = _sink_of(document, place)
     if found is None:
-        raise InputError(f"{place}: there is no heat sink in it; expected a table [sink] with fins above 0")
+        raise InputError(
+            place=place, found="there is no heat sink in it", expected="a table [sink] with fins above 0"
+        )
     return found
 
 
@@ -169,7 +172,7 @@ def _parse(text: str, place: str) -> Json:
     try:
         return parse_toml(text)
     except InputError as fault:
-        raise InputError(f"{place}: not a TOML file: {fault}") from fault
+        raise InputError(place=place, found=f"not a TOML file: {fault}") from fault
 
 
 def _sink_of(document: Json, place: str) -> HeatSink | None:

@@ -52,9 +52,9 @@ class Segment:
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.duration) and self.duration > 0.0):
-            raise InputError(f"a duration is {self.duration:g} s; expected a positive, finite number")
+            raise InputError(found=f"a duration is {self.duration:g} s", expected="a positive, finite number")
         if not math.isfinite(self.command):
-            raise InputError(f"a command is {self.command}; expected a finite number")
+            raise InputError(found=f"a command is {self.command}", expected="a finite number")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,8 +68,10 @@ class Duty:
     def __post_init__(self) -> None:
         if self.duration > _LONGEST_S:
             raise InputError(
-                f"duty {self.text!r}: it lasts {self.duration:.3g} s; expected at most {_LONGEST_S:g} s "
-                "(11 days). A damper is at its steady temperature after some hours"
+                place=f"duty {self.text!r}",
+                found=f"it lasts {self.duration:.3g} s",
+                expected=f"at most {_LONGEST_S:g} s (11 days)",
+                remedy="A damper is at its steady temperature after some hours",
             )
 
     @property
@@ -99,7 +101,7 @@ def read_duty(text: str | Path) -> Duty:
         segment = segment_of(motion_from_text(":".join(words[:-2])), command, seconds)
     except InputError as fault:
         more = "" if "expected" in str(fault) else f"; {_EXPECTED}"
-        raise InputError(f"duty {str(text)!r}: {fault}{more}") from fault
+        raise InputError(place=f"duty {str(text)!r}", found=f"{fault}{more}") from fault
     return Duty((segment,), unit, str(text))
 
 
@@ -126,7 +128,9 @@ def _command(text: str) -> tuple[float, str]:
             return _number(text, role), unit
         except InputError:
             continue
-    raise InputError(f"the command is {text!r}; expected a current or voltage with its unit, such as 2A")
+    raise InputError(
+        found=f"the command is {text!r}", expected="a current or voltage with its unit, such as 2A"
+    )
 
 
 def _is_command(text: str) -> bool:
@@ -147,7 +151,7 @@ def _number(text: str, role: str) -> float:
         except ValueError:
             continue
         return float(to_si(value, text[cut:].strip(), role))
-    raise InputError(f"{role} is {text!r}; expected a number and its unit")
+    raise InputError(found=f"{role} is {text!r}", expected="a number and its unit")
 
 
 # -------------------------------------------------------------------------------------------------- tables
@@ -160,7 +164,7 @@ def _duty_of_table(table: Table, place: str) -> Duty:
     command = columns["current" if unit == "A" else "voltage"]
     steps = np.diff(time)
     if not (steps > 0.0).all():
-        raise InputError(f"{place}: time does not rise from row to row; expected rising times")
+        raise InputError(place=place, found="time does not rise from row to row", expected="rising times")
     if "amplitude" in columns:
         segments = []
         for k, duration in enumerate(steps):
@@ -174,8 +178,12 @@ def _duty_of_table(table: Table, place: str) -> Duty:
     step = float(time[-1] - time[0]) / (len(time) - 1)
     if np.abs(steps - step).max() > _UNEVEN * step or len(time) < 8:
         raise InputError(
-            f"{place}: the time step varies, or there are less than 8 rows; a displacement is expected on a "
-            "uniform step. Resample it, or give amplitude_mm and frequency_Hz instead"
+            place=place,
+            found=(
+                "the time step varies, or there are less than 8 rows; a displacement is expected on a "
+                "uniform step"
+            ),
+            remedy="Resample it, or give amplitude_mm and frequency_Hz instead",
         )
     return Duty(_chunks(step, columns["displacement"], command), unit, place)
 
@@ -189,7 +197,7 @@ def _columns(table: Table, place: str) -> dict[str, FloatArray]:
             found["amplitude"] = to_si(values, unit, "displacement")
         elif word.lower() == "frequency":
             if unit != "Hz":
-                raise InputError(f"{place}: column {name!r}; expected frequency_Hz")
+                raise InputError(place=place, found=f"column {name!r}", expected="frequency_Hz")
             found["frequency"] = values
         elif (known := parse_header(name)) is not None:
             found[known[0]] = to_si(values, known[1], known[0])
@@ -200,13 +208,16 @@ def _columns(table: Table, place: str) -> dict[str, FloatArray]:
         lacking.append("current")
     if lacking:
         raise InputError(
-            f"{place}: no column of {', '.join(lacking)}; expected time_s, amplitude_mm and frequency_Hz "
-            "(or displacement_mm), current_A"
+            place=place,
+            found=f"no column of {', '.join(lacking)}",
+            expected="time_s, amplitude_mm and frequency_Hz (or displacement_mm), current_A",
         )
     for role, values in found.items():
         if not np.isfinite(values).all():
             row = int(np.flatnonzero(~np.isfinite(values))[0])
-            raise InputError(f"{place}: {role} is {values[row]} in row {row + 1}; expected finite numbers")
+            raise InputError(
+                place=place, found=f"{role} is {values[row]} in row {row + 1}", expected="finite numbers"
+            )
     return found
 
 

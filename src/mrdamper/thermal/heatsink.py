@@ -51,8 +51,11 @@ class HeatSink:
         check_ranges(self, "sink")
         if self.fins > 1 and not self.gap > 0.0:
             raise InputError(
-                f"the fins overlap: thickness_mm is {_mm(self.thickness)} and pitch_mm {_mm(self.pitch)}; "
-                "expected a pitch larger than the thickness. Widen the pitch, or take thinner fins"
+                found=(
+                    f"the fins overlap: thickness_mm is {_mm(self.thickness)} and pitch_mm {_mm(self.pitch)}"
+                ),
+                expected="a pitch larger than the thickness",
+                remedy="Widen the pitch, or take thinner fins",
             )
 
     @property

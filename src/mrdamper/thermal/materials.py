@@ -36,7 +36,9 @@ class Material:
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0.0):
                 raise InputError(
-                    f"material {self.name!r}: {name} is {value} {unit}; expected a positive, finite number"
+                    place=f"material {self.name!r}",
+                    found=f"{name} is {value} {unit}",
+                    expected="a positive, finite number",
                 )
 
     def __str__(self) -> str:

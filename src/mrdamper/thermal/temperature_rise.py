@@ -99,7 +99,9 @@ class Rise:
             The curve does not reach that time.
         """
         if not 0.0 <= time_s <= self.time[-1] * (1.0 + 1e-12):
-            raise InputError(f"rise: no temperature at {time_s:g} s; the curve ends at {self.time[-1]:g} s")
+            raise InputError(
+                place="rise", found=f"no temperature at {time_s:g} s; the curve ends at {self.time[-1]:g} s"
+            )
         return float(PchipInterpolator(self.time, self.fluid)(min(time_s, self.time[-1])))
 
 
@@ -224,15 +226,17 @@ def works_of(damper: Damper, duty: Duty) -> list[LoopWork]:
     """
     if duty.command_unit != damper.command_unit:
         raise InputError(
-            f"duty {duty.text!r}: its command is in {duty.command_unit}, the card's in "
-            f"{damper.command_unit}; expected the same unit, as in sine:15mm:1Hz:2{damper.command_unit}:1800s"
+            place=f"duty {duty.text!r}",
+            found=f"its command is in {duty.command_unit}, the card's in {damper.command_unit}",
+            expected=f"the same unit, as in sine:15mm:1Hz:2{damper.command_unit}:1800s",
         )
     try:
         return [tabulate_work(damper, segment) for segment in duty.segments]
     except InputError as fault:
         raise InputError(
-            f"duty {duty.text!r}: the card's law cannot be run there: {fault}. Keep to commands that the "
-            "card was identified at"
+            place=f"duty {duty.text!r}",
+            found=f"the card's law cannot be run there: {fault}",
+            remedy="Keep to commands that the card was identified at",
         ) from fault
 
 
@@ -258,8 +262,9 @@ def _coil_heat(drawing: DamperDrawing, unit: str, command: float) -> float:
         return command**2 * coil.resistance
     if coil.amperes_per_volt is None:
         raise InputError(
-            f"{drawing.name}: the card's command is a voltage, and the coil's heat goes by its current; "
-            "expected coil.A_per_V, the amperes that the driver sends per volt of command"
+            place=drawing.name,
+            found="the card's command is a voltage, and the coil's heat goes by its current",
+            expected="coil.A_per_V, the amperes that the driver sends per volt of command",
         )
     return (command * coil.amperes_per_volt) ** 2 * coil.resistance
 

@@ -134,9 +134,12 @@ def _fetch(options: Json, folder: WorkFolder, _out: Path, say: Say) -> Json:
     except InputError as fault:
         if isinstance(fault.__cause__, OSError):  # of requests, too
             raise InputError(
-                f"{name}: nothing was fetched: the server's machine has no connection to github.com, where "
-                "this set lies. Connect it and try again; or start the server with MRDAMPER_DATA set to a "
-                "folder that holds the files; or download them elsewhere and drop them on the page Runs"
+                place=name,
+                found=(
+                    "nothing was fetched: the server's machine has no connection to github.com, where this "
+                    "set lies. Connect it and try again; or start the server with MRDAMPER_DATA set to a "
+                    "folder that holds the files; or download them elsewhere and drop them on the page Runs"
+                ),
             ) from fault
         raise
 
@@ -187,13 +190,14 @@ def _inside(folder: WorkFolder, plan: Path, text: str) -> None:
     )
     if "\x00" in text or Path(text).is_absolute():
         raise InputError(
-            f"{plan.name}: {text[:80]!r} is an absolute path; expected one such as ../runs/*.csv"
+            place=plan.name, found=f"{text[:80]!r} is an absolute path", expected="one such as ../runs/*.csv"
         )
     for each in (text, before):
         if not (parent / each).resolve().is_relative_to(folder.root):
             raise InputError(
-                f"{plan.name}: {text[:80]!r} leads out of the folder; expected what lies in it, such as "
-                "../runs/*.csv or ../cards/NAME/card.json"
+                place=plan.name,
+                found=f"{text[:80]!r} leads out of the folder",
+                expected="what lies in it, such as ../runs/*.csv or ../cards/NAME/card.json",
             )
 
 
@@ -208,7 +212,9 @@ def _preset_or_input(folder: WorkFolder, name: Any, group: str) -> Any:  # noqa:
         return str(folder.input(name))
     except NotThereError as fault:
         said = ", ".join(map(str, presets))  # type: ignore[call-overload]
-        raise InputError(f"{name!r}: neither an input in the folder nor one of: {said}") from fault
+        raise InputError(
+            place=f"{name!r}", found=f"neither an input in the folder nor one of: {said}"
+        ) from fault
 
 
 def _plant(folder: WorkFolder, name: str) -> str:
@@ -227,7 +233,7 @@ def _duty(folder: WorkFolder, text: str) -> str:
         return str(folder.input(text))
     except NotThereError as fault:
         raise InputError(
-            f"duty {text!r}: neither an input in the folder nor such as sine:15mm:1Hz:2A:1800s"
+            place=f"duty {text!r}", found="neither an input in the folder nor such as sine:15mm:1Hz:2A:1800s"
         ) from fault
 
 

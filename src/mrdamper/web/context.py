@@ -91,9 +91,9 @@ async def read_body(request: Request) -> dict[str, Any]:
     try:
         found = json.loads(await request.body())
     except (ValueError, RecursionError) as fault:
-        raise InputError("the request is not JSON; expected an object") from fault
+        raise InputError(found="the request is not JSON", expected="an object") from fault
     if not isinstance(found, dict):
-        raise InputError(f"the request is a {type(found).__name__}; expected an object")
+        raise InputError(found=f"the request is a {type(found).__name__}", expected="an object")
     return found
 
 

@@ -74,7 +74,7 @@ class JobRecord:
 
     def __init__(self, results: Path, job_id: str) -> None:
         if not _ID.fullmatch(job_id):
-            raise NotThereError(f"{job_id[:60]!r}: no job of that name")
+            raise NotThereError(place=f"{job_id[:60]!r}", found="no job of that name")
         self.id = job_id
         self.folder = results / job_id
 
@@ -102,9 +102,9 @@ class JobRecord:
             found = json.loads((self.folder / "job.json").read_text(encoding="utf-8"))
             job = read_record(Job, found, self.id)
         except (OSError, ValueError, InputError) as fault:
-            raise NotThereError(f"{self.id!r}: no job of that name") from fault
+            raise NotThereError(place=f"{self.id!r}", found="no job of that name") from fault
         if job.id != self.id:
-            raise NotThereError(f"{self.id!r}: no job of that name")
+            raise NotThereError(place=f"{self.id!r}", found="no job of that name")
         return job
 
     def begin(self) -> None:

@@ -210,9 +210,11 @@ class RunIndex:
             await asyncio.gather(*self._pending.values(), return_exceptions=True)
             kept = self._find(name, file)
         if kept is None:
-            raise NotThereError(f"{name[:60]!r}: no run of that name")
+            raise NotThereError(place=f"{name[:60]!r}", found="no run of that name")
         if not kept.series.is_file():
-            raise InputError(f"{name[:60]!r}: its channels are of different lengths, and cannot be drawn")
+            raise InputError(
+                place=f"{name[:60]!r}", found="its channels are of different lengths, and cannot be drawn"
+            )
         return kept
 
     def forget(self, file: Path) -> None:
@@ -255,7 +257,7 @@ class RunIndex:
         if len(found) > 1:
             said = ", ".join(kept.file.name for kept in found)
             raise SameNameError(
-                f"{name[:60]!r}: runs of several files have this name ({said}); say which file"
+                place=f"{name[:60]!r}", found=f"runs of several files have this name ({said}); say which file"
             )
         return found[0] if found else None
 

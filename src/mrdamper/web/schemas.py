@@ -177,7 +177,7 @@ def read_order(kind: object, options: object) -> Order:
     if not isinstance(kind, str) or kind not in kinds:
         raise InputError(f"kind is {str(kind)[:40]!r}; {did_you_mean(str(kind)[:40], kinds)}")
     if not isinstance(options, dict):
-        raise InputError(f"{kind}: options are {type(options).__name__}; expected an object")
+        raise InputError(place=kind, found=f"options are {type(options).__name__}", expected="an object")
     found: object = read_record(_request_type(kind), options, kind)
     return Order(kind, write_record(found, defaults=True, nulls=True))
 
@@ -230,4 +230,4 @@ class MapRequest:
             return 1 + max(map(depth, inner), default=0)
 
         if self.map is not None and depth(self.map) > 5:
-            raise InputError("map is nested too deep; expected the tables of a channel map")
+            raise InputError(found="map is nested too deep", expected="the tables of a channel map")

@@ -68,12 +68,15 @@ class ListenAddress:
     def __post_init__(self) -> None:
         if not self.is_loopback and self.token is None:
             raise InputError(
-                f"--host {self.host}: others could reach the folder; expected a --token with it, or no --host"
+                place=f"--host {self.host}",
+                found="others could reach the folder",
+                expected="a --token with it, or no --host",
             )
         if self.token is not None and (len(self.token) < _LEAST_TOKEN or not self.token.isprintable()):
             raise InputError(
-                f"--token: has {len(self.token)} characters; expected {_LEAST_TOKEN} or more that can be "
-                "printed, such as 32 random letters and digits"
+                place="--token",
+                found=f"has {len(self.token)} characters",
+                expected=f"{_LEAST_TOKEN} or more that can be printed, such as 32 random letters and digits",
             )
 
     @property

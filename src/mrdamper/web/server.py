@@ -105,7 +105,9 @@ def serve(
     app = build(root, ListenAddress(host, token))
     with (root.resolve() / ".cache" / "server.lock").open("w") as file, _listening(host, port) as listener:
         if lock(file.fileno()) is False:
-            raise InputError(f"{root}: another server works in this folder; stop it, or choose another")
+            raise InputError(
+                place=root, found="another server works in this folder; stop it, or choose another"
+            )
         bound = listener.getsockname()[1]
         shown = f"[{host}]" if ":" in host else socket.gethostname() if host == "0.0.0.0" else host
         address = f"http://{shown}:{bound}/" + ("" if token is None else f"?token={token}")
@@ -145,7 +147,8 @@ def _listening(host: str, port: int) -> socket.socket:
     except (OSError, OverflowError) as fault:
         listener.close()
         raise InputError(
-            f"--host {host} --port {port}: cannot be listened on ({fault}); choose another --port, or 0"
+            place=f"--host {host} --port {port}",
+            found=f"cannot be listened on ({fault}); choose another --port, or 0",
         ) from fault
     return listener
 
@@ -158,11 +161,15 @@ async def _page(path: str) -> Response:
 
 
 def _told_with(status: int) -> Callable[[Request, Exception], Response]:
-    def told(_: Request, fault: Exception) -> Response:
-        said = fault.spelled(on_page) if isinstance(fault, MrdamperError) else str(fault)
-        return JSONResponse({"error": said, "status": status}, status)
+    """Return what answers a fault with its message and, of one of ours, its parts in the pages' words."""
 
-    return told
+    def answer(_: Request, fault: Exception) -> Response:
+        if not isinstance(fault, MrdamperError):
+            return JSONResponse({"error": str(fault), "status": status}, status)
+        told = {"error": fault.spelled(on_page), "status": status, **fault.parts(on_page)}
+        return JSONResponse(told, status)
+
+    return answer
 
 
 def _no_space(request: Request, fault: Exception) -> Response:
@@ -175,7 +182,7 @@ def _no_space(request: Request, fault: Exception) -> Response:
 def _gone(request: Request, fault: Exception) -> Response:
     """Tell that what a list had shown has been deleted or moved since."""
     name = Path(str(getattr(fault, "filename", None) or "a file")).name
-    return _told_with(404)(request, NotThereError(f"{name!r}: is no longer there"))
+    return _told_with(404)(request, NotThereError(place=f"{name!r}", found="is no longer there"))
 
 
 def _not_yet(_: Request, _fault: Exception) -> Response:

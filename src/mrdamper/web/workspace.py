@@ -63,7 +63,9 @@ class NoSpaceError(MrdamperError):
     """The disk is full, or the user's share of it."""
 
     def __init__(self, what: str) -> None:
-        super().__init__(f"the disk is full: {what}. Make room on the disk of the folder, then try again")
+        super().__init__(
+            found=f"the disk is full: {what}", remedy="Make room on the disk of the folder, then try again"
+        )
 
 
 def is_full(fault: BaseException) -> bool:
@@ -80,10 +82,12 @@ class WorkFolder:
             for part in ("runs", "records", "inputs", "cards", "results", ".cache"):
                 (self.root / part).mkdir(parents=True, exist_ok=True)
                 if not (self.root / part).resolve().is_relative_to(self.root):
-                    raise InputError(f"{self.root / part}: is a link that leads out of the folder; remove it")
+                    raise InputError(
+                        place=f"{self.root / part}", found="is a link that leads out of the folder; remove it"
+                    )
         except OSError as fault:
             raise InputError(
-                f"{root}: cannot be worked in: {fault.strerror}; choose another ⟦--folder⟧"
+                place=root, found=f"cannot be worked in: {fault.strerror}; choose another ⟦--folder⟧"
             ) from fault
 
     def clear(self) -> None:
@@ -131,12 +135,19 @@ class WorkFolder:
             or _ESCAPED.search(name)
         ):
             raise InputError(
-                f"name {shown!r}: cannot be used; expected letters, digits, blanks and ._-+=,()[]@#%&, not "
-                f"beginning with a dot, at most {_LONGEST} bytes. Rename the file"
+                place=f"name {shown!r}",
+                found="cannot be used",
+                expected=(
+                    "letters, digits, blanks and ._-+=,()[]@#%&, not beginning with a dot, at most "
+                    f"{_LONGEST} bytes"
+                ),
+                remedy="Rename the file",
             )
         if suffixes and (Path(name).suffix.lower() not in suffixes or name.endswith(MAP_SUFFIX)):
             raise InputError(
-                f"name {shown!r}: not a kind of file that goes there; expected one of {', '.join(suffixes)}"
+                place=f"name {shown!r}",
+                found="not a kind of file that goes there",
+                expected=f"one of {', '.join(suffixes)}",
             )
         return place / name
 
@@ -150,7 +161,7 @@ class WorkFolder:
         """
         for name in names:
             if not name or name in {".", ".."} or re.search(r"[/\\\x00]", name):
-                raise NotThereError(f"{name[:60]!r}: no such name here")
+                raise NotThereError(place=f"{name[:60]!r}", found="no such name here")
         path = place.joinpath(*names)
         try:
             real = path.resolve(strict=True)
@@ -158,13 +169,13 @@ class WorkFolder:
             real = None
         is_kind = real is not None and (real.is_dir() if folder else real.is_file())
         if real is None or not is_kind or not real.is_relative_to(place.resolve()):
-            raise NotThereError(f"{names[-1][:60]!r}: nothing of that name here")
+            raise NotThereError(place=f"{names[-1][:60]!r}", found="nothing of that name here")
         return path
 
     def run_file(self, name: str) -> Path:
         """Return the measured file of a name."""
         if name.endswith(MAP_SUFFIX) or name.startswith("."):
-            raise NotThereError(f"{name[:60]!r}: no run's file")
+            raise NotThereError(place=f"{name[:60]!r}", found="no run's file")
         return self.there(self.runs, name)
 
     def record(self, name: str) -> Path:
@@ -229,8 +240,10 @@ class WorkFolder:
     async def store(self, path: Path, body: AsyncIterator[bytes], most_bytes: int, stated: str | None) -> int:
         """Write an upload beside its place and move it there whole; return its size [bytes]."""
         too_large = TooLargeError(
-            f"{path.name}: is larger than {most_bytes / 1e6:g} MB; split the file, or put it into the folder "
-            "by hand"
+            place=path.name,
+            found=(
+                f"is larger than {most_bytes / 1e6:g} MB; split the file, or put it into the folder by hand"
+            ),
         )
         if stated is not None and (not stated.isdigit() or int(stated) > most_bytes):
             raise too_large
@@ -247,7 +260,7 @@ class WorkFolder:
         except OSError as fault:
             if is_full(fault):
                 raise NoSpaceError(f"{path.name} was not stored") from fault
-            raise TooLargeError(f"{path.name}: cannot be written: {fault.strerror}") from fault
+            raise TooLargeError(place=path.name, found=f"cannot be written: {fault.strerror}") from fault
         finally:
             beside.unlink(missing_ok=True)
         return size
@@ -255,7 +268,7 @@ class WorkFolder:
     def move(self, beside: Path, path: Path) -> None:
         """Put a finished file into its place; a link there is replaced, not followed."""
         if path.is_dir() and not path.is_symlink():
-            raise InputError(f"{path.name}: is a folder; choose another name")
+            raise InputError(place=path.name, found="is a folder; choose another name")
         beside.replace(path)
 
     def write(self, path: Path, text: str) -> None:

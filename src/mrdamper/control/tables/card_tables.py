@@ -189,14 +189,18 @@ def tabulate(
         not depend on the current; a law that is not well posed somewhere on the grid.
     """
     if not (math.isfinite(largest) and largest > 0.0):
-        raise InputError(f"controller: the largest command is {largest}; expected a positive number")
+        raise InputError(
+            place="controller", found=f"the largest command is {largest}", expected="a positive number"
+        )
     low, high = temperatures or damper.temperature_range or (293.15, 293.15)
     if damper.law.name == "series-valve":
         return _around_series(*tabulate_series(damper, largest, (low, high)), largest)
     if damper.law.name not in TABULATED:
         raise InputError(
-            f"controller: the law is {damper.law.name!r}; expected one of {', '.join(TABULATED)}, "
-            "series-valve. Identify the same runs with one of these"
+            place="controller",
+            found=f"the law is {damper.law.name!r}",
+            expected=f"one of {', '.join(TABULATED)}, series-valve",
+            remedy="Identify the same runs with one of these",
         )
     if not damper.temperature_dependent or high <= low:
         high = low
@@ -206,17 +210,24 @@ def tabulate(
     yields = _rows(fine)[6:8].sum(axis=0)
     if np.ptp(yields[0]) <= 1e-9 * float(np.max(yields[0])):
         raise InputError(
-            f"controller: the yield force of this card does not depend on the command (it is "
-            f"{yields[0, 0]:g} N from 0 to {largest:g} {damper.command_unit}), so no "
-            "command can track a force. Identify runs at two or more commands"
+            place="controller",
+            found=(
+                f"the yield force of this card does not depend on the command (it is {yields[0, 0]:g} N from "
+                f"0 to {largest:g} {damper.command_unit}), so no command can track a force"
+            ),
+            remedy="Identify runs at two or more commands",
         )
     at = largest * _enough_currents(_rows(fine), scale)
     warm = np.linspace(low, high, _KELVINS)
     rows, factor, column, pieces = _terms(_rows(_coefficients(damper, at, warm)), scale)
     if len(rows) > _TERMS:
         raise InputError(
-            f"controller: the coefficients of this card are a sum of {len(rows)} products of current and "
-            f"temperature; expected at most {_TERMS}. Identify with simpler temperature laws"
+            place="controller",
+            found=(
+                f"the coefficients of this card are a sum of {len(rows)} products of current and temperature"
+            ),
+            expected=f"at most {_TERMS}",
+            remedy="Identify with simpler temperature laws",
         )
 
     elements = 0 if damper.law.name == "bingham" else 2 if "second_force" in fine else 1
@@ -259,7 +270,7 @@ def _coefficients(damper: Damper, at: FloatArray, warm: FloatArray) -> dict[str,
     current, kelvin = np.tile(at, len(warm)), np.repeat(warm, len(at))
     problems = damper.violations(current, kelvin)
     if problems:
-        raise InputError(f"controller: {problems[0]}")
+        raise InputError(place="controller", found=problems[0])
     values = damper.coefficients_at(current, kelvin)
     return dict(zip(damper.law.names, values.reshape(-1, len(warm), len(at)), strict=True))
 
@@ -377,7 +388,11 @@ def _constant(name: str, values: FloatArray) -> float:
     first = float(values.flat[0])
     if float(np.ptp(values)) > 1e-9 * abs(first):
         raise InputError(
-            f"controller: {name} goes from {values.min():g} to {values.max():g} over current and "
-            "temperature; the controller's tables need it constant. Identify with this coefficient constant"
+            place="controller",
+            found=(
+                f"{name} goes from {values.min():g} to {values.max():g} over current and temperature; the "
+                "controller's tables need it constant"
+            ),
+            remedy="Identify with this coefficient constant",
         )
     return first

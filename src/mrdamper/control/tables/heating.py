@@ -45,10 +45,14 @@ class Heating:
         for name in ("capacity_J_K", "loss_W_K", "ambient_K", "resistance_20_ohm", "loss_margin", "frozen_K"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0.0):
-                raise InputError(f"heating: {name} is {value}; expected a finite number, 0 or more")
+                raise InputError(
+                    place="heating", found=f"{name} is {value}", expected="a finite number, 0 or more"
+                )
         if self.amperes_per_volt is not None and not math.isfinite(self.amperes_per_volt):
             raise InputError(
-                f"heating: amperes_per_volt is {self.amperes_per_volt}; expected a finite number"
+                place="heating",
+                found=f"amperes_per_volt is {self.amperes_per_volt}",
+                expected="a finite number",
             )
 
     @classmethod

@@ -129,7 +129,7 @@ def tabulate_series(
     values: Mapping[str, FloatArray] = dict(zip(damper.law.names, grid, strict=True))
     problems = damper.violations(np.tile(at, sheets), np.repeat(warm, CURRENTS))
     if problems:
-        raise InputError(f"controller: {problems[0]}")
+        raise InputError(place="controller", found=problems[0])
     _check_inverse(values, damper.command_unit, largest)
     exponents = {name: float(values[name].flat[0]) for name in _EXPONENTS}
     chain = {name: values[name][:, 0].copy() for name in CHAIN}
@@ -175,28 +175,38 @@ def _check_inverse(values: Mapping[str, FloatArray], unit: str, largest: float) 
     for name, rows in values.items():
         if name != "yield_force" and float(np.ptp(rows, axis=1).max()) > 1e-9 * float(np.abs(rows).max()):
             raise InputError(
-                f"controller: {name} of this series-valve card depends on the command; expected the yield "
-                f"force alone to follow it. Identify with {name} constant in the command"
+                place="controller",
+                found=f"{name} of this series-valve card depends on the command",
+                expected="the yield force alone to follow it",
+                remedy=f"Identify with {name} constant in the command",
             )
     for name in _EXPONENTS:
         rows = values[name]
         if float(np.ptp(rows)) > 1e-9 * float(rows.flat[0]):
             raise InputError(
-                f"controller: {name} goes from {rows.min():g} to {rows.max():g} over temperature; the "
-                "controller's tables need it constant. Identify with this coefficient constant"
+                place="controller",
+                found=(
+                    f"{name} goes from {rows.min():g} to {rows.max():g} over temperature; the controller's "
+                    "tables need it constant"
+                ),
+                remedy="Identify with this coefficient constant",
             )
     rows = values["yield_force"]
     if float(np.ptp(rows, axis=1).min()) <= 1e-9 * float(rows.max()):
         raise InputError(
-            f"controller: the yield force of this card does not depend on the command (it is "
-            f"{rows[0, 0]:g} N from 0 to {largest:g} {unit}), so no command can track a force. Identify runs "
-            "at two or more commands"
+            place="controller",
+            found=(
+                f"the yield force of this card does not depend on the command (it is {rows[0, 0]:g} N from 0 "
+                f"to {largest:g} {unit}), so no command can track a force"
+            ),
+            remedy="Identify runs at two or more commands",
         )
     falls = np.diff(rows, axis=1) < 0.0
     if falls.any():
         place = largest * float(np.argmax(falls.any(axis=0))) / (rows.shape[1] - 1)
         raise InputError(
-            f"controller: the yield force of this series-valve card falls with the command above {place:g} "
-            f"{unit}; expected one that rises. Identify with a form that rises (hill), or lower the largest "
-            "command"
+            place="controller",
+            found=f"the yield force of this series-valve card falls with the command above {place:g} {unit}",
+            expected="one that rises",
+            remedy="Identify with a form that rises (hill), or lower the largest command",
         )

@@ -53,7 +53,7 @@ def check_positive(record: object, place: str, *, zero: tuple[str, ...] = ()) ->
     for each in fields(record):  # type: ignore[arg-type]  # dataclasses only
         value = getattr(record, each.name)
         if not (math.isfinite(value) and (value > 0.0 or (value == 0.0 and each.name in zero))):
-            raise InputError(f"{place}: {each.name} is {value!r}; expected a positive number")
+            raise InputError(place=place, found=f"{each.name} is {value!r}", expected="a positive number")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,7 +116,9 @@ class Demand:
 
     def __post_init__(self) -> None:
         if not all(map(math.isfinite, self.gains)):
-            raise InputError(f"demand {self.name!r}: gains are {self.gains}; expected four finite numbers")
+            raise InputError(
+                place=f"demand {self.name!r}", found=f"gains are {self.gains}", expected="four finite numbers"
+            )
 
 
 def skyhook(damping: float = 2500.0) -> Demand:

@@ -45,7 +45,9 @@ class Vehicle:
 
     def __post_init__(self) -> None:
         if self.damper is None and self.controller is not None:
-            raise InputError("vehicle: a controller without a damper; expected both, or the damper alone")
+            raise InputError(
+                place="vehicle", found="a controller without a damper", expected="both, or the damper alone"
+            )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,8 +67,9 @@ class RoadSegment:
     def __post_init__(self) -> None:
         if not 0.0 <= self.unscored_s < self.duration_s < math.inf:
             raise InputError(
-                f"segment: lasts {self.duration_s:g} s, of which {self.unscored_s:g} s are not scored; "
-                "expected something to score"
+                place="segment",
+                found=f"lasts {self.duration_s:g} s, of which {self.unscored_s:g} s are not scored",
+                expected="something to score",
             )
 
 
@@ -159,8 +162,9 @@ def drive_car(vehicle: Vehicle, segment: RoadSegment, *, after: Ride | None = No
         k += every
         if not -_MOST_TRAVEL_M < z1 < _MOST_TRAVEL_M:
             raise InputError(
-                f"ride: the damper's travel is {z1:g} m after {k * step:.2f} s; the car is not held. Check "
-                "the demand's gains, and that the damper is of a car's size"
+                place="ride",
+                found=f"the damper's travel is {z1:g} m after {k * step:.2f} s; the car is not held",
+                remedy="Check the demand's gains, and that the damper is of a car's size",
             )
     memory = _Memory(start.time + samples * period, (z1, z2, z3, z4), force, damper, state)
     skip = round(segment.unscored_s / period)

@@ -82,13 +82,18 @@ class LongDrive:
     def __post_init__(self) -> None:
         if not 0.0 < self.segment_s <= self.every_s <= self.duration_s < math.inf:
             raise InputError(
-                f"long drive: segments of {self.segment_s:g} s every {self.every_s:g} s over "
-                f"{self.duration_s:g} s; expected in this order"
+                place="long drive",
+                found=f"segments of {self.segment_s:g} s every {self.every_s:g} s over {self.duration_s:g} s",
+                expected="in this order",
             )
         if self.cut_off_degC is not None and not self.back_degC < self.cut_off_degC:
             raise InputError(
-                f"long drive: the current is cut off at {self.cut_off_degC:g} degC and comes back at "
-                f"{self.back_degC:g} degC; expected back below it"
+                place="long drive",
+                found=(
+                    f"the current is cut off at {self.cut_off_degC:g} degC and comes back at "
+                    f"{self.back_degC:g} degC"
+                ),
+                expected="back below it",
             )
 
 

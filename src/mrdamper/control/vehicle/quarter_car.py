@@ -69,7 +69,7 @@ class QuarterCarOptions:
 
     def __post_init__(self) -> None:
         if self.demand not in DEMANDS:
-            raise InputError(f"demand is {self.demand!r}; expected one of: {', '.join(DEMANDS)}")
+            raise InputError(found=f"demand is {self.demand!r}", expected=f"one of: {', '.join(DEMANDS)}")
         self.segment()
 
     def segment(self) -> RoadSegment:

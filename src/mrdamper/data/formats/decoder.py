@@ -71,13 +71,17 @@ class Decoder:
                 assert self._table.read_rows is not None, "this format is read whole"
                 part = self._table.read_rows(question["rows"], question["start"], question["count"])
                 if len({len(column) for column in part}) > 1:
-                    raise InputError("the columns differ in length; expected one value of each per row")
+                    raise InputError(
+                        found="the columns differ in length", expected="one value of each per row"
+                    )
                 return Reply({}, list(map(_bytes, part)))
             return Reply({}, [_bytes(self._table.columns[name]) for name in question["columns"]])
         except OSError as fault:  # of the file, as its library tells it
             raise InputError(str(fault)) from fault
         except MemoryError as fault:
-            raise InputError(f"{question.get('open', '')}: needs more memory than there is") from fault
+            raise InputError(
+                place=f"{question.get('open', '')}", found="needs more memory than there is"
+            ) from fault
 
 
 def _beside_columns(table: Table) -> Json:

@@ -49,7 +49,9 @@ def read_workbook(path: Path, options: FileOptions) -> Table:
         book = calamine.CalamineWorkbook.from_path(path)
         names = list(book.sheet_names)
     if options.part and options.part not in names:
-        raise InputError(f"{path}: no sheet {options.part!r}; the sheets are: {', '.join(map(repr, names))}")
+        raise InputError(
+            place=path, found=f"no sheet {options.part!r}; the sheets are: {', '.join(map(repr, names))}"
+        )
     found = []
     for name in [options.part] if options.part else names:
         with decoding(path, "Excel file", _REMEDY):
@@ -61,13 +63,17 @@ def read_workbook(path: Path, options: FileOptions) -> Table:
             found.append((name, lines, first, chain(above[first:], rows)))
     if not found:
         raise InputError(
-            f"{path}: no sheet with rows of numbers in {', '.join(map(repr, names))}; expected one"
+            place=path,
+            found=f"no sheet with rows of numbers in {', '.join(map(repr, names))}",
+            expected="one",
         )
     if len(found) > 1:
         sheets = ", ".join(repr(name) for name, *_ in found)
         raise InputError(
-            f"{path}: sheets {sheets} all hold rows of numbers; expected one. Name it at [file] part "
-            "in the channel map"
+            place=path,
+            found=f"sheets {sheets} all hold rows of numbers",
+            expected="one",
+            remedy="Name it at [file] part in the channel map",
         )
     name, lines, first, rows = found[0]
     with decoding(path, "Excel file", _REMEDY):
@@ -97,8 +103,10 @@ def _table(path: Path, sheet: str, titles: list[str], first: int, rows: Iterator
             if value is None:
                 wanted = "time" if k in starts else "number"
                 raise InputError(
-                    f"{path}, sheet {sheet!r}, row {at}: column {order[k]!r} holds {str(row[k])[:40]!r}; "
-                    f"expected a {wanted}. Correct the cell, or leave it out with its row"
+                    place=f"{path}, sheet {sheet!r}, row {at}",
+                    found=f"column {order[k]!r} holds {str(row[k])[:40]!r}",
+                    expected=f"a {wanted}",
+                    remedy="Correct the cell, or leave it out with its row",
                 )
             column.append(value)
         for k, cells in words.items():
@@ -167,14 +175,19 @@ def _require_harmless(path: Path) -> None:
         members = archive.infolist()
         names = {member.filename for member in members}
         if "xl/workbook.xml" not in names:
-            raise InputError(f"{path}: is {_other_archive(names)}")
+            raise InputError(place=path, found=f"is {_other_archive(names)}")
         if len(members) > _MOST_PARTS:
             raise InputError(
-                f"{path}: holds {len(members)} parts; expected an Excel file of at most {_MOST_PARTS}"
+                place=path,
+                found=f"holds {len(members)} parts",
+                expected=f"an Excel file of at most {_MOST_PARTS}",
             )
         if sum(member.file_size for member in members) > _MOST_UNPACKED:
             raise InputError(
-                f"{path}: unpacks to more than {_MOST_UNPACKED >> 20} MB; expected one run. Export it as CSV"
+                place=path,
+                found=f"unpacks to more than {_MOST_UNPACKED >> 20} MB",
+                expected="one run",
+                remedy="Export it as CSV",
             )
         for member in members:
             _require_true_size(path, archive, member)
@@ -183,15 +196,20 @@ def _require_harmless(path: Path) -> None:
 def _require_true_size(path: Path, archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> None:
     """Refuse a member that unpacks to more than it states, and a sheet whose cells span too much."""
     if member.compress_type not in {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED} or member.flag_bits & 1:
-        raise InputError(f"{path}: {member.filename} is encrypted or packed in an unusual way; {_REMEDY}")
+        raise InputError(
+            place=path, found=f"{member.filename} is encrypted or packed in an unusual way; {_REMEDY}"
+        )
     sheet = member.filename.startswith("xl/worksheets/")
     tail, row, column, size = b"", 0, 0, 0
     for piece in _pieces(archive, member):
         size += len(piece)
         if size > member.file_size:
             raise InputError(
-                f"{path}: {member.filename} unpacks to more than the {member.file_size} bytes that it states "
-                f"(damaged, or a trap); {_REMEDY}"
+                place=path,
+                found=(
+                    f"{member.filename} unpacks to more than the {member.file_size} bytes that it states "
+                    f"(damaged, or a trap); {_REMEDY}"
+                ),
             )
         if not sheet:
             continue
@@ -200,8 +218,10 @@ def _require_true_size(path: Path, archive: zipfile.ZipFile, member: zipfile.Zip
         tail = piece[-40:]
         if row * column > _MOST_CELLS:
             raise InputError(
-                f"{path}: {member.filename} spans {row} rows and {column} columns; expected at most "
-                f"{_MOST_CELLS} cells. Delete what lies far from the table, or export it as CSV"
+                place=path,
+                found=f"{member.filename} spans {row} rows and {column} columns",
+                expected=f"at most {_MOST_CELLS} cells",
+                remedy="Delete what lies far from the table, or export it as CSV",
             )
 
 

@@ -32,16 +32,21 @@ def read_logger(path: Path, _options: FileOptions) -> Table:
         names = [name.strip() for name in head.lines[size - 1].split(",")]
     except (KeyError, ValueError, IndexError) as error:
         raise InputError(
-            f"{path}: the logger's header lacks {error}; expected 'Header Size' and 'Sampling Interval' lines"
+            place=path,
+            found=f"the logger's header lacks {error}",
+            expected="'Header Size' and 'Sampling Interval' lines",
         ) from error
     if not 0 < size < len(head.lines) or not step > 0.0:
-        raise InputError(f"{path}: no samples after a header of {size} lines; expected rows of numbers")
+        raise InputError(
+            place=path, found=f"no samples after a header of {size} lines", expected="rows of numbers"
+        )
     table = parse_rows(
         path, head.starts[size], names, Layout("logger text", ",", ".", size, notes=head.notes)
     )
     if table.rows < count:
         raise InputError(
-            f"{path}: holds {table.rows} samples where its header states {count}: it was cut off. Copy it "
-            "again, or correct 'Sample Count' if the rest is not wanted"
+            place=path,
+            found=f"holds {table.rows} samples where its header states {count}: it was cut off",
+            remedy="Copy it again, or correct 'Sample Count' if the rest is not wanted",
         )
     return replace(table, step_s=step)

@@ -56,7 +56,7 @@ def read_lvm(path: Path, _options: FileOptions) -> Table:
     delimiter = _SEPARATORS.get(tags.get("Separator", ["Tab"])[0].lower(), "\t")
     decimal = tags.get("Decimal_Separator", ["."])[0] or "."
     if delimiter == decimal:
-        raise InputError(f"{path}: commas separate columns and decimals; save the file with tabs")
+        raise InputError(place=path, found="commas separate columns and decimals; save the file with tabs")
     names = split_line(head.lines[labels_at], delimiter)
     layout = Layout("LabVIEW measurement text", delimiter, decimal, labels_at + 1, notes=head.notes)
     segments = list(_segments(path, head.starts[labels_at], labels_at + 1, tags))
@@ -64,8 +64,10 @@ def read_lvm(path: Path, _options: FileOptions) -> Table:
     for each in segments:
         if each.labels != segments[0].labels:
             raise InputError(
-                f"{path}, line {each.lines_above}: the columns are not those of the first segment; expected "
-                "the same. Split the file there"
+                place=f"{path}, line {each.lines_above}",
+                found="the columns are not those of the first segment",
+                expected="the same",
+                remedy="Split the file there",
             )
         table = parse_rows(path, each.start, names, replace(layout, header_lines=each.lines_above), each.stop)
         pieces.append((each, _with_clock(path, table, each.tags)))
@@ -78,11 +80,12 @@ def _head_tags(path: Path, head: Head) -> tuple[Tags, int]:
     ends = [k for k, line in enumerate(head.lines) if line.startswith(_END)]
     if not ends:
         raise InputError(
-            f"{path}: no {_END} in the first {len(head.lines)} lines; it was cut off: copy it again"
+            place=path,
+            found=f"no {_END} in the first {len(head.lines)} lines; it was cut off: copy it again",
         )
     end = ends[:2][-1]  # the second is the first segment's
     if end + 2 >= len(head.lines):
-        raise InputError(f"{path}: no rows after its header; expected rows of numbers")
+        raise InputError(place=path, found="no rows after its header", expected="rows of numbers")
     return _tags_of(head.lines[:end]), end + 1
 
 
@@ -126,7 +129,8 @@ def _segments(path: Path, labels_start: int, lines_above: int, tags: Tags) -> It
                 header.append(line)
             else:
                 raise InputError(
-                    f"{path}, line {number}: the header of a segment does not end; copy it again"
+                    place=f"{path}, line {number}",
+                    found="the header of a segment does not end; copy it again",
                 )
     if header is None:
         yield replace(now, stop=at)
@@ -142,7 +146,12 @@ def _with_clock(path: Path, table: Table, tags: Tags) -> Table:
             units[name] = unit
     times = [columns[name] for name in clocks]
     if any(not np.array_equal(other, times[0], equal_nan=True) for other in times[1:]):
-        raise InputError(f"{path}: its channels have clocks of their own; expected one for all. Save X once")
+        raise InputError(
+            place=path,
+            found="its channels have clocks of their own",
+            expected="one for all",
+            remedy="Save X once",
+        )
     if tags.get("X_Dimension", ["Time"])[0] not in {"Time", ""}:
         return replace(table, units=units)
     for name in clocks:
@@ -170,8 +179,10 @@ def _joined(path: Path, pieces: Sequence[tuple[_Segment, Table]]) -> Table:
     for each, table in zip(segments, tables, strict=True):
         if table.columns.keys() != first.columns.keys() or table.units != first.units:
             raise InputError(
-                f"{path}, line {each.lines_above}: columns of numbers, or units, are not those of the first "
-                "segment; expected the same. Split the file there"
+                place=f"{path}, line {each.lines_above}",
+                found="columns of numbers, or units, are not those of the first segment",
+                expected="the same",
+                remedy="Split the file there",
             )
     columns = {name: np.concatenate([table.columns[name] for table in tables]) for name in first.columns}
     clocks = [_clock(each, table) for each, table in zip(segments, tables, strict=True)]

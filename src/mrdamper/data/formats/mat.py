@@ -62,7 +62,7 @@ def read_mat(path: Path, options: FileOptions) -> Table:
     names = plain_names([each.path for each in found])
     columns = {name: each.column for name, each in zip(names, found, strict=True)}
     if sum(map(len, columns.values())) > MOST_SAMPLES:
-        raise InputError(f"{path}: holds more than {MOST_SAMPLES} numbers; split the file")
+        raise InputError(place=path, found=f"holds more than {MOST_SAMPLES} numbers; split the file")
     return Table(
         names=tuple(names),
         columns=columns,

@@ -93,8 +93,13 @@ def _require_no_formula(file: Any, path: Path) -> None:  # noqa: ANN401 - asammd
             said = _formula(channel.conversion)
             if said:
                 raise InputError(
-                    f"{path}: channel {str(channel.name)!r} is scaled by the formula {said[:60]!r}, which "
-                    "is not run; expected a factor and an offset. Export the run with its values scaled"
+                    place=path,
+                    found=(
+                        f"channel {str(channel.name)!r} is scaled by the formula {said[:60]!r}, which is not "
+                        "run"
+                    ),
+                    expected="a factor and an offset",
+                    remedy="Export the run with its values scaled",
                 )
 
 

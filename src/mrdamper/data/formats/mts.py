@@ -54,27 +54,40 @@ def read_mts(path: Path, _options: FileOptions) -> Table:
     fields = line.strip().split("|")
     if len(fields) < 6 or fields[4] not in _DELIMITERS or fields[5] not in {".", ","}:
         raise InputError(
-            f"{path}: line 1 is {line[:60]!r}; expected MTS793|...|delimiter|decimal|... with 0, 1 or 2 and "
-            "a point or a comma. Export the file again"
+            place=path,
+            found=f"line 1 is {line[:60]!r}",
+            expected="MTS793|...|delimiter|decimal|... with 0, 1 or 2 and a point or a comma",
+            remedy="Export the file again",
         )
     delimiter, decimal = _DELIMITERS[fields[4]], fields[5]
     if delimiter == decimal:
-        raise InputError(f"{path}: line 1 says that commas separate columns and decimals; export with tabs")
+        raise InputError(
+            place=path, found="line 1 says that commas separate columns and decimals; export with tabs"
+        )
     found = _find_acquisitions(path, delimiter)
     if not found:
-        raise InputError(f"{path}: an MTS 793 text without a row of numbers; record or export it again")
+        raise InputError(
+            place=path, found="an MTS 793 text without a row of numbers; record or export it again"
+        )
     tables = [_read_acquisition(path, each, delimiter, decimal) for each in found]
     first_columns = tables[0].columns.keys()
     for each, table in zip(found[1:], tables[1:], strict=True):
         if table.names != tables[0].names:
             raise InputError(
-                f"{path}, line {each.lines_above}: the columns {', '.join(table.names)} are not those of the "
-                f"first acquisition ({', '.join(tables[0].names)}); expected the same. Split the file there"
+                place=f"{path}, line {each.lines_above}",
+                found=(
+                    f"the columns {', '.join(table.names)} are not those of the first acquisition "
+                    f"({', '.join(tables[0].names)})"
+                ),
+                expected="the same",
+                remedy="Split the file there",
             )
         for name in first_columns ^ table.columns.keys():
             raise InputError(
-                f"{path}, line {each.lines_above}: column {name!r} holds numbers in one acquisition and text "
-                "in another; expected numbers. Correct the cells, or split the file there"
+                place=f"{path}, line {each.lines_above}",
+                found=f"column {name!r} holds numbers in one acquisition and text in another",
+                expected="numbers",
+                remedy="Correct the cells, or split the file there",
             )
     return _joined(found, tables)
 

@@ -125,8 +125,10 @@ def _column(path: Path, file: Json, name: str, rows: int) -> FloatArray:
     values = _values(part)
     if len(values) > rows:
         raise InputError(
-            f"{path}: column {name!r} holds {len(values)} numbers in {rows} rows; expected one in each. The "
-            "file is damaged, or holds arrays: export the run as CSV"
+            place=path,
+            found=f"column {name!r} holds {len(values)} numbers in {rows} rows",
+            expected="one in each",
+            remedy="The file is damaged, or holds arrays: export the run as CSV",
         )
     return values
 
@@ -169,7 +171,8 @@ def _unreadable(path: Path, fault: MrdamperError) -> InputError:
         else "its decoder has crashed"
     )
     return InputError(
-        f"{path}: not a readable file: {why}. The file is damaged: copy it again, or export the run as CSV"
+        place=path,
+        found=f"not a readable file: {why}. The file is damaged: copy it again, or export the run as CSV",
     )
 
 

@@ -64,12 +64,12 @@ class FileOptions:
     def __post_init__(self) -> None:
         if self.delimiter not in {"", ",", ";", "\t", " "}:
             raise InputError(
-                f"delimiter is {self.delimiter!r}; expected a comma, a semicolon, a tab or a blank"
+                found=f"delimiter is {self.delimiter!r}", expected="a comma, a semicolon, a tab or a blank"
             )
         if self.decimal not in {"", ".", ","}:
-            raise InputError(f"decimal is {self.decimal!r}; expected '.' or ','")
+            raise InputError(found=f"decimal is {self.decimal!r}", expected="'.' or ','")
         if self.decimal == self.delimiter == ",":
-            raise InputError("a comma is delimiter and decimal sign; expected two signs")
+            raise InputError(found="a comma is delimiter and decimal sign", expected="two signs")
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,7 +198,7 @@ def decoding(path: Path, what: str, remedy: str) -> Iterator[None]:
         raise
     except BaseException as error:
         said = " ".join(f"{error}".split())[:120] or type(error).__name__
-        raise InputError(f"{path}: not a readable {what} ({said}); {remedy}") from error
+        raise InputError(place=path, found=f"not a readable {what} ({said}); {remedy}") from error
     finally:
         for logger, level in zip(loggers, levels, strict=True):
             logger.setLevel(level)
@@ -246,8 +246,10 @@ def require_room(samples: int, path: Path, name: str) -> None:
     """Refuse a column that no memory should be given to."""
     if samples > MOST_SAMPLES:
         raise InputError(
-            f"{path}: column {name!r} states {samples} samples; expected at most {MOST_SAMPLES}. The file is "
-            "damaged, or has to be split"
+            place=path,
+            found=f"column {name!r} states {samples} samples",
+            expected=f"at most {MOST_SAMPLES}",
+            remedy="The file is damaged, or has to be split",
         )
 
 
@@ -255,8 +257,11 @@ def require_held(samples: int, size: int, path: Path, name: str) -> None:
     """Refuse more samples of some bytes than a file of its size unpacks to: they would be given memory."""
     if not 0 <= samples * size <= _MOST_UNPACKED * path.stat().st_size:
         raise InputError(
-            f"{path}: {name!r} states {samples} samples of {size} bytes, which a file of its size does not "
-            "hold. The file is damaged: copy it again"
+            place=path,
+            found=(
+                f"{name!r} states {samples} samples of {size} bytes, which a file of its size does not hold. "
+                "The file is damaged: copy it again"
+            ),
         )
 
 

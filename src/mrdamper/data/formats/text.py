@@ -121,8 +121,9 @@ def _look(path: Path, options: FileOptions) -> _Found:
     delimiter, first = find_data(head.lines, options.delimiter)
     if first is None:
         raise InputError(
-            f"{path}: no rows of numbers in the first {len(head.lines)} lines; expected a header and at "
-            "least two columns, separated by comma, semicolon, tab or blanks"
+            place=path,
+            found=f"no rows of numbers in the first {len(head.lines)} lines",
+            expected="a header and at least two columns, separated by comma, semicolon, tab or blanks",
         )
     names = find_header(head.lines, first, delimiter)
     _refuse_two_commas(path, head.lines, first, delimiter)
@@ -136,14 +137,22 @@ def read_head(path: Path) -> Head:
     with path.open("rb") as stream:
         content = stream.read(_HEAD_BYTES)
     if content.startswith(_UTF16) or _wide(content[:512]):
-        raise InputError(f"{path}: the text is UTF-16; expected UTF-8. Save the file as UTF-8")
+        raise InputError(
+            place=path, found="the text is UTF-16", expected="UTF-8", remedy="Save the file as UTF-8"
+        )
     if re.match(rb"\s*<(!doctype|html|\?xml)", content[:64], re.IGNORECASE):
         raise InputError(
-            f"{path}: is a web page or XML; expected columns of numbers. Download the file itself"
+            place=path,
+            found="is a web page or XML",
+            expected="columns of numbers",
+            remedy="Download the file itself",
         )
     if b"\n" not in content and content.count(b"\r") > 1:
         raise InputError(
-            f"{path}: lines end in CR alone, as on old Macs; expected LF or CR LF. Save it with such lines"
+            place=path,
+            found="lines end in CR alone, as on old Macs",
+            expected="LF or CR LF",
+            remedy="Save it with such lines",
         )
     whole = len(content) < _HEAD_BYTES
     ends = [match.end() for match in re.finditer(rb"\n", content)]
@@ -151,7 +160,9 @@ def read_head(path: Path) -> Head:
     edges = edges[: _HEAD_LINES + 1]
     if len(edges) < 2:
         raise InputError(
-            f"{path}: the first line has more than {_HEAD_BYTES} bytes; expected rows of numbers"
+            place=path,
+            found=f"the first line has more than {_HEAD_BYTES} bytes",
+            expected="rows of numbers",
         )
     encoding = _encoding(path, content[: edges[-1]])
     if content.startswith(b"\xef\xbb\xbf"):
@@ -170,7 +181,7 @@ def lines_of(stream: BinaryIO, path: Path, first: int = 1) -> Iterator[tuple[int
     """
     for number, line in enumerate(iter(partial(stream.readline, _HEAD_BYTES), b""), first):
         if len(line) == _HEAD_BYTES:
-            raise InputError(f"{path}, line {number}: does not end; expected rows of numbers")
+            raise InputError(place=f"{path}, line {number}", found="does not end", expected="rows of numbers")
         yield number, line
 
 
@@ -252,8 +263,10 @@ def _number_blocks(
                 row, cell = column.first_bad()
                 wanted_cell = "time" if k in stamps else "number"
                 raise InputError(
-                    f"{path}, line {row}: column {order[k]!r} holds {cell!r} ({column.bad} such cells); "
-                    f"expected a {wanted_cell}. Correct the cell, or leave it out with its row"
+                    place=f"{path}, line {row}",
+                    found=f"column {order[k]!r} holds {cell!r} ({column.bad} such cells)",
+                    expected=f"a {wanted_cell}",
+                    remedy="Correct the cell, or leave it out with its row",
                 )
             numbers.append(column.numbers() if column is not None and numeric else None)
             texts.append([] if column is None or numeric else column.texts())
@@ -329,13 +342,17 @@ def _blocks(path: Path, start: int, stop: int | None, first_line: int) -> Iterat
         while piece := stream.read(min(_BLOCK, end - stream.tell())):
             if b"\0" in piece:
                 raise InputError(
-                    f"{path}: holds zero bytes after about line {first_line}; expected text. The file was "
-                    "cut off while it was written: cut the rest off, or record again"
+                    place=path,
+                    found=f"holds zero bytes after about line {first_line}",
+                    expected="text",
+                    remedy="The file was cut off while it was written: cut the rest off, or record again",
                 )
             content = rest + piece
             cut = content.rfind(b"\n") + 1
             if not cut and len(content) >= _BLOCK:
-                raise InputError(f"{path}: line {first_line} does not end; expected rows of numbers")
+                raise InputError(
+                    place=path, found=f"line {first_line} does not end", expected="rows of numbers"
+                )
             if cut:
                 yield content[:cut], first_line
                 first_line += content.count(b"\n", 0, cut)
@@ -394,7 +411,9 @@ def _frame(path: Path, content: bytes, layout: Layout, count: int, first_line: i
     except pl.exceptions.PolarsError as error:
         if (encoding := _encoding(path, content)) != _UTF8:
             return _frame(path, content.decode(encoding).encode(), layout, count, first_line)
-        raise InputError(f"{path}: not a table of numbers ({str(error).splitlines()[0]})") from error
+        raise InputError(
+            place=path, found=f"not a table of numbers ({str(error).splitlines()[0]})"
+        ) from error
     return frame.with_row_index("row", first_line).filter(~pl.all_horizontal(pl.exclude("row").is_null()))
 
 
@@ -408,8 +427,10 @@ def find_decimal(path: Path, rows: Sequence[str], delimiter: str) -> str:
     if len(found) > 1:
         examples = " and ".join(repr(next(text for text in fields if sign in text)) for sign in ".,")
         raise InputError(
-            f"{path}: numbers have decimal points and decimal commas ({examples}); expected one of them. "
-            "Export the numbers without separators of thousands"
+            place=path,
+            found=f"numbers have decimal points and decimal commas ({examples})",
+            expected="one of them",
+            remedy="Export the numbers without separators of thousands",
         )
     return found.pop() if found else ""
 
@@ -423,8 +444,12 @@ def _refuse_two_commas(path: Path, lines: Sequence[str], first: int, delimiter: 
         return
     if all(_WHOLE.fullmatch(text) for text in fields):
         raise InputError(
-            f"{path}: {len(names)} names and {len(fields)} fields in line {first + 1}: commas seem to "
-            "separate both columns and decimals. Export with semicolons, or with decimal points"
+            place=path,
+            found=(
+                f"{len(names)} names and {len(fields)} fields in line {first + 1}: commas seem to separate "
+                "both columns and decimals"
+            ),
+            remedy="Export with semicolons, or with decimal points",
         )
 
 
@@ -447,8 +472,10 @@ def _encoding(path: Path, content: bytes) -> str:
         if _NO_TEXT.search(content) is None and letters <= _MOST_LETTERS * len(content):
             return _WINDOWS
         raise InputError(
-            f"{path}: byte {error.start} is not UTF-8 text (0x{content[error.start]:02x}); "
-            "save the file as UTF-8"
+            place=path,
+            found=(
+                f"byte {error.start} is not UTF-8 text (0x{content[error.start]:02x}); save the file as UTF-8"
+            ),
         ) from error
     return _UTF8
 

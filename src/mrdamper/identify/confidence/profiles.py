@@ -88,7 +88,9 @@ def profile(
         raise InputError(f"{name} rests on its {estimate.at_bound} bound: it has no profile about its value")
     if points < 3 or points % 2 == 0 or not span > 0.0:
         raise InputError(
-            f"profile: {points} points over {span:g} standard errors; expected 3, 5, 7, ... over > 0"
+            place="profile",
+            found=f"{points} points over {span:g} standard errors",
+            expected="3, 5, 7, ... over > 0",
         )
     runs = problem.prepare()
     effective = _effective_samples(problem, runs, result, name)
@@ -98,7 +100,9 @@ def profile(
     if not held.at(centre):
         if held.cancelled:
             raise KeyboardInterrupt
-        raise ConvergenceError(f"{name}: no fit with it held at {estimate.value:g}, its own fitted value")
+        raise ConvergenceError(
+            place=name, found=f"no fit with it held at {estimate.value:g}, its own fitted value"
+        )
     reached: list[tuple[float, End]] = []
     for side, bound in ((-1.0, free.lower), (1.0, free.upper)):
         room = side * (float(free.to_search(bound)) - centre)

@@ -95,7 +95,9 @@ def bootstrap(
         why = (
             "each is the only one at its command or temperature" if len(prepared) > 1 else "one is not enough"
         )
-        raise InputError(f"bootstrap: nothing to draw from {len(prepared)} runs ({why}); add repeated runs")
+        raise InputError(
+            place="bootstrap", found=f"nothing to draw from {len(prepared)} runs ({why}); add repeated runs"
+        )
     rng = np.random.default_rng(seed)
     names = tuple(free.name for free in problem.free)
     checkpoint = checkpoint or NoCheckpoint()

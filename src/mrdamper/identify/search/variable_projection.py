@@ -135,8 +135,11 @@ def fit_variable_projection(
     best = progress.best
     if best is None or not np.isfinite(best.cost):
         raise ConvergenceError(
-            f"{problem.template.law.name}: no start reached a finite cost in {count} tries; check the runs "
-            "(⟦mrdamper predict⟧ shows them) or give more ⟦--starts⟧"
+            place=problem.template.law.name,
+            found=(
+                f"no start reached a finite cost in {count} tries; check the runs (⟦mrdamper predict⟧ shows "
+                "them) or give more ⟦--starts⟧"
+            ),
         )
     values = np.concatenate([Box.of(problem).to_physical(best.point), best.linear]).tolist()
     found = problem.template.with_parameters(

@@ -61,7 +61,9 @@ class Carlson:
         for name, unit in (("saturation_Pa", "Pa"), ("field_scale_A_m", "A/m")):
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0.0):
-                raise InputError(f"yield stress: {name} is {value:g} {unit}; it must be positive")
+                raise InputError(
+                    place="yield stress", found=f"{name} is {value:g} {unit}; it must be positive"
+                )
 
     def stress(self, field_A_m: ArrayLike) -> FloatArray:
         """Return the yield stress [Pa] at field strengths H [A/m], in their shape."""
@@ -116,7 +118,7 @@ def checked_fraction(particle_fraction: float) -> float:
     """Return the volume fraction of iron, checked: spheres do not pack denser than about 0.64."""
     if not 0.0 < particle_fraction <= 0.6:
         raise InputError(
-            f"particle fraction is {particle_fraction:g}; expected the volume fraction of iron, above 0 and "
-            "up to 0.6 (32 % by volume is 0.32)"
+            found=f"particle fraction is {particle_fraction:g}",
+            expected="the volume fraction of iron, above 0 and up to 0.6 (32 % by volume is 0.32)",
         )
     return particle_fraction

@@ -62,10 +62,10 @@ class Origin:
 
     def __post_init__(self) -> None:
         if self.confidence not in get_args(Confidence):
-            raise InputError(f"confidence is {self.confidence!r}; expected one of A, B, C, D")
+            raise InputError(found=f"confidence is {self.confidence!r}", expected="one of A, B, C, D")
         error = self.standard_error
         if error is not None and not (math.isfinite(error) and error >= 0.0):
-            raise InputError(f"standard error is {error}; expected a finite number, not negative")
+            raise InputError(found=f"standard error is {error}", expected="a finite number, not negative")
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,7 +180,7 @@ class Fluid:
         Shapes broadcast. Errors and the warning are those of ``viscosity``, on ``valid_K`` alone.
         """
         if (field_A_m is None) == (flux_density_T is None):
-            raise InputError("yield stress: give either field_A_m or flux_density_T")
+            raise InputError(place="yield stress", found="give either field_A_m or flux_density_T")
         if flux_density_T is not None:
             field_A_m = field_strength(flux_density_T, self.particle_fraction)
         kelvin = np.asarray(temperature_K, dtype=np.float64)
@@ -193,15 +193,20 @@ class Fluid:
         strange = ~((kelvin >= low) & (kelvin <= high))
         if strange.any():
             raise EnvelopeError(
-                f"fluid {self.name!r}: temperature is {kelvin[strange].flat[0]:g} K; expected {low:g} to "
-                f"{high:g} K. Temperatures are in kelvin here"
+                place=f"fluid {self.name!r}",
+                found=f"temperature is {kelvin[strange].flat[0]:g} K",
+                expected=f"{low:g} to {high:g} K",
+                remedy="Temperatures are in kelvin here",
             )
         values = factor.value(kelvin)
         bad = ~((values > 0.0) & np.isfinite(values))
         if bad.any():
             raise EnvelopeError(
-                f"fluid {self.name!r}: the {factor.kind} law of the {what} has no value at "
-                f"{_celsius(kelvin[bad].flat[0])}; it is meant for {_span(self.valid_K)}"
+                place=f"fluid {self.name!r}",
+                found=(
+                    f"the {factor.kind} law of the {what} has no value at {_celsius(kelvin[bad].flat[0])}; "
+                    f"it is meant for {_span(self.valid_K)}"
+                ),
             )
         return values
 
@@ -240,17 +245,19 @@ def _require_origins(fluid: Fluid) -> None:
     lacking = [name for name in fluid.parameters if name not in fluid.origins]
     unknown = [name for name in fluid.origins if name not in fluid.parameters]
     if lacking:
-        raise InputError(f"fluid {fluid.name!r}: no origin is given for {', '.join(lacking)}")
+        raise InputError(place=f"fluid {fluid.name!r}", found=f"no origin is given for {', '.join(lacking)}")
     if unknown:
-        raise InputError(f"fluid {fluid.name!r}: origins of numbers it does not have: {', '.join(unknown)}")
+        raise InputError(
+            place=f"fluid {fluid.name!r}", found=f"origins of numbers it does not have: {', '.join(unknown)}"
+        )
 
 
 def _require_range(what: str, ends: tuple[float, float]) -> None:
     low, high = ends
     if not _PLAUSIBLE_K[0] <= low < high <= _PLAUSIBLE_K[1]:
         raise InputError(
-            f"{what} is {low:g} to {high:g} K; expected the lower before the higher, both in "
-            f"{_PLAUSIBLE_K[0]:g} to {_PLAUSIBLE_K[1]:g} K"
+            found=f"{what} is {low:g} to {high:g} K",
+            expected=f"the lower before the higher, both in {_PLAUSIBLE_K[0]:g} to {_PLAUSIBLE_K[1]:g} K",
         )
 
 
@@ -260,8 +267,12 @@ def _require_positive_over(what: str, factor: TemperatureFactor, ends: tuple[flo
     bad = ~((values > 0.0) & np.isfinite(values))
     if bad.any():
         raise InputError(
-            f"{what}: its {factor.kind} law is {values[bad][0]:g} at {_celsius(grid[bad][0])}; it must be "
-            f"positive over the fluid's range {_span(ends)}. Narrow valid_degC, or correct the law's numbers"
+            place=what,
+            found=(
+                f"its {factor.kind} law is {values[bad][0]:g} at {_celsius(grid[bad][0])}; it must be "
+                f"positive over the fluid's range {_span(ends)}"
+            ),
+            remedy="Narrow valid_degC, or correct the law's numbers",
         )
 
 

@@ -126,9 +126,13 @@ def require_positive(values: FloatArray, what: str, unit: str, kelvin: FloatArra
     bad = ~((values > 0.0) & np.isfinite(values))
     if bad.any():
         raise InputError(
-            f"{place}: {what} is {values[bad][0]:g} {unit} at {in_celsius(kelvin[bad][0])} "
-            f"({counted(bad, 'such point')}); expected a positive number. Correct the point, or leave "
-            "its row out"
+            place=place,
+            found=(
+                f"{what} is {values[bad][0]:g} {unit} at {in_celsius(kelvin[bad][0])} "
+                f"({counted(bad, 'such point')})"
+            ),
+            expected="a positive number",
+            remedy="Correct the point, or leave its row out",
         )
 
 
@@ -150,9 +154,10 @@ def require_temperatures(
     over = f" ({span_in_celsius((float(kelvin.min()), float(kelvin.max())))})" if distinct > 1 else ""
     at = f" ({in_celsius(float(kelvin[0]))})" if distinct == 1 else over
     raise InputError(
-        f"{place}: {found}{at} within {span_in_celsius(valid_K)}; expected at least {least}, "
-        f"{_LEAST_SPAN_K:g} K or more apart: {why}. Measure at more temperatures, such as "
-        "20, 40, 60, 80 and 100 degC"
+        place=place,
+        found=f"{found}{at} within {span_in_celsius(valid_K)}",
+        expected=f"at least {least}, {_LEAST_SPAN_K:g} K or more apart: {why}",
+        remedy="Measure at more temperatures, such as 20, 40, 60, 80 and 100 degC",
     )
 
 

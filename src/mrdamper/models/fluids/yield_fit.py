@@ -101,8 +101,10 @@ def fit_yield_stress(
     require_temperatures(kelvin[used], 2, place, valid_K, "the temperature slope of the yield stress is one")
     if np.count_nonzero(used) < 3:
         raise InputError(
-            f"{place}: {np.count_nonzero(used)} yield stresses in a field; expected at least 3: 2 numbers, "
-            "and one point to judge them by. Measure more fields or temperatures"
+            place=place,
+            found=f"{np.count_nonzero(used)} yield stresses in a field",
+            expected="at least 3: 2 numbers, and one point to judge them by",
+            remedy="Measure more fields or temperatures",
         )
     h, t, y = field[used], kelvin[used], np.log(stress[used])
     fits = [_carlson(h, t, y, free_scale=False)]

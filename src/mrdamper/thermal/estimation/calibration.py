@@ -136,7 +136,9 @@ def fit_heating(curve: HeatingCurve, ambient_K: float) -> HeatingParameters:
 
     found = least_squares(miss, guess, jac="3-point", x_scale=scale, xtol=1e-14, ftol=1e-14, gtol=1e-14)
     if not (found.success and np.isfinite(found.x).all()):
-        raise ConvergenceError(f"{curve.name}: the fit of P/C and UA/C did not settle ({found.message})")
+        raise ConvergenceError(
+            place=curve.name, found=f"the fit of P/C and UA/C did not settle ({found.message})"
+        )
     jacobian, residual = np.asarray(found.jac), np.asarray(found.fun)
     covariance = inverse_of(jacobian.T @ jacobian) * variance_of(residual, 3)
     values = found.x[:2]
@@ -176,8 +178,12 @@ def calibrate_drawing(
     """
     if curve.time[0] < 0.0 or curve.time[-1] > duty.duration * (1.0 + 1e-9):
         raise InputError(
-            f"{curve.name}: it runs from {curve.time[0]:g} to {curve.time[-1]:g} s, the duty from 0 to "
-            f"{duty.duration:g} s; expected a curve within the duty, its time counted from the duty's start"
+            place=curve.name,
+            found=(
+                f"it runs from {curve.time[0]:g} to {curve.time[-1]:g} s, the duty from 0 to "
+                f"{duty.duration:g} s"
+            ),
+            expected="a curve within the duty, its time counted from the duty's start",
         )
     loads = loads_of(works, drawing, duty)
     fit = CurveFit(curve, drawing, loads, model, model_uncertainty)

@@ -116,10 +116,13 @@ class CurveFit:
         at = np.asarray(found.x)
         if (np.minimum(at - low, high - at)[1:3] < _AT_EDGE).any():
             raise ConvergenceError(
-                f"{self._curve.name}: no multipliers from {_FACTOR_RANGE[0]:g} to {_FACTOR_RANGE[1]:g} "
-                f"follow it (heat_capacity {math.exp(at[1]):.3g}, film {math.exp(at[2]):.3g}); expected a "
-                "curve of this damper and duty. Check the duty, and emissivity and mount_W_K: losses cannot "
-                "be less than theirs"
+                place=self._curve.name,
+                found=(
+                    f"no multipliers from {_FACTOR_RANGE[0]:g} to {_FACTOR_RANGE[1]:g} follow it "
+                    f"(heat_capacity {math.exp(at[1]):.3g}, film {math.exp(at[2]):.3g})"
+                ),
+                expected="a curve of this damper and duty",
+                remedy="Check the duty, and emissivity and mount_W_K: losses cannot be less than theirs",
             )
         return at, np.asarray(found.fun)[: len(self._curve)] * deviation, np.array(found.jac)
 
@@ -132,15 +135,21 @@ class CurveFit:
         )
         if left > most:
             raise ConvergenceError(
-                f"{curve.name}: this damper under this duty is {left:.2g} K off it at best; expected "
-                f"{most:.2g} K or less. Check the duty, that time counts from its start, and the sensor"
+                place=curve.name,
+                found=f"this damper under this duty is {left:.2g} K off it at best",
+                expected=f"{most:.2g} K or less",
+                remedy="Check the duty, that time counts from its start, and the sensor",
             )
         off = self._prior_residuals(at)
         if off.size and float(np.abs(off).max()) > _INCREDIBLE:
             raise ConvergenceError(
-                f"{curve.name}: it takes a heat capacity {math.exp(at[1]):.3g} times and a film "
-                f"{math.exp(at[2]):.3g} times the drawing's; expected a curve of this damper and duty. Check "
-                "the duty, that time counts from its start, and the drawing's lengths"
+                place=curve.name,
+                found=(
+                    f"it takes a heat capacity {math.exp(at[1]):.3g} times and a film {math.exp(at[2]):.3g} "
+                    "times the drawing's"
+                ),
+                expected="a curve of this damper and duty",
+                remedy="Check the duty, that time counts from its start, and the drawing's lengths",
             )
 
     def _first_point(self) -> FloatArray:
@@ -154,7 +163,7 @@ class CurveFit:
                 at[1] += math.log(2.0)
                 if at[1] > math.log(_FACTOR_RANGE[1]):
                     raise ConvergenceError(
-                        f"{self._curve.name}: the network leaves its range: {fault}"
+                        place=self._curve.name, found=f"the network leaves its range: {fault}"
                     ) from fault
             else:
                 return at

@@ -50,30 +50,41 @@ class HeatingCurve:
             object.__setattr__(self, array, read_only(getattr(self, array)))
         if self.place not in get_args(Place):
             raise InputError(
-                f"{self.name}: place is {self.place!r}; use one of: {', '.join(get_args(Place))}"
+                place=self.name, found=f"place is {self.place!r}; use one of: {', '.join(get_args(Place))}"
             )
         if self.time.ndim != 1 or self.time.shape != self.temperature.shape:
             raise InputError(
-                f"{self.name}: time has shape {self.time.shape}, temperature {self.temperature.shape}; "
-                "expected one temperature per time"
+                place=self.name,
+                found=f"time has shape {self.time.shape}, temperature {self.temperature.shape}",
+                expected="one temperature per time",
             )
         if len(self.time) < _LEAST_READINGS:
             raise InputError(
-                f"{self.name}: it has {len(self.time)} readings; expected at least {_LEAST_READINGS}"
+                place=self.name,
+                found=f"it has {len(self.time)} readings",
+                expected=f"at least {_LEAST_READINGS}",
             )
         if not np.isfinite(self.time).all() or not (np.diff(self.time) > 0.0).all():
-            raise InputError(f"{self.name}: time does not rise; expected seconds in order, none twice")
+            raise InputError(
+                place=self.name, found="time does not rise", expected="seconds in order, none twice"
+            )
         limits = find_quantity("temperature")
         bad = ~((self.temperature >= limits.low) & (self.temperature <= limits.high))
         if bad.any():
             k = int(np.flatnonzero(bad)[0])
             raise InputError(
-                f"{self.name}: temperature is {self.temperature[k]:g} K at {self.time[k]:g} s "
-                f"({bad.sum()} such samples); expected {limits.low:g} to {limits.high:g} K. Check its "
-                "unit, or use clean_curve()"
+                place=self.name,
+                found=(
+                    f"temperature is {self.temperature[k]:g} K at {self.time[k]:g} s ({bad.sum()} such "
+                    "samples)"
+                ),
+                expected=f"{limits.low:g} to {limits.high:g} K",
+                remedy="Check its unit, or use clean_curve()",
             )
         if not (math.isfinite(self.lag_s) and self.lag_s >= 0.0):
-            raise InputError(f"{self.name}: lag_s is {self.lag_s}; expected seconds, zero or more")
+            raise InputError(
+                place=self.name, found=f"lag_s is {self.lag_s}", expected="seconds, zero or more"
+            )
 
     def __len__(self) -> int:
         return len(self.time)
@@ -119,7 +130,9 @@ def clean_curve(
     temperature = np.asarray(temperature_K, dtype=np.float64)
     if time.ndim != 1 or time.shape != temperature.shape:
         raise InputError(
-            f"{name}: time has shape {time.shape}, temperature {temperature.shape}; expected the same"
+            place=name,
+            found=f"time has shape {time.shape}, temperature {temperature.shape}",
+            expected="the same",
         )
     limits = find_quantity("temperature")
     real = np.isfinite(time) & (temperature >= limits.low) & (temperature <= limits.high)
@@ -134,8 +147,10 @@ def clean_curve(
     for what, number in gone.items():
         if number > _MOST_BAD * count:
             raise InputError(
-                f"{name}: {number} of {count} samples are {what}; expected less than a fifth. "
-                "Check the sensor and the column's unit"
+                place=name,
+                found=f"{number} of {count} samples are {what}",
+                expected="less than a fifth",
+                remedy="Check the sensor and the column's unit",
             )
     said = [f"{number} of {count} samples left out: {what}" for what, number in gone.items() if number]
     if twice:

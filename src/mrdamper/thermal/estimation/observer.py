@@ -59,9 +59,13 @@ class Thermometers:
 
     def __post_init__(self) -> None:
         if not (self.resistance >= 0.0 and self.voltage_V >= 0.0 and self.body_K > 0.0):
-            raise InputError(f"observer: thermometers are {self}; expected positive noise")
+            raise InputError(place="observer", found=f"thermometers are {self}", expected="positive noise")
         if not self.resistance + self.voltage_V > 0.0:
-            raise InputError("observer: the resistance has no noise at all; expected resistance or voltage_V")
+            raise InputError(
+                place="observer",
+                found="the resistance has no noise at all",
+                expected="resistance or voltage_V",
+            )
 
     def resistance_error(self, resistance_ohm: float, current_A: float) -> float:
         """Return the standard deviation of a resistance [ohm]; infinite without current."""
@@ -102,17 +106,24 @@ class ThermalRecord:
             object.__setattr__(self, name, read_only(values))
             if values.shape != self.time.shape:
                 raise InputError(
-                    f"thermal record: {name} has shape {values.shape}, time {self.time.shape}; expected "
-                    "the same"
+                    place="thermal record",
+                    found=f"{name} has shape {values.shape}, time {self.time.shape}",
+                    expected="the same",
                 )
         if self.time.ndim != 1 or not len(self.time) or not (np.diff(self.time) > 0.0).all():
-            raise InputError("thermal record: time does not rise; expected seconds in order, none twice")
+            raise InputError(
+                place="thermal record", found="time does not rise", expected="seconds in order, none twice"
+            )
         if not (np.isfinite(self.power).all() and np.isfinite(self.current).all()):
             raise InputError(
-                "thermal record: a power or current is not finite; expected W and A in every row"
+                place="thermal record",
+                found="a power or current is not finite",
+                expected="W and A in every row",
             )
         if self.resistance is None and self.body is None:
-            raise InputError("thermal record: expected the coil's resistance, a body temperature, or both")
+            raise InputError(
+                place="thermal record", found="expected the coil's resistance, a body temperature, or both"
+            )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -167,12 +178,13 @@ class TemperatureObserver:
     def __post_init__(self) -> None:
         if not (math.isfinite(self.resistance_20_ohm) and self.resistance_20_ohm > 0.0):
             raise InputError(
-                f"observer: resistance_20_ohm is {self.resistance_20_ohm}; expected the coil's at 20 degC, "
-                "above zero"
+                place="observer",
+                found=f"resistance_20_ohm is {self.resistance_20_ohm}",
+                expected="the coil's at 20 degC, above zero",
             )
         body = self.network.wall if self.body is None else read_only(self.body)
         if body.shape != (len(self.network.names),) or not math.isclose(float(body.sum()), 1.0, rel_tol=1e-9):
-            raise InputError("observer: body is not one weight per node, sum 1")
+            raise InputError(place="observer", found="body is not one weight per node, sum 1")
         object.__setattr__(self, "body", body)
         object.__setattr__(self, "uncertain", UncertainNetwork(self.network))
 
@@ -196,7 +208,9 @@ class TemperatureObserver:
         start = self.network.ambient if temperature_K is None else temperature_K
         if not (math.isfinite(start) and spread_K > 0.0):
             raise InputError(
-                f"observer: starts at {start} K, spread {spread_K} K; expected a positive spread"
+                place="observer",
+                found=f"starts at {start} K, spread {spread_K} K",
+                expected="a positive spread",
             )
         mean, covariance = np.zeros(size), np.zeros((size, size))
         mean[:n] = start
@@ -212,7 +226,7 @@ class TemperatureObserver:
     def step(self, state: ObserverState, seen: ThermalMeasurement) -> ObserverState:
         """Return the state after the time that passed and the readings at its end."""
         if not seen.elapsed_s >= 0.0:
-            raise InputError(f"observer: {seen.elapsed_s} s passed; expected zero or more")
+            raise InputError(place="observer", found=f"{seen.elapsed_s} s passed", expected="zero or more")
         mean, covariance = np.array(state.mean), np.array(state.covariance)
         if seen.elapsed_s > 0.0:
             mean, covariance = self._advance(mean, covariance, seen)

@@ -125,7 +125,9 @@ class EarlyPrediction:
         """
         first = float(self.curve.time[0])
         if not (time > first).all():
-            raise InputError(f"prediction: the curve starts at {first:g} s; expected a later time")
+            raise InputError(
+                place="prediction", found=f"the curve starts at {first:g} s", expected="a later time"
+            )
         values = simulate_two_node(self.parameters, self.start, self.ambient, np.append(first, time))[1:]
         spread = np.hypot(self.misfit.floor_K, self.misfit.share * np.abs(values - self.start))
         return np.asarray(values + spread * self.off)
@@ -165,8 +167,9 @@ def predict_temperature(
     first = float(curve.time[0])
     if not options.until > first:
         raise InputError(
-            f"prediction: it should end at {options.until:g} s, the curve starts at {first:g} s; expected a "
-            "later end"
+            place="prediction",
+            found=f"it should end at {options.until:g} s, the curve starts at {first:g} s",
+            expected="a later end",
         )
     time = np.linspace(first, options.until, round((options.until - first) / _LOOK_STEP_S) + 2)[1:]
     probability = options.probability
@@ -212,11 +215,14 @@ def predict_early(
         No damper within the priors fits the curve.
     """
     if not 223.15 <= ambient_K <= 373.15:
-        raise InputError(f"prediction: ambient is {ambient_K - ZERO_CELSIUS_K:g} degC; expected -50 to 100")
+        raise InputError(
+            place="prediction", found=f"ambient is {ambient_K - ZERO_CELSIUS_K:g} degC", expected="-50 to 100"
+        )
     if float(curve.time[-1] - curve.time[0]) < 60.0:
         raise InputError(
-            f"{curve.name}: it lasts {curve.time[-1] - curve.time[0]:.0f} s; expected a minute or more to "
-            "predict from"
+            place=curve.name,
+            found=f"it lasts {curve.time[-1] - curve.time[0]:.0f} s",
+            expected="a minute or more to predict from",
         )
     problem = _Problem(curve, ambient_K, misfit or _MISFITS[curve.place])
     middle = problem.most_probable()
@@ -275,9 +281,12 @@ class _Problem:
         score = float(np.sqrt(np.mean(off**2)))
         if not score < _WORST_SCORE:
             raise ConvergenceError(
-                f"{self.curve.name}: no damper follows it (off by {score:.0f} times its errors); expected "
-                "the start of a heating curve at a constant duty, from when the duty began, and the air's "
-                "temperature"
+                place=self.curve.name,
+                found=f"no damper follows it (off by {score:.0f} times its errors)",
+                expected=(
+                    "the start of a heating curve at a constant duty, from when the duty began, and the "
+                    "air's temperature"
+                ),
             )
         return best
 

@@ -58,7 +58,9 @@ class ModelUncertainty:
         for name in self.__dataclass_fields__:
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0.0):
-                raise InputError(f"model uncertainty: {name} is {value}; expected zero or more, finite")
+                raise InputError(
+                    place="model uncertainty", found=f"{name} is {value}", expected="zero or more, finite"
+                )
 
     @property
     def covariance(self) -> FloatArray:

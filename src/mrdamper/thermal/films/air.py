@@ -62,8 +62,11 @@ def air_at(temperature_K: ArrayLike) -> Air:
     outside = ~((kelvin >= low) & (kelvin <= high))
     if outside.any():
         raise EnvelopeError(
-            f"air: film temperature is {kelvin[outside].flat[0]:g} K; its properties are known for "
-            f"{low:g} to {high:g} K. Temperatures are in kelvin here"
+            place="air",
+            found=(
+                f"film temperature is {kelvin[outside].flat[0]:g} K; its properties are known for {low:g} to "
+                f"{high:g} K. Temperatures are in kelvin here"
+            ),
         )
     root = kelvin * np.sqrt(kelvin)
     viscosity = 1.5067e-6 * root / (kelvin + 122.1)

@@ -287,10 +287,12 @@ def groove_emissivity(emissivity: float, opening: float, walls: float) -> float:
     Source: the grey cavity, in any textbook of radiation.
     """
     if not 0.0 <= emissivity <= 1.0:
-        raise InputError(f"groove: emissivity is {emissivity}; expected 0 to 1")
+        raise InputError(place="groove", found=f"emissivity is {emissivity}", expected="0 to 1")
     if not 0.0 < opening <= walls:
         raise InputError(
-            f"groove: opening is {opening} m^2, its walls {walls} m^2; expected the walls larger"
+            place="groove",
+            found=f"opening is {opening} m^2, its walls {walls} m^2",
+            expected="the walls larger",
         )
     return 0.0 if emissivity == 0.0 else 1.0 / (1.0 + opening / walls * (1.0 / emissivity - 1.0))
 
@@ -326,8 +328,12 @@ def annular_fin_efficiency(
 
     if not (0.0 < root_radius < tip_radius and thickness > 0.0 and conductivity > 0.0):
         raise InputError(
-            f"annular fin: radii {root_radius} and {tip_radius} m, thickness {thickness} m, conductivity "
-            f"{conductivity} W/(m K); expected root below tip, all positive"
+            place="annular fin",
+            found=(
+                f"radii {root_radius} and {tip_radius} m, thickness {thickness} m, conductivity "
+                f"{conductivity} W/(m K)"
+            ),
+            expected="root below tip, all positive",
         )
     h = _within("film coefficient of a fin", film, 0.0, np.inf)
     m = np.sqrt(2.0 * np.maximum(h, 1e-9) / (conductivity * thickness))
@@ -355,5 +361,7 @@ def _within(what: str, value: ArrayLike, low: float, high: float) -> FloatArray:
 def _positive(value: ArrayLike) -> FloatArray:
     array = np.asarray(value, dtype=np.float64)
     if not ((array > 0.0) & (array < np.inf)).all():
-        raise EnvelopeError(f"{array[~(array > 0.0)].flat[:1]} is given; expected positive, finite numbers")
+        raise EnvelopeError(
+            found=f"{array[~(array > 0.0)].flat[:1]} is given", expected="positive, finite numbers"
+        )
     return array

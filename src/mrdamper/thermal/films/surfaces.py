@@ -158,8 +158,12 @@ def _placed(drawing: DamperDrawing, surface: str) -> Iterator[None]:
         yield
     except EnvelopeError as fault:
         raise EnvelopeError(
-            f"{drawing.name}: convection of the {surface}: {fault}. Check surroundings.air_m_s (0 is still "
-            "air) and ambient_degC, and that lengths are in millimetres"
+            place=drawing.name,
+            found=f"convection of the {surface}: {fault}",
+            remedy=(
+                "Check surroundings.air_m_s (0 is still air) and ambient_degC, and that lengths are in "
+                "millimetres"
+            ),
         ) from fault
 
 

@@ -159,7 +159,7 @@ def _surface_points(
     try:
         middles = np.array([middle[min(a, b), max(a, b)] for a, b in mesh.facets.tolist()], dtype=np.int64)
     except KeyError as fault:
-        raise InputError(f"mesh: the facet {fault} is the side of no triangle") from fault
+        raise InputError(place="mesh", found=f"the facet {fault} is the side of no triangle") from fault
     at, weight = np.polynomial.legendre.leggauss(_FACET_POINTS)
     s = 0.5 * (1.0 + at)
     shape = np.stack(

@@ -116,8 +116,10 @@ class Cooling:
         )
         low, high = self.grid[0] - ZERO_CELSIUS_K, self.grid[-1] - ZERO_CELSIUS_K
         return EnvelopeError(
-            f"heating: a surface is at {worst:.4g} degC; expected {low:.0f} to {high:.0f} degC. Lower the "
-            "duty, check the drawing's dimensions, or stop at the fluid's limit"
+            place="heating",
+            found=f"a surface is at {worst:.4g} degC",
+            expected=f"{low:.0f} to {high:.0f} degC",
+            remedy="Lower the duty, check the drawing's dimensions, or stop at the fluid's limit",
         )
 
 
@@ -251,8 +253,8 @@ def steady_field(
             return state
         before = largest
     raise ConvergenceError(
-        "steady state: Newton's method did not settle in 60 steps. If nothing carries the heat "
-        "away, there is none"
+        place="steady state",
+        found="Newton's method did not settle in 60 steps. If nothing carries the heat away, there is none",
     )
 
 
@@ -261,7 +263,11 @@ def _first_state(equation: HeatEquation, start: float | FloatArray | None) -> Fl
     if given.ndim == 0:
         return np.asarray(equation.uniform * (float(given) - equation.ambient))
     if given.shape != (equation.size,):
-        raise InputError(f"heating: start has shape {given.shape}; expected one number or ({equation.size},)")
+        raise InputError(
+            place="heating",
+            found=f"start has shape {given.shape}",
+            expected=f"one number or ({equation.size},)",
+        )
     return given.copy()
 
 

@@ -37,8 +37,9 @@ def constant_heating(
     """
     if not (capacity > 0.0 and conductance >= 0.0 and math.isfinite(power)):
         raise InputError(
-            f"heating: capacity {capacity} J/K, conductance {conductance} W/K, power {power} W; expected a "
-            "positive capacity and a conductance of zero or more"
+            place="heating",
+            found=f"capacity {capacity} J/K, conductance {conductance} W/K, power {power} W",
+            expected="a positive capacity and a conductance of zero or more",
         )
     seconds = np.asarray(time, dtype=np.float64)
     # (1 - exp(-x)) / x is 1 at x = 0: one formula with and without losses

@@ -50,7 +50,9 @@ class SectionMesh:
             array.setflags(write=False)
             object.__setattr__(self, name, array)
         if not (self.doubled_areas() > 0.0).all():
-            raise InputError("mesh: a triangle is flat or runs clockwise; expected them anticlockwise")
+            raise InputError(
+                place="mesh", found="a triangle is flat or runs clockwise", expected="them anticlockwise"
+            )
 
     def doubled_areas(self) -> FloatArray:
         """Return twice the area of each triangle [m^2], positive when it runs anticlockwise."""
@@ -105,7 +107,7 @@ def mesh_section(section: Section, size: float = 0.008, *, levels: int = 3) -> S
         Blocks overlap, or an edge lies on no triangle.
     """
     if not (math.isfinite(size) and size > 0.0):
-        raise InputError(f"mesh: size is {size} m; expected a positive, finite number")
+        raise InputError(place="mesh", found=f"size is {size} m", expected="a positive, finite number")
     radii = _lines([r for block in section.blocks for r in (block.inner, block.outer)], size, _SHARE)
     heights = _lines([z for block in section.blocks for z in (block.low, block.high)], size, 1.0)
     region = np.full((len(radii) - 1, len(heights) - 1), -1, dtype=np.int64)
@@ -113,7 +115,8 @@ def mesh_section(section: Section, size: float = 0.008, *, levels: int = 3) -> S
         cells = region[_cells(radii, block.inner, block.outer), _cells(heights, block.low, block.high)]
         if (cells != -1).any():
             raise InputError(
-                f"section: a block of {section.regions[block.region].name!r} overlaps another one"
+                place="section",
+                found=f"a block of {section.regions[block.region].name!r} overlaps another one",
             )
         cells[...] = block.region
     i, j = np.nonzero(region >= 0)
@@ -183,7 +186,7 @@ class _Triangles:
         """Return the mesh without the nodes that no triangle uses."""
         used, compact = np.unique(self.triangles, return_inverse=True)
         if not np.isin(self.facets, used).all():
-            raise InputError("section: an edge lies outside all blocks")
+            raise InputError(place="section", found="an edge lies outside all blocks")
         return SectionMesh(
             self.nodes[used],
             compact.reshape(-1, 3),
@@ -237,7 +240,9 @@ def _cells(lines: FloatArray, low: float, high: float) -> slice:
 def _line(lines: FloatArray, side: float) -> int:
     found = int(np.abs(lines - side).argmin())
     if abs(lines[found] - side) > 2.0 * _SAME:
-        raise InputError(f"section: an edge has an end at {side:g} m, where no block has a side or a corner")
+        raise InputError(
+            place="section", found=f"an edge has an end at {side:g} m, where no block has a side or a corner"
+        )
     return found
 
 

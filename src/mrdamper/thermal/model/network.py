@@ -70,14 +70,20 @@ class ThermalNetwork:
             array = read_only(getattr(self, name))
             object.__setattr__(self, name, array)
             if array.shape != shape or not np.isfinite(array).all():
-                raise InputError(f"network: {name} has shape {array.shape}; expected {shape}, all finite")
+                raise InputError(
+                    place="network", found=f"{name} has shape {array.shape}", expected=f"{shape}, all finite"
+                )
         if not (self.capacity > 0.0).all():
-            raise InputError("network: a capacity is not positive; expected J/K above zero")
+            raise InputError(place="network", found="a capacity is not positive", expected="J/K above zero")
         if (self.conductance < 0.0).any() or not np.array_equal(self.conductance, self.conductance.T):
-            raise InputError("network: conductance is negative or one-sided; expected W/K, both ways equal")
+            raise InputError(
+                place="network", found="conductance is negative or one-sided", expected="W/K, both ways equal"
+            )
         for name in ("mechanical", "electrical", "fluid", "coil", "wall"):
             if not math.isclose(float(getattr(self, name).sum()), 1.0, rel_tol=1e-9):
-                raise InputError(f"network: {name} sums to {getattr(self, name).sum()}; expected 1")
+                raise InputError(
+                    place="network", found=f"{name} sums to {getattr(self, name).sum()}", expected="1"
+                )
 
     @property
     def total_capacity(self) -> float:

@@ -56,7 +56,7 @@ def reduce_field(model: FieldModel, *, order: int = 16) -> ReducedModel:
     order : number of unknowns, at most
     """
     if order < 3:
-        raise InputError(f"reduced model: order is {order}; expected 3 or more")
+        raise InputError(place="reduced model", found=f"order is {order}", expected="3 or more")
     basis = _space(model.equation, model.surface, order)
     return ReducedModel(model, basis, project(model.equation, basis))
 

@@ -45,7 +45,9 @@ class Region:
         for value in (self.conductivity_r, self.conductivity_z, self.volumetric_heat):
             if not (math.isfinite(value) and value > 0.0):
                 raise InputError(
-                    f"section: region {self.name!r} conducts or stores {value}; expected positive numbers"
+                    place="section",
+                    found=f"region {self.name!r} conducts or stores {value}",
+                    expected="positive numbers",
                 )
 
 
@@ -116,11 +118,12 @@ class Section:
             object.__setattr__(self, name, read_only(getattr(self, name)))
         if self.films.ndim != 2 or self.films.shape[1] != len(self.grid) or not (self.films >= 0.0).all():
             raise InputError(
-                f"section: films have shape {self.films.shape}; expected one row per law over "
-                f"{len(self.grid)} temperatures, zero or more"
+                place="section",
+                found=f"films have shape {self.films.shape}",
+                expected=f"one row per law over {len(self.grid)} temperatures, zero or more",
             )
         if not (np.diff(self.grid) > 0.0).all() or len(self.grid) < 4:
-            raise InputError("section: expected a grid of four or more rising temperatures")
+            raise InputError(place="section", found="expected a grid of four or more rising temperatures")
 
     def volume(self, *roles: Role) -> float:
         """Return the volume of the regions with these roles [m^3]."""

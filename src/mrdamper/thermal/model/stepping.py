@@ -62,15 +62,19 @@ class Load:
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.duration) and self.duration > 0.0):
-            raise InputError(f"load: duration is {self.duration} s; expected a positive, finite number")
+            raise InputError(
+                place="load", found=f"duration is {self.duration} s", expected="a positive, finite number"
+            )
         if not (math.isfinite(self.coil_W) and self.coil_W >= 0.0):
-            raise InputError(f"load: coil heat is {self.coil_W} W; expected zero or more, finite")
+            raise InputError(
+                place="load", found=f"coil heat is {self.coil_W} W", expected="zero or more, finite"
+            )
 
     def power_on(self, grid: FloatArray) -> FloatArray:
         """Return the power [W] at the temperatures of a grid [K], checked."""
         watts = np.asarray(self.power(grid), dtype=np.float64)
         if watts.shape != grid.shape or not np.isfinite(watts).all():
-            raise InputError("load: its power is not finite, or not one number per temperature")
+            raise InputError(place="load", found="its power is not finite, or not one number per temperature")
         return watts
 
 
@@ -156,9 +160,11 @@ def integrate(
     stop_at : the fluid's mean temperature at which the integration ends [K]
     """
     if not loads:
-        raise InputError("heating: there is no load; expected at least one")
+        raise InputError(place="heating", found="there is no load", expected="at least one")
     if not (longest_step > 0.0 and first_step > 0.0):
-        raise InputError(f"heating: steps are {first_step} and {longest_step} s; expected positive numbers")
+        raise InputError(
+            place="heating", found=f"steps are {first_step} and {longest_step} s", expected="positive numbers"
+        )
     system.take(loads[0])
     n = system.nodes
     state = np.concatenate([start, np.zeros_like(system.rate(start)[n:])])

@@ -101,7 +101,7 @@ def steady_state(network: ThermalNetwork, load: Load, *, start: float | None = N
         A node leaves the temperatures at which its losses are known.
     """
     if not network.watts.any():
-        raise ConvergenceError("steady state: nothing carries the heat away; there is none")
+        raise ConvergenceError(place="steady state", found="nothing carries the heat away; there is none")
     system = NetworkSystem(network)
     system.take(load)
     state: FloatArray = np.full(len(network.names), network.ambient + 50.0 if start is None else start)
@@ -112,7 +112,7 @@ def steady_state(network: ThermalNetwork, load: Load, *, start: float | None = N
         state = np.asarray(state + move * min(1.0, 50.0 / max(largest, 1e-300)))
         if largest < 1e-9:
             return state
-    raise ConvergenceError("steady state: Newton's method did not settle to 1e-9 K in 60 steps")
+    raise ConvergenceError(place="steady state", found="Newton's method did not settle to 1e-9 K in 60 steps")
 
 
 class NetworkSystem:
@@ -186,8 +186,10 @@ class NetworkSystem:
         worst = int(np.argmax(np.where(np.isfinite(seen), np.abs(seen - self.network.ambient), np.inf)))
         low, high = self.network.grid[0] - ZERO_CELSIUS_K, self.network.grid[-1] - ZERO_CELSIUS_K
         raise EnvelopeError(
-            f"heating: a node is at {to_degC(seen[worst]):.4g} degC; expected {low:.0f} to {high:.0f} degC. "
-            "Lower the duty, check the drawing's dimensions, or stop at the fluid's limit"
+            place="heating",
+            found=f"a node is at {to_degC(seen[worst]):.4g} degC",
+            expected=f"{low:.0f} to {high:.0f} degC",
+            remedy="Lower the duty, check the drawing's dimensions, or stop at the fluid's limit",
         )
 
     def fluid(self, state: FloatArray) -> float:

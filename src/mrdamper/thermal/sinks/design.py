@@ -89,19 +89,29 @@ class SinkLimits:
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0.0):
                 raise InputError(
-                    f"sink limits: {name} is {1e3 * value:g} mm; expected a positive, finite number"
+                    place="sink limits",
+                    found=f"{name} is {1e3 * value:g} mm",
+                    expected="a positive, finite number",
                 )
         if not self.mass > 0.0:
-            raise InputError(f"sink limits: mass is {1e3 * self.mass:g} g; expected more than zero")
+            raise InputError(
+                place="sink limits", found=f"mass is {1e3 * self.mass:g} g", expected="more than zero"
+            )
         if not self.materials or not self.emissivities:
-            raise InputError("sink limits: no material or no emissivity; expected at least one of each")
+            raise InputError(
+                place="sink limits", found="no material or no emissivity", expected="at least one of each"
+            )
         for value in self.emissivities:
             if not 0.0 <= value <= 1.0:
-                raise InputError(f"sink limits: an emissivity is {value}; expected 0 to 1")
+                raise InputError(place="sink limits", found=f"an emissivity is {value}", expected="0 to 1")
         if self.least_thickness > self.span:
             raise InputError(
-                f"sink limits: the span is {1e3 * self.span:g} mm, the least thickness "
-                f"{1e3 * self.least_thickness:g} mm; expected room for one fin at least"
+                place="sink limits",
+                found=(
+                    f"the span is {1e3 * self.span:g} mm, the least thickness {1e3 * self.least_thickness:g} "
+                    "mm"
+                ),
+                expected="room for one fin at least",
             )
 
     def most_fins(self, thickness: float) -> int:
@@ -222,8 +232,9 @@ def limits_of(
         span = own.span if own else body.length
     if not span <= body.length * (1.0 + _ROUNDING):
         raise InputError(
-            f"sink limits: the span is {1e3 * span:g} mm, the body's length {1e3 * body.length:g} mm; "
-            "expected a span within it"
+            place="sink limits",
+            found=f"the span is {1e3 * span:g} mm, the body's length {1e3 * body.length:g} mm",
+            expected="a span within it",
         )
     return SinkLimits(
         span=span,
@@ -258,9 +269,12 @@ def search_grid(
     sinks = [sink for sink in _grid(damper.pattern, limits) if limits.allow(sink, damper.diameter)]
     if not sinks:
         raise InputError(
-            f"sink limits: no sink keeps to them (span {1e3 * limits.span:g} mm, width "
-            f"{1e3 * limits.width:g} mm, mass {1e3 * limits.mass:g} g, thickness from "
-            f"{1e3 * limits.least_thickness:g} mm); raise the mass or lower the least thickness"
+            place="sink limits",
+            found=(
+                f"no sink keeps to them (span {1e3 * limits.span:g} mm, width {1e3 * limits.width:g} mm, "
+                f"mass {1e3 * limits.mass:g} g, thickness from {1e3 * limits.least_thickness:g} mm); raise "
+                "the mass or lower the least thickness"
+            ),
         )
     found: list[SinkDesign] = []
     for first in range(0, len(sinks), _PIECE):
@@ -346,7 +360,7 @@ def front_of(designs: Sequence[SinkDesign]) -> tuple[SinkDesign, ...]:
 def thinned(front: Sequence[SinkDesign], most: int) -> tuple[SinkDesign, ...]:
     """Return at most so many members of a front, both ends among them, evenly spaced in temperature."""
     if most < 2:
-        raise InputError(f"front: {most} members are asked for; expected 2 or more")
+        raise InputError(found=f"front: {most} members are asked for", expected="2 or more")
     if len(front) <= most:
         return tuple(front)
     fluid = np.array([design.fluid for design in front])

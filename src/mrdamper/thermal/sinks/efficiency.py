@@ -216,7 +216,9 @@ def fin_efficiency(drawing: DamperDrawing, root_K: float) -> float:
     """Return the efficiency of one fin of a drawing's sink [-], its film at the root's temperature [K]."""
     sink = drawing.sink
     if sink is None:
-        raise InputError(f"{drawing.name}: it has no heat sink; expected one, for a fin's efficiency")
+        raise InputError(
+            place=drawing.name, found="it has no heat sink", expected="one, for a fin's efficiency"
+        )
     emissivity, _ = fin_radiation(drawing)
     film = fin_film(drawing, root_K) + radiation_film(emissivity, root_K, drawing.surroundings.ambient)
     diameter = drawing.body.outer_diameter

@@ -78,8 +78,11 @@ def search_genetic(
         algorithm.next()
     if not tried.designs:
         raise InputError(
-            f"sink limits: none of {population * generations} sinks keeps to them; raise the mass or lower "
-            "the least thickness"
+            place="sink limits",
+            found=(
+                f"none of {population * generations} sinks keeps to them; raise the mass or lower the least "
+                "thickness"
+            ),
         )
     return SinkFront(
         front_of(tried.designs),

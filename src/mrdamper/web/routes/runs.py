@@ -102,11 +102,11 @@ def _window(request: Request) -> tuple[int | None, float | None, float | None]:
         most = int(asked["max"]) if "max" in asked else None
         ends = [float(asked[key]) if key in asked else None for key in ("from_s", "to_s")]
     except ValueError as fault:
-        raise InputError("max, from_s, to_s: expected numbers") from fault
+        raise InputError(place="max, from_s, to_s", found="expected numbers") from fault
     if most is not None and not 64 <= most <= _MOST_SAMPLES:
-        raise InputError(f"max is {most}; expected 64 to {_MOST_SAMPLES}")
+        raise InputError(found=f"max is {most}", expected=f"64 to {_MOST_SAMPLES}")
     if any(end is not None and not math.isfinite(end) for end in ends):
-        raise InputError("from_s, to_s: expected finite numbers")
+        raise InputError(place="from_s, to_s", found="expected finite numbers")
     return most, ends[0], ends[1]
 
 

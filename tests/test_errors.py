@@ -1,0 +1,85 @@
+"""Errors as data: the parts make the message, and every face spells the options in its own words."""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mrdamper.errors import InputError, MrdamperError, command, option
+from mrdamper.web.spelling import on_page
+
+TEXTS = st.text(st.characters(codec="utf-8", exclude_characters="⟦⟧\n"), max_size=60)
+PARTS = ("place", "found", "expected", "remedy")
+
+
+def test_the_parts_make_the_message() -> None:
+    fault = InputError(
+        place=Path("runs/a.csv"), found="time goes back in row 7", expected="rising times", remedy="Sort it"
+    )
+    assert str(fault) == "runs/a.csv: time goes back in row 7; expected rising times. Sort it"
+    assert fault.place == "runs/a.csv"
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"found": "no rows"}, "no rows"),
+        ({"place": "a.csv", "found": "no rows"}, "a.csv: no rows"),
+        ({"found": "no rows", "expected": "some"}, "no rows; expected some"),
+        ({"place": "a.csv", "found": "no rows", "remedy": "Record again"}, "a.csv: no rows. Record again"),
+    ],
+)
+def test_a_part_that_is_not_given_leaves_no_mark(given: dict[str, str], said: str) -> None:
+    assert str(InputError(**given)) == said
+    assert InputError(**given).parts() == given
+
+
+def test_a_sentence_is_what_was_found() -> None:
+    assert InputError("no rows").to_json() == {"kind": "InputError", "message": "no rows", "found": "no rows"}
+
+
+def test_a_page_spells_the_options_of_every_part() -> None:
+    fold, page = option("hold-out", "GLOB"), command("heat")
+    fault = InputError(place=fold, found=f"{fold} is empty", expected=f"{fold}", remedy=f"See {page}")
+    on_terminal, shown = fault.to_json(), fault.to_json(on_page)
+    for part in ("message", "place", "found", "expected"):
+        assert "--hold-out GLOB" in on_terminal[part]
+        assert "--" not in shown[part]
+        assert on_page("--hold-out GLOB") in shown[part]
+    assert on_terminal["remedy"] == "See mrdamper heat"
+    assert shown["remedy"] == f"See {on_page('mrdamper heat')}"
+
+
+def test_an_error_within_another_is_spelled_by_the_face_that_shows_it() -> None:
+    inner = InputError(place="fit", found="no runs", remedy=f"Use {option('hold-out', 'GLOB')}")
+    outer = InputError(place="a.csv", found=f"{inner}")
+    assert str(outer) == "a.csv: fit: no runs. Use --hold-out GLOB"
+    assert "--" not in outer.parts(on_page)["found"]
+
+
+def test_a_moved_error_keeps_its_other_parts() -> None:
+    fault = InputError(place="curve", found="no rows", expected="some", remedy="Record again")
+    fault.move_to("curve.csv")
+    assert str(fault) == "curve.csv: no rows; expected some. Record again"
+    assert fault.parts()["place"] == "curve.csv"
+
+
+def test_a_part_of_any_size_is_cut() -> None:
+    fault = InputError(place="a.csv", found="x" * 100_000 + "\n" * 5000)
+    assert all(len(text) < 10_000 for text in fault.to_json().values())
+
+
+@given(st.fixed_dictionaries(dict.fromkeys(PARTS, TEXTS)))
+def test_any_parts_make_a_message_and_come_back(parts: dict[str, str]) -> None:
+    fault = MrdamperError(**parts)
+    said = (f"{parts['place']}: " if parts["place"] else "") + parts["found"]
+    said += (f"; expected {parts['expected']}" if parts["expected"] else "") + (
+        f". {parts['remedy']}" if parts["remedy"] else ""
+    )
+    told = {name: text for name, text in parts.items() if text}
+    assert fault.to_json() == {"kind": "MrdamperError", "message": said, **told}
+    assert pickle.loads(pickle.dumps(fault)).to_json() == fault.to_json()
