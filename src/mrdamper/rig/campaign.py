@@ -92,7 +92,10 @@ class Campaign:
     currents_A: tuple[float, ...] = (0.0, 0.5, 1.0, 1.5, 2.0)
     temperatures_degC: tuple[float, ...] = (20.0, 40.0, 60.0, 80.0, 100.0, 120.0, 123.0)
     steps: Annotated[
-        CurrentSteps | None, Option("none: no such runs", short=_steps, short_words="true, false")
+        CurrentSteps | None,
+        Option(
+            "none: no such runs", short=_steps, expected="true, false or a table with levels_A and hold_s"
+        ),
     ] = CURRENT_STEPS
     steps_motion: str = "steps"  # under the current steps
     duration_s: Annotated[float, Option(unit="s", above=0.0)] = 4.0

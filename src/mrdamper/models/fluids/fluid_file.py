@@ -47,7 +47,7 @@ class SourcedNumber:
 
 def _number(unit: str) -> Option:
     """Return the option of a sourced number of which a file may give the value alone."""
-    return Option(unit=unit, short=_bare_number, short_words="a number")
+    return Option(unit=unit, short=_bare_number, expected=f"a number in {unit} or a table")
 
 
 def _bare_number(value: object) -> object:

@@ -22,7 +22,6 @@ def _rows(result: CiteResult) -> list[Json]:
             "for": each.reason,
             "text": each.source.text(),
             "bibtex": each.source.bibtex(),
-            "from_memory": not each.source.reread,
         }
         for each in result.citations
     ]

@@ -127,9 +127,8 @@ def nusselt_fin_channel(rayleigh_gap: ArrayLike, gap_over_length: float) -> Floa
 
     Notes
     -----
-    Source: Elenbaas, Physica 9 (1942) 1-28; Bar-Cohen & Rohsenow, J. Heat Transfer 106 (1984) 116-123,
-    symmetric isothermal plates (from memory, not re-read). That a disc may stand for a plate of its mean
-    chord is an assumption: no library has annular fins.
+    Known as the law of Elenbaas and of Bar-Cohen & Rohsenow for symmetric isothermal plates. That a disc may
+    stand for a plate of its mean chord is an assumption: no library has annular fins.
     """
     number = _within("Ra_S of a fin gap", rayleigh_gap, 0.0, np.inf) * _positive(gap_over_length)
     elenbaas = np.maximum(number, 1e-12)
@@ -148,8 +147,8 @@ def nusselt_fin_vdi(rayleigh_diameter: ArrayLike, gap_over_diameter: float) -> F
 
     Notes
     -----
-    Source: VDI Heat Atlas, 2nd ed. 2010, F2.4.4 (from memory, not re-read; its printed range is not at hand
-    and not checked here). Unlike the channel law it goes on growing with the gap, as its cube root.
+    Known as the VDI Heat Atlas's law of a finned tube; a range of validity is not checked. Unlike the channel
+    law it goes on growing with the gap, as its cube root.
     """
     number = _within("Ra_d of a finned tube", rayleigh_diameter, 0.0, np.inf)
     return np.asarray(0.24 * (number * _positive(gap_over_diameter)) ** (1 / 3))
@@ -251,8 +250,8 @@ def mixed_nusselt(natural: ArrayLike, forced: ArrayLike) -> FloatArray:
 
     Notes
     -----
-    Source: Churchill's blending with the exponent 3, as recommended for transverse flow (from memory, not
-    re-read). It holds for film coefficients as well as for Nusselt numbers.
+    Known as Churchill's blending, with the exponent 3 for transverse flow. It holds for film coefficients as
+    well as for Nusselt numbers.
     """
     return np.cbrt(np.asarray(natural, dtype=np.float64) ** 3 + np.asarray(forced, dtype=np.float64) ** 3)
 
