@@ -16,11 +16,11 @@ import pytest
 
 import mrdamper
 from mrdamper.errors import InputError
-from mrdamper.jobs.options import RigOptions
+from mrdamper.jobs.options import RigOptions, SweepOptions
 from mrdamper.jobs.sweep.executors import run_on_processes
 from mrdamper.jobs.sweep.plan import Plan, Task, read_plan
 from mrdamper.jobs.sweep.results import CHECKPOINT, Store
-from mrdamper.jobs.sweep.sweep import sweep
+from mrdamper.jobs.sweep.sweep import decisive
 from mrdamper.jobs.sweep.tasks import run_task
 from mrdamper.models.card_schema import write_card
 from mrdamper.registry import JOBS
@@ -47,6 +47,11 @@ SMALL = Campaign(
     held_out_temperatures_degC=(),
     held_out_motions=(),
 )
+
+
+def sweep(plan: Path, out: Path, *, resume: bool = False, **options: Any) -> dict[str, Any]:
+    """Run the job from this process; return its answer."""
+    return JOBS["sweep"].perform({"plan": plan}, SweepOptions(**options), out=out, resume=resume)[1]
 
 
 @pytest.fixture(scope="module")
@@ -111,9 +116,11 @@ def test_killed_workers_cost_no_result(folder: Path, reference: bytes):
 def test_a_sweep_that_was_killed_is_taken_up_where_it_ended(folder: Path, reference: bytes):
     out = folder / "resumed"
     code = (
-        "from pathlib import Path; from mrdamper.jobs.sweep.sweep import sweep\n"
+        "from pathlib import Path; from mrdamper.registry import JOBS\n"
+        "from mrdamper.jobs.options import SweepOptions\n"
         "if __name__ == '__main__':\n"
-        f"    sweep(Path({str(folder / 'tolerance.toml')!r}), Path({str(out)!r}), workers=1)\n"
+        f"    JOBS['sweep'].perform({{'plan': {str(folder / 'tolerance.toml')!r}}}, SweepOptions(workers=1),"
+        f"        out=Path({str(out)!r}), resume=False)\n"
     )
     script = folder / "run.py"
     script.write_text(code, encoding="utf-8")
@@ -308,11 +315,11 @@ def test_a_plan_that_cannot_be_is_one_message(tmp_path: Path, change: tuple[str,
 
 
 def test_no_task_is_run_when_all_are_done(tmp_path: Path):
-    plan = Plan("tolerance", 0, (Task("a", "tolerance", 1, {}),))
-    store = Store(tmp_path, plan, resume=False)
+    plan = Plan("plan.toml", "tolerance", 0, (Task("a", "tolerance", 1, {}),))
+    store = Store(tmp_path, decisive(plan, SweepOptions()), resume=False)
     store.add("a", {"figures": {}})
     store.close()
-    again = Store(tmp_path, plan, resume=True)
+    again = Store(tmp_path, decisive(plan, SweepOptions()), resume=True)
     again.close()
     assert again.done == {"a": {"figures": {}}}
     assert list(run_on_processes([], 1)) == []

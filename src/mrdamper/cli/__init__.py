@@ -106,26 +106,6 @@ def data() -> None:
 
 
 @cli.command()
-@click.argument("file", type=click.Path(path_type=Path), metavar="FILE.toml")
-@click.option("--out", type=click.Path(path_type=Path), required=True, metavar="DIR", help="For the results.")
-@click.option(
-    "--workers", type=int, metavar="NUMBER", help="Processes of this machine.  [default: its cores]"
-)
-@click.option("--scheduler", metavar="tcp://HOST:PORT", help="A Dask scheduler, whose workers do the tasks.")
-@click.option("--resume", is_flag=True, help="Go on with the results that are in DIR.")
-@_json
-def sweep(file: Path, out: Path, *, as_json: bool, **options: Any) -> int:  # noqa: ANN401 - click checks them
-    """Run many jobs of one kind: campaigns to identify, a tolerance of tracking, heat sinks."""
-    from mrdamper.cli import terminal
-    from mrdamper.jobs.sweep.sweep import sweep as job
-
-    with terminal.counter("task", ctrl_c="keeps the results") as report:
-        answer = job(file, out, report=report, **options)
-    cut_short = "the results so far are kept; the same command with --resume goes on"
-    return _finish(answer, terminal.show_sweep, as_json=as_json, cut_short=cut_short)
-
-
-@cli.command()
 @click.option(
     "--port", type=click.IntRange(0, 65535), default=8765, show_default=True, help="0: any that is free."
 )

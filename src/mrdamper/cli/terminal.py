@@ -10,8 +10,6 @@ from typing import Any
 
 from rich.console import Console
 from rich.live import Live
-from rich.markup import escape
-from rich.table import Table
 from rich.text import Text
 
 from mrdamper.errors import spelled
@@ -21,7 +19,6 @@ __all__ = [
     "counter",
     "on_progress",
     "open_console",
-    "show_sweep",
 ]
 
 Answer = Mapping[str, Any]
@@ -67,25 +64,6 @@ def on_progress(word: str = "run", *, ctrl_c: str = "leaves nothing") -> Iterato
                 live.update(Text(text), refresh=True)
 
         yield show
-
-
-def show_sweep(answer: Answer) -> None:
-    """Print every figure over all tasks, and which tasks have no result."""
-    console = open_console()
-    if answer.get("cancelled"):
-        console.print(escape("; ".join(answer["notes"])))
-        return
-    table = Table(title=f"{answer['tasks']} tasks, {answer['taken_up']} of them taken up from before")
-    table.add_column("figure")
-    for name in ("least", "5 %", "median", "95 %", "most"):
-        table.add_column(name, justify="right")
-    for name, found in answer["summary"].items():
-        cells = [f"{found[key]:.4g}" for key in ("least", "p5", "median", "p95", "most")]
-        table.add_row(escape(name), *cells)
-    console.print(table)
-    for row in answer["failed"]:
-        console.print(escape(f"no result: {row['name']}: {row['error']}"))
-    console.print(escape(f"report: {answer['report']}"))
 
 
 def open_console() -> Console:

@@ -1,15 +1,25 @@
-"""The page of ``mrdamper sweep``: what came out over all tasks, and every task's figures."""
+"""What ``sweep`` found: the answer's keys, figures over all tasks on a terminal, the page, a row a task."""
 
 from __future__ import annotations
 
+from dataclasses import asdict
+from pathlib import Path
+
 import numpy as np
 from matplotlib.figure import Figure
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
 
-from mrdamper.jobs.sweep.plan import What
+from mrdamper.jobs.sweep.results import CHECKPOINT
+from mrdamper.jobs.sweep.sweep import SweepResult
+from mrdamper.report.base import DONE, Outcome, Report, WrittenFile, interrupted
 from mrdamper.report.figures.style import INK, TRAINING, WIDE, drawing_style, svg_of
 from mrdamper.report.page import environment
+from mrdamper.runtime.outputs import write_json, write_table
+from mrdamper.schema import Json
 
-__all__ = ["render_sweep"]
+__all__ = ["REPORT"]
 
 _MOST_PANELS = 12
 _COLUMNS = 4
@@ -20,38 +30,144 @@ _TITLES = {
 }
 
 
-def render_sweep(answer: What) -> str:
-    """Return the page's HTML."""
-    return (
-        environment()
-        .get_template("sweep.html.j2")
-        .render(it=answer, title=_TITLES[answer["kind"]], picture=_distributions(answer))
-    )
+def _table(run: SweepResult) -> Json:
+    """Return what ``sweep.json`` holds: nothing of when, where or in what order it ran."""
+    return {
+        "kind": run.plan.kind,
+        "plan": run.plan.name,
+        "seed": run.plan.seed,
+        "tasks": len(run.plan.tasks),
+        "failed": [{"name": task.name, "error": task.error} for task in run.failed],
+        "summary": {name: asdict(found) for name, found in run.summary.items()},
+        "rows": [{"name": task.name, **task.figures} for task in run.whole],
+    }
 
 
-def _distributions(answer: What) -> str:
-    """Return a panel for each figure: its values in rising order, the median marked."""
-    names = [name for name, found in answer["summary"].items() if found["least"] < found["most"]][
-        :_MOST_PANELS
+def _answer(run: SweepResult) -> Json:
+    if run.cancelled:
+        return {
+            "kind": run.plan.kind,
+            "cancelled": True,
+            "done": len(run.tasks),
+            "tasks": len(run.plan.tasks),
+        }
+    return {**_table(run), "cancelled": False, "taken_up": run.taken_up}
+
+
+def _in_folder(run: SweepResult, out: Path) -> Json:
+    if run.cancelled:
+        kept = f"{len(run.tasks)} of {len(run.plan.tasks)} results are in {out}; ⟦--resume⟧ goes on"
+        return {"notes": [kept]}
+    return {"files": [str(out / name) for name in ("sweep.html", "sweep.json", "sweep.csv", CHECKPOINT)]}
+
+
+def _rows(run: SweepResult) -> list[Json]:
+    names = run.names
+    return [
+        {"name": task.name, **{name: task.figures.get(name) for name in names}, "error": task.error or None}
+        for task in run.tasks
     ]
+
+
+def _show(run: SweepResult, console: Console) -> None:
+    """Print every figure over all tasks, and which tasks have no result."""
+    if run.cancelled:
+        return
+    table = Table(title=f"{len(run.tasks)} tasks, {run.taken_up} of them taken up from before")
+    table.add_column("figure")
+    for name in ("least", "5 %", "median", "95 %", "most"):
+        table.add_column(name, justify="right")
+    for name, found in run.summary.items():
+        values = (found.least, found.p5, found.median, found.p95, found.most)
+        table.add_row(escape(name), *(f"{value:.4g}" for value in values))
+    console.print(table)
+    for task in run.failed:
+        console.print(escape(f"no result: {task.name}: {task.error}"))
+
+
+def _wrote(run: SweepResult, answer: Json, console: Console) -> None:
+    console.print(escape("; ".join(answer["notes"]) if run.cancelled else f"report: {answer['report']}"))
+
+
+def _summary(run: SweepResult) -> list[str]:
+    lines = [f"{run.plan.kind}: {len(run.whole)} of {len(run.plan.tasks)} tasks have a result"]
+    found = list(run.summary.items())[:6]
+    return lines + [f"{name}: median {of.median:.4g} ({of.p5:.4g} to {of.p95:.4g})" for name, of in found]
+
+
+def _outcome(run: SweepResult) -> Outcome:
+    left = "the results so far are kept; the same command with ⟦--resume⟧ goes on"
+    return interrupted(left) if run.cancelled else DONE
+
+
+# ------------------------------------------------------------------------------------------- the files
+
+
+def _write_page(run: SweepResult, path: Path) -> None:
+    page = environment().get_template("sweep.html.j2")
+    with drawing_style():
+        figure = _figure(run)
+        picture = "" if figure is None else svg_of(figure, "Distributions over the tasks")
+    text = page.render(it=_table(run), title=_TITLES[run.plan.kind], picture=picture)
+    path.write_text(text, encoding="utf-8")
+
+
+def _write_cards(run: SweepResult, folder: Path) -> None:
+    folder.mkdir(exist_ok=True)
+    for task in run.whole:
+        if task.card is not None:
+            write_json(folder / f"{task.name}.json", task.card)
+
+
+def _figure(run: SweepResult) -> Figure | None:
+    """Return a panel for each figure: its values in rising order, the median marked; None without any."""
+    names = [name for name, found in run.summary.items() if found.least < found.most][:_MOST_PANELS]
     if not names:
-        return ""
+        return None
     rows = -(-len(names) // _COLUMNS)
     height = 1.75 * rows + 0.2
-    with drawing_style():
-        figure = Figure(figsize=(WIDE, height))
-        for place, name in enumerate(names):
-            axes = figure.add_subplot(rows, _COLUMNS, place + 1)
-            values = np.sort([row[name] for row in answer["rows"] if row.get(name) is not None])
-            share = 100.0 * (np.arange(len(values)) + 0.5) / len(values)
-            axes.plot(values, share, ".-", color=TRAINING, markersize=3.0, linewidth=0.9)
-            axes.axvline(float(np.median(values)), color=INK, linewidth=0.6, linestyle=(0, (4, 2)))
-            axes.set_title(name, loc="left", pad=3, fontsize=6.5)
-            axes.set_ylim(0.0, 100.0)
-            axes.locator_params(axis="x", nbins=4)
-            if place % _COLUMNS == 0:
-                axes.set_ylabel("% of tasks below")
-        figure.subplots_adjust(
-            left=0.05, right=0.985, top=1.0 - 0.22 / height, bottom=0.25 / height, wspace=0.22, hspace=0.45
-        )
-        return svg_of(figure, "Distributions over the tasks")
+    figure = Figure(figsize=(WIDE, height))
+    for place, name in enumerate(names):
+        axes = figure.add_subplot(rows, _COLUMNS, place + 1)
+        values = np.sort([v for task in run.whole if (v := task.figures.get(name)) is not None])
+        share = 100.0 * (np.arange(len(values)) + 0.5) / len(values)
+        axes.plot(values, share, ".-", color=TRAINING, markersize=3.0, linewidth=0.9)
+        axes.axvline(float(np.median(values)), color=INK, linewidth=0.6, linestyle=(0, (4, 2)))
+        axes.set_title(name, loc="left", pad=3, fontsize=6.5)
+        axes.set_ylim(0.0, 100.0)
+        axes.locator_params(axis="x", nbins=4)
+        if place % _COLUMNS == 0:
+            axes.set_ylabel("% of tasks below")
+    figure.subplots_adjust(
+        left=0.05, right=0.985, top=1.0 - 0.22 / height, bottom=0.25 / height, wspace=0.22, hspace=0.45
+    )
+    return figure
+
+
+REPORT = Report(
+    answer=_answer,
+    show=_show,
+    wrote=_wrote,
+    summary=_summary,
+    files=(
+        WrittenFile(
+            name="sweep.json",
+            write=lambda run, path: write_json(path, _table(run)),
+            when=lambda run: not run.cancelled,
+        ),
+        WrittenFile(
+            name="sweep.csv",
+            write=lambda run, path: write_table(path, _rows(run)),
+            when=lambda run: not run.cancelled,
+        ),
+        WrittenFile(name="sweep.html", key="report", write=_write_page, when=lambda run: not run.cancelled),
+        WrittenFile(
+            name="cards",
+            write=_write_cards,
+            when=lambda run: not run.cancelled and any(task.card is not None for task in run.whole),
+        ),
+    ),
+    in_folder=_in_folder,
+    rows=_rows,
+    outcome=_outcome,
+)

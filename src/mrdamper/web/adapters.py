@@ -146,14 +146,15 @@ def _fetch(options: Json, folder: WorkFolder, _out: Path, say: Say) -> Json:
 
 def _sweep(options: Json, folder: WorkFolder, out: Path, say: Say, resume: bool) -> Json:  # noqa: FBT001 - as all of _LONG
     from mrdamper.jobs.sweep.plan_files import files_of_plan, texts_of_plan
-    from mrdamper.jobs.sweep.sweep import sweep
 
     plan = folder.input(options["plan"])
     for text in texts_of_plan(plan):  # before anything is looked for
         _inside(folder, plan, text)
     for file in files_of_plan(plan):  # links are followed
         _inside(folder, plan, os.path.relpath(file.resolve(), plan.parent))
-    return sweep(plan, out, workers=options["workers"], resume=resume, report=_counted(say))
+    job = JOBS["sweep"]
+    chosen = job.options_from({"workers": options["workers"]})
+    return job.perform({"plan": plan}, chosen, out=out, resume=resume, on_progress=_progress(say))[1]
 
 
 _WORK: dict[str, Callable[[Json, WorkFolder, Path, Say], Json]] = {

@@ -53,6 +53,7 @@ class Task:
 class Plan:
     """All tasks of a sweep, in order."""
 
+    name: str  # of its file
     kind: str
     seed: int
     tasks: tuple[Task, ...]
@@ -84,6 +85,7 @@ def read_plan(path: str | Path) -> Plan:
         raise InputError(f"{place.name}: [{kind}] gives no tasks; expected at least one")
     seeds = np.random.SeedSequence(seed).generate_state(len(tasks))
     return Plan(
+        place.name,
         kind,
         seed,
         tuple(Task(name, kind, int(own), what) for (name, what), own in zip(tasks, seeds, strict=True)),

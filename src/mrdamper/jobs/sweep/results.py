@@ -6,14 +6,16 @@ stays in the sweep's folder when the sweep is done.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 from mrdamper.errors import InputError
-from mrdamper.jobs.sweep.plan import Plan, What
-from mrdamper.runtime.checkpoint import Checkpoint
+from mrdamper.jobs.sweep.plan import What
+from mrdamper.runtime.checkpoint import Checkpoint, Tell
+from mrdamper.schema import Json
 
-__all__ = ["CHECKPOINT", "Store"]
+__all__ = ["CHECKPOINT", "Store", "open_store"]
 
 CHECKPOINT = "sweep.jsonl"
 
@@ -28,9 +30,8 @@ class Store:
         is at work there.
     """
 
-    def __init__(self, folder: Path, plan: Plan, *, resume: bool) -> None:
+    def __init__(self, folder: Path, head: Json, *, resume: bool) -> None:
         path = folder / CHECKPOINT
-        head = {"plan": plan.fingerprint, "kind": plan.kind, "seed": plan.seed, "tasks": len(plan.tasks)}
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as fault:
@@ -42,6 +43,7 @@ class Store:
                 f"{folder}: holds results of a sweep; expected an empty place. Use ⟦--resume⟧ to go "
                 "on with it, or another ⟦--out⟧"
             )
+        self.finished = False  # of no account: the results stay where they are
         self._kept = Checkpoint(path, head, resume=True, always=True)
 
     @property
@@ -54,3 +56,10 @@ class Store:
 
     def close(self) -> None:
         self._kept.close()
+
+
+@contextmanager
+def open_store(folder: Path, head: Json, *, resume: bool | None, tell: Tell | None) -> Iterator[Store]:
+    """Give the checkpoint of a sweep, as jobs that can be resumed are given one."""
+    with closing(Store(folder, head, resume=bool(resume))) as store:
+        yield store

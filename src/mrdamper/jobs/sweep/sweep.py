@@ -1,140 +1,137 @@
-"""The job behind ``mrdamper sweep``: many jobs of one kind, on this machine's processes or on a Dask cluster.
+"""The job ``sweep``: many jobs of one kind, on this machine's processes or on a Dask cluster.
 
-Every result is on the disk before the next one is asked for; ``resume`` goes on where a sweep ended,
-however it ended, and comes to the same files as one that was never stopped. Nothing is printed here.
+Every result is on the disk before the next one is asked for; a sweep that is taken up where it ended, however
+it ended, comes to the same files as one that was never stopped.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import closing
-from pathlib import Path
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
 from mrdamper.errors import InputError
+from mrdamper.jobs.options import SweepOptions
 from mrdamper.jobs.sweep.executors import run_on_cluster, run_on_processes
-from mrdamper.jobs.sweep.plan import Plan, Task, What, read_plan
-from mrdamper.jobs.sweep.results import CHECKPOINT, Store
-from mrdamper.runtime.outputs import atomic_output, write_json, write_table
+from mrdamper.jobs.sweep.plan import Plan, Task, What
+from mrdamper.jobs.sweep.results import Store
+from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
+from mrdamper.schema import Json
 
-__all__ = ["Report", "sweep"]
+__all__ = ["FigureSummary", "SweepResult", "SweptTask", "decisive", "sweep"]
 
-Report = Callable[[int, int, str], None]
-"""Told how many of how many tasks are done, and which one was the last."""
+_USUAL = SweepOptions()
+
+
+@dataclass(frozen=True, slots=True)
+class SweptTask:
+    """What came of one task: figures by name, the card where one was identified; or why there is nothing."""
+
+    name: str
+    figures: Mapping[str, float | None]
+    error: str
+    card: Json | None
+
+
+@dataclass(frozen=True, slots=True)
+class FigureSummary:
+    """A figure over all tasks that have it."""
+
+    count: int
+    least: float
+    p5: float
+    median: float
+    p95: float
+    most: float
+
+
+@dataclass(frozen=True, slots=True)
+class SweepResult:
+    """The results of a sweep's tasks, in the plan's order; of those that are done, where it was cut short."""
+
+    plan: Plan
+    tasks: tuple[SweptTask, ...]
+    taken_up: int  # results that were there before
+
+    @property
+    def cancelled(self) -> bool:
+        """Whether an interrupt has cut the sweep short."""
+        return len(self.tasks) < len(self.plan.tasks)
+
+    @property
+    def whole(self) -> list[SweptTask]:
+        """The tasks that have figures."""
+        return [task for task in self.tasks if not task.error]
+
+    @property
+    def failed(self) -> list[SweptTask]:
+        """The tasks that have none."""
+        return [task for task in self.tasks if task.error]
+
+    @property
+    def names(self) -> list[str]:
+        """Names of all figures."""
+        return list(dict.fromkeys(name for task in self.whole for name in task.figures))
+
+    @property
+    def summary(self) -> dict[str, FigureSummary]:
+        """Median, 5th and 95th percentile and extremes of every figure."""
+        found = {}
+        for name in self.names:
+            values = [v for task in self.whole if (v := task.figures.get(name)) is not None]
+            if values:
+                shares = np.quantile(np.array(values), (0.0, 0.05, 0.5, 0.95, 1.0)).tolist()
+                found[name] = FigureSummary(len(values), *shares)
+        return found
 
 
 def sweep(
-    file: Path,
-    out: Path,
+    plan: Plan,
+    options: SweepOptions = _USUAL,
     *,
-    workers: int | None = None,
-    scheduler: str | None = None,
-    resume: bool = False,
-    report: Report | None = None,
-) -> What:
-    """Run the sweep that a TOML file asks for; write sweep.json, sweep.csv, sweep.html, cards to ``out``.
-
-    Parameters
-    ----------
-    workers : processes of this machine; None: as many as it has cores
-    scheduler : address of a Dask scheduler instead, ``tcp://host:port``
-    resume : go on with the results that are in ``out``
+    checkpoint: Store | None = None,
+    on_progress: Progress = silent,
+) -> SweepResult:
+    """Run the tasks of a plan; a ``checkpoint`` holds what is done, and keeps each result as it comes.
 
     Raises
     ------
     InputError
-        A plan that cannot be; a folder with other results; workers that die again and again.
+        Workers die again and again; no scheduler at the address.
     """
-    if workers is not None and workers < 1:
-        raise InputError(f"workers is {workers}; expected 1 or more")
-    if workers is not None and scheduler is not None:
+    if options.workers is not None and options.scheduler is not None:
         raise InputError("workers are of this machine, a scheduler has its own; expected one of the two")
-    plan = read_plan(file)
-    with closing(Store(out, plan, resume=resume)) as store:
-        left = [task for task in plan.tasks if task.name not in store.done]
-        before = len(plan.tasks) - len(left)
-        try:
-            for task, result in _results(left, workers, scheduler):
-                store.add(task.name, result)
-                if report is not None:
-                    report(len(store.done), len(plan.tasks), task.name)
-        except KeyboardInterrupt:
-            return {
-                "kind": plan.kind,
-                "cancelled": True,
-                "done": len(store.done),
-                "tasks": len(plan.tasks),
-                "notes": [f"{len(store.done)} of {len(plan.tasks)} results are in {out}; ⟦--resume⟧ goes on"],
-            }
-        return _written(plan, store.done, out, file, taken_up=before)
+    done: dict[str, What] = {} if checkpoint is None else dict(checkpoint.done)
+    left = [task for task in plan.tasks if task.name not in done]
+    before = len(plan.tasks) - len(left)
+    try:
+        for task, result in _results(left, options):
+            if checkpoint is not None:
+                checkpoint.add(task.name, result)
+            done[task.name] = result
+            on_progress(ProgressUpdate(done=len(done), total=len(plan.tasks), text=task.name))
+    except KeyboardInterrupt:
+        if checkpoint is None:
+            raise
+    return SweepResult(
+        plan,
+        tuple(_swept(task.name, done[task.name]) for task in plan.tasks if task.name in done),
+        before,
+    )
 
 
-def _results(left: list[Task], workers: int | None, scheduler: str | None) -> Iterator[tuple[Task, What]]:
-    if scheduler is not None:
-        return run_on_cluster(left, scheduler)
-    return run_on_processes(left, workers or os.cpu_count() or 1)
+def decisive(plan: Plan, options: SweepOptions) -> Json:
+    """Return all that decides the results; those of another plan are not taken for this one's."""
+    return {"plan": plan.fingerprint, "kind": plan.kind, "seed": plan.seed, "tasks": len(plan.tasks)}
 
 
-def _written(plan: Plan, done: Mapping[str, What], out: Path, file: Path, *, taken_up: int) -> What:
-    """Write the files of a sweep that is complete; they do not tell in what order or where it ran."""
-    from mrdamper.report.sweep import render_sweep
-
-    rows: list[What] = [{"name": task.name, **done[task.name]} for task in plan.tasks]
-    failed = [{"name": row["name"], "error": row["error"]} for row in rows if "error" in row]
-    whole = [row for row in rows if "error" not in row]
-    answer: What = {
-        "kind": plan.kind,
-        "plan": file.name,
-        "seed": plan.seed,
-        "tasks": len(rows),
-        "failed": failed,
-        "summary": _summary(whole),
-        "rows": [{"name": row["name"], **row["figures"]} for row in whole],
-    }
-    with atomic_output(out) as beside:
-        write_json(beside / "sweep.json", answer)
-        names = list(dict.fromkeys(name for row in whole for name in row["figures"]))
-        write_table(
-            beside / "sweep.csv",
-            [
-                {
-                    "name": r["name"],
-                    **{n: r.get("figures", {}).get(n) for n in names},
-                    "error": r.get("error"),
-                }
-                for r in rows
-            ],
-        )
-        (beside / "sweep.html").write_text(render_sweep(answer), encoding="utf-8")
-        for row in whole:
-            if "card" in row:
-                (beside / "cards").mkdir(exist_ok=True)
-                write_json(beside / "cards" / f"{row['name']}.json", row["card"])
-    files = [str(out / name) for name in ("sweep.html", "sweep.json", "sweep.csv", CHECKPOINT)]
-    return {
-        **answer,
-        "files": files,
-        "cancelled": False,
-        "taken_up": taken_up,
-        "report": str(out / "sweep.html"),
-    }
+def _swept(name: str, result: What) -> SweptTask:
+    return SweptTask(name, result.get("figures", {}), result.get("error", ""), result.get("card"))
 
 
-def _summary(rows: list[What]) -> dict[str, What]:
-    """Return median, 5th and 95th percentile and extremes of every figure."""
-    found: dict[str, What] = {}
-    for name in dict.fromkeys(name for row in rows for name in row["figures"]):
-        values = np.array([v for row in rows if (v := row["figures"].get(name)) is not None])
-        if len(values):
-            low, p5, median, p95, high = np.quantile(values, (0.0, 0.05, 0.5, 0.95, 1.0)).tolist()
-            found[name] = {
-                "count": len(values),
-                "least": low,
-                "p5": p5,
-                "median": median,
-                "p95": p95,
-                "most": high,
-            }
-    return found
+def _results(left: list[Task], options: SweepOptions) -> Iterator[tuple[Task, What]]:
+    if options.scheduler is not None:
+        return run_on_cluster(left, options.scheduler)
+    return run_on_processes(left, options.workers or os.cpu_count() or 1)
