@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
@@ -16,7 +16,6 @@ from mrdamper.errors import spelled
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 
 __all__ = [
-    "counter",
     "on_progress",
     "open_console",
 ]
@@ -24,26 +23,6 @@ __all__ = [
 Answer = Mapping[str, Any]
 
 _LEAST_INTERVAL = 0.1  # between two updates of the progress line [s]
-
-
-@contextmanager
-def counter(
-    word: str = "run", *, ctrl_c: str = "leaves nothing"
-) -> Iterator[Callable[[int, int, str], None] | None]:
-    """Give a function that shows which of many runs comes now; None when standard error is no terminal."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    shown = [0.0]
-    with Live(Text(""), console=Console(stderr=True), transient=True, auto_refresh=False) as live:
-
-        def report(done: int, of: int, name: str) -> None:
-            clock = time.monotonic()
-            if clock - shown[0] >= _LEAST_INTERVAL:
-                shown[0] = clock
-                live.update(Text(f"{word} {done + 1} of {of}  {name}  (Ctrl-C {ctrl_c})"), refresh=True)
-
-        yield report
 
 
 @contextmanager
@@ -76,13 +55,3 @@ class _Terminal(Console):
 
     def print(self, *objects: Any, **how: Any) -> None:  # noqa: ANN401 - as Rich has it
         super().print(*(spelled(each) if isinstance(each, str) else each for each in objects), **how)
-
-
-def _median_worst(values: Answer | None) -> str:
-    if values is None:
-        return ""
-    return f"{_percent(values['median_nrmse_percent'])} ({_percent(values['worst_nrmse_percent'])})"
-
-
-def _percent(value: float | None) -> str:
-    return "-" if value is None else f"{value:.2f} %"

@@ -252,10 +252,6 @@ def _progress(say: Say) -> Progress:
     return on_progress
 
 
-def _counted(say: Say) -> Callable[[int, int, str], None]:
-    return lambda done, of, text: say(done=done, of=of, text=text)
-
-
 def _told(say: Say, folder: WorkFolder) -> Callable[[str], None]:
     return lambda text: say(done=0, of=0, text=text.replace(str(folder.root) + os.sep, ""))
 
