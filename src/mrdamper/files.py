@@ -15,6 +15,7 @@ from typing import Any
 from mrdamper.errors import InputError
 
 __all__ = [
+    "MAP_SUFFIX",
     "is_file",
     "is_folder",
     "is_there",
@@ -27,6 +28,10 @@ __all__ = [
 
 _MOST_BYTES = 1 << 22  # of a document that people write
 _PAST_INTEGERS = 1 << 63
+
+
+MAP_SUFFIX = ".channels.toml"
+"""The end of a channel map's name that lies beside a file of measurements, after the file's whole name."""
 
 
 def is_there(path: str | Path) -> bool:

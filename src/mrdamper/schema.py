@@ -49,6 +49,7 @@ __all__ = [
     "check_ranges",
     "did_you_mean",
     "fields_of",
+    "finite_or_none",
     "json_schema",
     "read_record",
     "read_record_file",
@@ -460,6 +461,11 @@ def _plain(value: Any, *, defaults: bool, nulls: bool) -> Any:  # noqa: ANN401 -
     if isinstance(value, tuple | list):
         return [_plain(each, defaults=defaults, nulls=nulls) for each in value]
     return str(value) if isinstance(value, Path) else value
+
+
+def finite_or_none(value: float) -> float | None:
+    """Return a number as JSON can hold it: None (null) for one that is not finite."""
+    return value if math.isfinite(value) else None
 
 
 def toml_text(document: Mapping[str, Any], title: str = "") -> str:

@@ -29,7 +29,7 @@ from mrdamper.data.channels import (
 from mrdamper.data.records import Dataset, Recording, RigRun
 from mrdamper.data.tables import FORMATS, Layout, Table, read_table
 from mrdamper.errors import InputError
-from mrdamper.files import is_file, is_folder, is_there
+from mrdamper.files import MAP_SUFFIX, is_file, is_folder, is_there
 from mrdamper.quantities import QUANTITIES, CommandUnit, is_unit, spell_unit
 
 __all__ = [
@@ -189,7 +189,7 @@ def map_beside(file: Path) -> Path | None:
 
     It is the file's own, and taken where no other map is given.
     """
-    beside = file.with_name(f"{file.name}.channels.toml")
+    beside = file.with_name(f"{file.name}{MAP_SUFFIX}")
     return beside if is_file(beside) else None
 
 

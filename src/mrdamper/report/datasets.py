@@ -9,13 +9,13 @@ from rich.console import Console
 from rich.markup import escape
 
 from mrdamper.data.catalog import DataSet
+from mrdamper.files import MAP_SUFFIX
 from mrdamper.jobs.public_data.datasets import FetchedData, PublicData
 from mrdamper.report.base import Report, WrittenFile
 from mrdamper.schema import Json
 
-__all__ = ["FETCHED", "LISTED", "MAP_SUFFIX"]
+__all__ = ["FETCHED", "LISTED"]
 
-MAP_SUFFIX = ".channels.toml"
 """What the name of a file's channel map ends with, beside the file."""
 
 

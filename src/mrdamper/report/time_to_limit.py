@@ -5,15 +5,15 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from mrdamper.schema import Json
+from mrdamper.schema import Json, finite_or_none
 from mrdamper.thermal.estimation.sampling import TimeToLimit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["draw_limit", "limit_answer", "limit_words"]
+__all__ = ["LIMIT_COLOUR", "draw_limit", "limit_answer", "limit_words"]
 
-_LIMIT_COLOUR = "#a03020"
+LIMIT_COLOUR = "#a03020"
 _ABOVE = 1.3  # a limit that is farther above all temperatures would flatten them
 
 
@@ -21,8 +21,8 @@ def limit_answer(limit_degC: float, to_limit: TimeToLimit) -> Json:
     """Return the keys of an answer that say when a limit is reached; null is "not reached"."""
     return {
         "limit_degC": limit_degC,
-        "time_to_limit_s": _finite(to_limit.median_s),
-        "time_to_limit_interval_s": [_finite(to_limit.low_s), _finite(to_limit.high_s)],
+        "time_to_limit_s": finite_or_none(to_limit.median_s),
+        "time_to_limit_interval_s": [finite_or_none(to_limit.low_s), finite_or_none(to_limit.high_s)],
         "limit_not_reached": to_limit.not_reached,
     }
 
@@ -41,16 +41,12 @@ def draw_limit(axes: Axes, limit_degC: float, hottest_degC: float, start: float)
     """Draw a limit into axes of degC, named at ``start`` of the abscissa, unless it is far above all."""
     if not limit_degC < _ABOVE * hottest_degC:
         return
-    axes.axhline(limit_degC, color=_LIMIT_COLOUR, linewidth=0.8, linestyle=(0, (5, 2)))
+    axes.axhline(limit_degC, color=LIMIT_COLOUR, linewidth=0.8, linestyle=(0, (5, 2)))
     axes.annotate(
         f"limit, {limit_degC:g} °C",
         (start, limit_degC),
         (2, 2),
         textcoords="offset points",
         fontsize=6.5,
-        color=_LIMIT_COLOUR,
+        color=LIMIT_COLOUR,
     )
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None

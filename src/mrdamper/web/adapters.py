@@ -13,10 +13,11 @@ from pathlib import Path
 from typing import Any
 
 from mrdamper.errors import InputError
+from mrdamper.files import MAP_SUFFIX
 from mrdamper.registry import JOBS, KINDS, Input, Job
 from mrdamper.runtime.progress import Progress, ProgressUpdate
 from mrdamper.schema import Json
-from mrdamper.web.workspace import MAP_SUFFIX, NotThereError, WorkFolder
+from mrdamper.web.workspace import NotThereError, WorkFolder
 
 __all__ = ["Say", "do"]
 

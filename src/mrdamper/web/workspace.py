@@ -25,12 +25,12 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from mrdamper.errors import InputError, MrdamperError
+from mrdamper.files import MAP_SUFFIX
 from mrdamper.runtime.outputs import recover_staging
 
 __all__ = [
     "FAULT",
     "INPUT_SUFFIXES",
-    "MAP_SUFFIX",
     "NoSpaceError",
     "NotThereError",
     "TooLargeError",
@@ -40,7 +40,6 @@ __all__ = [
     "timestamp",
 ]
 
-MAP_SUFFIX = ".channels.toml"
 FAULT = "internal fault: this is a fault of mrdamper; the server's terminal says where"
 """What is told of a fault of ours: nothing of the inside."""
 

@@ -7,7 +7,6 @@ Nothing is written.
 from __future__ import annotations
 
 import json
-import math
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -23,7 +22,7 @@ from mrdamper.data.tables import Table, read_table
 from mrdamper.errors import InputError, MrdamperError
 from mrdamper.files import parse_toml, read_toml
 from mrdamper.quantities import ZERO_CELSIUS_K, to_si
-from mrdamper.schema import Json
+from mrdamper.schema import Json, finite_or_none
 
 if TYPE_CHECKING:  # heavy, and not needed for a glance
     from mrdamper.data.prepare import PreparedRun
@@ -171,11 +170,13 @@ def run_row(recording: Recording) -> tuple[Json, PreparedRun | None]:
         "command_unit": recording.command_unit,
         "command_range": _ends(command),
         "current_A": held if recording.command_unit == "A" else None,
-        "temperature_degC": None if degrees is None or not len(degrees) else _finite(float(np.mean(degrees))),
+        "temperature_degC": None
+        if degrees is None or not len(degrees)
+        else finite_or_none(float(np.mean(degrees))),
         "temperature_range_degC": None if degrees is None else _ends(degrees),
         "samples": len(recording),
         "rate_Hz": 1.0 / step if step > 0.0 else None,
-        "duration_s": _finite(float(time[-1] - time[0])) if len(time) else None,
+        "duration_s": finite_or_none(float(time[-1] - time[0])) if len(time) else None,
         "stroke_mm": None if len(recording.displacement) == 0 else _span(recording.displacement * 1e3),
         "peak_velocity_mm_s": None
         if prepared is None
@@ -245,7 +246,7 @@ def _column(table: Table, k: int, name: str, role: str | None) -> Json:
     low_high = _ends(values) or [None, None]
     return column | {
         "kind": "number",
-        "first": [_finite(value) for value in values[:_FIRST].tolist()],
+        "first": [finite_or_none(value) for value in values[:_FIRST].tolist()],
         "least": low_high[0],
         "most": low_high[1],
         "thumbnail": _thumbnail(values),
@@ -267,11 +268,7 @@ def _thumbnail(values: FloatArray) -> list[float | None] | None:
         return None
     edges = np.unique(np.linspace(0, len(values), _BUCKETS + 1).astype(int)[:-1])
     least, most = np.fmin.reduceat(values, edges), np.fmax.reduceat(values, edges)
-    return [_finite(float(value)) for pair in zip(least, most, strict=True) for value in pair]
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
+    return [finite_or_none(float(value)) for pair in zip(least, most, strict=True) for value in pair]
 
 
 def _ends(values: FloatArray) -> list[float | None] | None:
@@ -280,7 +277,7 @@ def _ends(values: FloatArray) -> list[float | None] | None:
 
 
 def _span(values: FloatArray) -> float | None:
-    return _finite(float(np.max(values) - np.min(values)))
+    return finite_or_none(float(np.max(values) - np.min(values)))
 
 
 def _short(message: str, path: Path) -> str:

@@ -20,17 +20,19 @@ from mrdamper.data.tables import read_table
 from mrdamper.errors import InputError
 from mrdamper.quantities import find_quantity, to_si
 
-__all__ = ["HeatingCurve", "Place", "clean_curve", "lag_signal", "read_curve"]
+__all__ = ["MOST_BAD_SHARE", "HeatingCurve", "Place", "clean_curve", "lag_signal", "read_curve"]
 
 Place = Literal["fluid", "wall", "coil"]
 """Where the thermometer sits; ``wall`` is the body."""
+
+MOST_BAD_SHARE = 0.2
+"""Share of a thermometer's readings that may be wrong; more is a broken sensor."""
 
 _LEAST_READINGS = 8  # readings of a curve
 _SPIKE = 8.0  # standard deviations of the noise
 _LEAST_SPIKE_K = 0.5
 _APART = 4.0
 _NEIGHBOURS = 3  # samples on either side
-_MOST_BAD = 0.2  # of the samples may go; more is a broken sensor
 _NORMAL = 1.4826  # standard deviation over median absolute deviation
 
 
@@ -145,7 +147,7 @@ def clean_curve(
     gone = {"no plausible temperature": lost, "a spike": int(spiky.sum())}
     count = len(real)
     for what, number in gone.items():
-        if number > _MOST_BAD * count:
+        if number > MOST_BAD_SHARE * count:
             raise InputError(
                 place=name,
                 found=f"{number} of {count} samples are {what}",

@@ -16,10 +16,10 @@ from mrdamper.data.channels import parse_header
 from mrdamper.data.tables import read_table
 from mrdamper.errors import InputError
 from mrdamper.quantities import find_quantity, is_unit, to_si
+from mrdamper.thermal.estimation.measured_curve import MOST_BAD_SHARE
 
 __all__ = ["ThermalLog", "read_thermal_log"]
 
-_MOST_BAD = 0.2  # share of a thermocouple's readings that may be no temperature; more is a broken sensor
 _BODY = ("body", "wall")
 
 
@@ -112,7 +112,7 @@ def _plausible(kelvin: FloatArray | None, name: str) -> tuple[FloatArray | None,
     if not bad.any():
         return kelvin, ()
     said = f"{bad.sum()} of {len(bad)} readings of the body are no plausible temperature"
-    if bad.sum() > _MOST_BAD * len(bad):
+    if bad.sum() > MOST_BAD_SHARE * len(bad):
         raise InputError(
             f"{name}: {said}",
             expected=f"{limits.low:g} to {limits.high:g} K. Check the sensor and the column's unit",
