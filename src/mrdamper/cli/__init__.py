@@ -27,9 +27,8 @@ __all__ = ["cli", "main"]
 Answer = dict[str, Any]
 Command = TypeVar("Command", bound=Callable[..., Any])
 
-_INTERNAL, _UNREADABLE, _NOT_CONVERGED, _FAILED = 1, 3, 4, 5
+_INTERNAL, _UNREADABLE, _NOT_CONVERGED = 1, 3, 4
 _INTERRUPTED = "interrupted before there was a result; nothing was written"
-_BEST_SO_FAR = "what was written is the best so far, marked as cancelled"
 
 
 def main() -> NoReturn:
@@ -89,17 +88,6 @@ def cli() -> None:
     """From a magnetorheological damper's rig files to a model card with honest errors."""
 
 
-_json = click.option(
-    "--json", "as_json", is_flag=True, help="Print one JSON object on standard output, nothing else."
-)
-_seed = click.option("--seed", type=int, default=0, show_default=True, help="Of every random draw.")
-_resume = click.option(
-    "--resume",
-    is_flag=True,
-    help="Go on with what a run of this same command had finished when it ended; it is in OUT.progress.",
-)
-
-
 @cli.group()
 def data() -> None:
     """Public data sets: what there is, and fetching it."""
@@ -157,17 +145,3 @@ def _show(job: Job, result: object, answer: Answer, as_json: bool) -> int:  # no
 for _each in JOBS.values():
     *_group, _name = _each.name.split()
     (data if _group else cli).add_command(command_of(_each, _show))
-
-
-def _finish(
-    answer: Answer, show: Callable[[Answer], None], *, as_json: bool, cut_short: str = _BEST_SO_FAR
-) -> int:
-    """Print a job's answer and return the exit code; ``cut_short`` is what an interrupted one has left."""
-    if as_json:
-        click.echo(json.dumps(spelled_within(answer), ensure_ascii=False, allow_nan=False))
-    else:
-        show(spelled_within(answer))
-    if answer.get("cancelled"):
-        tell(f"interrupted: {cut_short}")
-        return _NOT_CONVERGED
-    return 0
