@@ -150,9 +150,8 @@ def _draw_shares(axes: Axes, found: RideResult) -> None:
         at = places + (k - 0.5 * (len(found.cars) - 1)) * width
         axes.bar(at, shares, 0.92 * width, color=_COLOURS[name], label=name)
         for x, share, value in zip(at, shares, values.values(), strict=True):
-            axes.annotate(
-                f"{value:.4g}", (x, share), (0, 1), textcoords="offset points", ha="center", fontsize=5.5
-            )
+            text = f"{value:.0f}" if value >= 100.0 else f"{value:.3g}"
+            axes.annotate(text, (x, share), (0, 1), textcoords="offset points", ha="center", fontsize=5.5)
     axes.set_xticks(places, [name.replace(", ", ",\n") for name in passive])
     axes.grid(visible=False, axis="x")
     axes.set_title("rms, % of the passive car's")
@@ -170,6 +169,7 @@ def _draw_acceleration(axes: Axes, found: RideResult) -> None:
         axes.plot(time[thin], acceleration[thin], color=_COLOURS[name], linewidth=1.0, label=name)
     axes.set_xlabel("seconds")
     axes.set_title("acceleration of the body, m/s²")
+    axes.margins(y=0.15)  # room for the legend
     axes.legend(loc="upper left", ncols=2)
 
 
