@@ -61,7 +61,8 @@ def forecast(
     until = first + options.until_s
     if until <= last:
         raise InputError(
-            f"{curve.name}: it lasts {last - first:.0f} s",
+            place=curve.name,
+            found=f"it lasts {last - first:.0f} s",
             expected=f"{options.until_s:g} s of forecast to go beyond it",
         )
     on_progress(ProgressUpdate(total=1, text="dampers that fit the curve"))

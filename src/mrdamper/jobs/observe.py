@@ -173,7 +173,8 @@ def _inputs_of(record: ThermalLog, read: CoilRecord | None, options: ObserveOpti
         power = np.full(len(record.time), options.power_W)
     if power is None:
         raise InputError(
-            f"{record.name}: the mechanical power is not known",
+            place=record.name,
+            found="the mechanical power is not known",
             expected=f"a column power_W, or {option('power-W')}",
         )
     resistance = record.resistance
@@ -185,7 +186,8 @@ def _inputs_of(record: ThermalLog, read: CoilRecord | None, options: ObserveOpti
     seen += [] if record.body is None else [np.isfinite(record.body)]
     if not np.any(seen):
         raise InputError(
-            f"{record.name}: nothing was read in any row",
+            place=record.name,
+            found="nothing was read in any row",
             expected="a body temperature, or a resistance while there is current",
         )
     return ThermalRecord(record.time, power, record.current, resistance, record.body)

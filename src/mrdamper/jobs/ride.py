@@ -61,7 +61,8 @@ def ride(card: ModelCard, options: RideOptions = _USUAL, *, on_progress: Progres
     """
     if card.damper.command_unit != "A":
         raise InputError(
-            "ride: the card's command is a voltage, and the coil's heat goes by its current",
+            place=card.title,
+            found="the card's command is a voltage, and the coil's heat goes by its current",
             expected="a card whose command is a current",
         )
     rides = drive_quarter_car(card, _asked(options), on_progress=on_progress)

@@ -20,7 +20,7 @@ from mrdamper.report.figures.damper_section import draw_dampers, draw_field
 from mrdamper.report.figures.heat import draw_fade, draw_paths, draw_temperatures, temperature_figure
 from mrdamper.report.page import environment
 from mrdamper.runtime.outputs import write_table
-from mrdamper.schema import Json
+from mrdamper.schema import Json, finite_or_none
 from mrdamper.thermal.drawing_file import calibrated_text
 from mrdamper.thermal.estimation.calibration import CalibratedDrawing
 from mrdamper.thermal.estimation.uncertainty import PredictionInterval
@@ -149,7 +149,8 @@ def _course(rise: Rise, prediction_interval: PredictionInterval) -> Json:
         "energy_closure": rise.energy_closure,
         "time_to_limit_s": rise.time_to_limit_s,
         "time_to_limit_interval_s": [
-            time if math.isfinite(time) else None for time in (to_limit.low_s, to_limit.high_s)
+            finite_or_none(to_limit.low_s),
+            finite_or_none(to_limit.high_s),
         ],
         "interval": {
             "probability": prediction_interval.probability,

@@ -47,16 +47,20 @@ class ThermalLog:
                 object.__setattr__(self, column, read_only(values))
                 if values.shape != self.time.shape:
                     raise InputError(
-                        f"{self.name}: {column} has shape {values.shape}, time {self.time.shape}",
+                        place=self.name,
+                        found=f"{column} has shape {values.shape}, time {self.time.shape}",
                         expected="the same",
                     )
         if self.time.ndim != 1 or len(self.time) < 2 or not (np.diff(self.time) > 0.0).all():
             raise InputError(
-                f"{self.name}: time does not rise", expected="two rows or more, seconds in order, none twice"
+                place=self.name,
+                found="time does not rise",
+                expected="two rows or more, seconds in order, none twice",
             )
         if self.voltage is None and self.resistance is None and self.body is None:
             raise InputError(
-                f"{self.name}: it has no reading of a temperature",
+                place=self.name,
+                found="it has no reading of a temperature",
                 expected="a column voltage_V (of the coil, beside current_A), resistance_ohm or body_degC",
             )
 
@@ -86,7 +90,8 @@ def read_thermal_log(path: str | Path) -> ThermalLog:
     missing = [column for column in ("time_s", "current_A") if column.partition("_")[0] not in found]
     if missing:
         raise InputError(
-            f"{file.name}: has columns {', '.join(table.names)}",
+            place=file.name,
+            found=f"has columns {', '.join(table.names)}",
             expected=f"{' and '.join(missing)} among them",
         )
     body, notes = _plausible(found.pop("body", None), file.name)
@@ -114,7 +119,9 @@ def _plausible(kelvin: FloatArray | None, name: str) -> tuple[FloatArray | None,
     said = f"{bad.sum()} of {len(bad)} readings of the body are no plausible temperature"
     if bad.sum() > MOST_BAD_SHARE * len(bad):
         raise InputError(
-            f"{name}: {said}",
-            expected=f"{limits.low:g} to {limits.high:g} K. Check the sensor and the column's unit",
+            place=name,
+            found=said,
+            expected=f"{limits.low:g} to {limits.high:g} K",
+            remedy="Check the sensor and the column's unit",
         )
     return np.where(bad, np.nan, kelvin), (f"{said}: left out",)
