@@ -55,11 +55,15 @@ def test_a_result_says_in_few_lines_what_was_asked(tmp_path):
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"ambiant_degC": 3.0}, "no option 'ambiant_degC'; did you mean ambient_degC"),
         ({"model": "zone"}, "heat: model is 'zone'; expected one of: zones, lumped"),
         ({"air_m_s": -1.0}, "heat: air_m_s is -1.0; expected a number in m/s, 0 to 200"),
     ],
 )
-def test_a_wrong_option_is_refused_with_what_is_expected(given, said):
+def test_a_wrong_value_is_refused_with_what_is_expected(given, said):
     with pytest.raises(InputError, match=said):
         mrdamper.heat(paper_card(), "paper", **given)
+
+
+def test_a_misspelt_option_is_a_type_error_that_names_the_nearest():
+    with pytest.raises(TypeError, match="no option 'ambiant_degC'; did you mean ambient_degC"):
+        mrdamper.heat(paper_card(), "paper", ambiant_degC=3.0)

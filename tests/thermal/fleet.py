@@ -123,8 +123,10 @@ def _drawing(rng: np.random.Generator) -> DamperDrawing:
         coil=Coil(u(2.0, 8.0), u(0.01, 0.035), 0.4 * 0.5 * (piston - rod)),
         filling=find_filling(
             "paper",
-            stirring=math.exp(u(math.log(3.0), math.log(30.0))),
-            exchange=math.exp(u(math.log(5.0), math.log(60.0))),
+            {
+                "stirring": math.exp(u(math.log(3.0), math.log(30.0))),
+                "exchange": math.exp(u(math.log(5.0), math.log(60.0))),
+            },
         ),
         surroundings=Surroundings(
             u(273.15, 313.15), 0.0 if u() < 0.5 else u(0.2, 4.0), u(0.1, 0.95), u(0.0, 0.3)

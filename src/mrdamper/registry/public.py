@@ -51,7 +51,7 @@ def _call(job: Job, inputs: tuple[Any, ...], given: dict[str, Any], on_progress:
     known = [*job.given_names, *(field.name for field in job.fields), *(each.name for each in job.outputs)]
     for name in given:
         if name not in known:
-            raise InputError(f"mrdamper.{job.attribute}: no option {name!r}; {did_you_mean(name, known)}")
+            raise TypeError(f"mrdamper.{job.attribute}: no option {name!r}; {did_you_mean(name, known)}")
     names = [each.name for each in job.inputs]
     if len(inputs) > len(names):
         raise InputError(

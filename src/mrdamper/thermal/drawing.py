@@ -10,7 +10,9 @@ its face, a rod, and annular fins about the middle of the body. How heat moves i
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import Annotated, Literal
 
 from mrdamper.errors import InputError
@@ -37,6 +39,7 @@ __all__ = [
 
 Orientation = Literal["horizontal", "vertical"]
 
+_NOTHING: Mapping[str, float] = MappingProxyType({})
 _STEEL = MATERIALS["steel"]
 _WINDING_SHARE = 0.4  # of the piston's depth around the rod, where the drawing states no depth of the coil
 _CARRIER_CONDUCTIVITY = 0.14  # of the oil, for fluids that state none [W/(m K)]
@@ -244,7 +247,7 @@ class DamperDrawing:
         return 0.5 * self.filling.exchange * (self.piston.length + self.chamber_length)
 
 
-def filling_of(fluid: Fluid, **given: float) -> Filling:
+def filling_of(fluid: Fluid, given: Mapping[str, float] = _NOTHING) -> Filling:
     """Return the filling that a fluid of ``models.fluid`` makes; ``given`` overrides its properties.
 
     A fluid that states no conductivity is taken for well-conducting spheres in an oil of 0.14 W/(m K), by
@@ -271,9 +274,9 @@ def filling_of(fluid: Fluid, **given: float) -> Filling:
     )
 
 
-def find_filling(preset: str, **given: float) -> Filling:
+def find_filling(preset: str, given: Mapping[str, float] = _NOTHING) -> Filling:
     """Return the filling of a fluid preset, or of a fluid's TOML file."""
-    return filling_of(find_fluid(preset), **given)
+    return filling_of(find_fluid(preset), given)
 
 
 # ------------------------------------------------------------------------------------------------- checks

@@ -56,7 +56,7 @@ class FluidTable:
     def filling(self) -> Filling:
         """Return the preset's filling with what is stated here."""
         stated = {each.name: getattr(self, each.name) for each in fields(self) if each.name != "preset"}
-        return find_filling(self.preset, **{name: x for name, x in stated.items() if x is not None})
+        return find_filling(self.preset, {name: x for name, x in stated.items() if x is not None})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
