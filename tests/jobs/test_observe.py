@@ -104,9 +104,9 @@ def test_a_minute_without_current_is_no_reading(answer):
 
 
 def test_a_resistance_is_observed_as_the_function_behind_does(truth):
-    """Bit for bit; and a voltage that gives the same resistance gives the same temperatures."""
+    """Bit for bit; and a voltage that gives the same resistance, less the wires', the same temperatures."""
     ohm, current = resistance_of(truth.coil), np.full(len(truth.time), AMPERES)
-    voltage = ohm * current
+    voltage = (ohm + WIRING) * current
     ohm[0] = np.nan  # as a voltage's first sample is no reading
     power = np.full(len(truth.time), POWER_W)
     found = mrdamper.observe(ThermalLog(truth.time, current, power, resistance=ohm), "paper")
@@ -115,7 +115,9 @@ def test_a_resistance_is_observed_as_the_function_behind_does(truth):
     )
     np.testing.assert_array_equal(found.fluid.celsius, behind.fluid - 273.15)
     assert found.coil_read is None
-    volts = mrdamper.observe(ThermalLog(truth.time, current, power, voltage=voltage), "paper")
+    volts = mrdamper.observe(
+        ThermalLog(truth.time, current, power, voltage=voltage), "paper", wiring_ohm=WIRING
+    )
     np.testing.assert_allclose(volts.fluid.celsius, found.fluid.celsius, atol=1e-6)
     # by its resistance alone the coil reads 1 % of R20 wrong, 2.5 K at 20 degC; the cold start mends that
     off = volts.coil_read.celsius - (truth.coil - 273.15)
