@@ -14,6 +14,31 @@ from mrdamper.paper.findings import Findings
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.thermal.temperature_rise import Rise
 
+__all__ = [
+    "at",
+    "bare",
+    "collapse_begins",
+    "falls_per_K",
+    "half_hour",
+    "hottest_degC",
+    "largest_rms_when_hottest_N",
+    "largest_stroke_mm",
+    "loss_is_relatively_less_at_current",
+    "loss_percent",
+    "peak_losses",
+    "rise_reduction_percent",
+    "rmse_at",
+    "small_bare_degC",
+    "speed_mm_s",
+    "split_at",
+    "unaware_ratio",
+    "viscosity_drop",
+    "viscosity_fall_percent",
+    "work_J",
+    "worst_score",
+    "yield_drop",
+]
+
 HALF_HOUR_S, LIMIT_TEST_S = 1800.0, 2100.0
 
 # ------------------------------------------------------------------------------------------- tests and fluid
