@@ -14,6 +14,8 @@ from typing import Any
 
 from mrdamper.errors import InputError
 from mrdamper.files import MAP_SUFFIX
+from mrdamper.jobs.previews.choices import choices, run_formats
+from mrdamper.jobs.sweep.plan_files import files_of_plan, texts_of_plan
 from mrdamper.registry import JOBS, KINDS, Input, Job
 from mrdamper.runtime.progress import Progress, ProgressUpdate
 from mrdamper.schema import Json
@@ -146,7 +148,6 @@ def _fetch(options: Json, folder: WorkFolder, _out: Path, say: Say) -> Json:
 
 
 def _sweep(options: Json, folder: WorkFolder, out: Path, say: Say, resume: bool) -> Json:  # noqa: FBT001 - as all of _LONG
-    from mrdamper.jobs.sweep.plan_files import files_of_plan, texts_of_plan
 
     plan = folder.input(options["plan"])
     for text in texts_of_plan(plan):  # before anything is looked for
@@ -174,8 +175,6 @@ _LONG: dict[str, Callable[[Json, WorkFolder, Path, Say, bool], Json]] = {
 
 def _runs(folder: WorkFolder, names: list[str] | None) -> list[Path]:
     """Return the runs' files of these names, or all there are."""
-    from mrdamper.jobs.previews.choices import run_formats
-
     if names is not None:
         return [folder.run_file(name) for name in names]
     found = folder.run_files(tuple(run_formats()))
@@ -205,8 +204,6 @@ def _inside(folder: WorkFolder, plan: Path, text: str) -> None:
 
 def _preset_or_input(folder: WorkFolder, name: Any, group: str) -> Any:  # noqa: ANN401 - None or a text
     """Return a preset's name as it is, or the path of an input."""
-    from mrdamper.jobs.previews.choices import choices
-
     presets = choices()[group]
     if name is None or name in presets:  # type: ignore[operator]  # a list
         return name

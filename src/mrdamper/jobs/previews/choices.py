@@ -9,6 +9,17 @@ from __future__ import annotations
 
 from typing import get_args
 
+from mrdamper.control.controllers import NAMES
+from mrdamper.control.scenario import SCENARIOS
+from mrdamper.data.tables import FORMATS
+from mrdamper.models.fluids.fluid_file import PRESETS as FLUIDS
+from mrdamper.models.laws import LAWS
+from mrdamper.quantities import QUANTITIES
+from mrdamper.rig.damper import PRESETS as DAMPERS
+from mrdamper.thermal.drawing_file import DRAWINGS
+from mrdamper.thermal.heatsink import FinLaw
+from mrdamper.thermal.materials import MATERIALS
+
 __all__ = ["DUTY", "LEAVE_OUT", "METHODS", "TEMPERATURES", "TERMS", "choices", "run_formats"]
 
 METHODS = ("varpro", "genetic", "cma")
@@ -20,16 +31,6 @@ DUTY = "sine:15mm:1Hz:2A:1800s"
 
 def choices() -> dict[str, object]:
     """Return every name that a job's options take, with titles and units where there are any."""
-    from mrdamper.control.controllers import NAMES
-    from mrdamper.control.scenario import SCENARIOS
-    from mrdamper.models.fluids.fluid_file import PRESETS as FLUIDS
-    from mrdamper.models.laws import LAWS
-    from mrdamper.quantities import QUANTITIES
-    from mrdamper.rig.damper import PRESETS as DAMPERS
-    from mrdamper.thermal.drawing_file import DRAWINGS
-    from mrdamper.thermal.heatsink import FinLaw
-    from mrdamper.thermal.materials import MATERIALS
-
     return {
         "laws": [
             {
@@ -70,6 +71,4 @@ def choices() -> dict[str, object]:
 
 def run_formats() -> list[str]:
     """Return the suffixes of the files that are read as runs."""
-    from mrdamper.data.tables import FORMATS
-
     return sorted({suffix for known in FORMATS for suffix in known.suffixes})

@@ -14,10 +14,24 @@ from pathlib import Path
 
 import numpy as np
 
+from mrdamper.control.controllers import controllers_for
+from mrdamper.control.loop import reference_trajectory, run_loop
+from mrdamper.control.scenario import find_scenario
+from mrdamper.control.score import attainable_range, score_run, worst
 from mrdamper.errors import MrdamperError
+from mrdamper.identify.assess import summary
+from mrdamper.identify.fit import assess, fit
+from mrdamper.jobs.inputs import read_dataset
+from mrdamper.jobs.options import SinkOptions
+from mrdamper.jobs.sink import sink
 from mrdamper.jobs.sweep.plan import What
+from mrdamper.models.card_schema import card_text, read_card
 from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.rig.damper import draw_damper, find_preset
+from mrdamper.rig.plant import Plant
 from mrdamper.runtime.worker_process import Handler, Reply
+from mrdamper.thermal.drawing_file import read_drawing
+from mrdamper.thermal.duty import read_duty
 
 __all__ = ["run_task", "task_handler"]
 
@@ -36,10 +50,6 @@ def run_task(kind: str, seed: int, what: What) -> What:
 
 
 def _identify(seed: int, what: What) -> What:
-    from mrdamper.identify.assess import summary
-    from mrdamper.identify.fit import assess, fit
-    from mrdamper.jobs.inputs import read_dataset
-    from mrdamper.models.card_schema import card_text
 
     channels = what["channels"]
     dataset = read_dataset([what["path"]], None if channels is None else Path(channels))
@@ -63,13 +73,6 @@ def _identify(seed: int, what: What) -> What:
 
 
 def _tolerance(seed: int, what: What) -> What:
-    from mrdamper.control.controllers import controllers_for
-    from mrdamper.control.loop import reference_trajectory, run_loop
-    from mrdamper.control.scenario import find_scenario
-    from mrdamper.control.score import attainable_range, score_run, worst
-    from mrdamper.models.card_schema import read_card
-    from mrdamper.rig.damper import draw_damper, find_preset
-    from mrdamper.rig.plant import Plant
 
     card = read_card(what["card"])
     damper = draw_damper(
@@ -100,11 +103,6 @@ def _tolerance(seed: int, what: What) -> What:
 
 
 def _sink(seed: int, what: What) -> What:
-    from mrdamper.jobs.options import SinkOptions
-    from mrdamper.jobs.sink import sink
-    from mrdamper.models.card_schema import read_card
-    from mrdamper.thermal.drawing_file import read_drawing
-    from mrdamper.thermal.duty import read_duty
 
     options = SinkOptions(method=what["method"], by_field=False, seed=seed % 2**31)
     run = sink(read_card(what["card"]), read_drawing(what["damper"]), read_duty(what["duty"]), options)
