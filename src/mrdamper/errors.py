@@ -52,8 +52,8 @@ class MrdamperError(Exception):
     found, expected : what is there, and what should be
     remedy : what to do about it, as a sentence; it names options by ``option`` and commands by ``command``
 
-    The parts make the message ``place: found; expected ... . Remedy``. What was found stands in it as it is;
-    a text of any size is cut, so that the rest can be read.
+    The parts make one message: place, found, expected, remedy, in this order. What was found stands in it as
+    it is; a text of any size is cut, so that the rest can be read.
     """
 
     exit_code: ClassVar[int] = 1

@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrdamper.data.diagnosis.diagnose import compare, diagnose
-from mrdamper.data.diagnosis.finding import SEVERITIES, Finding, by_kind
 from mrdamper.data.diagnosis.resolution import samples_in_transition, white_noise
 from mrdamper.data.diagnosis.sensors import resolution_of
+from mrdamper.data.finding import SEVERITIES, Finding, by_kind
 from mrdamper.data.prepare import prepare_run
 from mrdamper.data.readers import read_runs
 from mrdamper.data.records import Recording, RigRun

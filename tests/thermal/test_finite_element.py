@@ -16,13 +16,13 @@ from scipy.special import i0, i1, k0, k1
 from mrdamper.errors import ConvergenceError, EnvelopeError, InputError, MissingExtraError
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.drawing_file import read_drawing
-from mrdamper.thermal.films.surfaces import cap_area
 from mrdamper.thermal.model.finite_element import build_field, discretise, heat_field
 from mrdamper.thermal.model.heat_equation import simulate_field, steady_field
 from mrdamper.thermal.model.mesh import SectionMesh, mesh_section
 from mrdamper.thermal.model.network import loss_grid, zone_network
 from mrdamper.thermal.model.section import Block, Edge, Region, Section, Surface, section_of
 from mrdamper.thermal.model.stepping import Load
+from mrdamper.thermal.model.surfaces import cap_area
 from mrdamper.thermal.model.transient import simulate_network
 
 DRAWING = read_drawing(Path(__file__).parents[2] / "examples" / "paper_damper.toml")

@@ -20,7 +20,7 @@ from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.duty import read_duty
 from mrdamper.thermal.films.correlations import annular_fin_efficiency, radiation_film
-from mrdamper.thermal.films.surfaces import fin_film, fin_radiation
+from mrdamper.thermal.model.surfaces import fin_film, fin_radiation
 from mrdamper.thermal.temperature_rise import Rise, simulate_rise
 
 FINNED = read_drawing(Path(__file__).parents[2] / "examples" / "paper_damper.toml")

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from mrdamper.arrays import FloatArray
 from mrdamper.core import TurningPoints
 from mrdamper.data.batches import Batch
-from mrdamper.data.diagnosis.finding import Finding
+from mrdamper.data.finding import Finding
 from mrdamper.data.motion import SWING
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.data.segments import HEAD_ROWS, Count, Head, Segmenter, STILL_m

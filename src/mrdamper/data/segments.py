@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.batches import Batch
-from mrdamper.data.diagnosis.finding import Finding
+from mrdamper.data.finding import Finding
 from mrdamper.data.records import GAP
 from mrdamper.quantities import QUANTITIES
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.diagnosis.diagnose import compare, diagnose
-from mrdamper.data.diagnosis.finding import SEVERITIES, Finding, Severity, worst_first
+from mrdamper.data.finding import SEVERITIES, Finding, Severity, worst_first
 from mrdamper.data.formats.table import Layout
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.data.readers import Column

@@ -17,7 +17,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.data.batches import BATCH_ROWS, LongRecord
 from mrdamper.data.cycle_groups import FigureSummary, Groups
 from mrdamper.data.cycles import CycleCounter, CycleFigures
-from mrdamper.data.diagnosis.finding import Finding, worst_first
+from mrdamper.data.finding import Finding, worst_first
 from mrdamper.identify.cycle_errors import FIGURES as MODEL_FIGURES
 from mrdamper.identify.cycle_errors import ModelErrors, ModelOver, columns_of, open_model
 from mrdamper.jobs.options import CyclesOptions

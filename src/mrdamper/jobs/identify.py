@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from mrdamper.data.diagnosis.finding import Finding
+from mrdamper.data.finding import Finding
 from mrdamper.data.prepare import Preparation
 from mrdamper.data.records import Dataset
 from mrdamper.files import is_file

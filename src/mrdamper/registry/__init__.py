@@ -150,7 +150,7 @@ class Job:
     name: str
     help: str
     inputs: tuple[Input, ...]
-    run: str  # module:function(**inputs, options=..., on_progress=...) -> result
+    run: str  # module:function(inputs by name, options=, on_progress=) -> result
     result: str  # module:class
     report: str  # module:REPORT
     options: str = "mrdamper.jobs.options:NoOptions"  # module:class; without fields, ``run`` takes none
@@ -161,7 +161,9 @@ class Job:
     check: str = ""  # module:function(given, options), before anything is read
     set_when_written: tuple[str, ...] = ()  # options that are None by default, and mean: with a folder
     progress_word: str = "run"  # of what the progress counts; empty: ``run`` takes no ``on_progress``
-    checkpoint: str = ""  # module:function(**inputs, options=...) -> all that decides the result; with it the
+    checkpoint: str = (
+        ""  # module:function(inputs by name, options=) -> all that decides the result; with it the
+    )
     # job can be resumed, and ``run`` takes a ``checkpoint``
     keeper: str = "mrdamper.runtime.checkpoint:checkpointed"  # gives the checkpoint of a folder
     stream: str = ""  # the file that ``run`` writes as it goes, to its argument ``stream``

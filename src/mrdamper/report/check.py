@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from mrdamper.data.diagnosis.finding import Severity, by_kind
+from mrdamper.data.finding import Severity, by_kind
 from mrdamper.errors import CheckError, InputError
 from mrdamper.jobs.check import CheckedFile, CheckedRun, CheckResult
 from mrdamper.report.base import DONE, Outcome, Report, WrittenFile

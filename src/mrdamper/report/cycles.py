@@ -12,7 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from mrdamper.data.cycle_groups import FigureSummary
-from mrdamper.data.diagnosis.finding import Finding
+from mrdamper.data.finding import Finding
 from mrdamper.identify.cycle_errors import CycleErrors, ModelErrors
 from mrdamper.jobs.cycles import CyclesResult
 from mrdamper.report.base import DONE, Outcome, Report, WrittenFile, interrupted

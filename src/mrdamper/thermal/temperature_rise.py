@@ -26,13 +26,13 @@ from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.thermal.dissipation import LoopWork, tabulate_work
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.duty import DEFAULT_DUTY, Duty, read_duty
-from mrdamper.thermal.films.surfaces import name_correlations
 from mrdamper.thermal.model.finite_element import build_field
 from mrdamper.thermal.model.heat_equation import FieldHeating, simulate_field
 from mrdamper.thermal.model.lumped import lumped_network
 from mrdamper.thermal.model.network import ThermalNetwork, zone_network
 from mrdamper.thermal.model.reduced import reduce_field
 from mrdamper.thermal.model.stepping import Load
+from mrdamper.thermal.model.surfaces import name_correlations
 from mrdamper.thermal.model.transient import Heating, simulate_network
 
 __all__ = [

@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from mrdamper.data.diagnosis.finding import Finding, worst_first
 from mrdamper.data.diagnosis.mechanics import (
     find_drift,
     find_force_lag,
@@ -26,6 +25,7 @@ from mrdamper.data.diagnosis.sensors import (
     find_stuck_sensors,
 )
 from mrdamper.data.diagnosis.timing import find_irregular_steps, find_missing_numbers, find_time_faults
+from mrdamper.data.finding import Finding, worst_first
 from mrdamper.data.prepare import PreparedRun, prepare_run
 from mrdamper.data.records import Recording, RigRun
 from mrdamper.errors import InputError

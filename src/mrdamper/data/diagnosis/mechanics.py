@@ -13,8 +13,8 @@ from scipy import fft
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.cycles import cycles
-from mrdamper.data.diagnosis.finding import Finding, percent
 from mrdamper.data.diagnosis.repeatability import drift, estimate_lag
+from mrdamper.data.finding import Finding, percent
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.data.records import Recording, RigRun
 

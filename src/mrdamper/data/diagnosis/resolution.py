@@ -10,8 +10,8 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.core import turning_points
 from mrdamper.data.cycles import cycles
-from mrdamper.data.diagnosis.finding import Finding, percent
 from mrdamper.data.diagnosis.repeatability import repeatability
+from mrdamper.data.finding import Finding, percent
 from mrdamper.data.prepare import PreparedRun
 
 __all__ = ["find_few_cycles", "find_few_samples", "find_noise", "samples_in_transition"]

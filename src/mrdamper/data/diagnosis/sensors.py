@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.diagnosis.finding import Finding, percent
 from mrdamper.data.diagnosis.timing import channels_of
+from mrdamper.data.finding import Finding, percent
 from mrdamper.data.records import Recording
 from mrdamper.quantities import QUANTITIES
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.diagnosis.finding import Finding, percent
+from mrdamper.data.finding import Finding, percent
 from mrdamper.data.records import GAP, Recording, changes_of_pace
 
 __all__ = ["channels_of", "find_irregular_steps", "find_missing_numbers", "find_time_faults"]

@@ -12,7 +12,7 @@ from functools import partial
 
 import numpy as np
 
-from mrdamper.data.diagnosis.finding import by_kind
+from mrdamper.data.finding import by_kind
 from mrdamper.identify.assess import CrossValidated, RunError, summary
 from mrdamper.identify.fit import Identification, versions
 from mrdamper.identify.problem import Estimate, envelope_of

@@ -15,8 +15,8 @@ from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.films.correlations import annular_fin_efficiency, radiation_film
-from mrdamper.thermal.films.surfaces import fin_film, fin_radiation
 from mrdamper.thermal.model.network import ThermalNetwork, zone_network
+from mrdamper.thermal.model.surfaces import fin_film, fin_radiation
 
 __all__ = ["constant_heating", "lumped_network"]
 

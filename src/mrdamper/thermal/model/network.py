@@ -20,8 +20,8 @@ from mrdamper.arrays import FloatArray, read_only
 from mrdamper.errors import InputError
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.films.correlations import annular_fin_efficiency, radiation_film
-from mrdamper.thermal.films.surfaces import body_film, cap_area, fin_film, fin_radiation
 from mrdamper.thermal.heatsink import HeatSink
+from mrdamper.thermal.model.surfaces import body_film, cap_area, fin_film, fin_radiation
 
 __all__ = ["PATHS", "ThermalNetwork", "loss_grid", "zone_network"]
 

@@ -19,10 +19,10 @@ import numpy as np
 from mrdamper.arrays import FloatArray, read_only
 from mrdamper.errors import InputError
 from mrdamper.thermal.drawing import DamperDrawing
-from mrdamper.thermal.films.surfaces import body_film, cap_area, fin_film
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.materials import Material
 from mrdamper.thermal.model.network import loss_grid
+from mrdamper.thermal.model.surfaces import body_film, cap_area, fin_film
 
 __all__ = ["Block", "Edge", "Region", "Section", "Surface", "section_of"]
 

@@ -21,10 +21,10 @@ from mrdamper.errors import InputError
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.films.correlations import annular_fin_efficiency, radiation_film
-from mrdamper.thermal.films.surfaces import cap_area, fin_film, fin_radiation
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.model.network import zone_network
 from mrdamper.thermal.model.stepping import Load
+from mrdamper.thermal.model.surfaces import cap_area, fin_film, fin_radiation
 from mrdamper.thermal.model.transient import simulate_network
 
 __all__ = [
