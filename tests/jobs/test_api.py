@@ -63,12 +63,15 @@ def test_a_law_given_as_class_or_object_is_fitted(runs, tmp_path):
     assert mrdamper.assess(by_class).runs[0].nrmse_percent < 60.0
 
 
-@pytest.mark.parametrize(
-    "option", [{"method": "guess"}, {"starts": 0}, {"law": "bouc-when"}, {"laws": "dahl"}]
-)
-def test_an_option_that_is_not_there_is_refused(runs, option):
+@pytest.mark.parametrize("option", [{"method": "guess"}, {"starts": 0}, {"law": "bouc-when"}])
+def test_a_value_that_is_not_there_is_refused(runs, option):
     with pytest.raises(mrdamper.InputError):
         mrdamper.fit(runs, **option)
+
+
+def test_an_option_that_is_not_there_is_a_type_error(runs):
+    with pytest.raises(TypeError, match="did you mean law"):
+        mrdamper.fit(runs, laws="dahl")
 
 
 def test_all_runs_that_are_unfit_are_named_at_once(runs):

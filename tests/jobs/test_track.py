@@ -231,7 +231,7 @@ def test_sampling_slower_than_the_lag_is_refused(folder):
             ("--controller", "series-inverse"),
             "is made from cards of the series-valve law, and",
         ),
-        (("--temperature", "293.15"), "temperature is 293.15 degC; expected -40 to 200"),
+        (("--temperature", "293.15"), "temperature_degC is 293.15; expected a number in degC, -40 to 200"),
         (("--target", "nowhere.toml"), "nowhere.toml: cannot read the scenario"),
         (("--seed", "-1"), "seed is -1; expected zero or more"),
     ],

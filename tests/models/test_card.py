@@ -448,7 +448,7 @@ COEFFICIENTS, EVIDENCE = "coefficients", "evidence"
         (document("envelope", "command", value=[0.0]), "envelope.command.1 is missing; expected a number"),
         (
             document("envelope", "command", value=None),
-            "envelope.command is None; expected a list, each a number",
+            "envelope.command is None; expected a list of 2, each a number",
         ),
         (document("envelope", "command", value=[1, 0]), "envelope: command is (1.0, 0.0)"),
         (
@@ -621,7 +621,7 @@ def test_all_problems_are_reported_at_once():
         card_from_json(damaged, "card.json")
     assert sorted(line.removeprefix("card.json: ") for line in str(caught.value).splitlines()) == [
         "coefficients.rho.numbers.rate.value is None; expected a number",
-        "envelope.command is missing; expected a list, each a number",
+        "envelope.command is missing; expected a list of 2, each a number",
         "evidence.cost is 'low'; expected a number",
         "unknown key 'titel'; did you mean title?",
     ]

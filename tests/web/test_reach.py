@@ -240,7 +240,7 @@ def test_heating_takes_a_model_and_a_start_temperature(page, site):
     with page.expect_request("**/api/jobs") as sent:
         page.click("#full-study")
     asked = sent.value.post_data_json["options"]
-    assert (asked["model"], asked["start_degC"], asked["field"]) == ("lumped", 35, False)
+    assert (asked["model"], asked["start_degC"], asked["by_field"]) == ("lumped", 35, False)
 
 
 def test_tracking_takes_scenarios_and_any_temperature(page, tmp_path):
