@@ -33,7 +33,7 @@ signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 # New examples in every run, the failing ones kept; a loaded machine is not a fault of the code.
 settings.register_profile("usual", max_examples=25, deadline=None, print_blob=True)
-settings.register_profile("nightly", settings.get_profile("usual"), max_examples=500)
+settings.register_profile("nightly", settings.get_profile("usual"), max_examples=100)
 settings.load_profile("usual")
 
 _MARK_OF_FIXTURE = {"tool": "tool", "real_data": "data"}
