@@ -39,7 +39,6 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
 from mrdamper.errors import InputError
-from mrdamper.files import read_toml
 from mrdamper.quantities import ZERO_CELSIUS_K
 
 __all__ = [
@@ -52,7 +51,6 @@ __all__ = [
     "finite_or_none",
     "json_schema",
     "read_record",
-    "read_record_file",
     "toml_text",
     "write_record",
 ]
@@ -302,11 +300,6 @@ def _written_out(kind: Any, value: Any) -> Any:  # noqa: ANN401 - a type, and wh
 
 def _plain_json(value: object) -> object:
     return dict(value) if isinstance(value, Mapping) else str(value)
-
-
-def read_record_file(record: type[Record], path: str | Path, what: str) -> Record:
-    """Return the record in a TOML file; ``what`` it should be stands in messages."""
-    return read_record(record, read_toml(path, what), Path(path).name)
 
 
 def _adapter(record: Any) -> Any:  # noqa: ANN401 - of a dataclass, a TypeAdapter loaded late

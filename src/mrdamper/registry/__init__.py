@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 _NOTHING: Mapping[str, Any] = MappingProxyType({})
 
-__all__ = ["JOBS", "KINDS", "Input", "Job", "Kind", "Output", "find_job", "load"]
+__all__ = ["JOBS", "KINDS", "Input", "Job", "Kind", "Output", "load"]
 
 
 def load(name: str) -> Any:  # noqa: ANN401 - whatever has this name
@@ -426,6 +426,7 @@ DUTY = Input(
 _ROWS = (
     Job(
         name="check",
+        page="Check on the page Runs",
         help="""Tell what is wrong with runs before they are fitted, and how their files were understood.
 
         PATH: files, folders or patterns of runs. Exit code 5 when a run has a fault.
@@ -435,10 +436,10 @@ _ROWS = (
         result="mrdamper.jobs.check:CheckResult",
         report="mrdamper.report.check:REPORT",
         files_help="For check.html, check.json, findings.csv.",
-        page="the page Runs",
     ),
     Job(
         name="identify",
+        page="the page Identify",
         help="""Fit one hysteresis law to measured runs over all currents and temperatures at once.
 
         PATH: files, folders or patterns of runs.
@@ -474,11 +475,11 @@ _ROWS = (
         progress_word="start",
         checkpoint="mrdamper.jobs.identify:decisive",
         ctrl_c="keeps the best",
-        page="the page Identify",
         aliases=("fit",),
     ),
     Job(
         name="predict",
+        page="Predict on the page Identify",
         help="Score a model card on runs that it has not seen.",
         inputs=(CARD_OF_ANY_LAW, RUNS, PREPARATION),
         run="mrdamper.jobs.predict:predict",
@@ -486,7 +487,6 @@ _ROWS = (
         report="mrdamper.report.cards.predict:REPORT",
         files_help="Write errors.csv there.",
         progress_word="",
-        page="the page Cards",
     ),
     Job(
         name="compare",
@@ -503,10 +503,10 @@ _ROWS = (
         report="mrdamper.report.cards.compare:REPORT",
         files_help="For compare.html, compare.json.",
         progress_word="",
-        page="the page Cards",
     ),
     Job(
         name="cycles",
+        page="the page Cycles",
         help="Count the cycles of a record of any length: energy, peak forces, stiffness and temperature of "
         "each.",
         inputs=(
@@ -527,7 +527,6 @@ _ROWS = (
         progress_word="row",
         stream="cycles.csv",
         ctrl_c="keeps what was counted",
-        page="the page Cycles",
     ),
     Job(
         name="cite",
@@ -537,10 +536,10 @@ _ROWS = (
         result="mrdamper.jobs.cite:CiteResult",
         report="mrdamper.report.cards.cite:REPORT",
         progress_word="",
-        page="the page Cards",
     ),
     Job(
         name="heat",
+        page="the page Heating",
         help="Tell how hot a damper gets under a duty, how soon, and where the heat goes.",
         inputs=(
             CARD,
@@ -569,7 +568,6 @@ _ROWS = (
         files_help="For heat.html, heat.json, heat.csv.",
         set_when_written=("by_field",),
         progress_word="step",
-        page="the page Heating",
     ),
     Job(
         name="forecast",
@@ -627,7 +625,6 @@ _ROWS = (
         result="mrdamper.jobs.fluid:FluidResult",
         report="mrdamper.report.fluid:REPORT",
         files_help="For fluid.toml and fluid.svg.",
-        page="the page Fluid",
     ),
     Job(
         name="ride",
@@ -642,6 +639,7 @@ _ROWS = (
     ),
     Job(
         name="track",
+        page="the page Tracking",
         help="Track forces on a virtual damper with controllers made from a card, without a force sensor.",
         inputs=(
             CARD,
@@ -682,10 +680,10 @@ _ROWS = (
         result="mrdamper.jobs.track:TrackResult",
         report="mrdamper.report.track:REPORT",
         files_help="For track.html, track.json, track.csv.",
-        page="the page Control",
     ),
     Job(
         name="sink",
+        page="the page Heat sink",
         help="Search annular-fin heat sinks: the coolest damper for the least mass, inside limits.",
         inputs=(CARD, DRAWING, DUTY),
         options="mrdamper.jobs.options:SinkOptions",
@@ -694,7 +692,6 @@ _ROWS = (
         report="mrdamper.report.sink:REPORT",
         checkpoint="mrdamper.jobs.sink:decisive",
         files_help="For sink.html, sink.json, front.csv, best.toml.",
-        page="the page Sink",
     ),
     Job(
         name="export",
@@ -723,10 +720,10 @@ _ROWS = (
             Output(name="table", metavar="FILE", help="Write a force map (CSV) for simulators."),
         ),
         progress_word="part",
-        page="the page Export",
     ),
     Job(
         name="rig",
+        page="the virtual rig on the page Runs",
         python="run_rig",
         help="Run a campaign of tests on the virtual rig: a damper whose physics is none of the laws.",
         inputs=(
@@ -752,7 +749,6 @@ _ROWS = (
         report="mrdamper.report.rig:REPORT",
         files_help="For the runs (CSV); the truth goes to DIR.truth beside it.",
         out_required=True,
-        page="the page Rig",
     ),
     Job(
         name="data list",
@@ -774,7 +770,6 @@ _ROWS = (
         report="mrdamper.report.datasets:FETCHED",
         files_help="For the set's files, each with its channel map.",
         progress_word="set",
-        page="the page Runs",
     ),
     Job(
         name="demo",
@@ -787,10 +782,10 @@ _ROWS = (
         files_help="Where to.",
         out_default="build/demo",
         progress_word="step",
-        page="the page Demo",
     ),
     Job(
         name="sweep",
+        page="the page Sweeps",
         help="Run many jobs of one kind: campaigns to identify, a tolerance of tracking, heat sinks.",
         inputs=(Input(name="plan", kind="plan", in_answer=False, help="What to run (TOML)."),),
         options="mrdamper.jobs.options:SweepOptions",
@@ -803,14 +798,8 @@ _ROWS = (
         out_required=True,
         progress_word="task",
         ctrl_c="keeps the results",
-        page="the page Sweep",
     ),
 )
 
 JOBS: Mapping[str, Job] = {row.name: row for row in _ROWS}
 """The jobs by name, in the order of the help."""
-
-
-def find_job(name: str) -> Job:
-    """Return the job of a name."""
-    return JOBS[name]

@@ -13,20 +13,7 @@ from mrdamper.jobs import options
 from mrdamper.registry import JOBS
 from mrdamper.schema import fields_of
 
-__all__ = ["PAGES", "labels", "on_page"]
-
-PAGES: Mapping[str, str] = {
-    "check": "Check on the page Runs",
-    "cycles": "the page Cycles",
-    "heat": "the page Heating",
-    "identify": "the page Identify",
-    "predict": "Predict on the page Identify",
-    "rig": "the virtual rig on the page Runs",
-    "sink": "the page Heat sink",
-    "sweep": "the page Sweeps",
-    "track": "the page Tracking",
-}
-"""Command to where the pages have it."""
+__all__ = ["labels", "on_page"]
 
 _OF_EVERY_JOB = {
     "channels": "Map channels",
@@ -61,7 +48,8 @@ def _declared() -> Iterator[tuple[str, str]]:
 def on_page(named: str) -> str:
     """Return what the pages call an option (``--method varpro``) or a command (``mrdamper heat``)."""
     if named.startswith("mrdamper "):
-        return PAGES.get(named.split()[1], named)
+        job = JOBS.get(named.split()[1])
+        return job.page if job is not None and job.page else named
     flag, _, value = named.removeprefix("--").partition(" ")
     if flag not in labels():
         return named
