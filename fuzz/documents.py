@@ -23,6 +23,7 @@ from mrdamper.data.readers import runs_in
 from mrdamper.data.tables import read_table
 from mrdamper.jobs.sweep import plan as sweep_plan
 from mrdamper.models.card_schema import card_from_json, card_text, read_card
+from mrdamper.models.card_signature import signed
 from mrdamper.models.fluids.fluid_file import find_fluid
 from mrdamper.rig.campaign import Campaign
 from mrdamper.rig.damper import VirtualDamper
@@ -64,7 +65,9 @@ def card(content: bytes) -> None:
     """A model card."""
     if content[:1] == bytes([_EDITS]):
         draws = Draws(content[1:])
-        content = json.dumps(edited(draws.pick(card_documents()), draws)).encode()
+        document = edited(draws.pick(card_documents()), draws)
+        # signed, so that what is behind the signature is reached
+        content = json.dumps(signed(document) if isinstance(document, dict) else document).encode()
     path = written("card.json", content)
     with promised("card.json"):
         read = read_card(path)

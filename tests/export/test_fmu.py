@@ -202,7 +202,7 @@ def test_the_same_target_gives_the_same_bytes_and_another_one_another_token(made
     assert hashlib.sha256(path.read_bytes()).digest() == hashlib.sha256(again.read_bytes()).digest()
     others = (
         target_of(card, content="controller", period_s=2e-3),
-        replace(target, fingerprint="sha256:another"),
+        replace(target, fingerprint="sha256:0123456"),
     )
     tokens = {_token(each, version) for each in (target, *others)}
     assert len(tokens) == 3

@@ -23,11 +23,13 @@ from mrdamper.models.card_schema import (
     FORMS,
     SCHEMA_VERSION,
     card_from_json,
+    card_sha256,
     card_text,
     card_to_json,
     read_card,
     write_card,
 )
+from mrdamper.models.card_signature import signed
 from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.dependence import (
     Bipolynomial,
@@ -151,6 +153,9 @@ def document(*path, value, of=DOCUMENT):
     else:
         inside[path[-1]] = value
     return changed
+
+
+COEFFICIENTS, EVIDENCE = "coefficients", "evidence"
 
 
 # ------------------------------------------------------------------------------------ there and back
@@ -287,7 +292,8 @@ def test_the_coefficients_that_the_page_shows_are_read():
     assert list(coefficients) == ["yield_force", "viscosity"]
     damaged = json.loads(json.dumps(WARM_DOCUMENT))
     damaged["coefficients"] |= coefficients
-    damper = card_from_json(damaged).damper
+    damaged["excerpt"] = None  # it is of the other coefficients
+    damper = card_from_json(signed(damaged)).damper
     assert damper.parameters["viscosity.activation_K"] == 1435.5
     assert damper.parameters["yield_force.gain"] == 629.0
 
@@ -355,14 +361,64 @@ def test_a_card_whose_numbers_were_changed_does_not():
         verify_excerpt(stiffer, simulate)
 
 
+@pytest.mark.parametrize(
+    "place",
+    [
+        (COEFFICIENTS, "yield_force", "numbers", "gain", "value"),
+        (COEFFICIENTS, "rho", "numbers", "rate", "standard_error"),
+        ("envelope", "command", 1),
+        ("evidence", "cost"),
+        ("excerpt", "force_N", 7),
+        ("command_lag_s",),
+    ],
+)
+def test_one_number_changed_by_hand_is_refused(place):
+    changed = json.loads(json.dumps(DOCUMENT))
+    inside = changed
+    for key in place[:-1]:
+        inside = inside[key]
+    inside[place[-1]] *= 1.0 + 1e-9
+    with pytest.raises(InputError, match=r"content's hash is .* edited, cut or put together"):
+        card_from_json(changed)
+
+
+def test_a_doubled_gain_that_was_signed_again_fails_on_the_excerpt():
+    changed = document(COEFFICIENTS, "yield_force", "numbers", "gain", "value", value=1258.0)
+    with pytest.raises(InputError, match="its error on the excerpt"):
+        card_from_json(signed(changed))
+    old = json.loads(KEPT.read_text(encoding="utf-8"))
+    numbers = old[COEFFICIENTS]["yield_force"]["numbers"]
+    numbers[next(iter(numbers))]["value"] *= 2.0
+    with pytest.raises(InputError, match="its error on the excerpt"):
+        card_from_json(old)
+
+
+def test_an_excerpt_of_another_card_is_refused():
+    other = a_card(a_damper(viscosity=Polynomial((900.0, 400.0))))
+    swapped = document("excerpt", value=card_to_json(other)["excerpt"])
+    with pytest.raises(InputError, match="content's hash"):
+        card_from_json(swapped)
+
+
+def test_notes_layout_and_the_spelling_of_a_number_stay_outside_the_hash():
+    noted = {**DOCUMENT, "notes": {"serial": "A-17"}}
+    other_layout = json.dumps(noted, indent=7, sort_keys=True).replace("600.0", "6e2")
+    assert card_sha256(card_from_json(json.loads(other_layout))) == DOCUMENT["content_sha256"]
+
+
+@pytest.mark.parametrize("key", ["title", "sources", "notes"])
+def test_half_a_character_is_refused_when_a_card_is_made(key):
+    half = {"title": "a\ud800", "sources": ("a\ud800",), "notes": {"a": "a\ud800"}}[key]
+    with pytest.raises(InputError, match=r"character 1 is .*expected Unicode text"):
+        a_card(**{key: half})
+
+
 def test_a_card_without_excerpt_says_so():
     with pytest.raises(InputError, match="carries no excerpt"):
         verify_excerpt(replace(CARD, excerpt=None), simulate)
 
 
 # ------------------------------------------------------------------------------------------- damage
-
-COEFFICIENTS, EVIDENCE = "coefficients", "evidence"
 
 
 @pytest.mark.parametrize(
@@ -485,7 +541,7 @@ COEFFICIENTS, EVIDENCE = "coefficients", "evidence"
         (document("sources", value="x"), "sources is 'x'; expected a list, each a text"),
         (
             document("schema_version", value=SCHEMA_VERSION + 1),
-            "schema_version is 3, and this mrdamper reads up to 2; upgrade",
+            "schema_version is 4, and this mrdamper reads up to 3; upgrade",
         ),
         (
             document("temperature_range_K", value=[400, 300]),
@@ -739,6 +795,8 @@ def test_an_upgraded_card_is_written_in_the_present_version_and_is_the_same_card
         json.loads((tmp_path / "card.json").read_text(encoding="utf-8"))["schema_version"] == SCHEMA_VERSION
     )
     assert read_card(tmp_path / "card.json") == card
+    assert card.upgraded_from == 1
+    assert "upgraded from schema version 1, which carried no hash" in repr(card)
 
 
 def test_a_damaged_card_of_an_older_version_is_refused_by_place():

@@ -172,8 +172,8 @@ def _values(variable: Variable) -> dict[str, str]:
         bounds = (("min", variable.low), ("max", variable.high))
         found |= {name: _number(value) for name, value in bounds if math.isfinite(value)}
     if variable.start is not None:
-        on = "true" if variable.start else "false"
-        found["start"] = on if variable.kind == "boolean" else _number(variable.start)
+        said = {"boolean": "true" if variable.start else "false", "integer": f"{variable.start:.0f}"}
+        found["start"] = said.get(variable.kind) or _number(variable.start)
     return found
 
 

@@ -20,8 +20,8 @@ from mrdamper import __version__
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 from mrdamper.excitation import Sine, drive
-from mrdamper.export.target import card_fingerprint
 from mrdamper.models.card import ModelCard
+from mrdamper.models.card_schema import card_sha256
 from mrdamper.models.characteristics import PERIODS, peak_velocity_pick
 from mrdamper.models.simulate import simulate
 from mrdamper.models.temperature import REFERENCE_K
@@ -58,7 +58,7 @@ class ForceMap:
         for line in (
             f"Force map of a magnetorheological damper, by mrdamper {__version__}",
             f"card {' '.join(card.title.split())}",
-            f"fingerprint {card_fingerprint(card)}",
+            f"fingerprint {card_sha256(card)}",
             f"law {card.damper.law.name}",
             "extension positive; a force that resists extension is positive; the command is constant",
             f"force_N: at mid-stroke of a steady sine ({stroke}) whose peak velocity is that of the row; "

@@ -6,7 +6,6 @@ export: number type, sampling period, name. C folder, FMU and the check of both 
 
 from __future__ import annotations
 
-import hashlib
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -18,10 +17,10 @@ from mrdamper.control.realtime import RealtimeDamper, realtime_model
 from mrdamper.control.tables.heating import Heating
 from mrdamper.errors import InputError
 from mrdamper.models.card import ModelCard
-from mrdamper.models.card_schema import card_text
+from mrdamper.models.card_schema import card_sha256
 from mrdamper.schema import did_you_mean
 
-__all__ = ["CONTENTS", "PRECISIONS", "Content", "Precision", "Target", "card_fingerprint", "target_of"]
+__all__ = ["CONTENTS", "PRECISIONS", "Content", "Precision", "Target", "target_of"]
 
 Content = Literal["model", "controller", "both"]
 Precision = Literal["float", "double"]
@@ -53,7 +52,7 @@ class Target:
     model: RealtimeDamper | None
     controller: ForceController | None
     heating: Heating  # what tells a frozen thermometer, and where it is from
-    fingerprint: str  # of the card: sha256 of the file as mrdamper writes it
+    fingerprint: str  # of the card: its content_sha256
 
     @property
     def single(self) -> bool:
@@ -153,13 +152,8 @@ def target_of(
         model=model,
         controller=made,
         heating=heating,
-        fingerprint=card_fingerprint(card),
+        fingerprint=card_sha256(card),
     )
-
-
-def card_fingerprint(card: ModelCard) -> str:
-    """Return the SHA-256 of the card as mrdamper writes it, ``sha256:`` before it."""
-    return f"sha256:{hashlib.sha256(card_text(card).encode()).hexdigest()}"
 
 
 def _check_name(name: str) -> None:

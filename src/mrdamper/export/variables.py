@@ -277,6 +277,10 @@ def _constants(target: Target) -> Iterator[Variable]:
     yield constant(f"largest_{command}", target.command_unit, target.largest, "largest command")
     yield constant("coldest", "K", axes.coldest, "lowest temperature of the tables")
     yield constant("warmest", "K", axes.warmest, "highest temperature of the tables")
+    yield Variable(
+        name="card_sha256_head", description="first 28 bits of the card's content_sha256", kind="integer",
+        causality="local", variability="constant", start=int(target.fingerprint.partition(":")[2][:7], 16),
+    )  # fmt: skip
 
 
 def _command_name(target: Target) -> str:

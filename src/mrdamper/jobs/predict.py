@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from mrdamper.data.prepare import Preparation
@@ -11,7 +11,7 @@ from mrdamper.data.records import Dataset
 from mrdamper.errors import EnvelopeWarning
 from mrdamper.identify import predict as scoring
 from mrdamper.identify.scores import RunError
-from mrdamper.models.card import ModelCard
+from mrdamper.models.card import SPLITS, ModelCard
 from mrdamper.models.damper import Damper
 
 __all__ = ["PredictResult", "predict"]
@@ -24,6 +24,7 @@ class PredictResult:
     law: str
     errors: tuple[RunError, ...]
     notes: tuple[str, ...]  # where the runs leave what the card was identified on
+    promised: Mapping[str, Mapping[str, float | int | None]]  # by the card, of its splits
 
     def __iter__(self) -> Iterator[RunError]:
         return iter(self.errors)
@@ -55,4 +56,12 @@ def predict(
         errors = scoring.predict(card, runs, preparation=preparation)
     notes = tuple(str(each.message) for each in caught if issubclass(each.category, EnvelopeWarning))
     damper = card if isinstance(card, Damper) else card.damper
-    return PredictResult(damper.law.name, errors, notes)
+    promised = {}
+    if isinstance(card, ModelCard):
+        promised = {split: card.evidence.errors(split) for split in SPLITS}
+        if card.upgraded_from is not None:
+            notes += (
+                f"the card was written in schema version {card.upgraded_from}, without a hash: only its "
+                "excerpt vouches for its numbers; identify again to have one that is signed",
+            )
+    return PredictResult(damper.law.name, errors, notes, promised)

@@ -108,8 +108,8 @@ class Excerpt:
 class ModelCard:
     """A damper with its evidence.
 
-    ``python_law`` is ``file.py:Class`` when the law is a user's own; ``file`` is where the card was read
-    from, empty for one that was made here.
+    ``python_law`` is ``file.py:Class`` when the law is a user's own; ``upgraded_from`` is the schema version
+    of a file that carried no hash yet; ``file`` is where the card was read from, empty for one made here.
     """
 
     title: str
@@ -122,6 +122,7 @@ class ModelCard:
     sources: tuple[str, ...] = ()
     notes: Mapping[str, Any] = field(default_factory=dict)
     python_law: str | None = None
+    upgraded_from: int | None = None
     file: str = field(default="", compare=False)
 
     def __post_init__(self) -> None:
@@ -138,7 +139,8 @@ class ModelCard:
         object.__setattr__(self, "standard_errors", _freeze(complete, "standard_errors", ordered=True))
         object.__setattr__(self, "preparation", _freeze(self.preparation, "preparation"))
         object.__setattr__(self, "notes", _freeze(self.notes, "notes"))
-        object.__setattr__(self, "sources", tuple(self.sources))
+        object.__setattr__(self, "sources", _freeze(tuple(self.sources), "sources"))
+        _freeze(self.title, "title")
 
     def __repr__(self) -> str:
         """Return the card in a few lines: its law, its range and its errors."""
@@ -164,6 +166,8 @@ class ModelCard:
                     f"{found['median_nrmse_percent']:.2f} % median, "
                     f"{found['worst_nrmse_percent']:.2f} % worst"
                 )
+        if self.upgraded_from is not None:
+            lines.append(f"  upgraded from schema version {self.upgraded_from}, which carried no hash")
         return "\n".join(lines)
 
 
@@ -245,6 +249,16 @@ def _is_finite(value: object) -> bool:
     return abs(value) <= sys.float_info.max
 
 
+def _require_unicode(text: str, place: str) -> None:
+    """Refuse half of a character (a lone surrogate), which no file in UTF-8 can hold."""
+    try:
+        text.encode("utf-8")
+    except UnicodeEncodeError as fault:
+        raise InputError(
+            place=place, found=f"character {fault.start} is {text[fault.start]!r}", expected="Unicode text"
+        ) from fault
+
+
 def _freeze(value: Any, place: str, *, ordered: bool = False) -> Any:  # noqa: ANN401 - whatever JSON holds
     """Return a read-only copy, tables in alphabetical order; refuse what JSON cannot hold."""
     if isinstance(value, Mapping):
@@ -256,6 +270,8 @@ def _freeze(value: Any, place: str, *, ordered: bool = False) -> Any:  # noqa: A
         return tuple(_freeze(each, f"{place}[{k}]") for k, each in enumerate(value))
     if isinstance(value, np.generic | np.ndarray):
         return _freeze(value.tolist(), place)
+    if isinstance(value, str):
+        _require_unicode(value, place)
     if value is None or isinstance(value, str | bool) or _is_finite(value):
         return value
     raise InputError(

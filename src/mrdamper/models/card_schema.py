@@ -2,8 +2,9 @@
 
 A card never carries code: a coefficient names its form (``FORMS``) and its temperature factor
 (``temperature.FACTORS``), and nothing in the file is ever run. A file is checked whole before anything is
-made of it, first its records (``schema``), then what they say together; each round reports all of its
-problems. Older schema versions are brought up to the present one first. The same card gives the same bytes.
+made of it, first its records (``schema``), then what they say together, then its signature and its excerpt;
+each round reports all of its problems. Older schema versions are brought up to the present one and signed
+first. The same card gives the same bytes.
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ from typing import Annotated, Any, Literal
 from mrdamper.errors import InputError
 from mrdamper.files import read_text
 from mrdamper.models.actuation import Actuation
-from mrdamper.models.card import SPLITS, Evidence, Excerpt, ModelCard
+from mrdamper.models.card import SPLITS, Evidence, Excerpt, ModelCard, verify_excerpt
+from mrdamper.models.card_signature import FIRST_SIGNED, content_sha256, require_signature, signed
 from mrdamper.models.damper import LAG, Damper, OperatingEnvelope
 from mrdamper.models.dependence import (
     Bipolynomial,
@@ -33,6 +35,7 @@ from mrdamper.models.dependence import (
     TemperatureDependent,
 )
 from mrdamper.models.laws import LAWS, HysteresisLaw
+from mrdamper.models.simulate import simulate
 from mrdamper.models.temperature import FACTORS, PolynomialFactor
 from mrdamper.schema import Json, Option, did_you_mean, read_record, write_record
 
@@ -42,6 +45,7 @@ __all__ = [
     "UPGRADES",
     "CoefficientRecord",
     "card_from_json",
+    "card_sha256",
     "card_text",
     "card_to_json",
     "parameter_law",
@@ -50,7 +54,7 @@ __all__ = [
     "write_card",
 ]
 
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 
 FORMS: Mapping[str, type[CommandForm | Bipolynomial]] = MappingProxyType(
     {form.kind: form for form in (Constant, Polynomial, Hill, Exponential, Bipolynomial)}
@@ -123,6 +127,8 @@ class CardRecord:
     """A card's file, key by key (docs/card.md)."""
 
     schema_version: int
+    content_sha256: str
+    upgraded_from: int | None
     title: str
     law: str
     python_law: str | None
@@ -167,6 +173,8 @@ def card_to_json(card: ModelCard) -> Json:
     damper, evidence = card.damper, card.evidence
     record = CardRecord(
         schema_version=SCHEMA_VERSION,
+        content_sha256="",
+        upgraded_from=card.upgraded_from,
         title=card.title,
         law=damper.law.name,
         python_law=card.python_law,
@@ -198,7 +206,12 @@ def card_to_json(card: ModelCard) -> Json:
         for key in ("temperature", "settings"):
             if coefficient[key] is None:
                 del coefficient[key]
-    return document
+    return signed(document)
+
+
+def card_sha256(card: ModelCard) -> str:
+    """Return the hash that the card's file states: that of all but its notes."""
+    return content_sha256(card_to_json(card))
 
 
 def _coefficient_of(card: ModelCard, name: str) -> CoefficientRecord:
@@ -284,9 +297,11 @@ def card_from_json(
     Raises
     ------
     InputError
-        With every problem and its place.
+        With every problem and its place; the content is not what it was signed as; the damper does not
+        reproduce the error that it states on its excerpt.
     """
-    record = read_record(CardRecord, _upgraded(document, place), place)
+    upgraded = _upgraded(document, place)
+    record = read_record(CardRecord, upgraded, place)
     law = _law_of(record, place, python_law)
     laws, problems = {}, []
     for name, coefficient in record.coefficients.items():
@@ -305,7 +320,7 @@ def card_from_json(
         for parameter, each in coefficient.numbers.items()
     }
     try:
-        return ModelCard(
+        card = ModelCard(
             title=record.title,
             damper=_damper_of(law, laws, record),
             envelope=record.envelope,
@@ -316,9 +331,14 @@ def card_from_json(
             sources=record.sources,
             notes=record.notes,
             python_law=record.python_law,
+            upgraded_from=record.upgraded_from,
         )
+        require_signature(upgraded, place)
+        if card.excerpt is not None:
+            verify_excerpt(card, simulate)
     except InputError as fault:
-        raise InputError(place=place, found=f"{fault}") from fault
+        raise fault if fault.place == place else InputError(place=place, found=f"{fault}") from fault
+    return card
 
 
 def _damper_of(law: HysteresisLaw, laws: Mapping[str, ParameterLaw], record: CardRecord) -> Damper:
@@ -483,7 +503,12 @@ def _from_version_1(document: Json) -> Json:
     return {**document, "actuation": None, "temperature_range_K": None}
 
 
-UPGRADES: dict[int, Callable[[Json], Json]] = {1: _from_version_1}
+def _from_version_2(document: Json) -> Json:
+    """Version 2 had no signature: it is signed as it stands, which its excerpt has to bear out."""
+    return {**document, "upgraded_from": None, "content_sha256": ""}
+
+
+UPGRADES: dict[int, Callable[[Json], Json]] = {1: _from_version_1, 2: _from_version_2}
 """Schema version -> the function that turns a document of that version into one of the next."""
 
 
@@ -507,12 +532,17 @@ def _upgraded(document: object, place: str) -> Json:
                 "mrdamper"
             ),
         )
+    found = version
+    if FIRST_SIGNED <= found < SCHEMA_VERSION:
+        require_signature(document, place)
     while version < SCHEMA_VERSION:
         if version not in UPGRADES:
             raise InputError(place=place, found=f"schema_version is {version}, which no longer can be read")
         document = {**UPGRADES[version](document), "schema_version": version + 1}
         version += 1
-    return document
+    if found < FIRST_SIGNED:
+        document["upgraded_from"] = found
+    return signed(document) if found < SCHEMA_VERSION else document
 
 
 def _refuse_constant(text: str) -> float:

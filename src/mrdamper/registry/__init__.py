@@ -9,9 +9,10 @@ Rows name modules as text (``"mrdamper.jobs.heat:heat"``), so that reading the t
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, contextmanager
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, replace
+from glob import has_magic
 from importlib import import_module
 from operator import attrgetter
 from pathlib import Path
@@ -19,7 +20,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from mrdamper.errors import InputError, MrdamperError, option
-from mrdamper.files import is_folder
+from mrdamper.files import is_folder, is_there
 from mrdamper.schema import Field, Json, fields_of, read_record
 
 if TYPE_CHECKING:
@@ -328,7 +329,7 @@ class Job:
                 kept = load(self.keeper)(folders[""], decisive, resume=resume, tell=tell)
                 more["checkpoint"] = stack.enter_context(kept)
             # The places first: one that cannot be written to is told before anything is made.
-            places = stack.enter_context(self._staged(folders))
+            places = stack.enter_context(self._staged(folders, _files_read(given)))
             with ExitStack() as open_files:
                 if self.stream:
                     path = places[""].stage / self.stream
@@ -355,16 +356,23 @@ class Job:
         return {"": out, **beside, **outputs}
 
     @contextmanager
-    def _staged(self, folders: Mapping[str, Path]) -> Iterator[Mapping[str, Place]]:
-        """Give the places to write to; what was written there is moved to where it belongs at the end."""
+    def _staged(
+        self, folders: Mapping[str, Path], inputs: Sequence[Path] = ()
+    ) -> Iterator[Mapping[str, Place]]:
+        """Give the places to write to; what was written there is moved to where it belongs at the end.
+
+        None of ``inputs`` is replaced.
+        """
         from mrdamper.report.base import Place
-        from mrdamper.runtime.outputs import atomic_output
+        from mrdamper.runtime.outputs import atomic_output, refuse_inputs
+
+        refuse_inputs([path for name, path in folders.items() if name in self._files], inputs)
 
         with ExitStack() as stack:
             places = {}
             for name, path in folders.items():
                 file = name in self._files
-                stage = stack.enter_context(atomic_output(path.parent if file else path))
+                stage = stack.enter_context(atomic_output(path.parent if file else path, inputs))
                 places[name] = Place(stage / path.name if file else stage, path)
             yield places
 
@@ -394,6 +402,18 @@ class Job:
 
         with self._staged(self._places(out, {})) as places:
             return write_report(self.reported, result, places, _NOTHING)
+
+
+def _files_read(given: Mapping[str, Any]) -> list[Path]:
+    """Return the files that a job's inputs name, those of folders and patterns included."""
+    parts = [value if isinstance(value, list | tuple) else [value] for value in given.values()]
+    paths = [Path(each) for part in parts for each in part if isinstance(each, str | Path)]
+    files = [path for path in paths if is_there(path) and not is_folder(path)]
+    for path in set(paths) - set(files):
+        if is_folder(path) or has_magic(str(path)):
+            with suppress(InputError):  # a folder of something else
+                files += load("mrdamper.data.readers:find_files")([path])
+    return files
 
 
 CARD = Input(name="card", kind="card", help="The model card.")

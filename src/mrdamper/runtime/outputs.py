@@ -16,7 +16,7 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -24,7 +24,7 @@ from pathlib import Path
 from mrdamper.errors import InputError, spelled_within
 from mrdamper.runtime.locks import lock
 
-__all__ = ["atomic_output", "no_room", "recover_staging", "write_json", "write_table"]
+__all__ = ["atomic_output", "no_room", "recover_staging", "refuse_inputs", "write_json", "write_table"]
 
 _PREFIX = ".mrdamper-"
 _FILES, _WHOLE, _TO = "files", "whole", "to"  # in a hidden folder: being written, all there, and to where
@@ -34,13 +34,17 @@ _FLUSHING = 8  # files at once
 
 
 @contextmanager
-def atomic_output(out: Path) -> Iterator[Path]:
+def atomic_output(out: Path, inputs: Iterable[Path] = ()) -> Iterator[Path]:
     """Give a folder to write into; on success its files are moved into ``out``, else it vanishes.
+
+    Parameters
+    ----------
+    inputs : files that the job reads: none of them is replaced
 
     Raises
     ------
     InputError
-        ``out`` is a file, or cannot be written to; the disk is full.
+        ``out`` is a file, or cannot be written to; the disk is full; a file would replace an input.
     """
     place = out.absolute()
     try:
@@ -74,6 +78,8 @@ def atomic_output(out: Path) -> Iterator[Path]:
             if isinstance(cause, OSError) and no_room(cause) and _is_ours(cause, hidden):
                 raise _cannot(out, standing, cause, hidden) from fault
             raise
+        written = [each.relative_to(beside) for each in beside.rglob("*") if each.is_file()]
+        refuse_inputs([place / each for each in written], inputs)
         try:
             _flush(beside)
             _settle(hidden, place)
@@ -87,6 +93,35 @@ def atomic_output(out: Path) -> Iterator[Path]:
         if not (hidden / _WHOLE).exists():  # else it is for the next job to bring to its end
             shutil.rmtree(hidden, ignore_errors=True)
         os.close(handle)
+
+
+def refuse_inputs(targets: Iterable[Path], inputs: Iterable[Path]) -> None:
+    """Refuse to write to a file that is read, by whatever name or link.
+
+    Raises
+    ------
+    InputError
+        One of ``targets`` is one of ``inputs``.
+    """
+    read = {_identity(each): each for each in inputs}
+    for target in targets:
+        source = read.get(_identity(target))
+        if source is not None:
+            raise InputError(
+                place=target,
+                found=f"writing there would replace {source}, which this job reads; nothing was changed",
+                expected="a place of its own for what is written",
+                remedy="Choose another place",
+            )
+
+
+def _identity(path: Path) -> object:
+    """Return what is the same for two names of one file."""
+    try:
+        found = path.stat()
+    except OSError:  # not there yet
+        return path.absolute()
+    return found.st_dev, found.st_ino
 
 
 def recover_staging(folder: Path) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from rich.console import Console
 from rich.markup import escape
 
@@ -27,6 +29,7 @@ def _answer(result: PredictResult) -> Json:
         "runs": _rows(result),
         "summary": summaries(result.errors),
         "by_temperature": pooled_json(result.errors),
+        "promised": {split: dict(errors) for split, errors in result.promised.items()},
         "notes": list(result.notes),
     }
 
@@ -35,10 +38,22 @@ def _rows(result: PredictResult) -> list[dict[str, object]]:
     return [row(error) for error in result.errors]
 
 
+def _promises(result: PredictResult) -> Iterator[str]:
+    """Yield the errors that the card states of its own runs, for comparison with those found here."""
+    for split, errors in result.promised.items():
+        if errors["runs"]:
+            yield (
+                f"the card states of its {errors['runs']} {split.replace('_', '-')} runs: "
+                f"{errors['median_nrmse_percent']:.1f} % median, {errors['worst_nrmse_percent']:.1f} % worst"
+            )
+
+
 def _show(result: PredictResult, console: Console) -> None:
     """Print errors by run."""
     show_errors(result.errors, result.law, console)
     show_summaries(result.errors, console)
+    for line in _promises(result):
+        console.print(line)
     for note in result.notes:
         console.print(f"- {escape(note)}")
 
@@ -46,7 +61,7 @@ def _show(result: PredictResult, console: Console) -> None:
 REPORT: Report[PredictResult] = Report(
     answer=_answer,
     show=_show,
-    summary=lambda result: [*summary_lines(result.errors), *result.notes],
+    summary=lambda result: [*summary_lines(result.errors), *_promises(result), *result.notes],
     files=(WrittenFile(name="errors.csv", write=lambda result, path: write_table(path, _rows(result))),),
     rows=_rows,
 )
