@@ -255,7 +255,7 @@ def refused(ended: Ended, *parts: str) -> None:
 def test_one_temperature_names_the_coefficients_and_the_missing_tests(folder, measured, tmp_path, run):
     place = some(folder, tmp_path / "cold", "*_020C_*")
     refused(
-        run("identify", place, "--out", tmp_path / "out", "--json"),
+        run("identify", place, "--temperature", "arrhenius", "--out", tmp_path / "out", "--json"),
         *("1 temperature (20 degC)", *TEMPERED, "cannot be identified", "2 or more temperatures", "--fluid"),
     )
     assert not (tmp_path / "out").exists()
@@ -269,12 +269,14 @@ def test_two_temperatures_are_too_few_for_a_law_with_a_pole(folder, measured, tm
     )
 
 
-def test_a_channel_that_says_the_same_in_every_run_is_one_temperature(folder, measured, tmp_path, run):
+def test_runs_at_one_temperature_are_fitted_without_temperature_laws_and_it_is_said(
+    folder, measured, tmp_path, run
+):
     place = changed(folder, tmp_path / "stuck", lambda row: row.update(temperature_degC="23.0"))
-    refused(
-        run("identify", place, "--out", tmp_path / "out"),
-        *("1 temperature (23 degC)", *TEMPERED, "cannot be identified", "2 or more temperatures"),
-    )
+    ended = run("identify", place, "--out", tmp_path / "out", "--json")
+    assert ended.code == 0, ended.err
+    (said,) = (note for note in json.loads(ended.out)["notes"] if "one temperature" in note)
+    assert said == "one temperature in the runs (23 degC): fitted without temperature laws"
 
 
 def test_one_current_names_the_coefficients_and_the_missing_tests(folder, measured, tmp_path, run):
@@ -325,12 +327,19 @@ def test_a_run_without_motion_is_named_with_what_it_cannot_tell(
     )
 
 
-def test_runs_of_which_some_tell_no_temperature_are_refused_by_name(folder, measured, tmp_path, run):
+def test_runs_without_a_temperature_beside_ones_that_have_it_are_left_out_and_it_is_said(
+    folder, measured, tmp_path, run
+):
     place = changed(folder, tmp_path / "some", without_temperature, "*_060C_*.csv")
     refused(
-        run("identify", place, "--out", tmp_path / "out"),
+        run("identify", place, "--temperature", "arrhenius", "--out", tmp_path / "out"),
         *("runs have no temperature channel", "nominal_060C_", "--temperature none"),
     )
+    ended = run("identify", place, "--out", tmp_path / "out", "--json")
+    assert ended.code == 0, ended.err
+    found = json.loads(ended.out)
+    assert any("have no temperature: they are left out" in note for note in found["notes"])
+    assert not any("_060C_" in row["name"] for row in found["runs"])
 
 
 def test_a_temperature_without_a_unit_is_asked_for_it(folder, measured, tmp_path, run):

@@ -9,7 +9,7 @@ Sign convention: extension positive, a force that resists extension is positive.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from fnmatch import fnmatchcase
 from typing import Any
@@ -31,6 +31,7 @@ __all__ = [
     "changes_of_pace",
     "command_slack",
     "steady_command",
+    "with_steady_commands",
 ]
 
 WITHOUT_MOTION = (
@@ -45,6 +46,7 @@ _SPEED = 10.0  # faster than any damper's rig [m/s]
 _STROKE = 2.0  # longer than any damper's rig [m]
 _FEWEST_VALUES = 8  # of a displacement: fewer are the flicker of a sensor at rest
 _SWING = 0.1  # a reversal comes back by more than this share of the stroke
+_LEVEL_PARTS = 16  # of a run, whose median commands tell a level with noise from one that moves
 _BLOCK = 16  # time steps over which jitter must average out
 GAP = 5.0  # a time step this many times the usual one is a gap
 
@@ -207,7 +209,28 @@ def steady_command(command: FloatArray) -> float | None:
     if bool((command == first).all()):
         return first
     low, middle, high = np.quantile(command, (0.01, 0.5, 0.99)).tolist()
-    return middle if max(high - middle, middle - low) <= command_slack(middle) else None
+    return middle + 0.0 if max(high - middle, middle - low) <= command_slack(middle) else None
+
+
+def with_steady_commands(runs: Iterable[RigRun]) -> tuple[RigRun, ...]:
+    """Return runs with each command that is a level and noise alone replaced by its median.
+
+    Noise is judged by its size beside the largest command of all the runs: a standard deviation of at most
+    8 %, about a level that does not move by more than 4 % from one sixteenth of the run to another.
+    """
+    runs = tuple(runs)
+    largest = max((float(np.quantile(np.abs(run.command), 0.99)) for run in runs), default=0.0)
+    return tuple(
+        replace(run, command=np.full(len(run), np.median(run.command)))
+        if run.constant_command is None and _only_noise(run.command, largest)
+        else run
+        for run in runs
+    )
+
+
+def _only_noise(command: FloatArray, largest: float) -> bool:
+    levels = [float(np.median(part)) for part in np.array_split(command, _LEVEL_PARTS)]
+    return float(np.std(command)) <= 0.08 * largest and max(levels) - min(levels) <= 0.04 * largest
 
 
 def command_slack(command: float) -> float:

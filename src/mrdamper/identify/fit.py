@@ -22,11 +22,18 @@ from mrdamper.identify.actuation import ActuationFit, fit_actuation
 from mrdamper.identify.assess import Assessment, Kind
 from mrdamper.identify.assess import assess as assess_fit
 from mrdamper.identify.checkpoint import CheckpointStore
+from mrdamper.identify.limits import brought_inside
 from mrdamper.identify.predict import at_reference, finite, predict, prepare_all, row
 from mrdamper.identify.problem import Estimate, FitProblem, FitResult, envelope_of
 from mrdamper.identify.search.population import fit_cma, fit_genetic
 from mrdamper.identify.search.variable_projection import fit_variable_projection
-from mrdamper.identify.temperature import TEMPERATURES, FluidFactors, Temperature, scale_thinning
+from mrdamper.identify.temperature import (
+    TEMPERATURES,
+    FluidFactors,
+    Temperature,
+    scale_thinning,
+    settle_temperature,
+)
 from mrdamper.identify.templates import command_levels, template
 from mrdamper.models.card import Evidence, Excerpt, ModelCard, cut_excerpt
 from mrdamper.models.damper import Damper
@@ -174,8 +181,12 @@ def fit(  # noqa: PLR0913 - the options of a fit, by keyword
     how = preparation or Preparation()
     prepared = prepare_all(training, how)
     unseen = prepare_all(held_out, how)
+    told = _told_of_commands(training, prepared)
     if fluid is not None:
         prepared, unseen = (tuple(map(at_reference, runs)) for runs in (prepared, unseen))
+    else:
+        prepared, temperature, settled = settle_temperature(prepared, temperature)
+        told += (settled,) if settled else ()
     chosen, python_law = resolve_law(usual_law(prepared) if law is None else law)
     steady, stepping = split_by_command(prepared)
     damper, free = template(
@@ -192,14 +203,41 @@ def fit(  # noqa: PLR0913 - the options of a fit, by keyword
         result = search(problem, seed=seed, on_progress=on_progress, checkpoint=checkpoint)
     if fluid is not None:
         result = replace(result, damper=scale_thinning(result.damper))
+    damper, held = brought_inside(result.damper, envelope_of(prepared))
+    result = replace(result, damper=damper, notes=(*result.notes, *told, *held))
     spent, actuation = prepared_in + result.cpu_s, None
     if stepping and not result.cancelled:
-        actuation = fit_actuation(result.damper, stepping, resistance_20_ohm=coil_resistance_ohm)
-        result = replace(result, damper=replace(result.damper, actuation=actuation.actuation))
-        spent += actuation.cpu_s
+        result, actuation = _with_actuation(result, stepping, coil_resistance_ohm)
+        spent += 0.0 if actuation is None else actuation.cpu_s
     return Identification(
         result, problem, prepared, unseen, how, training.fingerprint, spent, python_law, actuation
     )
+
+
+def _told_of_commands(runs: Dataset, prepared: Sequence[PreparedRun]) -> tuple[str, ...]:
+    """Return a note where commands are taken as steady that carry more noise than a sensor's."""
+    noisy = [
+        run
+        for run, each in zip(runs, prepared, strict=True)
+        if run.constant_command is None and each.run.constant_command is not None
+    ]
+    if not noisy:
+        return ()
+    most = max(float(np.std(run.command)) for run in noisy)
+    unit = noisy[0].command_unit
+    return (f"the command of {len(noisy)} runs is noise about a level (at most {1e3 * most:.0f} m{unit}): "
+            "taken as steady",)  # fmt: skip
+
+
+def _with_actuation(
+    result: FitResult, stepping: Sequence[PreparedRun], resistance_ohm: float | None
+) -> tuple[FitResult, ActuationFit | None]:
+    """Return the fit with the actuation that the stepped runs show; a note where they show none."""
+    try:
+        actuation = fit_actuation(result.damper, stepping, resistance_20_ohm=resistance_ohm)
+    except InputError as error:
+        return replace(result, notes=(*result.notes, f"without an actuation: {error}")), None
+    return replace(result, damper=replace(result.damper, actuation=actuation.actuation)), actuation
 
 
 def assess(

@@ -14,7 +14,7 @@ import numpy as np
 
 from mrdamper.data.prepare import Preparation, PreparedRun, prepare_run
 from mrdamper.data.readers import joined_faults
-from mrdamper.data.records import Dataset, RigRun
+from mrdamper.data.records import Dataset, RigRun, with_steady_commands
 from mrdamper.errors import EnvelopeWarning, InputError
 from mrdamper.identify.scores import RunError, score_run
 from mrdamper.models.card import ModelCard
@@ -184,9 +184,9 @@ def row(error: RunError) -> dict[str, object]:
 
 
 def prepare_all(runs: Iterable[RigRun], preparation: Preparation) -> tuple[PreparedRun, ...]:
-    """Prepare every run; what is wrong with them is told at once."""
+    """Prepare every run, a command that is noise about a level at its level; all faults are told at once."""
     prepared, faults = [], []
-    for run in runs:
+    for run in with_steady_commands(runs):
         try:
             prepared.append(prepare_run(run, preparation))
         except InputError as fault:

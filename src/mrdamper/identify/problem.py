@@ -22,7 +22,6 @@ from mrdamper.data.prepare import PreparedRun, decimate
 from mrdamper.errors import InputError
 from mrdamper.models.damper import LAG, Damper, OperatingEnvelope
 from mrdamper.models.simulate import Drive, open_drive
-from mrdamper.models.temperature import REFERENCE_K
 
 __all__ = [
     "Estimate",
@@ -33,11 +32,7 @@ __all__ = [
     "Start",
     "canonical",
     "envelope_of",
-    "feasible",
 ]
-
-
-_FINE = 1001  # commands at which a fitted damper is checked against its law's range
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,28 +202,6 @@ class FitResult:
     cpu_s: float
     cancelled: bool
     notes: tuple[str, ...] = ()
-
-
-def feasible(problem: FitProblem, damper: Damper) -> Damper:
-    """Return the damper with linear coefficients raised to their law's range where they dip below it.
-
-    A search keeps the law's conditions at some commands; between two of them a parabola can dip a little.
-    The first parameter of a form is its value at zero command and 20 degC.
-    """
-    commands, kelvin = np.linspace(*envelope_of(problem.runs).command, _FINE), damper.temperature_range
-    temperatures = np.repeat((REFERENCE_K,) if kelvin is None else kelvin, _FINE)
-    commands = np.tile(commands, len(temperatures) // _FINE)
-    moved: dict[str, float] = {}
-    for free in problem.linear:
-        name, _, number = free.name.partition(".")
-        law, floor = damper.coefficients[name], damper.law[name].lower
-        if number != law.parameter_names[0] or not math.isfinite(floor):
-            continue
-        values = law.value(commands, temperatures if law.temperature_dependent else None)
-        least = float(values.min()) - 2e-6 * float(np.ptp(values))  # a parabola's dip between two of them
-        if least < floor:
-            moved[free.name] = law.parameters[0] + (floor - least) * (1.0 + 1e-9)
-    return damper.with_parameters(moved) if moved else damper
 
 
 def canonical(damper: Damper) -> Damper:

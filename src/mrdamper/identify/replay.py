@@ -69,7 +69,7 @@ class Replay:
         if damper.law.kernel is None:
             raise InputError(place=damper.law.name, found="a law in Python runs whole, not in batches")
         self.name = name
-        self._damper, self._preparation, self._unit = damper, preparation, command_unit
+        self._damper, self._preparation, self._unit = damper.on_limits(), preparation, command_unit
         self._reference_temperature, self._head_rows = reference_temperature, head_rows
         self.rules: Rules | None = None  # None until the head is read
         self.extremes: dict[str, tuple[float, float]] = {}  # of what the model was driven through, by name

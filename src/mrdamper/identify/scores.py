@@ -20,7 +20,7 @@ from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import simulate
 from mrdamper.quantities import ZERO_CELSIUS_K
 
-__all__ = ["RunError", "Split", "score_run", "summary"]
+__all__ = ["RunError", "Split", "least_command", "score_run", "summary"]
 
 Split = Literal["training", "held_out"]
 
@@ -62,7 +62,7 @@ def score_run(damper: Damper, prepared: PreparedRun, split: Split = "held_out") 
                 "channel that the model was identified with"
             ),
         )
-    force = simulate(damper, path)
+    force = simulate(damper.on_limits(), path)
     error = force - prepared.force
     spread = float(np.std(prepared.force[start:]))
     whole = float(np.std(prepared.force))
@@ -96,11 +96,17 @@ def score_run(damper: Damper, prepared: PreparedRun, split: Split = "held_out") 
     )
 
 
+def least_command(commands: Iterable[float | None]) -> float:
+    """Return the size [A or V] up to which a command counts as zero: 3 % of the largest, or 20 mA."""
+    return max(0.02, 0.03 * max((abs(c) for c in commands if c is not None), default=0.0))
+
+
 def summary(errors: Iterable[RunError]) -> dict[str, float]:
     """Return median, worst and worst above zero command of ``nrmse_percent`` (NaN where there is no run)."""
     errors = tuple(errors)
     every = np.array([e.nrmse_percent for e in errors])
-    above = np.array([e.nrmse_percent for e in errors if e.command is None or e.command != 0.0])
+    least = least_command(e.command for e in errors)
+    above = np.array([e.nrmse_percent for e in errors if e.command is None or abs(e.command) > least])
     return {
         "median": float(np.median(every)) if len(every) else float("nan"),
         "worst": float(every.max()) if len(every) else float("nan"),

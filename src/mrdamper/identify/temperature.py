@@ -46,6 +46,7 @@ __all__ = [
     "apply_fluid",
     "apply_temperature",
     "scale_thinning",
+    "settle_temperature",
     "temperature_levels",
 ]
 
@@ -86,6 +87,32 @@ def temperature_levels(runs: Sequence[PreparedRun]) -> tuple[float, ...]:
         if end - levels[-1] >= _LEVEL_K:
             levels.append(end)
     return tuple(levels)
+
+
+def settle_temperature(
+    runs: Sequence[PreparedRun], kind: Temperature
+) -> tuple[tuple[PreparedRun, ...], Temperature, str]:
+    """Return the runs and the kind of temperature laws that can be fitted to them, and a note where not all.
+
+    Only "auto" is settled. Runs at one temperature, or few among many that have a channel, are fitted without
+    temperature laws; where most runs have a channel, the few without are left out.
+    """
+    runs = tuple(runs)
+    measured = tuple(run for run in runs if run.trajectory.temperature is not None)
+    if kind != "auto" or not measured:
+        return runs, kind, ""
+    levels = temperature_levels(measured)
+    lacking = len(runs) - len(measured)
+    if len(levels) < _NEEDED["arrhenius"]:
+        at = f"{levels[0] - ZERO_CELSIUS_K:.0f} degC"
+        return runs, "none", f"one temperature in the runs ({at}): fitted without temperature laws"
+    if not lacking:
+        return runs, kind, ""
+    if lacking <= len(measured):
+        told = f"{lacking} of {len(runs)} runs have no temperature: they are left out"
+        return measured, kind, told
+    told = f"{lacking} of {len(runs)} runs have no temperature: fitted without temperature laws"
+    return runs, "none", told
 
 
 def apply_temperature(

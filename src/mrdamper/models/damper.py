@@ -33,6 +33,7 @@ Range = tuple[float, float]
 
 _GRID = 201  # commands over the envelope at which the law's conditions are checked,
 _TEMPERATURE_GRID = 9  # at so many temperatures, where the damper knows temperature
+_ROUNDING = 1e-6  # share of a coefficient's own numbers by which it may pass its limit for it to be rounding
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +72,8 @@ class Damper:
 
     Coefficients that are not given take their default, constant. The applied command follows the given
     one with a first-order lag of ``command_lag_s`` (0: at once), or through ``actuation``. Beyond
-    ``temperature_range`` [K] coefficients keep their value at its edge (None: nothing is held).
+    ``temperature_range`` [K] coefficients keep their value at its edge (None: nothing is held). ``limited``
+    brings coefficients that leave the law's range back to its limit instead of refusing them.
 
     Raises
     ------
@@ -86,6 +88,7 @@ class Damper:
     command_lag_s: float = 0.0
     actuation: Actuation | None = None
     temperature_range: Range | None = None
+    limited: bool = False
 
     def __post_init__(self) -> None:
         law, given = self.law, self.coefficients
@@ -120,7 +123,7 @@ class Damper:
     def __reduce__(self) -> tuple[type[Damper], tuple[object, ...]]:
         """Pickle through the constructor: the read-only mapping cannot be pickled."""
         parts = (self.law, dict(self.coefficients), self.command_unit, self.command_lag_s)
-        return Damper, (*parts, self.actuation, self.temperature_range)
+        return Damper, (*parts, self.actuation, self.temperature_range, self.limited)
 
     @property
     def temperature_dependent(self) -> bool:
@@ -188,10 +191,11 @@ class Damper:
     def coefficients_at(self, command: ArrayLike, temperature: ArrayLike | None = None) -> FloatArray:
         """Return the coefficients [their units] at the commands, shape (m, n), rows in the law's order.
 
-        ``temperature`` [K] is one number or one per command; None: 20 degC.
+        ``temperature`` [K] is one number or one per command; None: 20 degC. What passes a limit of the law by
+        rounding alone is on the limit.
         """
         at, kelvin = self._grid(command, temperature)
-        return np.stack([form.value(at, kelvin) for form in self.coefficients.values()])
+        return np.stack([self._value(name, at, kelvin) for name in self.coefficients])
 
     def violations(self, commands: ArrayLike, temperatures: ArrayLike | None = None) -> tuple[str, ...]:
         """Return where the law's conditions do not hold at commands and temperatures, a sentence each."""
@@ -199,7 +203,7 @@ class Damper:
         found = []
         for name, form in self.coefficients.items():
             with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is said below
-                values = form.value(at, kelvin)
+                values = self._value(name, at, kelvin)
             if not self.law.violations({name: values}) and np.isfinite(values).all():
                 continue
             for k, value in enumerate(values.tolist()):
@@ -232,11 +236,28 @@ class Damper:
         if problems:
             raise InputError(_as_list(problems))
 
+    def on_limits(self) -> Damper:
+        """Return the damper with coefficients on the law's limits where their forms would leave them."""
+        return replace(self, limited=True)
+
     def held(self, temperature: FloatArray) -> FloatArray:
         """Return temperatures [K] brought inside the range beyond which coefficients are held."""
         return (
             temperature if self.temperature_range is None else np.clip(temperature, *self.temperature_range)
         )
+
+    def _value(self, name: str, at: FloatArray, kelvin: FloatArray | None) -> FloatArray:
+        """Return one coefficient; a value that rounding has taken past the law's limit is on the limit."""
+        form, admissible = self.coefficients[name], self.law[name]
+        values = form.value(at, kelvin)
+        if self.limited:
+            return np.clip(values, admissible.lower, admissible.upper)
+        size = max(abs(number) for number, linear in zip(form.parameters, form.linear, strict=True) if linear)
+        for limit, beyond in ((admissible.lower, np.less), (admissible.upper, np.greater)):
+            if math.isfinite(limit):
+                near = np.abs(values - limit) <= _ROUNDING * max(size, abs(limit))
+                values = np.where(near & beyond(values, limit), limit, values)
+        return values
 
     def _grid(
         self, command: ArrayLike, temperature: ArrayLike | None

@@ -18,7 +18,8 @@ from mrdamper import core
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError, MissingExtraError
 from mrdamper.identify.checkpoint import CheckpointStore, NoCheckpoint
-from mrdamper.identify.problem import FitProblem, FitResult, PreparedFit, Start, canonical, feasible
+from mrdamper.identify.limits import feasible
+from mrdamper.identify.problem import FitProblem, FitResult, PreparedFit, Start, canonical
 from mrdamper.identify.search.variable_projection import SearchState
 from mrdamper.identify.uncertainty import estimates_of
 from mrdamper.models.damper import Damper

@@ -26,6 +26,7 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import ConvergenceError
 from mrdamper.identify.checkpoint import CheckpointStore, NoCheckpoint
+from mrdamper.identify.limits import feasible
 from mrdamper.identify.problem import (
     FitProblem,
     FitResult,
@@ -33,7 +34,6 @@ from mrdamper.identify.problem import (
     PreparedFit,
     Start,
     canonical,
-    feasible,
 )
 from mrdamper.identify.search.descent import Box, Descents
 from mrdamper.identify.search.objective import Objective

@@ -125,7 +125,7 @@ def keep_model(card: Path, path: Path, number: int, place: Path, shown: str) -> 
         "notes": outside_envelope(model, [prepared]),
     }
     run = recording
-    force = _on_samples(run, prepared, simulate(damper, prepared.trajectory))
+    force = _on_samples(run, prepared, simulate(damper.on_limits(), prepared.trajectory))
     velocity = _on_samples(run, prepared, prepared.trajectory.velocity)
     columns: Columns = {
         "time_s": ("s", run.time - run.time[0]),

@@ -27,7 +27,7 @@ def trace_of(
     if damper.law.kernel is None:
         run = decimate(run, _PYTHON_RATE_Hz)
     path = run.trajectory
-    force = simulate(damper, path)
+    force = simulate(damper.on_limits(), path)
     length = round((seconds or run.period_s or _WITHOUT_PERIOD_s) / path.step) + 1
     start = run.scored_from
     if run.period_s and not seconds and start + 2 * length <= len(path):

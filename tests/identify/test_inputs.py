@@ -1,0 +1,113 @@
+"""Runs as laboratories write them: noise on the command, limits that rounding passes, extreme sizes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mrdamper.data.records import Dataset, RigRun, with_steady_commands
+from mrdamper.identify import fit as fitting
+from mrdamper.identify.limits import brought_inside
+from mrdamper.identify.scores import score_run
+from mrdamper.models.damper import Damper, OperatingEnvelope
+from mrdamper.models.dependence import Bipolynomial, Exponential, ParameterLaw, Polynomial
+from tests.identify.truths import AS_IT_IS, TRUTHS, measured
+
+TRUTH = TRUTHS["bouc-wen"]
+ENVELOPE = OperatingEnvelope(command=(0.0, 2.0), displacement=(-0.01, 0.01), velocity=(-0.1, 0.1))
+
+
+def raw(*, force: float = 1.0, noise_A: float = 0.0) -> Dataset:
+    """Return the runs of a known damper, its forces scaled, with noise on the command."""
+    rng = np.random.default_rng(5)
+    return Dataset(
+        tuple(
+            replace(
+                each.run,
+                force=force * each.run.force,
+                command=each.run.command + noise_A * rng.standard_normal(len(each.run)),
+            )
+            for each in measured(TRUTH, noise=0.01, seed=3)
+        )
+    )
+
+
+def damper(**forms: ParameterLaw) -> Damper:
+    return replace(TRUTH, coefficients={**TRUTH.coefficients, **forms})
+
+
+# ------------------------------------------------------------------------------------- limits of a law
+
+
+def test_what_rounding_takes_past_a_limit_is_on_the_limit():
+    """3e-5 N below zero beside a kilonewton; a larger step past it is still refused."""
+    near = damper(yield_force=Polynomial((-3e-5, 600.0)))
+    assert near.violations([0.0, 1.0]) == ()
+    assert near.coefficients_at(0.0)[near.law.names.index("yield_force"), 0] == 0.0
+    assert damper(yield_force=Polynomial((-0.1, 600.0))).violations([0.0, 1.0]) != ()
+
+
+@pytest.mark.parametrize(
+    "forms",
+    [
+        {"yield_force": Polynomial((-7.9, 600.0, -80.0))},
+        {"yield_force": Bipolynomial((5.0, -0.3, 400.0, -1.0))},
+        {"rho": Exponential(1e7, 3.0)},
+    ],
+    ids=["below zero", "below zero when warm", "above the limit"],
+)
+def test_a_coefficient_that_leaves_the_range_is_brought_inside_and_noted(forms):
+    envelope = replace(ENVELOPE, temperature=(293.15, 353.15))
+    inside, notes = brought_inside(damper(**forms), envelope)
+    inside.check(envelope)
+    assert [note.split()[0] for note in notes] == list(forms)
+    assert brought_inside(inside, envelope)[1] == ()
+
+
+def test_a_run_beyond_the_commands_of_the_fit_is_scored_with_coefficients_on_their_limits():
+    falling = damper(yield_force=Polynomial((100.0, -60.0)))
+    run = next(each for each in measured(TRUTH, noise=0.0, seed=0) if each.run.constant_command == 2.0)
+    assert score_run(falling, run) == score_run(damper(yield_force=Polynomial((0.0,))), run)
+
+
+# --------------------------------------------------------------------------------- noise on the command
+
+
+def test_noise_on_the_command_is_a_level_and_steps_are_not():
+    noisy = with_steady_commands(raw(noise_A=0.03))
+    assert {round(run.constant_command or 0.0, 1) for run in noisy} == {0.0, 0.5, 1.0, 2.0}
+    stepped = replace(noisy[0], command=np.where(np.arange(len(noisy[0])) % 600 < 300, 0.0, 0.15))
+    assert with_steady_commands((stepped, *noisy[1:]))[0].constant_command is None
+
+
+def test_a_noisy_command_is_fitted_as_a_steady_one_and_it_is_said():
+    found = fitting.fit(raw(noise_A=0.03), "bouc-wen", starts=1, preparation=AS_IT_IS)
+    assert found.actuation is None
+    assert max(error.nrmse_percent for error in fitting.assess(found).runs) < 2.0
+    assert any("is noise about a level" in note for note in found.result.notes)
+
+
+# ---------------------------------------------------------------------------------------------- sizes
+
+
+@pytest.mark.parametrize("law", ["bouc-wen", "series-valve", "double-bouc-wen"])
+@pytest.mark.parametrize("force", [0.02, 150.0], ids=["20 N", "200 kN"])
+def test_the_size_of_a_damper_does_not_change_what_its_fit_comes_to(law, force):
+    """Bounds are measured in the runs: 20 N and 200 kN are fitted as well as a kilonewton."""
+    usual, scaled = (
+        fitting.fit(raw(force=size), law, starts=2, preparation=AS_IT_IS).cost_percent
+        for size in (1.0, force)
+    )
+    assert scaled == pytest.approx(usual, rel=0.02)
+
+
+def test_runs_of_27_samples_a_second_and_of_10000_leave_a_card():
+    def at(rate_Hz: float) -> tuple[RigRun, ...]:
+        return tuple(each.run for each in measured(TRUTH, noise=0.01, seed=3, rate_Hz=rate_Hz)[:4])
+
+    for rate_Hz, most in ((27.0, 12.0), (10_000.0, 2.0)):
+        found = fitting.fit(Dataset(at(rate_Hz)), "bouc-wen", starts=1)
+        assert found.card().damper.law.name == "bouc-wen"
+        assert found.cost_percent < most
