@@ -15,9 +15,10 @@ from mrdamper.identify.problem import FitProblem, FitResult
 from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.templates import template
 from mrdamper.models.damper import LAG, Damper
-from mrdamper.models.dependence import Constant
+from mrdamper.models.dependence import Bipolynomial, Constant
 from mrdamper.models.simulate import simulate
 from tests.identify.truths import AS_IT_IS, COMMANDS, TRUTHS, measured
+from tests.support.warm import warm_damper, warm_runs
 
 NOISE = 0.02
 
@@ -116,13 +117,26 @@ def test_friction_and_mass_added_to_a_law_come_back() -> None:
     added |= {"stribeck_velocity": 8e-3, "transition_velocity": 1e-3}
     forms = {**TRUTHS["dahl"].coefficients, **{name: Constant(value) for name, value in added.items()}}
     runs = measured(replace(TRUTHS["dahl"], coefficients=forms), noise=NOISE, seed=5)
-    damper, free = template("dahl", runs, terms=("friction", "mass"))
+    damper, free = template("dahl", runs, groups=("friction", "mass"))
     result = fit_variable_projection(FitProblem(damper, free, runs), starts=2, seed=0)
     assert result.cost_percent == pytest.approx(100 * NOISE, rel=0.04)
     for estimate in result.estimates:
         name = estimate.name.removesuffix(".value")
         if name in added and estimate.identifiable:
             assert abs(estimate.value - added[name]) < 3.0 * estimate.standard_error, name
+
+
+def test_a_gas_spring_whose_force_grows_with_temperature_comes_back() -> None:
+    """Its force and stiffness at 20 degC and their slopes over temperature; the yield force keeps its own."""
+    gas = {"offset": Bipolynomial((-300.0, -1.02), 1), "stiffness": Bipolynomial((900.0, 3.1), 1)}
+    gassy = replace(warm_damper(), coefficients={**warm_damper().coefficients, **gas})
+    runs = [prepare_run(run, AS_IT_IS) for run in warm_runs(gassy, seed=3)]
+    damper, free = template("dahl", runs, groups=("gas",))
+    result = fit_variable_projection(FitProblem(damper, free, tuple(runs)), starts=2, seed=0)
+    found = {estimate.name: estimate for estimate in result.estimates}
+    for name in ("offset.c00", "offset.c01", "stiffness.c00", "stiffness.c01"):
+        true = gassy.parameters[name]
+        assert abs(found[name].value - true) < 4.0 * found[name].standard_error < abs(true), name
 
 
 @pytest.mark.parametrize("noise", [2e-5, 1e-4])

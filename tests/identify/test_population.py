@@ -42,7 +42,7 @@ def test_the_cost_of_a_candidate_is_taken_at_each_run_s_temperature(problem: Fit
         runs.append(replace(run, trajectory=replace(run.trajectory, temperature=warm)))
     warming = replace(runs[0].trajectory, temperature=np.linspace(293.15, 303.15, len(runs[0])))
     for given in (runs, [replace(runs[0], trajectory=warming), *runs[1:]]):
-        damper, free = template("bouc-wen", given, temperature="paper", terms=())
+        damper, free = template("bouc-wen", given, temperature="paper", groups=())
         temperature_dependent = FitProblem(damper, free, tuple(given), rate_Hz=1e4)
         candidate = np.full((1, len(free)), 0.5)
         candidate[:, [f.name.endswith("c0") for f in free]] = 0.7

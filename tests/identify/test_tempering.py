@@ -240,7 +240,7 @@ def test_every_law_has_a_tempered_template_that_can_be_simulated(name, kind):
 
 def test_the_paper_s_kind_is_its_separable_polynomial_and_leaves_friction_alone():
     """Eq. (12) as reconstructed: each coefficient times 1 + t1 dT + t2 dT^2."""
-    damper, free = template("bouc-wen", CAMPAIGN, temperature="paper", terms=("friction",))
+    damper, free = template("bouc-wen", CAMPAIGN, temperature="paper", groups=("friction",))
     for name in ("viscosity", "yield_force"):
         form = damper.coefficients[name]
         assert isinstance(form, TemperatureDependent)
@@ -411,7 +411,7 @@ def test_a_tempered_truth_is_found_again(kind: Temperature) -> None:
         },
     )
     runs = campaign(THREE, truth, commands=(0.0, 0.4, 0.8, 1.5))
-    damper, free = template("bouc-wen", runs, temperature=kind, terms=())
+    damper, free = template("bouc-wen", runs, temperature=kind, groups=())
     result = fit_variable_projection(FitProblem(damper, free, runs), starts=1, seed=0)
     assert result.cost_percent < 0.2
     found = result.damper.parameters

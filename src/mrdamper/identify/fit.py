@@ -156,8 +156,8 @@ def fit(  # noqa: PLR0913 - the options of a fit, by keyword
     hold_out : patterns of the names of runs that the fit must not see
     session_offsets : let each session have its own constant force
     one_command : allow runs at a single command (the model then holds for it alone)
-    terms : parallel terms to add to the law: ``friction`` (Stribeck), ``mass``, ``viscosity``, ``thinning``;
-        None: what the runs ask for (``templates.template``)
+    terms : parallel terms to add to the law: ``friction`` (Stribeck), ``mass``, ``viscosity``, ``thinning``,
+        ``gas`` (offset and stiffness over temperature); None: what the runs ask for (``templates.template``)
     temperature : the temperature laws of the coefficients (``identify.temperature``); "none" leaves it out
     fluid : its temperature laws are assumed; runs without a temperature channel count as at 20 degC
     coil_resistance_ohm : at 20 degC, for the card (measured with an ohmmeter)
@@ -190,7 +190,7 @@ def fit(  # noqa: PLR0913 - the options of a fit, by keyword
     chosen, python_law = resolve_law(usual_law(prepared) if law is None else law)
     steady, stepping = split_by_command(prepared)
     damper, free = template(
-        chosen, steady, one_command=one_command, terms=terms, temperature=temperature, fluid=fluid
+        chosen, steady, one_command=one_command, groups=terms, temperature=temperature, fluid=fluid
     )
     problem = FitProblem(damper, free, steady, session_offsets)
     prepared_in = time.process_time() - clock

@@ -121,8 +121,11 @@ def apply_temperature(
     free: Sequence[FreeParameter],
     levels: Sequence[float],
     kind: Temperature,
+    lines: Sequence[str] = (),
 ) -> tuple[dict[str, ParameterLaw], list[FreeParameter]]:
     """Return forms and free parameters with temperature in them.
+
+    ``lines`` names further coefficients that follow it, as straight lines whatever the kind.
 
     Raises
     ------
@@ -170,6 +173,10 @@ def apply_temperature(
         else:
             temperature_dependent[name] = TemperatureDependent(form, Linear(0.5e-3))
             moved.append(FreeParameter(f"{name}.temperature_slope", -steepest, steepest))
+    for name in lines:
+        form = temperature_dependent[name]
+        if isinstance(form, Constant | Polynomial):
+            temperature_dependent[name], moved = _bilinear(name, form, moved, span)
     return temperature_dependent, moved
 
 
@@ -221,7 +228,7 @@ def _viscous(name: str, kind: str, coldest: float) -> tuple[TemperatureFactor, l
 def _bilinear(
     name: str, form: Constant | Polynomial, free: Sequence[FreeParameter], span: float
 ) -> tuple[Bipolynomial, list[FreeParameter]]:
-    """Return a polynomial in command and temperature, linear in all its parameters."""
+    """Return a polynomial in command and temperature, linear in its parameters where the force is in it."""
     old = {f"{name}.{number}": k for k, number in enumerate(form.parameter_names)}
     own = sorted((f for f in free if f.name in old), key=lambda f: old[f.name])
     parameters: list[float] = []
@@ -230,7 +237,7 @@ def _bilinear(
         parameters += [value, 0.0]
         size = max(abs(bound.lower), abs(bound.upper))
         moved += [
-            FreeParameter(f"{name}.c{power}0", bound.lower, bound.upper, "linear", linear=True),
-            FreeParameter(f"{name}.c{power}1", -size / span, size / span, "linear", linear=True),
+            FreeParameter(f"{name}.c{power}0", bound.lower, bound.upper, "linear", bound.linear),
+            FreeParameter(f"{name}.c{power}1", -size / span, size / span, "linear", bound.linear),
         ]
     return Bipolynomial(tuple(np.asarray(parameters, dtype=float).tolist()), 1), moved

@@ -1,21 +1,21 @@
 """Templates: how each law's coefficients depend on command and temperature, and how far a fit may look.
 
-The bounds follow from the runs by stated rules (force, stroke, speed and command of the data), never
-from one damper: they are wide on purpose, two to six decades. A coefficient that has no entry stays at
-its default.
+Which coefficients move is the business of ``groups``; here the bounds get the size of the runs (force,
+stroke, speed and command of the data, never of one damper), and the forms as many parameters as the runs can
+tell.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
-from typing import Literal
 
 import numpy as np
 
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import InputError
+from mrdamper.identify.groups import Form, FreeCoefficient, LawGroup, Scale, base_of, groups_of
 from mrdamper.identify.problem import FreeParameter
 from mrdamper.identify.temperature import (
     FluidFactors,
@@ -33,21 +33,7 @@ __all__ = ["HELD_BEYOND_K", "Scale", "command_levels", "scale_of", "template"]
 HELD_BEYOND_K = 5.0
 """So far beyond the runs' temperatures [K] a damper follows them; further out it holds the edge value."""
 
-Form = Literal["constant", "line", "polynomial", "exponential", "hill"]
 _DEGREES = {"line": 1, "polynomial": 2}
-
-
-@dataclass(frozen=True, slots=True)
-class Scale:
-    """The size of the data: what the search bounds are measured in."""
-
-    force: float  # 99.5th percentile of |F| over all runs [N]
-    stroke: float  # largest |x| [m]
-    speed: float  # 99.5th percentile of |v| of the fastest run [m/s]
-    acceleration: float  # 99.5th percentile of |a| of the liveliest run [m/s^2]
-    command: float  # largest |command| [A or V]
-    levels: int  # distinct commands; a command that varies counts as four
-    temperatures: tuple[float, ...]  # distinct temperatures [K]; none when not all runs tell
 
 
 def scale_of(runs: Sequence[PreparedRun]) -> Scale:
@@ -77,7 +63,8 @@ def template(
     runs: Sequence[PreparedRun],
     *,
     one_command: bool = False,
-    terms: Sequence[str] | None = None,
+    groups: Sequence[str] | None = None,
+    start: Mapping[str, float] | None = None,
     temperature: Temperature = "auto",
     fluid: FluidFactors | None = None,
 ) -> tuple[Damper, tuple[FreeParameter, ...]]:
@@ -87,9 +74,11 @@ def template(
     exactly three); two carry straight lines; one carries constants, and must be asked for. Where a command
     varies over a run, the first-order lag [s] between command and force is free as well.
 
-    ``terms`` adds parallel terms to any law: ``friction`` (Stribeck), ``mass``, ``viscosity``, ``thinning``
-    (the viscous force is a power of velocity). None: what a tempered campaign asks for (friction and
-    thinning, viscosity beside the series valve), nothing otherwise.
+    ``groups`` are switched on by name (``groups.groups_of``); for any law ``friction`` (Stribeck), ``mass``,
+    ``viscosity``, ``thinning`` (the viscous force is a power of velocity) and ``gas`` (offset and stiffness,
+    both over temperature) among them. None: what a tempered campaign asks for (friction and thinning,
+    viscosity beside the series valve), nothing otherwise. ``start`` is where coefficients start instead, in
+    the size of the runs (a start of a group).
 
     ``temperature`` says how coefficients follow it (``tempering``); "auto" is "arrhenius" where the runs have
     a temperature, "none" leaves it out. With a ``fluid`` its laws are assumed instead.
@@ -98,7 +87,7 @@ def template(
     ------
     InputError
         All runs at one command and ``one_command`` not set; runs whose commands have two units; runs at too
-        few temperatures for the kind asked for.
+        few temperatures for the kind asked for; a group that the law does not have, or without one it needs.
     """
     law = find_law(law_name) if isinstance(law_name, str) else law_name
     units = {run.run.command_unit for run in runs}
@@ -108,42 +97,29 @@ def template(
             "(map the channel to current or to voltage in all of them)"
         )
     scale = scale_of(runs)
+    entries = list(base_of(law))
     if scale.levels < 2 and not one_command:
-        follow = ", ".join(name for name, form, *_ in _entries(law, scale) if form != "constant")
-        raise InputError(
-            found=(
-                f"all {len(runs)} training runs have one command ({runs[0].trajectory.command[0]:g} "
-                f"{runs[0].run.command_unit}); how {follow or 'the coefficients'} of {law.name} follow the "
-                "command cannot be identified from them"
-            ),
-            remedy=(
-                "Add the same tests at two or more other commands, or use ⟦--one-command⟧ for a model of "
-                "this command alone"
-            ),
-        )
+        raise _one_command(law, entries, runs)
     follows_temperature = temperature != "none" and fluid is None and _has_temperature(runs, temperature)
-    forms: dict[str, ParameterLaw] = {}
-    free: list[FreeParameter] = []
-    entries = _entries(law, scale)
     temperature_dependent = all(run.trajectory.temperature is not None for run in runs)  # heeded or not
     campaign = temperature_dependent and fluid is None and temperature != "paper"
     if campaign:
-        entries = [_as_campaign(entry) for entry in entries]
-    if terms is None:
-        terms = _usual_terms(law) if campaign else ()
-    for term in terms:
-        known = _terms(scale)
-        if term not in known:
-            raise InputError(f"no term is called {term!r}; there are {', '.join(known)}")
-        entries += [entry for entry in known[term] if entry[0] not in {name for name, *_ in entries}]
-    for name, form, lower, upper, how in entries:
-        dependence, moved = _dependence(law, name, form, lower, upper, how, scale)
-        forms[name] = dependence
+        entries = [replace(e, form=_CAMPAIGN.get((e.name, e.form), e.form)) for e in entries]
+    on = _switched_on(law, _usual_groups(law) if groups is None and campaign else groups or ())
+    for group in on:
+        entries += [entry for entry in group.entries if entry.name not in {e.name for e in entries}]
+    forms: dict[str, ParameterLaw] = {}
+    free: list[FreeParameter] = []
+    for each in entries:
+        entry = replace(each, start=(start or {}).get(each.name, each.start))
+        size = 1.0 if law.kernel is None else scale.size_of(law[entry.name].unit)
+        forms[entry.name], moved = _dependence(law, entry.sized(size), scale)
         free += moved
     if fluid is not None:
         forms = apply_fluid(forms, fluid)
     elif follows_temperature:
-        forms, free = apply_temperature(law, forms, free, scale.temperatures, temperature)
+        lines = [name for group in on for name in group.over_temperature]
+        forms, free = apply_temperature(law, forms, free, scale.temperatures, temperature, lines)
     lag = 0.0
     if any(run.run.constant_command is None for run in runs):
         lag = 0.01
@@ -154,7 +130,34 @@ def template(
     return Damper(law, forms, units.pop(), lag, temperature_range=beyond), tuple(free)
 
 
-Entry = tuple[str, Form, float, float, Literal["linear", "log"]]
+def _one_command(
+    law: HysteresisLaw, entries: Sequence[FreeCoefficient], runs: Sequence[PreparedRun]
+) -> InputError:
+    """Return the error of runs that all have one command."""
+    follow = ", ".join(e.name for e in entries if e.form not in ("constant", "fixed"))
+    return InputError(
+        found=(
+            f"all {len(runs)} training runs have one command ({runs[0].trajectory.command[0]:g} "
+            f"{runs[0].run.command_unit}); how {follow or 'the coefficients'} of {law.name} follow the "
+            "command cannot be identified from them"
+        ),
+        remedy=(
+            "Add the same tests at two or more other commands, or use ⟦--one-command⟧ for a model of "
+            "this command alone"
+        ),
+    )
+
+
+def _switched_on(law: HysteresisLaw, names: Sequence[str]) -> list[LawGroup]:
+    """Return the groups of these names."""
+    known = groups_of(law)
+    for name in names:
+        if name not in known:
+            raise InputError(f"no term is called {name!r}; there are {', '.join(known)}")
+        missing = [each for each in known[name].needs if each not in names]
+        if missing:
+            raise InputError(found=f"term {name!r} needs {', '.join(missing)} as well")
+    return [known[name] for name in names]
 
 
 def _has_temperature(runs: Sequence[PreparedRun], temperature: Temperature) -> bool:
@@ -188,151 +191,20 @@ motions beyond their speeds worse: it makes up for the shape of the loop.
 """
 
 
-def _as_campaign(entry: Entry) -> Entry:
-    name, form, lower, upper, how = entry
-    return name, _CAMPAIGN.get((name, form), form), lower, upper, how
-
-
-def _usual_terms(law: HysteresisLaw) -> tuple[str, ...]:
+def _usual_groups(law: HysteresisLaw) -> tuple[str, ...]:
     if law.kernel is None:
         return ()
     return ("friction", "viscosity", "thinning") if law.name == "series-valve" else ("friction", "thinning")
 
 
-def _entries(law: HysteresisLaw, s: Scale) -> list[Entry]:
-    """Return the coefficients that move: name, form, lower and upper bound of its size, search scale."""
-    # As in the paper, c0, k0, alpha and f0 of F = c0 v + k0 x + alpha z + f0 all depend on the current.
-    any_force = (-s.force, s.force)
-    parallel: list[Entry] = [
-        ("viscosity", "polynomial", 0.0, 2.0 * s.force / s.speed, "linear"),
-        ("stiffness", "polynomial", 0.0, s.force / s.stroke, "linear"),
-        ("offset", "polynomial", *any_force, "linear"),
-        ("yield_force", "polynomial", 0.0, 2.0 * s.force, "linear"),
-    ]
-    hysteresis = _hysteresis(s)
-    plain: list[Entry] = [parallel[0], ("stiffness", "constant", 0.0, s.force / s.stroke, "linear")]
-    plain += [("offset", "line", *any_force, "linear"), parallel[3]]
-    damping = s.force / s.speed
-    known: dict[str, list[Entry]] = {
-        "bouc-wen": parallel + hysteresis,
-        "dahl": parallel + hysteresis[:1],
-        "bouc-wen-saturating": [
-            *plain,
-            ("rate_force", "polynomial", 0.0, 2.0 * s.force, "linear"),
-            ("saturation_velocity", "constant", 1e-3 * s.speed, 3.0 * s.speed, "log"),
-            ("rho", "exponential", *hysteresis[0][2:4], "log"),
-            *hysteresis[1:],
-        ],
-        "double-bouc-wen": [
-            *plain,
-            ("second_force", "polynomial", 0.0, 2.0 * s.force, "linear"),
-            ("rho", "exponential", 0.5 / s.stroke, 1e4 / s.stroke, "log"),
-            ("second_rho", "exponential", 0.5 / s.stroke, 1e4 / s.stroke, "log"),
-            *hysteresis[1:],
-        ],
-        "bingham": [*parallel, ("yield_velocity", "constant", 1e-4 * s.speed, 3.0 * s.speed, "log")],
-        "tanh": [
-            *parallel,
-            ("slope", "constant", 0.1 / s.speed, 1e3 / s.speed, "log"),
-            ("shift", "constant", -10.0, 10.0, "linear"),
-        ],
-        "lugre": [
-            *parallel,
-            hysteresis[0],
-            ("static_excess", "constant", 0.0, 3.0, "linear"),
-            ("fade_velocity", "constant", 1e-3 * s.speed, s.speed, "log"),
-            ("bristle_damping", "constant", 0.0, 2.0 * damping, "linear"),
-        ],
-        "spencer": _spencer(s),
-        "series-valve": _series_valve(s),
-    }
-    return known[law.name] if law.name in known else _entries_of_python_law(law, s)
-
-
-def _hysteresis(s: Scale) -> list[Entry]:
-    """Return the coefficients of the hysteresis loop that move."""
-    return [
-        ("rho", "constant", 0.5 / s.stroke, 1e4 / s.stroke, "log"),
-        ("kappa", "constant", -1.0, 0.95, "linear"),
-        ("n", "constant", 0.2, 8.0, "log"),
-    ]
-
-
-def _spencer(s: Scale) -> list[Entry]:
-    """Return the coefficients of Spencer's chain that move."""
-    damping = s.force / s.speed
-    return [
-        ("yield_force", "hill", 1e-4 * s.force, 2.0 * s.force, "log"),
-        ("series_damping", "exponential", 0.1 * damping, 1e3 * damping, "log"),
-        ("inner_viscosity", "exponential", 1e-3 * damping, 10.0 * damping, "log"),
-        ("inner_stiffness", "constant", 0.0, s.force / s.stroke, "linear"),
-        *_hysteresis(s),
-        ("offset", "constant", -s.force, s.force, "linear"),
-        ("stiffness", "constant", 0.0, s.force / s.stroke, "linear"),
-    ]
-
-
-def _series_valve(s: Scale) -> list[Entry]:
-    """Return the coefficients of the series valve that move."""
-    damping = s.force / s.speed
-    return [
-        ("yield_force", "hill", 1e-4 * s.force, 2.0 * s.force, "log"),
-        ("thinning", "constant", 1e-3 * s.speed**-0.5, 30.0 * s.speed**-0.5, "log"),
-        ("thinning_exponent", "constant", 0.1, 1.2, "linear"),
-        ("yield_velocity", "constant", 1e-4 * s.speed, 2.0 * s.speed, "log"),
-        ("position_gain", "constant", -0.5 / s.stroke, 0.5 / s.stroke, "linear"),
-        ("gap_stiffness", "constant", 3.0 * s.force / s.stroke, 3e5 * s.force / s.stroke, "log"),
-        ("gap", "constant", 1e-5 * s.stroke, 0.2 * s.stroke, "log"),
-        ("gap_corner", "constant", 1e-5 * s.stroke, 0.1 * s.stroke, "log"),
-        ("leak_damping", "constant", 1e-3 * damping, 1e3 * damping, "log"),
-        ("leak_exponent", "constant", 0.5, 1.5, "linear"),
-        ("offset", "constant", -0.5 * s.force, 0.5 * s.force, "linear"),
-        ("stiffness", "constant", 0.0, s.force / s.stroke, "linear"),
-    ]
-
-
-def _terms(s: Scale) -> dict[str, list[Entry]]:
-    """Return the parallel terms that any law can be given."""
-    return {
-        "friction": [
-            ("coulomb_friction", "constant", 0.0, s.force, "linear"),
-            ("breakaway_friction", "constant", 0.0, s.force, "linear"),
-            ("stribeck_velocity", "constant", 1e-3 * s.speed, s.speed, "log"),
-            ("transition_velocity", "constant", 1e-4 * s.speed, 0.1 * s.speed, "log"),
-        ],
-        "mass": [("mass", "constant", 0.0, s.force / s.acceleration, "linear")],
-        "viscosity": [("viscosity", "constant", 0.0, 2.0 * s.force / s.speed, "linear")],
-        "thinning": [("viscous_exponent", "constant", 0.2, 1.5, "linear")],
-    }
-
-
-def _entries_of_python_law(law: HysteresisLaw, s: Scale) -> list[Entry]:
-    """Return the entries of a user's law: constants between the bounds that its coefficients state."""
-    entries: list[Entry] = []
-    for c in law.coefficients:
-        if not (np.isfinite(c.lower) and np.isfinite(c.upper)):
-            raise InputError(
-                place=law.name, found=f"coefficient {c.name} needs finite lower and upper bounds to be fitted"
-            )
-        wide = c.lower > 0.0 and c.upper / c.lower > 50.0
-        entries.append(
-            (c.name, "polynomial" if c.linear else "constant", c.lower, c.upper, "log" if wide else "linear")
-        )
-    return entries
-
-
 def _dependence(
-    law: HysteresisLaw,
-    name: str,
-    form: Form,
-    lower: float,
-    upper: float,
-    how: Literal["linear", "log"],
-    s: Scale,
+    law: HysteresisLaw, entry: FreeCoefficient, s: Scale
 ) -> tuple[ParameterLaw, list[FreeParameter]]:
     """Return one coefficient's parameter law, as rich as the commands allow, and its free parameters."""
-    linear = law[name].linear
-    start = float(np.sqrt(lower * upper)) if how == "log" else 0.5 * (lower + upper)
+    name, form, lower, upper, how = entry.name, entry.form, entry.lower, entry.upper, entry.scale
+    linear, start = law[name].linear, entry.start or 0.0
+    if form == "fixed":
+        return Constant(start), []
     if s.levels < 2:
         form = "constant"
     if form == "constant":

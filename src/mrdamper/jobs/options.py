@@ -122,7 +122,7 @@ class FitOptions:
         ),
     ] = False
     terms: Annotated[
-        tuple[Literal["friction", "mass", "viscosity", "thinning", "none"], ...] | None,
+        tuple[Literal["friction", "mass", "viscosity", "thinning", "gas", "none"], ...] | None,
         Option(
             "Add a parallel term to the law (may be repeated).",
             flag="--term",

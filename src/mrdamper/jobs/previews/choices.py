@@ -23,7 +23,7 @@ from mrdamper.thermal.materials import MATERIALS
 __all__ = ["DUTY", "LEAVE_OUT", "METHODS", "TEMPERATURES", "TERMS", "choices", "run_formats"]
 
 METHODS = ("varpro", "genetic", "cma")
-TERMS = ("friction", "mass", "viscosity", "thinning")
+TERMS = ("friction", "mass", "viscosity", "thinning", "gas")
 TEMPERATURES = ("auto", "none", "arrhenius", "reynolds", "vft", "paper")
 LEAVE_OUT = ("run", "current", "motion", "temperature")
 DUTY = "sine:15mm:1Hz:2A:1800s"

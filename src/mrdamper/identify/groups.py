@@ -1,0 +1,223 @@
+"""Groups: the coefficients of a law that are set free together, and how far a fit may look, as plain data.
+
+A law has a base, always free, and groups that are switched on by name. Bounds and starts are measured in the
+size of the runs (``Scale``), by the coefficient's unit: a force in their force, a length in their stroke. So
+they are the same for a damper of 20 N and one of 200 kN; they are wide on purpose, two to six decades. A
+coefficient that has no entry stays at its default.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+
+from mrdamper.errors import InputError
+from mrdamper.models.laws import HysteresisLaw
+
+__all__ = ["Form", "FreeCoefficient", "LawGroup", "Scale", "base_of", "groups_of"]
+
+Form = Literal["fixed", "constant", "line", "polynomial", "exponential", "hill"]
+
+
+@dataclass(frozen=True, slots=True)
+class Scale:
+    """The size of the data: what the search bounds are measured in."""
+
+    force: float  # 99.5th percentile of |F| over all runs [N]
+    stroke: float  # largest |x| [m]
+    speed: float  # 99.5th percentile of |v| of the fastest run [m/s]
+    acceleration: float  # 99.5th percentile of |a| of the liveliest run [m/s^2]
+    command: float  # largest |command| [A or V]
+    levels: int  # distinct commands; a command that varies counts as four
+    temperatures: tuple[float, ...]  # distinct temperatures [K]; none when not all runs tell
+
+    def size_of(self, unit: str) -> float:
+        """Return the size of a coefficient of this unit [that unit]."""
+        force, stroke, speed = self.force, self.stroke, self.speed
+        sizes: Mapping[str, float] = {
+            "N": force,
+            "N/m": force / stroke,
+            "N s/m": force / speed,
+            "N (s/m)^mB": force / speed,
+            "N s^2/m^2": force / speed**2,
+            "kg": force / self.acceleration,
+            "m": stroke,
+            "1/m": 1.0 / stroke,
+            "1/m^2": 1.0 / stroke**2,
+            "m/s": speed,
+            "s/m": 1.0 / speed,
+            "(s/m)^m": speed**-0.5,
+            "-": 1.0,
+        }
+        return sizes[unit]
+
+
+@dataclass(frozen=True, slots=True)
+class FreeCoefficient:
+    """A coefficient that moves: its form over the command, its bounds and its start, in the runs' size.
+
+    ``fixed`` is set to its start and does not move. ``start`` None: the middle of the bounds.
+    """
+
+    name: str
+    form: Form
+    lower: float
+    upper: float
+    scale: Literal["linear", "log"] = "linear"
+    start: float | None = None
+
+    def sized(self, size: float) -> FreeCoefficient:
+        """Return the same in physical units, ``size`` being that of the runs."""
+        low, high, start = self.lower, self.upper, self.start
+        if start is None:
+            start = math.sqrt(low * high) if self.scale == "log" else 0.5 * (low + high)
+        return replace(self, lower=low * size, upper=high * size, start=start * size)
+
+
+@dataclass(frozen=True, slots=True)
+class LawGroup:
+    """Coefficients that are switched on together.
+
+    ``needs`` are groups that must be on too. ``starts`` are further starts of the search, coefficients by
+    name in the runs' size, what is not named at the entries' own. ``over_temperature`` are coefficients that
+    follow temperature as straight lines once this group is on and the runs' temperatures differ.
+    """
+
+    name: str
+    entries: tuple[FreeCoefficient, ...]
+    needs: tuple[str, ...] = ()
+    starts: tuple[Mapping[str, float], ...] = field(default=())
+    over_temperature: tuple[str, ...] = ()
+
+
+_Free = FreeCoefficient
+
+# As in the paper, c0, k0, alpha and f0 of F = c0 v + k0 x + alpha z + f0 all depend on the current.
+_PARALLEL = (
+    _Free("viscosity", "polynomial", 0.0, 2.0),
+    _Free("stiffness", "polynomial", 0.0, 1.0),
+    _Free("offset", "polynomial", -1.0, 1.0),
+    _Free("yield_force", "polynomial", 0.0, 2.0),
+)
+_PLAIN = (
+    _PARALLEL[0],
+    _Free("stiffness", "constant", 0.0, 1.0),
+    _Free("offset", "line", -1.0, 1.0),
+    _PARALLEL[3],
+)
+_RHO = _Free("rho", "constant", 0.5, 1e4, "log")
+_LOOP = (_Free("kappa", "constant", -1.0, 0.95), _Free("n", "constant", 0.2, 8.0, "log"))
+_SPENCER = (
+    _Free("yield_force", "hill", 1e-4, 2.0, "log"),
+    _Free("series_damping", "exponential", 0.1, 1e3, "log"),
+    _Free("inner_viscosity", "exponential", 1e-3, 10.0, "log"),
+    _Free("inner_stiffness", "constant", 0.0, 1.0),
+    _RHO,
+    *_LOOP,
+    _Free("offset", "constant", -1.0, 1.0),
+    _Free("stiffness", "constant", 0.0, 1.0),
+)
+_SERIES_VALVE = (
+    _Free("yield_force", "hill", 1e-4, 2.0, "log"),
+    _Free("thinning", "constant", 1e-3, 30.0, "log"),
+    _Free("thinning_exponent", "constant", 0.1, 1.2),
+    _Free("yield_velocity", "constant", 1e-4, 2.0, "log"),
+    _Free("position_gain", "constant", -0.5, 0.5),
+    _Free("gap_stiffness", "constant", 3.0, 3e5, "log"),
+    _Free("gap", "constant", 1e-5, 0.2, "log"),
+    _Free("gap_corner", "constant", 1e-5, 0.1, "log"),
+    _Free("leak_damping", "constant", 1e-3, 1e3, "log"),
+    _Free("leak_exponent", "constant", 0.5, 1.5),
+    _Free("offset", "constant", -0.5, 0.5),
+    _Free("stiffness", "constant", 0.0, 1.0),
+)
+
+_BASES: Mapping[str, tuple[FreeCoefficient, ...]] = MappingProxyType(
+    {
+        "bouc-wen": (*_PARALLEL, _RHO, *_LOOP),
+        "dahl": (*_PARALLEL, _RHO),
+        "bouc-wen-saturating": (
+            *_PLAIN,
+            _Free("rate_force", "polynomial", 0.0, 2.0),
+            _Free("saturation_velocity", "constant", 1e-3, 3.0, "log"),
+            replace(_RHO, form="exponential"),
+            *_LOOP,
+        ),
+        "double-bouc-wen": (
+            *_PLAIN,
+            _Free("second_force", "polynomial", 0.0, 2.0),
+            replace(_RHO, form="exponential"),
+            replace(_RHO, form="exponential", name="second_rho"),
+            *_LOOP,
+        ),
+        "bingham": (*_PARALLEL, _Free("yield_velocity", "constant", 1e-4, 3.0, "log")),
+        "tanh": (
+            *_PARALLEL,
+            _Free("slope", "constant", 0.1, 1e3, "log"),
+            _Free("shift", "constant", -10.0, 10.0),
+        ),
+        "lugre": (
+            *_PARALLEL,
+            _RHO,
+            _Free("static_excess", "constant", 0.0, 3.0),
+            _Free("fade_velocity", "constant", 1e-3, 1.0, "log"),
+            _Free("bristle_damping", "constant", 0.0, 2.0),
+        ),
+        "spencer": _SPENCER,
+        "series-valve": _SERIES_VALVE,
+    }
+)
+
+_EVERY_LAW = (
+    LawGroup(
+        "friction",
+        (
+            _Free("coulomb_friction", "constant", 0.0, 1.0),
+            _Free("breakaway_friction", "constant", 0.0, 1.0),
+            _Free("stribeck_velocity", "constant", 1e-3, 1.0, "log"),
+            _Free("transition_velocity", "constant", 1e-4, 0.1, "log"),
+        ),
+    ),
+    LawGroup("mass", (_Free("mass", "constant", 0.0, 1.0),)),
+    LawGroup("viscosity", (_Free("viscosity", "constant", 0.0, 2.0),)),
+    LawGroup("thinning", (_Free("viscous_exponent", "constant", 0.2, 1.5),)),
+    LawGroup(
+        "gas",
+        (_Free("offset", "constant", -1.0, 1.0), _Free("stiffness", "constant", 0.0, 1.0)),
+        over_temperature=("offset", "stiffness"),
+    ),
+)
+"""Terms that every law of the kernel can be given."""
+
+_GROUPS: Mapping[str, tuple[LawGroup, ...]] = MappingProxyType({})
+"""Groups of a law that has its own."""
+
+
+def base_of(law: HysteresisLaw) -> tuple[FreeCoefficient, ...]:
+    """Return the coefficients of a law that always move; for a law in Python within the bounds it states."""
+    return _BASES[law.name] if law.kernel is not None else _base_of_python_law(law)
+
+
+def groups_of(law: HysteresisLaw) -> dict[str, LawGroup]:
+    """Return the groups that can be switched on, by name, each after those that it needs."""
+    if law.kernel is None:
+        return {}
+    return {group.name: group for group in _GROUPS.get(law.name, _EVERY_LAW)}
+
+
+def _base_of_python_law(law: HysteresisLaw) -> tuple[FreeCoefficient, ...]:
+    entries: list[FreeCoefficient] = []
+    for c in law.coefficients:
+        if not (np.isfinite(c.lower) and np.isfinite(c.upper)):
+            raise InputError(
+                place=law.name, found=f"coefficient {c.name} needs finite lower and upper bounds to be fitted"
+            )
+        wide = c.lower > 0.0 and c.upper / c.lower > 50.0
+        form: Form = "polynomial" if c.linear else "constant"
+        entries.append(_Free(c.name, form, c.lower, c.upper, "log" if wide else "linear"))
+    return tuple(entries)
