@@ -102,7 +102,22 @@ def test_a_unit_of_something_else_is_refused_with_the_choices(unit, role):
 
 @pytest.mark.parametrize(
     "garbled",
-    ["N m**", "'", "5", "3 mm", "__import__('os')", "((N", "N/", "N**999999999", "1e999*N", "-N", "N" * 40],
+    [
+        "N m**",
+        "'",
+        "5",
+        "3 mm",
+        "__import__('os')",
+        "((N",
+        "N/",
+        "N**999999999",
+        "1e999*N",
+        "-N",
+        "N" * 40,
+        "N**9**9**9",
+        "N^9^9",
+        "(((9**9)**9)**9)**9*N",
+    ],
 )
 def test_a_garbled_unit_is_a_message_not_a_traceback(garbled):
     with pytest.raises(InputError, match="is not a unit of force"):

@@ -20,6 +20,7 @@ __all__ = [
     "is_folder",
     "is_there",
     "parse_toml",
+    "printable",
     "read_small",
     "read_text",
     "read_toml",
@@ -32,6 +33,11 @@ _PAST_INTEGERS = 1 << 63
 
 MAP_SUFFIX = ".channels.toml"
 """The end of a channel map's name that lies beside a file of measurements, after the file's whole name."""
+
+
+def printable(name: str) -> str:
+    """Return a file's name as text that can be written anywhere: what is no UTF-8 is escaped."""
+    return name.encode("utf-8", "backslashreplace").decode("utf-8")
 
 
 def is_there(path: str | Path) -> bool:

@@ -156,6 +156,7 @@ _ROLE_OF: Mapping[str, str] = MappingProxyType(
     {unit: quantity.role for quantity in _TABLE for unit in (quantity.unit, *quantity.units)}
 )
 _UNIT = re.compile(r"[\w\s°℃%/*^·².+()-]{1,32}")  # longer, or of other signs, is no unit
+_POWER = re.compile(r"(?<=\w)\s*(?:\*\*|\^)\s*-?\d(?![\w.]|\s*(?:\*\*|\^))")  # of one digit, of a name
 
 
 def find_quantity(role: str) -> Quantity:
@@ -214,7 +215,8 @@ def _line_to_si(spelled: str, role: str, found: str) -> tuple[float, float]:
         raise InputError(f"{role} has no unit; give one of: {choices}")
     stored = "" if role == "time" else f" (stored in {quantity.unit})"
     refusal = f"unit {found[:40]!r} is not a unit of {role}{stored}; use one of: {choices}"
-    if not _UNIT.fullmatch(spelled) or _ROLE_OF.get(spelled, role) != role:
+    unbounded = re.search(r"\*\*|\^", _POWER.sub("", spelled))  # Pint works N**9**9**9 out, for hours
+    if not _UNIT.fullmatch(spelled) or unbounded or _ROLE_OF.get(spelled, role) != role:
         raise InputError(refusal)
     import tokenize
 

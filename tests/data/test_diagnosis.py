@@ -325,6 +325,31 @@ def test_a_turned_force_is_told_with_the_cure():
     assert finding.size < -0.8
 
 
+@pytest.mark.parametrize("role", ["force", "displacement"])
+def test_a_velocity_channel_tells_which_of_the_two_is_reversed(role):
+    """Without one, a turned force and a turned displacement are the same loop: both are named."""
+
+    def turn(fields):
+        fields["velocity"] = np.gradient(fields["displacement"], fields["time"])
+        fields[role] *= -1.0
+
+    def turn_blind(fields):
+        fields[role] *= -1.0
+
+    (told,) = (f for f in diagnose(recording(changed=turn)) if f.severity == "fault")
+    assert told.channel == role
+    assert f"[channel.{role}]" in told.remedy
+    finding = only(recording(changed=turn_blind), "force_sign")
+    assert "the force or the displacement is reversed" in finding.found
+
+
+def test_a_slow_motion_between_two_levels_is_no_stuck_sensor():
+    def coarse(fields):
+        fields["displacement"] = np.round(fields["displacement"] / 4e-4) * 4e-4
+
+    assert kinds(recording(changed=coarse)) == ["coarse_steps"]
+
+
 def test_exchanged_channels_are_told_from_a_turned_sign():
     """Scaled so that both are plausible, as a wrong channel map would have them."""
 

@@ -15,7 +15,15 @@ from mrdamper import core
 from mrdamper.control.config import config_fields
 from mrdamper.control.stepper import Flag
 from mrdamper.errors import InputError
-from mrdamper.export.c_code import banner, c_files, flag_texts, kernel_files, literal, tables_bytes
+from mrdamper.export.c_code import (
+    banner,
+    c_files,
+    environment,
+    flag_texts,
+    kernel_files,
+    literal,
+    tables_bytes,
+)
 from mrdamper.export.target import target_of
 from mrdamper.models.actuation import Actuation
 from tests.control.dampers import DAMPERS, DOUBLE
@@ -451,3 +459,9 @@ def test_steps_so_short_that_the_dead_time_does_not_fit_are_refused():
 def test_all_laws_with_tables_are_exported():
     for law in (*DAMPERS, "series-valve"):
         assert a_target(law).law == law
+
+
+@pytest.mark.parametrize("title", ["???/", "a*/b", "what??/", "????", "tail\\"])
+def test_no_title_ends_a_comment_or_makes_a_trigraph(title):
+    plain = environment().filters["plain"](title)
+    assert not re.search(r"\?\?|\*/|/\*|\\$", plain)

@@ -406,6 +406,20 @@ def test_notes_layout_and_the_spelling_of_a_number_stay_outside_the_hash():
     assert card_sha256(card_from_json(json.loads(other_layout))) == DOCUMENT["content_sha256"]
 
 
+@pytest.mark.parametrize(
+    ("place", "value"),
+    [
+        (("command_lag_s",), 1e6),
+        (("envelope", "command"), [0.0, 1e9]),
+        (("envelope", "temperature_K"), [1.0, 1e5]),
+        (("temperature_range_K",), [200.0, 1e6]),
+    ],
+)
+def test_lags_and_ranges_that_no_damper_has_are_refused(place, value):
+    with pytest.raises(InputError, match=f"{'.'.join(place)} is .*expected"):
+        card_from_json(signed(document(*place, value=value)))
+
+
 @pytest.mark.parametrize("key", ["title", "sources", "notes"])
 def test_half_a_character_is_refused_when_a_card_is_made(key):
     half = {"title": "a\ud800", "sources": ("a\ud800",), "notes": {"a": "a\ud800"}}[key]
@@ -545,11 +559,11 @@ def test_a_card_without_excerpt_says_so():
         ),
         (
             document("temperature_range_K", value=[400, 300]),
-            "temperature_range_K is [400.0, 300.0]; expected two temperatures, low and high",
+            "temperature_range_K is [400.0, 300.0]; expected low and high within 150 to 600",
         ),
         (
             document("temperature_range_K", value=[0, 300]),
-            "temperature_range_K is [0.0, 300.0]; expected two temperatures, low and high",
+            "temperature_range_K is [0.0, 300.0]; expected low and high within 150 to 600",
         ),
         (
             document("temperature_range_K", value=["cold", 300]),

@@ -110,7 +110,7 @@ def test_every_material_has_a_source():
         ([("fins = 5", "fins = 12")], r"12 fins at pitch_mm 20 span 223 mm, the body's length_mm is 200"),
         ([("thickness_mm = 3", "thickness_mm = 20")], r"fins overlap: thickness_mm is 20 and pitch_mm 20"),
         ([("fins = 5", "fins = 2.5")], r"sink.fins is 2.5; expected a whole number"),
-        ([("fins = 5", "fins = -2")], r"sink.fins is -2; expected a whole number, at least 1"),
+        ([("fins = 5", "fins = -2")], r"sink.fins is -2; expected a whole number, 1 to 10000"),
         (
             [("emissivity = 0.31", "emissivity = 1.5")],
             r"s.emissivity is 1.5; expected a number, 0 to 1",

@@ -45,6 +45,11 @@ def temperature_dependent() -> Damper:
 # -------------------------------------------------------------------------------------------------- duties
 
 
+def test_a_current_that_no_coil_takes_is_told_as_such():
+    with pytest.raises(InputError, match="the command is 1000 A; expected at most 100 A"):
+        read_duty("sine:15mm:1Hz:1000A:1800s")
+
+
 def test_the_default_duty_is_read():
     duty = read_duty("sine:15mm:1Hz:2A:1800s")
     (segment,) = duty.segments

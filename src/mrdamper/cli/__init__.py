@@ -7,6 +7,7 @@ With ``--json`` standard output holds one JSON object and nothing else. Exit cod
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import sys
@@ -33,6 +34,7 @@ _INTERRUPTED = "interrupted before there was a result; nothing was written"
 
 def main() -> NoReturn:
     """Run the command line; whatever goes wrong ends in one message and an exit code."""
+    _open_closed_outputs()
     try:
         heed_interrupts()
         answer = cli(standalone_mode=False)
@@ -59,6 +61,18 @@ def main() -> NoReturn:
         )
     interrupts_end_at_once()
     sys.exit(answer if isinstance(answer, int) else 0)
+
+
+def _open_closed_outputs() -> None:
+    """Give a program that was started without standard output or error (``>&-``) one that leads nowhere.
+
+    Their numbers are taken, so that no file of a job gets what a library writes there.
+    """
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:
+            setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_WRONLY), "w"))
+        if isinstance(stream := getattr(sys, name), io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # a file's name need not be UTF-8
 
 
 def _leave_for_room(fault: OSError) -> None:

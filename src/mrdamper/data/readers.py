@@ -29,7 +29,7 @@ from mrdamper.data.channels import (
 from mrdamper.data.records import Dataset, Recording, RigRun
 from mrdamper.data.tables import FORMATS, Layout, Table, read_table
 from mrdamper.errors import InputError
-from mrdamper.files import MAP_SUFFIX, is_file, is_folder, is_there
+from mrdamper.files import MAP_SUFFIX, is_file, is_folder, is_there, printable
 from mrdamper.quantities import QUANTITIES, CommandUnit, is_unit, spell_unit
 
 __all__ = [
@@ -138,7 +138,7 @@ def runs_in(table: Table, chosen: ChannelMap, file: Path) -> RigFile:
             given = _command(found, chosen, part, command_role(columns, chosen, table, place))
         else:
             given = command
-        name = file.stem
+        name = printable(file.stem)
         if command is not None:
             same = [other.values[0] for _, other in parts[:number] if other is not None]
             again = same.count(command.values[0])
@@ -158,8 +158,8 @@ def runs_in(table: Table, chosen: ChannelMap, file: Path) -> RigFile:
                 command_unit=given.unit,
                 velocity=None if found.velocity is None else _cut(found.velocity, part),
                 temperature=None if temperature is None else temperature[part],
-                session=chosen.session or file.stem,
-                source=str(file),
+                session=chosen.session or printable(file.stem),
+                source=printable(str(file)),
             )
         )
     return RigFile(tuple(recordings), table.layout, columns)

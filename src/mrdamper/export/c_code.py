@@ -280,4 +280,4 @@ def _context(target: Target) -> dict[str, Any]:
 def _plain(text: str) -> str:
     """Return a user's text as ASCII that ends no comment and starts no trigraph."""
     one_line = " ".join(text.split()).encode("ascii", "backslashreplace").decode("ascii")
-    return one_line.replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?").rstrip("\\")
+    return re.sub(r"\?(?=\?)", "? ", one_line.replace("*/", "* /").replace("/*", "/ *")).rstrip("\\")

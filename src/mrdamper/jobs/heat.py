@@ -30,7 +30,14 @@ from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.model.finite_element import FieldModel, heat_field
 from mrdamper.thermal.model.network import loss_grid
 from mrdamper.thermal.model.stepping import loads_until
-from mrdamper.thermal.temperature_rise import Rise, loads_of, notes_of, simulate_rise, works_of
+from mrdamper.thermal.temperature_rise import (
+    Rise,
+    beyond_card,
+    loads_of,
+    notes_of,
+    simulate_rise,
+    works_of,
+)
 
 __all__ = ["FieldEnd", "HeatResult", "heat"]
 
@@ -67,6 +74,7 @@ class HeatResult:
     calibrated: CalibratedDrawing | None  # by a measured curve; ``drawing`` is then the calibrated one
     field: FieldEnd | None
     notes: tuple[str, ...]
+    extrapolated: bool = False  # beyond the runs of the card: the intervals do not cover that
 
     @property
     def rises(self) -> list[tuple[str, Rise]]:
@@ -146,7 +154,11 @@ def heat(
     prediction_interval = predict_interval(
         works, drawing, duty, calibrated=calibrated, model=model, start_K=start_given
     )
-    notes = [*rise.notes, *_warm_notes(card, rise)]
+    warm = _warm_notes(card, rise)
+    extrapolated = bool(warm or beyond_card(card, duty))
+    notes = [*rise.notes, *warm]
+    if extrapolated:
+        notes.append("no interval is shown: it would not cover what lies beyond the card's runs")
     notes += dict.fromkeys(str(each.message) for each in caught if issubclass(each.category, EnvelopeWarning))
     bare, bare_prediction_interval = None, None
     if drawing.sink is not None:
@@ -171,6 +183,7 @@ def heat(
         calibrated=calibrated,
         field=field,
         notes=tuple(notes),
+        extrapolated=extrapolated,
     )
 
 

@@ -37,6 +37,7 @@ from mrdamper.models.dependence import (
 from mrdamper.models.laws import LAWS, HysteresisLaw
 from mrdamper.models.simulate import simulate
 from mrdamper.models.temperature import FACTORS, PolynomialFactor
+from mrdamper.quantities import QUANTITIES
 from mrdamper.schema import Json, Option, did_you_mean, read_record, write_record
 
 __all__ = [
@@ -62,6 +63,9 @@ FORMS: Mapping[str, type[CommandForm | Bipolynomial]] = MappingProxyType(
 """The forms there are, by the name that a card stores."""
 
 _MOST_BYTES = 1 << 26  # of a card
+_LONGEST_LAG_S = 10.0  # of any part of the actuation
+_LAGS = ("rise_s", "fall_s", "second_s", "delay_s")
+_TEMPERATURES_K = (150.0, 600.0)  # beyond these no damper's fluid is one
 _NotNegative = Annotated[float | None, Option(least=0.0)]
 _FormName = Annotated[str, Option("parameter law", among=lambda: FORMS)]
 _FactorName = Annotated[str, Option("temperature factor", among=lambda: FACTORS)]
@@ -387,9 +391,7 @@ def _contradictions(record: CardRecord) -> Iterator[str]:
     """Yield what does not fit together in a card, a sentence each."""
     if record.actuation is not None and record.command_lag_s > 0.0:
         yield f"actuation: command_lag_s is {record.command_lag_s:g} beside it; expected one of them"
-    held = record.temperature_range_K
-    if held is not None and not 0.0 < held[0] <= held[1]:
-        yield f"temperature_range_K is {list(held)}; expected two temperatures, low and high"
+    yield from _beyond_any_damper(record)
     try:
         evidence = _evidence_of(record.evidence)
     except InputError as fault:
@@ -399,6 +401,25 @@ def _contradictions(record: CardRecord) -> Iterator[str]:
         stated, found = getattr(record.evidence, split), _split_of(evidence, split)
         if stated != found:
             yield f"evidence.{split} is {write_record(stated)}; the runs listed give {write_record(found)}"
+
+
+def _beyond_any_damper(record: CardRecord) -> Iterator[str]:
+    """Yield the lags and ranges that no damper on a rig has: a wrong unit, or a card that was edited."""
+    lags = {"command_lag_s": record.command_lag_s}
+    if record.actuation is not None:
+        lags |= {f"actuation.{name}": getattr(record.actuation, name) for name in _LAGS}
+    for name, lag in lags.items():
+        if lag > _LONGEST_LAG_S:
+            yield f"{name} is {lag:g}; expected at most {_LONGEST_LAG_S:g} s"
+    command = QUANTITIES["current" if record.command_unit == "A" else "voltage"]
+    ranges: dict[str, tuple[tuple[float, float] | None, tuple[float, float]]] = {
+        "temperature_range_K": (record.temperature_range_K, _TEMPERATURES_K),
+        "envelope.temperature_K": (record.envelope.temperature, _TEMPERATURES_K),
+        "envelope.command": (record.envelope.command, (command.low, command.high)),
+    }
+    for name, (found, (low, high)) in ranges.items():
+        if found is not None and not low <= found[0] <= found[1] <= high:
+            yield f"{name} is {list(found)}; expected low and high within {low:g} to {high:g}"
 
 
 def _evidence_of(record: EvidenceRecord) -> Evidence:

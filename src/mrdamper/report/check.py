@@ -14,7 +14,7 @@ from mrdamper.errors import CheckError, InputError
 from mrdamper.jobs.check import CheckedFile, CheckedRun, CheckResult
 from mrdamper.report.base import DONE, Outcome, Report, WrittenFile
 from mrdamper.report.page import environment
-from mrdamper.runtime.outputs import write_table
+from mrdamper.runtime.outputs import write_table, write_text
 from mrdamper.schema import Json
 
 __all__ = ["REPORT", "render_check"]
@@ -151,7 +151,7 @@ def _outcome(result: CheckResult) -> Outcome:
 
 
 def _write_page(result: CheckResult, path: Path) -> None:
-    path.write_text(render_check(result), encoding="utf-8")
+    write_text(path, render_check(result))
 
 
 REPORT: Report[CheckResult] = Report(

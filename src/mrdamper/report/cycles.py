@@ -18,6 +18,7 @@ from mrdamper.jobs.cycles import CyclesResult
 from mrdamper.report.base import DONE, Outcome, Report, WrittenFile, interrupted
 from mrdamper.report.figures.style import HELD_OUT, INK, TRAINING, WIDE, drawing_style, svg_of
 from mrdamper.report.page import environment
+from mrdamper.runtime.outputs import write_text
 from mrdamper.schema import Json
 
 __all__ = ["REPORT", "TITLES", "render_cycles"]
@@ -219,7 +220,7 @@ def _outcome(result: CyclesResult) -> Outcome:
 
 
 def _write_page(result: CyclesResult, path: Path) -> None:
-    path.write_text(render_cycles(result), encoding="utf-8")
+    write_text(path, render_cycles(result))
 
 
 REPORT: Report[CyclesResult] = Report(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from itertools import zip_longest
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from mrdamper.report.base import Report, WrittenFile
 from mrdamper.report.figures.damper_section import draw_dampers, draw_field
 from mrdamper.report.figures.heat import draw_fade, draw_paths, draw_temperatures, temperature_figure
 from mrdamper.report.page import environment
-from mrdamper.runtime.outputs import write_table
+from mrdamper.runtime.outputs import write_table, write_text
 from mrdamper.schema import Json, finite_or_none
 from mrdamper.thermal.drawing_file import calibrated_text
 from mrdamper.thermal.estimation.calibration import CalibratedDrawing
@@ -43,9 +44,9 @@ def render_heat(run: HeatResult) -> str:
             rises=run.rises,
             limit=run.rise.limit_K - ZERO_CELSIUS_K,
             temperatures=draw_temperatures(
-                run.rises, run.prediction_intervals, None if run.calibrated is None else run.calibrated.curve
+                run.rises, _shown(run), None if run.calibrated is None else run.calibrated.curve
             ),
-            prediction_intervals=run.prediction_intervals,
+            prediction_intervals=_shown(run),
             inf=math.inf,
             paths=draw_paths(run.rises),
             fade=draw_fade(run.rises),
@@ -60,6 +61,11 @@ def render_heat(run: HeatResult) -> str:
             path_names=[path for path in PATHS if any(path in rise.energy_J for _, rise in run.rises)],
         )
     )
+
+
+def _shown(run: HeatResult) -> list[PredictionInterval]:
+    """Return the intervals that may stand beside the curves: none where the card is extrapolated."""
+    return [] if run.extrapolated else run.prediction_intervals
 
 
 def _account(rise: Rise) -> dict[str, tuple[float, float]]:
@@ -112,6 +118,7 @@ def _answer(run: HeatResult) -> Json:
             "nodes": len(field.model.nodes),
             "energy_closure": field.closure,
         },
+        "extrapolated": run.extrapolated,
         "notes": list(run.notes),
     }
 
@@ -192,19 +199,13 @@ def _rows(run: HeatResult) -> list[dict[str, object]]:
 
 def summary(run: HeatResult) -> list[str]:
     """Return when the limit is reached, how hot the fluid gets, and what force that costs."""
-    rise, interval = run.rise, run.prediction_interval
-    percent, ended = f"{100.0 * interval.probability:.0f} %", float(rise.time[-1])
-    near = int(np.argmin(np.abs(interval.time - ended)))
-    low, high = interval.low[near] - ZERO_CELSIUS_K, interval.high[near] - ZERO_CELSIUS_K
-    return [
-        *_limit_words(rise, interval),
-        f"fluid after {ended / 60:.4g} min: {low:.1f} to {high:.1f} degC with {percent}",
-    ]
+    rise, interval = run.rise, next(iter(_shown(run)), None)
+    return [*_limit_words(rise, interval), _end_words(rise, interval)]
 
 
 def show(run: HeatResult, console: Console) -> None:
     """Print temperatures over time, where the heat went, and what a reader should know."""
-    for (title, rise), interval in zip(run.rises, run.prediction_intervals, strict=True):
+    for (title, rise), interval in zip_longest(run.rises, _shown(run)):
         console.print(_table(rise, _title(run, title)))
         for line in _words(rise, interval):
             console.print(line)
@@ -241,10 +242,21 @@ def _table(rise: Rise, title: str) -> Table:
     return table
 
 
-def _limit_words(rise: Rise, interval: PredictionInterval) -> Iterator[str]:
-    reached, loss, to_limit = rise.time_to_limit_s, rise.force_loss_percent, interval.to_limit
+def _end_words(rise: Rise, interval: PredictionInterval | None) -> str:
+    """Return how hot the fluid is at the end: as an interval, where there is one."""
+    ended = float(rise.time[-1])
+    if interval is None:
+        return f"fluid after {ended / 60:.4g} min: {rise.fluid_degC[-1]:.1f} degC, extrapolated"
+    near = int(np.argmin(np.abs(interval.time - ended)))
+    low, high = interval.low[near] - ZERO_CELSIUS_K, interval.high[near] - ZERO_CELSIUS_K
+    sure = f"{100.0 * interval.probability:.0f} %"
+    return f"fluid after {ended / 60:.4g} min: {low:.1f} to {high:.1f} degC with {sure}"
+
+
+def _limit_words(rise: Rise, interval: PredictionInterval | None) -> Iterator[str]:
+    reached, loss = rise.time_to_limit_s, rise.force_loss_percent
     when = "not reached" if reached is None else f"reached after {reached / 60:.1f} min"
-    if math.isfinite(to_limit.low_s):
+    if interval is not None and math.isfinite((to_limit := interval.to_limit).low_s):
         latest = to_limit.high_s
         end = f"{latest / 60:.1f} min" if math.isfinite(latest) else "not within the duty"
         when += f" ({100 * interval.probability:.0f} %: {to_limit.low_s / 60:.1f} min to {end})"
@@ -252,18 +264,15 @@ def _limit_words(rise: Rise, interval: PredictionInterval) -> Iterator[str]:
     yield f"limit of the fluid, {rise.limit_K - ZERO_CELSIUS_K:.4g} degC: {when}{faded}"
 
 
-def _words(rise: Rise, interval: PredictionInterval) -> list[str]:
+def _words(rise: Rise, interval: PredictionInterval | None) -> list[str]:
     """Return the lines below a table of temperatures: limit, force, where the heat went; with intervals."""
-    energy, ended = rise.energy_J, float(rise.time[-1])
-    near = int(np.argmin(np.abs(interval.time - ended)))
-    low, high = interval.low[near] - ZERO_CELSIUS_K, interval.high[near] - ZERO_CELSIUS_K
+    energy = rise.energy_J
     total = energy["mechanical"] + energy["coil"]
     parts = [name for name in energy if name not in {"mechanical", "coil", "out"}]
     shares = ", ".join(f"{name} {100 * energy[name] / total:.0f} %" for name in parts) if total > 0 else "-"
     return [
         *_limit_words(rise, interval),
-        f"fluid after {ended / 60:.4g} min: {low:.1f} to {high:.1f} degC with "
-        f"{100 * interval.probability:.0f} %",
+        _end_words(rise, interval),
         f"of {total / 1e3:.1f} kJ: {shares} (account closes to {rise.energy_closure:.0e})",
     ]
 
@@ -288,7 +297,7 @@ def _calibration_words(calibrated: CalibratedDrawing) -> list[str]:
 
 
 def _write_page(run: HeatResult, path: Path) -> None:
-    path.write_text(render_heat(run), encoding="utf-8")
+    write_text(path, render_heat(run))
 
 
 def _write_calibrated(run: HeatResult, path: Path) -> None:
@@ -316,6 +325,6 @@ REPORT = Report(
             when=lambda run: run.calibrated is not None and bool(run.drawing.text),
         ),
     ),
-    figure=lambda run: temperature_figure(run.rises, run.prediction_intervals),
+    figure=lambda run: temperature_figure(run.rises, _shown(run)),
     rows=_rows,
 )

@@ -15,7 +15,7 @@ from mrdamper.report.figures.damper_section import draw_dampers
 from mrdamper.report.figures.sink import draw_front, draw_sweeps, front_figure
 from mrdamper.report.heat import sink_in_words
 from mrdamper.report.page import environment
-from mrdamper.runtime.outputs import write_table
+from mrdamper.runtime.outputs import write_table, write_text
 from mrdamper.schema import Json
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.sinks.design import SinkDesign
@@ -256,7 +256,7 @@ def _rows(run: SinkResult) -> list[Json]:
 
 
 def _write_page(run: SinkResult, path: Path) -> None:
-    path.write_text(render_sink(run), encoding="utf-8")
+    write_text(path, render_sink(run))
 
 
 REPORT = Report(

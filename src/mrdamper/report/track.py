@@ -15,7 +15,7 @@ from mrdamper.jobs.track import Row, Traced, TrackResult
 from mrdamper.report.base import Report, WrittenFile, print_notes
 from mrdamper.report.figures.track import draw_temperatures, draw_tracking, error_figure
 from mrdamper.report.page import environment
-from mrdamper.runtime.outputs import write_table
+from mrdamper.runtime.outputs import write_table, write_text
 from mrdamper.schema import Json
 
 __all__ = ["REPORT", "render_track"]
@@ -151,7 +151,7 @@ def _rows(run: TrackResult) -> list[Json]:
 
 
 def _write_page(run: TrackResult, path: Path) -> None:
-    path.write_text(render_track(run), encoding="utf-8")
+    write_text(path, render_track(run))
 
 
 REPORT = Report(

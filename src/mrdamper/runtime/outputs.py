@@ -24,7 +24,15 @@ from pathlib import Path
 from mrdamper.errors import InputError, spelled_within
 from mrdamper.runtime.locks import lock
 
-__all__ = ["atomic_output", "no_room", "recover_staging", "refuse_inputs", "write_json", "write_table"]
+__all__ = [
+    "atomic_output",
+    "no_room",
+    "recover_staging",
+    "refuse_inputs",
+    "write_json",
+    "write_table",
+    "write_text",
+]
 
 _PREFIX = ".mrdamper-"
 _FILES, _WHOLE, _TO = "files", "whole", "to"  # in a hidden folder: being written, all there, and to where
@@ -240,12 +248,17 @@ def _cannot(out: Path, standing: Path, fault: OSError, hidden: Path | None = Non
 def write_json(path: Path, value: Mapping[str, object]) -> None:
     """Write one JSON object."""
     value = spelled_within(value)
-    path.write_text(json.dumps(value, indent=1, ensure_ascii=False, allow_nan=False) + "\n", encoding="utf-8")
+    write_text(path, json.dumps(value, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text in UTF-8; what of a file's name is none is escaped."""
+    path.write_text(text, encoding="utf-8", errors="backslashreplace")
 
 
 def write_table(path: Path, rows: Sequence[Mapping[str, object]]) -> None:
     """Write rows as CSV, the keys of the first as header; None is an empty cell."""
-    with path.open("w", encoding="utf-8", newline="") as file:
+    with path.open("w", encoding="utf-8", errors="backslashreplace", newline="") as file:
         writer = csv.DictWriter(file, fieldnames=list(rows[0]) if rows else [], lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)

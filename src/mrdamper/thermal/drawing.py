@@ -20,7 +20,7 @@ from mrdamper.models.fluids.fluid import Fluid
 from mrdamper.models.fluids.fluid_file import find_fluid
 from mrdamper.quantities import ROOM_K
 from mrdamper.schema import Option, check_ranges
-from mrdamper.thermal.heatsink import HeatSink
+from mrdamper.thermal.heatsink import HeatSink, length_option
 from mrdamper.thermal.materials import COPPER_PER_K, MATERIALS, Material
 
 __all__ = [
@@ -51,12 +51,12 @@ DISC_GAP = 0.010
 class Body:
     """The tube and its two caps; lengths in metres."""
 
-    outer_diameter: Annotated[float, Option("of the tube", key="outer_diameter_mm", unit="mm", above=0.0)]
-    length: Annotated[float, Option("over the caps", key="length_mm", unit="mm", above=0.0)]
-    wall: Annotated[float, Option("thickness of the tube", key="wall_mm", unit="mm", above=0.0)]
+    outer_diameter: Annotated[float, length_option("of the tube", "outer_diameter_mm")]
+    length: Annotated[float, length_option("over the caps", "length_mm")]
+    wall: Annotated[float, length_option("thickness of the tube", "wall_mm")]
     cap: Annotated[
         float,
-        Option("thickness of each cap", key="cap_mm", unit="mm", above=0.0, default_help="the wall's"),
+        length_option("thickness of each cap", "cap_mm", "the wall's"),
     ] = 0.0  # stands for the wall's
     material: Annotated[Material, Option("what it is made of", among=lambda: MATERIALS)] = _STEEL
     orientation: Annotated[Orientation, Option("of the axis")] = "horizontal"
@@ -80,8 +80,8 @@ class Body:
 class Piston:
     """The piston, drawn in the middle of the bore (its mean position); lengths in metres."""
 
-    diameter: Annotated[float, Option("of its face", key="diameter_mm", unit="mm", above=0.0)]
-    length: Annotated[float, Option("axial", key="length_mm", unit="mm", above=0.0)]
+    diameter: Annotated[float, length_option("of its face", "diameter_mm")]
+    length: Annotated[float, length_option("axial", "length_mm")]
     material: Annotated[Material, Option("what it is made of", among=lambda: MATERIALS)] = _STEEL
 
 
@@ -89,7 +89,7 @@ class Piston:
 class Rod:
     """The rod; ``through`` says that it leaves the body at both ends."""
 
-    diameter: Annotated[float, Option("of the rod", key="diameter_mm", unit="mm", above=0.0)]  # [m]
+    diameter: Annotated[float, length_option("of the rod", "diameter_mm")]  # [m]
     through: Annotated[bool, Option("whether it leaves the body at both ends")] = True
     material: Annotated[Material, Option("what it is made of", among=lambda: MATERIALS)] = _STEEL
 
@@ -99,15 +99,13 @@ class Coil:
     """The winding: a ring in the piston's face, in its middle; lengths in metres."""
 
     resistance: Annotated[float, Option("at 20 degC", key="resistance_ohm", unit="ohm", least=0.0)]
-    length: Annotated[float, Option("axial", key="length_mm", unit="mm", above=0.0)]
+    length: Annotated[float, length_option("axial", "length_mm")]
     depth: Annotated[
         float,
-        Option(
+        length_option(
             "radial, inwards from the piston's face",
-            key="depth_mm",
-            unit="mm",
-            above=0.0,
-            default_help="0.4 of what the piston leaves around the rod",
+            "depth_mm",
+            "0.4 of what the piston leaves around the rod",
         ),
     ] = 0.0  # stands for that share, in a drawing
     amperes_per_volt: Annotated[

@@ -24,7 +24,7 @@ from mrdamper.data.tables import Table, read_table
 from mrdamper.errors import InputError
 from mrdamper.excitation import Motion, Sine, Trajectory, drive, motion_from_text
 from mrdamper.files import is_file
-from mrdamper.quantities import to_si
+from mrdamper.quantities import QUANTITIES, to_si
 
 __all__ = ["DEFAULT_DUTY", "Duty", "Segment", "read_duty"]
 
@@ -66,6 +66,14 @@ class Duty:
     text: str
 
     def __post_init__(self) -> None:
+        largest = max((each.command for each in self.segments), default=0.0)
+        most = QUANTITIES["current" if self.command_unit == "A" else "voltage"].high
+        if largest > most:
+            raise InputError(
+                place=f"duty {self.text!r}",
+                found=f"the command is {largest:.4g} {self.command_unit}",
+                expected=f"at most {most:g} {self.command_unit}, what a damper's coil can be given",
+            )
         if self.duration > _LONGEST_S:
             raise InputError(
                 place=f"duty {self.text!r}",

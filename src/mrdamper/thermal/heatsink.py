@@ -19,21 +19,28 @@ from mrdamper.schema import Option, check_ranges
 from mrdamper.thermal.films.correlations import groove_emissivity
 from mrdamper.thermal.materials import MATERIALS, Material
 
-__all__ = ["FinLaw", "HeatSink"]
+__all__ = ["FinLaw", "HeatSink", "length_option"]
+
+_LONGEST_mm = 10_000.0  # what is longer was written in another unit
 
 FinLaw = Literal["channel", "vdi", "disc"]
 """Natural convection of annular fins: as vertical channels (Elenbaas), by the VDI Heat Atlas (both for a
 horizontal damper), or as horizontal discs (a vertical damper)."""
 
 
+def length_option(said: str, key: str, default_help: str = "") -> Option:
+    """Return the option of a length [m] that is drawn in millimetres under ``key``."""
+    return Option(said, key=key, unit="mm", above=0.0, most=_LONGEST_mm, default_help=default_help)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeatSink:
     """Annular fins on a body; lengths in metres."""
 
-    fins: Annotated[int, Option("number of fins", least=1)]
-    width: Annotated[float, Option("radial, root to tip", key="width_mm", unit="mm", above=0.0)]
-    thickness: Annotated[float, Option("of a fin", key="thickness_mm", unit="mm", above=0.0)]
-    pitch: Annotated[float, Option("from fin to fin", key="pitch_mm", unit="mm", above=0.0)]
+    fins: Annotated[int, Option("number of fins", least=1, most=10_000)]
+    width: Annotated[float, length_option("radial, root to tip", "width_mm")]
+    thickness: Annotated[float, length_option("of a fin", "thickness_mm")]
+    pitch: Annotated[float, length_option("from fin to fin", "pitch_mm")]
     material: Annotated[Material, Option("of the fins", among=lambda: MATERIALS)] = MATERIALS[
         "aluminium-alloy"
     ]

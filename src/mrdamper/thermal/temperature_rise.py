@@ -39,6 +39,7 @@ __all__ = [
     "NETWORKS",
     "Model",
     "Rise",
+    "beyond_card",
     "build_network",
     "loads_of",
     "notes_of",
@@ -304,11 +305,11 @@ def notes_of(card: ModelCard | Damper, duty: Duty) -> tuple[str, ...]:
             f"the temperature laws of {', '.join(damper.assumed)} are assumed from a fluid, not identified"
         )
     if isinstance(card, ModelCard):
-        notes += _beyond(card, duty)
+        notes += beyond_card(card, duty)
     return tuple(notes)
 
 
-def _beyond(card: ModelCard, duty: Duty) -> list[str]:
+def beyond_card(card: ModelCard, duty: Duty) -> list[str]:
     """Say where the duty leaves what the card was identified on."""
     found = []
     paths = [segment.path for segment in duty.segments if segment.path is not None]

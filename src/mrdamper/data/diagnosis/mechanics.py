@@ -35,6 +35,7 @@ _GROWS = 5.0  # percent, of the force's range from first to last cycle
 _EARLY = 0.003  # of the period by which force may come before velocity
 _LATE = 0.17  # of the period: a phase of 60 degrees
 _DIFFERS = 0.1  # of the velocity's rms
+_SAME_MOTION = 0.8  # correlation of a measured velocity with the rate of the displacement
 
 
 def looks_swapped(recording: Recording | RigRun) -> bool:
@@ -65,17 +66,35 @@ def find_wrong_sign(run: RigRun, prepared: PreparedRun) -> Iterator[Finding]:
             remedy="Exchange the names at [channel.force] and [channel.displacement], and check their units",
         )
         return
+    reversed_channel = _reversed_channel(run, prepared)
+    which = f"the {reversed_channel} is reversed, as the velocity channel shows"
+    if not reversed_channel:
+        which = "the force or the displacement is reversed"
+    remedy = f"Put sign = -1 at [channel.{reversed_channel or 'force'}] in the channel map"
+    if not reversed_channel:
+        remedy += ", or give ⟦--flip-force⟧; where extension counts negative, at [channel.displacement]"
     yield Finding(
-        kind="force_sign",
+        kind="displacement_sign" if reversed_channel == "displacement" else "force_sign",
         severity="fault",
-        channel="force",
+        channel=reversed_channel or "force",
         size=correlation,
         unit="",
         found=f"force and velocity have opposite signs (correlation {correlation:.2f}), as if the damper "
-        "gave power",
+        f"gave power: {which}",
         effect="Every coefficient would come out negative, and the run is refused",
-        remedy="Put sign = -1 at [channel.force] in the channel map, or give ⟦--flip-force⟧",
+        remedy=remedy,
     )
+
+
+def _reversed_channel(run: RigRun, prepared: PreparedRun) -> str:
+    """Return which of force and displacement is reversed, where a velocity channel shows it."""
+    derived = prepared.trajectory.velocity
+    if run.velocity is None or len(run.velocity) != len(derived):
+        return ""
+    agreement = float(np.corrcoef(run.velocity, derived)[0, 1])
+    if abs(agreement) < _SAME_MOTION:
+        return ""
+    return "force" if agreement > 0.0 else "displacement"
 
 
 def find_force_offset(prepared: PreparedRun) -> Iterator[Finding]:

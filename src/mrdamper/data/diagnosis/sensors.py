@@ -35,6 +35,8 @@ _STUCK = 20  # samples in a row
 _MOVES = 0.15  # of the other channel's range, meanwhile
 _LONGER = 5.0  # than the usual longest segment of equal values
 
+_ONE_STEP = 1.5  # of the resolution: a neighbouring level, with room for rounding
+
 _SPIKE = 0.1  # of the range that all but a few samples keep to
 _ABOVE_NOISE = 30.0
 
@@ -123,11 +125,13 @@ def find_stuck_sensors(recording: Recording) -> Iterator[Finding]:
         segments = sorted(_segments(np.append(np.diff(values) == 0.0, False)), key=lambda s: s[0] - s[1])
         if not segments or np.ptp(values) == 0.0:
             continue
-        usual = _usual_segment(segments)
+        usual, step = _usual_segment(segments), _coarse_step(values)
         moved = float(np.ptp(other))
         for a, b in segments:
             if b - a < max(_STUCK, _LONGER * usual):
                 break
+            if step and _steps_around(values, a, b) <= _ONE_STEP * step:
+                continue  # a slow motion between two levels of the converter
             share = _MOVES if role == "force" else 0.5  # a held displacement may let the force relax
             if np.ptp(other[a : b + 1]) < share * moved:
                 continue
@@ -146,6 +150,19 @@ def find_stuck_sensors(recording: Recording) -> Iterator[Finding]:
                 remedy="Cut the run before that place (from_s, to_s of the preparation), or record it again",
             )
             break
+
+
+def _coarse_step(values: FloatArray) -> float:
+    """Return the resolution of a channel that is coarse beside its spread, else 0."""
+    resolution = resolution_of(values)
+    return resolution if resolution > _COARSE * np.sqrt(12.0) * float(np.std(values)) else 0.0
+
+
+def _steps_around(values: FloatArray, a: int, b: int) -> float:
+    """Return the larger of the two steps by which a segment of one value is entered and left."""
+    before = abs(values[a] - values[a - 1]) if a > 0 else 0.0
+    after = abs(values[b + 1] - values[b]) if b + 1 < len(values) else 0.0
+    return float(max(before, after))
 
 
 def find_coarse_steps(recording: Recording) -> Iterator[Finding]:

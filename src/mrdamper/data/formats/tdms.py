@@ -22,6 +22,7 @@ from mrdamper.data.formats.table import (
     plain_names,
     require_room,
 )
+from mrdamper.errors import InputError
 
 __all__ = ["is_tdms", "read_tdms"]
 
@@ -42,13 +43,16 @@ def read_tdms(path: Path, options: FileOptions) -> Table:
         decoding(path, "TDMS file", _REMEDY),
         nptdms.TdmsFile.open(stream) as file,
     ):
-        found = [
+        every = [
             (group.name, channel.name, len(channel), channel.dtype.kind, dict(channel.properties))
             for group in file.groups()
             for channel in group.channels()
-            if len(channel) and options.part in {"", group.name}
+            if options.part in {"", group.name}
         ]
         cut = bool(file.file_status.incomplete_final_segment)
+    found = [row for row in every if row[2]]
+    if cut and (len(found) < len(every) or not every):
+        raise _cut_before([row[1] for row in every if not row[2]], path)
     names = plain_names([(group, channel) for group, channel, *_ in found])
     rows = dict(zip(names, found, strict=True))
     for name, (_, _, length, _, _) in rows.items():
@@ -64,6 +68,16 @@ def read_tdms(path: Path, options: FileOptions) -> Table:
         step_s=_step([row[4] for row in numbers.values() if row[2] > 1]),
         units={name: unit for name, row in numbers.items() if (unit := _unit(row[3], row[4]))},
         read_rows=partial(_rows, path, {name: (row[0], row[1]) for name, row in numbers.items()}),
+    )
+
+
+def _cut_before(names: Sequence[str], path: Path) -> InputError:
+    first = f"the first sample of {', '.join(names[:5])}" if names else "its first channel"
+    return InputError(
+        place=path.name,
+        found=f"the TDMS file is cut off before {first}",
+        expected="a whole file",
+        remedy="Copy it again, or record again",
     )
 
 

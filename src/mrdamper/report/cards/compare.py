@@ -18,6 +18,7 @@ from mrdamper.models.damper import OperatingEnvelope
 from mrdamper.report.base import Report, WrittenFile
 from mrdamper.report.cards.comparison_page import picks_of, render_comparison
 from mrdamper.report.figures.characteristics import peak_velocity_figure
+from mrdamper.runtime.outputs import write_text
 from mrdamper.schema import Json
 
 __all__ = ["REPORT"]
@@ -222,7 +223,7 @@ def _numbers_table(comparison: Comparison) -> Table:
 
 
 def _write_page(comparison: Comparison, path: Path) -> None:
-    path.write_text(render_comparison(comparison), encoding="utf-8")
+    write_text(path, render_comparison(comparison))
 
 
 REPORT: Report[Comparison] = Report(

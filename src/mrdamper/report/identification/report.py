@@ -30,7 +30,7 @@ from mrdamper.report.identification.scores import (
     summaries,
     summary_lines,
 )
-from mrdamper.runtime.outputs import write_table
+from mrdamper.runtime.outputs import write_table, write_text
 from mrdamper.schema import Json
 
 __all__ = ["REPORT"]
@@ -255,7 +255,7 @@ def _outcome(found: IdentifyResult) -> Outcome:
 
 
 def _write_page(found: IdentifyResult, path: Path) -> None:
-    path.write_text(render_report(found), encoding="utf-8")
+    write_text(path, render_report(found))
 
 
 REPORT: Report[IdentifyResult] = Report(

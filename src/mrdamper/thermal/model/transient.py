@@ -185,9 +185,13 @@ class NetworkSystem:
         seen = self._seen @ nodes
         worst = int(np.argmax(np.where(np.isfinite(seen), np.abs(seen - self.network.ambient), np.inf)))
         low, high = self.network.grid[0] - ZERO_CELSIUS_K, self.network.grid[-1] - ZERO_CELSIUS_K
+        at = to_degC(seen[worst])
+        # a step may swing to where no temperature is: that says nothing but that power is far too large
+        swung = not 2.0 * low - high < at < 2.0 * high - low or at < low < to_degC(self.network.ambient)
+        runaway = "temperatures run away: the power is far beyond what this damper can give off"
         raise EnvelopeError(
             place="heating",
-            found=f"a node is at {to_degC(seen[worst]):.4g} degC",
+            found=runaway if swung else f"a node is at {at:.4g} degC",
             expected=f"{low:.0f} to {high:.0f} degC",
             remedy="Lower the duty, check the drawing's dimensions, or stop at the fluid's limit",
         )
