@@ -22,6 +22,7 @@ from mrdamper.identify.actuation import ActuationFit, fit_actuation
 from mrdamper.identify.assess import Assessment, Kind
 from mrdamper.identify.assess import assess as assess_fit
 from mrdamper.identify.checkpoint import CheckpointStore
+from mrdamper.identify.confidence.left_out import across_motions, force_band, leave_folds_out
 from mrdamper.identify.limits import brought_inside
 from mrdamper.identify.predict import at_reference, finite, predict, prepare_all, row
 from mrdamper.identify.problem import Estimate, FitProblem, FitResult, envelope_of
@@ -37,6 +38,7 @@ from mrdamper.identify.temperature import (
 from mrdamper.identify.templates import command_levels, template
 from mrdamper.models.card import Evidence, Excerpt, ModelCard, cut_excerpt
 from mrdamper.models.damper import Damper
+from mrdamper.models.force_band import ForceBand
 from mrdamper.models.laws import LAWS, HysteresisLaw, PythonLaw, find_law
 from mrdamper.models.python_law import law_from_python, load_python_law
 from mrdamper.models.simulate import simulate
@@ -66,6 +68,7 @@ class Identification:
     cpu_s: float  # of preparation and fit
     python_law: str | None = None  # where a user's own law comes from, ``file.py:Class``
     actuation: ActuationFit | None = None  # from the training runs whose command steps
+    force_band: ForceBand | None = None  # of motions that were left out; None: not known
 
     @property
     def damper(self) -> Damper:
@@ -121,6 +124,7 @@ class Identification:
             sources=tuple(sources),
             notes=notes,
             python_law=self.python_law,
+            force_band=self.force_band,
         )
 
 
@@ -201,6 +205,9 @@ def fit(  # noqa: PLR0913 - the options of a fit, by keyword
     else:
         search = fit_genetic if method == "genetic" else fit_cma
         result = search(problem, seed=seed, on_progress=on_progress, checkpoint=checkpoint)
+    clock = time.process_time()
+    result, band = _for_other_motions(problem, result)
+    prepared_in += time.process_time() - clock
     if fluid is not None:
         result = replace(result, damper=scale_thinning(result.damper))
     damper, held = brought_inside(result.damper, envelope_of(prepared))
@@ -210,8 +217,18 @@ def fit(  # noqa: PLR0913 - the options of a fit, by keyword
         result, actuation = _with_actuation(result, stepping, coil_resistance_ohm)
         spent += 0.0 if actuation is None else actuation.cpu_s
     return Identification(
-        result, problem, prepared, unseen, how, training.fingerprint, spent, python_law, actuation
+        result, problem, prepared, unseen, how, training.fingerprint, spent, python_law, actuation, band
     )
+
+
+def _for_other_motions(problem: FitProblem, result: FitResult) -> tuple[FitResult, ForceBand | None]:
+    """Return the fit with standard errors that cover other motions, and the band of its force on those."""
+    if result.cancelled or result.damper.law.kernel is None:
+        return result, None
+    left = leave_folds_out(problem, result)
+    if left is None:
+        return result, None
+    return replace(result, estimates=across_motions(problem, result, left)), force_band(left)
 
 
 def _told_of_commands(runs: Dataset, prepared: Sequence[PreparedRun]) -> tuple[str, ...]:

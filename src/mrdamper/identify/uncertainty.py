@@ -59,10 +59,18 @@ def estimates_of(
 
 
 def covariances(
-    runs: Sequence[PreparedFit], damper: Damper, names: Sequence[str], offsets: Mapping[str, float]
+    runs: Sequence[PreparedFit],
+    damper: Damper,
+    names: Sequence[str],
+    offsets: Mapping[str, float],
+    clusters: Sequence[int] | None = None,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the covariance of the parameters for independent residuals, and by blocks of half a cycle."""
+    """Return the covariance of the parameters for independent residuals, and by blocks of half a cycle.
+
+    With ``clusters``, the number of each run's, the second is by clusters of whole runs.
+    """
     size = len(names)
+    together = np.zeros((0 if clusters is None else max(clusters) + 1, size))
     curvature = np.zeros((size, size))
     noise = np.zeros((size, size))
     blocks = np.zeros((size, size))
@@ -75,6 +83,9 @@ def covariances(
         squares = s.combine @ core.gram(s.columns, run.start) @ s.combine.T
         curvature += run.weight * squares
         noise += run.weight**2 * float(np.mean(residual**2)) * squares
+        if clusters is not None:
+            together[clusters[index]] += run.weight * (s.combine @ (columns @ residual))
+            continue
         cuts = np.array([first for first, _, _ in run.drive.record.pieces])
         cuts = np.unique(np.concatenate([[0], cuts[cuts > run.start] - run.start])).astype(np.intp)
         scores = run.weight * (s.combine @ np.add.reduceat(columns * residual, cuts, axis=1))
@@ -84,6 +95,10 @@ def covariances(
     inverse = np.linalg.pinv(curvature * np.outer(scale, scale), rcond=1e-13, hermitian=True) * np.outer(
         scale, scale
     )
+    if clusters is not None:
+        groups = len(together)
+        by_cluster: FloatArray = groups / max(groups - 1, 1) * (inverse @ together.T @ together @ inverse)
+        return inverse @ noise @ inverse, by_cluster
     small_sample = count / max(count - size, 1)
     return inverse @ noise @ inverse, small_sample * (inverse @ blocks @ inverse)
 

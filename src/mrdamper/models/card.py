@@ -22,6 +22,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 from mrdamper.excitation import Trajectory
 from mrdamper.models.damper import LAG, Damper, OperatingEnvelope
+from mrdamper.models.force_band import ForceBand
 from mrdamper.quantities import to_degC
 from mrdamper.schema import Option, did_you_mean
 
@@ -108,7 +109,8 @@ class Excerpt:
 class ModelCard:
     """A damper with its evidence.
 
-    ``python_law`` is ``file.py:Class`` when the law is a user's own; ``upgraded_from`` is the schema version
+    ``python_law`` is ``file.py:Class`` when the law is a user's own; ``force_band`` is what to expect of new
+    runs (older cards have none); ``upgraded_from`` is the schema version
     of a file that carried no hash yet; ``file`` is where the card was read from, empty for one made here.
     """
 
@@ -122,6 +124,7 @@ class ModelCard:
     sources: tuple[str, ...] = ()
     notes: Mapping[str, Any] = field(default_factory=dict)
     python_law: str | None = None
+    force_band: ForceBand | None = None
     upgraded_from: int | None = None
     file: str = field(default="", compare=False)
 

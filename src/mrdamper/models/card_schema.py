@@ -34,6 +34,7 @@ from mrdamper.models.dependence import (
     Polynomial,
     TemperatureDependent,
 )
+from mrdamper.models.force_band import ForceBand
 from mrdamper.models.laws import LAWS, HysteresisLaw
 from mrdamper.models.simulate import simulate
 from mrdamper.models.temperature import FACTORS, PolynomialFactor
@@ -148,6 +149,7 @@ class CardRecord:
     excerpt: Excerpt | None
     sources: tuple[str, ...]
     notes: Mapping[str, Any]
+    force_band: ForceBand | None
 
 
 # ------------------------------------------------------------------------------------------- writing
@@ -204,6 +206,7 @@ def card_to_json(card: ModelCard) -> Json:
         excerpt=card.excerpt,
         sources=card.sources,
         notes=card.notes,
+        force_band=card.force_band,
     )
     document = write_record(record, defaults=True, nulls=True)
     for coefficient in document["coefficients"].values():
@@ -335,6 +338,7 @@ def card_from_json(
             sources=record.sources,
             notes=record.notes,
             python_law=record.python_law,
+            force_band=record.force_band,
             upgraded_from=record.upgraded_from,
         )
         require_signature(upgraded, place)
@@ -525,8 +529,8 @@ def _from_version_1(document: Json) -> Json:
 
 
 def _from_version_2(document: Json) -> Json:
-    """Version 2 had no signature: it is signed as it stands, which its excerpt has to bear out."""
-    return {**document, "upgraded_from": None, "content_sha256": ""}
+    """Version 2 had no force band and no signature: it is signed as it stands, as its excerpt bears out."""
+    return {**document, "upgraded_from": None, "content_sha256": "", "force_band": None}
 
 
 UPGRADES: dict[int, Callable[[Json], Json]] = {1: _from_version_1, 2: _from_version_2}

@@ -1,0 +1,88 @@
+"""Errors that keep their promise: bands and standard errors found on motions that were left out."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mrdamper.excitation import Sine, drive
+from mrdamper.identify.confidence.left_out import across_motions, force_band, leave_folds_out
+from mrdamper.identify.problem import FitProblem, FitResult
+from mrdamper.identify.search.variable_projection import fit_variable_projection
+from mrdamper.identify.templates import template
+from mrdamper.models.card_schema import card_from_json, card_to_json
+from mrdamper.models.force_band import ForceBand
+from mrdamper.models.simulate import simulate
+from tests.identify.truths import TRUTHS, measured
+from tests.models.test_card import a_card as card
+
+BAND = ForceBand(
+    share=0.9, factor=0.1, run_share=0.15, base_N=20.0, expected_nrmse_percent=3.0, worst_nrmse_percent=9.0,
+    left_out="motions", folds=4,
+)  # fmt: skip
+
+
+def fitted(law: str, truth: str, noise: float) -> tuple[FitProblem, FitResult]:
+    """Return the fit of a law to the runs of a truth, which may be another one."""
+    runs = measured(TRUTHS[truth], noise=noise, seed=0)
+    damper, free = template(law, runs)
+    problem = FitProblem(damper, free, runs)
+    return problem, fit_variable_projection(problem, starts=1, seed=0)
+
+
+def test_where_the_law_is_right_a_left_out_motion_is_missed_by_the_noise() -> None:
+    problem, result = fitted("dahl", "dahl", noise=0.02)
+    left = leave_folds_out(problem, result)
+    assert left is not None
+    band = force_band(left)
+    assert band.expected_nrmse_percent == pytest.approx(2.0, rel=0.1)
+    assert (band.left_out, band.folds) == ("motions", 3)
+
+
+def test_the_band_of_a_law_that_is_wrong_covers_a_motion_that_nobody_fitted() -> None:
+    """A truth with a bristle under a law with none: the errors are the law's, and the band says so."""
+    problem, result = fitted("bingham", "dahl", noise=0.01)
+    left = leave_folds_out(problem, result)
+    assert left is not None
+    band = force_band(left)
+    path = drive(Sine(7e-3, 1.4), duration=3.0, rate_Hz=500.0, command=1.0)
+    force, truth = simulate(result.damper, path), simulate(TRUTHS["dahl"], path)
+    assert 0.8 < band.coverage(force[500:], truth[500:]) <= 1.0
+    narrow = replace(band, factor=0.1 * band.factor)
+    assert narrow.coverage(force[500:], truth[500:]) < 0.8
+
+
+def test_standard_errors_of_a_law_that_is_wrong_cover_what_other_motions_ask_for() -> None:
+    """Fits to two of the motions and to the third differ by their standard errors, and by more than those."""
+    problem, result = fitted("bingham", "dahl", noise=0.01)
+    left = leave_folds_out(problem, result)
+    assert left is not None
+    wide = {e.name: e.standard_error for e in across_motions(problem, result, left)}
+    for each in result.estimates:
+        assert wide[each.name] >= each.standard_error or np.isnan(each.standard_error)
+    apart = {
+        e.name: max(abs(damper.parameters[e.name] - e.value) for damper in left.dampers)
+        for e in result.estimates
+        if not np.isnan(e.standard_error)
+    }
+    assert all(apart[name] < 3.0 * wide[name] for name in apart)
+    alone = {e.name: e.standard_error for e in result.estimates}
+    assert any(apart[name] > 3.0 * alone[name] for name in apart), "the residuals alone would do"
+
+
+def test_the_band_widens_with_the_force_and_never_closes() -> None:
+    force = np.array([-500.0, 0.0, 500.0])
+    width = BAND.half_width(force)
+    assert width[0] == width[2] > width[1] > 0.0
+    assert BAND.half_width(2.0 * force)[0] < 2.0 * width[0]
+    assert BAND.coverage(force, force + 0.99 * width) == 1.0
+    assert BAND.coverage(force, force + 1.01 * width) == 0.0
+
+
+def test_a_card_keeps_its_band_and_one_without_is_read_as_ever() -> None:
+    with_band = card(force_band=BAND)
+    assert card_from_json(card_to_json(with_band)).force_band == BAND
+    document = card_to_json(card())
+    assert card_from_json(document).force_band is None
