@@ -14,8 +14,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
-import pytest
-
 import mrdamper
 
 # Names of parameters that are quantities with a unit wherever they stand.
@@ -122,12 +120,6 @@ def test_no_public_function_swallows_unknown_keywords():
         if any(each.kind is each.VAR_KEYWORD for each in signature.parameters.values())
     ]
     assert greedy == []
-
-
-@pytest.mark.parametrize("name", ["fit", "read_runs", "predict", "simulate", "prepare_run", "read_card"])
-def test_a_misspelt_option_is_a_type_error(name):
-    with pytest.raises(TypeError, match="holdout"):
-        getattr(mrdamper, name)(holdout=["x"])
 
 
 def test_the_reference_lists_every_room():

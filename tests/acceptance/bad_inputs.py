@@ -21,7 +21,7 @@ import numpy as np
 
 from tests.data.rig_files import WRITERS, titled
 
-__all__ = ["CASES", "Case", "write_good_run"]
+__all__ = ["CASES", "Case", "cases", "write_good_run"]
 
 GIGABYTES = 2 * 10**9
 TOO_LONG = 300 * "x"  # for a file system
@@ -631,6 +631,8 @@ CASES: tuple[Case, ...] = (
     ),
     Case("at rest", spoilt(scale("displacement", 0.0)), r"displacement never changes"),
     Case("dead load cell", spoilt(scale("force", 0.0)), r"force never changes"),
+    Case("one stroke", text("".join(GOOD.splitlines(keepends=True)[:51])), r"reversal"),
+    Case("one command", lambda folder: identify("good.csv")[:-1], r"(?s)one command.*--one-command"),
     Case("force turned", spoilt(scale("force", -1.0)), r"force and velocity have opposite signs"),
     # what is given instead of a run
     Case("gzip", raw(gzip.compress(GOOD.encode()), "bad.csv.gz"), r"is a gzip archive: unpack it first"),
@@ -798,3 +800,9 @@ CASES: tuple[Case, ...] = (
         r"bad\.toml",
     ),
 )
+
+
+def cases(names: set[str]) -> list[Case]:
+    """Return the cases of these names, of which none may be missing."""
+    assert names <= {case.name for case in CASES}
+    return [case for case in CASES if case.name in names]

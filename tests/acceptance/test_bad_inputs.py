@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from mrdamper.cli import main
-from tests.acceptance.bad_inputs import CARD, CASES, GOOD, Case, write_good_run
+from tests.acceptance.bad_inputs import CARD, CASES, GOOD, Case, cases, write_good_run
 
 pytestmark = pytest.mark.system
 
@@ -105,12 +105,6 @@ FAULTY = {
     "NaN", "infinity", "outlier", "jump", "time twice", "time goes back", "gap", "mixed rates", "few samples",
     "at rest", "dead load cell", "force turned", "wrong unit, metres", "wrong unit, newtons", "cut in a row",
 }  # fmt: skip
-
-
-def cases(names: set[str]) -> list[Case]:
-    """Return the cases of these names, of which none may be missing."""
-    assert names <= {case.name for case in CASES}
-    return [case for case in CASES if case.name in names]
 
 
 def _checked(arguments: list[object]) -> list[object]:

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from mrdamper.jobs.options import FitOptions
@@ -71,9 +69,6 @@ def test_identify_prints_one_json_object_with_the_keys_of_the_contract(identifie
     assert answer["runs"][0]["command_unit"] == "V"
     assert answer["runs"][0]["current_A"] is None
     assert 0.0 < answer["cpu_s"] < 20.0
-
-
-def test_identify_writes_nothing_to_standard_error_when_all_is_well(identified):
     assert identified.stderr == ""
 
 
@@ -174,95 +169,8 @@ def spoiled(folder, name, change, *, every=False):
     return place
 
 
-def without(key):
-    return lambda columns: {name: values for name, values in columns.items() if name != key}
-
-
-def renamed(key, other):
-    return lambda columns: {other if name == key else name: values for name, values in columns.items()}
-
-
 def changed(key, how):
     return lambda columns: {name: how(values) if name == key else values for name, values in columns.items()}
-
-
-def with_value(at, value):
-    def how(values):
-        values = values.copy()
-        values[at] = value
-        return values
-
-    return how
-
-
-def mixed_sampling(columns):
-    half = len(columns["time_s"]) // 2
-    rows = np.r_[0:half, half : 2 * half : 4]
-    return {name: values[rows] for name, values in columns.items()}
-
-
-def one_way(columns):
-    rows = slice(0, 225)  # rest and the first stroke only
-    return {name: values[rows] for name, values in columns.items()}
-
-
-BAD = {
-    "missing-column": (without("force_N"), False, r"force"),
-    "unknown-column": (renamed("force_N", "channel7"), False, r"force"),
-    "no-unit": (renamed("force_N", "force"), False, r"unit"),
-    "time-not-increasing": (changed("time_s", with_value(200, 0.1)), False, r"time goes from"),
-    "nan": (changed("force_N", with_value(123, np.nan)), False, r"force is nan at sample 123"),
-    "fewer-than-two-reversals": (one_way, False, r"reversal"),
-    "one-current": (changed("voltage_V", lambda v: 0.0 * v + 1.0), True, r"one command.*--one-command"),
-    "mm-read-as-m": (changed("displacement_m", lambda x: 1e3 * x), False, r"mm read as m"),
-    "force-sign": (changed("force_N", lambda f: -f), False, r"sign"),
-    "constant-force": (changed("force_N", lambda f: 0.0 * f + 3.0), False, r"force never changes"),
-    "constant-displacement": (
-        changed("displacement_m", lambda x: 0.0 * x),
-        False,
-        r"displacement never changes",
-    ),
-    "mixed-sampling": (mixed_sampling, False, r"mixed sampling"),
-}
-
-
-@pytest.mark.parametrize("fault", BAD)
-def test_bad_input_ends_in_one_message_and_exit_code_3_and_leaves_nothing(fault, tmp_path):
-    change, every, expected = BAD[fault]
-    place = spoiled(tmp_path, "runs", change, every=every)
-    run = mrdamper("identify", place, "--out", tmp_path / "out", "--law", "dahl", "--json")
-    assert run.returncode == 3, run.stderr
-    assert run.stdout == ""
-    assert "Traceback" not in run.stderr
-    assert run.stderr.count("mrdamper: ") == 1
-    assert re.search(expected, run.stderr, re.DOTALL), run.stderr
-    assert [p.name for p in tmp_path.iterdir()] == ["runs"]
-
-
-@pytest.mark.parametrize(
-    ("content", "expected"), [(b"", "empty"), (b"\x00\x01\x02\xff\xfe" * 40, ""), (b"only words here\n", "")]
-)
-def test_an_empty_or_unreadable_file_is_refused(content, expected, tmp_path):
-    (tmp_path / "run.csv").write_bytes(content)
-    run = mrdamper("identify", tmp_path / "run.csv", "--out", tmp_path / "out", "--json")
-    assert run.returncode == 3
-    assert "run.csv" in run.stderr
-    assert expected in run.stderr
-    assert run.stdout == ""
-    assert [p.name for p in tmp_path.iterdir()] == ["run.csv"]
-
-
-def test_a_file_that_is_not_there_is_refused_by_name(tmp_path):
-    run = mrdamper("identify", tmp_path / "nowhere.csv", "--out", tmp_path / "out")
-    assert run.returncode == 3
-    assert "nowhere.csv" in run.stderr
-
-
-def test_a_fault_of_the_card_is_refused(tmp_path, folder):
-    (tmp_path / "card.json").write_text('{"schema_version": 1, "title": ', encoding="utf-8")
-    run = mrdamper("predict", tmp_path / "card.json", folder / "runs")
-    assert run.returncode == 3
-    assert "card.json" in run.stderr
 
 
 def test_an_out_that_is_a_file_is_refused(folder, tmp_path):

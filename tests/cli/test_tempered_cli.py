@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from mrdamper import cli
-from mrdamper.models.card_schema import read_card, write_card
+from mrdamper.models.card_schema import read_card
 from tests.support.rigs import answer_of, mrdamper
 
 pytestmark = pytest.mark.system
@@ -168,22 +168,6 @@ def test_the_card_carries_the_actuation_that_the_steps_told(identified):
     assert actuation is not None
     assert actuation.largest_command == 2.0
     assert 0.010 < actuation.response_time(0.63) < 0.020
-
-
-def test_predict_gives_the_errors_that_identify_gave(folder, identified, run):
-    ended = run("predict", identified["card"], folder / "runs", "--json")
-    assert (ended.code, ended.err) == (0, "")
-    scored, given = json.loads(ended.out), {row["name"]: row for row in identified["runs"]}
-    assert scored["notes"] == []
-    assert {row["name"] for row in scored["runs"]} == set(given)
-    for row in scored["runs"]:
-        assert row["split"] == given[row["name"]]["split"]
-        assert row["rmse_N"] == pytest.approx(given[row["name"]]["rmse_N"], rel=1e-6)
-
-
-def test_a_card_that_is_read_and_written_again_is_the_same_file(identified, tmp_path):
-    write_card(read_card(Path(identified["card"])), tmp_path / "again.json")
-    assert (tmp_path / "again.json").read_bytes() == Path(identified["card"]).read_bytes()
 
 
 def test_runs_outside_the_card_s_temperatures_are_told_once_with_numbers(identified, tmp_path, run):

@@ -15,66 +15,34 @@ from numpy.typing import NDArray
 
 from mrdamper.arrays import FloatArray
 from mrdamper.control.card_plant import CardPlant
-from mrdamper.control.controllers import NAMES, ForceController, Safety, controllers_for
+from mrdamper.control.controllers import NAMES, Safety, controllers_for
 from mrdamper.control.protocol import Measurement, Reference
 from mrdamper.control.stepper import Flag
 from mrdamper.control.tuning import PREVIEW_SHARE
 from mrdamper.core import _kernel
 from mrdamper.errors import InputError
-from mrdamper.excitation import MOTIONS, drive
+from mrdamper.excitation import drive
 from mrdamper.models.actuation import Actuation
 from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial
 from mrdamper.models.laws import LAWS
 from mrdamper.models.simulate import simulate
-from tests.control.dampers import DAMPERS, DOUBLE, LAGS, at_once, changed
+from tests.control.dampers import DAMPERS, DOUBLE, LAGS, SERIES, at_once, changed
+from tests.control.rows import MOTION, ROOM, answer, at_speed, told
 from tests.control.slow_step import SlowController
 from tests.support.examples import examples
 
 PERIOD = 1e-3
-ROOM = 293.15
 ALL = controllers_for(DOUBLE)
+OF = {"double-bouc-wen": ALL, "series-valve": controllers_for(SERIES)}
 RECOMMENDED = ALL["recommended"]
 SINGLE = {name: replace(made, single=True) for name, made in ALL.items()}
-MOTION = MOTIONS["nonperiodic"]
+every_controller = pytest.mark.parametrize(("law", "name"), [(law, name) for law in OF for name in OF[law]])
+every_law = pytest.mark.parametrize("law", OF)
 
 anything = st.floats(allow_nan=True, allow_infinity=True)
 readings = st.floats(-0.02, 0.02) | anything
 temperatures = st.floats(280.0, 400.0) | anything
 forces = st.floats(-2000.0, 2000.0) | anything
-
-
-def told(
-    controller: ForceController,
-    seconds: float,
-    *,
-    amplitude: float = 900.0,
-    kelvin: float = ROOM,
-    noise: float = 10e-6,
-    seed: int = 1,
-) -> FloatArray:
-    """Return rows for ``run``: the non-periodic motion, a target in phase with its velocity."""
-    t = controller.period_s * np.arange(round(seconds / controller.period_s))
-    rng = np.random.default_rng(seed)
-    rows = np.full((len(t), 5), np.nan)
-    rows[:, 0] = amplitude * np.tanh(MOTION.velocity(t) / 0.02)
-    rows[:, 1] = amplitude * np.tanh(MOTION.velocity(t + controller.preview_s) / 0.02)
-    rows[:, 2] = MOTION.displacement(t) + noise * rng.standard_normal(len(t))
-    rows[:, 3] = kelvin
-    return rows
-
-
-def at_speed(controller: ForceController, speed: float = 0.03, *, seconds: float = 0.3) -> bytes:
-    """Return the state after an even motion: hysteresis built up, no command."""
-    t = controller.period_s * np.arange(round(seconds / controller.period_s))
-    rows = np.full((len(t), 5), np.nan)
-    rows[:, 0] = rows[:, 1] = 0.0
-    rows[:, 2], rows[:, 3] = speed * (t - t[-1]), ROOM
-    return controller.run(controller.start(), rows)[0]
-
-
-def answer(controller: ForceController, state: bytes, wanted: float, speed: float = 0.03) -> float:
-    ahead = Reference(wanted, wanted)
-    return controller.step(state, ahead, Measurement(speed * controller.period_s, ROOM, wanted))[1]
 
 
 # ------------------------------------------------------------------------------------- the inverse
@@ -118,12 +86,15 @@ def test_the_step_in_c_is_the_slow_one_in_python(kelvin):
     assert current.max() > 0.3
 
 
-@pytest.mark.parametrize("name", ["recommended", "exact", "paper", "static-preview", "inverse-bouc-wen"])
+@every_law
+@pytest.mark.parametrize("name", ["recommended", "exact", "paper", "static-preview", "inverse"])
 @pytest.mark.parametrize("speed", [0.03, -0.03])
-def test_more_wanted_force_is_never_less_current(name, speed):
-    state = at_speed(ALL[name], speed)
-    wanted = math.copysign(1.0, speed) * np.linspace(-500.0, 2500.0, 61)
-    current = [answer(ALL[name], state, f, speed) for f in wanted]
+def test_more_wanted_force_is_never_less_current(law, name, speed):
+    inverse = "inverse-bouc-wen" if law == "double-bouc-wen" else "series-inverse"
+    made = OF[law][inverse if name == "inverse" else name]
+    state = at_speed(made, speed)
+    wanted = math.copysign(1.0, speed) * np.linspace(-500.0, 3500.0, 81)
+    current = [answer(made, state, f, speed) for f in wanted]
     assert (np.diff(current) >= -1e-9).all()
     assert current[0] == 0.0
     assert current[-1] == 2.0
@@ -137,11 +108,12 @@ def test_a_force_along_the_motion_gets_no_current(name):
         assert answer(made, at_speed(made, speed), -math.copysign(400.0, speed), speed) == 0.0
 
 
-def test_the_banks_agree_on_the_currents_of_their_models():
+@every_law
+def test_the_banks_agree_on_the_currents_of_their_models(law):
     """At a force that the 1 A model has, 3, 5 and 9 models all say 1 A; 2 models say something else."""
-    state = {name: at_speed(ALL[name]) for name in ("paper-2", "paper-3", "paper", "paper-9")}
-    wanted = np.linspace(200.0, 1500.0, 400)
-    row = {name: np.array([answer(ALL[name], s, f) for f in wanted]) for name, s in state.items()}
+    state = {name: at_speed(OF[law][name]) for name in ("paper-2", "paper-3", "paper", "paper-9")}
+    wanted = np.linspace(200.0, 1800.0, 400)
+    row = {name: np.array([answer(OF[law][name], s, f) for f in wanted]) for name, s in state.items()}
     at_one = int(np.argmin(np.abs(row["paper-9"] - 1.0)))
     for name in ("paper-3", "paper"):
         assert row[name][at_one] == pytest.approx(row["paper-9"][at_one], abs=5e-3)
@@ -164,9 +136,9 @@ def test_the_reversal_clamp_holds_the_command_while_the_hysteresis_builds_up():
 # ------------------------------------------------------------------------------------- states
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_the_state_is_handed_back_and_one_by_one_is_all_at_once(name):
-    made = ALL[name]
+@every_controller
+def test_the_state_is_handed_back_and_one_by_one_is_all_at_once(law, name):
+    made = OF[law][name]
     rows = told(made, 0.2)
     rows[:, 4] = 50.0
     state, currents = made.start(), []
@@ -225,14 +197,15 @@ def test_bytes_that_are_no_state_are_refused():
 @pytest.mark.system
 @examples(60)
 @given(
-    name=st.sampled_from(NAMES),
+    which=st.sampled_from([(law, name) for law in OF for name in OF[law]]),
     rows=st.lists(st.tuples(forces, forces, readings, temperatures, forces), min_size=1, max_size=40),
     repeats=st.integers(1, 60),
     single=st.booleans(),
 )
-def test_whatever_it_is_told_the_command_is_within_its_ends(name, rows, repeats, single):
+def test_whatever_it_is_told_the_command_is_within_its_ends(which, rows, repeats, single):
     """And what can be told from a reading alone is said, in both precisions."""
-    made = SINGLE[name] if single else ALL[name]
+    law, name = which
+    made = replace(OF[law][name], single=single)
     told_rows = np.repeat(np.array(rows), repeats, axis=0)
     state, current, flags = made.run(made.start(), told_rows)
     assert ((current >= 0.0) & (current <= 2.0)).all()
@@ -253,7 +226,8 @@ def test_whatever_it_is_told_the_command_is_within_its_ends(name, rows, repeats,
             continue  # it has one temperature whatever is read
         np.testing.assert_array_equal((flags & flag) != 0, expected)
     believed = made.believes(state)
-    assert np.isfinite([believed.displacement, believed.velocity, believed.temperature]).all()
+    numbers = (believed.displacement, believed.velocity, believed.temperature, believed.force)
+    assert np.isfinite(numbers).all()
 
 
 def test_a_bank_of_controllers_stepped_in_turn_is_each_of_them_alone():
@@ -269,19 +243,21 @@ def test_a_bank_of_controllers_stepped_in_turn_is_each_of_them_alone():
             assert current == alone[k][i]
 
 
-@examples(30)
+@every_law
+@examples(25)
 @given(rows=st.lists(st.tuples(forces, forces, readings, temperatures), min_size=1, max_size=40))
-def test_after_any_rubbish_it_tracks_again(rows):
+def test_after_any_rubbish_it_tracks_again(law, rows):
     """2.5 s of good readings later the command is that of a controller which never heard any rubbish.
 
     Good readings of temperature move by some noise: one that jumped and then stands still is called frozen.
     """
     bad = np.column_stack([np.array(rows), np.full(len(rows), np.nan)])
-    good = told(RECOMMENDED, 2.8, noise=0.0)
+    made = OF[law]["recommended"]
+    good = told(made, 2.8, noise=0.0)
     good[:, 3] += 0.05 * np.random.default_rng(2).standard_normal(len(good))
     good[:, 4] = np.nan
-    clean = RECOMMENDED.run(RECOMMENDED.start(), good)[1]
-    after = RECOMMENDED.run(RECOMMENDED.run(RECOMMENDED.start(), bad)[0], good)[1]
+    clean = made.run(made.start(), good)[1]
+    after = made.run(made.run(made.start(), bad)[0], good)[1]
     assert np.abs(after - clean)[2500:].max() < 0.02
 
 

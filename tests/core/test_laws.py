@@ -21,8 +21,8 @@ from hypothesis import strategies as st
 from mrdamper import core
 from mrdamper.core import _kernel
 from mrdamper.excitation import Harmonics, Sine, Trajectory, drive
-from mrdamper.models.damper import LAG, Damper
-from mrdamper.models.dependence import Constant, Exponential, Hill, ParameterLaw, Polynomial
+from mrdamper.models.damper import Damper
+from mrdamper.models.dependence import Constant, Exponential, ParameterLaw, Polynomial
 from mrdamper.models.laws import LAWS
 from mrdamper.models.simulate import open_drive, simulate
 from mrdamper.models.tangents import sensitivities
@@ -73,7 +73,6 @@ FRICTION = {
     **{"mass": 3.0, "coulomb_friction": 20.0, "breakaway_friction": 10.0},
     **{"stribeck_velocity": 5e-3, "transition_velocity": 2e-3},
 }
-WITH_MEMORY = ("bouc-wen", "dahl", "bouc-wen-saturating", "double-bouc-wen")
 every_law = pytest.mark.parametrize("name", list(LAWS))
 
 
@@ -694,69 +693,6 @@ def test_every_tangent_column_is_a_central_difference_at_constant_command(name, 
             return core.run(number_of(d), trajectory.record, changed)[0]
 
         assert worst_tangent(columns[place], force_at, value) < 1e-6, d.law.names[place]
-
-
-RICH: Mapping[str, Mapping[str, ParameterLaw]] = {
-    "bouc-wen": {
-        "viscosity": Polynomial((300.0, 50.0, -20.0)),
-        "yield_force": Polynomial((100.0, 700.0, -80.0)),
-        "rho": Exponential(3000.0, -1.3),
-    },
-    "dahl": {"yield_force": Hill(50.0, 600.0, 0.5, 1.7), "rho": Hill(900.0, 500.0, 0.4, 2.0)},
-    "double-bouc-wen": {
-        "yield_force": Polynomial((100.0, 400.0, -40.0)),
-        "second_force": Hill(20.0, 300.0, 0.6, 1.5),
-        "rho": Exponential(6000.0, -0.8),
-        "second_rho": Exponential(900.0, 0.5),
-    },
-    "bouc-wen-saturating": {
-        "offset": Polynomial((40.0, -5.0)),
-        "rate_force": Polynomial((100.0, 300.0, 20.0)),
-        "rho": Exponential(3000.0, -1.3),
-        "saturation_velocity": Exponential(0.05, 0.4),
-    },
-    "bingham": {"yield_force": Polynomial((50.0, 600.0)), "yield_velocity": Exponential(0.01, 0.5)},
-    "tanh": {"yield_force": Hill(50.0, 600.0, 0.5, 1.7), "slope": Polynomial((60.0, 10.0))},
-    "lugre": {
-        "yield_force": Polynomial((100.0, 700.0, -80.0)),
-        "rho": Exponential(3000.0, -1.3),
-        "static_excess": Exponential(0.4, 0.5),
-        "fade_velocity": Exponential(0.01, -0.4),
-    },
-    "spencer": {
-        "yield_force": Hill(90.0, 630.0, 0.6, 1.5),
-        "series_damping": Exponential(3e4, 0.3),
-        "inner_viscosity": Polynomial((2500.0, 800.0)),
-        "rho": Exponential(3000.0, -1.3),
-    },
-    "series-valve": {"yield_force": Hill(90.0, 630.0, 0.6, 1.5), "thinning": Exponential(3.2, 0.1)},
-}
-
-
-@pytest.mark.system
-@every_law
-def test_every_number_s_tangent_is_a_central_difference_when_the_command_varies(name):
-    """Numbers of every dependence, and the command lag, through ``models.simulate.sensitivities``."""
-    trajectory = open_drive(with_command(random_drive(1, rate=500.0, duration=1.0)))
-    constant = {key: Constant(value) for key, value in {**TYPICAL[name], **FRICTION}.items()}
-    d = Damper(LAWS[name], {**constant, **RICH[name]}, command_lag_s=0.03)
-    numbers = [*d.parameters, LAG]
-    found = sensitivities(d, trajectory, numbers)
-    np.testing.assert_array_equal(found.force, simulate(d, trajectory))
-    columns = found.combine @ found.columns
-    for row, number in enumerate(numbers):
-
-        def force_at(value, number=number):
-            moved = replace(d, command_lag_s=value) if number == LAG else d.with_parameters({number: value})
-            return core.run(number_of(moved), trajectory.record, _along(moved, trajectory))[0]
-
-        value = d.command_lag_s if number == LAG else d.parameters[number]
-        assert worst_tangent(columns[row], force_at, value) < 1e-6, number
-
-
-def _along(d: Damper, trajectory) -> np.ndarray:
-    path = trajectory.trajectory
-    return np.ascontiguousarray(d.coefficients_at(core.lagged(path.command, path.step, d.command_lag_s)[0]))
 
 
 # -------------------------------------------------------------------------------------- sums and ensembles

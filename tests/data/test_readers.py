@@ -241,39 +241,6 @@ def test_what_cannot_be_read_says_why(tmp_path, text, message):
     assert "run" in str(error.value)
 
 
-@pytest.mark.system
-@pytest.mark.parametrize(
-    ("name", "content", "message"),
-    [
-        (
-            "odd.csv",
-            _text("Time [s];Weg é\x07").encode("latin-1"),
-            r"byte 13 is not UTF-8 text \(0xe9\); save",
-        ),
-        ("many.csv", _text("変位,荷重" * 40).encode("shift-jis"), r"byte 0 is not UTF-8 text \(0x95\); save"),
-        (
-            "spelled.csv",
-            _text("time_s,displacement_mm,note,current_A").replace(",force", "").encode(),
-            r"no force column",
-        ),
-        ("old.bin", b"\x00\x01\x02\x03" * 100, "not a format that is read here"),
-        ("broken.parquet", b"PAR1 and nothing", "not a readable Parquet file"),
-        ("broken.mat", b"MATLAB 5.0 MAT-file, and nothing", "not a readable MAT file"),
-        (
-            "new.mat",
-            b"MATLAB 7.3 MAT-file, Platform: x\0",
-            r"not a readable MAT v7\.3 file",
-        ),
-        ("hdf.mat", b"\x89HDF\r\n\x1a\n\0\0\0\0", r"not a readable HDF5 file"),
-        ("log.txt", b"Header Size:  7\nVersion: 2\n", "the logger's header lacks"),
-    ],
-)
-def test_a_broken_file_is_a_message_not_a_traceback(tmp_path, name, content, message):
-    (tmp_path / name).write_bytes(content)
-    with pytest.raises(InputError, match=message):
-        read_run(tmp_path / name)
-
-
 def _whole_files(folder):
     """Return a text, a logger's text and a compressed MAT file, each readable when whole."""
     (folder / "run.csv").write_text(_text(SELF_DESCRIBING))
@@ -318,15 +285,6 @@ def test_paths_that_lead_nowhere_are_told(tmp_path):
         read_runs([])
     with pytest.raises(InputError, match="cannot read the file"):
         read_run(tmp_path / "missing.csv")
-
-
-def test_the_faults_of_all_files_are_told_at_once(tmp_path):
-    (tmp_path / "a.csv").write_text("")
-    (tmp_path / "b.csv").write_text(_text("time_s,displacement_m,load,current_A"))
-    (tmp_path / "c.csv").write_text(_text(SELF_DESCRIBING))
-    with pytest.raises(InputError) as error:
-        read_runs(tmp_path)
-    assert len(str(error.value).splitlines()) == 2
 
 
 def test_a_column_and_a_constant_of_one_command_are_one_too_many(tmp_path):

@@ -48,15 +48,6 @@ def replay(folder, tool):
 # ------------------------------------------------------------------------------------------ compilers
 
 
-@pytest.mark.nightly
-@pytest.mark.parametrize("precision", ["float", "double"])
-@pytest.mark.parametrize("content", ["model", "controller", "both"])
-def test_gcc_has_nothing_to_say(content, precision, tool, tmp_path):
-    place = write(a_target(content=content, precision=precision), tmp_path)
-    for unit in ("damper.c", "damper_tables.c", "main.c"):
-        ran(tool("gcc"), *STRICT, "-c", unit, cwd=place)
-
-
 @pytest.mark.system
 @pytest.mark.parametrize("precision", ["float", "double"])
 def test_nor_has_the_compiler_of_a_cortex(precision, tool, tmp_path):

@@ -6,7 +6,6 @@ import hashlib
 import math
 import re
 import subprocess
-import sys
 import zipfile
 from dataclasses import replace
 from importlib import import_module
@@ -870,17 +869,3 @@ def test_the_variables_have_names_of_their_own(card):
     for content in ("model", "controller", "both"):
         names = [each.name for each in variables_of(target_of(card, content=content))]
         assert len(names) == len(set(names))
-
-
-@pytest.mark.system
-def test_the_example_runs_on_a_card(place, card, tool):
-    tool("gcc")
-    example = Path(__file__).parents[2] / "examples" / "fmu_in_fmpy.py"
-    assert len(example.read_text(encoding="utf-8").splitlines()) < 40
-    done = subprocess.run(
-        [sys.executable, example, place / "card.json"], cwd=place, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    current, force = (float(found) for found in re.findall(r"up to ([\d.]+)", done.stdout))
-    assert 0.5 < current <= 2.0
-    assert force == pytest.approx(600.0, rel=0.05)  # which is wanted

@@ -17,11 +17,8 @@ from mrdamper.control.controllers import controllers_for
 from tests.control.dampers import DAMPERS, DOUBLE
 from tests.export.board import (
     BOARDS,
-    CLEAN,
     KERNEL,
-    SOURCES,
     Replay,
-    c_tables,
     hash_of,
     on_board,
     on_host,
@@ -109,19 +106,6 @@ def test_the_readings_are_stepped_without_undefined_behaviour(tool, single):
         flags = ("-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
         there = on_host(controller, readings(controller, 2000), single=single, flags=flags)
         assert there.outside == 0
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("single", [True, False])
-@pytest.mark.parametrize("law", DAMPERS)
-def test_kernel_and_tables_compile_without_a_warning(tool, tmp_path, law, single):
-    (tmp_path / "tables.c").write_text(c_tables(controllers_for(DAMPERS[law])["paper"], single=single))
-    number = ["-DMRD_SINGLE"] if single else []
-    command = [tool("gcc"), "-std=c99", "-O2", *CLEAN, *number, f"-I{KERNEL}", f"-I{tmp_path}", "-c"]
-    done = subprocess.run(
-        [*command, SOURCES / "one.c", "-o", tmp_path / "one.o"], capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.nightly

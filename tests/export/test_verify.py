@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrdamper.control.tables.heating import Heating
-from mrdamper.errors import CheckError, InputError
+from mrdamper.errors import CheckError
 from mrdamper.export import verify
 from mrdamper.export.c_code import c_files, sources_sha256
 from mrdamper.export.target import target_of
@@ -181,15 +181,6 @@ def test_a_program_that_falls_over_is_told(monkeypatch):
         "int main(int count, char **argument)\n{\n    if (count > 0) abort();",
     )
     with pytest.raises(CheckError, match=r"the compiled replay ended with -6"):
-        verify_c(a_target(), samples=100)
-
-
-def test_without_a_compiler_the_message_names_the_remedy(monkeypatch, tmp_path):
-    monkeypatch.setenv("PATH", str(tmp_path))
-    monkeypatch.delenv("CC", raising=False)
-    with pytest.raises(
-        InputError, match=r"there is no C compiler .* Install gcc or clang, or use --no-verify"
-    ):
         verify_c(a_target(), samples=100)
 
 

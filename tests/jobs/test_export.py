@@ -292,17 +292,3 @@ def test_the_wheel_s_files_are_found_where_the_package_is_installed():
     )
     assert "core/kernel" not in excluded
     assert "templates" not in excluded
-
-
-def test_help_names_the_choices():
-    said = mrdamper("export", "--help").stdout
-    for word in (
-        "--c DIR",
-        "--fmu FILE",
-        "--table FILE",
-        "--precision",
-        "--step TIME",
-        "--content",
-        "--no-verify",
-    ):
-        assert word in said

@@ -393,23 +393,6 @@ def test_bad_input_ends_in_one_message_and_leaves_nothing(folder):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "message"),
-    [
-        ("wall_mm = 5", "wall_mm = 25", "body.wall_mm is 25, the outer radius 23"),
-        ("outer_diameter_mm = 46", "outer_diameter_mm = 23", "Is 23 mm the body's radius?"),
-        ("length_mm = 200", "length = 200", "body has no key 'length'"),
-        ("resistance_ohm = 4.2", 'resistance_ohm = "4.2"', "expected a number"),
-        ("air_m_s = 0", "air_m_s = 1e-9", "bad.toml: convection of the body: Re Pr of a cylinder is"),
-        ("width_mm = 23", "width_mm = -23", "sink.width_mm is -23; expected a number in mm, above 0"),
-        ("heat_capacity = 0.9803", "heat_capacity = 0", "bad.toml: calibration.heat_capacity is 0"),
-    ],
-)
-def test_a_drawing_that_cannot_be_is_refused(folder, old, new, message):
-    with pytest.raises(InputError, match=re.escape(message)):
-        heating(folder / "card.json", changed(folder, old, new, "bad.toml"))
-
-
-@pytest.mark.parametrize(
     ("duty", "message"),
     [
         ("sine:15mm:1Hz:2V:1800s", "its command is in V, the card's in A; expected the same unit"),

@@ -208,23 +208,6 @@ def test_a_duty_that_no_sink_can_carry_is_told(folder):
     assert any("no sink keeps the fluid below its limit" in note for note in found["notes"])
 
 
-def test_bad_input_ends_in_one_message_and_leaves_nothing(folder):
-    run = mrdamper(
-        "sink",
-        folder / "card.json",
-        "--damper",
-        DRAWING,
-        "--material",
-        "unobtainium",
-        "--out",
-        folder / "bad",
-    )
-    assert (run.returncode, run.stdout) == (3, "")
-    assert len(run.stderr.strip().splitlines()) == 1
-    assert "no material is called 'unobtainium'" in run.stderr
-    assert not (folder / "bad").exists()
-
-
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -237,8 +220,3 @@ def test_bad_input_ends_in_one_message_and_leaves_nothing(folder):
 def test_limits_that_cannot_be_are_refused(folder, options, message):
     with pytest.raises(InputError, match=re.escape(message)):
         sink(folder / "card.json", DRAWING, options=options)
-
-
-def test_a_duty_in_another_unit_than_the_card_s_is_refused(folder):
-    with pytest.raises(InputError, match="its command is in V, the card's in A"):
-        sink(folder / "card.json", DRAWING, duty="sine:15mm:1Hz:2V:1800s")

@@ -80,10 +80,6 @@ def damper(law, /, **values):
     return Damper(LAWS[law], forms)
 
 
-def reversed_motion(t):
-    return Trajectory(t.step, -t.displacement, -t.velocity, -t.acceleration, t.command)
-
-
 shapes = {"kappa": st.floats(-1.0, 0.99), "n": st.floats(0.2, 20.0)}
 
 
@@ -193,32 +189,6 @@ def test_a_varying_command_moves_the_state_along_the_same_curve():
 # ---------------------------------------------------------------------------------- laws of nature
 
 
-@pytest.mark.system
-@pytest.mark.parametrize("law", SOUND)
-def test_reversing_the_motion_reverses_the_force(law):
-    model = damper(law)
-    forward = simulate_reference(model, UNEVEN)
-    backward = simulate_reference(model, reversed_motion(UNEVEN))
-    np.testing.assert_allclose(backward, -forward, rtol=0, atol=1e-7 * np.abs(forward).max())
-
-
-@examples(8)
-@given(law=st.sampled_from(sorted(SOUND)), amplitude=st.floats(1e-4, 0.02), frequency=st.floats(0.2, 8.0))
-def test_a_closed_cycle_dissipates(law, amplitude, frequency):
-    path = drive(Sine(amplitude, frequency), duration=2 / frequency, rate_Hz=200 * frequency, command=0.5)
-    force = simulate_reference(damper(law, stiffness=800.0, mass=2.0), path, tolerance=1e-8)
-    power = (force * path.velocity)[200:]  # the second cycle; one period closes the trapezium rule exactly
-    assert path.step * np.trapezoid(power) > 0.0
-
-
-def test_a_bouc_wen_force_without_viscosity_does_not_know_how_fast_it_is_driven():
-    slow = Trajectory(
-        10 * UNEVEN.step, UNEVEN.displacement, UNEVEN.velocity / 10, UNEVEN.acceleration / 100, UNEVEN.command
-    )
-    model = damper("bouc-wen", viscosity=0.0)
-    np.testing.assert_allclose(simulate_reference(model, slow), simulate_reference(model, UNEVEN), atol=1e-5)
-
-
 @pytest.mark.nightly
 @pytest.mark.parametrize("law", SOUND)
 def test_the_force_is_linear_in_the_coefficients_that_say_so(law):
@@ -238,38 +208,6 @@ def test_the_force_is_linear_in_the_coefficients_that_say_so(law):
 # ------------------------------------------------------------------------------------------- limits
 
 
-def test_dahl_is_bouc_wen_with_linear_approach_and_no_difference_of_sides():
-    dahl = simulate_reference(damper("dahl"), SINE)
-    same = simulate_reference(damper("bouc-wen", kappa=-1.0, n=1.0), SINE)
-    np.testing.assert_allclose(dahl, same, atol=1e-9)
-
-
-def test_the_saturating_law_is_bouc_wen_at_either_end_of_its_saturation_velocity():
-    shape = {"rho": 1200.0, "kappa": -0.9, "n": 1.3, "viscosity": 0.0}
-    plain = simulate_reference(damper("bouc-wen", yield_force=300.0, **shape), SINE)
-    full = simulate_reference(damper("bouc-wen", yield_force=700.0, **shape), SINE)
-    late = simulate_reference(damper("bouc-wen-saturating", saturation_velocity=1e2, **shape), SINE)
-    early = simulate_reference(damper("bouc-wen-saturating", saturation_velocity=1e-6, **shape), SINE)
-    np.testing.assert_allclose(late, plain, atol=400.0 * 0.13 / 100)
-    moving = np.abs(SINE.velocity) > 1e-2
-    np.testing.assert_allclose(early[moving], full[moving], atol=400.0 * 1e-4)
-
-
-def test_friction_is_kinetic_when_fast_and_static_when_slow():
-    friction = {
-        "coulomb_friction": 40.0,
-        "breakaway_friction": 25.0,
-        "stribeck_velocity": 3e-3,
-        "transition_velocity": 1e-5,
-    }
-    model = damper("bingham", viscosity=0.0, yield_force=0.0, **friction)
-    fading = 40.0 + 25.0 * math.exp(-4.0)
-    for speed, expected in ((0.1, 40.0), (1e-4, 65.0), (6e-3, fading), (-0.1, -40.0), (0.0, 0.0)):
-        t = np.arange(3) * 1e-3
-        path = Trajectory(1e-3, np.array(speed * t), np.full(3, speed), np.zeros(3), np.zeros(3))
-        assert simulate_reference(model, path) == pytest.approx([expected] * 3, rel=2e-3)
-
-
 def test_mass_spring_and_offset_add_what_newton_and_hooke_say():
     plain = damper("bouc-wen")
     loaded = damper("bouc-wen", mass=3.0, stiffness=700.0, offset=50.0)
@@ -282,22 +220,6 @@ def test_the_shift_of_the_tanh_law_follows_the_side_of_the_stroke():
     still = np.zeros(2)
     at_rest = Trajectory(1e-3, np.array([-0.01, 0.01]), still, still, still)
     assert simulate_reference(model, at_rest) == pytest.approx([-500 * math.tanh(0.5), 500 * math.tanh(0.5)])
-
-
-@pytest.mark.system
-def test_a_stiff_compliance_leaves_the_valve_alone():
-    """With gap 0, the force tends to the algebraic valve law as spring and leak harden, to first order."""
-    values = {"position_gain": -2.3, "offset": 48.0, "stiffness": 730.0, "gap": 0.0, "gap_corner": 1e-9}
-    values["thinning_exponent"] = 1.0  # smooth at rest, so that the order is a whole number
-    x, v = SINE.displacement, SINE.velocity
-    shape = np.tanh(v / 2.5e-3) + 3.2 * v
-    alone = 48.0 + 730.0 * x + 400.0 * (1 - 2.3 * x) * shape
-    errors = []
-    for factor in (1.0, 10.0):
-        hard = damper("series-valve", **values, leak_damping=1e8 * factor, gap_stiffness=1e9 * factor)
-        errors.append(np.abs(simulate_reference(hard, SINE) - alone).max())
-    assert errors[1] < 1e-3 * np.abs(alone).max()
-    assert errors[1] == pytest.approx(errors[0] / 10, rel=0.1)
 
 
 def test_a_valve_that_does_not_yield_leaves_the_compliance_alone():

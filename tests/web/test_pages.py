@@ -5,11 +5,7 @@ Screenshots go to build/web/: look at them when a page has changed.
 
 from __future__ import annotations
 
-import io
-import json
 import re
-import subprocess
-import zipfile
 from xml.etree import ElementTree
 
 import numpy as np
@@ -26,9 +22,7 @@ from tests.web.walking import (
     PAGES,
     STATIC,
     UNNAMED,
-    a_logger_file,
     download,
-    map_the_logger,
     move,
     place_of,
     plot,
@@ -50,31 +44,6 @@ def test_an_empty_folder_says_what_to_do_on_every_page(bare):
         page.wait_for_selector(f"[data-shown={name}] .empty")
         assert len(page.inner_text(".empty p >> nth=0")) > 40
         shoot(page, f"{name}-empty")
-
-
-@pytest.mark.nightly
-def test_a_file_in_volts_is_mapped_with_a_preview_and_the_broken_one_says_where(bare, tmp_path):
-    """Map, try, save: the command line reads the map that the page has written."""
-    page, folder = bare
-    broken = tmp_path / "broken.csv"
-    broken.write_text("time_s,displacement_mm,force_N\n0,0,1\n0.001,oops,2\n0.002,0.1,3\n")
-    page.goto("/")
-    page.set_input_files("#picker", [a_logger_file(tmp_path / "logger.txt"), broken])
-    page.get_by_text("not understood").nth(1).wait_for()
-    assert "line 3" in page.inner_text("tr:has-text('broken.csv')")
-    assert "no displacement column" in page.inner_text("tr:has-text('logger.txt')")
-    page.get_by_label("Look into logger.txt").click()
-    map_the_logger(page, currents="0, 1", rate="500")
-    page.wait_for_selector("#preview .notice.good")
-    shown = page.inner_text("#preview")
-    assert "2 runs: logger_0.00A, logger_1.00A" in shown
-    assert "10.0 mm stroke" in shown  # 0.5 V either way, at 10 mm/V
-    assert not (folder / "runs" / "logger.txt.channels.toml").exists()  # a preview writes nothing
-    shoot(page, "runs-map")
-    page.click("#save-map")
-    page.get_by_role("link", name="logger_1.00A").wait_for()
-    assert (folder / "runs" / "logger.txt.channels.toml").exists()
-    assert "0.01" in (folder / "runs" / "logger.txt.channels.toml").read_text()
 
 
 # ------------------------------------------------------------------------------------------------ loops
@@ -185,23 +154,6 @@ def test_a_fit_is_started_watched_and_found_in_the_folder(page, site):
     page.get_by_text("fitted on 27 runs").wait_for()
 
 
-@pytest.mark.nightly
-def test_a_long_fit_is_found_again_after_a_reload_and_stopped(page, site):
-    _, client = site
-    page.goto("/#/identify")
-    page.fill("#card-name", "stopped")
-    page.get_by_text("More", exact=True).click()
-    page.get_by_label("Search").select_option("genetic")
-    page.click("#start-fit")
-    page.wait_for_selector("[data-job=identify] progress")
-    page.wait_for_selector("figure:has-text('Cost while fitting') >> visible=true")
-    page.reload()
-    page.get_by_role("button", name="Cancel").click()
-    page.wait_for_selector("[data-job=identify] .notice.warning")
-    job = next(each for each in client.get("/api/jobs")["jobs"] if each["options"].get("card") == "stopped")
-    assert job["state"] == "cancelled"
-
-
 # --------------------------------------------------------------------------------------------- heating
 
 
@@ -274,35 +226,6 @@ def test_controllers_are_compared_and_what_is_out_of_reach_is_said(page, site):
     assert page.get_by_text("what the damper can give").is_visible()
     assert page.get_by_text("target out of reach").first.is_visible()
     shoot(page, "tracking")
-
-
-# ----------------------------------------------------------------------------------------------- export
-
-
-@pytest.mark.nightly
-def test_the_archive_compiles_and_the_fmu_verifies(page, tool, tmp_path):
-    """C and FMU as they are downloaded: the compiler has nothing to say, the FMU's description is valid."""
-    compiler = tool("cc")
-    page.goto("/#/export?card=strong")
-    page.click("#start-export")
-    page.get_by_text("Verified: the compiled code is the model").wait_for(timeout=90_000)
-    shoot(page, "export")
-    archive = download(page, page.get_by_role("link", name=re.compile(r"damper_c\.zip")).click)
-    with zipfile.ZipFile(io.BytesIO(archive)) as files:
-        files.extractall(tmp_path)
-    sources = [tmp_path / "damper_c" / name for name in ("main.c", "damper.c", "damper_tables.c")]
-    done = subprocess.run(
-        [compiler, "-std=c99", "-Wall", "-Werror", "-o", tmp_path / "program", *sources, "-lm"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    assert json.loads((tmp_path / "damper_c" / "verification.json").read_text())["passed"] is True
-    fmpy = pytest.importorskip("fmpy.validation", reason="FMPy is not installed")
-    fmu = tmp_path / "damper.fmu"
-    fmu.write_bytes(download(page, page.get_by_role("link", name=re.compile(r"damper\.fmu")).click))
-    assert fmpy.validate_fmu(str(fmu)) == []
 
 
 # ------------------------------------------------------------------------------------- all of the pages

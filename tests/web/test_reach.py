@@ -188,26 +188,6 @@ def test_the_templates_are_plans(page, site):
         assert read_plan(own).kind == kind
 
 
-def test_what_was_cancelled_is_resumed_on_the_page(page, site):
-    root, client = site
-    (root / "inputs" / "long.toml").write_text(
-        'kind = "tolerance"\n[tolerance]\ncard = "../cards/strong/card.json"\ndraws = 40\n'
-        'targets = ["sine-900N-1Hz"]\ntemperatures_degC = [20]\n'
-    )
-    job = client.job("sweep", plan="long.toml", workers=1)
-    while not (root / "results" / job / "sweep.jsonl").is_file() or (
-        len((root / "results" / job / "sweep.jsonl").read_text().splitlines()) < 3
-    ):
-        page.wait_for_timeout(50)
-    client.ask("POST", f"/api/jobs/{job}/cancel", json={})
-    assert client.ended(job)["resumable"]
-    page.goto("/#/jobs")
-    page.get_by_label(f"Resume {job}").click()
-    expect(page.locator("tr", has_text=job)).to_contain_text(re.compile("running|queued"))
-    client.ask("POST", f"/api/jobs/{job}/cancel", json={})
-    assert client.ended(job)["resumed"] == 1
-
-
 def test_public_data_are_listed_with_their_licence(page):
     page.goto("/#/runs")
     page.click("#public-data summary")

@@ -11,7 +11,6 @@ import subprocess
 import sys
 import threading
 import time
-import zipfile
 from typing import get_args
 
 import numpy as np
@@ -38,7 +37,6 @@ from mrdamper.web.schemas import order_kinds, request_fields
 from mrdamper.web.worker_client import NotYetError, PendingAnswers, WorkerClient
 from tests.support.heated import DRAWING, plain_card
 from tests.support.rigs import answer_of, command, mrdamper, short_runs, write_csv, write_runs
-from tests.support.tracked import write_a_card
 from tests.web.served import is_alive, series_of, served
 
 pytestmark = pytest.mark.system
@@ -48,8 +46,6 @@ TINY = (
     "held_out_temperatures_degC = []\nheld_out_motions = []\n"
 )
 """A campaign of two runs."""
-
-SILENT = "a b c\n"  # headers that say nothing
 
 
 @pytest.fixture(scope="module")
@@ -503,14 +499,6 @@ def test_files_that_come_and_go_do_no_harm_to_what_is_listed(clean):
 # ------------------------------------------------------------------------------------------- jobs
 
 
-def test_the_virtual_rig_fills_an_empty_folder(clean):
-    root, client = clean
-    (root / "inputs" / "tiny.toml").write_text(TINY, encoding="utf-8")
-    job = client.ended(client.job("rig", campaign="tiny.toml"))
-    assert job["state"] == "done", job["message"]
-    assert len(client.read_all()) == 2
-
-
 def test_the_short_campaign_is_one():
     from mrdamper.rig.campaign import Campaign
     from mrdamper.web.adapters import _SHORT
@@ -518,82 +506,6 @@ def test_the_short_campaign_is_one():
     campaign = Campaign.from_mapping(parse_toml(_SHORT))
     assert len(campaign.runs()) == 27
     assert campaign.steps is not None  # the lag can be identified
-
-
-@pytest.mark.nightly
-def test_a_controller_is_tracked_and_drawn_and_exported(clean, tool):
-    tool("cc")
-    root, client = clean
-    (root / "cards" / "strong").mkdir()
-    write_a_card(root / "cards" / "strong" / "card.json")
-    (root / "inputs" / "brief.toml").write_text(
-        'like = "sine-900N-1Hz"\nduration_s = 2.0\ntemperature_degC = 60\n', encoding="utf-8"
-    )
-    options = {"targets": ["brief.toml"], "controllers": ["recommended", "paper"]}
-    track = client.job("track", card="strong", **options)
-    export = client.job("export", card="strong", what=["c", "table"])
-    tracked = client.ended(track)
-    assert tracked["state"] == "done", tracked["message"]
-    (trace,) = tracked["answer"]["traces"]
-    assert {run["controller"] for run in trace["runs"]} == {"recommended", "paper"}
-    assert len(trace["time_s"]) == len(trace["low_N"]) == len(trace["runs"][0]["force_N"]) <= 2000
-    exported = client.ended(export)
-    assert exported["state"] == "done", exported["message"]
-    assert exported["answer"]["verification"]["passed"] is True
-    names = {row["path"] for row in exported["files"]}
-    assert {"damper_c.zip", "damper_map.csv"} <= names
-    place = root / "results" / export / "damper_c.zip"
-    with zipfile.ZipFile(place) as archive:
-        assert archive.testzip() is None
-        assert "damper_c/damper.c" in archive.namelist()
-    got = client.ask("GET", f"/api/jobs/{export}/files/damper_c.zip?download=1")
-    assert got.headers["content-disposition"].startswith("attachment")
-    assert got.content == place.read_bytes()
-
-
-@pytest.mark.nightly
-def test_two_clients_and_a_long_fit_keep_the_pages_quick(clean, runs):
-    """No request takes more than a second while a fit has the machine for itself."""
-    root, client = clean
-    for path in runs:
-        shutil.copy(path, root / "runs")
-    put_card(root)
-    client.read_all()
-    fit = client.job("identify", card="long", method="genetic", law="bouc-wen")
-    client.until(fit, {"running"})
-    while client.get(f"/api/jobs/{fit}")["progress"] is None:
-        time.sleep(0.05)
-    longest: list[float] = []
-
-    def walk() -> None:
-        import httpx
-
-        with httpx.Client(base_url=client.address, timeout=30.0, trust_env=False) as http:
-            for turn in range(30):
-                for method, path, body in (
-                    ("GET", "/", None),
-                    ("GET", "/api/state", None),
-                    ("GET", "/api/runs", None),
-                    ("GET", f"/api/runs/{runs[turn % len(runs)].stem}/series?max={100 + turn}", None),
-                    ("GET", f"/api/files/{runs[0].name}/look", None),
-                    ("GET", f"/api/jobs/{fit}", None),
-                    ("POST", "/api/heat/curve", {"card": "plain", "ambient_degC": 20 + turn}),
-                ):
-                    begin = time.monotonic()
-                    answer = http.request(method, path, json=body)
-                    longest.append(time.monotonic() - begin)
-                    assert answer.status_code in {200, 202}, answer.text
-
-    walkers = [threading.Thread(target=walk) for _ in range(2)]
-    for walker in walkers:
-        walker.start()
-    for walker in walkers:
-        walker.join()
-    assert len(longest) == 2 * 30 * 7
-    assert client.get(f"/api/jobs/{fit}")["state"] == "running"
-    assert max(longest) <= 1.0
-    client.ask("POST", f"/api/jobs/{fit}/cancel")
-    client.ended(fit)
 
 
 # ------------------------------------------------------------------------------------------- queries
@@ -694,13 +606,3 @@ def test_without_the_extra_the_install_command_is_named(tmp_path):
     )  # fmt: skip
     assert run.returncode == 3
     assert "pip install 'mrdamper[web]'" in run.stderr
-
-
-@pytest.mark.nightly
-def test_a_token_opens_a_server_that_others_can_reach(tmp_path):
-    token = "a-token-of-some-length"
-    with served(tmp_path / "work", "--token", token) as client:
-        assert client.http.get("/api/state").status_code == 401
-        assert client.http.get("/", params={"token": token}, follow_redirects=True).status_code == 200
-        state = client.http.get("/api/state")  # with the cookie
-        assert state.status_code == 200

@@ -1,0 +1,50 @@
+"""What a controller is told, row by row, and what it answers: one motion, one target, for every law."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mrdamper.arrays import FloatArray
+from mrdamper.control.controllers import ForceController
+from mrdamper.control.protocol import Measurement, Reference
+from mrdamper.excitation import MOTIONS
+
+MOTION = MOTIONS["nonperiodic"]
+ROOM = 293.15
+
+
+def told(
+    controller: ForceController,
+    seconds: float,
+    *,
+    amplitude: float = 900.0,
+    kelvin: float = ROOM,
+    noise: float = 10e-6,
+    seed: int = 1,
+) -> FloatArray:
+    """Return rows for ``run``: the non-periodic motion, a target in phase with its velocity."""
+    t = controller.period_s * np.arange(round(seconds / controller.period_s))
+    rng = np.random.default_rng(seed)
+    rows = np.full((len(t), 5), np.nan)
+    rows[:, 0] = amplitude * np.tanh(MOTION.velocity(t) / 0.02)
+    rows[:, 1] = amplitude * np.tanh(MOTION.velocity(t + controller.preview_s) / 0.02)
+    rows[:, 2] = MOTION.displacement(t) + noise * rng.standard_normal(len(t))
+    rows[:, 3] = kelvin
+    return rows
+
+
+def at_speed(controller: ForceController, speed: float = 0.03, *, kelvin: float = ROOM) -> bytes:
+    """Return the state after half a second of even motion: hysteresis built up, no command, mid-stroke."""
+    t = controller.period_s * np.arange(round(0.5 / controller.period_s))
+    rows = np.full((len(t), 5), np.nan)
+    rows[:, 0] = rows[:, 1] = 0.0
+    rows[:, 2], rows[:, 3] = speed * (t - t[-1]), kelvin
+    return controller.run(controller.start(), rows)[0]
+
+
+def answer(
+    controller: ForceController, state: bytes, wanted: float, speed: float = 0.03, *, kelvin: float = ROOM
+) -> float:
+    """Return the command of the next step."""
+    seen = Measurement(speed * controller.period_s, kelvin, wanted)
+    return controller.step(state, Reference(wanted, wanted), seen)[1]
