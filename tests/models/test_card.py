@@ -439,8 +439,6 @@ def test_a_card_without_excerpt_says_so():
     ("damaged", "said"),
     [
         (document("titel", value="x"), "unknown key 'titel'; did you mean title?"),
-        (document("title", value=...), "title is missing; expected a text"),
-        (document("title", value=3), "title is 3; expected a text"),
         (document("law", value="bouc-wenn"), "law: there is no law 'bouc-wenn'; did you mean bouc-wen"),
         (
             document("python_law", value="laws.py:Own"),
@@ -451,11 +449,6 @@ def test_a_card_without_excerpt_says_so():
             document("command_lag_s", value=-1.0),
             "command_lag_s is -1.0; expected a number, at least 0",
         ),
-        (
-            document("command_lag_standard_error_s", value="x"),
-            "command_lag_standard_error_s is 'x'; expected a number, at least 0",
-        ),
-        (document(COEFFICIENTS, value=[]), "coefficients is []; expected a table"),
         (document(COEFFICIENTS, "rho", value=...), "coefficients: bouc-wen: rho not given"),
         (
             document(COEFFICIENTS, "kapa", value=DOCUMENT[COEFFICIENTS]["kappa"]),
@@ -464,10 +457,6 @@ def test_a_card_without_excerpt_says_so():
         (
             document(COEFFICIENTS, "rho", "kind", value="exp"),
             "coefficients.rho: there is no parameter law of kind 'exp'; there are constant, polynomial, hill",
-        ),
-        (
-            document(COEFFICIENTS, "rho", "kind", value=...),
-            "coefficients.rho.kind is missing; expected one of: constant, polynomial, hill, exponential, bip",
         ),
         (
             document(COEFFICIENTS, "rho", "unit", value="1/mm"),
@@ -492,10 +481,6 @@ def test_a_card_without_excerpt_says_so():
             "coefficients.rho: numbers.rate.unit is 'A'; expected '1/A'",
         ),
         (
-            document(COEFFICIENTS, "rho", "numbers", "rate", "value", value="-0.3"),
-            "coefficients.rho.numbers.rate.value is '-0.3'; expected a number",
-        ),
-        (
             document(COEFFICIENTS, "rho", "numbers", "rate", "value", value=10**400),
             "coefficients.rho.numbers.rate.value is 10000000000000000000000000000000000000000000000000000000",
         ),
@@ -515,17 +500,7 @@ def test_a_card_without_excerpt_says_so():
             document(COEFFICIENTS, "yield_force", "numbers", "base", "value", value=-90.5),
             "coefficients: bouc-wen: yield_force is -90.5 N; the law is well posed for 0 to inf N (at 0 A)",
         ),
-        (document("envelope", "command", value=[0.0]), "envelope.command.1 is missing; expected a number"),
-        (
-            document("envelope", "command", value=None),
-            "envelope.command is None; expected a list of 2, each a number",
-        ),
         (document("envelope", "command", value=[1, 0]), "envelope: command is (1.0, 0.0)"),
-        (
-            document("envelope", "stroke_m", value=[0, 1]),
-            "envelope has no key 'stroke_m'; expected one of: command, displacement_m, velocity_m_s, tempera",
-        ),
-        (document("preparation", value=7), "preparation is 7; expected a table"),
         (
             document(EVIDENCE, "runs", 1, "split", value="train"),
             "evidence.runs[1]: name is 'sine_10mm2Hz_0.00A' and split is 'train'; expected a text, and one o",
@@ -538,21 +513,7 @@ def test_a_card_without_excerpt_says_so():
             document(EVIDENCE, "runs", 0, "nrmse_percent", value=1.0),
             "evidence.training is {'runs': 2, 'median_nrmse_percent': 10.55, 'worst_nrmse_percent': 15.7}; t",
         ),
-        (document(EVIDENCE, "seed", value=1.5), "evidence.seed is 1.5; expected a whole number"),
-        (
-            document(EVIDENCE, "session_offsets_N", "monday", value="x"),
-            "evidence.session_offsets_N.monday is 'x'; expected a number",
-        ),
         (document("excerpt", "force_N", value=[1.0]), "excerpt: lengths are"),
-        (
-            document("excerpt", "command", 3, value=None),
-            "excerpt.command.3 is None; expected a number",
-        ),
-        (
-            document("excerpt", "rmse_N", value=...),
-            "excerpt.rmse_N is missing; expected a number, at least 0",
-        ),
-        (document("sources", value="x"), "sources is 'x'; expected a list, each a text"),
         (
             document("schema_version", value=SCHEMA_VERSION + 1),
             "schema_version is 4, and this mrdamper reads up to 3; upgrade",
@@ -566,31 +527,12 @@ def test_a_card_without_excerpt_says_so():
             "temperature_range_K is [0.0, 300.0]; expected low and high within 150 to 600",
         ),
         (
-            document("temperature_range_K", value=["cold", 300]),
-            "temperature_range_K.0 is 'cold'; expected a number",
-        ),
-        (document("temperature_range_K", value=[300]), "temperature_range_K.1 is missing; expected a number"),
-        (document("actuation", value=0.02), "actuation is 0.02; expected a table"),
-        (
-            document("actuation", value={**WARM_DOCUMENT["actuation"], "rise": 0.01}),
-            "actuation has no key 'rise'; did you mean rise_s?",
-        ),
-        (
             document("actuation", value=WARM_DOCUMENT["actuation"]),
             "actuation: command_lag_s is 0.004 beside it; expected one of them",
         ),
         (
-            document("actuation", "rise_s", value=None, of=WARM_DOCUMENT),
-            "actuation.rise_s is None; expected a number",
-        ),
-        (
             document("actuation", "fall_s", value=-1, of=WARM_DOCUMENT),
             "actuation: fall_s is -1.0; expected a finite number, 0 or more",
-        ),
-        (document("actuation", "rise_s", value=..., of=WARM_DOCUMENT), "actuation.rise_s is missing"),
-        (
-            document(COEFFICIENTS, "viscosity", "temperature", value="arrhenius", of=WARM_DOCUMENT),
-            "coefficients.viscosity.temperature is 'arrhenius'; expected a table",
         ),
         (
             document(COEFFICIENTS, "viscosity", "temperature", "kind", value="arhenius", of=WARM_DOCUMENT),
@@ -600,14 +542,6 @@ def test_a_card_without_excerpt_says_so():
         (
             document(COEFFICIENTS, "viscosity", "temperature", "kind", value="reynolds", of=WARM_DOCUMENT),
             "coefficients.viscosity: reynolds: parameter temperature_rate is missing; it must be a finite nu",
-        ),
-        (
-            document(COEFFICIENTS, "viscosity", "temperature", "assumed", value="yes", of=WARM_DOCUMENT),
-            "coefficients.viscosity.temperature.assumed is 'yes'; expected true or false",
-        ),
-        (
-            document(COEFFICIENTS, "viscosity", "temperature", "by", value="me", of=WARM_DOCUMENT),
-            "coefficients.viscosity.temperature has no key 'by'; expected one of: kind, assumed",
         ),
         (
             document(COEFFICIENTS, "viscosity", "temperature", value=..., of=WARM_DOCUMENT),
@@ -655,14 +589,6 @@ def test_a_card_without_excerpt_says_so():
         (
             document(COEFFICIENTS, "offset", "settings", "temperature_degree", value=1e300, of=WARM_DOCUMENT),
             "coefficients.offset: bipolynomial: temperature_degree is 1e+300; it must be a whole number",
-        ),
-        (
-            document("excerpt", "temperature_K", value="warm", of=WARM_DOCUMENT),
-            "excerpt.temperature_K is 'warm'; expected a number",
-        ),
-        (
-            document("envelope", "temperature_K", value=[300], of=WARM_DOCUMENT),
-            "envelope.temperature_K.1 is missing; expected a number",
         ),
         (document("schema_version", value=0), "schema_version is 0, which no longer can be read"),
         (document("schema_version", value="1"), "schema_version is '1'; a model card has an integer there"),

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import pytest
 
 from mrdamper.errors import InputError
 from mrdamper.rig.damper import PRESETS, VirtualDamper, find_preset
 from tests.oracles.paper_preset import solve_thermal_claims
-
-NUMBERS = [field.name for field in fields(VirtualDamper) if field.name != "name"]
 
 
 def test_the_presets_go_by_their_names():
@@ -44,13 +42,8 @@ def test_a_file_says_what_differs_from_a_preset():
         ({"friction": 3}, "rig.toml: unknown key 'friction'; did you mean friction_N"),
         ({"preset": "soft"}, "'soft' is not a preset of the virtual rig; "),
         ({"preset": 3}, "3 is not a preset"),
-        ({"friction_N": "40"}, "friction_N is '40'; expected a number, at least 0"),
-        ({"friction_N": True}, "friction_N is True"),
-        ({"yield_N": 0}, "yield_N is 0; expected a number, above 0"),
-        ({"coil_ohm": float("nan")}, "coil_ohm is nan; expected a number, above 0"),
         ({"spread": 0.6}, "spread is 0.6; expected a number, 0 to 0.5"),
         ({"asymmetry": -1.0}, "asymmetry is -1.0; expected a number, -0.9 to 0.9"),
-        ({"viscosity_pole_K": 300}, "viscosity_pole_K is 300; expected a number, 0 to 200"),
         ({"name": "../mine"}, "name is '../mine'; expected letters"),
     ],
 )
@@ -59,20 +52,6 @@ def test_what_cannot_be_is_refused_with_its_place(given, message):
         VirtualDamper.from_mapping(given, "rig.toml")
     assert message in str(error.value)
     assert str(error.value).startswith("rig.toml: ")
-
-
-@pytest.mark.parametrize("name", NUMBERS)
-def test_no_parameter_may_be_infinite(name):
-    with pytest.raises(InputError, match=f"{name} is inf"):
-        VirtualDamper.from_mapping({name: float("inf")})
-
-
-def test_a_file_that_cannot_be_read_is_named(tmp_path):
-    with pytest.raises(InputError, match=r"no\.toml: cannot read the virtual damper"):
-        VirtualDamper.from_toml(tmp_path / "no.toml")
-    (tmp_path / "bad.toml").write_text("preset = nominal", encoding="utf-8")
-    with pytest.raises(InputError, match=r"bad\.toml: not a TOML file"):
-        VirtualDamper.from_toml(tmp_path / "bad.toml")
 
 
 def test_an_unknown_preset_names_the_nearest():

@@ -109,26 +109,13 @@ def test_every_material_has_a_source():
         ),
         ([("fins = 5", "fins = 12")], r"12 fins at pitch_mm 20 span 223 mm, the body's length_mm is 200"),
         ([("thickness_mm = 3", "thickness_mm = 20")], r"fins overlap: thickness_mm is 20 and pitch_mm 20"),
-        ([("fins = 5", "fins = 2.5")], r"sink.fins is 2.5; expected a whole number"),
-        ([("fins = 5", "fins = -2")], r"sink.fins is -2; expected a whole number, 1 to 10000"),
-        (
-            [("emissivity = 0.31", "emissivity = 1.5")],
-            r"s.emissivity is 1.5; expected a number, 0 to 1",
-        ),
         (
             [("ambient_degC = 20", "ambient_degC = 293")],
             r"ambient_degC is 293; expected a number in degC, -50",
         ),
-        ([("resistance_ohm = 4.2", "resistance_ohm = -1")], r"coil.resistance_ohm is -1"),
-        ([("length_mm = 200", "length_mm = true")], r"body.length_mm is True; expected a number in mm"),
         ([("wall_mm", "wal_mm")], r"body has no key 'wal_mm'; did you mean wall_mm"),
-        ([("length_mm = 200\n", "")], r"body.length_mm is missing; expected a number in mm"),
         ([("[coil]", "[coyl]")], r"unknown key 'coyl'; did you mean coil"),
         ([('"steel"', '"stele"')], r"body.material: no material is called 'stele'"),
-        (
-            [('"horizontal"', '"upright"')],
-            r"body.orientation is 'upright'; expected one of: horizontal, vertical",
-        ),
         (
             [('"horizontal"', '"vertical"')],
             r"sink.correlation is 'channel' on a vertical body; expected .disc.",
@@ -137,10 +124,7 @@ def test_every_material_has_a_source():
             [('"horizontal"', '"vertical"'), ('"channel"', '"disc"'), ("pitch_mm = 20", "pitch_mm = 8")],
             "5 mm apart; expected at least 10",
         ),
-        ([('"channel"', '"chanel"')], r"sink.correlation is 'chanel'; expected one of: channel, vdi, disc"),
         ([('preset = "paper"', 'preset = "papier"')], r"fluid: fluid 'papier': neither a preset"),
-        ([("film = 0.8299", "film = 0")], r"calibration.film is 0; expected a number, above 0"),
-        ([("[body]", "[body")], "not a TOML file"),
     ],
 )
 def test_what_no_damper_can_be_is_one_message_with_place_and_remedy(pairs, said):
