@@ -19,7 +19,7 @@ from statistics import median, quantiles
 import numpy as np
 
 from bench import peers
-from bench.cards import card_of
+from bench.cards import write_plain
 from bench.measure import Asked, Row, absent
 
 __all__ = ["run"]
@@ -119,22 +119,7 @@ def _row(title: str, job: _Job, jobs: dict[str, _Job]) -> Row:
 
 def _small(folder: Path) -> tuple[Path, Path]:
     """Write a small card and a run of 2 s at 500 Hz; return the two files."""
-    from mrdamper.models.card_schema import write_card
-    from mrdamper.models.damper import Damper
-    from mrdamper.models.dependence import Constant, Polynomial
-    from mrdamper.models.laws import LAWS
-
-    damper = Damper(
-        LAWS["bouc-wen"],
-        {
-            "viscosity": Constant(900.0),
-            "yield_force": Polynomial((60.0, 450.0)),
-            "rho": Constant(1500.0),
-            "kappa": Constant(-0.4),
-            "n": Constant(1.6),
-        },
-    )
-    write_card(card_of(damper), folder / "card.json")
+    card = write_plain(folder)
     t = np.arange(1000) / 500.0
     speed = 0.01 * 4.0 * np.pi * np.cos(4.0 * np.pi * t)
     noise = np.random.default_rng(0).standard_normal((2, len(t)))
@@ -142,4 +127,4 @@ def _small(folder: Path) -> tuple[Path, Path]:
     columns += [500.0 * np.tanh(speed / 0.01) + 900.0 * speed + 3.0 * noise[1], np.ones_like(t)]
     head = "time_s,displacement_mm,force_N,current_A"
     np.savetxt(folder / "run.csv", np.column_stack(columns), "%.6f", ",", header=head, comments="")
-    return folder / "card.json", folder / "run.csv"
+    return card, folder / "run.csv"

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from bench import pages
-from bench.cards import card_of
+from bench.cards import write_plain
 from bench.measure import Asked, Row
 
 __all__ = ["run"]
@@ -38,7 +38,7 @@ def run() -> list[Row]:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         _write_run(folder / "long.csv")
-        _write_card(folder / "cards" / "plain")
+        write_plain(folder / "cards" / "plain")
         code = "from mrdamper.cli import main; main()"
         begin = time.monotonic()
         server = subprocess.Popen(
@@ -167,22 +167,6 @@ def _write_run(path: Path) -> None:
             "current_A": np.ones(_SAMPLES),
         }
     ).write_csv(path)
-
-
-def _write_card(folder: Path) -> None:
-    from mrdamper.models.card_schema import write_card
-    from mrdamper.models.damper import Damper
-    from mrdamper.models.dependence import Constant, ParameterLaw, Polynomial
-    from mrdamper.models.laws import LAWS
-
-    forms: dict[str, ParameterLaw] = {
-        "viscosity": Constant(3e3),
-        "yield_force": Polynomial((60.0, 450.0)),
-        "rho": Constant(4e3),
-        "offset": Constant(0.0),
-    }
-    folder.mkdir(parents=True)
-    write_card(card_of(Damper(LAWS["dahl"], forms)), folder / "card.json")
 
 
 if os.name != "posix":

@@ -49,6 +49,21 @@ def _kept(name: str) -> list[dict[str, Any]]:
     return [tomllib.loads(text) for text in toml_texts(name)]
 
 
+def _read(name: str, read: Callable[[Path], object]) -> Callable[[bytes], None]:
+    """Return the target of one kind of document that is read and no more."""
+
+    def take(content: bytes) -> None:
+        path = written(f"{name}.toml", _document(content, lambda: _kept(name)))
+        with promised(f"{name}.toml"):
+            read(path)
+
+    return take
+
+
+fluid = _read("fluid", find_fluid)
+scenario = _read("scenario", read_scenario)
+
+
 def channel_map(content: bytes) -> None:
     """A channel map, and what it makes of a run."""
     path = written("map.toml", _document(content, lambda: _kept("channel_map")))
@@ -86,36 +101,21 @@ def drawing(content: bytes) -> None:
         sink_of(text, "drawing.toml")
 
 
-def fluid(content: bytes) -> None:
-    """A fluid's file."""
-    path = written("fluid.toml", _document(content, lambda: _kept("fluid")))
-    with promised("fluid.toml"):
-        find_fluid(path)
+def _there_and_back(name: str, kind: type[Campaign] | type[VirtualDamper]) -> Callable[[bytes], None]:
+    """Return the target of a document that is written again and read back the same."""
+
+    def take(content: bytes) -> None:
+        path = written(f"{name}.toml", _document(content, lambda: _kept(name)))
+        with promised(f"{name}.toml"):
+            made = kind.from_toml(path)
+            again = written(f"{name}.toml", made.to_toml().encode())
+            require(kind.from_toml(again) == made, f"the {name} does not come back the same")
+
+    return take
 
 
-def campaign(content: bytes) -> None:
-    """A campaign of the virtual rig."""
-    path = written("campaign.toml", _document(content, lambda: _kept("campaign")))
-    with promised("campaign.toml"):
-        made = Campaign.from_toml(path)
-        again = written("campaign.toml", made.to_toml().encode())
-        require(Campaign.from_toml(again) == made, "the campaign does not come back the same")
-
-
-def virtual_damper(content: bytes) -> None:
-    """A virtual damper."""
-    path = written("damper.toml", _document(content, lambda: _kept("virtual_damper")))
-    with promised("damper.toml"):
-        made = VirtualDamper.from_toml(path)
-        again = written("damper.toml", made.to_toml().encode())
-        require(VirtualDamper.from_toml(again) == made, "the damper does not come back the same")
-
-
-def scenario(content: bytes) -> None:
-    """A scenario of force tracking."""
-    path = written("scenario.toml", _document(content, lambda: _kept("scenario")))
-    with promised("scenario.toml"):
-        read_scenario(path)
+campaign = _there_and_back("campaign", Campaign)
+virtual_damper = _there_and_back("virtual_damper", VirtualDamper)
 
 
 def sweep(content: bytes) -> None:

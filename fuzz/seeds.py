@@ -70,22 +70,18 @@ def lvm(clocks: str, *, segments: int = 1) -> bytes:
 
 def binary(name: str) -> list[bytes]:
     """Return files of a binary format: one from ``WRITERS``, and a small one without compression."""
-    found = [_written(name)]
-    if name == "v5.mat":
-        found += [_small_mat(nested=False), _small_mat(nested=True)]
     if name == "run.xlsx":
-        found = [workbook()]
-    if name == "v73.mat":
-        found.append(_small_mat73())
-    if name == "run.h5":
-        found.append(_small_hdf5())
-    if name == "run.tdms":
-        found.append(_small_tdms())
-    if name == "run.parquet":
-        found.append(_small_parquet())
-    if name == "run.mf4":
-        found.append(_small_mdf())
-    return found
+        return [workbook()]
+    if name == "v5.mat":
+        return [_written(name), *(_small_mat(nested=nested) for nested in (False, True))]
+    small = {
+        "v73.mat": _small_mat73,
+        "run.h5": _small_hdf5,
+        "run.tdms": _small_tdms,
+        "run.parquet": _small_parquet,
+        "run.mf4": _small_mdf,
+    }
+    return [_written(name), *([small[name]()] if name in small else [])]
 
 
 def _small_mat(*, nested: bool) -> bytes:
@@ -261,11 +257,7 @@ def toml_texts(name: str) -> tuple[str, ...]:
         return (*kept, Campaign().to_toml())
     if name == "virtual_damper":
         return tuple(each.to_toml() for each in PRESETS.values())
-    if name == "scenario":
-        return (_SCENARIO,)
-    if name == "sweep":
-        return _SWEEPS
-    raise KeyError(name)
+    return {"scenario": (_SCENARIO,), "sweep": _SWEEPS}[name]
 
 
 @cache

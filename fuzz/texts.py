@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import Path
+
 from fuzz.contract import promised, sound_table, written
 from mrdamper.data.diagnosis.diagnose import diagnose
 from mrdamper.data.formats.logger import read_logger
 from mrdamper.data.formats.lvm import read_lvm
 from mrdamper.data.formats.mts import read_mts
-from mrdamper.data.formats.table import FileOptions
+from mrdamper.data.formats.table import FileOptions, Table
 from mrdamper.data.formats.text import read_text
 from mrdamper.data.readers import read_file
 from mrdamper.data.rheometer import read_rheometer
@@ -33,25 +36,20 @@ def delimited(content: bytes) -> None:
         sound_table(read_text(path, options or FileOptions()))
 
 
-def mts(content: bytes) -> None:
-    """MTS 793 text."""
-    path = written("input.dat", content)
-    with promised("input.dat"):
-        sound_table(read_mts(path, FileOptions()))
+def _table(name: str, read: Callable[[Path, FileOptions], Table]) -> Callable[[bytes], None]:
+    """Return the target of one format's reader."""
+
+    def take(content: bytes) -> None:
+        path = written(name, content)
+        with promised(name):
+            sound_table(read(path, FileOptions()))
+
+    return take
 
 
-def logger(content: bytes) -> None:
-    """The logger's text."""
-    path = written("input.txt", content)
-    with promised("input.txt"):
-        sound_table(read_logger(path, FileOptions()))
-
-
-def lvm(content: bytes) -> None:
-    """LabVIEW measurement text."""
-    path = written("input.lvm", content)
-    with promised("input.lvm"):
-        sound_table(read_lvm(path, FileOptions()))
+mts = _table("input.dat", read_mts)
+logger = _table("input.txt", read_logger)
+lvm = _table("input.lvm", read_lvm)
 
 
 def run(content: bytes) -> None:
