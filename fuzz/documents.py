@@ -11,7 +11,7 @@ import tomllib
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 from unittest import mock
 
 from fuzz.contract import folder, promised, require, written
@@ -26,12 +26,14 @@ from mrdamper.models.card_schema import card_from_json, card_text, read_card
 from mrdamper.models.card_signature import signed
 from mrdamper.models.fluids.fluid_file import find_fluid
 from mrdamper.rig.campaign import Campaign
-from mrdamper.rig.damper import VirtualDamper
+from mrdamper.rig.damper import damper_to_toml, read_damper
 from mrdamper.thermal.drawing_file import drawing_of, sink_of
 
 __all__ = ["campaign", "card", "channel_map", "drawing", "fluid", "scenario", "sweep", "virtual_damper"]
 
 _EDITS = 1  # a first byte of 1: what follows are edits of the kept document that the next byte chooses
+
+Made = TypeVar("Made")
 
 _LINES = 40  # of the run that a channel map is tried on
 
@@ -101,21 +103,23 @@ def drawing(content: bytes) -> None:
         sink_of(text, "drawing.toml")
 
 
-def _there_and_back(name: str, kind: type[Campaign] | type[VirtualDamper]) -> Callable[[bytes], None]:
+def _there_and_back(
+    name: str, read: Callable[[Path], Made], text_of: Callable[[Made], str]
+) -> Callable[[bytes], None]:
     """Return the target of a document that is written again and read back the same."""
 
     def take(content: bytes) -> None:
         path = written(f"{name}.toml", _document(content, lambda: _kept(name)))
         with promised(f"{name}.toml"):
-            made = kind.from_toml(path)
-            again = written(f"{name}.toml", made.to_toml().encode())
-            require(kind.from_toml(again) == made, f"the {name} does not come back the same")
+            made = read(path)
+            again = written(f"{name}.toml", text_of(made).encode())
+            require(read(again) == made, f"the {name} does not come back the same")
 
     return take
 
 
-campaign = _there_and_back("campaign", Campaign)
-virtual_damper = _there_and_back("virtual_damper", VirtualDamper)
+campaign = _there_and_back("campaign", Campaign.from_toml, Campaign.to_toml)
+virtual_damper = _there_and_back("virtual_damper", read_damper, damper_to_toml)
 
 
 def sweep(content: bytes) -> None:

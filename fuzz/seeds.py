@@ -14,7 +14,7 @@ import numpy as np
 
 from mrdamper.models.card_schema import card_text
 from mrdamper.rig.campaign import Campaign
-from mrdamper.rig.damper import PRESETS
+from mrdamper.rig.damper import PRESETS, damper_to_toml
 from tests.data.rig_files import WRITERS, titled
 
 __all__ = [
@@ -256,7 +256,7 @@ def toml_texts(name: str) -> tuple[str, ...]:
         ]
         return (*kept, Campaign().to_toml())
     if name == "virtual_damper":
-        return tuple(each.to_toml() for each in PRESETS.values())
+        return tuple(damper_to_toml(each) for each in PRESETS.values())
     return {"scenario": (_SCENARIO,), "sweep": _SWEEPS}[name]
 
 

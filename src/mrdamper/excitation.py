@@ -27,11 +27,14 @@ from mrdamper.schema import Option, check_ranges
 __all__ = [
     "CURRENT_STEPS",
     "MOTIONS",
+    "RANDOM_CURRENT",
     "ROAD_ROUGHNESS",
     "Chirp",
     "CurrentSteps",
     "Harmonics",
     "Motion",
+    "RandomCurrent",
+    "RandomMotion",
     "Road",
     "Sine",
     "Trajectory",
@@ -309,6 +312,79 @@ class Road:
 
 
 @dataclass(frozen=True, slots=True)
+class RandomMotion:
+    """A band of 32 tones, evenly on a logarithmic axis, of one velocity amplitude and random phases.
+
+    The amplitude is three standard deviations of the displacement, which is seldom passed. The same seed
+    gives the same motion.
+    """
+
+    amplitude: float  # [m]
+    start: float  # lowest frequency [Hz]
+    stop: float  # highest [Hz]
+    seed: int = 1
+    tones: Harmonics = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        low, high = self.start, self.stop
+        if not (self.amplitude > 0.0 and 0.0 < low < high and np.isfinite([self.amplitude, high]).all()):
+            raise InputError(
+                place="random motion",
+                found=f"{self.amplitude} m, {low} to {high} Hz",
+                expected="an amplitude and two rising frequencies, all positive",
+            )
+        frequencies = np.geomspace(low, high, 32)
+        amplitudes = 1.0 / frequencies
+        amplitudes *= self.amplitude / 3.0 / np.sqrt(0.5 * np.sum(amplitudes**2))
+        phases = np.random.default_rng(self.seed).uniform(0.0, 2 * np.pi, len(frequencies))
+        tones = (tuple(map(float, values)) for values in (amplitudes, frequencies, phases))
+        object.__setattr__(self, "tones", Harmonics(*tones))
+
+    def displacement(self, t: ArrayLike) -> FloatArray:
+        return self.tones.displacement(t)
+
+    def velocity(self, t: ArrayLike) -> FloatArray:
+        return self.tones.velocity(t)
+
+    def acceleration(self, t: ArrayLike) -> FloatArray:
+        return self.tones.acceleration(t)
+
+
+@dataclass(frozen=True, slots=True)
+class RandomCurrent:
+    """A commanded current of random levels, each held for a random time; the same seed gives the same one.
+
+    Levels are uniform between zero and the highest, with a twelfth of them at either end; times are
+    log-uniform. Without such runs a law cannot be told from one that answers a changing current wrongly.
+    """
+
+    highest: Annotated[float, Option("[A]", key="highest_A", unit="A", above=0.0)] = 2.0
+    shortest: Annotated[float, Option("of the holding times", key="shortest_s", unit="s", above=0.0)] = 0.02
+    longest: Annotated[float, Option("of the holding times", key="longest_s", unit="s", above=0.0)] = 0.3
+    seed: Annotated[int, Option(least=0)] = 1
+
+    def __post_init__(self) -> None:
+        check_ranges(self, "random current")
+        if self.longest < self.shortest:
+            raise InputError(
+                place="random current",
+                found=f"longest is {self.longest} s, shortest {self.shortest} s",
+                expected="at least the shortest",
+            )
+
+    def current(self, t: ArrayLike) -> FloatArray:
+        """Return the commanded current [A]; before t = 0 it is the first level."""
+        time = np.asarray(t, dtype=np.float64)
+        most = int(max(float(time.max(initial=0.0)), 0.0) / self.shortest) + 2
+        level, hold = np.random.default_rng(self.seed).uniform(size=(most, 2)).T
+        levels = self.highest * np.clip(1.2 * level - 0.1, 0.0, 1.0)
+        ends = np.cumsum(self.shortest * (self.longest / self.shortest) ** hold)
+        # a sample that should lie on a switch may miss it by rounding
+        current: FloatArray = levels[np.searchsorted(ends, time + 1e-9, side="right")]
+        return current
+
+
+@dataclass(frozen=True, slots=True)
 class CurrentSteps:
     """A commanded current that is held at each of its levels in turn; the first before, the last after."""
 
@@ -349,6 +425,11 @@ MOTIONS: Mapping[str, Motion] = MappingProxyType(
             (0.43, 0.91, 1.37, 2.11, 2.83),
             (0.3, 1.9, 4.1, 2.7, 5.2),
         ),
+        "nonperiodic5x": Harmonics(
+            (5.5e-3, 6.5e-3, 4.5e-3, 3.0e-3, 1.75e-3),
+            (0.43, 0.91, 1.37, 2.11, 2.83),
+            (0.3, 1.9, 4.1, 2.7, 5.2),
+        ),
         "steps": Triangle(12e-3, 30e-3),
     }
 )
@@ -357,12 +438,16 @@ MOTIONS: Mapping[str, Motion] = MappingProxyType(
 CURRENT_STEPS = CurrentSteps((0.0, 1.0, 2.0, 1.0, 0.0, 1.0, 2.0, 1.0, 0.0), hold=0.8)
 """0-1-2-1-0 A twice; on the motion ``steps`` each switch comes at mid-stroke, at 30 mm/s."""
 
+RANDOM_CURRENT = RandomCurrent()
+"""0 to 2 A, held for 20 to 300 ms."""
+
 _FORMS: Mapping[str, str] = MappingProxyType(
     {
         "sine": "sine:5mm:1Hz",
         "triangle": "triangle:12mm:30mm/s",
         "chirp": "chirp:3mm:0.5-8Hz:8s",
         "road": "road:C:20m/s:5",
+        "random": "random:6mm:0.5-4Hz:1",
     }
 )
 
@@ -370,8 +455,9 @@ _FORMS: Mapping[str, str] = MappingProxyType(
 def motion_from_text(text: str) -> Motion:
     """Return the motion that a text names, or describes as one of these forms.
 
-    ``sine:AMPLITUDE:FREQUENCY``, ``triangle:AMPLITUDE:SPEED``, ``chirp:AMPLITUDE:FROM-TO:DURATION`` or
-    ``road:CLASS:SPEED:SEED``, each number with its unit, such as ``chirp:3mm:0.5-8Hz:8s``.
+    ``sine:AMPLITUDE:FREQUENCY``, ``triangle:AMPLITUDE:SPEED``, ``chirp:AMPLITUDE:FROM-TO:DURATION``,
+    ``road:CLASS:SPEED:SEED`` or ``random:AMPLITUDE:FROM-TO:SEED``, each number with its unit, such as
+    ``chirp:3mm:0.5-8Hz:8s``.
 
     Raises
     ------
@@ -388,9 +474,9 @@ def motion_from_text(text: str) -> Motion:
             f"({', '.join(_FORMS.values())})" + (f"; the nearest are: {', '.join(near)}" if near else "")
         )
     try:
+        if kind in {"road", "random"} and not parts[2].isdecimal():
+            raise InputError(found=f"seed is {parts[2]!r}", expected="a whole number")
         if kind == "road":
-            if not parts[2].isdecimal():
-                raise InputError(found=f"seed is {parts[2]!r}", expected="a whole number")
             return Road(parts[0], _measure(parts[1], "velocity"), int(parts[2]))
         amplitude = _measure(parts[0], "displacement")
         if kind == "sine":
@@ -399,6 +485,8 @@ def motion_from_text(text: str) -> Motion:
             return Triangle(amplitude, _measure(parts[1], "velocity"))
         start, _, stop = parts[1].partition("-")
         low, high = _hertz(f"{start.removesuffix('Hz')}Hz"), _hertz(stop)
+        if kind == "random":
+            return RandomMotion(amplitude, low, high, int(parts[2]))
         return Chirp(amplitude, low, high, _measure(parts[2], "time"))
     except InputError as error:
         raise InputError(

@@ -25,8 +25,9 @@ from mrdamper.models.laws import LAWS
 from mrdamper.models.simulate import simulate
 from mrdamper.models.temperature import Arrhenius
 from mrdamper.rig.campaign import Campaign
+from mrdamper.rig.lumped import LUMPED
 from mrdamper.rig.measurement import measure
-from mrdamper.rig.plant import PRESETS, STEP_S, Plant
+from mrdamper.rig.plant import STEP_S, Plant
 from tests.oracles.paper_preset import CLAIMED_LOSSES, THERMAL_MOTION, peak_force
 from tests.support.pace import taken
 
@@ -45,7 +46,7 @@ Errors = Mapping[tuple[str, int], float]
 @cache
 def runs_of(preset: str) -> Dataset:
     """Return the default campaign on a damper, simulated once."""
-    return Dataset(tuple(run for run, _ in measure(PRESETS[preset], Campaign())))
+    return Dataset(tuple(run for run, _ in measure(LUMPED[preset], Campaign())))
 
 
 @cache
@@ -273,9 +274,9 @@ def peak_of(damper: Damper, degrees: float) -> float:
 
 
 def test_the_paper_s_losses_are_those_of_the_plant():
-    cold = peak_force(PRESETS["paper"], THERMAL_MOTION, 2.0, 20.0)
+    cold = peak_force(LUMPED["paper"], THERMAL_MOTION, 2.0, 20.0)
     for degrees, lost in CLAIMED_LOSSES:
-        warm = peak_force(PRESETS["paper"], THERMAL_MOTION, 2.0, degrees)
+        warm = peak_force(LUMPED["paper"], THERMAL_MOTION, 2.0, degrees)
         assert 1.0 - warm / cold == pytest.approx(lost, abs=0.003)
 
 
@@ -291,7 +292,7 @@ def test_a_card_identified_on_it_loses_as_much(thermal_motion_run):
         motions=(*TRAINED_MOTIONS, "sine15mm1Hz") if thermal_motion_run else TRAINED_MOTIONS,
         temperatures_degC=(*TRAINED, 130.0),
     )
-    card = mrdamper.fit([run for run, _ in measure(PRESETS["paper"], campaign)]).card()
+    card = mrdamper.fit([run for run, _ in measure(LUMPED["paper"], campaign)]).card()
     assert card.envelope.temperature is not None
     assert card.envelope.temperature[1] >= 129.9 + KELVIN - 0.3  # the thermocouple's noise
     cold = peak_of(card.damper, 20.0)
@@ -306,7 +307,7 @@ SPEED = 0.03  # [m/s], of the steps in the campaign
 
 
 def t63_of_plant(preset: str, start: float, end: float, degrees: float) -> float:
-    plant = Plant(PRESETS[preset])
+    plant = Plant(LUMPED[preset])
     n = 8000
     still, speed = np.zeros(n), np.full(n, SPEED)
     before = plant.advance_many(still, speed, start, degrees)[-1]

@@ -25,8 +25,9 @@ from mrdamper.data.records import Dataset
 from mrdamper.models.actuation import PLAY_SHARE
 from mrdamper.models.card import ModelCard
 from mrdamper.rig.campaign import Campaign
+from mrdamper.rig.lumped import LUMPED, LumpedDamper
 from mrdamper.rig.measurement import measure
-from mrdamper.rig.plant import PRESETS, Plant, VirtualDamper
+from mrdamper.rig.plant import Plant
 from tests.acceptance.followed import (
     FAST,
     MUST,
@@ -52,7 +53,7 @@ PLANTS_AND_TARGETS = list(MUST)
 @cache
 def runs_of(preset: str) -> Dataset:
     """Return the default campaign on a damper, simulated once."""
-    return Dataset(tuple(run for run, _ in measure(PRESETS[preset], Campaign())))
+    return Dataset(tuple(run for run, _ in measure(LUMPED[preset], Campaign())))
 
 
 @cache
@@ -79,7 +80,7 @@ def controllers_of(preset: str) -> Mapping[str, ForceController]:
 
 @cache
 def score_of(preset: str, target: str, name: str = "recommended") -> Score:
-    return followed(PRESETS[preset], controllers_of(preset)[name], SCENARIOS[target])
+    return followed(LUMPED[preset], controllers_of(preset)[name], SCENARIOS[target])
 
 
 def rmse(score: Score) -> float:
@@ -98,7 +99,7 @@ def greatest(score: Score) -> float:
 @pytest.mark.parametrize("preset", ["nominal", "hard", "stiff"])
 def test_the_play_of_the_iron_is_found(preset):
     """It lies behind a driver that overshoots: twice the damper's half width times its share of the field."""
-    actuation, damper = card_of(preset).damper.actuation, PRESETS[preset]
+    actuation, damper = card_of(preset).damper.actuation, LUMPED[preset]
     assert actuation is not None
     known = 2.0 * damper.play_share * damper.play_A
     assert 2.0 * PLAY_SHARE * actuation.play == pytest.approx(known, rel=0.15)
@@ -133,7 +134,7 @@ def test_the_targets_are_mostly_within_the_damper_s_reach(preset, target):
 def test_the_greatest_error_at_900_N_is_at_most_1_4_times_that_of_the_best_current(degrees):
     """The best current of a search that knows the damper; half a minute or less each."""
     scenario = replace(SCENARIOS[SLOW], temperature_degC=degrees)
-    plant, controller = Plant(PRESETS["nominal"]), controllers_of("nominal")["recommended"]
+    plant, controller = Plant(LUMPED["nominal"]), controllers_of("nominal")["recommended"]
     best = search_optimum(plant, scenario)
     for seed in SEEDS:
         run = run_loop(plant, controller, replace(scenario, seed=seed))
@@ -149,7 +150,7 @@ def test_the_greatest_error_at_900_N_is_at_most_1_4_times_that_of_the_best_curre
 def test_not_knowing_the_temperature_costs_at_900_N(known, times):
     """Of the greatest feasible error; the paper's own ratio is 4.6."""
     blind = controllers_for(blind_card(known))["recommended"]
-    unaware = followed(PRESETS["nominal"], blind, SCENARIOS[SLOW])
+    unaware = followed(LUMPED["nominal"], blind, SCENARIOS[SLOW])
     assert greatest(unaware) >= times * greatest(score_of("nominal", SLOW))
 
 
@@ -194,7 +195,7 @@ def test_on_a_stiff_damper_the_recommended_one_is_not_worse_than_the_paper_s_str
 
 def added(controller: ForceController, scenario: Scenario) -> float:
     """Return what a disturbance adds [N] to the undisturbed RMSE where the damper can follow."""
-    return rmse(followed(PRESETS["nominal"], controller, scenario)) - rmse(score_of("nominal", SLOW))
+    return rmse(followed(LUMPED["nominal"], controller, scenario)) - rmse(score_of("nominal", SLOW))
 
 
 @pytest.mark.parametrize("off_K", [-5.0, 5.0])
@@ -230,7 +231,7 @@ def test_sampling_at_100_Hz():
 
 # ---------------------------------------------------------------------- an aged damper, 3 s of force data
 
-NEW = PRESETS["nominal"]
+NEW = LUMPED["nominal"]
 AGED = replace(
     NEW,
     yield_N=0.88 * NEW.yield_N,
@@ -303,11 +304,11 @@ def test_one_step_takes_a_microsecond_in_c_and_two_from_python():
 # ---------------------------------------------------------------------- dampers that nothing was tuned on
 
 
-def drawn_damper(rng: np.random.Generator) -> VirtualDamper:
+def drawn_damper(rng: np.random.Generator) -> LumpedDamper:
     """Return a damper with every parameter within 30 % of those of a preset, itself drawn."""
-    preset = PRESETS[("nominal", "hard", "stiff")[int(rng.integers(3))]]
+    preset = LUMPED[("nominal", "hard", "stiff")[int(rng.integers(3))]]
     no_properties = {"name", "full_current_A", "copper_per_K"}
-    names = [each.name for each in fields(VirtualDamper) if each.name not in no_properties]
+    names = [each.name for each in fields(LumpedDamper) if each.name not in no_properties]
     factors = rng.uniform(0.7, 1.3, len(names))
     changes = {name: getattr(preset, name) * factor for name, factor in zip(names, factors, strict=True)}
     changes["viscosity_pole_K"] = min(changes["viscosity_pole_K"], 190.0)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from mrdamper.excitation import MOTIONS
-from mrdamper.rig.plant import PRESETS, STEP_S, Plant
+from mrdamper.rig.lumped import LUMPED
+from mrdamper.rig.plant import STEP_S, Plant
 from tests.oracles.paper_preset import CLAIMED_LOSSES, THERMAL_MOTION, peak_force
 
 
@@ -16,14 +17,14 @@ from tests.oracles.paper_preset import CLAIMED_LOSSES, THERMAL_MOTION, peak_forc
 )
 def test_the_nominal_damper_has_its_printed_peak_forces(current, degrees, expected):
     """On 5 mm, 1 Hz: within 1 %."""
-    force = peak_force(PRESETS["nominal"], MOTIONS["sine5mm1Hz"], current, degrees)
+    force = peak_force(LUMPED["nominal"], MOTIONS["sine5mm1Hz"], current, degrees)
     assert force == pytest.approx(expected, rel=0.01)
 
 
 @pytest.mark.parametrize(("start", "end"), [(0.0, 2.0), (0.0, 1.0), (1.0, 2.0)])
 def test_a_current_step_has_63_percent_of_the_force_after_13_5_ms(start, end):
     """At 30 mm/s, where the steps come in the campaign: within 1 ms."""
-    plant = Plant(PRESETS["nominal"])
+    plant = Plant(LUMPED["nominal"])
     n = 5000
     still, speed = np.zeros(n), np.full(n, 0.030)  # the spring, which the way would load, is left out
     before = plant.advance_many(still, speed, start, 20.0)[-1]
@@ -34,7 +35,7 @@ def test_a_current_step_has_63_percent_of_the_force_after_13_5_ms(start, end):
 
 def test_the_paper_s_thermal_motion_loses_force_as_the_paper_says():
     """15 mm, 1 Hz, 2 A: 1300 N at 20 C, 15.7 % less at 76.9 C, 25.9 % less at 129.9 C, within 0.05 points."""
-    damper = PRESETS["paper"]
+    damper = LUMPED["paper"]
     cold = peak_force(damper, THERMAL_MOTION, 2.0, 20.0)
     assert cold == pytest.approx(1300.0, rel=0.0005)
     assert [degrees for degrees, _ in CLAIMED_LOSSES] == [76.9, 129.9]

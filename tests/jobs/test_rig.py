@@ -17,8 +17,8 @@ from mrdamper.jobs.options import RigOptions
 from mrdamper.registry import JOBS
 from mrdamper.report.rig import truth_folder
 from mrdamper.rig.campaign import Campaign
+from mrdamper.rig.damper import PRESETS, read_damper
 from mrdamper.rig.measurement import measure
-from mrdamper.rig.plant import PRESETS, VirtualDamper
 from tests.support.rigs import answer_of, mrdamper
 
 CAMPAIGN = """
@@ -100,7 +100,7 @@ def test_the_truth_lies_beside_the_runs_with_the_damper_that_made_them(answer, f
         *(f"{run['name']}.csv" for run in answer["runs"]),
         "channels.toml",
     }
-    assert VirtualDamper.from_toml(beside / "hard.damper.toml") == PRESETS["hard"]
+    assert read_damper(beside / "hard.damper.toml") == PRESETS["hard"]
     assert Campaign.from_toml(beside / "hard.campaign.toml") == Campaign.from_toml(folder / "campaign.toml")
     for run in read_runs(folder / "runs"):
         true = np.loadtxt(beside / f"{run.name}.csv", delimiter=",", skiprows=2).T
@@ -115,7 +115,7 @@ def test_own_parameters_name_the_runs(folder, tmp_path):
     done = rig(tmp_path / "out", damper_file=file, campaign_file=folder / "campaign.toml")
     assert done["damper"] == "mine"
     assert (tmp_path / "out" / "mine_020C_2.00A_sine5mm1Hz.csv").is_file()
-    assert VirtualDamper.from_toml(tmp_path / "out.truth" / "mine.damper.toml").friction_N == 0.0
+    assert read_damper(tmp_path / "out.truth" / "mine.damper.toml").friction_N == 0.0
 
 
 def test_runs_of_another_campaign_in_the_folder_are_told(folder, tmp_path):

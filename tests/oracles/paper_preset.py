@@ -13,7 +13,7 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import ConvergenceError
 from mrdamper.excitation import Motion, Sine
-from mrdamper.rig.damper import PRESETS, VirtualDamper
+from mrdamper.rig.lumped import LUMPED, LumpedDamper
 from mrdamper.rig.plant import STEP_S, simulate
 
 __all__ = ["CLAIMED_LOSSES", "CLAIMED_PEAK_N", "THERMAL_MOTION", "peak_force", "solve_thermal_claims"]
@@ -25,7 +25,7 @@ _CURRENT_A = 2.0
 
 
 def peak_force(
-    damper: VirtualDamper, motion: Motion, current: float, temperature_degC: float, *, period_s: float = 1.0
+    damper: LumpedDamper, motion: Motion, current: float, temperature_degC: float, *, period_s: float = 1.0
 ) -> float:
     """Return the greatest force [N], in either direction, over the third period of a periodic motion."""
     time = np.arange(round(3.0 * period_s / STEP_S) + 1) * STEP_S
@@ -35,7 +35,7 @@ def peak_force(
     return float(np.abs(force[time >= 2.0 * period_s]).max())
 
 
-def solve_thermal_claims(start: VirtualDamper | None = None) -> VirtualDamper:
+def solve_thermal_claims(start: LumpedDamper | None = None) -> LumpedDamper:
     """Return ``start`` (else the preset ``paper``) with yield force, viscous force and loss solved for.
 
     Three numbers against three claims, by Powell's hybrid method. The loss of the yield force and that of the
@@ -48,10 +48,10 @@ def solve_thermal_claims(start: VirtualDamper | None = None) -> VirtualDamper:
     """
     from scipy.optimize import root
 
-    base = start or PRESETS["paper"]
+    base = start or LUMPED["paper"]
     sizes = np.array([1000.0, 100.0, 1e-3])
 
-    def with_numbers(numbers: FloatArray) -> VirtualDamper:
+    def with_numbers(numbers: FloatArray) -> LumpedDamper:
         field, viscous, loss = (float(value) for value in numbers * sizes)
         return replace(
             base, yield_field_N=field, viscous_N=viscous, yield_loss_per_K=loss, friction_loss_per_K=loss

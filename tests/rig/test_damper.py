@@ -7,12 +7,21 @@ from dataclasses import replace
 import pytest
 
 from mrdamper.errors import InputError
-from mrdamper.rig.damper import PRESETS, VirtualDamper, find_preset
+from mrdamper.rig.damper import (
+    PRESETS,
+    damper_from_mapping,
+    damper_to_toml,
+    find_preset,
+    read_damper,
+)
+from mrdamper.rig.lumped import LUMPED
 from tests.oracles.paper_preset import solve_thermal_claims
 
 
 def test_the_presets_go_by_their_names():
-    assert list(PRESETS) == ["paper", "nominal", "hard", "stiff", "vehicle"]
+    assert list(PRESETS) == [
+        "paper", "nominal", "hard", "stiff", "vehicle", "hydraulic-bench", "hydraulic-monotube"
+    ]  # fmt: skip
     assert all(damper.name == name for name, damper in PRESETS.items())
 
 
@@ -25,15 +34,15 @@ def test_the_paper_preset_is_what_its_solve_finds():
 @pytest.mark.parametrize("preset", PRESETS)
 def test_a_damper_written_as_toml_is_read_back(preset, tmp_path):
     path = tmp_path / "damper.toml"
-    path.write_text(PRESETS[preset].to_toml(), encoding="utf-8")
-    assert VirtualDamper.from_toml(path) == PRESETS[preset]
+    path.write_text(damper_to_toml(PRESETS[preset]), encoding="utf-8")
+    assert read_damper(path) == PRESETS[preset]
 
 
 def test_a_file_says_what_differs_from_a_preset():
-    own = VirtualDamper.from_mapping({"preset": "hard", "friction_N": 90})
-    assert own == replace(PRESETS["hard"], name="hard-own", friction_N=90.0)
-    assert VirtualDamper.from_mapping({}) == PRESETS["nominal"]
-    assert VirtualDamper.from_mapping({"preset": "stiff", "name": "mine"}).name == "mine"
+    own = damper_from_mapping({"preset": "hard", "friction_N": 90})
+    assert own == replace(LUMPED["hard"], name="hard-own", friction_N=90.0)
+    assert damper_from_mapping({}) == PRESETS["nominal"]
+    assert damper_from_mapping({"preset": "stiff", "name": "mine"}).name == "mine"
 
 
 @pytest.mark.parametrize(
@@ -49,7 +58,7 @@ def test_a_file_says_what_differs_from_a_preset():
 )
 def test_what_cannot_be_is_refused_with_its_place(given, message):
     with pytest.raises(InputError) as error:
-        VirtualDamper.from_mapping(given, "rig.toml")
+        damper_from_mapping(given, "rig.toml")
     assert message in str(error.value)
     assert str(error.value).startswith("rig.toml: ")
 

@@ -19,10 +19,12 @@ from scipy.integrate import solve_ivp
 from mrdamper.errors import InputError
 from mrdamper.excitation import MOTIONS, CurrentSteps, Sine
 from mrdamper.rig import _plant
-from mrdamper.rig.plant import PRESETS, STEP_S, Plant, VirtualDamper, simulate
+from mrdamper.rig.hydraulic import HydraulicDamper
+from mrdamper.rig.lumped import LUMPED, LumpedDamper
+from mrdamper.rig.plant import STEP_S, Plant, simulate
 from tests.support.examples import examples
 
-NOMINAL = PRESETS["nominal"]
+NOMINAL = LUMPED["nominal"]
 NATIVE = Path(__file__).parents[2] / "src" / "mrdamper" / "rig" / "native"
 
 # One part at a time: no driver but the resistance's feed-forward, a coil of constant inductance ...
@@ -94,7 +96,7 @@ def test_the_flux_rises_and_falls_with_its_two_lags():
     command = np.concatenate([np.ones(n), np.zeros(n)])
     still = np.zeros(2 * n)
     for degrees, quicker in ((20.0, 1.0), (120.0, 1.2)):
-        field = simulate(damper, still, still, command, degrees).field_current
+        field = simulate(damper, still, still, command, degrees).field
         time = (np.arange(n) + 1) * STEP_S
         assert field[:n] == pytest.approx(1.0 - np.exp(-time * quicker / 0.0045), rel=1e-9)
         assert field[n:] == pytest.approx(field[n - 1] * np.exp(-time * quicker / 0.006), rel=1e-9)
@@ -105,7 +107,7 @@ def test_the_play_leaves_two_fields_at_one_current():
     levels = (0.0, 1.0, 2.0, 1.0)
     command = np.repeat(levels, 2000)
     still = np.zeros(len(command))
-    field = simulate(BARE_COIL, still, still, command, 20.0).field_current[1999::2000]
+    field = simulate(BARE_COIL, still, still, command, 20.0).field[1999::2000]
     gap = NOMINAL.play_share * NOMINAL.play_A
     assert field == pytest.approx([0.0, 1.0 - gap, 2.0 - gap, 1.0 + gap], abs=1e-5)
 
@@ -218,7 +220,7 @@ def rates(damper, motion, command, degrees):
 @pytest.mark.parametrize("preset", ["nominal", "hard"])
 def test_an_integrator_of_variable_step_finds_the_same_force(preset):
     """The equations by a stiff solver; without play, which has no rate."""
-    damper = replace(PRESETS[preset], play_share=0.0)
+    damper = replace(LUMPED[preset], play_share=0.0)
     motion, degrees = Sine(4e-3, 3.0), 70.0
     command = CurrentSteps((1.3, 0.2, 0.9), 0.08).current
     slope, force_of = rates(damper, motion, command, degrees)
@@ -232,7 +234,7 @@ def test_an_integrator_of_variable_step_finds_the_same_force(preset):
     size = np.abs(expected).max()
     assert np.sqrt(np.mean((response.force - expected) ** 2)) < 0.003 * size
     assert response.coil_current == pytest.approx(solved.y[0], abs=0.02)
-    assert response.field_current == pytest.approx(solved.y[3], abs=0.02)
+    assert response.field == pytest.approx(solved.y[3], abs=0.02)
 
 
 def test_a_step_of_the_current_is_felt_the_later_the_slower_the_motion():
@@ -267,8 +269,8 @@ def test_a_step_of_the_current_is_felt_the_later_the_slower_the_motion():
 def test_a_step_of_a_tenth_of_a_millisecond_is_fine_enough(preset):
     """Against 0.02 ms: the root mean square difference is below a fifth of a percent of the peak force."""
     motion = MOTIONS["nonperiodic"]
-    *_, coarse = driven(PRESETS[preset], motion, 1.5, 60.0, 1.0)
-    *_, fine = driven(PRESETS[preset], motion, 1.5, 60.0, 1.0, step=STEP_S / 5)
+    *_, coarse = driven(LUMPED[preset], motion, 1.5, 60.0, 1.0)
+    *_, fine = driven(LUMPED[preset], motion, 1.5, 60.0, 1.0, step=STEP_S / 5)
     assert np.sqrt(np.mean((coarse - fine[::5]) ** 2)) < 0.002 * np.abs(fine).max()
 
 
@@ -285,7 +287,7 @@ def test_the_error_falls_with_the_step_as_of_first_order():
 
 
 @given(
-    preset=st.sampled_from(sorted(PRESETS)),
+    preset=st.sampled_from(sorted(LUMPED)),
     amplitude=st.floats(0.5e-3, 15e-3),
     frequency=st.sampled_from([0.5, 1.0, 2.0, 4.0]),
     current=st.floats(0.0, 2.0),
@@ -293,7 +295,7 @@ def test_the_error_falls_with_the_step_as_of_first_order():
 )
 def test_every_closed_cycle_takes_energy(preset, amplitude, frequency, current, degrees):
     time, x, force = driven(
-        PRESETS[preset], Sine(amplitude, frequency), current, degrees, 1.0 + 1.0 / frequency
+        LUMPED[preset], Sine(amplitude, frequency), current, degrees, 1.0 + 1.0 / frequency
     )
     cycle = time >= 1.0 - 1e-9
     assert np.trapezoid(force[cycle], x[cycle]) > 0.0
@@ -301,14 +303,14 @@ def test_every_closed_cycle_takes_energy(preset, amplitude, frequency, current, 
 
 @examples(15)
 @given(
-    preset=st.sampled_from(sorted(PRESETS)),
+    preset=st.sampled_from(sorted(LUMPED)),
     current=st.floats(-2.0, 2.0),
     degrees=st.floats(0.0, 130.0),
     amplitude=st.floats(1e-3, 1e-2),
 )
 def test_without_asymmetry_and_offset_no_direction_is_preferred(preset, current, degrees, amplitude):
     """Reversing motion, or current, changes the force's sign, or nothing: to the bit."""
-    damper = replace(PRESETS[preset], asymmetry=0.0, offset_N=0.0)
+    damper = replace(LUMPED[preset], asymmetry=0.0, offset_N=0.0)
     time = grid(0.6)
     motion = Sine(amplitude, 2.0)
     x, v = motion.displacement(time), motion.velocity(time)
@@ -322,10 +324,10 @@ def test_the_asymmetry_is_in_favour_of_extension():
     assert force[cycle].max() / -force[cycle].min() == pytest.approx(1.0 + 2 * 0.015 * 1300 / 1650, abs=0.003)
 
 
-@pytest.mark.parametrize("preset", sorted(PRESETS))
+@pytest.mark.parametrize("preset", sorted(LUMPED))
 def test_force_falls_with_temperature_and_grows_with_current(preset):
     def peak(current, degrees):
-        time, _, force = driven(PRESETS[preset], Sine(5e-3, 1.0), current, degrees, 2.0)
+        time, _, force = driven(LUMPED[preset], Sine(5e-3, 1.0), current, degrees, 2.0)
         return np.abs(force[time >= 1.0]).max()
 
     by_warmth = [[peak(current, degrees) for degrees in (0, 20, 60, 123)] for current in (0.0, 0.7, 2.0)]
@@ -382,7 +384,7 @@ def test_futures_can_be_tried_from_a_copy_or_a_kept_state():
     assert not np.array_equal(force, tried)
     plant.state = kept
     assert np.array_equal(plant.advance_many(*rest), force)
-    assert plant.coil_current == dict(zip(_plant.STATE, plant.state, strict=True))["coil_A"]
+    assert plant.coil_current == dict(zip(_plant.STATE["lumped"], plant.state, strict=True))["coil_A"]
 
 
 @pytest.mark.parametrize(
@@ -417,7 +419,7 @@ def test_a_current_and_a_temperature_that_are_held_are_as_good_as_samples():
         held = simulate(NOMINAL, x, v, current, degrees)
         assert np.array_equal(held.force, samples.force)
         assert np.array_equal(held.coil_current, samples.coil_current)
-        assert np.array_equal(held.field_current, samples.field_current)
+        assert np.array_equal(held.field, samples.field)
         assert np.array_equal(Plant(NOMINAL).advance_many(x, v, current, degrees), samples.force)
     with pytest.raises(InputError, match="sample 0: expected finite numbers"):
         simulate(NOMINAL, x, v, float("nan"), 60.0)
@@ -461,7 +463,8 @@ def test_other_threads_go_on_while_a_run_is_simulated():
 
 
 def test_python_and_c_agree_on_the_parameters():
-    assert set(_plant.PARAMETERS) == {field.name for field in fields(VirtualDamper)} - {"name"}
+    for damper in (LumpedDamper, HydraulicDamper):
+        assert set(_plant.PARAMETERS[damper.kind]) == {field.name for field in fields(damper)} - {"name"}
 
 
 @pytest.mark.system
@@ -479,4 +482,4 @@ def test_its_c_files_include_nothing_of_the_kernel():
         for path in NATIVE.iterdir()
         for name in re.findall(r'#include\s+[<"](.+?)[>"]', path.read_text(encoding="utf-8"))
     }
-    assert included == {"Python.h", "math.h", "string.h", "plant.h"}
+    assert included == {"Python.h", "math.h", "string.h", "plant.h", "hydraulic.h"}

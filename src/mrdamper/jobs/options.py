@@ -502,8 +502,20 @@ class RigOptions:
     """Options of ``rig``."""
 
     preset: Annotated[
-        Literal["nominal", "hard", "stiff", "vehicle", "paper"] | None,
+        Literal["nominal", "hard", "stiff", "vehicle", "paper", "hydraulic-bench", "hydraulic-monotube"]
+        | None,
         Option("Whose parameters the virtual damper has.", default_help="nominal"),
+    ] = None
+    draw: Annotated[
+        int | None,
+        Option(
+            "Another damper of the kind, its parameters drawn within 30 % (even seeds: to build laws; odd "
+            "ones: to report).",
+            metavar="SEED",
+            least=0,
+            below=2**31,
+            default_help="the damper itself",
+        ),
     ] = None
     seed: Seed = 0
 

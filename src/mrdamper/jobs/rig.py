@@ -14,7 +14,8 @@ from typing import Any
 from mrdamper.data.records import Dataset, RigRun
 from mrdamper.errors import InputError, UsageError, option
 from mrdamper.jobs.options import RigOptions
-from mrdamper.rig.campaign import Campaign, PlannedRun
+from mrdamper.rig.campaign import Campaign, PlannedRun, usual_campaign
+from mrdamper.rig.damper import draw_variant
 from mrdamper.rig.measurement import Truth, measure_run
 from mrdamper.rig.plant import VirtualDamper, find_preset
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
@@ -70,7 +71,7 @@ def rig(
     Parameters
     ----------
     damper : None: the preset's
-    campaign : None: the usual one
+    campaign : None: the damper's usual one
 
     Raises
     ------
@@ -81,7 +82,9 @@ def rig(
     if options.seed < 0:
         raise InputError(f"seed is {options.seed}; expected zero or more")
     chosen = find_preset(options.preset or "nominal") if damper is None else damper
-    tests = Campaign() if campaign is None else campaign
+    if options.draw is not None:
+        chosen = draw_variant(chosen, options.draw)
+    tests = usual_campaign(chosen) if campaign is None else campaign
     planned = tests.runs(chosen.name)
     runs = []
     for done, plan in enumerate(planned):

@@ -28,7 +28,7 @@ from mrdamper.jobs.options import TrackOptions
 from mrdamper.models.card import ModelCard
 from mrdamper.models.card_schema import read_card
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.rig.plant import PRESETS, VirtualDamper
+from mrdamper.rig.damper import PRESETS, VirtualDamper, read_damper
 from mrdamper.rig.plant import Plant as RigPlant
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.schema import did_you_mean
@@ -47,7 +47,6 @@ __all__ = [
 TEMPERATURES_DEGC = (20.0, 60.0, 100.0, 123.0)
 
 _USUAL = TrackOptions()
-_HIGHEST_A = 2.0  # of the virtual rig's driver
 _LEAST_SHARE = 0.5  # of a target, within the damper's reach
 _STROKE_SLACK = 1.05  # of the card's displacement
 _COPPER_PER_K = 0.00393
@@ -78,7 +77,7 @@ def read_plant(name: str | Path) -> TrackedDamper:
     if text in PRESETS:
         return TrackedDamper(text, PRESETS[text])
     if text.endswith(".toml"):
-        virtual = VirtualDamper.from_toml(text)
+        virtual = read_damper(text)
         return TrackedDamper(virtual.name, virtual)
     if not text.endswith(".json") and not is_there(text):
         raise InputError(
@@ -324,7 +323,7 @@ def _damper_of(given: TrackedDamper | VirtualDamper | ModelCard, card: ModelCard
         given = TrackedDamper(given.title or given.damper.law.name, given)
     name, source = given.name, given.source
     if isinstance(source, VirtualDamper):
-        highest = min(_HIGHEST_A, card.envelope.command[1])
+        highest = min(source.highest_A, card.envelope.command[1])
         return _Damper(name, RigPlant(source), source.coil_ohm, highest, None, source.copper_per_K)
     _check_unit(name, source)
     _check_current(f"the plant {name}", source)

@@ -74,7 +74,7 @@ KINDS: Mapping[str, Kind] = {
     "law": Kind("LAW"),
     "plan": Kind("FILE.toml", "mrdamper.jobs.sweep.plan:read_plan"),
     "name": Kind("NAME", "builtins:str"),
-    "virtual damper": Kind("FILE", "mrdamper.rig.plant:VirtualDamper.from_toml"),
+    "virtual damper": Kind("FILE", "mrdamper.rig.damper:read_damper"),
     "campaign": Kind("FILE", "mrdamper.rig.campaign:Campaign.from_toml"),
     "plant": Kind("PRESET|FILE|CARD", "mrdamper.jobs.track:read_plant", choices="plants"),
     "targets": Kind("NAME|FILE", "mrdamper.jobs.track:read_targets", choices="targets", many=True),

@@ -20,8 +20,8 @@ from mrdamper.errors import InputError
 from mrdamper.jobs.rig import MeasuredRun, RigResult
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.base import Report, WrittenFile, print_notes
+from mrdamper.rig.damper import VirtualDamper, damper_to_toml
 from mrdamper.rig.measurement import Truth
-from mrdamper.rig.plant import VirtualDamper
 from mrdamper.schema import Json
 
 __all__ = ["REPORT", "truth_folder", "write_runs"]
@@ -113,7 +113,7 @@ def _write_truths(found: RigResult, folder: Path) -> None:
     name = found.damper.name
     for each in found.runs:
         _write_truth(folder / f"{each.run.name}.csv", each.truth)
-    (folder / f"{name}.damper.toml").write_text(found.damper.to_toml(), encoding="utf-8")
+    (folder / f"{name}.damper.toml").write_text(damper_to_toml(found.damper), encoding="utf-8")
     (folder / f"{name}.campaign.toml").write_text(found.campaign.to_toml(), encoding="utf-8")
 
 

@@ -3,12 +3,12 @@ from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]  # any contiguous buffer of C doubles will do; NumPy's is what we pass
 
-PARAMETERS: tuple[str, ...]
-STATE: tuple[str, ...]
+PARAMETERS: dict[str, tuple[str, ...]]  # by kind of damper: lumped, hydraulic
+STATE: dict[str, tuple[str, ...]]
 
 class Plant:
     state: tuple[float, ...]
-    def __new__(cls, parameters: FloatArray, step: float) -> Plant: ...
+    def __new__(cls, kind: str, parameters: FloatArray, step: float, inner: int) -> Plant: ...
     def advance(self, displacement: float, velocity: float, current: float, kelvin: float, /) -> float: ...
     def run(
         self,

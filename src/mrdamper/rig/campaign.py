@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -18,18 +18,22 @@ from typing import Annotated, Any, Literal
 from mrdamper.errors import InputError
 from mrdamper.excitation import (
     CURRENT_STEPS,
+    RANDOM_CURRENT,
     Chirp,
     CurrentSteps,
     Motion,
+    RandomCurrent,
+    RandomMotion,
     Sine,
     Triangle,
     motion_from_text,
 )
 from mrdamper.files import read_toml
+from mrdamper.rig.damper import HydraulicDamper, VirtualDamper, find_preset
 from mrdamper.rig.sensors import Sensors
 from mrdamper.schema import Option, check_ranges, read_record, toml_text, write_record
 
-__all__ = ["Body", "Campaign", "PlannedRun", "Procedure"]
+__all__ = ["Body", "Campaign", "PlannedRun", "Procedure", "usual_campaign"]
 
 Procedure = Literal["soak", "self-heating"]
 
@@ -66,7 +70,7 @@ class PlannedRun:
     name: str
     label: str  # of the motion
     motion: Motion
-    current: float | CurrentSteps  # commanded [A]
+    current: float | CurrentSteps | RandomCurrent  # commanded [A]
     temperature_degC: float  # at its beginning
     duration_s: float
     run_in_s: float
@@ -78,14 +82,20 @@ def _steps(value: object) -> object:
     return {True: write_record(CURRENT_STEPS), False: None}[value] if isinstance(value, bool) else value
 
 
+def _random(value: object) -> object:
+    """Return the random current that true stands for; none for false."""
+    return {True: write_record(RANDOM_CURRENT), False: None}[value] if isinstance(value, bool) else value
+
+
 @dataclass(frozen=True)
 class Campaign:
-    """What is run: each motion at each current and temperature, and current steps at each temperature.
+    """What is run: each motion at each current and temperature, and at each temperature changing currents.
 
     Motions are names or forms that ``motion_from_text`` knows. A motion with a period is logged for whole
     periods, a chirp to its end, any other for ``duration_s``. Held-out temperatures and motions that are not
     run are dropped. The lag that current steps tell holds for the speed of their motion
-    (``identify.actuation``).
+    (``identify.actuation``). A random current over a random motion is logged for twice ``duration_s``; both
+    are others at every temperature.
     """
 
     motions: tuple[str, ...] = ("sine5mm1Hz", "sine3mm2Hz", "nonperiodic", "chirp3mm")
@@ -98,6 +108,15 @@ class Campaign:
         ),
     ] = CURRENT_STEPS
     steps_motion: str = "steps"  # under the current steps
+    random: Annotated[
+        RandomCurrent | None,
+        Option(
+            "none: no such runs",
+            short=_random,
+            expected="true, false or a table with highest_A, shortest_s, longest_s and seed",
+        ),
+    ] = None
+    random_motion: str = "random:6mm:0.5-4Hz:1"  # under the random current
     duration_s: Annotated[float, Option(unit="s", above=0.0)] = 4.0
     held_out_temperatures_degC: tuple[float, ...] = (60.0, 100.0, 123.0)
     held_out_motions: tuple[str, ...] = ("chirp3mm",)
@@ -109,12 +128,14 @@ class Campaign:
         check_ranges(self, "campaign")
         for name in ("currents_A", "temperatures_degC", "held_out_temperatures_degC"):
             object.__setattr__(self, name, tuple(float(value) for value in getattr(self, name)))
-        if not self.temperatures_degC or not ((self.motions and self.currents_A) or self.steps):
+        if not self.temperatures_degC or not (
+            (self.motions and self.currents_A) or self.steps or self.random
+        ):
             raise InputError("campaign: nothing to run; expected temperatures, and motions with currents")
         for name, of in _HELD_OUT.items():
             kept = tuple(value for value in getattr(self, name) if value in getattr(self, of))
             object.__setattr__(self, name, kept)
-        count = len(self.temperatures_degC) * (len(self.motions) * len(self.currents_A) + 1)
+        count = len(self.temperatures_degC) * (len(self.motions) * len(self.currents_A) + 2)
         if count > _MOST_RUNS:
             raise InputError(
                 f"campaign: its temperatures, motions and currents make {count} runs; "
@@ -122,6 +143,8 @@ class Campaign:
             )
         if self.steps is not None:
             motion_from_text(self.steps_motion)
+        if self.random is not None:
+            motion_from_text(self.random_motion)
         parts = (
             [_degrees(value) for value in self.temperatures_degC],
             [f"{value:.2f}A" for value in self.currents_A],
@@ -163,7 +186,21 @@ class Campaign:
                 name = f"{damper}_{_degrees(degrees)}_{span}_{label}"
                 times = (self.steps.duration, self._times(motion)[1])
                 planned.append(PlannedRun(name, label, motion, self.steps, degrees, *times, apart))
+            if self.random is not None:
+                name = f"{damper}_{_degrees(degrees)}_0-{self.random.highest:g}A_random"
+                planned.append(self._random_run(name, self.random, degrees, held_out=apart))
         return tuple(planned)
+
+    def _random_run(self, name: str, current: RandomCurrent, degrees: float, *, held_out: bool) -> PlannedRun:
+        """Return the run of random current, whose draws are the temperature's own."""
+        more = round(10.0 * degrees) + 10_000  # whole and above zero down to -1000 degC
+        motion = motion_from_text(self.random_motion)
+        if isinstance(motion, RandomMotion):
+            motion = replace(motion, seed=motion.seed + more)
+        current = replace(current, seed=current.seed + more)
+        return PlannedRun(
+            name, "random", motion, current, degrees, 2.0 * self.duration_s, _RUN_IN_S, held_out
+        )
 
     @cached_property
     def _motions(self) -> dict[str, Motion]:
@@ -181,11 +218,20 @@ class Campaign:
 
     @classmethod
     def from_mapping(cls, given: Mapping[str, Any], place: str = "campaign") -> Campaign:
-        """Return the campaign that a TOML document holds; what it does not say is the default campaign's."""
-        document, sensors = dict(given), given.get("sensors")
-        if isinstance(sensors, Mapping):
-            document["sensors"] = {"rate_Hz": _RATE_Hz, **sensors}
-        campaign = read_record(cls, document, place)
+        """Return the campaign that a TOML document holds; what it does not say is that of its ``preset``.
+
+        Without one, that is the default campaign, without random currents.
+        """
+        try:
+            usual = usual_campaign(find_preset(given["preset"])) if "preset" in given else cls()
+        except InputError as error:
+            raise InputError(f"{place}: {error}") from error
+        document = {name: value for name, value in given.items() if name != "preset"}
+        known = write_record(usual, defaults=True)
+        for name in ("sensors", "body"):
+            if isinstance(given.get(name), Mapping):
+                document[name] = {**known[name], **given[name]}
+        campaign = read_record(cls, {**known, **document}, place)
         for name, of in _HELD_OUT.items():
             for value in given.get(name, ()):
                 if value not in getattr(campaign, of):
@@ -203,8 +249,8 @@ class Campaign:
 
     def to_toml(self) -> str:
         """Return the campaign as TOML; ``from_toml`` reads the same one back."""
-        steps = {"steps": False} if self.steps is None else {}
-        return toml_text({**steps, **write_record(self, defaults=True)}, "a campaign on the virtual rig")
+        none = {"steps": False} if self.steps is None else {}
+        return toml_text({**none, **write_record(self, defaults=True)}, "a campaign on the virtual rig")
 
 
 def _degrees(temperature_degC: float) -> str:
@@ -216,3 +262,33 @@ def _degrees(temperature_degC: float) -> str:
 def _label(motion: str) -> str:
     """Return a motion's text as it may stand in a file's name."""
     return motion.replace(":", "").replace("/", "p")
+
+
+_LUMPED = Campaign(random=RANDOM_CURRENT)
+_BENCH = replace(
+    _LUMPED,
+    temperatures_degC=(20.0, 45.0, 70.0, 95.0, 120.0),
+    held_out_temperatures_degC=(45.0, 95.0),
+    sensors=Sensors(
+        rate_Hz=_RATE_Hz, displacement_noise_m=10e-6, displacement_step_m=2e-6, force_noise_N=5.0,
+        force_step_N=0.5, force_offset_N=3.0, cell_mass_kg=0.8,
+    ),
+)  # fmt: skip
+_CAR = replace(
+    _BENCH, motions=("sine:25mm:1Hz", "sine:15mm:2Hz", "nonperiodic5x", "chirp:1.8mm:0.5-8Hz:8s"),
+    currents_A=(0.0, 1.0, 2.0, 3.5, 5.0), held_out_motions=("chirp:1.8mm:0.5-8Hz:8s",),
+    steps=CurrentSteps((0.0, 2.0, 5.0, 2.0, 0.0, 2.0, 5.0, 2.0, 0.0), hold=0.8),
+    steps_motion="triangle:60mm:150mm/s",
+    random=RandomCurrent(highest=5.0), random_motion="random:30mm:0.5-4Hz:1",
+    sensors=Sensors(
+        rate_Hz=_RATE_Hz, displacement_noise_m=20e-6, displacement_step_m=5e-6, force_noise_N=10.0,
+        force_step_N=1.0, force_offset_N=-5.0, cell_mass_kg=1.0,
+    ),
+)  # fmt: skip
+
+
+def usual_campaign(damper: VirtualDamper) -> Campaign:
+    """Return the campaign that a damper is tested with, if no other is asked for."""
+    if not isinstance(damper, HydraulicDamper):
+        return _LUMPED
+    return _BENCH if damper.through_rod else _CAR

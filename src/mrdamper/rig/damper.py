@@ -1,195 +1,39 @@
-"""The virtual damper's parameters: what they mean, what they must be, presets, and TOML of one's own.
-
-The physics that they enter is ``plant``. None of them is a coefficient of an identified law, and none was
-measured: the presets are chosen so that a law which is fitted to them has something to miss.
-"""
+"""Virtual dampers of either kind: presets, TOML of one's own, and dampers drawn around one."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 
 from mrdamper.errors import InputError
 from mrdamper.files import read_toml
-from mrdamper.quantities import ROOM_K, ZERO_CELSIUS_K
-from mrdamper.schema import (
-    Option,
-    check_ranges,
-    did_you_mean,
-    fields_of,
-    read_record,
-    toml_text,
-    write_record,
-)
+from mrdamper.rig.hydraulic import HYDRAULIC, HydraulicDamper
+from mrdamper.rig.lumped import LUMPED, LumpedDamper
+from mrdamper.schema import did_you_mean, read_record, toml_text, write_record
 
-__all__ = ["PRESETS", "VirtualDamper", "draw_damper", "find_preset"]
+__all__ = [
+    "PRESETS",
+    "HydraulicDamper",
+    "LumpedDamper",
+    "VirtualDamper",
+    "damper_from_mapping",
+    "damper_to_toml",
+    "draw_variant",
+    "find_preset",
+    "read_damper",
+]
 
-_SAFE = re.compile(r"[A-Za-z0-9][A-Za-z0-9.-]*")  # what may begin a file's name
-_OF_THE_KIND = ("name", "full_current_A", "copper_per_K")  # what dampers of a kind share
-_Positive = Annotated[float, Option(above=0.0)]
-_NotNegative = Annotated[float, Option(least=0.0)]
+VirtualDamper = LumpedDamper | HydraulicDamper
+"""Parameters of a virtual damper, in SI and kelvin."""
 
+PRESETS: Mapping[str, VirtualDamper] = MappingProxyType({**LUMPED, **HYDRAULIC})
 
-@dataclass(frozen=True, slots=True)
-class VirtualDamper:
-    """Parameters of the virtual damper, in SI and kelvin; the defaults are the preset ``nominal``.
-
-    Forces and lags hold at 20 C. T is temperature, m the effective current behind all lags, and
-    g = (tanh(m / field_current) / tanh(full_current / field_current))^field_exponent the field's shape.
-
-    Raises
-    ------
-    InputError
-        A parameter is not finite or outside its range, or the name cannot begin a file's name.
-    """
-
-    name: str = "nominal"  # the runs' names begin with it
-    # driver and coil
-    coil_ohm: _Positive = 5.0  # R0
-    copper_per_K: _NotNegative = 0.00393  # R = R0 (1 + this (T - 20 C))
-    coil_henry: _Positive = 0.04  # L0, at zero current
-    inductance_fall: _NotNegative = 0.25  # [1/A^2], L = L0 / (1 + this i^2)
-    supply_V: _Positive = 24.0  # the driver's limit
-    driver_V_A: _NotNegative = 20.0  # proportional gain Kp
-    driver_V_A_s: _NotNegative = 2000.0  # integral gain Ki
-    # field
-    eddy_rise_s: _Positive = 0.0045  # lag of the flux behind a rising current
-    eddy_fall_s: _Positive = 0.006  # ... behind a falling one
-    eddy_per_K: _NotNegative = 0.002  # both lags are divided by 1 + this (T - 20 C)
-    fluid_lag_s: _Positive = 0.0015  # lag of the fluid's structure behind the flux
-    play_share: Annotated[float, Option(least=0.0, most=1.0)] = (
-        0.4  # wp: share of the field with magnetic play
-    )
-    play_A: _NotNegative = 0.04  # r: half width of the play
-    full_current_A: _Positive = 2.0  # where g = 1
-    field_current_A: _Positive = 1.5  # Is: saturation
-    field_exponent: _Positive = 1.2  # p
-    # yield force and pre-yield stiffness
-    yield_N: _Positive = 12.0  # Fy0, without field
-    yield_field_N: _NotNegative = 1300.0  # Fym, at g = 1
-    yield_loss_per_K: _NotNegative = 0.0014  # kT, of the field's share of force and stiffness
-    low_field_loss: _NotNegative = 0.3  # kx: the loss is kT (1 + kx (1 - g))
-    stiffness_N_m: _Positive = 1.2e6  # s0, without field
-    stiffness_field_N_m: _NotNegative = 5e6  # s1, at g = 1
-    spread: Annotated[float, Option(least=0.0, most=0.5)] = (
-        0.15  # weight of a bristle of a quarter and of one of four times the stiffness
-    )
-    asymmetry: Annotated[float, Option(least=-0.9, most=0.9)] = (
-        0.015  # yield (1 + this) in extension, (1 - this) in compression
-    )
-    position: _NotNegative = 0.0  # yield (1 + this (x / 5 mm)^2)
-    # viscous force
-    viscous_N: _NotNegative = 250.0  # Fv0, at the reference speed
-    viscous_m_s: _Positive = 0.0314  # the reference speed
-    viscous_exponent: _Positive = 0.88  # nv
-    viscous_field: _NotNegative = 0.15  # kvb: viscous force (1 + kvb g)
-    viscosity_K: _NotNegative = 404.0  # B of exp(B / (T - pole))
-    viscosity_pole_K: Annotated[float, Option(least=0.0, most=200.0)] = 153.15  # T0; zero kelvin is Arrhenius
-    # friction
-    friction_N: _NotNegative = 40.0  # Fc, sliding
-    friction_static: _NotNegative = 1.5  # static over sliding friction
-    stribeck_m_s: _Positive = 0.003  # vs
-    friction_N_m: _Positive = 4e5  # sf: stiffness before sliding
-    friction_loss_per_K: _NotNegative = 0.002  # fT
-    # the rest
-    spring_N_m: _NotNegative = 1500.0  # k1
-    offset_N: float = 6.0  # f0
-    leak_N_s_m: _Positive = (
-        1.5e6  # c1: the oil's compliance as a leak, in series with yield and viscous force
-    )
-
-    def __post_init__(self) -> None:
-        if not _SAFE.fullmatch(self.name):
-            raise InputError(
-                f"virtual damper: name is {self.name!r}; expected letters, digits, dots and dashes, as it "
-                "begins the runs' file names"
-            )
-        check_ranges(self, f"virtual damper {self.name!r}")
-
-    def coil_resistance_ohm(self, temperature_degC: float) -> float:
-        """Return the coil's resistance [ohm] at a temperature."""
-        return self.coil_ohm * (1.0 + self.copper_per_K * (temperature_degC + ZERO_CELSIUS_K - ROOM_K))
-
-    @classmethod
-    def from_mapping(cls, given: Mapping[str, Any], place: str = "virtual damper") -> VirtualDamper:
-        """Return a preset with some parameters changed: ``preset`` (else nominal), ``name``, parameters.
-
-        The name is the preset's when nothing is changed and none is given, else ``<preset>-own``.
-        """
-        try:
-            base = find_preset(given.get("preset", "nominal"))
-        except InputError as error:
-            raise InputError(f"{place}: {error}") from error
-        own = {} if given.keys() <= {"preset"} else {"name": f"{base.name}-own"}
-        table = read_record(_DamperTable, {**write_record(base, defaults=True), **own, **given}, place)
-        return cls(**{each.name: getattr(table, each.name) for each in fields(cls)})
-
-    @classmethod
-    def from_toml(cls, path: str | Path) -> VirtualDamper:
-        """Return the damper in a TOML file: ``preset = "nominal"`` and what differs from it."""
-        return cls.from_mapping(read_toml(path, "virtual damper"), Path(path).name)
-
-    def to_toml(self) -> str:
-        """Return all parameters as TOML; ``from_toml`` reads the same damper back."""
-        return toml_text(write_record(self, defaults=True), "a virtual damper, in SI and kelvin")
-
-
-@dataclass(frozen=True, slots=True)
-class _DamperTable(VirtualDamper):
-    """A damper's file: parameters, and the preset that gives those which it leaves out."""
-
-    preset: str = "nominal"
-
-
-_NOMINAL = VirtualDamper()
-
-PRESETS: Mapping[str, VirtualDamper] = MappingProxyType(
-    {
-        # For the thermal claims only; the three last numbers are what paper.solve_thermal_claims() finds.
-        "paper": replace(
-            _NOMINAL, name="paper", coil_ohm=4.2, viscous_exponent=1.0, viscous_field=0.0, low_field_loss=0.0,
-            viscosity_K=1435.5, viscosity_pole_K=0.0,
-            yield_field_N=1052.836, viscous_N=58.81602, yield_loss_per_K=1.737544e-3,
-            friction_loss_per_K=1.737544e-3,
-        ),
-        "nominal": _NOMINAL,
-        "hard": replace(
-            _NOMINAL, name="hard", play_share=0.5, play_A=0.08, viscous_exponent=0.75, stiffness_N_m=8e5,
-            stiffness_field_N_m=3e6, friction_N=85.0, friction_static=2.0, stribeck_m_s=0.004, leak_N_s_m=8e5,
-            spread=0.27, asymmetry=0.03, position=0.06,
-        ),
-        "stiff": replace(
-            _NOMINAL, name="stiff", play_A=0.01, stiffness_N_m=1e7, stiffness_field_N_m=6e7, friction_N=10.0,
-            leak_N_s_m=1e8, spread=0.0, asymmetry=0.0,
-        ),
-        # of a quarter car
-        "vehicle": replace(
-            _NOMINAL, name="vehicle", viscous_m_s=0.30, stiffness_N_m=4e5, stiffness_field_N_m=1.7e6,
-            stribeck_m_s=0.02, friction_N_m=1e5, spring_N_m=0.0,
-        ),
-    }
-)  # fmt: skip
-
-
-def draw_damper(damper: VirtualDamper, rng: np.random.Generator, spread: float) -> VirtualDamper:
-    """Return a damper of the same kind: every property uniformly within ``spread`` (0 to 0.3).
-
-    The name, the current at which the field is full and the copper's coefficient are no properties of one
-    damper among its kind and stay.
-    """
-    drawn = [each for each in fields_of(VirtualDamper) if each.name not in _OF_THE_KIND]
-    factors = rng.uniform(1.0 - spread, 1.0 + spread, len(drawn))
-    changes = {}
-    for each, factor in zip(drawn, factors, strict=True):
-        most = each.option.most
-        changes[each.name] = min(getattr(damper, each.name) * factor, np.inf if most is None else most)
-    return replace(damper, **changes)
+_VARIANT_SPREAD = 0.3
 
 
 def find_preset(name: object) -> VirtualDamper:
@@ -197,3 +41,39 @@ def find_preset(name: object) -> VirtualDamper:
     if not isinstance(name, str) or name not in PRESETS:
         raise InputError(f"{name!r} is not a preset of the virtual rig; {did_you_mean(str(name), PRESETS)}")
     return PRESETS[name]
+
+
+def draw_variant(damper: VirtualDamper, seed: int) -> VirtualDamper:
+    """Return another damper of the same kind, its properties drawn within 30 %; its name ends in the seed.
+
+    By agreement even seeds are for building laws and choosing constants, odd ones for reporting errors.
+    """
+    drawn = damper.draw(np.random.default_rng(seed), _VARIANT_SPREAD)
+    return replace(drawn, name=f"{damper.name}-{seed}")
+
+
+def damper_from_mapping(given: Mapping[str, Any], place: str = "virtual damper") -> VirtualDamper:
+    """Return a preset with some parameters changed: ``preset`` (else nominal), ``name``, parameters.
+
+    The name is the preset's when nothing is changed and none is given, else ``<preset>-own``.
+    """
+    try:
+        base = find_preset(given.get("preset", "nominal"))
+    except InputError as error:
+        raise InputError(f"{place}: {error}") from error
+    changed = {name: value for name, value in given.items() if name != "preset"}
+    own = {"name": f"{base.name}-own"} if changed else {}
+    return read_record(type(base), {**write_record(base, defaults=True), **own, **changed}, place)
+
+
+def read_damper(path: str | Path) -> VirtualDamper:
+    """Return the damper in a TOML file: ``preset = "nominal"`` and what differs from it."""
+    return damper_from_mapping(read_toml(path, "virtual damper"), Path(path).name)
+
+
+def damper_to_toml(damper: VirtualDamper) -> str:
+    """Return all parameters as TOML; ``read_damper`` reads the same damper back."""
+    preset = next(iter(LUMPED if isinstance(damper, LumpedDamper) else HYDRAULIC))  # any of its kind
+    return toml_text(
+        {"preset": preset, **write_record(damper, defaults=True)}, "a virtual damper, in SI and kelvin"
+    )

@@ -15,7 +15,6 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.data.records import RigRun
 from mrdamper.errors import InputError
-from mrdamper.excitation import CurrentSteps
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.rig.campaign import Body, Campaign, PlannedRun
 from mrdamper.rig.plant import STEP_S, Plant, VirtualDamper
@@ -68,20 +67,18 @@ def measure_run(
     time = (np.arange(before + steps) - before) * STEP_S
     x, v = run.motion.displacement(time), run.motion.velocity(time)
     command = (
-        run.current.current(time)
-        if isinstance(run.current, CurrentSteps)
-        else np.full(len(time), run.current)
+        np.full(len(time), run.current) if isinstance(run.current, float | int) else run.current.current(time)
     )
     plant = Plant(damper)
     plant.advance_many(x[:before], v[:before], command[:before], run.temperature_degC)
     logged = slice(before, None)
     heated = campaign.body if campaign.procedure == "self-heating" else None
     force, coil, degrees = _log(plant, x[logged], v[logged], command[logged], run.temperature_degC, heated)
-    x, v, command = x[logged], v[logged], command[logged]
+    x, v, a, command = x[logged], v[logged], run.motion.acceleration(time[logged]), command[logged]
 
     digest = hashlib.sha256(run.name.encode()).digest()
     words = np.frombuffer(digest, dtype="<u4").tolist()
-    read = chosen.read(x, force, degrees, np.random.default_rng([seed, *words]))
+    read = chosen.read(x, force, degrees, np.random.default_rng([seed, *words]), a)
     rig_run = RigRun(
         name=run.name,
         time=read.time,

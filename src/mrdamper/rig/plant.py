@@ -1,7 +1,8 @@
 """The virtual damper: its physics, moved on step by step (closed loops) or over whole runs.
 
 It is not one of the laws that are identified on it, and shares no code with them; the arithmetic is
-``native/plant.c``, an extension of its own. One step of 0.1 ms, inputs held at its end:
+``native/``, an extension of its own. Of the two kinds the hydraulic one is described in
+``docs/hydraulic_rig.md``. The lumped one (``native/plant.c``), in one step of 0.1 ms, inputs held at its end:
 
 *Driver and coil.* V = R0 I + Kp (I - i) + q within +-Vmax, q' = Ki (I - i) while not limited;
 R = R0 (1 + 0.00393 (T - 20 C)), L = L0 / (1 + 0.25 i^2); i relaxes to V / R at the rate R / L.
@@ -31,10 +32,22 @@ from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.rig import _plant
 from mrdamper.rig.damper import PRESETS, VirtualDamper, find_preset
 
-__all__ = ["PRESETS", "STEP_S", "Plant", "PlantResponse", "VirtualDamper", "find_preset", "simulate"]
+__all__ = [
+    "PRESETS",
+    "SOLVER_STEP_S",
+    "STEP_S",
+    "Plant",
+    "PlantResponse",
+    "VirtualDamper",
+    "find_preset",
+    "simulate",
+]
 
 STEP_S = 1e-4
 """Time step of the plant [s]."""
+
+SOLVER_STEP_S = 2e-5
+"""Time step in which the hydraulic damper's equations are solved within the plant's [s]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -43,31 +56,47 @@ class PlantResponse:
 
     force: FloatArray  # [N]
     coil_current: FloatArray  # i [A]
-    field_current: FloatArray  # m, behind all lags and the play [A]
+    field: FloatArray  # behind all lags: m [A] of the lumped damper, flux density [T] of the hydraulic one
 
 
 class Plant:
     """A virtual damper that remembers, for closed loops; it starts without force and current.
 
-    The only thing here that changes: ``copy`` it, or keep and give back ``state``, to try futures.
+    The lumped damper makes a step at the first sample. The hydraulic one rests there, moving as the sample
+    says, and makes its first step at the second. The only thing here that changes: ``copy`` it, or keep and
+    give back ``state``, to try futures.
 
     Parameters
     ----------
     damper : its parameters
     step_s : time step [s]
+    solver_step_s : largest step within it in which the hydraulic equations are solved [s]
+
+    Raises
+    ------
+    InputError
+        A step outside its range; later, samples beyond the damper's range.
     """
 
     __slots__ = ("_native", "damper", "step_s")
 
-    def __init__(self, damper: VirtualDamper, *, step_s: float = STEP_S) -> None:
+    def __init__(
+        self, damper: VirtualDamper, *, step_s: float = STEP_S, solver_step_s: float = SOLVER_STEP_S
+    ) -> None:
         if not 0.0 < step_s <= 1e-3:
             raise InputError(
                 found=f"plant: step is {step_s} s", expected="above 0, at most 1e-3 (the coil's lag)"
             )
+        if not 1e-7 <= solver_step_s <= 1e-3:
+            raise InputError(
+                found=f"plant: solver step is {solver_step_s} s", expected="1e-7 to 1e-3 (2e-5 is usual)"
+            )
         self.damper = damper
         self.step_s = step_s
-        numbers = np.array([getattr(damper, name) for name in _plant.PARAMETERS], dtype=np.float64)
-        self._native = _plant.Plant(numbers, step_s)
+        names = _plant.PARAMETERS[damper.kind]
+        numbers = np.array([getattr(damper, name) for name in names], dtype=np.float64)
+        inner = int(np.ceil(step_s / solver_step_s - 1e-9))
+        self._native = _plant.Plant(damper.kind, numbers, step_s, inner)
 
     @property
     def state(self) -> tuple[float, ...]:
@@ -160,6 +189,7 @@ def simulate(
     temperature_degC: ArrayLike,
     *,
     step_s: float = STEP_S,
+    solver_step_s: float = SOLVER_STEP_S,
 ) -> PlantResponse:
     """Return the response of a damper that starts without force and current; the GIL is released meanwhile.
 
@@ -175,4 +205,5 @@ def simulate(
     InputError
         A sample that is not finite or beyond any damper's range, or shapes that do not fit.
     """
-    return Plant(damper, step_s=step_s).respond(displacement, velocity, current, temperature_degC)
+    plant = Plant(damper, step_s=step_s, solver_step_s=solver_step_s)
+    return plant.respond(displacement, velocity, current, temperature_degC)

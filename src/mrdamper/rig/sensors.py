@@ -38,6 +38,10 @@ class Sensors:
     displacement_step_m: Annotated[float, Option(unit="m", least=0.0)] = 0.0
     force_noise_N: Annotated[float, Option(unit="N", least=0.0)] = 5.0
     force_step_N: Annotated[float, Option(unit="N", least=0.0)] = 0.0
+    force_offset_N: Annotated[float, Option(unit="N")] = 0.0
+    cell_mass_kg: Annotated[
+        float, Option("moving with the rod, between it and the force cell", unit="kg", least=0.0)
+    ] = 0.0
     thermocouple_noise_K: Annotated[float, Option(unit="K", least=0.0)] = 0.3
     thermocouple_lag_s: Annotated[float, Option(unit="s", least=0.0)] = 10.0
     thermocouple_offset_K: Annotated[float, Option(unit="K")] = 0.0
@@ -63,10 +67,16 @@ class Sensors:
         force: FloatArray,
         temperature_degC: FloatArray,
         noise: np.random.Generator,
+        acceleration: FloatArray | None = None,
     ) -> Readings:
-        """Return what is written of a run that is given at the plant's rate, from its first sample on."""
+        """Return what is written of a run that is given at the plant's rate, from its first sample on.
+
+        The rod's acceleration [m/s^2] is felt by the mass at the cell; without it that mass stands still.
+        """
         every = self.steps_per_sample
         x, f, true = displacement[::every], force[::every], temperature_degC[::every]
+        if acceleration is not None:
+            f = f + self.cell_mass_kg * acceleration[::every]
         return Readings(
             time=np.arange(len(x)) / self.rate_Hz,
             displacement=self.displacement(x, noise),
@@ -81,7 +91,8 @@ class Sensors:
 
     def force(self, true: FloatArray, noise: np.random.Generator) -> FloatArray:
         """Return the force [N] that is read at each sample of the true one, shape (n,)."""
-        return _quantised(true + self.force_noise_N * noise.standard_normal(len(true)), self.force_step_N)
+        read = true + self.force_offset_N + self.force_noise_N * noise.standard_normal(len(true))
+        return _quantised(read, self.force_step_N)
 
     def temperature(self, true_degC: FloatArray, noise: np.random.Generator) -> FloatArray:
         """Return the temperature [degC] that is read at each sample; the thermocouple starts soaked."""

@@ -27,7 +27,7 @@ from mrdamper.jobs.sink import sink
 from mrdamper.jobs.sweep.plan import What
 from mrdamper.models.card_schema import card_text, read_card
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.rig.damper import draw_damper, find_preset
+from mrdamper.rig.damper import find_preset
 from mrdamper.rig.plant import Plant
 from mrdamper.runtime.worker_process import Handler, Reply
 from mrdamper.thermal.drawing_file import read_drawing
@@ -75,10 +75,8 @@ def _identify(seed: int, what: What) -> What:
 def _tolerance(seed: int, what: What) -> What:
 
     card = read_card(what["card"])
-    damper = draw_damper(
-        find_preset(what["plant"]), np.random.default_rng(seed), what["spread_percent"] / 100.0
-    )
-    largest = min(2.0, card.envelope.command[1])
+    damper = find_preset(what["plant"]).draw(np.random.default_rng(seed), what["spread_percent"] / 100.0)
+    largest = min(damper.highest_A, card.envelope.command[1])
     controller = controllers_for(card, period_s=1.0 / what["rate_Hz"], largest=largest)[what["controller"]]
     plant = Plant(damper)
     figures: dict[str, float | None] = {}

@@ -11,6 +11,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "hydraulic.h"
 #include "plant.h"
 
 /* CPython's slot tables hold functions as void pointers, which ISO C has no conversion for; every platform that
@@ -19,23 +20,97 @@
 #pragma GCC diagnostic ignored "-Wpedantic"
 #endif
 
-#define X(name) #name,
-static const char *const parameter_names[] = {RIG_PARAMETERS(X)};
-static const char *const state_names[] = {RIG_STATE(X)};
-#undef X
+enum { MOST_NUMBERS = 96 };
 
-enum {
-    PARAMETERS = sizeof parameter_names / sizeof *parameter_names,
-    STATES = sizeof state_names / sizeof *state_names
+/* A damper of either kind with all that it remembers. */
+typedef struct plant_kind plant_kind;
+typedef struct {
+    const plant_kind *kind;
+    double step;
+    int inner; /* smaller steps in each step, of the kind that is solved in such */
+    union {
+        double values[MOST_NUMBERS];
+        rig_parameters lumped;
+        hydraulic_parameters hydraulic;
+    } parameters;
+    union {
+        double values[MOST_NUMBERS];
+        rig_state lumped;
+        hydraulic_state hydraulic;
+    } state;
+    union {
+        rig_climate lumped;
+        hydraulic_climate hydraulic;
+    } climate; /* of the last temperature: a function of it alone, kept to save its exponentials */
+    double kelvin;
+} plant;
+
+struct plant_kind {
+    const char *name;
+    const char *const *parameter_names, *const *state_names;
+    Py_ssize_t parameters, states; /* the first state is the coil's current */
+    void (*settle)(plant *self);   /* at its temperature */
+    int (*is_usable)(const plant *self, double x, double kelvin);
+    int (*step)(plant *self, double x, double v, double command, double *force, double *field);
+    const char *expected;
 };
 
 typedef struct {
     PyObject_HEAD
-    rig_parameters parameters;
-    rig_state state;
-    rig_climate climate; /* of the last temperature: a function of it alone, kept to save its exponentials */
-    double step;
+    plant plant;
 } PlantObject;
+
+#define X(name) #name,
+static const char *const lumped_parameters[] = {RIG_PARAMETERS(X)};
+static const char *const lumped_states[] = {RIG_STATE(X)};
+static const char *const hydraulic_parameter_names[] = {HYDRAULIC_PARAMETERS(X)};
+static const char *const hydraulic_states[] = {HYDRAULIC_STATE};
+#undef X
+
+static void settle_lumped(plant *self)
+{
+    rig_settle(&self->parameters.lumped, self->step, self->kelvin, &self->climate.lumped);
+}
+
+static int is_usable_lumped(const plant *self, double x, double kelvin)
+{
+    return fabs(x) <= 2.0 && kelvin > self->parameters.lumped.viscosity_pole_K;
+}
+
+static int step_lumped(plant *self, double x, double v, double command, double *force, double *field)
+{
+    *force = rig_step(&self->parameters.lumped, &self->climate.lumped, self->step, x, v, command, &self->state.lumped,
+                      field);
+    return 1;
+}
+
+static void settle_hydraulic(plant *self)
+{
+    hydraulic_settle(&self->parameters.hydraulic, self->kelvin, &self->climate.hydraulic);
+}
+
+static int is_usable_hydraulic(const plant *self, double x, double kelvin)
+{
+    const hydraulic_parameters *p = &self->parameters.hydraulic;
+    return x <= 0.9 * p->chamber_1_m && x >= -0.9 * p->chamber_2_m && kelvin >= 230.0;
+}
+
+static int step_hydraulic(plant *self, double x, double v, double command, double *force, double *field)
+{
+    const int found = hydraulic_step(&self->parameters.hydraulic, &self->climate.hydraulic, self->step, self->inner, x, v,
+                                     command, &self->state.hydraulic, force);
+    *field = self->state.hydraulic.field_T;
+    return found;
+}
+
+#define COUNT(names) ((Py_ssize_t)(sizeof(names) / sizeof *(names)))
+static const plant_kind kinds[] = {
+    {"lumped", lumped_parameters, lumped_states, COUNT(lumped_parameters), COUNT(lumped_states), settle_lumped,
+     is_usable_lumped, step_lumped,
+     "displacement within 2 m, velocity 10 m/s, current 100 A, temperature -73 to 226 degC and above the viscosity's pole"},
+    {"hydraulic", hydraulic_parameter_names, hydraulic_states, COUNT(hydraulic_parameter_names), COUNT(hydraulic_states),
+     settle_hydraulic, is_usable_hydraulic, step_hydraulic,
+     "displacement within 90 % of the chambers, velocity 10 m/s, current 100 A, temperature -43 to 226 degC"}};
 
 /* A contiguous buffer of doubles. Returns 0 with an exception set on failure. */
 static int open_doubles(PyObject *object, Py_buffer *view, int writable, const char *what)
@@ -66,20 +141,30 @@ static PlantObject *make_plant(PyTypeObject *type)
 
 static PyObject *plant_new(PyTypeObject *type, PyObject *args, PyObject *kwargs)
 {
+    const char *name;
     PyObject *given;
     double step;
-    static char *names[] = {"parameters", "step", NULL};
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "Od", names, &given, &step)) return NULL;
+    int inner;
+    static char *names[] = {"kind", "parameters", "step", "inner", NULL};
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "sOdi", names, &name, &given, &step, &inner)) return NULL;
+    const plant_kind *kind = NULL;
+    for (size_t k = 0; k < sizeof kinds / sizeof *kinds; k++)
+        if (strcmp(kinds[k].name, name) == 0) kind = kinds + k;
+    if (!kind) return PyErr_Format(PyExc_ValueError, "there is no kind of damper %s", name);
     Py_buffer view;
     if (!open_doubles(given, &view, 0, "parameters")) return NULL;
     PlantObject *self = NULL;
-    if (count_of(&view) != PARAMETERS || !(step > 0.0))
-        PyErr_Format(PyExc_ValueError, "expected %d parameters and a positive step", (int)PARAMETERS);
+    if (count_of(&view) != (size_t)kind->parameters || !(step > 0.0) || inner < 1)
+        PyErr_Format(PyExc_ValueError, "expected %zd parameters, a positive step and one smaller step or more",
+                     kind->parameters);
     else if ((self = make_plant(type)) != NULL) {
-        memcpy(&self->parameters, view.buf, sizeof self->parameters);
-        memset(&self->state, 0, sizeof self->state);
-        self->step = step;
-        rig_settle(&self->parameters, step, 293.15, &self->climate);
+        memset(&self->plant, 0, sizeof self->plant);
+        memcpy(self->plant.parameters.values, view.buf, (size_t)view.len);
+        self->plant.kind = kind;
+        self->plant.step = step;
+        self->plant.inner = inner;
+        self->plant.kelvin = 293.15;
+        kind->settle(&self->plant);
     }
     PyBuffer_Release(&view);
     return (PyObject *)self;
@@ -93,31 +178,42 @@ static void plant_dealloc(PyObject *object)
     Py_DECREF(type);
 }
 
-/* Written so that what is not a number fails. The bounds are those of any damper on a rig; within them the state
- * stays finite. */
-static int is_usable(const rig_parameters *p, double x, double v, double command, double kelvin)
+enum { DONE, REFUSED, LOST };
+
+/* One step with values that are checked. The comparisons are written so that what is not a number fails; their bounds
+ * are those of any damper on a rig, within which the state stays finite. */
+static int move(plant *self, double x, double v, double command, double kelvin, double *force, double *field)
 {
-    return fabs(x) <= 2.0 && fabs(v) <= 10.0 && fabs(command) <= 100.0 && kelvin >= 200.0 && kelvin <= 500.0
-           && kelvin > p->viscosity_pole_K;
+    if (!(fabs(v) <= 10.0 && fabs(command) <= 100.0 && kelvin >= 200.0 && kelvin <= 500.0
+          && self->kind->is_usable(self, x, kelvin)))
+        return REFUSED;
+    if (kelvin != self->kelvin) {
+        self->kelvin = kelvin;
+        self->kind->settle(self);
+    }
+    return self->kind->step(self, x, v, command, force, field) ? DONE : LOST;
 }
 
-static PyObject *refuse(size_t sample)
+static PyObject *refuse(const plant *self, int why, size_t sample)
 {
-    return PyErr_Format(PyExc_ValueError,
-                        "sample %zu: expected finite numbers: displacement within 2 m, velocity 10 m/s, current 100 A, "
-                        "temperature -73 to 226 degC and above the viscosity's pole",
-                        sample);
+    if (why == LOST)
+        return PyErr_Format(PyExc_ValueError,
+                            "sample %zu: the damper's equations have no solution there; move it less violently, or ask "
+                            "for a smaller solver step",
+                            sample);
+    return PyErr_Format(PyExc_ValueError, "sample %zu: expected finite numbers: %s", sample, self->kind->expected);
 }
 
 static PyObject *plant_advance(PyObject *object, PyObject *args)
 {
     PlantObject *self = (PlantObject *)object;
-    double x, v, command, kelvin, field;
+    double x, v, command, kelvin, force, field;
     if (!PyArg_ParseTuple(args, "dddd", &x, &v, &command, &kelvin)) return NULL;
-    if (!is_usable(&self->parameters, x, v, command, kelvin)) return refuse(0);
-    if (kelvin != self->climate.kelvin) rig_settle(&self->parameters, self->step, kelvin, &self->climate);
-    return PyFloat_FromDouble(
-        rig_step(&self->parameters, &self->climate, self->step, x, v, command, &self->state, &field));
+    plant moved = self->plant;
+    const int why = move(&moved, x, v, command, kelvin, &force, &field);
+    if (why != DONE) return refuse(&moved, why, 0);
+    self->plant = moved;
+    return PyFloat_FromDouble(force);
 }
 
 enum { DISPLACEMENT, VELOCITY, COMMAND, KELVIN, FORCE, COIL, FIELD, ARRAYS };
@@ -156,29 +252,24 @@ static PyObject *plant_run(PyObject *object, PyObject *args)
         }
     }
     {
-        const rig_parameters parameters = self->parameters;
-        const double step = self->step;
         const size_t along = count_of(view + COMMAND) == 1 ? 0 : 1, warming = count_of(view + KELVIN) == 1 ? 0 : 1;
-        rig_state state = self->state;
-        rig_climate climate = self->climate;
+        plant moved = self->plant;
         size_t k = 0;
+        int why = DONE;
         Py_BEGIN_ALLOW_THREADS
         for (; k < n; k++) {
-            const double x = array[DISPLACEMENT][k], v = array[VELOCITY][k];
-            const double command = array[COMMAND][along * k], kelvin = array[KELVIN][warming * k];
-            if (!is_usable(&parameters, x, v, command, kelvin)) break;
-            if (kelvin != climate.kelvin) rig_settle(&parameters, step, kelvin, &climate);
             double field;
-            array[FORCE][k] = rig_step(&parameters, &climate, step, x, v, command, &state, &field);
-            if (array[COIL]) array[COIL][k] = state.coil_A;
+            why = move(&moved, array[DISPLACEMENT][k], array[VELOCITY][k], array[COMMAND][along * k],
+                       array[KELVIN][warming * k], array[FORCE] + k, &field);
+            if (why != DONE) break;
+            if (array[COIL]) array[COIL][k] = moved.state.values[0];
             if (array[FIELD]) array[FIELD][k] = field;
         }
         Py_END_ALLOW_THREADS
-        if (k < n) {
-            refuse(k);
+        if (why != DONE) {
+            refuse(&moved, why, k);
         } else {
-            self->state = state;
-            self->climate = climate;
+            self->plant = moved;
             result = Py_NewRef(Py_None);
         }
     }
@@ -193,41 +284,39 @@ static PyObject *plant_copy(PyObject *object, PyObject *unused)
     const PlantObject *self = (const PlantObject *)object;
     PlantObject *other = make_plant(Py_TYPE(object));
     if (!other) return NULL;
-    other->parameters = self->parameters;
-    other->state = self->state;
-    other->climate = self->climate;
-    other->step = self->step;
+    other->plant = self->plant;
     return (PyObject *)other;
 }
 
 static PyObject *plant_get_state(PyObject *object, void *unused)
 {
     (void)unused;
-    double values[STATES];
-    memcpy(values, &((const PlantObject *)object)->state, sizeof values);
-    PyObject *out = PyTuple_New(STATES);
-    for (Py_ssize_t k = 0; out && k < STATES; k++)
-        if (PyTuple_SetItem(out, k, PyFloat_FromDouble(values[k])) < 0) Py_CLEAR(out);
+    const plant *self = &((const PlantObject *)object)->plant;
+    PyObject *out = PyTuple_New(self->kind->states);
+    for (Py_ssize_t k = 0; out && k < self->kind->states; k++)
+        if (PyTuple_SetItem(out, k, PyFloat_FromDouble(self->state.values[k])) < 0) Py_CLEAR(out);
     return out;
 }
 
 static int plant_set_state(PyObject *object, PyObject *given, void *unused)
 {
     (void)unused;
-    double values[STATES];
-    if (!given || !PyTuple_Check(given) || PyTuple_Size(given) != STATES) {
-        PyErr_Format(PyExc_ValueError, "a state is a tuple of %d numbers", (int)STATES);
+    PlantObject *self = (PlantObject *)object;
+    plant changed = self->plant;
+    const Py_ssize_t states = changed.kind->states;
+    if (!given || !PyTuple_Check(given) || PyTuple_Size(given) != states) {
+        PyErr_Format(PyExc_ValueError, "a state is a tuple of %zd numbers", states);
         return -1;
     }
-    for (Py_ssize_t k = 0; k < STATES; k++) {
-        values[k] = PyFloat_AsDouble(PyTuple_GetItem(given, k));
+    for (Py_ssize_t k = 0; k < states; k++) {
+        changed.state.values[k] = PyFloat_AsDouble(PyTuple_GetItem(given, k));
         if (PyErr_Occurred()) return -1;
-        if (!isfinite(values[k])) {
-            PyErr_Format(PyExc_ValueError, "%s of the state is not finite", state_names[k]);
+        if (!isfinite(changed.state.values[k])) {
+            PyErr_Format(PyExc_ValueError, "%s of the state is not finite", changed.kind->state_names[k]);
             return -1;
         }
     }
-    memcpy(&((PlantObject *)object)->state, values, sizeof values);
+    self->plant = changed;
     return 0;
 }
 
@@ -248,19 +337,37 @@ static PyType_Slot plant_slots[] = {{Py_tp_new, (void *)plant_new},
                                     {Py_tp_dealloc, (void *)plant_dealloc},
                                     {Py_tp_methods, plant_methods},
                                     {Py_tp_getset, plant_attributes},
-                                    {Py_tp_doc, "Plant(parameters, step): a virtual damper at rest, no current."},
+                                    {Py_tp_doc, "Plant(kind, parameters, step, inner): a virtual damper at rest, no current."},
                                     {0, NULL}};
 
 static PyType_Spec plant_spec = {"mrdamper.rig._plant.Plant", sizeof(PlantObject), 0, Py_TPFLAGS_DEFAULT, plant_slots};
 
-static int add_names(PyObject *module, const char *attribute, const char *const *names, Py_ssize_t count)
+static PyObject *names_of(const char *const *names, Py_ssize_t count)
 {
     PyObject *out = PyTuple_New(count);
     for (Py_ssize_t k = 0; out && k < count; k++)
         if (PyTuple_SetItem(out, k, PyUnicode_FromString(names[k])) < 0) Py_CLEAR(out);
-    const int status = out ? PyModule_AddObjectRef(module, attribute, out) : -1;
-    Py_XDECREF(out);
-    return status;
+    return out;
+}
+
+/* Names by kind of damper. Returns 0 with an exception set on failure. */
+static int add_names(PyObject *module)
+{
+    PyObject *parameters = PyDict_New(), *states = PyDict_New();
+    int good = parameters && states;
+    for (size_t k = 0; good && k < sizeof kinds / sizeof *kinds; k++) {
+        PyObject *of_parameters = names_of(kinds[k].parameter_names, kinds[k].parameters);
+        PyObject *of_states = names_of(kinds[k].state_names, kinds[k].states);
+        good = of_parameters && of_states && PyDict_SetItemString(parameters, kinds[k].name, of_parameters) == 0
+               && PyDict_SetItemString(states, kinds[k].name, of_states) == 0;
+        Py_XDECREF(of_parameters);
+        Py_XDECREF(of_states);
+    }
+    good = good && PyModule_AddObjectRef(module, "PARAMETERS", parameters) == 0
+           && PyModule_AddObjectRef(module, "STATE", states) == 0;
+    Py_XDECREF(parameters);
+    Py_XDECREF(states);
+    return good;
 }
 
 static struct PyModuleDef definition = {PyModuleDef_HEAD_INIT, "_plant", "The C part of the virtual rig.", -1, NULL,
@@ -271,9 +378,7 @@ PyMODINIT_FUNC PyInit__plant(void)
     PyObject *module = PyModule_Create(&definition);
     if (!module) return NULL;
     PyObject *type = PyType_FromSpec(&plant_spec);
-    if (!type || PyModule_AddObjectRef(module, "Plant", type) < 0
-        || add_names(module, "PARAMETERS", parameter_names, PARAMETERS) < 0
-        || add_names(module, "STATE", state_names, STATES) < 0) {
+    if (!type || PyModule_AddObjectRef(module, "Plant", type) < 0 || !add_names(module)) {
         Py_XDECREF(type);
         Py_DECREF(module);
         return NULL;
