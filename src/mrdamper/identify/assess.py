@@ -7,7 +7,6 @@ and with a free constant offset (force cells are not always zeroed).
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from itertools import product
@@ -18,7 +17,7 @@ import numpy as np
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import InputError
 from mrdamper.excitation import Sine, drive
-from mrdamper.identify.checkpoint import CheckpointStore, NoCheckpoint, Scope
+from mrdamper.identify.checkpoint import CheckpointStore, NoCheckpoint
 from mrdamper.identify.confidence.direction import Direction, worst_direction
 from mrdamper.identify.confidence.profiles import Profile, profile
 from mrdamper.identify.confidence.resampling import Bootstrap, bootstrap
@@ -26,10 +25,8 @@ from mrdamper.identify.confidence.sentences import sentence
 from mrdamper.identify.problem import FitProblem, FitResult, envelope_of
 from mrdamper.identify.scores import RunError, score_run, summary
 from mrdamper.identify.search.variable_projection import fit_variable_projection
-from mrdamper.identify.temperature import Temperature, temperature_levels
-from mrdamper.identify.templates import template
+from mrdamper.identify.temperature import temperature_levels
 from mrdamper.models.damper import Damper
-from mrdamper.models.laws import HysteresisLaw
 from mrdamper.models.simulate import simulate
 from mrdamper.models.temperature import REFERENCE_K
 from mrdamper.quantities import ZERO_CELSIUS_K
@@ -38,10 +35,8 @@ from mrdamper.runtime.progress import Progress, silent
 __all__ = [
     "Assessment",
     "CrossValidated",
-    "LawScore",
     "RunError",
     "assess",
-    "choose_law",
     "cross_validate",
     "passivity",
     "score_run",
@@ -80,18 +75,6 @@ class Assessment:
     direction: Direction | None = None
     profile: Profile | None = None
     bootstrap: Bootstrap | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class LawScore:
-    """One law in the comparison of laws: medians and worst of ``nrmse_percent``."""
-
-    law: str
-    free_parameters: int
-    training_median: float
-    held_out_median: float
-    held_out_worst: float
-    cpu_s: float
 
 
 def assess(  # noqa: PLR0913 - what is asked of the fit, by keyword
@@ -199,75 +182,6 @@ def cross_validate(
             errors = tuple(RunError(**error) for error in known["errors"])
         out.append(CrossValidated(kind, ", ".join(sorted(left)), errors))
     return out
-
-
-def choose_law(
-    runs: Sequence[PreparedRun],
-    laws: Sequence[str | HysteresisLaw],
-    *,
-    seed: int = 0,
-    starts: int = 1,
-    one_command: bool = False,
-    temperature: Temperature = "auto",
-    on_progress: Progress = silent,
-    checkpoint: CheckpointStore | None = None,
-) -> tuple[LawScore, ...]:
-    """Compare laws by leaving one motion out (one run, where there is one motion); the best is first.
-
-    The order is by the median error on what was left out, the worst run breaking near ties (1 %).
-    """
-    kind: Kind = "motion" if len({run.motion for run in runs}) > 1 else "run"
-    scores = []
-    for law in laws:
-        name = law if isinstance(law, str) else law.name
-        own = Scope(checkpoint, f"law {name}")
-        known = own.recall("score")
-        if known is not None:
-            scores.append(LawScore(**known))
-            continue
-        clock = time.process_time()
-        damper, free = template(law, runs, one_command=one_command, temperature=temperature)
-        whole = fit_variable_projection(
-            FitProblem(damper, free, tuple(runs)),
-            starts=starts,
-            seed=seed,
-            on_progress=on_progress,
-            checkpoint=own,
-        )
-
-        def fit(
-            some: Sequence[PreparedRun], law: str | HysteresisLaw = law, start: Damper = whole.damper
-        ) -> Damper:
-            damper, free = template(law, some, one_command=one_command, temperature=temperature)
-            problem = FitProblem(damper, free, tuple(some))
-            first = start if {f.name for f in free} <= set(start.parameters) else None
-            return fit_variable_projection(
-                problem, starts=starts, seed=seed, first=first, on_progress=on_progress
-            ).damper
-
-        training = summary(score_run(whole.damper, run, "training") for run in runs)
-        parts = cross_validate(fit, runs, kind, folds=_FOLDS, checkpoint=own)
-        held = summary(error for left in parts for error in left.errors)
-        score = LawScore(
-            name,
-            len(free),
-            training["median"],
-            held["median"],
-            held["worst"],
-            time.process_time() - clock,
-        )
-        own.keep("score", asdict(score))
-        scores.append(score)
-    best = min(s.held_out_median for s in scores) if scores else 0.0
-    return tuple(
-        sorted(
-            scores,
-            key=lambda s: (
-                s.held_out_worst if s.held_out_median <= 1.01 * best else np.inf,
-                s.held_out_median,
-            ),
-        )
-    )
 
 
 def passivity(damper: Damper, runs: Sequence[PreparedRun], *, commands: int = 5) -> float:

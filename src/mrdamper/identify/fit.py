@@ -27,7 +27,7 @@ from mrdamper.identify.limits import brought_inside
 from mrdamper.identify.predict import at_reference, finite, predict, prepare_all, row
 from mrdamper.identify.problem import Estimate, FitProblem, FitResult, envelope_of
 from mrdamper.identify.search.population import fit_cma, fit_genetic
-from mrdamper.identify.search.variable_projection import fit_variable_projection
+from mrdamper.identify.search.variable_projection import MOST_ITERATIONS, fit_variable_projection
 from mrdamper.identify.temperature import (
     TEMPERATURES,
     FluidFactors,
@@ -143,6 +143,8 @@ def fit(  # noqa: PLR0913 - the options of a fit, by keyword
     fluid: FluidFactors | None = None,
     coil_resistance_ohm: float | None = None,
     preparation: Preparation | None = None,
+    first: Damper | None = None,
+    cut_short: bool = False,
     on_progress: Progress = silent,
     checkpoint: CheckpointStore | None = None,
 ) -> Identification:
@@ -165,6 +167,8 @@ def fit(  # noqa: PLR0913 - the options of a fit, by keyword
     temperature : the temperature laws of the coefficients (``identify.temperature``); "none" leaves it out
     fluid : its temperature laws are assumed; runs without a temperature channel count as at 20 degC
     coil_resistance_ohm : at 20 degC, for the card (measured with an ohmmeter)
+    first : a damper of the same law and terms that ``varpro`` starts from, beside ``starts`` - 2 drawn starts
+    cut_short : an interrupt has ended what came before: ``first`` is taken as it is, marked as cancelled
     on_progress : receives a ``SearchState`` as ``detail`` after every step
     checkpoint : recalls and keeps finished pieces of the search (``identify.checkpoint``); of one fit only
 
@@ -200,8 +204,15 @@ def fit(  # noqa: PLR0913 - the options of a fit, by keyword
     prepared_in = time.process_time() - clock
     if method == "varpro":
         result = fit_variable_projection(
-            problem, starts=starts, seed=seed, on_progress=on_progress, checkpoint=checkpoint
+            problem,
+            starts=starts if first is None else 0 if cut_short else max(starts - 2, 0),
+            seed=seed,
+            on_progress=on_progress,
+            first=first,
+            most=1 if cut_short else MOST_ITERATIONS,
+            checkpoint=checkpoint,
         )
+        result = replace(result, cancelled=result.cancelled or cut_short)
     else:
         search = fit_genetic if method == "genetic" else fit_cma
         result = search(problem, seed=seed, on_progress=on_progress, checkpoint=checkpoint)
@@ -318,7 +329,7 @@ def resolve_law(law: Law) -> tuple[HysteresisLaw, str | None]:
             return load_python_law(law), law
         if law not in LAWS and law == "auto":
             raise InputError(
-                "law 'auto' compares laws: use identify.assess.choose_law, or ⟦mrdamper identify --law auto⟧"
+                "law 'auto' compares laws: use mrdamper.identify, or ⟦mrdamper identify --law auto⟧"
             )
         return find_law(law), None
     own = law() if isinstance(law, type) else law

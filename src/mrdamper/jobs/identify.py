@@ -8,19 +8,23 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from mrdamper.control.tables.card_tables import TABULATED
 from mrdamper.data.finding import Finding
 from mrdamper.data.prepare import Preparation
 from mrdamper.data.records import Dataset
 from mrdamper.files import is_file
 from mrdamper.identify import fit as fitting
-from mrdamper.identify.assess import Assessment, LawScore, choose_law
+from mrdamper.identify.assess import Assessment
 from mrdamper.identify.checkpoint import CheckpointStore, Scope
 from mrdamper.identify.fit import Identification, Law
-from mrdamper.identify.predict import prepare_all
-from mrdamper.identify.temperature import FluidFactors
+from mrdamper.identify.predict import at_reference, prepare_all
+from mrdamper.identify.selection.candidates import Judge
+from mrdamper.identify.selection.select import LawScore, Selection, select
+from mrdamper.identify.temperature import FluidFactors, settle_temperature
 from mrdamper.jobs.check import findings_of
 from mrdamper.jobs.options import FitOptions
 from mrdamper.models.card import ModelCard
+from mrdamper.models.damper import Damper
 from mrdamper.models.laws import LAWS
 from mrdamper.runtime.progress import Progress, silent
 from mrdamper.runtime.signals import Interrupted, interrupt_ends_all
@@ -29,6 +33,9 @@ from mrdamper.schema import Json
 __all__ = ["IdentifyResult", "decisive", "identify"]
 
 _USUAL = FitOptions()
+AUTO = "auto"
+"""The name of the law that is chosen by what was left out."""
+
 _CUT_SHORT = "interrupted while fitting again: the first fit is whole, what was to follow is not there"
 
 
@@ -37,7 +44,8 @@ class IdentifyResult(Identification):
     """A fit with what is known about it: all that its card and its report are made of."""
 
     assessment: Assessment
-    law_table: tuple[LawScore, ...] = ()  # the laws that were compared, the best first; none without a choice
+    law_table: tuple[LawScore, ...] = ()  # the candidates that were compared, the chosen first
+    chosen_by: str = ""  # what was left out to choose by; nothing where the law was given
     findings: tuple[Finding, ...] = ()  # what the runs show by themselves
     sources: tuple[str, ...] = ()  # names of the files that the runs are from
     title: str = ""  # of card and report, where it is not the usual one
@@ -75,7 +83,9 @@ def identify(
 
     Parameters
     ----------
-    law : a law's name, ``auto``, ``file.py:Class``, or a user's own law in Python; None: the usual one
+    law : a law's name, ``file.py:Class``, or a user's own law in Python; ``auto`` or None: the one of the
+        least error on motions that were left out, with its terms (None with another method than ``varpro``:
+        ``series-valve``, ``double-bouc-wen`` for runs at several temperatures)
     fluid : its temperature laws are assumed; runs without a temperature channel count as at 20 degC
     preparation : how the runs are prepared; None: as each asks for
     checkpoint : recalls and keeps what the searches have finished
@@ -87,20 +97,22 @@ def identify(
     ConvergenceError
         No start of the search found a finite cost.
     """
-    table: tuple[LawScore, ...] = ()
-    if isinstance(law, str) and law == "auto":
-        table = _compare(runs, fluid, preparation, options, on_progress, checkpoint)
-        law = table[0].law
+    selection: Selection | None = None
+    if law == AUTO or (law is None and options.method == "varpro"):
+        selection = _select(runs, fluid, preparation, options, on_progress, checkpoint)
+        law = selection.chosen.candidate.law
     fitted = fitting.fit(
         runs,
         law,
         method=options.method,
         starts=options.starts,
+        first=None if selection is None else selection.chosen.damper,
+        cut_short=selection is not None and selection.interrupted,
         seed=options.seed,
         hold_out=options.hold_out,
         session_offsets=options.session_offsets,
         one_command=options.one_command,
-        terms=_terms(options),
+        terms=_terms(options) if selection is None else selection.chosen.candidate.groups,
         temperature=options.temperature,
         fluid=fluid,
         coil_resistance_ohm=options.coil_resistance_ohm,
@@ -108,11 +120,17 @@ def identify(
         on_progress=on_progress,
         checkpoint=checkpoint,
     )
+    if selection is not None:
+        notes = (*fitted.result.notes, *_untracked(fitted.damper, selection))
+        fitted = replace(
+            fitted, result=replace(fitted.result, notes=notes), cpu_s=fitted.cpu_s + selection.cpu_s
+        )
     fitted, judged = _assessed(fitted, options, on_progress, checkpoint)
     return IdentifyResult(
         **vars(fitted),
         assessment=judged,
-        law_table=table,
+        law_table=() if selection is None else selection.table,
+        chosen_by="" if selection is None else selection.left_out,
         findings=findings_of((*fitted.training, *fitted.held_out)),
         sources=tuple(dict.fromkeys(Path(run.source).name for run in runs if run.source)),
     )
@@ -151,27 +169,54 @@ def _terms(options: FitOptions) -> tuple[str, ...] | None:
     return None if options.terms is None else tuple(term for term in options.terms if term != "none")
 
 
-def _compare(
+def _select(
     runs: Dataset,
     fluid: FluidFactors | None,
     preparation: Preparation | None,
     options: FitOptions,
     on_progress: Progress,
     checkpoint: CheckpointStore | None,
-) -> tuple[LawScore, ...]:
-    """Compare all laws on the training runs, one motion left out; held-out runs are not looked at."""
+) -> Selection:
+    """Choose a law by what is left out of the training runs; held-out runs are not looked at."""
     training = runs.split(options.hold_out)[0] if options.hold_out else runs
+    prepared = prepare_all(training, preparation or Preparation())
+    temperature = options.temperature
+    if fluid is None:
+        prepared, temperature, _ = settle_temperature(prepared, temperature)
+    else:
+        prepared = tuple(map(at_reference, prepared))
     with interrupt_ends_all():
-        return choose_law(
-            fitting.split_by_command(prepare_all(training, preparation or Preparation()))[0],
-            tuple(LAWS),
-            seed=options.seed,
-            starts=min(options.starts, 2),
+        judge = Judge(
+            fitting.split_by_command(prepared)[0],
+            terms=_terms(options),
             one_command=options.one_command,
-            temperature="none" if fluid is not None else options.temperature,
-            on_progress=on_progress,
-            checkpoint=Scope(checkpoint, "laws"),
+            temperature=temperature,
+            fluid=fluid,
+            session_offsets=options.session_offsets,
+            seed=options.seed,
+            checkpoint=Scope(checkpoint, "selection"),
         )
+        return select(judge, tuple(LAWS), supports=_tracked, on_progress=on_progress)
+
+
+def _tracked(damper: Damper) -> bool:
+    """Say whether a controller of ``track`` and of ``export`` is made from such a damper."""
+    return damper.law.name in (*TABULATED, "series-valve")
+
+
+def _untracked(damper: Damper, selection: Selection) -> tuple[str, ...]:
+    """Return a note where no controller takes the chosen law: the best that they take, and its error."""
+    if _tracked(damper):
+        return ()
+    others = [row for row in selection.table if row.law in (*TABULATED, "series-valve")]
+    known = [row for row in others if row.left_out_percent == row.left_out_percent]
+    if not known:
+        return (f"no controller takes the law {damper.law.name}",)
+    best, chosen = min(known, key=lambda row: row.left_out_percent), selection.table[0]
+    return (
+        f"no controller takes the law {damper.law.name}; ⟦--law {best.law}⟧ is one that they take, with "
+        f"{best.left_out_percent:.2f} % on what was left out instead of {chosen.left_out_percent:.2f} %",
+    )
 
 
 def _assessed(

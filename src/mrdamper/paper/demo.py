@@ -108,7 +108,7 @@ def demo(options: DemoOptions = _USUAL, *, on_progress: Progress = silent) -> De
         campaign = rig(RigOptions(preset="nominal", seed=seed), campaign=_QUICK if quick else Campaign())
         dataset, hold_out = _read_back(campaign), campaign.campaign.hold_out
         next(steps)
-        fitted = identify(dataset, options=FitOptions(seed=seed, hold_out=hold_out))
+        fitted = identify(dataset, "double-bouc-wen", options=FitOptions(seed=seed, hold_out=hold_out))
         title = "The virtual rig's preset nominal"
         fitted = replace(fitted, sources=(LABEL,), simulated=LABEL, title=title)
         next(steps)

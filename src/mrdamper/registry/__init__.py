@@ -472,8 +472,7 @@ _ROWS = (
                 flag="--law",
                 required=False,
                 help="series-valve, double-bouc-wen, bouc-wen, bouc-wen-saturating, spencer, lugre, dahl, "
-                "bingham, tanh; auto; or file.py:Class.  [default: series-valve; double-bouc-wen for "
-                "tempered runs]",
+                "bingham, tanh; auto (chosen by what is left out); or file.py:Class.  [default: auto]",
                 label="Law",
             ),
             Input(

@@ -41,10 +41,12 @@ from mrdamper.identify.uncertainty import estimates_of
 from mrdamper.models.damper import Damper
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 
-__all__ = ["Objective", "SearchState", "fit_variable_projection", "latin_hypercube"]
+__all__ = ["MOST_ITERATIONS", "Objective", "SearchState", "fit_variable_projection", "latin_hypercube"]
 
 
-_MOST_ITERATIONS = 150
+MOST_ITERATIONS = 150
+"""Steps of one descent on whole runs."""
+
 _TOGETHER = 8  # starts that are screened side by side
 _DRAWN_PER_NUMBER = 8  # points looked at for each start, per nonlinear parameter,
 _DRAWN = 80  # but no more
@@ -87,6 +89,7 @@ def fit_variable_projection(
     on_progress: Progress = silent,
     first: Damper | None = None,
     prepared: Sequence[PreparedFit] | None = None,
+    most: int = MOST_ITERATIONS,
     checkpoint: CheckpointStore | None = None,
 ) -> FitResult:
     """Fit by variable projection from ``starts`` Latin-hypercube starts; the best one is returned.
@@ -95,9 +98,9 @@ def fit_variable_projection(
     ----------
     first : a damper to start from as well, before the drawn ones (a former fit); alone with ``starts=0``
     prepared : the runs as ``problem.prepare()`` gives them, for many fits of one set of runs
+    most : steps of a descent on the whole runs
     on_progress : receives a ``SearchState`` after every accepted step; an interrupt (Ctrl-C) keeps the best
-    so
-        far
+        so far
     checkpoint : recalls and keeps every start
 
     Raises
@@ -123,7 +126,7 @@ def fit_variable_projection(
         for index, place in enumerate(places):
             joined = None if place.joined is None else place.joined + offset
             if joined is None:
-                state = _finish(objective, place, index, progress, checkpoint)
+                state = _finish(objective, place, index, progress, checkpoint, most)
             else:
                 state = replace(finished[joined], evaluations=place.evaluations)
             finished.append(state)
@@ -189,7 +192,12 @@ class _Progress:
 
 
 def _finish(
-    objective: Objective, place: _Place, index: int, progress: _Progress, checkpoint: CheckpointStore
+    objective: Objective,
+    place: _Place,
+    index: int,
+    progress: _Progress,
+    checkpoint: CheckpointStore,
+    most: int,
 ) -> _Place:
     """Return where the descent of a start ends: as it was kept, or from its place."""
     key = f"start-{index}"
@@ -200,7 +208,7 @@ def _finish(
         return state
     costs: list[float] = []
     state = place
-    for state in _descend(objective, place):
+    for state in _descend(objective, place, most):
         costs.append(state.cost)
         progress.step(index, len(costs) - 1, state)
     checkpoint.keep(key, {**state.plain(), "costs": costs})
@@ -271,10 +279,10 @@ def _opening(objective: Objective, damper: Damper) -> _Place:
     return _Place(point, linear[0], np.zeros(len(objective.sessions)), np.inf, 0, converged=False)
 
 
-def _descend(objective: Objective, place: _Place) -> Iterator[_Place]:
+def _descend(objective: Objective, place: _Place, most: int) -> Iterator[_Place]:
     """Yield the states of one descent on whole runs, the first and every accepted one."""
     descent = Descents(
-        objective, place.point[None], place.linear[None], place.session_offsets[None], most=_MOST_ITERATIONS
+        objective, place.point[None], place.linear[None], place.session_offsets[None], most=most
     )
     while True:
         state = _state(descent, 0, place.evaluations)

@@ -112,6 +112,7 @@ def render_report(fitted: IdentifyResult) -> str:
             findings=by_kind(fitted.findings),
             left_out=_left_out_tables(judged.left_out),
             law_table=fitted.law_table,
+            chosen_by=fitted.chosen_by,
             passivity=judged.passivity_min,
             preparation=_preparation_rows(fitted),
             fingerprint=fitted.fingerprint,

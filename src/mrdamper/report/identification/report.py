@@ -11,10 +11,11 @@ from rich.markup import escape
 from rich.table import Table
 
 from mrdamper.errors import option
-from mrdamper.identify.assess import CrossValidated, LawScore, summary
+from mrdamper.identify.assess import CrossValidated, summary
 from mrdamper.identify.confidence.sentences import sentence
 from mrdamper.identify.predict import finite, row
 from mrdamper.identify.problem import Estimate
+from mrdamper.identify.selection.select import LawScore
 from mrdamper.jobs.identify import IdentifyResult
 from mrdamper.models.card_schema import write_card
 from mrdamper.report.base import BEST_SO_FAR, DONE, Outcome, Report, WrittenFile, interrupted
@@ -69,6 +70,7 @@ def _answer(found: IdentifyResult) -> Json:
         "left_out_summary": {
             kind: in_percent(values) for kind, values in _left_out_summaries(judged.left_out).items()
         },
+        "chosen_by": found.chosen_by or None,
         "law_table": [_law_score(score) for score in found.law_table],
         "findings": [dict(finding.to_dict()) for finding in found.findings],
     }
@@ -103,6 +105,10 @@ def _law_score(score: LawScore) -> Json:
         "training_median_percent": finite(score.training_median),
         "held_out_median_percent": finite(score.held_out_median),
         "held_out_worst_percent": finite(score.held_out_worst),
+        "terms": list(score.groups),
+        "training_rms_percent": finite(score.training_percent),
+        "held_out_rms_percent": finite(score.left_out_percent),
+        "reason": score.reason,
         "cpu_s": round(score.cpu_s, 3),
     }
 
@@ -174,7 +180,7 @@ def _show(found: IdentifyResult, console: Console) -> None:
     """Print errors by run, coefficients with their uncertainty, and what a reader should know."""
     errors = found.assessment.runs
     if found.law_table:
-        console.print(_law_table(found.law_table))
+        console.print(_law_table(found.law_table, found.chosen_by))
     show_errors(errors, found.damper.law.name, console)
     show_summaries(errors, console)
     left = _left_out_summaries(found.assessment.left_out)
@@ -193,13 +199,16 @@ def _wrote(found: IdentifyResult, answer: Json, console: Console) -> None:
     console.print(f"{found.cpu_s:.2f} s of CPU{files}", markup=False)
 
 
-def _law_table(scores: Sequence[LawScore]) -> Table:
-    table = Table(title="Laws, each fitted with one motion left out in turn; the first is chosen")
-    for name in ("law", "numbers", "training median", "held-out median", "held-out worst", "CPU s"):
-        table.add_column(name, justify="left" if name == "law" else "right")
+def _law_table(scores: Sequence[LawScore], left_out: str) -> Table:
+    """Return every candidate: errors over all runs, and over those that were left out in turn."""
+    table = Table(title=f"Laws and terms, chosen by the error on what was left out ({left_out})")
+    for name in ("law", "numbers", "training", "left out", "median", "worst", "CPU s", "reason"):
+        table.add_column(name, justify="left" if name in ("law", "reason") else "right", overflow="fold")
     for score in scores:
-        errors = (score.training_median, score.held_out_median, score.held_out_worst)
-        table.add_row(score.law, str(score.free_parameters), *map(percent, errors), f"{score.cpu_s:.2f}")
+        errors = (score.training_percent, score.left_out_percent, score.held_out_median, score.held_out_worst)
+        name = " + ".join((score.law, *score.groups))
+        numbers = str(score.free_parameters or "-")
+        table.add_row(name, numbers, *map(percent, errors), f"{score.cpu_s:.2f}", escape(score.reason))
     return table
 
 

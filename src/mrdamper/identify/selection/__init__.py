@@ -1,0 +1,1 @@
+"""Which law and which of its terms: chosen by the error on motions that were left out."""

@@ -1,0 +1,335 @@
+"""Candidates of a selection: a law with some of its groups, fitted quickly and judged on what was left out.
+
+A fit is a few Levenberg-Marquardt steps from a former one; a cross-validation is the same without each fold,
+from the fit to all runs. Both are on the runs as a fit has them (200 Hz); the model that comes of a selection
+is fitted again in full.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from mrdamper.arrays import FloatArray
+from mrdamper.data.prepare import PreparedRun
+from mrdamper.errors import ConvergenceError
+from mrdamper.identify.checkpoint import CheckpointStore, NoCheckpoint
+from mrdamper.identify.groups import groups_of
+from mrdamper.identify.limits import feasible
+from mrdamper.identify.motions import Fold, folds_of, motion_groups
+from mrdamper.identify.problem import FitProblem, FreeParameter, PreparedFit
+from mrdamper.identify.search.descent import Box, Descents
+from mrdamper.identify.search.objective import Objective
+from mrdamper.identify.search.variable_projection import fit_variable_projection
+from mrdamper.identify.temperature import FluidFactors, Temperature
+from mrdamper.identify.templates import template
+from mrdamper.models.damper import Damper
+from mrdamper.models.laws import LAWS
+from mrdamper.models.simulate import simulate
+
+__all__ = ["Candidate", "Fitted", "Judge", "Judged"]
+
+_SCREENING_STEPS = 15  # of a law from its best drawn point
+_FIT_STEPS = 8  # of a candidate that starts from a former one
+_FOLD_STEPS = 6  # without a fold, from the fit to all runs
+_MOST_SAMPLES = 150_000  # at the fit's rate, that a selection looks at
+_RATE_Hz = 200.0
+_LEVEL_K = 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A law with the groups that are switched on."""
+
+    law: str
+    groups: tuple[str, ...]
+
+    @property
+    def title(self) -> str:
+        return " + ".join((self.law, *self.groups))
+
+    def with_group(self, name: str) -> Candidate:
+        return replace(self, groups=(*self.groups, name))
+
+    def without(self, name: str) -> Candidate:
+        return replace(self, groups=tuple(group for group in self.groups if group != name))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fitted:
+    """A candidate fitted to all runs: its damper, and its errors on them [%]."""
+
+    candidate: Candidate
+    damper: Damper
+    free_parameters: int
+    training_percent: float  # the root of the mean square over the runs
+    training_median: float
+    cpu_s: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Judged:
+    """A fitted candidate's errors on what was left out.
+
+    ``squares`` are the squared errors [%^2] of each fold's runs, NaN where the fold does not hold the run.
+    """
+
+    fitted: Fitted
+    squares: FloatArray  # (folds, runs)
+    cpu_s: float
+
+    @property
+    def by_run(self) -> FloatArray:
+        """The errors [%] of the runs that were left out, once each."""
+        known = ~np.isnan(self.squares).all(axis=0)
+        return np.asarray(np.sqrt(np.nansum(self.squares[:, known], axis=0)))
+
+    @property
+    def percent(self) -> float:
+        """The root of the mean squared error [%] on what was left out."""
+        return float(np.sqrt(np.mean(self.by_run**2)))
+
+    def gain_over(self, other: Judged) -> tuple[float, float]:
+        """Return by how much of the other's error this one's is lower, and the mean fall over its error.
+
+        The second is Student's t of the falls of squared error, over the folds.
+        """
+        falls = np.nansum(other.squares - self.squares, axis=1)
+        spread = float(np.std(falls, ddof=1)) / np.sqrt(len(falls)) if len(falls) > 1 else np.inf
+        t = float(np.mean(falls)) / spread if spread > 0.0 else np.inf * np.sign(float(np.mean(falls)))
+        return 1.0 - self.percent / other.percent, t
+
+
+class Judge:
+    """The runs of a selection, their folds, and what is done with every candidate on them.
+
+    ``terms`` fixes the groups of every law; None: they are chosen. Of many runs some are looked at, each
+    motion, command and temperature among them. A ``checkpoint`` recalls and keeps the outcome of each fit and
+    of each cross-validation.
+    """
+
+    def __init__(
+        self,
+        runs: Sequence[PreparedRun],
+        *,
+        terms: Sequence[str] | None = None,
+        one_command: bool = False,
+        temperature: Temperature = "auto",
+        fluid: FluidFactors | None = None,
+        session_offsets: bool = False,
+        seed: int = 0,
+        checkpoint: CheckpointStore | None = None,
+    ) -> None:
+        self.runs = _some(runs)
+        self.folds = folds_of(self.runs)
+        self._terms = None if terms is None else tuple(terms)
+        self._how: dict[str, Any] = {
+            "one_command": one_command,
+            "temperature": temperature,
+            "fluid": fluid,
+        }
+        self._session_offsets, self._seed = session_offsets, seed
+        self._checkpoint = checkpoint or NoCheckpoint()
+        self._prepared: tuple[PreparedFit, ...] = ()
+
+    def usual(self, law: str) -> Candidate:
+        """Return a law with the groups that the runs ask for by themselves, or those that were fixed."""
+        if self._terms is not None:
+            return Candidate(law, self._terms)
+        damper, free = template(law, self.runs, **self._how)
+        moved = {each.name.partition(".")[0] for each in free}
+        on = [
+            name
+            for name, group in groups_of(damper.law).items()
+            if not group.over_temperature
+            and {entry.name for entry in group.entries} <= moved
+            and self._adds(Candidate(law, ()), name)
+        ]
+        return Candidate(law, tuple(on))
+
+    def open_groups(self, candidate: Candidate) -> list[str]:
+        """Return the groups that could be switched on beside those of a candidate, and add a parameter."""
+        known = groups_of(LAWS[candidate.law]) if self._terms is None else {}
+        return [
+            name
+            for name, group in known.items()
+            if name not in candidate.groups
+            and all(need in candidate.groups for need in group.needs)
+            and self._adds(candidate, name)
+        ]
+
+    def closable_groups(self, candidate: Candidate) -> list[str]:
+        """Return the groups of a candidate that none of its others needs."""
+        if self._terms is not None:
+            return []
+        known = groups_of(LAWS[candidate.law])
+        needed = {need for name in candidate.groups for need in known[name].needs}
+        return [name for name in candidate.groups if name not in needed]
+
+    def fit_anew(self, candidate: Candidate) -> Fitted:
+        """Fit a candidate from one drawn start."""
+        kept = self._checkpoint.recall(f"fit {candidate.title}")
+        if kept is not None:
+            return self._fitted(candidate, kept)
+        clock = time.process_time()
+        problem = self._problem(candidate)
+        result = fit_variable_projection(
+            problem, starts=1, seed=self._seed, prepared=self._opened(problem), most=_SCREENING_STEPS
+        )
+        return self._keep(candidate, problem, result.damper, clock)
+
+    def fit_from(self, candidate: Candidate, former: Damper) -> Fitted:
+        """Fit a candidate in a few steps from a former damper, new groups from each of their starts."""
+        kept = self._checkpoint.recall(f"fit {candidate.title}")
+        if kept is not None:
+            return self._fitted(candidate, kept)
+        clock = time.process_time()
+        problem = self._problem(candidate)
+        known = groups_of(problem.template.law)
+        first = [problem.template]
+        for name in candidate.groups:
+            if not {e.name for e in known[name].entries} & set(_moved(former)):
+                first += [self._problem(candidate, start).template for start in known[name].starts]
+        dampers = [_carried(former, each, problem.free) for each in first]
+        damper = _descend(problem, Objective(problem, self._opened(problem)), dampers, _FIT_STEPS)
+        return self._keep(candidate, problem, damper, clock)
+
+    def cross_validate(self, fitted: Fitted) -> Judged:
+        """Return a fitted candidate's errors on each fold, of a fit to the rest."""
+        key = f"left out {fitted.candidate.title}"
+        kept = self._checkpoint.recall(key)
+        if kept is not None:
+            squares = np.array(kept["squares"], dtype=np.float64)
+            return Judged(fitted, squares, kept["cpu_s"])
+        clock = time.process_time()
+        problem = self._problem(fitted.candidate)
+        prepared = self._opened(problem)
+        whole = Objective(problem, prepared)
+        squares = np.full((len(self.folds), len(self.runs)), np.nan)
+        for k, fold in enumerate(self.folds):
+            rest = Objective(problem, fold.training(prepared), like=whole)
+            damper = _descend(problem, rest, [fitted.damper], _FOLD_STEPS)
+            squares[k, list(fold.runs)] = _squared_errors(damper, prepared, fold)
+        judged = Judged(fitted, squares, time.process_time() - clock)
+        self._checkpoint.keep(key, {"squares": squares.tolist(), "cpu_s": judged.cpu_s})
+        return judged
+
+    def _problem(self, candidate: Candidate, start: Mapping[str, float] | None = None) -> FitProblem:
+        damper, free = template(candidate.law, self.runs, groups=candidate.groups, start=start, **self._how)
+        return FitProblem(damper, free, self.runs, self._session_offsets)
+
+    def _adds(self, candidate: Candidate, name: str) -> bool:
+        before, after = (self._problem(each).free for each in (candidate, candidate.with_group(name)))
+        return {free.name for free in after} != {free.name for free in before}
+
+    def _opened(self, problem: FitProblem) -> tuple[PreparedFit, ...]:
+        """Return the runs opened for the kernel; once for all candidates."""
+        self._prepared = self._prepared or problem.prepare()
+        return self._prepared
+
+    def _keep(self, candidate: Candidate, problem: FitProblem, damper: Damper, clock: float) -> Fitted:
+        runs = self._opened(problem)
+        squares = _squared_errors(damper, runs, Fold("", tuple(range(len(runs)))))
+        kept = {
+            "parameters": dict(damper.parameters_and_lag),
+            "free": len(problem.free),
+            "percent": float(np.sqrt(np.mean(squares))),
+            "median": float(np.sqrt(np.median(squares))),
+            "cpu_s": time.process_time() - clock,
+        }
+        self._checkpoint.keep(f"fit {candidate.title}", kept)
+        return self._fitted(candidate, kept)
+
+    def _fitted(self, candidate: Candidate, kept: Mapping[str, Any]) -> Fitted:
+        damper = self._problem(candidate).template.with_parameters(kept["parameters"])
+        return Fitted(candidate, damper, kept["free"], kept["percent"], kept["median"], kept["cpu_s"])
+
+
+def _some(runs: Sequence[PreparedRun]) -> tuple[PreparedRun, ...]:
+    """Return runs of few enough samples in all, in their order: first those that bring something new."""
+    cost = [_RATE_Hz * run.trajectory.step * len(run) for run in runs]
+    if sum(cost) <= _MOST_SAMPLES:
+        return tuple(runs)
+    motion = {k: place for place, group in enumerate(motion_groups(runs)) for k in group}
+    seen: set[object] = set()
+    fresh: list[int] = []
+    order = np.random.default_rng(0).permutation(len(runs)).tolist()
+    for k in order:
+        kelvin = runs[k].trajectory.temperature
+        labels = {
+            ("motion", motion[k]),
+            ("command", runs[k].run.constant_command),
+            ("temperature", None if kelvin is None else round(float(np.mean(kelvin)) / _LEVEL_K)),
+        }
+        if not labels <= seen:
+            fresh.append(k)
+        seen |= labels
+    chosen, spent = set(fresh), sum(cost[k] for k in fresh)
+    for k in order:
+        if k not in chosen and spent + cost[k] <= _MOST_SAMPLES:
+            chosen.add(k)
+            spent += cost[k]
+    return tuple(run for k, run in enumerate(runs) if k in chosen)
+
+
+def _descend(problem: FitProblem, objective: Objective, dampers: Sequence[Damper], most: int) -> Damper:
+    """Return the best end of short descents from dampers."""
+    box = Box.of(problem)
+    nonlinear, linear = (
+        np.concatenate(parts) for parts in zip(*map(objective.candidate_of, dampers), strict=True)
+    )
+    points = np.stack([box.to_search(row) for row in nonlinear])
+    descents = Descents(
+        objective, points, linear, np.zeros((len(points), len(objective.sessions))), most=most
+    )
+    descents.run()
+    costs = np.where(np.isfinite(descents.costs), descents.costs, np.inf)
+    best = int(costs.argmin())
+    if not np.isfinite(costs[best]):
+        raise ConvergenceError(place=problem.template.law.name, found="no descent reached a finite cost")
+    values = np.concatenate([box.to_physical(descents.points[best]), descents.linear[best]]).tolist()
+    names = (*objective.nonlinear, *objective.linear)
+    found = problem.template.with_parameters(dict(zip(names, values, strict=True)))
+    return feasible(problem, found)
+
+
+def _squared_errors(damper: Damper, runs: Sequence[PreparedFit], fold: Fold) -> list[float]:
+    """Return the squared errors [%^2] of a fold's runs; of a block of time, its share of them."""
+    found = []
+    for k in fold.runs:
+        run = runs[k]
+        error = simulate(damper.on_limits(), run.drive) - run.force
+        part = error[fold.scored(run.start, len(error))]
+        found.append(run.weight * len(runs) * float(part @ part))
+    return found
+
+
+def _moved(damper: Damper) -> tuple[str, ...]:
+    """Return the coefficients of a damper that are not at their law's default."""
+    return tuple(
+        c.name
+        for c, form in zip(damper.law.coefficients, damper.coefficients.values(), strict=True)
+        if form.kind != "constant" or form.parameters != (c.default or 0.0,)
+    )
+
+
+def _carried(former: Damper, onto: Damper, free: Sequence[FreeParameter]) -> Damper:
+    """Return a damper with what it shares with a former one of its law; a new form at its level."""
+    known, values = former.parameters_and_lag, onto.parameters_and_lag
+    defaults = {c.name for c in former.law.coefficients} - set(_moved(former))
+    carried = {}
+    for each in free:
+        name = each.name.partition(".")[0]
+        if name in defaults:
+            continue
+        if each.name in known:
+            carried[each.name] = known[each.name]
+        elif name in former.coefficients and each.name.endswith((".c00", ".value", ".c0")):
+            carried[each.name] = float(former.coefficients[name].value(0.0))
+        else:
+            carried[each.name] = 0.0 if each.name.rpartition(".")[2].startswith("c") else values[each.name]
+    return onto.with_parameters(carried)

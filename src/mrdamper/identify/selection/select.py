@@ -1,0 +1,279 @@
+"""The choice of a law and its groups, by what was left out: whole motions, commands, or blocks of time.
+
+Every law is fitted once; those whose error on the runs themselves is above the left-out error of another are
+out. The others are fitted again without each fold. On the best of them groups are switched on one by one
+while that lowers the left-out error, and switched off again where that costs nothing. A candidate that fails
+is a row with its reason. The left-out error of the chosen one is a little too good: it was chosen by it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from mrdamper.errors import MrdamperError
+from mrdamper.identify.selection.candidates import Candidate, Fitted, Judge, Judged
+from mrdamper.models.damper import Damper
+from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
+from mrdamper.runtime.signals import Interrupted
+
+__all__ = ["LawScore", "Selection", "select"]
+
+_FINALISTS = 4  # laws that are cross-validated at most
+_TRIED = 3  # groups of a round that are
+_ROUNDS = 4  # of groups switched on
+_CLEAR, _CLEAR_T = 0.01, 1.0  # gain in left-out error that is taken, with Student's t,
+_SMALL, _SMALL_T = 0.003, 2.0  # or a smaller one that is surer
+
+_FAILURES = (MrdamperError, ValueError, ArithmeticError, RuntimeError)  # of one candidate, not of the choice
+
+Supports = Callable[[Damper], bool]
+
+
+@dataclass(frozen=True, slots=True)
+class LawScore:
+    """One candidate of a selection; errors are of runs' ``nrmse_percent``, NaN where they were not found.
+
+    ``left_out_percent`` is the root of the mean square over the runs that were left out: what was compared.
+    """
+
+    law: str
+    free_parameters: int
+    training_median: float
+    held_out_median: float
+    held_out_worst: float
+    cpu_s: float
+    groups: tuple[str, ...] = ()
+    training_percent: float = math.nan  # root of the mean square over the runs that were fitted
+    left_out_percent: float = math.nan
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Selection:
+    """The candidate that was chosen, its quick fit, and every candidate with its reason, the chosen first."""
+
+    chosen: Fitted
+    table: tuple[LawScore, ...]
+    left_out: str  # what was left out, for people
+    cpu_s: float
+    interrupted: bool = False
+
+
+class _Race:
+    """The candidates so far, and the best of them."""
+
+    def __init__(self, judge: Judge, supports: Supports, on_progress: Progress) -> None:
+        self._judge, self._supports, self._on_progress = judge, supports, on_progress
+        self.rows: dict[Candidate, LawScore] = {}
+        self.fitted: list[Fitted] = []
+        self.errors: list[Exception] = []
+        self.best: Judged | None = None
+
+    def fit(self, candidate: Candidate, former: Damper | None = None) -> Fitted | None:
+        """Fit a candidate; one that fails is a row."""
+        self._on_progress(ProgressUpdate(text=f"fitting {candidate.title}"))
+        try:
+            fitted = (
+                self._judge.fit_anew(candidate) if former is None else self._judge.fit_from(candidate, former)
+            )
+        except _FAILURES as error:
+            self.fail(candidate, error)
+            return None
+        self.fitted.append(fitted)
+        self.rows[candidate] = _row(fitted)
+        return fitted
+
+    def judge(self, fitted: Fitted) -> Judged | None:
+        """Cross-validate a fitted candidate; one that fails is a row."""
+        self._on_progress(ProgressUpdate(text=f"leaving out motions: {fitted.candidate.title}"))
+        try:
+            judged = self._judge.cross_validate(fitted)
+        except _FAILURES as error:
+            self.fail(fitted.candidate, error)
+            return None
+        if not math.isfinite(judged.percent):
+            self.say(fitted.candidate, "no finite error on what was left out")
+            return None
+        self.rows[fitted.candidate] = _row(fitted, judged)
+        return judged
+
+    def fail(self, candidate: Candidate, error: Exception) -> None:
+        """Take a candidate that failed as a row."""
+        reason = f"failed: {str(error).splitlines()[0]}"
+        nothing = (math.nan, math.nan, math.nan, 0.0)
+        self.rows[candidate] = LawScore(candidate.law, 0, *nothing, candidate.groups, reason=reason)
+        self.errors.append(error)
+
+    def say(self, candidate: Candidate, reason: str) -> None:
+        self.rows[candidate] = replace(self.rows[candidate], reason=reason)
+
+    def laws(self, laws: Iterable[str]) -> None:
+        """Fit every law, cross-validate the ones that come near, and take the best."""
+        fitted = []
+        for law in laws:
+            try:
+                candidate = self._judge.usual(law)
+            except MrdamperError as error:
+                self.fail(Candidate(law, ()), error)
+                continue
+            found = self.fit(candidate)
+            fitted += [] if found is None else [found]
+        fitted.sort(key=lambda each: each.training_percent)
+        judged: list[Judged] = []
+        for place, each in enumerate(fitted):
+            known = min((other.percent for other in judged), default=math.inf)
+            if each.training_percent > known or place >= _FINALISTS:
+                over = 100.0 * (each.training_percent / fitted[0].training_percent - 1.0)
+                self.say(each.candidate, f"error on the runs themselves {over:.0f} % above the least")
+                continue
+            found_error = self.judge(each)
+            judged += [] if found_error is None else [found_error]
+        judged.sort(key=lambda each: (not self._supports(each.fitted.damper), each.percent))
+        for each_judged in judged:
+            if self.best is None or _better(each_judged, self.best):
+                self.best = each_judged
+
+    def switch_on(self) -> None:
+        """Switch groups on while that lowers the left-out error."""
+        for _ in range(_ROUNDS):
+            base = self.best
+            if base is None:
+                return
+            tried = []
+            for name in self._judge.open_groups(base.fitted.candidate):
+                found = self.fit(base.fitted.candidate.with_group(name), base.fitted.damper)
+                if (
+                    found is not None
+                    and found.training_percent < (1.0 - _SMALL) * base.fitted.training_percent
+                ):
+                    tried.append((name, found))
+                elif found is not None:
+                    self.say(found.candidate, "does not lower the error on the runs themselves")
+            tried.sort(key=lambda pair: pair[1].training_percent)
+            for _, found in tried[_TRIED:]:
+                self.say(found.candidate, "lowers the error on the runs themselves less than others")
+            judged = [(name, each) for name, found in tried[:_TRIED] if (each := self.judge(found))]
+            judged.sort(key=lambda pair: pair[1].percent)
+            self._take(base, judged)
+            if self.best is base:
+                return
+
+    def _take(self, base: Judged, judged: Sequence[tuple[str, Judged]]) -> None:
+        """Take the best group that pays, then the runners-up on top of it."""
+        for name, each in judged:
+            if not _better(each, base):
+                continue
+            if self.best is base:
+                self.best = each
+                continue
+            assert self.best is not None
+            found = self.fit(self.best.fitted.candidate.with_group(name), self.best.fitted.damper)
+            both = None if found is None else self.judge(found)
+            if both is not None and _better(both, self.best):
+                self.best = both
+
+    def switch_off(self) -> None:
+        """Switch groups off whose loss costs next to nothing."""
+        base = self.best
+        if base is None:
+            return
+        for name in self._judge.closable_groups(base.fitted.candidate):
+            candidate = base.fitted.candidate.without(name)
+            found = None if candidate in self.rows else self.fit(candidate, base.fitted.damper)
+            judged = None if found is None else self.judge(found)
+            if judged is not None and judged.percent < (1.0 + _SMALL) * base.percent:
+                self.best = base = judged
+
+
+def select(
+    judge: Judge,
+    laws: Sequence[str],
+    *,
+    supports: Supports = lambda _: True,
+    on_progress: Progress = silent,
+) -> Selection:
+    """Return the law and groups of the least error on what was left out.
+
+    ``supports`` says which dampers are preferred where errors are the same within the rule's threshold (those
+    that a controller takes). An interrupt keeps the best candidate so far.
+
+    Raises
+    ------
+    MrdamperError
+        No candidate could be fitted: the first one's.
+    Interrupted
+        Before any was.
+    """
+    race, interrupted = _Race(judge, supports, on_progress), False
+    try:
+        race.laws(laws)
+        race.switch_on()
+        race.switch_off()
+    except Interrupted:
+        if not race.fitted:
+            raise
+        interrupted = True
+    if race.best is not None:
+        chosen = race.best.fitted
+    elif race.fitted:
+        chosen = min(race.fitted, key=lambda each: each.training_percent)
+    else:
+        raise race.errors[0]
+    table = _table(race, chosen)
+    return Selection(chosen, table, _left_out(judge), sum(row.cpu_s for row in table), interrupted)
+
+
+def _better(one: Judged, other: Judged) -> bool:
+    """Say whether the first candidate's left-out error is lower by more than chance."""
+    gain, t = one.gain_over(other)
+    return (gain > _CLEAR and t > _CLEAR_T) or (gain > _SMALL and t > _SMALL_T)
+
+
+def _row(fitted: Fitted, judged: Judged | None = None) -> LawScore:
+    errors = np.array([np.nan]) if judged is None else judged.by_run
+    return LawScore(
+        law=fitted.candidate.law,
+        groups=fitted.candidate.groups,
+        free_parameters=fitted.free_parameters,
+        training_median=fitted.training_median,
+        training_percent=fitted.training_percent,
+        held_out_median=float(np.median(errors)),
+        held_out_worst=float(errors.max()),
+        left_out_percent=math.nan if judged is None else judged.percent,
+        cpu_s=fitted.cpu_s + (0.0 if judged is None else judged.cpu_s),
+    )
+
+
+def _table(race: _Race, chosen: Fitted) -> tuple[LawScore, ...]:
+    """Return every candidate with its reason: the chosen, then by the error on what was left out."""
+    rows = []
+    for candidate, row in race.rows.items():
+        reason = row.reason
+        if candidate == chosen.candidate:
+            reason = "chosen"
+        elif not reason and race.best is not None and math.isfinite(row.left_out_percent):
+            over = 100.0 * (row.left_out_percent / race.best.percent - 1.0)
+            reason = f"error on what was left out {over:+.1f} % from the chosen one's"
+        rows.append(replace(row, reason=reason))
+    return tuple(
+        sorted(
+            rows,
+            key=lambda row: (
+                row.reason != "chosen",
+                np.nan_to_num(row.left_out_percent, nan=np.inf),
+                np.nan_to_num(row.training_percent, nan=np.inf),
+            ),
+        )
+    )
+
+
+def _left_out(judge: Judge) -> str:
+    """Return what was left out, for people."""
+    count = len(judge.folds)
+    if not judge.folds[0].whole:
+        return f"{count} blocks of time"
+    return f"{count} folds of whole motions" if count > 1 else judge.folds[0].label

@@ -1,0 +1,115 @@
+"""The choice of a law: the truth is found again, terms that pay are switched on, failures are rows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mrdamper.data.prepare import PreparedRun
+from mrdamper.errors import InputError
+from mrdamper.identify.checkpoint import CheckpointStore
+from mrdamper.identify.selection.candidates import Candidate, Judge
+from mrdamper.identify.selection.select import select
+from mrdamper.runtime.signals import Interrupted
+from tests.identify.truths import TRUTHS, measured
+
+TRUTH = "bouc-wen-saturating"
+LAWS = ("bingham", "bouc-wen", TRUTH)
+
+
+@pytest.fixture(scope="module")
+def runs() -> tuple[PreparedRun, ...]:
+    return measured(TRUTHS[TRUTH], noise=0.02, seed=0, rate_Hz=250.0)
+
+
+class Memory(CheckpointStore):
+    """Keeps what it is given."""
+
+    def __init__(self) -> None:
+        self.pieces: dict[str, Mapping[str, Any]] = {}
+
+    def recall(self, key: str) -> Mapping[str, Any] | None:
+        return self.pieces.get(key)
+
+    def keep(self, key: str, value: Mapping[str, Any]) -> None:
+        self.pieces[key] = dict(value)
+
+
+def test_the_law_is_chosen_by_motions_that_were_left_out(runs):
+    found = select(Judge(runs), LAWS)
+    assert (found.chosen.candidate, found.table[0].reason) == (Candidate(TRUTH, ()), "chosen")
+    assert found.left_out == "3 folds of whole motions"
+    assert found.table[0].left_out_percent == pytest.approx(2.0, rel=0.1)
+    assert found.table[0].held_out_worst < 3.0
+    assert {row.law for row in found.table} == set(LAWS)
+    assert all(row.reason for row in found.table)
+
+
+def test_a_mass_on_the_piston_is_switched_on_and_nothing_else(runs):
+    loaded = tuple(replace(run, force=run.force + 12.0 * run.trajectory.acceleration) for run in runs)
+    found = select(Judge(loaded), (TRUTH,))
+    assert found.chosen.candidate.groups == ("mass",)
+    assert found.chosen.damper.parameters["mass.value"] == pytest.approx(12.0, rel=0.05)
+
+
+def test_groups_that_are_given_are_fixed(runs):
+    found = select(Judge(runs, terms=("mass",)), (TRUTH,))
+    assert [row.groups for row in found.table] == [("mass",)]
+
+
+def test_a_candidate_that_fails_is_a_row_with_its_reason(runs, monkeypatch):
+    fit_anew = Judge.fit_anew
+
+    def fails(self, candidate):
+        if candidate.law == "bouc-wen":
+            raise InputError("rho is 1e+08 1/m")
+        return fit_anew(self, candidate)
+
+    monkeypatch.setattr(Judge, "fit_anew", fails)
+    found = select(Judge(runs), LAWS)
+    assert found.chosen.candidate.law == TRUTH
+    assert {row.reason for row in found.table if row.law == "bouc-wen"} == {"failed: rho is 1e+08 1/m"}
+
+
+def test_what_no_law_can_be_fitted_to_is_the_first_one_s_error(runs):
+    still = [run for run in runs if run.run.constant_command == 1.0]
+    with pytest.raises(InputError, match=r"have one command \(1 A\).*--one-command"):
+        select(Judge(still), LAWS)
+
+
+def test_one_run_alone_is_cut_into_blocks_of_time(runs):
+    (run,) = (each for each in runs if each.run.name == "harmonics 1 A")
+    found = select(Judge([run], one_command=True), LAWS)
+    assert (found.left_out, found.chosen.candidate.law) == ("5 blocks of time", TRUTH)
+    assert np.isfinite(found.table[0].left_out_percent)
+
+
+def test_an_interrupted_choice_keeps_the_best_so_far_and_goes_on_where_it_was(runs, monkeypatch):
+    whole, memory = select(Judge(runs), LAWS), Memory()
+    cross_validate = Judge.cross_validate
+
+    def stops(self, fitted):
+        raise Interrupted
+
+    monkeypatch.setattr(Judge, "cross_validate", stops)
+    cut = select(Judge(runs, checkpoint=memory), LAWS)
+    assert cut.interrupted
+    assert cut.chosen.candidate.law == TRUTH
+    monkeypatch.setattr(Judge, "cross_validate", cross_validate)
+    again = select(Judge(runs, checkpoint=memory), LAWS)
+    assert dict(again.chosen.damper.parameters) == dict(whole.chosen.damper.parameters)
+    assert {key.split()[0] for key in memory.pieces} == {"fit", "left"}
+
+
+def test_of_laws_alike_the_one_that_a_controller_takes_is_preferred(runs):
+    """A law and itself under another preference: the error is the same, the preference decides."""
+    plain = measured(TRUTHS["dahl"], noise=0.02, seed=0, rate_Hz=250.0)
+    judge = Judge(plain, terms=())
+    found = select(judge, ("dahl", "bouc-wen"), supports=lambda damper: damper.law.name == "bouc-wen")
+    assert found.chosen.candidate.law == "bouc-wen"
+    found = select(judge, ("dahl", "bouc-wen"), supports=lambda damper: damper.law.name == "dahl")
+    assert found.chosen.candidate.law == "dahl"
