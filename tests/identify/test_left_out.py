@@ -7,11 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mrdamper.excitation import Sine, drive
+from mrdamper.arrays import FloatArray
+from mrdamper.data.prepare import Preparation, prepare_run
+from mrdamper.data.records import Dataset, RigRun
+from mrdamper.excitation import Sine, Trajectory, drive
 from mrdamper.identify.confidence.left_out import across_motions, force_band, leave_folds_out
+from mrdamper.identify.predict import outside_envelope
 from mrdamper.identify.problem import FitProblem, FitResult
 from mrdamper.identify.search.variable_projection import fit_variable_projection
 from mrdamper.identify.templates import template
+from mrdamper.jobs.predict import PredictResult, predict
 from mrdamper.models.card_schema import card_from_json, card_to_json
 from mrdamper.models.force_band import ForceBand
 from mrdamper.models.simulate import simulate
@@ -22,6 +27,18 @@ BAND = ForceBand(
     share=0.9, factor=0.1, run_share=0.15, base_N=20.0, expected_nrmse_percent=3.0, worst_nrmse_percent=9.0,
     left_out="motions", folds=4,
 )  # fmt: skip
+
+
+def recorded(name: str, path: Trajectory, force: FloatArray) -> RigRun:
+    """Return a motion with a force as a run of a rig."""
+    return RigRun(
+        name=name,
+        time=path.time,
+        displacement=path.displacement,
+        force=force,
+        command=path.command,
+        command_unit="A",
+    )
 
 
 def fitted(law: str, truth: str, noise: float) -> tuple[FitProblem, FitResult]:
@@ -86,3 +103,29 @@ def test_a_card_keeps_its_band_and_one_without_is_read_as_ever() -> None:
     assert card_from_json(card_to_json(with_band)).force_band == BAND
     document = card_to_json(card())
     assert card_from_json(document).force_band is None
+
+
+def test_a_run_beyond_the_frequencies_of_the_card_is_told_with_numbers() -> None:
+    """15 Hz on a card that knows 0.5 to 3 Hz; inside of that nothing is said."""
+    envelope = replace(card().envelope, acceleration=(-100.0, 100.0), frequency=(0.5, 3.0))
+    known = card(envelope=envelope, preparation={}, excerpt=None)
+    for frequency, said in ((15.0, True), (2.0, False)):
+        path = drive(Sine(1e-3, frequency), duration=3.0, rate_Hz=1000.0, command=1.0)
+        force = simulate(known.damper, path)
+        told = "; ".join(outside_envelope(known, [prepare_run(recorded("fast", path, force), Preparation())]))
+        assert ("frequency is 15 to 15 Hz in fast; the card was identified on 0.5 to 3 Hz" in told) == said
+
+
+def test_predict_tells_what_was_promised_and_found_and_which_run_breaks_the_promise() -> None:
+    known = card(preparation={}, excerpt=None, force_band=BAND)
+    path = drive(Sine(5e-3, 1.0), duration=4.0, rate_Hz=500.0, command=1.0)
+    force = simulate(known.damper, path)
+
+    def told(name: str, factor: float) -> PredictResult:
+        return predict(known, Dataset((recorded(name, path, factor * force),)))
+
+    good, bad = told("good", 1.0), told("bad", 1.6)
+    assert good.errors[0].in_band_percent == pytest.approx(100.0)
+    assert not good.next_tests
+    assert bad.errors[0].in_band_percent == pytest.approx(0.0, abs=20.0)
+    assert bad.next_tests[0].startswith("identify again with bad among the runs: it errs by")

@@ -14,7 +14,7 @@ from numpy import fft
 from mrdamper.arrays import FloatArray
 from mrdamper.core import turning_points
 
-__all__ = ["SWING", "MotionFound", "describe_motion"]
+__all__ = ["SWING", "MotionFound", "describe_motion", "velocity_band"]
 
 SWING = 0.05
 """Share of its range by which a motion comes back where a turning point counts."""
@@ -70,7 +70,7 @@ def describe_motion(displacement: FloatArray, step: float) -> MotionFound:
     if echo is not None:
         label = f"periodic {_mm(stroke_range / 2)} {_plain(1.0 / echo)} Hz"
         return MotionFound(label, echo, echo / 2)
-    low, high = _velocity_band(displacement, step)
+    low, high = velocity_band(np.diff(displacement) / step, step)
     return MotionFound(
         f"random {_mm(stroke_range / 2)} {_plain(low, 0.1)}-{_plain(high, 0.1)} Hz", None, half
     )
@@ -102,9 +102,8 @@ def _period_by_autocorrelation(displacement: FloatArray, step: float) -> float |
     return float(below[0] + first[np.argmax(rest[first])]) * step
 
 
-def _velocity_band(displacement: FloatArray, step: float) -> tuple[float, float]:
-    """Return the frequencies [Hz] between which 90 % of the squared velocity lies."""
-    velocity = np.diff(displacement) / step
+def velocity_band(velocity: FloatArray, step: float) -> tuple[float, float]:
+    """Return the frequencies [Hz] between which 90 % of the squared velocity [m/s] lies."""
     power = np.cumsum(np.abs(fft.rfft(velocity - velocity.mean())) ** 2)
     frequency = fft.rfftfreq(len(velocity), step)
     low, high = np.searchsorted(power, (0.05 * power[-1], 0.95 * power[-1]))

@@ -24,7 +24,7 @@ from mrdamper.identify.assess import assess as assess_fit
 from mrdamper.identify.checkpoint import CheckpointStore
 from mrdamper.identify.confidence.left_out import across_motions, force_band, leave_folds_out
 from mrdamper.identify.limits import brought_inside
-from mrdamper.identify.predict import at_reference, finite, predict, prepare_all, row
+from mrdamper.identify.predict import at_reference, finite, predict, prepare_all, row, whole_envelope
 from mrdamper.identify.problem import Estimate, FitProblem, FitResult, envelope_of
 from mrdamper.identify.search.population import fit_cma, fit_genetic
 from mrdamper.identify.search.variable_projection import MOST_ITERATIONS, fit_variable_projection
@@ -108,7 +108,7 @@ class Identification:
         return ModelCard(
             title=title or f"{self.damper.law.name}, {len(self.training)} training runs",
             damper=self.damper,
-            envelope=envelope_of(self.training),
+            envelope=whole_envelope(self.training),
             evidence=Evidence(
                 runs=tuple(row(error) for error in judged.runs),
                 method=result.method,

@@ -12,13 +12,14 @@ from typing import Protocol
 
 import numpy as np
 
+from mrdamper.data.motion import velocity_band
 from mrdamper.data.prepare import Preparation, PreparedRun, prepare_run
 from mrdamper.data.readers import joined_faults
 from mrdamper.data.records import Dataset, RigRun, with_steady_commands
 from mrdamper.errors import EnvelopeWarning, InputError
 from mrdamper.identify.scores import RunError, score_run
 from mrdamper.models.card import ModelCard
-from mrdamper.models.damper import Damper
+from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.temperature import REFERENCE_K
 from mrdamper.quantities import ZERO_CELSIUS_K
 
@@ -33,7 +34,11 @@ __all__ = [
     "predict",
     "prepare_all",
     "row",
+    "whole_envelope",
 ]
+
+
+_RARE = 1e-3  # of the samples at either end of the acceleration: the smoothing's ends
 
 
 class FittedDamper(Protocol):
@@ -75,7 +80,8 @@ def predict(
         outside = outside_envelope(model, prepared)
         if outside:
             warnings.warn("; ".join(outside), EnvelopeWarning, stacklevel=2)
-    errors = (score_run(damper, run) for run in prepared)
+    band = model.force_band if isinstance(model, ModelCard) else None
+    errors = (score_run(damper, run, band=band) for run in prepared)
     return tuple(
         replace(error, split="training")
         if error.name in seen and not abs(error.rmse_N - seen[error.name]) > 1e-6 * error.rmse_N
@@ -103,15 +109,27 @@ def _need_temperature(damper: Damper, runs: Sequence[PreparedRun]) -> None:
 
 def outside_envelope(card: ModelCard, runs: Sequence[PreparedRun]) -> list[str]:
     """Say where runs leave what the card was identified on, one sentence per quantity, with numbers."""
-    tracks = {
-        run.name: {
-            what: (float(track.min()), float(track.max()))
-            for what in ("command", "displacement", "velocity", "temperature")
-            if (track := getattr(run.trajectory, what)) is not None
-        }
-        for run in runs
+    return beyond_envelope(card, {run.name: _ranges(run) for run in runs})
+
+
+def whole_envelope(runs: Sequence[PreparedRun]) -> OperatingEnvelope:
+    """Return what runs cover: command, displacement, velocity, acceleration, frequency and temperature."""
+    ranges = [_ranges(run) for run in runs]
+    common = [what for what in ranges[0] if all(what in each for each in ranges)]
+    ends = {what: list(zip(*(each[what] for each in ranges), strict=True)) for what in common}
+    return OperatingEnvelope(**{what: (min(low), max(high)) for what, (low, high) in ends.items()})
+
+
+def _ranges(run: PreparedRun) -> dict[str, tuple[float, float]]:
+    """Return least and most of what a run goes through [SI]; of the acceleration without its rarest 0.2 %."""
+    path = run.trajectory
+    found = {
+        what: (float(track.min()), float(track.max()))
+        for what in ("command", "displacement", "velocity", "temperature")
+        if (track := getattr(path, what)) is not None
     }
-    return beyond_envelope(card, tracks)
+    low, high = np.quantile(path.acceleration[run.scored_from :], (_RARE, 1.0 - _RARE)).tolist()
+    return found | {"acceleration": (low, high), "frequency": velocity_band(path.velocity, path.step)}
 
 
 def beyond_envelope(card: ModelCard, runs: Mapping[str, Mapping[str, tuple[float, float]]]) -> list[str]:
@@ -122,13 +140,15 @@ def beyond_envelope(card: ModelCard, runs: Mapping[str, Mapping[str, tuple[float
         ("command", card.damper.command_unit, 1.0, 0.0, seen.command),
         ("displacement", "mm", 1e3, 0.0, seen.displacement),
         ("velocity", "mm/s", 1e3, 0.0, seen.velocity),
+        ("acceleration", "m/s2", 1.0, 0.0, seen.acceleration),
+        ("frequency", "Hz", 1.0, 0.0, seen.frequency),
         ("temperature", "degC", 1.0, -ZERO_CELSIUS_K, seen.temperature),
     ):
         known = {name: ends[what] for name, ends in runs.items() if what in ends}
         if allowed is None or not known:
             continue
-        slack = 5.0 if what == "temperature" else 0.05 * max(map(abs, allowed))
-        beyond = {n: e for n, e in known.items() if e[0] < allowed[0] - slack or e[1] > allowed[1] + slack}
+        low, high = _with_slack(what, allowed)
+        beyond = {n: e for n, e in known.items() if e[0] < low or e[1] > high}
         if not beyond:
             continue
         low, high = min(e[0] for e in beyond.values()), max(e[1] for e in beyond.values())
@@ -141,6 +161,15 @@ def beyond_envelope(card: ModelCard, runs: Mapping[str, Mapping[str, tuple[float
             f"{told[3]} {unit}{held}"
         )
     return said
+
+
+def _with_slack(what: str, allowed: tuple[float, float]) -> tuple[float, float]:
+    """Return the range beyond which a run is outside of what was seen."""
+    if what == "frequency":
+        return 0.5 * allowed[0], 1.25 * allowed[1]
+    share = 0.25 if what == "acceleration" else 0.05
+    slack = 5.0 if what == "temperature" else share * max(map(abs, allowed))
+    return allowed[0] - slack, allowed[1] + slack
 
 
 def all_assumed(damper: Damper) -> bool:
@@ -171,6 +200,8 @@ def at_reference(run: PreparedRun) -> PreparedRun:
 def row(error: RunError) -> dict[str, object]:
     """Return a run's error as JSON takes it, the contract's keys first."""
     values = asdict(error)
+    if error.in_band_percent is None:
+        del values["in_band_percent"]
     first = ("name", "split", "rmse_N", "nrmse_percent", "nrmse_whole_percent", "nrmse_offset_free_percent")
     current = error.command if error.command_unit == "A" else None
     return {

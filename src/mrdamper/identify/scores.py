@@ -17,6 +17,7 @@ from mrdamper.arrays import rms
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import InputError
 from mrdamper.models.damper import Damper
+from mrdamper.models.force_band import ForceBand
 from mrdamper.models.simulate import simulate
 from mrdamper.quantities import ZERO_CELSIUS_K
 
@@ -43,10 +44,13 @@ class RunError:
     energy_model_J: float
     peak_measured_N: float
     peak_model_N: float
+    in_band_percent: float | None = None  # share of the scored samples inside the card's force band
 
 
-def score_run(damper: Damper, prepared: PreparedRun, split: Split = "held_out") -> RunError:
-    """Return the error of a damper on one prepared run.
+def score_run(
+    damper: Damper, prepared: PreparedRun, split: Split = "held_out", band: ForceBand | None = None
+) -> RunError:
+    """Return the error of a damper on one prepared run; with a band also how much of the run lies in it.
 
     Raises
     ------
@@ -93,6 +97,9 @@ def score_run(damper: Damper, prepared: PreparedRun, split: Split = "held_out") 
         energy_model_J=float(force[span] @ power),
         peak_measured_N=float(np.abs(prepared.force[start:]).max()),
         peak_model_N=float(np.abs(force[start:]).max()),
+        in_band_percent=None
+        if band is None
+        else 100.0 * band.coverage(force[start:], prepared.force[start:]),
     )
 
 

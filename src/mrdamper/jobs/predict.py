@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from mrdamper.data.prepare import Preparation
 from mrdamper.data.records import Dataset
@@ -13,8 +14,12 @@ from mrdamper.identify import predict as scoring
 from mrdamper.identify.scores import RunError
 from mrdamper.models.card import SPLITS, ModelCard
 from mrdamper.models.damper import Damper
+from mrdamper.models.force_band import ForceBand
 
 __all__ = ["PredictResult", "predict"]
+
+
+_LOW = 60.0  # [%] of a run inside the band: less is a broken promise
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +30,8 @@ class PredictResult:
     errors: tuple[RunError, ...]
     notes: tuple[str, ...]  # where the runs leave what the card was identified on
     promised: Mapping[str, Mapping[str, float | int | None]]  # by the card, of its splits
+    band: ForceBand | None = None  # that the card promises for new runs
+    next_tests: tuple[str, ...] = ()  # which would shrink that band most, the best first
 
     def __iter__(self) -> Iterator[RunError]:
         return iter(self.errors)
@@ -64,4 +71,33 @@ def predict(
                 f"the card was written in schema version {card.upgraded_from}, without a hash: only its "
                 "excerpt vouches for its numbers; identify again to have one that is signed",
             )
-    return PredictResult(damper.law.name, errors, notes, promised)
+    if not isinstance(card, ModelCard):
+        return PredictResult(damper.law.name, errors, notes, promised)
+    tests = next_tests(errors, card.force_band, card.notes.get("next_tests", ()))
+    return PredictResult(damper.law.name, errors, notes, promised, card.force_band, tests)
+
+
+def next_tests(
+    errors: Sequence[RunError], band: ForceBand | None, proposed: Sequence[Mapping[str, Any]]
+) -> tuple[str, ...]:
+    """Return what would shrink the band most: a run that breaks the promise, then what the card proposes.
+
+    A new run that errs by more than any left out does, or of which the band holds less than three fifths,
+    tells more than any test that was planned without it.
+    """
+    said = []
+    if band is not None:
+        broken = [
+            each
+            for each in errors
+            if each.split == "held_out"
+            and (each.nrmse_percent > band.worst_nrmse_percent or (each.in_band_percent or 0.0) < _LOW)
+        ]
+        if broken:
+            worst = max(broken, key=lambda each: each.nrmse_percent)
+            said.append(
+                f"identify again with {worst.name} among the runs: it errs by {worst.nrmse_percent:.1f} % "
+                f"where {band.expected_nrmse_percent:.1f} % was to be expected, and the band holds "
+                f"{worst.in_band_percent:.0f} % of it"
+            )
+    return (*said, *(str(each["sentence"]) for each in proposed if "sentence" in each))

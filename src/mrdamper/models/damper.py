@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from types import MappingProxyType
 from typing import Annotated
 
@@ -43,12 +43,14 @@ class OperatingEnvelope:
     command: Range  # [A or V]
     displacement: Annotated[Range, Option(key="displacement_m")]
     velocity: Annotated[Range, Option(key="velocity_m_s")]
-    temperature: Annotated[Range | None, Option(key="temperature_K")] = None  # None: not known
+    temperature: Annotated[Range | None, Option(key="temperature_K")] = None  # None: not known, as the next
+    acceleration: Annotated[Range | None, Option(key="acceleration_m_s2")] = None
+    frequency: Annotated[Range | None, Option(key="frequency_Hz")] = None  # of 90 % of the squared velocity
 
     def __post_init__(self) -> None:
-        for name in ("command", "displacement", "velocity", "temperature"):
-            given = getattr(self, name)
-            if given is None and name == "temperature":
+        for field in fields(self):
+            name, given = field.name, getattr(self, field.name)
+            if given is None and field.default is None:
                 continue
             pair = tuple(float(end) for end in given)
             if len(pair) != 2 or not all(map(math.isfinite, pair)) or not pair[0] <= pair[1]:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import asdict
+from statistics import fmean, median
 
 from rich.console import Console
 from rich.markup import escape
 
 from mrdamper.identify.predict import row
+from mrdamper.identify.scores import RunError
 from mrdamper.jobs.predict import PredictResult
 from mrdamper.report.base import Report, WrittenFile
 from mrdamper.report.identification.scores import (
@@ -30,6 +33,8 @@ def _answer(result: PredictResult) -> Json:
         "summary": summaries(result.errors),
         "by_temperature": pooled_json(result.errors),
         "promised": {split: dict(errors) for split, errors in result.promised.items()},
+        "force_band": _band_json(result),
+        "next_tests": list(result.next_tests),
         "notes": list(result.notes),
     }
 
@@ -46,6 +51,37 @@ def _promises(result: PredictResult) -> Iterator[str]:
                 f"the card states of its {errors['runs']} {split.replace('_', '-')} runs: "
                 f"{errors['median_nrmse_percent']:.1f} % median, {errors['worst_nrmse_percent']:.1f} % worst"
             )
+    found = _new_runs(result)
+    if result.band is not None and found:
+        band, sizes = result.band, [each.nrmse_percent for each in found]
+        yield (
+            f"promised for new runs: {band.expected_nrmse_percent:.1f} % median, "
+            f"{band.worst_nrmse_percent:.1f} % worst; found: {median(sizes):.1f} % and "
+            f"{max(sizes):.1f} %"
+        )
+        inside = [each.in_band_percent for each in found if each.in_band_percent is not None]
+        yield (
+            f"promised {100.0 * band.share:.0f} % of their samples in the force band; found: "
+            f"{fmean(inside):.0f} %, {min(inside):.0f} % in the lowest run"
+        )
+    if result.next_tests:
+        yield f"would shrink the band most: {result.next_tests[0]}"
+
+
+def _new_runs(result: PredictResult) -> list[RunError]:
+    return [each for each in result.errors if each.split == "held_out"]
+
+
+def _band_json(result: PredictResult) -> Json | None:
+    """Return the band that the card promises, and the shares of samples that were found in it."""
+    if result.band is None:
+        return None
+    inside = [each.in_band_percent for each in _new_runs(result) if each.in_band_percent is not None]
+    return {
+        **asdict(result.band),
+        "found_in_band_percent": fmean(inside) if inside else None,
+        "lowest_in_band_percent": min(inside, default=None),
+    }
 
 
 def _show(result: PredictResult, console: Console) -> None:
