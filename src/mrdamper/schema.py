@@ -44,6 +44,7 @@ from mrdamper.quantities import ZERO_CELSIUS_K
 __all__ = [
     "Field",
     "Json",
+    "OnPage",
     "Option",
     "check_ranges",
     "did_you_mean",
@@ -70,6 +71,21 @@ _ADAPTERS: dict[type, Any] = {}
 _WORDS = {float: "a number", int: "a whole number", bool: "true or false", str: "a text", Path: "a path"}
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OnPage:
+    """How a page asks for a field, where type, unit and range do not tell."""
+
+    group: str = "More"  # the heading that it stands under; empty: above all headings
+    titles: tuple[str, ...] = ()  # words for its choices, in their order
+    begins: Any = None  # what is shown at first, where that is not the default
+    offers: str = ""  # the group of names (of ``jobs.previews.choices``) that are offered
+    slider: tuple[float, float, float] | None = None  # least, most, step
+    places: tuple[str, ...] = ()  # of the work folder, whose things may be named
+    files: str = ""  # suffix of those that are inputs
+    looks: tuple[str, ...] = ()  # kinds of input that fit (``web.inputs``)
+    word: str = ""  # what one is called that is brought
+
+
 @dataclass(frozen=True, slots=True)
 class Option:
     """What a field's type cannot say: help, unit, range, and how each face names it.
@@ -85,7 +101,9 @@ class Option:
     below: float | None = None
     key: str = ""  # of the file, where it is not the field's name; the field then holds SI
     flag: str = ""  # of the command line, where it is not --field-name; "-" hides the field there
-    label: str = ""  # beside the field on a page
+    label: str = ""  # beside the field on a page; empty: made from its name
+    page: OnPage = OnPage()
+    local: bool = False  # for the command line and Python alone: it names code, or another machine
     metavar: str = ""
     among: Callable[[], Iterable[str]] | None = None  # names that are known only at run time
     default_help: str = ""  # what a default of None means
@@ -226,8 +244,10 @@ def fields_of(record: type) -> tuple[Field, ...]:
 
 
 def _taken_fields(record: Any) -> Iterator[Field]:  # noqa: ANN401 - a dataclass
-    # The module's names, not those of the class: a lambda in an annotation looks there when it is called.
-    names = vars(sys.modules[record.__module__])
+    # The modules' names, not those of the class: a lambda in an annotation looks there when it is called.
+    names: dict[str, Any] = {}
+    for base in reversed(record.__mro__):
+        names |= vars(sys.modules[base.__module__])
     hints = typing.get_type_hints(record, globalns=names, include_extras=True)
     for each in dataclasses.fields(record):
         if not each.init:

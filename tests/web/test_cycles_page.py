@@ -72,7 +72,7 @@ def test_a_record_is_counted_and_drawn_over_its_life(page, rig):
     """What the page draws is in the folder's table, and is what the command says."""
     root, client = rig
     page.goto("/#/cycles")
-    page.select_option("#record", "endurance.parquet")
+    page.select_option("#cycles-record", "endurance.parquet")
     count(page)
     tiles = page.inner_text("#cycles-tiles")
     assert f"{CYCLES - 1}" in tiles  # one that the break touches is left out
@@ -112,11 +112,11 @@ def test_a_map_is_brought_for_a_record_that_does_not_speak_for_itself(page, rig,
     own = tmp_path / "long.toml"
     own.write_text(OTHER_NAMES, encoding="utf-8")
     page.goto("/#/cycles")
-    page.select_option("#record", "other names.csv")
+    page.select_option("#cycles-record", "other names.csv")
     with page.expect_file_chooser() as asked:
         page.get_by_role("button", name="Bring a channel map (TOML)").click()
     asked.value.set_files(own)
-    expect(page.locator("#channel-map")).to_have_value("long.toml")
+    expect(page.locator("#cycles-channels")).to_have_value("long.toml")
     page.get_by_label("Least stroke, mm").fill("25")  # more than it moves
     page.click("#start-cycles")
     page.get_by_role("heading", name="No cycle was found").wait_for()

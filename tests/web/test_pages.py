@@ -135,8 +135,8 @@ def test_a_fit_is_started_watched_and_found_in_the_folder(page, site):
     """Hold out the middle temperature; the card is the one that the command line would read."""
     root, _ = site
     page.goto("/#/identify")
-    page.fill("#card-name", "fitted")
-    page.fill("#globs", "*_060C_*")
+    page.fill("#identify-card", "fitted")
+    page.fill("#identify-hold-out", "*_060C_*")
     page.click("#start-fit")
     page.wait_for_selector("#fit-tiles")
     assert page.locator("tr.held").count() == 9
@@ -211,7 +211,7 @@ def test_a_design_of_the_front_is_drawn_to_scale_with_its_own_curve(page, site):
 def test_controllers_are_compared_and_what_is_out_of_reach_is_said(page, site):
     _, client = site
     page.goto("/#/tracking?card=strong")
-    page.get_by_label("60 °C").uncheck()
+    page.fill("#track-temperatures-degC", "20")
     page.click("#start-track")
     page.wait_for_selector("#trace")
     job = next(each for each in client.get("/api/jobs")["jobs"] if each["kind"] == "track")

@@ -11,7 +11,6 @@ import subprocess
 import sys
 import threading
 import time
-from typing import get_args
 
 import numpy as np
 import pytest
@@ -23,17 +22,12 @@ from mrdamper.data.prepare import prepare_run
 from mrdamper.data.readers import read_run
 from mrdamper.errors import InputError
 from mrdamper.files import parse_toml
-from mrdamper.identify.assess import Kind
-from mrdamper.identify.fit import METHODS
-from mrdamper.identify.temperature import TEMPERATURES
-from mrdamper.jobs.previews import choices as choices_job
 from mrdamper.jobs.previews.runs import channels_toml
 from mrdamper.jobs.previews.series import keep_runs, keep_window, read_series
-from mrdamper.registry import JOBS
 from mrdamper.registry.queries import QUERIES
-from mrdamper.thermal.duty import DEFAULT_DUTY
+from mrdamper.rig.campaign import find_campaign
 from mrdamper.web.query_worker import Query, find_function
-from mrdamper.web.schemas import order_kinds, request_fields
+from mrdamper.web.schemas import job_of, order_kinds, request_fields
 from mrdamper.web.worker_client import NotYetError, PendingAnswers, WorkerClient
 from tests.support.heated import DRAWING, plain_card
 from tests.support.rigs import answer_of, command, mrdamper, short_runs, write_csv, write_runs
@@ -95,23 +89,12 @@ def test_an_empty_folder_has_everything_to_begin_with(clean):
     ]  # fmt: skip
 
 
-def test_lists_that_stand_twice_are_the_same():
-    """The light module of choices names what heavy modules know."""
-    assert choices_job.METHODS == METHODS
-    assert choices_job.TEMPERATURES == TEMPERATURES
-    assert get_args(Kind) == choices_job.LEAVE_OUT
-    assert choices_job.DUTY == DEFAULT_DUTY
-
-
-PAGES_OWN = {"cycles", "demo", "rig", "sweep"}  # whose requests are declared by hand
-
-
-@pytest.mark.parametrize("kind", sorted({*order_kinds()} & {*JOBS} - PAGES_OWN))
+@pytest.mark.parametrize("kind", order_kinds())
 def test_an_order_takes_every_option_of_its_job_with_the_same_default(kind):
     orders = {field.name: field for field in request_fields(kind)}
-    for option in JOBS[kind].fields:
-        assert orders[option.name].default == option.default, option.name
-        assert orders[option.name].option == option.option
+    for option in job_of(kind).fields:
+        assert option.option.local or orders[option.name].default == option.default, option.name
+        assert option.option.local or orders[option.name].option == option.option
 
 
 def test_the_server_loads_neither_a_table_reader_nor_scipy():
@@ -500,10 +483,7 @@ def test_files_that_come_and_go_do_no_harm_to_what_is_listed(clean):
 
 
 def test_the_short_campaign_is_one():
-    from mrdamper.rig.campaign import Campaign
-    from mrdamper.web.adapters import _SHORT
-
-    campaign = Campaign.from_mapping(parse_toml(_SHORT))
+    campaign = find_campaign("short")
     assert len(campaign.runs()) == 27
     assert campaign.steps is not None  # the lag can be identified
 

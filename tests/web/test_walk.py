@@ -37,7 +37,7 @@ def test_from_the_raw_files_to_compiled_code(browser, tmp_path, real_data, tool)
     with served(folder) as client, opened(browser, client.address) as page:
         _bring(page, real_data, tmp_path)
         page.goto("/#/identify")
-        page.fill("#card-name", "press")
+        page.fill("#identify-card", "press")
         page.get_by_label(RUN).check()
         page.click("#start-fit")
         page.wait_for_selector("#fit-tiles")
@@ -76,7 +76,7 @@ def test_from_the_raw_files_to_compiled_code(browser, tmp_path, real_data, tool)
         shoot(page, "walk-sink")
 
         page.goto("/#/tracking?card=press")
-        page.get_by_label("60 °C").uncheck()
+        page.fill("#track-temperatures-degC", "20")
         page.click("#start-track")
         said = page.get_by_text("its data cover -4.61 to 4.65 mm")  # the usual target moves over 5 mm
         said.wait_for()

@@ -183,7 +183,8 @@ def test_a_rheometer_s_table_becomes_a_fluid_that_a_fit_can_take(page, rig, tmp_
     write(tmp_path / "viscosity.csv", "temperature_degC,viscosity_mPas", CELSIUS, 1e3 * VISCOSITY)
     page.goto("/#/jobs")
     choose(page, "Bring an input", tmp_path / "viscosity.csv")
-    expect(page.get_by_label("Rheometer tables")).to_have_value("viscosity.csv")
+    page.get_by_text("A fluid from rheometer tables").click()
+    expect(page.get_by_label("viscosity.csv", exact=True)).to_be_checked()
     page.get_by_role("button", name="Fit a fluid").click()
     page.get_by_label(re.compile("Use the fluid of fluid-")).click()
     page.get_by_text("lies with the inputs now").wait_for()
@@ -234,7 +235,7 @@ def test_a_fit_is_asked_for_with_the_keyboard_alone(page, rig):
     """Tab through the form in the order of the page, see where one is, tick with Space, start with Enter."""
     page.goto("/#/identify")
     page.wait_for_selector("#start-fit")
-    page.focus("#card-name")
+    page.focus("#identify-card")
     page.keyboard.press("Control+A")
     page.keyboard.type("by keyboard")
     steps = []
@@ -323,7 +324,7 @@ STOPPED: dict[str, dict[str, object]] = {
     "sink": {"card": "strong", "method": "nsga2", "members": 200},
     "track": {"card": "strong", "optimum": True},
     "export": {"card": "strong"},
-    "rig": {"campaign": "full"},
+    "rig": {},
     "demo": {"quick": True},
 }
 
@@ -367,9 +368,9 @@ def test_a_fit_that_was_cancelled_is_resumed_to_the_same_card(page, rig):
     """The best so far is shown; Resume takes up the starts that were finished, and replaces it."""
     root, client = rig
     page.goto("/#/identify")
-    page.fill("#card-name", "resumed")
+    page.fill("#identify-card", "resumed")
     page.get_by_text("More", exact=True).click()
-    page.select_option("#law", "bouc-wen")
+    page.select_option("#identify-law", "bouc-wen")
     page.get_by_label("Starts").fill("40")
     page.click("#start-fit")
     kept = root / "cards" / "resumed.progress"
@@ -455,7 +456,7 @@ def test_a_page_that_stays_open_finds_the_server_again(browser, tmp_path):
             page.click("#start-sink")
             page.wait_for_selector("#section svg")
             page.goto(f"{client.address}/#/identify".replace("//#", "/#"))
-            page.fill("#card-name", "long")
+            page.fill("#identify-card", "long")
             page.get_by_text("More", exact=True).click()
             page.get_by_label("Search").select_option("genetic")
             page.click("#start-fit")

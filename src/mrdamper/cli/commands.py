@@ -111,11 +111,12 @@ def _input(each: Input) -> click.Parameter:
     if not each.flag:
         return click.Argument([each.name], type=_FILE, required=each.required, metavar=metavar)
     kind = str if each.default is not None or not kind_of.read or kind_of.choices else _FILE
+    usual = f"  [default: {each.default_help}]" if each.default_help and not each.required else ""
     return click.Option(
         [each.flag, each.name],
         type=kind,
         metavar=metavar,
-        help=each.help,
+        help=each.help + usual,
         default=each.default,
         show_default=each.default is not None,
         required=each.required,

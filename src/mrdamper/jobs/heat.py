@@ -39,7 +39,7 @@ from mrdamper.thermal.temperature_rise import (
     works_of,
 )
 
-__all__ = ["FieldEnd", "HeatResult", "heat"]
+__all__ = ["FieldEnd", "HeatResult", "changed_drawing", "heat", "start_of"]
 
 _USUAL = HeatOptions()
 _LONGEST_STEP_S = 60.0
@@ -121,8 +121,8 @@ def heat(
     ConvergenceError
         A curve that this damper under this duty cannot follow.
     """
-    drawing, model = _changed(drawing, options, sink), options.model
-    start_given = _start(drawing, options.start_degC)
+    drawing, model = changed_drawing(drawing, options, sink), options.model
+    start_given = start_of(drawing, options.start_degC)
     start = start_given
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", EnvelopeWarning)
@@ -187,7 +187,7 @@ def heat(
     )
 
 
-def _changed(drawing: DamperDrawing, options: HeatOptions, sink: HeatSink | None) -> DamperDrawing:
+def changed_drawing(drawing: DamperDrawing, options: HeatOptions, sink: HeatSink | None) -> DamperDrawing:
     """Return the drawing with the sink and in the surroundings that were asked for."""
     around = drawing.surroundings
     if options.ambient_degC is not None:
@@ -198,7 +198,7 @@ def _changed(drawing: DamperDrawing, options: HeatOptions, sink: HeatSink | None
     return replace(drawing, surroundings=around, sink=chosen)
 
 
-def _start(drawing: DamperDrawing, start_degC: float | None) -> float | None:
+def start_of(drawing: DamperDrawing, start_degC: float | None) -> float | None:
     """Return the temperature of everything at the start [K], where it was given."""
     if start_degC is None:
         return None

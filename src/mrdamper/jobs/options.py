@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
-from mrdamper.schema import Option
+from mrdamper.schema import OnPage, Option
 
 __all__ = [
     "CyclesOptions",
@@ -36,7 +36,21 @@ __all__ = [
 
 Seed = Annotated[int, Option("Of every random draw.", least=0, below=2**31)]
 
-Channels = Annotated[Path | None, Option("Channel map (TOML) for headers that do not speak.", metavar="FILE")]
+Channels = Annotated[
+    Path | None,
+    Option(
+        "Channel map (TOML) for headers that do not speak.",
+        metavar="FILE",
+        default_help="the one beside it, else its headers",
+        label="Channel map",
+        page=OnPage(
+            group="", places=("inputs", "maps"), files=".toml", looks=("channels",), word="channel map"
+        ),
+    ),
+]
+
+_TOP = OnPage(group="")
+_BUILT = OnPage(group="What can be built")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,9 +65,13 @@ class RunsReading:
     """Options of reading runs, or one long record."""
 
     channels: Channels = None
-    flip_force: Annotated[bool, Option("Turn the sign of the force (compression-positive load cells).")] = (
-        False
-    )
+    flip_force: Annotated[
+        bool,
+        Option(
+            "Turn the sign of the force (compression-positive load cells).",
+            label="turn the sign of the force",
+        ),
+    ] = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,7 +80,11 @@ class LawReading:
 
     law: Annotated[
         str | None,
-        Option("The user's own law, for a card that was identified with one.", metavar="FILE.py:CLASS"),
+        Option(
+            "The user's own law, for a card that was identified with one.",
+            metavar="FILE.py:CLASS",
+            local=True,
+        ),
     ] = None
 
 
@@ -75,9 +97,14 @@ class NoOptions:
 class FitOptions:
     """Options of ``identify``."""
 
-    method: Annotated[Literal["varpro", "genetic", "cma"], Option("How to search.", label="Search")] = (
-        "varpro"
-    )
+    method: Annotated[
+        Literal["varpro", "genetic", "cma"],
+        Option(
+            "How to search.",
+            label="Search",
+            page=OnPage(titles=("variable projection", "genetic", "CMA-ES")),
+        ),
+    ] = "varpro"
     hold_out: Annotated[
         tuple[str, ...],
         Option(
@@ -85,18 +112,25 @@ class FitOptions:
             metavar="GLOB",
             label="Hold out",
             most_items=20_000,
+            page=OnPage(group="Hold out", offers="runs"),
         ),
     ] = ()
     seed: Seed = 0
-    starts: Annotated[
-        int, Option("Starts of the search (varpro); each draws many points.", least=1, label="Starts")
-    ] = 3
+    starts: Annotated[int, Option("Starts of the search (varpro); each draws many points.", least=1)] = 3
     leave_out: Annotated[
         tuple[Literal["run", "current", "motion", "temperature"], ...],
-        Option("Fit again without each run, current, motion or temperature in turn."),
+        Option(
+            "Fit again without each run, current, motion or temperature in turn.",
+            label="Fit again without each",
+        ),
     ] = ()
     profiled: Annotated[
-        bool, Option("Follow the least known combination along its profile.", flag="--profile")
+        bool,
+        Option(
+            "Follow the least known combination along its profile.",
+            flag="--profile",
+            label="follow the least known combination along its profile",
+        ),
     ] = False
     draws: Annotated[
         int,
@@ -105,6 +139,7 @@ class FitOptions:
             least=0,
             flag="--bootstrap",
             metavar="DRAWS",
+            label="Bootstrap draws",
         ),
     ] = 0
     session_offsets: Annotated[
@@ -127,6 +162,7 @@ class FitOptions:
             "Add a parallel term to the law (may be repeated).",
             flag="--term",
             default_help="friction, thinning for tempered runs",
+            label="Parallel terms",
         ),
     ] = None
     temperature: Annotated[
@@ -135,11 +171,20 @@ class FitOptions:
             "How coefficients follow temperature (auto: arrhenius where the runs have one; "
             "none: not at all).",
             label="Temperature",
+            page=_TOP,
         ),
     ] = "auto"
     coil_resistance_ohm: Annotated[
         float | None,
-        Option("Of the coil at 20 degC, for the card.", above=0.0, flag="--coil-resistance", metavar="OHM"),
+        Option(
+            "Of the coil at 20 degC, for the card.",
+            unit="ohm",
+            above=0.0,
+            flag="--coil-resistance",
+            metavar="OHM",
+            label="Coil resistance at 20 °C",
+            default_help="not known",
+        ),
     ] = None
 
 
@@ -151,12 +196,17 @@ class CyclesOptions:
         float | None,
         Option(
             "A smaller to-and-fro is no cycle.",
+            unit="mm",
+            above=0.0,
+            below=1e6,
             metavar="MM",
+            page=_TOP,
             default_help="5 % of the range of the first rows",
         ),
     ] = None
     batch_rows: Annotated[
-        int | None, Option("Rows of a batch; what is found does not depend on it.", least=1, flag="-")
+        int | None,
+        Option("Rows of a batch; what is found does not depend on it.", least=1, flag="-", local=True),
     ] = None
 
 
@@ -170,7 +220,10 @@ class FluidOptions:
             "Volume share of iron, which leads from mT to kA/m.",
             metavar="SHARE",
             label="Volume share of iron",
-            default_help="that of --like",
+            above=0.0,
+            below=1.0,
+            default_help="that of the fluid it is like",
+            page=_TOP,
         ),
     ] = None
 
@@ -206,26 +259,70 @@ class ForecastOptions:
 class HeatOptions:
     """Options of ``heat``."""
 
-    past_limit: Annotated[bool, Option("Go on beyond the fluid's limit instead of ending there.")] = False
+    past_limit: Annotated[
+        bool,
+        Option(
+            "Go on beyond the fluid's limit instead of ending there.",
+            label="go on past the fluid's limit",
+            page=_TOP,
+        ),
+    ] = False
     model: Annotated[
         Literal["zones", "lumped", "reduced"],
-        Option("Three axial zones, the paper's one node, or the finite elements reduced to 16 unknowns."),
+        Option(
+            "Three axial zones, the paper's one node, or the finite elements reduced to 16 unknowns.",
+            page=OnPage(titles=("three axial zones", "the paper's one node", "reduced finite elements")),
+        ),
     ] = "zones"
     start_degC: Annotated[
-        float | None, Option("Of everything at the start.", unit="degC", default_help="ambient")
+        float | None,
+        Option(
+            "Of everything at the start.",
+            unit="degC",
+            default_help="ambient",
+            label="Temperature at the start",
+        ),
     ] = None
     ambient_degC: Annotated[
         float | None,
-        Option("Air around the damper.", unit="degC", least=-100.0, most=400.0, default_help="the drawing's"),
+        Option(
+            "Air around the damper.",
+            unit="degC",
+            least=-100.0,
+            most=400.0,
+            default_help="the drawing's",
+            page=OnPage(group="", begins=20.0, slider=(-30.0, 60.0, 1.0)),
+        ),
     ] = None
     air_m_s: Annotated[
         float | None,
-        Option("Speed of the air.", unit="m/s", least=0.0, most=200.0, default_help="the drawing's"),
+        Option(
+            "Speed of the air.",
+            unit="m/s",
+            least=0.0,
+            most=200.0,
+            default_help="the drawing's",
+            label="Air speed",
+            page=OnPage(group="", slider=(0.0, 20.0, 0.5)),
+        ),
     ] = None
-    with_sink: Annotated[bool, Option("Leave the drawing's heat sink away.", flag="--no-sink")] = True
+    with_sink: Annotated[
+        bool,
+        Option(
+            "Leave the drawing's heat sink away.",
+            flag="--no-sink",
+            label="with the drawing's heat sink",
+            page=_TOP,
+        ),
+    ] = True
     by_field: Annotated[
         bool | None,
-        Option("Judge the end by finite elements; None: where files are written.", flag="-"),
+        Option(
+            "Judge the end by finite elements; None: where files are written.",
+            flag="-",
+            label="heat paths by finite elements",
+            page=OnPage(begins=True),
+        ),
     ] = None
 
 
@@ -300,7 +397,13 @@ class RideOptions:
     """Options of ``ride``."""
 
     controller: Annotated[
-        str, Option("recommended, recommended-causal, paper, ...", metavar="NAME", label="Controllers")
+        str,
+        Option(
+            "recommended, recommended-causal, paper, ...",
+            metavar="NAME",
+            label="Controller",
+            page=OnPage(group="", offers="controllers"),
+        ),
     ] = "recommended"
     demand: Annotated[
         Literal["skyhook", "groundhook", "hybrid", "linear-quadratic"],
@@ -376,6 +479,8 @@ class SinkOptions:
         float | None,
         Option(
             "Length of the body to stand on.",
+            label="Length to stand on",
+            page=_BUILT,
             unit="mm",
             above=0.0,
             below=1e6,
@@ -385,19 +490,37 @@ class SinkOptions:
     width_mm: Annotated[
         float | None,
         Option(
-            "Greatest width of a fin.", unit="mm", above=0.0, below=1e6, default_help="the drawing's sink's"
+            "Greatest width of a fin.",
+            label="Widest fin",
+            page=_BUILT,
+            unit="mm",
+            above=0.0,
+            below=1e6,
+            default_help="the drawing's sink's",
         ),
     ] = None
     mass_g: Annotated[
         float | None,
         Option(
-            "Greatest mass of all fins.", unit="g", above=0.0, below=1e6, default_help="the drawing's sink's"
+            "Greatest mass of all fins.",
+            label="Most mass",
+            page=_BUILT,
+            unit="g",
+            above=0.0,
+            below=1e6,
+            default_help="the drawing's sink's",
         ),
     ] = None
     least_thickness_mm: Annotated[
-        float, Option("Of a fin that can be made.", unit="mm", above=0.0, below=1e6)
+        float,
+        Option(
+            "Of a fin that can be made.", label="Thinnest fin", page=_BUILT, unit="mm", above=0.0, below=1e6
+        ),
     ] = 1.0
-    least_gap_mm: Annotated[float, Option("Between two fins.", unit="mm", above=0.0, below=1e6)] = 3.0
+    least_gap_mm: Annotated[
+        float,
+        Option("Between two fins.", label="Narrowest gap", page=_BUILT, unit="mm", above=0.0, below=1e6),
+    ] = 3.0
     materials: Annotated[
         tuple[str, ...],
         Option(
@@ -405,24 +528,44 @@ class SinkOptions:
             flag="--material",
             metavar="NAME",
             label="Material",
+            default_help="as drawn",
+            page=OnPage(group="What can be built", offers="materials"),
         ),
     ] = ()
     emissivities: Annotated[
         tuple[Annotated[float, Option(least=0.0, most=1.0)], ...],
         Option(
             "Of the finish: 0.1 bare, 0.85 anodised (may be repeated).",
+            label="Emissivities of the finish",
+            default_help="as drawn",
+            page=_BUILT,
             flag="--emissivity",
             metavar="SHARE",
         ),
     ] = ()
     correlation: Annotated[
-        Literal["channel", "vdi", "disc"] | None, Option("The fins' law.", label="Law of the fins")
+        Literal["channel", "vdi", "disc"] | None,
+        Option("The fins' law.", label="Law of the fins", default_help="as drawn"),
     ] = None
     film_multiplier: Annotated[
         float | None,
-        Option("On the fins' law.", metavar="NUMBER", above=0.0, below=1e6, label="Factor on that law"),
+        Option(
+            "On the fins' law.",
+            metavar="NUMBER",
+            above=0.0,
+            below=1e6,
+            label="Factor on that law",
+            default_help="as drawn",
+        ),
     ] = None
-    method: Annotated[Literal["grid", "nsga2"], Option("Every sink of a grid, or NSGA-II.")] = "grid"
+    method: Annotated[
+        Literal["grid", "nsga2"],
+        Option(
+            "Every sink of a grid, or NSGA-II.",
+            label="Search",
+            page=OnPage(titles=("every sink of a grid", "NSGA-II")),
+        ),
+    ] = "grid"
     members: Annotated[
         int,
         Option(
@@ -431,9 +574,18 @@ class SinkOptions:
             most=200,
             flag="--front",
             metavar="NUMBER",
+            label="Designs on the front",
         ),
     ] = 12
-    by_field: Annotated[bool, Option("Do not judge by finite elements.", flag="--network-only")] = True
+    by_field: Annotated[
+        bool,
+        Option(
+            "Do not judge by finite elements.",
+            flag="--network-only",
+            label="judge by finite elements, too (slow)",
+            page=OnPage(group="What can be built", begins=False),
+        ),
+    ] = True
     seed: Seed = 0
 
 
@@ -447,6 +599,9 @@ class TrackOptions:
             "Of fluid and coil (may be repeated).",
             flag="--temperature",
             metavar="DEGC",
+            unit="degC",
+            label="Temperatures of fluid and coil",
+            page=OnPage(group="Temperatures", begins=(20.0, 60.0)),
             default_help="20, 60, 100, 123",
             most_items=20,
         ),
@@ -460,13 +615,25 @@ class TrackOptions:
             default_help="all",
             most_items=40,
             label="Controllers",
+            page=OnPage(group="Controllers", offers="controllers", begins=("recommended", "paper")),
         ),
     ] = ()
-    rate_Hz: Annotated[float, Option("Sampling, 100 to 5000 Hz.", flag="--rate", metavar="HZ", unit="Hz")] = (
-        1000.0
-    )
-    optimum: Annotated[bool, Option("Search the best current, too (minutes), for the ratios to it.")] = False
-    seed: Annotated[int, Option("Of the sensors' noise; the next one is run as well.")] = 1
+    rate_Hz: Annotated[
+        float,
+        Option(
+            "Sampling.", flag="--rate", metavar="HZ", unit="Hz", label="Sampling", least=100.0, most=5000.0
+        ),
+    ] = 1000.0
+    optimum: Annotated[
+        bool,
+        Option(
+            "Search the best current, too (minutes), for the ratios to it.",
+            label="search the best current, too (minutes)",
+        ),
+    ] = False
+    seed: Annotated[
+        int, Option("Of the sensors' noise; the next one is run as well.", least=0, below=2**31)
+    ] = 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -475,25 +642,61 @@ class ExportOptions:
 
     what: Annotated[
         tuple[Literal["c", "fmu", "table"], ...],
-        Option("C99 source, an FMU, a force map (CSV).", flag="-", least_items=1, label="What"),
+        Option(
+            "C99 source, an FMU, a force map (CSV).",
+            flag="-",
+            least_items=1,
+            label="Make",
+            page=OnPage(
+                group="Make",
+                titles=(
+                    "C99 source, as an archive",
+                    "FMU for co-simulation",
+                    "force map (CSV) for simulators",
+                ),
+                begins=("c", "fmu"),
+            ),
+        ),
     ] = ("c", "fmu", "table")
-    fmi: Annotated[Literal["2.0", "3.0"], Option("Version of the FMU.")] = "3.0"
+    fmi: Annotated[
+        Literal["2.0", "3.0"],
+        Option("Version of the FMU.", label="FMU", page=OnPage(group="", titles=("FMI 2.0", "FMI 3.0"))),
+    ] = "3.0"
     content: Annotated[
-        Literal["model", "controller", "both"], Option("The damper's model, its force controller, or both.")
+        Literal["model", "controller", "both"],
+        Option(
+            "The damper's model, its force controller, or both.",
+            label="Holds",
+            page=OnPage(group="", titles=("the model", "the controller", "model and controller")),
+        ),
     ] = "both"
-    precision: Annotated[Literal["float", "double"], Option("The target's number type.")] = "float"
+    precision: Annotated[
+        Literal["float", "double"],
+        Option(
+            "The target's number type.",
+            label="Numbers",
+            page=OnPage(group="", titles=("float (32 bit)", "double (64 bit)")),
+        ),
+    ] = "float"
     period_s: Annotated[
         float,
-        Option("Period.", unit="s", above=0.0, most=1.0, flag="--step", metavar="TIME", label="Period"),
+        Option("Period.", unit="s", above=0.0, most=1.0, flag="--step", metavar="TIME", page=_TOP),
     ] = 1e-3
     controller: Annotated[
-        str, Option("recommended, recommended-causal, paper, ...", metavar="NAME", label="Controllers")
+        str,
+        Option(
+            "recommended, recommended-causal, paper, ...",
+            metavar="NAME",
+            label="Controller",
+            page=OnPage(group="", offers="controllers"),
+        ),
     ] = "recommended"
     name: Annotated[
-        str, Option("Prefix of every name in the code.", metavar="IDENT", label="Prefix of names")
+        str,
+        Option("Prefix of every name in the code.", metavar="IDENT", label="Prefix of names", page=_TOP),
     ] = "damper"
     verify: Annotated[
-        bool, Option("Write the C folder without compiling and comparing it.", flag="--no-verify")
+        bool, Option("Write the C folder without compiling and comparing it.", flag="--no-verify", local=True)
     ] = True
 
 
@@ -504,7 +707,7 @@ class RigOptions:
     preset: Annotated[
         Literal["nominal", "hard", "stiff", "vehicle", "paper", "hydraulic-bench", "hydraulic-monotube"]
         | None,
-        Option("Whose parameters the virtual damper has.", default_help="nominal"),
+        Option("Whose parameters the virtual damper has.", default_help="nominal", label="Damper", page=_TOP),
     ] = None
     draw: Annotated[
         int | None,
@@ -515,6 +718,7 @@ class RigOptions:
             least=0,
             below=2**31,
             default_help="the damper itself",
+            label="Draw of another damper",
         ),
     ] = None
     seed: Seed = 0
@@ -524,7 +728,10 @@ class RigOptions:
 class DemoOptions:
     """Options of ``demo``."""
 
-    quick: Annotated[bool, Option("Fewer and shorter runs.")] = False
+    quick: Annotated[
+        bool,
+        Option("Fewer and shorter runs.", label="fewer and shorter runs", page=OnPage(group="", begins=True)),
+    ] = False
     seed: Seed = 0
 
 
@@ -538,11 +745,13 @@ class SweepOptions:
             "Processes of this machine.",
             metavar="NUMBER",
             least=1,
+            most=1024,
+            page=_TOP,
             default_help="its cores",
             label="Processes",
         ),
     ] = None
     scheduler: Annotated[
         str | None,
-        Option("A Dask scheduler, whose workers do the tasks.", metavar="tcp://HOST:PORT"),
+        Option("A Dask scheduler, whose workers do the tasks.", metavar="tcp://HOST:PORT", local=True),
     ] = None

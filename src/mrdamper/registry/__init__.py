@@ -47,6 +47,9 @@ class Kind:
     read: str = ""  # module:function, from a path or a preset's name; empty: the job takes it as it is given
     choices: str = ""  # the group of presets in jobs.choices that may be named instead of a file
     place: str = "inputs"  # of the work folder, where the server looks for it
+    also: str = ""  # another place whose things may be named
+    files: str = ".toml"  # suffix of those that people write
+    looks: tuple[str, ...] = ()  # what the server takes for one (``web.inputs``)
     many: bool = False  # several paths, which ``read`` takes at once, as it takes the objects themselves
     options: str = ""  # module:class: options of reading, which ``read`` takes by keyword
 
@@ -71,21 +74,45 @@ KINDS: Mapping[str, Kind] = {
         options="mrdamper.jobs.options:FilesReading",
     ),
     "record": Kind("RECORD", "mrdamper.jobs.inputs:read_record", place="records", options=_RUNS),
-    "law": Kind("LAW"),
-    "plan": Kind("FILE.toml", "mrdamper.jobs.sweep.plan:read_plan"),
-    "name": Kind("NAME", "builtins:str"),
-    "virtual damper": Kind("FILE", "mrdamper.rig.damper:read_damper"),
-    "campaign": Kind("FILE", "mrdamper.rig.campaign:Campaign.from_toml"),
-    "plant": Kind("PRESET|FILE|CARD", "mrdamper.jobs.track:read_plant", choices="plants"),
-    "targets": Kind("NAME|FILE", "mrdamper.jobs.track:read_targets", choices="targets", many=True),
-    "rheometer tables": Kind("TABLE.csv...", "mrdamper.data.rheometer:read_rheometer_tables", many=True),
-    "fluid": Kind("PRESET|FILE", "mrdamper.models.fluids.fluid_file:find_fluid", choices="fluids"),
+    "law": Kind("LAW", choices="laws", place=""),
+    "plan": Kind("FILE.toml", "mrdamper.jobs.sweep.plan:read_plan", looks=("sweep",)),
+    "name": Kind("NAME", "builtins:str", place=""),
+    "virtual damper": Kind("FILE", "mrdamper.rig.damper:read_damper", looks=("damper",)),
+    "campaign": Kind(
+        "PRESET|FILE", "mrdamper.rig.campaign:find_campaign", choices="campaigns", looks=("campaign",)
+    ),
+    "plant": Kind(
+        "PRESET|FILE|CARD",
+        "mrdamper.jobs.track:read_plant",
+        choices="plants",
+        also="cards",
+        looks=("damper",),
+    ),
+    "scenario": Kind(
+        "NAME|FILE", "mrdamper.jobs.track:read_targets", choices="targets", many=True, looks=("scenario",)
+    ),
+    "rheometer table": Kind(
+        "TABLE.csv...",
+        "mrdamper.data.rheometer:read_rheometer_tables",
+        many=True,
+        files=".csv",
+        looks=("rheometer",),
+    ),
+    "fluid": Kind(
+        "PRESET|FILE", "mrdamper.models.fluids.fluid_file:find_fluid", choices="fluids", looks=("fluid",)
+    ),
     "preparation": Kind(""),
-    "drawing": Kind("FILE|paper", "mrdamper.thermal.drawing_file:read_drawing", choices="dampers"),
-    "sink": Kind("FILE", "mrdamper.thermal.drawing_file:read_sink"),
-    "duty": Kind("DUTY", "mrdamper.thermal.duty:read_duty"),
-    "curve": Kind("CURVE.csv", "mrdamper.thermal.estimation.measured_curve:read_curve"),
-    "thermal log": Kind("RECORD.csv", "mrdamper.thermal.estimation.thermal_log:read_thermal_log"),
+    "drawing": Kind(
+        "FILE|paper", "mrdamper.thermal.drawing_file:read_drawing", choices="dampers", looks=("drawing",)
+    ),
+    "sink": Kind("FILE", "mrdamper.thermal.drawing_file:read_sink", looks=("sink", "drawing")),
+    "duty": Kind("DUTY", "mrdamper.thermal.duty:read_duty", files=".csv", looks=("duty",)),
+    "curve": Kind(
+        "CURVE.csv", "mrdamper.thermal.estimation.measured_curve:read_curve", files=".csv", looks=("curve",)
+    ),
+    "thermal log": Kind(
+        "RECORD.csv", "mrdamper.thermal.estimation.thermal_log:read_thermal_log", files=".csv"
+    ),
 }
 
 
@@ -100,7 +127,10 @@ class Input:
     key: str = ""  # of answers and requests, where it is not the name
     default: str | None = None  # a preset or text; None beside required=False: nothing
     required: bool = True
+    default_help: str = ""  # what it means where nothing is given
     label: str = ""  # beside its field on a page
+    group: str = ""  # the heading that it stands under there
+    begins: Any = None  # what is shown there at first, where that is not the default
     in_answer: bool | None = None  # whether the answer begins with its path; None: where it is required and
     # one file
 
@@ -170,6 +200,7 @@ class Job:
     stream: str = ""  # the file that ``run`` writes as it goes, to its argument ``stream``
     ctrl_c: str = ""  # what an interrupt does, in a word or two, where the job does not simply end
     page: str = ""  # where the pages have it
+    out: str = ""  # where the server lets it write: "card", "runs"; empty: a folder of the job's own
     python: str = ""  # its name in Python, where that is not its own: a room may have that
     aliases: tuple[str, ...] = ()  # its other names in Python
 
@@ -418,7 +449,7 @@ def _files_read(given: Mapping[str, Any]) -> list[Path]:
 
 CARD = Input(name="card", kind="card", help="The model card.")
 CARD_OF_ANY_LAW = Input(name="card", kind="card of any law", help="The model card.")
-RUNS = Input(name="runs", kind="runs", help="Files, folders or patterns of runs.")
+RUNS = Input(name="runs", kind="runs", help="Files, folders or patterns of runs.", label="Runs")
 PREPARATION = Input(
     name="preparation",
     kind="preparation",
@@ -432,7 +463,8 @@ DRAWING = Input(
     flag="--damper",
     key="damper",
     help="The drawing of the damper (TOML), or the paper's.",
-    label="Drawing",
+    default_help="paper",
+    label="Damper's drawing",
 )
 DUTY = Input(
     name="duty",
@@ -460,6 +492,7 @@ _ROWS = (
     Job(
         name="identify",
         page="the page Identify",
+        out="card",
         help="""Fit one hysteresis law to measured runs over all currents and temperatures at once.
 
         PATH: files, folders or patterns of runs.
@@ -472,7 +505,8 @@ _ROWS = (
                 flag="--law",
                 required=False,
                 help="series-valve, double-bouc-wen, bouc-wen, bouc-wen-saturating, spencer, lugre, dahl, "
-                "bingham, tanh; auto (chosen by what is left out); or file.py:Class.  [default: auto]",
+                "bingham, tanh; auto (chosen by what is left out); or file.py:Class.",
+                default_help="auto",
                 label="Law",
             ),
             Input(
@@ -481,6 +515,7 @@ _ROWS = (
                 flag="--fluid",
                 required=False,
                 help="Take temperature laws from a fluid (paper, lord-mrf-132dg, a file), marked as assumed.",
+                default_help="none",
                 label="Fluid, where runs do not tell",
             ),
             PREPARATION,
@@ -536,6 +571,7 @@ _ROWS = (
                 flag="--model",
                 required=False,
                 help="A card, replayed over the record beside what was measured.",
+                label="Card to replay beside it",
             ),
         ),
         options="mrdamper.jobs.options:CyclesOptions",
@@ -570,6 +606,9 @@ _ROWS = (
                 flag="--sink",
                 required=False,
                 help="A heat sink (TOML table [sink]) in place of the drawing's.",
+                default_help="the drawing's",
+                label="Heat sink of the study",
+                group="More",
             ),
             Input(
                 name="calibrate",
@@ -578,6 +617,8 @@ _ROWS = (
                 required=False,
                 help="A curve measured under this duty (time_s and fluid_degC, body_degC or coil_degC): it "
                 "corrects the drawing and narrows the interval.",
+                label="Measured curve, to calibrate by",
+                group="More",
             ),
         ),
         options="mrdamper.jobs.options:HeatOptions",
@@ -629,7 +670,13 @@ _ROWS = (
         help="Fit viscosity and yield-stress laws to rheometer tables.\n\nTABLE.csv: temperature_degC and "
         "viscosity_mPas, or field_mT (field_kA_m), temperature_degC and yield_stress_kPa.",
         inputs=(
-            Input(name="tables", kind="rheometer tables", in_answer=True, help="Rheometer tables."),
+            Input(
+                name="tables",
+                kind="rheometer table",
+                in_answer=True,
+                help="Rheometer tables.",
+                label="Rheometer tables",
+            ),
             Input(
                 name="like",
                 kind="fluid",
@@ -637,6 +684,7 @@ _ROWS = (
                 default="paper",
                 required=False,
                 help="Fluid that gives what the tables do not hold: paper, lord-mrf-132dg, or a fluid.toml.",
+                label="What they do not hold, from",
             ),
         ),
         options="mrdamper.jobs.options:FluidOptions",
@@ -670,14 +718,17 @@ _ROWS = (
                 required=False,
                 help="The damper that is tracked: nominal, hard, stiff, ..., a virtual damper (TOML), or a "
                 "card (JSON).",
+                label="Damper to be controlled",
             ),
             Input(
                 name="targets",
-                kind="targets",
+                kind="scenario",
                 flag="--target",
                 required=False,
-                help="sine-900N-1Hz, sine-1100N-2Hz, non-periodic, or a scenario (may be repeated).  "
-                "[default: all]",
+                help="sine-900N-1Hz, sine-1100N-2Hz, non-periodic, or a scenario (may be repeated).",
+                default_help="all",
+                label="Targets",
+                begins=("sine-900N-1Hz",),
             ),
             Input(
                 name="unaware",
@@ -685,6 +736,8 @@ _ROWS = (
                 flag="--unaware",
                 required=False,
                 help="Identified at one temperature: adds recommended-unaware and paper-unaware.",
+                label="Card that does not know temperature",
+                group="More",
             ),
             Input(
                 name="pooled",
@@ -692,6 +745,8 @@ _ROWS = (
                 flag="--pooled",
                 required=False,
                 help="Identified over all temperatures without knowing them: adds recommended-pooled.",
+                label="Card pooled over temperatures",
+                group="More",
             ),
         ),
         options="mrdamper.jobs.options:TrackOptions",
@@ -724,8 +779,9 @@ _ROWS = (
                 kind="drawing",
                 flag="--damper",
                 required=False,
-                help="The drawing (TOML), whose heat capacity tells a frozen thermometer.  "
-                "[default: the paper's]",
+                help="The drawing (TOML), whose heat capacity tells a frozen thermometer.",
+                default_help="the paper's",
+                label="Drawing, for a frozen thermometer",
             ),
         ),
         options="mrdamper.jobs.options:ExportOptions",
@@ -743,6 +799,7 @@ _ROWS = (
     Job(
         name="rig",
         page="the virtual rig on the page Runs",
+        out="runs",
         python="run_rig",
         help="Run a campaign of tests on the virtual rig: a damper whose physics is none of the laws.",
         inputs=(
@@ -752,13 +809,17 @@ _ROWS = (
                 flag="--damper",
                 required=False,
                 help="Own parameters (TOML: preset, and what differs from it).",
+                default_help="the preset as it is",
+                label="Own parameters of the damper",
             ),
             Input(
                 name="campaign",
                 kind="campaign",
                 flag="--campaign",
                 required=False,
-                help="Motions, currents, temperatures, sensors (TOML).",
+                help="Motions, currents, temperatures, sensors (short, or TOML).",
+                default_help="the damper's usual one",
+                begins="short",
             ),
         ),
         options="mrdamper.jobs.options:RigOptions",
@@ -781,6 +842,7 @@ _ROWS = (
     ),
     Job(
         name="data fetch",
+        out="runs",
         python="fetch_data",
         help="Fetch a public data set and print where its files lie.",
         inputs=(Input(name="name", kind="name", help="Of the set, as the list has it."),),

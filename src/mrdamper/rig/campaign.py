@@ -33,7 +33,15 @@ from mrdamper.rig.damper import HydraulicDamper, VirtualDamper, find_preset
 from mrdamper.rig.sensors import Sensors
 from mrdamper.schema import Option, check_ranges, read_record, toml_text, write_record
 
-__all__ = ["Body", "Campaign", "PlannedRun", "Procedure", "usual_campaign"]
+__all__ = [
+    "CAMPAIGNS",
+    "Body",
+    "Campaign",
+    "PlannedRun",
+    "Procedure",
+    "find_campaign",
+    "usual_campaign",
+]
 
 Procedure = Literal["soak", "self-heating"]
 
@@ -251,6 +259,26 @@ class Campaign:
         """Return the campaign as TOML; ``from_toml`` reads the same one back."""
         none = {"steps": False} if self.steps is None else {}
         return toml_text({**none, **write_record(self, defaults=True)}, "a campaign on the virtual rig")
+
+
+CAMPAIGNS: Mapping[str, Mapping[str, Any]] = {
+    "short": {  # three temperatures, four currents, two motions and current steps: enough for a first card
+        "motions": ["sine5mm1Hz", "sine3mm2Hz"],
+        "currents_A": [0.0, 0.5, 1.0, 2.0],
+        "temperatures_degC": [20.0, 60.0, 100.0],
+        "duration_s": 3.0,
+        "held_out_temperatures_degC": [60.0],
+        "held_out_motions": [],
+    },
+}
+"""Campaigns by name: what differs from the usual one."""
+
+
+def find_campaign(name: str | Path) -> Campaign:
+    """Return the campaign of a name, or that in a TOML file."""
+    if str(name) in CAMPAIGNS:
+        return Campaign.from_mapping(CAMPAIGNS[str(name)], str(name))
+    return Campaign.from_toml(name)
 
 
 def _degrees(temperature_degC: float) -> str:

@@ -70,7 +70,9 @@ class Rise:
     energy_J: Mapping[str, float]  # at the end: in, out, stored, and each path
     energy_closure: float  # largest miss of the account over the energy [-]
     peak_force_N: FloatArray  # of the cycle; NaN at rest
-    force_loss_percent: float | None  # of the peak force at the end, against 20 degC; None at rest
+    force_loss_percent: (
+        float | None
+    )  # of the peak force at the end, against 20 degC; None: at rest, or not known
     limit_K: float  # of the fluid
     time_to_limit_s: float | None  # None: not reached
     ripple_K: float  # swing of the fluid's temperature within a cycle, if none of the heat left it
@@ -290,7 +292,10 @@ def _fade(
     moving = np.flatnonzero(np.isfinite(peak))
     if not moving.size:
         return peak, None
-    cold = float(works[which[moving[-1]]].peak_at(REFERENCE_K))
+    last = works[which[moving[-1]]]
+    if np.ptp(last.peak) == 0.0:  # the card does not know temperature
+        return peak, None
+    cold = float(last.peak_at(REFERENCE_K))
     return peak, 100.0 * (1.0 - float(peak[moving[-1]]) / cold) if cold > 0.0 else None
 
 

@@ -16,9 +16,10 @@ from mrdamper.errors import InputError
 from mrdamper.files import MAP_SUFFIX
 from mrdamper.jobs.previews.choices import choices, run_formats
 from mrdamper.jobs.sweep.plan_files import files_of_plan, texts_of_plan
-from mrdamper.registry import JOBS, KINDS, Input, Job
+from mrdamper.registry import KINDS, Input, Job
 from mrdamper.runtime.progress import Progress, ProgressUpdate
 from mrdamper.schema import Json
+from mrdamper.web.schemas import job_of
 from mrdamper.web.workspace import NotThereError, WorkFolder
 
 __all__ = ["Say", "do"]
@@ -26,15 +27,11 @@ __all__ = ["Say", "do"]
 Say = Callable[..., None]
 """Told of progress by keyword: done, of, text, and what a fit says beside them."""
 
-_SHORT = """\
-# three temperatures, four currents, two motions and current steps: enough for a first card
-motions = ["sine5mm1Hz", "sine3mm2Hz"]
-currents_A = [0.0, 0.5, 1.0, 2.0]
-temperatures_degC = [20.0, 60.0, 100.0]
-duration_s = 3.0
-held_out_temperatures_degC = [60.0]
-held_out_motions = []
-"""
+_NOT_FETCHED = (
+    "nothing was fetched: the server's machine has no connection to github.com, where this set lies. Connect "
+    "it and try again; or start the server with MRDAMPER_DATA set to a folder that holds the files; or "
+    "download them elsewhere and drop them on the page Runs"
+)
 
 
 def do(kind: str, options: Json, folder: WorkFolder, out: Path, say: Say, *, resume: bool = False) -> Json:
@@ -43,11 +40,10 @@ def do(kind: str, options: Json, folder: WorkFolder, out: Path, say: Say, *, res
     With ``resume`` it goes on with what it has finished when it ended early, where its kind can; what those
     kinds have finished is kept where ``record.JobRecord.left`` looks for it.
     """
-    if kind in _LONG:
-        return _LONG[kind](options, folder, out, say, resume)
-    if kind in _WORK:
-        return _WORK[kind](options, folder, out, say)
-    return _perform(JOBS[kind], options, folder, out, say, resume=resume)
+    answer = _perform(job_of(kind), options, folder, out, say, resume=resume)
+    if kind == "export" and "c" in options["what"]:
+        _zip(out / f"{options['name']}_c", out / f"{options['name']}_c.zip")
+    return answer
 
 
 def _perform(job: Job, options: Json, folder: WorkFolder, out: Path, say: Say, *, resume: bool) -> Json:
@@ -56,15 +52,23 @@ def _perform(job: Job, options: Json, folder: WorkFolder, out: Path, say: Say, *
         each.name: _thing(folder, each, options) for each in job.inputs if each.flag != "-"
     }
     given |= {each.name: options[each.name] for each in job.reading if each.name in options}
+    if given.get("channels") is not None:
+        given["channels"] = folder.channel_map(options["channels"])
     chosen = {each.name: options[each.name] for each in job.fields if each.name in options}
-    result, answer = job.perform(
-        given,
-        job.options_from(chosen),
-        out=folder.new(folder.cards, options["card"]) if job.name == "identify" else out,
-        on_progress=_progress(say),
-        resume=resume if job.checkpoint else None,
-        tell=_told(say, folder),
-    )
+    place = folder.runs if job.out == "runs" else out
+    try:
+        result, answer = job.perform(
+            given,
+            job.options_from(chosen),
+            out=folder.new(folder.cards, options["card"]) if job.out == "card" else place,
+            on_progress=_progress(say, job.progress_word),
+            resume=resume if job.checkpoint else None,
+            tell=_told(say, folder),
+        )
+    except InputError as fault:
+        if job.name != "data fetch" or not isinstance(fault.__cause__, OSError):  # of requests, too
+            raise
+        raise InputError(place=options["name"], found=_NOT_FETCHED) from fault
     return {**answer, **job.page_answer(result)}
 
 
@@ -78,96 +82,19 @@ def _thing(folder: WorkFolder, each: Input, options: Json) -> Any:  # noqa: ANN4
         return tuple(map(folder.input, value)) or None
     if kind.many:
         return tuple(_preset_or_input(folder, name, kind.choices) for name in value) or None
-    if value is None or each.kind == "law":
+    if value is None or each.kind in {"law", "name"}:
         return value
     if kind.choices and each.kind != "plant":
         return _preset_or_input(folder, value, kind.choices)
     finders: dict[str, Callable[[str], Any]] = {
         "duty": lambda name: _duty(folder, name),
         "plant": lambda name: _plant(folder, name),
+        "plan": lambda name: _plan(folder, name),
         "cards": folder.card,
         "records": folder.record,
     }
     find = finders.get(each.kind) or finders.get(kind.place) or folder.input
     return find(value)
-
-
-def _export(options: Json, folder: WorkFolder, out: Path, say: Say) -> Json:
-    answer = _perform(JOBS["export"], options, folder, out, say, resume=False)
-    if "c" in options["what"]:
-        _zip(out / f"{options['name']}_c", out / f"{options['name']}_c.zip")
-    return answer
-
-
-def _rig(options: Json, folder: WorkFolder, out: Path, say: Say) -> Json:
-    job = JOBS["rig"]
-    campaign: Path | None = None
-    if options["campaign"] == "short":
-        campaign = out / "campaign.toml"
-        campaign.write_text(_SHORT, encoding="utf-8")
-    elif options["campaign"] != "full":
-        campaign = folder.input(options["campaign"])
-    own = options["damper"]
-    given = {"damper": None if own is None else folder.input(own), "campaign": campaign}
-    rest = {"seed": options["seed"], "preset": options["preset"] if own is None else None}
-    return job.perform(given, job.options_from(rest), out=folder.runs, on_progress=_progress(say))[1]
-
-
-def _cycles(options: Json, folder: WorkFolder, out: Path, say: Say) -> Json:
-    def on_progress(update: ProgressUpdate) -> None:
-        share = f"{update.done:,}" if update.total is None else f"{update.done:,} of {update.total:,}"
-        say(done=update.done, of=update.total or 0, text=f"{share} rows read, {update.text}")
-
-    job, channels = JOBS["cycles"], options["channels"]
-    given = {
-        "record": folder.record(options["record"]),
-        "channels": None if channels is None else folder.channel_map(channels),
-        "flip_force": options["flip_force"],
-        "model": None if options["model"] is None else folder.card(options["model"]),
-    }
-    chosen = job.options_from({"least_stroke_mm": options["least_stroke_mm"]})
-    result, answer = job.perform(given, chosen, out=out, on_progress=on_progress)
-    return {**answer, **job.page_answer(result)}
-
-
-def _fetch(options: Json, folder: WorkFolder, _out: Path, say: Say) -> Json:
-    name = options["name"]
-    try:
-        return JOBS["data fetch"].perform({"name": name}, out=folder.runs, on_progress=_progress(say))[1]
-    except InputError as fault:
-        if isinstance(fault.__cause__, OSError):  # of requests, too
-            raise InputError(
-                place=name,
-                found=(
-                    "nothing was fetched: the server's machine has no connection to github.com, where this "
-                    "set lies. Connect it and try again; or start the server with MRDAMPER_DATA set to a "
-                    "folder that holds the files; or download them elsewhere and drop them on the page Runs"
-                ),
-            ) from fault
-        raise
-
-
-def _sweep(options: Json, folder: WorkFolder, out: Path, say: Say, resume: bool) -> Json:  # noqa: FBT001 - as all of _LONG
-
-    plan = folder.input(options["plan"])
-    for text in texts_of_plan(plan):  # before anything is looked for
-        _inside(folder, plan, text)
-    for file in files_of_plan(plan):  # links are followed
-        _inside(folder, plan, os.path.relpath(file.resolve(), plan.parent))
-    job = JOBS["sweep"]
-    chosen = job.options_from({"workers": options["workers"]})
-    return job.perform({"plan": plan}, chosen, out=out, resume=resume, on_progress=_progress(say))[1]
-
-
-_WORK: dict[str, Callable[[Json, WorkFolder, Path, Say], Json]] = {
-    "export": _export,
-    "rig": _rig,
-    "cycles": _cycles,
-    "fetch": _fetch,
-}
-_LONG: dict[str, Callable[[Json, WorkFolder, Path, Say, bool], Json]] = {
-    "sweep": _sweep,
-}
 
 
 # ------------------------------------------------------------------------------------------- names to paths
@@ -181,6 +108,16 @@ def _runs(folder: WorkFolder, names: list[str] | None) -> list[Path]:
     if not found:
         raise InputError(f"no runs in the folder; add files first (those with {MAP_SUFFIX} go beside them)")
     return found
+
+
+def _plan(folder: WorkFolder, name: str) -> Path:
+    """Return a sweep's plan that names nothing outside the folder."""
+    plan = folder.input(name)
+    for text in texts_of_plan(plan):  # before anything is looked for
+        _inside(folder, plan, text)
+    for file in files_of_plan(plan):  # links are followed
+        _inside(folder, plan, os.path.relpath(file.resolve(), plan.parent))
+    return plan
 
 
 def _inside(folder: WorkFolder, plan: Path, text: str) -> None:
@@ -236,14 +173,17 @@ def _duty(folder: WorkFolder, text: str) -> str:
         ) from fault
 
 
-def _progress(say: Say) -> Progress:
-    """Return what tells of progress, the state of a search with it."""
+def _progress(say: Say, word: str) -> Progress:
+    """Return what tells of progress, the state of a search with it; ``word`` is of what it counts."""
 
     def on_progress(now: ProgressUpdate) -> None:
         state = asdict(now.detail) if is_dataclass(now.detail) and not isinstance(now.detail, type) else {}
         told: Json = {k: _finite(v) if isinstance(v, float) else v for k, v in state.items()}
         text = now.text
-        if "iteration" in told:
+        if word == "row":
+            of = "" if now.total is None else f" of {now.total:,}"
+            text = f"{now.done:,}{of} rows read, {text}"
+        elif "iteration" in told:
             text = f"start {told['start'] + 1} of {told['starts']}, iteration {told['iteration']}"
         say(done=now.done, of=now.total or 0, text=text, **told)
 

@@ -1,39 +1,32 @@
 """What may be asked of the server: requests for jobs, made from the registry, and questions of the pages.
 
 A request names things in the folder (a card, a run's file, an input), never paths, and nothing that would be
-run: a law in a Python file is for the command line alone. Its options are the job's own (``jobs.options``);
-what the pages add to them, and leave out, stands in ``_PAGES``.
+run: a law in a Python file is for the command line alone. Its options are the job's own (``jobs.options``).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, make_dataclass
+from dataclasses import dataclass, field, make_dataclass, replace
 from functools import cache
+from pathlib import Path
 from typing import Annotated, Any
 
 from mrdamper.errors import InputError
+from mrdamper.jobs.options import HeatOptions
 from mrdamper.registry import JOBS, KINDS, Input, Job
-from mrdamper.schema import Field, Json, Option, did_you_mean, fields_of, read_record, write_record
+from mrdamper.schema import Field, Json, OnPage, Option, did_you_mean, fields_of, read_record, write_record
 
-__all__ = ["HeatCurve", "MapRequest", "Order", "order_kinds", "read_order", "request_fields"]
+__all__ = ["HeatCurve", "MapRequest", "Order", "job_of", "order_kinds", "read_order", "request_fields"]
 
 _NAME, _WORD = r"^[^/\\\x00-\x1f]{1,160}$", r"^[A-Za-z0-9][A-Za-z0-9._-]{0,59}$"
-Name = Annotated[
-    str,
-    Option(
-        "Something in the folder.", pattern=_NAME, expected="a name in the folder, of at most 160 characters"
-    ),
-]
-Word = Annotated[
-    str, Option("A name of the package.", pattern=_WORD, expected="a name of letters, digits and ._-")
-]
+_NAME_WORDS = "a name in the folder, of at most 160 characters"
+_WORD_WORDS = "a name of letters, digits and ._-"
+Name = Annotated[str, Option("Something in the folder.", pattern=_NAME, expected=_NAME_WORDS)]
 Names = Annotated[
     tuple[Name, ...],
     Option("Things in the folder.", most_items=20_000, expected="a list of names in the folder"),
 ]
-Celsius = Annotated[float, Option("A temperature.", unit="degC", least=-100.0, most=400.0)]
-AirSpeed = Annotated[float, Option("Speed of the air.", unit="m/s", least=0.0, most=200.0)]
 Length = Annotated[float, Option("A length.", unit="mm", above=0.0, below=1e6)]
 Share = Annotated[float, Option("A share.", least=0.0, most=1.0)]
 
@@ -54,121 +47,100 @@ class Order:
 # --------------------------------------------------------------------------------- requests for jobs
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Page:
-    """What the pages add to the options of a job, and what they leave out."""
-
-    more: Mapping[str, tuple[Any, Any]] = field(default_factory=dict)  # name -> (type, default)
-    without: tuple[str, ...] = ()
-
-
 _REQUIRED = object()
 _ANNOTATED: Any = Annotated  # of types that are known at run time
-_PAGES: Mapping[str, _Page] = {
-    "check": _Page(without=("channels",)),
-    "identify": _Page(more={"card": (Name, _REQUIRED), "replace": (bool, False)}, without=("channels",)),
-    "predict": _Page(without=("channels", "law")),
-    "compare": _Page(without=("law",)),
+_OWN: Mapping[str, Mapping[str, tuple[Any, Any]]] = {
+    "identify": {
+        "card": (
+            _ANNOTATED[
+                str,
+                Option(pattern=_NAME, expected=_NAME_WORDS, label="Name of the card", page=OnPage(group="")),
+            ],
+            _REQUIRED,
+        ),
+        "replace": (
+            _ANNOTATED[bool, Option("Of the same name.", label="replace a card of the same name")],
+            False,
+        ),
+    },
 }
+"""What a request says beside inputs and options, by kind: name -> (type, default)."""
+
+_NO_ORDERS = ("cite", "data list")
+"""Jobs that are questions of the pages."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Rig:
-    preset: Word = "nominal"
-    damper: Name | None = None
-    campaign: Name = "short"
-    seed: Annotated[int, Option(least=0, below=2**31)] = 0
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Demo:
-    quick: bool = True
-    seed: Annotated[int, Option(least=0, below=2**31)] = 0
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Cycles:
-    record: Name
-    channels: Name | None = None
-    least_stroke_mm: Length | None = None
-    model: Name | None = None
-    flip_force: bool = False
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Sweep:
-    plan: Name
-    workers: Annotated[int | None, Option("Processes.", least=1, most=64)] = None
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Fetch:
-    name: Word
-
-
-_BY_HAND: Mapping[str, type] = {
-    "rig": _Rig,
-    "demo": _Demo,
-    "cycles": _Cycles,
-    "sweep": _Sweep,
-    "fetch": _Fetch,
-}
-_NO_ORDERS = ("cite", "data list", "data fetch", "forecast", "observe", "ride")
-"""Jobs that are questions of the pages, or for the command line and Python alone."""
+@cache
+def _jobs() -> Mapping[str, Job]:
+    return {name.split()[-1]: job for name, job in JOBS.items() if name not in _NO_ORDERS}
 
 
 def order_kinds() -> tuple[str, ...]:
     """Return the kinds of jobs that can be asked for."""
-    return (*(name for name in JOBS if name not in {*_BY_HAND, *_NO_ORDERS}), *_BY_HAND)
+    return tuple(_jobs())
+
+
+def job_of(kind: str) -> Job:
+    """Return the row of a kind that can be asked for."""
+    return _jobs()[kind]
 
 
 def request_fields(kind: str) -> tuple[Field, ...]:
-    """Return the fields of a request for a job, with their types, ranges and defaults."""
+    """Return the fields of a request for a job, with their types, ranges, defaults, and how a page asks."""
     return fields_of(_request_type(kind))
 
 
 @cache
 def _request_type(kind: str) -> type:
-    if kind in _BY_HAND:
-        return _BY_HAND[kind]
     members = []
-    for name, type_, default in _members(JOBS[kind], _PAGES.get(kind, _Page())):
+    for name, type_, default in _members(kind, job_of(kind)):
         members.append((name, type_) if default is _REQUIRED else (name, type_, field(default=default)))
     return make_dataclass(f"{kind}_request", members, frozen=True, kw_only=True)
 
 
-def _members(job: Job, page: _Page) -> Iterator[tuple[str, Any, Any]]:
+def _members(kind: str, job: Job) -> Iterator[tuple[str, Any, Any]]:
     """Yield (name, type, default) of all that a request for a job holds."""
-    yield from ((name, type_, default) for name, (type_, default) in page.more.items())
+    yield from ((name, type_, default) for name, (type_, default) in _OWN.get(kind, {}).items())
     for each in job.inputs:
         if each.flag != "-":
             yield _member_of(each)
+    mapped = any(KINDS[each.kind].place == "runs" for each in job.inputs)  # a run's map lies beside it
     for option in (*job.reading, *job.fields):
-        if option.name not in page.without:
-            kind: Any = option.type | None if option.optional else option.type
-            yield option.name, _ANNOTATED[kind, option.option], option.default
+        is_path = option.type is Path
+        if option.option.local or (is_path and mapped):
+            continue
+        plain: Any = str if is_path else option.type
+        said = replace(option.option, pattern=_NAME, expected=_NAME_WORDS) if is_path else option.option
+        yield option.name, _ANNOTATED[plain | None if option.optional else plain, said], option.default
 
 
 def _member_of(each: Input) -> tuple[str, Any, Any]:
     """Return (name, type, default) of a thing that a job reads."""
     kind = KINDS[each.kind]
-    if kind.place == "runs":
-        return "files", Names | None, None
+    places = tuple(place for place in (kind.place, kind.also) if place)
+    page = OnPage(
+        group=each.group,
+        begins=each.begins,
+        offers=kind.choices,
+        places=("records", "runs") if places == ("records",) else places,
+        files=kind.files,
+        looks=kind.looks,
+        word=each.kind,
+    )
+    option = Option(each.help, label=each.label, default_help=each.default_help, page=page)
     if kind.many:
-        few = Annotated[
-            tuple[Name, ...],
-            Option(
-                each.help,
-                most_items=20,
-                least_items=int(each.required),
-                expected="a list of 20 names at most",
-            ),
-        ]
-        return each.told, few, _REQUIRED if each.required else ()
-    single: Any = Word if each.kind == "law" else Name
-    if not each.required:
-        return each.told, single if each.default else single | None, each.default
-    return each.told, single, "paper" if each.kind == "drawing" else _REQUIRED
+        most = 20_000 if kind.place == "runs" else 20
+        needed = each.required and kind.place != "runs"  # no names: all runs
+        words = f"a list of names, {most} at most"
+        option = replace(option, most_items=most, least_items=int(needed), expected=words)
+        if kind.place == "runs":
+            return "files", _ANNOTATED[tuple[Name, ...] | None, option], None
+        return each.told, _ANNOTATED[tuple[Name, ...], option], _REQUIRED if needed else ()
+    pattern, words = (_WORD, _WORD_WORDS) if each.kind in {"law", "name"} else (_NAME, _NAME_WORDS)
+    option = replace(option, pattern=pattern, expected=words)
+    if each.required:
+        return each.told, _ANNOTATED[str, option], "paper" if each.kind == "drawing" else _REQUIRED
+    return each.told, _ANNOTATED[str | None if each.default is None else str, option], each.default
 
 
 def read_order(kind: object, options: object) -> Order:
@@ -198,8 +170,8 @@ class Fins:
 
 
 @dataclass(frozen=True, kw_only=True)
-class HeatCurve:
-    """A quick heating curve."""
+class HeatCurve(HeatOptions):
+    """A quick heating curve, with the options of the job."""
 
     card: Name
     damper: Name = "paper"
@@ -208,11 +180,7 @@ class HeatCurve:
     command: Annotated[float, Option("Current or voltage.", least=-1000.0, most=1000.0)] = 2.0
     duty_share: Annotated[float, Option("Share of the time at work.", least=0.05, most=1.0)] = 1.0
     duration_s: Annotated[float, Option("Duration.", unit="s", least=1.0, most=1e6)] = 1800.0
-    ambient_degC: Celsius | None = None
-    air_m_s: AirSpeed | None = None
-    with_sink: bool = True
     fins: Fins | None = None
-    past_limit: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

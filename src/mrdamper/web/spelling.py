@@ -6,43 +6,37 @@ a page they become the label of the field and the name of the page.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from functools import cache
 
-from mrdamper.jobs import options
 from mrdamper.registry import JOBS
-from mrdamper.schema import fields_of
+from mrdamper.schema import Field
+from mrdamper.web.forms import label_of
+from mrdamper.web.schemas import order_kinds, request_fields
 
 __all__ = ["labels", "on_page"]
 
 _OF_EVERY_JOB = {
     "channels": "Map channels",
-    "damper": "Drawing",
-    "flip-force": "turn the sign of the force",
-    "least-stroke-mm": "Least stroke",
-    "model": "Model",
     "out": "folder, as a new job has",
     "resume": "Resume",
 }
-_VALUES = {"varpro": "variable projection", "cma": "CMA-ES"}
 
 
 @cache
 def labels() -> Mapping[str, str]:
     """Return the words beside the fields, by the option of the command line."""
-    return {**_OF_EVERY_JOB, **dict(_declared())}
+    return {**{name: label_of(field) for name, field in _fields().items()}, **_OF_EVERY_JOB}
 
 
-def _declared() -> Iterator[tuple[str, str]]:
-    for name in options.__all__:
-        for field in fields_of(getattr(options, name)):
-            if field.option.label:
-                flag = field.option.flag or f"--{field.name.replace('_', '-')}"
-                yield flag.removeprefix("--"), field.option.label
-    for job in JOBS.values():
-        for each in job.inputs:
-            if each.flag and each.label:
-                yield each.flag.removeprefix("--"), each.label
+@cache
+def _fields() -> Mapping[str, Field]:
+    found: dict[str, Field] = {}
+    for kind in order_kinds():
+        for field in request_fields(kind):
+            flag = field.option.flag or f"--{field.name.replace('_', '-')}"
+            found.setdefault(flag.removeprefix("--"), field)
+    return found
 
 
 def on_page(named: str) -> str:
@@ -54,4 +48,8 @@ def on_page(named: str) -> str:
     if flag not in labels():
         return named
     shown = f"“{labels()[flag]}”"
-    return f"{shown}: {_VALUES.get(value, value)}" if value.islower() else shown
+    if not value.islower():
+        return shown
+    field = _fields().get(flag)
+    titles = {} if field is None else dict(zip(field.choices, field.option.page.titles, strict=False))
+    return f"{shown}: {titles.get(value, value)}"

@@ -13,11 +13,13 @@ from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from mrdamper.errors import EnvelopeWarning
 from mrdamper.excitation import Sine
 from mrdamper.identify.predict import finite
+from mrdamper.jobs.heat import changed_drawing, start_of
+from mrdamper.jobs.options import HeatOptions
 from mrdamper.models.card_schema import read_card
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.schema import Json
@@ -42,7 +44,7 @@ class QuickHeat:
     def __init__(self) -> None:
         self._kept: OrderedDict[object, object] = OrderedDict()
 
-    def curve(  # noqa: PLR0913 - a slider each
+    def curve(
         self,
         card: Path,
         damper: str,
@@ -52,11 +54,8 @@ class QuickHeat:
         command: float = 2.0,
         duty_share: float = 1.0,
         duration_s: float = 1800.0,
-        ambient_degC: float | None = None,
-        air_m_s: float | None = None,
-        with_sink: bool = True,
         fins: Mapping[str, float | str] | None = None,
-        past_limit: bool = False,
+        **given: Any,  # noqa: ANN401 - options of the job
     ) -> Json:
         """Return a damper's temperatures under a sine.
 
@@ -64,15 +63,16 @@ class QuickHeat:
         ----------
         card, damper : the card's file; the drawing's file, or ``paper``
         duty_share : share of the time at work; power and coil heat are averaged over work and rest
-        ambient_degC, air_m_s, with_sink : in place of the drawing's
         fins : a heat sink that takes the place of the drawing's: fins, width_mm, thickness_mm, pitch_mm,
             material, emissivity
+        given : of ``HeatOptions``
         """
+        options = HeatOptions(**given)
         begin = time.perf_counter()
         model = self._once(("card", *_version(card)), lambda: read_card(card))
         drawing = self._once(("drawing", damper, *_version(Path(damper))), lambda: read_drawing(damper))
-        drawing = _changed(drawing, ambient_degC, air_m_s, with_sink=with_sink)
-        if fins is not None and with_sink:
+        drawing = changed_drawing(drawing, options, None)
+        if fins is not None and options.with_sink:
             drawing = drawing.with_sink(_finned(drawing, fins))
         unit = model.damper.command_unit
         duty = _duty(amplitude_mm, frequency_Hz, command, duration_s, unit)
@@ -84,7 +84,15 @@ class QuickHeat:
             works = [replace(w, power=duty_share * w.power, ripple=duty_share * w.ripple) for w in works]
             resting = tuple(replace(s, command=math.sqrt(duty_share) * s.command) for s in duty.segments)
             duty = replace(duty, segments=resting)
-            rise = simulate_rise(works, drawing, duty, stop_at_limit=not past_limit, notes=notes)
+            rise = simulate_rise(
+                works,
+                drawing,
+                duty,
+                model=options.model,
+                start_K=start_of(drawing, options.start_degC),
+                stop_at_limit=not options.past_limit,
+                notes=notes,
+            )
         return {
             "curve": {
                 "time_s": rise.time.tolist(),
@@ -135,17 +143,6 @@ def damper_facts(damper: str, shown: str) -> Json:
             "material": sink.material.name,
         },
     }
-
-
-def _changed(
-    drawing: DamperDrawing, ambient_degC: float | None, air_m_s: float | None, *, with_sink: bool
-) -> DamperDrawing:
-    around = drawing.surroundings
-    if ambient_degC is not None:
-        around = replace(around, ambient=ambient_degC + ZERO_CELSIUS_K)
-    if air_m_s is not None:
-        around = replace(around, air_speed=air_m_s)
-    return replace(drawing, surroundings=around, sink=drawing.sink if with_sink else None)
 
 
 def _finned(drawing: DamperDrawing, fins: Mapping[str, float | str]) -> HeatSink:

@@ -18,6 +18,7 @@ from starlette.responses import Response
 from mrdamper.jobs.previews.card import card_line
 from mrdamper.schema import Json
 from mrdamper.web.context import AppContext, json_response, stream
+from mrdamper.web.forms import all_forms
 from mrdamper.web.inputs import kind_of_input
 from mrdamper.web.query_worker import Query
 from mrdamper.web.routes.jobs import job_rows
@@ -29,7 +30,7 @@ Item = TypeVar("Item")
 
 
 def state_routes(context: AppContext) -> APIRouter:
-    """Return the routes /api/state and /api/events."""
+    """Return the routes /api/state, /api/forms, /api/data and /api/events."""
     routes = APIRouter()
 
     @routes.get("/api/state")
@@ -37,6 +38,10 @@ def state_routes(context: AppContext) -> APIRouter:
         files = [asdict(row) for row in context.index.files()]
         rest = await asyncio.to_thread(_state, context)
         return json_response({**rest, "files": files})
+
+    @routes.get("/api/forms")
+    async def forms() -> Response:
+        return json_response(all_forms(context.choices))
 
     @routes.get("/api/data")
     async def public_data() -> Response:

@@ -52,6 +52,7 @@ async function words(response) {
 const json = async (method, address, options) => (await send(method, address, options)).json();
 
 export const getState = () => json("GET", "/api/state");
+export const getForms = () => json("GET", "/api/forms");
 export const getRuns = () => json("GET", "/api/runs");
 export const getJob = (id) => json("GET", `/api/jobs/${part(id)}`);
 export const getCard = (name) => json("GET", `/api/cards/${part(name)}`);

@@ -3,7 +3,7 @@
 // A page is a module with `show(place, app, query)`; it returns `{changed(what), close()}`, both optional. Pages are
 // loaded when they are first asked for. The folder's state is fetched again when the server says that it changed.
 
-import { getState, watchFolder } from "./api.js";
+import { getForms, getState, watchFolder } from "./api.js";
 import { button, el, fill, note } from "./dom.js";
 import { startTheme } from "./theme.js";
 
@@ -28,6 +28,7 @@ const chosen = new Map();
 /** What pages share. */
 const app = {
   state: null,
+  forms: null, // fields of each kind of job
 
   /** Fetch the folder's state again. */
   async refresh() {
@@ -112,7 +113,7 @@ async function route() {
   shown.page?.close?.();
   shown = { name, page: null };
   try {
-    const [module] = await Promise.all([PAGES[name](), app.state ? null : app.refresh()]);
+    const [module] = await Promise.all([PAGES[name](), app.state ? null : app.refresh(), app.forms ? null : getForms().then((forms) => (app.forms = forms))]);
     if (mine !== turn) return;
     const body = el("div", { "data-shown": name });
     fill(place, body);

@@ -1,8 +1,8 @@
 // Beside the files on the page Runs: public data to begin with, and a check of all runs without a fit.
 
-import { getData, jobFile } from "./api.js";
+import { getData } from "./api.js";
 import { button, el, fill, note, table } from "./dom.js";
-import { fileLinks, findingTable, JobPanel, notes } from "./parts.js";
+import { filesOf, findingTable, JobPanel, notes } from "./parts.js";
 
 /** Return the list of public data with a button each to fetch it: `{node, close()}`. */
 export function publicData(app) {
@@ -63,7 +63,7 @@ export function checkAll(app) {
         found,
         note(told.some((one) => one.severity === "fault") ? "warning" : "good", told.length ? `${told.length} finding${told.length > 1 ? "s" : ""} in ${answer.runs.length} runs.` : `Nothing found in ${answer.runs.length} runs.`),
         told.length > 0 && el("details", {}, el("summary", { text: "Findings of the check" }), findingTable(told)),
-        el("div", { class: "actions" }, el("a", { class: "button", href: jobFile(job.id, "check.html"), target: "_blank", rel: "noopener", text: "Open the report of the check" }), fileLinks(job, { only: (path) => !path.endsWith(".html") })),
+        filesOf(job, "check.html", "Open the report of the check"),
       );
     },
     begun: () => fill(found),

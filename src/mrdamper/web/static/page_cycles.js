@@ -1,8 +1,8 @@
 // Cycles: a record of any length, read in one pass; what energy, forces, stiffness and temperature do over its life.
 
-import { jobFile } from "./api.js";
-import { button, bytes, check, el, empty, field, fill, fixed, note, number, select, table } from "./dom.js";
-import { cardsOf, fileLinks, findingTable, heading, inputChoice, inputsOf, JobPanel, nameAndUnit, notes, numberField, tile } from "./parts.js";
+import { button, el, empty, fill, fixed, note, number, table } from "./dom.js";
+import { jobForm } from "./forms.js";
+import { filesOf, findingTable, heading, JobPanel, nameAndUnit, notes, tile } from "./parts.js";
 import { nth, Plot } from "./plot.js";
 import { tint } from "./theme.js";
 
@@ -40,16 +40,14 @@ export async function show(place, app, query) {
     fill(place, title, empty("No record yet", "A record is one file with time, displacement, force and current: an endurance test, or any run. Drop it on the page Runs, or put a file of gigabytes into the folder's records/: it is read here and nowhere else.", button("Go to Runs", () => app.go("runs"), { class: "main" })));
     return { changed: () => recordsOf(app).length && app.again() };
   }
-  const record = select(names, query.get("record") ?? names[0][0], { id: "record" });
-  const channels = inputChoice(app, "Channel map", ".toml", ["channels"], "the one beside it, else its headers", { id: "channel-map", what: "channel map", hint: "how the columns are found" });
-  for (const file of app.state.files.filter((one) => one.mapped)) channels.list.append(el("option", { value: file.name, text: `as for ${file.name}` }));
-  const least = numberField("Least stroke", "mm", null, { min: 0, placeholder: "5 % of the range", hint: "a smaller to-and-fro is no cycle" });
-  const flip = check("turn the sign of the force", false);
-  const model = select([["", "none"], ...cardsOf(app).map((card) => [card.name, `${card.name} (${card.law})`])], "", { id: "replayed" });
-  const start = button("Count the cycles", begin, { class: "main", id: "start-cycles" });
+  const form = jobForm(app, "cycles");
+  const record = form.control("record");
+  record.set(query.get("record") ?? names[0]);
+  const start = button("Count the cycles", () => panel.start(form.read()), { class: "main", id: "start-cycles" });
   const result = el("div", { id: "cycles-result" });
   let plots = [];
   const panel = new JobPanel(app, "cycles", {
+    form,
     done: drawResult,
     busy: (on) => (start.disabled = on),
     begun: () => {
@@ -61,16 +59,6 @@ export async function show(place, app, query) {
   function close() {
     for (const plot of plots) plot.close();
     plots = [];
-  }
-
-  function begin() {
-    panel.start({
-      record: record.value,
-      channels: channels.read(),
-      least_stroke_mm: least.read(),
-      flip_force: flip.box.checked,
-      model: model.value || null,
-    });
   }
 
   function drawResult(job) {
@@ -112,7 +100,7 @@ export async function show(place, app, query) {
         figures,
         { caption: answer.group_cycles > 1 ? `First and last are of ${counted(answer.group_cycles)} cycles each, least and most of single cycles` : "Of single cycles" },
       ),
-      el("div", { class: "actions" }, el("a", { class: "button", href: jobFile(job.id, "cycles.html"), target: "_blank", rel: "noopener", text: "Open the report" }), fileLinks(job, { only: (path) => !path.endsWith(".html") })),
+      filesOf(job, "cycles.html"),
     );
   }
 
@@ -139,25 +127,13 @@ export async function show(place, app, query) {
     return plots.map((plot) => plot.node);
   }
 
-  const form = el(
-    "form",
-    { class: "panel", "aria-label": "What to count", onsubmit: (event) => event.preventDefault() },
-    field("Record", record, { hint: "from the folder's records/ and runs/" }),
-    el("div", { class: "gap" }, channels.node),
-    el("p", { class: "small" }, button("Map channels on Runs", () => app.go("runs", app.state.files.some((file) => file.name === record.value) ? { file: record.value } : {}), { class: "quiet" })),
-    el("div", { class: "gap" }, least.node),
-    el("div", { class: "gap" }, flip.node),
-    el("div", { class: "gap" }, field("Card to replay beside it", model)),
-    el("div", { class: "actions" }, start),
-  );
+  const map = button("Map channels on Runs", () => app.go("runs", app.state.files.some((file) => file.name === record.read()) ? { file: record.read() } : {}), { class: "quiet" });
   fill(result, empty("Nothing counted yet", "Choose a record and press Count the cycles. It is read in batches, a gigabyte in some ten seconds, and a record larger than the memory does no harm. Cancel keeps what was counted until then."));
-  fill(place, title, el("div", { class: "split" }, form, el("div", {}, panel.node, result)));
+  fill(place, title, el("div", { class: "split" }, form.panel("What to count", start, el("p", { class: "small" }, map)), el("div", {}, panel.node, result)));
   await panel.resume(null, query.get("job"));
   return {
     changed(what) {
-      if (!what.includes("records") && !what.includes("files")) return;
-      const chosen = record.value;
-      fill(record, recordsOf(app).map(([value, text]) => el("option", { value, text, selected: value === chosen })));
+      if (what.includes("records") || what.includes("files")) record.draw();
     },
     close() {
       close();
@@ -166,12 +142,8 @@ export async function show(place, app, query) {
   };
 }
 
-/** Return the records and the runs' files as `[value, text]` pairs; a record comes before a run of its name. */
-function recordsOf(app) {
-  const long = app.state.records ?? [];
-  const names = new Set(long.map((one) => one.name));
-  return [...long, ...app.state.files.filter((one) => !names.has(one.name))].map((one) => [one.name, `${one.name}, ${bytes(one.bytes)}`]);
-}
+/** Return the names of records and runs' files. */
+const recordsOf = (app) => [...app.state.records, ...app.state.files].map((one) => one.name);
 
 /** Return a figure's name in words, and its unit. */
 function words(name) {

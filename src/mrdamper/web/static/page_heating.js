@@ -1,8 +1,9 @@
 // Heating: temperatures while sliders move, the time to the fluid's limit, and the full study as a job.
 
 import { getDamper, heatCurve, jobFile, putInput } from "./api.js";
-import { button, check, duration, el, field, fill, fixed, note, number, select } from "./dom.js";
-import { cardPage, damperChoice, fileLinks, heading, inputChoice, inputPicker, JobPanel, notes, numberField, slider, tile } from "./parts.js";
+import { button, duration, el, fill, fixed, note, number } from "./dom.js";
+import { dutyText, jobForm, sineOf, slider, tableChoice } from "./forms.js";
+import { cardPage, filesOf, heading, JobPanel, notes, tile } from "./parts.js";
 import { nth, Plot } from "./plot.js";
 
 export async function show(place, app, query) {
@@ -13,28 +14,29 @@ export async function show(place, app, query) {
   const highest = about.envelope?.command?.[1] ?? 2;
   let limit = null;
 
-  const damper = damperChoice(app, { id: "drawing" });
-  const bring = inputPicker(app, "Bring a drawing (TOML)", ".toml", (name) => {
-    damper.append(el("option", { value: name, text: name, selected: true }));
-    facts();
-  });
-
-  const ambient = slider("Ambient", "°C", 20, { min: -30, max: 60, step: 1 }, ask);
-  const air = slider("Air speed", "m/s", 0, { min: 0, max: 20, step: 0.5, decimals: 1 }, ask);
-  const share = slider("Duty", "%", 100, { min: 5, max: 100, step: 5 }, ask);
-  const command = slider(unit === "V" ? "Voltage" : "Current", unit, Math.min(2, highest), { min: 0, max: Math.max(highest, 0.1), step: 0.05, decimals: 2 }, ask);
-  const amplitude = slider("Amplitude", "mm", 15, { min: 1, max: 50, step: 1 }, ask);
-  const frequency = slider("Frequency", "Hz", 1, { min: 0.1, max: 5, step: 0.1, decimals: 1 }, ask);
-  const time = slider("Duration", "min", 30, { min: 5, max: 240, step: 5 }, ask);
-  const sink = check("with the drawing's heat sink", true);
-  const past = check("go on past the fluid's limit", false);
-  const duty = inputChoice(app, "Duty of the study", ".csv", ["duty"], "the sine above", { id: "study-duty", what: "table", hint: "a table of time, motion and command" });
-  const other = inputChoice(app, "Heat sink of the study", ".toml", ["sink", "drawing"], "the drawing's", { id: "study-sink", what: "sink" });
-  const measured = inputChoice(app, "Measured curve, to calibrate by", ".csv", ["curve"], "none", { id: "calibrate", what: "curve", hint: "time_s and fluid_degC, body_degC or coil_degC, under this duty" });
-  const model = select([["zones", "three axial zones"], ["lumped", "the paper's one node"], ["reduced", "reduced finite elements"]], "zones", { id: "heat-model" });
-  const first = numberField("Temperature at the start", "°C", null, { placeholder: "ambient", min: -100, max: 400 });
-  const elements = check("heat paths by finite elements", true);
-  for (const { box } of [sink, past]) box.addEventListener("change", ask);
+  const share = slider("Duty", "%", 100, { min: 5, max: 100, step: 5 });
+  const sine = {
+    command: slider(unit === "V" ? "Voltage" : "Current", unit, Math.min(2, highest), { min: 0, max: Math.max(highest, 0.1), step: 0.05, decimals: 2 }),
+    amplitude_mm: slider("Amplitude", "mm", 15, { min: 1, max: 50, step: 1 }),
+    frequency_Hz: slider("Frequency", "Hz", 1, { min: 0.1, max: 5, step: 0.1, decimals: 1 }),
+  };
+  const time = slider("Duration", "min", 30, { min: 5, max: 240, step: 5 });
+  const motion = () => ({ ...Object.fromEntries(Object.entries(sine).map(([name, one]) => [name, one.read()])), duration_s: 60 * time.read() });
+  const tabled = tableChoice(app, "Duty of the study", "the sine above", "study-duty");
+  const duty = {
+    node: el("div", { class: "wide sliders" }, [share, ...Object.values(sine), time].map(({ node }) => node)),
+    read: () => tabled.read() ?? dutyText({ ...motion(), unit }),
+    set(text) {
+      const found = sineOf(text);
+      tabled.set(found ? null : text);
+      for (const [name, one] of Object.entries(sine)) if (found) one.set(found[name]);
+      if (found) time.set(found.duration_s / 60);
+    },
+  };
+  const form = jobForm(app, "heat", { given: { card }, slots: { duty }, changed: (name) => (name === "damper" ? facts() : ask()) });
+  const drawing = form.control("damper");
+  const sink = form.control("with_sink");
+  const curveNames = app.forms["heat curve"].map((one) => one.name);
 
   const tiles = el("div", { class: "tiles", "aria-live": "polite", id: "heat-tiles" });
   const wrong = el("div");
@@ -55,19 +57,8 @@ export async function show(place, app, query) {
     busy = true;
     const began = performance.now();
     try {
-      const found = await heatCurve({
-        card,
-        damper: damper.value,
-        amplitude_mm: amplitude.read(),
-        frequency_Hz: frequency.read(),
-        command: command.read(),
-        duty_share: share.read() / 100,
-        duration_s: 60 * time.read(),
-        ambient_degC: ambient.read(),
-        air_m_s: air.read(),
-        with_sink: sink.box.checked,
-        past_limit: past.box.checked,
-      });
+      const given = Object.entries(form.read()).filter(([name]) => curveNames.includes(name));
+      const found = await heatCurve({ ...Object.fromEntries(given), ...motion(), duty_share: share.read() / 100 });
       if (closed) return;
       fill(wrong);
       draw(found);
@@ -115,29 +106,27 @@ export async function show(place, app, query) {
   /** Take ambient, air and sink from the drawing. */
   async function facts() {
     try {
-      const found = await getDamper(damper.value);
+      const found = await getDamper(drawing.read());
       if (closed) return;
-      ambient.set(found.ambient_degC);
-      air.set(found.air_m_s);
-      sink.box.disabled = found.sink === null;
-      sink.box.checked = found.sink !== null;
+      form.set({ ambient_degC: found.ambient_degC, air_m_s: found.air_m_s, with_sink: found.sink !== null });
+      sink.input.disabled = found.sink === null;
       ask();
     } catch (fault) {
       fill(wrong, note("fault", fault.message));
     }
   }
-  damper.addEventListener("change", facts);
 
   // -------------------------------------------------------------------------------------- the full study
   const study = el("div");
   const panel = new JobPanel(app, "heat", {
+    form,
     done: (job) => {
       const { answer } = job;
       fill(
         study,
         el("h2", { text: `Full study: ${answer.duty}` }),
         el("p", { class: "small", text: `${Math.abs(answer.energy_closure) < 1e-4 ? "The energies close" : `Of the energy, ${number(100 * Math.abs(answer.energy_closure), 2)} % does not close`}. Sink: ${answer.sink ?? "none"}.` }),
-        el("div", { class: "actions" }, el("a", { class: "button", href: jobFile(job.id, "heat.html"), target: "_blank", rel: "noopener", text: "Open the report" }), fileLinks(job, { only: (path) => !path.endsWith(".html") })),
+        filesOf(job, "heat.html"),
         (job.files ?? []).some((file) => file.path === "calibrated.toml") && button("Take the calibrated drawing", () => app.attempt(() => take(job)), { id: "take-calibrated" }),
         notes(answer.notes),
         el("iframe", { class: "report", src: jobFile(job.id, "heat.html"), title: "Report of the heating study", sandbox: "", loading: "lazy" }),
@@ -150,28 +139,16 @@ export async function show(place, app, query) {
   async function take(job) {
     const own = `${job.id}-calibrated.toml`;
     await putInput(new File([await (await fetch(jobFile(job.id, "calibrated.toml"))).blob()], own));
-    damper.append(el("option", { value: own, text: own, selected: true }));
+    await app.refresh();
+    drawing.set(own);
     app.toast("good", `${own} lies with the inputs and is the drawing now.`);
     await facts();
   }
 
   const full = button("Full study with heat paths and finite elements", () => {
-    panel.start({
-      card,
-      damper: damper.value,
-      duty: duty.read() ?? `sine:${amplitude.read()}mm:${frequency.read()}Hz:${command.read()}${unit}:${60 * time.read()}s`,
-      sink: other.read(),
-      with_sink: sink.box.checked || other.read() !== null,
-      ambient_degC: ambient.read(),
-      air_m_s: air.read(),
-      past_limit: past.box.checked,
-      model: model.value,
-      start_degC: first.read(),
-      calibrate: measured.read(),
-      by_field: elements.box.checked,
-    });
+    const asked = form.read();
+    panel.start({ ...asked, with_sink: asked.with_sink || asked.sink !== null });
   }, { id: "full-study" });
-
   fill(
     place,
     title,
@@ -179,20 +156,15 @@ export async function show(place, app, query) {
       "div",
       { class: "split" },
       el("aside", { class: "panel", "aria-label": "What heats and cools" },
-        cards.node,
-        el("div", { class: "gap" }, field("Damper's drawing", damper)),
-        bring,
-        el("div", { class: "gap sliders" }, [ambient, air, share, command, amplitude, frequency, time].map(({ node }) => node)),
-        el("div", { class: "gap" }, sink.node, past.node)),
+        cards.node, form.nodes()),
       el("div", {}, tiles, wrong, curve.node, force.node, told,
         el("div", { class: "actions" }, full, el("span", { class: "small", text: "at 100 % duty; about half a minute" })),
-        el("details", { id: "study-more" }, el("summary", { text: "More of the study: a table of duty, a sink, calibration" }),
-          el("div", { class: "fields" }, duty.node, other.node, measured.node, field("Model", model), first.node, elements.node)),
+        form.more("More of the study: a table of duty, a sink, calibration", { id: "study-more" }, tabled.node),
         panel.node, study),
     ),
   );
   await facts();
-  panel.resume(card, query.get("job")).catch(() => {});
+  if (await panel.resume(card, query.get("job")).catch(() => null)) ask();
   return {
     close() {
       closed = true;

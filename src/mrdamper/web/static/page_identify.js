@@ -1,8 +1,9 @@
 // Identify: choose a law and what to hold out, watch the fit, read errors by run and parameters with uncertainty.
 
 import { cardFile, deleteCard, getJob, getRuns, putCard } from "./api.js";
-import { button, check, el, empty, field, fill, fixed, note, number, select, table } from "./dom.js";
-import { cardField, cardInUse, cardsOf, heading, inputsOf, inWords, JobPanel, notes, numberField, tile } from "./parts.js";
+import { button, el, empty, field, fill, fixed, note, number, select, table } from "./dom.js";
+import { cardsOf, jobForm } from "./forms.js";
+import { cardInUse, heading, inWords, JobPanel, notes, tile } from "./parts.js";
 import { Plot } from "./plot.js";
 
 const NAME = /[^A-Za-z0-9 ._+-]+/g;
@@ -10,7 +11,6 @@ const NAME = /[^A-Za-z0-9 ._+-]+/g;
 export async function show(place, app, query) {
   const { runs: all, reading } = await getRuns();
   const runs = all.filter((run) => !run.error);
-  const { choices } = app.state;
   const result = el("div");
   const tables = el("div"); // below, where there is room for them
   const cards = el("div");
@@ -20,40 +20,16 @@ export async function show(place, app, query) {
   const course = { all: [], best: [] };
 
   // ------------------------------------------------------------------------------------ what is asked for
-  const name = el("input", { type: "text", value: freeName(app), maxlength: 60, id: "card-name" });
-  const law = select([["", "the usual one for these runs"], ["auto", "compare all, take the best"], ...choices.laws.map((one) => [one.name, `${one.name}: ${one.title}`])], "", { id: "law" });
-  const temperature = select(choices.temperature.map((each) => [each, each === "auto" ? "as the runs have it" : each]), "auto");
-  const fluid = select([["", "none"], ...choices.fluids.map((each) => [each, each]), ...inputsOf(app, ".toml")], "");
-  const method = select(choices.methods.map((each) => [each, { varpro: "variable projection", genetic: "genetic", cma: "CMA-ES" }[each] ?? each]), choices.methods[0]);
-  const starts = numberField("Starts", "", 3, { min: 1, step: 1 });
-  const seed = numberField("Seed", "", 0, { min: 0, step: 1 });
-  const draws = numberField("Bootstrap draws", "", 0, { min: 0, step: 1 });
-  const resistance = numberField("Coil resistance at 20 °C", "Ω", null, { min: 0, placeholder: "not known" });
-  const session = check("each session has its own constant force", false);
-  const single = check("accept runs at one current only", false);
-  const flip = check("turn the sign of the force", false);
-  const profile = check("follow the least known combination along its profile", false);
-  const replace = check("replace a card of the same name", false);
-  const terms = ["as usual", ...choices.terms].map((term, k) => ({ term, ...check(k ? term : "the usual terms", k === 0) }));
-  const leave = choices.leave_out.map((each) => ({ each, ...check(each, false) }));
-  const held = runs.map((run) => ({ run, ...check(`${run.name}`, false) }));
   const units = unitsOf(runs); // volts and amperes do not go into one card
   const commanded = select(units.map((unit) => [unit, `in ${unit}: ${counted(runs, unit)}`]), units[0] ?? "", { id: "commanded" });
-  const picks = el("div", { class: "picks", tabindex: 0, "aria-label": "Runs to hold out", role: "group" });
-  const offered = () => held.filter(({ run }) => units.length < 2 || run.command_unit === commanded.value);
-  const drawPicks = () => {
-    fill(picks, offered().map(({ node }) => node));
-    picks.hidden = !offered().length;
-  };
-  commanded.addEventListener("change", drawPicks);
-  drawPicks();
-  const globs = el("input", { type: "text", placeholder: "*_060C_*", "aria-label": "Hold out by pattern", id: "globs" });
+  const namesIn = () => runs.filter((run) => units.length < 2 || run.command_unit === commanded.value).map((run) => run.name);
+  const form = jobForm(app, "identify", { given: { files: null }, offered: { runs: namesIn() } });
+  form.set({ card: freeName(app) });
+  commanded.addEventListener("change", () => form.offer("runs", namesIn()));
   const start = button("Identify", begin, { class: "main", id: "start-fit", disabled: !runs.length });
 
-  terms[0].box.addEventListener("change", () => terms.slice(1).forEach(({ box }) => (box.checked = false)));
-  for (const { box } of terms.slice(1)) box.addEventListener("change", () => (terms[0].box.checked = false));
-
   const panel = new JobPanel(app, "identify", {
+    form,
     begun: () => {
       course.all.length = 0;
       course.best.length = 0;
@@ -92,29 +68,10 @@ export async function show(place, app, query) {
   }
 
   async function begin() {
-    const kept = terms.slice(1).filter(({ box }) => box.checked).map(({ term }) => term);
-    const card = name.value.trim().replace(NAME, "-") || "damper";
+    const asked = form.read();
+    const card = (asked.card ?? "damper").replace(NAME, "-");
     app.choose("card", card);
-    await panel.start({
-      card,
-      files: units.length > 1 ? filesIn(runs, commanded.value) : null,
-      law: law.value || null,
-      method: method.value,
-      starts: starts.read() ?? 3,
-      seed: seed.read() ?? 0,
-      hold_out: [...offered().filter(({ box }) => box.checked).map(({ run }) => literal(run.name)), ...globs.value.split(/[,;]+/).map((each) => each.trim()).filter(Boolean)],
-      leave_out: leave.filter(({ box }) => box.checked).map(({ each }) => each),
-      session_offsets: session.box.checked,
-      one_command: single.box.checked,
-      terms: terms[0].box.checked ? null : kept,
-      temperature: temperature.value,
-      fluid: fluid.value || null,
-      coil_resistance_ohm: resistance.read(),
-      profiled: profile.box.checked,
-      draws: draws.read() ?? 0,
-      flip_force: flip.box.checked,
-      replace: replace.box.checked,
-    });
+    await panel.start({ ...asked, card, files: units.length > 1 ? filesIn(runs, commanded.value) : null });
   }
 
   // ---------------------------------------------------------------------------------------- what was found
@@ -168,7 +125,6 @@ export async function show(place, app, query) {
       fill(compared, page && el("a", { class: "button", href: `/api/jobs/${encodeURIComponent(job.id)}/files/compare.html`, target: "_blank", rel: "noopener", text: `Open ${job.options.first} against ${job.options.second}` }));
     },
   });
-  const turned = check("turn the sign of the force, to predict", false);
   const compared = el("div");
 
   /** Return the files that a card can be tried on; null: all. */
@@ -192,10 +148,14 @@ export async function show(place, app, query) {
       fill(cards, el("p", { class: "small", text: "No card yet: identify one, or bring a card.json." }), bring, load);
       return;
     }
-    const choice = cardField(app, cardInUse(app, query.get("card")), () => {});
-    const files = select([["", units.length > 1 ? "all with the card's unit" : "all runs in the folder"], ...[...new Set(runs.map((run) => run.file))].map((file) => [file, file])], "");
-    const first = cardField(app, cardInUse(app), () => {}, { label: "First" }).list;
-    const second = cardField(app, known[known.length - 1].name, () => {}, { label: "Second" }).list;
+    const trial = jobForm(app, "predict");
+    trial.set({ card: cardInUse(app, query.get("card")) });
+    const tried = () => {
+      const asked = trial.read();
+      return prediction.start({ ...asked, files: asked.files ?? filesFor(asked.card) });
+    };
+    const pair = jobForm(app, "compare");
+    pair.set({ first: cardInUse(app), second: known[known.length - 1].name });
     fill(
       cards,
       table(
@@ -225,37 +185,11 @@ export async function show(place, app, query) {
       ),
       el("div", { class: "actions" }, bring, load),
       el("h3", { class: "gap", text: "Predict: how a card does on runs" }),
-      el("div", { class: "row end" }, choice.node, field("Runs", files), turned.node, button("Predict", () => prediction.start({ card: choice.list.value, flip_force: turned.box.checked, files: files.value ? [files.value] : filesFor(choice.list.value) }), { id: "predict", disabled: !runs.length })),
+      trial.panel("What to predict", button("Predict", tried, { id: "predict", disabled: !runs.length })),
       known.length > 1 && el("h3", { class: "gap", text: "Compare two cards" }),
-      known.length > 1 &&
-        el("div", { class: "row end" }, field("First", first), field("Second", second), button("Compare", () => comparison.start({ first: first.value, second: second.value }))),
+      known.length > 1 && pair.panel("What to compare", button("Compare", () => comparison.start(pair.read()))),
     );
   }
-
-  const form = el(
-    "form",
-    { class: "panel", "aria-label": "What to identify", onsubmit: (event) => event.preventDefault() },
-    el("div", { class: "fields" },
-      field("Name of the card", name, { wide: true }),
-      units.length > 1 && field("Runs commanded", commanded, { wide: true, hint: "volts and amperes do not go into one card" }),
-      field("Law", law, { wide: true }),
-      field("Temperature", temperature, { wide: true }),
-      field("Fluid, where runs do not tell", fluid, { wide: true })),
-    el("h3", { class: "gap", text: "Hold out" }),
-    el("p", { class: "hint", text: "Runs that the fit must not see; the error on them is the honest one." }),
-    picks,
-    el("div", { class: "gap" }, field("or by pattern", globs)),
-    el(
-      "details",
-      {},
-      el("summary", { text: "More" }),
-      el("div", { class: "fields" }, field("Search", method, { wide: true }), starts.node, seed.node, draws.node, resistance.node),
-      el("h3", { class: "gap", text: "Parallel terms" }), terms.map(({ node }) => node),
-      el("h3", { class: "gap", text: "Fit again without each" }), leave.map(({ node }) => node),
-      el("h3", { class: "gap", text: "Also" }), [session, single, flip, profile, replace].map(({ node }) => node),
-    ),
-    el("div", { class: "actions" }, start),
-  );
 
   const hint = runs.length
     ? empty("No fit yet", `${runs.length} runs are ready. Keep the usual law, hold out a run or two, and press Identify: it takes seconds to a minute. You may leave this page meanwhile.`)
@@ -264,7 +198,7 @@ export async function show(place, app, query) {
   fill(
     place,
     heading("Identify", "One law over all currents and temperatures at once. What comes out is a card: the only thing that heating, heat sink, tracking and export need."),
-    el("div", { class: "split" }, form, el("div", {}, panel.node, costBox, result)),
+    el("div", { class: "split" }, form.panel("What to identify", start, units.length > 1 && field("Runs commanded", commanded, { hint: "volts and amperes do not go into one card" })), el("div", {}, panel.node, costBox, result)),
     tables,
     el("h2", { text: "Cards" }),
     cards,
@@ -280,6 +214,7 @@ export async function show(place, app, query) {
     await prediction.attach(job.id);
     await panel.resume();
   } else await panel.resume(null, wanted).catch((fault) => fill(result, note("fault", fault.message)));
+  if (!start.disabled) form.set({ card: freeName(app), replace: false });
 
   return {
     changed: (what) => {

@@ -1,16 +1,26 @@
 // Jobs: everything that was asked for, what became of it, and its files; the inputs that people bring.
 
 import { cancelJob, deleteInput, deleteJob, inputFile, jobFile, putInput, resumeJob, startJob } from "./api.js";
-import { bytes, button, check, duration, el, empty, field, fill, select, table } from "./dom.js";
-import { heading, inputPicker, inputsOf, numberField } from "./parts.js";
+import { bytes, button, duration, el, empty, fill, table } from "./dom.js";
+import { inputPicker, jobForm } from "./forms.js";
+import { heading } from "./parts.js";
 
 const PAGE_OF = { identify: "identify", predict: "identify", heat: "heating", sink: "sink", track: "tracking", export: "export", cycles: "cycles", sweep: "sweeps", check: "runs" };
+const MORE_JOBS = {
+  fluid: ["A fluid from rheometer tables", "Fit a fluid"],
+  forecast: ["How hot, from ten minutes of a measured curve", "Forecast"],
+  observe: ["The fluid's temperature from a record of coil or body", "Observe"],
+  ride: ["A quarter car on a card's damper", "Ride"],
+  demo: ["The demonstration on the virtual rig", "Run the demo on the virtual rig"],
+}; // what has no page of its own: [title, words on its button]
 const KEPT = ["identify", "cycles"]; // kinds that keep what they have when they are cancelled
 
 export function show(place, app) {
   const list = el("div");
   const inputs = el("div");
-  fill(place, heading("Jobs", "Work that takes a while runs beside the server, two at a time. Results lie in the folder and stay there; the command line reads them, too."), list, inputs);
+  const more = el("div");
+  const forms = [];
+  fill(place, heading("Jobs", "Work that takes a while runs beside the server, two at a time. Results lie in the folder and stay there; the command line reads them, too."), list, inputs, more);
 
   const actions = (job) => {
     const busy = job.state === "running" || job.state === "queued";
@@ -59,13 +69,6 @@ export function show(place, app) {
   }
 
   function drawInputs() {
-    const tables = inputsOf(app, ".csv", ["rheometer"]);
-    const rheometer = select(tables.length ? tables : [["", "no table yet"]], "", { multiple: tables.length > 1 });
-    const fluids = app.state.choices.fluids;
-    const like = select([...fluids, ...inputsOf(app, ".toml", ["fluid"])], "paper");
-    const share = numberField("Volume share of iron", "", null, { min: 0.01, max: 0.99, placeholder: "as that fluid" });
-    const full = check("the full one (minutes)", false);
-    const seed = numberField("Seed of the demo", "", 0, { min: 0, step: 1 });
     fill(
       inputs,
       el("h2", { text: "Inputs" }),
@@ -81,31 +84,32 @@ export function show(place, app) {
           { caption: "Inputs in the folder" },
         ),
       inputPicker(app, "Bring an input", ".toml,.csv", drawInputs),
-      el("h2", { text: "More jobs" }),
-      el("div", { class: "row end" },
-        field("Rheometer tables", rheometer),
-        field("What they do not hold, from", like),
-        share.node,
-        button("Fit a fluid", () => app.attempt(() => startJob("fluid", { tables: [...rheometer.selectedOptions].map((one) => one.value), like: like.value, particle_fraction: share.read() })), { disabled: !tables.length })),
-      el("div", { class: "row end gap" },
-        seed.node, full.node,
-        button("Run the demo on the virtual rig", () => app.attempt(() => startJob("demo", { quick: !full.box.checked, seed: seed.read() ?? 0 })))),
     );
   }
+  /** Return the form of a job that has no page of its own. */
+  function jobPanel(kind, title, what) {
+    const form = jobForm(app, kind);
+    forms.push(form);
+    const start = button(what, () => app.attempt(() => startJob(kind, form.read())), { id: `start-${kind}` });
+    return el("details", { id: `job-${kind}` }, el("summary", { text: title }), form.panel(title, start));
+  }
+
   draw();
   drawInputs();
+  fill(more, el("h2", { text: "More jobs" }), Object.entries(MORE_JOBS).map(([kind, [title, what]]) => jobPanel(kind, title, what)));
   return {
     changed(what) {
       if (what.includes("jobs")) draw();
       if (what.includes("inputs")) drawInputs();
+      forms.forEach((form) => form.draw());
     },
   };
 }
 
 /** Return what a job is of: a card, a record, a plan. */
 function subjectOf({ options, card }) {
-  const { first, second, record, plan, preset, name, tables } = options;
-  return options.card ?? card ?? record ?? plan ?? (first ? `${first}, ${second}` : preset ?? tables?.join(", ") ?? name ?? "");
+  const { first, second, record, plan, campaign, curve, name, tables } = options;
+  return options.card ?? card ?? record ?? plan ?? (first ? `${first}, ${second}` : campaign ?? curve ?? tables?.join(", ") ?? name ?? "");
 }
 
 const when = (text) => (text ? new Date(text).toLocaleString([], { dateStyle: "medium", timeStyle: "short" }) : "–");

@@ -2,9 +2,10 @@
 
 import { deleteFile, getRuns, putFile } from "./api.js";
 import { channelSheet } from "./channels.js";
-import { bytes, button, el, empty, field, fill, fixed, note, number, select, table } from "./dom.js";
+import { bytes, button, el, empty, fill, fixed, note, number, table } from "./dom.js";
 import { checkAll, publicData } from "./more_runs.js";
-import { findingTable, heading, inputChoice, inputPicker, inputsOf, JobPanel, numberField } from "./parts.js";
+import { jobForm } from "./forms.js";
+import { findingTable, heading, JobPanel } from "./parts.js";
 
 const WORDS = { ready: "ready", reading: "reading", unreadable: "not understood", new: "new" };
 
@@ -20,19 +21,13 @@ export function show(place, app, query) {
   let opened = null;
   let known = null;
 
-  const { choices } = app.state;
-  const preset = select(choices.rig_presets, "nominal");
-  const campaign = select([["short", "short: 27 runs"], ["full", "full"], ...inputsOf(app, ".toml", ["campaign"])], "short");
-  const own = inputChoice(app, "Own parameters of the damper", ".toml", ["damper"], "none: the preset as it is", { id: "rig-damper", what: "damper" });
-  const seed = numberField("Seed", "", 0, { min: 0, step: 1 });
+  const campaign = jobForm(app, "rig");
   const virtual = el(
     "details",
     {},
     el("summary", { text: "Runs of the virtual rig" }),
     el("p", { class: "small", text: "Simulated, with noise and sensors, by physics that is none of the laws. A campaign of your own is a TOML input." }),
-    el("div", { class: "row end" }, field("Damper", preset), field("Own parameters of the damper", own.list), field("Campaign", campaign), seed.node, button("Run the campaign", () => rig.start({ preset: preset.value, damper: own.read(), campaign: campaign.value, seed: seed.read() ?? 0 }))),
-    own.bring,
-    inputPicker(app, "Bring a campaign (TOML)", ".toml", (name) => campaign.append(el("option", { value: name, text: name, selected: true }))),
+    campaign.panel("What to measure", button("Run the campaign", () => rig.start(campaign.read()))),
   );
 
   const picker = el("input", { type: "file", multiple: true, hidden: true, id: "picker", accept: app.state.formats.join(",") });
@@ -86,7 +81,7 @@ export function show(place, app, query) {
           "A run is one test: time, displacement and force, with the coil current and the temperature where you have them. Drop the files of your rig above. No rig at hand? Take a short campaign of the virtual one.",
           button("Make runs on the virtual rig", (event) => {
             event.target.disabled = true;
-            rig.start({ preset: "nominal", campaign: "short", seed: 0 }).then((taken) => (event.target.disabled = taken));
+            rig.start({ campaign: "short" }).then((taken) => (event.target.disabled = taken));
           }, { id: "virtual" }),
         ),
       );

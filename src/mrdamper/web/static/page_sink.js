@@ -1,33 +1,18 @@
 // Heat sink: the Pareto front of coolness against mass; click a design to see it to scale, with its curve.
 
-import { getDamper, heatCurve, jobFile } from "./api.js";
-import { button, check, el, empty, field, fill, fixed, note, number, select, table } from "./dom.js";
+import { getDamper, heatCurve } from "./api.js";
+import { button, el, empty, fill, fixed, note, number, table } from "./dom.js";
 import { drawDamper } from "./drawing.js";
-import { cardPage, damperChoice, dutyFields, fileLinks, heading, inputPicker, JobPanel, notes, numberField, numbersIn, tile } from "./parts.js";
+import { jobForm, sineOf } from "./forms.js";
+import { cardPage, filesOf, heading, JobPanel, notes, tile } from "./parts.js";
 import { nth, Plot } from "./plot.js";
 
 export async function show(place, app, query) {
   const title = heading("Heat sink", "Annular fins on the body: the coolest damper for the least mass, inside what you can build.");
-  const { card, about, cards, without } = cardPage(place, app, query, "sink", title, "A sink is searched for the heat that a card's force makes. Identify a model first.");
+  const { card, cards, without } = cardPage(place, app, query, "sink", title, "A sink is searched for the heat that a card's force makes. Identify a model first.");
   if (without) return without;
-  const unit = about.command_unit ?? "A";
-  const damper = damperChoice(app);
-  const duty = dutyFields(app, unit, { highest: Math.min(2, about.envelope?.command?.[1] ?? 2) });
-  const span = numberField("Length to stand on", "mm", null, { placeholder: "as drawn", min: 0 });
-  const width = numberField("Widest fin", "mm", null, { placeholder: "as drawn", min: 0 });
-  const mass = numberField("Most mass", "g", null, { placeholder: "as drawn", min: 0 });
-  const thin = numberField("Thinnest fin", "mm", 1, { min: 0.1 });
-  const gap = numberField("Narrowest gap", "mm", 3, { min: 0.1 });
-  const materials = app.state.choices.materials.filter((one) => one !== "winding").map((one) => ({ name: one, ...check(one.replaceAll("-", " "), false) }));
-  const finishes = [["0.1", "bare, 0.1"], ["0.85", "anodised, 0.85"]].map(([value, text]) => ({ value: Number(value), ...check(text, false) }));
-  const finish = el("input", { type: "text", placeholder: "0.3, 0.5", inputmode: "decimal" });
-  const correlation = select([["", "as drawn"], ...app.state.choices.correlations], "");
-  const factor = numberField("Factor on that law", "", null, { placeholder: "as drawn", min: 0.01 });
-  const members = numberField("Designs on the front", "", 12, { min: 2, max: 200, step: 1 });
-  const seed = numberField("Seed", "", 0, { min: 0, step: 1 });
-  const method = select([["grid", "every sink of a grid"], ["nsga2", "NSGA-II"]], "grid");
-  const judge = select([["yes", "finite elements"], ["no", "the network only (fast)"]], "no", { id: "judge" });
-  const start = button("Search", begin, { class: "main", id: "start-sink" });
+  const form = jobForm(app, "sink", { given: { card } });
+  const start = button("Search", () => panel.start(form.read()), { class: "main", id: "start-sink" });
   const result = el("div");
   const front = new Plot({ title: "Front: click a design", x: "mass of the fins, g", y: "fluid at the end of the duty, °C", name: "front", height: 340, onPick: (one, k) => one.designs && choose(one.designs[k]) });
   const curve = new Plot({ title: "Its heating curve", x: "time, min", y: "fluid, °C", name: "sink-curve", height: 300 });
@@ -40,30 +25,7 @@ export async function show(place, app, query) {
   let chosen = null;
   const curves = new Map();
 
-  const panel = new JobPanel(app, "sink", { done: (found) => drawResult(found), busy: (on) => (start.disabled = on), begun: () => fill(result) });
-
-  const ticked = (all) => all.filter(({ box }) => box.checked);
-
-  function begin() {
-    panel.start({
-      card,
-      damper: damper.value,
-      duty: duty.read(),
-      span_mm: span.read(),
-      width_mm: width.read(),
-      mass_g: mass.read(),
-      least_thickness_mm: thin.read() ?? 1,
-      least_gap_mm: gap.read() ?? 3,
-      materials: ticked(materials).map((one) => one.name),
-      emissivities: [...ticked(finishes).map((one) => one.value), ...numbersIn(finish.value)],
-      correlation: correlation.value || null,
-      film_multiplier: factor.read(),
-      members: members.read() ?? 12,
-      seed: seed.read() ?? 0,
-      method: method.value,
-      by_field: judge.value === "yes",
-    });
-  }
+  const panel = new JobPanel(app, "sink", { form, done: (found) => drawResult(found), busy: (on) => (start.disabled = on), begun: () => fill(result) });
 
   async function drawResult(found) {
     job = found;
@@ -80,7 +42,7 @@ export async function show(place, app, query) {
       el("div", { class: "pair" }, front.node, drawn),
       chosenTiles,
       el("div", { class: "pair" }, el("div", {}, curve.node, curveSaid), list),
-      el("div", { class: "actions" }, el("a", { class: "button", href: jobFile(job.id, "sink.html"), target: "_blank", rel: "noopener", text: "Open the report" }), fileLinks(job, { only: (path) => !path.endsWith(".html") })),
+      filesOf(job, "sink.html"),
       notes(answer.notes),
     );
     const designs = answer.front;
@@ -134,19 +96,16 @@ export async function show(place, app, query) {
   }
 
   async function drawCurve(design) {
-    const sine = /^sine:([\d.]+)mm:([\d.]+)Hz:([\d.]+)[AV]:([\d.]+)s$/.exec(job.options.duty ?? "");
+    const sine = sineOf(job.options.duty);
     if (!sine) {
       fill(curveSaid, "Curves are drawn for sine duties; this search used a table.");
       return;
     }
-    const [amplitude, frequency, command, seconds] = sine.slice(1).map(Number);
+    const { unit: _, ...motion } = sine;
     const asked = (one) => ({
       card: job.options.card,
       damper: job.options.damper,
-      amplitude_mm: amplitude,
-      frequency_Hz: frequency,
-      command,
-      duration_s: seconds,
+      ...motion,
       past_limit: true,
       with_sink: one.fins > 0,
       ...(one.fins > 0 ? { fins: { fins: one.fins, width_mm: 1e3 * one.width_m, thickness_mm: 1e3 * one.thickness_m, pitch_mm: 1e3 * one.pitch_m, material: one.material, emissivity: one.emissivity } } : {}),
@@ -174,24 +133,8 @@ export async function show(place, app, query) {
     }
   }
 
-  const form = el(
-    "form",
-    { class: "panel", "aria-label": "What to search", onsubmit: (event) => event.preventDefault() },
-    cards.node,
-    el("div", { class: "gap" }, field("Damper's drawing", damper)),
-    inputPicker(app, "Bring a drawing (TOML)", ".toml", (name) => damper.append(el("option", { value: name, text: name, selected: true }))),
-    el("h3", { class: "gap", text: "Duty" }),
-    el("div", { class: "fields" }, duty.nodes),
-    el("h3", { class: "gap", text: "What can be built" }),
-    el("div", { class: "fields" }, [span, width, mass, thin, gap].map(({ node }) => node)),
-    el("div", { class: "gap", role: "group", "aria-label": "Material" }, el("span", { class: "small", text: "Material; none ticked: as drawn" }), el("div", { class: "row" }, materials.map(({ node }) => node))),
-    el("div", { class: "gap", role: "group", "aria-label": "Finish" }, el("span", { class: "small", text: "Finish, emissivity; none: as drawn" }), el("div", { class: "row" }, finishes.map(({ node }) => node)), field("Other emissivities", finish)),
-    el("div", { class: "gap" }, field("Judged by", judge)),
-    el("details", {}, el("summary", { text: "More" }), el("div", { class: "fields" }, field("Search", method), members.node, field("Law of the fins", correlation), factor.node, seed.node)),
-    el("div", { class: "actions" }, start),
-  );
   fill(result, empty("No search yet", "Say what can be built and press Search. You get the front of designs that are lighter or cooler than all others, from some seconds on."));
-  fill(place, title, el("div", { class: "split" }, form, el("div", {}, panel.node, result)));
+  fill(place, title, el("div", { class: "split" }, form.panel("What to search", start, cards.node), el("div", {}, panel.node, result)));
   await panel.resume(card, query.get("job"));
   return {
     close() {

@@ -1,18 +1,19 @@
 // Sweeps: many jobs of one kind by a plan, which is a TOML file among the inputs; what was finished is kept.
 
-import { inputFile, jobFile, putInput } from "./api.js";
+import { inputFile, putInput } from "./api.js";
 import { button, el, empty, field, fill, note, number, select, table } from "./dom.js";
-import { cardInUse, fileLinks, heading, inputChoice, inputsOf, JobPanel, nameAndUnit, notes, numberField, tile } from "./parts.js";
+import { jobForm } from "./forms.js";
+import { cardInUse, filesOf, heading, JobPanel, nameAndUnit, notes, tile } from "./parts.js";
 
 const MOST_COLUMNS = 8;
 const MOST_ROWS = 500;
 
 export async function show(place, app, query) {
-  const plan = inputChoice(app, "Plan", ".toml", ["sweep"], "choose a plan", { id: "plan", what: "plan" });
-  const workers = numberField("Processes", "", null, { min: 1, max: 64, step: 1, placeholder: "all cores" });
+  const form = jobForm(app, "sweep");
+  const plan = form.control("plan");
   const start = button("Start the sweep", begin, { class: "main", id: "start-sweep" });
   const result = el("div", { id: "sweep-result" });
-  const panel = new JobPanel(app, "sweep", { done: drawResult, busy: (on) => (start.disabled = on), begun: () => fill(result) });
+  const panel = new JobPanel(app, "sweep", { form, done: drawResult, busy: (on) => (start.disabled = on), begun: () => fill(result) });
 
   // ------------------------------------------------------------------------------------- writing a plan
   const card = cardInUse(app) ?? "NAME";
@@ -26,7 +27,7 @@ export async function show(place, app, query) {
   };
   template.addEventListener("change", propose);
   propose();
-  plan.list.addEventListener("change", () =>
+  plan.input.addEventListener("input", () =>
     app.attempt(async () => {
       if (!plan.read()) return;
       text.value = await (await fetch(inputFile(plan.read()))).text();
@@ -40,21 +41,17 @@ export async function show(place, app, query) {
     await app.attempt(async () => {
       await putInput(new File([text.value], own));
       await app.refresh();
-      offer(own);
+      plan.set(own);
       fill(said, note("good", `${own} lies with the inputs and is chosen.`));
     });
   }, { id: "keep-plan" });
-
-  function offer(chosen) {
-    fill(plan.list, [["", "choose a plan"], ...inputsOf(app, ".toml", ["sweep"])].map(([value, words]) => el("option", { value, text: words, selected: value === chosen })));
-  }
 
   function begin() {
     if (!plan.read()) {
       fill(panel.node, note("warning", "Choose a plan, bring one, or write one below and keep it."));
       return;
     }
-    panel.start({ plan: plan.read(), workers: workers.read() });
+    panel.start(form.read());
   }
 
   // ------------------------------------------------------------------------------------------- what came
@@ -89,21 +86,14 @@ export async function show(place, app, query) {
         answer.rows.slice(0, MOST_ROWS),
         { caption: answer.rows.length > MOST_ROWS ? `The first ${MOST_ROWS} of ${answer.rows.length}; all are in the files` : "Results by task", tall: true },
       ),
-      el("div", { class: "actions" }, el("a", { class: "button", href: jobFile(job.id, "sweep.html"), target: "_blank", rel: "noopener", text: "Open the report" }), fileLinks(job, { only: (path) => !path.endsWith(".html") })),
+      filesOf(job, "sweep.html"),
       notes(answer.notes),
     );
   }
 
-  const form = el(
-    "form",
-    { class: "panel", "aria-label": "What to sweep", onsubmit: (event) => event.preventDefault() },
-    plan.node,
-    el("div", { class: "gap" }, workers.node),
-    el("div", { class: "actions" }, start),
-  );
   const written = el(
     "details",
-    { class: "panel", open: !inputsOf(app, ".toml", ["sweep"]).some(([one]) => app.state.inputs.find((input) => input.name === one)?.kind === "sweep") },
+    { class: "panel", open: !app.state.inputs.some((input) => input.kind === "sweep") },
     el("summary", { text: "Write a plan" }),
     el("p", { class: "small", text: "Paths count from the folder's inputs: ../cards/NAME/card.json, ../runs. What leads out of the folder is refused." }),
     el("div", { class: "row end" }, field("Begin with", template), field("Name of the plan", name)),
@@ -115,11 +105,11 @@ export async function show(place, app, query) {
   fill(
     place,
     heading("Sweeps", "Many campaigns, a tolerance of tracking, or heat sinks for many dampers: one plan, one table."),
-    el("div", { class: "split" }, form, el("div", {}, written, el("div", { class: "gap" }, panel.node, result))),
+    el("div", { class: "split" }, form.panel("What to sweep", start), el("div", {}, written, el("div", { class: "gap" }, panel.node, result))),
   );
   await panel.resume(null, query.get("job"));
   return {
-    changed: (what) => what.includes("inputs") && offer(plan.read()),
+    changed: (what) => what.includes("inputs") && plan.draw(),
     close: () => panel.close(),
   };
 }

@@ -1,68 +1,25 @@
 // Tracking: force controllers made from a card, compared on a damper that is not the card; what it can give is shaded.
 
-import { jobFile } from "./api.js";
-import { button, check, el, empty, field, fill, fixed, note, number, select, table } from "./dom.js";
-import { cardPage, cardsOf, fileLinks, heading, inputPicker, inputsOf, JobPanel, notes, numberField, numbersIn } from "./parts.js";
+import { button, el, empty, field, fill, fixed, number, select, table } from "./dom.js";
+import { jobForm } from "./forms.js";
+import { cardPage, filesOf, heading, JobPanel, notes } from "./parts.js";
 import { nth, Plot } from "./plot.js";
-
-const DEGREES = [20, 60, 100, 123];
 
 export async function show(place, app, query) {
   const title = heading("Tracking", "Force without a force sensor: controllers made from a card follow targets on a virtual damper whose physics is none of the laws.");
-  const { card, cards, without } = cardPage(place, app, query, "tracking", title, "A controller is made from a card whose command is in amperes. Identify one first.");
+  const { card, about, cards, without } = cardPage(place, app, query, "tracking", title, "A controller is made from a card whose command is in amperes. Identify one first.");
   if (without) return without;
-  const { choices } = app.state;
-  const others = cardsOf(app).filter((one) => one.name !== card).map((one) => one.name);
-  const plant = select([...choices.plants.map((name) => [name, `virtual damper, ${name}`]), ...inputsOf(app, ".toml", ["damper"]), ...cardsOf(app).map((one) => [one.name, `card ${one.name}`])], choices.plants.includes("nominal") ? "nominal" : choices.plants[0], { id: "plant" });
-  const targets = choices.targets.map((name, k) => ({ name, ...check(name, k === 0) }));
-  const scenarios = el("div", { id: "scenarios" });
-  const offer = (name, on) => {
-    if (targets.some((one) => one.name === name)) return;
-    targets.push({ name, ...check(name, on) });
-    scenarios.append(targets[targets.length - 1].node);
-  };
-  const drawnTargets = targets.map(({ node }) => node);
-  for (const [name] of inputsOf(app, ".toml", ["scenario"])) offer(name, false);
-  const lagged = cardsOf(app).find((one) => one.name === card).actuation;
-  const usual = lagged ? ["recommended", "paper"] : ["paper"];
-  const controllers = choices.controllers.map((name) => ({ name, ...check(name, usual.includes(name)) }));
-  const degrees = DEGREES.map((value) => ({ value, ...check(`${value} °C`, value === 20 || value === 60) }));
-  const free = el("input", { type: "text", placeholder: "40, 80", id: "free-degrees", inputmode: "decimal" });
-  const warmths = () => [...chosen(degrees, "value"), ...numbersIn(free.value)];
-  const unaware = select([["", "none"], ...others], "");
-  const pooled = select([["", "none"], ...others], "");
-  const rate = numberField("Sampling", "Hz", 1000, { min: 100, max: 5000 });
-  const seed = numberField("Seed", "", 1, { min: 0, step: 1 });
-  const optimum = check("search the best current, too (minutes)", false);
-  const start = button("Track", begin, { class: "main", id: "start-track" });
+  const { actuation } = about;
+  const form = jobForm(app, "track", { given: { card } });
+  if (!actuation) form.set({ controllers: ["paper"] });
+  const start = button("Track", () => panel.start(form.read()), { class: "main", id: "start-track" });
   const result = el("div");
   const force = new Plot({ title: "Force", x: "time, s", y: "force, N", name: "tracking-force", height: 330, onView: (x) => linked(x) });
   const error = new Plot({ title: "Error", x: "time, s", y: "error, N", name: "tracking-error", height: 180, onView: (x) => linked(x) });
   const current = new Plot({ title: "Current", x: "time, s", y: "current, A", name: "tracking-current", height: 180, onView: (x) => linked(x) });
   const plots = [force, error, current];
   const linked = (x) => plots.forEach((plot) => plot.setView(x));
-  const panel = new JobPanel(app, "track", { done: drawResult, busy: (on) => (start.disabled = on), begun: () => fill(result) });
-
-  const chosen = (all, key) => all.filter(({ box }) => box.checked).map((one) => one[key]);
-
-  function begin() {
-    if (!chosen(targets, "name").length || !chosen(controllers, "name").length || !warmths().length || warmths().some((value) => !Number.isFinite(value))) {
-      fill(panel.node, note("warning", "Choose a target, a controller and a temperature at least; other temperatures are numbers such as 40, 80."));
-      return;
-    }
-    panel.start({
-      card,
-      plant: plant.value,
-      targets: chosen(targets, "name"),
-      temperatures_degC: [...new Set(warmths())],
-      controllers: chosen(controllers, "name"),
-      seed: seed.read() ?? 1,
-      rate_Hz: rate.read() ?? 1000,
-      unaware: unaware.value || null,
-      pooled: pooled.value || null,
-      optimum: optimum.box.checked,
-    });
-  }
+  const panel = new JobPanel(app, "track", { form, done: drawResult, busy: (on) => (start.disabled = on), begun: () => fill(result) });
 
   function drawResult(job) {
     const { answer } = job;
@@ -76,7 +33,7 @@ export async function show(place, app, query) {
       el("h2", { text: "Controllers compared" }),
       el("p", { class: "small", text: answer.scored ?? "" }),
       rowTable(answer.rows),
-      el("div", { class: "actions" }, el("a", { class: "button", href: jobFile(job.id, "track.html"), target: "_blank", rel: "noopener", text: "Open the report" }), fileLinks(job, { only: (path) => !path.endsWith(".html") })),
+      filesOf(job, "track.html"),
       notes(answer.notes),
     );
     if (traces.length) drawTrace(traces[0]);
@@ -97,21 +54,9 @@ export async function show(place, app, query) {
     linked([Math.min(x[0] + 1, end), end]);
   }
 
-  const form = el(
-    "form",
-    { class: "panel", "aria-label": "What to track", onsubmit: (event) => event.preventDefault() },
-    cards.node,
-    el("div", { class: "gap" }, field("Damper to be controlled", plant)),
-    el("h3", { class: "gap", text: "Targets" }), drawnTargets, scenarios,
-    inputPicker(app, "Bring a scenario (TOML)", ".toml", (name) => offer(name, true)),
-    el("h3", { class: "gap", text: "Temperature of fluid and coil" }), el("div", { class: "row" }, degrees.map(({ node }) => node)), field("Others", free, { unit: "°C" }),
-    el("h3", { class: "gap", text: "Controllers" }), el("div", { class: "picks", tabindex: 0, role: "group", "aria-label": "Controllers" }, controllers.map(({ node }) => node)),
-    !lagged && el("p", { class: "hint", text: "No run of this card steps its current, so that the card does not know how late the force follows: the recommended controllers need that, the paper's does not." }),
-    el("details", {}, el("summary", { text: "More" }), el("div", { class: "fields" }, rate.node, seed.node), field("Card that does not know temperature", unaware), field("Card pooled over temperatures", pooled), optimum.node),
-    el("div", { class: "actions" }, start),
-  );
   fill(result, empty("Nothing tracked yet", "Choose targets, temperatures and controllers, and press Track. It takes seconds for two controllers on one target."));
-  fill(place, title, el("div", { class: "split" }, form, el("div", {}, panel.node, result)));
+  const lagging = !actuation && el("p", { class: "hint", text: "No run of this card steps its current, so that the card does not know how late the force follows: the recommended controllers need that, the paper's does not." });
+  fill(place, title, el("div", { class: "split" }, form.panel("What to track", start, cards.node, lagging), el("div", {}, panel.node, result)));
   await panel.resume(card, query.get("job"));
   return {
     close() {

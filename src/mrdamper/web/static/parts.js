@@ -1,7 +1,8 @@
-// Pieces that several pages use: headings, the choice of a card, a duty, a job's progress, lists of notes.
+// Pieces that several pages use: headings, the choice of a card, a job's progress, its files, lists of notes.
 
-import { cancelJob, follow, getJob, jobFile, putInput, resumeJob, startJob } from "./api.js";
+import { cancelJob, follow, getJob, jobFile, resumeJob, startJob } from "./api.js";
 import { bytes, button, duration, el, empty, field, fill, note, number, select, table } from "./dom.js";
+import { cardsOf } from "./forms.js";
 
 /** Return a page's heading with a sentence below it. */
 export function heading(title, sub) {
@@ -18,9 +19,6 @@ export function notes(texts) {
   const said = [...new Set(texts ?? [])];
   return said.length ? el("ul", { class: "notes" }, said.map((text) => el("li", { text }))) : null;
 }
-
-/** Return cards that can be read. */
-export const cardsOf = (app) => app.state.cards.filter((card) => !card.error);
 
 /** Return the name of the card in use: asked for, chosen before, or the newest. */
 export function cardInUse(app, asked = null) {
@@ -58,93 +56,10 @@ export function cardPage(place, app, query, page, title, why) {
   return { card, about, cards: cardField(app, card, (name) => app.go(page, { card: name })) };
 }
 
-/** Return the choice of dampers: presets, and drawings of the folder. */
-export const damperChoice = (app, props = {}) =>
-  select([...app.state.choices.dampers.map((name) => [name, name === "paper" ? "the paper's damper" : name]), ...inputsOf(app, ".toml", ["drawing"])], "paper", props);
-
-/** Return inputs of a suffix as `[value, text]` pairs; with kinds, those that are or may be of one of them. */
-export const inputsOf = (app, suffix, kinds = null) =>
-  app.state.inputs
-    .filter((input) => input.name.endsWith(suffix) && (!kinds || !input.kind || kinds.includes(input.kind)))
-    .map((input) => [input.name, input.name]);
-
-/** Return a choice of inputs with a button that brings one: `{list, node, bring, read()}`. */
-export function inputChoice(app, label, suffix, kinds, none, { id = null, wide = false, hint = "", what = label.toLowerCase() } = {}) {
-  const list = select([["", none], ...inputsOf(app, suffix, kinds)], "", id ? { id } : {});
-  const bring = inputPicker(app, `Bring a ${what} (${suffix.slice(1).toUpperCase()})`, suffix, (name) => {
-    for (const option of [...list.options]) if (option.value === name) option.remove();
-    list.append(el("option", { value: name, text: name, selected: true }));
-    list.dispatchEvent(new Event("change"));
-  });
-  return { list, bring, node: el("div", { class: wide ? "wide" : "" }, field(label, list, { hint }), bring), read: () => list.value || null };
-}
-
-/** Return the numbers in a text such as `40, 80`. */
-export const numbersIn = (text) => text.split(/[,;\s]+/).filter(Boolean).map(Number);
-
-/** Return a button that brings an input (a drawing, a table) into the folder. */
-export function inputPicker(app, label, accept, brought) {
-  const picker = el("input", { type: "file", accept, hidden: true });
-  picker.addEventListener("change", () =>
-    app.attempt(async () => {
-      const [file] = picker.files;
-      await putInput(file);
-      await app.refresh();
-      brought(file.name);
-    }));
-  return el("p", { class: "small" }, button(label, () => picker.click(), { class: "quiet" }), picker);
-}
-
 /** Return a number's field: its control and its node. */
 export function numberField(label, unit, value, { min = null, max = null, step = "any", hint = "", placeholder = "" } = {}) {
   const input = el("input", { type: "number", value: value ?? "", min, max, step, placeholder, inputmode: "decimal" });
   return { input, node: field(label, input, { unit, hint }), read: () => (input.value === "" ? null : Number(input.value)) };
-}
-
-/** Return a slider with its value beside the label; `told` is called while it moves. */
-export function slider(label, unit, value, { min, max, step, decimals = 0 }, told) {
-  const input = el("input", { type: "range", min, max, step, id: `s-${label.replaceAll(" ", "-").toLowerCase()}` });
-  input.value = value; // after its bounds, or it is clipped to the usual ones
-  const output = el("output", { for: input.id });
-  const say = () => {
-    output.textContent = `${Number(input.value).toFixed(decimals).replace("-", "−")} ${unit}`;
-    input.setAttribute("aria-valuetext", output.textContent);
-  };
-  input.addEventListener("input", () => {
-    say();
-    told();
-  });
-  say();
-  return {
-    input,
-    node: el("div", { class: "slider" }, el("label", { for: input.id, text: label }), output, input),
-    read: () => Number(input.value),
-    set(next) {
-      input.value = next;
-      say();
-    },
-  };
-}
-
-/** Return the fields of a sine duty, and a function that reads them as `sine:15mm:1Hz:2A:1800s` or a table's name. */
-export function dutyFields(app, unit, { highest = 2 } = {}) {
-  const tables = inputsOf(app, ".csv");
-  const kind = select([["", "a sine"], ...tables], "");
-  const bring = inputPicker(app, "Bring a table (CSV)", ".csv", (name) => {
-    kind.append(el("option", { value: name, text: name, selected: true }));
-    kind.dispatchEvent(new Event("change"));
-  });
-  const amplitude = numberField("Amplitude", "mm", 15, { min: 0.1 });
-  const frequency = numberField("Frequency", "Hz", 1, { min: 0.01 });
-  const command = numberField(unit === "V" ? "Voltage" : "Current", unit, highest, { min: 0 });
-  const time = numberField("Duration", "min", 30, { min: 0.1 });
-  const sine = [amplitude, frequency, command, time];
-  kind.addEventListener("change", () => sine.forEach((each) => (each.input.disabled = kind.value !== "")));
-  return {
-    nodes: [field("Motion", kind, { wide: true }), ...sine.map((each) => each.node), el("div", { class: "field wide" }, bring)],
-    read: () =>
-      kind.value || `sine:${amplitude.read()}mm:${frequency.read()}Hz:${command.read()}${unit}:${Math.round(60 * time.read())}s`,
-  };
 }
 
 const BUSY = new Set(["queued", "running"]);
@@ -154,7 +69,7 @@ export class JobPanel {
   /**
    * @param {object} app
    * @param {string} kind
-   * @param {{done?: (job: object) => void, progress?: (told: object) => void, begun?: () => void, busy?: (on: boolean) => void}} heard
+   * @param {{form?: object, done?: (job: object) => void, progress?: (told: object) => void, begun?: () => void, busy?: (on: boolean) => void}} heard
    */
   constructor(app, kind, heard = {}) {
     Object.assign(this, { app, kind, heard, job: null, stop: null, gone: false });
@@ -186,6 +101,7 @@ export class JobPanel {
     if (this.gone) return;
     this.job = job;
     this.node.dataset.id = id;
+    this.heard.form?.set(job.options); // the form says what was asked for
     if (!BUSY.has(job.state)) {
       this.ended(job);
       return;
@@ -273,6 +189,10 @@ function endNote(job) {
   if (job.resumable) return note("warning", `${job.id} was stopped; ${seen ? `${seen} Resume goes on with what it had finished.` : "what it had finished is kept, and Resume goes on with it."}`);
   return note("warning", seen ? `${job.id} was stopped; ${seen}` : `${job.id} was stopped before it had a result.`);
 }
+
+/** Return the report of a job and its other files, to open and to take. */
+export const filesOf = (job, report, words = "Open the report") =>
+  el("div", { class: "actions" }, el("a", { class: "button", href: jobFile(job.id, report), target: "_blank", rel: "noopener", text: words }), fileLinks(job, { only: (path) => !path.endsWith(".html") }));
 
 /** Return links to a job's files. */
 export function fileLinks(job, { only = null } = {}) {

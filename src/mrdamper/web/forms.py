@@ -1,0 +1,73 @@
+"""What a page draws a form from: the fields of each request, as JSON.
+
+All of it stands in the declarations of jobs (``jobs.options``, ``registry``); pages declare no option.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from mrdamper.schema import Field, Json, fields_of
+from mrdamper.web.schemas import HeatCurve, order_kinds, request_fields
+
+__all__ = ["all_forms", "label_of"]
+
+_SHOWN_UNITS = {"degC": "°C", "ohm": "Ω"}
+_TYPES = {bool: "yes", int: "whole", float: "number"}
+
+
+def all_forms(choices: Mapping[str, Any]) -> Json:
+    """Return the fields of each kind of request and of a quick curve; ``choices`` holds names to offer."""
+    forms = {kind: [_field(each, choices) for each in request_fields(kind)] for kind in order_kinds()}
+    return {**forms, "heat curve": [_field(each, choices) for each in fields_of(HeatCurve)]}
+
+
+def label_of(field: Field) -> str:
+    """Return the words beside a field: its own, or its name without the unit."""
+    if field.option.label:
+        return field.option.label
+    unit = field.option.unit.replace("/", "_").replace(" ", "_")
+    words = field.name.removesuffix(f"_{unit}").replace("_", " ")
+    return words[:1].upper() + words[1:]
+
+
+def _field(field: Field, choices: Mapping[str, Any]) -> Json:
+    option, page = field.option, field.option.page
+    default = None if field.required else field.default
+    return {
+        "name": field.key,
+        "label": label_of(field),
+        "help": option.help,
+        "type": _TYPES.get(field.item, "text"),
+        "many": field.many,
+        "required": field.required,
+        "default": default,
+        "begins": default if page.begins is None else page.begins,
+        "none": option.default_help or ("none" if page.places else ""),
+        "unit": _SHOWN_UNITS.get(option.unit, option.unit),
+        "least": option.least if option.above is None else option.above,
+        "most": option.most if option.below is None else option.below,
+        "choices": _choices(field, choices),
+        "free": not field.choices
+        and not page.places
+        and page.offers in {"", "runs"},  # other values may be typed
+        "group": page.group,
+        "offers": page.offers,
+        "slider": page.slider,
+        "places": page.places,
+        "files": page.files,
+        "looks": page.looks,
+        "word": page.word,
+    }
+
+
+def _choices(field: Field, choices: Mapping[str, Any]) -> list[list[str]]:
+    """Return what may be chosen as pairs of value and words."""
+    if field.choices:
+        return [
+            list(pair) for pair in zip(field.choices, field.option.page.titles or field.choices, strict=True)
+        ]
+    offered = choices.get(field.option.page.offers, ())
+    named = [each if isinstance(each, Mapping) else {"name": each, "title": ""} for each in offered]
+    return [[one["name"], ": ".join(filter(None, (one["name"], one["title"])))] for one in named]

@@ -1,0 +1,284 @@
+// Forms of jobs, drawn from what the registry declares of each field (/api/forms): no option is declared here.
+
+import { putInput } from "./api.js";
+import { button, check, el, field as labelled, fill, select } from "./dom.js";
+
+const MORE = "More";
+const FEW = 6; // boxes that stand side by side
+
+/**
+ * Return the form of a kind of job.
+ *
+ * @param {object} app
+ * @param {string} kind
+ * @param {{given?: object, offered?: object, unit?: string, changed?: () => void, slots?: object}} how
+ *   given: fields that the page knows itself; offered: names by what a field offers (`runs`); slots: controls of the
+ *   page's own `{node, read, set}`, by what the field asks for (`duty`); changed: called when a field was changed
+ */
+export function jobForm(app, kind, { given = {}, offered = {}, slots = {}, changed = null } = {}) {
+  const controls = new Map();
+  for (const one of app.forms[kind]) {
+    if (one.name in given) continue;
+    const made = slots[one.word] ?? controlOf(app, one, `${kind}-${one.name.replaceAll("_", "-")}`, offered);
+    made.node.addEventListener("input", () => changed?.(one.name));
+    controls.set(one.name, { ...made, one });
+  }
+  const under = (group) => [...controls.values()].filter(({ one }) => one.group === group).map(({ node }) => node);
+  const groups = [...new Set([...controls.values()].map(({ one }) => one.group))].filter((group) => group !== MORE);
+
+  return {
+    /** Return what was asked for, with what the page gives. */
+    read: () => ({ ...Object.fromEntries([...controls].map(([name, control]) => [name, control.read()])), ...given }),
+
+    /** Show other values; names that the form does not have are left alone. */
+    set(values) {
+      for (const [name, value] of Object.entries(values ?? {})) controls.get(name)?.set(value);
+    },
+
+    /** Return a field's control: `{node, read(), set(value), input}`. */
+    control: (name) => controls.get(name),
+
+    /** Offer what has come into the folder. */
+    draw() {
+      for (const control of controls.values()) control.draw?.();
+    },
+
+    /** Offer other names for what fields offer. */
+    offer(what, names) {
+      offered[what] = names;
+      for (const control of controls.values()) if (control.one.offers === what) control.offer(names);
+    },
+
+    /** Return the fields of a group, or of all but those behind "More". */
+    nodes: (group = null) =>
+      (group === null ? groups : [group]).map((each) => [
+        each && each !== MORE && el("h3", { class: "gap", text: each }),
+        el("div", { class: "fields gap" }, under(each)),
+      ]),
+
+    /** Return the fields that are seldom changed, folded. */
+    more: (title = MORE, props = {}, ...first) =>
+      under(MORE).length > 0 && el("details", props, el("summary", { text: title }), el("div", { class: "fields" }, first, under(MORE))),
+
+    /** Return all of it as a panel with a button. */
+    panel(label, start, ...first) {
+      return el("form", { class: "panel", "aria-label": label, onsubmit: (event) => event.preventDefault() }, first, this.nodes(), this.more(), el("div", { class: "actions" }, start));
+    },
+  };
+}
+
+/** Return the control of a field: its node, and what reads and sets it. */
+function controlOf(app, one, id, offered) {
+  if (one.word === "duty") return dutyControl(app, one, id);
+  if (one.slider) return sliderControl(one, id);
+  if (one.type === "yes") return checkControl(one, id);
+  if (one.many) return one.places.includes("runs") ? filesControl(app, one, id) : severalControl(app, one, id, offered);
+  if (one.choices.length || one.places.length) return choiceControl(app, one, id);
+  return textControl(one, id);
+}
+
+function textControl(one, id) {
+  const numeric = one.type !== "text";
+  const bounds = numeric ? { type: "number", min: one.least, max: one.most, step: one.type === "whole" ? 1 : "any", inputmode: "decimal" } : { type: "text", maxlength: 160 };
+  const input = el("input", { ...bounds, id, value: one.begins ?? "", placeholder: one.none });
+  return {
+    node: labelled(one.label, input, { unit: one.unit, wide: !numeric }),
+    input,
+    read: () => (input.value.trim() === "" ? one.default : numeric ? Number(input.value) : input.value.trim()),
+    set: (value) => (input.value = value ?? ""),
+  };
+}
+
+function checkControl(one, id) {
+  const { box, node } = check(one.label, Boolean(one.begins), { id });
+  node.classList.add("wide");
+  return { node, input: box, read: () => box.checked, set: (value) => (box.checked = Boolean(value)) };
+}
+
+function sliderControl(one, id) {
+  const [min, max, step] = one.slider;
+  return slider(one.label, one.unit, one.begins ?? min, { min, max, step, decimals: step < 1 ? 1 : 0, id });
+}
+
+/** Return a slider with its value beside the label; `told` is called while it moves. */
+export function slider(label, unit, value, { min, max, step, decimals = 0, id = null }, told = () => {}) {
+  const input = el("input", { type: "range", min, max, step, id: id ?? `s-${label.replaceAll(" ", "-").toLowerCase()}` });
+  input.value = value; // after its bounds, or it is clipped to the usual ones
+  const output = el("output", { for: input.id });
+  const say = () => {
+    output.textContent = `${Number(input.value).toFixed(decimals).replace("-", "−")} ${unit}`;
+    input.setAttribute("aria-valuetext", output.textContent);
+  };
+  input.addEventListener("input", () => {
+    say();
+    told();
+  });
+  say();
+  return {
+    input,
+    node: el("div", { class: "slider wide" }, el("label", { for: input.id, text: label }), output, input),
+    read: () => Number(input.value),
+    set(next) {
+      if (next === null || next === undefined) return;
+      input.value = next;
+      say();
+    },
+  };
+}
+
+/** Return the things of the folder that a field may name, as `[value, text]` pairs. */
+function thingsFor(app, one) {
+  const { state } = app;
+  const found = {
+    inputs: () => inputsOf(app, one.files, one.looks).map((name) => [name, name]),
+    cards: () => cardsOf(app).map((card) => [card.name, `${card.name} (${card.law})`]),
+    records: () => state.records.map((file) => [file.name, file.name]),
+    runs: () => state.files.map((file) => [file.name, file.name]),
+    maps: () => state.files.filter((file) => file.mapped).map((file) => [file.name, `as for ${file.name}`]),
+  };
+  return one.places.flatMap((place) => found[place]());
+}
+
+/** Return cards that can be read. */
+export const cardsOf = (app) => app.state.cards.filter((card) => !card.error);
+
+/** Return the names of inputs of a suffix, those that are or may be of one of some kinds. */
+export const inputsOf = (app, suffix, kinds) =>
+  app.state.inputs.filter((input) => input.name.endsWith(suffix) && (!kinds.length || !input.kind || kinds.includes(input.kind))).map((input) => input.name);
+
+function choiceControl(app, one, id) {
+  const optional = one.default === null;
+  const list = select([], "", { id });
+  const draw = (chosen) => {
+    const named = new Map([...(optional ? [["", one.required ? `choose a ${one.word}` : one.none || "none"]] : []), ...one.choices, ...thingsFor(app, one)]);
+    if (chosen && !named.has(chosen)) named.set(chosen, `${chosen}, which is gone`);
+    fill(list, [...named].map(([value, text]) => el("option", { value, text, selected: value === (chosen ?? "") })));
+  };
+  draw(one.begins ?? (one.required ? thingsFor(app, one)[0]?.[0] : null));
+  const take = (name) => {
+    draw(name);
+    list.dispatchEvent(new Event("input", { bubbles: true }));
+  };
+  const brings = one.places.includes("inputs");
+  return {
+    node: el("div", { class: "wide" }, labelled(one.label, list), brings && inputPicker(app, `Bring a ${one.word} (${one.files.slice(1).toUpperCase()})`, one.files, take)),
+    input: list,
+    read: () => list.value || null,
+    set: draw,
+    draw: () => draw(list.value),
+  };
+}
+
+/** Return boxes to tick, and a line for what has no box. */
+function severalControl(app, one, id, offered) {
+  const boxes = new Map();
+  const picks = el("div", { class: "picks", tabindex: 0 });
+  const numeric = one.type !== "text";
+  const line = el("input", { type: "text", id, placeholder: one.offers === "runs" ? "*_060C_*" : one.none, "aria-label": one.label });
+  const add = (value, text, on) => {
+    if (!boxes.has(value)) boxes.set(value, check(text, on));
+    boxes.get(value).box.checked = on;
+  };
+  const draw = () => {
+    fill(picks, [...boxes.values()].map(({ node }) => node));
+    picks.hidden = boxes.size === 0;
+    picks.className = boxes.size > FEW ? "picks" : "";
+  };
+  const offer = (names) => {
+    boxes.clear();
+    for (const [value, text] of [...one.choices, ...thingsFor(app, one), ...names.map((name) => [literal(name), name])]) add(value, text, false);
+    draw();
+  };
+  const set = (values) => {
+    for (const { box } of boxes.values()) box.checked = false;
+    const rest = [];
+    for (const value of values ?? []) {
+      if (boxes.has(value)) boxes.get(value).box.checked = true;
+      else if (one.free) rest.push(value);
+    }
+    line.value = rest.join(", ");
+  };
+  offer(offered[one.offers] ?? []);
+  set(one.begins ?? (one.required ? [...boxes.keys()] : []));
+  const brought = (name) => {
+    add(name, name, true);
+    draw();
+  };
+  const typed = () => line.value.split(numeric ? /[,;\s]+/ : /[,;]+/).map((each) => each.trim()).filter(Boolean);
+  const brings = one.places.includes("inputs");
+  return {
+    node: el("div", { class: "wide", role: "group", "aria-label": one.label },
+      one.label !== one.group && el("span", { class: "small", text: `${one.label}${one.unit ? `, ${one.unit}` : ""}${one.none && !one.free ? `; none ticked: ${one.none}` : ""}` }),
+      picks, one.free && line, brings && inputPicker(app, `Bring a ${one.word} (${one.files.slice(1).toUpperCase()})`, one.files, brought)),
+    input: line,
+    draw() {
+      for (const [value, text] of thingsFor(app, one)) if (!boxes.has(value)) add(value, text, one.required);
+      draw();
+    },
+    read() {
+      const values = [...[...boxes].filter(([, { box }]) => box.checked).map(([value]) => value), ...(one.free ? typed() : [])];
+      return values.length ? [...new Set(numeric ? values.map(Number) : values)] : one.default;
+    },
+    set,
+    offer,
+  };
+}
+
+const literal = (name) => name.replace(/[[*?]/g, (sign) => `[${sign}]`);
+
+/** Return the choice of one file of runs, or all. */
+function filesControl(app, one, id) {
+  const list = select([["", "all runs in the folder"], ...thingsFor(app, one)], "", { id });
+  return { node: labelled(one.label, list), input: list, read: () => (list.value ? [list.value] : null), set: (names) => (list.value = names?.length === 1 ? names[0] : "") };
+}
+
+const SINE = /^sine:([\d.]+)mm:([\d.]+)Hz:([\d.]+)([AV]):([\d.]+)s$/;
+
+/** Return a sine's numbers, `{amplitude_mm, frequency_Hz, command, unit, duration_s}`, of a duty in words; else null. */
+export function sineOf(text) {
+  const found = SINE.exec(text ?? "");
+  return found && { amplitude_mm: Number(found[1]), frequency_Hz: Number(found[2]), command: Number(found[3]), unit: found[4], duration_s: Number(found[5]) };
+}
+
+/** Return a sine's numbers as a duty in words. */
+export const dutyText = ({ amplitude_mm, frequency_Hz, command, unit, duration_s }) => `sine:${amplitude_mm}mm:${frequency_Hz}Hz:${command}${unit}:${Math.round(duration_s)}s`;
+
+/** Return the choice of a table of a duty. */
+export const tableChoice = (app, label, none, id) =>
+  choiceControl(app, { label, none, default: null, choices: [], places: ["inputs"], files: ".csv", looks: ["duty"], word: "table" }, id);
+
+/** Return the choice of a duty: a sine, or a table; the sine's command has the unit of the card in use. */
+function dutyControl(app, one, id) {
+  const about = app.state.cards.find((card) => card.name === app.chosen("card"));
+  const usual = { ...sineOf(one.default), unit: about?.command_unit ?? "A" };
+  usual.command = Math.min(usual.command, about?.envelope?.command?.[1] ?? usual.command);
+  const table = tableChoice(app, "Motion", "a sine", id);
+  const numbers = [["amplitude_mm", "Amplitude", "mm"], ["frequency_Hz", "Frequency", "Hz"], ["command", usual.unit === "V" ? "Voltage" : "Current", usual.unit], ["duration_s", "Duration", "s"]]
+    .map(([name, label, unit]) => [name, textControl({ label, unit, type: "number", least: 0, most: null, begins: usual[name], none: "", default: usual[name] }, `${id}-${name}`)]);
+  const fields = el("div", { class: "fields wide" }, numbers.map(([, { node }]) => node));
+  table.input.addEventListener("input", () => (fields.hidden = Boolean(table.read())));
+  return {
+    node: el("div", { class: "wide" }, table.node, fields),
+    input: table.input,
+    read: () => table.read() ?? dutyText({ unit: usual.unit, ...Object.fromEntries(numbers.map(([name, control]) => [name, control.read()])) }),
+    set(text) {
+      const sine = sineOf(text);
+      table.set(sine ? null : text);
+      fields.hidden = !sine;
+      for (const [name, control] of numbers) if (sine) control.set(sine[name]);
+    },
+  };
+}
+
+/** Return a button that brings an input (a drawing, a table) into the folder. */
+export function inputPicker(app, label, accept, brought) {
+  const picker = el("input", { type: "file", accept, hidden: true });
+  picker.addEventListener("change", () =>
+    app.attempt(async () => {
+      const [file] = picker.files;
+      await putInput(file);
+      await app.refresh();
+      brought(file.name);
+    }));
+  return el("p", { class: "small" }, button(label, () => picker.click(), { class: "quiet" }), picker);
+}
