@@ -85,7 +85,7 @@ test-system: install $(VENV)/.tested
 	$(RUN) -m pytest $(PYTEST_ARGS) -m tier_system
 
 test-nightly: install $(VENV)/.tested
-	$(RUN) -m pytest $(PYTEST_ARGS) -m tier_nightly
+	$(RUN) -m pytest $(PYTEST_ARGS) -m "tier_nightly and not property"
 	$(RUN) -m pytest $(PYTEST_ARGS) -m "property and not tier_release" --hypothesis-profile nightly
 	$(RUN) -m fuzz all -runs=$(SHORT) -seed=$(SEED)
 	$(RUN) -m bench --check

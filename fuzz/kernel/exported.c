@@ -26,8 +26,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
                                             reading(&b, 280.0, 400.0), reading(&b, -2000.0, 2000.0)};
         damper_controller_output out;
         damper_controller_step(&controller, &in, &out);
-        promise(out.current >= (mrd_real)0 && out.current <= damper_controller_data.largest, "the command is in its range",
-                (double)out.current);
+        promise(out.current >= (mrd_real)0 && out.current <= damper_controller_data.axes.largest,
+                "the command is in its range", (double)out.current);
         promise(isfinite((double)out.force), "the force that is believed is finite", (double)out.force);
         promise((out.flags & ~FLAGS) == 0, "flags are known ones", out.flags);
 

@@ -19,6 +19,7 @@ def compile_with(compiler: Path, *arguments: str | Path) -> None:
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.nightly
 def test_every_law_runs_clean_under_the_address_and_undefined_sanitizers(tool, tmp_path):
     """Random motions and coefficients to the ends of their ranges; one-sample records; strokes of 10 km."""
     compiler, program = tool("gcc"), tmp_path / "driver"

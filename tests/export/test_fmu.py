@@ -44,6 +44,7 @@ VALIDATION = import_module("fmpy.validation")
 PERIOD = 1e-3
 VERSIONS = ("2.0", "3.0")
 BOTH = pytest.mark.parametrize("version", VERSIONS)
+EACH = pytest.mark.parametrize(("version", "precision"), [("2.0", "float"), ("3.0", "double")])
 
 
 @pytest.fixture(scope="session")
@@ -269,8 +270,7 @@ def test_every_flag_of_the_kernel_is_said_in_words():
 # ------------------------------------------------------------------------------------------ what it computes
 
 
-@BOTH
-@pytest.mark.parametrize("precision", ["float", "double"])
+@EACH
 def test_a_controller_in_simulate_fmu_is_the_direct_call_to_the_bit(made, version, precision):
     target, path = made(version, "controller", precision)
     table = of_controller()
@@ -288,8 +288,7 @@ def test_a_controller_in_simulate_fmu_is_the_direct_call_to_the_bit(made, versio
     assert current.max() > 0.5
 
 
-@BOTH
-@pytest.mark.parametrize("precision", ["float", "double"])
+@EACH
 def test_a_damper_in_simulate_fmu_is_the_direct_call_to_the_bit(made, version, precision):
     target, path = made(version, "model", precision)
     table = of_model()
@@ -308,8 +307,7 @@ def test_a_damper_in_simulate_fmu_is_the_direct_call_to_the_bit(made, version, p
     assert 1.5 < found["applied_current"].max() <= 2.0
 
 
-@BOTH
-@pytest.mark.parametrize("precision", ["float", "double"])
+@EACH
 def test_both_in_one_is_the_controller_driving_the_damper(loaded, version, precision):
     """The damper feels, through a period, what the controller gave at its begin."""
     target, library = loaded(version, "both", precision)
@@ -354,7 +352,7 @@ def test_both_in_one_can_be_driven_by_a_current_that_is_given(loaded):
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize(("version", "precision"), [("2.0", "float"), ("3.0", "double")])
+@EACH
 def test_compiled_from_its_sources_it_is_the_same(made, place, tool, version, precision):
     tool("cmake")
     target, path = made(version, "controller", precision)
@@ -416,9 +414,8 @@ def test_a_second_master_gets_the_same(made, precision):
 # ------------------------------------------------------------------------------- start values and tuning
 
 
-@BOTH
+@EACH
 @pytest.mark.parametrize("content", ["model", "controller", "both"])
-@pytest.mark.parametrize("precision", ["float", "double"])
 def test_what_an_instance_starts_with_is_what_the_xml_says(loaded, version, content, precision):
     """A master that does not push the start values runs on the same ones."""
     _, library = loaded(version, content, precision)
@@ -525,8 +522,7 @@ def test_a_value_that_is_out_of_its_range_is_refused_and_the_old_one_kept(loaded
         assert "current cannot be set" in slave.said[-1]
 
 
-@pytest.mark.parametrize("precision", ["float", "double"])
-@BOTH
+@EACH
 def test_readings_that_are_no_numbers_raise_the_flags_and_the_command_stays_inside(
     loaded, version, precision
 ):
@@ -641,8 +637,7 @@ def test_two_instances_in_one_process_do_not_touch_each_other(loaded, version):
     assert not np.array_equal(alone[0], alone[1])
 
 
-@BOTH
-@pytest.mark.parametrize("precision", ["float", "double"])
+@EACH
 def test_a_state_that_is_set_back_or_carried_over_goes_on_the_same_way(loaded, version, precision):
     _, library = loaded(version, "both", precision)
     table = of_controller(400)
@@ -831,7 +826,7 @@ def test_a_version_that_is_not_there_is_one_message(tmp_path, target):
 
 
 @pytest.mark.system
-@pytest.mark.parametrize(("version", "precision"), [("2.0", "float"), ("3.0", "double")])
+@EACH
 def test_in_the_tracking_loop_the_fmu_has_the_rows_of_mrdamper_track(
     loaded, place, monkeypatch, version, precision
 ):

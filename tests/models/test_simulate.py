@@ -468,7 +468,7 @@ def test_an_actuated_command_builds_the_force_up_as_the_closed_form_says():
     np.testing.assert_allclose(simulate(damper, run), expected, atol=0.1)
 
 
-@pytest.mark.system
+@pytest.mark.nightly
 @every_law
 def test_an_actuated_damper_is_what_the_integrator_gives(name):
     """The actuation at the samples, linear between them, in both."""

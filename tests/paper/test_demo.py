@@ -19,7 +19,7 @@ from mrdamper.registry import JOBS
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from tests.support.pace import REFERENCE_S, pace
 
-pytestmark = pytest.mark.system
+pytestmark = pytest.mark.nightly
 
 NAMES = {
     "bare_temperature_30min_degC", "bare_temperature_35min_degC", "five_fin_temperature_30min_degC",
@@ -51,7 +51,6 @@ def timed(out: Path, on_progress: Progress = silent) -> tuple[dict[str, Any], fl
     return answer, spent / float(np.mean(paces)) - REFERENCE_S * len(paces)
 
 
-@pytest.mark.nightly
 def test_the_runs_are_said_to_be_simulated(quick):
     answer, out, *_ = quick
     assert answer["simulated"] is True

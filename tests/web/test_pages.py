@@ -68,6 +68,7 @@ def test_a_plot_saves_what_the_file_holds(page, site):
     assert download(page, figure.get_by_role("button", name="PNG").click).startswith(b"\x89PNG\r\n")
 
 
+@pytest.mark.nightly
 def test_a_brushed_span_is_the_only_thing_in_the_loops(page):
     page.goto(f"/#/loops?run={RUN}")
     page.wait_for_selector("#loops-said[data-ms]")
@@ -88,6 +89,7 @@ def test_a_brushed_span_is_the_only_thing_in_the_loops(page):
     assert saved_table(page, plot(page, "Displacement loops"))[1] == whole
 
 
+@pytest.mark.nightly
 def test_a_model_lies_over_the_measurement_with_its_error_beside_it(page, site):
     page.goto(f"/#/loops?run={RUN}&card=strong")
     page.wait_for_selector("#loops-said[data-ms]")

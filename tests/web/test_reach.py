@@ -183,6 +183,7 @@ def test_the_templates_are_plans(page, site):
         assert read_plan(own).kind == kind
 
 
+@pytest.mark.nightly
 def test_public_data_are_listed_with_their_licence(page):
     page.goto("/#/runs")
     page.click("#public-data summary")
@@ -197,6 +198,7 @@ def test_all_runs_are_checked_with_a_report(page):
     assert page.get_by_role("link", name="Open the report of the check").is_visible()
 
 
+@pytest.mark.nightly
 def test_works_to_cite_are_told_and_saved(page):
     page.goto("/#/export")
     page.click("#cite summary")
@@ -218,6 +220,7 @@ def test_heating_takes_a_model_and_a_start_temperature(page, site):
     assert (asked["model"], asked["start_degC"], asked["by_field"]) == ("lumped", 35, False)
 
 
+@pytest.mark.nightly
 def test_tracking_takes_scenarios_and_any_temperature(page, tmp_path):
     scenario = tmp_path / "own.toml"
     scenario.write_text('[target]\nkind = "sine"\n')
@@ -235,6 +238,7 @@ def test_tracking_takes_scenarios_and_any_temperature(page, tmp_path):
     page.wait_for_selector("[data-job=track] .notice.fault")  # it has no target worth the name
 
 
+@pytest.mark.nightly
 def test_the_sheet_of_a_large_file_begins_with_its_head(page, site, tmp_path):
     """A head is shown at once as what it is; the whole takes its place when it has been read."""
     large = tmp_path / "large.csv"
