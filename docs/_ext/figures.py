@@ -17,20 +17,20 @@ from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
 ROOT = Path(__file__).parents[2]
+_DOUBT = "**The paper contradicts itself or physics.** "
 SUMMARY = ROOT / "build" / "demo" / "summary.json"
-_VERDICTS = ("reproduced", "better", "short", "inconsistent", "not_checkable")
 
 
 def claims_table(summary: dict[str, Any]) -> str:
-    """Return the claims of a demo's summary as a Markdown table, verdicts counted above it."""
+    """Return the claims of a demo's summary as a Markdown table, origins counted above it."""
     claims = summary["claims"]
-    count = Counter(claim["verdict"] for claim in claims)
-    said = ", ".join(f"{count[verdict]} {verdict.replace('_', ' ')}" for verdict in _VERDICTS)
+    count = Counter(claim["origin"] for claim in claims)
+    said = ", ".join(f"{number} {origin}" for origin, number in sorted(count.items()))
     lines = [
         f"{len(claims)} rows: {said}. Printed by mrdamper {summary['versions']['mrdamper']}.",
         "",
-        "| row | the paper says | paper | here | unit | verdict | why |",
-        "|---|---|---|---|---|---|---|",
+        "| row | the paper says | paper | here | unit | origin | verdict | why |",
+        "|---|---|---|---|---|---|---|---|",
     ]
     for claim in claims:
         cells = (
@@ -39,8 +39,9 @@ def claims_table(summary: dict[str, Any]) -> str:
             _figure(claim["paper"]),
             _figure(claim["ours"]),
             claim["unit"],
-            claim["verdict"].replace("_", " "),
-            claim["why"],
+            claim["origin"],
+            claim["verdict"] or "",
+            _DOUBT * claim["contradiction"] + claim["why"],
         )
         lines.append("| " + " | ".join(str(cell).replace("|", r"\|") for cell in cells) + " |")
     return "\n".join(lines)

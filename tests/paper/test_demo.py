@@ -6,7 +6,7 @@ import json
 import re
 import time
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ import pytest
 from mrdamper.errors import spelled_within
 from mrdamper.jobs.options import DemoOptions
 from mrdamper.paper.claim_table import ROWS
-from mrdamper.paper.claims import judge
+from mrdamper.paper.claims import JUDGED, Origin, Verdict
 from mrdamper.registry import JOBS
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from tests.support.pace import REFERENCE_S, pace
@@ -74,13 +74,17 @@ def test_every_row_of_the_paper_has_an_answer(quick):
     assert len(set(names)) == len(names)
     assert set(names) >= NAMES
     for claim in claims:
-        assert claim["verdict"] in {"reproduced", "better", "inconsistent", "short", "not_checkable"}
+        assert claim["origin"] in get_args(Origin)
+        assert claim["verdict"] in {*get_args(Verdict), None}
         assert claim["why"]
 
 
-def test_only_hardware_and_lost_tables_cannot_be_checked(quick):
-    unchecked = {claim["row"] for claim in quick[0]["claims"] if claim["verdict"] == "not_checkable"}
-    assert unchecked == {36, 37}
+def test_only_what_was_predicted_or_tried_has_a_verdict(quick):
+    claims = quick[0]["claims"]
+    judged = {claim["origin"] for claim in claims if claim["verdict"] is not None}
+    assert judged == set(JUDGED)
+    assert all(claim["verdict"] for claim in claims if claim["origin"] == "predicted")
+    assert {claim["row"] for claim in claims if claim["contradiction"]} >= {2, 4, 6, 14, 16, 19, 22, 31}
 
 
 def test_the_model_beats_the_paper_s_law_and_the_blind_controller_is_worse(quick):
@@ -88,7 +92,8 @@ def test_the_model_beats_the_paper_s_law_and_the_blind_controller_is_worse(quick
     held = {line["law"]: line["summary"]["held_out"]["median_nrmse_percent"] for line in answer["laws"]}
     assert held["double-bouc-wen"] < 0.5 * held["bouc-wen"]
     ours = {claim["claim"]: claim["ours"] for claim in answer["claims"]}
-    assert ours["max_error_900N_unaware_N"] > 4.6 * ours["max_error_900N_aware_N"]
+    assert ours["unaware_over_aware_ours"] > 4.6  # the paper's own ratio
+    assert ours["unaware_over_aware"] < 4.6  # what its scheme has on this damper
 
 
 def test_the_summary_is_the_answer_and_what_it_names_lies_there(quick):
@@ -112,11 +117,3 @@ def test_the_page_links_only_what_was_written_and_asks_nothing_of_the_network(qu
 def test_steps_are_told_in_order(quick):
     steps = quick[2]
     assert [int(step.split("/")[0]) for step in steps] == list(range(len(steps)))
-
-
-def test_verdicts_follow_from_figures():
-    assert judge(140.3, 140.0, within=0.5) == "reproduced"
-    assert judge(141.0, 140.0, within=0.5) == "short"
-    assert judge(40.0, 62.5, less_is_better=True) == "better"
-    assert judge(70.0, 62.5, less_is_better=True) == "short"
-    assert judge(6.0, 4.6, more_is_better=True) == "better"

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import get_args
 
-from mrdamper.paper.claims import Claim, Verdict
+from mrdamper.paper.claims import Claim, Origin
 from mrdamper.paper.figures import Section
 from mrdamper.report.page import environment
 
@@ -31,14 +31,17 @@ def render_paper(
     files : what lies beside the page, with what it is
     target : what was proved of the C code and the FMU
     """
-    counts = Counter(claim.verdict for claim in claims)
+    origins = Counter(claim.origin for claim in claims)
     return (
         environment()
         .get_template("paper.html.j2")
         .render(
             sections=sections,
             claims=[[claim for claim in claims if claim.row in section.rows] for section in sections],
-            counts=[(verdict, counts[verdict]) for verdict in get_args(Verdict) if counts[verdict]],
+            origins=[(origin, origins[origin]) for origin in get_args(Origin) if origins[origin]],
+            judged=[claim for claim in claims if claim.verdict is not None],
+            contradictions=[claim for claim in claims if claim.contradiction],
+            calibrated=[claim for claim in claims if claim.origin == "calibrated to this figure"],
             files=files,
             target=target,
             quick=quick,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -116,13 +117,15 @@ def _show(found: DemoResult, console: Console) -> None:
         laws.add_row(escape(each.damper.law.name), *cells)
     console.print(laws)
     claims = Table(title="The paper's figures, and what came out here (reasons are in the report)")
-    for name in ("#", "the paper says", "paper", "here", "unit", "verdict"):
+    for name in ("#", "the paper says", "paper", "here", "unit", "origin", "verdict"):
         claims.add_column(name, justify="right" if name in {"#", "paper", "here"} else "left")
     for claim in found.claims:
         cells = [_figure(value) for value in (claim.paper, claim.ours)]
-        verdict = claim.verdict.replace("_", " ")
-        claims.add_row(str(claim.row), escape(claim.says), *cells, escape(claim.unit), verdict)
+        words = (escape(claim.unit), claim.origin, claim.outcome)
+        claims.add_row(str(claim.row), escape(claim.says), *cells, *words)
     console.print(claims)
+    for line in _claims_in_words(found):
+        console.print(escape(line))
 
 
 def _wrote(_: DemoResult, answer: Json, console: Console) -> None:
@@ -145,11 +148,21 @@ def _figure(value: float | str | None) -> str:
 
 
 def _summary(found: DemoResult) -> list[str]:
-    verdicts = [claim.verdict for claim in found.claims]
-    counts = ", ".join(
-        f"{verdicts.count(each)} {each.replace('_', ' ')}" for each in dict.fromkeys(sorted(verdicts))
-    )
-    return [f"{len(verdicts)} claims of the paper: {counts}", _target_in_words(found)]
+    return [*_claims_in_words(found), _target_in_words(found)]
+
+
+def _claims_in_words(found: DemoResult) -> list[str]:
+    """Return how many figures prove something, and how those came out."""
+    judged = [claim for claim in found.claims if claim.verdict is not None]
+    proved = Counter(f"{claim.origin}: {claim.verdict}" for claim in judged)
+    rest = Counter(claim.origin for claim in found.claims if claim.verdict is None)
+    doubted = sum(claim.contradiction for claim in found.claims)
+    return [
+        f"{len(found.claims)} figures of the paper, {len(judged)} of them with a verdict: "
+        + ", ".join(f"{count} {words}" for words, count in sorted(proved.items())),
+        "no proof of anything: " + ", ".join(f"{count} {words}" for words, count in sorted(rest.items())),
+        f"at {doubted} figures the paper contradicts itself or physics",
+    ]
 
 
 # ------------------------------------------------------------------------------------------- the files

@@ -1,0 +1,77 @@
+"""Claims of the paper: what could not be wrong has no verdict, and what has one can change."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import pytest
+
+from mrdamper.jobs.heat import heat
+from mrdamper.jobs.options import HeatOptions
+from mrdamper.paper.claim_table import TABLE
+from mrdamper.paper.claims import Row, above, judge
+from mrdamper.thermal.drawing_file import read_drawing
+from mrdamper.thermal.duty import read_duty
+from mrdamper.thermal.sinks.efficiency import paper_sweeps
+from mrdamper.thermal.temperature_rise import loads_of, works_of
+from tests.support.heated import paper_card
+
+PREDICTED = [row for row in TABLE if row.origin == "predicted"]
+
+
+def test_a_verdict_is_refused_where_nothing_can_be_wrong():
+    with pytest.raises(ValueError, match="origin is calibrated to this figure"):
+        Row(row=1, claim="x", says="", why="", origin="calibrated to this figure", judged=above)
+    with pytest.raises(ValueError, match="origin is predicted, and judged is None"):
+        Row(row=1, claim="x", says="", why="", origin="predicted")
+
+
+@pytest.mark.parametrize("row", [row for row in TABLE if row.judged], ids=lambda row: row.claim)
+def test_every_verdict_can_change(row):
+    compared = row.paper if isinstance(row.paper, float) else 100.0
+    scale = abs(compared) or 1.0
+    verdicts = {row.judged(compared + change * scale, compared) for change in (-0.9, 0.0, 0.9)}
+    assert len(verdicts) > 1
+
+
+def found_with(card, drawing):
+    """Return what the predicted rows look at: the damper at 5 mm, and sinks by width and by number."""
+    duty = read_duty("sine:15mm:1Hz:2A:1800s")
+    loads = loads_of(works_of(card.damper, duty), drawing, duty)
+    small = heat(card, drawing, read_duty("sine:5mm:1Hz:2A:1800s"), HeatOptions())
+    return SimpleNamespace(
+        small=small, sink=SimpleNamespace(sweeps=paper_sweeps(drawing, drawing.sink, loads))
+    )
+
+
+def figure_of(row, found):
+    figure = row.ours(found)
+    assert figure is not None
+    return figure
+
+
+def test_every_prediction_moves_with_law_and_drawing():
+    """The rig stands behind the law: what it measures reaches a prediction through the card alone."""
+    card, drawing = paper_card(), read_drawing("paper")
+    parameters = card.damper.parameters
+    changed = {
+        name: 1.3 * value for name, value in parameters.items() if name.startswith(("viscosity.c", "yield"))
+    }
+    stronger = replace(card, damper=card.damper.with_parameters(changed), excerpt=None)
+    longer = replace(drawing, body=replace(drawing.body, length=1.1 * drawing.body.length))
+    usual = found_with(card, drawing)
+    for found in (found_with(stronger, drawing), found_with(card, longer)):
+        for row in PREDICTED:
+            before, after = figure_of(row, usual), figure_of(row, found)
+            assert abs(after - before) > 1e-3 * abs(before), row.claim
+
+
+def test_verdicts_follow_from_figures():
+    assert judge(140.3, 140.0, within=0.5) == "within"
+    assert judge(141.0, 140.0, within=0.5) == "contradicts"
+    assert judge(40.0, 62.5, less_is_better=True) == "better"
+    assert judge(70.0, 62.5, less_is_better=True) == "short"
+    assert judge(6.0, 4.6, more_is_better=True) == "better"
+    assert above(0.1, 0.0) == "within"
+    assert above(-0.1, 0.0) == "contradicts"
