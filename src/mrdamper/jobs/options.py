@@ -30,6 +30,7 @@ __all__ = [
     "RunsReading",
     "SinkOptions",
     "SweepOptions",
+    "TrackConditions",
     "TrackOptions",
 ]
 
@@ -590,8 +591,8 @@ class SinkOptions:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TrackOptions:
-    """Options of ``track``."""
+class TrackConditions:
+    """At what a loop is tracked."""
 
     temperatures_degC: Annotated[
         tuple[float, ...],
@@ -606,6 +607,18 @@ class TrackOptions:
             most_items=20,
         ),
     ] = ()
+    rate_Hz: Annotated[
+        float,
+        Option(
+            "Sampling.", flag="--rate", metavar="HZ", unit="Hz", label="Sampling", least=100.0, most=5000.0
+        ),
+    ] = 1000.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackOptions(TrackConditions):
+    """Options of ``track``."""
+
     controllers: Annotated[
         tuple[str, ...],
         Option(
@@ -618,12 +631,6 @@ class TrackOptions:
             page=OnPage(group="Controllers", offers="controllers", begins=("recommended", "paper")),
         ),
     ] = ()
-    rate_Hz: Annotated[
-        float,
-        Option(
-            "Sampling.", flag="--rate", metavar="HZ", unit="Hz", label="Sampling", least=100.0, most=5000.0
-        ),
-    ] = 1000.0
     optimum: Annotated[
         bool,
         Option(

@@ -10,10 +10,10 @@ from __future__ import annotations
 import glob
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
 
@@ -21,10 +21,10 @@ from mrdamper.control.controllers import NAMES
 from mrdamper.control.scenario import SCENARIOS
 from mrdamper.errors import InputError
 from mrdamper.files import read_toml
-from mrdamper.identify.temperature import TEMPERATURES
+from mrdamper.jobs.options import FitOptions, SinkOptions, TrackConditions
 from mrdamper.models.laws import LAWS
 from mrdamper.rig.damper import PRESETS
-from mrdamper.schema import did_you_mean
+from mrdamper.schema import Json, Option, check_ranges, fields_of, read_record, write_record
 from mrdamper.thermal.drawing_file import DRAWINGS
 from mrdamper.thermal.duty import DEFAULT_DUTY
 
@@ -33,10 +33,76 @@ __all__ = ["KINDS", "Plan", "Task", "What", "read_plan"]
 What = dict[str, Any]
 """What a task is told, or what came of it: plain JSON."""
 
-KINDS = ("identify", "tolerance", "sink")
+SweepKind = Literal["identify", "tolerance", "sink"]
+KINDS: tuple[str, ...] = get_args(SweepKind)
 
-_MOST_SPREAD_PERCENT = 30.0
-_MOST_DRAWS = 100_000  # a plan is held as a whole
+
+@dataclass(frozen=True, kw_only=True)
+class _Identify(FitOptions):
+    """The table [identify]: options of the job, and of what."""
+
+    campaigns: Annotated[tuple[str, ...], Option("Files or folders of runs; patterns.", least_items=1)]
+    law: Annotated[str | None, Option("A law of the package.", among=lambda: LAWS)] = None
+    channels: str | None = None
+
+    def tasks(self, folder: Path) -> Iterator[tuple[str, What]]:
+        channels = None if self.channels is None else str(folder / self.channels)
+        what = {"law": self.law, "channels": channels, "options": _of(FitOptions, self)}
+        paths = [path for each in self.campaigns for path in _matches(each, folder, "campaign")]
+        paths = [path for path in dict.fromkeys(paths) if not path.endswith(".truth")]
+        for name, path in _named(paths):
+            yield name, {"path": path, **what}
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Tolerance(TrackConditions):
+    """The table [tolerance]: tracking over dampers that are drawn around one."""
+
+    card: str
+    plant: Annotated[str, Option(among=lambda: PRESETS)] = "nominal"
+    spread_percent: Annotated[float, Option(least=0.0, most=30.0)] = 10.0
+    controller: Annotated[str, Option(among=lambda: NAMES)] = "recommended"
+    targets: Annotated[tuple[str, ...], Option(among=lambda: SCENARIOS, least_items=1)] = tuple(SCENARIOS)
+    draws: Annotated[int, Option(least=1, most=100_000)] = 100  # a plan is held as a whole
+
+    def tasks(self, folder: Path) -> Iterator[tuple[str, What]]:
+        what = write_record(self, defaults=True, nulls=True) | {"card": str(folder / self.card)}
+        for k in range(what.pop("draws")):
+            yield f"draw-{k:0{len(str(self.draws - 1))}d}", dict(what)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Sink(SinkOptions):
+    """The table [sink]: options of the job, and for which dampers and duties."""
+
+    card: str
+    dampers: Annotated[tuple[str, ...], Option(least_items=1)] = ("paper",)
+    duties: Annotated[tuple[str, ...], Option(least_items=1)] = (DEFAULT_DUTY,)
+    by_field: bool = False
+
+    def tasks(self, folder: Path) -> Iterator[tuple[str, What]]:
+        what = {"card": str(folder / self.card), "options": _of(SinkOptions, self)}
+        duties = [str(folder / each) if each.lower().endswith(".csv") else each for each in self.duties]
+        drawings = [
+            path
+            for each in self.dampers
+            for path in ([each] if each in DRAWINGS else _matches(each, folder, "drawing"))
+        ]
+        for name, drawing in _named(list(dict.fromkeys(drawings))):
+            for k, duty in enumerate(duties):
+                own = name if len(duties) == 1 else f"{name}-duty-{k + 1}"
+                yield own, {"damper": drawing, "duty": duty, **what}
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Document:
+    """A plan's file."""
+
+    kind: SweepKind
+    seed: Annotated[int, Option("Of all tasks' own seeds.", least=0, most=10_000_000)] = 0
+    identify: _Identify | None = None
+    tolerance: _Tolerance | None = None
+    sink: _Sink | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,98 +140,46 @@ def read_plan(path: str | Path) -> Plan:
         A key that is missing, unknown or of the wrong kind; no campaign or drawing where one is named.
     """
     place = Path(path)
-    table = _Table(read_toml(place, "sweep"), place.name)
-    kind = table.text("kind", None, KINDS)
-    seed = table.whole("seed", 0, 0)
-    inside = table.table(kind)
-    table.done()
-    tasks = tuple(_TASKS[kind](inside, place.parent))
-    inside.done()
+    document = read_record(_Document, _listed(read_toml(place, "sweep")), place.name)
+    kind = document.kind
+    inside: _Identify | _Tolerance | _Sink | None = getattr(document, kind)
+    for other in KINDS:
+        if (getattr(document, other) is None) is (other == kind):
+            found = f"the table [{other}] is {'missing' if other == kind else 'of another kind of sweep'}"
+            raise InputError(place=place.name, found=found, expected=f"the table [{kind}] alone")
+    assert inside is not None
+    check_ranges(inside, f"{place.name}: {kind}")
+    tasks = tuple(inside.tasks(place.parent))
     if not tasks:
         raise InputError(f"{place.name}: [{kind}] gives no tasks; expected at least one")
-    seeds = np.random.SeedSequence(seed).generate_state(len(tasks))
+    seeds = np.random.SeedSequence(document.seed).generate_state(len(tasks))
     return Plan(
         place.name,
         kind,
-        seed,
+        document.seed,
         tuple(Task(name, kind, int(own), what) for (name, what), own in zip(tasks, seeds, strict=True)),
     )
 
 
-class _Table:
-    """A TOML table that is taken apart key by key; what is left over is an error."""
-
-    def __init__(self, given: Mapping[str, Any], place: str) -> None:
-        self._given, self._place, self._known = dict(given), place, set[str]()
-
-    def _take(self, key: str) -> Any:  # noqa: ANN401 - whatever TOML holds
-        self._known.add(key)
-        return self._given.get(key)
-
-    def _refuse(self, key: str, found: object, expected: str) -> InputError:
-        said = "is missing" if found is None else f"is {found!r}"
-        return InputError(f"{self._place}: {key} {said}; expected {expected}")
-
-    def table(self, key: str) -> _Table:
-        found = self._take(key)
-        if not isinstance(found, dict):
-            raise self._refuse(f"the table [{key}]", found, "one, with what the sweep is of")
-        return _Table(found, f"{self._place} [{key}]")
-
-    def text(self, key: str, default: str | None, among: tuple[str, ...] | None = None) -> str:
-        found = self._take(key)
-        found = default if found is None else found
-        expected = "a text" if among is None else f"one of {', '.join(among)}"
-        if not isinstance(found, str) or (among is not None and found not in among):
-            raise self._refuse(key, found, expected)
-        return found
-
-    def texts(
-        self, key: str, default: tuple[str, ...] | None, among: tuple[str, ...] | None = None
-    ) -> tuple[str, ...]:
-        found = self._take(key)
-        if found is None and default is not None:
-            return default
-        rows = [found] if isinstance(found, str) else found
-        if not isinstance(rows, list) or not rows or not all(isinstance(row, str) for row in rows):
-            raise self._refuse(key, found, "a list of texts")
-        for row in rows:
-            if among is not None and row not in among:
-                raise InputError(f"{self._place}: {key}: there is no {row!r}; {did_you_mean(row, among)}")
-        return tuple(rows)
-
-    def number(self, key: str, default: float | None, low: float, high: float) -> float:
-        found = self._take(key)
-        found = default if found is None else found
-        if isinstance(found, bool) or not isinstance(found, int | float) or not low <= found <= high:
-            raise self._refuse(key, found, f"a number, {low:g} to {high:g}")
-        return float(found)
-
-    def numbers(self, key: str, default: tuple[float, ...]) -> tuple[float, ...]:
-        found = self._take(key)
-        rows = list(default) if found is None else found
-        if (
-            not isinstance(rows, list)
-            or not all(isinstance(r, int | float) and np.isfinite(r) for r in rows)
-            or not rows
-        ):
-            raise self._refuse(key, found, "a list of numbers")
-        return tuple(float(row) for row in rows)
-
-    def whole(self, key: str, default: int | None, low: int, high: int = 10_000_000) -> int:
-        found = self._take(key)
-        found = default if found is None else found
-        if isinstance(found, bool) or not isinstance(found, int) or not low <= found <= high:
-            raise self._refuse(key, found, f"a whole number, {low} to {high}")
-        return found
-
-    def done(self) -> None:
-        """Refuse keys that nobody asked for."""
-        for key in self._given:
-            if key not in self._known:
+def _listed(document: Mapping[str, Any]) -> Json:
+    """Return a document with single texts as lists; the seed of a task follows from the plan's."""
+    found = dict(document)
+    for kind, record in (("identify", _Identify), ("tolerance", _Tolerance), ("sink", _Sink)):
+        if isinstance(table := document.get(kind), Mapping):
+            many = {field.key for field in fields_of(record) if field.many}
+            found[kind] = {k: [v] if k in many and isinstance(v, str) else v for k, v in table.items()}
+            if "seed" in table:
                 raise InputError(
-                    f"{self._place}: unknown key {key!r}; {did_you_mean(key, tuple(self._known))}"
+                    place=f"[{kind}]", found="seed", expected="it above the table, for all tasks"
                 )
+    return found
+
+
+def _of(options: type, record: object) -> Json:
+    """Return the options of a job that a table holds, without the seed."""
+    names = [field.key for field in fields_of(options) if field.key != "seed"]
+    told = write_record(record, defaults=True, nulls=True)
+    return {name: told[name] for name in names}
 
 
 def _matches(pattern: str, folder: Path, what: str) -> list[str]:
@@ -173,55 +187,6 @@ def _matches(pattern: str, folder: Path, what: str) -> list[str]:
     if not found:
         raise InputError(f"{pattern}: matches no {what} in {folder}; expected a path or a pattern of one")
     return found
-
-
-def _identify(table: _Table, folder: Path) -> Iterator[tuple[str, What]]:
-    law = table.text("law", "", ("", *LAWS)) or None
-    options = {
-        "law": law,
-        "hold_out": list(table.texts("hold_out", ())),
-        "starts": table.whole("starts", 3, 1, 100),
-        "temperature": table.text("temperature", "auto", TEMPERATURES),
-        "channels": table.text("channels", "") or None,
-    }
-    if options["channels"] is not None:
-        options["channels"] = str(folder / str(options["channels"]))
-    paths = [path for each in table.texts("campaigns", None) for path in _matches(each, folder, "campaign")]
-    paths = [path for path in dict.fromkeys(paths) if not path.endswith(".truth")]
-    for name, path in _named(paths):
-        yield name, {"path": path, **options}
-
-
-def _tolerance(table: _Table, folder: Path) -> Iterator[tuple[str, What]]:
-    what: What = {
-        "card": str(folder / table.text("card", None)),
-        "plant": table.text("plant", "nominal", tuple(PRESETS)),
-        "spread_percent": table.number("spread_percent", 10.0, 0.0, _MOST_SPREAD_PERCENT),
-        "controller": table.text("controller", "recommended", NAMES),
-        "targets": list(table.texts("targets", tuple(SCENARIOS), tuple(SCENARIOS))),
-        "temperatures_degC": list(table.numbers("temperatures_degC", (20.0, 60.0, 100.0, 123.0))),
-        "rate_Hz": table.number("rate_Hz", 1000.0, 100.0, 5000.0),
-    }
-    draws = table.whole("draws", 100, 1, _MOST_DRAWS)
-    for k in range(draws):
-        yield f"draw-{k:0{len(str(draws - 1))}d}", dict(what)
-
-
-def _sink(table: _Table, folder: Path) -> Iterator[tuple[str, What]]:
-    card = str(folder / table.text("card", None))
-    duties = [
-        str(folder / each) if each.lower().endswith(".csv") else each
-        for each in table.texts("duties", (DEFAULT_DUTY,))
-    ]
-    method = table.text("method", "grid", ("grid", "nsga2"))
-    named = table.texts("dampers", ("paper",))
-    drawings = [
-        path for each in named for path in ([each] if each in DRAWINGS else _matches(each, folder, "drawing"))
-    ]
-    for name, drawing in _named(list(dict.fromkeys(drawings))):
-        for k, duty in enumerate(duties):
-            own = name if len(duties) == 1 else f"{name}-duty-{k + 1}"
-            yield own, {"card": card, "damper": drawing, "duty": duty, "method": method}
 
 
 def _named(paths: list[str]) -> Iterator[tuple[str, str]]:
@@ -233,10 +198,3 @@ def _named(paths: list[str]) -> Iterator[tuple[str, str]]:
             if sum("-".join(Path(other).parts[-count:]) == name for other in paths) == 1:
                 break
         yield name.removesuffix(".toml").removesuffix(".csv"), path
-
-
-_TASKS: Mapping[str, Callable[[_Table, Path], Iterator[tuple[str, What]]]] = {
-    "identify": _identify,
-    "tolerance": _tolerance,
-    "sink": _sink,
-}

@@ -20,16 +20,18 @@ from mrdamper.control.scenario import find_scenario
 from mrdamper.control.score import attainable_range, score_run, worst
 from mrdamper.errors import MrdamperError
 from mrdamper.identify.assess import summary
-from mrdamper.identify.fit import assess, fit
+from mrdamper.jobs.identify import identify
 from mrdamper.jobs.inputs import read_dataset
-from mrdamper.jobs.options import SinkOptions
+from mrdamper.jobs.options import FitOptions, SinkOptions
 from mrdamper.jobs.sink import sink
 from mrdamper.jobs.sweep.plan import What
+from mrdamper.jobs.track import TEMPERATURES_DEGC
 from mrdamper.models.card_schema import card_text, read_card
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.rig.damper import find_preset
 from mrdamper.rig.plant import Plant
 from mrdamper.runtime.worker_process import Handler, Reply
+from mrdamper.schema import read_record
 from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.duty import read_duty
 
@@ -53,16 +55,10 @@ def _identify(seed: int, what: What) -> What:
 
     channels = what["channels"]
     dataset = read_dataset([what["path"]], None if channels is None else Path(channels))
-    present = [glob for glob in what["hold_out"] if any(fnmatchcase(name, glob) for name in dataset.names)]
-    fitted = fit(
-        dataset,
-        what["law"],
-        hold_out=present,
-        starts=what["starts"],
-        temperature=what["temperature"],
-        seed=seed,
-    )
-    judged = assess(fitted)
+    options = read_record(FitOptions, what["options"] | {"seed": seed % 2**31}, what["path"])
+    present = [glob for glob in options.hold_out if any(fnmatchcase(name, glob) for name in dataset.names)]
+    fitted = identify(dataset, what["law"], options=replace(options, hold_out=tuple(present)))
+    judged = fitted.assessment
     figures: dict[str, float | None] = {}
     for split in ("training", "held_out"):
         errors = [error for error in judged.runs if error.split == split]
@@ -82,7 +78,7 @@ def _tolerance(seed: int, what: What) -> What:
     figures: dict[str, float | None] = {}
     for target in what["targets"]:
         scores = []
-        for degrees in what["temperatures_degC"]:
+        for degrees in what["temperatures_degC"] or TEMPERATURES_DEGC:
             scenario = replace(
                 find_scenario(target), temperature_degC=degrees, highest_A=largest, seed=seed % 2**31
             )
@@ -102,7 +98,7 @@ def _tolerance(seed: int, what: What) -> What:
 
 def _sink(seed: int, what: What) -> What:
 
-    options = SinkOptions(method=what["method"], by_field=False, seed=seed % 2**31)
+    options = read_record(SinkOptions, what["options"] | {"seed": seed % 2**31}, what["damper"])
     run = sink(read_card(what["card"]), read_drawing(what["damper"]), read_duty(what["duty"]), options)
     best = run.best.sink
     assert best is not None  # a search returns sinks
