@@ -175,7 +175,8 @@ def _call_tracker(draws: Draws) -> None:
     config = SimpleNamespace()
     for each in config_fields():
         part = vars(config).setdefault(each.part, SimpleNamespace())
-        setattr(part, each.name, float(_array(draws, 1)[0]))
+        odd = draws.whole(64) == 0
+        setattr(part, each.name, draws.pick((None, "text", [1.0], True)) if odd else _number(draws))
     _answered(
         _kernel.Tracker,
         config,
