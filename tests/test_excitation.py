@@ -13,6 +13,8 @@ from mrdamper.excitation import (
     Chirp,
     CurrentSteps,
     Harmonics,
+    RandomCurrent,
+    RandomMotion,
     Road,
     Sine,
     Trajectory,
@@ -319,6 +321,10 @@ def test_the_seed_is_the_road():
 @pytest.mark.parametrize(
     "build",
     [
+        lambda: RandomMotion(6e-3, 4.0, 0.5),
+        lambda: RandomMotion(0.0, 0.5, 4.0),
+        lambda: RandomCurrent(shortest=0.2, longest=0.1),
+        lambda: RandomCurrent(highest=-1.0),
         lambda: Road("I"),
         lambda: Road(speed=0.0),
         lambda: Road(speed=float("nan")),
@@ -327,6 +333,31 @@ def test_the_seed_is_the_road():
         lambda: Road(corner=3.0),
     ],
 )
-def test_roads_without_sense_are_refused(build):
-    with pytest.raises(InputError, match="road"):
+def test_roads_and_random_excitations_without_sense_are_refused(build):
+    with pytest.raises(InputError, match=r"road|random"):
         build()
+
+
+def test_a_random_motion_has_the_spread_of_its_amplitude_and_one_velocity_an_octave():
+    t = np.arange(0.0, 400.0, 0.02)
+    motion = RandomMotion(6e-3, 0.5, 4.0, 3)
+    assert np.std(motion.displacement(t)) == pytest.approx(2e-3, rel=0.03)
+    velocities = 2 * np.pi * np.multiply(motion.tones.amplitudes, motion.tones.frequencies)
+    assert velocities == pytest.approx(velocities[0], rel=1e-12)
+    assert motion_from_text("random:6mm:0.5-4Hz:3") == motion
+    assert not np.allclose(RandomMotion(6e-3, 0.5, 4.0, 4).displacement(t), motion.displacement(t))
+
+
+def test_a_random_current_holds_its_levels_and_does_not_depend_on_how_long_it_is_asked_for():
+    random = RandomCurrent(highest=5.0, shortest=0.02, longest=0.3, seed=4)
+    t = np.arange(-0.5, 400.0, 1e-3)
+    current = random.current(t)
+    changes = np.flatnonzero(np.diff(current)) * 1e-3
+    # a level may come twice in a row at either end
+    assert np.diff(changes).min() >= 0.02 - 1.5e-3
+    assert np.median(np.diff(changes)) == pytest.approx(np.sqrt(0.02 * 0.3), rel=0.1)
+    assert np.all(current[t <= 0.0] == current[0])
+    assert (current.min(), current.max()) == (0.0, 5.0)
+    assert np.mean(current) == pytest.approx(2.5, abs=0.2)
+    assert np.array_equal(random.current(t[:3000]), current[:3000])
+    assert not np.array_equal(RandomCurrent(5.0, 0.02, 0.3, 5).current(t), current)

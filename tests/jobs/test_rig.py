@@ -17,7 +17,7 @@ from mrdamper.jobs.options import RigOptions
 from mrdamper.registry import JOBS
 from mrdamper.report.rig import truth_folder
 from mrdamper.rig.campaign import Campaign
-from mrdamper.rig.damper import PRESETS, read_damper
+from mrdamper.rig.damper import PRESETS, draw_variant, read_damper
 from mrdamper.rig.measurement import measure
 from tests.support.rigs import answer_of, mrdamper
 
@@ -116,6 +116,16 @@ def test_own_parameters_name_the_runs(folder, tmp_path):
     assert done["damper"] == "mine"
     assert (tmp_path / "out" / "mine_020C_2.00A_sine5mm1Hz.csv").is_file()
     assert read_damper(tmp_path / "out.truth" / "mine.damper.toml").friction_N == 0.0
+
+
+def test_a_drawn_damper_names_the_runs_and_lies_in_the_truth(folder, tmp_path):
+    options = RigOptions(preset="stiff", draw=6)
+    given = {"damper": None, "campaign": folder / "campaign.toml"}
+    done = JOBS["rig"].perform(given, options, out=tmp_path / "out", on_progress=None)[1]
+    assert done["damper"] == "stiff-6"
+    drawn = read_damper(tmp_path / "out.truth" / "stiff-6.damper.toml")
+    assert drawn == draw_variant(PRESETS["stiff"], 6)
+    assert drawn != draw_variant(PRESETS["stiff"], 8)
 
 
 def test_runs_of_another_campaign_in_the_folder_are_told(folder, tmp_path):

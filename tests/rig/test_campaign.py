@@ -11,8 +11,8 @@ import pytest
 
 from mrdamper.data.prepare import prepare_run
 from mrdamper.errors import InputError
-from mrdamper.excitation import CurrentSteps
-from mrdamper.rig.campaign import Body, Campaign
+from mrdamper.excitation import CurrentSteps, RandomCurrent
+from mrdamper.rig.campaign import Body, Campaign, usual_campaign
 from mrdamper.rig.measurement import measure
 from mrdamper.rig.plant import PRESETS
 from mrdamper.rig.sensors import Sensors
@@ -50,6 +50,46 @@ def test_the_patterns_hold_out_the_runs_that_are_marked():
     assert marked == matched
     assert {run.temperature_degC for run in runs if not run.held_out} == {20.0, 40.0, 80.0, 120.0}
     assert "chirp3mm" not in {run.label for run in runs if not run.held_out}
+
+
+@pytest.mark.parametrize("damper", PRESETS.values(), ids=list(PRESETS))
+def test_every_preset_s_campaign_has_random_current_over_random_motion_at_each_temperature(damper):
+    campaign = usual_campaign(damper)
+    random = [run for run in campaign.runs(damper.name) if run.label == "random"]
+    assert [run.temperature_degC for run in random] == list(campaign.temperatures_degC)
+    assert [run.held_out for run in random] == [
+        each in campaign.held_out_temperatures_degC for each in campaign.temperatures_degC
+    ]
+    t = np.arange(0.0, 8.0, 1e-3)
+    commands = [run.current.current(t) for run in random if isinstance(run.current, RandomCurrent)]
+    # none of them is known from another temperature
+    assert len({each.tobytes() for each in commands}) == len(random)
+    assert len({run.motion.displacement(t).tobytes() for run in random}) == len(random)
+    assert max(each.max() for each in commands) == max(campaign.currents_A)
+    assert Campaign.from_mapping(tomllib.loads(campaign.to_toml())) == campaign
+
+
+def test_a_campaign_names_the_preset_whose_campaign_says_the_rest():
+    own = Campaign.from_mapping(
+        {"preset": "hydraulic-monotube", "temperatures_degC": [20, 45], "sensors": {"force_noise_N": 0}}
+    )
+    usual = usual_campaign(PRESETS["hydraulic-monotube"])
+    assert own == replace(
+        usual, temperatures_degC=(20.0, 45.0), sensors=replace(usual.sensors, force_noise_N=0.0)
+    )
+    with pytest.raises(InputError, match=r"mine\.toml: 'hydraulic' is not a preset"):
+        Campaign.from_mapping({"preset": "hydraulic"}, "mine.toml")
+
+
+def test_the_cell_feels_its_mass_and_its_offset():
+    campaign = replace(
+        usual_campaign(PRESETS["hydraulic-monotube"]), motions=("sine:15mm:2Hz",), temperatures_degC=(20.0,),
+        currents_A=(0.0,), steps=None, random=None, duration_s=0.5,
+    )  # fmt: skip
+    (run, truth) = next(measure(PRESETS["hydraulic-monotube"], campaign))
+    cell = run.force - truth.force
+    inertia = np.polyfit(-((4 * np.pi) ** 2) * truth.displacement, cell, 1)
+    assert inertia == pytest.approx([1.0, -5.0], abs=4.0 * 10.0 / np.sqrt(len(run)))
 
 
 def test_periodic_motions_are_logged_for_whole_periods_and_chirps_to_their_end():

@@ -31,6 +31,7 @@ from mrdamper.models.simulate import Drive, open_drive, simulate
 __all__ = ["ActuationFit", "fit_actuation", "steps_of"]
 
 _BEFORE_S, _AFTER_S = 0.02, 0.15  # of a window around a change of the command
+_RESTLESS_S = 0.4  # of a window: a command that does not settle says more of the law than of the lag
 _STEP = 0.05  # of the command's range: a smaller change opens no window
 _LEAST_MOVED_N = 5.0  # a window in which the damper's force moves by less tells nothing
 _LONGEST_S = 0.3
@@ -72,7 +73,7 @@ def steps_of(command: FloatArray, step: float) -> list[slice]:
 def fit_actuation(
     damper: Damper, runs: Sequence[PreparedRun], *, resistance_20_ohm: float | None = None
 ) -> ActuationFit:
-    """Fit delay, rise, fall and second lag to runs whose command varies.
+    """Fit delay, rise, fall and second lag to runs whose command varies; of them to those where it settles.
 
     Raises
     ------
@@ -119,7 +120,7 @@ def fit_actuation(
 
 def _stepped_runs(still: Damper, runs: Sequence[PreparedRun]) -> list[tuple[Drive, FloatArray, list[slice]]]:
     """Return drive, force [N] and windows of the runs in which a step of the command moves the force."""
-    found = []
+    found, settled = [], []
     for run in runs:
         path = run.trajectory
         drive = open_drive(path)
@@ -132,13 +133,15 @@ def _stepped_runs(still: Damper, runs: Sequence[PreparedRun]) -> list[tuple[Driv
         ]
         if windows:
             found.append((drive, run.force, windows))
+            if max(each.stop - each.start for each in windows) * path.step <= _RESTLESS_S:
+                settled.append(found[-1])
     if not found:
         raise InputError(
             found="no run has a step of the command that moves the force",
             expected="runs such as a triangle of constant speed with the current stepped at mid-stroke",
             remedy="Without one the lags are unknown",
         )
-    return found
+    return settled or found
 
 
 def _search(

@@ -125,7 +125,7 @@ class LumpedDamper:
         damper among its kind and stay.
         """
         drawn = [each for each in fields_of(LumpedDamper) if each.name not in _OF_THE_KIND]
-        factors = rng.uniform(1.0 - spread, 1.0 + spread, len(drawn))
+        factors = rng.uniform(1.0 - spread, 1.0 + spread, len(drawn)).tolist()
         changes = {}
         for each, factor in zip(drawn, factors, strict=True):
             most = each.option.most
