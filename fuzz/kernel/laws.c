@@ -1,7 +1,7 @@
 /* Fuzzing of the laws: records, forces, tangents, sums and the curve, from any motion and coefficients.
  *
  * Of coefficients in their ranges and a finite motion the force is finite. Of anything else nothing is said but
- * that the sanitizers stay silent. The kernel's one translation unit is included, as in tests/core/driver.c.
+ * that the sanitizers stay silent. The kernel's one translation unit is included.
  */
 #include "kernel.c"
 

@@ -5,15 +5,14 @@ from __future__ import annotations
 import csv
 import json
 import shutil
-import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from subprocess import CompletedProcess
+from typing import Any
 
 import numpy as np
 import pytest
 
-from mrdamper import cli
 from mrdamper.models.card_schema import read_card
 from tests.support.rigs import answer_of, mrdamper
 
@@ -38,31 +37,6 @@ steps = false
 """
 TEMPERED = ("viscosity", "yield_force")
 """What follows temperature in any law that is fitted to such runs."""
-
-
-class Ended(NamedTuple):
-    code: int
-    out: str
-    err: str
-
-
-Run = Callable[..., Ended]
-
-
-@pytest.fixture
-def run(capsys, monkeypatch) -> Run:
-    """Return a function that runs the command line in this process, up to its exit code."""
-
-    def call(*arguments: object) -> Ended:
-        monkeypatch.setattr(sys, "argv", ["mrdamper", *map(str, arguments)])
-        capsys.readouterr()
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-        said = capsys.readouterr()
-        assert isinstance(ended.value.code, int)
-        return Ended(ended.value.code, said.out, said.err)
-
-    return call
 
 
 @pytest.fixture(scope="module")
@@ -170,12 +144,13 @@ def test_the_card_carries_the_actuation_that_the_steps_told(identified):
     assert 0.010 < actuation.response_time(0.63) < 0.020
 
 
-def test_runs_outside_the_card_s_temperatures_are_told_once_with_numbers(identified, tmp_path, run):
+def test_runs_outside_the_card_s_temperatures_are_told_once_with_numbers(identified, tmp_path):
     (tmp_path / "hotter.toml").write_text(HOTTER, encoding="utf-8")
-    assert run("rig", "--campaign", tmp_path / "hotter.toml", "--out", tmp_path / "hotter").code == 0
-    ended = run("predict", identified["card"], tmp_path / "hotter", "--json")
-    answer = json.loads(ended.out)
-    assert ended.code == 0
+    campaign, runs = tmp_path / "hotter.toml", tmp_path / "hotter"
+    assert mrdamper("rig", "--campaign", campaign, "--out", runs).returncode == 0
+    ended = mrdamper("predict", identified["card"], runs, "--json")
+    answer = json.loads(ended.stdout)
+    assert ended.returncode == 0
     assert len(answer["runs"]) == 4
     (note,) = answer["notes"]
     for part in ("140", "2 of 4 runs", "identified on", "120 degC", "edge"):
@@ -186,34 +161,36 @@ def test_runs_outside_the_card_s_temperatures_are_told_once_with_numbers(identif
 
 
 @pytest.mark.nightly
-def test_temperature_none_leaves_it_out_of_every_coefficient(folder, identified, tmp_path, run):
+def test_temperature_none_leaves_it_out_of_every_coefficient(folder, identified, tmp_path):
     """The price is the spread of the force over the temperatures."""
     law = identified["law"]
-    ended = run(
+    ended = mrdamper(
         *("identify", folder / "runs", "--hold-out", "*_090C_*", "--law", law),
         *("--temperature", "none", "--out", tmp_path / "out", "--json"),
     )
-    assert ended.code == 0, ended.err
+    assert ended.returncode == 0, ended.stderr
     card = json.loads((tmp_path / "out" / "card.json").read_text(encoding="utf-8"))
     assert not any("temperature" in form for form in card["coefficients"].values())
-    assert json.loads(ended.out)["cost_percent"] > 2.0 * identified["cost_percent"]
+    assert json.loads(ended.stdout)["cost_percent"] > 2.0 * identified["cost_percent"]
 
 
-def test_one_temperature_is_enough_when_temperature_is_left_out(folder, identified, tmp_path, run):
+def test_one_temperature_is_enough_when_temperature_is_left_out(folder, identified, tmp_path):
     place = some(folder, tmp_path / "cold", "*_020C_*")
-    ended = run("identify", place, "--temperature", "none", "--law", "bouc-wen", "--out", tmp_path / "out")
-    assert ended.code == 0, ended.err
+    ended = mrdamper(
+        "identify", place, "--temperature", "none", "--law", "bouc-wen", "--out", tmp_path / "out"
+    )
+    assert ended.returncode == 0, ended.stderr
 
 
-def test_a_fluid_s_laws_are_marked_as_assumed_wherever_they_are(folder, identified, tmp_path, run):
+def test_a_fluid_s_laws_are_marked_as_assumed_wherever_they_are(folder, identified, tmp_path):
     place = changed(folder, tmp_path / "plain", without_temperature)
     for path in place.iterdir():
         if "_020C_" not in path.name:
             path.unlink()
-    ended = run(
+    ended = mrdamper(
         *("identify", place, "--law", "bouc-wen", "--fluid", "paper", "--out", tmp_path / "out", "--json"),
     )
-    assert ended.code == 0, ended.err
+    assert ended.returncode == 0, ended.stderr
     card = json.loads((tmp_path / "out" / "card.json").read_text(encoding="utf-8"))
     for name in TEMPERED:
         assert card["coefficients"][name]["temperature"]["assumed"] is True
@@ -227,46 +204,46 @@ def test_a_fluid_s_laws_are_marked_as_assumed_wherever_they_are(folder, identifi
 # -------------------------------------------------------------------------------- what is refused
 
 
-def refused(ended: Ended, *parts: str) -> None:
+def refused(ended: CompletedProcess[str], *parts: str) -> None:
     """One message, exit code 3, nothing on standard output, and each part of it said."""
-    assert ended.code == 3, ended.out + ended.err
-    assert ended.out == ""
-    assert ended.err.startswith("mrdamper: ")
+    assert ended.returncode == 3, ended.stdout + ended.stderr
+    assert ended.stdout == ""
+    assert ended.stderr.startswith("mrdamper: ")
     for part in parts:
-        assert part in ended.err
+        assert part in ended.stderr
 
 
-def test_one_temperature_names_the_coefficients_and_the_missing_tests(folder, measured, tmp_path, run):
+def test_one_temperature_names_the_coefficients_and_the_missing_tests(folder, measured, tmp_path):
     place = some(folder, tmp_path / "cold", "*_020C_*")
     refused(
-        run("identify", place, "--temperature", "arrhenius", "--out", tmp_path / "out", "--json"),
+        mrdamper("identify", place, "--temperature", "arrhenius", "--out", tmp_path / "out", "--json"),
         *("1 temperature (20 degC)", *TEMPERED, "cannot be identified", "2 or more temperatures", "--fluid"),
     )
     assert not (tmp_path / "out").exists()
 
 
-def test_two_temperatures_are_too_few_for_a_law_with_a_pole(folder, measured, tmp_path, run):
+def test_two_temperatures_are_too_few_for_a_law_with_a_pole(folder, measured, tmp_path):
     place = some(folder, tmp_path / "two", "*_020C_*", "*_060C_*")
     refused(
-        run("identify", place, "--temperature", "vft", "--out", tmp_path / "out"),
+        mrdamper("identify", place, "--temperature", "vft", "--out", tmp_path / "out"),
         *("2 temperatures (20, 60 degC)", "viscosity", "vft", "3 or more temperatures"),
     )
 
 
 def test_runs_at_one_temperature_are_fitted_without_temperature_laws_and_it_is_said(
-    folder, measured, tmp_path, run
+    folder, measured, tmp_path
 ):
     place = changed(folder, tmp_path / "stuck", lambda row: row.update(temperature_degC="23.0"))
-    ended = run("identify", place, "--out", tmp_path / "out", "--json")
-    assert ended.code == 0, ended.err
-    (said,) = (note for note in json.loads(ended.out)["notes"] if "one temperature" in note)
+    ended = mrdamper("identify", place, "--out", tmp_path / "out", "--json")
+    assert ended.returncode == 0, ended.stderr
+    (said,) = (note for note in json.loads(ended.stdout)["notes"] if "one temperature" in note)
     assert said == "one temperature in the runs (23 degC): fitted without temperature laws"
 
 
-def test_one_current_names_the_coefficients_and_the_missing_tests(folder, measured, tmp_path, run):
+def test_one_current_names_the_coefficients_and_the_missing_tests(folder, measured, tmp_path):
     place = some(folder, tmp_path / "one", "*_1.00A_*")
     refused(
-        run("identify", place, "--out", tmp_path / "out"),
+        mrdamper("identify", place, "--out", tmp_path / "out"),
         *("one command (1 A)", "yield_force", "viscosity", "cannot be identified", "two or more"),
     )
 
@@ -281,12 +258,12 @@ def test_one_current_names_the_coefficients_and_the_missing_tests(folder, measur
     ids=["kelvin as degC", "degC as kelvin", "degF as degC"],
 )
 def test_a_wrong_unit_of_temperature_is_found_where_no_damper_is_so_warm(
-    folder, measured, tmp_path, run, to, unit, first, looks
+    folder, measured, tmp_path, to, unit, first, looks
 ):
     """Fahrenheit is found by the runs at 90 and 120 degC, 194 and 248 on its scale; colder could be."""
     place = changed(folder, tmp_path / "wrong", lambda row: degrees(row, to, unit))
     refused(
-        run("identify", place, "--out", tmp_path / "out"),
+        mrdamper("identify", place, "--out", tmp_path / "out"),
         *(f"nominal_{first}C_0-2A_steps: temperature is", looks, "check the column's unit"),
     )
 
@@ -297,7 +274,7 @@ def test_a_wrong_unit_of_temperature_is_found_where_no_damper_is_so_warm(
     ids=["constant", "noise"],
 )
 def test_a_run_without_motion_is_named_with_what_it_cannot_tell(
-    folder, measured, tmp_path, run, displacement_m, found
+    folder, measured, tmp_path, displacement_m, found
 ):
     counted = iter(range(10_000))
 
@@ -306,28 +283,30 @@ def test_a_run_without_motion_is_named_with_what_it_cannot_tell(
 
     place = changed(folder, tmp_path / "still", hold, "*_060C_1.00A_sine5mm1Hz.csv")
     refused(
-        run("identify", place, "--out", tmp_path / "out"),
+        mrdamper("identify", place, "--out", tmp_path / "out"),
         *("nominal_060C_1.00A_sine5mm1Hz", found, "neither viscosity nor yield force", "a sine of 5 mm"),
     )
 
 
 def test_runs_without_a_temperature_beside_ones_that_have_it_are_left_out_and_it_is_said(
-    folder, measured, tmp_path, run
+    folder, measured, tmp_path
 ):
     place = changed(folder, tmp_path / "some", without_temperature, "*_060C_*.csv")
     refused(
-        run("identify", place, "--temperature", "arrhenius", "--out", tmp_path / "out"),
+        mrdamper("identify", place, "--temperature", "arrhenius", "--out", tmp_path / "out"),
         *("runs have no temperature channel", "nominal_060C_", "--temperature none"),
     )
-    ended = run("identify", place, "--out", tmp_path / "out", "--json")
-    assert ended.code == 0, ended.err
-    found = json.loads(ended.out)
+    ended = mrdamper("identify", place, "--out", tmp_path / "out", "--json")
+    assert ended.returncode == 0, ended.stderr
+    found = json.loads(ended.stdout)
     assert any("have no temperature: they are left out" in note for note in found["notes"])
     assert not any("_060C_" in row["name"] for row in found["runs"])
 
 
-def test_a_temperature_without_a_unit_is_asked_for_it(folder, measured, tmp_path, run):
+def test_a_temperature_without_a_unit_is_asked_for_it(folder, measured, tmp_path):
     place = changed(
         folder, tmp_path / "unit", lambda row: row.update(temperature=row.pop("temperature_degC"))
     )
-    refused(run("identify", place, "--out", tmp_path / "out"), "temperature has no unit", "K, degC, degF")
+    refused(
+        mrdamper("identify", place, "--out", tmp_path / "out"), "temperature has no unit", "K, degC, degF"
+    )

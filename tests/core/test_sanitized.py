@@ -20,19 +20,6 @@ def compile_with(compiler: Path, *arguments: str | Path) -> None:
 
 
 @pytest.mark.nightly
-def test_every_law_runs_clean_under_the_address_and_undefined_sanitizers(tool, tmp_path):
-    """Random motions and coefficients to the ends of their ranges; one-sample records; strokes of 10 km."""
-    compiler, program = tool("gcc"), tmp_path / "driver"
-    flags = ["-std=c99", "-O1", "-g", "-ffp-contract=off", "-fno-omit-frame-pointer"]
-    sanitizers = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
-    source = Path(__file__).with_name("driver.c")
-    compile_with(compiler, *flags, *sanitizers, f"-I{CORE / 'kernel'}", source, "-o", program, "-lm")
-    done = subprocess.run([program], capture_output=True, text=True, check=False, timeout=120)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert "480 runs, 0 forces that are not finite" in done.stdout
-
-
-@pytest.mark.nightly
 @pytest.mark.parametrize("optimised", ["-O1", "-O3"])
 def test_the_kernel_compiles_without_a_warning(tool, tmp_path, optimised):
     source = CORE / "kernel" / "kernel.c"

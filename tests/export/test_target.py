@@ -14,7 +14,7 @@ from itertools import pairwise
 import pytest
 
 from mrdamper.control.controllers import controllers_for
-from tests.control.dampers import DAMPERS, DOUBLE
+from tests.control.dampers import DAMPERS
 from tests.export.board import (
     BOARDS,
     KERNEL,
@@ -94,18 +94,6 @@ def test_code_and_tables_fit(boards, shown):
     assert held.tables <= 16 * 1024
     assert held.code <= shown.most_code * 1024
     assert held.stack <= 1024
-
-
-@pytest.mark.nightly
-@pytest.mark.parametrize("single", [True, False])
-def test_the_readings_are_stepped_without_undefined_behaviour(tool, single):
-    """UBSan and ASan, in both precisions."""
-    tool("gcc")
-    for name in ("recommended-adaptive", "paper-preview", "feed-forward-pi"):
-        controller = controllers_for(DOUBLE)[name]
-        flags = ("-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
-        there = on_host(controller, readings(controller, 2000), single=single, flags=flags)
-        assert there.outside == 0
 
 
 @pytest.mark.nightly

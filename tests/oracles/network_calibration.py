@@ -16,7 +16,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from mrdamper.arrays import FloatArray
-from mrdamper.errors import ConvergenceError, InputError
+from mrdamper.errors import ConvergenceError
 from mrdamper.thermal.drawing import Calibration, DamperDrawing
 from mrdamper.thermal.model.finite_element import heat_field
 from mrdamper.thermal.model.network import zone_network
@@ -59,23 +59,8 @@ def calibrate_network(drawings: Sequence[DamperDrawing], loads: Sequence[Load]) 
     ----------
     drawings : designs to run by both, all with the same own calibration; some with a sink, for ``fin_root``
     loads : what heats each of them, from ambient
-
-    Raises
-    ------
-    InputError
-        No drawing, or drawings whose own multipliers differ.
     """
-    if not drawings:
-        raise InputError("network calibration: there is no drawing; expected one or more")
     own = drawings[0].calibration
-    if any(
-        (each.calibration.heat_capacity, each.calibration.film) != (own.heat_capacity, own.film)
-        for each in drawings
-    ):
-        raise InputError(
-            "network calibration: the drawings differ in heat_capacity or film of their calibration; "
-            "expected one damper in several designs"
-        )
     moments = _moments(loads)
     truths = [_field_curves(drawing, loads, moments) for drawing in drawings]
     finned = any(drawing.sink is not None for drawing in drawings)

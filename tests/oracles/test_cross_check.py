@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mrdamper.errors import InputError
 from mrdamper.thermal.model.finite_element import FieldModel, build_field, discretise
 from mrdamper.thermal.model.heat_equation import simulate_field
 from mrdamper.thermal.model.mesh import mesh_section
@@ -19,8 +18,7 @@ from mrdamper.thermal.model.section import section_of
 from mrdamper.thermal.model.stepping import Load
 from tests.oracles.cross_check import backward_euler, check_calculix, check_freefem, check_gmsh
 from tests.oracles.freefem import run_freefem, write_freefem
-from tests.oracles.gmsh_mesh import mesh_with_gmsh, read_gmsh, write_geometry
-from tests.oracles.programs import run_program
+from tests.oracles.gmsh_mesh import mesh_with_gmsh
 from tests.thermal.designs import DRAWING
 
 pytestmark = pytest.mark.system
@@ -139,32 +137,3 @@ def test_backward_euler_comes_to_the_same_as_ros2():
     ]
     assert gaps[1] < 0.2
     assert gaps[0] / gaps[1] == pytest.approx(2.0, abs=0.25)
-
-
-def test_a_program_that_is_not_there_is_named_with_its_package(tmp_path: Path):
-    with pytest.raises(
-        InputError, match="'no-such-solver' is not installed; install the Debian package none"
-    ):
-        run_program("no-such-solver", [], tmp_path, package="none")
-
-
-def test_a_program_that_fails_is_told_with_what_it_said(tmp_path: Path):
-    with pytest.raises(InputError, match=r"python3? ended with code 3 .*: cannot"):
-        run_program("python3", ["-c", "print('cannot'); raise SystemExit(3)"], tmp_path, package="python3")
-
-
-def test_a_mesh_file_without_triangles_is_refused(tmp_path: Path):
-    empty = tmp_path / "empty.msh"
-    empty.write_text("$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n0\n$EndNodes\n", encoding="utf-8")
-    with pytest.raises(InputError, match=r"empty\.msh: there are no triangles in it"):
-        read_gmsh(empty)
-
-
-def test_the_geometry_names_every_region_and_surface(tmp_path: Path):
-    section = section_of(DRAWING)
-    path = tmp_path / "section.geo"
-    write_geometry(section, path, size=0.01, corner=0.001)
-    text = path.read_text(encoding="utf-8")
-    assert text.count("Rectangle(") == len(section.blocks)
-    assert text.count("Physical Surface(") == len(section.regions)
-    assert text.count("Physical Curve(") == len(section.surfaces)

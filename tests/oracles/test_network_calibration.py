@@ -8,7 +8,6 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from mrdamper.errors import InputError
 from mrdamper.thermal.drawing import Calibration
 from mrdamper.thermal.model.stepping import Load
 from tests.oracles.network_calibration import calibrate_network, network_error
@@ -54,14 +53,3 @@ def test_without_fins_their_root_stays_alone():
     found = calibrate_network([DRAWING.with_sink(None)], [Load(300.0, fading, 16.8)])
     assert found.calibration.fin_root == 1.0
     assert math.isfinite(found.after[0].coil_max)
-
-
-def test_no_drawing_is_refused():
-    with pytest.raises(InputError, match="there is no drawing"):
-        calibrate_network([], DUTY)
-
-
-def test_two_dampers_are_refused():
-    other = replace(DRAWING, calibration=replace(DRAWING.calibration, film=0.5))
-    with pytest.raises(InputError, match="one damper in several designs"):
-        calibrate_network([DRAWING, other], DUTY)
