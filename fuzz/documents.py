@@ -20,7 +20,7 @@ from fuzz.seeds import card_documents, drawing_texts, text, toml_texts
 from mrdamper.control.scenario import read_scenario
 from mrdamper.data.channels import read_channel_map
 from mrdamper.data.readers import runs_in
-from mrdamper.data.tables import read_table
+from mrdamper.data.tables import read_tables
 from mrdamper.jobs.sweep import plan as sweep_plan
 from mrdamper.models.card_schema import card_from_json, card_text, read_card
 from mrdamper.models.card_signature import signed
@@ -75,7 +75,7 @@ def channel_map(content: bytes) -> None:
         if not run.exists():
             run.write_bytes(text("run.csv", _LINES))
         with promised("run"):
-            runs_in(read_table(run, chosen.file), chosen, run)
+            runs_in(read_tables(run, chosen.file), chosen, run)
 
 
 def card(content: bytes) -> None:

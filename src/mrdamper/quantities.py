@@ -29,6 +29,7 @@ __all__ = [
     "Quantity",
     "find_quantity",
     "is_unit",
+    "roles_of_unit",
     "spell_unit",
     "to_degC",
     "to_si",
@@ -65,7 +66,10 @@ class Quantity:
 _TABLE = (
     Quantity(
         "time", "t", "s", -math.inf, math.inf,
-        ("time", "running time", "t", "zeit", "tempo", "temps", "时间", "時間", "시간"),
+        (
+            *("time", "running time", "elapsed time", "t", "zeit", "tempo", "temps", "tiempo", "czas"),
+            *("время", "时间", "時間", "시간"),
+        ),
         ("s", "ms", "min"),
     ),
     Quantity(
@@ -73,6 +77,7 @@ _TABLE = (
         (
             "displacement", "axial displacement", "disp", "displ", "position", "stroke", "x", "weg",
             "desplazamiento", "deslocamento", "déplacement", "spostamento", "位移", "行程", "変位", "변위",
+            "extension", "travel", "hub", "gauge", "course", "carrera", "curso", "corsa", "przemieszczenie",
         ),
         ("m", "mm", "in"),
     ),
@@ -88,18 +93,21 @@ _TABLE = (
         "force", "F", "N", -1e6, 1e6,
         (
             "force", "axial force", "load", "axial load", "kraft", "fuerza", "força", "forza", "力", "阻尼力",
-            "载荷", "荷重", "하중",
+            "载荷", "荷重", "하중", "effort", "siła", "carga",
         ),
         ("N", "kN", "kgf", "lbf"),
     ),
     Quantity(
         "current", "I", "A", -100, 100,
-        ("current", "strom", "corriente", "corrente", "courant", "电流", "電流", "전류"),
+        ("current", "strom", "corriente", "corrente", "courant", "prąd", "电流", "電流", "전류"),
         ("A", "mA"),
     ),
     Quantity(
         "voltage", "U", "V", -1000, 1000,
-        ("voltage", "spannung", "tensione", "电压", "電圧", "전압"),
+        (
+            "voltage", "spannung", "tensione", "tension", "tensión", "tensão", "voltaje", "napięcie", "电压",
+            "電圧", "전압",
+        ),
         ("V", "mV"),
     ),
     Quantity(
@@ -150,8 +158,56 @@ _USUAL: Mapping[tuple[str, str], tuple[float, float]] = MappingProxyType(
         ("current", "mA"): (1e-3, 0.0),
         ("voltage", "mV"): (1e-3, 0.0),
         ("temperature", "degC"): (1.0, ZERO_CELSIUS_K),
+        ("time", "min"): (60.0, 0.0),
+        ("displacement", "cm"): (1e-2, 0.0),
+        ("displacement", "in"): (0.0254, 0.0),
+        ("velocity", "in/s"): (0.0254, 0.0),
+        ("force", "daN"): (10.0, 0.0),
+        ("force", "kgf"): (9.80665, 0.0),
+        ("force", "lbf"): (4.4482216152605005, 0.0),
     }
 )
+# Units that rigs write beside channels of other kinds: none of a role, told without loading Pint.
+_OF_NO_ROLE = frozenset(
+    {
+        "-",
+        "%",
+        "1",
+        "hz",
+        "khz",
+        "rpm",
+        "bar",
+        "pa",
+        "kpa",
+        "mpa",
+        "psi",
+        "g",
+        "m/s2",
+        "m/s^2",
+        "m/s²",
+        "mm/s2",
+        "w",
+    }
+    | {
+        "kw",
+        "j",
+        "nm",
+        "n m",
+        "n·m",
+        "deg",
+        "°",
+        "rad",
+        "count",
+        "counts",
+        "bit",
+        "bits",
+        "raw",
+        "none",
+        "ohm",
+        "n/a",
+    }
+)
+_LIKELY_UNIT = re.compile(r"[^\W\d_]{1,12}([\s/*·^._-]{1,2}[^\W_]{1,6}){0,2}[²³]?")
 _ROLE_OF: Mapping[str, str] = MappingProxyType(
     {unit: quantity.role for quantity in _TABLE for unit in (quantity.unit, *quantity.units)}
 )
@@ -236,6 +292,22 @@ def _line_to_si(spelled: str, role: str, found: str) -> tuple[float, float]:
     if not (math.isfinite(zero) and math.isfinite(one) and one > zero):
         raise InputError(refusal)
     return one - zero, zero
+
+
+@cache
+def roles_of_unit(unit: str) -> tuple[str, ...]:
+    """Return the roles that a unit is of: one as a rule, none of a word that is no unit of a channel."""
+    if not unit or unit.strip("[]() ").lower() in _OF_NO_ROLE:
+        return ()
+    sure = tuple(role for role in QUANTITIES if _is_usual(spell_unit(unit, role), role))
+    if sure:
+        return sure
+    likely = _LIKELY_UNIT.fullmatch(unit.strip("[]() ")) is not None
+    return tuple(role for role in QUANTITIES if is_unit(unit, [role])) if likely else ()
+
+
+def _is_usual(spelled: str, role: str) -> bool:
+    return spelled == QUANTITIES[role].unit or (role, spelled) in _USUAL
 
 
 def is_unit(word: str, roles: Iterable[str] = QUANTITIES) -> bool:

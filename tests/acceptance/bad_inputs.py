@@ -113,7 +113,9 @@ def slower(given: dict[str, np.ndarray]) -> None:
 
 
 def gap(given: dict[str, np.ndarray]) -> None:
-    given["time_s"][200:] += 0.5
+    """Leave pieces too short to be runs."""
+    for row in range(200, 260, 10):
+        given["time_s"][row:] += 0.5
 
 
 def header(line: str) -> Callable[[Path], Arguments]:
@@ -156,10 +158,10 @@ def folder_of_notes(folder: Path) -> Arguments:
 
 
 def twins(folder: Path) -> Arguments:
-    for name in ("a", "b"):
-        (folder / name).mkdir()
-        (folder / name / "run.csv").write_text(GOOD)
-    return identify("a", "b")
+    """Write two files whose runs no folder tells apart."""
+    for name in ("run.csv", "run.txt"):
+        (folder / name).write_text(GOOD)
+    return identify("run.csv", "run.txt")
 
 
 def many_faults(folder: Path) -> Arguments:
@@ -336,7 +338,7 @@ def two_sheets(folder: Path) -> Arguments:
     book = Workbook()
     for k in range(2):
         sheet = book.create_sheet(f"Run {k}")
-        sheet.append(list(titled()))
+        sheet.append([name.replace("_kN", "") if k else name for name in titled()])
         for row in zip(*(c.tolist() for c in titled().values()), strict=True):
             sheet.append(list(row))
     book.save(folder / "bad.xlsx")
@@ -383,13 +385,7 @@ def clocks(folder: Path) -> Arguments:
     with MDF(version="4.10") as file:
         for k, (name, values) in enumerate(titled().items()):
             if name != "time_s":
-                file.append(
-                    [
-                        Signal(
-                            values[:: k or 1], np.arange(len(values[:: k or 1])) * 0.005 * (k or 1), "", name
-                        )
-                    ]
-                )
+                file.append([Signal(values, np.arange(len(values)) * 0.005 + k, "", name)])
         file.save(folder / "bad.mf4", overwrite=True)
     return identify("bad.mf4")
 
@@ -549,13 +545,13 @@ CASES: tuple[Case, ...] = (
     Case("same name twice", twins, r"run name 'run' is used more than once"),
     Case("many at once", many_faults, r"bad07\.csv.*\n\.\.\. and 4 more like these"),
     # encodings
-    Case("UTF-16", raw(GOOD.encode("utf-16")), r"the text is UTF-16; expected UTF-8"),
-    Case("UTF-16 without a mark", raw(GOOD.encode("utf-16-le")), r"the text is UTF-16; expected UTF-8"),
+    Case("UTF-16", raw(GOOD.encode("utf-16") + b"\0"), r"the text is UTF-16 and damaged"),
+    Case("UTF-16 without a mark", raw(GOOD.encode("utf-16-le")[:-1]), r"the text is UTF-16 and damaged"),
     Case("UTF-32", raw(GOOD.encode("utf-32")), r"the text is UTF-16|not a format"),
     Case(
         "Shift JIS",
         raw(("# 変位 荷重\n" * 9 + GOOD[:60]).encode("shift-jis")),
-        r"byte 2 is not UTF-8 text \(0x95\)",
+        r"no columns of numbers found",
     ),
     Case("CR line ends", raw(GOOD.replace("\n", "\r").encode()), r"lines end in CR alone"),
     Case("no line end", raw(b"1,2," * 600_000), r"the first line has more than 1048576 bytes"),
@@ -607,7 +603,7 @@ CASES: tuple[Case, ...] = (
         r"decimal points and decimal commas",
     ),
     # numbers
-    Case("NaN", spoilt(put("force", 40, np.nan)), r"force is nan at sample 40 \(1 such samples\)"),
+    Case("NaN", spoilt(put("force", slice(40, 50), np.nan)), r"force is nan at sample 40 \(10 such"),
     Case("infinity", spoilt(put("displacement", 3, np.inf)), r"displacement is inf at sample 3"),
     Case("empty cells", text(GOOD.replace(",0.5\n", ",\n", 5)), r"command is nan at sample 0"),
     Case(
@@ -619,7 +615,7 @@ CASES: tuple[Case, ...] = (
     Case("outlier", spoilt(put("force", 77, 1e12)), r"force is 1e\+15 N at sample 77 \(1 such"),
     Case("jump", spoilt(put("displacement", slice(70, 72), 1500.0)), r"looks like a jump of the sensor"),
     Case("time twice", spoilt(put("time", 100, 0.495)), r"time goes from 0\.495 s to 0\.495 s at sample 100"),
-    Case("time goes back", spoilt(put("time", slice(200, 400), np.arange(200) * 0.005)), r"time goes from"),
+    Case("time goes back", spoilt(put("time", slice(200, 204), np.arange(4) * 0.005)), r"mixed sampling"),
     Case("gap", spoilt(gap), r"time has a gap of 0\.505 s after sample 199"),
     Case(
         "mixed rates", spoilt(slower), r"mixed sampling: the time step is 0\.005 s at the start and 0\.015 s"
@@ -664,7 +660,7 @@ CASES: tuple[Case, ...] = (
     Case("MDF, cut", cut("run.mf4", 0.3), r"not a readable MDF file"),
     Case("MDF, magic only", raw(b"MDF     4.10    ".ljust(900, b"\0"), "bad.mf4"), r"bad\.mf4: "),
     Case("MDF, gigabytes", sparse(b"MDF     4.10    ", "bad.mf4"), r"bad\.mf4: "),
-    Case("MDF of many clocks", clocks, r"have clocks of their own"),
+    Case("MDF of many clocks", clocks, r"has a clock of its own, from"),
     Case("Excel, cut", cut("run.xlsx", 0.6), r"not a readable Excel file"),
     Case("Excel, damaged", damaged("run.xlsx", 0.3), r"not a readable Excel file|no sheet"),
     Case("Excel, no workbook", archive_with("bad.xlsx", "run.csv"), r"is a ZIP archive without a workbook"),
@@ -681,7 +677,7 @@ CASES: tuple[Case, ...] = (
         raw(entity('<!ENTITY e SYSTEM "good.csv">'), "bad.xlsx"),
         r"entity `&e;`",
     ),
-    Case("Excel, two sheets", two_sheets, r"sheets 'Run 0', 'Run 1' all hold rows of numbers"),
+    Case("Excel, two sheets", two_sheets, r"force has no unit"),
     Case("Excel, a word", word_in_a_sheet, r"sheet 'Sheet', row 152: column 'force_kN' holds '#DIV/0'"),
     # loggers
     Case("logger, no size", logger(lambda t: t.replace("Header Size", "Header Length")), r"bad\.txt"),

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrdamper.data.formats import text as text_format
-from mrdamper.data.formats.table import Layout
+from mrdamper.data.formats.table import MISSING_MARKS, Layout
 from mrdamper.data.readers import read_run
 from tests.data.rig_files import WRITERS
 from tests.support.examples import examples
@@ -62,11 +62,14 @@ def test_cells_are_what_stands_between_delimiters(rows, delimiter, decimal, coun
         bad = [
             text
             for text, value in zip(texts, numbers, strict=True)
-            if text and np.isnan(value) and text.lower().lstrip("+-") != "nan"
+            if text and text not in MISSING_MARKS and np.isnan(value) and text.lower().lstrip("+-") != "nan"
         ]
         assert cells.texts() == texts
         assert np.array_equal(cells.numbers(), numbers, equal_nan=True)
-        assert (cells.bad, cells.filled) == (len(bad), sum(map(bool, texts)))
+        assert (cells.bad, cells.filled) == (
+            len(bad),
+            sum(bool(text) and text not in MISSING_MARKS for text in texts),
+        )
         assert cells.mostly_text == (len(bad) > 0.5 * cells.filled)
         if bad:
             assert cells.first_bad()[1] == bad[0][:40]

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from mrdamper.data.channels import Channel, ChannelMap, parse_header
+from mrdamper.data.channels import Channel, ChannelMap
+from mrdamper.data.headers import parse_header
 from mrdamper.errors import InputError
 
 

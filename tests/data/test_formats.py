@@ -414,8 +414,9 @@ def test_groups_of_a_tdms_file_are_chosen_by_name(tmp_path):
                     for name, values in titled().items()
                 ]
             )
-    with pytest.raises(InputError, match="first/time_s, first/displacement_mm"):
-        read_run(tmp_path / "run.tdms")
+    both = read_run(tmp_path / "run.tdms")
+    assert [run.name for run in both] == ["run_first", "run_second"]
+    assert both[1].force == pytest.approx(2.0 * both[0].force, abs=1e-9)
     (run,) = read_run(tmp_path / "run.tdms", ChannelMap.from_dict({"file": {"part": "second"}}))
     assert run.force == pytest.approx(2.0 * RUN.force, abs=1e-9)
 
@@ -433,6 +434,38 @@ def test_a_tdms_file_may_state_its_sampling_interval(tmp_path):
         )
     (run,) = read_run(tmp_path / "run.tdms")
     assert run.time == pytest.approx(RUN.time)
+
+
+@pytest.mark.parametrize("last_s", [None, 1.0])
+def test_mdf_groups_of_other_clocks_are_interpolated_to_the_fastest(tmp_path, last_s):
+    """But not beyond their own time: a channel that covers half of the record is refused."""
+    from asammdf import MDF, Signal
+
+    given = in_rig_units()
+    kept = RUN.time <= (last_s or RUN.time[-1])
+    with MDF(version="4.10") as file:
+        for role, step in (("displacement", 1), ("force", 2), ("current", 1)):
+            rows = np.flatnonzero(kept)[::step] if role == "force" else slice(None)
+            file.append(
+                [
+                    Signal(
+                        given[role][rows],
+                        RUN.time[rows],
+                        {"displacement": "mm", "force": "kN", "current": "A"}[role],
+                        role,
+                    )
+                ]
+            )
+        file.save(tmp_path / "run.mf4", overwrite=True)
+    if last_s:
+        with pytest.raises(InputError, match=r"column 'force' has a clock of its own, from 0 s to 1 s"):
+            read_run(tmp_path / "run.mf4")
+        return
+    read = read_file(tmp_path / "run.mf4")
+    assert "force interpolated to the fastest clock" in read.layout.in_words()
+    (run,) = read.recordings
+    assert run.time == pytest.approx(RUN.time)
+    assert run.force[::2] == pytest.approx(RUN.force[::2], abs=1e-6)
 
 
 def test_samples_that_an_mdf_file_calls_invalid_are_not_numbers(tmp_path):

@@ -18,16 +18,18 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.data.channels import ChannelMap
 from mrdamper.data.formats.table import Rows
-from mrdamper.data.readers import (
-    COMMAND_UNITS,
+from mrdamper.data.labels import find_label, places_of
+from mrdamper.data.questions import Answer, with_answers
+from mrdamper.data.readers import COMMAND_UNITS, command_role, load_map, map_beside
+from mrdamper.data.records import RigRun
+from mrdamper.data.roles import (
     Column,
-    command_role,
     find_columns,
-    load_map,
-    map_beside,
+    no_column,
+    no_command,
+    require_one_clock,
     sampling_step,
 )
-from mrdamper.data.records import RigRun
 from mrdamper.data.tables import open_rows
 from mrdamper.errors import InputError
 from mrdamper.files import is_folder
@@ -125,7 +127,7 @@ class LongRecord:
         row = start
         for raw in _regular(self._raw([column.name for column in taken], start), rows):
             si = [
-                self.channels.channel(column.role).to_si(raw[k], column.unit, place)
+                column.channel(self.channels).to_si(raw[k], column.unit, place)
                 for k, column in enumerate(taken)
             ]
             n = len(raw[0])
@@ -160,7 +162,9 @@ class LongRecord:
             reader.shutdown(wait=True, cancel_futures=True)
 
 
-def open_record(path: str | Path, channels: ChannelMap | str | Path | None = None) -> LongRecord:
+def open_record(
+    path: str | Path, channels: ChannelMap | str | Path | None = None, answers: Sequence[Answer] = ()
+) -> LongRecord:
     """Return a long record; of its rows only the first few are read.
 
     Without ``channels`` the map that lies beside the file holds, else the headers alone.
@@ -173,7 +177,7 @@ def open_record(path: str | Path, channels: ChannelMap | str | Path | None = Non
     file = Path(path)
     if is_folder(file):
         raise InputError(place=file, found="is a folder", expected="the file of one record")
-    chosen = load_map(map_beside(file) if channels is None else channels)
+    chosen = with_answers(load_map(map_beside(file) if channels is None else channels), answers, file.name)
     place = file.name
     if chosen.segments is not None:
         raise InputError(
@@ -185,12 +189,21 @@ def open_record(path: str | Path, channels: ChannelMap | str | Path | None = Non
     source = open_rows(file, chosen.file)
     table = source.table
     columns = find_columns(table, chosen, place)
-    command = command_role(columns, chosen, table, place)
+    require_one_clock(table, columns, place)
+    command = command_role(columns, chosen, place)
+    constant = {role: value for role, value in chosen.constant.items() if role in QUANTITIES}
+    texts = places_of(table.title, table.said, file)
+    for role in ("temperature",) if command else ("current", "voltage", "temperature"):
+        label = find_label(texts, role)
+        if label is not None and len(label.values) == 1 and role not in {each.role for each in columns}:
+            constant.setdefault(role, label.values[0])
+            command = command or (role if role in COMMAND_UNITS else "")
+    if not command or not any(column.role == "displacement" for column in columns):
+        raise no_command(table, place) if not command else no_column("displacement", table, place)
     timed = any(column.role == "time" for column in columns)
     step = None if timed else sampling_step(table, chosen, place)
     for column in columns:  # a unit that is none is said before hours of reading
-        chosen.channel(column.role).to_si(np.zeros(1), column.unit, place)
-    constant = {role: value for role, value in chosen.constant.items() if role in QUANTITIES}
+        column.channel(chosen).to_si(np.zeros(1), column.unit, place)
     rows = table.rows or None
     return LongRecord(file, table.layout.in_words(), columns, chosen, constant, command, step, rows, source)
 

@@ -29,7 +29,6 @@ transducer) to the SI unit of the role. A unit is never guessed.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from fnmatch import fnmatchcase
@@ -43,30 +42,17 @@ from mrdamper.arrays import FloatArray
 from mrdamper.data.formats.table import FileOptions
 from mrdamper.errors import InputError
 from mrdamper.files import read_toml
-from mrdamper.quantities import QUANTITIES, find_quantity, is_unit, spell_unit, to_si
+from mrdamper.quantities import QUANTITIES, find_quantity, spell_unit, to_si
 from mrdamper.schema import Option, did_you_mean, read_record
 
 __all__ = [
     "Channel",
     "ChannelMap",
     "Segments",
-    "candidates",
-    "names_by_symbol",
-    "parse_header",
     "read_channel_map",
-    "unit_in_brackets",
 ]
 
 _COMMANDS = ("current", "voltage")
-_NOTED = re.compile(r"(.+?)\s*[\[({].*[\])}]\s*[\[({]([^\[({]*)[\])}]")  # a note, then the unit
-_BRACKETS = re.compile(r"(.+?)\s*[\[({](.*)[\])}]")
-_SLASH, _LINE = re.compile(r"(.+?)\s+/\s*(.+)"), re.compile(r"([^_]+)_(.+)")
-_FORMS = (_NOTED, _BRACKETS, _SLASH, _LINE, re.compile(r"(.+)()"))
-_FORMS_WITH_UNIT = (
-    *(_BRACKETS, re.compile(r"(.+?)\s*/\s*(.+)"), _LINE),
-    *(re.compile(r"(.+?)\s*,\s*(.+)"), re.compile(r"(.+?)\s+in\s+(.+)", re.IGNORECASE)),
-)
-_NARROW = str.maketrans("（）［］／", "()[]/")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -266,61 +252,6 @@ class ChannelMap:
 def read_channel_map(path: str | Path) -> ChannelMap:
     """Return the channel map in a TOML file."""
     return ChannelMap.from_dict(read_toml(path, "channel map"), Path(path).name)
-
-
-def parse_header(header: str) -> tuple[str, str] | None:
-    """Return (role, unit) of a header that speaks for itself, unit "" when it names a role only, or None.
-
-    A word with a unit of its role beside it may stand in more ways than one with brackets: ``Force, N``,
-    ``Kraft in N``, ``Force (filtered) [N]``; and with such a unit a symbol will do, as ``F [N]``.
-    """
-    text = header.translate(_NARROW).strip()
-    for form in _FORMS:
-        match = form.fullmatch(text)
-        if match and (role := _role_of(match[1])) is not None:
-            return role, match[2].strip()
-    for form in _FORMS_WITH_UNIT:
-        match = form.fullmatch(text)
-        if match is None:
-            continue
-        word, unit = match[1].strip(), match[2].strip()
-        role = _role_of(word) or next((q.role for q in QUANTITIES.values() if word == q.symbol), None)
-        if role is not None and unit and is_unit(unit, [role]):
-            return role, unit
-    return None
-
-
-def names_by_symbol(header: str) -> bool:
-    """Tell whether a header names its role by one letter."""
-    return re.match(r"\s*[A-Za-z](?![^\W\d_])", header) is not None
-
-
-def unit_in_brackets(header: str) -> str:
-    """Return the unit in the brackets at the end of a header, whatever it is the unit of; "" without."""
-    match = re.fullmatch(r".*[\[({]([^\[({]*)[\])}]\s*", header.translate(_NARROW))
-    return match[1].strip() if match else ""
-
-
-def candidates(role: str, headers: Sequence[str]) -> list[str]:
-    """Return the headers that may mean a role: by a word or its symbol, else by their unit; for messages."""
-    quantity = QUANTITIES[role]
-    words = [word for word in quantity.headers if len(word) > (2 if word.isascii() else 1)]
-    named = [
-        header
-        for header in headers
-        if header.strip() == quantity.symbol or any(word in header.lower() for word in words)
-    ]
-    units = {
-        header: unit_in_brackets(header) or header.rpartition("_")[2]
-        for header in headers
-        if parse_header(header) is None  # "Force (V)" is no voltage
-    }
-    return named or [header for header, unit in units.items() if is_unit(unit, [role])]
-
-
-def _role_of(word: str) -> str | None:
-    word = word.strip() if len(word.strip()) == 1 else word.strip().lower()
-    return next((role for role, quantity in QUANTITIES.items() if word in quantity.headers), None)
 
 
 def _quantity_unit(key: str, place: str, roles: Sequence[str]) -> tuple[str, str]:

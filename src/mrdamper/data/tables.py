@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 
 from mrdamper.arrays import FloatArray
@@ -27,7 +28,17 @@ from mrdamper.data.formats.text import is_text, open_text, read_text
 from mrdamper.errors import InputError
 from mrdamper.files import require_file
 
-__all__ = ["FORMATS", "FileOptions", "Format", "Layout", "Rows", "Table", "open_rows", "read_table"]
+__all__ = [
+    "FORMATS",
+    "FileOptions",
+    "Format",
+    "Layout",
+    "Rows",
+    "Table",
+    "open_rows",
+    "read_table",
+    "read_tables",
+]
 
 _READ_EXCEL = sandboxed("excel", "python-calamine", "Excel files", "python_calamine")
 _READ_HDF5 = sandboxed("hdf5", "h5py", "HDF5 files and MAT files of version 7.3")
@@ -68,8 +79,16 @@ _OTHERS: tuple[tuple[bytes, str], ...] = (
 )
 
 
+def read_tables(path: Path, options: FileOptions | None = None) -> tuple[Table, ...]:
+    """Return the tables in a file: its blocks, sheets, groups; one where ``options.part`` names it."""
+    chosen = options or FileOptions()
+    first = read_table(path, chosen)
+    others = [read_table(path, replace(chosen, part=part)) for part in first.more]
+    return tuple(table for each in (first, *others) for table in (each, *each.following))
+
+
 def read_table(path: Path, options: FileOptions | None = None) -> Table:
-    """Return the table in a file, its format recognised by its content.
+    """Return the first table in a file, its format recognised by its content.
 
     One of more rows than memory holds the work on is refused before its columns are read.
     """

@@ -17,8 +17,10 @@ from mrdamper.data.diagnosis.diagnose import compare, diagnose
 from mrdamper.data.finding import SEVERITIES, Finding, Severity, worst_first
 from mrdamper.data.formats.table import Layout
 from mrdamper.data.prepare import PreparedRun
-from mrdamper.data.readers import Column
+from mrdamper.data.questions import Question
+from mrdamper.data.readers import Inference
 from mrdamper.data.records import Recording, RigRun
+from mrdamper.data.roles import Column
 from mrdamper.jobs.inputs import ReadFiles, UnreadableFile
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 
@@ -33,6 +35,7 @@ class CheckedFile:
     layout: Layout
     columns: tuple[Column, ...]
     runs: tuple[str, ...]
+    inferred: tuple[Inference, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +65,11 @@ class CheckResult:
     unreadable: tuple[UnreadableFile, ...]
 
     @property
+    def questions(self) -> tuple[Question, ...]:
+        """What the files leave open."""
+        return tuple(question for file in self.unreadable for question in file.questions)
+
+    @property
     def findings(self) -> tuple[Finding, ...]:
         return tuple(finding for run in self.runs for finding in run.findings)
 
@@ -73,20 +81,22 @@ class CheckResult:
     @property
     def usable(self) -> bool:
         """Whether the runs can be fitted as they are."""
-        return not any(finding.severity == "fault" for finding in self.findings)
+        return bool(self.runs) and not any(finding.severity == "fault" for finding in self.findings)
 
 
 def check(files: ReadFiles, *, on_progress: Progress = silent) -> CheckResult:
     """Diagnose runs, each by itself and all against each other."""
-    twins = list(compare(files.runs))
+    told = [*compare(files.runs), *(finding for _, file in files.files for finding in file.findings)]
     runs = []
     for number, run in enumerate(files.runs):
         on_progress(ProgressUpdate(done=number, total=len(files.runs), text=run.name))
-        found = (*diagnose(run), *(twin for twin in twins if twin.run == run.name))
+        found = (*diagnose(run), *(each for each in told if each.run == run.name))
         runs.append(_checked(run, tuple(sorted(found, key=worst_first))))
     return CheckResult(
         files=tuple(
-            CheckedFile(path, file.layout, file.columns, tuple(each.name for each in file.recordings))
+            CheckedFile(
+                path, file.layout, file.columns, tuple(each.name for each in file.recordings), file.inferred
+            )
             for path, file in files.files
         ),
         runs=tuple(runs),

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from mrdamper.data.batches import LongRecord, open_record
 from mrdamper.data.channels import read_channel_map
-from mrdamper.data.readers import RigFile, find_files, joined_faults, read_file, read_runs
+from mrdamper.data.folders import distinct_names, find_files
+from mrdamper.data.questions import AskingError, Question, parse_answers
+from mrdamper.data.readers import RigFile, joined_faults, read_file, read_runs
 from mrdamper.data.records import Dataset, Recording, RigRun
 from mrdamper.errors import InputError
 from mrdamper.models.card import ModelCard
@@ -20,12 +22,19 @@ __all__ = ["ReadFiles", "UnreadableFile", "read_card_of_law", "read_dataset", "r
 Paths = str | Path | Iterable[str | Path | RigRun]
 
 
-def read_dataset(given: Paths, channels: Path | None = None, *, flip_force: bool = False) -> Dataset:
+def read_dataset(
+    given: Paths,
+    channels: Path | None = None,
+    *,
+    answer: Sequence[str] | None = None,
+    flip_force: bool = False,
+) -> Dataset:
     """Return the runs in files and folders; runs that are given as themselves are taken as they are.
 
     Parameters
     ----------
     channels : channel map, for all files; None: the one beside each file, or its headers alone
+    answer : answers to questions that files leave open, such as ``force.unit=kN``
     flip_force : turn the sign of the force, for load cells that count compression as positive
 
     Raises
@@ -36,7 +45,8 @@ def read_dataset(given: Paths, channels: Path | None = None, *, flip_force: bool
     parts = _parts(given)
     runs = tuple(each for each in parts if isinstance(each, RigRun))
     if not (parts and len(runs) == len(parts)):
-        dataset = read_runs([each for each in parts if not isinstance(each, RigRun)], channels)
+        paths = [each for each in parts if not isinstance(each, RigRun)]
+        dataset = read_runs(paths, channels, parse_answers(answer or ()))
         runs = (*runs, *dataset)
     if not runs:
         raise InputError(f"{', '.join(map(str, parts))}: no runs found; expected files such as run.csv")
@@ -51,10 +61,11 @@ def _parts(given: Paths) -> list[str | Path | RigRun]:
 
 @dataclass(frozen=True, slots=True)
 class UnreadableFile:
-    """A file that cannot be read, and why."""
+    """A file that cannot be read, and why: what it leaves open, where that alone is missing."""
 
     path: Path
     error: str
+    questions: tuple[Question, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,14 +77,17 @@ class ReadFiles:
     runs: tuple[Recording | RigRun, ...]  # of all files
 
 
-def read_files(given: Paths, channels: Path | None = None) -> ReadFiles:
+def read_files(
+    given: Paths, channels: Path | None = None, *, answer: Sequence[str] | None = None
+) -> ReadFiles:
     """Return what files and folders hold, whether or not it can be used.
 
     Raises
     ------
     InputError
-        No file could be read, or a path is not there.
+        No file could be read, and none leaves a question open; or a path is not there.
     """
+    answers = parse_answers(answer or ())
     parts = _parts(given)
     runs: list[Recording | RigRun] = [each for each in parts if isinstance(each, RigRun)]
     paths = [each for each in parts if not isinstance(each, RigRun)]
@@ -82,16 +96,38 @@ def read_files(given: Paths, channels: Path | None = None) -> ReadFiles:
     unreadable: list[UnreadableFile] = []
     for path in find_files(paths) if paths or not runs else []:
         try:
-            read.append((path, read_file(path, chosen)))
+            read.append((path, read_file(path, chosen, answers)))
         except InputError as error:
-            unreadable.append(UnreadableFile(path, str(error)))
-    if not read and not runs:
+            asked = error.questions if isinstance(error, AskingError) else ()
+            unreadable.append(UnreadableFile(path, str(error), asked))
+    if not read and not runs and not any(each.questions for each in unreadable):
         raise InputError(joined_faults([each.error for each in unreadable]))
+    read = _named_apart(read)
     runs += [recording for _, file in read for recording in file.recordings]
     return ReadFiles(tuple(read), tuple(unreadable), tuple(runs))
 
 
-def read_record(path: str | Path, channels: Path | None = None, *, flip_force: bool = False) -> LongRecord:
+def _named_apart(read: Sequence[tuple[Path, RigFile]]) -> list[tuple[Path, RigFile]]:
+    """Return files whose runs have names that folders tell apart."""
+    runs = [recording for _, file in read for recording in file.recordings]
+    names = iter(distinct_names([run.name for run in runs], [run.source for run in runs]))
+    named = []
+    for path, file in read:
+        new = {recording.name: next(names) for recording in file.recordings}
+        recordings = tuple(replace(each, name=new[each.name]) for each in file.recordings)
+        findings = tuple(replace(each, run=new[each.run]) for each in file.findings)
+        inferred = tuple(replace(each, run=new[each.run]) for each in file.inferred)
+        named.append((path, replace(file, recordings=recordings, findings=findings, inferred=inferred)))
+    return named
+
+
+def read_record(
+    path: str | Path,
+    channels: Path | None = None,
+    *,
+    answer: Sequence[str] | None = None,
+    flip_force: bool = False,
+) -> LongRecord:
     """Return a record that no memory holds; of its rows only the first few are read.
 
     Raises
@@ -99,7 +135,7 @@ def read_record(path: str | Path, channels: Path | None = None, *, flip_force: b
     InputError
         The file cannot be read, a column or a unit is missing, or the map splits the file into tests.
     """
-    return replace(open_record(path, channels), flip_force=flip_force)
+    return replace(open_record(path, channels, parse_answers(answer or ())), flip_force=flip_force)
 
 
 def read_card_of_law(path: str | Path, law: str | None = None) -> ModelCard:

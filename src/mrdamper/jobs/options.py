@@ -53,12 +53,24 @@ Channels = Annotated[
 _TOP = OnPage(group="")
 _BUILT = OnPage(group="What can be built")
 
+Answers = Annotated[
+    tuple[str, ...],
+    Option(
+        "What a file leaves open, such as force.unit=kN; topics: unit, column, scale, value, rate. For some "
+        "files a pattern of their names and a colon before it.",
+        metavar="ROLE.TOPIC=VALUE",
+        label="Answers to what files leave open",
+        most_items=100,
+    ),
+]
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FilesReading:
     """Options of reading files of runs as they are."""
 
     channels: Channels = None
+    answer: Answers = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,6 +78,7 @@ class RunsReading:
     """Options of reading runs, or one long record."""
 
     channels: Channels = None
+    answer: Answers = ()
     flip_force: Annotated[
         bool,
         Option(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 
 from rich.console import Console
@@ -10,8 +11,9 @@ from rich.markup import escape
 from rich.table import Table
 
 from mrdamper.data.finding import Severity, by_kind
-from mrdamper.errors import CheckError, InputError
+from mrdamper.errors import CheckError, InputError, spelled
 from mrdamper.jobs.check import CheckedFile, CheckedRun, CheckResult
+from mrdamper.quantities import QUANTITIES, to_degC
 from mrdamper.report.base import DONE, Outcome, Report, WrittenFile
 from mrdamper.report.page import environment
 from mrdamper.runtime.outputs import write_table, write_text
@@ -50,14 +52,17 @@ def _answer(result: CheckResult) -> Json:
                 "understood": file.layout.in_words(),
                 "layout": file.layout.to_dict(),
                 "columns": [
-                    {"role": each.role, "name": each.name, "unit": each.unit} for each in file.columns
+                    {"role": each.role, "name": each.name, "unit": each.unit, "source": each.source}
+                    for each in file.columns
                 ],
                 "runs": list(file.runs),
+                "inferred": [asdict(each) for each in file.inferred],
             }
             for file in result.files
         ],
         "runs": [_run(run) for run in result.runs],
         "findings": [dict(finding.to_dict()) for finding in result.findings],
+        "questions": [dict(question.to_dict()) for question in result.questions],
         "unreadable": [{"path": str(each.path), "error": each.error} for each in result.unreadable],
     }
 
@@ -90,6 +95,19 @@ def _show(result: CheckResult, console: Console) -> None:
     for words, paths in _by_layout(result.files).items():
         more = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
         console.print(f"{escape(paths[0])}{more}: {escape(words)}")
+    for inference in (each for file in result.files for each in file.inferred):
+        value = f"{inference.value:g} {QUANTITIES[inference.role].unit}"
+        if inference.role == "temperature":
+            value = f"{to_degC(inference.value):g} degC"
+        console.print(
+            f"{escape(inference.run)}: {inference.role} {value}, from the {escape(inference.source)}"
+        )
+    for question in result.questions:
+        choice = f" ({escape(', '.join(question.candidates[:6]))})" if question.candidates else ""
+        console.print(
+            f"[cyan]asked[/cyan] {escape(question.file)}: {escape(spelled(question.text))}{choice}."
+        )
+        console.print(f"  answer with --answer {question.key}=VALUE", markup=False)
     console.print(_runs_table(result.runs))
     for finding, names in by_kind(result.findings):
         colour, others = _COLOUR[finding.severity], names - 1

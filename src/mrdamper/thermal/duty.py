@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.channels import parse_header
+from mrdamper.data.headers import parse_header
 from mrdamper.data.signals import differentiate
 from mrdamper.data.tables import Table, read_table
 from mrdamper.errors import InputError

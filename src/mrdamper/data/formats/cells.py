@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.formats.table import Texts
+from mrdamper.data.formats.table import MISSING_MARKS, Texts
 from mrdamper.data.formats.timestamps import Timestamps
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ class Cells:
         if decimal == ",":
             spelled = text.str.replace(".", "?", literal=True).str.replace(",", ".", literal=True)
         parsed = spelled.cast(pl.Float64, strict=False)
-        wrong = (text != "").fill_null(value=False) & parsed.is_null()
+        wrong = (~text.is_in(("", *MISSING_MARKS))).fill_null(value=False) & parsed.is_null()
         return [text, parsed.alias(f"{name} parsed"), wrong.alias(f"{name} wrong")]
 
     @property

@@ -94,6 +94,10 @@ def _beside_columns(table: Table) -> Json:
         "stamps": sorted(table.stamps),
         "layout": table.layout.to_dict(),
         "by_rows": table.read_rows is not None,
+        "step_s": table.step_s,
+        "title": table.title,
+        "said": list(table.said),
+        "more": list(table.more),
     }
 
 

@@ -1,4 +1,4 @@
-"""Excel workbooks (.xlsx, .xlsm): the one sheet that holds rows of numbers, or the one that is named.
+"""Excel workbooks (.xlsx, .xlsm): each sheet that holds rows of numbers, or the one that is named.
 
 A workbook is an archive, and archives can be traps: what it unpacks to, and the cells that it spans, are
 counted before anything is built from it. It is read in the decoder's process, which what is not counted ends.
@@ -10,7 +10,8 @@ import re
 import zipfile
 import zlib
 from array import array
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from datetime import date, datetime, time, timedelta
 from itertools import chain, islice
 from pathlib import Path
@@ -18,8 +19,16 @@ from typing import Any
 
 import numpy as np
 
-from mrdamper.data.formats.table import FileOptions, Layout, Table, Texts, decoding, load_extra
-from mrdamper.data.formats.text import find_data, find_header
+from mrdamper.data.formats.header import Header, find_data, holds_samples, read_header
+from mrdamper.data.formats.table import (
+    MISSING_MARKS,
+    FileOptions,
+    Layout,
+    Table,
+    Texts,
+    decoding,
+    load_extra,
+)
 from mrdamper.data.formats.timestamps import Timestamps
 from mrdamper.errors import InputError
 
@@ -61,32 +70,26 @@ def read_workbook(path: Path, options: FileOptions) -> Table:
         first = find_data(lines, "\t")[1]
         if first is not None:
             found.append((name, lines, first, chain(above[first:], rows)))
+    found = [each for each in found if holds_samples(each[1], "\t")] or found
     if not found:
         raise InputError(
             place=path,
             found=f"no sheet with rows of numbers in {', '.join(map(repr, names))}",
             expected="one",
         )
-    if len(found) > 1:
-        sheets = ", ".join(repr(name) for name, *_ in found)
-        raise InputError(
-            place=path,
-            found=f"sheets {sheets} all hold rows of numbers",
-            expected="one",
-            remedy="Name it at [file] part in the channel map",
-        )
     name, lines, first, rows = found[0]
     with decoding(path, "Excel file", _REMEDY):
-        return _table(path, name, find_header(lines, first, "\t"), first, rows)
+        table = _table(path, name, read_header(lines, first, "\t"), first, rows)
+    return replace(table, more=tuple(name for name, *_ in found[1:]))
 
 
-def _table(path: Path, sheet: str, titles: list[str], first: int, rows: Iterator[Row]) -> Table:
-    order = [title or f"column {k + 1}" for k, title in enumerate(titles)]
+def _table(path: Path, sheet: str, header: Header, first: int, rows: Iterator[Row]) -> Table:
+    order = [title or f"column {k + 1}" for k, title in enumerate(header.names)]
     order = [f"{title} ({k + 1})" if title in order[:k] else title for k, title in enumerate(order)]
     numbers: dict[int, array[float]] = {}
     words: dict[int, Texts] = {}
     starts: dict[int, datetime] = {}  # of columns of times
-    count = 0
+    count, below = 0, 0  # rows, and rows of words since the last one
     for at, row in enumerate(rows, first + 1):
         if not count:
             texts = {
@@ -97,6 +100,16 @@ def _table(path: Path, sheet: str, titles: list[str], first: int, rows: Iterator
             starts = {k: start for k in numbers if (start := _moment(row[k])) is not None}
         if all(cell in {"", None} for cell in row):
             continue
+        if count and _is_of_words(row, numbers):
+            below += 1
+            continue
+        if below and below < count:
+            raise InputError(
+                place=f"{path}, sheet {sheet!r}, row {at}",
+                found="numbers go on below rows of words",
+                expected="one table on a sheet",
+                remedy="Put each table on a sheet of its own",
+            )
         count += 1
         for k, column in numbers.items():
             value = _seconds(row[k], starts[k]) if k in starts else _number(row[k])
@@ -118,11 +131,26 @@ def _table(path: Path, sheet: str, titles: list[str], first: int, rows: Iterator
         names=tuple(order),
         columns={order[k]: column for k, column in columns.items()},
         texts={order[k]: cells for k, cells in words.items() if k not in columns},
-        layout=Layout("Excel file", header_lines=first, part=sheet),
+        layout=Layout(
+            "Excel file",
+            header_lines=first,
+            part=sheet,
+            notes=(f"{below} row{'s' if below > 1 else ''} of words below the numbers",) if below else (),
+        ),
         rows=count,
         units=dict.fromkeys(stamps, "s"),
         stamps=stamps,
+        title=sheet,
+        said=header.said,
     )
+
+
+def _is_of_words(row: Row, numbers: Mapping[int, object]) -> bool:
+    """Tell whether the first column of numbers holds a word here, or no column of numbers holds one."""
+    cells = [row[k] for k in numbers]
+    if isinstance(cells[0], str) and cells[0].strip() and cells[0] not in MISSING_MARKS:
+        return _number(cells[0]) is None and cells[0].lstrip("'")[:1].isalpha()
+    return not any(isinstance(cell, int | float | datetime | time | timedelta) for cell in cells)
 
 
 def _moment(cell: object) -> datetime | None:
@@ -149,6 +177,8 @@ def _number(cell: object) -> float | None:
     if isinstance(cell, bool) or not isinstance(cell, int | float | str):
         return None
     if isinstance(cell, str):
+        if cell.strip() in MISSING_MARKS:
+            return float("nan")
         try:
             return float(cell)
         except ValueError:

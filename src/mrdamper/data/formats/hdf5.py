@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from mrdamper.arrays import FloatArray
+from mrdamper.data.formats.groups import attribute_lines, is_in_part, recordings_in, units_beside
 from mrdamper.data.formats.signals import MOST_ELEMENTS, Signal, find_signal, unit_of_field
 from mrdamper.data.formats.table import (
     MOST_COLUMNS,
@@ -54,7 +55,14 @@ def read_hdf5(path: Path, options: FileOptions) -> Table:
         matlab = stream.read(len(_MATLAB)) == _MATLAB
     what = "MAT v7.3 file" if matlab else "HDF5 file"
     with decoding(path, what, _REMEDY), h5py.File(path, "r") as file:
-        found = _find_columns(h5py, file, options.part, matlab=matlab)
+        search = _Search(h5py, file, matlab)
+        search.fields((), search.inside(file), _DEEPEST)
+        found = [each for each in search.found if is_in_part(each[0], options.part)]
+        others = recordings_in([each[0] for each in found if each[-1] > 1])
+        part = others[0] if others else options.part  # one table of each
+        found = [each for each in found if is_in_part(each[0], part)]
+        texts = {"/".join(path): text for path, text in search.texts.items() if is_in_part(path, part)}
+        said = attribute_lines(texts if matlab else _attributes(file, [each[0] for each in found]))
     names = plain_names([leaf for leaf, *_ in found])
     readers = {
         name: partial(_read, path, what, address, selection)
@@ -68,7 +76,11 @@ def read_hdf5(path: Path, options: FileOptions) -> Table:
         texts={},
         layout=Layout(what, part=options.part),
         rows=max((size for *_, size in found), default=0),
-        units={name: unit for name, (*_, unit, _) in zip(names, found, strict=True) if unit},
+        title=part,
+        said=said,
+        more=others[1:],
+        units=units_beside([each[0][-1] for each in found], search.texts, part)
+        | {name: unit for name, (*_, unit, _) in zip(names, found, strict=True) if unit},
         read_rows=partial(
             _rows, path, what, {name: each[1:3] for name, each in zip(names, found, strict=True)}
         ),
@@ -78,12 +90,6 @@ def read_hdf5(path: Path, options: FileOptions) -> Table:
 Found = tuple[tuple[str, ...], str, Selection | None, str, int]  # path, address, selection, unit, samples
 
 
-def _find_columns(h5py: Any, file: Any, part: str, *, matlab: bool) -> list[Found]:  # noqa: ANN401 - no types
-    search = _Search(h5py, file, matlab)
-    search.fields((), search.inside(file), _DEEPEST)
-    return [each for each in search.found if not part or part in each[0][:-1]]
-
-
 class _Search:
     """Looks for columns in groups, and in what the structures and cells of MATLAB refer to."""
 
@@ -91,6 +97,7 @@ class _Search:
         self._h5py, self._file, self._matlab = h5py, file, matlab
         self._seen: set[int] = set()  # groups and lists of references: links can form rings
         self.found: list[Found] = []
+        self.texts: dict[tuple[str, ...], str] = {}  # of MATLAB, by their path
 
     def inside(self, group: Any) -> dict[str, Any]:  # noqa: ANN401 - h5py has no types
         """Return the members of a group that the file itself stores."""
@@ -118,7 +125,10 @@ class _Search:
             if depth and self._is_new(item):
                 for k, inner in enumerate(self._referred(item)):
                     self._look(_element(path, k), inner, depth - 1)
-        elif item.attrs.get("MATLAB_class", b"") != b"char":
+        elif item.attrs.get("MATLAB_class", b"") == b"char":
+            if item.dtype.kind == "u" and item.size <= _LONGEST_TEXT:
+                self.texts[path] = "".join(map(chr, np.ravel(item[()]).tolist()))
+        else:
             self.found.extend(_columns(path, item, _unit(item) or unit))
 
     def _group(self, path: tuple[str, ...], members: Mapping[str, Any], depth: int) -> None:
@@ -160,6 +170,17 @@ class _Search:
         new = address not in self._seen
         self._seen.add(address)
         return new
+
+
+def _attributes(file: Any, paths: Sequence[tuple[str, ...]]) -> dict[str, object]:  # noqa: ANN401
+    """Return the attributes of the file and of the groups in which all the columns lie."""
+    found: dict[str, object] = dict(file.attrs)
+    common = list(paths[0][:-1]) if paths else []
+    while common and any(list(path[: len(common)]) != common for path in paths):
+        common.pop()
+    for depth in range(1, len(common) + 1):
+        found |= dict(file["/".join(common[:depth])].attrs)
+    return {key: value for key, value in found.items() if np.ndim(value) == 0}  # type: ignore[arg-type]
 
 
 def _element(path: tuple[str, ...], k: int) -> tuple[str, ...]:

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from mrdamper.arrays import FloatArray
+from mrdamper.data.formats.groups import attribute_lines, is_in_part, recordings_in, units_beside
 from mrdamper.data.formats.signals import MOST_ELEMENTS, find_signal, unit_of_field
 from mrdamper.data.formats.table import (
     MOST_COLUMNS,
@@ -57,8 +58,12 @@ def read_mat(path: Path, options: FileOptions) -> Table:
     found: list[_Found] = []
     for name in held:
         _collect((name,), variables.get(name), found)
-    if options.part:
-        found = [each for each in found if options.part in each.path[:-1]]
+    found = [each for each in found if is_in_part(each.path, options.part)]
+    others = recordings_in([each.path for each in found if len(each.column) > 1])
+    part = others[0] if others else options.part  # one table of each
+    found = [each for each in found if is_in_part(each.path, part)]
+    texts = _texts(variables)
+    stated = units_beside([each.path[-1] for each in found], texts, part)
     names = plain_names([each.path for each in found])
     columns = {name: each.column for name, each in zip(names, found, strict=True)}
     if sum(map(len, columns.values())) > MOST_SAMPLES:
@@ -69,7 +74,12 @@ def read_mat(path: Path, options: FileOptions) -> Table:
         texts={},
         layout=Layout("MAT file", part=options.part),
         rows=max(map(len, columns.values()), default=0),
-        units={name: each.unit for name, each in zip(names, found, strict=True) if each.unit},
+        units=stated | {name: each.unit for name, each in zip(names, found, strict=True) if each.unit},
+        title=part,
+        said=attribute_lines(
+            {"/".join(path): text for path, text in texts.items() if is_in_part(path, part)}
+        ),
+        more=others[1:],
     )
 
 
@@ -111,6 +121,23 @@ def _collect(
         across = value if value.shape[0] >= value.shape[1] else value.T
         for k in range(across.shape[1]):
             found.append(_Found((*path[:-1], f"column {k + 1} of {path[-1]}"), as_column(across[:, k])[0]))
+
+
+def _texts(value: Any, path: tuple[str, ...] = ()) -> dict[tuple[str, ...], str]:  # noqa: ANN401
+    """Return the texts in structures, by their path."""
+    if isinstance(value, str):
+        return {path: value}
+    if isinstance(value, np.ndarray) and value.dtype == object:
+        value = [*value.flat]
+    if isinstance(value, list) and path:
+        inside = [
+            ((*path[:-1], f"{path[-1]}({k + 1})"), inner) for k, inner in enumerate(value[:MOST_ELEMENTS])
+        ]
+    elif isinstance(value, dict) and len(path) <= _DEEPEST:
+        inside = [((*path, str(key)), inner) for key, inner in value.items() if not str(key).startswith("__")]
+    else:
+        return {}
+    return {place: text for where, inner in inside for place, text in _texts(inner, where).items()}
 
 
 def _signal(path: tuple[str, ...], fields: Mapping[str, Any]) -> _Found | None:

@@ -20,6 +20,7 @@ from weakref import finalize
 import numpy as np
 
 from mrdamper.arrays import FloatArray
+from mrdamper.data.formats.groups import recordings_in
 from mrdamper.data.formats.table import (
     FileOptions,
     Layout,
@@ -54,6 +55,9 @@ def read_mdf(path: Path, options: FileOptions) -> Table:
     with file.asked() as source:
         _require_no_formula(source, path)
         found = _find_columns(source, path, options.part)
+    others = recordings_in([where for where, *_ in found if where[-1] != "time"])
+    if others:  # one table of each
+        found = [each for each in found if each[0][0] == others[0]]
     names = plain_names([where for where, *_ in found])
     named = dict(zip(names, found, strict=True))
     return Table(
@@ -63,6 +67,8 @@ def read_mdf(path: Path, options: FileOptions) -> Table:
         layout=Layout("MDF file", part=options.part),
         rows=max((each[4] for each in found), default=0),
         units={name: each[3] for name, each in named.items() if each[3]},
+        title=others[0] if others else options.part,
+        more=others[1:],
         clocks={name: each[5] for name, each in named.items()},
         read_rows=partial(_rows, file, {name: (each[1], each[2]) for name, each in named.items()}),
     )

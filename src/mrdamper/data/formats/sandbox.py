@@ -114,6 +114,10 @@ def sandboxed(
             clocks=given["clocks"],
             stamps=frozenset(given["stamps"]),
             read_rows=partial(_rows, path, file) if given["by_rows"] else None,
+            step_s=given["step_s"],
+            title=given["title"],
+            said=tuple(given["said"]),
+            more=tuple(given["more"]),
         )
 
     return read

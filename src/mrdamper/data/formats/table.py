@@ -24,6 +24,8 @@ from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError, MissingExtraError
 
 __all__ = [
+    "LEAST_ROWS",
+    "MISSING_MARKS",
     "MOST_SAMPLES",
     "FileOptions",
     "Format",
@@ -46,6 +48,26 @@ _MOST_UNPACKED = 1032  # bytes from one: no more come from a deflated one
 MOST_SAMPLES = 400_000_000  # of one column (3.2 GB): more is a damaged header or a trap
 _GOES_ON = 1.5  # steps of time: further apart, a piece is a recording of its own
 MOST_COLUMNS = 64  # of a matrix; a wider one is no table of channels
+
+LEAST_ROWS = 10
+"""Rows of numbers that make a table of samples: fewer are a table of results."""
+MISSING_MARKS = (
+    "-",
+    "--",
+    "---",
+    "*",
+    "***",
+    "#NV",
+    "#N/A",
+    "#NA",
+    "N/A",
+    "n/a",
+    "NA",
+    "null",
+    "NULL",
+    "None",
+)
+"""Cells that say that there is no value, as spreadsheets and loggers write them."""
 
 Value = TypeVar("Value")
 Texts = list[str | None]
@@ -117,6 +139,10 @@ class Table:
     clocks: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))  # column -> its clock
     stamps: frozenset[str] = frozenset()  # columns of times of day or dates, in seconds from the first
     read_rows: ReadRows | None = None  # where the format can read some rows without the others
+    title: str = ""  # of the sheet, group or structure that the table is
+    said: tuple[str, ...] = ()  # lines above the table, or its attributes: "name: value"
+    more: tuple[str, ...] = ()  # further parts of the file that hold tables; ``FileOptions.part`` names one
+    following: tuple[Table, ...] = ()  # further tables of the same part
 
 
 @dataclass(frozen=True, slots=True, eq=False)

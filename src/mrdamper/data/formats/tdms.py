@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from mrdamper.arrays import FloatArray
+from mrdamper.data.formats.groups import attribute_lines, recordings_in
 from mrdamper.data.formats.table import (
     FileOptions,
     Layout,
@@ -49,10 +50,15 @@ def read_tdms(path: Path, options: FileOptions) -> Table:
             for channel in group.channels()
             if options.part in {"", group.name}
         ]
+        attributes = {group.name: {**file.properties, **group.properties} for group in file.groups()}
         cut = bool(file.file_status.incomplete_final_segment)
     found = [row for row in every if row[2]]
     if cut and (len(found) < len(every) or not every):
         raise _cut_before([row[1] for row in every if not row[2]], path)
+    others = recordings_in([(group, channel) for group, channel, *_ in found])
+    if others:  # one table of each
+        found = [each for each in found if each[0] == others[0]]
+    group = found[0][0] if found and len({each[0] for each in found}) == 1 else options.part
     names = plain_names([(group, channel) for group, channel, *_ in found])
     rows = dict(zip(names, found, strict=True))
     for name, (_, _, length, _, _) in rows.items():
@@ -63,6 +69,9 @@ def read_tdms(path: Path, options: FileOptions) -> Table:
         names=tuple(name for name in names if name in numbers or name in words),
         columns=OnUse({name: partial(_numbers, path, row[0], row[1]) for name, row in numbers.items()}),
         texts=OnUse({name: partial(_words, path, row[0], row[1]) for name, row in words.items()}),
+        title=group,
+        said=attribute_lines(attributes.get(group, {})),
+        more=others[1:],
         layout=Layout("TDMS file", part=options.part, notes=("cut off while recording",) if cut else ()),
         rows=max((row[2] for row in numbers.values()), default=0),
         step_s=_step([row[4] for row in numbers.values() if row[2] > 1]),

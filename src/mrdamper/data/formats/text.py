@@ -17,43 +17,38 @@ from typing import TYPE_CHECKING, BinaryIO
 import numpy as np
 
 from mrdamper.arrays import FloatArray
+from mrdamper.data.formats.blocks import find_blocks
 from mrdamper.data.formats.cells import Cells
-from mrdamper.data.formats.table import FileOptions, Layout, Rows, Table, Texts
+from mrdamper.data.formats.encodings import READ_AS, UTF8, encoding_of, open_text_bytes, utf16_of
+from mrdamper.data.formats.header import (
+    Header,
+    find_data,
+    find_decimal,
+    read_header,
+    refuse_two_commas,
+)
+from mrdamper.data.formats.table import LEAST_ROWS, FileOptions, Layout, Rows, Table, Texts
 from mrdamper.data.formats.timestamps import Timestamps
 from mrdamper.errors import InputError
-from mrdamper.quantities import is_unit
 
 if TYPE_CHECKING:
     import polars as pl
 
 __all__ = [
     "Head",
-    "count_numbers",
-    "find_data",
-    "find_decimal",
-    "find_header",
     "is_text",
     "lines_of",
     "open_text",
     "parse_rows",
     "read_head",
     "read_text",
-    "split_line",
 ]
 
 _HEAD_BYTES = 1 << 20
 _SMALL_BYTES = 1 << 20  # of numbers alone
 _HEAD_LINES = 400  # the data must begin within these
 _BLOCK = 1 << 25  # bytes that are parsed at a time
-_COMMENT = re.compile(r"^\s*(#|%|//|!)+\s?")
-_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)(e[+-]?\d+)?|nan|[+-]?inf", re.IGNORECASE)
-_WHOLE = re.compile(r"[+-]?\d+")
-_DELIMITERS = ("\t", ";", ",", " ")
-_UTF8, _WINDOWS, _CHINESE = "utf-8-sig", "cp1252", "gb18030"
-_READ_AS = {_WINDOWS: ("not UTF-8: read as Windows-1252",), _CHINESE: ("not UTF-8: read as GB 18030",)}
-_NO_TEXT = re.compile(rb"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\x81\x8d\x8f\x90\x9d]")  # in Windows-1252
-_MOST_LETTERS = 0.05  # beyond ASCII, of a text of numbers
-_UTF16 = (b"\xff\xfe", b"\xfe\xff")
+_MOST_SCANNED = 1 << 28  # bytes of a text that is looked through for blocks
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,11 +58,12 @@ class Head:
     lines: tuple[str, ...]
     starts: tuple[int, ...]
     notes: tuple[str, ...] = ()  # on how it was read
+    encoding: str = UTF8
 
 
 def is_text(head: bytes) -> bool:
     """Tell whether the first bytes of a file are text, of whatever encoding."""
-    return b"\0" not in head or head.startswith(_UTF16) or _wide(head)
+    return b"\0" not in head or bool(utf16_of(head))
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,12 +73,74 @@ class _Found:
     start: int  # byte
     names: tuple[str, ...]
     layout: Layout
+    said: tuple[str, ...] = ()  # lines above the names
+    encoding: str = UTF8
 
 
 def read_text(path: Path, options: FileOptions) -> Table:
-    """Return the table in a delimited text."""
+    """Return the table in a delimited text; where lines of words part its rows, several that follow it."""
     found = _look(path, options)
-    return parse_rows(path, found.start, found.names, found.layout)
+    fault: InputError | None = None
+    if not _has_comments(path, found.start):
+        try:
+            return replace(parse_rows(path, found.start, found.names, found.layout), said=found.said)
+        except InputError as error:  # a cell that is no number: of a line of words, perhaps
+            fault = error
+    tables = _tables_of_blocks(path, found)
+    if tables is not None:
+        return replace(tables[0], following=tuple(tables[1:]))
+    if fault is not None:
+        raise fault
+    return replace(parse_rows(path, found.start, found.names, found.layout), said=found.said)
+
+
+def _has_comments(path: Path, start: int) -> bool:
+    """Tell whether lines of comments stand among the rows of a text that is not large."""
+    if path.stat().st_size > _MOST_SCANNED:
+        return False
+    with open_text_bytes(path) as stream:
+        stream.seek(start)
+        return b"\n#" in stream.read()
+
+
+def _tables_of_blocks(path: Path, found: _Found) -> list[Table] | None:
+    """Return the table of each block of rows; None where there is one block, and nothing below it."""
+    if path.stat().st_size > _MOST_SCANNED:
+        return None
+    with open_text_bytes(path) as stream:
+        content = stream.read()
+    layout = found.layout
+    blocks, trailer = find_blocks(
+        content, found.start, layout.header_lines or 0, layout.delimiter, found.encoding
+    )
+    long = [block for block in blocks if block.rows >= LEAST_ROWS]
+    if not long or (len(blocks) == 1 and not trailer):
+        return None
+    notes = layout.notes
+    if trailer:
+        notes += (f"{trailer} line{'s' if trailer > 1 else ''} of words below the rows",)
+    if len(long) > 1:
+        notes += (f"{len(long)} blocks of rows",)
+    tables: list[Table] = []
+    names = found.names
+    for block in long:
+        said = found.said
+        if block.above:
+            lines = (*block.above, block.first_row)
+            header = read_header(lines, len(lines) - 1, layout.delimiter)
+            names, said = _next_names(header, names)
+        table = parse_rows(
+            path, block.start, names, replace(layout, header_lines=block.first_line, notes=notes), block.stop
+        )
+        tables.append(replace(table, said=said))
+    return tables
+
+
+def _next_names(header: Header, before: tuple[str, ...]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the names of a later block, those of the one before where it has none, and what it says."""
+    if not header.named and len(header.names) == len(before):
+        return before, header.said
+    return header.names, header.said
 
 
 def open_text(path: Path, options: FileOptions) -> Rows:
@@ -125,21 +183,19 @@ def _look(path: Path, options: FileOptions) -> _Found:
             found=f"no rows of numbers in the first {len(head.lines)} lines",
             expected="a header and at least two columns, separated by comma, semicolon, tab or blanks",
         )
-    names = find_header(head.lines, first, delimiter)
-    _refuse_two_commas(path, head.lines, first, delimiter)
+    header = read_header(head.lines, first, delimiter)
+    refuse_two_commas(path, head.lines, first, delimiter)
     decimal = options.decimal or find_decimal(path, head.lines[first:], delimiter)
     layout = Layout("delimited text", delimiter, decimal, first, notes=head.notes)
-    return _Found(head.starts[first], tuple(names), layout)
+    return _Found(head.starts[first], header.names, layout, header.said, head.encoding)
 
 
 def read_head(path: Path) -> Head:
     """Return the first lines of a text; what has no usual encoding or line ends is an ``InputError``."""
     with path.open("rb") as stream:
+        wide = utf16_of(stream.read(512))
+    with open_text_bytes(path) as stream:
         content = stream.read(_HEAD_BYTES)
-    if content.startswith(_UTF16) or _wide(content[:512]):
-        raise InputError(
-            place=path, found="the text is UTF-16", expected="UTF-8", remedy="Save the file as UTF-8"
-        )
     if re.match(rb"\s*<(!doctype|html|\?xml)", content[:64], re.IGNORECASE):
         raise InputError(
             place=path,
@@ -164,11 +220,12 @@ def read_head(path: Path) -> Head:
             found=f"the first line has more than {_HEAD_BYTES} bytes",
             expected="rows of numbers",
         )
-    encoding = _encoding(path, content[: edges[-1]])
+    encoding = encoding_of(path, content[: edges[-1]])
     if content.startswith(b"\xef\xbb\xbf"):
         edges[0] = 3
     lines = tuple(content[a:b].decode(encoding).rstrip("\r\n") for a, b in itertools.pairwise(edges))
-    return Head(lines, tuple(edges), _READ_AS.get(encoding, ()))
+    notes = ("read from UTF-16",) if wide else READ_AS.get(encoding, ())
+    return Head(lines, tuple(edges), notes, encoding)
 
 
 def lines_of(stream: BinaryIO, path: Path, first: int = 1) -> Iterator[tuple[int, bytes]]:
@@ -273,71 +330,14 @@ def _number_blocks(
         yield numbers, texts
 
 
-def find_data(lines: Sequence[str], wanted: str = "") -> tuple[str, int | None]:
-    """Return the delimiter and the first line of data: two numbers or more, and as many in the next line."""
-    best: tuple[bool, int, int] | None = None
-    found: tuple[str, int | None] = (wanted or ",", None)
-    for rank, delimiter in enumerate((wanted,) if wanted else _DELIMITERS):
-        for k, line in enumerate(lines):
-            if (delimiter not in line and delimiter != " ") or _COMMENT.match(line):
-                continue
-            fields = split_line(line, delimiter)
-            numbers = count_numbers(fields)
-            following = "".join(lines[k + 1 : k + 2]) or line
-            if numbers < 2 or count_numbers(split_line(following, delimiter)) < 2:
-                continue
-            score = (numbers == len(fields), numbers, -rank)
-            if best is None or score > best:
-                best, found = score, (delimiter, k)
-            break
-    return found
-
-
-def find_header(lines: Sequence[str], first: int, delimiter: str) -> list[str]:
-    """Return the names of the columns; a row of units under the header joins it as ``name [unit]``."""
-    count = len(split_line(lines[first], delimiter))
-    rows: list[list[str]] = []
-    for line in reversed(lines[:first]):
-        fields = split_line(_COMMENT.sub("", line), delimiter)
-        if delimiter == " " and len(fields) != count:
-            fields = re.split(r"\s{2,}|\t", _COMMENT.sub("", line).strip())
-        if len(fields) == count and any(fields):
-            rows.append(fields)
-        elif rows or line.strip():
-            break
-    if not rows:
-        return [f"column {k + 1}" for k in range(count)]
-    units = [text.strip("[]()") for text in rows[0]]
-    if len(rows) > 1 and _are_units(units):
-        return [f"{name} [{unit}]" if unit else name for name, unit in zip(rows[1], units, strict=True)]
-    return rows[0]
-
-
-def _are_units(words: Sequence[str]) -> bool:
-    """Tell whether a row under the names is one of units: two at least, and half of what it holds."""
-    filled = [word for word in words if word and word != "-"]
-    known = sum(is_unit(word) for word in filled)
-    return known >= min(2, len(filled)) and 2 * known >= len(filled) > 0
-
-
-def count_numbers(fields: Sequence[str]) -> int:
-    """Return how many of the fields are numbers."""
-    return sum(_NUMBER.fullmatch(text) is not None for text in fields)
-
-
-def split_line(line: str, delimiter: str) -> list[str]:
-    """Return the fields of a line."""
-    parts = line.split() if delimiter == " " else line.split(delimiter)
-    return [part.strip().strip('"').strip() for part in parts]
-
-
 # ------------------------------------------------------------------------------------------- blocks
 
 
 def _blocks(path: Path, start: int, stop: int | None, first_line: int) -> Iterator[tuple[bytes, int]]:
     """Give whole lines of a file in blocks, each with the number of its first line."""
-    rest, end = b"", path.stat().st_size if stop is None else stop
-    with path.open("rb") as stream:
+    rest = b""
+    with open_text_bytes(path) as stream:
+        end = stream.seek(0, io.SEEK_END) if stop is None else stop
         stream.seek(start)
         while piece := stream.read(min(_BLOCK, end - stream.tell())):
             if b"\0" in piece:
@@ -409,83 +409,12 @@ def _frame(path: Path, content: bytes, layout: Layout, count: int, first_line: i
             truncate_ragged_lines=True,
         )
     except pl.exceptions.PolarsError as error:
-        if (encoding := _encoding(path, content)) != _UTF8:
+        if (encoding := encoding_of(path, content)) != UTF8:
             return _frame(path, content.decode(encoding).encode(), layout, count, first_line)
         raise InputError(
             place=path, found=f"not a table of numbers ({str(error).splitlines()[0]})"
         ) from error
     return frame.with_row_index("row", first_line).filter(~pl.all_horizontal(pl.exclude("row").is_null()))
-
-
-# ------------------------------------------------------------------------------------------- looking
-
-
-def find_decimal(path: Path, rows: Sequence[str], delimiter: str) -> str:
-    """Return the decimal sign of the rows, "" when none has one; both signs are an error."""
-    fields = [text for line in rows for text in split_line(line, delimiter) if _NUMBER.fullmatch(text)]
-    found = {sign for sign in ".," if any(sign in text for text in fields)}
-    if len(found) > 1:
-        examples = " and ".join(repr(next(text for text in fields if sign in text)) for sign in ".,")
-        raise InputError(
-            place=path,
-            found=f"numbers have decimal points and decimal commas ({examples})",
-            expected="one of them",
-            remedy="Export the numbers without separators of thousands",
-        )
-    return found.pop() if found else ""
-
-
-def _refuse_two_commas(path: Path, lines: Sequence[str], first: int, delimiter: str) -> None:
-    """Refuse commas that separate columns and decimals alike: 0,5,1,25 is two numbers or four."""
-    fields = split_line(lines[first], delimiter)
-    above = next((line for line in reversed(lines[:first]) if line.strip()), "")
-    names = split_line(_COMMENT.sub("", above), delimiter)
-    if delimiter != "," or len(names) < 2 or count_numbers(names) or len(fields) <= len(names):
-        return
-    if all(_WHOLE.fullmatch(text) for text in fields):
-        raise InputError(
-            place=path,
-            found=(
-                f"{len(names)} names and {len(fields)} fields in line {first + 1}: commas seem to separate "
-                "both columns and decimals"
-            ),
-            remedy="Export with semicolons, or with decimal points",
-        )
-
-
-def _wide(head: bytes) -> bool:
-    """Tell whether bytes look like UTF-16 without a mark: every other one is zero."""
-    half = len(head) // 2
-    return (
-        half > 8 and max(head[0::2].count(0), head[1::2].count(0)) > 0.9 * half and head.count(0) < 1.2 * half
-    )
-
-
-def _encoding(path: Path, content: bytes) -> str:
-    """Return the encoding of a text: UTF-8, else a Chinese one or Windows-1252 where it may well be that."""
-    try:
-        content.decode("utf-8")
-    except UnicodeDecodeError as error:
-        letters = len(content) - len(content.translate(None, bytes(range(128, 256))))
-        if _NO_TEXT.search(content) is None and _is_chinese(content):
-            return _CHINESE
-        if _NO_TEXT.search(content) is None and letters <= _MOST_LETTERS * len(content):
-            return _WINDOWS
-        raise InputError(
-            place=path,
-            found=(
-                f"byte {error.start} is not UTF-8 text (0x{content[error.start]:02x}); save the file as UTF-8"
-            ),
-        ) from error
-    return _UTF8
-
-
-def _is_chinese(content: bytes) -> bool:
-    """Tell whether all bytes beyond ASCII are pairs of GB 2312, two at least: umlauts stand alone."""
-    try:
-        return len(content) - len(content.decode("gb2312")) > 1
-    except UnicodeDecodeError:
-        return False
 
 
 def _distinct(names: Sequence[str]) -> list[str]:

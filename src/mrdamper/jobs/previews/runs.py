@@ -15,10 +15,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.channels import ChannelMap, parse_header
+from mrdamper.data.channels import ChannelMap
+from mrdamper.data.headers import parse_header
 from mrdamper.data.readers import RigFile, map_beside, read_file, runs_in
 from mrdamper.data.records import Recording
-from mrdamper.data.tables import Table, read_table
+from mrdamper.data.tables import Table, read_tables
 from mrdamper.errors import InputError, MrdamperError
 from mrdamper.files import parse_toml, read_toml
 from mrdamper.quantities import ZERO_CELSIUS_K, to_si
@@ -121,11 +122,12 @@ def look_into(path: Path, given: Mapping[str, Any] | None = None) -> tuple[Json,
     }
     read: RigFile | None = None
     try:
-        table = read_table(path, chosen.file)
+        tables = read_tables(path, chosen.file)
+        table = tables[0]
         answer |= {"understood": table.layout.in_words(), "rows": table.rows, "step_s": table.step_s}
         roles = {}
         try:
-            read = runs_in(table, chosen, path)
+            read = runs_in(tables, chosen, path)
             roles = {column.name: column.role for column in read.columns}
         except InputError as fault:
             answer["error"] = _short(str(fault), path)

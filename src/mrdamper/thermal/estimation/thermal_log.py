@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from mrdamper.arrays import FloatArray, read_only
-from mrdamper.data.channels import parse_header
+from mrdamper.data.headers import parse_header
 from mrdamper.data.tables import read_table
 from mrdamper.errors import InputError
 from mrdamper.quantities import find_quantity, is_unit, to_si

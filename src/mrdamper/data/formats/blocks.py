@@ -1,0 +1,104 @@
+"""Blocks of rows in a text: samples that stand one below the other with lines of words between or below them.
+
+A line of words ends a block; what stands between two blocks is the header of the next one, and what stands
+below the last one is a trailer. A cell among numbers that is none is neither: it stays an error of its line.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Literal
+
+from mrdamper.data.formats.header import count_numbers, is_comment, split_line
+from mrdamper.data.formats.table import MISSING_MARKS
+from mrdamper.data.formats.timestamps import Timestamps
+
+__all__ = ["Block", "find_blocks"]
+
+_WORD = re.compile(r"\W*[^\W\d_]")
+_Kind = Literal["blank", "row", "words", "perhaps words"]
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """Where rows lie in a text, and the lines above them."""
+
+    start: int  # bytes
+    stop: int
+    first_line: int  # lines of the text before the first row
+    rows: int
+    above: tuple[str, ...]
+    first_row: str
+
+
+class _Scan:
+    """Takes the lines of a text one by one."""
+
+    def __init__(self, delimiter: str) -> None:
+        self.blocks: list[Block] = []
+        self.above: list[str] = []  # lines of words since the last block
+        self._delimiter = delimiter
+        self._numeric: list[int] = []  # cells of the present block that hold numbers
+        self._waiting: list[tuple[str, int]] = []  # lines that may be words, each with the byte after it
+        self._open: Block | None = None
+
+    def take(self, line: str, start: int, stop: int, number: int) -> None:
+        kind = self._kind(line)
+        if kind == "blank":
+            return
+        if kind == "perhaps words" and self._open is not None:
+            self._waiting.append((line, stop))
+        elif kind != "row":
+            self.end()
+            self.above.append(line)
+        elif self._open is None:
+            cells = split_line(line, self._delimiter)
+            self._numeric = [k for k, cell in enumerate(cells) if count_numbers([cell])]
+            self._open, self.above = Block(start, stop, number, 1, tuple(self.above), line), []
+        else:
+            now = self._open
+            rows = now.rows + 1 + len(self._waiting)
+            self._open = Block(now.start, stop, now.first_line, rows, now.above, now.first_row)
+            self._waiting = []
+
+    def end(self) -> None:
+        """End the present block; lines that may be words below it are."""
+        if self._open is not None:
+            self.blocks.append(self._open)
+            self.above = [line for line, _ in self._waiting]
+            self._open, self._waiting = None, []
+
+    def _kind(self, line: str) -> _Kind:
+        if not line.strip(self._delimiter + " \t"):
+            return "blank"
+        cells = split_line(line, self._delimiter)
+        if is_comment(line):
+            return "words"
+        if self._open is None:
+            began = not self.blocks or _is_value(cells[0])
+            return "row" if count_numbers(cells) >= 2 and began else "words"
+        inside = [cells[k] for k in self._numeric if k < len(cells)]
+        if not count_numbers(inside):
+            words = any(cell and cell not in MISSING_MARKS and _WORD.match(cell) for cell in cells)
+            return "words" if words else "row"
+        return "perhaps words" if inside[0] not in MISSING_MARKS and _WORD.match(inside[0]) else "row"
+
+
+def find_blocks(
+    content: bytes, start: int, first_line: int, delimiter: str, encoding: str
+) -> tuple[list[Block], int]:
+    """Return the blocks from byte ``start`` on, and how many lines of words stand below the last one."""
+    scan = _Scan(delimiter)
+    at = start
+    for number, raw in enumerate(content[start:].splitlines(keepends=True), first_line):
+        line = raw.decode(encoding, "replace").rstrip("\r\n")
+        scan.take(line, at, at + len(raw), number)
+        at += len(raw)
+    scan.end()
+    return scan.blocks, len(scan.above)
+
+
+def _is_value(cell: str) -> bool:
+    """Tell whether a cell is a number, a time, or says that there is none."""
+    return not cell or cell in MISSING_MARKS or count_numbers([cell]) > 0 or Timestamps.may_be([cell])

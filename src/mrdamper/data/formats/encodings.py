@@ -1,0 +1,114 @@
+"""Encodings of texts: UTF-8 and UTF-16, else an East Asian one or Windows-1252 where it may well be that.
+
+A wrong one spoils words alone: numbers and the units that decide are ASCII in every one of them.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from pathlib import Path
+from typing import BinaryIO
+
+from mrdamper.errors import InputError
+
+__all__ = ["READ_AS", "UTF8", "encoding_of", "is_wide", "open_text_bytes", "utf16_of"]
+
+UTF8 = "utf-8-sig"
+_WINDOWS, _CHINESE, _JAPANESE = "cp1252", "gb18030", "cp932"
+READ_AS = {
+    _WINDOWS: ("not UTF-8: read as Windows-1252",),
+    _CHINESE: ("not UTF-8: read as GB 18030",),
+    _JAPANESE: ("not UTF-8: read as Shift JIS",),
+}
+"""What is told of a text in an encoding other than UTF-8."""
+
+_NO_TEXT = re.compile(rb"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
+_NO_WINDOWS = re.compile(rb"[\x81\x8d\x8f\x90\x9d]")  # bytes that Windows-1252 leaves out
+_EAST = re.compile(r"[\u3000-\u30ff\u4e00-\u9fff\uff01-\uff5e\u2103\u3395-\u33df\x00-\x7f]*")
+_MOST_LETTERS = 0.05  # beyond ASCII, of a text of numbers
+_MARKS = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}
+_MOST_WIDE = 1 << 28  # bytes of UTF-16, which is turned to UTF-8 as a whole
+
+
+def utf16_of(head: bytes) -> str:
+    """Return the name of the UTF-16 that the first bytes are in, with or without a mark; "" for others."""
+    if head.startswith((b"\xff\xfe\0\0", b"\0\0\xfe\xff")):  # UTF-32
+        return ""
+    if head[:2] in _MARKS:
+        return _MARKS[head[:2]]
+    if not is_wide(head):
+        return ""
+    return "utf-16-le" if head[1::2].count(0) > head[0::2].count(0) else "utf-16-be"
+
+
+def open_text_bytes(path: Path) -> BinaryIO:
+    """Open a text for reading as bytes; one in UTF-16 gives those of UTF-8.
+
+    Raises
+    ------
+    InputError
+        A text in UTF-16 is damaged, or of more than 256 MB.
+    """
+    stream = path.open("rb")
+    wide = utf16_of(stream.read(512))
+    stream.seek(0)
+    if not wide:
+        return stream
+    with stream:
+        content = stream.read(_MOST_WIDE + 1)
+    if len(content) > _MOST_WIDE:
+        raise InputError(
+            place=path, found="the text is UTF-16 of more than 256 MB", remedy="Save the file as UTF-8"
+        )
+    try:
+        return io.BytesIO(content.decode(wide).encode())
+    except UnicodeError as error:
+        raise InputError(
+            place=path, found=f"the text is UTF-16 and damaged ({error})", remedy="Save the file as UTF-8"
+        ) from error
+
+
+def is_wide(head: bytes) -> bool:
+    """Tell whether bytes look like UTF-16 without a mark: every other one is zero."""
+    half = len(head) // 2
+    return (
+        half > 8 and max(head[0::2].count(0), head[1::2].count(0)) > 0.9 * half and head.count(0) < 1.2 * half
+    )
+
+
+def encoding_of(path: Path, content: bytes) -> str:
+    """Return the encoding of a text that is not UTF-16.
+
+    Raises
+    ------
+    InputError
+        It is none that a text of numbers would have.
+    """
+    try:
+        content.decode("utf-8")
+    except UnicodeDecodeError as error:
+        if _NO_TEXT.search(content) is None:
+            letters = len(content) - len(content.translate(None, bytes(range(128, 256))))
+            if _is_pairs_of("gb2312", content):
+                return _CHINESE
+            if _is_pairs_of(_JAPANESE, content):
+                return _JAPANESE
+            if _NO_WINDOWS.search(content) is None and letters <= _MOST_LETTERS * len(content):
+                return _WINDOWS
+        raise InputError(
+            place=path,
+            found=(
+                f"byte {error.start} is not UTF-8 text (0x{content[error.start]:02x}); save the file as UTF-8"
+            ),
+        ) from error
+    return UTF8
+
+
+def _is_pairs_of(encoding: str, content: bytes) -> bool:
+    """Tell whether all bytes beyond ASCII are pairs of an encoding, two at least: umlauts stand alone."""
+    try:
+        text = content.decode(encoding)
+    except UnicodeDecodeError:
+        return False
+    return len(content) - len(text) > 1 and (encoding != _JAPANESE or _EAST.fullmatch(text) is not None)

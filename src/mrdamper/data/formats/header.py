@@ -1,0 +1,206 @@
+"""The first lines of a text or a sheet: delimiter, decimal sign, where rows begin, names of columns."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from mrdamper.data.formats.table import LEAST_ROWS
+from mrdamper.data.labels import labels_in
+from mrdamper.errors import InputError
+from mrdamper.quantities import is_unit
+
+__all__ = [
+    "Header",
+    "count_numbers",
+    "find_data",
+    "find_decimal",
+    "find_header",
+    "holds_samples",
+    "is_comment",
+    "read_header",
+    "refuse_two_commas",
+    "split_line",
+]
+
+_COMMENT = re.compile(r"^\s*(#|%|//|!)+\s?")
+_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)(e[+-]?\d+)?|nan|[+-]?inf", re.IGNORECASE)
+_WHOLE = re.compile(r"[+-]?\d+")
+_DELIMITERS = ("\t", ";", ",", " ")
+_MOST_LINES, _LONGEST_LINE = 64, 300  # of what stands above a table
+
+
+@dataclass(frozen=True, slots=True)
+class Header:
+    """Names of columns, and the lines above them, their cells separated by blanks."""
+
+    names: tuple[str, ...]
+    said: tuple[str, ...]
+    named: bool = True  # False: no row of names was found
+
+
+def find_data(lines: Sequence[str], wanted: str = "") -> tuple[str, int | None]:
+    """Return the delimiter and the first line of data: two numbers or more, and as many in the next line.
+
+    The first of ten such lines goes before one of fewer: a table of results may stand above the samples.
+    """
+    best: tuple[bool, bool, int, int] | None = None
+    found: tuple[str, int | None] = (wanted or ",", None)
+    for rank, delimiter in enumerate((wanted,) if wanted else _DELIMITERS):
+        k = _first_row(lines, delimiter, LEAST_ROWS)
+        long = k is not None
+        if k is None:
+            k = _first_row(lines, delimiter, 2)
+        if k is None:
+            continue
+        fields = split_line(lines[k], delimiter)
+        numbers = count_numbers(fields)
+        score = (long, numbers == len(fields), numbers, -rank)
+        if best is None or score > best:
+            best, found = score, (delimiter, k)
+    return found
+
+
+def holds_samples(lines: Sequence[str], delimiter: str) -> bool:
+    """Tell whether ten rows of numbers stand one below the other: fewer are a table of results."""
+    return _first_row(lines, delimiter, LEAST_ROWS) is not None
+
+
+def _first_row(lines: Sequence[str], delimiter: str, wanted: int) -> int | None:
+    """Return the first of so many lines of two numbers or more; the last line of a text may stand alone."""
+    begin, count = None, 0
+    for k, line in enumerate(lines):
+        if not line.strip() and wanted > 2:
+            continue
+        numbers = 0
+        if (delimiter in line or delimiter == " ") and not _COMMENT.match(line):
+            numbers = count_numbers(split_line(line, delimiter))
+        if numbers < 2:
+            begin, count = None, 0
+            continue
+        begin, count = (k if begin is None else begin), count + 1
+        if count == wanted:
+            return begin
+    return begin if wanted == 2 and begin is not None and begin == len(lines) - 1 else None
+
+
+def find_header(lines: Sequence[str], first: int, delimiter: str) -> list[str]:
+    """Return the names of the columns; a row of units under the header joins it as ``name [unit]``."""
+    return list(read_header(lines, first, delimiter).names)
+
+
+def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
+    """Return the names of the columns above the first row, and the lines above these.
+
+    A row of units under (or above) the names joins them as ``name [unit]``; so does a row of commands above
+    them, as ``0.5 A: name [unit]``, each from its cell to the next one that is filled.
+    """
+    cells = split_line(lines[first], delimiter)
+    count = len(cells)
+    filled = max((k + 1 for k, cell in enumerate(cells) if cell), default=count)
+    rows: list[tuple[int, list[str]]] = []
+    for k in range(first - 1, -1, -1):
+        fields = _header_fields(lines[k], delimiter, count, filled)
+        if fields:
+            rows.append((k, fields))
+        elif rows or lines[k].strip():
+            break
+    if not rows:
+        return Header(
+            tuple(f"column {k + 1}" for k in range(count)), _said(lines[:first], delimiter), named=False
+        )
+    at, names = rows.pop(0)
+    units: list[str] | None = None
+    for turned in (False, True):  # units stand under the names, or above them
+        if rows and units is None:
+            words = [text.strip("[]()") for text in (rows[0][1] if turned else names)]
+            if _are_units(words) and not (turned and _are_units([text.strip("[]()") for text in names])):
+                units = words
+                above, other = rows.pop(0)
+                at, names = above, (names if turned else other)
+    if units is not None:
+        names = [f"{name} [{unit}]" if unit else name for name, unit in zip(names, units, strict=True)]
+    commands = rows[0][1] if rows else []
+    if any(commands) and all(labels_in(cell, "current") for cell in commands if cell):
+        at, now = rows[0][0], ""
+        for k, cell in enumerate(commands):
+            now = cell or now
+            names[k] = f"{now}: {names[k]}" if now else names[k]
+    return Header(tuple(names), _said(lines[:at], delimiter))
+
+
+def _header_fields(line: str, delimiter: str, count: int, filled: int) -> list[str] | None:
+    """Return the fields of a line that may name columns, as many as there are; None for any other line."""
+    bare = _COMMENT.sub("", line)
+    fields = split_line(bare, delimiter)
+    if delimiter == " " and len(fields) != count:
+        fields = re.split(r"\s{2,}|\t", bare.strip())
+        if len(fields) != count:  # "Time (s) Force (N)"
+            fields = re.findall(r"[^\s(\[]+\s*[(\[][^)\]]*[)\]]|\S+", bare)
+    if len(fields) not in {count, filled} or not any(fields):
+        return None
+    return fields + [""] * (count - len(fields))
+
+
+def _said(lines: Sequence[str], delimiter: str) -> tuple[str, ...]:
+    """Return the lines above a table that hold anything, cells separated by blanks."""
+    joined = (" ".join(filter(None, split_line(_COMMENT.sub("", line), delimiter))) for line in lines)
+    return tuple(line[:_LONGEST_LINE] for line in joined if line)[-_MOST_LINES:]
+
+
+def _are_units(words: Sequence[str]) -> bool:
+    """Tell whether a row under the names is one of units: two at least, and half of what it holds."""
+    filled = [word for word in words if word and word != "-"]
+    known = sum(is_unit(word) for word in filled)
+    return known >= min(2, len(filled)) and 2 * known >= len(filled) > 0
+
+
+def is_comment(line: str) -> bool:
+    """Tell whether a line begins with a comment's sign."""
+    return _COMMENT.match(line) is not None and not line.lstrip().startswith("#N")  # "#NV" is a missing value
+
+
+def count_numbers(fields: Sequence[str]) -> int:
+    """Return how many of the fields are numbers."""
+    return sum(_NUMBER.fullmatch(text) is not None for text in fields)
+
+
+def split_line(line: str, delimiter: str) -> list[str]:
+    """Return the fields of a line."""
+    parts = line.split() if delimiter == " " else line.split(delimiter)
+    return [part.strip().strip('"').strip() for part in parts]
+
+
+def find_decimal(path: Path, rows: Sequence[str], delimiter: str) -> str:
+    """Return the decimal sign of the rows, "" when none has one; both signs are an error."""
+    fields = [text for line in rows for text in split_line(line, delimiter) if _NUMBER.fullmatch(text)]
+    found = {sign for sign in ".," if any(sign in text for text in fields)}
+    if len(found) > 1:
+        examples = " and ".join(repr(next(text for text in fields if sign in text)) for sign in ".,")
+        raise InputError(
+            place=path,
+            found=f"numbers have decimal points and decimal commas ({examples})",
+            expected="one of them",
+            remedy="Export the numbers without separators of thousands",
+        )
+    return found.pop() if found else ""
+
+
+def refuse_two_commas(path: Path, lines: Sequence[str], first: int, delimiter: str) -> None:
+    """Refuse commas that separate columns and decimals alike: 0,5,1,25 is two numbers or four."""
+    fields = split_line(lines[first], delimiter)
+    above = next((line for line in reversed(lines[:first]) if line.strip()), "")
+    names = split_line(_COMMENT.sub("", above), delimiter)
+    if delimiter != "," or len(names) < 2 or count_numbers(names) or len(fields) <= len(names):
+        return
+    if all(_WHOLE.fullmatch(text) for text in fields):
+        raise InputError(
+            place=path,
+            found=(
+                f"{len(names)} names and {len(fields)} fields in line {first + 1}: commas seem to separate "
+                "both columns and decimals"
+            ),
+            remedy="Export with semicolons, or with decimal points",
+        )

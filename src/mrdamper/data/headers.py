@@ -1,0 +1,164 @@
+"""Headers of columns: the word, the unit, and the roles that each of them speaks of.
+
+A unit decides where one column alone has a unit of a role; words decide among several, and which of a
+command's columns is its set point.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from mrdamper.quantities import QUANTITIES, is_unit, roles_of_unit
+
+__all__ = [
+    "candidates",
+    "is_ambient",
+    "is_monitor",
+    "is_set_point",
+    "names_by_symbol",
+    "parse_header",
+    "says_command",
+    "speaks_of",
+    "unit_in_brackets",
+    "word_and_unit",
+]
+
+_NOTED = re.compile(r"(.+?)\s*[\[({].*[\])}]\s*[\[({]([^\[({]*)[\])}]")  # a note, then the unit
+_BRACKETS = re.compile(r"(.+?)\s*[\[({](.*)[\])}]")
+_SLASH, _LINE = re.compile(r"(.+?)\s+/\s*(.+)"), re.compile(r"([^_]+)_(.+)")
+_FORMS = (_NOTED, _BRACKETS, _SLASH, _LINE, re.compile(r"(.+)()"))
+_FORMS_WITH_UNIT = (
+    *(_BRACKETS, re.compile(r"(.+?)\s*/\s*(.+)"), _LINE),
+    *(re.compile(r"(.+?)\s*,\s*(.+)"), re.compile(r"(.+?)\s+in\s+(.+)", re.IGNORECASE)),
+)
+_BRACKETED = (_NOTED, _BRACKETS)
+_NARROW = str.maketrans("（）［］／", "()[]/")
+
+_SET_POINT = re.compile(
+    r"\b(set|setpoint|soll\w*|cmd|command\w*|target|demand\w*|ref|reference|desired|consign\w*|zadan\w*)\b"
+    r"|目标|設定|设定|指令|给定|목표|지령"
+)
+_COMMAND = re.compile(
+    r"\b(c(o|ó)m(m)?and\w*|cmd|drive\w*|control\w*|steuer\w*|consign\w*)\b|volt|spannung|tens[iã]|ten[cs]i[oó]n|nap[ie]"
+    r"|电压|電圧|전압|指令"
+)
+_MONITOR = re.compile(r"monitor|\bimon\b|\bmon\b|shunt|clamp|probe|transducer|sensor")
+_AMBIENT = re.compile(r"\b(amb\w*|room|air|raum\w*|umgebung\w*|lab|chamber)\b|室温|环境|環境")
+
+
+def word_and_unit(header: str) -> tuple[str, str]:
+    """Return the word and the unit of a header, "" where it has none; what is no unit belongs to the word."""
+    text = header.translate(_NARROW).strip()
+    for form in (_NOTED, *_FORMS_WITH_UNIT):
+        match = form.fullmatch(text)
+        if match is None:
+            continue
+        word, unit = match[1].strip(), match[2].strip()
+        roles = roles_of_unit(unit)
+        if not roles or not (form in _BRACKETED or len(unit) > 1 or _means(word, roles)):
+            continue
+        return word, unit
+    return text, ""
+
+
+def _means(word: str, roles: Sequence[str]) -> bool:
+    """Tell whether a word is of one of the roles: ``sensor_A`` is no current, ``coil current_A`` is."""
+    return any(word == QUANTITIES[role].symbol or speaks_of(word, role) for role in roles)
+
+
+def speaks_of(word: str, role: str) -> bool:
+    """Tell whether a word of a role stands in a header's, by itself or at the end of a longer one."""
+    plain = _plain(word)
+    tokens = plain.split()
+    for known in QUANTITIES[role].headers:
+        if (len(known) == 1 and known.isascii()) or known == "力":
+            continue
+        if not known.isascii() and known in plain:
+            return True
+        if known in tokens or (len(known) > 2 and any(token.endswith(known) for token in tokens)):
+            return True
+        if len(known) > 3 and any(token.startswith(known) for token in tokens):
+            return True
+    return False
+
+
+def is_set_point(word: str) -> bool:
+    """Tell whether a header names what was asked for, and not what was measured."""
+    return _SET_POINT.search(_plain(word)) is not None
+
+
+def says_command(word: str) -> bool:
+    """Tell whether a header of volts names a command: any other may be a sensor's."""
+    return _COMMAND.search(_plain(word)) is not None and not is_monitor(word)
+
+
+def is_monitor(word: str) -> bool:
+    """Tell whether a header names a sensor's output: its volts stand for something else."""
+    return _MONITOR.search(_plain(word)) is not None
+
+
+def is_ambient(word: str) -> bool:
+    """Tell whether a header names the temperature of the room."""
+    return _AMBIENT.search(_plain(word)) is not None
+
+
+def _plain(word: str) -> str:
+    """Return a header's word in lower case, its parts (``coil_current``, ``CoilCurrent``) apart."""
+    apart = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", word)
+    return re.sub(r"[\W_\d]+", " ", apart).strip().lower()
+
+
+def parse_header(header: str) -> tuple[str, str] | None:
+    """Return (role, unit) of a header that speaks for itself, unit "" when it names a role only, or None.
+
+    A word with a unit of its role beside it may stand in more ways than one with brackets: ``Force, N``,
+    ``Kraft in N``, ``Force (filtered) [N]``; and with such a unit a symbol will do, as ``F [N]``.
+    """
+    text = header.translate(_NARROW).strip()
+    for form in _FORMS:
+        match = form.fullmatch(text)
+        if match and (role := _role_of(match[1])) is not None:
+            return role, match[2].strip()
+    for form in _FORMS_WITH_UNIT:
+        match = form.fullmatch(text)
+        if match is None:
+            continue
+        word, unit = match[1].strip(), match[2].strip()
+        role = _role_of(word) or next((q.role for q in QUANTITIES.values() if word == q.symbol), None)
+        if role is not None and unit and is_unit(unit, [role]):
+            return role, unit
+    return None
+
+
+def names_by_symbol(header: str) -> bool:
+    """Tell whether a header names its role by one letter."""
+    return re.match(r"\s*[A-Za-z](?![^\W\d_])", header) is not None
+
+
+def unit_in_brackets(header: str) -> str:
+    """Return the unit in the brackets at the end of a header, whatever it is the unit of; "" without."""
+    match = re.fullmatch(r".*[\[({]([^\[({]*)[\])}]\s*", header.translate(_NARROW))
+    return match[1].strip() if match else ""
+
+
+def candidates(role: str, headers: Sequence[str]) -> list[str]:
+    """Return the headers that may mean a role: by a word or its symbol, else by their unit; for messages."""
+    quantity = QUANTITIES[role]
+    words = [word for word in quantity.headers if len(word) > (2 if word.isascii() else 1)]
+    named = [
+        header
+        for header in headers
+        if header.strip() == quantity.symbol or any(word in header.lower() for word in words)
+    ]
+    units = {
+        header: unit_in_brackets(header) or header.rpartition("_")[2]
+        for header in headers
+        if parse_header(header) is None  # "Force (V)" is no voltage
+    }
+    return named or [header for header, unit in units.items() if is_unit(unit, [role])]
+
+
+def _role_of(word: str) -> str | None:
+    word = word.strip() if len(word.strip()) == 1 else word.strip().lower()
+    return next((role for role, quantity in QUANTITIES.items() if word in quantity.headers), None)

@@ -1,0 +1,181 @@
+"""Commands and temperatures that are written in words: a sheet's title, lines above a table, names of files.
+
+``0.5 A``, ``0,5A``, ``500mA``, ``1p5A``, ``T20C``, ``60 °C``, ``Current [A]: 0.5``. A number counts with its
+unit alone; where a text holds two different ones it does not say which, and a ``Label`` holds both. Sampling
+rates and scales of sensors (``10 mm/V``) stand in words, too.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from mrdamper.errors import InputError
+from mrdamper.quantities import QUANTITIES, to_si
+
+__all__ = ["Label", "Place", "find_label", "labels_in", "places_of", "rates_in", "scales_in"]
+
+_NUMBER = r"\d+(?:[.,p]\d+)?"
+_END = r"(?![A-Za-z0-9/²^*·])"
+_UNITS = {
+    "current": r"m?A(?:mp(?:ere)?s?)?",
+    "voltage": r"m?V(?:olts?)?",
+    "temperature": r"(?:°|deg\.?|º)?\s?[CF]|K|℃|℉",
+}
+_SYMBOLS = {"current": "iI", "voltage": "uUvV", "temperature": "tT"}
+# A number stands alone, behind its sign, or behind the symbol of what it is: "rev2A" is no current, and
+# "0-1.5A" is a range. A stroke behind a letter is a dash before a current; a temperature may be below zero.
+_BEGIN = r"(?:(?<![\w.,+-])|(?<=_)|(?<=(?<![^\W_])[{symbol}])|(?<=(?:(?<=[\s_=:(])|(?<![\s\S]))[+-]){dash})"
+_DASHES = {"current": r"|(?<=[^\W\d]-)", "voltage": r"|(?<=[^\W\d]-)", "temperature": ""}
+_RANGE = r"(?<!\bto )(?<!\bbis )(?<![-–…~] )"
+_FORMS = {
+    role: re.compile(
+        rf"((?<![^\s_=:(])[+-])?{_BEGIN.format(symbol=_SYMBOLS[role], dash=_DASHES[role])}{_RANGE}"
+        rf"({_NUMBER})[\s_]?({unit}){_END}"
+    )
+    for role, unit in _UNITS.items()
+}
+_AFTER_UNIT = {
+    role: re.compile(rf"[\[(]\s*({unit})\s*[\])]\s*[\"']?\s*[:=;,\t ]\s*[\"']?\s*([+-]?{_NUMBER})(?![\w.%/])")
+    for role, unit in _UNITS.items()
+}
+_NOT_SET = re.compile(
+    r"max|min\b|limit|range|rated|nominal|fuse|supply|peak|full.?scale|bereich|grenz|capacity|excitation"
+    r"|sensitiv",
+    re.IGNORECASE,
+)
+_NOT_THE_DAMPER = re.compile(r"room|ambient|raum|umgebung|\blab\b|\bair\b", re.IGNORECASE)
+_OF_TEMPERATURE = re.compile(r"temp|\bT\b|°|℃|deg|温度|온도", re.IGNORECASE)
+_SCALE = re.compile(
+    rf"({_NUMBER}(?:[eE][-+]?\d+)?)\s*([^\W\d_]{{1,3}}(?:/s)?)\s*(?:/|per)\s*(m?V)(?:olt)?s?(?![\w/])"
+)
+_SCALE_BEFORE = re.compile(
+    rf"(?<![^\s\[(])([^\W\d_]{{1,3}}(?:/s)?)/(m?V)[\])]?[\s:=]+({_NUMBER}(?:[eE][-+]?\d+)?)(?![\w/])"
+)
+_SCALE_OF_ONE = re.compile(
+    rf"(?<![\d.,])1\s*V\s*(?:=|≙|->|:)\s*({_NUMBER})\s*([^\W\d_]{{1,3}}(?:/s)?)(?![\w/])"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A text that may hold a label, and what it is called in messages."""
+
+    source: str  # "title", "header", "file name", "folder"
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Label:
+    """What a place says of a role: one value, or several different ones, which is no answer."""
+
+    role: str
+    values: tuple[float, ...]  # SI
+    source: str
+    text: str
+
+
+def labels_in(text: str, role: str) -> tuple[float, ...]:
+    """Return the different values of a role [SI] that stand in a text."""
+    found = [(sign + number, unit) for sign, number, unit in _FORMS[role].findall(text)]
+    found += [(number, unit) for unit, number in _AFTER_UNIT[role].findall(text)]
+    values: dict[float, None] = {}
+    for number, unit in found:
+        try:
+            value = float(
+                to_si(float(number.replace(",", ".").replace("p", ".")), unit.replace(" ", ""), role)
+            )
+        except InputError:
+            continue
+        if QUANTITIES[role].low <= value <= QUANTITIES[role].high:
+            values[round(value, 9)] = None
+    return tuple(values)
+
+
+def find_label(places: Sequence[Place], role: str) -> Label | None:
+    """Return what the first place that speaks of a role says; None where none does."""
+    sources = list(dict.fromkeys(place.source for place in places))
+    for source in sources:
+        values: dict[float, str] = {}
+        for place in places:
+            if place.source == source and _may_say(place, role):
+                for value in labels_in(place.text, role):
+                    values.setdefault(value, place.text)
+        if values:
+            return Label(role, tuple(values), source, next(iter(values.values())))
+    return None
+
+
+def places_of(title: str, said: Iterable[str], path: Path) -> tuple[Place, ...]:
+    """Return the places that may say something of a table, the nearest first."""
+    found = [Place("title", title)] if title else []
+    found += [Place("header", line) for line in said]
+    found += [Place("file name", path.stem)]
+    folders = [path.parent, path.parent.parent]
+    return (*found, *(Place(f"folder {each.name!r}", each.name) for each in folders if each.name))
+
+
+def scales_in(line: str) -> tuple[tuple[float, str], ...]:
+    """Return the scales of a sensor in a line, ``10 mm/V`` or ``1 V = 10 mm``: number per volt, and unit."""
+    found = [(number, unit, 1e3 if volt == "mV" else 1.0) for number, unit, volt in _SCALE.findall(line)]
+    found += [(number, unit, 1.0) for number, unit in _SCALE_OF_ONE.findall(line)]
+    found += [
+        (number, unit, 1e3 if volt == "mV" else 1.0) for unit, volt, number in _SCALE_BEFORE.findall(line)
+    ]
+    return tuple((float(number.replace(",", ".")) * factor, unit) for number, unit, factor in found)
+
+
+def _may_say(place: Place, role: str) -> bool:
+    """Tell whether a text may be about the damper: a header has limits, ranges and the room in it, too."""
+    if place.source != "header":
+        return True
+    if _NOT_SET.search(place.text):
+        return False
+    if role == "temperature":
+        return not _NOT_THE_DAMPER.search(place.text) and bool(_OF_TEMPERATURE.search(place.text))
+    return role == "current" or bool(
+        re.search(r"command|volt|control|drive|coil|spule|spannung|ten[sz]", place.text, re.I)
+    )
+
+
+_SAMPLING = re.compile(
+    r"sampl|\bfs\b|\brate\b|messrate|abtast|acqui|échant|echant|muestr|campion|amostr|próbk|采样|サンプ|샘플",
+    re.IGNORECASE,
+)
+_RATE = re.compile(
+    rf"({_NUMBER}(?:[eE][-+]?\d+)?)\s*(k?)(?:Hz|S/s|Sa/s|samples/s|sps)\b|\(?(k?)Hz\)?\W+({_NUMBER})\b"
+)
+_INTERVAL = re.compile(
+    r"(?:delta_?x|sampl\w*[ _]?(?:interval|period|time)|x_?incr\w*|increment|\bdt\b|\bdx\b"
+    r"|abtast\w*(?:intervall|zeit))"
+    rf"\W*(?:\(?(ms|us|s)\)?)?\W+({_NUMBER}(?:[eE][-+]?\d+)?)\s*(ms|us|µs|s)?\b",
+    re.IGNORECASE,
+)
+_IN_SECONDS = re.compile(r"horizontal units?\W+s(ec\w*)?\W*$", re.IGNORECASE)
+_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6}
+
+
+def rates_in(lines: Iterable[str]) -> tuple[float, ...]:
+    """Return the different sampling rates [Hz] that lines above a table state.
+
+    A line must speak of sampling: a frequency of the motion is none. An interval counts with its unit alone,
+    but for ``Delta_X``, which is in the seconds of LabVIEW.
+    """
+    rates: dict[float, None] = {}
+    lines = list(lines)
+    in_seconds = any(_IN_SECONDS.search(line) for line in lines)
+    for line in lines:
+        interval = _INTERVAL.search(line)
+        if interval is not None:
+            unit = interval[1] or interval[3] or ("s" if in_seconds or "delta" in interval[0].lower() else "")
+            step = float(interval[2].replace(",", ".")) * _SECONDS.get(unit.lower(), 0.0)
+            if step > 0.0:
+                rates[float(f"{1.0 / step:.9g}")] = None
+        elif _SAMPLING.search(line):
+            for number, kilo, thousand, other in _RATE.findall(line):
+                value = float((number or other).replace(",", ".")) * (1e3 if kilo or thousand else 1.0)
+                if value > 0.0:
+                    rates[value] = None
+    return tuple(rates)

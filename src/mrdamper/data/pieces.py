@@ -1,0 +1,223 @@
+"""Pieces: the samples of a table as the runs that they are, before anybody gives these their names.
+
+A table is cut where its time falls back, where a column of words says that another test begins, and at
+gaps; pieces whose time goes on at the same command are one run. A few missing numbers are filled in, a
+displacement that was not recorded is integrated from the velocity, and slow channels are interpolated to
+the fastest clock. Each of these is told.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from mrdamper.arrays import FloatArray
+from mrdamper.data.finding import Finding
+from mrdamper.data.formats.table import Table, Texts
+from mrdamper.data.records import GAP, changes_of_pace, command_slack, steady_command
+from mrdamper.data.roles import clock_time
+from mrdamper.errors import InputError
+
+__all__ = ["Piece", "cut_at_gaps", "filled", "integrated", "joined", "run_edges", "to_one_clock"]
+
+_LEAST_SAMPLES = 16
+_MOST_MISSING = 0.01
+_GOES_ON = 1.5  # steps of time: further apart, a piece is a recording of its own
+_LEAST_COVERED = 0.9  # of the time of the fastest clock
+_MOST_RUNS = 1 / 16  # of the rows: a column of words that changes more often names no runs
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Piece:
+    """Some rows of a file in SI, and what was found while they were read."""
+
+    time: FloatArray
+    channels: Mapping[str, FloatArray]  # by role; the command's under "command"
+    title: str = ""  # of the sheet, group, or run that it is
+    findings: tuple[Finding, ...] = ()
+    told: tuple[tuple[str, float, str], ...] = field(default=())  # role, value [SI], source
+
+    def part(self, rows: slice) -> Piece:
+        """Return some of the rows."""
+        channels = {role: values[rows] for role, values in self.channels.items()}
+        return replace(self, time=self.time[rows], channels=channels)
+
+
+def run_edges(
+    time: FloatArray, parts: Sequence[int], texts: Mapping[str, Texts]
+) -> tuple[list[int], dict[int, str]]:
+    """Return the edges of the runs of a table, and the titles that a column of words gives them."""
+    edges = {0, *parts}
+    titles: dict[int, str] = {}
+    for cells in texts.values():
+        begins = [k for k in range(len(cells)) if k == 0 or cells[k] != cells[k - 1]]
+        if all(cells) and 1 < len(begins) <= _MOST_RUNS * len(cells):
+            edges |= set(begins)
+            titles |= {k: f"{cells[k]}" for k in begins}
+    if len(time) > 1 and np.isfinite(time).all():
+        steps = np.diff(time)
+        usual = float(np.median(np.abs(steps)))
+        falls = np.flatnonzero(steps < -max(usual, 1e-12) * (_LEAST_SAMPLES - 1)) + 1
+        pieces = np.diff([0, *falls.tolist(), len(time)])
+        if len(falls) and int(pieces.min()) >= _LEAST_SAMPLES:
+            edges |= set(falls.tolist())
+    return [*sorted(edge for edge in edges if edge < len(time)), len(time)], titles
+
+
+def joined(pieces: Sequence[Piece]) -> list[Piece]:
+    """Return pieces with those joined whose time goes on from the one before at the same command."""
+    found: list[Piece] = []
+    for piece in pieces:
+        if found and _goes_on(found[-1], piece):
+            before = found[-1]
+            channels = {
+                role: np.concatenate([values, piece.channels[role]])
+                for role, values in before.channels.items()
+            }
+            found[-1] = replace(before, time=np.concatenate([before.time, piece.time]), channels=channels)
+        else:
+            found.append(piece)
+    return found
+
+
+def _goes_on(before: Piece, after: Piece) -> bool:
+    if len(before.time) < 2 or not len(after.time) or before.channels.keys() != after.channels.keys():
+        return False
+    usual = float(np.median(np.diff(before.time)))
+    if not 0.0 < float(after.time[0] - before.time[-1]) < _GOES_ON * usual:
+        return False
+    if before.told != after.told:
+        return False
+    commands = [piece.channels.get("command") for piece in (before, after)]
+    held = [None if command is None else steady_command(command) for command in commands]
+    if held[0] is None or held[1] is None:
+        return True
+    return abs(held[0] - held[1]) <= command_slack(held[0])
+
+
+def filled(piece: Piece) -> Piece:
+    """Return a piece with up to 1 % of missing numbers interpolated, but for those at its ends."""
+    channels, findings = dict(piece.channels), list(piece.findings)
+    rows = np.arange(len(piece.time), dtype=np.float64)
+    for role, values in {"time": piece.time, **piece.channels}.items():
+        missing = np.isnan(values)
+        count = int(missing.sum())
+        if not 0 < count <= _MOST_MISSING * len(values) or missing[0] or missing[-1]:
+            continue
+        whole = values.copy()
+        whole[missing] = np.interp(rows[missing], rows[~missing], values[~missing])
+        channels[role] = whole
+        first = int(np.argmax(missing))
+        findings.append(
+            Finding(
+                kind="missing_filled",
+                severity="warning",
+                channel=role,
+                size=float(count),
+                unit="samples",
+                from_s=_at(piece.time, first),
+                to_s=_at(piece.time, int(np.flatnonzero(missing)[-1])),
+                found=f"{role} has {count} missing numbers, the first at sample {first}: interpolated",
+                effect="A reversal among them is flattened",
+                remedy="Fill them in the source if it has them",
+            )
+        )
+    time = channels.pop("time", piece.time)
+    return replace(piece, time=time, channels=channels, findings=tuple(findings))
+
+
+def cut_at_gaps(piece: Piece) -> Iterator[Piece]:
+    """Give a piece as it stands between its gaps, each told; one whose parts are too short stays whole."""
+    steps = np.diff(piece.time)
+    if len(steps) < 2 * _LEAST_SAMPLES or not (np.isfinite(steps).all() and (steps > 0.0).all()):
+        yield piece
+        return
+    usual = float(np.median(steps))
+    gaps = np.flatnonzero(steps > GAP * usual) + 1
+    edges = [0, *gaps.tolist(), len(piece.time)]
+    if not len(gaps) or min(np.diff(edges)) < _LEAST_SAMPLES or changes_of_pace(steps, len(gaps)) is not None:
+        yield piece
+        return
+    for first, last in itertools.pairwise(edges):
+        part = piece.part(slice(first, last))
+        found: tuple[Finding, ...] = ()
+        if first:
+            lost = float(piece.time[first] - piece.time[first - 1])
+            found = (
+                Finding(
+                    kind="gap",
+                    severity="warning",
+                    channel="time",
+                    size=lost,
+                    unit="s",
+                    from_s=float(piece.time[first - 1]),
+                    to_s=float(piece.time[first]),
+                    found=f"time has a gap of {lost:.4g} s before this piece, where the usual step is "
+                    f"{usual:.4g} s: the record is cut there",
+                    effect="The state of the hysteresis is lost in a gap: each piece begins anew",
+                    remedy="Record again without losing samples, if the pieces are short",
+                ),
+            )
+        yield replace(part, findings=(*part.findings, *found))
+
+
+def integrated(piece: Piece) -> Piece:
+    """Return a piece whose displacement is that of its velocity, its mean and its slope taken off."""
+    velocity, time = piece.channels["velocity"], piece.time
+    path = np.concatenate([[0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]) * np.diff(time))])
+    if len(path) > 2 and np.isfinite(path).all():
+        path = path - np.polyval(np.polyfit(time - time[0], path, 1), time - time[0])
+    found = Finding(
+        kind="velocity_integrated",
+        severity="warning",
+        channel="displacement",
+        found="there is no displacement: it is the integral of the velocity, without its mean and slope",
+        effect="The place of the loop along the stroke, and slow motion, are lost",
+        remedy="Record the displacement where position matters (gas spring, end stops)",
+    )
+    channels = {**piece.channels, "displacement": path}
+    return replace(piece, channels=channels, findings=(*piece.findings, found))
+
+
+def to_one_clock(
+    table: Table, names: Mapping[str, str], place: str
+) -> tuple[dict[str, FloatArray], tuple[str, ...]]:
+    """Return the columns of roles at the times of the fastest of their clocks, and which were interpolated.
+
+    ``names`` are columns by role, without the time. A clock's own time is its first column.
+    """
+    clocks = {role: table.clocks[name] for role, name in names.items() if name in table.clocks}
+    if len(set(clocks.values())) < 2:
+        return {role: table.columns[name] for role, name in names.items()}, ()
+    times = {clock: table.columns[clock_time(table, clock)] for clock in set(clocks.values())}
+    fastest = max(times, key=lambda clock: len(times[clock]))
+    columns: dict[str, FloatArray] = {"time": times[fastest]}
+    slow: list[str] = []
+    for role, name in names.items():
+        values = table.columns[name]
+        if role in clocks and clocks[role] != fastest:
+            slow.append(role)
+            _require_overlap(times[fastest], times[clocks[role]], name, place)
+            values = np.interp(times[fastest], times[clocks[role]], values)
+        columns[role] = values
+    return columns, tuple(slow)
+
+
+def _require_overlap(fast: FloatArray, slow: FloatArray, name: str, place: str) -> None:
+    """Refuse a channel whose clock covers less than 90 % of the fastest one's."""
+    covered = min(float(fast[-1]), float(slow[-1])) - max(float(fast[0]), float(slow[0]))
+    if not covered >= _LEAST_COVERED * float(fast[-1] - fast[0]):
+        raise InputError(
+            place=place,
+            found=f"column {name!r} has a clock of its own, from {slow[0]:.4g} s to {slow[-1]:.4g} s, beside "
+            f"one from {fast[0]:.4g} s to {fast[-1]:.4g} s",
+            expected="clocks that cover the same time",
+            remedy="Name a group that holds all channels at [file] part in the channel map",
+        )
+
+
+def _at(time: FloatArray, k: int) -> float | None:
+    return float(time[k]) if np.isfinite(time[k]) else None

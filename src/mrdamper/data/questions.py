@@ -1,0 +1,167 @@
+"""Questions: what a file cannot tell and a user can, and the answers to them.
+
+A question names the role, the topic (its unit, its column, its scale, its value, or the sampling rate), the
+file, and what there is to choose from. An answer is ``ROLE.TOPIC=VALUE``, for all files or for those that a
+pattern before it names: ``force.unit=kN``, ``time.rate=250``, ``run_1*:current.value=0.5 A``.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from fnmatch import fnmatchcase
+from types import MappingProxyType
+from typing import Literal, get_args
+
+from mrdamper.data.channels import Channel, ChannelMap
+from mrdamper.errors import InputError
+from mrdamper.quantities import QUANTITIES, to_si
+from mrdamper.schema import did_you_mean
+
+__all__ = ["Answer", "AskingError", "Question", "Topic", "ask", "ask_all", "parse_answers", "with_answers"]
+
+Topic = Literal["unit", "rate", "column", "scale", "value"]
+_ANSWER = re.compile(r"(?:(?P<files>[^=]+):)?(?P<role>[a-z]+)\.(?P<topic>[a-z]+)=(?P<value>.+)", re.DOTALL)
+_SCALED = re.compile(r"\s*([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*([^\s/]*)\s*(?:/\s*(m?V))?\s*")
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """One thing that a file does not say."""
+
+    role: str
+    topic: Topic
+    file: str  # its name
+    text: str
+    candidates: tuple[str, ...] = ()
+
+    @property
+    def key(self) -> str:
+        """What an answer to it begins with."""
+        return f"{self.role}.{self.topic}"
+
+    def to_dict(self) -> Mapping[str, object]:
+        """Return the fields as JSON takes them."""
+        return {
+            "role": self.role,
+            "topic": self.topic,
+            "file": self.file,
+            "text": self.text,
+            "candidates": list(self.candidates),
+            "answer": f"{self.key}={self.candidates[0] if len(self.candidates) == 1 else '...'}",
+        }
+
+
+class AskingError(InputError):
+    """A file that can be read as soon as its questions are answered."""
+
+    def __init__(self, *parts: str, questions: Sequence[Question] = (), **named: str) -> None:
+        super().__init__(*parts, **named)
+        self.questions = tuple(questions)
+
+
+def ask(
+    role: str,
+    topic: Topic,
+    place: str,
+    *,
+    found: str,
+    expected: str = "",
+    remedy: str = "",
+    candidates: Sequence[str] = (),
+) -> AskingError:
+    """Return the error that asks one question."""
+    text = found + (f"; expected {expected}" if expected else "")
+    question = Question(role, topic, place, text, tuple(candidates))
+    return AskingError(place=place, found=found, expected=expected, remedy=remedy, questions=(question,))
+
+
+def ask_all(faults: Sequence[InputError]) -> InputError:
+    """Return one error of many, with the questions of all."""
+    if len(faults) == 1:
+        return faults[0]
+    asked = [question for fault in faults if isinstance(fault, AskingError) for question in fault.questions]
+    text = "\n".join(f"{fault}" for fault in faults)
+    return AskingError(text, questions=asked) if asked else InputError(text)
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What a user says of one role in some files."""
+
+    role: str
+    topic: Topic
+    value: str
+    files: str = "*"  # pattern of their names
+
+
+def parse_answers(given: Sequence[str]) -> tuple[Answer, ...]:
+    """Return answers that are spelled ``ROLE.TOPIC=VALUE``, a pattern of files before it where one is meant.
+
+    Raises
+    ------
+    InputError
+        An answer is not of this form, or names no role or topic.
+    """
+    answers = []
+    for text in given:
+        found = _ANSWER.fullmatch(text.strip())
+        if found is None:
+            raise InputError(
+                place=f"answer {text!r}",
+                found="it has another form",
+                expected="ROLE.TOPIC=VALUE, such as force.unit=kN",
+            )
+        if found["role"] not in QUANTITIES:
+            raise InputError(f"answer {text!r}: no role; {did_you_mean(found['role'], list(QUANTITIES))}")
+        topic = next((each for each in get_args(Topic) if each == found["topic"]), None)
+        if topic is None:
+            raise InputError(f"answer {text!r}: no topic; {did_you_mean(found['topic'], get_args(Topic))}")
+        answers.append(Answer(found["role"], topic, found["value"].strip(), found["files"] or "*"))
+    return tuple(answers)
+
+
+def with_answers(chosen: ChannelMap, answers: Sequence[Answer], file: str) -> ChannelMap:
+    """Return a channel map with what answers say of a file."""
+    channels, constant, rate = dict(chosen.channels), dict(chosen.constant), chosen.rate_Hz
+    for answer in answers:
+        if not fnmatchcase(file, answer.files):
+            continue
+        channel = channels.get(answer.role) or Channel(answer.role)
+        if answer.topic == "unit":
+            channels[answer.role] = replace(channel, unit=answer.value)
+        elif answer.topic == "column":
+            channels[answer.role] = replace(channel, name=answer.value, pattern=None, index=None)
+        elif answer.topic == "scale":
+            channels[answer.role] = replace(
+                channel, gain=_number(answer, QUANTITIES[answer.role].unit), unit="V"
+            )
+        elif answer.topic == "rate":
+            rate = _number(answer, "Hz")
+        else:
+            constant[answer.role] = _number(answer, QUANTITIES[answer.role].unit)
+    return replace(
+        chosen, channels=MappingProxyType(channels), constant=MappingProxyType(constant), rate_Hz=rate
+    )
+
+
+def _number(answer: Answer, unit: str) -> float:
+    """Return the number of an answer in a unit (of a scale, per volt)."""
+    found = _SCALED.fullmatch(answer.value)
+    place = f"answer {answer.role}.{answer.topic}={answer.value}"
+    if found is None:
+        raise InputError(place=place, found="no number", expected=f"a number, in {unit} without a unit")
+    try:
+        value = float(found[1])
+    except ValueError as error:
+        raise InputError(place=place, found="no number", expected="a number") from error
+    spelled = found[2] or unit
+    if unit == "Hz":
+        if spelled not in {"Hz", "kHz"} or not value > 0.0:
+            raise InputError(
+                place=place, found=f"{answer.value!r}", expected="a positive number of Hz or kHz"
+            )
+        return value * (1e3 if spelled == "kHz" else 1.0)
+    value = float(to_si(value, spelled, answer.role))
+    return value * 1e3 if found[3] == "mV" else value
