@@ -25,7 +25,7 @@ from mrdamper.errors import InputError
 from mrdamper.excitation import Trajectory
 from mrdamper.schema import read_record
 
-__all__ = ["Preparation", "PreparedRun", "decimate", "prepare_run"]
+__all__ = ["Preparation", "PreparedRun", "decimate", "prepare_run", "shortened"]
 
 Reference = Literal["start", "mean", "none"]
 VelocitySource = Literal["displacement", "channel"]
@@ -254,6 +254,25 @@ def decimate(prepared: PreparedRun, rate_Hz: float) -> PreparedRun:
         ),
         force=prepared.force[::factor],
         scored_from=min(-(-prepared.scored_from // factor), (len(path) - 1) // factor),
+    )
+
+
+def shortened(prepared: PreparedRun, samples: int) -> PreparedRun:
+    """Return the first so many samples of a run."""
+    if samples >= len(prepared):
+        return prepared
+    path = prepared.trajectory
+    return replace(
+        prepared,
+        trajectory=replace(
+            path,
+            displacement=path.displacement[:samples],
+            velocity=path.velocity[:samples],
+            acceleration=path.acceleration[:samples],
+            command=path.command[:samples],
+            temperature=None if path.temperature is None else path.temperature[:samples],
+        ),
+        force=prepared.force[:samples],
     )
 
 

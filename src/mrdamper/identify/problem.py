@@ -18,7 +18,7 @@ import numpy as np
 
 from mrdamper import core
 from mrdamper.arrays import FloatArray
-from mrdamper.data.prepare import PreparedRun, decimate
+from mrdamper.data.prepare import PreparedRun, decimate, shortened
 from mrdamper.errors import InputError
 from mrdamper.models.damper import LAG, Damper, OperatingEnvelope
 from mrdamper.models.simulate import Drive, open_drive
@@ -126,21 +126,13 @@ class PreparedFit:
         if not spread > 0.0:
             raise InputError(place=run.run.name, found="the force does not change after the motion starts")
         coarse = decimate(run, rate)
-        trajectory, force, start = coarse.trajectory, coarse.force, coarse.scored_from
+        start, step = coarse.scored_from, coarse.trajectory.step
         longest = core.LONGEST_STEP
         if excerpt:
-            seconds = 0.5 * run.period_s if run.period_s else 0.1 * trajectory.step * len(force)
-            stop = min(len(force), start + max(int(seconds / trajectory.step), 32))
-            trajectory = replace(
-                trajectory,
-                displacement=trajectory.displacement[:stop],
-                velocity=trajectory.velocity[:stop],
-                acceleration=trajectory.acceleration[:stop],
-                command=trajectory.command[:stop],
-                temperature=None if trajectory.temperature is None else trajectory.temperature[:stop],
-            )
-            force = force[:stop]
+            seconds = 0.5 * run.period_s if run.period_s else 0.1 * step * len(coarse)
+            coarse = shortened(coarse, start + max(int(seconds / step), 32))
             longest *= 2.0
+        trajectory, force = coarse.trajectory, coarse.force
         weight = 1e4 / (spread**2 * (len(force) - start) * runs)
         drive = open_drive(trajectory, longest_step=longest)
         return cls(drive, np.ascontiguousarray(force), start, weight, run.run.session)

@@ -20,11 +20,12 @@ from mrdamper.errors import ConvergenceError
 from mrdamper.identify.checkpoint import CheckpointStore, NoCheckpoint
 from mrdamper.identify.groups import groups_of
 from mrdamper.identify.limits import feasible
-from mrdamper.identify.motions import Fold, folds_of, motion_groups
+from mrdamper.identify.motions import Fold, folds_of
 from mrdamper.identify.problem import FitProblem, FreeParameter, PreparedFit
 from mrdamper.identify.search.descent import Box, Descents
 from mrdamper.identify.search.objective import Objective
 from mrdamper.identify.search.variable_projection import fit_variable_projection
+from mrdamper.identify.selection.runs import enough_of
 from mrdamper.identify.temperature import FluidFactors, Temperature
 from mrdamper.identify.templates import template
 from mrdamper.models.damper import Damper
@@ -36,9 +37,7 @@ __all__ = ["Candidate", "Fitted", "Judge", "Judged"]
 _SCREENING_STEPS = 15  # of a law from its best drawn point
 _FIT_STEPS = 8  # of a candidate that starts from a former one
 _FOLD_STEPS = 6  # without a fold, from the fit to all runs
-_MOST_SAMPLES = 150_000  # at the fit's rate, that a selection looks at
-_RATE_Hz = 200.0
-_LEVEL_K = 5.0
+_GLANCE_STEPS = 4  # on short segments of the runs
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +123,7 @@ class Judge:
         seed: int = 0,
         checkpoint: CheckpointStore | None = None,
     ) -> None:
-        self.runs = _some(runs)
+        self.runs = enough_of(runs)
         self.folds = folds_of(self.runs)
         self._terms = None if terms is None else tuple(terms)
         self._how: dict[str, Any] = {
@@ -135,6 +134,7 @@ class Judge:
         self._session_offsets, self._seed = session_offsets, seed
         self._checkpoint = checkpoint or NoCheckpoint()
         self._prepared: tuple[PreparedFit, ...] = ()
+        self._short: tuple[PreparedFit, ...] = ()
 
     def usual(self, law: str) -> Candidate:
         """Return a law with the groups that the runs ask for by themselves, or those that were fixed."""
@@ -188,15 +188,15 @@ class Judge:
         if kept is not None:
             return self._fitted(candidate, kept)
         clock = time.process_time()
-        problem = self._problem(candidate)
-        known = groups_of(problem.template.law)
-        first = [problem.template]
-        for name in candidate.groups:
-            if not {e.name for e in known[name].entries} & set(_moved(former)):
-                first += [self._problem(candidate, start).template for start in known[name].starts]
-        dampers = [_carried(former, each, problem.free) for each in first]
-        damper = _descend(problem, Objective(problem, self._opened(problem)), dampers, _FIT_STEPS)
+        problem, dampers = self._from(candidate, former)
+        damper, _ = _descend(problem, Objective(problem, self._opened(problem)), dampers, _FIT_STEPS)
         return self._keep(candidate, problem, damper, clock)
+
+    def glance(self, candidate: Candidate, former: Damper) -> float:
+        """Return the error [%] of a candidate fitted in very few steps to short segments of the runs."""
+        problem, dampers = self._from(candidate, former)
+        self._short = self._short or problem.prepare(excerpt=True)
+        return _descend(problem, Objective(problem, self._short), dampers, _GLANCE_STEPS)[1]
 
     def cross_validate(self, fitted: Fitted) -> Judged:
         """Return a fitted candidate's errors on each fold, of a fit to the rest."""
@@ -212,11 +212,21 @@ class Judge:
         squares = np.full((len(self.folds), len(self.runs)), np.nan)
         for k, fold in enumerate(self.folds):
             rest = Objective(problem, fold.training(prepared), like=whole)
-            damper = _descend(problem, rest, [fitted.damper], _FOLD_STEPS)
+            damper, _ = _descend(problem, rest, [fitted.damper], _FOLD_STEPS)
             squares[k, list(fold.runs)] = _squared_errors(damper, prepared, fold)
         judged = Judged(fitted, squares, time.process_time() - clock)
         self._checkpoint.keep(key, {"squares": squares.tolist(), "cpu_s": judged.cpu_s})
         return judged
+
+    def _from(self, candidate: Candidate, former: Damper) -> tuple[FitProblem, list[Damper]]:
+        """Return a candidate's problem, and where it starts: a former damper, new groups at their starts."""
+        problem = self._problem(candidate)
+        known = groups_of(problem.template.law)
+        first = [problem.template]
+        for name in candidate.groups:
+            if not {e.name for e in known[name].entries} & set(_moved(former)):
+                first += [self._problem(candidate, start).template for start in known[name].starts]
+        return problem, [_carried(former, each, problem.free) for each in first]
 
     def _problem(self, candidate: Candidate, start: Mapping[str, float] | None = None) -> FitProblem:
         damper, free = template(candidate.law, self.runs, groups=candidate.groups, start=start, **self._how)
@@ -249,35 +259,10 @@ class Judge:
         return Fitted(candidate, damper, kept["free"], kept["percent"], kept["median"], kept["cpu_s"])
 
 
-def _some(runs: Sequence[PreparedRun]) -> tuple[PreparedRun, ...]:
-    """Return runs of few enough samples in all, in their order: first those that bring something new."""
-    cost = [_RATE_Hz * run.trajectory.step * len(run) for run in runs]
-    if sum(cost) <= _MOST_SAMPLES:
-        return tuple(runs)
-    motion = {k: place for place, group in enumerate(motion_groups(runs)) for k in group}
-    seen: set[object] = set()
-    fresh: list[int] = []
-    order = np.random.default_rng(0).permutation(len(runs)).tolist()
-    for k in order:
-        kelvin = runs[k].trajectory.temperature
-        labels = {
-            ("motion", motion[k]),
-            ("command", runs[k].run.constant_command),
-            ("temperature", None if kelvin is None else round(float(np.mean(kelvin)) / _LEVEL_K)),
-        }
-        if not labels <= seen:
-            fresh.append(k)
-        seen |= labels
-    chosen, spent = set(fresh), sum(cost[k] for k in fresh)
-    for k in order:
-        if k not in chosen and spent + cost[k] <= _MOST_SAMPLES:
-            chosen.add(k)
-            spent += cost[k]
-    return tuple(run for k, run in enumerate(runs) if k in chosen)
-
-
-def _descend(problem: FitProblem, objective: Objective, dampers: Sequence[Damper], most: int) -> Damper:
-    """Return the best end of short descents from dampers."""
+def _descend(
+    problem: FitProblem, objective: Objective, dampers: Sequence[Damper], most: int
+) -> tuple[Damper, float]:
+    """Return the best end of short descents from dampers, and its error [%]."""
     box = Box.of(problem)
     nonlinear, linear = (
         np.concatenate(parts) for parts in zip(*map(objective.candidate_of, dampers), strict=True)
@@ -294,7 +279,7 @@ def _descend(problem: FitProblem, objective: Objective, dampers: Sequence[Damper
     values = np.concatenate([box.to_physical(descents.points[best]), descents.linear[best]]).tolist()
     names = (*objective.nonlinear, *objective.linear)
     found = problem.template.with_parameters(dict(zip(names, values, strict=True)))
-    return feasible(problem, found)
+    return feasible(problem, found), float(np.sqrt(costs[best]))
 
 
 def _squared_errors(damper: Damper, runs: Sequence[PreparedFit], fold: Fold) -> list[float]:

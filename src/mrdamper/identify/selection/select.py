@@ -1,9 +1,10 @@
 """The choice of a law and its groups, by what was left out: whole motions, commands, or blocks of time.
 
-Every law is fitted once; those whose error on the runs themselves is above the left-out error of another are
-out. The others are fitted again without each fold. On the best of them groups are switched on one by one
-while that lowers the left-out error, and switched off again where that costs nothing. A candidate that fails
-is a row with its reason. The left-out error of the chosen one is a little too good: it was chosen by it.
+Every law is fitted once. Those that come near the best are fitted again without each fold, and their groups
+are switched on one by one while that lowers the left-out error; whose error on the runs themselves is above
+the left-out error of another is not tried further. Groups of the best candidate are switched off again where
+that costs nothing. A candidate that fails is a row with its reason. The left-out error of the chosen one is a
+little too good: it was chosen by it.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from mrdamper.runtime.signals import Interrupted
 
 __all__ = ["LawScore", "Selection", "select"]
 
+_FAR = 1.5  # times the least error on the runs themselves: from here on a law is out
 _FINALISTS = 4  # laws that are cross-validated at most
 _TRIED = 3  # groups of a round that are
 _ROUNDS = 4  # of groups switched on
@@ -88,7 +90,12 @@ class _Race:
         return fitted
 
     def judge(self, fitted: Fitted) -> Judged | None:
-        """Cross-validate a fitted candidate; one that fails is a row."""
+        """Cross-validate a fitted candidate that can still win; one that fails is a row."""
+        if self.best is not None and fitted.training_percent > self.best.percent:
+            self.say(
+                fitted.candidate, "error on the runs themselves above the chosen one's on what was left out"
+            )
+            return None
         self._on_progress(ProgressUpdate(text=f"leaving out motions: {fitted.candidate.title}"))
         try:
             judged = self._judge.cross_validate(fitted)
@@ -103,16 +110,14 @@ class _Race:
 
     def fail(self, candidate: Candidate, error: Exception) -> None:
         """Take a candidate that failed as a row."""
-        reason = f"failed: {str(error).splitlines()[0]}"
-        nothing = (math.nan, math.nan, math.nan, 0.0)
-        self.rows[candidate] = LawScore(candidate.law, 0, *nothing, candidate.groups, reason=reason)
+        self._aside(candidate, f"failed: {str(error).splitlines()[0]}")
         self.errors.append(error)
 
     def say(self, candidate: Candidate, reason: str) -> None:
         self.rows[candidate] = replace(self.rows[candidate], reason=reason)
 
-    def laws(self, laws: Iterable[str]) -> None:
-        """Fit every law, cross-validate the ones that come near, and take the best."""
+    def laws(self, laws: Iterable[str]) -> list[Fitted]:
+        """Fit every law with its usual groups; return those that come near, the least error first."""
         fitted = []
         for law in laws:
             try:
@@ -123,58 +128,87 @@ class _Race:
             found = self.fit(candidate)
             fitted += [] if found is None else [found]
         fitted.sort(key=lambda each: each.training_percent)
-        judged: list[Judged] = []
-        for place, each in enumerate(fitted):
-            known = min((other.percent for other in judged), default=math.inf)
-            if each.training_percent > known or place >= _FINALISTS:
-                over = 100.0 * (each.training_percent / fitted[0].training_percent - 1.0)
-                self.say(each.candidate, f"error on the runs themselves {over:.0f} % above the least")
-                continue
-            found_error = self.judge(each)
-            judged += [] if found_error is None else [found_error]
-        judged.sort(key=lambda each: (not self._supports(each.fitted.damper), each.percent))
-        for each_judged in judged:
-            if self.best is None or _better(each_judged, self.best):
-                self.best = each_judged
+        near = [each for each in fitted if each.training_percent <= _FAR * fitted[0].training_percent]
+        for each in [*near[_FINALISTS:], *fitted[len(near) :]]:
+            over = 100.0 * (each.training_percent / fitted[0].training_percent - 1.0)
+            self.say(each.candidate, f"error on the runs themselves {over:.0f} % above the least")
+        return near[:_FINALISTS]
 
-    def switch_on(self) -> None:
-        """Switch groups on while that lowers the left-out error."""
+    def climb(self, base: Fitted) -> None:
+        """Switch groups of one law on while that lowers the left-out error; the best candidate is kept."""
+        known = self.judge(base)
         for _ in range(_ROUNDS):
-            base = self.best
-            if base is None:
-                return
+            self._keep(known)
             tried = []
-            for name in self._judge.open_groups(base.fitted.candidate):
-                found = self.fit(base.fitted.candidate.with_group(name), base.fitted.damper)
-                if (
-                    found is not None
-                    and found.training_percent < (1.0 - _SMALL) * base.fitted.training_percent
-                ):
-                    tried.append((name, found))
-                elif found is not None:
+            for name in self._promising(base):
+                found = self.fit(base.candidate.with_group(name), base.damper)
+                if found is None:
+                    continue
+                if found.training_percent >= (1.0 - _SMALL) * base.training_percent:
                     self.say(found.candidate, "does not lower the error on the runs themselves")
-            tried.sort(key=lambda pair: pair[1].training_percent)
-            for _, found in tried[_TRIED:]:
-                self.say(found.candidate, "lowers the error on the runs themselves less than others")
-            judged = [(name, each) for name, found in tried[:_TRIED] if (each := self.judge(found))]
-            judged.sort(key=lambda pair: pair[1].percent)
-            self._take(base, judged)
-            if self.best is base:
+                    continue
+                judged = self.judge(found)
+                tried += [] if judged is None else [(name, judged)]
+            taken = self._taken(known, sorted(tried, key=lambda pair: pair[1].percent))
+            if taken is None:
                 return
+            known, base = taken, taken.fitted
+        self._keep(known)
 
-    def _take(self, base: Judged, judged: Sequence[tuple[str, Judged]]) -> None:
-        """Take the best group that pays, then the runners-up on top of it."""
+    def _keep(self, known: Judged | None) -> None:
+        if known is not None and (self.best is None or self._preferred(known, self.best)):
+            self.best = known
+
+    def _taken(self, base: Judged | None, judged: Sequence[tuple[str, Judged]]) -> Judged | None:
+        """Return the best group that pays, with the runners-up that pay on top of it; None: no one does."""
+        best: Judged | None = None
         for name, each in judged:
-            if not _better(each, base):
+            if best is None:
+                best = each if base is None or _better(each, base) else None
+            elif base is None or _better(each, base):
+                found = self.fit(best.fitted.candidate.with_group(name), best.fitted.damper)
+                both = None if found is None else self.judge(found)
+                best = both if both is not None and _better(both, best) else best
+        return best
+
+    def _promising(self, base: Fitted) -> list[str]:
+        """Return the groups that lower the error on short segments of the runs most."""
+        known = self._glance(base.candidate, base.damper)
+        found = []
+        for name in self._judge.open_groups(base.candidate):
+            candidate = base.candidate.with_group(name)
+            if candidate in self.rows:
                 continue
-            if self.best is base:
-                self.best = each
-                continue
-            assert self.best is not None
-            found = self.fit(self.best.fitted.candidate.with_group(name), self.best.fitted.damper)
-            both = None if found is None else self.judge(found)
-            if both is not None and _better(both, self.best):
-                self.best = both
+            percent = self._glance(candidate, base.damper)
+            if percent < (1.0 - _SMALL) * known:
+                found.append((percent, name))
+            elif candidate not in self.rows:
+                self._aside(candidate, "does not lower the error on short segments of the runs")
+        found.sort()
+        for _, name in found[_TRIED:]:
+            self._aside(
+                base.candidate.with_group(name), "lowers the error on short segments less than others"
+            )
+        return [name for _, name in found[:_TRIED]]
+
+    def _glance(self, candidate: Candidate, former: Damper) -> float:
+        self._on_progress(ProgressUpdate(text=f"looking at {candidate.title}"))
+        try:
+            return self._judge.glance(candidate, former)
+        except _FAILURES as error:
+            self.fail(candidate, error)
+            return math.inf
+
+    def _aside(self, candidate: Candidate, reason: str) -> None:
+        """Take a candidate that is not fitted as a row."""
+        nothing = (math.nan, math.nan, math.nan, 0.0)
+        self.rows[candidate] = LawScore(candidate.law, 0, *nothing, candidate.groups, reason=reason)
+
+    def _preferred(self, one: Judged, other: Judged) -> bool:
+        """Say whether a candidate replaces another: a clearly lower error, or the same and a controller."""
+        if self._supports(one.fitted.damper) and not self._supports(other.fitted.damper):
+            return not _better(other, one)
+        return _better(one, other)
 
     def switch_off(self) -> None:
         """Switch groups off whose loss costs next to nothing."""
@@ -210,8 +244,8 @@ def select(
     """
     race, interrupted = _Race(judge, supports, on_progress), False
     try:
-        race.laws(laws)
-        race.switch_on()
+        for near in race.laws(laws):
+            race.climb(near)
         race.switch_off()
     except Interrupted:
         if not race.fitted:
