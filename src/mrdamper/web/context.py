@@ -22,7 +22,16 @@ from mrdamper.web.spelling import on_page
 from mrdamper.web.worker_client import PendingAnswers, WorkerClient
 from mrdamper.web.workspace import WorkFolder
 
-__all__ = ["MOST_UPLOAD", "AppContext", "json_response", "read_body", "read_request", "send_file", "stream"]
+__all__ = [
+    "MOST_UPLOAD",
+    "AppContext",
+    "JsonAnswer",
+    "json_response",
+    "read_body",
+    "read_request",
+    "send_file",
+    "stream",
+]
 
 MOST_UPLOAD = 200_000_000  # bytes
 
@@ -116,7 +125,15 @@ def send_file(path: Path, *, download: bool = False) -> Response:
 
 def json_response(answer: dict[str, Any], status: int = 200) -> Response:
     """Return an answer as JSON, its sentences in the words of the pages."""
-    return JSONResponse(spelled_within(answer, on_page), status)
+    return JsonAnswer(spelled_within(answer, on_page), status)
+
+
+class JsonAnswer(JSONResponse):
+    """JSON, also of texts that hold half of a sign (a lone surrogate): a question mark stands for it."""
+
+    def render(self, content: Any) -> bytes:  # noqa: ANN401 - as Starlette has it
+        text = json.dumps(content, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+        return text.encode(errors="replace")
 
 
 def stream(events: AsyncIterator[str]) -> Response:

@@ -27,7 +27,7 @@ Gone = Callable[[], bool]
 def event(name: str, told: Mapping[str, Any], number: int | None = None) -> str:
     """Return one event; JSON has no line breaks of its own."""
     numbered = "" if number is None else f"id: {number}\n"
-    said = json.dumps(spelled_within(told, on_page), ensure_ascii=False, allow_nan=False)
+    said = json.dumps(spelled_within(told, on_page), allow_nan=False)
     return f"{numbered}event: {name}\ndata: {said}\n\n"
 
 

@@ -93,7 +93,7 @@ class JobQueue:
         if record.left(job) is None:
             raise ConflictError(f"{job_id} has left nothing to go on with; ask for it again")
         if job.card is not None:
-            self._claim(job.card, replace=job.options["replace"] or self._is_own(job.card, job))
+            self._claim(job.card, replace=bool(job.options.get("replace")) or self._is_own(job.card, job))
         record.reopen()
         self._queue(job_id)
 

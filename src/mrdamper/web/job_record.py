@@ -23,8 +23,8 @@ from typing import Any, Literal
 
 from mrdamper.errors import InputError
 from mrdamper.runtime.checkpoint import place_of
-from mrdamper.schema import Json, read_record
-from mrdamper.web.workspace import NotThereError, now
+from mrdamper.schema import Json, finite_or_none, read_record
+from mrdamper.web.workspace import NotThereError, is_text, now
 
 __all__ = ["EndState", "Job", "JobRecord", "job_ids", "new_id", "write_whole"]
 
@@ -99,9 +99,9 @@ class JobRecord:
     def read(self) -> Job:
         """Return the record; one that cannot be read counts as none."""
         try:
-            found = json.loads((self.folder / "job.json").read_text(encoding="utf-8"))
+            found = _plain_json((self.folder / "job.json").read_text(encoding="utf-8"))
             job = read_record(Job, found, self.id)
-        except (OSError, ValueError, InputError) as fault:
+        except (OSError, ValueError, RecursionError, InputError) as fault:
             raise NotThereError(place=f"{self.id!r}", found="no job of that name") from fault
         if job.id != self.id:
             raise NotThereError(place=f"{self.id!r}", found="no job of that name")
@@ -153,8 +153,8 @@ class JobRecord:
             return None
         for line in reversed(lines):
             try:
-                found = json.loads(line)
-            except ValueError:  # cut, or being written
+                found = _plain_json(line)
+            except (ValueError, RecursionError):  # cut, or being written
                 continue
             if isinstance(found, dict) and found.get("event") == "progress":
                 return found
@@ -163,8 +163,8 @@ class JobRecord:
     def answer(self) -> Json | None:
         """Return the job's answer; None where there is none yet."""
         try:
-            found = json.loads((self.folder / "answer.json").read_text(encoding="utf-8"))
-        except (OSError, ValueError):
+            found = _plain_json((self.folder / "answer.json").read_text(encoding="utf-8"))
+        except (OSError, ValueError, RecursionError):
             return None
         return found if isinstance(found, dict) else None
 
@@ -174,7 +174,7 @@ class JobRecord:
         files = job.options.get("files")
         options = {name: value for name, value in job.options.items() if name != "files"}
         shown = self._shown(replace(job, options=options), resumable=self.left(job) is not None)
-        return shown | {"file_count": None if files is None else len(files)}
+        return shown | {"file_count": len(files) if isinstance(files, list) else None}
 
     def shown(self) -> Json:
         """Return the record as the pages see it."""
@@ -197,7 +197,9 @@ class JobRecord:
         return [
             {"path": name.as_posix(), "bytes": found[name]}
             for name in sorted(found)
-            if str(name) not in _OWN and not any(part.startswith(".") for part in name.parts)
+            if str(name) not in _OWN
+            and not any(part.startswith(".") for part in name.parts)
+            and is_text(str(name))
         ][:_MOST_FILES]
 
     def _reserve(self) -> None:
@@ -205,6 +207,13 @@ class JobRecord:
 
     def _write(self, job: Job) -> None:
         write_whole(self.folder / "job.json", asdict(job))
+
+
+def _plain_json(text: str | bytes) -> Any:  # noqa: ANN401 - whatever somebody has written
+    """Return what a file holds, with null for numbers that are not finite."""
+    return json.loads(
+        text, parse_float=lambda said: finite_or_none(float(said)), parse_constant=lambda _: None
+    )
 
 
 def _size(path: Path) -> int | None:

@@ -24,7 +24,8 @@ from starlette.types import ASGIApp
 from mrdamper.errors import InputError, MrdamperError
 from mrdamper.runtime.locks import lock
 from mrdamper.runtime.signals import on_interrupt
-from mrdamper.web.context import MOST_UPLOAD, AppContext
+from mrdamper.web.connections import BoundedProtocol, bound_log
+from mrdamper.web.context import MOST_UPLOAD, AppContext, JsonAnswer
 from mrdamper.web.job_queue import ConflictError
 from mrdamper.web.routes.cards import card_routes
 from mrdamper.web.routes.files import file_routes
@@ -116,8 +117,10 @@ def serve(
             opener = threading.Timer(0.5, webbrowser.open, (address,))
             opener.daemon = True
             opener.start()
+        bound_log()
         config = uvicorn.Config(
             app,
+            http=BoundedProtocol,
             log_level="warning",
             access_log=False,
             server_header=False,
@@ -165,9 +168,9 @@ def _told_with(status: int) -> Callable[[Request, Exception], Response]:
 
     def answer(_: Request, fault: Exception) -> Response:
         if not isinstance(fault, MrdamperError):
-            return JSONResponse({"error": str(fault), "status": status}, status)
+            return JsonAnswer({"error": str(fault), "status": status}, status)
         told = {"error": fault.spelled(on_page), "status": status, **fault.parts(on_page)}
-        return JSONResponse(told, status)
+        return JsonAnswer(told, status)
 
     return answer
 

@@ -19,6 +19,7 @@ import re
 import secrets
 import shutil
 import tempfile
+import unicodedata
 from collections.abc import AsyncIterator
 from contextlib import suppress
 from datetime import UTC, datetime
@@ -36,6 +37,7 @@ __all__ = [
     "TooLargeError",
     "WorkFolder",
     "is_full",
+    "is_text",
     "now",
     "timestamp",
 ]
@@ -43,7 +45,9 @@ __all__ = [
 FAULT = "internal fault: this is a fault of mrdamper; the server's terminal says where"
 """What is told of a fault of ours: nothing of the inside."""
 
-_PLAIN = re.compile(r"[\w ._\-+=,()\[\]@#%&]+")
+_SIGNS = frozenset(" ._-+=,()[]@#%&")
+_WRITTEN = frozenset("LMN")  # letters, marks and numbers of any script
+_PRINTED = frozenset("LMNPS")
 _LONGEST = 150  # bytes of a name
 INPUT_SUFFIXES = (".toml", ".csv", ".json")
 _ESCAPED = re.compile(r"%[0-9a-fA-F]{2}")  # somebody else may take it for another sign
@@ -70,6 +74,17 @@ class NoSpaceError(MrdamperError):
 def is_full(fault: BaseException) -> bool:
     """Tell whether it is for want of room that something could not be written."""
     return isinstance(fault, OSError) and fault.errno in {errno.ENOSPC, errno.EDQUOT}
+
+
+def is_text(name: str) -> bool:
+    """Tell whether a name can be written as UTF-8."""
+    return not any("\ud800" <= each <= "\udfff" for each in name)
+
+
+def _is_plain(sign: str) -> bool:
+    """Tell whether a sign may stand in a new name: no program takes it for another."""
+    kind = unicodedata.category(sign)[0]
+    return sign in _SIGNS or kind in (_WRITTEN if sign.isascii() else _PRINTED)
 
 
 class WorkFolder:
@@ -126,7 +141,7 @@ class WorkFolder:
         """Return where a new file or folder of this name goes."""
         shown = name[:60]
         if (
-            not _PLAIN.fullmatch(name)
+            not all(map(_is_plain, name or "/"))
             or name.startswith((".", " "))
             or name.endswith((".", " "))
             or len(name.encode()) > _LONGEST
@@ -137,8 +152,8 @@ class WorkFolder:
                 place=f"name {shown!r}",
                 found="cannot be used",
                 expected=(
-                    "letters, digits, blanks and ._-+=,()[]@#%&, not beginning with a dot, at most "
-                    f"{_LONGEST} bytes"
+                    "letters and digits of any script, blanks, signs such as ° and ._-+=,()[]@#%&, not "
+                    f"beginning with a dot, at most {_LONGEST} bytes"
                 ),
                 remedy="Rename the file",
             )
@@ -221,11 +236,17 @@ class WorkFolder:
 
     def card_names(self) -> list[str]:
         names = sorted(path.name for path in self.cards.iterdir() if not path.name.startswith("."))
-        return [name for name in names if self._is_there(self.cards, name, "card.json")]
+        return [name for name in names if is_text(name) and self._is_there(self.cards, name, "card.json")]
+
+    def unnamed(self) -> list[str]:
+        """Return what lies there under names that are not UTF-8 and cannot be asked for, escaped."""
+        places = (self.runs, self.records, self.inputs, self.cards)
+        found = [path.name for place in places for path in place.iterdir() if not is_text(path.name)]
+        return sorted(os.fsencode(name).decode(errors="backslashreplace") for name in found)
 
     def _listed(self, place: Path) -> list[Path]:
         found = sorted(path for path in place.iterdir() if not path.name.startswith("."))
-        return [path for path in found if self._is_there(place, path.name)]
+        return [path for path in found if is_text(path.name) and self._is_there(place, path.name)]
 
     def _is_there(self, place: Path, *names: str) -> bool:
         try:

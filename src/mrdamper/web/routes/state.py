@@ -62,6 +62,7 @@ def _state(context: AppContext) -> Json:
         "folder_name": folder.root.name,
         "most_upload_bytes": context.most_upload,
         "formats": list(context.formats),
+        "unnamed": folder.unnamed(),
         "records": _of_each(folder.record_files(context.formats), partial(_record, folder)),
         "inputs": _of_each(folder.input_files(), _input),
         "cards": _of_each(folder.card_names(), partial(_card, folder)),

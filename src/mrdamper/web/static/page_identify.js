@@ -6,7 +6,7 @@ import { cardsOf, jobForm } from "./forms.js";
 import { cardInUse, heading, inWords, JobPanel, notes, tile } from "./parts.js";
 import { Plot } from "./plot.js";
 
-const NAME = /[^A-Za-z0-9 ._+-]+/g;
+const NAME = /[/\\:*?"<>|\p{C}]+/gu;
 
 export async function show(place, app, query) {
   const { runs: all, reading } = await getRuns();

@@ -109,7 +109,7 @@ export function show(place, app) {
 /** Return what a job is of: a card, a record, a plan. */
 function subjectOf({ options, card }) {
   const { first, second, record, plan, campaign, curve, name, tables } = options;
-  return options.card ?? card ?? record ?? plan ?? (first ? `${first}, ${second}` : campaign ?? curve ?? tables?.join(", ") ?? name ?? "");
+  return options.card ?? card ?? record ?? plan ?? (first ? `${first}, ${second}` : [campaign ?? curve ?? tables ?? name ?? []].flat().join(", "));
 }
 
 const when = (text) => (text ? new Date(text).toLocaleString([], { dateStyle: "medium", timeStyle: "short" }) : "–");

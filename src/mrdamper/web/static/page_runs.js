@@ -12,6 +12,7 @@ const WORDS = { ready: "ready", reading: "reading", unreadable: "not understood"
 export function show(place, app, query) {
   const uploads = el("div", { "aria-live": "polite" });
   const files = el("div");
+  const misnamed = el("div");
   const sheet = el("div");
   const runs = el("div");
   const rig = new JobPanel(app, "rig");
@@ -182,11 +183,13 @@ export function show(place, app, query) {
   }
 
   async function draw() {
+    const { unnamed } = app.state;
+    fill(misnamed, unnamed.length > 0 && note("warning", `Names that are not UTF-8 cannot be shown; rename in the folder: ${unnamed.join(", ")}`));
     drawFiles();
     await drawRuns();
   }
 
-  fill(place, heading("Runs", "Measured runs of your damper. Each file is read in its own process; what cannot be understood says what is wrong and where, and can be mapped by hand."), drop, uploads, virtual, rig.node, data.node, el("h2", { class: "skip", text: "Files" }), el("div", { class: "gap" }, files), sheet, runs, checking.node);
+  fill(place, heading("Runs", "Measured runs of your damper. Each file is read in its own process; what cannot be understood says what is wrong and where, and can be mapped by hand."), drop, uploads, virtual, rig.node, data.node, el("h2", { class: "skip", text: "Files" }), misnamed, el("div", { class: "gap" }, files), sheet, runs, checking.node);
   draw();
   rig.resume().catch(() => {});
   checking.panel.resume(null, query.get("job")).catch(() => {});

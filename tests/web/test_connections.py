@@ -1,0 +1,85 @@
+"""Connections that say nothing, or say it slowly, cost the server nothing: it answers others meanwhile."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+from mrdamper.web.connections import HEAD_S, MOST_OPEN
+from tests.web.served import served
+
+pytestmark = pytest.mark.system
+
+
+def test_half_open_connections_are_bounded_and_cut_off(tmp_path):
+    with served(tmp_path / "work") as client:
+        place = (client.http.base_url.host, client.http.base_url.port)
+        held = []
+        for k in range(MOST_OPEN + 100):
+            one = socket.create_connection(place, timeout=5.0)
+            held.append(one)
+            if k % 2:
+                one.sendall(b"GET /api/state HTTP/1.1\r\nHost: 127")
+        begin = time.monotonic()
+        assert client.ask("GET", "/api/state").status_code == 200
+        assert time.monotonic() - begin < 1.0
+        assert len(list(Path(f"/proc/{client.process.pid}/fd").iterdir())) < MOST_OPEN + 60
+        for one in held[-3:]:
+            one.settimeout(HEAD_S + 5.0)
+            with suppress(ConnectionResetError):
+                assert one.recv(1000) == b""
+        for one in held:
+            one.close()
+
+
+def test_what_is_no_request_fills_no_log(tmp_path):
+    with served(tmp_path / "work") as client:
+        place = (client.http.base_url.host, client.http.base_url.port)
+        for _ in range(100):
+            with socket.create_connection(place, timeout=5.0) as one:
+                one.sendall(b"no request\r\n\r\n")
+                one.recv(1000)
+        client.process.terminate()
+        assert client.process.stderr is not None
+        assert len(client.process.stderr.read().splitlines()) < 40
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '{"id": "heat-001", "kind": "heat", "state": "done"}',
+        "[]",
+        "[" * 100_000,
+        '{"id": "heat-001", "kind": "heat", "asked_at": "x", "options": {"files": 3, "tables": 1e999}}',
+    ],
+    ids=["without-options", "list", "deep", "odd-options"],
+)
+def test_a_job_made_by_hand_stops_no_other_answer(tmp_path, text):
+    place = tmp_path / "work" / "results" / "heat-001"
+    place.mkdir(parents=True)
+    with served(tmp_path / "work") as client:
+        (place / "job.json").write_text(text, encoding="utf-8")
+        assert client.ask("GET", "/api/state").status_code == 200
+        assert client.ask("GET", "/api/jobs/heat-001").status_code in {200, 404}
+
+
+def test_names_of_any_script_are_taken_and_others_are_told(tmp_path):
+    name = "Dämpfer_Prüfstand_20°C_1A.csv"
+    runs = tmp_path / "work" / "runs"
+    runs.mkdir(parents=True)
+    (runs / os.fsdecode(b"D\xe4mpfer.csv")).write_text("time_s\n0\n", encoding="utf-8")
+    with served(tmp_path / "work") as client:
+        for each in (name, "減衰器 試験.csv", "डैम्पर.csv"):
+            assert client.ask("PUT", f"/api/files/{each}", content=b"time_s\n0\n").status_code == 201
+        state = client.get("/api/state")
+        assert name in {row["name"] for row in state["files"]}
+        assert state["unnamed"] == ["D\\xe4mpfer.csv"]
+        for bad in ("a:b.csv", "tab%09.csv", "back\\slash.csv", "\u202egnp.csv"):
+            answer = client.ask("PUT", f"/api/files/{bad}", content=b"x")
+            assert answer.status_code in {404, 422}, json.dumps(bad)
