@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mrdamper.data.diagnosis.diagnose import compare, diagnose
+from mrdamper.data.diagnosis.campaign import compare
+from mrdamper.data.diagnosis.diagnose import diagnose
 from mrdamper.data.diagnosis.resolution import samples_in_transition, white_noise
 from mrdamper.data.diagnosis.sensors import resolution_of
 from mrdamper.data.finding import SEVERITIES, Finding, by_kind

@@ -265,6 +265,9 @@ def _column_without_unit(
     scaled = _scaled(role, table, headers)
     if scaled is not None and channel.gain is None and not channel.unit:
         return scaled
+    meant = _meant_without_unit(role, headers)
+    if not worded and meant is not None and channel.unit:
+        return Column(role, meant.name, channel.unit, "its word, and an answer")
     if not worded:
         if role in chosen.channels and channel.name is None and not channel.unit:
             raise _no_column_of_map(role, table, place)
@@ -284,6 +287,19 @@ def _column_without_unit(
             raise _no_scale(role, [column.name], place)
         return None
     return Column(role, column.name, unit, "header" if column.unit else "sampling rate")
+
+
+def _meant_without_unit(role: str, headers: Sequence[_Header]) -> _Header | None:
+    """Return the one column without a unit whose symbol, or a part of whose name, is of a role."""
+    symbol = QUANTITIES[role].symbol
+    found = [
+        each
+        for each in headers
+        if not each.unit
+        and each.of_word in {"", role}
+        and (each.word == symbol or speaks_of(each.word, role))
+    ]
+    return found[0] if len(found) == 1 else None
 
 
 def _is_needed(role: str, headers: Sequence[_Header]) -> bool:
@@ -353,17 +369,18 @@ def no_column(role: str, table: Table, place: str) -> InputError:
     """Return the error that asks for the column of a role."""
     _require_no_text(role, table, place)
     names = candidates(role, [*table.columns])
+    bare = _meant_without_unit(role, [_header(table, name, place) for name in table.columns])
     scale = [name for name in table.columns if "voltage" in roles_of_unit(word_and_unit(name)[1])]
     return ask(
         role,
-        "scale" if not names and scale else "column",
+        "unit" if bare is not None else "scale" if not names and scale else "column",
         place,
         found=f"no {role} column; the columns are: {_listed(table.names)}",
         expected=(
             f"a header such as {role}_{QUANTITIES[role].unit}, or [channel.{role}] in a channel map "
             f"(⟦--channels FILE⟧){_perhaps([role], table)}"
         ),
-        candidates=names or scale or list(table.columns),
+        candidates=QUANTITIES[role].units if bare is not None else names or scale or list(table.columns),
     )
 
 
@@ -413,18 +430,19 @@ def no_command(
     volts = [name for name in table.columns if "voltage" in roles_of_unit(word_and_unit(name)[1])]
     volts = [name for name in volts if parse_header(name) is None and not _has_companion(name, table)]
     monitors = [name for name in volts if is_monitor(name) or speaks_of(word_and_unit(name)[0], "current")]
+    bare = _meant_without_unit("current", [_header(table, name, place) for name in table.columns])
     if monitors and not values:
         return _no_scale("current", monitors, place)
     return ask(
         "current",
-        "column" if volts and not values else "value",
+        "column" if volts and not values else "unit" if bare is not None and not values else "value",
         place,
         found=found,
         expected=(
             "a column such as current_A or voltage_V, or the same at [constant] in a channel map "
             f"(⟦--channels FILE⟧){_perhaps(('current', 'voltage'), table)}"
         ),
-        candidates=values or volts,
+        candidates=values or volts or (QUANTITIES["current"].units if bare is not None else ()),
     )
 
 

@@ -25,6 +25,7 @@ from mrdamper.data.formats.sandbox import sandboxed
 from mrdamper.data.formats.table import FileOptions, Format, Layout, Rows, Table
 from mrdamper.data.formats.tdms import is_tdms, read_tdms
 from mrdamper.data.formats.text import is_text, open_text, read_text
+from mrdamper.data.formats.uff import is_uff, read_uff
 from mrdamper.errors import InputError
 from mrdamper.files import require_file
 
@@ -57,6 +58,7 @@ FORMATS: tuple[Format, ...] = (
     Format("LabVIEW text", (".lvm",), is_lvm, read_lvm),
     Format("logger text", (".txt",), is_logger, read_logger),
     Format("MTS 793 text", (".txt", ".dat"), is_mts, read_mts),
+    Format("universal file", (".unv", ".uff"), is_uff, read_uff),
     Format("delimited text", (".csv", ".tsv", ".txt", ".dat", ".asc"), is_text, read_text),
 )
 

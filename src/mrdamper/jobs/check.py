@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.diagnosis.diagnose import compare, diagnose
+from mrdamper.data.diagnosis.campaign import compare
+from mrdamper.data.diagnosis.diagnose import diagnose
 from mrdamper.data.finding import SEVERITIES, Finding, Severity, worst_first
 from mrdamper.data.formats.table import Layout
 from mrdamper.data.prepare import PreparedRun
@@ -66,8 +67,9 @@ class CheckResult:
 
     @property
     def questions(self) -> tuple[Question, ...]:
-        """What the files leave open."""
-        return tuple(question for file in self.unreadable for question in file.questions)
+        """What the files leave open; a question that several ask stands once, for the first of them."""
+        asked = [question for file in self.unreadable for question in file.questions]
+        return tuple({(each.role, each.topic, each.text): each for each in reversed(asked)}.values())[::-1]
 
     @property
     def findings(self) -> tuple[Finding, ...]:

@@ -1,9 +1,8 @@
-"""The diagnosis of one run, and of runs against each other."""
+"""The diagnosis of one run; ``campaign`` compares runs with each other."""
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -30,7 +29,7 @@ from mrdamper.data.prepare import PreparedRun, prepare_run
 from mrdamper.data.records import Recording, RigRun
 from mrdamper.errors import InputError
 
-__all__ = ["compare", "diagnose"]
+__all__ = ["diagnose"]
 
 
 def diagnose(given: Recording | RigRun, prepared: PreparedRun | None = None) -> tuple[Finding, ...]:
@@ -50,24 +49,6 @@ def diagnose(given: Recording | RigRun, prepared: PreparedRun | None = None) -> 
             found += _of_a_whole_record(recording, prepared)
     found.sort(key=worst_first)
     return tuple(replace(finding, run=recording.name) for finding in found)
-
-
-def compare(runs: Sequence[Recording | RigRun]) -> Iterator[Finding]:
-    """Give runs that are one and the same: held out and trained on, it would be no test at all."""
-    first: dict[bytes, str] = {}
-    for run in runs:
-        key = hashlib.sha256(run.force.tobytes() + run.displacement.tobytes()).digest()
-        if key in first:
-            yield Finding(
-                kind="duplicate",
-                severity="warning",
-                channel="",
-                run=run.name,
-                found=f"force and displacement are those of {first[key]}, number for number",
-                effect="The run counts twice in a fit; held out, it is no test",
-                remedy="Leave one of the two out",
-            )
-        first.setdefault(key, run.name)
 
 
 def _of_a_whole_record(recording: Recording, prepared: PreparedRun | None) -> list[Finding]:

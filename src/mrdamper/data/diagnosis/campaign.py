@@ -1,0 +1,205 @@
+"""What runs show against each other: copies, two dampers among them, channels that are out of step."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrdamper.arrays import FloatArray
+from mrdamper.core import turning_points
+from mrdamper.data.finding import Finding, percent
+from mrdamper.data.records import Recording, RigRun, command_slack
+from mrdamper.quantities import to_degC
+
+__all__ = ["compare"]
+
+_SAME = 1e-4  # of the range: what rounding in another format leaves
+_LOOKED_AT = 64  # samples of a run by which copies are told
+_ALIKE = 0.03  # share by which strokes and frequencies of one motion differ
+_APART = 0.15  # share by which force ranges of one damper at one command and motion may differ
+_SAME_K = 3.0
+_SWING = 0.2  # of the stroke: a smaller to-and-fro is no reversal
+_REGULAR = 0.2  # share by which the strokes of a periodic motion differ in duration
+_LATE_S, _EARLY_S = 0.010, -0.002
+_OCTAVE_PART = 1.3  # between two frequencies that tell a delay from compliance
+
+
+@dataclass(frozen=True, slots=True)
+class _Figures:
+    """A run in the numbers by which it is compared."""
+
+    name: str
+    command: float
+    unit: str
+    stroke: float  # [m]
+    frequency_Hz: float
+    force_range: float  # [N], without the outer per cents
+    temperature: float | None  # [K]
+    delay_s: float  # from a reversal to the force's passage through its middle
+
+
+def compare(runs: Sequence[Recording | RigRun]) -> Iterator[Finding]:
+    """Give what runs show against each other.
+
+    Runs that are one and the same (held out and trained on, they would be no test at all), runs of one
+    command, motion and temperature whose forces differ as those of two dampers, and a force late or early.
+    """
+    sound = [run for run in runs if _is_sound(run)]
+    yield from _copies(sound)
+    figures = [found for run in sound if (found := _figures(run)) is not None]
+    yield from _two_dampers(figures)
+    yield from _delay(figures)
+
+
+def _is_sound(run: Recording | RigRun) -> bool:
+    channels = (run.time, run.displacement, run.force, run.command)
+    return len(run) > 1 and all(len(each) == len(run) and bool(np.isfinite(each).all()) for each in channels)
+
+
+def _copies(runs: Sequence[Recording | RigRun]) -> Iterator[Finding]:
+    """Give runs whose samples are those of an earlier one, but for rounding."""
+    seen: dict[int, list[tuple[str, FloatArray]]] = {}
+    for run in runs:
+        rows = np.linspace(0, len(run) - 1, min(len(run), _LOOKED_AT)).astype(int)
+        spans = [float(np.ptp(each)) or 1.0 for each in (run.force, run.displacement)]
+        key = np.concatenate([run.force[rows] / spans[0], run.displacement[rows] / spans[1]])
+        for name, other in seen.setdefault(len(run), []):
+            if float(np.abs(other - key).max()) < _SAME:
+                yield Finding(
+                    kind="duplicate",
+                    severity="warning",
+                    channel="",
+                    run=run.name,
+                    found=f"force and displacement are those of {name}, number for number",
+                    effect="The run counts twice in a fit; held out, it is no test",
+                    remedy="Leave one of the two out",
+                )
+                break
+        else:
+            seen[len(run)].append((run.name, key))
+
+
+def _figures(run: Recording | RigRun) -> _Figures | None:
+    """Return a run's figures; None where the motion is not periodic."""
+    stroke = float(np.ptp(run.displacement))
+    turns = turning_points(run.displacement, _SWING * stroke) if stroke > 0.0 else np.empty(0, dtype=int)
+    if len(turns) < 4:
+        return None
+    times = np.array([_vertex(run.time, run.displacement, int(k)) for k in turns[1:-1]])
+    halves = np.diff(times) if len(times) > 1 else np.diff(run.time[turns])
+    half = float(np.median(halves))
+    if half <= 0.0 or float(np.max(np.abs(halves / half - 1.0))) > _REGULAR:
+        return None
+    low, high = np.quantile(run.force, (0.01, 0.99)).tolist()
+    return _Figures(
+        name=run.name,
+        command=float(np.median(run.command)),
+        unit=run.command_unit,
+        stroke=stroke,
+        frequency_Hz=0.5 / half,
+        force_range=high - low,
+        temperature=None if run.temperature is None else float(np.median(run.temperature)),
+        delay_s=_passage(run, times, half, 0.5 * (low + high)),
+    )
+
+
+def _vertex(time: FloatArray, displacement: FloatArray, k: int) -> float:
+    """Return the time of a reversal: the vertex of a parabola through the samples around it."""
+    reach = 4
+    first, last = max(k - reach, 0), min(k + reach + 1, len(time))
+    if last - first < 4:
+        return float(time[k])
+    a, b, _ = np.polyfit(time[first:last] - time[k], displacement[first:last], 2)
+    shift = -0.5 * b / a if a else 0.0
+    return float(time[k] + np.clip(shift, time[first] - time[k], time[last - 1] - time[k]))
+
+
+def _passage(run: Recording | RigRun, reversals: FloatArray, half: float, middle: float) -> float:
+    """Return the median time [s] from a reversal to the force's passage through its middle, or NaN."""
+    force = run.force - middle
+    rows = np.flatnonzero(np.diff(np.signbit(force)))
+    steps = force[rows + 1] - force[rows]
+    passages = run.time[rows] - force[rows] * (run.time[rows + 1] - run.time[rows]) / steps
+    found = []
+    for reversal in reversals:
+        near = passages[np.abs(passages - reversal) < 0.25 * half]
+        if len(near):
+            found.append(float(np.median(near)) - float(reversal))
+    return float(np.median(found)) if found else float("nan")
+
+
+def _two_dampers(figures: Sequence[_Figures]) -> Iterator[Finding]:
+    """Give the pair of like runs whose force ranges are furthest apart, if too far for one damper."""
+    worst: tuple[float, _Figures, _Figures] | None = None
+    for k, one in enumerate(figures):
+        for other in figures[k + 1 :]:
+            if not _alike(one, other):
+                continue
+            apart = abs(one.force_range / other.force_range - 1.0) if other.force_range else 0.0
+            if apart > _APART and (worst is None or apart > worst[0]):
+                worst = (apart, one, other)
+    if worst is None:
+        return
+    apart, one, other = worst
+    warm = "" if one.temperature is None else f", {to_degC(one.temperature):.0f} degC"
+    yield Finding(
+        kind="two_dampers",
+        severity="warning",
+        channel="force",
+        size=100.0 * apart,
+        unit="%",
+        run=one.name,
+        found=f"its force range differs by {percent(apart)} from that of {other.name} at the same motion and "
+        f"{one.command:.3g} {one.unit}{warm}: perhaps the runs are of two dampers",
+        effect="One law for both fits neither",
+        remedy="Fit the runs of each damper by themselves, or look for what else changed between the two",
+    )
+
+
+def _alike(one: _Figures, other: _Figures) -> bool:
+    """Tell whether two runs have the same command, motion and temperature, as far as these are known."""
+    if one.unit != other.unit or abs(one.command - other.command) > command_slack(one.command):
+        return False
+    if (one.temperature is None) != (other.temperature is None):
+        return False
+    if one.temperature is not None and abs(one.temperature - (other.temperature or 0.0)) > _SAME_K:
+        return False
+    motions = ((one.stroke, other.stroke), (one.frequency_Hz, other.frequency_Hz))
+    return all(abs(a / b - 1.0) < _ALIKE for a, b in motions)
+
+
+def _delay(figures: Sequence[_Figures]) -> Iterator[Finding]:
+    """Give the delay of the force that compliance does not explain.
+
+    At the lowest command a reversal turns the force about after d = tau + a/f: elastic parts need a share of
+    the stroke, whatever its duration, and a delay between the channels is a time. Two frequencies tell them
+    apart; at one alone only a force that turns before the motion is a proof.
+    """
+    timed = [each for each in figures if np.isfinite(each.delay_s)]
+    if not timed:
+        return
+    least = min(timed, key=lambda each: abs(each.command))
+    lowest = [each for each in timed if abs(each.command - least.command) <= command_slack(least.command)]
+    frequencies = np.array([each.frequency_Hz for each in lowest])
+    delays = np.array([each.delay_s for each in lowest])
+    if float(frequencies.max() / frequencies.min()) >= _OCTAVE_PART:
+        tau = float(np.polyfit(1.0 / frequencies, delays, 1)[1])
+        apart = True
+    else:
+        tau, apart = float(np.median(delays)), False
+    if tau < _EARLY_S or (apart and tau > _LATE_S):
+        late = tau > 0.0
+        yield Finding(
+            kind="force_late" if late else "force_early",
+            severity="warning",
+            channel="force",
+            size=1e3 * tau,
+            unit="ms",
+            run=lowest[0].name,
+            found=f"the force is {1e3 * abs(tau):.1f} ms {'late' if late else 'early'}: a lag of its channel "
+            f"that {'is the same at all frequencies' if apart else 'no damper has'}",
+            effect="Hysteresis and viscosity take up what is a delay between two channels",
+            remedy="Shift the force by it, or give both channels the same filter",
+        )
