@@ -88,6 +88,18 @@ _FORMS: Mapping[str, Mapping[str, ParameterLaw]] = {
         "offset": _C(40.0),
         "stiffness": _C(1500.0),
     },
+    "chain": {
+        "yield_force": Hill(90.0, 1100.0, 1.2, 1.6, 2.0),
+        "yield_velocity": _C(3e-3),
+        "thinning": _C(0.9),
+        "thinning_exponent": _C(0.5),
+        "reference_speed": _C(0.1256637),  # the 99.5th percentile of the fastest of the motions above
+        "gap_stiffness": _C(8e6),
+        "leak_damping": _C(2.5e4),
+        "gap": _C(1.5e-4),
+        "gap_corner": _C(5e-5),
+        "offset": _C(40.0),
+    },
 }
 TRUTHS: Mapping[str, Damper] = {name: Damper(find_law(name), forms) for name, forms in _FORMS.items()}
 

@@ -71,6 +71,11 @@ SOUND = {  # each law with coefficients like those of a real damper, odd in the 
         "gap_corner": 4.6e-5,
         "leak_damping": 3e4,
     },
+    "chain": {
+        **{"yield_force": 400.0, "yield_velocity": 2.5e-3, "thinning": 0.8, "thinning_exponent": 0.43},
+        **{"gap_stiffness": 1.2e7, "gap": 1.7e-4, "gap_corner": 4.6e-5, "leak_damping": 3e4},
+        **{"bristle_share": 0.4, "bristle_stiffness": 2e6, "friction_force": 40.0, "memory_force": 30.0},
+    },
 }
 
 

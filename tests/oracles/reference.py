@@ -161,6 +161,80 @@ def _double_force(state: State, x: float, _v: float, c: Values) -> float:
     return _spring(x, c) + c["yield_force"] * state[0] + c["second_force"] * state[1]
 
 
+def _chain_bristles(q: float, y: float, c: Values) -> list[tuple[float, float]]:
+    """Return stiffness [N/m] and level [N] of the five bristles at valve travel q and velocity y."""
+    growth = 1.0 + c["position_gain"] * q + c["position_curvature"] * q**2
+    whole = c["bristle_share"] * c["yield_force"] * growth * (1.0 + math.copysign(c["asymmetry"], y))
+    k, apart = c["bristle_stiffness"], math.exp(c["bristle_spread"])
+    excess = c["static_excess"] * math.exp(-((y / c["fade_velocity"]) ** 2))
+    return [
+        (k / 2, whole / 2),
+        (k / 4 * apart, whole / 4),
+        (k / 4 / apart, whole / 4),
+        (c["friction_stiffness"], c["friction_force"] * (1.0 + excess)),
+        (c["memory_stiffness"], c["memory_force"]),
+    ]
+
+
+def _chain_valve(y: float, q: float, c: Values) -> float:
+    """Return the force of the chain's valve but for its bristles [N]."""
+    growth = 1.0 + c["position_gain"] * q + c["position_curvature"] * q**2
+    t = math.tanh(y / c["yield_velocity"])
+    viscoplastic = c["yield_force"] * (1.0 - c["bristle_share"]) * (1.0 + c["asymmetry"] * t) * t
+    size = c["thinning"] * c["yield_force"] + c["thinning_force"]
+    thinning = math.copysign(math.pow(abs(y) / c["reference_speed"], c["thinning_exponent"]), y) * size
+    gas = c["gas_force"] * math.pow(1.0 + q / c["gas_length"], -1.3)
+    return (
+        c["offset"]
+        + c["stiffness"] * q
+        + gas
+        + growth * (viscoplastic + thinning)
+        + c["orifice"] * abs(y) * y
+    )
+
+
+def _chain_velocities(state: State, x: float, v: float, c: Values) -> tuple[float, float, float]:
+    """Return valve velocity, velocity behind the play [m/s] and valve travel [m].
+
+    The states are the travel inside the play, the elastic travel and the bristles' forces.
+    """
+    lost, e, *bristles = state
+    q, half = x - lost - e, c["play"]
+    behind = v if half == 0.0 or (abs(lost) >= half and lost * v > 0.0) else 0.0
+    unit = {**c, "leak_damping": c["leak_damping"] * math.pow(c["reference_speed"], 1.0 - c["leak_exponent"])}
+
+    def surplus(y: float) -> float:
+        return _chain_valve(y, q, c) + sum(bristles) - _compliance_force(e, behind - y, unit)
+
+    at_rest = surplus(0.0)
+    if at_rest == 0.0:
+        return 0.0, behind, q
+    far = math.copysign(c["yield_velocity"], -at_rest)
+    while surplus(far) * at_rest > 0.0:
+        far *= 4.0
+    return float(brentq(surplus, 0.0, far, xtol=1e-30, rtol=1e-15, maxiter=500)), behind, q
+
+
+def _chain(state: State, x: float, v: float, c: Values) -> State:
+    y, behind, q = _chain_velocities(state, x, v, c)
+    bends = zip(state[2:], _chain_bristles(q, y, c), strict=True)
+    return (
+        v - behind,
+        behind - y,
+        *(k * (y - (abs(y) * f / level if level else y)) for f, (k, level) in bends),
+    )
+
+
+def _chain_force(state: State, x: float, v: float, c: Values) -> float:
+    y, _, q = _chain_velocities(state, x, v, c)
+    return _chain_valve(y, q, c) + sum(state[2:])
+
+
+def _chain_scale(c: Values) -> State:
+    force = max(c["yield_force"], 1.0)
+    return 1e-3, force / c["gap_stiffness"], *(force,) * 5
+
+
 _EQUATIONS: Mapping[str, tuple[Equation | None, Equation]] = {
     "bouc-wen": (_bouc_wen, _bouc_wen_force),
     "dahl": (_dahl, _bouc_wen_force),
@@ -178,6 +252,8 @@ def _equations(law: HysteresisLaw) -> Equations | None:
         return None
     if law.name == "spencer":
         return Equations(_spencer, _with_parallel(_spencer_force), lambda c: (1.0 / c["rho"], 1.0))
+    if law.name == "chain":
+        return Equations(_chain, _with_parallel(_chain_force), _chain_scale)
     if law.name == "double-bouc-wen":
         return Equations(_double, _with_parallel(_double_force), lambda _: (1.0, 1.0))
     rate, force = _EQUATIONS[law.name]

@@ -51,7 +51,7 @@ __all__ = [
 LONGEST_STEP = 2.5e-3
 """Longest step [s] of the implicit laws; a longer sample interval is divided."""
 
-MOST_DIRECTIONS = 48
+MOST_DIRECTIONS = 96
 """Most tangent columns of one call (MRD_DIRECTIONS in kernel.h)."""
 
 

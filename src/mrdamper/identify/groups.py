@@ -137,6 +137,19 @@ _SERIES_VALVE = (
     _Free("stiffness", "constant", 0.0, 1.0),
 )
 
+_CHAIN = (
+    _Free("yield_force", "hill", 1e-4, 3.0, "log", 0.4),
+    _Free("yield_velocity", "constant", 5e-4, 1.0, "log", 0.03),
+    _Free("thinning", "constant", 1e-4, 30.0, "log", 0.3),
+    _Free("thinning_exponent", "constant", 0.1, 1.5, start=0.6),
+    _Free("reference_speed", "fixed", 1.0, 1.0, start=1.0),
+    _Free("gap_stiffness", "constant", 0.3, 1e6, "log", 50.0),
+    _Free("leak_damping", "constant", 1e-3, 1e5, "log", 10.0),
+    _Free("gap", "constant", 1e-5, 0.5, "log", 0.02),
+    _Free("gap_corner", "constant", 1e-5, 0.5, "log", 0.01),
+    _Free("offset", "constant", -3.0, 3.0, start=0.0),
+)
+
 _BASES: Mapping[str, tuple[FreeCoefficient, ...]] = MappingProxyType(
     {
         "bouc-wen": (*_PARALLEL, _RHO, *_LOOP),
@@ -170,6 +183,7 @@ _BASES: Mapping[str, tuple[FreeCoefficient, ...]] = MappingProxyType(
         ),
         "spencer": _SPENCER,
         "series-valve": _SERIES_VALVE,
+        "chain": _CHAIN,
     }
 )
 
@@ -194,7 +208,73 @@ _EVERY_LAW = (
 )
 """Terms that every law of the kernel can be given."""
 
-_GROUPS: Mapping[str, tuple[LawGroup, ...]] = MappingProxyType({})
+_CHAIN_GROUPS = (
+    LawGroup("thinning", (_Free("thinning_force", "hill", 1e-5, 5.0, "log", 0.1),)),
+    LawGroup("viscosity", (_Free("viscosity", "constant", 0.0, 2.0, start=0.02),)),
+    LawGroup("mass", (_Free("mass", "constant", 0.0, 1.0, start=0.005),)),
+    LawGroup("orifice", (_Free("orifice", "constant", 0.0, 5.0, start=0.02),)),
+    LawGroup(
+        "bristles",
+        (
+            _Free("bristle_share", "constant", 0.0, 1.0, start=0.5),
+            _Free("bristle_stiffness", "exponential", 0.05, 1e5, "log", 20.0),
+        ),
+        starts=({"bristle_stiffness": 200.0}, {"bristle_share": 0.9, "bristle_stiffness": 50.0}),
+    ),
+    LawGroup("spread", (_Free("bristle_spread", "constant", 0.0, 4.0, start=1.0),), needs=("bristles",)),
+    LawGroup(
+        "friction",
+        (
+            _Free("friction_force", "constant", 1e-5, 2.0, "log", 0.03),
+            _Free("friction_stiffness", "constant", 1e-3, 1e5, "log", 2.0),
+        ),
+        starts=({"friction_stiffness": 20.0}, {"friction_stiffness": 0.4}),
+    ),
+    LawGroup(
+        "stribeck",
+        (
+            _Free("static_excess", "constant", 0.0, 5.0, start=0.3),
+            _Free("fade_velocity", "constant", 2e-3, 1.0, "log", 0.03),
+        ),
+        needs=("friction",),
+    ),
+    LawGroup(
+        "memory",
+        (
+            _Free("memory_force", "exponential", 1e-5, 5.0, "log", 0.03),
+            _Free("memory_stiffness", "constant", 1e-4, 10.0, "log", 0.1),
+        ),
+        starts=({"memory_stiffness": 0.02},),
+    ),
+    LawGroup("position", (_Free("position_gain", "constant", -1.0, 1.0, start=0.0),)),
+    LawGroup(
+        "curvature", (_Free("position_curvature", "constant", -1.0, 1.0, start=0.0),), needs=("position",)
+    ),
+    LawGroup("stiffness", (_Free("stiffness", "constant", -3.0, 3.0, start=0.0),)),
+    LawGroup("asymmetry", (_Free("asymmetry", "constant", -0.5, 0.5, start=0.0),)),
+    LawGroup(
+        "gas",
+        (_Free("stiffness", "constant", -3.0, 3.0, start=0.0),),
+        over_temperature=("offset", "stiffness"),
+    ),
+    LawGroup(
+        "gas-volume",
+        (
+            _Free("gas_force", "constant", -5.0, 5.0, start=-0.05),
+            _Free("gas_length", "constant", 1.5, 300.0, "log", 5.0),
+        ),
+        over_temperature=("gas_force",),
+    ),
+    LawGroup("leak", (_Free("leak_exponent", "constant", 0.3, 1.7, start=1.0),)),
+    LawGroup(
+        "play",
+        (_Free("play", "constant", 0.0, 0.3, start=5e-3),),
+        starts=({"play": 0.0},),
+    ),
+    LawGroup("follow", (_Free("follow_share", "constant", 0.0, 1.0, start=0.5),), needs=("bristles",)),
+)
+
+_GROUPS: Mapping[str, tuple[LawGroup, ...]] = MappingProxyType({"chain": _CHAIN_GROUPS})
 """Groups of a law that has its own."""
 
 

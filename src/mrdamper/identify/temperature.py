@@ -53,9 +53,17 @@ __all__ = [
 Temperature = Literal["auto", "none", "arrhenius", "reynolds", "vft", "paper"]
 TEMPERATURES: tuple[Temperature, ...] = ("auto", "none", "arrhenius", "reynolds", "vft", "paper")
 
-_VISCOUS = ("viscosity", "thinning", "leak_damping", "series_damping", "inner_viscosity", "bristle_damping")
-_YIELDING = ("yield_force", "second_force", "rate_force")
-_FRICTION = ("coulomb_friction", "breakaway_friction")
+_VISCOUS = (
+    "viscosity",
+    "thinning",
+    "thinning_force",
+    "leak_damping",
+    "series_damping",
+    "inner_viscosity",
+    "bristle_damping",
+)
+_YIELDING = ("yield_force", "second_force", "rate_force", "memory_force", "bristle_stiffness")
+_FRICTION = ("coulomb_friction", "breakaway_friction", "friction_force")
 _LEVEL_K = 5.0  # temperatures closer than this are one level
 _NEEDED = {"arrhenius": 2, "reynolds": 2, "vft": 3, "paper": 3}  # temperatures that a kind takes
 _STEEPEST = 0.95  # share of a linear factor that may be lost at the run furthest from 20 degC

@@ -105,7 +105,7 @@ def template(
     campaign = temperature_dependent and fluid is None and temperature != "paper"
     if campaign:
         entries = [replace(e, form=_CAMPAIGN.get((e.name, e.form), e.form)) for e in entries]
-    on = _switched_on(law, _usual_groups(law) if groups is None and campaign else groups or ())
+    on = _switched_on(law, _usual_groups(law, campaign=campaign) if groups is None else groups)
     for group in on:
         entries += [entry for entry in group.entries if entry.name not in {e.name for e in entries}]
     forms: dict[str, ParameterLaw] = {}
@@ -191,8 +191,11 @@ motions beyond their speeds worse: it makes up for the shape of the loop.
 """
 
 
-def _usual_groups(law: HysteresisLaw) -> tuple[str, ...]:
-    if law.kernel is None:
+def _usual_groups(law: HysteresisLaw, *, campaign: bool) -> tuple[str, ...]:
+    """Return the groups that are on when none are named, for a tempered campaign or without temperature."""
+    if law.name == "chain":
+        return ("bristles", "spread", "friction", "thinning") if campaign else ("position", "friction")
+    if law.kernel is None or not campaign:
         return ()
     return ("friction", "viscosity", "thinning") if law.name == "series-valve" else ("friction", "thinning")
 

@@ -126,6 +126,7 @@ LAW_SOURCES: dict[str, tuple[Source, ...]] = {
     "lugre": (_LUGRE,),
     "spencer": (_SPENCER, _BOUC, _WEN),
     "series-valve": (),
+    "chain": (),
 }
 """What a law goes back to; a law that is this project's own cites the program."""
 
@@ -133,6 +134,7 @@ _OURS = {
     "bouc-wen-saturating": "the force that saturates in velocity is mrdamper's own",
     "double-bouc-wen": "two elements on one curve: mrdamper's own",
     "series-valve": "the law as a whole is mrdamper's own",
+    "chain": "the law as a whole is mrdamper's own",
 }
 
 METHOD_SOURCES: dict[str, tuple[Source, ...]] = {"varpro": (_GOLUB, _KAUFMAN)}

@@ -171,9 +171,34 @@ class FitOptions:
         ),
     ] = False
     terms: Annotated[
-        tuple[Literal["friction", "mass", "viscosity", "thinning", "gas", "none"], ...] | None,
+        tuple[
+            Literal[
+                "friction",
+                "mass",
+                "viscosity",
+                "thinning",
+                "gas",
+                "orifice",
+                "bristles",
+                "spread",
+                "stribeck",
+                "memory",
+                "position",
+                "curvature",
+                "stiffness",
+                "asymmetry",
+                "gas-volume",
+                "leak",
+                "play",
+                "follow",
+                "none",
+            ],
+            ...,
+        ]
+        | None,
         Option(
-            "Add a parallel term to the law (may be repeated).",
+            "Add a term to the law (may be repeated). Every law takes friction, mass, viscosity, "
+            "thinning and gas; the others are of the law chain.",
             flag="--term",
             default_help="friction, thinning for tempered runs",
             label="Parallel terms",

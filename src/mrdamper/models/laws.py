@@ -142,6 +142,64 @@ _IN_CHAIN: tuple[Coefficient, ...] = tuple(
     replace(c, linear=False) if c.name in ("stiffness", "offset") else c for c in COMMON
 )
 
+_COMPLIANCE: tuple[Coefficient, ...] = (
+    Coefficient("gap_stiffness", "N/m", "stiffness once the free play is closed", False, 1.0, 1e12),
+    Coefficient("gap", "m", "half width of the free play", False, 0.0, 1.0),
+    Coefficient("gap_corner", "m", "rounding radius of the free play's corners", False, 1e-9, 1.0),
+    Coefficient("leak_damping", "N (s/m)^mB", "dashpot across the free play", False, 0.0, 1e12),
+    Coefficient("leak_exponent", "-", "power of velocity in that dashpot", False, 0.2, 2.0, 1.0),
+)
+"""The elastic element of the laws in series: free play, a spring behind it, a dashpot across both."""
+
+
+def _term(
+    name: str, unit: str, description: str, default: float, lower: float = 0.0, upper: float = math.inf
+) -> Coefficient:
+    """Return a coefficient of a term of the chain, which is off at its default."""
+    return Coefficient(name, unit, description, False, lower, upper, default)
+
+
+_CHAIN: tuple[Coefficient, ...] = (
+    *(replace(c, lower=-math.inf) if c.name == "stiffness" else c for c in _IN_CHAIN),
+    Coefficient("yield_force", "N", "yield force of the valve", False, 0.0),
+    Coefficient(
+        "yield_velocity", "m/s", "velocity over which the viscoplastic yield changes sign", False, 1e-9, 10.0
+    ),
+    _term("thinning", "-", "shear-thinning force over yield force, at the reference speed", 0.0),
+    _term("thinning_force", "N", "shear-thinning force of its own, at the reference speed", 0.0),
+    _term("thinning_exponent", "-", "power of velocity in both", 0.6, 0.05, 2.0),
+    _term("reference_speed", "m/s", "where thinning and dashpot are stated", VISCOUS_SPEED, 1e-9, 1e3),
+    _term("orifice", "N s^2/m^2", "force that grows with the square of velocity", 0.0),
+    _term("asymmetry", "-", "yield extending over the mean, less one", 0.0, -0.5, 0.5),
+    _term("position_gain", "1/m", "relative growth of the valve force with travel", 0.0, -math.inf),
+    _term("position_curvature", "1/m^2", "the same with its square", 0.0, -math.inf),
+    *(
+        replace(c, lower=1e-6)
+        if c.name == "gap_stiffness"
+        else replace(c, lower=1e-12, default=1e-4)
+        if c.name == "gap_corner"
+        else replace(c, default=0.0)
+        if c.name == "gap"
+        else c
+        for c in _COMPLIANCE
+    ),
+    _term("bristle_share", "-", "share of the yield force that bristles carry before yield", 0.0, 0.0, 1.0),
+    _term("bristle_stiffness", "N/m", "stiffness of those bristles", 1e6),
+    _term("bristle_spread", "-", "spread of their stiffnesses, as a logarithm", 0.0, 0.0, 10.0),
+    _term("friction_force", "N", "friction, as a bristle", 0.0),
+    _term("friction_stiffness", "N/m", "stiffness of that bristle", 1e6),
+    _term("static_excess", "-", "friction at rest over that in motion, less one", 0.0, 0.0, 1e2),
+    _term("fade_velocity", "m/s", "velocity over which that excess fades", 1e-3, 1e-9, 10.0),
+    _term("memory_force", "N", "force of the bristle that remembers long travel", 0.0),
+    _term("memory_stiffness", "N/m", "stiffness of that bristle", 1e4),
+    _term("gas_force", "N", "force of a gas volume at mid-stroke", 0.0, -math.inf),
+    _term("gas_length", "m", "length of that volume", 1.0, 1e-9),
+    _term("play", "m", "half width of a free play ahead of everything", 0.0, 0.0, 1.0),
+    _term(
+        "follow_share", "-", "share of the bristles' force that follows the current at once", 1.0, 0.0, 1.0
+    ),
+)
+
 _LAWS = (
     HysteresisLaw(
         "bouc-wen",
@@ -267,15 +325,20 @@ _LAWS = (
                 "yield_velocity", "m/s", "velocity over which the yield force changes sign", False, 1e-7, 10.0
             ),
             Coefficient("position_gain", "1/m", "relative growth of the valve force with position", False),
-            Coefficient("gap_stiffness", "N/m", "stiffness once the free play is closed", False, 1.0, 1e12),
-            Coefficient("gap", "m", "half width of the free play", False, 0.0, 1.0),
-            Coefficient("gap_corner", "m", "rounding radius of the free play's corners", False, 1e-9, 1.0),
-            Coefficient("leak_damping", "N (s/m)^mB", "dashpot across the free play", False, 0.0, 1e12),
-            Coefficient("leak_exponent", "-", "power of velocity in that dashpot", False, 0.2, 2.0, 1.0),
+            *_COMPLIANCE,
         ),
         "yield_force, thinning, leak_damping >= 0, 1 + position_gain x > 0 over the stroke: then passive by "
         "construction (a potential, a dashpot and a valve that opposes its own velocity)",
         7,
+    ),
+    HysteresisLaw(
+        "chain",
+        "elasticity and free play in series with a valve, bristles, gas",
+        _CHAIN,
+        "yield_force, thinning, leak_damping >= 0: passive at constant current and temperature by "
+        "construction (potentials, dashpots, a valve that opposes its own velocity, bristles that store "
+        "f^2/(2 stiffness)); with follow_share = 0 while the current changes, too",
+        9,
     ),
 )
 

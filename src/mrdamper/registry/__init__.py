@@ -504,8 +504,8 @@ _ROWS = (
                 kind="law",
                 flag="--law",
                 required=False,
-                help="series-valve, double-bouc-wen, bouc-wen, bouc-wen-saturating, spencer, lugre, dahl, "
-                "bingham, tanh; auto (chosen by what is left out); or file.py:Class.",
+                help="chain, series-valve, double-bouc-wen, bouc-wen, bouc-wen-saturating, spencer, lugre, "
+                "dahl, bingham, tanh; auto (chosen by what is left out); or file.py:Class.",
                 default_help="auto",
                 label="Law",
             ),

@@ -4,6 +4,9 @@
  * worked out once and shared by the force and all its partial derivatives.
  */
 
+/* Laws whose spring and offset sit inside them. */
+static inline int has_own_spring(mrd_law law) { return law == MRD_SERIES_VALVE || law == MRD_CHAIN_LAW; }
+
 static inline double tanh_of(double u)
 {
     const double decay = exp(-2.0 * fabs(u)), size = (1.0 - decay) / (1.0 + decay);
@@ -41,7 +44,7 @@ static inline double common_force(const mrd_model *m, const mrd_record *r, size_
     const double v = r->v[i], viscosity = coefficient_at(m, C_VISCOSITY, i);
     double f = coefficient_at(m, C_MASS, i) * r->a[i];
     if (viscosity != 0.0) f += viscosity * viscous_speed(v, coefficient_at(m, C_VISCOUS_EXPONENT, i));
-    if (m->law != MRD_SERIES_VALVE) f += coefficient_at(m, C_STIFFNESS, i) * r->x[i] + coefficient_at(m, C_OFFSET, i);
+    if (!has_own_spring(m->law)) f += coefficient_at(m, C_STIFFNESS, i) * r->x[i] + coefficient_at(m, C_OFFSET, i);
     const double coulomb = coefficient_at(m, C_COULOMB, i), breakaway = coefficient_at(m, C_BREAKAWAY, i);
     if (coulomb != 0.0 || breakaway != 0.0)
         f += (coulomb + breakaway * stribeck_fade(m, v, i)) * friction_side(m, v, i);
@@ -90,7 +93,7 @@ static void common_close(common_rows *rows) { free(rows->store); }
 /* The force of these terms along a record, added to what is there. */
 static void common_add(const mrd_model *m, const mrd_record *r, const common_rows *rows, double *restrict force)
 {
-    const int chain = m->law == MRD_SERIES_VALVE;
+    const int chain = has_own_spring(m->law);
     for (size_t i = 0; i < r->n; i++) {
         double f = coefficient_at(m, C_MASS, i) * r->a[i];
         if (rows->power) f += coefficient_at(m, C_VISCOSITY, i) * rows->power[i];

@@ -8,6 +8,7 @@
 #include "coefficients.c"
 #include "hysteresis.c"
 #include "series_valve.c"
+#include "chain.c"
 #include "lugre.c"
 #include "spencer.c"
 #include "common.c"

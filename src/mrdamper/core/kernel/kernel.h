@@ -17,8 +17,8 @@
 #define MRD_CELLS 1024   /* most cells of one branch of the universal curve */
 #define MRD_COMMON 9     /* coefficients that every law has */
 #define MRD_VISCOUS_SPEED 0.1 /* [m/s] where the viscosity is the ratio of viscous force to speed */
-#define MRD_COEFFICIENTS 19
-#define MRD_DIRECTIONS 48
+#define MRD_COEFFICIENTS 37 /* most of a law */
+#define MRD_DIRECTIONS 96
 
 typedef enum {
     MRD_BOUC_WEN = 0,
@@ -29,7 +29,8 @@ typedef enum {
     MRD_LUGRE = 5,
     MRD_SPENCER = 6,
     MRD_SERIES_VALVE = 7,
-    MRD_DOUBLE = 8
+    MRD_DOUBLE = 8,
+    MRD_CHAIN_LAW = 9
 } mrd_law;
 
 typedef enum { MRD_OK = 0, MRD_NO_MEMORY = 1, MRD_NOT_A_LAW = 2, MRD_SHAPE_VARIES = 3, MRD_NOT_TABULATED = 4 } mrd_status;
@@ -46,6 +47,10 @@ enum { LG_YIELD = MRD_COMMON, LG_RHO, LG_EXCESS, LG_FADE, LG_DAMPING };
 enum { SP_YIELD = MRD_COMMON, SP_SERIES, SP_VISCOSITY, SP_STIFFNESS, SP_RHO, SP_KAPPA, SP_N };
 enum { SV_YIELD = MRD_COMMON, SV_THINNING, SV_EXPONENT, SV_VELOCITY, SV_POSITION, SV_SPRING, SV_GAP, SV_CORNER, SV_LEAK,
        SV_LEAK_EXPONENT };
+enum { CH_YIELD = MRD_COMMON, CH_VELOCITY, CH_THINNING, CH_OWN, CH_EXPONENT, CH_SPEED, CH_ORIFICE, CH_ASYMMETRY,
+       CH_POSITION, CH_CURVATURE, CH_SPRING, CH_GAP, CH_CORNER, CH_LEAK, CH_LEAK_EXPONENT, CH_SHARE, CH_BRISTLE, CH_SPREAD,
+       CH_FRICTION, CH_FRICTION_STIFFNESS, CH_EXCESS, CH_FADE, CH_MEMORY, CH_MEMORY_STIFFNESS, CH_GAS, CH_GAS_LENGTH,
+       CH_PLAY, CH_FOLLOW, CH_COUNT };
 
 /* One measured or prescribed run, or a batch of one: kinematics at a uniform step, and its monotone pieces.
  *
@@ -95,8 +100,9 @@ typedef struct {
     double kappa, n;                        /* of the first batch */
     double tau[2], base[2], from[2], rho[2]; /* Bouc-Wen family, by element: see travel_to() in hysteresis.c */
     double w;                               /* LuGre */
-    double y, q, q_rate;                    /* Spencer, series valve */
+    double y, q, q_rate;                    /* Spencer, series valve, chain */
     double e, side, place;                  /* Spencer */
+    double play, bristle[5], level[2];      /* chain */
 } mrd_state;
 
 /* A direction to differentiate in: a coefficient, and how fast it moves at each sample (NULL: 1). */

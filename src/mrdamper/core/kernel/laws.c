@@ -12,6 +12,7 @@ static int coefficient_count(int law)
     case MRD_SPENCER: return SP_N + 1;
     case MRD_SERIES_VALVE: return SV_LEAK_EXPONENT + 1;
     case MRD_DOUBLE: return DB_N + 1;
+    case MRD_CHAIN_LAW: return CH_COUNT;
     default: return 0;
     }
 }
@@ -227,11 +228,14 @@ static mrd_status run_bouc_wen(const mrd_model *m, const mrd_record *r, size_t d
 }
 
 /* Laws that are stepped along the record, and the coefficients whose tangents the stepping carries along. */
-static int is_stepped(mrd_law law) { return law == MRD_LUGRE || law == MRD_SPENCER || law == MRD_SERIES_VALVE; }
+static int is_stepped(mrd_law law)
+{
+    return law == MRD_LUGRE || law == MRD_SPENCER || law == MRD_SERIES_VALVE || law == MRD_CHAIN_LAW;
+}
 
 static int is_inside(mrd_law law, int k)
 {
-    return k >= MRD_COMMON || (law == MRD_SERIES_VALVE && (k == C_STIFFNESS || k == C_OFFSET));
+    return k >= MRD_COMMON || (has_own_spring(law) && (k == C_STIFFNESS || k == C_OFFSET));
 }
 
 /* The stepped laws' own force along a record, and its derivatives. */
@@ -248,6 +252,8 @@ static mrd_status run_stepped(const mrd_model *m, const mrd_record *r, size_t wa
         if (!own) return MRD_NO_MEMORY;
         spencer_run(m, r, ways, way, force, column, curve_in(own, shape.kappa_value, shape.n_value, ways > 0), state);
         if (!workspace) workspace_close(own);
+    } else if (m->law == MRD_CHAIN_LAW) {
+        chain_run(m, r, ways, way, force, column, state);
     } else {
         series_valve_run(m, r, ways, way, force, column, state);
     }
