@@ -1,5 +1,7 @@
 // The server's calls, and nothing else: JSON and binary answers, patience with those that take a while, events.
 
+import { Streams } from "./streams.js";
+
 /** What the server said no with; `message` is for people. */
 export class Refused extends Error {
   constructor(message, status) {
@@ -108,23 +110,44 @@ export function unpack(buffer) {
   return { head, columns };
 }
 
-/** Follow a job's events; `heard` has `progress`, `message` and `end`. Returns a function that stops listening. */
-export function follow(id, heard) {
-  const source = new EventSource(`/api/jobs/${part(id)}/events`);
-  for (const name of ["progress", "message", "end"]) {
-    source.addEventListener(name, (event) => {
-      if (!event.data) return;
-      if (name === "end") source.close();
-      heard[name]?.(JSON.parse(event.data));
-    });
+let worker = null;
+let own = null; // where the browser has no shared workers
+const hearing = new Map();
+let keys = 0;
+
+/** Hear the events of a job, or of the folder; returns a function that stops it. */
+function hear(of, heard) {
+  if (typeof SharedWorker === "undefined") {
+    own ??= new Streams();
+    if (of) own.follow(of, heard);
+    else own.watch(heard);
+    return () => own.leave(heard);
   }
-  return () => source.close();
+  if (!worker) {
+    worker = new SharedWorker("/static/events_worker.js", { type: "module", name: "mrdamper-events" });
+    worker.port.addEventListener("message", ({ data }) => hearing.get(data.key)?.(data.name, data.data));
+    worker.port.start();
+    window.addEventListener("pagehide", () => [...hearing.keys()].forEach((key) => worker.port.postMessage({ key, leave: true })));
+    window.addEventListener("pageshow", (event) => event.persisted && window.location.reload());
+  }
+  keys += 1;
+  const key = keys;
+  hearing.set(key, heard);
+  worker.port.postMessage({ key, of });
+  return () => {
+    hearing.delete(key);
+    worker.port.postMessage({ key, leave: true });
+  };
 }
 
-/** Call `changed` when something in the folder changes. */
-export function watchFolder(changed) {
-  const source = new EventSource("/api/events");
-  source.addEventListener("changed", (event) => changed(JSON.parse(event.data).what ?? []));
-  source.addEventListener("open", () => changed(["files", "records", "cards", "jobs", "inputs"]));
-  return source;
+/** Follow a job's events; `heard` has `progress`, `message` and `end`. Returns a function that stops listening. */
+export const follow = (id, heard) => hear(id, (name, data) => heard[name]?.(data));
+
+/** Call `changed` when something in the folder changes, `reached` when the server is lost (false) or back (true). */
+export function watchFolder(changed, reached) {
+  hear(null, (name, data) => {
+    if (name === "changed") changed(data.what ?? []);
+    else reached(name === "open");
+    if (name === "open") changed(["files", "records", "cards", "jobs", "inputs"]);
+  });
 }

@@ -156,4 +156,4 @@ window.addEventListener("unhandledrejection", (event) => {
   if (event.reason?.name !== "AbortError") app.toast("fault", event.reason?.message ?? String(event.reason));
 });
 route();
-watchFolder(changed);
+watchFolder(changed, (there) => (document.getElementById("lost").hidden = there));

@@ -4,6 +4,7 @@ import { putInput } from "./api.js";
 import { button, check, el, field as labelled, fill, select } from "./dom.js";
 
 const MORE = "More";
+const FOLDED = 2; // fewer seldom changed fields are not worth a fold
 const FEW = 6; // boxes that stand side by side
 
 /**
@@ -17,7 +18,9 @@ const FEW = 6; // boxes that stand side by side
  */
 export function jobForm(app, kind, { given = {}, offered = {}, slots = {}, changed = null } = {}) {
   const controls = new Map();
-  for (const one of app.forms[kind]) {
+  const fields = app.forms[kind];
+  const folds = fields.filter((one) => one.group === MORE).length > FOLDED;
+  for (const one of fields.map((each) => (folds || each.group !== MORE ? each : { ...each, group: "" }))) {
     if (one.name in given) continue;
     const made = slots[one.word] ?? controlOf(app, one, `${kind}-${one.name.replaceAll("_", "-")}`, offered);
     made.node.addEventListener("input", () => changed?.(one.name));

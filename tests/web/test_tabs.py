@@ -1,0 +1,74 @@
+"""Many tabs of one browser: they share its connections, so that none waits for another."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+
+import pytest
+from playwright.sync_api import expect
+
+from tests.support.rigs import short_runs, write_runs
+from tests.web.served import served
+
+pytestmark = pytest.mark.system
+
+TABS = 12
+_ASKED_S = 1.0  # of a request, and until Cancel is answered
+
+
+@pytest.fixture(scope="module")
+def client(tmp_path_factory):
+    root = tmp_path_factory.mktemp("tabs") / "damper"
+    (root / "runs").mkdir(parents=True)
+    write_runs(root / "runs", short_runs())
+    with served(root) as one:
+        one.read_all()
+        yield one
+
+
+def test_twelve_tabs_on_a_fit_are_answered_and_cancel_is_heard(browser, client):
+    """Each tab follows the same fit; the slowest of 48 requests and Cancel take less than a second."""
+    job = client.job("identify", card="long", method="genetic", law="bouc-wen")
+    client.until(job, {"running"})
+    with browser.new_context(base_url=client.address) as context:
+        tabs = [context.new_page() for _ in range(TABS)]
+        for tab in tabs:
+            tab.goto("/#/identify")
+            tab.wait_for_selector("[data-job=identify] progress")
+        waits = [
+            tab.evaluate(
+                """async (address) => {
+                  const began = performance.now();
+                  await (await fetch(address)).text();
+                  return performance.now() - began;
+                }""",
+                address,
+            )
+            / 1e3
+            for tab in tabs
+            for address in ("/api/state", "/api/runs", "/api/jobs", "/api/forms")
+        ]
+        begin = time.monotonic()
+        with tabs[-1].expect_response("**/cancel") as answered:
+            tabs[-1].get_by_role("button", name="Cancel").click()
+        assert answered.value.ok
+        cancelled_s = time.monotonic() - begin
+        for tab in tabs:
+            expect(tab.locator("[data-job=identify] progress")).to_have_count(0)
+    print(f"{TABS} tabs: worst request {max(waits):.2f} s, Cancel answered in {cancelled_s:.2f} s")
+    assert max(waits) < _ASKED_S
+    assert cancelled_s < _ASKED_S
+    assert client.ended(job)["state"] == "cancelled"
+
+
+def test_a_server_that_is_lost_is_said_at_once(browser, tmp_path):
+    with browser.new_context() as context:
+        page = context.new_page()
+        with served(tmp_path / "work") as client:
+            page.goto(f"{client.address}/#/jobs".replace("//#", "/#"))
+            page.wait_for_selector("[data-shown=jobs] h1")
+            expect(page.locator("#lost")).to_be_hidden()
+            os.kill(client.process.pid, signal.SIGKILL)
+            expect(page.locator("#lost")).to_be_visible(timeout=2_000)
