@@ -1,8 +1,9 @@
 """The actuation identified: delay and lags between command and force, from runs whose command steps.
 
-The damper's law is fitted on runs at constant command first and stands still here. Around every change of
-the command the measured force is compared with the damper's, driven through a delay and two lags; in each
-such window a gain and an offset are free, so that what the law gets wrong in level says nothing about time.
+The damper's law is fitted on runs at constant command first and stands still here. Steps that are held tell
+what share of the way the force has gone, whatever position and speed do meanwhile (``step_responses``);
+delay and two lags are fitted to those shares. Where no command is held, the force in windows around its
+changes is compared with the damper's, with a gain and an offset free in each.
 
 The lags hold at about the speed of these runs. A law feels a new command at once, while in a damper the force
 has to be built up against its stiffness s, with the time constant F / (s v): at 30 mm/s some 7 ms of a stiff
@@ -14,6 +15,7 @@ reached from below. It is told where runs come to one command from both sides an
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -21,9 +23,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
-from mrdamper.arrays import FloatArray
+from mrdamper.arrays import FloatArray, rms
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import ConvergenceError, InputError
+from mrdamper.identify.step_responses import (
+    SHARE,
+    SteppedRun,
+    StepTime,
+    measured_times,
+    stepped_run,
+)
 from mrdamper.models.actuation import PLAY_SHARE, Actuation
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import Drive, open_drive, simulate
@@ -36,6 +45,11 @@ _STEP = 0.05  # of the command's range: a smaller change opens no window
 _LEAST_MOVED_N = 5.0  # a window in which the damper's force moves by less tells nothing
 _LONGEST_S = 0.3
 _SHORTEST_S = 1e-4
+_LOW = np.array([np.log(_SHORTEST_S)] * 2 + [0.0, 0.0])  # of log rise, log fall, second, delay
+_HIGH = np.array([np.log(_LONGEST_S)] * 2 + [_LONGEST_S, 0.1])
+_FINER = 16  # parts of a sample in which a command jumps
+_ROUNDS = 3  # of setting rise and fall by the measured times
+_SYSTEMATIC = 0.06  # of a time to 63 %: maps and plays of the steps; chosen on even draws (docs/believe.md)
 _NAMES = ("rise_s", "fall_s", "second_s", "delay_s")
 _SETTLED_S = 0.1  # after a change of the command, before its level is looked at
 
@@ -46,12 +60,21 @@ class ActuationFit:
 
     actuation: Actuation
     standard_errors: dict[str, float]  # of rise_s, fall_s, second_s, delay_s [s], play; NaN where not told
-    t63_s: float  # from a step up of the command to 63 % of the way
-    t90_s: float
+    t63_s: float  # from a step up of the command to 63 % of the force's way
+    t90_s: float  # of the command at the law
     rmse_N: float  # in the windows, level taken out
     unlagged_rmse_N: float  # the same without an actuation
     windows: int
     cpu_s: float
+    t63_fall_s: float = float("nan")  # from a step down of the command
+    t63_error_s: float = float("nan")  # standard errors of the two
+    t63_fall_error_s: float = float("nan")
+
+    @property
+    def response_times(self) -> dict[str, float]:
+        """The times to 63 % of a step and their standard errors, by the names that files have."""
+        names = ("t63_s", "t63_fall_s", "t63_error_s", "t63_fall_error_s")
+        return {name: getattr(self, name) for name in names}
 
 
 def steps_of(command: FloatArray, step: float) -> list[slice]:
@@ -73,7 +96,11 @@ def steps_of(command: FloatArray, step: float) -> list[slice]:
 def fit_actuation(
     damper: Damper, runs: Sequence[PreparedRun], *, resistance_20_ohm: float | None = None
 ) -> ActuationFit:
-    """Fit delay, rise, fall and second lag to runs whose command varies; of them to those where it settles.
+    """Fit delay, rise, fall and second lag to runs whose command varies.
+
+    Where commands are held long enough between their steps, the share of each step that the force has reached
+    is fitted (``step_responses``), and rise and fall are then set so that the model takes the measured time
+    to 63 % of a step, up and down. Else the force in windows around the changes is fitted, level taken out.
 
     Raises
     ------
@@ -83,39 +110,150 @@ def fit_actuation(
         The search ended without a finite error.
     """
     clock = time.process_time()
-    still = replace(damper, command_lag_s=0.0, actuation=None)
-    stepped = _stepped_runs(still, runs)
+    still = replace(damper, command_lag_s=0.0, actuation=None).on_limits()
     largest = max(float(np.abs(run.trajectory.command).max()) for run in runs)
+    told = [each for run in runs if (each := stepped_run(still, run)) is not None]
+    windows = _stepped_runs(still, [each.run for each in told] or runs)
+    if told:
+        lags, errors, times = _fit_responses(still, told)
+    else:
+        lags, errors = _fit_windows(still, windows)
+        times = _Times(lags.response_time(SHARE), lags.response_time(SHARE, 1.0, 0.0))
+    lags = replace(lags, resistance_20_ohm=resistance_20_ohm, largest_command=largest)
+    play, play_error = _fit_play(replace(still, actuation=lags), runs)
+    left, unlagged = (_window_error(still, each, windows) for each in (lags, None))
+    return ActuationFit(
+        actuation=replace(lags, play=play),
+        standard_errors={**errors, "play": play_error},
+        t63_s=times.up_s,
+        t90_s=lags.response_time(0.9),
+        rmse_N=rms(left),
+        unlagged_rmse_N=rms(unlagged),
+        windows=sum(len(each) for _, _, each in windows),
+        cpu_s=time.process_time() - clock,
+        t63_fall_s=times.down_s,
+        t63_error_s=times.up_error_s,
+        t63_fall_error_s=times.down_error_s,
+    )
 
-    def made(point: FloatArray) -> Actuation:
-        rise, fall = np.exp(point[:2]).tolist()
-        return Actuation(rise, fall, float(point[2]), float(point[3]), resistance_20_ohm, largest)
 
-    def residual(actuation: Actuation | None) -> FloatArray:
-        moved = replace(still, actuation=actuation)
-        parts = []
-        for drive, measured, windows in stepped:
-            force = simulate(moved, drive)
-            parts += [_level_free(force[window], measured[window]) for window in windows]
+# --------------------------------------------------------------------------------- steps that are held
+
+
+@dataclass(frozen=True, slots=True)
+class _Times:
+    """Times [s] to 63 % of a step of the command, up and down, and their standard errors.
+
+    ``up_noise_s`` and ``down_noise_s`` are the shares of the errors that repeated steps of one kind show.
+    """
+
+    up_s: float
+    down_s: float
+    up_error_s: float = math.nan
+    down_error_s: float = math.nan
+    up_noise_s: float = 0.0
+    down_noise_s: float = 0.0
+
+    @classmethod
+    def of(cls, steps: Sequence[StepTime], *, model: bool = False) -> _Times:
+        """Return the means over kinds of step; the error holds their scatter and what maps may be off by."""
+        found: list[tuple[float, float, float]] = []
+        for upwards in (True, False):
+            kinds: dict[tuple[int, int], list[float]] = {}
+            for each in steps:
+                if each.upwards == upwards:
+                    kinds.setdefault(each.levels, []).append(each.model_s if model else each.measured_s)
+            found.append(_mean_over_kinds([np.array(times) for times in kinds.values()]))
+        (up, up_error, up_noise), (down, down_error, down_noise) = found
+        return cls(up, down, up_error, down_error, up_noise, down_noise)
+
+
+def _mean_over_kinds(kinds: Sequence[FloatArray]) -> tuple[float, float, float]:
+    """Return the mean of the kinds' mean times [s], its standard error, and the part of repeated steps."""
+    if not kinds:
+        return math.nan, math.nan, 0.0
+    means = np.array([times.mean() for times in kinds])
+    mean, count = float(means.mean()), len(kinds)
+    freedom = sum(len(times) - 1 for times in kinds)
+    within = sum(float(np.sum((times - times.mean()) ** 2)) for times in kinds) / max(freedom, 1)
+    noise = math.sqrt(within * sum(1.0 / len(times) for times in kinds)) / count
+    scatter = float(np.std(means, ddof=1)) / math.sqrt(count) if count > 1 else noise
+    return mean, math.hypot(max(scatter, noise), _SYSTEMATIC * mean), noise
+
+
+def _fit_responses(still: Damper, told: Sequence[SteppedRun]) -> tuple[Actuation, dict[str, float], _Times]:
+    """Return the lags that follow the measured responses, their errors, and the times to 63 % of a step."""
+
+    def force_of(lags: Actuation) -> Callable[[SteppedRun], FloatArray]:
+        return lambda each: _lagged_force(still, lags, each.drive)
+
+    def residual(point: FloatArray) -> FloatArray:
+        lags, parts = _lags(point), []
+        for each in told:
+            shares = each.model_shares(_lagged_force(still, lags, each.drive))
+            parts += [
+                (model - response.share) * np.abs(response.size)
+                for model, response in zip(shares, each.responses, strict=True)
+            ]
         return np.concatenate(parts)
 
-    low = np.array([np.log(_SHORTEST_S)] * 2 + [0.0, 0.0])
-    high = np.array([np.log(_LONGEST_S)] * 2 + [_LONGEST_S, 0.1])
-    found = _search(lambda point: residual(made(point)), low, high)
-    lags = made(found.x)
-    play, play_error = _fit_play(replace(still, actuation=lags), runs)
-    actuation = replace(lags, play=play)
-    errors = _errors(np.asarray(found.jac), found.fun, found.x, (low, high))
-    return ActuationFit(
-        actuation=actuation,
-        standard_errors={**errors, "play": play_error},
-        t63_s=actuation.response_time(0.63),
-        t90_s=actuation.response_time(0.9),
-        rmse_N=float(np.sqrt(np.mean(found.fun**2))),
-        unlagged_rmse_N=float(np.sqrt(np.mean(residual(None) ** 2))),
-        windows=sum(len(windows) for _, _, windows in stepped),
-        cpu_s=time.process_time() - clock,
-    )
+    found = _search(residual, starts=(0.008,))
+    lags = _lags(found.x)
+    times = _Times.of(measured_times(told, force_of(lags)))
+    for _ in range(_ROUNDS):
+        model = _Times.of(measured_times(told, force_of(lags)), model=True)
+        lags = replace(
+            lags,
+            rise_s=_moved(lags.rise_s, times.up_s - model.up_s),
+            fall_s=_moved(lags.fall_s, times.down_s - model.down_s),
+        )
+    errors = _errors(np.asarray(found.jac), found.fun, found.x)
+    for name, noise in (("rise_s", times.up_noise_s), ("fall_s", times.down_noise_s)):
+        errors[name] = math.hypot(errors[name], noise)
+    return lags, errors, times
+
+
+def _moved(lag_s: float, later_s: float) -> float:
+    """Return a lag after which 63 % of a step comes later by so much; where nothing is known, as it is."""
+    if not np.isfinite(later_s):
+        return lag_s
+    return float(np.clip(lag_s + later_s, max(0.3 * lag_s, _SHORTEST_S), min(3.0 * lag_s, _LONGEST_S)))
+
+
+def _lags(point: FloatArray) -> Actuation:
+    rise, fall = np.exp(point[:2]).tolist()
+    return Actuation(rise, fall, float(point[2]), float(point[3]))
+
+
+def _lagged_force(still: Damper, lags: Actuation | None, drive: Drive) -> FloatArray:
+    """Return the force [N] over a run whose command holds between its samples and jumps at them."""
+    path = drive.trajectory
+    felt = path.command
+    if lags is not None:
+        felt = lags.applied(np.repeat(felt, _FINER), path.step / _FINER)[::_FINER]
+    return simulate(still, replace(drive, trajectory=replace(path, command=felt), constant=None))
+
+
+# --------------------------------------------------------------------------------- windows around changes
+
+
+def _fit_windows(
+    still: Damper, windows: Sequence[tuple[Drive, FloatArray, list[slice]]]
+) -> tuple[Actuation, dict[str, float]]:
+    """Return the lags by the force in windows around the changes, and their errors."""
+    found = _search(lambda point: _window_error(still, _lags(point), windows), starts=(0.008, 0.03))
+    return _lags(found.x), _errors(np.asarray(found.jac), found.fun, found.x)
+
+
+def _window_error(
+    still: Damper, lags: Actuation | None, windows: Sequence[tuple[Drive, FloatArray, list[slice]]]
+) -> FloatArray:
+    """Return measured less modelled force [N] in all windows, each with its level taken out."""
+    parts = []
+    for drive, measured, inside in windows:
+        force = _lagged_force(still, lags, drive)
+        parts += [_level_free(force[window], measured[window]) for window in inside]
+    return np.concatenate(parts)
 
 
 def _stepped_runs(still: Damper, runs: Sequence[PreparedRun]) -> list[tuple[Drive, FloatArray, list[slice]]]:
@@ -144,19 +282,21 @@ def _stepped_runs(still: Damper, runs: Sequence[PreparedRun]) -> list[tuple[Driv
     return settled or found
 
 
-def _search(
-    residual: Callable[[FloatArray], FloatArray], low: FloatArray, high: FloatArray
-) -> OptimizeResult:
-    """Return the better of two least-squares searches, from quick and from slow lags."""
-    tried = []
-    for slow in (0.008, 0.03):
-        start = np.array([np.log(slow)] * 2 + [0.3 * slow, 0.1 * slow])
-        tried.append(
-            least_squares(
-                residual, start, bounds=(low, high), x_scale=[0.3, 0.3, 2e-3, 1e-3], diff_step=[1e-4] * 4
-            )
+def _search(residual: Callable[[FloatArray], FloatArray], starts: Sequence[float]) -> OptimizeResult:
+    """Return the best of least-squares searches from lags of such lengths [s]."""
+    tried = [
+        least_squares(
+            residual,
+            np.array([np.log(slow)] * 2 + [0.3 * slow, 0.1 * slow]),
+            bounds=(_LOW, _HIGH),
+            x_scale=[0.3, 0.3, 2e-3, 1e-3],
+            diff_step=[1e-4] * 4,
+            xtol=1e-5,
+            ftol=1e-6,
         )
-    best = tried[1] if tried[1].cost < tried[0].cost else tried[0]
+        for slow in starts
+    ]
+    best = min(tried, key=lambda each: each.cost)
     if not np.isfinite(best.cost):
         raise ConvergenceError(
             place="actuation", found="no finite error; check that current and force belong together in time"
@@ -258,12 +398,10 @@ def _level_free(model: FloatArray, measured: FloatArray) -> FloatArray:
     return np.asarray(wanted - gain * centred)
 
 
-def _errors(
-    jacobian: FloatArray, residual: FloatArray, point: FloatArray, bounds: tuple[FloatArray, FloatArray]
-) -> dict[str, float]:
+def _errors(jacobian: FloatArray, residual: FloatArray, point: FloatArray) -> dict[str, float]:
     """Return standard errors [s] for independent residuals; NaN where one sits on its bound."""
-    span = bounds[1] - bounds[0]
-    free = (point > bounds[0] + 1e-6 * span) & (point < bounds[1] - 1e-6 * span)
+    span = _HIGH - _LOW
+    free = (point > _LOW + 1e-6 * span) & (point < _HIGH - 1e-6 * span)
     errors = np.full(len(point), np.nan)
     if free.any():
         j = jacobian[:, free]

@@ -96,7 +96,7 @@ class Identification:
             found = self.actuation
             notes["actuation"] = {
                 "standard_errors": {name: finite(error) for name, error in found.standard_errors.items()},
-                "t63_s": found.t63_s,
+                **{name: finite(time) for name, time in found.response_times.items()},
                 "t90_s": found.t90_s,
                 "rmse_N": found.rmse_N,
                 "unlagged_rmse_N": found.unlagged_rmse_N,

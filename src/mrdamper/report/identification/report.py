@@ -121,7 +121,7 @@ def _actuation(found: IdentifyResult) -> Json | None:
     told: Json = {**asdict(fitted.actuation), **errors}
     return {
         **told,
-        "t63_s": fitted.t63_s,
+        **{name: finite(time) for name, time in fitted.response_times.items()},
         "t90_s": fitted.t90_s,
         "rmse_N": fitted.rmse_N,
         "unlagged_rmse_N": fitted.unlagged_rmse_N,
