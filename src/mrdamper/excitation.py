@@ -258,8 +258,24 @@ class Triangle:
         return np.zeros_like(np.asarray(t, dtype=np.float64))
 
 
+class _Tones:
+    """A motion that is a sum of tones."""
+
+    __slots__ = ()
+    tones: Harmonics
+
+    def displacement(self, t: ArrayLike) -> FloatArray:
+        return self.tones.displacement(t)
+
+    def velocity(self, t: ArrayLike) -> FloatArray:
+        return self.tones.velocity(t)
+
+    def acceleration(self, t: ArrayLike) -> FloatArray:
+        return self.tones.acceleration(t)
+
+
 @dataclass(frozen=True, slots=True)
-class Road:
+class Road(_Tones):
     """The height of an ISO 8608 road under a vehicle at constant speed: a sum of tones with random phases.
 
     Gd(n) = Gd(n0) n0^2 / (n^2 + corner^2): the standard's Gd(n0) (n / n0)^-2 well above the corner, flat
@@ -301,18 +317,9 @@ class Road:
         tones = (amplitudes, self.speed * np.sqrt(edges[1:] * edges[:-1]), phases)
         object.__setattr__(self, "tones", Harmonics(*(tuple(map(float, values)) for values in tones)))
 
-    def displacement(self, t: ArrayLike) -> FloatArray:
-        return self.tones.displacement(t)
-
-    def velocity(self, t: ArrayLike) -> FloatArray:
-        return self.tones.velocity(t)
-
-    def acceleration(self, t: ArrayLike) -> FloatArray:
-        return self.tones.acceleration(t)
-
 
 @dataclass(frozen=True, slots=True)
-class RandomMotion:
+class RandomMotion(_Tones):
     """A band of 32 tones, evenly on a logarithmic axis, of one velocity amplitude and random phases.
 
     The amplitude is three standard deviations of the displacement, which is seldom passed. The same seed
@@ -339,15 +346,6 @@ class RandomMotion:
         phases = np.random.default_rng(self.seed).uniform(0.0, 2 * np.pi, len(frequencies))
         tones = (tuple(map(float, values)) for values in (amplitudes, frequencies, phases))
         object.__setattr__(self, "tones", Harmonics(*tones))
-
-    def displacement(self, t: ArrayLike) -> FloatArray:
-        return self.tones.displacement(t)
-
-    def velocity(self, t: ArrayLike) -> FloatArray:
-        return self.tones.velocity(t)
-
-    def acceleration(self, t: ArrayLike) -> FloatArray:
-        return self.tones.acceleration(t)
 
 
 @dataclass(frozen=True, slots=True)
