@@ -152,14 +152,19 @@ def universal_curve(kappa: float, n: float) -> CurveTables:
     end = 26.0 / n + 2.0
     dense = end * np.sinh(np.linspace(0.0, 14.0, 40_001)) / math.sinh(14.0)
     up, down = (np.maximum.accumulate(np.abs(core.curve(kappa, n, side * dense)[0])) for side in (1.0, -1.0))
+    fall = dense.copy()
+    stop = int(np.argmax(down >= 1.0 - 1e-12))
+    if stop:  # w = -1, where unloading ends, lies between two places; with kappa 0 the curve stands still
+        slope = max(1.0 - kappa * down[stop - 1] ** n, 1e-9)
+        fall[stop:] = min(fall[stop], fall[stop - 1] + (down[stop] - down[stop - 1]) / slope)
     loaded = float(np.interp(1.0 - 0.2 * CURVE_ERROR, up, dense))
-    unloaded = float(np.interp(1.0 - 1e-6, down, dense))
+    unloaded = float(np.interp(1.0 - 1e-6, down, fall))
 
     def to_loading(u: FloatArray) -> FloatArray:
         return np.interp(u, up, dense)
 
     def to_unloading(u: FloatArray) -> FloatArray:
-        return np.interp(u, down, dense)
+        return np.interp(u, down, fall)
 
     def load(tau: FloatArray) -> FloatArray:
         return np.abs(core.curve(kappa, n, tau)[0])
