@@ -22,7 +22,7 @@ from mrdamper.data.prepare import prepare_run
 from mrdamper.data.readers import read_run
 from mrdamper.errors import InputError
 from mrdamper.files import parse_toml
-from mrdamper.jobs.previews.runs import channels_toml
+from mrdamper.jobs.channel_map import channels_toml
 from mrdamper.jobs.previews.series import keep_runs, keep_window, read_series
 from mrdamper.registry.queries import QUERIES
 from mrdamper.rig.campaign import find_campaign

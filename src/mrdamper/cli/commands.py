@@ -12,7 +12,8 @@ from typing import Any
 
 import click
 
-from mrdamper.errors import UsageError, spelled
+from mrdamper.cli.asking import answers_to
+from mrdamper.errors import InputError, UsageError, spelled
 from mrdamper.registry import KINDS, Input, Job
 from mrdamper.schema import Field
 
@@ -40,19 +41,29 @@ def command_of(job: Job, finish: Callable[[Job, Any, dict[str, Any], bool], int]
             raise click.UsageError(f"nothing to write: give {', '.join(ways[:-1])} or {ways[-1]}")
         options = job.options_type(**{name: value for name, value in values.items() if value is not None})
         ctrl_c = job.ctrl_c or ("keeps what is finished for --resume" if job.checkpoint and out else "")
-        try:
-            with on_progress(job.progress_word, ctrl_c=ctrl_c or "leaves nothing") as progress:
-                result, answer = job.perform(
-                    given,
-                    options,
-                    out=out,
-                    outputs=outputs,
-                    on_progress=progress,
-                    resume=resume,
-                    tell=tell,
-                )
-        except UsageError as fault:
-            raise click.UsageError(str(fault)) from fault
+        while True:
+            try:
+                with on_progress(job.progress_word, ctrl_c=ctrl_c or "leaves nothing") as progress:
+                    result, answer = job.perform(
+                        given,
+                        options,
+                        out=out,
+                        outputs=outputs,
+                        on_progress=progress,
+                        resume=resume,
+                        tell=tell,
+                    )
+            except UsageError as fault:
+                raise click.UsageError(str(fault)) from fault
+            except InputError as fault:
+                more = answers_to(fault, given, as_json=as_json)
+                if not more:
+                    raise
+            else:
+                more = answers_to(result, given, as_json=as_json)
+                if not more:
+                    break
+            given["answer"] = (*(given.get("answer") or ()), *more)
         return finish(job, result, answer, as_json)
 
     return LateCommand(job, callback=run)

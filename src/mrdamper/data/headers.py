@@ -32,6 +32,7 @@ _FORMS_WITH_UNIT = (
     *(_BRACKETS, re.compile(r"(.+?)\s*/\s*(.+)"), _LINE),
     *(re.compile(r"(.+?)\s*,\s*(.+)"), re.compile(r"(.+?)\s+in\s+(.+)", re.IGNORECASE)),
 )
+_LAST = re.compile(r"(.+)_([^_]+)")
 _BRACKETED = (_NOTED, _BRACKETS)
 _NARROW = str.maketrans("（）［］／", "()[]/")
 
@@ -50,7 +51,7 @@ _AMBIENT = re.compile(r"\b(amb\w*|room|air|raum\w*|umgebung\w*|lab|chamber)\b|�
 def word_and_unit(header: str) -> tuple[str, str]:
     """Return the word and the unit of a header, "" where it has none; what is no unit belongs to the word."""
     text = header.translate(_NARROW).strip()
-    for form in (_NOTED, *_FORMS_WITH_UNIT):
+    for form in (_NOTED, *_FORMS_WITH_UNIT, _LAST):
         match = form.fullmatch(text)
         if match is None:
             continue

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from mrdamper.arrays import FloatArray
+from mrdamper.core import turning_points
 from mrdamper.data.finding import Finding
 from mrdamper.data.formats.table import Table, Texts
 from mrdamper.data.records import GAP, changes_of_pace, command_slack, steady_command
@@ -26,6 +27,7 @@ __all__ = ["Piece", "cut_at_gaps", "filled", "integrated", "joined", "run_edges"
 _LEAST_SAMPLES = 16
 _MOST_MISSING = 0.01
 _GOES_ON = 1.5  # steps of time: further apart, a piece is a recording of its own
+_SWING, _FEWEST_TURNS, _REGULAR = 0.2, 5, 0.2  # of a periodic motion: share of its range, reversals, share
 _LEAST_COVERED = 0.9  # of the time of the fastest clock
 _MOST_RUNS = 1 / 16  # of the rows: a column of words that changes more often names no runs
 
@@ -49,7 +51,10 @@ class Piece:
 def run_edges(
     time: FloatArray, parts: Sequence[int], texts: Mapping[str, Texts]
 ) -> tuple[list[int], dict[int, str]]:
-    """Return the edges of the runs of a table, and the titles that a column of words gives them."""
+    """Return the edges of the runs of a table, and the titles that a column of words gives them.
+
+    ``time`` [s] may be of any sampling; ``parts`` are rows at which the file itself begins anew.
+    """
     edges = {0, *parts}
     titles: dict[int, str] = {}
     for cells in texts.values():
@@ -169,7 +174,8 @@ def integrated(piece: Piece) -> Piece:
     velocity, time = piece.channels["velocity"], piece.time
     path = np.concatenate([[0.0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]) * np.diff(time))])
     if len(path) > 2 and np.isfinite(path).all():
-        path = path - np.polyval(np.polyfit(time - time[0], path, 1), time - time[0])
+        path = path - _slope(path, time) * (time - time[0])
+        path = path - 0.5 * float(np.max(path) + np.min(path))
     found = Finding(
         kind="velocity_integrated",
         severity="warning",
@@ -180,6 +186,24 @@ def integrated(piece: Piece) -> Piece:
     )
     channels = {**piece.channels, "displacement": path}
     return replace(piece, channels=channels, findings=(*piece.findings, found))
+
+
+def _slope(path: FloatArray, time: FloatArray) -> float:
+    """Return the drift of an integral [m/s]: over whole cycles where there are any, else of the best line.
+
+    The best line through some cycles of a sine is not level.
+    """
+    line = float(np.polyfit(time - time[0], path, 1)[0])
+    level = path - line * (time - time[0])
+    turns = turning_points(level, _SWING * float(np.ptp(level)))
+    if len(turns) < _FEWEST_TURNS:
+        return line
+    halves = np.diff(time[turns[1:-1]])
+    if float(np.max(np.abs(halves / np.median(halves) - 1.0))) > _REGULAR:
+        return line
+    inner = turns[1:-1]
+    first, last = int(inner[0]), int(inner[-1 if len(inner) % 2 else -2])  # reversals of one kind
+    return float((path[last] - path[first]) / (time[last] - time[first]))
 
 
 def to_one_clock(

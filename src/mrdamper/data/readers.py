@@ -39,6 +39,7 @@ from mrdamper.quantities import CommandUnit
 
 __all__ = [
     "COMMAND_UNITS",
+    "ONE_FOR_EACH",
     "Inference",
     "RigFile",
     "command_role",
@@ -54,6 +55,8 @@ __all__ = [
 PathLike = str | Path
 
 COMMAND_UNITS: dict[str, CommandUnit] = dict(zip(("current", "voltage"), get_args(CommandUnit), strict=True))
+ONE_FOR_EACH = "one for each current"
+"""The source of a column of force that has others beside it, each with its current in its name."""
 _HELD = ("current", "voltage", "temperature")
 _CONTRADICTS = 0.15  # share by which a command in a name and the measured one may differ
 
@@ -208,9 +211,11 @@ def _wide_part(table: Table, chosen: ChannelMap, file: Path, wide: Sequence[tupl
         kept = tuple(each for each in table.names if each not in names - {name})
         said = replace(chosen, constant={**chosen.constant, "current": current})
         part = _part_of(replace(table, columns=others, names=kept), said, file)
-        columns = columns or part.columns
+        columns = columns or tuple(
+            replace(each, source=ONE_FOR_EACH) if each.role == "force" else each for each in part.columns
+        )
         pieces += [replace(piece, told=(("current", current, f"column {name!r}"),)) for piece in part.pieces]
-    return _Part(tuple(pieces), columns, "current", (f"{len(wide)} columns of force, one for each current",))
+    return _Part(tuple(pieces), columns, "current", (f"{len(wide)} columns of force, {ONE_FOR_EACH}",))
 
 
 def _channels(

@@ -265,6 +265,8 @@ def _column_without_unit(
     scaled = _scaled(role, table, headers)
     if scaled is not None and channel.gain is None and not channel.unit:
         return scaled
+    if not worded and channel.gain is not None:
+        worded = [each for each in headers if "voltage" in each.of_unit and _may_measure(each, role)]
     meant = _meant_without_unit(role, headers)
     if not worded and meant is not None and channel.unit:
         return Column(role, meant.name, channel.unit, "its word, and an answer")
@@ -300,6 +302,11 @@ def _meant_without_unit(role: str, headers: Sequence[_Header]) -> _Header | None
         and (each.word == symbol or speaks_of(each.word, role))
     ]
     return found[0] if len(found) == 1 else None
+
+
+def _may_measure(header: _Header, role: str) -> bool:
+    """Tell whether a column of volts may be the sensor of a role, whose scale an answer gives."""
+    return speaks_of(header.word, role) or (role == "current" and is_monitor(header.word))
 
 
 def _is_needed(role: str, headers: Sequence[_Header]) -> bool:

@@ -490,6 +490,20 @@ _ROWS = (
         files_help="For check.html, check.json, findings.csv.",
     ),
     Job(
+        name="map",
+        python="channel_map",
+        help="""Write the channel map by which files were read, to be corrected and kept.
+
+        PATH: files, folders or patterns of runs. What differs from file to file stands in comments.
+        """,
+        inputs=(Input(name="files", kind="files", help="Files, folders or patterns of runs."),),
+        run="mrdamper.jobs.channel_map:write_map",
+        result="mrdamper.jobs.channel_map:WrittenMap",
+        report="mrdamper.report.channel_map:REPORT",
+        files_help="For channels.toml.",
+        progress_word="",
+    ),
+    Job(
         name="identify",
         page="the page Identify",
         out="card",

@@ -17,7 +17,7 @@ QUERIES: Mapping[str, str] = MappingProxyType(
         "preview": "mrdamper.jobs.previews.runs:look",
         "preview_head": "mrdamper.jobs.previews.runs:glance",
         "findings": "mrdamper.jobs.previews.runs:findings_in",
-        "channels": "mrdamper.jobs.previews.runs:channels_toml",
+        "channels": "mrdamper.jobs.channel_map:channels_toml",
         "runs": "mrdamper.jobs.previews.series:keep_runs",
         "window": "mrdamper.jobs.previews.series:keep_window",
         "model": "mrdamper.jobs.previews.series:keep_model",

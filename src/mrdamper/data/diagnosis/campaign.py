@@ -60,13 +60,13 @@ def _is_sound(run: Recording | RigRun) -> bool:
 
 def _copies(runs: Sequence[Recording | RigRun]) -> Iterator[Finding]:
     """Give runs whose samples are those of an earlier one, but for rounding."""
-    seen: dict[int, list[tuple[str, FloatArray]]] = {}
+    seen: dict[int, list[tuple[str, FloatArray, FloatArray]]] = {}
     for run in runs:
         rows = np.linspace(0, len(run) - 1, min(len(run), _LOOKED_AT)).astype(int)
-        spans = [float(np.ptp(each)) or 1.0 for each in (run.force, run.displacement)]
-        key = np.concatenate([run.force[rows] / spans[0], run.displacement[rows] / spans[1]])
-        for name, other in seen.setdefault(len(run), []):
-            if float(np.abs(other - key).max()) < _SAME:
+        samples = np.array([run.force[rows], run.displacement[rows]])
+        spans = np.ptp([run.force, run.displacement], axis=1, keepdims=True)
+        for name, other, span in seen.setdefault(len(run), []):
+            if bool(np.all(np.abs(other - samples) <= _SAME * np.maximum(span, spans))):
                 yield Finding(
                     kind="duplicate",
                     severity="warning",
@@ -78,7 +78,7 @@ def _copies(runs: Sequence[Recording | RigRun]) -> Iterator[Finding]:
                 )
                 break
         else:
-            seen[len(run)].append((run.name, key))
+            seen[len(run)].append((run.name, samples, spans))
 
 
 def _figures(run: Recording | RigRun) -> _Figures | None:

@@ -105,13 +105,14 @@ def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
         fields = _header_fields(lines[k], delimiter, count, filled)
         if fields:
             rows.append((k, fields))
-        elif rows or lines[k].strip():
+        elif rows or (lines[k].strip() and not is_comment(lines[k])):
             break
     if not rows:
         return Header(
             tuple(f"column {k + 1}" for k in range(count)), _said(lines[:first], delimiter), named=False
         )
-    at, names = rows.pop(0)
+    used = {rows[0][0]}
+    _, names = rows.pop(0)
     units: list[str] | None = None
     for turned in (False, True):  # units stand under the names, or above them
         if rows and units is None:
@@ -119,16 +120,20 @@ def read_header(lines: Sequence[str], first: int, delimiter: str) -> Header:
             if _are_units(words) and not (turned and _are_units([text.strip("[]()") for text in names])):
                 units = words
                 above, other = rows.pop(0)
-                at, names = above, (names if turned else other)
+                used.add(above)
+                names = names if turned else other
     if units is not None:
         names = [f"{name} [{unit}]" if unit else name for name, unit in zip(names, units, strict=True)]
     commands = rows[0][1] if rows else []
     if any(commands) and all(labels_in(cell, "current") for cell in commands if cell):
-        at, now = rows[0][0], ""
+        used.add(rows[0][0])
+        now = ""
         for k, cell in enumerate(commands):
             now = cell or now
             names[k] = f"{now}: {names[k]}" if now else names[k]
-    return Header(tuple(names), _said(lines[:at], delimiter))
+    return Header(
+        tuple(names), _said([line for k, line in enumerate(lines[:first]) if k not in used], delimiter)
+    )
 
 
 def _header_fields(line: str, delimiter: str, count: int, filled: int) -> list[str] | None:

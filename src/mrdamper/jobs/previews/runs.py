@@ -6,7 +6,6 @@ Nothing is written.
 
 from __future__ import annotations
 
-import json
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -21,14 +20,14 @@ from mrdamper.data.readers import RigFile, map_beside, read_file, runs_in
 from mrdamper.data.records import Recording
 from mrdamper.data.tables import Table, read_tables
 from mrdamper.errors import InputError, MrdamperError
-from mrdamper.files import parse_toml, read_toml
+from mrdamper.files import read_toml
 from mrdamper.quantities import ZERO_CELSIUS_K, to_si
 from mrdamper.schema import Json, finite_or_none
 
 if TYPE_CHECKING:  # heavy, and not needed for a glance
     from mrdamper.data.prepare import PreparedRun
 
-__all__ = ["channels_toml", "findings_in", "glance", "look", "look_into", "run_row"]
+__all__ = ["findings_in", "glance", "look", "look_into", "run_row"]
 
 
 _FIRST = 12  # values of a column that are shown
@@ -188,43 +187,6 @@ def run_row(recording: Recording) -> tuple[Json, PreparedRun | None]:
         "error": error,
     }
     return row, prepared
-
-
-def channels_toml(document: Mapping[str, Any]) -> str:
-    """Return a channel map as TOML that reads back as the same map.
-
-    Raises
-    ------
-    InputError
-        It is no channel map.
-    """
-    ChannelMap.from_dict(document, "channel map")
-    lines = ["# channel map, written by mrdamper serve"]
-    for name, table in document.items():
-        if name == "channel":
-            for role, channel in table.items():
-                lines += [f"[channel.{_key(role)}]", *_pairs(channel)]
-        else:
-            lines += [f"[{_key(name)}]", *_pairs(table)]
-    text = "\n".join([*lines, ""])
-    if ChannelMap.from_dict(parse_toml(text)) != ChannelMap.from_dict(document):
-        raise InputError("channel map: it cannot be written as TOML; use plain texts and numbers")
-    return text
-
-
-def _pairs(table: Mapping[str, Any]) -> list[str]:
-    return [f"{_key(key)} = {_toml(value)}" for key, value in table.items()]
-
-
-def _key(key: str) -> str:
-    return key if key.replace("_", "").isalnum() and key.isascii() else _toml(key)
-
-
-def _toml(value: object) -> str:
-    if isinstance(value, list):
-        return f"[{', '.join(map(_toml, value))}]"
-    # JSON's texts and numbers are TOML's, but for what is not written here: a lone surrogate, DEL
-    return json.dumps(value, ensure_ascii=False, allow_nan=False).replace("\x7f", "\\u007f")
 
 
 def _document_beside(path: Path) -> dict[str, Any] | None:

@@ -1,0 +1,130 @@
+"""The job ``map``: how files were understood, as a channel map that a person may read, correct and keep."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from mrdamper.data.channels import ChannelMap
+from mrdamper.data.questions import Question
+from mrdamper.data.readers import ONE_FOR_EACH, Inference, RigFile
+from mrdamper.errors import InputError
+from mrdamper.files import parse_toml
+from mrdamper.jobs.inputs import ReadFiles, UnreadableFile
+from mrdamper.quantities import QUANTITIES, to_degC
+
+__all__ = ["WrittenMap", "channels_toml", "write_map"]
+
+_KEYS = {"current": "current_A", "voltage": "voltage_V", "temperature": "temperature_degC"}
+
+
+@dataclass(frozen=True, slots=True)
+class WrittenMap:
+    """A channel map that reads files as they were read, and what it cannot hold."""
+
+    document: Mapping[str, Any]
+    comments: tuple[str, ...]  # what differs from file to file
+    unreadable: tuple[UnreadableFile, ...]
+
+    @property
+    def questions(self) -> tuple[Question, ...]:
+        """What the files leave open: the map has no place for an answer before it is given."""
+        return tuple(question for file in self.unreadable for question in file.questions)
+
+    @property
+    def text(self) -> str:
+        """The map as TOML."""
+        return channels_toml(self.document, self.comments)
+
+
+def write_map(files: ReadFiles) -> WrittenMap:
+    """Return the channel map of files: what all of them have in common, and in comments what differs."""
+    channels: dict[str, dict[str, Any]] = {}
+    comments: list[str] = []
+    read = [file for _, file in files.files]
+    for role in QUANTITIES:
+        found = {_entry(file, role) for file in read} - {None}
+        if len(found) == 1:
+            channels[role] = dict(found.pop() or ())
+        elif found:
+            names = ", ".join(sorted(f"{dict(each)['name']!r}" for each in found if each))
+            comments.append(f"{role}: {names}, as the header of each file says")
+    document: dict[str, Any] = {"channel": channels} if channels else {}
+    constant = _constants([each for file in read for each in file.inferred], comments)
+    if read and "time" not in channels and (rate := _rate(read)) is not None:
+        constant["rate_Hz"] = rate
+    if constant:
+        document["constant"] = constant
+    return WrittenMap(document, tuple(comments), files.unreadable)
+
+
+def _entry(file: RigFile, role: str) -> tuple[tuple[str, Any], ...] | None:
+    """Return the channel's table of a role in one file."""
+    column = next((each for each in file.columns if each.role == role), None)
+    if column is None or column.source == ONE_FOR_EACH:
+        return None
+    entry: list[tuple[str, Any]] = [("name", column.name), ("unit", column.unit)]
+    return tuple(entry if column.gain is None else [*entry, ("gain", column.gain)])
+
+
+def _constants(inferred: Sequence[Inference], comments: list[str]) -> dict[str, float]:
+    """Return what names say alike of all runs; what differs becomes a comment for each run."""
+    constant: dict[str, float] = {}
+    for role, key in _KEYS.items():
+        found = [each for each in inferred if each.role == role]
+        values = {each.run: to_degC(each.value) if role == "temperature" else each.value for each in found}
+        if len(set(values.values())) == 1:
+            constant[key] = round(next(iter(values.values())), 9)
+        else:
+            comments += [
+                f"{each.run}: {key} = {values[each.run]:g}, from the {each.source}" for each in found
+            ]
+    return constant
+
+
+def _rate(read: Sequence[RigFile]) -> float | None:
+    """Return the sampling rate [Hz] that all runs have, when they have one."""
+    steps = {float(f"{np.median(np.diff(each.time)):.6g}") for file in read for each in file.recordings}
+    step = steps.pop() if len(steps) == 1 else 0.0
+    return float(f"{1.0 / step:.6g}") if step > 0.0 else None
+
+
+def channels_toml(document: Mapping[str, Any], comments: Sequence[str] = ()) -> str:
+    """Return a channel map as TOML that reads back as the same map.
+
+    Raises
+    ------
+    InputError
+        It is no channel map.
+    """
+    ChannelMap.from_dict(document, "channel map")
+    lines = ["# channel map, written by mrdamper", *(f"# {' '.join(line.split())}" for line in comments)]
+    for name, table in document.items():
+        if name == "channel":
+            for role, channel in table.items():
+                lines += [f"[channel.{_key(role)}]", *_pairs(channel)]
+        else:
+            lines += [f"[{_key(name)}]", *_pairs(table)]
+    text = "\n".join([*lines, ""])
+    if ChannelMap.from_dict(parse_toml(text)) != ChannelMap.from_dict(document):
+        raise InputError("channel map: it cannot be written as TOML; use plain texts and numbers")
+    return text
+
+
+def _pairs(table: Mapping[str, Any]) -> list[str]:
+    return [f"{_key(key)} = {_toml(value)}" for key, value in table.items()]
+
+
+def _key(key: str) -> str:
+    return key if key.replace("_", "").isalnum() and key.isascii() else _toml(key)
+
+
+def _toml(value: object) -> str:
+    if isinstance(value, list):
+        return f"[{', '.join(map(_toml, value))}]"
+    # JSON's texts and numbers are TOML's, but for what is not written here: a lone surrogate, DEL
+    return json.dumps(value, ensure_ascii=False, allow_nan=False).replace("\x7f", "\\u007f")

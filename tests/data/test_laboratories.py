@@ -1,0 +1,429 @@
+"""Files as laboratories write them, in layouts and languages of their own: what is read, what is asked.
+
+Every folder is made here, from one motion at three currents; the true values are known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mrdamper.data.channels import ChannelMap
+from mrdamper.data.diagnosis.campaign import compare
+from mrdamper.data.labels import labels_in, rates_in, scales_in
+from mrdamper.data.questions import AskingError, parse_answers
+from mrdamper.data.readers import read_file, read_runs
+from mrdamper.data.records import Dataset, RigRun
+from mrdamper.errors import InputError
+from mrdamper.files import parse_toml
+from mrdamper.jobs.channel_map import write_map
+from mrdamper.jobs.inputs import read_files
+from tests.data.example_runs import make_run
+
+CURRENTS = (0.0, 0.75, 1.5)
+PLAIN = make_run(duration=2.0, rate_Hz=200.0)
+N = len(PLAIN)
+RUNS = tuple(
+    replace(PLAIN, force=(0.2 + current) * PLAIN.force, command=np.full(N, current)) for current in CURRENTS
+)
+
+
+def number(value: float, comma: bool = False) -> str:
+    text = f"{value:.6f}"
+    return text.replace(".", ",") if comma else text
+
+
+def rows(
+    run: RigRun, scales: Sequence[float] = (1.0, 1e3, 1.0), sign: str = ";", *, comma: bool = False
+) -> str:
+    """Return time, displacement and force as lines, without a command."""
+    columns = (run.time * scales[0], run.displacement * scales[1], run.force * scales[2])
+    return "\n".join(sign.join(number(v, comma) for v in row) for row in zip(*columns, strict=True)) + "\n"
+
+
+def assert_read(runs: Dataset, *, unit: str = "A", warm: float | None = None) -> None:
+    """Assert that each true run is among those that were read, once, at its command."""
+    assert len(runs) == len(RUNS)
+    for true in RUNS:
+        (run,) = (each for each in runs if abs(float(np.median(each.command)) - true.command[0]) < 1e-3)
+        assert run.command_unit == unit
+        assert np.allclose(run.time - run.time[0], true.time, atol=2e-6)
+        assert np.allclose(run.displacement, true.displacement, atol=2e-9)
+        assert np.allclose(run.force, true.force, atol=2e-3)
+        assert (run.temperature is None) == (warm is None)
+        assert warm is None or abs(float(run.temperature[0]) - warm) < 0.01  # type: ignore[index]
+
+
+def polish(folder: Path) -> None:
+    """Write the current in the name of the folder, in milliamperes, and kilonewtons with decimal commas."""
+    for run, current in zip(RUNS, CURRENTS, strict=True):
+        place = folder / f"próba {1e3 * current:.0f} mA"
+        place.mkdir()
+        text = "Czas [s];Przemieszczenie tłoka [mm];Siła [kN]\n" + rows(run, (1.0, 1e3, 1e-3), comma=True)
+        (place / "seria.csv").write_text(text, encoding="utf-8")
+
+
+def french(folder: Path) -> None:
+    """Write lines above the table: sampling rate, current, temperature; time is a column without a unit."""
+    for k, (run, current) in enumerate(zip(RUNS, CURRENTS, strict=True)):
+        head = f"Essai;{k}\nFréquence d'échantillonnage;200 Hz\nIntensité;{number(current, comma=True)} A\n"
+        head += "Température huile;40 °C\nCourant max;3 A\n"
+        text = head + "temps;course (mm);effort (N)\n" + rows(run, (1e3, 1e3, 1.0), comma=True)
+        (folder / f"essai{k}.txt").write_bytes(text.encode("cp1252"))
+
+
+def japanese(folder: Path) -> None:
+    """Write Shift JIS, the columns in another order, the current measured beside its set point."""
+    for k, run in enumerate(RUNS):
+        lines = ["試験,減衰器", "電流指令[A],荷重[N],変位[mm],時間[s],電流[A]"]
+        table = zip(run.force, 1e3 * run.displacement, run.time, run.command, strict=True)
+        lines += [f"9.9,{f:.6f},{x:.6f},{t:.6f},{i:.6f}" for f, x, t, i in table]
+        (folder / f"{k}.csv").write_bytes(("\r\n".join(lines) + "\r\n").encode("cp932"))
+
+
+def blocks(folder: Path) -> None:
+    """Write one text whose blocks have headers of their own, a table of results above and words below."""
+    text = "Summary\nCycle\tFmax (N)\n1\t900\n2\t901\n\n"
+    for run, current in zip(RUNS, CURRENTS, strict=True):
+        text += f"Sweep at {current} A\nElapsed (s)\tLVDT (mm)\tLoad cell (N)\n{rows(run, sign=chr(9))}\n"
+    (folder / "sweeps.txt").write_text(text + "End of test\nPeak\t900\n", encoding="utf-16")
+
+
+def comments(folder: Path) -> None:
+    """Write one text whose runs are parted by comments, in times that begin anew."""
+    text = "# t [s], stroke [mm], load [N]\n"
+    text += "".join(f"# coil {i} A\n{rows(run, sign=',')}" for run, i in zip(RUNS, CURRENTS, strict=True))
+    (folder / "log.csv").write_text(text, encoding="utf-8")
+
+
+def wide(folder: Path) -> None:
+    """Write one force for each current, which stands in a row above the names; missing values as dashes."""
+    lines = ["Damper 7;;;;", ";;0 A;0,75 A;1,5 A", "Zeit;Weg;Kraft;Kraft;Kraft", "s;mm;N;N;N"]
+    for k in range(N):
+        cells = [RUNS[0].time[k], 1e3 * RUNS[0].displacement[k], *(run.force[k] for run in RUNS)]
+        lines.append(";".join(number(float(v), comma=True) for v in cells))
+    (folder / "wide.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def sheets(folder: Path) -> None:
+    """Write a sheet for each current, results first, and words below the numbers."""
+    from openpyxl import Workbook
+
+    book = Workbook()
+    book.active.append(["No", "Fmax"])
+    for run, current in zip(RUNS, CURRENTS, strict=True):
+        sheet = book.create_sheet(f"I={current} A")
+        for row in (["time", "stroke", "force"], ["s", "mm", "kN"]):
+            sheet.append(row)
+        for t, x, f in zip(run.time, run.displacement, run.force, strict=True):
+            sheet.append([float(t), 1e3 * float(x), 1e-3 * float(f)])
+        sheet.append(["maximum", None, 1.0])
+    book.save(folder / "book.xlsx")
+
+
+def groups(folder: Path) -> None:
+    """Write a group for each current, which is an attribute with its unit in the name."""
+    import h5py
+
+    with h5py.File(folder / "tests.h5", "w") as file:
+        for k, run in enumerate(RUNS):
+            group = file.create_group(f"campaign/test {k}")
+            group.attrs["coil_current_mA"] = 1e3 * CURRENTS[k]
+            group.attrs["oil temperature"] = "40 °C"
+            for name, unit, values in (
+                ("t", "s", run.time),
+                ("LVDT", "mm", 1e3 * run.displacement),
+                ("cell", "N", run.force),
+            ):
+                group.create_dataset(name, data=values).attrs["unit"] = unit
+
+
+def waveforms(folder: Path) -> None:
+    """Write groups without a time, whose channels state their increment."""
+    from nptdms import ChannelObject, TdmsWriter
+
+    with TdmsWriter(str(folder / "rig.tdms")) as writer:
+        for run, current in zip(RUNS, CURRENTS, strict=True):
+            made = [("hub", "mm", 1e3 * run.displacement), ("cell", "N", run.force)]
+            step = {"wf_increment": 0.005}
+            writer.write_segment(
+                [
+                    ChannelObject(f"{current:g} A", name, values, properties={**step, "unit_string": unit})
+                    for name, unit, values in made
+                ]
+            )
+
+
+def universal(folder: Path) -> None:
+    """Write functions of time in text of fixed width, one file a run."""
+    for run, current in zip(RUNS, CURRENTS, strict=True):
+        text = ""
+        for name, unit, values in (
+            ("Displacement", "mm", 1e3 * run.displacement),
+            ("Force", "N", run.force),
+            ("Current", "A", run.command),
+        ):
+            head = [name, "Damper", "today", "NONE", "NONE", "    1" + 75 * " "]
+            head.append(f"{4:10d}{N:10d}{1:10d}{0.0:13.5E}{0.005:13.5E}{0.0:13.5E}")
+            for code, label, of in (
+                (17, "Time", "s"),
+                (8, name, unit),
+                (0, "NONE", "NONE"),
+                (0, "NONE", "NONE"),
+            ):
+                head.append(f"{code:10d}    0    0    0 {label:20s} {of:20s}")
+            data = [f"{value:20.11E}" for value in values]
+            lines = ["".join(data[k : k + 4]) for k in range(0, N, 4)]
+            text += "\n".join(["    -1", "    58", *head, *lines, "    -1", ""])
+        (folder / f"run {current:g}.unv").write_text(text, encoding="ascii")
+
+
+LABORATORIES: dict[Callable[[Path], None], float | None] = {
+    polish: None,
+    french: 313.15,
+    japanese: None,
+    blocks: None,
+    comments: None,
+    wide: None,
+    sheets: None,
+    groups: 313.15,
+    waveforms: None,
+    universal: None,
+}
+
+
+SANDBOXED = (sheets, groups)  # decoded in a process of their own
+
+
+@pytest.mark.parametrize(
+    "write",
+    [pytest.param(each, marks=[pytest.mark.system] * (each in SANDBOXED)) for each in LABORATORIES],
+    ids=lambda write: write.__name__,
+)
+def test_a_laboratory_is_read_without_a_map(tmp_path, write):
+    write(tmp_path)
+    assert_read(read_runs(tmp_path), warm=LABORATORIES[write])
+
+
+@pytest.mark.parametrize("write", [japanese, universal, french], ids=lambda write: write.__name__)
+def test_the_map_that_is_written_reads_the_same(tmp_path, write):
+    write(tmp_path)
+    files = read_files([tmp_path])
+    chosen = ChannelMap.from_dict(parse_toml(write_map(files).text))
+    again = read_runs(tmp_path, chosen)
+    for run, other in zip(files.runs, again, strict=True):
+        assert np.array_equal(run.force, other.force)
+        assert np.array_equal(run.time, other.time)
+
+
+def test_what_was_taken_from_words_is_told_with_its_source(tmp_path):
+    polish(tmp_path)
+    files = read_files([tmp_path])
+    said = {each.value: each.source for _, file in files.files for each in file.inferred}
+    assert said == {current: f"folder 'próba {1e3 * current:.0f} mA'" for current in CURRENTS}
+    assert len({run.name for run in files.runs}) == 3  # though each file is called seria.csv
+    (_, file), *_ = files.files
+    assert [column.source for column in file.columns] == ["header", "unit alone", "header"]
+
+
+# ------------------------------------------------------------------------------------------- asking
+
+COLUMNS = "t [s];x [mm];F [N];I [A]"
+
+
+def one(tmp_path: Path, header: str, above: str = "", name: str = "run.csv") -> Path:
+    run = RUNS[1]
+    table = np.column_stack([run.time, 1e3 * run.displacement, run.force, run.command, 2.0 * run.force])
+    count = header.count(";") + 1
+    lines = "\n".join(";".join(f"{value:.6f}" for value in row[:count]) for row in table)
+    (tmp_path / name).write_text(f"{above}{header}\n{lines}\n", encoding="utf-8")
+    return tmp_path / name
+
+
+@pytest.mark.parametrize(
+    ("header", "above", "asked"),
+    [
+        ("t [s];x [mm];F;I [A]", "", {"force.unit"}),
+        ("t;x;F;I", "", {"time.unit", "displacement.unit", "force.unit"}),
+        ("n;x [mm];F [N];I [A]", "Frequency: 1 Hz\n", {"time.rate"}),
+        ("n;x [mm];F [N];I [A]", "Sample rate 200 Hz\nfs = 100 Hz\n", {"time.rate"}),
+        ("t [s];x [mm];F1 [N];I [A];F2 [N]", "", {"force.column"}),
+        ("t [s];x [mm];Force [mm];I [A]", "", set()),
+        ("t [s];x [mm];Force [V];I [A]", "", {"force.scale"}),
+        ("t [s];x [mm];F [N];Current monitor [V]", "", {"current.scale"}),
+        ("t [s];x [mm];F [N];CH4 [V]", "", {"current.column"}),
+        ("t [s];x [mm];F [N];sensor_A", "", {"current.value"}),
+        ("t [s];x [mm];F [N]", "Steps 0.5 A, 1.0 A\n", {"current.value"}),
+        ("t [s];x [mm];F [N]", "Fuse 10 A\nlimit 2 A\n", {"current.value"}),
+        ("t [ms];x [mm];F [N];I [A]", "Sample rate: 200 Hz\n", {"time.unit"}),
+    ],
+)
+def test_what_cannot_be_known_is_asked_and_never_taken(tmp_path, header, above, asked):
+    with pytest.raises(InputError) as fault:
+        read_file(one(tmp_path, header, above))
+    questions = getattr(fault.value, "questions", ())
+    assert {question.key for question in questions} == asked
+    assert all(question.file == "run.csv" for question in questions)
+
+
+@pytest.mark.parametrize(
+    ("header", "answers"),
+    [
+        ("t [s];x [mm];F;I [A]", ["force.unit=N"]),
+        ("t;x;F;I", ["time.unit=s", "displacement.unit=mm", "force.unit=N", "run*:current.unit=A"]),
+        ("n;x [mm];F [N];I [A]", ["time.rate=0.2 kHz"]),
+        ("t [s];x [mm];F1 [N];I [A];F2 [N]", ["force.column=F1 [N]"]),
+        ("t [s];x [mm];Force [V];I [A]", ["force.scale=1 N/V"]),
+        ("t [s];x [mm];F [N];Current monitor [V]", ["current.scale=1000 mA/V"]),
+        ("t [s];x [mm];F [N]", ["other*:current.value=9", "current.value=750 mA"]),
+    ],
+)
+def test_an_answer_is_all_that_was_missing(tmp_path, header, answers):
+    (recording,) = read_file(one(tmp_path, header), answers=parse_answers(answers)).recordings
+    assert np.allclose(recording.force, RUNS[1].force, atol=1e-5)
+    assert np.allclose(recording.displacement, RUNS[1].displacement, atol=1e-8)
+    assert np.allclose(recording.time, RUNS[1].time, atol=1e-6)
+    assert np.allclose(recording.command, 0.75)
+
+
+@pytest.mark.parametrize(
+    "answer", ["force=kN", "force.unt=kN", "farce.unit=kN", "time.rate=-3", "time.rate=fast"]
+)
+def test_an_answer_without_sense_is_refused(tmp_path, answer):
+    with pytest.raises(InputError, match="answer"):
+        read_file(one(tmp_path, "n;x [mm];F [N];I [A]"), answers=parse_answers([answer]))
+
+
+def test_a_name_that_contradicts_the_measured_current_is_asked_about(tmp_path):
+    with pytest.raises(AskingError, match=r"says 2 A, and the current measured is 0\.75 A") as fault:
+        read_file(one(tmp_path, COLUMNS, name="sine_2A.csv"))
+    assert fault.value.questions[0].candidates == ("2 A", "0.75 A")
+
+
+@pytest.mark.parametrize(
+    ("header", "above", "gain"),
+    [
+        ("t [s];x [mm];Force (V);I [A]", "Force (V): 250 N/V\n", 250.0),
+        ("t [s];x [mm];CH3 (V);I [A]", "CH3: 0.25 kN/V\n", 250.0),
+        ("t [s];x [mm];CH3 (V);I [A]", "CH3 1 V = 250 N\n", 250.0),
+    ],
+)
+def test_a_scale_beside_the_columns_leads_to_the_quantity(tmp_path, header, above, gain):
+    (recording,) = read_file(one(tmp_path, header, above)).recordings
+    assert np.allclose(recording.force, gain * RUNS[1].force, rtol=1e-5, atol=1e-3)
+
+
+# ------------------------------------------------------------------------------------------- repairs
+
+
+def spoilt(tmp_path: Path, change: Callable[[list[str]], object]) -> Path:
+    file = one(tmp_path, COLUMNS)
+    lines = file.read_text(encoding="utf-8").splitlines()
+    change(lines)
+    file.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return file
+
+
+@pytest.mark.parametrize("mark", ["", "NaN", "---", "#NV", "n/a"])
+def test_a_few_missing_numbers_are_filled_and_told(tmp_path, mark):
+    def change(lines: list[str]) -> None:
+        cells = lines[100].split(";")
+        lines[100] = ";".join([*cells[:2], mark, cells[3]])
+
+    read = read_file(spoilt(tmp_path, change))
+    assert [(finding.kind, finding.channel, finding.size) for finding in read.findings] == [
+        ("missing_filled", "force", 1.0)
+    ]
+    (recording,) = read.recordings
+    assert recording.force[99] == pytest.approx((RUNS[1].force[98] + RUNS[1].force[100]) / 2, abs=1e-5)
+
+
+def test_a_record_is_cut_at_its_gaps(tmp_path):
+    read = read_file(spoilt(tmp_path, lambda lines: lines.__delitem__(slice(150, 190))))
+    assert [finding.kind for finding in read.findings] == ["gap"]
+    assert [len(each) for each in read.recordings] == [149, N - 189]
+    assert [each.name for each in read.recordings] == ["run_1", "run_2"]
+
+
+def test_a_displacement_that_was_not_recorded_is_the_velocity_s(tmp_path):
+    run = RUNS[1]
+    velocity = np.gradient(run.displacement, run.time)
+    lines = [
+        f"{t:.6f},{1e3 * v:.6f},{f:.6f},0.75" for t, v, f in zip(run.time, velocity, run.force, strict=True)
+    ]
+    (tmp_path / "run.csv").write_text("\n".join(["t [s],v [mm/s],F [N],I [A]", *lines, ""]))
+    read = read_file(tmp_path / "run.csv")
+    assert [finding.kind for finding in read.findings] == ["velocity_integrated"]
+    found, true = (each - each.mean() for each in (read.recordings[0].displacement, run.displacement))
+    assert np.std(found - true) < 0.04 * np.std(true)
+
+
+# ------------------------------------------------------------------------------------------- words
+
+
+@given(
+    value=st.integers(0, 500).map(lambda n: n / 100),
+    before=st.sampled_from(["", "MR_", "test 3, ", "1Hz_", "I", "I=", "(", "sine-"]),
+    unit=st.sampled_from(["A", " A", "_A", "mA", " Amps"]),
+    after=st.sampled_from(["", "_run2", ")", " 20C", ".", " (N)"]),
+    sign=st.sampled_from(".,p"),
+)
+def test_a_current_in_a_name_is_read_with_its_unit_alone(value, before, unit, after, sign):
+    number = f"{1e3 * value:g}" if unit == "mA" else f"{value:g}".replace(".", sign)
+    assert labels_in(f"{before}{number}{unit}{after}", "current") == pytest.approx((value,))
+
+
+@pytest.mark.parametrize(
+    "text", ["rev2A", "damperA_000", "0-1.5A", "0 to 2 A", "1 A/V", "2Ah", "3Aug", "T20C", "5 mm"]
+)
+def test_what_is_no_current_is_not_taken_for_one(text):
+    assert labels_in(text, "current") == ()
+
+
+@given(rate=st.sampled_from([50.0, 200.0, 1000.0, 2500.0]))
+def test_a_sampling_rate_is_read_and_a_motion_s_frequency_is_not(rate):
+    assert rates_in([f"Sample rate: {rate:g} Hz", f"Delta_X {1 / rate:g}"]) == (rate,)
+    assert rates_in([f"Frequency: {rate:g} Hz", "Amplitude 10 mm"]) == ()
+    assert scales_in(f"CH1 {rate:g} N/V") == ((rate, "N"),)
+
+
+# ------------------------------------------------------------------------------------------- campaigns
+
+
+def later(run: RigRun, delay_s: float, frequency: float) -> RigRun:
+    """Return a run at a frequency, its force after the motion by a share of the period and a delay."""
+    turn = 2.0 * np.pi * frequency
+    time = np.asarray(np.arange(800) * 0.0025, dtype=np.float64)
+    lag = 0.01 / frequency + delay_s
+    return RigRun(
+        name=f"{frequency:g}_{delay_s:g}",
+        time=time,
+        displacement=0.01 * np.sin(turn * time),
+        force=500.0 * np.tanh(20.0 * np.cos(turn * (time - lag))),
+        command=np.zeros(len(time)),
+        command_unit="A",
+    )
+
+
+@given(delay=st.floats(-0.02, 0.025))
+def test_a_delay_is_told_from_compliance_by_two_frequencies(delay):
+    kinds = {finding.kind: finding for finding in compare([later(RUNS[0], delay, f) for f in (1.0, 3.0)])}
+    if abs(delay - 0.010) < 0.001 or abs(delay + 0.002) < 0.001:
+        return
+    assert set(kinds) == ({"force_late"} if delay > 0.010 else {"force_early"} if delay < -0.002 else set())
+    for finding in kinds.values():
+        assert finding.size == pytest.approx(1e3 * delay, abs=1.0)
+
+
+def test_forces_of_two_dampers_and_copies_are_told():
+    run = later(RUNS[0], 0.0, 2.0)
+    other = replace(run, name="other", force=1.3 * run.force)
+    again = replace(run, name="again", force=run.force * (1.0 + 1e-6))
+    assert [finding.kind for finding in compare([run, other, again])] == ["duplicate", "two_dampers"]
+    assert not list(compare([run, replace(other, force=1.05 * run.force)]))
