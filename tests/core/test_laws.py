@@ -279,6 +279,25 @@ def test_bristles_that_do_not_yet_slide_are_a_spring_and_a_dashpot():
     assert relative(force, expected) < 3e-3
 
 
+@pytest.mark.parametrize("share", [0.0, 0.4, 1.0])
+def test_the_share_of_a_bristle_s_force_that_follows_the_current(share):
+    """At standstill the force goes with the yield force by this share; sliding on brings the new level."""
+    time = np.arange(3001) * 1e-3
+    x = 0.01 * np.clip(time, 0.0, 1.0) + 0.01 * np.clip(time - 2.0, 0.0, 1.0)
+    v = np.where((time < 1.0) | (time > 2.0), 0.01, 0.0)
+    path = Trajectory(1e-3, x, v, np.zeros_like(x), np.where(time < 1.5, 1.0, 2.0))
+    forms: dict[str, ParameterLaw] = {
+        "yield_force": Polynomial((0.0, 300.0)),
+        "yield_velocity": Constant(1e-3),
+    }
+    numbers = {"gap_stiffness": 1e9, "leak_damping": 1e4, "bristle_share": 1.0, "bristle_stiffness": 1e6}
+    moved = {key: Constant(value) for key, value in {**numbers, "follow_share": share}.items()}
+    force = simulate(Damper(LAWS["chain"], {**forms, **moved}), path)
+    assert force[1400] == pytest.approx(300.0, rel=1e-3)
+    assert force[1900] == pytest.approx(300.0 * (1.0 + share), rel=1e-3)
+    assert force[-1] == pytest.approx(600.0, rel=1e-3)
+
+
 @pytest.mark.system
 def test_the_chain_meets_the_integrator_with_order_one():
     """Every term on; of the peak force at 1/2, 1/8 and 1/32 ms."""
@@ -291,7 +310,6 @@ def test_the_chain_meets_the_integrator_with_order_one():
         return float(np.sqrt(np.mean((found - exact) ** 2)) / np.abs(exact).max())
 
     errors = [error(step) for step in (5e-4, 1.25e-4, 3.125e-5)]
-    print(errors, error(1e-3))
     assert errors[0] < 0.01
     assert 0.8 < math.log(errors[0] / errors[2]) / math.log(16.0) < 1.3
 

@@ -128,6 +128,36 @@ def test_friction_and_mass_added_to_a_law_come_back() -> None:
             assert abs(estimate.value - added[name]) < 3.0 * estimate.standard_error, name
 
 
+@pytest.mark.parametrize(("stroke", "force"), [(0.05, 4e-2), (20.0, 400.0)])
+def test_a_chain_of_another_size_is_fitted_alike(stroke: float, force: float) -> None:
+    """20 N on half a millimetre and 200 kN on 200 mm: bounds and starts go with the runs' stroke and force."""
+    truth = TRUTHS["chain"]
+    here = fit_chain(measured(truth, noise=NOISE, seed=1))
+    there = fit_chain(resized(measured(truth, noise=NOISE, seed=1), stroke, force))
+    assert there.cost_percent == pytest.approx(here.cost_percent, rel=1e-4)
+    units = truth.units
+    for found, other in zip(here.estimates, there.estimates, strict=True):
+        size = {"N": force, "m": stroke, "m/s": stroke, "N/m": force / stroke}.get(units[found.name], 1.0)
+        size = force / stroke if found.name.startswith("leak_damping") else size
+        within = 0.02 * found.standard_error * size
+        assert other.value == pytest.approx(size * found.value, abs=within), found.name
+
+
+def fit_chain(runs: tuple[PreparedRun, ...]) -> FitResult:
+    damper, free = template("chain", runs, groups=())
+    return fit_variable_projection(FitProblem(damper, free, runs), starts=0, first=damper)
+
+
+def resized(runs: tuple[PreparedRun, ...], stroke: float, force: float) -> tuple[PreparedRun, ...]:
+    """Return runs with other strokes and forces, at the same times."""
+    return tuple(
+        prepare_run(
+            replace(r.run, displacement=stroke * r.run.displacement, force=force * r.run.force), AS_IT_IS
+        )
+        for r in runs
+    )
+
+
 def test_a_gas_spring_whose_force_grows_with_temperature_comes_back() -> None:
     """Its force and stiffness at 20 degC and their slopes over temperature; the yield force keeps its own."""
     gas = {"offset": Bipolynomial((-300.0, -1.02), 1), "stiffness": Bipolynomial((900.0, 3.1), 1)}

@@ -19,7 +19,16 @@ import numpy as np
 from mrdamper.errors import InputError
 from mrdamper.models.laws import HysteresisLaw
 
-__all__ = ["Form", "FreeCoefficient", "LawGroup", "Scale", "base_of", "groups_of"]
+__all__ = [
+    "Archetype",
+    "Form",
+    "FreeCoefficient",
+    "LawGroup",
+    "Scale",
+    "archetypes_of",
+    "base_of",
+    "groups_of",
+]
 
 Form = Literal["fixed", "constant", "line", "polynomial", "exponential", "hill"]
 
@@ -93,6 +102,14 @@ class LawGroup:
     needs: tuple[str, ...] = ()
     starts: tuple[Mapping[str, float], ...] = field(default=())
     over_temperature: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Archetype:
+    """A kind of damper to begin a search with: groups that are on, and where coefficients start."""
+
+    groups: tuple[str, ...]
+    start: Mapping[str, float]
 
 
 _Free = FreeCoefficient
@@ -276,6 +293,32 @@ _CHAIN_GROUPS = (
 
 _GROUPS: Mapping[str, tuple[LawGroup, ...]] = MappingProxyType({"chain": _CHAIN_GROUPS})
 """Groups of a law that has its own."""
+
+
+_STIFF: Mapping[str, float] = {"gap_stiffness": 1e4, "gap": 1e-3, "gap_corner": 1e-3, "leak_damping": 100.0}
+
+_ARCHETYPES: Mapping[str, tuple[Archetype, ...]] = MappingProxyType(
+    {
+        "chain": (
+            Archetype(("position", "friction"), {}),  # free play and a viscoplastic valve
+            Archetype(  # an elastic fluid that thins with shear, behind seals
+                ("bristles", "spread", "friction", "thinning"),
+                {
+                    **_STIFF,
+                    "bristle_share": 0.9,
+                    "bristle_stiffness": 50.0,
+                    "thinning": 1e-3,
+                    "thinning_force": 0.3,
+                },
+            ),
+        )
+    }
+)
+
+
+def archetypes_of(law: HysteresisLaw) -> tuple[Archetype, ...]:
+    """Return what a search for a law's groups may begin with; none where the base with any start will do."""
+    return _ARCHETYPES.get(law.name, ())
 
 
 def base_of(law: HysteresisLaw) -> tuple[FreeCoefficient, ...]:
