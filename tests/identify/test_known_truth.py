@@ -130,14 +130,15 @@ def test_friction_and_mass_added_to_a_law_come_back() -> None:
 
 @pytest.mark.parametrize(("stroke", "force"), [(0.05, 4e-2), (20.0, 400.0)])
 def test_a_chain_of_another_size_is_fitted_alike(stroke: float, force: float) -> None:
-    """20 N on half a millimetre and 200 kN on 200 mm: bounds and starts go with the runs' stroke and force."""
+    """20 N on half a millimetre, 200 kN on 200 mm: bounds and starts go with the runs' stroke and force."""
     truth = TRUTHS["chain"]
     here = fit_chain(measured(truth, noise=NOISE, seed=1))
     there = fit_chain(resized(measured(truth, noise=NOISE, seed=1), stroke, force))
     assert there.cost_percent == pytest.approx(here.cost_percent, rel=1e-4)
     units = truth.units
     for found, other in zip(here.estimates, there.estimates, strict=True):
-        size = {"N": force, "m": stroke, "m/s": stroke, "N/m": force / stroke}.get(units[found.name], 1.0)
+        sizes = {"N": force, "m": stroke, "m/s": stroke, "N/m": force / stroke}
+        size = sizes.get(units[found.name], 1.0)
         size = force / stroke if found.name.startswith("leak_damping") else size
         within = 0.02 * found.standard_error * size
         assert other.value == pytest.approx(size * found.value, abs=within), found.name

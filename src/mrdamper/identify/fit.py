@@ -23,6 +23,7 @@ from mrdamper.identify.assess import Assessment, Kind
 from mrdamper.identify.assess import assess as assess_fit
 from mrdamper.identify.checkpoint import CheckpointStore
 from mrdamper.identify.confidence.left_out import across_motions, force_band, leave_folds_out
+from mrdamper.identify.groups import archetypes_of
 from mrdamper.identify.limits import brought_inside
 from mrdamper.identify.predict import at_reference, finite, predict, prepare_all, row, whole_envelope
 from mrdamper.identify.problem import Estimate, FitProblem, FitResult, envelope_of
@@ -200,6 +201,8 @@ def fit(  # noqa: PLR0913 - the options of a fit, by keyword
     damper, free = template(
         chosen, steady, one_command=one_command, groups=terms, temperature=temperature, fluid=fluid
     )
+    if first is None and archetypes_of(damper.law):
+        first = damper
     problem = FitProblem(damper, free, steady, session_offsets)
     prepared_in = time.process_time() - clock
     if method == "varpro":

@@ -258,7 +258,7 @@ _CHAIN_GROUPS = (
     LawGroup(
         "memory",
         (
-            _Free("memory_force", "exponential", 1e-5, 5.0, "log", 0.03),
+            _Free("memory_force", "exponential", 1e-5, 5.0, "log", 0.01),
             _Free("memory_stiffness", "constant", 1e-4, 10.0, "log", 0.1),
         ),
         starts=({"memory_stiffness": 0.02},),

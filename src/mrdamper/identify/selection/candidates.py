@@ -18,7 +18,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import ConvergenceError
 from mrdamper.identify.checkpoint import CheckpointStore, NoCheckpoint
-from mrdamper.identify.groups import groups_of
+from mrdamper.identify.groups import archetypes_of, groups_of
 from mrdamper.identify.limits import feasible
 from mrdamper.identify.motions import Fold, folds_of
 from mrdamper.identify.problem import FitProblem, FreeParameter, PreparedFit
@@ -171,14 +171,20 @@ class Judge:
         return [name for name in candidate.groups if name not in needed]
 
     def fit_anew(self, candidate: Candidate) -> Fitted:
-        """Fit a candidate from one drawn start."""
+        """Fit a candidate from one drawn start, or from its template's where its law says how to begin."""
         kept = self._checkpoint.recall(f"fit {candidate.title}")
         if kept is not None:
             return self._fitted(candidate, kept)
         clock = time.process_time()
         problem = self._problem(candidate)
+        begin = problem.template if archetypes_of(problem.template.law) else None
         result = fit_variable_projection(
-            problem, starts=1, seed=self._seed, prepared=self._opened(problem), most=_SCREENING_STEPS
+            problem,
+            starts=1 if begin is None else 0,
+            seed=self._seed,
+            first=begin,
+            prepared=self._opened(problem),
+            most=_SCREENING_STEPS,
         )
         return self._keep(candidate, problem, result.damper, clock)
 
