@@ -35,7 +35,7 @@ _LOAD = """async ([run, samples]) => {
 }"""
 
 
-def rows(site: str, *, run: str, samples: int, card: str) -> list[Row]:
+def rows(site: str, token: str, *, run: str, samples: int, card: str) -> list[Row]:
     """Return the pages' figures of a server that has a run and a card; one gap without a browser."""
     program = shutil.which("chromium")
     try:
@@ -49,12 +49,14 @@ def rows(site: str, *, run: str, samples: int, card: str) -> list[Row]:
         paints = []
         for _ in range(_PAINTS):
             context = browser.new_context(viewport={"width": 1280, "height": 800})  # nothing kept from before
+            context.request.get(f"{site}/?token={token}")
             page = context.new_page()
             page.goto(site)
             page.wait_for_selector("#choose")
             paints.append(1e-3 * float(page.evaluate(_PAINT)))
             context.close()
         page = browser.new_page(viewport={"width": 1280, "height": 800})
+        page.goto(f"{site}/?token={token}")
         loads = []
         for _ in range(_LOADS):
             page.goto(f"{site}/#/jobs")

@@ -50,14 +50,15 @@ def run() -> list[Row]:
             assert server.stderr is not None
             found = re.search(r"http://\S+", server.stderr.readline())
             assert found is not None
-            site = found[0].rstrip("/")
+            site, _, token = found[0].partition("/?token=")
+            urllib.request.install_opener(_knowing(token))
             _get(site + "/api/state")
             ready = time.monotonic() - begin
             time.sleep(2.0)
             return [
                 *_rows(site, folder, server.pid),
                 Row("ready after the command", accuracy=f"{ready:.2f} s"),
-                *pages.rows(site, run="long", samples=_SAMPLES, card="plain"),
+                *pages.rows(site, token, run="long", samples=_SAMPLES, card="plain"),
             ]
         finally:
             server.send_signal(signal.SIGINT)
@@ -108,6 +109,13 @@ def _rows(site: str, folder: Path, pid: int) -> list[Row]:
             asked=(Asked("heating curve of another duty", 100.0, moved, "ms"),),
         ),
     ]
+
+
+def _knowing(token: str) -> urllib.request.OpenerDirector:
+    """Return what opens addresses with the server's token."""
+    opener = urllib.request.build_opener()
+    opener.addheaders = [("authorization", f"Bearer {token}")]
+    return opener
 
 
 def _timed(work: Callable[[], object]) -> float:

@@ -8,9 +8,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal
 
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, BrowserContext, Page, sync_playwright
 
-__all__ = ["SCREENS", "SHOTS", "chromium", "contrast", "opened", "palettes", "shoot"]
+from tests.web.served import TOKENS
+
+__all__ = ["SCREENS", "SHOTS", "chromium", "contrast", "log_in", "opened", "palettes", "shoot"]
 
 SHOTS = Path(__file__).parents[2] / "build" / "web"
 """Where screenshots go, to be looked at by whoever changes a page."""
@@ -31,6 +33,11 @@ def chromium(program: Path) -> Iterator[Browser]:
             browser.close()
 
 
+def log_in(context: BrowserContext, address: str) -> None:
+    """Trade the server's token for the cookie, as opening the address that it printed does."""
+    assert context.request.get(f"{address}?token={TOKENS[address]}").ok
+
+
 @contextmanager
 def opened(
     browser: Browser, address: str, *, size: tuple[int, int] = SCREENS[0], scheme: Scheme = "light"
@@ -42,6 +49,7 @@ def opened(
         color_scheme=scheme,
         accept_downloads=True,
     )
+    log_in(context, address)
     page = context.new_page()
     page.set_default_timeout(30_000)
     wrong: list[str] = []

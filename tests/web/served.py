@@ -22,6 +22,8 @@ from starlette.types import ASGIApp, Message
 from tests.support.rigs import command
 
 Json = dict[str, Any]
+TOKENS: dict[str, str] = {}
+"""Of servers that run, by their address."""
 
 
 @dataclass(frozen=True)
@@ -112,9 +114,12 @@ async def living(app: ASGIApp) -> AsyncIterator[ASGIApp]:
 class Client:
     """A client of a server that runs as a program."""
 
-    def __init__(self, process: subprocess.Popen[str], address: str) -> None:
-        self.process, self.address = process, address
-        self.http = httpx.Client(base_url=address, timeout=30.0, trust_env=False)
+    def __init__(self, process: subprocess.Popen[str], opened: str) -> None:
+        self.process = process
+        self.address, _, token = opened.partition("?token=")
+        TOKENS[self.address] = token
+        known = {"authorization": f"Bearer {token}"}
+        self.http = httpx.Client(base_url=self.address, timeout=30.0, trust_env=False, headers=known)
         self.longest_s = 0.0  # of one request
 
     def ask(self, method: str, path: str, **options: Any) -> httpx.Response:
@@ -172,7 +177,7 @@ def served(folder: Path, *options: str) -> Iterator[Client]:
     assert process.stderr is not None
     line = process.stderr.readline()
     assert " at http://" in line, line
-    client = Client(process, line.split(" at ")[1].split(" (")[0].split("?")[0])
+    client = Client(process, line.split(" at ")[1].split(" (")[0])
     try:
         yield client
     finally:

@@ -9,10 +9,11 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
+import httpx
 import pytest
 
 from mrdamper.web.connections import HEAD_S, MOST_OPEN
-from tests.web.served import served
+from tests.web.served import TOKENS, served
 
 pytestmark = pytest.mark.system
 
@@ -36,6 +37,20 @@ def test_half_open_connections_are_bounded_and_cut_off(tmp_path):
                 assert one.recv(1000) == b""
         for one in held:
             one.close()
+
+
+def test_every_start_asks_for_a_token_that_is_the_owner_s_alone(tmp_path):
+    """Also on this machine; the one that was kept serves the next start, one that others can read does not."""
+    kept = tmp_path / "work" / ".cache" / "token"
+    tokens = []
+    for mode in (0o600, 0o644, 0o600):
+        with served(tmp_path / "work") as client:
+            tokens.append(TOKENS[client.address])
+            assert client.http.get("/api/state").status_code == 200
+            assert httpx.get(f"{client.address}api/state", trust_env=False).status_code == 401
+        assert kept.stat().st_mode & 0o777 == 0o600
+        kept.chmod(mode)
+    assert tokens[0] == tokens[1] != tokens[2]
 
 
 def test_what_is_no_request_fills_no_log(tmp_path):

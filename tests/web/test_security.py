@@ -21,7 +21,7 @@ from mrdamper.web.server import build
 from mrdamper.web.workspace import NotThereError, WorkFolder
 from tests.acceptance.bad_inputs import cases
 from tests.support.heated import plain_card
-from tests.web.served import Answer, call, living, patiently, served
+from tests.web.served import TOKENS, Answer, call, living, patiently, served
 
 pytestmark = pytest.mark.system
 
@@ -412,7 +412,8 @@ def part_of_an_upload(address: str) -> socket.socket:
     place = urlsplit(address)
     line = socket.create_connection((place.hostname, place.port), timeout=10.0)
     head = (
-        f"PUT /api/files/slow.csv HTTP/1.1\r\nHost: {place.netloc}\r\nContent-Length: 100000\r\n\r\n"
+        f"PUT /api/files/slow.csv HTTP/1.1\r\nHost: {place.netloc}\r\n"
+        f"Authorization: Bearer {TOKENS[address]}\r\nContent-Length: 100000\r\n\r\n"
         "time_s,displacement_mm,force_N,current_A\n0,0,"
     )
     line.sendall(head.encode())

@@ -11,7 +11,7 @@ import pytest
 from playwright.sync_api import Dialog
 
 from tests.support.tracked import write_a_card
-from tests.web.browser import opened
+from tests.web.browser import log_in, opened
 from tests.web.served import served
 from tests.web.test_security import CSV, snapshot
 from tests.web.walking import PAGES
@@ -104,6 +104,7 @@ def test_a_page_of_another_site_can_neither_write_nor_read(browser, haunted, els
     root, client = haunted
     before = snapshot(root)
     with browser.new_context() as context:
+        log_in(context, client.address)
         page = context.new_page()
         page.goto(client.address)  # as somebody has it open beside
         page.wait_for_selector("#choose")
@@ -150,6 +151,7 @@ def test_names_that_are_markup_stay_text_on_every_page(browser, haunted):
 def test_a_report_that_holds_a_script_is_shown_and_does_not_run_it(browser, haunted):
     root, client = haunted
     with browser.new_context(base_url=client.address) as context:
+        log_in(context, client.address)
         page = context.new_page()
         name = next(path.name for path in (root / "results" / "check-001").glob("*.html"))
         page.goto(

@@ -21,7 +21,7 @@ from mrdamper.registry import JOBS
 from tests.support.heated import DRAWING
 from tests.support.rigs import short_runs, write_runs
 from tests.support.tracked import a_damper, write_a_card
-from tests.web.browser import SHOTS, opened, shoot
+from tests.web.browser import SHOTS, log_in, opened, shoot
 from tests.web.served import is_alive, python_processes_of, served
 from tests.web.walking import PAGES, drop_files, move, plot, saved_table
 
@@ -451,6 +451,7 @@ def test_a_page_that_stays_open_finds_the_server_again(browser, tmp_path):
         page = context.new_page()
         with served(root, "--port", port) as client:
             client.read_all()
+            log_in(context, client.address)
             page.goto(f"{client.address}/#/sink?card=strong".replace("//#", "/#"))
             page.get_by_label("Thinnest fin, mm").fill("3")
             page.click("#start-sink")

@@ -122,7 +122,11 @@ def data() -> None:
 @click.option(
     "--host", default="127.0.0.1", show_default=True, help="Address to listen on; others need a --token."
 )
-@click.option("--token", metavar="TEXT", help="What a browser must know; 16 characters or more.")
+@click.option(
+    "--token",
+    metavar="TEXT",
+    help="What a browser must know; 16 characters or more.  [default: the folder's]",
+)
 def serve(folder: Path, *, port: int, open_browser: bool, host: str, token: str | None) -> int:
     """Show runs, fit, heat, track and export in the browser; work stays in the folder, as files."""
     try:

@@ -19,13 +19,14 @@ from mrdamper.runtime.async_worker import AsyncWorker
 from mrdamper.runtime.outputs import recover_staging
 from mrdamper.runtime.worker import WorkerEndedError, WorkerOptions
 from mrdamper.web.job_record import Job, JobRecord, job_ids, new_id
-from mrdamper.web.schemas import Order
+from mrdamper.web.schemas import Order, job_of
 from mrdamper.web.workspace import NotThereError, WorkFolder, timestamp
 
 __all__ = ["MOST_AT_ONCE", "ConflictError", "JobQueue"]
 
 MOST_AT_ONCE = 2
-_GRACE_S = 3.0  # for an interrupted job, to keep what it has
+_GRACE_S = 3.0  # for an interrupted job, to end
+_KEEPING_S = 20.0  # for one that writes what it has found so far
 _NICE = 10  # pages come before jobs
 _MOST_WAITING = 100
 
@@ -123,7 +124,7 @@ class JobQueue:
         return written <= str(job.ended_at)
 
     def cancel(self, job_id: str) -> None:
-        """Stop a job: at once when it waits; else by an interrupt, and for good three seconds later."""
+        """Stop a job: at once when it waits; else by an interrupt, and for good some seconds later."""
         record = self.record(job_id)
         if record.read().has_ended:
             return
@@ -135,7 +136,8 @@ class JobQueue:
             running = self._running[job_id]
             running.cancelled = True
             running.worker.interrupt()
-            asyncio.get_running_loop().call_later(_GRACE_S, running.worker.kill)
+            grace_s = _KEEPING_S if job_of(record.read().kind).ctrl_c else _GRACE_S
+            asyncio.get_running_loop().call_later(grace_s, running.worker.kill)
 
     def forget(self, job_id: str) -> None:
         """Delete a job that has ended, with its files."""

@@ -2,9 +2,9 @@
 
 Pages of other sites can make a browser send requests here. They are known by the Origin and Sec-Fetch-Site
 that a browser adds and no page can forge; a site that gives its own name our address (DNS rebinding) is known
-by its Host. Beyond loopback a token is needed as well. Bodies are bounded here, but for the uploads, which
-``folder`` counts while it writes them. Every answer leaves with the headers that keep a browser strict, and
-what goes wrong inside leaves as one message without a traceback.
+by its Host. Other users of the machine are kept out by a token. Bodies are bounded here, but for the uploads,
+which ``folder`` counts while it writes them. Every answer leaves with the headers that keep a browser strict,
+and what goes wrong inside leaves as one message without a traceback.
 """
 
 from __future__ import annotations
@@ -104,8 +104,8 @@ class ListenAddress:
             return name in {socket.gethostname().lower(), socket.getfqdn().lower()}
         return True
 
-    def admits(self, headers: Headers) -> bool:
-        """Tell whether a request carries the token, or the cookie that it was traded for."""
+    def admits(self, headers: Headers, cookie: str) -> bool:
+        """Tell whether a request carries the token, or the cookie of this name that it was traded for."""
         if self.token is None:
             return True
         scheme, _, given = headers.get("authorization", "").partition(" ")
@@ -115,7 +115,7 @@ class ListenAddress:
             cookies = SimpleCookie(headers.get("cookie", ""))
         except CookieError:
             return False
-        return _COOKIE in cookies and _same(cookies[_COOKIE].value, self.cookie_value)
+        return cookie in cookies and _same(cookies[cookie].value, self.cookie_value)
 
     def is_token(self, given: Sequence[str]) -> bool:
         """Tell whether the first token in an address, if there is one, is the server's."""
@@ -167,13 +167,14 @@ class Guard:
             return 405, f"{method} is not answered here"
         if not _is_own(headers, host, write=method in _WRITES, api=path.startswith("/api/")):
             return 403, "the request comes from another site; open the page itself"
-        if self._address.admits(headers):
+        own = f"{_COOKIE}-{(scope.get('server') or ('', 0))[1]}"  # cookies are not kept apart by port
+        if self._address.admits(headers, own):
             return None
         query = QueryParams(scope["query_string"])
         if method == "GET" and self._address.is_token(query.getlist("token")[:1]):
             rest = urlencode([(key, value) for key, value in query.multi_items() if key != "token"])
             place = "/" + path.lstrip("/\\") + (f"?{rest}" if rest else "")
-            cookie = f"{_COOKIE}={self._address.cookie_value}; HttpOnly; SameSite=Strict; Path=/"
+            cookie = f"{own}={self._address.cookie_value}; HttpOnly; SameSite=Strict; Path=/"
             await send.refuse(303, "see the page", {"location": _ascii(place), "set-cookie": cookie})
             return 303, ""
         return 401, "a token is needed: open the address with ?token=... that the server printed"

@@ -6,11 +6,13 @@ the same.
 
 from __future__ import annotations
 
+import os
+import secrets
 import socket
 import threading
 import webbrowser
 from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 
 import uvicorn
@@ -37,7 +39,7 @@ from mrdamper.web.run_index import SameNameError
 from mrdamper.web.security import Guard, ListenAddress
 from mrdamper.web.spelling import on_page
 from mrdamper.web.worker_client import NotYetError
-from mrdamper.web.workspace import FAULT, NoSpaceError, NotThereError, TooLargeError, is_full
+from mrdamper.web.workspace import FAULT, NoSpaceError, NotThereError, TooLargeError, WorkFolder, is_full
 
 __all__ = ["DEFAULT_PORT", "build", "serve"]
 
@@ -45,6 +47,7 @@ DEFAULT_PORT = 8765
 
 _STATIC = Path(__file__).parent / "static"
 _RETRY_MS = 300
+_TOKEN_SIGNS = 32
 _STATUS: tuple[tuple[type[Exception], int], ...] = (
     (NotThereError, 404),
     (ConflictError, 409),
@@ -96,6 +99,7 @@ def serve(
     ----------
     port : 0: any that is free
     host : beyond loopback only with a token
+    token : what a browser must know; None: one of the folder's own, kept in it for its owner alone
     announce : told the address to open
 
     Raises
@@ -103,7 +107,8 @@ def serve(
     InputError
         The port is in use, another server has the folder, or a host without a token.
     """
-    app = build(root, ListenAddress(host, token))
+    own = ListenAddress(host, token).token or _kept_token(WorkFolder(root).cache / "token")
+    app = build(root, ListenAddress(host, own))
     with (root.resolve() / ".cache" / "server.lock").open("w") as file, _listening(host, port) as listener:
         if lock(file.fileno()) is False:
             raise InputError(
@@ -111,7 +116,7 @@ def serve(
             )
         bound = listener.getsockname()[1]
         shown = f"[{host}]" if ":" in host else socket.gethostname() if host == "0.0.0.0" else host
-        address = f"http://{shown}:{bound}/" + ("" if token is None else f"?token={token}")
+        address = f"http://{shown}:{bound}/?token={own}"
         announce(address)
         if open_browser:
             opener = threading.Timer(0.5, webbrowser.open, (address,))
@@ -137,6 +142,21 @@ def serve(
 
         with on_interrupt(close):  # before and after uvicorn listens itself, and for SIGHUP
             server.run(sockets=[listener])
+
+
+def _kept_token(place: Path) -> str:
+    """Return the folder's own token: kept, so that a page which is open goes on when the server is back."""
+    with suppress(OSError, UnicodeDecodeError):
+        kept = place.read_text(encoding="ascii")
+        if len(kept) == _TOKEN_SIGNS and kept.isprintable() and not place.stat().st_mode & 0o077:
+            return kept
+    place.unlink(missing_ok=True)
+    token = secrets.token_urlsafe(_TOKEN_SIGNS)[:_TOKEN_SIGNS]
+    with os.fdopen(
+        os.open(place, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="ascii"
+    ) as file:
+        file.write(token)
+    return token
 
 
 def _listening(host: str, port: int) -> socket.socket:
