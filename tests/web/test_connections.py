@@ -40,7 +40,7 @@ def test_half_open_connections_are_bounded_and_cut_off(tmp_path):
 
 
 def test_every_start_asks_for_a_token_that_is_the_owner_s_alone(tmp_path):
-    """Also on this machine; the one that was kept serves the next start, one that others can read does not."""
+    """Also on this machine; the one that was kept serves the next start, unless others can read it."""
     kept = tmp_path / "work" / ".cache" / "token"
     tokens = []
     for mode in (0o600, 0o644, 0o600):
