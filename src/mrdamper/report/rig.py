@@ -17,6 +17,7 @@ from rich.table import Table
 from mrdamper.arrays import FloatArray
 from mrdamper.data.records import RigRun
 from mrdamper.errors import InputError
+from mrdamper.excitation import CurrentSteps, RandomCurrent
 from mrdamper.jobs.rig import MeasuredRun, RigResult
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.base import Report, WrittenFile, print_notes
@@ -69,16 +70,24 @@ def _show(found: RigResult, console: Console) -> None:
         table.add_column(name, justify="right" if name in {"runs", "held out"} else "left")
     for motion in dict.fromkeys(each.plan.label for each in found.runs):
         runs = [each for each in found.runs if each.plan.label == motion]
-        currents = dict.fromkeys(each.run.constant_command for each in runs)
+        currents = dict.fromkeys(_current_of(each) for each in runs)
         degrees = dict.fromkeys(each.plan.temperature_degC for each in runs)
         table.add_row(
             escape(motion),
             str(len(runs)),
             str(sum(each.plan.held_out for each in runs)),
-            ", ".join("stepped" if current is None else f"{current:g}" for current in currents),
+            ", ".join(currents),
             ", ".join(f"{each:g}" for each in degrees),
         )
     console.print(table)
+
+
+def _current_of(measured: MeasuredRun) -> str:
+    """Return the commanded current of a run in a word."""
+    given = measured.plan.current
+    if isinstance(given, RandomCurrent):
+        return f"random, up to {given.highest:g}"
+    return "stepped" if isinstance(given, CurrentSteps) else f"{given:g}"
 
 
 def _wrote(found: RigResult, answer: Json, console: Console) -> None:
