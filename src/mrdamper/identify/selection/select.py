@@ -32,6 +32,8 @@ _SMALL, _SMALL_T = 0.003, 2.0  # or a smaller one that is surer
 
 _FAILURES = (MrdamperError, ValueError, ArithmeticError, RuntimeError)  # of one candidate, not of the choice
 
+_HOPELESS = "training error above the best left out"
+
 Supports = Callable[[Damper], bool]
 
 
@@ -92,9 +94,7 @@ class _Race:
     def judge(self, fitted: Fitted) -> Judged | None:
         """Cross-validate a fitted candidate that can still win; one that fails is a row."""
         if self.best is not None and fitted.training_percent > self.best.percent:
-            self.say(
-                fitted.candidate, "error on the runs themselves above the chosen one's on what was left out"
-            )
+            self.say(fitted.candidate, _HOPELESS)
             return None
         self._on_progress(ProgressUpdate(text=f"leaving out motions: {fitted.candidate.title}"))
         try:
@@ -131,7 +131,7 @@ class _Race:
         near = [each for each in fitted if each.training_percent <= _FAR * fitted[0].training_percent]
         for each in [*near[_FINALISTS:], *fitted[len(near) :]]:
             over = 100.0 * (each.training_percent / fitted[0].training_percent - 1.0)
-            self.say(each.candidate, f"error on the runs themselves {over:.0f} % above the least")
+            self.say(each.candidate, f"training error {over:+.0f} %")
         return near[:_FINALISTS]
 
     def climb(self, base: Fitted) -> None:
@@ -145,7 +145,7 @@ class _Race:
                 if found is None:
                     continue
                 if found.training_percent >= (1.0 - _SMALL) * base.training_percent:
-                    self.say(found.candidate, "does not lower the error on the runs themselves")
+                    self.say(found.candidate, "no gain in training")
                     continue
                 judged = self.judge(found)
                 tried += [] if judged is None else [(name, judged)]
@@ -183,12 +183,10 @@ class _Race:
             if percent < (1.0 - _SMALL) * known:
                 found.append((percent, name))
             elif candidate not in self.rows:
-                self._aside(candidate, "does not lower the error on short segments of the runs")
+                self._aside(candidate, "no gain on short segments")
         found.sort()
         for _, name in found[_TRIED:]:
-            self._aside(
-                base.candidate.with_group(name), "lowers the error on short segments less than others"
-            )
+            self._aside(base.candidate.with_group(name), "less gain on short segments than others")
         return [name for _, name in found[:_TRIED]]
 
     def _glance(self, candidate: Candidate, former: Damper) -> float:
@@ -291,7 +289,7 @@ def _table(race: _Race, chosen: Fitted) -> tuple[LawScore, ...]:
             reason = "chosen"
         elif not reason and race.best is not None and math.isfinite(row.left_out_percent):
             over = 100.0 * (row.left_out_percent / race.best.percent - 1.0)
-            reason = f"error on what was left out {over:+.1f} % from the chosen one's"
+            reason = f"left out {over:+.1f} %"
         rows.append(replace(row, reason=reason))
     return tuple(
         sorted(

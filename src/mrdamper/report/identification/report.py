@@ -36,6 +36,8 @@ from mrdamper.schema import Json
 
 __all__ = ["REPORT"]
 
+_MOST_CANDIDATES = 12  # rows of a choice of laws on a terminal
+
 
 def _answer(found: IdentifyResult) -> Json:
     """Return what ``mrdamper identify --json`` prints, but for the files."""
@@ -200,15 +202,18 @@ def _wrote(found: IdentifyResult, answer: Json, console: Console) -> None:
 
 
 def _law_table(scores: Sequence[LawScore], left_out: str) -> Table:
-    """Return every candidate: errors over all runs, and over those that were left out in turn."""
-    table = Table(title=f"Laws and terms, chosen by the error on what was left out ({left_out})")
-    for name in ("law", "numbers", "training", "left out", "median", "worst", "CPU s", "reason"):
+    """Return the best candidates: errors over all runs, and over those that were left out in turn."""
+    title = f"Laws and terms, chosen by the error on what was left out ({left_out})"
+    if len(scores) > _MOST_CANDIDATES:
+        title += f"; the first {_MOST_CANDIDATES} of {len(scores)}, all are in the report"
+    table = Table(title=title)
+    for name in ("law", "numbers", "training", "left out", "median", "worst", "reason"):
         table.add_column(name, justify="left" if name in ("law", "reason") else "right", overflow="fold")
-    for score in scores:
+    for score in scores[:_MOST_CANDIDATES]:
         errors = (score.training_percent, score.left_out_percent, score.held_out_median, score.held_out_worst)
         name = " + ".join((score.law, *score.groups))
         numbers = str(score.free_parameters or "-")
-        table.add_row(name, numbers, *map(percent, errors), f"{score.cpu_s:.2f}", escape(score.reason))
+        table.add_row(name, numbers, *map(percent, errors), escape(score.reason))
     return table
 
 
