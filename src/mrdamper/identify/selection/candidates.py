@@ -34,9 +34,10 @@ from mrdamper.models.simulate import simulate
 
 __all__ = ["Candidate", "Fitted", "Judge", "Judged"]
 
-_SCREENING_STEPS = 15  # of a law from its best drawn point
+_SCREENING_STEPS = 12  # of a law from its best drawn point
 _FIT_STEPS = 8  # of a candidate that starts from a former one
-_FOLD_STEPS = 6  # without a fold, from the fit to all runs
+_FOLD_STEPS = 5  # without a fold, from the fit to all runs
+_MANY_GROUPS = 8  # a law of so many starts without any, too
 _GLANCE_STEPS = 4  # on short segments of the runs
 
 
@@ -136,20 +137,23 @@ class Judge:
         self._prepared: tuple[PreparedFit, ...] = ()
         self._short: tuple[PreparedFit, ...] = ()
 
-    def usual(self, law: str) -> Candidate:
-        """Return a law with the groups that the runs ask for by themselves, or those that were fixed."""
+    def first(self, law: str) -> list[Candidate]:
+        """Return a law with the groups that the runs ask for by themselves, or those that were fixed.
+
+        A law of many groups is a second candidate without any.
+        """
         if self._terms is not None:
-            return Candidate(law, self._terms)
+            return [Candidate(law, self._terms)]
         damper, free = template(law, self.runs, **self._how)
         moved = {each.name.partition(".")[0] for each in free}
-        on = [
-            name
-            for name, group in groups_of(damper.law).items()
-            if not group.over_temperature
-            and {entry.name for entry in group.entries} <= moved
-            and self._adds(Candidate(law, ()), name)
-        ]
-        return Candidate(law, tuple(on))
+        known = groups_of(damper.law)
+        usual = Candidate(law, ())
+        for name, group in known.items():
+            on = not group.over_temperature and {entry.name for entry in group.entries} <= moved
+            if on and set(group.needs) <= set(usual.groups) and self._adds(usual, name):
+                usual = usual.with_group(name)
+        bare = Candidate(law, ())
+        return [usual] if usual == bare or len(known) < _MANY_GROUPS else [usual, bare]
 
     def open_groups(self, candidate: Candidate) -> list[str]:
         """Return the groups that could be switched on beside those of a candidate, and add a parameter."""

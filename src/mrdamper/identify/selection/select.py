@@ -24,9 +24,10 @@ from mrdamper.runtime.signals import Interrupted
 __all__ = ["LawScore", "Selection", "select"]
 
 _FAR = 1.5  # times the least error on the runs themselves: from here on a law is out
-_FINALISTS = 4  # laws that are cross-validated at most
-_TRIED = 3  # groups of a round that are
-_ROUNDS = 4  # of groups switched on
+_FINALISTS = 3  # laws that are cross-validated at most
+_TRIED = 2  # groups of a round that are
+_ROUNDS = 3  # of groups switched on,
+_BEHIND = 1.05  # while the law's left-out error is no further behind that of the best
 _CLEAR, _CLEAR_T = 0.01, 1.0  # gain in left-out error that is taken, with Student's t,
 _SMALL, _SMALL_T = 0.003, 2.0  # or a smaller one that is surer
 
@@ -121,12 +122,15 @@ class _Race:
         fitted = []
         for law in laws:
             try:
-                candidate = self._judge.usual(law)
+                candidates = self._judge.first(law)
             except MrdamperError as error:
                 self.fail(Candidate(law, ()), error)
                 continue
-            found = self.fit(candidate)
-            fitted += [] if found is None else [found]
+            found = [each for candidate in candidates if (each := self.fit(candidate))]
+            found.sort(key=lambda each: each.training_percent)
+            fitted += found[:1]
+            for each in found[1:]:
+                self.say(each.candidate, f"training error above that of {found[0].candidate.title}")
         fitted.sort(key=lambda each: each.training_percent)
         near = [each for each in fitted if each.training_percent <= _FAR * fitted[0].training_percent]
         for each in [*near[_FINALISTS:], *fitted[len(near) :]]:
@@ -137,8 +141,8 @@ class _Race:
     def climb(self, base: Fitted) -> None:
         """Switch groups of one law on while that lowers the left-out error; the best candidate is kept."""
         known = self.judge(base)
+        self._keep(known)
         for _ in range(_ROUNDS):
-            self._keep(known)
             tried = []
             for name in self._promising(base):
                 found = self.fit(base.candidate.with_group(name), base.damper)
@@ -153,7 +157,9 @@ class _Race:
             if taken is None:
                 return
             known, base = taken, taken.fitted
-        self._keep(known)
+            self._keep(known)
+            if self.best is not None and known.percent > _BEHIND * self.best.percent:
+                return
 
     def _keep(self, known: Judged | None) -> None:
         if known is not None and (self.best is None or self._preferred(known, self.best)):
