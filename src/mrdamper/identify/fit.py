@@ -9,7 +9,7 @@ from __future__ import annotations
 import inspect
 import time
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
 from typing import Literal
 
@@ -23,6 +23,7 @@ from mrdamper.identify.assess import Assessment, Kind
 from mrdamper.identify.assess import assess as assess_fit
 from mrdamper.identify.checkpoint import CheckpointStore
 from mrdamper.identify.confidence.left_out import across_motions, force_band, leave_folds_out
+from mrdamper.identify.confidence.proposals import ProposedTest, propose_tests
 from mrdamper.identify.groups import archetypes_of
 from mrdamper.identify.limits import brought_inside
 from mrdamper.identify.predict import at_reference, finite, predict, prepare_all, row, whole_envelope
@@ -70,6 +71,7 @@ class Identification:
     python_law: str | None = None  # where a user's own law comes from, ``file.py:Class``
     actuation: ActuationFit | None = None  # from the training runs whose command steps
     force_band: ForceBand | None = None  # of motions that were left out; None: not known
+    next_tests: tuple[ProposedTest, ...] = ()  # that would shrink it most, the best first
 
     @property
     def damper(self) -> Damper:
@@ -102,6 +104,8 @@ class Identification:
                 "rmse_N": found.rmse_N,
                 "unlagged_rmse_N": found.unlagged_rmse_N,
             }
+        if self.next_tests:
+            notes["next_tests"] = [{**asdict(each), "sentence": each.sentence} for each in self.next_tests]
         if self.damper.assumed:
             notes["assumed"] = list(self.damper.assumed)
         if result.cancelled:
@@ -220,7 +224,7 @@ def fit(  # noqa: PLR0913 - the options of a fit, by keyword
         search = fit_genetic if method == "genetic" else fit_cma
         result = search(problem, seed=seed, on_progress=on_progress, checkpoint=checkpoint)
     clock = time.process_time()
-    result, band = _for_other_motions(problem, result)
+    result, band, tests = _for_other_motions(problem, result)
     prepared_in += time.process_time() - clock
     if fluid is not None:
         result = replace(result, damper=scale_thinning(result.damper))
@@ -231,18 +235,30 @@ def fit(  # noqa: PLR0913 - the options of a fit, by keyword
         result, actuation = _with_actuation(result, stepping, coil_resistance_ohm)
         spent += 0.0 if actuation is None else actuation.cpu_s
     return Identification(
-        result, problem, prepared, unseen, how, training.fingerprint, spent, python_law, actuation, band
+        result,
+        problem,
+        prepared,
+        unseen,
+        how,
+        training.fingerprint,
+        spent,
+        python_law,
+        actuation,
+        band,
+        tests,
     )
 
 
-def _for_other_motions(problem: FitProblem, result: FitResult) -> tuple[FitResult, ForceBand | None]:
-    """Return the fit with standard errors that cover other motions, and the band of its force on those."""
+def _for_other_motions(
+    problem: FitProblem, result: FitResult
+) -> tuple[FitResult, ForceBand | None, tuple[ProposedTest, ...]]:
+    """Return the fit with errors that cover other motions, the band of its force, and tests to run next."""
     if result.cancelled or result.damper.law.kernel is None:
-        return result, None
-    left = leave_folds_out(problem, result)
+        return result, None, ()
+    tests, left = propose_tests(problem, result), leave_folds_out(problem, result)
     if left is None:
-        return result, None
-    return replace(result, estimates=across_motions(problem, result, left)), force_band(left)
+        return result, None, tests
+    return replace(result, estimates=across_motions(problem, result, left)), force_band(left), tests
 
 
 def _told_of_commands(runs: Dataset, prepared: Sequence[PreparedRun]) -> tuple[str, ...]:

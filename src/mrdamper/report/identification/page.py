@@ -108,7 +108,7 @@ def render_report(fitted: IdentifyResult) -> str:
             )
             if len(moving) > 1
             else "",
-            words=(*fitted.result.notes, *judged.words),
+            words=(*fitted.result.notes, *judged.words, *new_run_lines(fitted)),
             findings=by_kind(fitted.findings),
             left_out=_left_out_tables(judged.left_out),
             law_table=fitted.law_table,
@@ -181,6 +181,19 @@ def _order(
 
 
 # ------------------------------------------------------------------------------------------- numbers
+
+
+def new_run_lines(found: IdentifyResult) -> list[str]:
+    """Return what to expect of a new run, and the tests to run next, a sentence each."""
+    said = [f"Next test: {each.sentence}." for each in found.next_tests]
+    if found.force_band is not None:
+        band = found.force_band
+        said.insert(
+            0,
+            f"Expect {band.expected_nrmse_percent:.1f} % error (median) of new runs, at worst "
+            f"{band.worst_nrmse_percent:.1f} %: so much was found on {band.left_out} that were left out.",
+        )
+    return said
 
 
 def _in_words(estimate: Estimate) -> str:

@@ -21,7 +21,7 @@ from mrdamper.models.card_schema import write_card
 from mrdamper.report.base import BEST_SO_FAR, DONE, Outcome, Report, WrittenFile, interrupted
 from mrdamper.report.identification.campaign import Campaign
 from mrdamper.report.identification.loops import worst_loops
-from mrdamper.report.identification.page import render_report
+from mrdamper.report.identification.page import new_run_lines, render_report
 from mrdamper.report.identification.scores import (
     in_percent,
     percent,
@@ -66,6 +66,8 @@ def _answer(found: IdentifyResult) -> Json:
         "notes": _notes(found),
         "by_temperature": pooled_json(judged.runs),
         "actuation": _actuation(found),
+        "force_band": None if found.force_band is None else asdict(found.force_band),
+        "next_tests": [{**asdict(each), "sentence": each.sentence} for each in found.next_tests],
         "assumed": list(found.damper.assumed),
         "identifiability": _identifiability(found),
         "left_out": [_left(left) for left in judged.left_out],
@@ -191,7 +193,7 @@ def _show(found: IdentifyResult, console: Console) -> None:
     console.print(_coefficients(found.estimates))
     for session, offset in found.result.offsets_N.items():
         console.print(f"force offset of session {escape(session) or '(unnamed)'}: {offset:+.1f} N")
-    for note in _notes(found):
+    for note in (*_notes(found), *new_run_lines(found)):
         console.print(f"- {escape(note)}")
 
 
