@@ -139,8 +139,9 @@ def test_a_fit_is_started_watched_and_found_in_the_folder(page, site):
     page.goto("/#/identify")
     page.fill("#identify-card", "fitted")
     page.fill("#identify-hold-out", "*_060C_*")
+    page.select_option("#identify-law", "double-bouc-wen")  # the usual way tries all laws
     page.click("#start-fit")
-    page.wait_for_selector("#fit-tiles")
+    page.wait_for_selector("#fit-tiles", timeout=120_000)
     assert page.locator("tr.held").count() == 9
     card = read_card(root / "cards" / "fitted" / "card.json")
     shown = page.locator("table:has-text('standard error') tbody tr").all_inner_texts()
@@ -149,7 +150,7 @@ def test_a_fit_is_started_watched_and_found_in_the_folder(page, site):
     assert plot(page, "Cost while fitting").is_visible()
     shoot(page, "identify")
     page.reload()
-    page.wait_for_selector("#fit-tiles")
+    page.wait_for_selector("#fit-tiles", timeout=120_000)
     assert "fitted" in page.inner_text("h2 >> nth=0")
     page.get_by_label("Card", exact=True).select_option("fitted")
     page.click("#predict")

@@ -40,7 +40,7 @@ def test_from_the_raw_files_to_compiled_code(browser, tmp_path, real_data, tool)
         page.fill("#identify-card", "press")
         page.get_by_label(RUN).check()
         page.click("#start-fit")
-        page.wait_for_selector("#fit-tiles")
+        page.wait_for_selector("#fit-tiles", timeout=120_000)
         assert page.locator("tr.held", has_text=RUN).count() == 1
         errors = {run["name"]: run for run in csv_rows(folder / "cards" / "press" / "errors.csv")}
         assert errors[RUN]["split"] == "held_out"

@@ -57,7 +57,6 @@ export const getState = () => json("GET", "/api/state");
 export const getForms = () => json("GET", "/api/forms");
 export const getRuns = () => json("GET", "/api/runs");
 export const getJob = (id) => json("GET", `/api/jobs/${part(id)}`);
-export const getCard = (name) => json("GET", `/api/cards/${part(name)}`);
 export const getDamper = (name, signal) => json("GET", `/api/dampers/${part(name)}`, { signal });
 export const look = (name, signal) => json("GET", `/api/files/${part(name)}/look`, { signal });
 export const glance = (name, signal) => json("GET", `/api/files/${part(name)}/look?head=1`, { signal });

@@ -1,0 +1,295 @@
+"""A row of the registry at work: its inputs are read, its options checked, its files written all or none."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass, replace
+from glob import has_magic
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mrdamper.errors import InputError, MrdamperError, option
+from mrdamper.files import is_folder, is_there
+from mrdamper.registry.kinds import KINDS, NOTHING, Input, Output, load
+from mrdamper.schema import Field, Json, fields_of, read_record
+
+if TYPE_CHECKING:
+    from mrdamper.report.base import Place, Report
+    from mrdamper.runtime.checkpoint import Tell
+    from mrdamper.runtime.progress import Progress
+
+__all__ = ["Job"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Job:
+    """One row: a job, with all that its faces are made from."""
+
+    name: str
+    help: str
+    inputs: tuple[Input, ...]
+    run: str  # module:function(inputs by name, options=, on_progress=) -> result
+    result: str  # module:class
+    report: str  # module:REPORT
+    options: str = "mrdamper.jobs.options:NoOptions"  # module:class; without fields, ``run`` takes none
+    files_help: str = ""  # what --out is for; empty: the job writes nothing
+    out_required: bool = False
+    out_default: str = ""
+    outputs: tuple[Output, ...] = ()  # the options' ``what`` names those that are wanted
+    check: str = ""  # module:function(given, options), before anything is read
+    set_when_written: tuple[str, ...] = ()  # options that are None by default, and mean: with a folder
+    progress_word: str = "run"  # of what the progress counts; empty: ``run`` takes no ``on_progress``
+    checkpoint: str = (
+        ""  # module:function(inputs by name, options=) -> all that decides the result; with it the
+    )
+    # job can be resumed, and ``run`` takes a ``checkpoint``
+    keeper: str = "mrdamper.runtime.checkpoint:checkpointed"  # gives the checkpoint of a folder
+    stream: str = ""  # the file that ``run`` writes as it goes, to its argument ``stream``
+    ctrl_c: str = ""  # what an interrupt does, in a word or two, where the job does not simply end
+    page: str = ""  # where the pages have it
+    out: str = ""  # where the server lets it write: "card", "runs"; empty: a folder of the job's own
+    python: str = ""  # its name in Python, where that is not its own: a room may have that
+    aliases: tuple[str, ...] = ()  # its other names in Python
+
+    @property
+    def attribute(self) -> str:
+        return self.python or self.name
+
+    @property
+    def options_type(self) -> type:
+        found: type = load(self.options)
+        return found
+
+    @property
+    def fields(self) -> tuple[Field, ...]:
+        """The options' fields."""
+        return fields_of(self.options_type)
+
+    @property
+    def reading(self) -> tuple[Field, ...]:
+        """The options of reading the inputs, each once."""
+        found = [field for each in self.inputs for field in KINDS[each.kind].fields]
+        return tuple({field.name: field for field in found}.values())
+
+    @property
+    def given_names(self) -> tuple[str, ...]:
+        """Names of all that ``perform`` takes beside the options: inputs, and options of reading them."""
+        return (*(each.name for each in self.inputs), *(field.name for field in self.reading))
+
+    @property
+    def reported(self) -> Report[Any]:
+        found: Report[Any] = load(self.report)
+        return found
+
+    def options_from(self, given: Mapping[str, Any]) -> Any:  # noqa: ANN401 - the job's options
+        """Return checked options.
+
+        Raises
+        ------
+        InputError
+            With a line for each fault.
+        """
+        return read_record(self.options_type, given, self.name)
+
+    def reading_from(self, given: Mapping[str, Any]) -> dict[str, Any]:
+        """Return checked options of reading, by name; raise ``InputError`` with a line for each fault."""
+        checked: dict[str, Any] = {}
+        for kind in dict.fromkeys(KINDS[each.kind].options for each in self.inputs):
+            if kind:
+                names = [each.name for each in fields_of(load(kind))]
+                record = read_record(load(kind), {k: v for k, v in given.items() if k in names}, self.name)
+                checked |= {name: getattr(record, name) for name in names}
+        return checked
+
+    def __call__(self, given: Mapping[str, Any], options: Any, on_progress: Progress | None = None) -> Any:  # noqa: ANN401
+        """Read what is named in ``given``, run the job, return its result.
+
+        Parameters
+        ----------
+        given : path, preset or object of each input, by name, and options of reading; inputs that are not
+            required may be missing
+        options : of the job's own type
+        """
+        return self._run(given, self._read(given, options), options, on_progress)
+
+    def _read(self, given: Mapping[str, Any], options: Any) -> dict[str, Any]:  # noqa: ANN401
+        """Return the things that the job works on, by name."""
+        if self.check:
+            load(self.check)(given, options)
+        return {each.name: self._value(each, given) for each in self.inputs}
+
+    def _value(self, each: Input, given: Mapping[str, Any]) -> Any:  # noqa: ANN401
+        value = given.get(each.name)
+        value = each.default if value is None else value
+        return None if value is None else each.read(value, given)
+
+    def _run(
+        self,
+        given: Mapping[str, Any],
+        things: Mapping[str, Any],
+        options: Any,  # noqa: ANN401
+        on_progress: Progress | None,
+        **more: Any,  # noqa: ANN401
+    ) -> Any:  # noqa: ANN401
+        """Run the job; a fault whose place is an input gets the path that was given for it."""
+        if self.progress_word and on_progress is not None:
+            more["on_progress"] = on_progress
+        if self.fields:
+            more["options"] = options
+        try:
+            return load(self.run)(**things, **more)
+        except MrdamperError as fault:
+            if isinstance(path := given.get(fault.place), str | Path):
+                fault.move_to(str(path))
+            raise
+
+    def perform(
+        self,
+        given: Mapping[str, Any],
+        options: Any = None,  # noqa: ANN401 - of the job's own type
+        *,
+        out: Path | None = None,
+        outputs: Mapping[str, Path] = NOTHING,
+        on_progress: Progress | None = None,
+        resume: bool | None = None,
+        tell: Tell | None = None,
+    ) -> tuple[Any, Json]:
+        """Run the job and write its files, all or none; return (result, answer).
+
+        Parameters
+        ----------
+        given : as ``__call__`` takes it
+        options : None: the usual ones
+        outputs : places of what has one of its own, by the output's name
+        resume : go on with what the same job into the same folder had finished; False: begin anew, but keep
+            what is finished; None: keep nothing
+        tell : told what is done with an earlier run's progress
+        """
+        options = self.options_type() if options is None else options
+        for name in self.set_when_written:
+            if getattr(options, name) is None:
+                options = replace(options, **{name: out is not None})
+        if outputs:
+            options = replace(options, what=tuple(outputs))
+        reported = self.reported  # loaded now: what an interrupted job has found can be written at once
+        things = self._read(given, options)
+        head = self._head(given)
+        if out is not None or outputs:
+            places = self._places(out, outputs)
+            return self._into(places, given, things, options, head, on_progress, resume=resume, tell=tell)
+        if resume:
+            raise InputError(
+                f"{option('resume')} goes on with what is kept beside {option('out')}",
+                expected=f"an {option('out')}",
+            )
+        result = self._run(given, things, options, on_progress)
+        return result, {**head, **reported.answer(result)}
+
+    def _into(
+        self,
+        folders: Mapping[str, Path],
+        given: Mapping[str, Any],
+        things: Mapping[str, Any],
+        options: Any,  # noqa: ANN401
+        head: Mapping[str, object],
+        on_progress: Progress | None,
+        *,
+        resume: bool | None,
+        tell: Tell | None,
+    ) -> tuple[Any, Json]:
+        """Run the job on things that are read, its files into their places; return (result, answer)."""
+        from mrdamper.report.base import write_report
+
+        more: dict[str, Any] = {}
+        with ExitStack() as stack:
+            if self.checkpoint and resume is not None:
+                decisive = load(self.checkpoint)(**things, options=options)
+                kept = load(self.keeper)(folders[""], decisive, resume=resume, tell=tell)
+                more["checkpoint"] = stack.enter_context(kept)
+            # The places first: one that cannot be written to is told before anything is made.
+            places = stack.enter_context(self._staged(folders, _files_read(given)))
+            with ExitStack() as open_files:
+                if self.stream:
+                    path = places[""].stage / self.stream
+                    more["stream"] = open_files.enter_context(path.open("wb"))
+                result = self._run(given, things, options, on_progress, **more)
+            answer = write_report(self.reported, result, places, head)
+            if "checkpoint" in more:
+                more["checkpoint"].finished = self.reported.outcome(result).exit_code == 0
+        return result, answer
+
+    def _places(self, out: Path | None, outputs: Mapping[str, Path]) -> dict[str, Path]:
+        """Return the places of all that is written: the folder under the empty name, others by theirs."""
+        given = [path.absolute() for path in outputs.values()]
+        for name, path in outputs.items():
+            if given.count(path.absolute()) > 1:
+                raise InputError(
+                    f"{self.name}: {path} is to be two things at once; expected a place for each"
+                )
+            if name in self._files and is_folder(path):
+                raise InputError(f"{path}: is a folder; expected the name of a file to write")
+        if out is None:
+            return dict(outputs)
+        beside = {name: follow(out) for name, follow in self.reported.beside.items()}
+        return {"": out, **beside, **outputs}
+
+    @contextmanager
+    def _staged(
+        self, folders: Mapping[str, Path], inputs: Sequence[Path] = ()
+    ) -> Iterator[Mapping[str, Place]]:
+        """Give the places to write to; what was written there is moved to where it belongs at the end.
+
+        None of ``inputs`` is replaced.
+        """
+        from mrdamper.report.base import Place
+        from mrdamper.runtime.outputs import atomic_output, refuse_inputs
+
+        refuse_inputs([path for name, path in folders.items() if name in self._files], inputs)
+
+        with ExitStack() as stack:
+            places = {}
+            for name, path in folders.items():
+                file = name in self._files
+                stage = stack.enter_context(atomic_output(path.parent if file else path, inputs))
+                places[name] = Place(stage / path.name if file else stage, path)
+            yield places
+
+    @property
+    def _files(self) -> set[str]:
+        """The outputs that are a file."""
+        return {each.name for each in self.outputs if each.metavar != "DIR"}
+
+    def page_answer(self, result: object) -> Json:
+        """Return what a web page shows of a result beside its answer: curves, mostly."""
+        return self.reported.for_page(result)
+
+    def _head(self, given: Mapping[str, Any]) -> Json:
+        """Return what an answer begins with: the files that were named, by key."""
+        named = {each.told: given.get(each.name) for each in self.inputs if each.named_in_answer}
+        one = {key: str(value) for key, value in named.items() if isinstance(value, str | Path)}
+        many = {
+            key: [str(each) for each in value if isinstance(each, str | Path)]
+            for key, value in named.items()
+            if isinstance(value, list | tuple)
+        }
+        return {**one, **many}
+
+    def save(self, result: object, out: Path) -> Json:
+        """Write a result's files into a folder, all or none; return the answer, with their paths."""
+        from mrdamper.report.base import write_report
+
+        with self._staged(self._places(out, {})) as places:
+            return write_report(self.reported, result, places, NOTHING)
+
+
+def _files_read(given: Mapping[str, Any]) -> list[Path]:
+    """Return the files that a job's inputs name, those of folders and patterns included."""
+    parts = [value if isinstance(value, list | tuple) else [value] for value in given.values()]
+    paths = [Path(each) for part in parts for each in part if isinstance(each, str | Path)]
+    files = [path for path in paths if is_there(path) and not is_folder(path)]
+    for path in set(paths) - set(files):
+        if is_folder(path) or has_magic(str(path)):
+            with suppress(InputError):  # a folder of something else
+                files += load("mrdamper.data.readers:find_files")([path])
+    return files
