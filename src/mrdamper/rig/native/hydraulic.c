@@ -317,13 +317,14 @@ static double place(const motion *m, double share, double *speed)
     return m->x0 + m->step * share * (m->v0 + share * ((turn - bend) + bend * share));
 }
 
-/* One small step from `share` to `share + width` of the way between two samples. */
+/* One small step from `share` to `share + width` of the way between two samples. The search begins on the line from the
+ * state `before` the last step, as long. */
 static int small_step(const hydraulic_parameters *p, const hydraulic_climate *at, const motion *m, double share, double width,
-                      double command, hydraulic_state *s, double *force)
+                      double command, const hydraulic_state *before, hydraulic_state *s, double *force)
 {
     const double l = stage * width * m->step;
     double speed;
-    hydraulic_state first = *s;
+    hydraulic_state first = along(before, s, 1.0 + stage);
     double x = place(m, share + stage * width, &speed);
     if (!solve_stage(p, at, l, x, speed, command, s, &first, force)) return 0;
     const hydraulic_state history = along(s, &first, (1.0 - stage) / stage);
@@ -346,10 +347,15 @@ int hydraulic_step(const hydraulic_parameters *p, const hydraulic_climate *at, d
     }
     const motion m = {s->rod_m, s->rod_m_s, x, v, step};
     const double width = 1.0 / inner;
+    hydraulic_state before = *s;
     for (int k = 0; k < inner; k++) {
-        if (small_step(p, at, &m, k * width, width, command, s, force)) continue;
-        for (int j = 0; j < FINER; j++)
-            if (!small_step(p, at, &m, (k + j / (double)FINER) * width, width / FINER, command, s, force)) return 0;
+        const hydraulic_state begun = *s;
+        const int found = small_step(p, at, &m, k * width, width, command, &before, s, force);
+        for (int j = 0; !found && j < FINER; j++) {
+            const hydraulic_state from = *s;
+            if (!small_step(p, at, &m, (k + j / (double)FINER) * width, width / FINER, command, &from, s, force)) return 0;
+        }
+        before = begun;
     }
     s->rod_m = x;
     s->rod_m_s = v;
