@@ -11,7 +11,8 @@ import pytest
 from tests.support.rigs import answer_of, columns_of, mrdamper, short_runs, write_csv, write_runs
 
 FINDING = {
-    "run", "kind", "severity", "channel", "size", "unit", "from_s", "to_s", "found", "effect", "remedy",
+    "run", "kind", "severity", "channel", "size", "size_low", "size_high", "unit", "from_s", "to_s", "found",
+    "effect", "remedy",
 }  # fmt: skip
 EVIL = "<script>alert(1)</script>"
 

@@ -25,6 +25,8 @@ class Finding:
     remedy: str
     size: float | None = None  # how large, in ``unit``
     unit: str = ""
+    low: float | None = None  # interval of the size, where it was estimated
+    high: float | None = None
     from_s: float | None = None  # where it begins, and ends, in the run's time
     to_s: float | None = None
     run: str = ""
@@ -38,6 +40,8 @@ class Finding:
             "channel": self.channel or None,
             "size": self.size,
             "unit": self.unit or None,
+            "size_low": self.low,
+            "size_high": self.high,
             "from_s": self.from_s,
             "to_s": self.to_s,
             "found": self.found,

@@ -1,12 +1,12 @@
 """The job ``check``: what is wrong with runs before they are fitted, and how their files were understood.
 
-Files that cannot be read are told beside the others; runs are diagnosed one by one (``data.diagnosis``).
-Nothing is repaired and nothing is fitted.
+Files that cannot be read are told beside the others; runs are diagnosed one by one (``data.diagnosis``)
+and together. Nothing is repaired, and nothing is fitted unless a joint test is asked for.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,18 +14,26 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.diagnosis.campaign import compare
+from mrdamper.data.diagnosis.declared import find_against_names, find_implausible_damper, find_odd_siblings
 from mrdamper.data.diagnosis.diagnose import diagnose
 from mrdamper.data.finding import SEVERITIES, Finding, Severity, worst_first
 from mrdamper.data.formats.table import Layout
-from mrdamper.data.prepare import PreparedRun
+from mrdamper.data.prepare import PreparedRun, prepare_run
 from mrdamper.data.questions import Question
 from mrdamper.data.readers import Inference
-from mrdamper.data.records import Recording, RigRun
+from mrdamper.data.records import Dataset, Recording, RigRun
 from mrdamper.data.roles import Column
+from mrdamper.errors import ConvergenceError, InputError
+from mrdamper.identify.consistency import consistency, doubted
+from mrdamper.identify.fit import fit
 from mrdamper.jobs.inputs import ReadFiles, UnreadableFile
+from mrdamper.jobs.options import CheckOptions
+from mrdamper.models.damper import Damper
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 
-__all__ = ["CheckResult", "CheckedFile", "CheckedRun", "check", "findings_of"]
+__all__ = ["CheckResult", "CheckedFile", "CheckedRun", "campaign_findings", "check", "findings_of"]
+
+_USUAL = CheckOptions()
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +72,7 @@ class CheckResult:
     files: tuple[CheckedFile, ...]
     runs: tuple[CheckedRun, ...]
     unreadable: tuple[UnreadableFile, ...]
+    groups: tuple[Finding, ...] = ()  # of several runs together; why there was no joint test
 
     @property
     def questions(self) -> tuple[Question, ...]:
@@ -73,7 +82,7 @@ class CheckResult:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        return tuple(finding for run in self.runs for finding in run.findings)
+        return (*(finding for run in self.runs for finding in run.findings), *self.groups)
 
     @property
     def counts(self) -> dict[Severity, int]:
@@ -86,9 +95,13 @@ class CheckResult:
         return bool(self.runs) and not any(finding.severity == "fault" for finding in self.findings)
 
 
-def check(files: ReadFiles, *, on_progress: Progress = silent) -> CheckResult:
-    """Diagnose runs, each by itself and all against each other."""
-    told = [*compare(files.runs), *(finding for _, file in files.files for finding in file.findings)]
+def check(files: ReadFiles, options: CheckOptions = _USUAL, *, on_progress: Progress = silent) -> CheckResult:
+    """Diagnose runs, each by itself and all against each other; ``deep``: against one law fitted to all."""
+    together = campaign_findings(files.runs)
+    if options.deep:
+        together += _joint_test(files.runs)
+    told = [*together, *(finding for _, file in files.files for finding in file.findings)]
+    names = {run.name for run in files.runs}
     runs = []
     for number, run in enumerate(files.runs):
         on_progress(ProgressUpdate(done=number, total=len(files.runs), text=run.name))
@@ -103,14 +116,62 @@ def check(files: ReadFiles, *, on_progress: Progress = silent) -> CheckResult:
         ),
         runs=tuple(runs),
         unreadable=files.unreadable,
+        groups=tuple(each for each in together if each.run not in names),
     )
 
 
-def findings_of(runs: Iterable[PreparedRun]) -> tuple[Finding, ...]:
-    """Return what prepared runs show by themselves, for the report of a fit."""
+def campaign_findings(runs: Sequence[Recording | RigRun]) -> list[Finding]:
+    """Return what runs show against each other, their names and the dampers that there are, without a fit."""
+    by_itself = [each for find in (find_against_names, find_odd_siblings) for each in find(runs)]
+    return [*compare(runs), *by_itself, *find_implausible_damper(runs)]
+
+
+def findings_of(runs: Iterable[PreparedRun], damper: Damper | None = None) -> tuple[Finding, ...]:
+    """Return what prepared runs show by themselves and together, for the report of a fit.
+
+    Parameters
+    ----------
+    damper : fitted to the runs, which are then compared with it
+    """
     prepared = tuple(runs)
     found = [finding for run in prepared for finding in diagnose(run.run, run)]
-    return tuple(sorted((*found, *compare([run.run for run in prepared])), key=worst_first))
+    found += campaign_findings([run.run for run in prepared])
+    found += () if damper is None else consistency(damper, prepared)
+    return tuple(sorted(found, key=worst_first))
+
+
+def _joint_test(runs: Sequence[Recording | RigRun]) -> list[Finding]:
+    """Return what one law, fitted to all runs that can be prepared, finds in each of them."""
+    sound: list[RigRun] = []
+    for run in runs:
+        try:
+            sound.append(run if isinstance(run, RigRun) else run.checked())
+            prepare_run(sound[-1])
+        except InputError:  # told by the run's own diagnosis
+            sound = [each for each in sound if each.name != run.name]
+    try:
+        fitted = fit(Dataset(tuple(sound)), starts=1)
+    except (InputError, ConvergenceError) as fault:
+        return [
+            Finding(
+                kind="no_joint_test",
+                severity="note",
+                channel="",
+                found=f"the runs could not be fitted together: {fault}".replace("\n", "; "),
+                effect="Whether they belong together was not tested",
+                remedy="Give all runs of a campaign at once, with two commands or more",
+            )
+        ]
+    found = consistency(fitted.damper, fitted.training)
+    name = doubted(fitted.damper, fitted.training)
+    if not name:
+        return list(found)
+    try:  # once more without it: it has bent the fit towards itself, and away from the others
+        others = fit(Dataset(tuple(run for run in sound if run.name != name)), starts=1)
+    except (InputError, ConvergenceError):
+        return list(found)
+    sure = any(each.run == name for each in found)
+    return list(consistency(others.damper, fitted.training, without="" if sure else name))
 
 
 def _checked(run: Recording | RigRun, findings: tuple[Finding, ...]) -> CheckedRun:

@@ -131,7 +131,7 @@ def identify(
         assessment=judged,
         law_table=() if selection is None else selection.table,
         chosen_by="" if selection is None else selection.left_out,
-        findings=findings_of((*fitted.training, *fitted.held_out)),
+        findings=findings_of((*fitted.training, *fitted.held_out), fitted.damper),
         sources=tuple(dict.fromkeys(Path(run.source).name for run in runs if run.source)),
     )
 

@@ -108,6 +108,19 @@ class NoOptions:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class CheckOptions:
+    """Options of ``check``."""
+
+    deep: Annotated[
+        bool,
+        Option(
+            "Fit one law to all runs, and tell which of them do not belong to the others, and why.",
+            label="test all runs together",
+        ),
+    ] = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class FitOptions:
     """Options of ``identify``."""
 

@@ -56,6 +56,7 @@ _ROWS = (
         """,
         inputs=(replace(RUNS, name="files", kind="files"),),
         run="mrdamper.jobs.check:check",
+        options="mrdamper.jobs.options:CheckOptions",
         result="mrdamper.jobs.check:CheckResult",
         report="mrdamper.report.check:REPORT",
         files_help="For check.html, check.json, findings.csv.",

@@ -1,0 +1,236 @@
+"""Findings on runs against what they are said to be: names of files, other runs of the same motion, dampers.
+
+A name such as ``sine_10mm2Hz_1.00A_60C`` declares amplitude or stroke, frequency, command and temperature.
+Each is compared with the signals. What a whole campaign has wrong shows nowhere else: a fit scales with it.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import PurePath
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+
+from mrdamper.data.finding import Finding, percent
+from mrdamper.data.records import Recording, RigRun
+from mrdamper.quantities import ZERO_CELSIUS_K
+
+__all__ = ["find_against_names", "find_implausible_damper", "find_odd_siblings"]
+
+Run = Recording | RigRun
+Quantity = Literal["frequency", "stroke", "command", "temperature"]
+
+_NUMBER = r"(?<![\d.])(\d+(?:[.p,]\d+)?)\s*"
+_NAMED: Mapping[str, str] = MappingProxyType(
+    {"frequency": r"Hz", "stroke": r"mm", "command": r"A(?![a-z])", "temperature": r"(?:degC|°C|C(?![a-z]))"}
+)
+_UNITS = {"frequency": "Hz", "stroke": "mm", "command": "A", "temperature": "degC"}
+_WITHIN = {"frequency": 0.03, "stroke": 0.12, "command": 0.06, "temperature": 0.0}  # share
+_CHANNEL = {
+    "frequency": "time", "stroke": "displacement", "command": "current", "temperature": "temperature"
+}  # fmt: skip
+_AT_LEAST = {"frequency": 0.002, "stroke": 0.3, "command": 0.06, "temperature": 6.0}  # in its unit
+_REGULAR = 0.03  # of a period, by which the periods of a sine may differ
+_ALIKE = {"frequency": 0.12, "stroke": 0.25}  # by which runs of one motion may differ
+_ODD = {"frequency": 0.015, "stroke": 0.04}  # by which one of them is told
+_SCATTER = {"frequency": 0.003, "stroke": 0.012}  # of the others
+_SIBLINGS = 3
+
+# Seat, laboratory, automotive and building dampers of published tests have 0.2 to 20 kN at their largest
+# command, which is 0.5 to 10 A, and are moved by 2 mm and more.
+_PEAK_N = (150.0, 20e3)
+_PEAK_WITH_1A_N = 300.0
+_LARGEST_A = (0.3, 15.0)
+_LEAST_STROKE_m = 2e-3
+_MOST_STROKE_m = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """What the signals of a run say of it, in the unit of ``_UNITS``; None where they do not."""
+
+    frequency: float | None
+    stroke: float | None
+    command: float | None
+    temperature: float | None
+
+
+def find_against_names(runs: Sequence[Run]) -> Iterator[Finding]:
+    """Give runs whose signals are not what the names of run, file and folder declare."""
+    for run in runs:
+        seen = _seen(run)
+        for quantity, unit in _UNITS.items():
+            declared, found = _declared(run, quantity), getattr(seen, quantity)
+            if declared is None or found is None or _agrees(quantity, declared, found):
+                continue
+            yield Finding(
+                kind=f"declared_{quantity}",
+                severity="warning",
+                channel={"frequency": "time", "stroke": "displacement", "command": "current"}.get(
+                    quantity, quantity
+                ),
+                run=run.name,
+                size=found / declared if declared else found,
+                unit="",
+                found=f"the name declares {declared:g} {unit}, and the signals have {found:.4g} {unit}",
+                effect="The card would hold for another operating point than the test's, or in another unit",
+                remedy=f"Check unit and scale of the channel ({_HINT[quantity]}), or correct the name",
+            )
+
+
+def find_odd_siblings(runs: Sequence[Run]) -> Iterator[Finding]:
+    """Give runs whose frequency or stroke differs a little from that of all other runs of their motion."""
+    seen = [(run, _seen(run)) for run in runs]
+    sines = [(run, each) for run, each in seen if each.frequency and each.stroke]
+    for run, mine in sines:
+        others = [each for other, each in sines if other is not run and _same_motion(mine, each)]
+        if len(others) < _SIBLINGS:
+            continue
+        for quantity, cause, channel in (
+            ("frequency", "time_scale", "time"), ("stroke", "displacement_scale", "displacement")
+        ):  # fmt: skip
+            values = np.array([getattr(each, quantity) for each in others])
+            middle = float(np.median(values))
+            ratio = getattr(mine, quantity) / middle
+            scatter = 1.4826 * float(np.median(np.abs(values / middle - 1.0)))
+            if abs(ratio - 1.0) < _ODD[quantity] or scatter > _SCATTER[quantity]:
+                continue
+            if abs(ratio - 1.0) < 5.0 * max(scatter, float(np.max(np.abs(values / middle - 1.0))) / 4.0):
+                continue
+            size = 1.0 / ratio if quantity == "frequency" else ratio
+            yield Finding(
+                kind=cause,
+                severity="warning",
+                channel=channel,
+                run=run.name,
+                size=size,
+                low=size - 2.0 * max(scatter, 1e-3),
+                high=size + 2.0 * max(scatter, 1e-3),
+                unit="",
+                found=f"its {quantity} is {getattr(mine, quantity):.4g} {_UNITS[quantity]}, and that of "
+                f"{len(others)} other runs of this motion {middle:.4g} {_UNITS[quantity]}: {channel} "
+                f"times {size:.3f}",
+                effect=f"Velocities of this run are off by {percent(abs(ratio - 1.0))}, viscosity with them",
+                remedy=f"Check the {_SUSPECT[channel]} of this file against the others; until it is known "
+                "leave the run out",
+            )
+
+
+def find_implausible_damper(runs: Sequence[Run]) -> Iterator[Finding]:
+    """Give a campaign whose force, current and stroke no damper of the published ones has together.
+
+    It asks for a confirmation and changes nothing: there are dampers beyond every table.
+    """
+    sound = [
+        run
+        for run in runs
+        if len(run) > 1 and np.isfinite(run.force).all() and np.isfinite(run.command).all()
+    ]
+    if not sound:
+        return
+    peak = max(float(np.ptp(run.force)) / 2.0 for run in sound)
+    stroke = max(float(np.ptp(run.displacement)) for run in sound)
+    amperes = [float(np.abs(run.command).max()) for run in sound if run.command_unit == "A"]
+    least = _PEAK_WITH_1A_N if max(amperes, default=0.0) >= 1.0 else _PEAK_N[0]
+    checks = [
+        ("force", peak, (least, _PEAK_N[1]), "N", "kgf or kN read as N, N read as kN"),
+        ("displacement", stroke, (_LEAST_STROKE_m, _MOST_STROKE_m), "m", "inches read as mm, mm read as cm"),
+    ]
+    if amperes and max(amperes) > 0.0:
+        checks.append(
+            ("current", max(amperes), _LARGEST_A, "A", "per cent or mA read as A, a driver's volts")
+        )
+    for channel, value, (low, high), unit, hint in checks:
+        if low <= value <= high:
+            continue
+        yield Finding(
+            kind="implausible_damper",
+            severity="warning",
+            channel=channel,
+            run=sound[0].name,
+            size=value,
+            unit=unit,
+            found=f"the largest {channel} of all runs is {value:.3g} {unit}; the magnetorheological dampers "
+            f"that were published have {low:g} to {high:g} {unit}",
+            effect="With a wrong unit every coefficient is wrong by its factor, and the fit looks as good",
+            remedy=f"Please confirm the unit against the data sheet ({hint}?); nothing was changed",
+        )
+
+
+_SUSPECT = {"time": "sampling rate", "displacement": "scale of the displacement"}
+_HINT = {
+    "frequency": "a sampling rate, or a counter taken for time",
+    "stroke": "inches or centimetres read as millimetres",
+    "command": "per cent, milliamperes or a driver's input read as amperes",
+    "temperature": "degF read as degC",
+}
+
+
+def _all_finite(run: Run) -> bool:
+    return all(np.isfinite(each).all() for each in (run.force, run.command, run.displacement))
+
+
+def _declared(run: Run, quantity: str) -> float | None:
+    """Return the one number that the names give for a quantity; a run's own name goes before its folder's."""
+    source = PurePath(run.source) if run.source else PurePath()
+    for text in (run.name, source.stem, source.parent.name):
+        found = {float(re.sub("[p,]", ".", each)) for each in re.findall(_NUMBER + _NAMED[quantity], text)}
+        if len(found) == 1:
+            return found.pop()
+        if found:
+            return None
+    return None
+
+
+def _agrees(quantity: str, declared: float, found: float) -> bool:
+    allowed = max(_WITHIN[quantity] * declared, _AT_LEAST[quantity])
+    meant = (declared, 2.0 * declared) if quantity == "stroke" else (declared,)  # an amplitude, or a stroke
+    return any(abs(found - each) <= allowed * (each / declared if declared else 1.0) for each in meant)
+
+
+def _same_motion(one: _Seen, other: _Seen) -> bool:
+    return all(
+        abs(getattr(other, name) / getattr(one, name) - 1.0) < _ALIKE[name] if getattr(other, name) else False
+        for name in _ALIKE
+    )
+
+
+def _seen(run: Run) -> _Seen:
+    if len(run) < 16 or not (np.isfinite(run.time).all() and _all_finite(run)):
+        return _Seen(None, None, None, None)
+    frequency = _frequency(run)
+    low, high = np.quantile(run.displacement, (0.002, 0.998))
+    mean = abs(float(np.mean(run.command)))
+    steady = run.command_unit == "A" and float(np.std(run.command)) < 0.02 + 0.05 * mean
+    kelvin = run.temperature
+    return _Seen(
+        frequency,
+        1e3 * float(high - low) if frequency else None,
+        mean if steady else None,
+        None if kelvin is None else float(np.median(kelvin)) - ZERO_CELSIUS_K,
+    )
+
+
+def _frequency(run: Run) -> float | None:
+    """Return the frequency of a steady sine [Hz], from where it passes its middle; None for others."""
+    low, high = np.quantile(run.displacement, (0.02, 0.98))
+    x = run.displacement - 0.5 * (low + high)
+    swing = 0.25 * float(high - low)
+    if swing == 0.0:
+        return None
+    state = np.where(x > swing, 1, np.where(x < -swing, -1, 0))
+    known = np.flatnonzero(state)
+    turned = np.flatnonzero(np.diff(state[known]) > 0)
+    ups = []
+    for a, b in zip(known[turned].tolist(), known[turned + 1].tolist(), strict=True):
+        k = a + int(np.argmax(x[a : b + 1] >= 0.0))
+        share = float(-x[k - 1] / (x[k] - x[k - 1]))
+        ups.append(float(run.time[k - 1] + share * (run.time[k] - run.time[k - 1])))
+    periods = np.diff(ups[1:]) if len(ups) > 3 else np.diff(ups)
+    if len(periods) < 1 or float(np.ptp(periods)) > _REGULAR * float(np.median(periods)):
+        return None
+    return 1.0 / float(np.mean(periods))

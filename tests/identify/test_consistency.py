@@ -1,0 +1,86 @@
+"""Campaign consistency: one wrong run is found among sound ones, by cause and size; sound ones are not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mrdamper.data.diagnosis.declared import find_against_names, find_implausible_damper, find_odd_siblings
+from mrdamper.jobs.check import check
+from mrdamper.jobs.inputs import ReadFiles
+from mrdamper.jobs.options import CheckOptions
+from mrdamper.rig.campaign import Campaign
+from mrdamper.rig.measurement import measure
+from mrdamper.rig.plant import find_preset
+
+PLAN = Campaign(
+    motions=("sine5mm1Hz", "sine3mm2Hz", "sine15mm1Hz"),
+    currents_A=(0.0, 0.5, 1.0, 1.5, 2.0),
+    temperatures_degC=(20.0,),
+    held_out_motions=(),
+    held_out_temperatures_degC=(),
+    steps=None,
+)
+WRONG = "nominal_020C_1.50A_sine3mm2Hz"
+
+
+@pytest.fixture(scope="module")
+def runs():
+    return [run for run, _ in measure(find_preset("nominal"), PLAN, seed=3)]
+
+
+def with_one(runs, change):
+    return [change(run) if run.name == WRONG else run for run in runs]
+
+
+def late(run):
+    return replace(run, force=np.interp(run.time - 3e-3, run.time, run.force))
+
+
+def told(runs):
+    """Return the findings of the whole of ``check --deep`` above notes."""
+    found = check(ReadFiles((), (), tuple(runs)), CheckOptions(deep=True)).findings
+    return {each.run: each for each in found if each.severity != "note"}
+
+
+def test_a_sound_campaign_is_not_blamed(runs):
+    assert told(runs) == {}
+
+
+@pytest.mark.parametrize(
+    ("change", "kind", "size"),
+    [
+        (lambda run: replace(run, force=1.1 * run.force), "force_gain", 1.1),
+        (late, "force_delay", 3e-3),
+    ],
+    ids=["gain", "delay"],
+)
+def test_one_run_that_is_off_is_named_with_cause_and_size(runs, change, kind, size):
+    finding = told(with_one(runs, change))[WRONG]
+    assert finding.kind == kind
+    assert finding.size == pytest.approx(size, rel=0.25)
+    assert finding.low < finding.size < finding.high
+
+
+def test_a_time_that_is_scaled_is_told_by_the_other_runs_of_the_motion(runs):
+    slow = with_one(runs, lambda run: replace(run, time=1.04 * run.time))
+    (finding,) = find_odd_siblings(slow)
+    assert (finding.run, finding.kind) == (WRONG, "time_scale")
+    assert finding.size == pytest.approx(1.04, abs=2e-3)
+
+
+def test_names_are_compared_with_signals(runs):
+    assert list(find_against_names(runs)) == []
+    tenth = [replace(run, command=0.1 * run.command) for run in runs]
+    assert {each.kind for each in find_against_names(tenth)} == {"declared_command"}
+    inches = [replace(run, displacement=run.displacement / 25.4) for run in runs]
+    assert {each.kind for each in find_against_names(inches)} == {"declared_stroke"}
+
+
+def test_units_that_no_damper_has_are_asked_about_and_left_alone(runs):
+    assert list(find_implausible_damper(runs)) == []
+    (finding,) = find_implausible_damper([replace(run, force=run.force / 9.80665) for run in runs])
+    assert (finding.kind, finding.channel) == ("implausible_damper", "force")
+    assert "confirm" in finding.remedy
