@@ -33,6 +33,11 @@ static range range_of(int law, int k)
                                         N};
     static const range valve[] = {{0, 1e4, 0}, {0, 1e4, 0}, {0.05, 1.5, 0}, {1e-5, 10, 1}, {-2, 2, 0}, {1, 1e12, 1},
                                   {0, 1e-2, 0}, {1e-3, 1, 1}, {0, 1e8, 0}, {0.3, 2, 0}};
+    static const range chain_law[] = {{0, 1e4, 0}, {1e-9, 10, 1}, {0, 1e3, 0}, {0, 1e4, 0}, {0.05, 2, 0}, {1e-9, 1e3, 1},
+                                      {0, 1e5, 0}, {-0.5, 0.5, 0}, {-1e3, 1e3, 0}, {-1e3, 1e3, 0}, {1e-6, 1e12, 1},
+                                      {0, 1e-2, 0}, {1e-12, 1, 1}, {0, 1e8, 0}, {0.2, 2, 0}, {0, 1, 0}, {1e-3, 1e12, 1},
+                                      {0, 10, 0}, {0, 1e4, 0}, {1e-3, 1e12, 1}, {0, 1e2, 0}, {1e-9, 10, 1}, {0, 1e4, 0},
+                                      {1e-3, 1e12, 1}, {-1e4, 1e4, 0}, {1e-9, 1e3, 1}, {0, 1, 0}, {0, 1, 0}};
     if (k < MRD_COMMON) return common[k];
     k -= MRD_COMMON;
     switch (law) {
@@ -44,6 +49,7 @@ static range range_of(int law, int k)
     case MRD_TANH: return tanh_law[k];
     case MRD_LUGRE: return lugre_law[k];
     case MRD_SPENCER: return spencer_law[k];
+    case MRD_CHAIN_LAW: return chain_law[k];
     default: (void)kappa; (void)n; return valve[k];
     }
 }
@@ -92,7 +98,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     bytes b = {data, size};
     const mrd_api *api = MRD_API();
-    const int law = next(&b) % 9, kind = next(&b);
+    const int law = next(&b) % 10, kind = next(&b);
     const int wild_motion = kind & 1, wild_numbers = kind & 2, varying = kind & 4;
     const size_t n = 1 + next(&b) % MOST, count = (size_t)api->coefficient_count(law);
     double step = over_decades(&b, 1e-5, 1.0), longest = step / between(&b, 0.5, 8.0), band = between(&b, 0.0, 1e-3);
