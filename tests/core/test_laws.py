@@ -529,6 +529,22 @@ def test_bristles_give_back_no_more_than_they_took(rho, excess, fade, damping, s
     assert np.all(work >= -2e-3 * path.step * np.cumsum(np.abs(power)) - 1e-9)
 
 
+@examples(25)
+@given(data=st.data(), size=decades(1e-4, 0.1), seed=st.integers(0, 99))
+def test_a_chain_gives_back_no_more_than_it_took_while_the_current_changes(data, size, seed):
+    """Work from rest is never negative on any motion and current when force must be built up by travel."""
+    own = {key: data.draw(value, label=key) for key, value in PASSIVE["chain"].items()}
+    own |= {"gas_force": 0.0, "play": 0.0, "follow_share": 0.0}
+    forms: dict[str, ParameterLaw] = {key: Constant(value) for key, value in own.items()}
+    forms["yield_force"] = Polynomial((0.1 * own["yield_force"], own["yield_force"]))
+    path = random_drive(seed, size=size, rate=8000.0, duration=0.5)
+    swings = np.random.default_rng(seed).uniform(1.0, 20.0)
+    path = replace(path, command=0.5 + 0.5 * np.sin(2.0 * math.pi * swings * path.time))
+    power = simulate(Damper(LAWS["chain"], forms), path) * path.velocity
+    work = np.concatenate([[0.0], np.cumsum(0.5 * path.step * (power[1:] + power[:-1]))])
+    assert np.all(work >= -5e-3 * path.step * np.cumsum(np.abs(power)) - 1e-9)
+
+
 def test_without_that_viscosity_bristles_push():
     """A slow creep loads them to the static level; in a sudden start their damping then drives the motion."""
     t = 1e-4 * np.arange(4001, dtype=np.float64)

@@ -196,7 +196,7 @@ _CHAIN: tuple[Coefficient, ...] = (
     _term("gas_length", "m", "length of that volume", 1.0, 1e-9),
     _term("play", "m", "half width of a free play ahead of everything", 0.0, 0.0, 1.0),
     _term(
-        "follow_share", "-", "share of the bristles' force that follows the current at once", 1.0, 0.0, 1.0
+        "follow_share", "-", "share of the bristles' force that follows the current at once", 0.0, 0.0, 1.0
     ),
 )
 
@@ -337,7 +337,8 @@ _LAWS = (
         _CHAIN,
         "yield_force, thinning, leak_damping >= 0: passive at constant current and temperature by "
         "construction (potentials, dashpots, a valve that opposes its own velocity, bristles that store "
-        "f^2/(2 stiffness)); with follow_share = 0 while the current changes, too",
+        "f^2/(2 stiffness)); with follow_share = 0 while the current changes, too, if bristle_stiffness is "
+        "constant",
         9,
     ),
 )
