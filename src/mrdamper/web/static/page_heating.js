@@ -108,8 +108,9 @@ export async function show(place, app, query) {
     try {
       const found = await getDamper(drawing.read());
       if (closed) return;
-      form.set({ ambient_degC: found.ambient_degC, air_m_s: found.air_m_s, with_sink: found.sink !== null });
-      sink.input.disabled = found.sink === null;
+      const { sink: fins, ...around } = found;
+      form.set({ ...around, with_sink: fins !== null });
+      sink.input.disabled = fins === null;
       ask();
     } catch (fault) {
       fill(wrong, note("fault", fault.message));

@@ -134,8 +134,6 @@ seed = 0
 [identify]
 campaigns = ["../runs"]
 hold_out = ["*_060C_*"]
-temperature = "auto"
-starts = 3
 `,
   sink: (card) => `# Heat sinks for many dampers and duties; drawings of your own are named as files
 kind = "sink"
