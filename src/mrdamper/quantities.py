@@ -158,6 +158,7 @@ _USUAL: Mapping[tuple[str, str], tuple[float, float]] = MappingProxyType(
         ("current", "mA"): (1e-3, 0.0),
         ("voltage", "mV"): (1e-3, 0.0),
         ("temperature", "degC"): (1.0, ZERO_CELSIUS_K),
+        ("temperature", "degF"): (0.5555555555555429, 255.37222222222223),
         ("time", "min"): (60.0, 0.0),
         ("displacement", "cm"): (1e-2, 0.0),
         ("displacement", "in"): (0.0254, 0.0),
@@ -207,7 +208,8 @@ _OF_NO_ROLE = frozenset(
         "n/a",
     }
 )
-_LIKELY_UNIT = re.compile(r"[^\W\d_]{1,12}([\s/*·^._-]{1,2}[^\W_]{1,6}){0,2}[²³]?")
+_LIKELY_UNIT = re.compile(r"[A-Za-zµμ°Ω]{1,12}([\s/*·^._-]{1,2}[A-Za-z0-9]{1,6}){0,2}[²³]?")
+_HEADER_WORDS = frozenset(word for quantity in _TABLE for word in quantity.headers if len(word) > 2)
 _ROLE_OF: Mapping[str, str] = MappingProxyType(
     {unit: quantity.role for quantity in _TABLE for unit in (quantity.unit, *quantity.units)}
 )
@@ -302,7 +304,8 @@ def roles_of_unit(unit: str) -> tuple[str, ...]:
     sure = tuple(role for role in QUANTITIES if _is_usual(spell_unit(unit, role), role))
     if sure:
         return sure
-    likely = _LIKELY_UNIT.fullmatch(unit.strip("[]() ")) is not None
+    bare = unit.strip("[]() ")
+    likely = _LIKELY_UNIT.fullmatch(bare) is not None and bare.lower() not in _HEADER_WORDS
     return tuple(role for role in QUANTITIES if is_unit(unit, [role])) if likely else ()
 
 

@@ -127,7 +127,7 @@ def parse_header(header: str) -> tuple[str, str] | None:
             continue
         word, unit = match[1].strip(), match[2].strip()
         role = _role_of(word) or next((q.role for q in QUANTITIES.values() if word == q.symbol), None)
-        if role is not None and unit and is_unit(unit, [role]):
+        if role is not None and role in roles_of_unit(unit):
             return role, unit
     return None
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from mrdamper.data.formats.table import LEAST_ROWS
 from mrdamper.data.labels import labels_in
 from mrdamper.errors import InputError
-from mrdamper.quantities import is_unit
+from mrdamper.quantities import roles_of_unit
 
 __all__ = [
     "Header",
@@ -158,7 +158,7 @@ def _said(lines: Sequence[str], delimiter: str) -> tuple[str, ...]:
 def _are_units(words: Sequence[str]) -> bool:
     """Tell whether a row under the names is one of units: two at least, and half of what it holds."""
     filled = [word for word in words if word and word != "-"]
-    known = sum(is_unit(word) for word in filled)
+    known = sum(bool(roles_of_unit(word)) for word in filled)
     return known >= min(2, len(filled)) and 2 * known >= len(filled) > 0
 
 
