@@ -2,10 +2,12 @@
 
 Each motion is held out in turn; a card is made of the others and judged on it. Standard errors are compared
 between cards of disjoint sets of motions. Real runs from a folder, and drawn virtual dampers: even draws were
-used to choose the band's constants, odd ones are blind.
+used to choose the band's constants, odd ones are blind. With ``--steps`` the force's times to 63 % of a
+step of the current, at the speed of the campaign's steps, beside the plant's.
 
 
     python -m bench.promises --preset nominal --draws 1 3 5
+    python -m bench.promises --preset hard --draws 0 1 3 --steps
     python -m bench.promises --runs data/dev/utfsm_sine_*.csv
 """
 
@@ -17,16 +19,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mrdamper.arrays import FloatArray
 from mrdamper.data.prepare import Preparation, PreparedRun
 from mrdamper.data.readers import read_runs
 from mrdamper.data.records import RigRun
+from mrdamper.excitation import motion_from_text
 from mrdamper.identify.fit import Identification, fit
 from mrdamper.identify.motions import folds_of, motion_groups
 from mrdamper.identify.predict import prepare_all
 from mrdamper.identify.scores import score_run
+from mrdamper.identify.step_responses import crossing
 from mrdamper.rig.campaign import usual_campaign
-from mrdamper.rig.damper import draw_variant, find_preset
+from mrdamper.rig.damper import VirtualDamper, draw_variant, find_preset
 from mrdamper.rig.measurement import measure
+from mrdamper.rig.plant import STEP_S, Plant
 
 _MOTIONS = ("sine:8mm:0.5Hz", "sine:4mm:1.5Hz")  # beside the usual ones
 _TEMPERATURES_degC = (20.0, 70.0, 120.0)
@@ -94,6 +100,53 @@ def drawn(preset: str, draw: int) -> list[RigRun]:
     return [run for run, _ in measure(damper, small, seed=draw)]
 
 
+def plant_t63_s(damper: VirtualDamper, start: float, end: float, speed: float, degrees: float) -> float:
+    """Return the plant's time [s] from a step of the current to 63 % of the way of the force."""
+    count, at = 4000, 2000
+    x = speed * STEP_S * (np.arange(count) - at)
+
+    def force(current: FloatArray) -> FloatArray:
+        plant = Plant(damper)
+        plant.advance_many(np.full(3000, x[0]), np.zeros(3000), float(current[0]), degrees)
+        return plant.advance_many(x, np.full(count, speed), current, degrees)
+
+    before, after = (force(np.full(count, level)) for level in (start, end))
+    stepped = force(np.where(np.arange(count) < at, start, end))
+    return crossing((stepped[at:] - before[at:]) / (after[at:] - before[at:]), STEP_S)
+
+
+def print_steps(preset: str, draw: int) -> None:
+    """Print the times that were identified beside the plant's, mean over rises and over falls."""
+    damper = draw_variant(find_preset(preset), draw) if draw else find_preset(preset)
+    usual = usual_campaign(damper)
+    assert usual.steps is not None
+    small = replace(
+        usual,
+        motions=tuple(motion for motion in usual.motions if "chirp" not in motion),
+        currents_A=usual.currents_A[::2],
+        temperatures_degC=_TEMPERATURES_degC,
+        held_out_temperatures_degC=(),
+        held_out_motions=(),
+        duration_s=3.0,
+    )
+    found = fit([run for run, _ in measure(damper, small, seed=draw)], starts=1).actuation
+    assert found is not None
+    low, middle, high = sorted(set(usual.steps.levels))
+    speed = float(np.abs(motion_from_text(usual.steps_motion).velocity(0.01)))
+    warm = _TEMPERATURES_degC if "hydraulic" in preset else _TEMPERATURES_degC[:1]
+    rises = ((low, middle), (middle, high), (low, high))
+    times = [
+        1e3 * np.mean([plant_t63_s(damper, *step, speed, t) for step in steps for t in warm])
+        for steps in (rises, tuple((end, start) for start, end in rises))
+    ]
+    print(
+        f"{preset} {draw}: rise {times[0]:.1f} ms, identified {1e3 * found.t63_s:.1f} "
+        f"+- {1e3 * found.t63_error_s:.1f}; fall {times[1]:.1f} ms, identified {1e3 * found.t63_fall_s:.1f} "
+        f"+- {1e3 * found.t63_fall_error_s:.1f}; driver of {found.driver_quadrants} quadrants",
+        flush=True,
+    )
+
+
 def print_promises(name: str, promises: Sequence[Promise], z: float) -> None:
     """Print one line of figures."""
     covered = np.concatenate([each.covered_percent for each in promises])
@@ -112,7 +165,12 @@ def main() -> None:
     parser.add_argument("--runs", nargs="*", default=[])
     parser.add_argument("--preset", default="nominal")
     parser.add_argument("--draws", nargs="*", type=int, default=[])
+    parser.add_argument("--steps", action="store_true")
     given = parser.parse_args()
+    if given.steps:
+        for draw in given.draws:
+            print_steps(given.preset, draw)
+        return
     sets = [("runs", list(read_runs(given.runs)), False)] if given.runs else []
     sets += [(f"{given.preset} {draw}", drawn(given.preset, draw), True) for draw in given.draws]
     for name, runs, groups in sets:

@@ -265,3 +265,20 @@ def test_a_force_that_depends_on_position_says_the_same_about_time():
         assert time == pytest.approx(KNOWN["slow up"].response_time(1.0 - np.exp(-1.0), start, end), rel=0.08)
     assert found.actuation.rise_s == pytest.approx(KNOWN["slow up"].rise_s, rel=0.08)
     assert found.t63_error_s > 0.0
+
+
+def test_a_driver_that_lets_the_current_free_wheel_is_told_from_one_that_pulls_it_down():
+    """One quadrant: the current falls as exp(-t / 25 ms), to zero or until it meets its level."""
+    known = Actuation(0.005, 0.005, 0.001, 0.001)
+    run = stepped(replace(LAW, actuation=known), seed=4)
+    path, step = run.trajectory, run.trajectory.step
+    felt, now = [], 0.0
+    for command in path.command.tolist():
+        pulled = command + (now - command) * np.exp(-step / 0.005)
+        now = max(pulled, now * np.exp(-step / 0.025))
+        felt.append(now)
+    force = simulate(LAW, replace(path, command=np.array(felt)))
+    free = fit_actuation(LAW, [replace(run, force=force)])
+    assert free.driver_quadrants == 1
+    assert free.t63_fall_s > 2.0 * free.t63_s
+    assert fit_actuation(LAW, [run]).driver_quadrants == 2

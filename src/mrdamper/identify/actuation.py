@@ -48,6 +48,7 @@ _SHORTEST_S = 1e-4
 _LOW = np.array([np.log(_SHORTEST_S)] * 2 + [0.0, 0.0])  # of log rise, log fall, second, delay
 _HIGH = np.array([np.log(_LONGEST_S)] * 2 + [_LONGEST_S, 0.1])
 _FINER = 16  # parts of a sample in which a command jumps
+_FREE_WHEELS = 1.4  # ratio of a fall to zero to other steps, from which the driver has one quadrant
 _ROUNDS = 3  # of setting rise and fall by the measured times
 _SYSTEMATIC = 0.06  # of a time to 63 %: maps and plays of the steps; chosen on even draws (docs/believe.md)
 _NAMES = ("rise_s", "fall_s", "second_s", "delay_s")
@@ -69,6 +70,7 @@ class ActuationFit:
     t63_fall_s: float = float("nan")  # from a step down of the command
     t63_error_s: float = float("nan")  # standard errors of the two
     t63_fall_error_s: float = float("nan")
+    driver_quadrants: int | None = None  # 1: the driver cannot pull the current down; None: no steps tell
 
     @property
     def response_times(self) -> dict[str, float]:
@@ -125,7 +127,7 @@ def fit_actuation(
     return ActuationFit(
         actuation=replace(lags, play=play),
         standard_errors={**errors, "play": play_error},
-        t63_s=times.up_s,
+        t63_s=times.up_s if math.isfinite(times.up_s) else lags.response_time(SHARE),
         t90_s=lags.response_time(0.9),
         rmse_N=rms(left),
         unlagged_rmse_N=rms(unlagged),
@@ -134,6 +136,7 @@ def fit_actuation(
         t63_fall_s=times.down_s,
         t63_error_s=times.up_error_s,
         t63_fall_error_s=times.down_error_s,
+        driver_quadrants=times.quadrants,
     )
 
 
@@ -153,6 +156,7 @@ class _Times:
     down_error_s: float = math.nan
     up_noise_s: float = 0.0
     down_noise_s: float = 0.0
+    quadrants: int | None = None
 
     @classmethod
     def of(cls, steps: Sequence[StepTime], *, model: bool = False) -> _Times:
@@ -165,7 +169,23 @@ class _Times:
                     kinds.setdefault(each.levels, []).append(each.model_s if model else each.measured_s)
             found.append(_mean_over_kinds([np.array(times) for times in kinds.values()]))
         (up, up_error, up_noise), (down, down_error, down_noise) = found
-        return cls(up, down, up_error, down_error, up_noise, down_noise)
+        return cls(up, down, up_error, down_error, up_noise, down_noise, _quadrants(steps, up))
+
+
+def _quadrants(steps: Sequence[StepTime], up_s: float) -> int | None:
+    """Return 1 where a fall to zero takes far longer than one to a level and than a rise, else 2.
+
+    A driver of one quadrant can only let the current free-wheel: it falls by the coil's own time constant, of
+    which a fall to a level above zero needs a part. None where falls of both kinds are not there.
+    """
+    to_zero, to_level = (
+        [each.measured_s for each in steps if not each.upwards and (each.levels[1] == 0) == zero]
+        for zero in (True, False)
+    )
+    if not (to_zero and to_level and math.isfinite(up_s)):
+        return None
+    slowest_other = max(float(np.mean(to_level)), up_s)
+    return 1 if float(np.mean(to_zero)) > _FREE_WHEELS * slowest_other else 2
 
 
 def _mean_over_kinds(kinds: Sequence[FloatArray]) -> tuple[float, float, float]:

@@ -100,6 +100,7 @@ class Identification:
             notes["actuation"] = {
                 "standard_errors": {name: finite(error) for name, error in found.standard_errors.items()},
                 **{name: finite(time) for name, time in found.response_times.items()},
+                "driver_quadrants": found.driver_quadrants,
                 "t90_s": found.t90_s,
                 "rmse_N": found.rmse_N,
                 "unlagged_rmse_N": found.unlagged_rmse_N,

@@ -126,6 +126,7 @@ def _actuation(found: IdentifyResult) -> Json | None:
     return {
         **told,
         **{name: finite(time) for name, time in fitted.response_times.items()},
+        "driver_quadrants": fitted.driver_quadrants,
         "t90_s": fitted.t90_s,
         "rmse_N": fitted.rmse_N,
         "unlagged_rmse_N": fitted.unlagged_rmse_N,
