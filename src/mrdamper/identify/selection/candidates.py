@@ -7,6 +7,7 @@ is fitted again in full.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -37,7 +38,7 @@ __all__ = ["Candidate", "Fitted", "Judge", "Judged"]
 _SCREENING_STEPS = 12  # of a law from its best drawn point
 _FIT_STEPS = 8  # of a candidate that starts from a former one
 _FOLD_STEPS = 5  # without a fold, from the fit to all runs
-_MANY_GROUPS = 8  # a law of so many starts without any, too
+_ARCHETYPE_STEPS = 20  # of an archetype on short segments of the runs
 _GLANCE_STEPS = 4  # on short segments of the runs
 
 
@@ -137,23 +138,41 @@ class Judge:
         self._prepared: tuple[PreparedFit, ...] = ()
         self._short: tuple[PreparedFit, ...] = ()
 
-    def first(self, law: str) -> list[Candidate]:
+    def first(self, law: str) -> Candidate:
         """Return a law with the groups that the runs ask for by themselves, or those that were fixed.
 
-        A law of many groups is a second candidate without any.
+        A law that has archetypes begins with the one of the least error on short segments of the runs.
         """
         if self._terms is not None:
-            return [Candidate(law, self._terms)]
+            return Candidate(law, self._terms)
+        kinds = archetypes_of(LAWS[law])
+        if kinds:
+            return min((Candidate(law, kind.groups) for kind in kinds), key=self._error_of_archetype)
         damper, free = template(law, self.runs, **self._how)
         moved = {each.name.partition(".")[0] for each in free}
-        known = groups_of(damper.law)
         usual = Candidate(law, ())
-        for name, group in known.items():
+        for name, group in groups_of(damper.law).items():
             on = not group.over_temperature and {entry.name for entry in group.entries} <= moved
             if on and set(group.needs) <= set(usual.groups) and self._adds(usual, name):
                 usual = usual.with_group(name)
-        bare = Candidate(law, ())
-        return [usual] if usual == bare or len(known) < _MANY_GROUPS else [usual, bare]
+        return usual
+
+    def _error_of_archetype(self, candidate: Candidate) -> float:
+        problem = self._problem(candidate, self._begin(candidate))
+        try:
+            return _descend(problem, self._on_segments(problem), [problem.template], _ARCHETYPE_STEPS)[1]
+        except ConvergenceError:
+            return math.inf
+
+    @staticmethod
+    def _begin(candidate: Candidate) -> Mapping[str, float] | None:
+        """Return where the archetype of a candidate begins; None: it is no archetype."""
+        kinds = archetypes_of(LAWS[candidate.law])
+        return next((kind.start for kind in kinds if kind.groups == candidate.groups), None)
+
+    def _on_segments(self, problem: FitProblem) -> Objective:
+        self._short = self._short or problem.prepare(excerpt=True)
+        return Objective(problem, self._short)
 
     def open_groups(self, candidate: Candidate) -> list[str]:
         """Return the groups that could be switched on beside those of a candidate, and add a parameter."""
@@ -175,18 +194,18 @@ class Judge:
         return [name for name in candidate.groups if name not in needed]
 
     def fit_anew(self, candidate: Candidate) -> Fitted:
-        """Fit a candidate from one drawn start, or from its template's where its law says how to begin."""
+        """Fit a candidate from one drawn start, and from its archetype where its law has such."""
         kept = self._checkpoint.recall(f"fit {candidate.title}")
         if kept is not None:
             return self._fitted(candidate, kept)
         clock = time.process_time()
         problem = self._problem(candidate)
-        begin = problem.template if archetypes_of(problem.template.law) else None
+        begin = self._begin(candidate)
         result = fit_variable_projection(
             problem,
-            starts=1 if begin is None else 0,
+            starts=1,
             seed=self._seed,
-            first=begin,
+            first=None if begin is None else self._problem(candidate, begin).template,
             prepared=self._opened(problem),
             most=_SCREENING_STEPS,
         )
@@ -205,8 +224,7 @@ class Judge:
     def glance(self, candidate: Candidate, former: Damper) -> float:
         """Return the error [%] of a candidate fitted in very few steps to short segments of the runs."""
         problem, dampers = self._from(candidate, former)
-        self._short = self._short or problem.prepare(excerpt=True)
-        return _descend(problem, Objective(problem, self._short), dampers, _GLANCE_STEPS)[1]
+        return _descend(problem, self._on_segments(problem), dampers, _GLANCE_STEPS)[1]
 
     def cross_validate(self, fitted: Fitted) -> Judged:
         """Return a fitted candidate's errors on each fold, of a fit to the rest."""

@@ -122,15 +122,12 @@ class _Race:
         fitted = []
         for law in laws:
             try:
-                candidates = self._judge.first(law)
+                candidate = self._judge.first(law)
             except MrdamperError as error:
                 self.fail(Candidate(law, ()), error)
                 continue
-            found = [each for candidate in candidates if (each := self.fit(candidate))]
-            found.sort(key=lambda each: each.training_percent)
-            fitted += found[:1]
-            for each in found[1:]:
-                self.say(each.candidate, f"training error above that of {found[0].candidate.title}")
+            found = self.fit(candidate)
+            fitted += [] if found is None else [found]
         fitted.sort(key=lambda each: each.training_percent)
         near = [each for each in fitted if each.training_percent <= _FAR * fitted[0].training_percent]
         for each in [*near[_FINALISTS:], *fitted[len(near) :]]:
@@ -143,7 +140,7 @@ class _Race:
         known = self.judge(base)
         self._keep(known)
         for _ in range(_ROUNDS):
-            tried = []
+            tried, least = [], base
             for name in self._promising(base):
                 found = self.fit(base.candidate.with_group(name), base.damper)
                 if found is None:
@@ -153,7 +150,11 @@ class _Race:
                     continue
                 judged = self.judge(found)
                 tried += [] if judged is None else [(name, judged)]
+                least = min(least, found, key=lambda each: each.training_percent)
             taken = self._taken(known, sorted(tried, key=lambda pair: pair[1].percent))
+            if taken is None and known is None and least is not base:
+                base = least  # not near enough to be judged: by the training error until it is
+                continue
             if taken is None:
                 return
             known, base = taken, taken.fitted
