@@ -231,6 +231,7 @@ def test_what_the_sensor_gave_stands_beside_what_it_measures(tmp_path):
         (_text("time_s,displacement_m,F,current_A"), r"no force column; the columns are: time_s, disp"),
         (_text("time_s,displacement_m,force_N,I"), r"no current or voltage; expected a column"),
         (_text("time_s,force_N,force_kN,current_A"), r"columns 'force_N', 'force_kN' all hold force"),
+        (_text("time_s,force_N,force_N,current_A"), r"columns 'force_N', 'force_N \(3\)' all hold force"),
         (_text(SELF_DESCRIBING).replace("\n0.5,", "\n0.5x,"), r"line 102: column 'time_s' holds '0.5x'"),
         (_text(SELF_DESCRIBING) + "2.005,,3.0,0.5\n", r"displacement is nan at sample 401"),
     ],

@@ -8,8 +8,9 @@ sensor's output, which a scale in the header (``500 N/V``) turns into its quanti
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -97,6 +98,8 @@ def find_columns(table: Table, chosen: ChannelMap, place: str) -> tuple[Column, 
             headers = _of_fastest_clock(table, headers, columns)
         try:
             column = _column_of(role, table, headers, chosen, place)
+            if column is not None and column.source != "map":
+                column = _one_of(role, [column, *_namesakes(column, table)], place)
         except InputError as fault:
             faults.append(fault)
             known.add(role)
@@ -110,6 +113,12 @@ def find_columns(table: Table, chosen: ChannelMap, place: str) -> tuple[Column, 
     if faults:
         raise ask_all(faults)
     return tuple(sorted(columns, key=lambda column: [*QUANTITIES].index(column.role)))
+
+
+def _namesakes(column: Column, table: Table) -> list[Column]:
+    """Return the other columns that have a column's name in the file: readers number them, ``force (4)``."""
+    numbered = re.compile(rf"{re.escape(column.name)} \(\d+\)")
+    return [replace(column, name=name) for name in table.columns if numbered.fullmatch(name)]
 
 
 def _of_fastest_clock(table: Table, headers: list[_Header], columns: Sequence[Column]) -> list[_Header]:
