@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mrdamper.data.channels import Channel, ChannelMap
-from mrdamper.data.headers import parse_header
+from mrdamper.data.words.headers import parse_header
 from mrdamper.errors import InputError
 
 

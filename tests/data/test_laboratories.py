@@ -16,10 +16,10 @@ from hypothesis import strategies as st
 
 from mrdamper.data.channels import ChannelMap
 from mrdamper.data.diagnosis.campaign import compare
-from mrdamper.data.labels import labels_in, rates_in, scales_in
-from mrdamper.data.questions import AskingError, parse_answers
+from mrdamper.data.proposal.questions import AskingError, parse_answers
 from mrdamper.data.readers import read_file, read_runs
 from mrdamper.data.records import Dataset, RigRun
+from mrdamper.data.words.labels import labels_in, rates_in, scales_in
 from mrdamper.errors import InputError
 from mrdamper.files import parse_toml
 from mrdamper.jobs.channel_map import write_map

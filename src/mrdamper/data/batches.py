@@ -18,11 +18,8 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.data.channels import ChannelMap
 from mrdamper.data.formats.table import Rows
-from mrdamper.data.labels import find_label, places_of
-from mrdamper.data.questions import Answer, with_answers
-from mrdamper.data.readers import COMMAND_UNITS, command_role, load_map, map_beside
-from mrdamper.data.records import RigRun
-from mrdamper.data.roles import (
+from mrdamper.data.proposal.questions import Answer, with_answers
+from mrdamper.data.proposal.roles import (
     Column,
     find_columns,
     no_column,
@@ -30,7 +27,10 @@ from mrdamper.data.roles import (
     require_one_clock,
     sampling_step,
 )
+from mrdamper.data.readers import COMMAND_UNITS, command_role, load_map, map_beside
+from mrdamper.data.records import RigRun
 from mrdamper.data.tables import open_rows
+from mrdamper.data.words.labels import find_label, places_of
 from mrdamper.errors import InputError
 from mrdamper.files import is_folder
 from mrdamper.quantities import QUANTITIES, CommandUnit

@@ -18,9 +18,8 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.data.channels import ChannelMap, read_channel_map
 from mrdamper.data.finding import Finding
-from mrdamper.data.folders import distinct_names, find_files
-from mrdamper.data.labels import Place, find_label, places_of
-from mrdamper.data.pieces import (
+from mrdamper.data.proposal.folders import distinct_names, find_files
+from mrdamper.data.proposal.pieces import (
     Piece,
     cut_at_gaps,
     filled,
@@ -29,10 +28,11 @@ from mrdamper.data.pieces import (
     run_edges,
     to_one_clock,
 )
-from mrdamper.data.questions import Answer, AskingError, ask_all, with_answers
+from mrdamper.data.proposal.questions import Answer, AskingError, ask_all, with_answers
+from mrdamper.data.proposal.roles import Column, find_columns, no_command, sampling_step, wide_columns
 from mrdamper.data.records import Dataset, Recording, RigRun, command_slack, steady_command
-from mrdamper.data.roles import Column, find_columns, no_command, sampling_step, wide_columns
 from mrdamper.data.tables import Layout, Table, read_tables
+from mrdamper.data.words.labels import Place, find_label, places_of
 from mrdamper.errors import InputError
 from mrdamper.files import MAP_SUFFIX, is_file, is_folder, printable
 from mrdamper.quantities import CommandUnit

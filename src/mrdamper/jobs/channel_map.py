@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from mrdamper.data.channels import ChannelMap
-from mrdamper.data.questions import Question
+from mrdamper.data.proposal.questions import Question
 from mrdamper.data.readers import ONE_FOR_EACH, Inference, RigFile
 from mrdamper.errors import InputError
 from mrdamper.files import parse_toml

@@ -19,10 +19,10 @@ from mrdamper.data.diagnosis.diagnose import diagnose
 from mrdamper.data.finding import SEVERITIES, Finding, Severity, worst_first
 from mrdamper.data.formats.table import Layout
 from mrdamper.data.prepare import PreparedRun, prepare_run
-from mrdamper.data.questions import Question
+from mrdamper.data.proposal.questions import Question
+from mrdamper.data.proposal.roles import Column
 from mrdamper.data.readers import Inference
 from mrdamper.data.records import Dataset, Recording, RigRun
-from mrdamper.data.roles import Column
 from mrdamper.errors import ConvergenceError, InputError
 from mrdamper.identify.consistency import consistency, doubted
 from mrdamper.identify.fit import fit

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from mrdamper.data.batches import LongRecord, open_record
 from mrdamper.data.channels import read_channel_map
-from mrdamper.data.folders import distinct_names, find_files
-from mrdamper.data.questions import AskingError, Question, parse_answers
+from mrdamper.data.proposal.folders import distinct_names, find_files
+from mrdamper.data.proposal.questions import AskingError, Question, parse_answers
 from mrdamper.data.readers import RigFile, joined_faults, read_file, read_runs
 from mrdamper.data.records import Dataset, Recording, RigRun
 from mrdamper.errors import InputError

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from mrdamper.data.formats.header import Header, find_data, holds_samples, read_header
+from mrdamper.data.formats.lines.header import Header, find_data, holds_samples, read_header
 from mrdamper.data.formats.table import (
     MISSING_MARKS,
     FileOptions,

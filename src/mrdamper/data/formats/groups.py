@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from mrdamper.data.headers import parse_header, word_and_unit
+from mrdamper.data.words.headers import parse_header, word_and_unit
 from mrdamper.quantities import roles_of_unit
 
 __all__ = ["attribute_lines", "is_in_part", "recordings_in", "units_beside"]

@@ -16,10 +16,10 @@ from pathlib import Path
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.formats.header import split_line
+from mrdamper.data.formats.lines.header import split_line
 from mrdamper.data.formats.table import FileOptions, Layout, Table, Texts, parts_of
 from mrdamper.data.formats.text import Head, lines_of, parse_rows, read_head
-from mrdamper.data.headers import unit_in_brackets
+from mrdamper.data.words.headers import unit_in_brackets
 from mrdamper.errors import InputError
 from mrdamper.quantities import is_unit
 

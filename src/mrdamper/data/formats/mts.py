@@ -21,10 +21,10 @@ from types import MappingProxyType
 
 import numpy as np
 
-from mrdamper.data.formats.header import count_numbers, find_header, split_line
+from mrdamper.data.formats.lines.header import count_numbers, find_header, split_line
 from mrdamper.data.formats.table import FileOptions, Layout, Table, Texts, parts_of
 from mrdamper.data.formats.text import lines_of, parse_rows, read_head
-from mrdamper.data.headers import parse_header
+from mrdamper.data.words.headers import parse_header
 from mrdamper.errors import InputError
 
 __all__ = ["is_mts", "read_mts"]

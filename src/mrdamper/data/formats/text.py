@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING, BinaryIO
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.data.formats.blocks import find_blocks
-from mrdamper.data.formats.cells import Cells
-from mrdamper.data.formats.encodings import READ_AS, UTF8, encoding_of, open_text_bytes, utf16_of
-from mrdamper.data.formats.header import (
+from mrdamper.data.formats.lines.blocks import find_blocks
+from mrdamper.data.formats.lines.cells import Cells
+from mrdamper.data.formats.lines.encodings import READ_AS, UTF8, encoding_of, open_text_bytes, utf16_of
+from mrdamper.data.formats.lines.header import (
     Header,
     find_data,
     find_decimal,

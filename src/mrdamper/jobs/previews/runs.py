@@ -15,10 +15,10 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.channels import ChannelMap
-from mrdamper.data.headers import parse_header
 from mrdamper.data.readers import RigFile, map_beside, read_file, runs_in
 from mrdamper.data.records import Recording
 from mrdamper.data.tables import Table, read_tables
+from mrdamper.data.words.headers import parse_header
 from mrdamper.errors import InputError, MrdamperError
 from mrdamper.files import read_toml
 from mrdamper.quantities import ZERO_CELSIUS_K, to_si

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrdamper.arrays import FloatArray, read_only
-from mrdamper.data.headers import parse_header
 from mrdamper.data.tables import read_table
+from mrdamper.data.words.headers import parse_header
 from mrdamper.errors import InputError
 from mrdamper.quantities import find_quantity, to_si
 

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from mrdamper.arrays import FloatArray, read_only
-from mrdamper.data.headers import parse_header
 from mrdamper.data.tables import read_table
+from mrdamper.data.words.headers import parse_header
 from mrdamper.errors import InputError
 from mrdamper.quantities import find_quantity, is_unit, to_si
 from mrdamper.thermal.estimation.measured_curve import MOST_BAD_SHARE

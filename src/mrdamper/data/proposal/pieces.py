@@ -18,8 +18,8 @@ from mrdamper.arrays import FloatArray
 from mrdamper.core import turning_points
 from mrdamper.data.finding import Finding
 from mrdamper.data.formats.table import Table, Texts
+from mrdamper.data.proposal.roles import clock_time
 from mrdamper.data.records import GAP, changes_of_pace, command_slack, steady_command
-from mrdamper.data.roles import clock_time
 from mrdamper.errors import InputError
 
 __all__ = ["Piece", "cut_at_gaps", "filled", "integrated", "joined", "run_edges", "to_one_clock"]

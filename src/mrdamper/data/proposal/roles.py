@@ -16,7 +16,8 @@ import numpy as np
 
 from mrdamper.data.channels import Channel, ChannelMap
 from mrdamper.data.formats.table import Table
-from mrdamper.data.headers import (
+from mrdamper.data.proposal.questions import ask, ask_all
+from mrdamper.data.words.headers import (
     candidates,
     is_ambient,
     is_monitor,
@@ -28,8 +29,7 @@ from mrdamper.data.headers import (
     unit_in_brackets,
     word_and_unit,
 )
-from mrdamper.data.labels import labels_in, rates_in, scales_in
-from mrdamper.data.questions import ask, ask_all
+from mrdamper.data.words.labels import labels_in, rates_in, scales_in
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, is_unit, roles_of_unit, spell_unit, to_si
 

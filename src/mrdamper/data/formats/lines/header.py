@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from mrdamper.data.formats.table import LEAST_ROWS
-from mrdamper.data.labels import labels_in
+from mrdamper.data.words.labels import labels_in
 from mrdamper.errors import InputError
 from mrdamper.quantities import roles_of_unit
 

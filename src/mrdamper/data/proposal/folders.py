@@ -12,8 +12,8 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from mrdamper.data.formats.encodings import open_text_bytes
-from mrdamper.data.formats.header import find_data
+from mrdamper.data.formats.lines.encodings import open_text_bytes
+from mrdamper.data.formats.lines.header import find_data
 from mrdamper.data.tables import FORMATS
 from mrdamper.errors import InputError
 from mrdamper.files import is_folder, is_there

@@ -10,7 +10,7 @@ import re
 from dataclasses import dataclass
 from typing import Literal
 
-from mrdamper.data.formats.header import count_numbers, is_comment, split_line
+from mrdamper.data.formats.lines.header import count_numbers, is_comment, split_line
 from mrdamper.data.formats.table import MISSING_MARKS
 from mrdamper.data.formats.timestamps import Timestamps
 

@@ -1,0 +1,1 @@
+"""Lines of a text: its encoding, header, blocks of rows, and cells."""
