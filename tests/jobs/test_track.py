@@ -217,7 +217,6 @@ def test_a_stroke_beyond_the_card_is_refused(folder):
 def test_sampling_slower_than_the_lag_is_refused(folder):
     write_a_card(folder / "quick.json", a_damper(lag=Actuation(0.001, 0.001)))
     assert "Sample at" in refused(folder, "--rate", 100, card="quick.json")
-    assert "expected 0.2 to 10 ms" in refused(folder, "--rate", 50)
 
 
 @pytest.mark.parametrize(
@@ -233,7 +232,6 @@ def test_sampling_slower_than_the_lag_is_refused(folder):
         ),
         (("--temperature", "293.15"), "temperature_degC is 293.15; expected a number in degC, -40 to 200"),
         (("--target", "nowhere.toml"), "nowhere.toml: cannot read the scenario"),
-        (("--seed", "-1"), "seed is -1; expected zero or more"),
     ],
 )
 def test_what_is_not_known_is_refused(folder, arguments, said):
