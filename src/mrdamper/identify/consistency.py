@@ -77,7 +77,7 @@ CAUSES: Mapping[str, Cause] = MappingProxyType(
                 "Check the current of this file against the source's record",
             ),
             Cause(
-                "force_offset_of_run", "N", 3.0, 2.0, 0.18,
+                "force_offset_of_run", "N", 3.0, 2.0, 0.3,
                 "its force is shifted by {0:+.4g} N against the other runs",
                 "A law without an offset leaves it in its error",
                 "Zero the load cell, or let sessions have offsets of their own (⟦--session-offsets⟧)",
