@@ -207,7 +207,13 @@ def _tracked(damper: Damper) -> bool:
 def _untracked(damper: Damper, selection: Selection) -> tuple[str, ...]:
     """Return a note where no controller takes the chosen law: the best that they take, and its error."""
     if _tracked(damper):
-        return ()
+        chosen = selection.table[0]
+        better = [row for row in selection.table[1:] if row.left_out_percent < 0.99 * chosen.left_out_percent]
+        other = next((row for row in better if row.law not in (*TABULATED, "series-valve")), None)
+        return () if other is None else (
+            f"⟦--law {other.law}⟧ comes to {other.left_out_percent:.2f} % on what was left out instead of "
+            f"{chosen.left_out_percent:.2f} %, but no controller takes it",
+        )  # fmt: skip
     others = [row for row in selection.table if row.law in (*TABULATED, "series-valve")]
     known = [row for row in others if row.left_out_percent == row.left_out_percent]
     if not known:

@@ -26,9 +26,10 @@ __all__ = ["LawScore", "Selection", "select"]
 _FAR = 1.5  # times the least error on the runs themselves: from here on a law is out
 _FINALISTS = 3  # laws that are cross-validated at most
 _TRIED = 2  # groups of a round that are
-_ROUNDS = 3  # of groups switched on,
+_ROUNDS = 2  # of groups switched on,
 _BEHIND = 1.05  # while the law's left-out error is no further behind that of the best
 _CLEAR, _CLEAR_T = 0.01, 1.0  # gain in left-out error that is taken, with Student's t,
+_WORTH = 0.15  # gain for which a law is taken that no controller takes
 _SMALL, _SMALL_T = 0.003, 2.0  # or a smaller one that is surer
 
 _FAILURES = (MrdamperError, ValueError, ArithmeticError, RuntimeError)  # of one candidate, not of the choice
@@ -211,9 +212,12 @@ class _Race:
 
     def _preferred(self, one: Judged, other: Judged) -> bool:
         """Say whether a candidate replaces another: a clearly lower error, or the same and a controller."""
-        if self._supports(one.fitted.damper) and not self._supports(other.fitted.damper):
-            return not _better(other, one)
-        return _better(one, other)
+        takes, took = (self._supports(each.fitted.damper) for each in (one, other))
+        if takes == took:
+            return _better(one, other)
+        if takes:
+            return not (_better(other, one) and other.gain_over(one)[0] > _WORTH)
+        return _better(one, other) and one.gain_over(other)[0] > _WORTH
 
     def switch_off(self) -> None:
         """Switch groups off whose loss costs next to nothing."""
