@@ -128,7 +128,8 @@ def find_implausible_damper(runs: Sequence[Run]) -> Iterator[Finding]:
     sound = [
         run
         for run in runs
-        if len(run) > 1 and np.isfinite(run.force).all() and np.isfinite(run.command).all()
+        if len(run) > 1
+        and all(np.isfinite(each).all() for each in (run.force, run.displacement, run.command))
     ]
     if not sound:
         return
