@@ -44,7 +44,7 @@ class QuickHeat:
     def __init__(self) -> None:
         self._kept: OrderedDict[object, object] = OrderedDict()
 
-    def curve(
+    def curve(  # noqa: PLR0913 - the options of a query, by keyword
         self,
         card: Path,
         damper: str,
@@ -55,7 +55,7 @@ class QuickHeat:
         duty_share: float = 1.0,
         duration_s: float = 1800.0,
         fins: Mapping[str, float | str] | None = None,
-        **given: Any,  # noqa: ANN401 - options of the job
+        options: Mapping[str, Any] | None = None,
     ) -> Json:
         """Return a damper's temperatures under a sine.
 
@@ -65,14 +65,14 @@ class QuickHeat:
         duty_share : share of the time at work; power and coil heat are averaged over work and rest
         fins : a heat sink that takes the place of the drawing's: fins, width_mm, thickness_mm, pitch_mm,
             material, emissivity
-        given : of ``HeatOptions``
+        options : of the job, by the names of ``HeatOptions``; what is not given has its default
         """
-        options = HeatOptions(**given)
+        asked = HeatOptions(**options or {})
         begin = time.perf_counter()
         model = self._once(("card", *_version(card)), lambda: read_card(card))
         drawing = self._once(("drawing", damper, *_version(Path(damper))), lambda: read_drawing(damper))
-        drawing = changed_drawing(drawing, options, None)
-        if fins is not None and options.with_sink:
+        drawing = changed_drawing(drawing, asked, None)
+        if fins is not None and asked.with_sink:
             drawing = drawing.with_sink(_finned(drawing, fins))
         unit = model.damper.command_unit
         duty = _duty(amplitude_mm, frequency_Hz, command, duration_s, unit)
@@ -88,9 +88,9 @@ class QuickHeat:
                 works,
                 drawing,
                 duty,
-                model=options.model,
-                start_K=start_of(drawing, options.start_degC),
-                stop_at_limit=not options.past_limit,
+                model=asked.model,
+                start_K=start_of(drawing, asked.start_degC),
+                stop_at_limit=not asked.past_limit,
                 notes=notes,
             )
         return {

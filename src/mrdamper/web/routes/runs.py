@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, Response
 
 from mrdamper.errors import InputError
+from mrdamper.jobs.options import HeatOptions
 from mrdamper.schema import write_record
 from mrdamper.web.context import AppContext, json_response, read_request
 from mrdamper.web.query_worker import Query
@@ -67,11 +69,12 @@ def run_routes(context: AppContext) -> APIRouter:
     async def curve(request: Request) -> Response:
         order = await read_request(request, HeatCurve)
         asked = write_record(order, defaults=True, nulls=True)
-        options = {key: value for key, value in asked.items() if key not in {"card", "damper"}}
+        del asked["card"]
+        options = {each.name: asked.pop(each.name) for each in fields(HeatOptions)}
         query = Query(
             "heat_curve",
             {"card": context.folder.card(order.card)},
-            {"damper": drawing_of(context, order.damper), **options},
+            {**asked, "damper": drawing_of(context, order.damper), "options": options},
         )
         return json_response(await context.answer(context.heater, query))
 
