@@ -47,7 +47,7 @@ KEYWORDS = {"allow_pickle", "shell"}
 ALLOWED = {
     "__init__.py: import_module": "the package's own rooms, by the names in its table",
     "data/formats/table.py: import_module": "an optional library, by a name in the source",
-    "registry/__init__.py: import_module": "a job's modules, by the names in its row",
+    "registry/kinds.py: import_module": "a job's modules, by the names in its row",
     "runtime/worker_process.py: import_module": "a worker's handler, which the process that starts it names",
     "web/query_worker.py: import_module": "the pages' questions, by the names in the registry's table",
     "models/python_law.py: exec_module": "--law FILE.py:CLASS, which a person gives on the command line",
@@ -141,6 +141,7 @@ def test_only_these_modules_can_open_a_connection():
     assert found == {
         "data/catalog.py",  # data fetch: https, pinned
         "jobs/sweep/executors.py",  # sweep --scheduler
+        "web/connections.py",  # serve: what a connection may take
         "web/server.py",  # serve
         "web/security.py",  # the name of this machine
     }

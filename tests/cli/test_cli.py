@@ -132,6 +132,8 @@ def test_leaving_each_motion_out_is_reported_by_motion(folder):
         ("identify", "x.csv"),
         ("identify", "x.csv", "--out", "o", "--method", "guess"),
         ("identify", "x.csv", "--out", "o", "--starts", "0"),
+        ("heat", "card.json"),
+        ("sink", "card.json"),
         ("unknown",),
     ],
 )

@@ -98,10 +98,7 @@ def parameters_of(job: Job) -> Iterator[click.Parameter]:
     for each in job.outputs:
         yield click.Option([each.flag], type=_FILE, metavar=each.metavar, help=each.help)
     if job.files_help:
-        # a default of None, said as one, would stand for what is required
-        usual: dict[str, Any] = (
-            {"default": Path(job.out_default), "show_default": True} if job.out_default else {}
-        )
+        usual = _default(Path(job.out_default) if job.out_default else None)
         help_text, required = job.files_help, job.out_required
         yield click.Option(["--out"], type=_FILE, metavar="DIR", help=help_text, required=required, **usual)
     yield from (_option(each) for each in job.fields if each.option.flag != "-")
@@ -128,12 +125,16 @@ def _input(each: Input) -> click.Parameter:
         type=kind,
         metavar=metavar,
         help=each.help + usual,
-        default=each.default,
-        show_default=each.default is not None,
         required=each.required,
         multiple=kind_of.many,
         callback=(lambda _, __, values: values or None) if kind_of.many else None,
+        **_default(each.default),
     )
+
+
+def _default(value: object) -> dict[str, Any]:
+    """Return how click is told a default: None, said as one, would stand for what is required."""
+    return {} if value is None else {"default": value, "show_default": True}
 
 
 def _option(field: Field) -> click.Option:
