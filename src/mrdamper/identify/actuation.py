@@ -27,6 +27,8 @@ from mrdamper.arrays import FloatArray, rms
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import ConvergenceError, InputError
 from mrdamper.identify.step_responses import (
+    LEAST_STEP,
+    SETTLED_S,
     SHARE,
     SteppedRun,
     StepTime,
@@ -41,7 +43,6 @@ __all__ = ["ActuationFit", "fit_actuation", "steps_of"]
 
 _BEFORE_S, _AFTER_S = 0.02, 0.15  # of a window around a change of the command
 _RESTLESS_S = 0.4  # of a window: a command that does not settle says more of the law than of the lag
-_STEP = 0.05  # of the command's range: a smaller change opens no window
 _LEAST_MOVED_N = 5.0  # a window in which the damper's force moves by less tells nothing
 _LONGEST_S = 0.3
 _SHORTEST_S = 1e-4
@@ -52,7 +53,6 @@ _FREE_WHEELS = 1.4  # ratio of a fall to zero to other steps, from which the dri
 _ROUNDS = 3  # of setting rise and fall by the measured times
 _SYSTEMATIC = 0.06  # of a time to 63 %: maps and plays of the steps; chosen on even draws (docs/believe.md)
 _NAMES = ("rise_s", "fall_s", "second_s", "delay_s")
-_SETTLED_S = 0.1  # after a change of the command, before its level is looked at
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +83,11 @@ def steps_of(command: FloatArray, step: float) -> list[slice]:
     """Return the windows around the changes of a command with a time step [s]; those that touch are one."""
     span = float(np.ptp(command))
     near = max(round(0.01 / step), 1)  # a change within 10 ms counts as one step
-    moved = np.abs(command[near:] - command[:-near]) > _STEP * span if span > 0.0 else np.zeros(0, dtype=bool)
+    moved = (
+        np.abs(command[near:] - command[:-near]) > LEAST_STEP * span
+        if span > 0.0
+        else np.zeros(0, dtype=bool)
+    )
     windows: list[slice] = []
     for k in np.flatnonzero(moved).tolist():
         start = max(k - round(_BEFORE_S / step), 0)
@@ -379,7 +383,7 @@ def _play_evidence(damper: Damper, run: PreparedRun) -> _PlayEvidence | None:
     growth = (simulate(damper, replace(path, command=path.command + step)) - force) / step
     growth *= 2.0 * PLAY_SHARE  # by the half width
     from_above, since = _how_reached(path.command, path.step)
-    held = (since >= _SETTLED_S) & (np.arange(len(force)) >= run.scored_from)
+    held = (since >= SETTLED_S) & (np.arange(len(force)) >= run.scored_from)
     direction = np.sign(path.velocity)
     squares, products, rest, freedom = 0.0, 0.0, 0.0, 0
     for level in np.unique(np.round(path.command[held], 6)):

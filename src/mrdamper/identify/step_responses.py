@@ -19,11 +19,21 @@ from mrdamper.data.prepare import PreparedRun
 from mrdamper.models.damper import Damper
 from mrdamper.models.simulate import Drive, open_drive, simulate
 
-__all__ = ["SHARE", "StepResponse", "StepTime", "SteppedRun", "crossing", "measured_times", "stepped_run"]
+__all__ = [
+    "LEAST_STEP",
+    "SETTLED_S",
+    "SHARE",
+    "StepResponse",
+    "StepTime",
+    "SteppedRun",
+    "crossing",
+    "measured_times",
+    "stepped_run",
+]
 
-_STEP = 0.05  # of the command's range: a smaller change is none
+LEAST_STEP = 0.05  # of the command's range: a smaller change is none
 _SAME_LEVEL = 0.05  # of the command's range
-_SETTLED_S = 0.1  # after a step, before the force counts as that of the level
+SETTLED_S = 0.1  # after a step, before the force counts as that of the level
 _LONGEST_S = 0.15  # that is looked at after a step
 _SHORTEST_S = 0.04  # that is needed after a step before the motion turns back
 _AFTER_TURN, _BEFORE_TURN = 0.15, 0.03  # of the stroke: near a reversal the law errs in other ways
@@ -83,11 +93,11 @@ def stepped_run(still: Damper, run: PreparedRun) -> SteppedRun | None:
     span = float(np.ptp(path.command))
     if span == 0.0:
         return None
-    switches = np.flatnonzero(np.abs(np.diff(path.command)) > _STEP * span) + 1
+    switches = np.flatnonzero(np.abs(np.diff(path.command)) > LEAST_STEP * span) + 1
     cuts = [0, *switches.tolist(), len(path)]
     levels = [float(np.median(path.command[a:b])) for a, b in pairwise(cuts)]
     key = [round(level / (_SAME_LEVEL * span)) for level in levels]
-    settled_after = round(_SETTLED_S / path.step)
+    settled_after = round(SETTLED_S / path.step)
     if len(levels) < 2 or np.median(np.diff(cuts)) < 2 * settled_after:
         return None
     drive, sliding, direction = open_drive(path), _sliding(run), np.sign(path.velocity)

@@ -18,12 +18,12 @@ from mrdamper.errors import InputError
 from mrdamper.quantities import ROOM_K, ZERO_CELSIUS_K
 from mrdamper.schema import Option, check_ranges, fields_of
 
-__all__ = ["LUMPED", "LumpedDamper", "check_parameters"]
+__all__ = ["LUMPED", "LumpedDamper", "NotNegative", "Positive", "check_parameters"]
 
 _SAFE = re.compile(r"[A-Za-z0-9][A-Za-z0-9.-]*")  # what may begin a file's name
 _OF_THE_KIND = ("name", "full_current_A", "copper_per_K")  # what dampers of a kind share
-_Positive = Annotated[float, Option(above=0.0)]
-_NotNegative = Annotated[float, Option(least=0.0)]
+Positive = Annotated[float, Option(above=0.0)]
+NotNegative = Annotated[float, Option(least=0.0)]
 
 
 def check_parameters(damper: object, name: str) -> None:
@@ -53,58 +53,56 @@ class LumpedDamper:
 
     name: str = "nominal"  # the runs' names begin with it
     # driver and coil
-    coil_ohm: _Positive = 5.0  # R0
-    copper_per_K: _NotNegative = 0.00393  # R = R0 (1 + this (T - 20 C))
-    coil_henry: _Positive = 0.04  # L0, at zero current
-    inductance_fall: _NotNegative = 0.25  # [1/A^2], L = L0 / (1 + this i^2)
-    supply_V: _Positive = 24.0  # the driver's limit
-    driver_V_A: _NotNegative = 20.0  # proportional gain Kp
-    driver_V_A_s: _NotNegative = 2000.0  # integral gain Ki
+    coil_ohm: Positive = 5.0  # R0
+    copper_per_K: NotNegative = 0.00393  # R = R0 (1 + this (T - 20 C))
+    coil_henry: Positive = 0.04  # L0, at zero current
+    inductance_fall: NotNegative = 0.25  # [1/A^2], L = L0 / (1 + this i^2)
+    supply_V: Positive = 24.0  # the driver's limit
+    driver_V_A: NotNegative = 20.0  # proportional gain Kp
+    driver_V_A_s: NotNegative = 2000.0  # integral gain Ki
     # field
-    eddy_rise_s: _Positive = 0.0045  # lag of the flux behind a rising current
-    eddy_fall_s: _Positive = 0.006  # ... behind a falling one
-    eddy_per_K: _NotNegative = 0.002  # both lags are divided by 1 + this (T - 20 C)
-    fluid_lag_s: _Positive = 0.0015  # lag of the fluid's structure behind the flux
+    eddy_rise_s: Positive = 0.0045  # lag of the flux behind a rising current
+    eddy_fall_s: Positive = 0.006  # ... behind a falling one
+    eddy_per_K: NotNegative = 0.002  # both lags are divided by 1 + this (T - 20 C)
+    fluid_lag_s: Positive = 0.0015  # lag of the fluid's structure behind the flux
     play_share: Annotated[float, Option(least=0.0, most=1.0)] = (
         0.4  # wp: share of the field with magnetic play
     )
-    play_A: _NotNegative = 0.04  # r: half width of the play
-    full_current_A: _Positive = 2.0  # where g = 1
-    field_current_A: _Positive = 1.5  # Is: saturation
-    field_exponent: _Positive = 1.2  # p
+    play_A: NotNegative = 0.04  # r: half width of the play
+    full_current_A: Positive = 2.0  # where g = 1
+    field_current_A: Positive = 1.5  # Is: saturation
+    field_exponent: Positive = 1.2  # p
     # yield force and pre-yield stiffness
-    yield_N: _Positive = 12.0  # Fy0, without field
-    yield_field_N: _NotNegative = 1300.0  # Fym, at g = 1
-    yield_loss_per_K: _NotNegative = 0.0014  # kT, of the field's share of force and stiffness
-    low_field_loss: _NotNegative = 0.3  # kx: the loss is kT (1 + kx (1 - g))
-    stiffness_N_m: _Positive = 1.2e6  # s0, without field
-    stiffness_field_N_m: _NotNegative = 5e6  # s1, at g = 1
+    yield_N: Positive = 12.0  # Fy0, without field
+    yield_field_N: NotNegative = 1300.0  # Fym, at g = 1
+    yield_loss_per_K: NotNegative = 0.0014  # kT, of the field's share of force and stiffness
+    low_field_loss: NotNegative = 0.3  # kx: the loss is kT (1 + kx (1 - g))
+    stiffness_N_m: Positive = 1.2e6  # s0, without field
+    stiffness_field_N_m: NotNegative = 5e6  # s1, at g = 1
     spread: Annotated[float, Option(least=0.0, most=0.5)] = (
         0.15  # weight of a bristle of a quarter and of one of four times the stiffness
     )
     asymmetry: Annotated[float, Option(least=-0.9, most=0.9)] = (
         0.015  # yield (1 + this) in extension, (1 - this) in compression
     )
-    position: _NotNegative = 0.0  # yield (1 + this (x / 5 mm)^2)
+    position: NotNegative = 0.0  # yield (1 + this (x / 5 mm)^2)
     # viscous force
-    viscous_N: _NotNegative = 250.0  # Fv0, at the reference speed
-    viscous_m_s: _Positive = 0.0314  # the reference speed
-    viscous_exponent: _Positive = 0.88  # nv
-    viscous_field: _NotNegative = 0.15  # kvb: viscous force (1 + kvb g)
-    viscosity_K: _NotNegative = 404.0  # B of exp(B / (T - pole))
+    viscous_N: NotNegative = 250.0  # Fv0, at the reference speed
+    viscous_m_s: Positive = 0.0314  # the reference speed
+    viscous_exponent: Positive = 0.88  # nv
+    viscous_field: NotNegative = 0.15  # kvb: viscous force (1 + kvb g)
+    viscosity_K: NotNegative = 404.0  # B of exp(B / (T - pole))
     viscosity_pole_K: Annotated[float, Option(least=0.0, most=200.0)] = 153.15  # T0; zero kelvin is Arrhenius
     # friction
-    friction_N: _NotNegative = 40.0  # Fc, sliding
-    friction_static: _NotNegative = 1.5  # static over sliding friction
-    stribeck_m_s: _Positive = 0.003  # vs
-    friction_N_m: _Positive = 4e5  # sf: stiffness before sliding
-    friction_loss_per_K: _NotNegative = 0.002  # fT
+    friction_N: NotNegative = 40.0  # Fc, sliding
+    friction_static: NotNegative = 1.5  # static over sliding friction
+    stribeck_m_s: Positive = 0.003  # vs
+    friction_N_m: Positive = 4e5  # sf: stiffness before sliding
+    friction_loss_per_K: NotNegative = 0.002  # fT
     # the rest
-    spring_N_m: _NotNegative = 1500.0  # k1
+    spring_N_m: NotNegative = 1500.0  # k1
     offset_N: float = 6.0  # f0
-    leak_N_s_m: _Positive = (
-        1.5e6  # c1: the oil's compliance as a leak, in series with yield and viscous force
-    )
+    leak_N_s_m: Positive = 1.5e6  # c1: the oil's compliance as a leak, in series with yield and viscous force
 
     def __post_init__(self) -> None:
         check_parameters(self, self.name)

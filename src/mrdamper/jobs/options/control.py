@@ -1,0 +1,207 @@
+"""What jobs on control can be told: riding, tracking, exporting."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from mrdamper.jobs.options.reading import TOP
+from mrdamper.schema import OnPage, Option
+
+__all__ = ["ExportOptions", "RideOptions", "TrackConditions", "TrackOptions"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RideOptions:
+    """Options of ``ride``."""
+
+    controller: Annotated[
+        str,
+        Option(
+            "recommended, recommended-causal, paper, ...",
+            metavar="NAME",
+            label="Controller",
+            page=OnPage(group="", offers="controllers"),
+        ),
+    ] = "recommended"
+    demand: Annotated[
+        Literal["skyhook", "groundhook", "hybrid", "linear-quadratic"],
+        Option("The force that is asked of the damper."),
+    ] = "linear-quadratic"
+    damping_N_s_m: Annotated[
+        float,
+        Option("Of skyhook, groundhook and hybrid.", unit="N s/m", above=0.0, most=1e6, flag="--damping"),
+    ] = 2500.0
+    road_class: Annotated[
+        Literal["A", "B", "C", "D", "E", "F", "G", "H"],
+        Option("Class of ISO 8608, A (smooth) to H.", flag="--road"),
+    ] = "C"
+    speed_m_s: Annotated[float, Option("Of the car.", unit="m/s", above=0.0, most=100.0)] = 20.0
+    duration_s: Annotated[
+        float,
+        Option(
+            "Of the ride that is scored; its first 2 s are not.",
+            unit="s",
+            above=2.0,
+            most=600.0,
+            flag="--duration",
+            metavar="SECONDS",
+        ),
+    ] = 20.0
+    warm_up_s: Annotated[
+        float,
+        Option(
+            "Drive on for so long while the damper warms; 0: not at all.",
+            unit="s",
+            least=0.0,
+            most=14400.0,
+            flag="--warm-up",
+            metavar="SECONDS",
+        ),
+    ] = 1800.0
+    temperature_degC: Annotated[
+        float, Option("Of the damper during the scored ride.", unit="degC", least=-50.0, most=200.0)
+    ] = 20.0
+    ambient_degC: Annotated[
+        float,
+        Option("Air around the damper, where its warming begins.", unit="degC", least=-50.0, most=100.0),
+    ] = 20.0
+    housing_J_K: Annotated[
+        float, Option("Heat capacity of the damper without its fluid.", unit="J/K", above=0.0, most=1e6)
+    ] = 950.0
+    cooling_W_K: Annotated[
+        float, Option("Heat that the housing gives to the air, per kelvin.", unit="W/K", least=0.0, most=1e3)
+    ] = 2.0
+    coil_resistance_ohm: Annotated[
+        float,
+        Option(
+            "Of the coil at 20 degC.",
+            unit="ohm",
+            least=0.0,
+            most=1e3,
+            flag="--coil-resistance",
+            metavar="OHM",
+        ),
+    ] = 5.0
+    body_kg: Annotated[float, Option("Of the body above the wheel.", unit="kg", above=0.0, most=1e5)] = 320.0
+    wheel_kg: Annotated[float, Option("Of the wheel.", unit="kg", above=0.0, most=1e4)] = 40.0
+    spring_N_m: Annotated[float, Option("Stiffness of the spring.", unit="N/m", above=0.0, most=1e7)] = 20e3
+    tyre_N_m: Annotated[float, Option("Stiffness of the tyre.", unit="N/m", above=0.0, most=1e8)] = 200e3
+    seed: Annotated[int, Option("Of road and sensors.", least=0, below=2**31)] = 5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackConditions:
+    """At what a loop is tracked."""
+
+    temperatures_degC: Annotated[
+        tuple[float, ...],
+        Option(
+            "Of fluid and coil (may be repeated).",
+            flag="--temperature",
+            metavar="DEGC",
+            unit="degC",
+            label="Temperatures of fluid and coil",
+            page=OnPage(group="Temperatures", begins=(20.0, 60.0)),
+            default_help="20, 60, 100, 123",
+            most_items=20,
+        ),
+    ] = ()
+    rate_Hz: Annotated[
+        float,
+        Option(
+            "Sampling.", flag="--rate", metavar="HZ", unit="Hz", label="Sampling", least=100.0, most=5000.0
+        ),
+    ] = 1000.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrackOptions(TrackConditions):
+    """Options of ``track``."""
+
+    controllers: Annotated[
+        tuple[str, ...],
+        Option(
+            "recommended, paper, ... (may be repeated).",
+            flag="--controller",
+            metavar="NAME",
+            default_help="all",
+            most_items=40,
+            label="Controllers",
+            page=OnPage(group="Controllers", offers="controllers", begins=("recommended", "paper")),
+        ),
+    ] = ()
+    optimum: Annotated[
+        bool,
+        Option(
+            "Search the best current, too (minutes), for the ratios to it.",
+            label="search the best current, too (minutes)",
+        ),
+    ] = False
+    seed: Annotated[
+        int, Option("Of the sensors' noise; the next one is run as well.", least=0, below=2**31)
+    ] = 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExportOptions:
+    """Options of ``export``."""
+
+    what: Annotated[
+        tuple[Literal["c", "fmu", "table"], ...],
+        Option(
+            "C99 source, an FMU, a force map (CSV).",
+            flag="-",
+            least_items=1,
+            label="Make",
+            page=OnPage(
+                group="Make",
+                titles=(
+                    "C99 source, as an archive",
+                    "FMU for co-simulation",
+                    "force map (CSV) for simulators",
+                ),
+                begins=("c", "fmu"),
+            ),
+        ),
+    ] = ("c", "fmu", "table")
+    fmi: Annotated[
+        Literal["2.0", "3.0"],
+        Option("Version of the FMU.", label="FMU", page=OnPage(group="", titles=("FMI 2.0", "FMI 3.0"))),
+    ] = "3.0"
+    content: Annotated[
+        Literal["model", "controller", "both"],
+        Option(
+            "The damper's model, its force controller, or both.",
+            label="Holds",
+            page=OnPage(group="", titles=("the model", "the controller", "model and controller")),
+        ),
+    ] = "both"
+    precision: Annotated[
+        Literal["float", "double"],
+        Option(
+            "The target's number type.",
+            label="Numbers",
+            page=OnPage(group="", titles=("float (32 bit)", "double (64 bit)")),
+        ),
+    ] = "float"
+    period_s: Annotated[
+        float,
+        Option("Period.", unit="s", above=0.0, most=1.0, flag="--step", metavar="TIME", page=TOP),
+    ] = 1e-3
+    controller: Annotated[
+        str,
+        Option(
+            "recommended, recommended-causal, paper, ...",
+            metavar="NAME",
+            label="Controller",
+            page=OnPage(group="", offers="controllers"),
+        ),
+    ] = "recommended"
+    name: Annotated[
+        str,
+        Option("Prefix of every name in the code.", metavar="IDENT", label="Prefix of names", page=TOP),
+    ] = "damper"
+    verify: Annotated[
+        bool, Option("Write the C folder without compiling and comparing it.", flag="--no-verify", local=True)
+    ] = True

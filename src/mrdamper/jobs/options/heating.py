@@ -1,0 +1,295 @@
+"""What jobs on heat can be told."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from mrdamper.jobs.options.reading import TOP, Seed
+from mrdamper.schema import OnPage, Option
+
+__all__ = ["ForecastOptions", "HeatOptions", "ObserveOptions", "SinkOptions"]
+
+_BUILT = OnPage(group="What can be built")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ForecastOptions:
+    """Options of ``forecast``."""
+
+    ambient_degC: Annotated[float, Option("Air around the damper.", unit="degC", least=-50.0, most=100.0)] = (
+        20.0
+    )
+    limit_degC: Annotated[
+        float, Option("Temperature whose time is asked for.", unit="degC", least=-50.0, most=400.0)
+    ] = 130.0
+    until_s: Annotated[
+        float,
+        Option(
+            "How far from the curve's start.",
+            unit="s",
+            above=60.0,
+            most=1e5,
+            flag="--until",
+            metavar="SECONDS",
+        ),
+    ] = 3600.0
+    probability: Annotated[
+        float, Option("That the interval holds the temperature.", least=0.5, most=0.99)
+    ] = 0.9
+    seed: Seed = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeatOptions:
+    """Options of ``heat``."""
+
+    past_limit: Annotated[
+        bool,
+        Option(
+            "Go on beyond the fluid's limit instead of ending there.",
+            label="go on past the fluid's limit",
+            page=TOP,
+        ),
+    ] = False
+    model: Annotated[
+        Literal["zones", "lumped", "reduced"],
+        Option(
+            "Three axial zones, the paper's one node, or the finite elements reduced to 16 unknowns.",
+            page=OnPage(titles=("three axial zones", "the paper's one node", "reduced finite elements")),
+        ),
+    ] = "zones"
+    start_degC: Annotated[
+        float | None,
+        Option(
+            "Of everything at the start.",
+            unit="degC",
+            default_help="ambient",
+            label="Temperature at the start",
+        ),
+    ] = None
+    ambient_degC: Annotated[
+        float | None,
+        Option(
+            "Air around the damper.",
+            unit="degC",
+            least=-100.0,
+            most=400.0,
+            default_help="the drawing's",
+            page=OnPage(group="", begins=20.0, slider=(-30.0, 60.0, 1.0)),
+        ),
+    ] = None
+    air_m_s: Annotated[
+        float | None,
+        Option(
+            "Speed of the air.",
+            unit="m/s",
+            least=0.0,
+            most=200.0,
+            default_help="the drawing's",
+            label="Air speed",
+            page=OnPage(group="", slider=(0.0, 20.0, 0.5)),
+        ),
+    ] = None
+    with_sink: Annotated[
+        bool,
+        Option(
+            "Leave the drawing's heat sink away.",
+            flag="--no-sink",
+            label="with the drawing's heat sink",
+            page=TOP,
+        ),
+    ] = True
+    by_field: Annotated[
+        bool | None,
+        Option(
+            "Judge the end by finite elements; None: where files are written.",
+            flag="-",
+            label="heat paths by finite elements",
+            page=OnPage(begins=True),
+        ),
+    ] = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ObserveOptions:
+    """Options of ``observe``."""
+
+    ambient_degC: Annotated[
+        float | None,
+        Option("Air around the damper.", unit="degC", least=-50.0, most=100.0, default_help="the drawing's"),
+    ] = None
+    start_degC: Annotated[
+        float | None,
+        Option(
+            "Of everything at the record's start.",
+            unit="degC",
+            least=-50.0,
+            most=200.0,
+            default_help="ambient",
+        ),
+    ] = None
+    start_spread_K: Annotated[
+        float,
+        Option(
+            "Standard deviation of that; some 20 for a damper that is still warm.",
+            unit="K",
+            above=0.0,
+            most=200.0,
+        ),
+    ] = 0.5
+    power_W: Annotated[
+        float | None,
+        Option(
+            "Mean mechanical power, in place of the record's.",
+            unit="W",
+            least=0.0,
+            most=1e6,
+            default_help="the record's power_W",
+        ),
+    ] = None
+    wiring_ohm: Annotated[
+        float, Option("Of the wires between driver and coil.", unit="ohm", least=0.0, most=100.0)
+    ] = 0.0
+    resistance_noise: Annotated[
+        float, Option("Standard deviation of a reading of the resistance, as a share.", above=0.0, most=0.5)
+    ] = 0.01
+    body_noise_K: Annotated[
+        float, Option("Standard deviation of a reading of the body.", unit="K", above=0.0, most=50.0)
+    ] = 0.5
+    limit_degC: Annotated[
+        float | None,
+        Option(
+            "Temperature of the fluid whose time is asked for.",
+            unit="degC",
+            least=-50.0,
+            most=400.0,
+            default_help="the fluid's limit in the drawing",
+        ),
+    ] = None
+    look_s: Annotated[
+        float,
+        Option("How far beyond the record.", unit="s", above=0.0, most=1e5, flag="--look", metavar="SECONDS"),
+    ] = 7200.0
+    probability: Annotated[
+        float, Option("That an interval holds the temperature, or the time.", least=0.5, most=0.99)
+    ] = 0.9
+    seed: Seed = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SinkOptions:
+    """Options of ``sink``; the limits' defaults are those of the drawing's sink."""
+
+    span_mm: Annotated[
+        float | None,
+        Option(
+            "Length of the body to stand on.",
+            label="Length to stand on",
+            page=_BUILT,
+            unit="mm",
+            above=0.0,
+            below=1e6,
+            default_help="the drawing's sink's",
+        ),
+    ] = None
+    width_mm: Annotated[
+        float | None,
+        Option(
+            "Greatest width of a fin.",
+            label="Widest fin",
+            page=_BUILT,
+            unit="mm",
+            above=0.0,
+            below=1e6,
+            default_help="the drawing's sink's",
+        ),
+    ] = None
+    mass_g: Annotated[
+        float | None,
+        Option(
+            "Greatest mass of all fins.",
+            label="Most mass",
+            page=_BUILT,
+            unit="g",
+            above=0.0,
+            below=1e6,
+            default_help="the drawing's sink's",
+        ),
+    ] = None
+    least_thickness_mm: Annotated[
+        float,
+        Option(
+            "Of a fin that can be made.", label="Thinnest fin", page=_BUILT, unit="mm", above=0.0, below=1e6
+        ),
+    ] = 1.0
+    least_gap_mm: Annotated[
+        float,
+        Option("Between two fins.", label="Narrowest gap", page=_BUILT, unit="mm", above=0.0, below=1e6),
+    ] = 3.0
+    materials: Annotated[
+        tuple[str, ...],
+        Option(
+            "aluminium-alloy, copper, steel, stainless-steel (may be repeated).",
+            flag="--material",
+            metavar="NAME",
+            label="Material",
+            default_help="as drawn",
+            page=OnPage(group="What can be built", offers="materials"),
+        ),
+    ] = ()
+    emissivities: Annotated[
+        tuple[Annotated[float, Option(least=0.0, most=1.0)], ...],
+        Option(
+            "Of the finish: 0.1 bare, 0.85 anodised (may be repeated).",
+            label="Emissivities of the finish",
+            default_help="as drawn",
+            page=_BUILT,
+            flag="--emissivity",
+            metavar="SHARE",
+        ),
+    ] = ()
+    correlation: Annotated[
+        Literal["channel", "vdi", "disc"] | None,
+        Option("The fins' law.", label="Law of the fins", default_help="as drawn"),
+    ] = None
+    film_multiplier: Annotated[
+        float | None,
+        Option(
+            "On the fins' law.",
+            metavar="NUMBER",
+            above=0.0,
+            below=1e6,
+            label="Factor on that law",
+            default_help="as drawn",
+        ),
+    ] = None
+    method: Annotated[
+        Literal["grid", "nsga2"],
+        Option(
+            "Every sink of a grid, or NSGA-II.",
+            label="Search",
+            page=OnPage(titles=("every sink of a grid", "NSGA-II")),
+        ),
+    ] = "grid"
+    members: Annotated[
+        int,
+        Option(
+            "Members of the front that are shown and judged by finite elements.",
+            least=2,
+            most=200,
+            flag="--front",
+            metavar="NUMBER",
+            label="Designs on the front",
+        ),
+    ] = 12
+    by_field: Annotated[
+        bool,
+        Option(
+            "Do not judge by finite elements.",
+            flag="--network-only",
+            label="judge by finite elements, too (slow)",
+            page=OnPage(group="What can be built", begins=False),
+        ),
+    ] = True
+    seed: Seed = 0

@@ -1,0 +1,68 @@
+"""What jobs that make runs or run other jobs can be told."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from mrdamper.jobs.options.reading import TOP, Seed
+from mrdamper.schema import OnPage, Option
+
+__all__ = ["DemoOptions", "RigOptions", "SweepOptions"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RigOptions:
+    """Options of ``rig``."""
+
+    preset: Annotated[
+        Literal["nominal", "hard", "stiff", "vehicle", "paper", "hydraulic-bench", "hydraulic-monotube"]
+        | None,
+        Option("Whose parameters the virtual damper has.", default_help="nominal", label="Damper", page=TOP),
+    ] = None
+    draw: Annotated[
+        int | None,
+        Option(
+            "Another damper of the kind, its parameters drawn within 30 % (even seeds: to build laws; odd "
+            "ones: to report).",
+            metavar="SEED",
+            least=0,
+            below=2**31,
+            default_help="the damper itself",
+            label="Draw of another damper",
+        ),
+    ] = None
+    seed: Seed = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DemoOptions:
+    """Options of ``demo``."""
+
+    quick: Annotated[
+        bool,
+        Option("Fewer and shorter runs.", label="fewer and shorter runs", page=OnPage(group="", begins=True)),
+    ] = False
+    seed: Seed = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SweepOptions:
+    """Options of ``sweep``."""
+
+    workers: Annotated[
+        int | None,
+        Option(
+            "Processes of this machine.",
+            metavar="NUMBER",
+            least=1,
+            most=1024,
+            page=TOP,
+            default_help="its cores",
+            label="Processes",
+        ),
+    ] = None
+    scheduler: Annotated[
+        str | None,
+        Option("A Dask scheduler, whose workers do the tasks.", metavar="tcp://HOST:PORT", local=True),
+    ] = None
