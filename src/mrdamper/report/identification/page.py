@@ -108,6 +108,7 @@ def render_report(fitted: IdentifyResult) -> str:
             )
             if len(moving) > 1
             else "",
+            band=fitted.force_band,
             words=(*fitted.result.notes, *judged.words, *new_run_lines(fitted)),
             findings=by_kind(fitted.findings),
             left_out=_left_out_tables(judged.left_out),
