@@ -19,7 +19,7 @@ from fuzz.edits import Draws, edited, toml_of
 from fuzz.seeds import card_documents, drawing_texts, text, toml_texts
 from mrdamper.control.scenario import read_scenario
 from mrdamper.data.channels import read_channel_map
-from mrdamper.data.readers import runs_in
+from mrdamper.data.proposal.recordings import runs_in
 from mrdamper.data.tables import read_tables
 from mrdamper.jobs.sweep import plan as sweep_plan
 from mrdamper.models.card_schema import card_from_json, card_text, read_card

@@ -144,6 +144,14 @@ def test_wrong_usage_ends_with_exit_code_2(arguments, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_fit_of_files_that_leave_questions_asks_them_as_check_does(tmp_path):
+    (tmp_path / "run.csv").write_text("t,x,F,I\n" + "".join(f"{k},{k % 7},{k % 5},1\n" for k in range(40)))
+    fit = mrdamper("identify", tmp_path / "run.csv", "--out", tmp_path / "out", "--json")
+    check = mrdamper("check", tmp_path / "run.csv", "--json")
+    assert fit.returncode == 3
+    assert json.loads(fit.stdout)["questions"] == json.loads(check.stdout)["questions"] != []
+
+
 def test_an_internal_fault_ends_with_exit_code_1_and_no_traceback(monkeypatch, capsys, folder):
     from mrdamper import cli
     from mrdamper.registry import Job

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from mrdamper.data.diagnosis.declared import find_against_names, find_implausible_damper, find_odd_siblings
+from mrdamper.data.readers import ReadFiles
 from mrdamper.jobs.check import check
-from mrdamper.jobs.inputs import ReadFiles
 from mrdamper.jobs.options import CheckOptions
 from mrdamper.rig.campaign import Campaign
 from mrdamper.rig.measurement import measure

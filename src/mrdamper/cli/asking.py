@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Mapping
 from typing import Any
@@ -10,7 +11,7 @@ import click
 
 from mrdamper.errors import spelled
 
-__all__ = ["answers_to"]
+__all__ = ["answers_to", "print_questions"]
 
 
 def answers_to(asking: object, given: Mapping[str, Any], *, as_json: bool) -> tuple[str, ...]:
@@ -33,3 +34,10 @@ def answers_to(asking: object, given: Mapping[str, Any], *, as_json: bool) -> tu
         if value.strip():
             answers[question.key] = value.strip()
     return tuple(f"{key}={value}" for key, value in answers.items())
+
+
+def print_questions(asking: object) -> None:
+    """Print the questions of an error on standard output, as ``check --json`` has them, if there are any."""
+    questions = [dict(each.to_dict()) for each in getattr(asking, "questions", ())]
+    if questions:
+        click.echo(spelled(json.dumps({"questions": questions}, ensure_ascii=False)))

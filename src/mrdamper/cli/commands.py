@@ -12,7 +12,7 @@ from typing import Any
 
 import click
 
-from mrdamper.cli.asking import answers_to
+from mrdamper.cli.asking import answers_to, print_questions
 from mrdamper.errors import InputError, UsageError, spelled
 from mrdamper.registry import KINDS, Input, Job
 from mrdamper.schema import Field
@@ -58,6 +58,8 @@ def command_of(job: Job, finish: Callable[[Job, Any, dict[str, Any], bool], int]
             except InputError as fault:
                 more = answers_to(fault, given, as_json=as_json)
                 if not more:
+                    if as_json:
+                        print_questions(fault)
                     raise
             else:
                 more = answers_to(result, given, as_json=as_json)

@@ -18,16 +18,13 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.data.channels import ChannelMap
 from mrdamper.data.formats.table import Rows
+from mrdamper.data.proposal.clocks import require_one_clock, sampling_step
+from mrdamper.data.proposal.column import Column
+from mrdamper.data.proposal.commands import COMMAND_UNITS, command_role
 from mrdamper.data.proposal.questions import Answer, with_answers
-from mrdamper.data.proposal.roles import (
-    Column,
-    find_columns,
-    no_column,
-    no_command,
-    require_one_clock,
-    sampling_step,
-)
-from mrdamper.data.readers import COMMAND_UNITS, command_role, load_map, map_beside
+from mrdamper.data.proposal.refusals import no_column, no_command
+from mrdamper.data.proposal.roles import find_columns
+from mrdamper.data.readers import load_map, map_beside
 from mrdamper.data.records import RigRun
 from mrdamper.data.tables import open_rows
 from mrdamper.data.words.labels import find_label, places_of

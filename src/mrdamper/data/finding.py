@@ -1,4 +1,7 @@
-"""A finding: what is wrong with a run, where, how much, what it does to a fit, and what to do."""
+"""A finding: what is wrong with a run, where, how much, what it does to a fit, and what to do.
+
+An inference: a value of a run that no column holds, and where it was taken from.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-__all__ = ["SEVERITIES", "Finding", "Severity", "by_kind", "percent", "worst_first"]
+from mrdamper.quantities import QUANTITIES, to_degC
+
+__all__ = ["SEVERITIES", "Finding", "Inference", "Severity", "by_kind", "percent", "worst_first"]
 
 Severity = Literal["fault", "warning", "note"]
 SEVERITIES: tuple[Severity, ...] = ("fault", "warning", "note")
@@ -52,6 +57,23 @@ class Finding:
     def in_words(self) -> str:
         """Return the finding as one line."""
         return f"{self.found}. {self.effect}. {self.remedy}."
+
+
+@dataclass(frozen=True, slots=True)
+class Inference:
+    """A value that was taken from words: of which run and role, how much [SI], and where it stands."""
+
+    run: str
+    role: str
+    value: float
+    source: str
+
+    def in_words(self) -> str:
+        """Return the inference as one line."""
+        value = f"{self.value:g} {QUANTITIES[self.role].unit}"
+        if self.role == "temperature":
+            value = f"{to_degC(self.value):g} degC"
+        return f"{self.run}: {self.role} {value}, from the {self.source}"
 
 
 def by_kind(findings: Sequence[Finding]) -> list[tuple[Finding, int]]:

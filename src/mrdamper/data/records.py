@@ -18,6 +18,7 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray, read_only
 from mrdamper.core import turning_points
+from mrdamper.data.finding import Finding, Inference
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, CommandUnit, to_degC
 from mrdamper.schema import did_you_mean
@@ -146,9 +147,11 @@ class RigRun:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Dataset:
-    """Runs with unique names, in the order given."""
+    """Runs with unique names, in the order given, and what is known of how their files were read."""
 
     runs: tuple[RigRun, ...]
+    findings: tuple[Finding, ...] = ()  # of what was done while reading: gaps cut, numbers filled in, ...
+    inferred: tuple[Inference, ...] = ()  # commands and temperatures that stood in words
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "runs", tuple(self.runs))
@@ -191,16 +194,26 @@ class Dataset:
             if not any(fnmatchcase(name, glob) for name in self.names):
                 raise InputError(f"pattern {glob!r} matches no run; {did_you_mean(glob, self.names)}")
         chosen = (run for run in self.runs if any(fnmatchcase(run.name, glob) for glob in globs))
-        return Dataset(tuple(chosen))
+        return self._part(chosen)
 
     def split(self, hold_out: Sequence[str]) -> tuple[Dataset, Dataset]:
         """Return (training, held out): the runs that match a ``hold_out`` pattern are held out."""
         globs = (hold_out,) if isinstance(hold_out, str) else tuple(hold_out)
         held_out = self.select(*globs)
-        training = Dataset(tuple(run for run in self.runs if run not in held_out.runs))
+        training = self._part(run for run in self.runs if run not in held_out.runs)
         if self.runs and not training.runs:
             raise InputError(f"hold-out {', '.join(globs)} leaves no run to train on; hold out fewer runs")
         return training, held_out
+
+    def _part(self, runs: Iterable[RigRun]) -> Dataset:
+        """Return some of the runs, with what is known of their reading."""
+        chosen = tuple(runs)
+        names = {run.name for run in chosen}
+        return Dataset(
+            chosen,
+            tuple(each for each in self.findings if each.run in names),
+            tuple(each for each in self.inferred if each.run in names),
+        )
 
 
 def steady_command(command: FloatArray) -> float | None:

@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 
 from mrdamper.data.channels import ChannelMap
+from mrdamper.data.finding import Inference
 from mrdamper.data.proposal.questions import Question
-from mrdamper.data.readers import ONE_FOR_EACH, Inference, RigFile
+from mrdamper.data.proposal.recordings import ONE_FOR_EACH, RigFile
+from mrdamper.data.readers import ReadFiles, UnreadableFile
 from mrdamper.errors import InputError
 from mrdamper.files import parse_toml
-from mrdamper.jobs.inputs import ReadFiles, UnreadableFile
 from mrdamper.quantities import QUANTITIES, to_degC
 
 __all__ = ["WrittenMap", "channels_toml", "write_map"]

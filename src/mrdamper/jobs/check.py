@@ -16,17 +16,16 @@ from mrdamper.arrays import FloatArray
 from mrdamper.data.diagnosis.campaign import compare
 from mrdamper.data.diagnosis.declared import find_against_names, find_implausible_damper, find_odd_siblings
 from mrdamper.data.diagnosis.diagnose import diagnose
-from mrdamper.data.finding import SEVERITIES, Finding, Severity, worst_first
+from mrdamper.data.finding import SEVERITIES, Finding, Inference, Severity, worst_first
 from mrdamper.data.formats.table import Layout
 from mrdamper.data.prepare import PreparedRun, prepare_run
+from mrdamper.data.proposal.column import Column
 from mrdamper.data.proposal.questions import Question
-from mrdamper.data.proposal.roles import Column
-from mrdamper.data.readers import Inference
+from mrdamper.data.readers import ReadFiles, UnreadableFile
 from mrdamper.data.records import Dataset, Recording, RigRun
 from mrdamper.errors import ConvergenceError, InputError
 from mrdamper.identify.consistency import consistency, doubted
 from mrdamper.identify.fit import fit
-from mrdamper.jobs.inputs import ReadFiles, UnreadableFile
 from mrdamper.jobs.options import CheckOptions
 from mrdamper.models.damper import Damper
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
@@ -100,7 +99,7 @@ def check(files: ReadFiles, options: CheckOptions = _USUAL, *, on_progress: Prog
     together = campaign_findings(files.runs)
     if options.deep:
         together += _joint_test(files.runs)
-    told = [*together, *(finding for _, file in files.files for finding in file.findings)]
+    told = [*together, *files.findings]
     names = {run.name for run in files.runs}
     runs = []
     for number, run in enumerate(files.runs):
@@ -126,15 +125,18 @@ def campaign_findings(runs: Sequence[Recording | RigRun]) -> list[Finding]:
     return [*compare(runs), *by_itself, *find_implausible_damper(runs)]
 
 
-def findings_of(runs: Iterable[PreparedRun], damper: Damper | None = None) -> tuple[Finding, ...]:
+def findings_of(
+    runs: Iterable[PreparedRun], damper: Damper | None = None, reading: Sequence[Finding] = ()
+) -> tuple[Finding, ...]:
     """Return what prepared runs show by themselves and together, for the report of a fit.
 
     Parameters
     ----------
     damper : fitted to the runs, which are then compared with it
+    reading : what was found while their files were read
     """
     prepared = tuple(runs)
-    found = [finding for run in prepared for finding in diagnose(run.run, run)]
+    found = [*reading, *(finding for run in prepared for finding in diagnose(run.run, run))]
     found += campaign_findings([run.run for run in prepared])
     found += () if damper is None else consistency(damper, prepared)
     return tuple(sorted(found, key=worst_first))

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from mrdamper.control.tables.card_tables import TABULATED
-from mrdamper.data.finding import Finding
+from mrdamper.data.finding import Finding, Inference
 from mrdamper.data.prepare import Preparation
 from mrdamper.data.records import Dataset
 from mrdamper.files import is_file
@@ -46,7 +46,8 @@ class IdentifyResult(Identification):
     assessment: Assessment
     law_table: tuple[LawScore, ...] = ()  # the candidates that were compared, the chosen first
     chosen_by: str = ""  # what was left out to choose by; nothing where the law was given
-    findings: tuple[Finding, ...] = ()  # what the runs show by themselves
+    findings: tuple[Finding, ...] = ()  # what reading did to the runs, and what they show by themselves
+    inferred: tuple[Inference, ...] = ()  # commands and temperatures that stood in words, with their source
     sources: tuple[str, ...] = ()  # names of the files that the runs are from
     title: str = ""  # of card and report, where it is not the usual one
     simulated: str = ""  # what the runs are, where nobody measured them
@@ -131,7 +132,8 @@ def identify(
         assessment=judged,
         law_table=() if selection is None else selection.table,
         chosen_by="" if selection is None else selection.left_out,
-        findings=findings_of((*fitted.training, *fitted.held_out), fitted.damper),
+        findings=findings_of((*fitted.training, *fitted.held_out), fitted.damper, runs.findings),
+        inferred=runs.inferred,
         sources=tuple(dict.fromkeys(Path(run.source).name for run in runs if run.source)),
     )
 

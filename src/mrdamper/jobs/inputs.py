@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from mrdamper.data.batches import LongRecord, open_record
-from mrdamper.data.channels import read_channel_map
-from mrdamper.data.proposal.folders import distinct_names, find_files
-from mrdamper.data.proposal.questions import AskingError, Question, parse_answers
-from mrdamper.data.readers import RigFile, joined_faults, read_file, read_runs
-from mrdamper.data.records import Dataset, Recording, RigRun
+from mrdamper.data.proposal.questions import parse_answers
+from mrdamper.data.readers import ReadFiles, read_each, read_runs
+from mrdamper.data.records import Dataset, RigRun
 from mrdamper.errors import InputError
 from mrdamper.models.card import ModelCard
 from mrdamper.models.card_schema import read_card
 from mrdamper.models.python_law import load_python_law
 
-__all__ = ["ReadFiles", "UnreadableFile", "read_card_of_law", "read_dataset", "read_files", "read_record"]
+__all__ = ["read_card_of_law", "read_dataset", "read_files", "read_record"]
 
 Paths = str | Path | Iterable[str | Path | RigRun]
 
@@ -43,38 +41,24 @@ def read_dataset(
         A file cannot be read, or there is no run at all.
     """
     parts = _parts(given)
-    runs = tuple(each for each in parts if isinstance(each, RigRun))
-    if not (parts and len(runs) == len(parts)):
-        paths = [each for each in parts if not isinstance(each, RigRun)]
-        dataset = read_runs(paths, channels, parse_answers(answer or ()))
-        runs = (*runs, *dataset)
-    if not runs:
+    if isinstance(given, Dataset):
+        dataset = given
+    else:
+        runs = tuple(each for each in parts if isinstance(each, RigRun))
+        dataset = Dataset(runs)
+        if len(runs) < len(parts) or not parts:
+            paths = [each for each in parts if not isinstance(each, RigRun)]
+            read = read_runs(paths, channels, parse_answers(answer or ()))
+            dataset = replace(read, runs=(*runs, *read))
+    if not len(dataset):
         raise InputError(f"{', '.join(map(str, parts))}: no runs found; expected files such as run.csv")
     if flip_force:
-        runs = tuple(replace(run, force=-run.force) for run in runs)
-    return given if isinstance(given, Dataset) and not flip_force else Dataset(runs)
+        dataset = replace(dataset, runs=tuple(replace(run, force=-run.force) for run in dataset))
+    return dataset
 
 
 def _parts(given: Paths) -> list[str | Path | RigRun]:
     return [given] if isinstance(given, str | Path) else list(given)
-
-
-@dataclass(frozen=True, slots=True)
-class UnreadableFile:
-    """A file that cannot be read, and why: what it leaves open, where that alone is missing."""
-
-    path: Path
-    error: str
-    questions: tuple[Question, ...] = ()
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class ReadFiles:
-    """Files of runs as they stand: those that could be read, and the others."""
-
-    files: tuple[tuple[Path, RigFile], ...]
-    unreadable: tuple[UnreadableFile, ...]
-    runs: tuple[Recording | RigRun, ...]  # of all files
 
 
 def read_files(
@@ -87,38 +71,15 @@ def read_files(
     InputError
         No file could be read, and none leaves a question open; or a path is not there.
     """
-    answers = parse_answers(answer or ())
     parts = _parts(given)
-    runs: list[Recording | RigRun] = [each for each in parts if isinstance(each, RigRun)]
+    runs = tuple(each for each in parts if isinstance(each, RigRun))
     paths = [each for each in parts if not isinstance(each, RigRun)]
-    chosen = None if channels is None else read_channel_map(channels)
-    read: list[tuple[Path, RigFile]] = []
-    unreadable: list[UnreadableFile] = []
-    for path in find_files(paths) if paths or not runs else []:
-        try:
-            read.append((path, read_file(path, chosen, answers)))
-        except InputError as error:
-            asked = error.questions if isinstance(error, AskingError) else ()
-            unreadable.append(UnreadableFile(path, str(error), asked))
-    if not read and not runs and not any(each.questions for each in unreadable):
-        raise InputError(joined_faults([each.error for each in unreadable]))
-    read = _named_apart(read)
-    runs += [recording for _, file in read for recording in file.recordings]
-    return ReadFiles(tuple(read), tuple(unreadable), tuple(runs))
-
-
-def _named_apart(read: Sequence[tuple[Path, RigFile]]) -> list[tuple[Path, RigFile]]:
-    """Return files whose runs have names that folders tell apart."""
-    runs = [recording for _, file in read for recording in file.recordings]
-    names = iter(distinct_names([run.name for run in runs], [run.source for run in runs]))
-    named = []
-    for path, file in read:
-        new = {recording.name: next(names) for recording in file.recordings}
-        recordings = tuple(replace(each, name=new[each.name]) for each in file.recordings)
-        findings = tuple(replace(each, run=new[each.run]) for each in file.findings)
-        inferred = tuple(replace(each, run=new[each.run]) for each in file.inferred)
-        named.append((path, replace(file, recordings=recordings, findings=findings, inferred=inferred)))
-    return named
+    if runs and not paths:
+        return ReadFiles((), (), runs)
+    read = read_each(paths, channels, parse_answers(answer or ()))
+    if not (read.files or runs or read.questions):
+        raise read.fault() or InputError("no runs given; expected files such as run.csv")
+    return replace(read, runs=(*runs, *read.runs))
 
 
 def read_record(

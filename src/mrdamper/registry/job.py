@@ -291,5 +291,5 @@ def _files_read(given: Mapping[str, Any]) -> list[Path]:
     for path in set(paths) - set(files):
         if is_folder(path) or has_magic(str(path)):
             with suppress(InputError):  # a folder of something else
-                files += load("mrdamper.data.readers:find_files")([path])
+                files += load("mrdamper.data.proposal.folders:find_files")([path])
     return files

@@ -10,16 +10,15 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from mrdamper.data.finding import Severity, by_kind
+from mrdamper.data.finding import Finding, Severity, by_kind
 from mrdamper.errors import CheckError, InputError, spelled
 from mrdamper.jobs.check import CheckedFile, CheckedRun, CheckResult
-from mrdamper.quantities import QUANTITIES, to_degC
 from mrdamper.report.base import DONE, Outcome, Report, WrittenFile
 from mrdamper.report.page import environment
 from mrdamper.runtime.outputs import write_table, write_text
 from mrdamper.schema import Json
 
-__all__ = ["REPORT", "render_check"]
+__all__ = ["REPORT", "render_check", "show_findings"]
 
 _COLOUR: dict[Severity, str] = {"fault": "red", "warning": "yellow", "note": "cyan"}
 _COLUMNS = (
@@ -96,12 +95,7 @@ def _show(result: CheckResult, console: Console) -> None:
         more = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
         console.print(f"{escape(paths[0])}{more}: {escape(words)}")
     for inference in (each for file in result.files for each in file.inferred):
-        value = f"{inference.value:g} {QUANTITIES[inference.role].unit}"
-        if inference.role == "temperature":
-            value = f"{to_degC(inference.value):g} degC"
-        console.print(
-            f"{escape(inference.run)}: {inference.role} {value}, from the {escape(inference.source)}"
-        )
+        console.print(escape(inference.in_words()))
     for question in result.questions:
         choice = f" ({escape(', '.join(question.candidates[:6]))})" if question.candidates else ""
         console.print(
@@ -109,15 +103,20 @@ def _show(result: CheckResult, console: Console) -> None:
         )
         console.print(f"  answer with --answer {question.key}=VALUE", markup=False)
     console.print(_runs_table(result.runs))
-    for finding, names in by_kind(result.findings):
+    show_findings(result.findings, console)
+    verdict, counts = _verdict(result)
+    console.print(f"[bold]{verdict}[/bold]: {counts}")
+
+
+def show_findings(findings: Sequence[Finding], console: Console) -> None:
+    """Print the largest finding of each kind, the worst first."""
+    for finding, names in by_kind(findings):
         colour, others = _COLOUR[finding.severity], names - 1
         more = f" (and in {others} more run{'s' if others > 1 else ''})" if others else ""
         console.print(
             f"[{colour}]{finding.severity}[/{colour}] {escape(finding.run)}: {escape(finding.found)}{more}. "
             f"{escape(finding.effect)}. {escape(finding.remedy)}."
         )
-    verdict, counts = _verdict(result)
-    console.print(f"[bold]{verdict}[/bold]: {counts}")
 
 
 def _runs_table(runs: Sequence[CheckedRun]) -> Table:

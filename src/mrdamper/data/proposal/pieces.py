@@ -18,7 +18,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.core import turning_points
 from mrdamper.data.finding import Finding
 from mrdamper.data.formats.table import Table, Texts
-from mrdamper.data.proposal.roles import clock_time
+from mrdamper.data.proposal.clocks import clock_time
 from mrdamper.data.records import GAP, changes_of_pace, command_slack, steady_command
 from mrdamper.errors import InputError
 

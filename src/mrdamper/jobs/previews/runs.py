@@ -15,7 +15,8 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.channels import ChannelMap
-from mrdamper.data.readers import RigFile, map_beside, read_file, runs_in
+from mrdamper.data.proposal.recordings import RigFile, runs_in
+from mrdamper.data.readers import map_beside, read_file
 from mrdamper.data.records import Recording
 from mrdamper.data.tables import Table, read_tables
 from mrdamper.data.words.headers import parse_header

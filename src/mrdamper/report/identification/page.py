@@ -111,6 +111,7 @@ def render_report(fitted: IdentifyResult) -> str:
             band=fitted.force_band,
             words=(*fitted.result.notes, *judged.words, *new_run_lines(fitted)),
             findings=by_kind(fitted.findings),
+            inferred=[each.in_words() for each in fitted.inferred],
             left_out=_left_out_tables(judged.left_out),
             law_table=fitted.law_table,
             chosen_by=fitted.chosen_by,

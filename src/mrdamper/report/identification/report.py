@@ -19,6 +19,7 @@ from mrdamper.identify.selection.select import LawScore
 from mrdamper.jobs.identify import IdentifyResult
 from mrdamper.models.card_schema import write_card
 from mrdamper.report.base import BEST_SO_FAR, DONE, Outcome, Report, WrittenFile, interrupted
+from mrdamper.report.check import show_findings
 from mrdamper.report.identification.campaign import Campaign
 from mrdamper.report.identification.loops import worst_loops
 from mrdamper.report.identification.page import new_run_lines, render_report
@@ -77,6 +78,7 @@ def _answer(found: IdentifyResult) -> Json:
         "chosen_by": found.chosen_by or None,
         "law_table": [_law_score(score) for score in found.law_table],
         "findings": [dict(finding.to_dict()) for finding in found.findings],
+        "inferred": [asdict(inference) for inference in found.inferred],
     }
 
 
@@ -184,6 +186,8 @@ def _left_out_summaries(left_out: Sequence[CrossValidated]) -> dict[str, dict[st
 def _show(found: IdentifyResult, console: Console) -> None:
     """Print errors by run, coefficients with their uncertainty, and what a reader should know."""
     errors = found.assessment.runs
+    for inference in found.inferred:
+        console.print(escape(inference.in_words()))
     if found.law_table:
         console.print(_law_table(found.law_table, found.chosen_by))
     show_errors(errors, found.damper.law.name, console)
@@ -194,6 +198,7 @@ def _show(found: IdentifyResult, console: Console) -> None:
     console.print(_coefficients(found.estimates))
     for session, offset in found.result.offsets_N.items():
         console.print(f"force offset of session {escape(session) or '(unnamed)'}: {offset:+.1f} N")
+    show_findings([each for each in found.findings if each.severity != "note"], console)
     for note in (*_notes(found), *new_run_lines(found)):
         console.print(f"- {escape(note)}")
 

@@ -1,0 +1,115 @@
+"""Time of a table: its clocks, its sampling rate, and whether both agree with the unit of its column."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mrdamper.data.channels import ChannelMap
+from mrdamper.data.formats.table import Table
+from mrdamper.data.proposal.column import Column
+from mrdamper.data.proposal.questions import ask
+from mrdamper.data.proposal.refusals import listed, perhaps, require_no_text
+from mrdamper.data.words.labels import rates_in
+from mrdamper.errors import InputError
+from mrdamper.quantities import to_si
+
+__all__ = [
+    "clock_time",
+    "increases",
+    "require_one_clock",
+    "require_one_rate",
+    "sampling_step",
+    "unit_by_rate",
+]
+
+_EQUAL = 0.01  # share by which a sampling rate and a time step may differ
+_TICKS = (1.0, 1e3, 1e6)  # of a second: what a time column without a unit may count
+_TICK_UNITS = ("s", "ms", "us")
+
+
+def clock_time(table: Table, clock: int) -> str:
+    """Return the name of a clock's own time: the first column that has it."""
+    return next(name for name, other in table.clocks.items() if other == clock)
+
+
+def require_one_clock(table: Table, columns: Sequence[Column], place: str) -> None:
+    """Refuse channels of a long record that were sampled by clocks of their own: it is not resampled."""
+    if len({table.clocks[column.name] for column in columns if column.name in table.clocks}) > 1:
+        which = ", ".join(f"{column.role} {column.name!r}" for column in columns)
+        raise InputError(
+            place=place,
+            found=f"the channels ({which}) have clocks of their own",
+            expected="one for all",
+            remedy=(
+                "Name a group that holds all of them at [file] part in the channel map, or write the file "
+                "again with one raster"
+            ),
+        )
+
+
+def sampling_step(table: Table, chosen: ChannelMap, place: str) -> float:
+    """Return the sampling interval [s] of a file without a time column, as the map or the file states it."""
+    step = table.step_s if chosen.rate_Hz is None else 1.0 / chosen.rate_Hz
+    rates = rates_in(table.said) if step is None else ()
+    if step is None and len(rates) == 1:
+        step = 1.0 / rates[0]
+    if step is None:
+        require_no_text("time", table, place)
+        raise ask(
+            "time",
+            "rate",
+            place,
+            found=f"no time column; the columns are: {listed(table.names)}",
+            expected=(
+                "a header such as time_s, [channel.time] in a channel map (⟦--channels FILE⟧), or rate_Hz at "
+                f"its [constant]{perhaps(['time'], table)}"
+            ),
+            candidates=[f"{rate:g}" for rate in rates],
+        )
+    return step
+
+
+def unit_by_rate(name: str, table: Table) -> str:
+    """Return the unit of a time column that a sampling rate above the table proves; "" without one."""
+    ticks = _ticks_per_second(name, table)
+    return next((u for u, n in zip(_TICK_UNITS, _TICKS, strict=True) if ticks and _is_near(ticks, n)), "")
+
+
+def require_one_rate(column: Column, table: Table, place: str) -> None:
+    """Refuse a time whose unit and whose file's sampling rate differ by a power of a thousand."""
+    if not table.said:
+        return
+    ticks = _ticks_per_second(column.name, table)
+    if ticks is None or ticks <= 0.0:
+        return
+    wrong = ticks * float(to_si(1.0, column.unit, "time"))
+    if any(_is_near(wrong, factor) for factor in (1e3, 1e-3, 1e6, 1e-6)):
+        raise ask(
+            "time",
+            "unit",
+            place,
+            found=f"column {column.name!r} is in {column.unit}, and a sampling rate above it says otherwise",
+            expected="one and the same",
+            remedy="Give unit at [channel.time], or rate_Hz at [constant] of the channel map",
+            candidates=_TICK_UNITS,
+        )
+
+
+def _ticks_per_second(name: str, table: Table) -> float | None:
+    """Return how many of a time column's units are a second, by the one rate that the file states."""
+    rates = rates_in(table.said) if table.step_s is None else (1.0 / table.step_s,)
+    steps = np.diff(table.columns[name]) if len(rates) == 1 else np.empty(0)
+    return float(np.median(steps)) * rates[0] if len(steps) else None
+
+
+def increases(table: Table, name: str) -> bool:
+    """Tell whether a column grows from nearly every sample to the next, as a time does."""
+    values = table.columns[name]
+    steps = np.diff(values)
+    return bool(len(steps)) and float(np.mean(steps > 0.0)) > 0.95
+
+
+def _is_near(value: float, wanted: float) -> bool:
+    return abs(value / wanted - 1.0) < _EQUAL

@@ -1,0 +1,101 @@
+"""A table's column as its header describes it, and the column that was taken for a role."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from mrdamper.data.channels import Channel, ChannelMap
+from mrdamper.data.formats.table import Table
+from mrdamper.data.words.headers import (
+    parse_header,
+    speaks_of,
+    word_and_unit,
+)
+from mrdamper.errors import InputError
+from mrdamper.quantities import QUANTITIES, is_unit, roles_of_unit, spell_unit
+
+__all__ = ["Column", "Header", "header_of", "meant_without_unit"]
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """Which column of a file was taken for a role, its unit as the file or the map spells it, and why."""
+
+    role: str
+    name: str
+    unit: str
+    source: str = "header"  # "map", "header", "unit alone", ...
+    gain: float | None = None  # SI per unit of the file, where a scale beside the columns says it
+
+    def channel(self, chosen: ChannelMap) -> Channel:
+        """Return how the column's numbers lead to SI: as the map says, else by the scale beside it."""
+        given = chosen.channel(self.role)
+        if self.gain is None or given.gain is not None:
+            return given
+        return Channel(
+            self.role, name=self.name, unit=self.unit, gain=self.gain, offset=given.offset, sign=given.sign
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Header:
+    """What a header says: its word, its unit, and the roles of both."""
+
+    name: str
+    word: str
+    unit: str
+    of_unit: tuple[str, ...]
+    of_word: str  # a role that the word names exactly; "" for none
+
+
+def header_of(table: Table, name: str, place: str) -> Header:
+    """Return what the header of a column says, with the unit that stands beside it."""
+    exact = parse_header(name)
+    word, unit = word_and_unit(name)
+    if exact is not None and unit and exact[1] != unit:  # "Travel_WA100 [mm]"
+        exact = (exact[0], unit) if exact[0] in roles_of_unit(unit) else None
+    if exact is not None:
+        unit = _unit(table, name, exact, place)
+    unit = unit or table.units.get(name, "")
+    return Header(name, word, unit, roles_of_unit(unit), _exact_role(exact, word))
+
+
+def _exact_role(exact: tuple[str, str] | None, word: str) -> str:
+    if exact is not None:
+        return exact[0]
+    named = parse_header(word)
+    return named[0] if named is not None else ""
+
+
+def _unit(table: Table, name: str, header: tuple[str, str], place: str) -> str:
+    """Return the unit of a column; a header and a file that state different ones are an error.
+
+    What is no unit at all, as the brackets of ``Force (Trigger)``, does not speak against one that is.
+    """
+    role, of_header = header
+    stated = table.units.get(name, "")
+    if not (stated and of_header) or spell_unit(stated, role) == spell_unit(of_header, role):
+        return of_header or stated
+    units = [word for word in (of_header, stated) if is_unit(word)]
+    if len(units) == 2:
+        raise InputError(
+            place=place,
+            found=f"column {name!r} states {stated!r} as its unit beside the name",
+            expected="one and the same",
+            remedy="Correct the file",
+        )
+    return units[0] if units else of_header
+
+
+def meant_without_unit(role: str, headers: Sequence[Header]) -> Header | None:
+    """Return the one column without a unit whose symbol, or a part of whose name, is of a role."""
+    symbol = QUANTITIES[role].symbol
+    found = [
+        each
+        for each in headers
+        if not each.unit
+        and each.of_word in {"", role}
+        and (each.word == symbol or speaks_of(each.word, role))
+    ]
+    return found[0] if len(found) == 1 else None

@@ -1,0 +1,135 @@
+"""The command of a run, and its temperature: measured, held as the map says, or said in words.
+
+What names say (``words.labels``) counts where no column and no map does; its source is kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import get_args
+
+import numpy as np
+
+from mrdamper.arrays import FloatArray
+from mrdamper.data.channels import ChannelMap
+from mrdamper.data.formats.table import Table
+from mrdamper.data.proposal.column import Column
+from mrdamper.data.proposal.pieces import Piece
+from mrdamper.data.proposal.refusals import no_command
+from mrdamper.data.records import command_slack, steady_command
+from mrdamper.data.words.labels import Place, find_label
+from mrdamper.errors import InputError
+from mrdamper.quantities import CommandUnit
+
+__all__ = ["COMMAND_UNITS", "command_of", "command_role", "segments_of", "with_temperature"]
+
+COMMAND_UNITS: dict[str, CommandUnit] = dict(zip(("current", "voltage"), get_args(CommandUnit), strict=True))
+_CONTRADICTS = 0.15  # share by which a command in a name and the measured one may differ
+
+
+def command_role(columns: Iterable[Column], chosen: ChannelMap, place: str) -> str:
+    """Return the role of a file's command, a column's before a constant's; "" where neither is there."""
+    measured = {column.role for column in columns}
+    for role in COMMAND_UNITS:
+        if role in chosen.constant and role in measured:
+            raise InputError(
+                place=place, found=f"{role} is a column and a constant of the channel map; leave one out"
+            )
+    for known in (measured, chosen.constant):
+        for role in COMMAND_UNITS:
+            if role in known:
+                return role
+    return ""
+
+
+def command_of(
+    role: str,
+    measured: FloatArray | None,
+    held: float | None,
+    samples: int,
+    table: Table,
+    chosen: ChannelMap,
+    texts: Sequence[Place],
+    place: str,
+) -> tuple[str, FloatArray, tuple[tuple[str, float, str], ...]]:
+    """Return role and values of the command of a piece, and where a label said it.
+
+    Measured, or held as the map says, or else as the nearest place says that speaks of one.
+    """
+    if held is not None:
+        return role, np.full(samples, held), ()
+    if measured is not None:
+        _require_agreement(role, measured, table, texts, place)
+        return role, measured, ()
+    if role in chosen.constant:
+        return role, np.full(samples, chosen.constant[role]), ()
+    label = find_label(texts, "current") or find_label(texts, "voltage")
+    if label is None:
+        raise no_command(table, place)
+    unit = COMMAND_UNITS[label.role]
+    if len(label.values) > 1:
+        values = [f"{value:g} {unit}" for value in label.values]
+        raise no_command(
+            table, place, f"the {label.source} {label.text!r} says {' and '.join(values)}", values
+        )
+    return label.role, np.full(samples, label.values[0]), ((label.role, label.values[0], label.source),)
+
+
+def _require_agreement(
+    role: str, measured: FloatArray, table: Table, texts: Sequence[Place], place: str
+) -> None:
+    """Ask where a file's name states one command and the measured one keeps still at another."""
+    label = find_label([each for each in texts if each.source in {"title", "file name"}], role)
+    held = steady_command(measured) if label is not None and np.isfinite(measured).all() else None
+    if label is None or held is None or len(label.values) != 1:
+        return
+    said = label.values[0]
+    if abs(said - held) > max(_CONTRADICTS * abs(held), 5 * command_slack(held)):
+        unit = COMMAND_UNITS[role]
+        values = [f"{said:g} {unit}", f"{held:.4g} {unit}"]
+        found = f"the {label.source} {label.text!r} says {values[0]}, and the {role} measured is {values[1]}"
+        raise no_command(table, place, found, values)
+
+
+def with_temperature(
+    piece: Piece, told: tuple[tuple[str, float, str], ...], chosen: ChannelMap, texts: Sequence[Place]
+) -> tuple[Piece, tuple[tuple[str, float, str], ...]]:
+    """Return a piece with the temperature that the map or a label states, where no column has it."""
+    if "temperature" in piece.channels:
+        return piece, told
+    value = chosen.constant.get("temperature")
+    if value is None:
+        label = find_label(texts, "temperature")
+        if label is None or len(label.values) != 1:
+            return piece, told
+        value = label.values[0]
+        told = (*told, ("temperature", value, label.source))
+    warm = np.full(len(piece.time), value)
+    return replace(piece, channels={**piece.channels, "temperature": warm}), told
+
+
+def segments_of(
+    table: Table, chosen: ChannelMap, samples: int, place: str
+) -> tuple[list[int], list[float | None]]:
+    """Return the edges of the tests in a file, and the command that the map gives for each."""
+    assert chosen.segments is not None
+    split, commands = chosen.segments.split, chosen.segments.commands
+    begins = {
+        row
+        for cells in table.texts.values()
+        for row, cell in enumerate(cells)
+        if cell is not None and split in cell and row > 0
+    }
+    edges = [0, *sorted(begins), samples]
+    if len(edges) - 1 != len(commands):
+        raise InputError(
+            place=place,
+            found=(
+                f"{split!r} splits the file into {len(edges) - 1} tests and [segments] of the channel map "
+                f"gives {len(commands)} commands"
+            ),
+            expected="as many",
+            remedy="Check the events and the list",
+        )
+    return edges, list(commands)

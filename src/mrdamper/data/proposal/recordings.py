@@ -1,0 +1,251 @@
+"""Recordings from a file's tables: their columns by role, in SI, cut into runs, repaired and named.
+
+What was done to a run while reading is a finding, and what was taken from words an inference; both are
+kept with the file.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from mrdamper.arrays import FloatArray
+from mrdamper.data.channels import ChannelMap
+from mrdamper.data.finding import Finding, Inference
+from mrdamper.data.formats.table import Layout, Table
+from mrdamper.data.proposal.clocks import sampling_step
+from mrdamper.data.proposal.column import Column
+from mrdamper.data.proposal.commands import (
+    COMMAND_UNITS,
+    command_of,
+    command_role,
+    segments_of,
+    with_temperature,
+)
+from mrdamper.data.proposal.pieces import (
+    Piece,
+    cut_at_gaps,
+    filled,
+    integrated,
+    joined,
+    run_edges,
+    to_one_clock,
+)
+from mrdamper.data.proposal.questions import ask_all
+from mrdamper.data.proposal.roles import find_columns, wide_columns
+from mrdamper.data.records import Recording
+from mrdamper.data.words.labels import places_of
+from mrdamper.errors import InputError
+from mrdamper.files import printable
+from mrdamper.quantities import CommandUnit
+
+__all__ = ["ONE_FOR_EACH", "RigFile", "runs_in"]
+
+ONE_FOR_EACH = "one for each current"
+"""The source of a column of force that has others beside it, each with its current in its name."""
+_HELD = ("current", "voltage", "temperature")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RigFile:
+    """What one file holds, and how it was understood."""
+
+    recordings: tuple[Recording, ...]
+    layout: Layout
+    columns: tuple[Column, ...]
+    findings: tuple[Finding, ...] = ()  # of what was done while reading
+    inferred: tuple[Inference, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Part:
+    """The pieces of one table, and how it was understood."""
+
+    pieces: tuple[Piece, ...]
+    columns: tuple[Column, ...]
+    role: str  # of the command
+    notes: tuple[str, ...] = ()
+
+
+def runs_in(tables: Sequence[Table], chosen: ChannelMap, file: Path) -> RigFile:
+    """Return the recordings in a file's tables.
+
+    A table that holds no force over time, as one of results beside those of samples, is left out and told.
+    """
+    parts: list[_Part] = []
+    faults: list[InputError] = []
+    for table in tables:
+        try:
+            parts.append(_part_of(table, chosen, file))
+        except InputError as fault:
+            if len(tables) == 1 or not _is_beside(table, tables):
+                faults.append(fault)
+    if faults or not parts:
+        raise ask_all(faults) if faults else InputError(place=file.name, found="no table holds a run")
+    layout = tables[0].layout
+    notes = tuple(dict.fromkeys(note for part in parts for note in part.notes))
+    if len(parts) < len(tables):
+        notes += (f"{len(tables) - len(parts)} tables without force over time left out",)
+    if len(parts) > 1 and tables[0].title:
+        notes += (f"{len(parts)} parts",)
+    layout = replace(layout, notes=(*layout.notes, *notes))
+    pieces = [(piece, part.role) for part in parts for piece in part.pieces]
+    recordings, findings, inferred = _named(pieces, chosen, file)
+    return RigFile(recordings, layout, parts[0].columns, findings, inferred)
+
+
+def _is_beside(table: Table, tables: Sequence[Table]) -> bool:
+    """Tell whether a table that cannot be read is another kind of table: its columns are not the others'."""
+    return any(other.names != table.names and other.rows > table.rows for other in tables) and not (
+        {column for other in tables if other is not table for column in other.names} >= {*table.names}
+    )
+
+
+def _part_of(table: Table, chosen: ChannelMap, file: Path) -> _Part:
+    """Return the pieces of one table."""
+    place = file.name
+    wide = () if "force" in chosen.channels else wide_columns(table)
+    if wide:
+        return _wide_part(table, chosen, file, wide)
+    columns = find_columns(table, chosen, place)
+    channels, time, slow = _channels(table, columns, chosen, place)
+    role = command_role(columns, chosen, place)
+    measured = channels.pop(role) if role in channels else None
+    for other in COMMAND_UNITS:
+        channels.pop(other, None)
+    edges, titles = run_edges(time, table.parts, table.texts if chosen.segments is None else {})
+    commands: list[float | None] = []
+    if chosen.segments is not None:
+        edges, commands = segments_of(table, chosen, len(time), place)
+        role = chosen.segments.role
+    pieces = []
+    for number, (first, last) in enumerate(itertools.pairwise(edges)):
+        title = next((titles[k] for k in sorted(titles, reverse=True) if k <= first), "")
+        held = commands[number] if commands else None
+        values = measured[first:last] if measured is not None and held is None else None
+        piece = Piece(
+            time=time[first:last],
+            channels={name: each[first:last] for name, each in channels.items()},
+            title=title or table.title,
+        )
+        place_texts = places_of(title or table.title, table.said, file)
+        role_now, values, told = command_of(
+            role, values, held, len(piece.time), table, chosen, place_texts, place
+        )
+        piece, told = with_temperature(piece, told, chosen, place_texts)
+        pieces.append(replace(piece, channels={**piece.channels, "command": values}, told=told))
+        role = role_now
+    whole = joined(pieces) if chosen.segments is None else pieces
+    notes = (f"{', '.join(slow)} interpolated to the fastest clock",) if slow else ()
+    return _Part(tuple(whole), columns, role, notes)
+
+
+def _wide_part(table: Table, chosen: ChannelMap, file: Path, wide: Sequence[tuple[str, float]]) -> _Part:
+    """Return a piece for each column of force of a table that has one for each current."""
+    pieces: list[Piece] = []
+    columns: tuple[Column, ...] = ()
+    names = {name for name, _ in wide}
+    for name, current in wide:
+        others = {key: values for key, values in table.columns.items() if key not in names - {name}}
+        kept = tuple(each for each in table.names if each not in names - {name})
+        said = replace(chosen, constant={**chosen.constant, "current": current})
+        part = _part_of(replace(table, columns=others, names=kept), said, file)
+        columns = columns or tuple(
+            replace(each, source=ONE_FOR_EACH) if each.role == "force" else each for each in part.columns
+        )
+        pieces += [replace(piece, told=(("current", current, f"column {name!r}"),)) for piece in part.pieces]
+    return _Part(tuple(pieces), columns, "current", (f"{len(wide)} columns of force, {ONE_FOR_EACH}",))
+
+
+def _channels(
+    table: Table, columns: Sequence[Column], chosen: ChannelMap, place: str
+) -> tuple[dict[str, FloatArray], FloatArray, tuple[str, ...]]:
+    """Return the channels of a table in SI by role, its time [s], and roles that were interpolated."""
+    names = {column.role: column.name for column in columns if column.role != "time"}
+    raw, slow = to_one_clock(table, names, place)
+    for column in columns:
+        if column.role not in raw:
+            raw[column.role] = table.columns[column.name]
+    channels: dict[str, FloatArray] = {}
+    for column in columns:
+        if not len(raw[column.role]):
+            raise InputError(
+                place=place,
+                found=f"column {column.name!r} ({column.role}) holds no sample",
+                expected="numbers",
+                remedy="The file may be cut off: copy it again",
+            )
+        channels[column.role] = column.channel(chosen).to_si(raw[column.role], column.unit, place)
+    stated = channels.pop("time", raw.get("time"))
+    samples = max(map(len, channels.values()))
+    for role in _HELD:
+        if role in channels and len(channels[role]) == 1:  # said once for the whole table
+            channels[role] = np.full(samples, channels[role][0])
+    if stated is not None and len(stated) > 1:
+        return channels, stated, slow
+    # a time of one number is the sampling interval
+    step = sampling_step(table, chosen, place) if stated is None else float(stated[0])
+    return channels, np.arange(samples, dtype=np.float64) * step, slow
+
+
+def _named(
+    pieces: Sequence[tuple[Piece, str]], chosen: ChannelMap, file: Path
+) -> tuple[tuple[Recording, ...], tuple[Finding, ...], tuple[Inference, ...]]:
+    """Return recordings of the pieces of a file, what was done to them, and what was inferred."""
+    stem = printable(file.stem)
+    names = _names(pieces, chosen, stem)
+    recordings: list[Recording] = []
+    findings: list[Finding] = []
+    inferred: list[Inference] = []
+    for (piece, role), name in zip(pieces, names, strict=True):
+        time = piece.time - piece.time[0] if len(pieces) > 1 or chosen.segments else piece.time
+        parts = list(cut_at_gaps(filled(replace(piece, time=time))))
+        for number, each in enumerate(parts, 1):
+            part = each if "displacement" in each.channels else integrated(each)
+            run = f"{name}_{number}" if len(parts) > 1 else name
+            recordings.append(_recording(part, run, COMMAND_UNITS[role], chosen.session or stem, file))
+            findings += [replace(finding, run=run) for finding in part.findings]
+            inferred += [Inference(run, *told) for told in part.told]
+    return tuple(recordings), tuple(findings), tuple(inferred)
+
+
+def _recording(piece: Piece, name: str, unit: CommandUnit, session: str, file: Path) -> Recording:
+    for values in (piece.time, *piece.channels.values()):
+        if values.base is None:
+            values.setflags(write=False)  # handed on, not copied
+    return Recording(
+        name=name,
+        time=piece.time,
+        displacement=piece.channels["displacement"],
+        force=piece.channels["force"],
+        command=piece.channels["command"],
+        command_unit=unit,
+        velocity=piece.channels.get("velocity"),
+        temperature=piece.channels.get("temperature"),
+        session=session,
+        source=printable(str(file)),
+    )
+
+
+def _names(pieces: Sequence[tuple[Piece, str]], chosen: ChannelMap, stem: str) -> list[str]:
+    """Return the names of the runs in a file: its own, with commands, titles or numbers of several."""
+    if len(pieces) == 1 and chosen.segments is None:
+        return [stem]
+    titles = [piece.title for piece, _ in pieces]
+    if chosen.segments is not None or all(
+        piece.told and piece.told[0][0] in COMMAND_UNITS for piece, _ in pieces
+    ):
+        ends = [f"{piece.channels['command'][0]:.2f}{COMMAND_UNITS[role]}" for piece, role in pieces]
+    elif len(set(titles)) == len(titles):
+        ends = titles
+    else:
+        return [f"{stem}_{number}" for number in range(1, len(pieces) + 1)]
+    names = []
+    for number, end in enumerate(ends):
+        again = ends[:number].count(end)
+        names.append(f"{stem}_{end}" + (f"_{again + 1}" if again else ""))
+    return names

@@ -1,0 +1,144 @@
+"""Errors of a table in which a role has no column, no unit or no scale: each asks for what is missing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from mrdamper.data.formats.table import Table
+from mrdamper.data.proposal.column import header_of, meant_without_unit
+from mrdamper.data.proposal.questions import ask
+from mrdamper.data.words.headers import (
+    candidates,
+    is_monitor,
+    parse_header,
+    speaks_of,
+    word_and_unit,
+)
+from mrdamper.errors import InputError
+from mrdamper.quantities import QUANTITIES, roles_of_unit
+
+__all__ = [
+    "listed",
+    "no_column",
+    "no_column_of_map",
+    "no_command",
+    "no_scale",
+    "no_unit",
+    "perhaps",
+    "require_no_text",
+]
+
+
+def no_column(role: str, table: Table, place: str) -> InputError:
+    """Return the error that asks for the column of a role."""
+    require_no_text(role, table, place)
+    names = candidates(role, [*table.columns])
+    bare = meant_without_unit(role, [header_of(table, name, place) for name in table.columns])
+    scale = [name for name in table.columns if "voltage" in roles_of_unit(word_and_unit(name)[1])]
+    return ask(
+        role,
+        "unit" if bare is not None else "scale" if not names and scale else "column",
+        place,
+        found=f"no {role} column; the columns are: {listed(table.names)}",
+        expected=(
+            f"a header such as {role}_{QUANTITIES[role].unit}, or [channel.{role}] in a channel map "
+            f"(⟦--channels FILE⟧){perhaps([role], table)}"
+        ),
+        candidates=QUANTITIES[role].units if bare is not None else names or scale or list(table.columns),
+    )
+
+
+def no_column_of_map(role: str, table: Table, place: str) -> InputError:
+    """Return the error of a channel map that names no column for a role it speaks of."""
+    return InputError(
+        place=place,
+        found=(f"neither channel.{role} nor a header names a column; the columns are: {listed(table.names)}"),
+    )
+
+
+def no_unit(role: str, place: str, name: str) -> InputError:
+    """Return the error that asks for the unit of a column."""
+    choices = QUANTITIES[role].units
+    return ask(
+        role,
+        "unit",
+        place,
+        found=f"{role} has no unit",
+        expected=(
+            f"one in the header (such as {role}_{QUANTITIES[role].unit}) of column {name!r}, or `unit` at "
+            f"[channel.{role}] in a channel map (⟦--channels FILE⟧): {', '.join(choices)}"
+        ),
+        candidates=choices,
+    )
+
+
+def no_scale(role: str, names: Sequence[str], place: str) -> InputError:
+    """Return the error that asks what one volt of a sensor is."""
+    columns = ", ".join(map(repr, names))
+    return ask(
+        role,
+        "scale",
+        place,
+        found=f"{role} is in volts ({columns}) and nothing says how many {QUANTITIES[role].unit} one volt is",
+        expected=f"a line such as 'scale: 10 {QUANTITIES[role].units[-1]}/V' above the table, or `gain`",
+        remedy=f"Give gain and unit = 'V' at [channel.{role}] in the channel map",
+        candidates=names,
+    )
+
+
+def no_command(
+    table: Table, place: str, found: str = "no current or voltage", values: Sequence[str] = ()
+) -> InputError:
+    """Return the error that asks for the command."""
+    for role in ("current", "voltage"):
+        require_no_text(role, table, place)
+    volts = [name for name in table.columns if "voltage" in roles_of_unit(word_and_unit(name)[1])]
+    volts = [name for name in volts if parse_header(name) is None and not _has_companion(name, table)]
+    monitors = [name for name in volts if is_monitor(name) or speaks_of(word_and_unit(name)[0], "current")]
+    bare = meant_without_unit("current", [header_of(table, name, place) for name in table.columns])
+    if monitors and not values:
+        return no_scale("current", monitors, place)
+    return ask(
+        "current",
+        "column" if volts and not values else "unit" if bare is not None and not values else "value",
+        place,
+        found=found,
+        expected=(
+            "a column such as current_A or voltage_V, or the same at [constant] in a channel map "
+            f"(⟦--channels FILE⟧){perhaps(('current', 'voltage'), table)}"
+        ),
+        candidates=values or volts or (QUANTITIES["current"].units if bare is not None else ()),
+    )
+
+
+def _has_companion(name: str, table: Table) -> bool:
+    """Tell whether another column has the same word and another unit: volts are its sensor's."""
+    word = word_and_unit(name)[0]
+    return any(word_and_unit(other)[0] == word for other in table.columns if other != name)
+
+
+def require_no_text(role: str, table: Table, place: str) -> None:
+    """Refuse a column of texts whose header says that it is what is missed."""
+    for name, cells in table.texts.items():
+        header = parse_header(name)
+        if header is not None and header[0] == role:
+            cell = next((cell for cell in cells if cell), "")
+            raise InputError(
+                place=place,
+                found=f"column {name!r} ({role}) holds text, such as {cell[:40]!r}",
+                expected="numbers, without units or separators of thousands in the cells",
+                remedy="Export the file again",
+            )
+
+
+def perhaps(roles: Iterable[str], table: Table) -> str:
+    """Return the end of a message: which column may be the one that is missed, as a map names it."""
+    found = [(role, name) for role in roles for name in candidates(role, [*table.columns])]
+    lines = " or ".join(f"[channel.{role}] name = {name!r}" for role, name in found[:3])
+    return f"; perhaps {lines}" if found else ""
+
+
+def listed(names: Sequence[str], most: int = 24) -> str:
+    """Return the names of columns as one line, the first ``most`` of them."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
