@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mrdamper.errors import MrdamperError
+from mrdamper.identify.motions import motion_groups
 from mrdamper.identify.selection.candidates import Candidate, Fitted, Judge, Judged
 from mrdamper.models.damper import Damper
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
@@ -319,4 +320,5 @@ def _left_out(judge: Judge) -> str:
     count = len(judge.folds)
     if not judge.folds[0].whole:
         return f"{count} blocks of time"
-    return f"{count} folds of whole motions" if count > 1 else judge.folds[0].label
+    left = "motions" if len(motion_groups(judge.runs)) > 1 else "commands"
+    return f"{count} folds of whole {left}" if count > 1 else judge.folds[0].label
