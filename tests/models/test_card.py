@@ -427,6 +427,16 @@ def test_half_a_character_is_refused_when_a_card_is_made(key):
         a_card(**{key: half})
 
 
+def test_a_cards_coefficients_stay_on_their_limits_outside_its_runs():
+    falling = {**CARD.damper.coefficients, "yield_force": Polynomial((100.0, -80.0))}
+    card = a_card(replace(CARD.damper, coefficients=falling), excerpt=None, standard_errors={})
+    path = drive(Sine(0.005, 3.0), duration=0.4, rate_Hz=200.0, command=2.0)
+    without = replace(card.damper, coefficients={**falling, "yield_force": Constant(0.0)})
+    np.testing.assert_array_equal(simulate(card.damper, path), simulate(without, path))
+    with pytest.raises(InputError, match=r"yield_force is -0\.8 N"):
+        replace(card, envelope=replace(card.envelope, command=(0.0, 2.0)))
+
+
 def test_a_card_without_excerpt_says_so():
     with pytest.raises(InputError, match="carries no excerpt"):
         verify_excerpt(replace(CARD, excerpt=None), simulate)

@@ -30,6 +30,7 @@ from mrdamper.identify.predict import at_reference, finite, predict, prepare_all
 from mrdamper.identify.problem import Estimate, FitProblem, FitResult, envelope_of
 from mrdamper.identify.search.population import fit_cma, fit_genetic
 from mrdamper.identify.search.variable_projection import MOST_ITERATIONS, fit_variable_projection
+from mrdamper.identify.selection.candidates import Candidate, Judge
 from mrdamper.identify.temperature import (
     TEMPERATURES,
     FluidFactors,
@@ -208,6 +209,9 @@ def fit(  # noqa: PLR0913 - the options of a fit, by keyword
     )
     if first is None and archetypes_of(damper.law):
         first = damper
+        if terms and method == "varpro":
+            judge = Judge(steady, one_command=one_command, temperature=temperature, fluid=fluid)
+            first = judge.staged(Candidate(damper.law.name, tuple(terms))) or damper
     problem = FitProblem(damper, free, steady, session_offsets)
     prepared_in = time.process_time() - clock
     if method == "varpro":

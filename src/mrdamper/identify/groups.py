@@ -28,6 +28,7 @@ __all__ = [
     "archetypes_of",
     "base_of",
     "groups_of",
+    "starts_of",
 ]
 
 Form = Literal["fixed", "constant", "line", "polynomial", "exponential", "hill"]
@@ -314,6 +315,29 @@ _ARCHETYPES: Mapping[str, tuple[Archetype, ...]] = MappingProxyType(
         )
     }
 )
+
+
+_CHAIN_STARTS: tuple[Mapping[str, float], ...] = tuple(
+    {
+        "gap_stiffness": stiffness,
+        "gap": gap,
+        "gap_corner": corner,
+        "leak_damping": leak,
+        "yield_velocity": yield_velocity,
+    }
+    for stiffness, gap, corner, leak, yield_velocity in (
+        (50.0, 0.02, 0.01, 10.0, 0.03),
+        (400.0, 0.007, 0.002, 4.0, 0.015),
+        (2e3, 0.002, 0.001, 4.0, 0.015),
+        (200.0, 0.02, 0.004, 40.0, 0.06),
+        (1e4, 0.001, 0.001, 400.0, 0.06),
+    )
+)
+
+
+def starts_of(law: HysteresisLaw) -> tuple[Mapping[str, float], ...]:
+    """Return where the base of a law may begin, in the runs' size; none where any start will do."""
+    return _CHAIN_STARTS if law.name == "chain" else ()
 
 
 def archetypes_of(law: HysteresisLaw) -> tuple[Archetype, ...]:

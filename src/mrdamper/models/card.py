@@ -107,8 +107,9 @@ class Excerpt:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class ModelCard:
-    """A damper with its evidence.
+    """A damper with its evidence; its coefficients are on their limits where their forms would leave them.
 
+    Inside the envelope the forms themselves must keep the limits.
     ``python_law`` is ``file.py:Class`` when the law is a user's own; ``force_band`` is what to expect of new
     runs (older cards have none); ``upgraded_from`` is the schema version
     of a file that carried no hash yet; ``file`` is where the card was read from, empty for one made here.
@@ -137,7 +138,9 @@ class ModelCard:
                 )
         if (self.damper.law.python is None) != (self.python_law is None):
             raise InputError(f"law {self.damper.law.name!r} and python_law {self.python_law!r} disagree")
-        self.damper.check(self.envelope)
+        replace(self.damper, limited=False).check(self.envelope)
+        # Outside the runs (between their commands, beyond their temperatures) a bound is still a bound.
+        object.__setattr__(self, "damper", self.damper.on_limits())
         complete = {name: self.standard_errors.get(name) for name in parameters}
         object.__setattr__(self, "standard_errors", _freeze(complete, "standard_errors", ordered=True))
         object.__setattr__(self, "preparation", _freeze(self.preparation, "preparation"))

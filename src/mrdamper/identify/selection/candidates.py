@@ -19,7 +19,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import ConvergenceError
 from mrdamper.identify.checkpoint import CheckpointStore, NoCheckpoint
-from mrdamper.identify.groups import archetypes_of, groups_of
+from mrdamper.identify.groups import archetypes_of, groups_of, starts_of
 from mrdamper.identify.limits import feasible
 from mrdamper.identify.motions import Fold, folds_of
 from mrdamper.identify.problem import FitProblem, FreeParameter, PreparedFit
@@ -220,6 +220,27 @@ class Judge:
         problem, dampers = self._from(candidate, former)
         damper, _ = _descend(problem, Objective(problem, self._opened(problem)), dampers, _FIT_STEPS)
         return self._keep(candidate, problem, damper, clock)
+
+    def staged(self, candidate: Candidate) -> Damper | None:
+        """Return a damper for a law of many groups to begin with; None where no descent goes anywhere.
+
+        The base descends from each of its starts on short segments of the runs; the groups of the candidate
+        are then switched on one by one, each from the best so far.
+        """
+        law = LAWS[candidate.law]
+        stage = Candidate(candidate.law, ())
+        begun = [self._problem(stage, start) for start in starts_of(law)]
+        templates = [problem.template for problem in begun]
+        try:
+            damper, _ = _descend(begun[0], self._on_segments(begun[0]), templates, _ARCHETYPE_STEPS)
+            for name in groups_of(law):
+                if name in candidate.groups:
+                    stage = stage.with_group(name)
+                    problem, dampers = self._from(stage, damper)
+                    damper, _ = _descend(problem, self._on_segments(problem), dampers, _FIT_STEPS)
+        except ConvergenceError:
+            return None
+        return damper
 
     def glance(self, candidate: Candidate, former: Damper) -> float:
         """Return the error [%] of a candidate fitted in very few steps to short segments of the runs."""
