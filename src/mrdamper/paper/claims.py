@@ -50,6 +50,7 @@ class Claim:
     origin: Origin
     paper: float | str | None
     ours: float | str | None
+    compared_with: float | str | None  # the paper's figure, or what the same dampers gave another way
     unit: str
     verdict: Verdict | None  # None: nothing that could be wrong, or nothing to compare with
     contradiction: bool  # the paper contradicts itself or physics here
@@ -96,6 +97,7 @@ class Row:
     def claim_of(self, found: Findings) -> Claim:
         """Return the claim with what was found."""
         ours = self.ours(found)
+        compared = self.paper if self.against is None else self.against(found)
         return Claim(
             claim=self.claim,
             row=self.row,
@@ -103,14 +105,14 @@ class Row:
             origin=self.origin,
             paper=self.paper,
             ours=ours,
+            compared_with=compared,
             unit=self.unit,
-            verdict=self._verdict(found, ours),
+            verdict=self._verdict(ours, compared),
             contradiction=self.contradicts(found),
             why=self.why if isinstance(self.why, str) else self.why(found),
         )
 
-    def _verdict(self, found: Findings, ours: float | None) -> Verdict | None:
-        compared = self.paper if self.against is None else self.against(found)
+    def _verdict(self, ours: float | None, compared: float | str | None) -> Verdict | None:
         if self.judged is None or ours is None or not isinstance(compared, float | int):
             return None
         return self.judged(ours, compared)

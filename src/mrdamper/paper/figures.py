@@ -53,6 +53,7 @@ class Section:
     said: str
     rows: tuple[int, ...]
     plates: tuple[PaperFigure, ...]
+    on_the_way: bool = False  # from the loops to the controller: its first picture opens the report
 
 
 def sections_of(found: Findings) -> list[Section]:
@@ -66,12 +67,14 @@ def sections_of(found: Findings) -> list[Section]:
             "them, here on the virtual rig. Grey is measured; what was held out of the fit is marked.",
             (*_ROWS["tests"], *_ROWS["forces"]),
             tuple(_loop_plates(found)),
+            on_the_way=True,
         ),
         Section(
             "Heating",
             "Sections 2.1, 3.1 and 3.3: 15 mm, 1 Hz and 2 A, with the five fins and without.",
             _ROWS["heat"],
             tuple(_heat_plates(found)),
+            on_the_way=True,
         ),
         Section(
             "Heat sinks",
@@ -86,6 +89,7 @@ def sections_of(found: Findings) -> list[Section]:
             "its card.",
             _ROWS["tracking"],
             tuple(_tracking_plates(found)),
+            on_the_way=True,
         ),
         Section("What cannot be checked", "", _ROWS["lost"], ()),
     ]

@@ -37,6 +37,7 @@ def render_paper(
         .get_template("paper.html.j2")
         .render(
             sections=sections,
+            way=[section.plates[0] for section in sections if section.on_the_way],
             claims=[[claim for claim in claims if claim.row in section.rows] for section in sections],
             origins=[(origin, origins[origin]) for origin in get_args(Origin) if origins[origin]],
             judged=[claim for claim in claims if claim.verdict is not None],
