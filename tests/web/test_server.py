@@ -169,13 +169,13 @@ def test_a_broken_file_says_what_is_wrong_and_where_and_shows_its_columns(clean)
 
 
 def test_what_is_wrong_with_a_run_is_found_and_told(clean, tmp_path):
-    """A force that helps the motion: a sign of the load cell, which ``mrdamper check`` finds as well."""
+    """A force that helps the motion and misses a sample, a current in the name: as ``mrdamper check``."""
     _, client = clean
     table = a_run(tmp_path / "run.csv")
-    names = ("time_s", "displacement_mm", "force_N", "current_A")
-    columns = dict(zip(names, table.T * np.array([[1.0], [1.0], [-1.0], [1.0]]), strict=True))
-    path = write_csv(tmp_path / "turned.csv", columns)
-    client.ask("PUT", "/api/files/turned.csv", content=path.read_bytes())
+    table[100, 2] = np.nan
+    columns = {"time_s": table[:, 0], "displacement_mm": table[:, 1], "force_N": -table[:, 2]}
+    path = write_csv(tmp_path / "turned_1A.csv", columns)
+    client.ask("PUT", "/api/files/turned_1A.csv", content=path.read_bytes())
     client.read_all()
     end = time.monotonic() + 20.0
     while not (run := client.get("/api/runs")["runs"][0])["checked"]:
@@ -186,6 +186,8 @@ def test_what_is_wrong_with_a_run_is_found_and_told(clean, tmp_path):
     by_hand = mrdamper("check", path, "--json")
     told = json.loads(by_hand.stdout)["findings"]
     assert [finding["kind"] for finding in run["findings"]] == [finding["kind"] for finding in told]
+    assert "missing_filled" in {finding["kind"] for finding in told}
+    assert run["inferred"] == ["turned_1A: current 1 A, from the file name"]
 
 
 def test_a_file_that_comes_or_changes_by_hand_is_seen(clean, tmp_path):

@@ -15,6 +15,7 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.channels import ChannelMap
+from mrdamper.data.finding import worst_first
 from mrdamper.data.proposal.recordings import RigFile, runs_in
 from mrdamper.data.readers import map_beside, read_file
 from mrdamper.data.records import Recording
@@ -57,16 +58,14 @@ def look(path: Path, given: Mapping[str, Any] | None = None) -> Json:
     answer, read = look_into(path, given)
     if read is None:
         return answer
-    described = [run_row(recording) for recording in read.recordings[:_MOST_RUNS]]
+    described = [run_row(read, recording) for recording in read.recordings[:_MOST_RUNS]]
     answer["runs"] = [{**row, "file": path.name} for row, _ in described]
     if sum(map(len, read.recordings)) <= _QUICKLY:
-        from mrdamper.data.diagnosis.diagnose import diagnose
-
         answer["checked"] = True
         answer["findings"] = [
-            dict(finding.to_dict())
+            finding
             for recording, (_, prepared) in zip(read.recordings, described, strict=False)
-            for finding in diagnose(recording, prepared)
+            for finding in _findings(read, recording, prepared)
         ]
     return answer
 
@@ -142,17 +141,23 @@ def look_into(path: Path, given: Mapping[str, Any] | None = None) -> tuple[Json,
 
 def findings_in(path: Path) -> Json:
     """Return what is wrong with the runs in a file, by the number of the run; minutes for very long ones."""
-    from mrdamper.data.diagnosis.diagnose import diagnose
-
     try:
         read = read_file(path)
     except InputError:
         return {"findings": []}
-    return {"findings": [[dict(each.to_dict()) for each in diagnose(run)] for run in read.recordings]}
+    return {"findings": [_findings(read, run) for run in read.recordings]}
 
 
-def run_row(recording: Recording) -> tuple[Json, PreparedRun | None]:
-    """Return a run in figures, and as prepared for a fit where it can be."""
+def _findings(read: RigFile, run: Recording, prepared: PreparedRun | None = None) -> list[Json]:
+    """Return what reading did to a run of a file and what the run shows by itself, worst first."""
+    from mrdamper.data.diagnosis.diagnose import diagnose
+
+    found = [*diagnose(run, prepared), *(each for each in read.findings if each.run == run.name)]
+    return [dict(each.to_dict()) for each in sorted(found, key=worst_first)]
+
+
+def run_row(read: RigFile, recording: Recording) -> tuple[Json, PreparedRun | None]:
+    """Return a run of a file in figures, and as prepared for a fit where it can be."""
     from mrdamper.data.prepare import prepare_run
 
     prepared, error = None, None
@@ -184,6 +189,7 @@ def run_row(recording: Recording) -> tuple[Json, PreparedRun | None]:
         if prepared is None
         else 1e3 * float(np.abs(prepared.trajectory.velocity).max()),
         "force_range_N": _ends(recording.force),
+        "inferred": [each.in_words() for each in read.inferred if each.run == recording.name],
         "usable": error is None,
         "error": error,
     }

@@ -55,7 +55,7 @@ def keep_runs(path: Path, place: Path) -> Json:
         return answer
     rows = []
     for k, recording in enumerate(read.recordings):
-        row, prepared = run_row(recording)
+        row, prepared = run_row(read, recording)
         rows.append({**row, "file": path.name})
         lengths = {len(getattr(recording, name)) for name in ("time", "displacement", "force", "command")}
         if len(lengths) == 1 and len(recording):

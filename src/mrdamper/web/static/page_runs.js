@@ -155,6 +155,7 @@ export function show(place, app, query) {
     const units = [...new Set(told.runs.map((run) => run.command_unit).filter(Boolean))];
     const mixed = units.length > 1;
     const unit = units[0] ?? "A";
+    const inferred = told.runs.flatMap((run) => run.inferred ?? []).slice(0, 12);
     const findings = told.runs.flatMap((run) => run.findings ?? []).filter((one) => one.severity !== "note");
     fill(
       runs,
@@ -178,6 +179,7 @@ export function show(place, app, query) {
       ),
       findings.length > 0 && el("h2", { text: "What the runs show by themselves" }),
       findings.length > 0 && findingTable(findings),
+      inferred.length > 0 && el("p", { class: "small", text: `Not in a column, taken from names: ${inferred.join("; ")}.` }),
       el("div", { class: "actions" }, button("Look at the loops", () => app.go("loops"), { class: "main" }), button("Identify a model", () => app.go("identify"))),
     );
   }
