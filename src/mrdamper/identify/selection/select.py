@@ -31,7 +31,8 @@ _ROUNDS = 2  # of groups switched on,
 _BEHIND = 1.05  # while the law's left-out error is no further behind that of the best
 _CLEAR, _CLEAR_T = 0.01, 1.0  # gain in left-out error that is taken, with Student's t,
 _WORTH = 0.15  # gain for which a law is taken that no controller takes
-_SMALL, _SMALL_T = 0.003, 2.0  # or a smaller one that is surer
+_SMALL, _SMALL_T = 0.003, 2.0  # or a smaller one that is surer,
+_FAR_REACHING = "mass"  # but not for this group: its force grows with the square of the frequency
 
 _FAILURES = (MrdamperError, ValueError, ArithmeticError, RuntimeError)  # of one candidate, not of the choice
 
@@ -272,9 +273,15 @@ def select(
 
 
 def _better(one: Judged, other: Judged) -> bool:
-    """Say whether the first candidate's left-out error is lower by more than chance."""
+    """Say whether the first candidate's left-out error is lower by more than chance.
+
+    A small gain does not buy a mass: beyond the frequencies of the runs, which none of the left-out motions
+    passes, a mass that is not there costs far more than it gained among them.
+    """
     gain, t = one.gain_over(other)
-    return (gain > _CLEAR and t > _CLEAR_T) or (gain > _SMALL and t > _SMALL_T)
+    with_it, without = (_FAR_REACHING in each.fitted.candidate.groups for each in (one, other))
+    small_counts = without or not with_it
+    return (gain > _CLEAR and t > _CLEAR_T) or (small_counts and gain > _SMALL and t > _SMALL_T)
 
 
 def _row(fitted: Fitted, judged: Judged | None = None) -> LawScore:
