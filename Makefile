@@ -29,12 +29,12 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # Compiled once, then read by every worker and every process that the tests start.
 export PYTHONDONTWRITEBYTECODE :=
 
-# What the extension and the installed metadata are made of; a change in Python needs no rebuild.
+# What the extension and the installed metadata are made of; a change inside a Python file needs no rebuild.
 COMPILED := pyproject.toml CMakeLists.txt $(shell find src -name '*.[ch]' 2>/dev/null)
 
 .DELETE_ON_ERROR:
 .PHONY: help install demo test test-fast test-system test-nightly release-check check lint docs fuzz audit bench lock \
-  wheel clean
+  wheel clean FORCE
 
 help:
 	@sed -n 's/^#   //p' Makefile
@@ -60,7 +60,11 @@ $(VENV)/.tested $(VENV)/.benched: $(VENV)/.%ed: requirements-%.lock $(VENV)/.loc
 	@$(RUN) -m pip install --quiet --require-hashes -r requirements-$*.lock
 	@touch $@
 
-$(VENV)/.built: $(COMPILED) $(VENV)/.locked
+# The editable installation knows each module by its file: one that came, went or moved needs it anew.
+$(VENV)/.modules: FORCE | $(VENV)/.made
+	@find src -name '*.py' | LC_ALL=C sort | cmp -s - $@ || find src -name '*.py' | LC_ALL=C sort > $@
+
+$(VENV)/.built: $(COMPILED) $(VENV)/.locked $(VENV)/.modules
 	@for each in "$(CC)" cc gcc clang; do command -v "$$each" >/dev/null 2>&1 && exit 0; done; \
 	  echo "mrdamper needs a C compiler (cc, gcc or clang; or set CC), and none was found" >&2; exit 1
 	@echo "building the extension"
