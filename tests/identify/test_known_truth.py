@@ -59,7 +59,8 @@ def test_twenty_noisy_campaigns_give_the_numbers_back(law: str) -> None:
     """One miss of twenty is 5 %: allowed for one draw, not for two."""
     off = errors_from_the_truth(law, range(20))
     shares = {name: float(np.mean(z < 3.0)) for name, z in off.items()}
-    assert len(shares) >= len(TRUTHS[law].parameters) // 3
+    _, free = template(law, measured(TRUTHS[law], noise=0.0, seed=0))
+    assert len(shares) > len(free) // 3  # the chain has many more numbers, of groups that are off
     assert min(shares.values()) >= 0.95, shares
     assert np.mean(list(shares.values())) >= 0.97
 
