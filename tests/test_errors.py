@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -31,9 +32,10 @@ def test_the_parts_make_the_message() -> None:
         ({"place": "a.csv", "found": "no rows"}, "a.csv: no rows"),
         ({"found": "no rows", "expected": "some"}, "no rows; expected some"),
         ({"place": "a.csv", "found": "no rows", "remedy": "Record again"}, "a.csv: no rows. Record again"),
+        ({"found": "no rows", "remedy": "record again"}, "no rows; record again"),
     ],
 )
-def test_a_part_that_is_not_given_leaves_no_mark(given: dict[str, str], said: str) -> None:
+def test_a_part_that_is_not_given_leaves_no_mark(given: dict[str, Any], said: str) -> None:
     assert str(InputError(**given)) == said
     assert InputError(**given).parts() == given
 
@@ -68,17 +70,34 @@ def test_a_moved_error_keeps_its_other_parts() -> None:
     assert fault.parts()["place"] == "curve.csv"
 
 
+def test_many_faults_are_one_error_that_still_holds_the_parts_of_each() -> None:
+    faults = [InputError("no rows", place=f"{k}.csv", remedy="record again") for k in range(14)]
+    many = InputError(faults=faults).within("campaign")
+    lines = str(many).split("\n")
+    assert lines[0] == "campaign: 0.csv: no rows; record again"
+    assert lines[-1] == "... and 2 more like these"
+    second = {"place": "campaign: 1.csv", "found": "no rows", "remedy": "record again"}
+    assert many.to_json()["faults"][1] == second
+    assert pickle.loads(pickle.dumps(many)).to_json() == many.to_json()
+
+
+def test_a_file_is_called_by_its_other_name_wherever_it_stands() -> None:
+    fault = InputError("/tmp/a.csv has no rows", place="/tmp/a.csv").renamed("/tmp/a.csv", "a.csv")
+    assert str(fault) == "a.csv: a.csv has no rows"
+
+
 def test_a_part_of_any_size_is_cut() -> None:
     fault = InputError(place="a.csv", found="x" * 100_000 + "\n" * 5000)
     assert all(len(text) < 10_000 for text in fault.to_json().values())
 
 
 @given(st.fixed_dictionaries(dict.fromkeys(PARTS, TEXTS)))
-def test_any_parts_make_a_message_and_come_back(parts: dict[str, str]) -> None:
+def test_any_parts_make_a_message_and_come_back(parts: dict[str, Any]) -> None:
     fault = MrdamperError(**parts)
+    mark = "; " if parts["remedy"][:1].islower() else ". "
     said = (f"{parts['place']}: " if parts["place"] else "") + parts["found"]
     said += (f"; expected {parts['expected']}" if parts["expected"] else "") + (
-        f". {parts['remedy']}" if parts["remedy"] else ""
+        f"{mark}{parts['remedy']}" if parts["remedy"] else ""
     )
     told = {name: text for name, text in parts.items() if text}
     assert fault.to_json() == {"kind": "MrdamperError", "message": said, **told}

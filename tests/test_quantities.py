@@ -94,7 +94,7 @@ def test_rigs_spell_units_in_their_own_way(spelling, role, unit):
 )
 def test_a_unit_of_something_else_is_refused_with_the_choices(unit, role):
     quantity = find_quantity(role)
-    expected = f"unit '{unit}' is not a unit of {role} (stored in {quantity.unit}); use one of: "
+    expected = f"unit '{unit}' is not a unit of {role} (stored in {quantity.unit}); expected one of: "
     with pytest.raises(InputError) as error:
         to_si([1.0], unit, role)
     assert str(error.value) == expected + ", ".join(quantity.units)
@@ -134,12 +134,14 @@ def test_no_text_in_place_of_a_unit_is_our_fault(garbled):
 
 
 def test_a_missing_unit_is_asked_for():
-    with pytest.raises(InputError, match="force has no unit; give one of: N, kN"):
+    with pytest.raises(InputError, match="force has no unit; expected one of: N, kN"):
         to_si([1.0], " ", "force")
 
 
 def test_an_unknown_role_names_the_known_ones():
-    with pytest.raises(InputError, match="'pressure' is not a role of a channel; use one of: time, displ"):
+    with pytest.raises(
+        InputError, match="'pressure' is not a role of a channel; expected one of: time, displ"
+    ):
         to_si([1.0], "Pa", "pressure")
 
 

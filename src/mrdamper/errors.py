@@ -16,10 +16,11 @@ code 1), never a way of reporting bad input.
 
 from __future__ import annotations
 
+import copy
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import PurePath
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 __all__ = [
     "CheckError",
@@ -38,8 +39,10 @@ __all__ = [
 
 
 _NAMED = re.compile("⟦([^⟧]*)⟧")
+_PARTS = ("place", "found", "expected", "remedy")
 _LONGEST_LINE = 4000
 _MOST_LINES = 200
+_MOST_FAULTS = 12  # of many, in one message
 
 
 class MrdamperError(Exception):
@@ -47,38 +50,58 @@ class MrdamperError(Exception):
 
     Parameters
     ----------
-    message : what is wrong, as one sentence, where it has no parts
-    place : the file, run or field where it was found
     found, expected : what is there, and what should be
-    remedy : what to do about it, as a sentence; it names options by ``option`` and commands by ``command``
+    place : the file, run or field where it was found
+    remedy : what to do about it, as a sentence, or as a clause where it begins with a small letter; it names
+        options by ``option`` and commands by ``command``
+    faults : errors that were gathered into this one; it has no parts of its own then
 
-    The parts make one message: place, found, expected, remedy, in this order. What was found stands in it as
-    it is; a text of any size is cut, so that the rest can be read.
+    The parts make one message: place, found, expected, remedy, in this order; of many faults each has a
+    line. What was found stands in it as it is; a text of any size is cut, so that the rest can be read.
     """
 
     exit_code: ClassVar[int] = 1
 
     def __init__(
         self,
-        message: str = "",
+        found: str = "",
         *,
         place: str | PurePath = "",
-        found: str = "",
         expected: str = "",
         remedy: str = "",
+        faults: Sequence[MrdamperError] = (),
     ) -> None:
-        self.place, self.found, self.expected, self.remedy = str(place), found or message, expected, remedy
+        self.place, self.found, self.expected, self.remedy = str(place), found, expected, remedy
+        self.faults = tuple(faults)
         super().__init__(self._said())
 
     def _said(self) -> str:
+        if self.faults:
+            return _joined(self.faults)
         said = f"{self.place}: {self.found}" if self.place else self.found
         said += f"; expected {self.expected}" if self.expected else ""
-        return said + (f". {self.remedy}" if self.remedy else "")
+        return said + f"{'; ' if self.remedy[:1].islower() else '. '}{self.remedy}" if self.remedy else said
 
     def move_to(self, place: str) -> None:
         """Change the place: who called knows the file of what was given as a value."""
         self.place = place
         self.args = (self._said(),)
+
+    def within(self, place: str | PurePath) -> Self:
+        """Return this error, a place before its own: that of a field gets the field's file."""
+        moved = copy.copy(self)
+        moved.faults = tuple(fault.within(place) for fault in self.faults)
+        moved.move_to(f"{place}: {self.place}" if self.place else str(place))
+        return moved
+
+    def renamed(self, name: str, other: str) -> Self:
+        """Return this error with another name of a file, wherever that stands in it."""
+        moved = copy.copy(self)
+        moved.faults = tuple(fault.renamed(name, other) for fault in self.faults)
+        for part in _PARTS:
+            setattr(moved, part, getattr(self, part).replace(name, other))
+        moved.move_to(moved.place)
+        return moved
 
     def __str__(self) -> str:
         return self.spelled()
@@ -93,12 +116,23 @@ class MrdamperError(Exception):
 
     def parts(self, spell: Callable[[str], str] = str) -> dict[str, str]:
         """Return place, found, expected and remedy, those that it has, in the words of ``spell``."""
-        parts = {name: getattr(self, name) for name in ("place", "found", "expected", "remedy")}
+        if self.faults:
+            return {"found": self.spelled(spell)}
+        parts = {name: getattr(self, name) for name in _PARTS}
         return {name: _readable(text, spell) for name, text in parts.items() if text}
 
-    def to_json(self, spell: Callable[[str], str] = str) -> dict[str, str]:
-        """Return the kind of the error, its message and its parts, in the words of ``spell``."""
-        return {"kind": type(self).__name__, "message": self.spelled(spell), **self.parts(spell)}
+    def to_json(self, spell: Callable[[str], str] = str) -> dict[str, Any]:
+        """Return kind, message and parts of the error and of its faults, in the words of ``spell``."""
+        parts = [fault.parts(spell) for fault in self.faults[:_MOST_FAULTS]]
+        told = {"kind": type(self).__name__, "message": self.spelled(spell), **self.parts(spell)}
+        return {**told, **({"faults": parts} if parts else {})}
+
+
+def _joined(faults: Sequence[MrdamperError]) -> str:
+    """Return a line for each of the first faults, and how many more there are."""
+    lines = [f"{fault}" for fault in faults[:_MOST_FAULTS]]
+    more = [f"... and {len(faults) - _MOST_FAULTS} more like these"] if len(faults) > _MOST_FAULTS else []
+    return "\n".join([*lines, *more])
 
 
 def option(name: str, value: str = "") -> str:
@@ -166,6 +200,11 @@ class EnvelopeWarning(UserWarning):
 
 class MissingExtraError(InputError):
     """An optional library is not installed; the message names the install command."""
+
+    @classmethod
+    def of(cls, what: str, package: str, extra: str) -> Self:
+        """Return the error that a package of one of our extras is missing, and ``what`` needs it."""
+        return cls(f"{package} is not installed", place=what, remedy=f"pip install 'mrdamper[{extra}]'")
 
 
 class UsageError(InputError):

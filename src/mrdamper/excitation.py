@@ -468,8 +468,9 @@ def motion_from_text(text: str) -> Motion:
     if kind not in _FORMS or len(parts) != _FORMS[kind].count(":"):
         near = difflib.get_close_matches(text, [*MOTIONS, *_FORMS.values()], n=3, cutoff=0.4)
         raise InputError(
-            f"motion {text!r} is not known; expected a name ({', '.join(MOTIONS)}) or a form "
-            f"({', '.join(_FORMS.values())})" + (f"; the nearest are: {', '.join(near)}" if near else "")
+            f"motion {text!r} is not known",
+            expected=f"a name ({', '.join(MOTIONS)}) or a form ({', '.join(_FORMS.values())})",
+            remedy=f"the nearest are: {', '.join(near)}" if near else "",
         )
     try:
         if kind in {"road", "random"} and not parts[2].isdecimal():

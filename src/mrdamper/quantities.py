@@ -220,7 +220,7 @@ _POWER = re.compile(r"(?<=\w)\s*(?:\*\*|\^)\s*-?\d(?![\w.]|\s*(?:\*\*|\^))")  # 
 def find_quantity(role: str) -> Quantity:
     """Return the quantity of a role; an unknown role is an error that names the known ones."""
     if role not in QUANTITIES:
-        raise InputError(f"{role!r} is not a role of a channel; use one of: {', '.join(QUANTITIES)}")
+        raise InputError(f"{role!r} is not a role of a channel", expected=f"one of: {', '.join(QUANTITIES)}")
     return QUANTITIES[role]
 
 
@@ -270,12 +270,14 @@ def _line_to_si(spelled: str, role: str, found: str) -> tuple[float, float]:
     quantity = QUANTITIES[role]
     choices = ", ".join(quantity.units)
     if not spelled:
-        raise InputError(f"{role} has no unit; give one of: {choices}")
+        raise InputError(f"{role} has no unit", expected=f"one of: {choices}")
     stored = "" if role == "time" else f" (stored in {quantity.unit})"
-    refusal = f"unit {found[:40]!r} is not a unit of {role}{stored}; use one of: {choices}"
+    refusal = InputError(
+        f"unit {found[:40]!r} is not a unit of {role}{stored}", expected=f"one of: {choices}"
+    )
     unbounded = re.search(r"\*\*|\^", _POWER.sub("", spelled))  # Pint works N**9**9**9 out, for hours
     if not _UNIT.fullmatch(spelled) or unbounded or _ROLE_OF.get(spelled, role) != role:
-        raise InputError(refusal)
+        raise refusal
     import tokenize
 
     import pint
@@ -290,9 +292,9 @@ def _line_to_si(spelled: str, role: str, found: str) -> tuple[float, float]:
         *(pint.errors.PintError, tokenize.TokenError, SyntaxError, RecursionError, MemoryError),
         *(AssertionError, ArithmeticError, AttributeError, LookupError, ValueError, TypeError),
     ) as error:
-        raise InputError(refusal) from error
+        raise refusal from error
     if not (math.isfinite(zero) and math.isfinite(one) and one > zero):
-        raise InputError(refusal)
+        raise refusal
     return one - zero, zero
 
 

@@ -38,7 +38,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
-from mrdamper.errors import InputError
+from mrdamper.errors import InputError, MrdamperError
 from mrdamper.quantities import ZERO_CELSIUS_K
 
 __all__ = [
@@ -53,6 +53,7 @@ __all__ = [
     "json_schema",
     "read_record",
     "toml_text",
+    "unknown_name",
     "write_record",
 ]
 
@@ -61,7 +62,6 @@ Json = dict[str, Any]
 
 Record = TypeVar("Record")
 
-_MOST_FAULTS = 12  # of a document, in one message
 _MOST_NAMES = 40  # in one message
 _LONGEST_FOUND = 60  # characters of a value in a message
 _SCALES = {"mm": 1e-3, "g": 1e-3, "ms": 1e-3, "percent": 1e-2, "kN": 1e3, "min": 60.0}
@@ -295,8 +295,7 @@ def read_record(record: type[Record], document: Mapping[str, Any], place: str) -
         found = _adapter(record).validate_json(text, strict=True)
     except ValidationError as error:
         faults = [_fault(record, each, place) for each in error.errors(include_url=False)]
-        more = [f"... and {len(faults) - _MOST_FAULTS} more"] if len(faults) > _MOST_FAULTS else []
-        raise InputError("\n".join([*dict.fromkeys(faults[:_MOST_FAULTS]), *more])) from None
+        raise InputError(faults=list({str(fault): fault for fault in faults}.values())) from None
     return typing.cast("Record", found)
 
 
@@ -347,28 +346,28 @@ def _records_in(kind: Any) -> Iterator[Any]:  # noqa: ANN401 - types
             yield from _records_in(each)
 
 
-def _fault(record: type, fault: Mapping[str, Any], place: str) -> str:
-    """Return one fault of a document as a line."""
+def _fault(record: type, fault: Mapping[str, Any], place: str) -> MrdamperError:
+    """Return one fault of a document."""
     *parents, last = [part for part in fault["loc"] if isinstance(part, int | str)] or [""]
     kind, field = fault["type"], _field_at(record, fault["loc"])
     if kind == "value_error":  # a check of the record's own
-        own = ".".join(str(part) for part in fault["loc"])
-        said = str(fault["ctx"]["error"]).removeprefix(f"{own}: ")
-        return f"{place}: {own}: {said}" if own else f"{place}: {said}"
+        own, raised = ".".join(str(part) for part in fault["loc"]), fault["ctx"]["error"]
+        error = raised if isinstance(raised, MrdamperError) else InputError(str(raised))
+        return error.within(place) if not own or error.place == own else error.within(f"{place}: {own}")
     where = ".".join(str(part)[:_LONGEST_FOUND] for part in parents)
     whole = f"{where}.{last}".strip(".")
     if kind in {"unexpected_keyword_argument", "extra_forbidden"}:
         known = [each.key for each in _fields_at(record, parents)]
         said = f"{where} has no key" if where else "unknown key"
-        return f"{place}: {said} {str(last)[:_LONGEST_FOUND]!r}; {did_you_mean(str(last), known)}"
+        return unknown_name(f"{said} {str(last)[:_LONGEST_FOUND]!r}", str(last), known, place)
     expected = str(fault["msg"]).removeprefix("Input should be ")
     if field is not None:  # of many values the place is one of them
         expected = field.words if last == field.key else field.item_words
     if kind in {"missing", "missing_argument", "missing_keyword_only_argument"}:
-        return f"{place}: {whole} is missing; expected {expected}"
+        return InputError(f"{whole} is missing", place=place, expected=expected)
     if not whole:
-        return f"{place}: expected a table, found {_shown(fault['input'])}"
-    return f"{place}: {whole} is {_shown(fault['input'])}; expected {expected}"
+        return InputError(f"it is {_shown(fault['input'])}", place=place, expected="a table")
+    return InputError(f"{whole} is {_shown(fault['input'])}", place=place, expected=expected)
 
 
 def _fields_at(record: Any, place: Sequence[int | str]) -> tuple[Field, ...]:  # noqa: ANN401 - a type
@@ -415,6 +414,14 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     return f"expected one of: {', '.join(shown)}{more}" if names else "expected none"
 
 
+def unknown_name(found: str, name: str, known: Iterable[str], place: str | Path = "") -> InputError:
+    """Return the error about a name that is not known: it tells the nearest known ones, or all of them."""
+    said = did_you_mean(name, known)
+    if said.startswith("expected "):
+        return InputError(found, place=place, expected=said.removeprefix("expected "))
+    return InputError(found, place=place, remedy=said)
+
+
 def check_ranges(record: object, place: str) -> None:
     """Check numbers and choices of a record that was made in Python as those of a file are.
 
@@ -431,9 +438,9 @@ def check_ranges(record: object, place: str) -> None:
             found = field.option.from_si(each) if field.option.key and number else each
             if not _fits(field, found):
                 said = field.item_words if each is not value else field.words
-                faults.append(f"{place}.{field.key} is {_shown(found)}; expected {said}")
+                faults.append(InputError(f"{place}.{field.key} is {_shown(found)}", expected=said))
     if faults:
-        raise InputError("\n".join(faults))
+        raise InputError(faults=faults)
 
 
 def _fits(field: Field, value: object) -> bool:

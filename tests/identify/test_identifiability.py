@@ -294,7 +294,7 @@ def test_a_value_without_any_fit_ends_the_profile_there(monkeypatch: pytest.Monk
 
 def test_a_number_that_is_not_there_and_a_number_of_places_without_a_middle_are_refused() -> None:
     problem, result = linear_problem()
-    with pytest.raises(InputError, match=r"no parameter 'gap'; it moved viscosity\.value"):
+    with pytest.raises(InputError, match=r"no parameter 'gap'; expected one of: viscosity\.value"):
         profile(problem, result, "gap")
     with pytest.raises(InputError, match="4 points"):
         profile(problem, result, "viscosity.value", points=4)

@@ -124,7 +124,7 @@ def test_every_material_has_a_source():
             [('"horizontal"', '"vertical"'), ('"channel"', '"disc"'), ("pitch_mm = 20", "pitch_mm = 8")],
             "5 mm apart; expected at least 10",
         ),
-        ([('preset = "paper"', 'preset = "papier"')], r"fluid: fluid 'papier': neither a preset"),
+        ([('preset = "paper"', 'preset = "papier"')], r"fluid: fluid 'papier': no file that can be read"),
     ],
 )
 def test_what_no_damper_can_be_is_one_message_with_place_and_remedy(pairs, said):

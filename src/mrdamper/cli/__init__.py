@@ -132,9 +132,7 @@ def serve(folder: Path, *, port: int, open_browser: bool, host: str, token: str 
     try:
         from mrdamper.web.server import serve as start
     except ImportError as fault:
-        raise MissingExtraError(
-            f"mrdamper serve needs {fault.name}, which is not installed; pip install 'mrdamper[web]'"
-        ) from fault
+        raise MissingExtraError.of("mrdamper serve", str(fault.name), "web") from fault
 
     def announce(address: str) -> None:
         click.echo(f"mrdamper: {folder.resolve()} at {address} (Ctrl-C stops it)", err=True)

@@ -23,7 +23,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 from mrdamper.excitation import Motion, motion_from_text
 from mrdamper.files import read_toml
-from mrdamper.schema import Option, check_ranges, did_you_mean, read_record, write_record
+from mrdamper.schema import Option, check_ranges, read_record, unknown_name, write_record
 
 __all__ = [
     "SCENARIOS",
@@ -104,7 +104,9 @@ class Dropout:
     def __post_init__(self) -> None:
         check_ranges(self, "dropout")
         if not self.start_s < self.end_s:
-            raise InputError(f"dropout: from {self.start_s:g} to {self.end_s:g} s; expected a later end")
+            raise InputError(
+                f"from {self.start_s:g} to {self.end_s:g} s", place="dropout", expected="a later end"
+            )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -162,8 +164,9 @@ class _Conditions:
         motion_from_text(self.motion)
         if not self.unscored_s < self.duration_s:
             raise InputError(
-                f"scenario {self.name!r}: lasts {self.duration_s:g} s, of which {self.unscored_s:g} s are "
-                "not scored; expected something to score"
+                f"lasts {self.duration_s:g} s, of which {self.unscored_s:g} s are not scored",
+                place=f"scenario {self.name!r}",
+                expected="something to score",
             )
 
 
@@ -202,7 +205,7 @@ class Scenario(_Conditions):
         try:
             base = find_scenario(given["like"]) if "like" in given else cls()
         except InputError as error:
-            raise InputError(f"{place}: {error}") from error
+            raise error.within(place) from error
         own = {each.name: getattr(base, each.name) for each in fields(_Conditions)}
         conditions = write_record(_Conditions(**own), defaults=True)
         table = read_record(_ScenarioTable, {**conditions, **given}, place)
@@ -239,13 +242,13 @@ SCENARIOS: Mapping[str, Scenario] = MappingProxyType(
 def find_scenario(name: object) -> Scenario:
     """Return a scenario by its name; an unknown one is an error that names the nearest."""
     if not isinstance(name, str) or name not in SCENARIOS:
-        raise InputError(f"there is no target {name!r}; {did_you_mean(str(name), SCENARIOS)}")
+        raise unknown_name(f"there is no target {name!r}", str(name), SCENARIOS)
     return SCENARIOS[name]
 
 
 def _target(table: Mapping[str, Any], place: str) -> Target:
     kind = table.get("kind")
     if not isinstance(kind, str) or kind not in _TARGETS:
-        raise InputError(f"{place}: target.kind is {kind!r}; expected one of: {', '.join(_TARGETS)}")
+        raise InputError(f"target.kind is {kind!r}", place=place, expected=f"one of: {', '.join(_TARGETS)}")
     numbers = {key: value for key, value in table.items() if key != "kind"}
     return read_record(_TARGETS[kind], numbers, f"{place}: target")

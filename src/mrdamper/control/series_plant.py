@@ -93,4 +93,6 @@ def _valve_velocity(c: Mapping[str, float], x: float, v: float, e: float, h: flo
         if moved == q or high - low < _REST:
             return q
         q = moved
-    raise ConvergenceError(f"plant: the series valve's velocity was not found in {_ROUNDS} rounds")
+    raise ConvergenceError(
+        "the series valve's velocity was not found", place="plant", expected=f"it in {_ROUNDS} rounds"
+    )

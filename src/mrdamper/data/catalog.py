@@ -14,7 +14,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from mrdamper.errors import InputError
-from mrdamper.schema import did_you_mean
+from mrdamper.schema import unknown_name
 
 __all__ = ["DATA_SETS", "DataSet", "RemoteFile", "fetch", "list_sets"]
 
@@ -113,7 +113,7 @@ def fetch(name: str, *, folder: Path | None = None) -> Path:
     chosen = next((known for known in DATA_SETS if known.name == name), None)
     if chosen is None:
         names = [known.name for known in DATA_SETS]
-        raise InputError(f"no data set {name!r}; {did_you_mean(name, names)}")
+        raise unknown_name(f"no data set {name!r}", name, names)
     target = folder if folder is not None else _cache() / chosen.name
     target.mkdir(parents=True, exist_ok=True)
     mirror = os.environ.get("MRDAMPER_DATA", "")

@@ -43,7 +43,7 @@ from mrdamper.data.formats.table import FileOptions
 from mrdamper.errors import InputError
 from mrdamper.files import read_toml
 from mrdamper.quantities import QUANTITIES, find_quantity, spell_unit, to_si
-from mrdamper.schema import Option, did_you_mean, read_record
+from mrdamper.schema import Option, did_you_mean, read_record, unknown_name
 
 __all__ = [
     "Channel",
@@ -259,7 +259,7 @@ def _quantity_unit(key: str, place: str, roles: Sequence[str]) -> tuple[str, str
     role, _, unit = key.partition("_")
     if role not in roles or not unit:
         known = [f"{role}_{QUANTITIES[role].unit}" for role in roles]
-        raise InputError(f"{place} has no key {key!r}; {did_you_mean(key, known)}")
+        raise unknown_name(f"{place} has no key {key!r}", key, known)
     return role, unit
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from mrdamper.data.channels import ChannelMap, read_channel_map
 from mrdamper.data.finding import Finding, Inference
 from mrdamper.data.proposal.folders import distinct_names, find_files
-from mrdamper.data.proposal.questions import Answer, AskingError, Question, with_answers
+from mrdamper.data.proposal.questions import Answer, AskingError, Question, ask_all, with_answers
 from mrdamper.data.proposal.recordings import RigFile, runs_in
 from mrdamper.data.records import Dataset, Recording, RigRun
 from mrdamper.data.tables import read_tables
@@ -23,7 +23,6 @@ from mrdamper.files import MAP_SUFFIX, is_file, is_folder
 __all__ = [
     "ReadFiles",
     "UnreadableFile",
-    "joined_faults",
     "load_map",
     "map_beside",
     "read_each",
@@ -40,8 +39,15 @@ class UnreadableFile:
     """A file that cannot be read, and why: what it leaves open, where that alone is missing."""
 
     path: Path
-    error: str
-    questions: tuple[Question, ...] = ()
+    fault: InputError
+
+    @property
+    def error(self) -> str:
+        return str(self.fault)
+
+    @property
+    def questions(self) -> tuple[Question, ...]:
+        return self.fault.questions if isinstance(self.fault, AskingError) else ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,10 +75,7 @@ class ReadFiles:
 
     def fault(self) -> InputError | None:
         """Return the faults and the questions of all files that cannot be read as one error."""
-        if not self.unreadable:
-            return None
-        text = joined_faults([each.error for each in self.unreadable])
-        return AskingError(text, questions=self.questions) if self.questions else InputError(text)
+        return ask_all([each.fault for each in self.unreadable]) if self.unreadable else None
 
 
 def read_run(path: PathLike, channels: ChannelMap | PathLike | None = None) -> tuple[RigRun, ...]:
@@ -133,8 +136,7 @@ def read_each(
         try:
             read.append((path, read_file(path, chosen, answers)))
         except InputError as error:
-            asked = error.questions if isinstance(error, AskingError) else ()
-            unreadable.append(UnreadableFile(path, str(error), asked))
+            unreadable.append(UnreadableFile(path, error))
     read = _named_apart(read)
     runs = tuple(recording for _, file in read for recording in file.recordings)
     return ReadFiles(tuple(read), tuple(unreadable), runs)
@@ -175,7 +177,7 @@ def read_runs(
         try:
             runs.append(recording if isinstance(recording, RigRun) else recording.checked())
         except InputError as error:
-            unreadable.append(UnreadableFile(Path(recording.source), str(error)))
+            unreadable.append(UnreadableFile(Path(recording.source), error))
     fault = replace(read, unreadable=tuple(unreadable)).fault()
     if fault is not None:
         raise fault
@@ -189,12 +191,6 @@ def map_beside(file: Path) -> Path | None:
     """
     beside = file.with_name(f"{file.name}{MAP_SUFFIX}")
     return beside if is_file(beside) else None
-
-
-def joined_faults(faults: Sequence[str], most: int = 8) -> str:
-    """Return the faults of many files as one message: the first few, and how many more there are."""
-    more = [f"... and {len(faults) - most} more like these"] if len(faults) > most else []
-    return "\n".join([*faults[:most], *more])
 
 
 def load_map(channels: ChannelMap | PathLike | None) -> ChannelMap:

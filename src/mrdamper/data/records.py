@@ -21,7 +21,7 @@ from mrdamper.core import turning_points
 from mrdamper.data.finding import Finding, Inference
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, CommandUnit, to_degC
-from mrdamper.schema import did_you_mean
+from mrdamper.schema import unknown_name
 
 __all__ = [
     "GAP",
@@ -118,7 +118,7 @@ class RigRun:
             faults = _faults(self)
         if faults:
             place = self.name or self.source or "run"
-            raise InputError("\n".join(f"{place}: {fault}" for fault in faults))
+            raise InputError(faults=[InputError(fault, place=place) for fault in faults])
 
     def __len__(self) -> int:
         return len(self.time)
@@ -159,7 +159,9 @@ class Dataset:
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             sources = ", ".join(run.source or "?" for run in self.runs if run.name == twice[0])
-            raise InputError(f"run name {twice[0]!r} is used more than once ({sources}); rename a file")
+            raise InputError(
+                f"run name {twice[0]!r} is used more than once ({sources})", remedy="rename a file"
+            )
 
     def __len__(self) -> int:
         return len(self.runs)
@@ -192,7 +194,7 @@ class Dataset:
         """Return the runs whose name matches any of the patterns, in the order they are kept."""
         for glob in globs:
             if not any(fnmatchcase(name, glob) for name in self.names):
-                raise InputError(f"pattern {glob!r} matches no run; {did_you_mean(glob, self.names)}")
+                raise unknown_name(f"pattern {glob!r} matches no run", glob, self.names)
         chosen = (run for run in self.runs if any(fnmatchcase(run.name, glob) for glob in globs))
         return self._part(chosen)
 
@@ -202,7 +204,9 @@ class Dataset:
         held_out = self.select(*globs)
         training = self._part(run for run in self.runs if run not in held_out.runs)
         if self.runs and not training.runs:
-            raise InputError(f"hold-out {', '.join(globs)} leaves no run to train on; hold out fewer runs")
+            raise InputError(
+                f"hold-out {', '.join(globs)} leaves no run to train on", remedy="hold out fewer runs"
+            )
         return training, held_out
 
     def _part(self, runs: Iterable[RigRun]) -> Dataset:

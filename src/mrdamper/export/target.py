@@ -18,7 +18,7 @@ from mrdamper.control.tables.heating import Heating
 from mrdamper.errors import InputError
 from mrdamper.models.card import ModelCard
 from mrdamper.models.card_schema import card_sha256
-from mrdamper.schema import did_you_mean
+from mrdamper.schema import unknown_name
 
 __all__ = ["CONTENTS", "PRECISIONS", "Content", "Precision", "Target", "target_of"]
 
@@ -141,7 +141,7 @@ def target_of(
         every = controllers_for(card, period_s=period_s, largest=largest, heating=heating)
         check_name(controller, card.damper.law.name)
         if controller not in every:
-            raise InputError(f"there is no controller {controller!r}; {did_you_mean(controller, every)}")
+            raise unknown_name(f"there is no controller {controller!r}", controller, every)
         made = replace(every[controller], single=single)
     return Target(
         name=name,

@@ -329,8 +329,10 @@ def _compile(command: Sequence[str], place: Path) -> None:
     done = _run(command, place)
     if done.returncode != 0:
         raise CheckError(
-            f"verification: {shlex.join(command)} failed: {_first(done)}\nThe code should compile without a "
-            "warning; report this, or compile with another compiler (CC=...)"
+            f"{shlex.join(command)} failed: {_first(done)}",
+            place="verification",
+            expected="code that compiles without a warning",
+            remedy="Report this, or compile with another compiler (CC=...)",
         )
 
 

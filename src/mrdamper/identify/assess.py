@@ -102,7 +102,7 @@ def assess(  # noqa: PLR0913 - what is asked of the fit, by keyword
     )
     left: list[CrossValidated] = []
     if leave_out and problem is None:
-        raise InputError("leaving runs out means fitting again: give the problem that was fitted")
+        raise InputError("leaving runs out means fitting again", remedy="give the problem that was fitted")
     for kind in leave_out:
         assert problem is not None
         left += cross_validate(
@@ -259,7 +259,7 @@ def _temperature_labels(runs: Sequence[PreparedRun]) -> dict[str, str]:
     """Return each run's temperature level by its name, the coldest first."""
     levels = temperature_levels(runs)
     if not levels:
-        raise InputError("leaving temperatures out needs runs with a temperature channel")
+        raise InputError("no run has a temperature to leave out", expected="runs with a temperature channel")
     kelvin = {run.name: run.trajectory.temperature for run in runs}
     means = {name: float(np.mean(track)) for name, track in kelvin.items() if track is not None}
     return {

@@ -17,7 +17,7 @@ import numpy as np
 
 from mrdamper.data.prepare import Preparation, PreparedRun, decimate
 from mrdamper.data.records import Dataset, RigRun
-from mrdamper.errors import InputError
+from mrdamper.errors import InputError, command
 from mrdamper.identify.actuation import ActuationFit, fit_actuation
 from mrdamper.identify.assess import Assessment, Kind
 from mrdamper.identify.assess import assess as assess_fit
@@ -185,11 +185,11 @@ def fit(  # noqa: PLR0913 - the options of a fit, by keyword
         Runs, law and options do not fit together.
     """
     if method not in METHODS:
-        raise InputError(f"method is {method!r}; use one of: {', '.join(METHODS)}")
+        raise InputError(f"method is {method!r}", expected=f"one of: {', '.join(METHODS)}")
     if starts < 1:
         raise InputError(found=f"starts is {starts}", expected="1 or more")
     if temperature not in TEMPERATURES:
-        raise InputError(f"temperature is {temperature!r}; use one of: {', '.join(TEMPERATURES)}")
+        raise InputError(f"temperature is {temperature!r}", expected=f"one of: {', '.join(TEMPERATURES)}")
     dataset = runs if isinstance(runs, Dataset) else Dataset(tuple(runs))
     training, held_out = dataset.split(hold_out) if hold_out else (dataset, Dataset(()))
     clock = time.process_time()
@@ -353,7 +353,9 @@ def resolve_law(law: Law) -> tuple[HysteresisLaw, str | None]:
             return load_python_law(law), law
         if law not in LAWS and law == "auto":
             raise InputError(
-                "law 'auto' compares laws: use mrdamper.identify, or ⟦mrdamper identify --law auto⟧"
+                "law 'auto' compares laws",
+                expected="one law",
+                remedy=f"use mrdamper.identify, or {command('identify --law auto')}",
             )
         return find_law(law), None
     own = law() if isinstance(law, type) else law

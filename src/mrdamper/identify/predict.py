@@ -14,7 +14,6 @@ import numpy as np
 
 from mrdamper.data.motion import velocity_band
 from mrdamper.data.prepare import Preparation, PreparedRun, prepare_run
-from mrdamper.data.readers import joined_faults
 from mrdamper.data.records import Dataset, RigRun, with_steady_commands
 from mrdamper.errors import EnvelopeWarning, InputError
 from mrdamper.identify.scores import RunError, score_run
@@ -216,14 +215,15 @@ def row(error: RunError) -> dict[str, object]:
 
 def prepare_all(runs: Iterable[RigRun], preparation: Preparation) -> tuple[PreparedRun, ...]:
     """Prepare every run, a command that is noise about a level at its level; all faults are told at once."""
-    prepared, faults = [], []
+    prepared: list[PreparedRun] = []
+    faults: list[InputError] = []
     for run in with_steady_commands(runs):
         try:
             prepared.append(prepare_run(run, preparation))
         except InputError as fault:
-            faults.append(str(fault))
+            faults.append(fault)
     if faults:
-        raise InputError(joined_faults(faults))
+        raise InputError(faults=faults)
     return tuple(prepared)
 
 

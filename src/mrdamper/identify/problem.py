@@ -83,11 +83,13 @@ class FitProblem:
 
     def __post_init__(self) -> None:
         if not self.runs:
-            raise InputError("no training runs: nothing to fit (is everything held out?)")
+            raise InputError("no training runs", expected="runs to fit", remedy="Hold out fewer")
         known = {*self.template.parameters, LAG}
         for free in self.free:
             if free.name not in known:
-                raise InputError(f"{self.template.law.name} has no parameter {free.name!r} to set free")
+                raise InputError(
+                    f"there is no parameter {free.name!r} to set free", place=self.template.law.name
+                )
         if len({free.name for free in self.free}) != len(self.free):
             raise InputError("a parameter is set free twice")
 

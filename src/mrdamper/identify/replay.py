@@ -159,10 +159,8 @@ class Replay:
             )
             return prepare_run(run, replace(self._preparation, from_s=None, to_s=None)).rules
         except InputError as error:
-            raise InputError(
-                f"{error}\nAsked of rows {longest.row} to {longest.row + len(longest) - 1}, by which the "
-                "record is prepared for the model"
-            ) from error
+            rows = f"rows {longest.row} to {longest.row + len(longest) - 1}"
+            raise error.within(f"{rows}, by which the record is prepared for the model") from error
 
     def _first_temperature(self, head: Batch) -> float:
         """Return the first temperature [K] of the head."""

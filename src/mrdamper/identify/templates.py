@@ -27,6 +27,7 @@ from mrdamper.identify.temperature import (
 from mrdamper.models.damper import LAG, Damper
 from mrdamper.models.dependence import Constant, Exponential, Hill, ParameterLaw, Polynomial
 from mrdamper.models.laws import HysteresisLaw, find_law
+from mrdamper.schema import unknown_name
 
 __all__ = ["HELD_BEYOND_K", "Scale", "command_levels", "scale_of", "template"]
 
@@ -93,8 +94,9 @@ def template(
     units = {run.run.command_unit for run in runs}
     if len(units) != 1:
         raise InputError(
-            f"the runs' commands have units {', '.join(sorted(units)) or 'none'}; one fit needs one unit "
-            "(map the channel to current or to voltage in all of them)"
+            f"the runs' commands have units {', '.join(sorted(units)) or 'none'}",
+            expected="one unit for one fit",
+            remedy="Map the channel to current or to voltage in all of them",
         )
     scale = scale_of(runs)
     entries = list(base_of(law))
@@ -153,7 +155,7 @@ def _switched_on(law: HysteresisLaw, names: Sequence[str]) -> list[LawGroup]:
     known = groups_of(law)
     for name in names:
         if name not in known:
-            raise InputError(f"no term is called {name!r}; there are {', '.join(known)}")
+            raise unknown_name(f"no term is called {name!r}", name, known)
         missing = [each for each in known[name].needs if each not in names]
         if missing:
             raise InputError(found=f"term {name!r} needs {', '.join(missing)} as well")

@@ -112,7 +112,9 @@ def channels_toml(document: Mapping[str, Any], comments: Sequence[str] = ()) -> 
             lines += [f"[{_key(name)}]", *_pairs(table)]
     text = "\n".join([*lines, ""])
     if ChannelMap.from_dict(parse_toml(text)) != ChannelMap.from_dict(document):
-        raise InputError("channel map: it cannot be written as TOML; use plain texts and numbers")
+        raise InputError(
+            "it cannot be written as TOML", place="channel map", expected="plain texts and numbers"
+        )
     return text
 
 

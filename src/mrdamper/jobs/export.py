@@ -49,8 +49,8 @@ def check_options(given: Mapping[str, Any], options: ExportOptions) -> None:
     """Refuse an FMU without proof."""
     if "fmu" in options.what and not options.verify:
         raise UsageError(
-            f"{option('fmu')} and {option('no-verify')} exclude each other: an FMU is made from proved "
-            "sources"
+            f"{option('fmu')} and {option('no-verify')} exclude each other",
+            remedy="an FMU is made from proved sources",
         )
 
 
@@ -84,7 +84,7 @@ def export(
         try:
             table = force_map(card)
         except InputError as fault:
-            raise InputError(f"{fault}", place="card") from fault
+            raise fault.within("card") from fault
     return ExportResult(
         card=card,
         name=options.name,
@@ -109,13 +109,14 @@ def _code(card: ModelCard, options: ExportOptions, damper: DamperDrawing | None)
             heating=None if damper is None else Heating.of_drawing(damper),
         )
     except InputError as fault:
-        raise InputError(f"{fault}", place="card") from fault
+        raise fault.within("card") from fault
     record = verify_c(target) if options.verify else not_verified(target)
     if options.verify and not record.passed:
         raise CheckError(
             f"the compiled code is not the model in Python: {'; '.join(record.problems)}\n"
-            f"Nothing was written. Compiler: {record.compiler_version}, {' '.join(record.compiler_flags)}",
+            "Nothing was written",
             place="card",
+            remedy=f"Compiler: {record.compiler_version}, {' '.join(record.compiler_flags)}",
         )
     return CodeExport(target, record, options.fmi)
 

@@ -116,8 +116,10 @@ def _strength(flux_density_T: FloatArray, particle_fraction: float, place: str) 
     most = float(np.abs(flux_density_T).max())
     if most > 5.0:
         raise InputError(
-            f"{place}: a field of {most:g} T; expected at most 5 T. Check the unit in the header (field_mT, "
-            "field_T, field_kA_m)"
+            f"a field of {most:g} T",
+            place=place,
+            expected="at most 5 T",
+            remedy="Check the unit in the header (field_mT, field_T, field_kA_m)",
         )
     return field_strength(flux_density_T, particle_fraction)
 

@@ -51,7 +51,7 @@ def read_dataset(
             read = read_runs(paths, channels, parse_answers(answer or ()))
             dataset = replace(read, runs=(*runs, *read))
     if not len(dataset):
-        raise InputError(f"{', '.join(map(str, parts))}: no runs found; expected files such as run.csv")
+        raise InputError("no runs found", place=", ".join(map(str, parts)), expected="files such as run.csv")
     if flip_force:
         dataset = replace(dataset, runs=tuple(replace(run, force=-run.force) for run in dataset))
     return dataset
@@ -78,7 +78,7 @@ def read_files(
         return ReadFiles((), (), runs)
     read = read_each(paths, channels, parse_answers(answer or ()))
     if not (read.files or runs or read.questions):
-        raise read.fault() or InputError("no runs given; expected files such as run.csv")
+        raise read.fault() or InputError("no runs given", expected="files such as run.csv")
     return replace(read, runs=(*runs, *read.runs))
 
 

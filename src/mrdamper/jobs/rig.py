@@ -54,8 +54,8 @@ def check_given(given: Mapping[str, Any], options: RigOptions) -> None:
     """Refuse a preset beside a damper of one's own."""
     if options.preset is not None and given.get("damper") is not None:
         raise UsageError(
-            f"{option('preset')} and {option('damper')} exclude each other; name the preset in the damper's "
-            "file"
+            f"{option('preset')} and {option('damper')} exclude each other",
+            remedy="name the preset in the damper's file",
         )
 
 
@@ -80,7 +80,7 @@ def rig(
     """
     clock = time.process_time()
     if options.seed < 0:
-        raise InputError(f"seed is {options.seed}; expected zero or more")
+        raise InputError(f"seed is {options.seed}", expected="zero or more")
     chosen = find_preset(options.preset or "nominal") if damper is None else damper
     if options.draw is not None:
         chosen = draw_variant(chosen, options.draw)

@@ -218,8 +218,10 @@ def _with_law(drawing: DamperDrawing, options: SinkOptions) -> DamperDrawing:
     changed = replace(pattern, correlation=law, film_multiplier=factor)
     if drawing.sink is None:
         raise InputError(
-            f"{drawing.name}: ⟦--correlation⟧ and ⟦--film-multiplier⟧ change the drawing's own sink, and it "
-            "has none; give it a table [sink]"
+            f"{option('correlation')} and {option('film-multiplier')} change the drawing's own sink, and it "
+            "has none",
+            place=drawing.name,
+            remedy="give it a table [sink]",
         )
     return drawing.with_sink(changed)
 

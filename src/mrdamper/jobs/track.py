@@ -81,8 +81,8 @@ def read_plant(name: str | Path) -> TrackedDamper:
         return TrackedDamper(virtual.name, virtual)
     if not text.endswith(".json") and not is_there(text):
         raise InputError(
-            f"there is no plant {text!r}; {did_you_mean(text, PRESETS)} (or the path of a card, or of a "
-            "virtual damper's TOML)"
+            f"there is no plant {text!r}",
+            remedy=f"{did_you_mean(text, PRESETS)} (or the path of a card, or of a virtual damper's TOML)",
         )
     return TrackedDamper(text, read_card(text))
 
@@ -259,11 +259,12 @@ class _Tests:
             most = float(np.abs(course.target[course.scored_from :]).max())
             able = float(np.percentile(np.maximum(-reach.low, reach.high), 95.0))
             raise InputError(
-                f"target {scenario.name!r}: feasible only {100.0 * inside.mean():.0f} % of the time on the "
-                f"damper {damper.name!r} at {degrees:g} degC (wanted up to {most:.0f} N; 0 to "
-                f"{scenario.highest_A:g} A give up to about {able:.0f} N, and never against the motion); "
-                f"expected at least {100.0 * _LEAST_SHARE:.0f} %. Ask for another force or phase, or name "
-                "another damper"
+                f"feasible only {100.0 * inside.mean():.0f} % of the time on the damper {damper.name!r} at "
+                f"{degrees:g} degC (wanted up to {most:.0f} N; 0 to {scenario.highest_A:g} A give up to "
+                f"about {able:.0f} N, and never against the motion)",
+                place=f"target {scenario.name!r}",
+                expected=f"at least {100.0 * _LEAST_SHARE:.0f} %",
+                remedy="Ask for another force or phase, or name another damper",
             )
         return course, reach
 
@@ -300,9 +301,9 @@ class _Tests:
 
 def _check(options: TrackOptions) -> None:
     if not (np.isfinite(options.rate_Hz) and options.rate_Hz > 0.0):
-        raise InputError(f"rate is {options.rate_Hz:g} Hz; expected a positive number")
+        raise InputError(f"rate is {options.rate_Hz:g} Hz", expected="a positive number")
     if options.seed < 0:
-        raise InputError(f"seed is {options.seed}; expected zero or more")
+        raise InputError(f"seed is {options.seed}", expected="zero or more")
 
 
 def _check_unit(place: str, card: ModelCard) -> None:
@@ -349,7 +350,7 @@ def _scenarios(targets: Sequence[Scenario], options: TrackOptions, damper: _Damp
     unique = list(dict.fromkeys(found))
     names = [(each.name, each.temperature_degC) for each in unique]
     if len(set(names)) < len(names):
-        raise InputError("two targets have the same name; give one of the files another name")
+        raise InputError("two targets have the same name", remedy="give one of the files another name")
     return unique
 
 
@@ -413,7 +414,7 @@ def _no_controller(name: str, card: ModelCard, every: Mapping[str, Controller]) 
     try:
         check_name(name, card.damper.law.name)
     except InputError as error:
-        return InputError(f"{error}", place="card")
+        return error.within("card")
     kind = name.removeprefix("recommended-")
     other = kind in ("unaware", "pooled")
     more = f" It is made from another card: {option(kind, 'CARD')}" if other else ""
@@ -444,7 +445,7 @@ def _made(place: str, card: ModelCard, options: TrackOptions, largest: float) ->
     try:
         return controllers_for(card, period_s=1.0 / options.rate_Hz, largest=largest)
     except InputError as error:
-        raise InputError(f"{error}", place=place) from error
+        raise error.within(place) from error
 
 
 def _notes(card: ModelCard, scenarios: Sequence[Scenario], damper: _Damper) -> tuple[str, ...]:

@@ -137,7 +137,10 @@ class ModelCard:
                     place="standard_errors", found=f"no parameter {name!r}; {did_you_mean(name, parameters)}"
                 )
         if (self.damper.law.python is None) != (self.python_law is None):
-            raise InputError(f"law {self.damper.law.name!r} and python_law {self.python_law!r} disagree")
+            raise InputError(
+                f"law {self.damper.law.name!r} and python_law {self.python_law!r} disagree",
+                expected="both, or none of a user's own",
+            )
         replace(self.damper, limited=False).check(self.envelope)
         # Outside the runs (between their commands, beyond their temperatures) a bound is still a bound.
         object.__setattr__(self, "damper", self.damper.on_limits())
@@ -220,7 +223,9 @@ def verify_excerpt(card: ModelCard, simulate: Simulate) -> float:
         No excerpt, or an error that differs from the stated one by more than 1e-4 of the peak force.
     """
     if card.excerpt is None:
-        raise InputError(f"card {card.title!r} carries no excerpt to verify; identify again to have one")
+        raise InputError(
+            "carries no excerpt to verify", place=f"card {card.title!r}", remedy="identify again to have one"
+        )
     found = card.excerpt.error(card.damper, simulate)
     allowed = 1e-4 * max(map(abs, card.excerpt.force_N))
     if not abs(found - card.excerpt.rmse_N) <= allowed:

@@ -39,7 +39,7 @@ from mrdamper.models.laws import LAWS, HysteresisLaw
 from mrdamper.models.simulate import simulate
 from mrdamper.models.temperature import FACTORS, PolynomialFactor
 from mrdamper.quantities import QUANTITIES
-from mrdamper.schema import Json, Option, did_you_mean, read_record, write_record
+from mrdamper.schema import Json, Option, did_you_mean, read_record, unknown_name, write_record
 
 __all__ = [
     "FORMS",
@@ -310,17 +310,18 @@ def card_from_json(
     upgraded = _upgraded(document, place)
     record = read_record(CardRecord, upgraded, place)
     law = _law_of(record, place, python_law)
-    laws, problems = {}, []
+    laws: dict[str, ParameterLaw] = {}
+    problems: list[InputError] = []
     for name, coefficient in record.coefficients.items():
         try:
             laws[name] = _checked_law(law, name, coefficient, record.command_unit)
         except InputError as fault:
-            problems.append(f"coefficients.{name}: {fault}")
-    problems += _contradictions(record)
+            problems.append(fault.within(f"coefficients.{name}"))
+    problems += map(InputError, _contradictions(record))
     if not problems:
-        problems += _problems_of_damper(law, laws, record)
+        problems += map(InputError, _problems_of_damper(law, laws, record))
     if problems:
-        raise InputError("\n".join(f"{place}: {problem}" for problem in problems))
+        raise InputError(faults=problems).within(place)
     errors = {
         f"{name}.{parameter}": each.standard_error
         for name, coefficient in record.coefficients.items()
@@ -435,7 +436,7 @@ def _checked_law(
 ) -> ParameterLaw:
     """Return the parameter law of a coefficient, its units those of the law."""
     if name not in law.names:
-        raise InputError(f"{law.name} has no such coefficient; {did_you_mean(name, law.names)}")
+        raise unknown_name(f"{law.name} has no such coefficient", name, law.names)
     unit = law[name].unit
     if coefficient.unit != unit:
         raise InputError(found=f"unit is {coefficient.unit!r}", expected=f"{unit!r}")
@@ -458,17 +459,17 @@ def parameter_law(coefficient: CoefficientRecord) -> ParameterLaw:
     kind, settings = coefficient.kind, coefficient.settings or {}
     parameters = {name: each.value for name, each in coefficient.numbers.items()}
     if kind not in FORMS:
-        raise InputError(f"there is no parameter law of kind {kind!r}; there are {', '.join(FORMS)}")
+        raise unknown_name(f"there is no parameter law of kind {kind!r}", kind, FORMS)
     if coefficient.temperature is None:
         return _form(kind, parameters, settings)
     factor, assumed = coefficient.temperature.kind, coefficient.temperature.assumed
     if factor not in FACTORS:
-        raise InputError(f"there is no temperature factor of kind {factor!r}; there are {', '.join(FACTORS)}")
+        raise unknown_name(f"there is no temperature factor of kind {factor!r}", factor, FACTORS)
     names = _factor_names(factor, parameters)
     of_factor = _by_name(factor, "parameter", {n: v for n, v in parameters.items() if n in names}, names)
     form = _form(kind, {n: v for n, v in parameters.items() if n not in names}, settings)
     if isinstance(form, Bipolynomial):
-        raise InputError("bipolynomial depends on temperature itself; it takes no temperature factor")
+        raise InputError("bipolynomial depends on temperature itself", expected="no temperature factor")
     if factor == PolynomialFactor.kind:
         return TemperatureDependent(form, PolynomialFactor(tuple(of_factor)), assumed)
     return TemperatureDependent(form, FACTORS[factor](*of_factor), assumed)
@@ -513,7 +514,7 @@ def _by_name(kind: str, role: str, given: Mapping[str, float], names: Sequence[s
     """Return the given values in the order of ``names``; every name once, nothing else."""
     for name in given:
         if name not in names:
-            raise InputError(f"{kind} has no {role} {name!r}; {did_you_mean(name, names)}")
+            raise unknown_name(f"{kind} has no {role} {name!r}", name, names)
     for name in names:
         if name not in given:
             raise InputError(place=kind, found=f"{role} {name} is missing; it must be a finite number")

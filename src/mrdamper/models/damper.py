@@ -8,7 +8,7 @@ the business of ``simulate`` (the kernel) and ``reference`` (slow and obvious).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from types import MappingProxyType
 from typing import Annotated
@@ -236,7 +236,7 @@ class Damper:
         """Raise ``InputError`` when the law is not well posed somewhere inside the envelope."""
         problems = self.problems(envelope)
         if problems:
-            raise InputError(_as_list(problems))
+            raise InputError(faults=[InputError(problem) for problem in problems])
 
     def on_limits(self) -> Damper:
         """Return the damper with coefficients on the law's limits where their forms would leave them."""
@@ -294,7 +294,3 @@ class Damper:
 
 def _default(value: float | None) -> float:
     return 0.0 if value is None else value
-
-
-def _as_list(problems: Sequence[str]) -> str:
-    return problems[0] if len(problems) == 1 else "\n".join(f"- {problem}" for problem in problems)

@@ -150,7 +150,7 @@ class Polynomial:
     def __post_init__(self) -> None:
         object.__setattr__(self, "parameters", tuple(float(number) for number in self.parameters))
         if not self.parameters:
-            raise InputError("a polynomial needs at least one number (c0)")
+            raise InputError("a polynomial has no numbers", expected="at least one (c0)")
         _require_finite(self)
 
     @property

@@ -25,6 +25,7 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
+from mrdamper.schema import unknown_name
 
 __all__ = ["COMMON", "LAWS", "VISCOUS_SPEED", "Coefficient", "HysteresisLaw", "PythonLaw", "find_law"]
 
@@ -96,7 +97,7 @@ class HysteresisLaw:
         for coefficient in self.coefficients:
             if coefficient.name == name:
                 return coefficient
-        raise InputError(f"law {self.name!r} has no coefficient {name!r}; it has {', '.join(self.names)}")
+        raise unknown_name(f"law {self.name!r} has no coefficient {name!r}", name, self.names)
 
     def violations(self, values: Mapping[str, FloatArray | float]) -> tuple[str, ...]:
         """Return what is out of the admissible range, one sentence each (empty: well posed)."""
@@ -357,4 +358,4 @@ def find_law(name: str) -> HysteresisLaw:
     """
     if name in LAWS:
         return LAWS[name]
-    raise InputError(f"no hysteresis law is called {name!r}; there are {', '.join(LAWS)}")
+    raise unknown_name(f"no hysteresis law is called {name!r}", name, LAWS)

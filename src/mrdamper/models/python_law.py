@@ -94,7 +94,7 @@ def _equations_of(law: HysteresisLaw) -> Equations:
     """Return the equations of a user's own law, which has one state."""
     own = law.python
     if own is None:
-        raise InputError(f"law {law.name!r} is the kernel's: expected a law in Python, or its equations")
+        raise InputError(f"law {law.name!r} is the kernel's", expected="a law in Python, or its equations")
     return Equations(
         lambda state, x, v, values: (own.rate(state[0], x, v, values),),
         lambda state, x, v, _, values: own.force(state[0], x, v, values),

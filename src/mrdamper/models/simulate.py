@@ -315,7 +315,7 @@ def _admissible_coefficients(
     violations = damper.law.violations(dict(zip(damper.law.names, found, strict=True)))
     violations += _reversed_valve(damper, found, displacement)
     if violations:
-        raise InputError("; ".join(violations))
+        raise InputError(faults=[InputError(each) for each in violations])
     return np.ascontiguousarray(found[:, 0] if len(command) == 1 else found)
 
 

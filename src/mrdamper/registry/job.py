@@ -225,10 +225,10 @@ class Job:
         for name, path in outputs.items():
             if given.count(path.absolute()) > 1:
                 raise InputError(
-                    f"{self.name}: {path} is to be two things at once; expected a place for each"
+                    f"{path} is to be two things at once", place=self.name, expected="a place for each"
                 )
             if name in self._files and is_folder(path):
-                raise InputError(f"{path}: is a folder; expected the name of a file to write")
+                raise InputError("is a folder", place=path, expected="the name of a file to write")
         if out is None:
             return dict(outputs)
         beside = {name: follow(out) for name, follow in self.reported.beside.items()}

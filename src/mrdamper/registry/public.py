@@ -55,14 +55,18 @@ def _call(job: Job, inputs: tuple[Any, ...], given: dict[str, Any], on_progress:
     names = [each.name for each in job.inputs]
     if len(inputs) > len(names):
         raise InputError(
-            f"mrdamper.{job.attribute}: {len(inputs)} inputs were given", expected=f"at most {len(names)}"
+            f"{len(inputs)} inputs were given",
+            place=f"mrdamper.{job.attribute}",
+            expected=f"at most {len(names)}",
         )
     named = dict(zip(names, inputs, strict=False))
     named |= {name: given.pop(name) for name in names if name in given}
     missing = [each.name for each in job.inputs if each.required and named.get(each.name) is None]
     if missing:
         raise InputError(
-            f"mrdamper.{job.attribute}: {', '.join(missing)} is missing", expected="a path, or the thing"
+            f"{', '.join(missing)} is missing",
+            place=f"mrdamper.{job.attribute}",
+            expected="a path, or the thing",
         )
     reading = {field.name: given.pop(field.name) for field in job.reading if field.name in given}
     outputs = {each.name: Path(given.pop(each.name)) for each in job.outputs if given.get(each.name)}
@@ -134,7 +138,7 @@ def bind_result(job: Job) -> None:
 
         rows = job.reported.rows
         if rows is None:
-            raise InputError(f"{title}: has no rows", expected="one of its fields")
+            raise InputError("has no rows", place=title, expected="one of its fields")
         return polars.DataFrame(list(rows(self)))
 
     for each in (summary, __repr__, _repr_html_, plot, save, to_frame):
@@ -145,7 +149,7 @@ def _figure(job: Job, result: object) -> Figure:
     draw = job.reported.figure
     if draw is None:
         raise InputError(
-            f"{type(result).__name__}: has no picture", expected="summary(), save() or to_frame()"
+            "has no picture", place=type(result).__name__, expected="summary(), save() or to_frame()"
         )
     from mrdamper.report.figures.style import drawing_style
 

@@ -16,7 +16,7 @@ from rich.table import Table
 
 from mrdamper.arrays import FloatArray
 from mrdamper.data.records import RigRun
-from mrdamper.errors import InputError
+from mrdamper.errors import InputError, option
 from mrdamper.excitation import CurrentSteps, RandomCurrent
 from mrdamper.jobs.rig import MeasuredRun, RigResult
 from mrdamper.quantities import ZERO_CELSIUS_K
@@ -130,7 +130,9 @@ def truth_folder(out: Path) -> Path:
     """Return the folder of the truth beside a folder of runs: ``DIR.truth``."""
     place = out if out.name not in {"", ".."} else out.resolve()
     if not place.name:
-        raise InputError(f"{out}: has nothing beside it for the truth; choose another ⟦--out⟧")
+        raise InputError(
+            "has nothing beside it for the truth", place=out, remedy=f"choose another {option('out')}"
+        )
     return place.with_name(f"{place.name}.truth")
 
 
@@ -150,7 +152,7 @@ def _row(each: MeasuredRun) -> Json:
 def _write_run(path: Path, run: RigRun) -> None:
     """Write a run as its logger would; the first line says that nobody measured it."""
     if run.temperature is None:  # never on this rig
-        raise InputError(f"{run.name}: has no temperature; expected one")
+        raise InputError("has no temperature", place=run.name, expected="one")
     header = "time_s,displacement_m,force_N,current_A,temperature_degC"
     columns = (run.time, run.displacement, run.force, run.command, run.temperature - ZERO_CELSIUS_K)
     _write(path, f"{run.source}; not measured", header, "%.4f,%.7f,%.2f,%.4f,%.2f", columns)

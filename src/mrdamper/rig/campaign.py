@@ -139,15 +139,18 @@ class Campaign:
         if not self.temperatures_degC or not (
             (self.motions and self.currents_A) or self.steps or self.random
         ):
-            raise InputError("campaign: nothing to run; expected temperatures, and motions with currents")
+            raise InputError(
+                "nothing to run", place="campaign", expected="temperatures, and motions with currents"
+            )
         for name, of in _HELD_OUT.items():
             kept = tuple(value for value in getattr(self, name) if value in getattr(self, of))
             object.__setattr__(self, name, kept)
         count = len(self.temperatures_degC) * (len(self.motions) * len(self.currents_A) + 2)
         if count > _MOST_RUNS:
             raise InputError(
-                f"campaign: its temperatures, motions and currents make {count} runs; "
-                f"expected at most {_MOST_RUNS}"
+                f"its temperatures, motions and currents make {count} runs",
+                place="campaign",
+                expected=f"at most {_MOST_RUNS}",
             )
         if self.steps is not None:
             motion_from_text(self.steps_motion)
@@ -162,7 +165,9 @@ class Campaign:
             often = Counter(run.name for run in self.runs("x"))
             twice = next((name for name, times in often.items() if times > 1), None)
             if twice is not None:
-                raise InputError(f"campaign: two runs would be named {twice[2:]!r}; leave one out")
+                raise InputError(
+                    f"two runs would be named {twice[2:]!r}", place="campaign", remedy="leave one out"
+                )
 
     @property
     def rate_Hz(self) -> float:
@@ -233,7 +238,7 @@ class Campaign:
         try:
             usual = usual_campaign(find_preset(given["preset"])) if "preset" in given else cls()
         except InputError as error:
-            raise InputError(f"{place}: {error}") from error
+            raise error.within(place) from error
         document = {name: value for name, value in given.items() if name != "preset"}
         known = write_record(usual, defaults=True)
         for name in ("sensors", "body"):
@@ -245,8 +250,9 @@ class Campaign:
                 if value not in getattr(campaign, of):
                     run = ", ".join(map(str, getattr(campaign, of)))
                     raise InputError(
-                        f"{place}: {name} holds {value!r}, which is not in {of} ({run}); add it there, or "
-                        "drop it"
+                        f"{name} holds {value!r}, which is not in {of} ({run})",
+                        place=place,
+                        remedy="add it there, or drop it",
                     )
         return campaign
 

@@ -14,7 +14,7 @@ from mrdamper.errors import InputError
 from mrdamper.files import read_toml
 from mrdamper.rig.hydraulic import HYDRAULIC, HydraulicDamper
 from mrdamper.rig.lumped import LUMPED, LumpedDamper
-from mrdamper.schema import did_you_mean, read_record, toml_text, write_record
+from mrdamper.schema import read_record, toml_text, unknown_name, write_record
 
 __all__ = [
     "PRESETS",
@@ -39,7 +39,7 @@ _VARIANT_SPREAD = 0.3
 def find_preset(name: object) -> VirtualDamper:
     """Return a preset; an unknown name is an error that names the nearest ones."""
     if not isinstance(name, str) or name not in PRESETS:
-        raise InputError(f"{name!r} is not a preset of the virtual rig; {did_you_mean(str(name), PRESETS)}")
+        raise unknown_name(f"{name!r} is not a preset of the virtual rig", str(name), PRESETS)
     return PRESETS[name]
 
 
@@ -60,7 +60,7 @@ def damper_from_mapping(given: Mapping[str, Any], place: str = "virtual damper")
     try:
         base = find_preset(given.get("preset", "nominal"))
     except InputError as error:
-        raise InputError(f"{place}: {error}") from error
+        raise error.within(place) from error
     changed = {name: value for name, value in given.items() if name != "preset"}
     own = {"name": f"{base.name}-own"} if changed else {}
     return read_record(type(base), {**write_record(base, defaults=True), **own, **changed}, place)

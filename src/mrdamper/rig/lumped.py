@@ -30,8 +30,9 @@ def check_parameters(damper: object, name: str) -> None:
     """Refuse a name that cannot begin a file's name, and parameters outside their ranges."""
     if not _SAFE.fullmatch(name):
         raise InputError(
-            f"virtual damper: name is {name!r}; expected letters, digits, dots and dashes, as it begins the "
-            "runs' file names"
+            f"name is {name!r}",
+            place="virtual damper",
+            expected="letters, digits, dots and dashes, as it begins the runs' file names",
         )
     check_ranges(damper, f"virtual damper {name!r}")
 

@@ -252,6 +252,7 @@ def _raised(record: Json) -> Exception:
     if isinstance(kind, type) and issubclass(kind, MrdamperError):
         fault = kind.__new__(kind, *record["args"])  # its fields are those that were sent
         vars(fault).update(record["fields"])
+        vars(fault)["faults"] = tuple(_raised(each) for each in record["fields"]["faults"])
         return fault
     if record["type"] == "OSError":
         found = OSError(record["errno"], record["said"], record["filename"])

@@ -131,7 +131,8 @@ def _serve(handler: Handler, questions: Iterable[bytes], answers: IO[bytes]) -> 
 def error_record(fault: Exception) -> Json:
     """Return an exception as JSON: its class's name, its arguments and its fields; of a fault its trace."""
     if isinstance(fault, MrdamperError):
-        record = {"type": type(fault).__name__, "args": fault.args, "fields": vars(fault)}
+        fields = {**vars(fault), "faults": [error_record(each) for each in fault.faults]}
+        record = {"type": type(fault).__name__, "args": fault.args, "fields": fields}
         found: Json = json.loads(json.dumps(record, default=str))
         return found
     if isinstance(fault, MemoryError):

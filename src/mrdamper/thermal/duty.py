@@ -35,7 +35,7 @@ _SAMPLE_S = 120.0  # of a motion that has no period, to average over
 _CHUNK_S = 20.0  # of a measured motion, over which power is averaged
 _UNEVEN = 1e-3  # of a step
 _LONGEST_S = 1e6
-_EXPECTED = 'expected MOTION:COMMAND:DURATION, such as "sine:15mm:1Hz:2A:1800s", or a CSV file'
+_EXPECTED = 'MOTION:COMMAND:DURATION, such as "sine:15mm:1Hz:2A:1800s", or a CSV file'
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -101,15 +101,19 @@ def read_duty(text: str | Path) -> Duty:
         return _duty_of_table(read_table(Path(text)), Path(text).name)
     try:
         if len(words) > 1 and _is_command(words[-1]):
-            raise InputError(f"there is no duration after the command {words[-1]}; add one, such as :1800s")
+            raise InputError(
+                f"there is no duration after the command {words[-1]}", remedy="add one, such as :1800s"
+            )
         if len(words) < 3:
-            raise InputError("there are less than three parts")
+            raise InputError("there are less than three parts", expected=_EXPECTED)
         seconds = _number(words[-1], "time")
         command, unit = _command(words[-2])
         segment = segment_of(motion_from_text(":".join(words[:-2])), command, seconds)
     except InputError as fault:
-        more = "" if "expected" in str(fault) else f"; {_EXPECTED}"
-        raise InputError(place=f"duty {str(text)!r}", found=f"{fault}{more}") from fault
+        told = fault.within(f"duty {str(text)!r}")
+        if not told.expected:
+            told = InputError(told.found, place=told.place, expected=_EXPECTED, remedy=told.remedy)
+        raise told from fault
     return Duty((segment,), unit, str(text))
 
 

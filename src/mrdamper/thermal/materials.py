@@ -13,7 +13,7 @@ from types import MappingProxyType
 from typing import Any
 
 from mrdamper.errors import InputError
-from mrdamper.schema import did_you_mean
+from mrdamper.schema import unknown_name
 
 __all__ = ["COPPER_PER_K", "MATERIALS", "Material", "find_material"]
 
@@ -81,6 +81,5 @@ MATERIALS: Mapping[str, Material] = MappingProxyType({material.name: material fo
 def find_material(name: str, place: str = "") -> Material:
     """Return a material by its name; an unknown one is an error that names the nearest."""
     if name not in MATERIALS:
-        where = f"{place}: " if place else ""
-        raise InputError(f"{where}no material is called {name!r}; {did_you_mean(name, MATERIALS)}")
+        raise unknown_name(f"no material is called {name!r}", name, MATERIALS, place)
     return MATERIALS[name]

@@ -254,7 +254,7 @@ def loads_of(works: Sequence[LoopWork], drawing: DamperDrawing, duty: Duty) -> l
 def build_network(drawing: DamperDrawing, model: Model = "zones") -> ThermalNetwork:
     """Return the network of a drawing by its model's name."""
     if model not in NETWORKS:
-        raise InputError(f"thermal model {model!r} is not known; use one of: {', '.join(NETWORKS)}")
+        raise InputError(f"thermal model {model!r} is not known", expected=f"one of: {', '.join(NETWORKS)}")
     return NETWORKS[model](drawing)
 
 

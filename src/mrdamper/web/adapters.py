@@ -106,7 +106,9 @@ def _runs(folder: WorkFolder, names: list[str] | None) -> list[Path]:
         return [folder.run_file(name) for name in names]
     found = folder.run_files(tuple(run_formats()))
     if not found:
-        raise InputError(f"no runs in the folder; add files first (those with {MAP_SUFFIX} go beside them)")
+        raise InputError(
+            "no runs in the folder", remedy=f"add files first (those with {MAP_SUFFIX} go beside them)"
+        )
     return found
 
 

@@ -53,7 +53,7 @@ def query_handler() -> Handler:
         try:
             return Reply({"found": find_function(question["name"])(**files, **question["values"])})
         except MemoryError as fault:
-            raise InputError("needs more memory than there is; use a shorter file") from fault
+            raise InputError("needs more memory than there is", remedy="use a shorter file") from fault
         except (OSError, MrdamperError) as fault:
             if is_full(fault) or is_full(fault.__cause__ or fault):
                 name = next((path.name for path in files.values()), "the folder")

@@ -15,7 +15,7 @@ from typing import Annotated, Any
 from mrdamper.errors import InputError
 from mrdamper.jobs.options import HeatOptions
 from mrdamper.registry import JOBS, KINDS, Input, Job
-from mrdamper.schema import Field, Json, OnPage, Option, did_you_mean, fields_of, read_record, write_record
+from mrdamper.schema import Field, Json, OnPage, Option, fields_of, read_record, unknown_name, write_record
 
 __all__ = ["HeatCurve", "MapRequest", "Order", "job_of", "order_kinds", "read_order", "request_fields"]
 
@@ -147,7 +147,7 @@ def read_order(kind: object, options: object) -> Order:
     """Return a job that was asked for, or one ``InputError`` with all that is wrong with it."""
     kinds = order_kinds()
     if not isinstance(kind, str) or kind not in kinds:
-        raise InputError(f"kind is {str(kind)[:40]!r}; {did_you_mean(str(kind)[:40], kinds)}")
+        raise unknown_name(f"kind is {str(kind)[:40]!r}", str(kind)[:40], kinds)
     if not isinstance(options, dict):
         raise InputError(place=kind, found=f"options are {type(options).__name__}", expected="an object")
     found: object = read_record(_request_type(kind), options, kind)

@@ -121,9 +121,11 @@ class WorkerClient:
 def _as_told(fault: Exception) -> MrdamperError:
     """Return what is told of a query that failed; the trace of a fault of ours goes to the terminal."""
     if isinstance(fault, WorkerLateError):
-        return InputError(f"took more than {fault.deadline_s:g} s; use a shorter file")
+        return InputError(f"took more than {fault.deadline_s:g} s", remedy="use a shorter file")
     if isinstance(fault, WorkerEndedError):
-        return InputError("could not be read: the reader stopped on it. The file is damaged, or too large")
+        return InputError(
+            "could not be read: the reader stopped on it", remedy="The file is damaged, or too large"
+        )
     if isinstance(fault, OSError) and is_full(fault):
         return NoSpaceError(str(fault.strerror))
     if isinstance(fault, MrdamperError) and not isinstance(fault, WorkerFaultError):

@@ -26,7 +26,7 @@ from mrdamper.excitation import Road
 from mrdamper.models.card import ModelCard
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
-from mrdamper.schema import did_you_mean
+from mrdamper.schema import unknown_name
 
 __all__ = [
     "DEMANDS",
@@ -143,9 +143,7 @@ def drive_quarter_car(
     law = card.damper.law.name
     check_name(asked.controller, law)
     if asked.controller not in names_for(law):
-        raise InputError(
-            f"there is no controller {asked.controller!r}; {did_you_mean(asked.controller, names_for(law))}"
-        )
+        raise unknown_name(f"there is no controller {asked.controller!r}", asked.controller, names_for(law))
     controller = controllers_for(card, speed_m_s=_FASTEST_M_S)[asked.controller]
     model = realtime_model(card, period_s=_STEP_S, speed_m_s=_FASTEST_M_S)
     ideal = Vehicle(asked.car, asked.demanded())

@@ -82,7 +82,7 @@ class _Decoder:
         except (WorkerLateError, WorkerFaultError) as fault:
             raise _unreadable(path, fault) from fault
         except InputError as fault:
-            raise InputError(str(fault).replace(str(path.absolute()), str(path))) from fault
+            raise fault.renamed(str(path.absolute()), str(path)) from fault
 
 
 def sandboxed(

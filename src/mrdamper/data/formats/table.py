@@ -187,7 +187,7 @@ def load_extra(module: str, package: str, what: str) -> Any:  # noqa: ANN401 - a
     try:
         return import_module(module)
     except ImportError as error:
-        raise _missing(package, what) from error
+        raise MissingExtraError.of(what, package, "rig-files") from error
 
 
 def require_extra(module: str, package: str, what: str) -> None:
@@ -197,13 +197,7 @@ def require_extra(module: str, package: str, what: str) -> None:
     except (ImportError, ValueError):
         there = False
     if not there:
-        raise _missing(package, what)
-
-
-def _missing(package: str, what: str) -> MissingExtraError:
-    return MissingExtraError(
-        f"{what} need {package}, which is not installed; pip install 'mrdamper[rig-files]'"
-    )
+        raise MissingExtraError.of(what, package, "rig-files")
 
 
 @contextmanager

@@ -12,12 +12,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from types import MappingProxyType
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 from mrdamper.data.channels import Channel, ChannelMap
 from mrdamper.errors import InputError
 from mrdamper.quantities import QUANTITIES, to_si
-from mrdamper.schema import did_you_mean
+from mrdamper.schema import unknown_name
 
 __all__ = ["Answer", "AskingError", "Question", "Topic", "ask", "ask_all", "parse_answers", "with_answers"]
 
@@ -56,8 +56,8 @@ class Question:
 class AskingError(InputError):
     """A file that can be read as soon as its questions are answered."""
 
-    def __init__(self, *parts: str, questions: Sequence[Question] = (), **named: str) -> None:
-        super().__init__(*parts, **named)
+    def __init__(self, found: str = "", *, questions: Sequence[Question] = (), **parts: Any) -> None:  # noqa: ANN401 - the base's
+        super().__init__(found, **parts)
         self.questions = tuple(questions)
 
 
@@ -82,8 +82,7 @@ def ask_all(faults: Sequence[InputError]) -> InputError:
     if len(faults) == 1:
         return faults[0]
     asked = [question for fault in faults if isinstance(fault, AskingError) for question in fault.questions]
-    text = "\n".join(f"{fault}" for fault in faults)
-    return AskingError(text, questions=asked) if asked else InputError(text)
+    return AskingError(faults=faults, questions=asked) if asked else InputError(faults=faults)
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,10 +113,10 @@ def parse_answers(given: Sequence[str]) -> tuple[Answer, ...]:
                 expected="ROLE.TOPIC=VALUE, such as force.unit=kN",
             )
         if found["role"] not in QUANTITIES:
-            raise InputError(f"answer {text!r}: no role; {did_you_mean(found['role'], list(QUANTITIES))}")
+            raise unknown_name("no role", found["role"], QUANTITIES, f"answer {text!r}")
         topic = next((each for each in get_args(Topic) if each == found["topic"]), None)
         if topic is None:
-            raise InputError(f"answer {text!r}: no topic; {did_you_mean(found['topic'], get_args(Topic))}")
+            raise unknown_name("no topic", found["topic"], get_args(Topic), f"answer {text!r}")
         answers.append(Answer(found["role"], topic, found["value"].strip(), found["files"] or "*"))
     return tuple(answers)
 

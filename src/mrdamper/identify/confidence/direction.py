@@ -70,7 +70,9 @@ def worst_direction(problem: FitProblem, result: FitResult) -> Direction:
     """
     moving = [(free, e) for free, e in zip(problem.free, result.estimates, strict=True) if not e.at_bound]
     if not moving:
-        raise InputError("every parameter of the fit rests on a bound: there is no direction to look along")
+        raise InputError(
+            "every parameter of the fit rests on a bound", expected="one that is free to look along"
+        )
     runs = problem.prepare()
     objective = Objective(problem, runs)
     names = tuple(free.name for free, _ in moving)

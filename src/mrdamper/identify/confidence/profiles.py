@@ -24,6 +24,7 @@ from mrdamper.identify.search.variable_projection import Objective, SearchState
 from mrdamper.identify.uncertainty import covariances
 from mrdamper.models.damper import Damper
 from mrdamper.runtime.progress import Progress, silent
+from mrdamper.schema import unknown_name
 
 __all__ = ["End", "Profile", "profile"]
 
@@ -85,7 +86,11 @@ def profile(
     name = along if isinstance(along, str) else along.names[0]
     free, estimate = _find(problem, result, name)
     if estimate.at_bound:
-        raise InputError(f"{name} rests on its {estimate.at_bound} bound: it has no profile about its value")
+        raise InputError(
+            f"rests on its {estimate.at_bound} bound",
+            place=name,
+            expected="a value inside, to have a profile about it",
+        )
     if points < 3 or points % 2 == 0 or not span > 0.0:
         raise InputError(
             place="profile",
@@ -241,5 +246,4 @@ def _find(problem: FitProblem, result: FitResult, name: str) -> tuple[FreeParame
     for free, estimate in zip(problem.free, result.estimates, strict=True):
         if free.name == name:
             return free, estimate
-    known = ", ".join(free.name for free in problem.free)
-    raise InputError(f"the fit has no parameter {name!r}; it moved {known}")
+    raise unknown_name(f"the fit has no parameter {name!r}", name, [free.name for free in problem.free])

@@ -16,7 +16,7 @@ import numpy as np
 
 from mrdamper import core
 from mrdamper.arrays import FloatArray
-from mrdamper.errors import InputError, MissingExtraError
+from mrdamper.errors import InputError, MissingExtraError, option
 from mrdamper.identify.checkpoint import CheckpointStore, NoCheckpoint
 from mrdamper.identify.limits import feasible
 from mrdamper.identify.problem import FitProblem, FitResult, PreparedFit, Start, canonical
@@ -41,7 +41,8 @@ class Ensemble:
     ) -> None:
         if problem.session_offsets:
             raise InputError(
-                "session offsets are eliminated by variable projection only: use ⟦--method varpro⟧"
+                "session offsets are eliminated by variable projection only",
+                remedy=f"use {option('method', 'varpro')}",
             )
         self.problem = problem
         self.runs = problem.prepare()
@@ -140,9 +141,7 @@ def fit_genetic(
         from pymoo.operators.mutation.pm import PM
         from pymoo.operators.sampling.lhs import LHS
     except ImportError as error:
-        raise MissingExtraError(
-            "the genetic algorithm needs pymoo, which is not installed; pip install 'mrdamper[genetic]'"
-        ) from error
+        raise MissingExtraError.of("the genetic algorithm", "pymoo", "genetic") from error
     clock = time.process_time()
     ensemble = Ensemble(problem, workers=workers, checkpoint=checkpoint)
     history: list[float] = []
@@ -197,9 +196,7 @@ def fit_cma(
     try:
         import cma
     except ImportError as error:
-        raise MissingExtraError(
-            "CMA-ES needs the package cma, which is not installed; pip install 'mrdamper[genetic]'"
-        ) from error
+        raise MissingExtraError.of("CMA-ES", "cma", "genetic") from error
     clock = time.process_time()
     ensemble = Ensemble(problem, checkpoint=checkpoint)
     history: list[float] = []

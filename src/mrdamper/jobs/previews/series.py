@@ -87,7 +87,9 @@ def keep_window(
     high = len(time) if to_s is None else int(np.searchsorted(time, to_s, side="right"))
     if high <= low:
         raise InputError(
-            f"{header['name']}: no sample from {from_s} to {to_s} s; expected a part of 0 to {time[-1]:g} s"
+            f"no sample from {from_s} to {to_s} s",
+            place=header["name"],
+            expected=f"a part of 0 to {time[-1]:g} s",
         )
     kept = np.arange(low, high)
     if most is not None and len(kept) > most:
@@ -109,7 +111,7 @@ def keep_model(card: Path, path: Path, number: int, place: Path, shown: str) -> 
     recordings = read_file(path).recordings
     if not 0 <= number < len(recordings):
         raise InputError(
-            f"{path.name}: holds {len(recordings)} runs; expected number 0 to {len(recordings) - 1}"
+            f"holds {len(recordings)} runs", place=path.name, expected=f"number 0 to {len(recordings) - 1}"
         )
     recording = recordings[number]
     prepared = prepare_run(recording.checked(), Preparation.from_dict(model.preparation))

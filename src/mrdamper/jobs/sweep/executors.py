@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, ThreadPoolExecutor, wait
 
-from mrdamper.errors import InputError, MissingExtraError
+from mrdamper.errors import InputError, MissingExtraError, option
 from mrdamper.jobs.sweep.plan import Task, What
 from mrdamper.jobs.sweep.tasks import run_task
 from mrdamper.runtime.worker import Answer, Worker, WorkerEndedError, WorkerOptions
@@ -55,8 +55,9 @@ def run_on_processes(tasks: Sequence[Task], workers: int) -> Iterator[tuple[Task
                         deaths += 1
                         if deaths >= _MOST_DEATHS:
                             raise InputError(
-                                f"workers died {deaths} times in a row, the last at {task.name}. Is there "
-                                "enough memory? Use fewer ⟦--workers⟧; ⟦--resume⟧ keeps what is done"
+                                f"workers died {deaths} times in a row, the last at {task.name}",
+                                remedy=f"Is there enough memory? Use fewer {option('workers')}; "
+                                f"{option('resume')} keeps what is done",
                             ) from fault
                         continue
                     yield task, result
@@ -87,17 +88,15 @@ def run_on_cluster(tasks: Sequence[Task], address: str) -> Iterator[tuple[Task, 
     try:
         from distributed import Client, KilledWorker, as_completed
     except ImportError as fault:
-        raise MissingExtraError(
-            "a sweep on a cluster needs dask.distributed, which is not installed; "
-            "pip install 'mrdamper[scale]'"
-        ) from fault
+        raise MissingExtraError.of("a sweep on a cluster", "dask.distributed", "scale") from fault
     logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # we tell it, once
     try:
         client = Client(address, timeout=_CONNECT_S, set_as_default=False)
     except (OSError, ValueError) as fault:
         raise InputError(
-            f"scheduler {address!r}: no answer within {_CONNECT_S} s ({fault}); expected the address of a "
-            "Dask scheduler, such as tcp://host:8786"
+            f"no answer within {_CONNECT_S} s ({fault})",
+            place=f"scheduler {address!r}",
+            expected="the address of a Dask scheduler, such as tcp://host:8786",
         ) from fault
     try:
         tried = dict.fromkeys((task.name for task in tasks), 0)
@@ -122,14 +121,17 @@ def run_on_cluster(tasks: Sequence[Task], address: str) -> Iterator[tuple[Task, 
                 except KilledWorker as fault:
                     if tried[task.name] >= _MOST_DEATHS:
                         raise InputError(
-                            f"task {task.name}: {tried[task.name]} x the workers died at it; "
-                            "⟦--resume⟧ keeps what is done"
+                            f"{tried[task.name]} x the workers died at it",
+                            place=f"task {task.name}",
+                            remedy=f"{option('resume')} keeps what is done",
                         ) from fault
                     ready.add(submit(task))
                     continue
                 except CancelledError as fault:
                     raise InputError(
-                        f"scheduler {address!r}: has gone away; start it again, ⟦--resume⟧ keeps what is done"
+                        "has gone away",
+                        place=f"scheduler {address!r}",
+                        remedy=f"start it again, {option('resume')} keeps what is done",
                     ) from fault
                 future.release()
                 yield task, result
@@ -143,8 +145,10 @@ def run_on_cluster(tasks: Sequence[Task], address: str) -> Iterator[tuple[Task, 
             alone_since = alone_since or time.monotonic()
             if time.monotonic() - alone_since > _ALONE_S:
                 raise InputError(
-                    f"scheduler {address!r}: has had no worker for {_ALONE_S:g} s; expected one at least. "
-                    "Start workers there; ⟦--resume⟧ keeps what is done"
+                    f"has had no worker for {_ALONE_S:g} s",
+                    place=f"scheduler {address!r}",
+                    expected="one at least",
+                    remedy=f"Start workers there; {option('resume')} keeps what is done",
                 )
     finally:
         client.close()

@@ -151,7 +151,7 @@ def read_plan(path: str | Path) -> Plan:
     check_ranges(inside, f"{place.name}: {kind}")
     tasks = tuple(inside.tasks(place.parent))
     if not tasks:
-        raise InputError(f"{place.name}: [{kind}] gives no tasks; expected at least one")
+        raise InputError(f"[{kind}] gives no tasks", place=place.name, expected="at least one")
     seeds = np.random.SeedSequence(document.seed).generate_state(len(tasks))
     return Plan(
         place.name,
@@ -185,7 +185,9 @@ def _of(options: type, record: object) -> Json:
 def _matches(pattern: str, folder: Path, what: str) -> list[str]:
     found = sorted(glob.glob(str(folder / pattern)))  # noqa: PTH207 - the pattern may be absolute
     if not found:
-        raise InputError(f"{pattern}: matches no {what} in {folder}; expected a path or a pattern of one")
+        raise InputError(
+            f"matches no {what} in {folder}", place=pattern, expected="a path or a pattern of one"
+        )
     return found
 
 

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
 from pathlib import Path
 
-from mrdamper.errors import InputError
+from mrdamper.errors import InputError, option
 from mrdamper.jobs.sweep.plan import What
 from mrdamper.runtime.checkpoint import Checkpoint, Tell
 from mrdamper.schema import Json
@@ -36,12 +36,16 @@ class Store:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as fault:
             raise InputError(
-                f"{folder}: cannot write there: {fault.strerror}; choose another ⟦--out⟧"
+                f"cannot write there: {fault.strerror}",
+                place=folder,
+                remedy=f"choose another {option('out')}",
             ) from fault
         if not resume and path.exists() and path.stat().st_size > 0:
             raise InputError(
-                f"{folder}: holds results of a sweep; expected an empty place. Use ⟦--resume⟧ to go "
-                "on with it, or another ⟦--out⟧"
+                "holds results of a sweep",
+                place=folder,
+                expected="an empty place",
+                remedy=f"Use {option('resume')} to go on with it, or another {option('out')}",
             )
         self.finished = False  # of no account: the results stay where they are
         self._kept = Checkpoint(path, head, resume=True, always=True)

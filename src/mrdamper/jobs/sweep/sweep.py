@@ -102,7 +102,7 @@ def sweep(
         Workers die again and again; no scheduler at the address.
     """
     if options.workers is not None and options.scheduler is not None:
-        raise InputError("workers are of this machine, a scheduler has its own; expected one of the two")
+        raise InputError("workers are of this machine, a scheduler has its own", expected="one of the two")
     done: dict[str, What] = {} if checkpoint is None else dict(checkpoint.done)
     left = [task for task in plan.tasks if task.name not in done]
     before = len(plan.tasks) - len(left)

@@ -111,7 +111,7 @@ class Fluid:
     def __post_init__(self) -> None:
         object.__setattr__(self, "origins", MappingProxyType(dict(self.origins)))
         if not self.name:
-            raise InputError("fluid: it has no name")
+            raise InputError("it has no name", place="fluid")
         for name, (value, _) in self.parameters.items():
             if name in _POSITIVE:
                 _require_positive(f"fluid {self.name!r}: {name}", value)
@@ -165,7 +165,9 @@ class Fluid:
         if not with_collapse:
             return values
         if self.collapse is None:
-            raise InputError(f"fluid {self.name!r} states no collapse; leave with_collapse out")
+            raise InputError(
+                "states no collapse", place=f"fluid {self.name!r}", remedy="leave with_collapse out"
+            )
         return np.asarray(values * self.collapse.value(kelvin))
 
     def yield_stress(
@@ -238,7 +240,7 @@ _POSITIVE = frozenset({"viscosity.at_20degC_Pa_s", *(f"properties.{key}" for key
 
 def _require_positive(what: str, value: float) -> None:
     if not (math.isfinite(value) and value > 0.0):
-        raise InputError(f"{what} is {value:g}; it must be positive")
+        raise InputError(f"{what} is {value:g}", expected="a positive number")
 
 
 def _require_origins(fluid: Fluid) -> None:

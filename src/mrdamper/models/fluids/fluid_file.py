@@ -126,8 +126,9 @@ def find_fluid(name_or_path: str | Path) -> Fluid:
         text = read_text(path, "fluid")
     except InputError as fault:
         raise InputError(
-            f"fluid {str(name_or_path)!r}: neither a preset ({', '.join(PRESETS)}) nor a file that can be "
-            f"read ({fault})"
+            f"no file that can be read ({fault})",
+            place=f"fluid {str(name_or_path)!r}",
+            expected=f"a preset ({', '.join(PRESETS)}) or a file",
         ) from fault
     return fluid_from_toml(text, path.name)
 
@@ -149,7 +150,7 @@ def fluid_from_toml(text: str, place: str = "fluid") -> Fluid:
     try:
         given = parse_toml(text)
     except InputError as fault:
-        raise InputError(f"{place}: not a TOML file: {fault}") from fault
+        raise InputError(f"not a TOML file: {fault}", place=place) from fault
     tables = read_record(FluidTables, _completed(given, place), place)
     viscosity, viscosity_factor = _section(ViscosityTable, tables.viscosity, f"{place}: viscosity")
     stress, yield_factor = _section(YieldStressTable, tables.yield_stress, f"{place}: yield_stress")
@@ -183,7 +184,9 @@ def fluid_from_toml(text: str, place: str = "fluid") -> Fluid:
             },
         )
     except InputError as fault:
-        raise fault if place in str(fault) else InputError(f"{place}: {fault}") from fault
+        raise (
+            fault if place in str(fault) else (fault if place in str(fault) else fault.within(place))
+        ) from fault
 
 
 def _completed(given: Json, place: str) -> Json:
@@ -194,12 +197,13 @@ def _completed(given: Json, place: str) -> Json:
         for section in ("viscosity", "yield_stress", "properties"):
             if section not in given and given.keys() <= {each.key for each in fields_of(FluidTables)}:
                 raise InputError(
-                    f"{place}: the table [{section}] is missing; give it, or `like` with the preset "
-                    f"to take it from ({', '.join(PRESETS)})"
+                    f"the table [{section}] is missing",
+                    place=place,
+                    remedy=f"give it, or `like` with the preset to take it from ({', '.join(PRESETS)})",
                 )
         return given
     if not isinstance(like, str) or like not in PRESETS:
-        raise InputError(f"{place}: like is {like!r}; expected one of: {', '.join(PRESETS)}")
+        raise InputError(f"like is {like!r}", place=place, expected=f"one of: {', '.join(PRESETS)}")
     base = _document_of(find_fluid(like))
     if "viscosity" in given:
         base.pop("collapse", None)  # it belongs to the other fluid's viscosity
@@ -220,7 +224,7 @@ def _section(
     """Return the record of a section and its factor of temperature; the section says which law that is."""
     law = table.get("law")
     if not isinstance(law, str) or law not in FACTORS:
-        raise InputError(f"{place}.law is {law!r}; expected one of: {', '.join(FACTORS)}")
+        raise InputError(f"{place}.law is {law!r}", expected=f"one of: {', '.join(FACTORS)}")
     # a factor of the law, for the names and units of its parameters
     if law == PolynomialFactor.kind:
         powers = sum(1 for key in table if key[:1] == "t" and key[1:].isdigit())
@@ -233,7 +237,7 @@ def _section(
     try:
         return record, blank.with_parameters([getattr(record, name).value for name in blank.parameter_names])
     except InputError as fault:
-        raise InputError(f"{place}: {fault}") from fault
+        raise fault.within(place) from fault
 
 
 def _table_with_law(kind: type[_Section], parameters: tuple[tuple[str, str], ...]) -> type[_Section]:
@@ -259,8 +263,9 @@ def _sourced_numbers(sections: Mapping[str, Any], place: str) -> Iterator[tuple[
                 continue
             if number.unit not in (None, field.option.unit):
                 raise InputError(
-                    f"{place}: {section}.{field.key}: unit is {number.unit!r}; expected "
-                    f"{field.option.unit!r}, or none"
+                    f"unit is {number.unit!r}",
+                    place=f"{place}: {section}.{field.key}",
+                    expected=f"{field.option.unit!r}, or none",
                 )
             yield f"{section}.{field.key}", number
 

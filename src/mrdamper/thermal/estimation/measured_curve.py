@@ -185,8 +185,10 @@ def read_curve(
     if time is None or len(found) != 1:
         has = ", ".join(table.names)
         raise InputError(
-            f"{file.name}: has columns {has}; expected time_s and one temperature, such as fluid_degC"
-            + (" (name it by column)" if len(found) > 1 else "")
+            f"has columns {has}",
+            place=file.name,
+            expected="time_s and one temperature, such as fluid_degC"
+            + (" (name it by column)" if len(found) > 1 else ""),
         )
     ((name, temperature),) = found.items()
     word = name.split("_")[0].strip().lower()

@@ -352,7 +352,8 @@ def _within(what: str, value: ArrayLike, low: float, high: float) -> FloatArray:
     outside = ~((array >= low) & (array <= high))
     if outside.any():
         raise EnvelopeError(
-            f"{what} is {array[outside].flat[0]:g}; the correlation holds for {low:g} to {high:g}"
+            f"{what} is {array[outside].flat[0]:g}",
+            expected=f"{low:g} to {high:g}, where the correlation holds",
         )
     return array
 

@@ -92,9 +92,7 @@ def discretise(section: Section, mesh: SectionMesh) -> FieldModel:
     try:
         import skfem
     except ImportError as error:
-        raise MissingExtraError(
-            "the finite elements need scikit-fem, which is not installed; pip install 'mrdamper[thermal]'"
-        ) from error
+        raise MissingExtraError.of("the finite-element model", "scikit-fem", "thermal") from error
     triangles = skfem.MeshTri(mesh.corners.T.copy(), mesh.triangles.T.copy(), sort_t=False)
     basis = skfem.Basis(triangles, skfem.ElementTriP2(), intorder=_INTEGRATION)
     elements = np.ascontiguousarray(basis.element_dofs.T)

@@ -59,9 +59,7 @@ def search_genetic(
         from pymoo.core.problem import Problem
         from pymoo.operators.sampling.lhs import LHS
     except ImportError as error:
-        raise MissingExtraError(
-            "NSGA-II needs pymoo, which is not installed; pip install 'mrdamper[genetic]'"
-        ) from error
+        raise MissingExtraError.of("NSGA-II", "pymoo", "genetic") from error
     clock = time.process_time()
     tried = _Tried(damper, limits, memory)
 

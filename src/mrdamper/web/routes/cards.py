@@ -50,7 +50,7 @@ def card_routes(context: AppContext) -> APIRouter:
             try:
                 await context.reader.ask(Query("card", {"path": beside}))
             except InputError as fault:
-                raise InputError(str(fault).replace(str(beside), name)) from fault
+                raise fault.renamed(str(beside), name) from fault
             place.mkdir()
             folder.move(beside, place / "card.json")
         finally:
