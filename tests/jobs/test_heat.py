@@ -110,7 +110,7 @@ def test_what_goes_in_is_given_off_or_stored(answer):
 
 def test_film_coefficients_are_named(answer):
     assert "Churchill" in answer["correlations"]["body"]
-    assert "Elenbaas, times 1.989" in answer["correlations"]["fins"]
+    assert "Tsubouchi and Masuda, times 2.609" in answer["correlations"]["fins"]
 
 
 def test_finite_elements_judge_the_end(answer):
@@ -173,7 +173,7 @@ def test_another_sink_takes_the_drawing_s_place(folder):
     sink.write_text("[sink]\nfins = 2\nwidth_mm = 10\nthickness_mm = 2\npitch_mm = 30\n", encoding="utf-8")
     found = heating(folder / "card.json", DRAWING, sink=sink)
     assert found["sink"] == "2 fins, 10 mm wide, 2 mm thick at 30 mm pitch, aluminium-alloy"
-    assert found["correlations"]["fins"] == "channel law of Elenbaas"
+    assert found["correlations"]["fins"] == "annular fins, Tsubouchi and Masuda"
 
 
 def test_a_drawing_without_sink_is_run_once(folder):

@@ -118,10 +118,10 @@ def test_every_material_has_a_source():
         ([('"steel"', '"stele"')], r"body.material: no material is called 'stele'"),
         (
             [('"horizontal"', '"vertical"')],
-            r"sink.correlation is 'channel' on a vertical body; expected .disc.",
+            r"sink.correlation is 'annular' on a vertical body; expected .disc.",
         ),
         (
-            [('"horizontal"', '"vertical"'), ('"channel"', '"disc"'), ("pitch_mm = 20", "pitch_mm = 8")],
+            [('"horizontal"', '"vertical"'), ('"annular"', '"disc"'), ("pitch_mm = 20", "pitch_mm = 8")],
             "5 mm apart; expected at least 10",
         ),
         ([('preset = "paper"', 'preset = "papier"')], r"fluid: fluid 'papier': no file that can be read"),

@@ -94,10 +94,9 @@ def test_by_volume_the_number_follows_the_paper_and_the_width_does_not(sweeps):
 
 
 def test_the_peak_at_23_mm_hangs_on_the_raised_film_coefficient():
-    """With the channel law as it stands the same reading peaks at 28 mm: it fits the text, it is no proof."""
-    width, fins = paper_sweeps(DRAWING, replace(SINK, film_multiplier=1.0), LOADS)
-    assert int(np.argmax(width.values[DEFAULT_EFFICIENCY])) == 2
-    assert fins.follows_paper(DEFAULT_EFFICIENCY)
+    """With the law as it stands the same reading goes on rising: it fits the text, it is no proof."""
+    for sweep in paper_sweeps(DRAWING, replace(SINK, film_multiplier=1.0), LOADS):
+        assert sweep.trend(DEFAULT_EFFICIENCY) == "rises"
 
 
 def test_the_temperature_itself_falls_with_every_millimetre_and_every_fin(sweeps):
@@ -222,6 +221,6 @@ def test_trends_are_told_apart(values, trend):
 
 
 def test_a_pattern_s_pitch_does_not_matter_to_the_sweeps():
-    narrow = HeatSink(fins=2, width=0.01, thickness=SINK.thickness, pitch=0.005, film_multiplier=1.989)
+    narrow = HeatSink(fins=2, width=0.01, thickness=SINK.thickness, pitch=0.005, film_multiplier=2.609)
     ours, paper = (paper_sweeps(DRAWING, sink, LOADS)[0] for sink in (narrow, SINK))
     assert np.allclose(ours.values["fin"], paper.values["fin"], rtol=1e-12)

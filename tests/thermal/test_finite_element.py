@@ -166,7 +166,8 @@ def test_every_surface_has_its_area():
         "far cap": cap_area(DRAWING, with_rod=True),
         "floor": 2.0 * math.pi * r * (SINK.fins - 1) * SINK.gap,
         "groove": 2.0 * (SINK.fins - 1) * face,
-        "outside": 2.0 * face + tips,
+        "outside": 2.0 * face,
+        "rim": tips,
     }
     assert {name: areas[k] for name, k in by_name.items()} == pytest.approx(expected, rel=1e-9)
     points = np.bincount(model.surface, model.equation.area)

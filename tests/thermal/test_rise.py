@@ -204,7 +204,7 @@ def test_what_goes_in_stays_or_leaves_by_the_paths_reported():
     assert set(rise.paths_W) == {
         "body convection", "body radiation", "fin convection", "fin radiation", "mount",
     }  # fmt: skip
-    assert "channel law" in rise.correlations["fins"]
+    assert "annular fins" in rise.correlations["fins"]
 
 
 def test_the_coil_s_heat_follows_its_resistance():

@@ -18,6 +18,7 @@ from mrdamper.report.page import environment
 from mrdamper.runtime.outputs import write_table, write_text
 from mrdamper.schema import Json
 from mrdamper.thermal.drawing import DamperDrawing
+from mrdamper.thermal.heatsink import FIN_LAWS
 from mrdamper.thermal.sinks.design import SinkDesign
 from mrdamper.thermal.sinks.efficiency import DEFAULT_EFFICIENCY, EFFICIENCIES, SinkEffect, Sweep
 
@@ -38,6 +39,7 @@ def render_sink(run: SinkResult) -> str:
             sweeps=draw_sweeps(run),
             definitions=list(EFFICIENCIES.values()),
             default=DEFAULT_EFFICIENCY,
+            laws=FIN_LAWS,
         )
     )
 

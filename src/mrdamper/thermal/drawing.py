@@ -365,7 +365,7 @@ def _check_sink(drawing: DamperDrawing, sink: HeatSink) -> None:
         )
     upright = body.orientation == "vertical"
     if upright != (sink.correlation == "disc"):
-        use = '"disc"' if upright else '"channel" or "vdi"'
+        use = '"disc"' if upright else '"annular", "channel" or "vdi"'
         raise InputError(
             place=place,
             found=f"sink.correlation is {sink.correlation!r} on a {body.orientation} body",

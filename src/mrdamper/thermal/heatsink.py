@@ -19,13 +19,21 @@ from mrdamper.schema import Option, check_ranges
 from mrdamper.thermal.films.correlations import groove_emissivity
 from mrdamper.thermal.materials import MATERIALS, Material
 
-__all__ = ["FinLaw", "HeatSink", "length_option"]
+__all__ = ["FIN_LAWS", "FinLaw", "HeatSink", "length_option"]
 
 _LONGEST_mm = 10_000.0  # what is longer was written in another unit
 
-FinLaw = Literal["channel", "vdi", "disc"]
-"""Natural convection of annular fins: as vertical channels (Elenbaas), by the VDI Heat Atlas (both for a
-horizontal damper), or as horizontal discs (a vertical damper)."""
+FIN_LAWS = {
+    "annular": "annular fins, Tsubouchi and Masuda",
+    "channel": "channel law of Elenbaas",
+    "vdi": "VDI Heat Atlas F2.4.4",
+    "disc": "single horizontal discs, McAdams",
+}
+"""What each law of the fins is called in answers and on pages."""
+
+FinLaw = Literal["annular", "channel", "vdi", "disc"]
+"""Convection of annular fins: by a law of their own (Tsubouchi and Masuda), as vertical channels (Elenbaas),
+by the VDI Heat Atlas (all for a horizontal damper), or as horizontal discs (a vertical damper)."""
 
 
 def length_option(said: str, key: str, default_help: str = "") -> Option:
@@ -48,7 +56,7 @@ class HeatSink:
     film_multiplier: Annotated[
         float, Option("on the fins' convection; 1 is the correlation as it stands", above=0.0)
     ] = 1.0
-    correlation: Annotated[FinLaw, Option("of the fins' natural convection")] = "channel"
+    correlation: Annotated[FinLaw, Option("of the fins' natural convection")] = "annular"
     contact: Annotated[
         float,
         Option("thermal resistance, body to fin", key="contact_m2K_W", unit="m^2 K/W", least=0.0),

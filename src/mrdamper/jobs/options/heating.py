@@ -250,7 +250,7 @@ class SinkOptions:
         ),
     ] = ()
     correlation: Annotated[
-        Literal["channel", "vdi", "disc"] | None,
+        Literal["annular", "channel", "vdi", "disc"] | None,
         Option("The fins' law.", label="Law of the fins", default_help="as drawn"),
     ] = None
     film_multiplier: Annotated[

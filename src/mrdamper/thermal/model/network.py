@@ -21,7 +21,7 @@ from mrdamper.errors import InputError
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.films.correlations import annular_fin_efficiency, radiation_film
 from mrdamper.thermal.heatsink import HeatSink
-from mrdamper.thermal.model.surfaces import body_film, cap_area, fin_film, fin_radiation
+from mrdamper.thermal.model.surfaces import body_film, cap_area, fin_film, fin_films, fin_radiation
 
 __all__ = ["PATHS", "ThermalNetwork", "loss_grid", "zone_network"]
 
@@ -252,7 +252,7 @@ class _Losses:
         self.excess = self.grid - drawing.surroundings.ambient
         self.body_film = body_film(drawing, self.grid)
         self.black_film = radiation_film(1.0, self.grid, drawing.surroundings.ambient)
-        self.fin_film = fin_film(drawing, self.grid) if drawing.sink is not None else None
+        self.fins = fin_films(drawing, self.grid) if drawing.sink is not None else None
         self.nodes: list[str] = []
         self.paths: list[str] = []
         self.watts: list[FloatArray] = []
@@ -281,8 +281,8 @@ def _add_walls(parts: _Parts, losses: _Losses, drawing: DamperDrawing) -> None:
         floor = circumference * floors
         film = bare * losses.body_film
         radiating = bare * around.emissivity + floor * groove
-        if losses.fin_film is not None:
-            film = film + floor * losses.fin_film
+        if losses.fins is not None:
+            film = film + floor * losses.fins.floor
         losses.add(f"wall {zone}", "body convection", film)
         losses.add(f"wall {zone}", "body radiation", radiating * losses.black_film)
         if zone != 1:
@@ -296,6 +296,7 @@ def _add_fins(parts: _Parts, losses: _Losses, drawing: DamperDrawing, sink: Heat
     area = sink.fin_area(diameter)
     emissivity, _ = fin_radiation(drawing)
     root = fin_root_conductance(drawing)
+    convection = fin_film(drawing, losses.grid)
     for zone in (0, 1, 2):
         count = _fins_on(sink, drawing.body.length, edges[zone], edges[zone + 1])
         if count == 0.0:
@@ -304,7 +305,7 @@ def _add_fins(parts: _Parts, losses: _Losses, drawing: DamperDrawing, sink: Heat
         heat = sink.material.volumetric_heat
         parts.capacity[name] = count * sink.fin_volume(diameter) * heat
         parts.join(f"wall {zone}", name, drawing.calibration.fin_root * count * root)
-        losses.add(name, "fin convection", count * area * fin_film(drawing, losses.grid))
+        losses.add(name, "fin convection", count * area * convection)
         losses.add(name, "fin radiation", count * area * emissivity * losses.black_film)
 
 

@@ -22,7 +22,7 @@ from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.materials import Material
 from mrdamper.thermal.model.network import loss_grid
-from mrdamper.thermal.model.surfaces import body_film, cap_area, fin_film
+from mrdamper.thermal.model.surfaces import body_film, cap_area, fin_films
 
 __all__ = ["Block", "Edge", "Region", "Section", "Surface", "section_of"]
 
@@ -155,12 +155,14 @@ def section_of(drawing: DamperDrawing) -> Section:
     if sink is None:
         edges.append(Edge(0, outer, outer, 0.0, length))
     else:
-        films.append(fin_film(drawing, grid))
+        on_fins = fin_films(drawing, grid)
+        films += [on_fins.sides, on_fins.rim, on_fins.floor]
         groove = sink.groove_share(drawing.body.outer_diameter, around.emissivity)
         surfaces += [
-            Surface("floor", 1, groove, 0.0, "body convection", "body radiation"),
+            Surface("floor", 3, groove, 0.0, "body convection", "body radiation"),
             Surface("groove", 1, groove, 0.0, "fin convection", "fin radiation"),
             Surface("outside", 1, sink.emissivity, 0.0, "fin convection", "fin radiation"),
+            Surface("rim", 2, sink.emissivity, 0.0, "fin convection", "fin radiation"),
         ]
         _add_fins(regions, blocks, edges, drawing, sink)
     return Section(
@@ -234,7 +236,7 @@ def _add_fins(
     regions: list[Region], blocks: list[Block], edges: list[Edge], drawing: DamperDrawing, sink: HeatSink
 ) -> None:
     """Add the fins, the faces of each, and the tube's outside around and between them."""
-    bare, floor, groove, outside = 0, 3, 4, 5
+    bare, floor, groove, outside, rim = 0, 3, 4, 5, 6
     root, length = 0.5 * drawing.body.outer_diameter, drawing.body.length
     tip, half, k = root + sink.width, 0.5 * sink.thickness, sink.material.conductivity
     regions.append(Region("fins", "fins", k, k, sink.material.volumetric_heat))
@@ -250,7 +252,7 @@ def _add_fins(
         blocks.append(Block(fins, foot, tip, low, high))
         if foot > root:
             blocks.append(Block(fins + 1, root, foot, low, high))
-        edges.append(Edge(outside, tip, tip, low, high))
+        edges.append(Edge(rim, tip, tip, low, high))
         edges.append(Edge(outside if number == 0 else groove, root, tip, low, low))
         edges.append(Edge(outside if number == len(centres) - 1 else groove, root, tip, high, high))
         if number > 0:

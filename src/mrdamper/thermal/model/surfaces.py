@@ -8,16 +8,27 @@ Still air and air across the axis blend as h^3 = h_natural^3 + h_forced^3.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike
 
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import EnvelopeError
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.films.air import Air, air_at
+from mrdamper.thermal.films.annular_fins import (
+    RIM_FORCED,
+    RIM_UNCERTAINTY,
+    floor_share,
+    forced_side_film,
+    natural_rim_share,
+    nusselt_annular_fins,
+    side_uncertainty,
+)
 from mrdamper.thermal.films.correlations import (
     mixed_nusselt,
     nusselt_cross_flow,
@@ -28,9 +39,15 @@ from mrdamper.thermal.films.correlations import (
     nusselt_horizontal_cylinder,
     nusselt_slender_vertical_cylinder,
 )
-from mrdamper.thermal.heatsink import HeatSink
+from mrdamper.thermal.heatsink import FIN_LAWS, HeatSink
 
-__all__ = ["body_film", "cap_area", "fin_film", "fin_radiation", "name_correlations"]
+__all__ = [
+    "FinFilms", "body_film", "cap_area", "fin_film", "fin_films", "fin_radiation", "fin_uncertainty",
+    "name_correlations",
+]  # fmt: skip
+
+_WIDEST_GAP = 0.6  # of the fins' outer diameter: as wide as it matters in still air
+_FEW = 12  # temperatures at which a forced film is computed, at most
 
 
 def body_film(drawing: DamperDrawing, surface_K: ArrayLike) -> FloatArray:
@@ -69,30 +86,68 @@ def _bare_film(drawing: DamperDrawing, surface_K: ArrayLike) -> FloatArray:
     return film
 
 
-def fin_film(drawing: DamperDrawing, surface_K: ArrayLike) -> FloatArray:
-    """Return the convective film coefficient of the fins and of the body between them [W/(m^2 K)].
+@dataclass(frozen=True, slots=True, eq=False)
+class FinFilms:
+    """Convective film coefficients of a finned stretch [W/(m^2 K)], with ``film_multiplier``; one shape."""
 
-    By the law that the sink names; in air, blended with a laminar plate of the length pi/4 D_o.
-    ``film_multiplier`` is included.
+    sides: FloatArray  # of the fins
+    rim: FloatArray
+    floor: FloatArray  # of the body between the fins
+
+    def mean(self, sink: HeatSink, body_diameter: float) -> FloatArray:
+        """Return the mean over a fin's sides and rim [W/(m^2 K)]."""
+        tip = sink.tip_radius(body_diameter)
+        sides, rim = 2.0 * (tip**2 - 0.25 * body_diameter**2), 2.0 * tip * sink.thickness
+        return np.asarray((sides * self.sides + rim * self.rim) / (sides + rim))
+
+
+def fin_film(drawing: DamperDrawing, surface_K: ArrayLike) -> FloatArray:
+    """Return the mean convective film coefficient of a fin [W/(m^2 K)], as ``fin_films``."""
+    return fin_films(drawing, surface_K).mean(_sink(drawing), drawing.body.outer_diameter)
+
+
+def fin_films(drawing: DamperDrawing, surface_K: ArrayLike) -> FinFilms:
+    """Return the convective film coefficients of the fins and of the body between them.
+
+    Natural convection by the law that the sink names; air across the axis by the flow that develops between
+    two discs (a laminar plate of the length pi/4 D_o with the laws ``channel`` and ``vdi``, which tell
+    neither rim nor floor from the sides). The two outer faces take the film of a gap.
 
     Parameters
     ----------
     surface_K : mean temperature of the fins [K], any shape
+
+    Raises
+    ------
+    EnvelopeError
+        Air or a correlation outside its range.
     """
     sink = _sink(drawing)
     with _placed(drawing, "fins"):
-        return sink.film_multiplier * _between_fins(drawing, sink, surface_K)
+        natural = _natural_on_fins(drawing, sink, surface_K)
+        if drawing.surroundings.air_speed > 0.0:
+            forced = _over_temperature(lambda kelvin: _forced_on_fins(drawing, sink, kelvin), surface_K)
+            natural = [mixed_nusselt(still, wind) for still, wind in zip(natural, forced, strict=True)]
+    return FinFilms(*(sink.film_multiplier * film for film in natural))
 
 
-def _between_fins(drawing: DamperDrawing, sink: HeatSink, surface_K: ArrayLike) -> FloatArray:
+def _natural_on_fins(drawing: DamperDrawing, sink: HeatSink, surface_K: ArrayLike) -> list[FloatArray]:
+    """Return the films of sides, rim and floor in still air [W/(m^2 K)]."""
     diameter = drawing.body.outer_diameter
     tip = sink.tip_radius(diameter)
-    chord = 0.25 * math.pi * 2.0 * tip
-    # a single fin has no neighbour: as wide a gap as it is high
-    gap = sink.gap if sink.fins > 1 else 2.0 * tip
+    gap = _gap(sink, tip)
     air, difference = _air(drawing, surface_K)
+    if sink.correlation == "annular":
+        outer = 2.0 * tip
+        # beyond, the law is that of single fins but for a slow fall of its own
+        gap = min(gap, _WIDEST_GAP * outer)
+        sides = nusselt_annular_fins(air.rayleigh(gap, difference) * gap / outer, outer / diameter)
+        around = nusselt_horizontal_cylinder(air.rayleigh(outer, difference), air.prandtl) / outer
+        around = around * natural_rim_share(sink.thickness, 1.0 / around)
+        film = sides * air.conductivity / gap
+        return [film, around * air.conductivity, film]
     if sink.correlation == "channel":
-        nusselt = nusselt_fin_channel(air.rayleigh(gap, difference), gap / chord)
+        nusselt = nusselt_fin_channel(air.rayleigh(gap, difference), gap / (0.5 * math.pi * tip))
         film = nusselt * air.conductivity / gap
     elif sink.correlation == "vdi":
         nusselt = nusselt_fin_vdi(air.rayleigh(diameter, difference), gap / diameter)
@@ -100,11 +155,51 @@ def _between_fins(drawing: DamperDrawing, sink: HeatSink, surface_K: ArrayLike) 
     else:
         length = (tip**2 - 0.25 * diameter**2) / (2.0 * tip)  # open area over open perimeter
         film = nusselt_fin_disc(air.rayleigh(length, difference)) * air.conductivity / length
-    speed = drawing.surroundings.air_speed
-    if speed > 0.0:
-        forced = nusselt_flat_plate(speed * chord / air.kinematic_viscosity, air.prandtl)
-        film = mixed_nusselt(film, forced * air.conductivity / chord)
-    return film
+    return [film] * 3
+
+
+def _forced_on_fins(drawing: DamperDrawing, sink: HeatSink, surface_K: ArrayLike) -> list[FloatArray]:
+    """Return the films of sides, rim and floor in air across the axis [W/(m^2 K)]."""
+    diameter, speed = drawing.body.outer_diameter, drawing.surroundings.air_speed
+    tip = sink.tip_radius(diameter)
+    outer, gap = 2.0 * tip, _gap(sink, tip)
+    air, _ = _air(drawing, surface_K)
+    if sink.correlation in ("channel", "vdi"):
+        chord = 0.25 * math.pi * outer
+        plate = nusselt_flat_plate(speed * chord / air.kinematic_viscosity, air.prandtl)
+        return [plate * air.conductivity / chord] * 3
+    of_air = (air.kinematic_viscosity, air.prandtl)
+    sides = air.conductivity * forced_side_film(speed, gap, diameter, outer, *of_air)
+    around = nusselt_cross_flow(speed * outer / air.kinematic_viscosity, air.prandtl)
+    rim = RIM_FORCED * around * air.conductivity / outer
+    return [sides, rim, sides * floor_share(speed, gap, outer, *of_air)]
+
+
+def _gap(sink: HeatSink, tip: float) -> float:
+    """Return the gap between fins [m]; a single one has no neighbour: as wide as it is across."""
+    return sink.gap if sink.fins > 1 else 2.0 * tip
+
+
+def _over_temperature(
+    films: Callable[[FloatArray], list[FloatArray]], surface_K: ArrayLike
+) -> list[FloatArray]:
+    """Return films at many temperatures from those at a few: forced ones hardly bend (within 1e-6)."""
+    kelvin = np.asarray(surface_K, dtype=np.float64)
+    if kelvin.size <= _FEW:
+        return films(kelvin)
+    low, high = float(kelvin.min()), float(kelvin.max())
+    at = 0.5 * (low + high) + 0.5 * (high - low) * np.cos(np.pi * (np.arange(_FEW) + 0.5) / _FEW)
+    curves = [chebyshev.Chebyshev.fit(at, film, _FEW - 1, domain=[low, high]) for film in films(at)]
+    return [np.asarray(curve(kelvin)) for curve in curves]
+
+
+def fin_uncertainty(drawing: DamperDrawing) -> float:
+    """Return how far the fins' film may be off [-]: half an interval of 90 %, relative, by area."""
+    sink, diameter = _sink(drawing), drawing.body.outer_diameter
+    tip, speed = sink.tip_radius(diameter), drawing.surroundings.air_speed
+    share = sink.thickness * tip / (tip**2 - 0.25 * diameter**2 + sink.thickness * tip)
+    sides = side_uncertainty(_gap(sink, tip), 2.0 * tip / diameter, speed)
+    return (1.0 - share) * sides + share * RIM_UNCERTAINTY
 
 
 def fin_radiation(drawing: DamperDrawing) -> tuple[float, float]:
@@ -140,14 +235,12 @@ def name_correlations(drawing: DamperDrawing) -> Mapping[str, str]:
     )
     found = {"body": body + (", with cross-flow by Churchill and Bernstein" if moving else "")}
     if drawing.sink is not None:
-        fins = {
-            "channel": "channel law of Elenbaas",
-            "vdi": "VDI Heat Atlas F2.4.4",
-            "disc": "single horizontal discs, McAdams",
-        }[drawing.sink.correlation]
+        fins = FIN_LAWS[drawing.sink.correlation]
         if drawing.sink.film_multiplier != 1.0:
             fins += f", times {drawing.sink.film_multiplier:g}"
-        found["fins"] = fins + (", with a laminar plate's forced convection" if moving else "")
+        plate = drawing.sink.correlation in ("channel", "vdi")
+        wind = "a laminar plate's forced convection" if plate else "flow that develops between discs"
+        found["fins"] = fins + (f", with {wind}" if moving else "")
     return found
 
 

@@ -160,7 +160,7 @@ class HeatedDamper:
     def __post_init__(self) -> None:
         upright = self.drawing.body.orientation == "vertical"
         plain = HeatSink(
-            fins=1, width=0.01, thickness=2e-3, pitch=0.01, correlation="disc" if upright else "channel"
+            fins=1, width=0.01, thickness=2e-3, pitch=0.01, correlation="disc" if upright else "annular"
         )
         object.__setattr__(self, "pattern", self.drawing.sink or plain)
         object.__setattr__(self, "loads", tuple(self.loads))
@@ -418,7 +418,7 @@ class Spread:
 def spread(damper: HeatedDamper, reference: HeatSink | None, best: HeatSink) -> tuple[Spread, ...]:
     """Return what two sinks do by the law and multiplier in use (first), by the other law, and without it."""
     upright = damper.drawing.body.orientation == "vertical"
-    laws: tuple[FinLaw, ...] = ("disc",) if upright else ("channel", "vdi")
+    laws: tuple[FinLaw, ...] = ("disc",) if upright else ("annular", "channel", "vdi")
     laws = tuple(sorted(laws, key=lambda law: law != damper.pattern.correlation))
     multipliers = dict.fromkeys((damper.pattern.film_multiplier, 1.0))
 

@@ -1,0 +1,118 @@
+"""Laws of annular fins that know their gap: limits, closed forms, best gaps, and computed flows."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mrdamper.errors import EnvelopeError
+from mrdamper.thermal.drawing_file import read_drawing
+from mrdamper.thermal.films.air import air_at
+from mrdamper.thermal.films.annular_fins import (
+    best_gap_in_wind,
+    floor_share,
+    forced_side_film,
+    natural_rim_share,
+    nusselt_annular_fins,
+)
+from mrdamper.thermal.heatsink import HeatSink
+from mrdamper.thermal.model.surfaces import fin_films
+
+TUBE, OUTER, EXCESS_K = 0.046, 0.092, 60.0
+AIR = air_at(293.15 + 0.5 * EXCESS_K)
+WIND = (AIR.kinematic_viscosity, AIR.prandtl)
+DRAWING = read_drawing("paper")
+
+
+def still(gap: float) -> float:
+    """Return the film of the sides over the air's conductivity in still air [1/m]."""
+    rayleigh = AIR.rayleigh(gap, EXCESS_K) * gap / OUTER
+    return float(nusselt_annular_fins(rayleigh, OUTER / TUBE)) / gap
+
+
+def windy(gap: float, speed: float = 2.0) -> float:
+    return float(forced_side_film(speed, gap, TUBE, OUTER, *WIND))
+
+
+@pytest.mark.parametrize("ratio", [1.2, 2.0, 3.0])
+def test_narrow_gaps_are_developed_flow_between_plates(ratio):
+    assert float(nusselt_annular_fins(1e-3, ratio)) == pytest.approx(1e-3 / (6.0 * math.pi), rel=1e-6)
+
+
+@given(st.floats(1.1, 4.5), st.floats(-3.0, 6.0), st.floats(0.01, 1.0))
+def test_nusselt_grows_with_rayleigh(ratio, exponent, more):
+    one, other = nusselt_annular_fins(10.0 ** np.array([exponent, exponent + more]), ratio)
+    assert 0.0 < one < other
+
+
+def test_a_wide_gap_no_longer_matters():
+    assert still(0.055) == pytest.approx(still(0.045), rel=0.03)
+    assert windy(0.2) == pytest.approx(windy(0.1), rel=0.02)
+
+
+def test_both_films_vanish_with_the_gap_and_grow_with_it_below_the_best():
+    gaps = np.geomspace(1e-4, 2e-3, 20)
+    for film in (still, windy):
+        values = np.array([film(gap) for gap in gaps])
+        assert values[0] < 0.02 * values[-1]
+        assert (np.diff(values) > 0.0).all()
+
+
+def test_a_disc_alone_is_pohlhausen_s():
+    """Strips of a disc without a tube, each a laminar plate of its own chord: 0.664 Re^1/2 Pr^1/3."""
+    nu, pr = float(AIR.kinematic_viscosity), float(AIR.prandtl)
+    height = 0.5 * OUTER * (np.arange(4000) + 0.5) / 4000
+    chord = np.sqrt(OUTER**2 - 4.0 * height**2)
+    exact = (0.664 * np.sqrt(2.0 * chord / nu) * pr ** (1 / 3)).sum() / chord.sum()
+    ours = float(forced_side_film(2.0, 0.2, 0.0, OUTER, *WIND, driving=1.0, correction=1.0))
+    assert ours == pytest.approx(exact, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("speed", "low", "high"), [(0.0, 5.0, 6.5), (2.0, 2.0, 3.5), (10.0, 0.8, 1.8), (0.7, 3.5, 6.0)]
+)
+def test_the_best_gap_is_where_published_rules_have_it(speed, low, high):
+    """Fins of 1 mm, as many as fit, no least gap: still air as Senapati 2016 finds, wind as Bejan's rule."""
+    gaps = np.arange(0.5e-3, 12e-3, 0.05e-3)
+    film = still if speed == 0.0 else lambda gap: windy(gap, speed)
+    best = gaps[int(np.argmax([film(gap) / (gap + 1e-3) for gap in gaps]))]
+    assert low <= 1e3 * best <= high
+    if speed > 0.0:
+        rule = float(best_gap_in_wind(speed, OUTER, *WIND))
+        assert best == pytest.approx(rule, rel=0.25)
+
+
+def test_the_floor_is_nothing_in_a_narrow_gap_and_less_than_the_sides_in_a_wide_one():
+    shares = [float(floor_share(2.0, gap, OUTER, *WIND)) for gap in (1e-4, 2e-3, 4.5e-3, 0.05)]
+    assert shares == sorted(shares)
+    assert shares[0] < 1e-3
+    assert shares[-1] == pytest.approx(0.82, abs=1e-3)
+
+
+def test_a_thick_rim_is_a_cylinder():
+    assert float(natural_rim_share(1e-3, 4e-3)) == pytest.approx(2.5)
+    assert float(natural_rim_share(10.0, 4e-3)) == pytest.approx(1.0, abs=1e-3)
+
+
+def test_fins_too_long_or_too_short_are_refused():
+    with pytest.raises(EnvelopeError, match="outer over inner diameter of annular fins is 6"):
+        nusselt_annular_fins(10.0, 6.0)
+    with pytest.raises(EnvelopeError, match=r"1\.05 to 5"):
+        forced_side_film(2.0, 5e-3, 0.046, 0.047, *WIND)
+
+
+def test_films_of_a_drawing_go_over_temperature_as_they_do_at_each():
+    """The forced film is computed at a few temperatures; between them it is that of each, to 1e-6."""
+    sink = HeatSink(fins=8, width=0.02, thickness=1e-3, pitch=4e-3, film_multiplier=1.3)
+    drawing = replace(DRAWING, sink=sink, surroundings=replace(DRAWING.surroundings, air_speed=1.5))
+    kelvin = np.linspace(240.0, 460.0, 100)
+    many = fin_films(drawing, kelvin)
+    for place in (3, 47, 96):
+        one = fin_films(drawing, kelvin[place])
+        for name in ("sides", "rim", "floor"):
+            assert float(getattr(one, name)) == pytest.approx(getattr(many, name)[place], rel=1e-6)
