@@ -110,8 +110,16 @@ def test_the_study_holds_the_paper_s_sweeps_by_every_reading(answer):
 
 def test_what_hangs_on_the_fin_law_is_told(answer):
     assert [(row["correlation"], row["film_multiplier"]) for row in answer["spread"]] == [
-        (law, factor) for factor in (2.609, 1.0) for law in ("annular", "channel", "vdi")
+        *((law, factor) for factor in (2.609, 1.0) for law in ("annular", "channel", "vdi")),
+        ("annular", 1.0),
     ]  # fmt: skip
+    assert 0.5 < answer["spread"][-1]["air_m_s"] < 1.0  # the draught that would do what the multiplier does
+    assert answer["spread"][-1]["reference_degC"] == pytest.approx(
+        answer["spread"][0]["reference_degC"], abs=0.1
+    )
+    low, high = answer["cooler_interval_K"]
+    assert answer["better"] == (low > 0.0)
+    assert low < answer["cooler_K"] < high
     assert any("at narrower gaps is an assumption" in note for note in answer["notes"])
 
 

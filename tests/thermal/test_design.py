@@ -12,7 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrdamper.errors import EnvelopeError, InputError
+from mrdamper.thermal.dissipation import LoopWork
 from mrdamper.thermal.drawing_file import read_drawing, read_sink
+from mrdamper.thermal.duty import read_duty
+from mrdamper.thermal.heatsink import Manufacture
 from mrdamper.thermal.materials import MATERIALS
 from mrdamper.thermal.model.finite_element import build_field
 from mrdamper.thermal.model.network import zone_network
@@ -27,10 +30,13 @@ from mrdamper.thermal.sinks.design import (
     lightest_as_cool,
     limits_of,
     search_grid,
-    spread,
     thinned,
 )
+from mrdamper.thermal.sinks.efficiency import judge_sink
 from mrdamper.thermal.sinks.evolution import search_genetic
+from mrdamper.thermal.sinks.gain import gain_band, spread
+from mrdamper.thermal.sinks.variation import read_variation, vary
+from mrdamper.thermal.temperature_rise import loads_of
 from tests.oracles.freefem import run_freefem, write_freefem
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "paper_damper.toml"
@@ -265,3 +271,65 @@ def test_a_sink_outside_its_correlation_is_left_out_and_counted(monkeypatch):
     monkeypatch.setattr(design.HeatedDamper, "evaluate", lambda self, sink: refuse_some(self, SINK))
     with pytest.raises(EnvelopeError, match="holds for less"):
         search_grid(DAMPER, limits)
+
+
+def test_a_gain_s_band_is_what_its_causes_make_of_it(reference):
+    """The same sink gains nothing, whatever films and power are; one with more fins gains something."""
+    none = gain_band(DAMPER, SINK, SINK, 0.0)
+    assert (none.low, none.high, none.better) == (0.0, 0.0, False)
+    more = replace(SINK, fins=8, pitch=0.011)
+    gain = reference.fluid - DAMPER.evaluate(more).fluid
+    band = gain_band(DAMPER, SINK, more, gain)
+    assert band.low < gain == band.middle < band.high
+    assert band.better
+    widest = max(abs(end - gain) for ends in band.causes.values() for end in ends)
+    assert (
+        widest
+        <= max(band.high - gain, gain - band.low)
+        <= sum(max(abs(end - gain) for end in ends) for ends in band.causes.values())
+    )
+    low, high = band.causes["power"]
+    assert low < gain < high  # more heat, more to gain
+
+
+def test_dirt_closes_the_gap_and_tolerance_with_it():
+    """Narrow fins lose what wide gaps hardly notice; a closed one is refused, the least gap follows."""
+    dirty = replace(DRAWING, manufacture=Manufacture(tolerance=0.4e-3, fouling=0.8e-3))
+    lost = []
+    for sink in (SINK, replace(SINK, fins=12, thickness=1e-3, pitch=7e-3)):
+        clean, closed = (HeatedDamper(each.with_sink(sink), DAMPER.loads) for each in (DRAWING, dirty))
+        lost.append(closed.evaluate(sink).fluid - clean.evaluate(sink).fluid)
+    assert 0.0 <= lost[0] < 0.3
+    assert lost[1] > 1.0
+    assert limits_of(dirty).least_gap == pytest.approx(5e-3)
+    with pytest.raises(InputError, match=r"gap of 1\.9 mm is closed by 2 mm of tolerance and dirt"):
+        dirty.with_sink(replace(SINK, pitch=4.9e-3))
+
+
+@pytest.mark.parametrize(
+    ("said", "message"),
+    [
+        ("sink.width_mm", "expected TABLE.ENTRY=1,2,3"),
+        ("width=1,2", "expected TABLE.ENTRY=1,2,3"),
+        ("sink.width_mm=a,b", "expected TABLE.ENTRY=1,2,3"),
+        ("sink.width_mm=1:2", "expected TABLE.ENTRY=1,2,3"),
+        ("sink.width_mm=18", "1 values in"),
+        ("sink.width_mm=1:inf:3", "expected 2 to 200 finite ones"),
+    ],
+)
+def test_what_is_no_variation_is_refused(said, message):
+    with pytest.raises(InputError, match=message):
+        read_variation(said)
+
+
+def test_a_variation_s_middle_is_the_drawing_itself():
+    works = [LoopWork(KELVIN, WATTS, np.full(3, 1300.0))]
+    duty = read_duty("sine:15mm:1Hz:2A:1800s")
+    found = vary(DRAWING, "sink.width_mm=18,23,28", works, duty)
+    assert found.values == (18.0, 23.0, 28.0)
+    degrees = [effect.finned for effect in found.effects]
+    assert degrees == sorted(degrees, reverse=True)
+    whole = judge_sink(DRAWING, SINK, loads_of(works, DRAWING, duty))
+    assert found.effects[1].finned == pytest.approx(whole.finned, abs=1e-9)
+    with pytest.raises(InputError, match="sink has no key 'widht_mm'; did you mean width_mm"):
+        vary(DRAWING, "sink.widht_mm=18,23", works, duty)

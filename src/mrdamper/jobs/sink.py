@@ -31,17 +31,17 @@ from mrdamper.thermal.sinks.design import (
     SinkDesign,
     SinkFront,
     SinkLimits,
-    Spread,
     confirm,
     front_of,
     lightest_as_cool,
     limits_of,
     search_grid,
-    spread,
     thinned,
 )
 from mrdamper.thermal.sinks.efficiency import Sweep, paper_sweeps
 from mrdamper.thermal.sinks.evolution import search_genetic
+from mrdamper.thermal.sinks.gain import GainBand, Spread, gain_band, spread
+from mrdamper.thermal.sinks.variation import Variation, vary
 from mrdamper.thermal.temperature_rise import loads_of, notes_of, works_of
 
 __all__ = ["SinkResult", "decisive", "sink"]
@@ -61,7 +61,9 @@ class SinkResult:
     reference: SinkDesign  # the drawing's own sink, or the bare damper
     found: SinkFront  # all of it, by the network
     front: tuple[SinkDesign, ...]  # what is shown of it
+    gain: GainBand  # of the coolest over the reference
     spread: tuple[Spread, ...]
+    varied: tuple[Variation, ...]
     sweeps: tuple[Sweep, Sweep] | None
     card: ModelCard
     seed: int
@@ -102,6 +104,7 @@ def sink(
     limits = _limits(drawing, options)
     works = works_of(card.damper, duty)
     heated = HeatedDamper(drawing, tuple(loads_of(works, drawing, duty)))
+    varied = tuple(vary(drawing, said, works, duty) for said in options.vary)
     bare = heated.evaluate(None)
     reference = bare if drawing.sink is None else heated.evaluate(drawing.sink)
     if options.method == "grid":
@@ -131,7 +134,9 @@ def sink(
         reference=heated.settled(reference),
         found=found,
         front=tuple(heated.settled(each) for each in shown),
+        gain=gain_band(heated, drawing.sink, best, reference.fluid - shown[-1].fluid),
         spread=spread(heated, drawing.sink, best),
+        varied=varied,
         sweeps=sweeps,
         card=card,
         seed=options.seed,
@@ -151,8 +156,8 @@ def _limits(drawing: DamperDrawing, options: SinkOptions) -> SinkLimits:
         span=metres(options.span_mm),
         width=metres(options.width_mm),
         mass=metres(options.mass_g),
-        least_thickness=options.least_thickness_mm / 1e3,
-        least_gap=options.least_gap_mm / 1e3,
+        least_thickness=metres(options.least_thickness_mm),
+        least_gap=metres(options.least_gap_mm),
         materials=[find_material(name, option("material")) for name in options.materials],
         emissivities=options.emissivities,
     )

@@ -12,7 +12,7 @@ from mrdamper.jobs.sink import SinkResult
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.base import Report, WrittenFile, print_notes
 from mrdamper.report.figures.damper_section import draw_dampers
-from mrdamper.report.figures.sink import draw_front, draw_sweeps, front_figure
+from mrdamper.report.figures.sink import draw_front, draw_sweeps, draw_varied, front_figure
 from mrdamper.report.heat import sink_in_words
 from mrdamper.report.page import environment
 from mrdamper.runtime.outputs import write_table, write_text
@@ -21,6 +21,7 @@ from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.heatsink import FIN_LAWS
 from mrdamper.thermal.sinks.design import SinkDesign
 from mrdamper.thermal.sinks.efficiency import DEFAULT_EFFICIENCY, EFFICIENCIES, SinkEffect, Sweep
+from mrdamper.thermal.sinks.variation import Variation
 
 __all__ = ["REPORT", "render_sink"]
 
@@ -37,6 +38,8 @@ def render_sink(run: SinkResult) -> str:
             front=draw_front(run),
             dampers=draw_dampers(_dampers(run), "Best sink and reference, to scale"),
             sweeps=draw_sweeps(run),
+            varied=draw_varied(run),
+            banded=_banded(run),
             definitions=list(EFFICIENCIES.values()),
             default=DEFAULT_EFFICIENCY,
             laws=FIN_LAWS,
@@ -70,7 +73,10 @@ def _answer(run: SinkResult) -> Json:
         "bare": _design(run.bare),
         "front": [_design(each) for each in run.front],
         "best": _design(run.best),
-        "cooler_K": run.reference.fluid - run.best.fluid,
+        "cooler_K": run.gain.middle,
+        "cooler_interval_K": [run.gain.low, run.gain.high],
+        "cooler_by_cause_K": {cause: list(ends) for cause, ends in run.gain.causes.items()},
+        "better": run.gain.better,
         "lightest_as_cool": None if lightest is None else _design(lightest),
         "limits": {
             "span_m": limits.span,
@@ -93,11 +99,13 @@ def _answer(run: SinkResult) -> Json:
             {
                 "correlation": each.correlation,
                 "film_multiplier": each.film_multiplier,
+                "air_m_s": each.air_speed,
                 "reference_degC": _celsius(each.reference),
                 "best_degC": _celsius(each.best),
             }
             for each in run.spread
         ],
+        "varied": [{"key": each.key, "rows": _varied(each)} for each in run.varied],
         "study": None if run.sweeps is None else _study(run.sweeps),
         "notes": list(run.notes),
         "cpu_s": round(run.cpu_s, 3),
@@ -144,6 +152,22 @@ def _study(sweeps: tuple[Sweep, Sweep]) -> Json:
     }
 
 
+def _varied(variation: Variation) -> list[Json]:
+    """Return a line for each value: temperatures with and without the sink, its mass and efficiencies."""
+    efficiency = EFFICIENCIES[DEFAULT_EFFICIENCY].value
+    return [
+        {
+            "value": value,
+            "temperature_degC": effect.finned - ZERO_CELSIUS_K,
+            "bare_degC": effect.bare - ZERO_CELSIUS_K,
+            "mass_kg": effect.fin_mass,
+            "fin_efficiency": effect.fin_efficiency,
+            "efficiency_percent": efficiency(effect),
+        }
+        for value, effect in zip(variation.values, variation.effects, strict=True)
+    ]
+
+
 def _swept(sweep: Sweep, place: int, effect: SinkEffect) -> Json:
     return {
         "fins": effect.sink.fins,
@@ -179,16 +203,37 @@ def _toml(run: SinkResult) -> str:
 def _show(run: SinkResult, console: Console) -> None:
     """Print the front beside the reference, the paper's sweeps, and what a reader should know."""
     console.print(_front_table(run))
-    console.print(f"[bold]{run.reference.fluid - run.best.fluid:.1f} K[/bold] cooler than the reference")
+    console.print(f"[bold]{run.gain.middle:.1f} K[/bold] cooler than the reference{_banded(run)}")
     for each in run.spread:
         told = " and ".join(_degrees(kelvin) for kelvin in (each.reference, each.best))
         law = f"{each.correlation} law times {each.film_multiplier:g}"
+        law += f" in air of {each.air_speed:.2g} m/s" if each.air_speed > 0.0 else ""
         console.print(f"  {law}: reference and coolest {told} degC (network)")
+    for variation in run.varied:
+        console.print(_varied_table(variation))
     if run.sweeps is not None:
         console.print(_study_table(*run.sweeps))
         for definition in EFFICIENCIES.values():
             console.print(escape(f"  {definition.symbol:4} {definition.formula} [{definition.unit}]"))
     print_notes(run.notes, console)
+
+
+def _banded(run: SinkResult) -> str:
+    """Return the band of the gain in words, and whether the sink is better whatever the films are."""
+    band = f", {run.gain.low:.1f} to {run.gain.high:.1f} K with 90 % over films and power"
+    return band if run.gain.better else band + ": not surely better"
+
+
+def _varied_table(variation: Variation) -> Table:
+    table = Table(title=f"The drawing's sink over {variation.key}, by the zone network")
+    for name in (variation.key, "degC", "bare degC", "g", "fin efficiency"):
+        table.add_column(name, justify="right")
+    for row in _varied(variation):
+        table.add_row(
+            f"{row['value']:g}", f"{row['temperature_degC']:.1f}", f"{row['bare_degC']:.1f}",
+            f"{1e3 * row['mass_kg']:.1f}", f"{row['fin_efficiency']:.3f}",
+        )  # fmt: skip
+    return table
 
 
 def _degrees(kelvin: float | None) -> str:
@@ -246,7 +291,7 @@ def _summary(run: SinkResult) -> list[str]:
     lines = [
         f"{sink_in_words(best.sink)}: {_degrees(best.fluid)} degC, {1e3 * best.mass:.0f} g",
         f"{own}: {_degrees(reference.fluid)} degC, {1e3 * reference.mass:.0f} g",
-        f"{reference.fluid - best.fluid:.1f} K cooler; {run.found.tried} sinks were tried",
+        f"{run.gain.middle:.1f} K cooler{_banded(run)}; {run.found.tried} sinks were tried",
     ]
     if run.lightest is not None and run.lightest is not best:
         lines.append(f"as cool as that one with {1e3 * run.lightest.mass:.0f} g")

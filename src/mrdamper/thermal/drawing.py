@@ -20,7 +20,7 @@ from mrdamper.models.fluids.fluid import Fluid
 from mrdamper.models.fluids.fluid_file import find_fluid
 from mrdamper.quantities import ROOM_K
 from mrdamper.schema import Option, check_ranges
-from mrdamper.thermal.heatsink import HeatSink, length_option
+from mrdamper.thermal.heatsink import HeatSink, Manufacture, length_option
 from mrdamper.thermal.materials import COPPER_PER_K, MATERIALS, Material
 
 __all__ = [
@@ -212,6 +212,7 @@ class DamperDrawing:
     surroundings: Surroundings = field(default_factory=Surroundings)
     sink: HeatSink | None = None
     calibration: Calibration = field(default_factory=Calibration)
+    manufacture: Manufacture = field(default_factory=Manufacture)
     text: str = field(default="", repr=False, compare=False)  # of the file that it was read from
 
     def __post_init__(self) -> None:
@@ -362,6 +363,14 @@ def _check_sink(drawing: DamperDrawing, sink: HeatSink) -> None:
             ),
             expected="fins that fit on the body",
             remedy="Take fewer fins or a smaller pitch",
+        )
+    closing = drawing.manufacture.closing
+    if sink.fins > 1 and not sink.gap > closing:
+        raise InputError(
+            place=place,
+            found=f"the fins' gap of {_mm(sink.gap)} mm is closed by {_mm(closing)} mm of tolerance and dirt",
+            expected="a gap that stays open",
+            remedy="Widen the pitch, or check manufacture.tolerance_mm and fouling_mm",
         )
     upright = body.orientation == "vertical"
     if upright != (sink.correlation == "disc"):

@@ -25,7 +25,7 @@ from mrdamper.thermal.drawing import (
     Surroundings,
     find_filling,
 )
-from mrdamper.thermal.heatsink import HeatSink
+from mrdamper.thermal.heatsink import HeatSink, Manufacture
 
 __all__ = [
     "DRAWINGS", "DrawingTables", "calibrated_text", "drawing_of", "read_drawing", "read_sink", "sink_of",
@@ -71,6 +71,7 @@ class DrawingTables:
     surroundings: Surroundings = field(default_factory=Surroundings)
     sink: HeatSink | None = None
     calibration: Calibration = field(default_factory=Calibration)
+    manufacture: Manufacture = field(default_factory=Manufacture)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,6 +129,7 @@ def drawing_of(text: str, place: str = "drawing") -> DamperDrawing:
         surroundings=tables.surroundings,
         sink=tables.sink,
         calibration=tables.calibration,
+        manufacture=tables.manufacture,
         text=text,
     )
 

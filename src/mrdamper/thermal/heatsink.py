@@ -19,7 +19,7 @@ from mrdamper.schema import Option, check_ranges
 from mrdamper.thermal.films.correlations import groove_emissivity
 from mrdamper.thermal.materials import MATERIALS, Material
 
-__all__ = ["FIN_LAWS", "FinLaw", "HeatSink", "length_option"]
+__all__ = ["FIN_LAWS", "FinLaw", "HeatSink", "Manufacture", "length_option"]
 
 _LONGEST_mm = 10_000.0  # what is longer was written in another unit
 
@@ -39,6 +39,28 @@ by the VDI Heat Atlas (all for a horizontal damper), or as horizontal discs (a v
 def length_option(said: str, key: str, default_help: str = "") -> Option:
     """Return the option of a length [m] that is drawn in millimetres under ``key``."""
     return Option(said, key=key, unit="mm", above=0.0, most=_LONGEST_mm, default_help=default_help)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Manufacture:
+    """What of a sink can be made, and what use makes of its gaps; lengths in metres."""
+
+    least_thickness: Annotated[float, length_option("of a fin", "least_thickness_mm")] = 1e-3
+    least_gap: Annotated[float, length_option("between two fins", "least_gap_mm")] = 3e-3
+    tolerance: Annotated[
+        float, Option("by which a gap may be narrower than drawn", key="tolerance_mm", unit="mm", least=0.0)
+    ] = 0.0
+    fouling: Annotated[
+        float, Option("dirt on each face of a gap", key="fouling_mm", unit="mm", least=0.0)
+    ] = 0.0
+
+    def __post_init__(self) -> None:
+        check_ranges(self, "manufacture")
+
+    @property
+    def closing(self) -> float:
+        """By how much a gap is narrower in use than drawn [m]."""
+        return self.tolerance + 2.0 * self.fouling
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -218,15 +218,38 @@ class SinkOptions:
         ),
     ] = None
     least_thickness_mm: Annotated[
-        float,
+        float | None,
         Option(
-            "Of a fin that can be made.", label="Thinnest fin", page=_BUILT, unit="mm", above=0.0, below=1e6
+            "Of a fin that can be made.",
+            label="Thinnest fin",
+            page=_BUILT,
+            unit="mm",
+            above=0.0,
+            below=1e6,
+            default_help="the drawing's [manufacture], else 1",
         ),
-    ] = 1.0
+    ] = None
     least_gap_mm: Annotated[
-        float,
-        Option("Between two fins.", label="Narrowest gap", page=_BUILT, unit="mm", above=0.0, below=1e6),
-    ] = 3.0
+        float | None,
+        Option(
+            "Between two fins.",
+            label="Narrowest gap",
+            page=_BUILT,
+            unit="mm",
+            above=0.0,
+            below=1e6,
+            default_help="the drawing's [manufacture], else 3",
+        ),
+    ] = None
+    vary: Annotated[
+        tuple[str, ...],
+        Option(
+            "A number of the drawing to sweep: sink.width_mm=18:33:4, surroundings.air_m_s=0,1,2 "
+            "(may be repeated).",
+            label="Sweep of a number of the drawing",
+            metavar="KEY=VALUES",
+        ),
+    ] = ()
     materials: Annotated[
         tuple[str, ...],
         Option(

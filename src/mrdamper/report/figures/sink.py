@@ -12,7 +12,7 @@ from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.figures.style import HELD_OUT, INK, MEASURED, TRAINING, WIDE, drawing_style, svg_of
 from mrdamper.thermal.sinks.efficiency import DEFAULT_EFFICIENCY, EFFICIENCIES, Sweep
 
-__all__ = ["draw_front", "draw_sweeps", "front_figure"]
+__all__ = ["draw_front", "draw_sweeps", "draw_varied", "front_figure"]
 
 _FOLLOWS, _OTHER = HELD_OUT, "#8a8a8a"
 
@@ -26,6 +26,26 @@ def draw_front(run: SinkResult) -> str:
 def draw_sweeps(run: SinkResult) -> str:
     """Return the paper's sweeps; empty where there are none."""
     return "" if run.sweeps is None else _draw_sweeps(run.sweeps)
+
+
+def draw_varied(run: SinkResult) -> str:
+    """Return the fluid over every number that was varied, a panel each; empty where there are none."""
+    if not run.varied:
+        return ""
+    with drawing_style():
+        figure = Figure(figsize=(WIDE, 2.6))
+        for place, variation in enumerate(run.varied):
+            axes = figure.add_subplot(1, len(run.varied), place + 1)
+            for name, colour in (("bare", MEASURED), ("finned", TRAINING)):
+                degrees = [getattr(effect, name) - ZERO_CELSIUS_K for effect in variation.effects]
+                label = "without fins" if name == "bare" else "with the sink"
+                axes.plot(variation.values, degrees, "o-", color=colour, markersize=3.0, label=label)
+            axes.set_xlabel(variation.key, labelpad=1.5)
+            axes.set_ylabel("fluid at the end, °C", labelpad=1.5)
+            if place == 0:
+                axes.legend(loc="best")
+        figure.subplots_adjust(left=0.06, right=0.985, top=0.96, bottom=0.17, wspace=0.25)
+        return svg_of(figure, "The drawing_s sink over its numbers")
 
 
 def front_figure(run: SinkResult) -> Figure:

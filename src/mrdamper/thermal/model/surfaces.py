@@ -135,7 +135,7 @@ def _natural_on_fins(drawing: DamperDrawing, sink: HeatSink, surface_K: ArrayLik
     """Return the films of sides, rim and floor in still air [W/(m^2 K)]."""
     diameter = drawing.body.outer_diameter
     tip = sink.tip_radius(diameter)
-    gap = _gap(sink, tip)
+    gap = _gap(drawing, sink, tip)
     air, difference = _air(drawing, surface_K)
     if sink.correlation == "annular":
         outer = 2.0 * tip
@@ -162,7 +162,7 @@ def _forced_on_fins(drawing: DamperDrawing, sink: HeatSink, surface_K: ArrayLike
     """Return the films of sides, rim and floor in air across the axis [W/(m^2 K)]."""
     diameter, speed = drawing.body.outer_diameter, drawing.surroundings.air_speed
     tip = sink.tip_radius(diameter)
-    outer, gap = 2.0 * tip, _gap(sink, tip)
+    outer, gap = 2.0 * tip, _gap(drawing, sink, tip)
     air, _ = _air(drawing, surface_K)
     if sink.correlation in ("channel", "vdi"):
         chord = 0.25 * math.pi * outer
@@ -175,9 +175,9 @@ def _forced_on_fins(drawing: DamperDrawing, sink: HeatSink, surface_K: ArrayLike
     return [sides, rim, sides * floor_share(speed, gap, outer, *of_air)]
 
 
-def _gap(sink: HeatSink, tip: float) -> float:
-    """Return the gap between fins [m]; a single one has no neighbour: as wide as it is across."""
-    return sink.gap if sink.fins > 1 else 2.0 * tip
+def _gap(drawing: DamperDrawing, sink: HeatSink, tip: float) -> float:
+    """Return the gap between fins in use [m]; a single one has no neighbour: as wide as it is across."""
+    return sink.gap - drawing.manufacture.closing if sink.fins > 1 else 2.0 * tip
 
 
 def _over_temperature(
@@ -198,7 +198,7 @@ def fin_uncertainty(drawing: DamperDrawing) -> float:
     sink, diameter = _sink(drawing), drawing.body.outer_diameter
     tip, speed = sink.tip_radius(diameter), drawing.surroundings.air_speed
     share = sink.thickness * tip / (tip**2 - 0.25 * diameter**2 + sink.thickness * tip)
-    sides = side_uncertainty(_gap(sink, tip), 2.0 * tip / diameter, speed)
+    sides = side_uncertainty(_gap(drawing, sink, tip), 2.0 * tip / diameter, speed)
     return (1.0 - share) * sides + share * RIM_UNCERTAINTY
 
 

@@ -5,9 +5,9 @@ return a front: no sink on it is beaten in mass and temperature by another that 
 a front again by finite elements. A sink outside its correlation's range is not admissible.
 
 The fins' law, its multiplier and the contact resistance are those of the drawing's own sink: a multiplier
-that was calibrated at wide gaps is carried over to narrow ones, which ``spread`` shows. Fins further apart
-than twice their width are not tried: the body between two fins cools by the fins' film at whatever distance,
-and a search would find two fins at its ends to be a finned body.
+that was calibrated at wide gaps is carried over to narrow ones, which ``gain.spread`` shows. Fins further
+apart than twice their width are not tried: the body between two fins cools by the fins' film at whatever
+distance, and a search would find two fins at its ends to be a finned body.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ import numpy as np
 from mrdamper.errors import ConvergenceError, EnvelopeError, InputError
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.thermal.drawing import DISC_GAP, DamperDrawing
-from mrdamper.thermal.heatsink import FinLaw, HeatSink
+from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.materials import Material
 from mrdamper.thermal.model.finite_element import heat_field
 from mrdamper.thermal.model.network import zone_network
@@ -38,14 +38,12 @@ __all__ = [
     "SinkDesign",
     "SinkFront",
     "SinkLimits",
-    "Spread",
     "confirm",
     "evaluate_all",
     "front_of",
     "lightest_as_cool",
     "limits_of",
     "search_grid",
-    "spread",
     "thinned",
 ]
 
@@ -217,16 +215,19 @@ def limits_of(
     span: float | None = None,
     width: float | None = None,
     mass: float | None = None,
-    least_thickness: float = 1e-3,
-    least_gap: float = 3e-3,
+    least_thickness: float | None = None,
+    least_gap: float | None = None,
     materials: Sequence[Material] = (),
     emissivities: Sequence[float] = (),
 ) -> SinkLimits:
-    """Return limits in [m] and [kg], those that are not given from the drawing's own sink.
+    """Return limits in [m] and [kg], those that are not given from the drawing: its sink, what can be made.
 
-    Without a sink in the drawing: the body's length, its radius, and any mass.
+    Without a sink in the drawing: the body's length, its radius, and any mass. A least gap stays one in use,
+    with tolerance and dirt.
     """
-    own, body = drawing.sink, drawing.body
+    own, body, made = drawing.sink, drawing.body, drawing.manufacture
+    gap = made.least_gap if least_gap is None else least_gap
+    gap = max(gap, DISC_GAP if body.orientation == "vertical" else 0.0) + made.closing
     plain = HeatSink(fins=1, width=0.01, thickness=2e-3, pitch=0.01)
     if span is None:
         span = own.span if own else body.length
@@ -240,8 +241,8 @@ def limits_of(
         span=span,
         width=width if width is not None else own.width if own else 0.5 * body.outer_diameter,
         mass=mass if mass is not None else own.mass(body.outer_diameter) if own else math.inf,
-        least_thickness=least_thickness,
-        least_gap=max(least_gap, DISC_GAP) if body.orientation == "vertical" else least_gap,
+        least_thickness=made.least_thickness if least_thickness is None else least_thickness,
+        least_gap=gap,
         materials=tuple(materials) or ((own or plain).material,),
         emissivities=tuple(emissivities) or ((own or plain).emissivity,),
     )
@@ -403,34 +404,3 @@ def confirm(
                 memory.keep(f"finite elements {of}", known)
         found.append(replace(design, fluid=known["fluid"], coil=known["coil"], model="finite_element"))
     return tuple(found)
-
-
-@dataclass(frozen=True, slots=True)
-class Spread:
-    """Two sinks under one law and multiplier of the fins' convection."""
-
-    correlation: FinLaw
-    film_multiplier: float
-    reference: float | None  # fluid's temperature [K]; None: outside the law's range
-    best: float | None  # [K]
-
-
-def spread(damper: HeatedDamper, reference: HeatSink | None, best: HeatSink) -> tuple[Spread, ...]:
-    """Return what two sinks do by the law and multiplier in use (first), by the other law, and without it."""
-    upright = damper.drawing.body.orientation == "vertical"
-    laws: tuple[FinLaw, ...] = ("disc",) if upright else ("annular", "channel", "vdi")
-    laws = tuple(sorted(laws, key=lambda law: law != damper.pattern.correlation))
-    multipliers = dict.fromkeys((damper.pattern.film_multiplier, 1.0))
-
-    def fluid(sink: HeatSink | None, law: FinLaw, multiplier: float) -> float | None:
-        changed = sink and replace(sink, correlation=law, film_multiplier=multiplier)
-        try:
-            return damper.evaluate(changed).fluid
-        except EnvelopeError:
-            return None
-
-    return tuple(
-        Spread(law, multiplier, fluid(reference, law, multiplier), fluid(best, law, multiplier))
-        for multiplier in multipliers
-        for law in laws
-    )
