@@ -16,6 +16,7 @@ from mrdamper.errors import InputError
 
 __all__ = [
     "MAP_SUFFIX",
+    "PathLike",
     "is_file",
     "is_folder",
     "is_there",
@@ -26,6 +27,8 @@ __all__ = [
     "read_toml",
     "require_file",
 ]
+
+PathLike = str | Path
 
 _MOST_BYTES = 1 << 22  # of a document that people write
 _PAST_INTEGERS = 1 << 63

@@ -18,7 +18,7 @@ from mrdamper.data.proposal.recordings import RigFile, runs_in
 from mrdamper.data.records import Dataset, Recording, RigRun
 from mrdamper.data.tables import read_tables
 from mrdamper.errors import InputError
-from mrdamper.files import MAP_SUFFIX, is_file, is_folder
+from mrdamper.files import MAP_SUFFIX, PathLike, is_file, is_folder
 
 __all__ = [
     "ReadFiles",
@@ -30,8 +30,6 @@ __all__ = [
     "read_run",
     "read_runs",
 ]
-
-PathLike = str | Path
 
 
 @dataclass(frozen=True, slots=True)

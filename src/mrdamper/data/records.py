@@ -25,6 +25,7 @@ from mrdamper.schema import unknown_name
 
 __all__ = [
     "GAP",
+    "LEAST_SAMPLES",
     "WITHOUT_MOTION",
     "Dataset",
     "Recording",
@@ -42,7 +43,7 @@ WITHOUT_MOTION = (
 """What a run without motion lacks, and the test that would have it."""
 
 _CHANNELS = ("time", "displacement", "force", "command", "velocity", "temperature")
-_LEAST_SAMPLES = 16
+LEAST_SAMPLES = 16
 _SPEED = 10.0  # faster than any damper's rig [m/s]
 _STROKE = 2.0  # longer than any damper's rig [m]
 _FEWEST_VALUES = 8  # of a displacement: fewer are the flicker of a sensor at rest
@@ -274,8 +275,8 @@ def _faults(run: RigRun) -> list[str]:
     if any(len(shape) != 1 for shape in shapes.values()) or len(set(shapes.values())) != 1:
         sizes = ", ".join(f"{name} {'x'.join(map(str, shape))}" for name, shape in shapes.items())
         return [*faults, f"channels differ in length ({sizes}); expected one value of each per sample"]
-    if len(run.time) < _LEAST_SAMPLES:
-        return [*faults, f"has {len(run.time)} samples; expected at least {_LEAST_SAMPLES}"]
+    if len(run.time) < LEAST_SAMPLES:
+        return [*faults, f"has {len(run.time)} samples; expected at least {LEAST_SAMPLES}"]
     missing = [_not_finite(name, array) for name, array in channels.items() if not np.isfinite(array).all()]
     if missing:
         return [*faults, *missing]

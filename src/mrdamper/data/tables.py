@@ -31,6 +31,7 @@ from mrdamper.files import require_file
 
 __all__ = [
     "FORMATS",
+    "HEAD_BYTES",
     "FileOptions",
     "Format",
     "Layout",
@@ -65,7 +66,7 @@ FORMATS: tuple[Format, ...] = (
 _MOST_WHOLE = 20_000_000  # rows of a format that cannot be read in parts
 _BYTES_OF_ROW = 400  # that preparing, fitting and scoring a run takes
 _USUAL_MEMORY = 16 << 30  # where the system does not tell
-_HEAD_BYTES = 1 << 16
+HEAD_BYTES = 1 << 16
 _TEXTS = (read_lvm, read_logger, read_mts, read_text)
 
 # What is often given instead, and what to do about it.
@@ -175,7 +176,7 @@ def memory_bytes() -> int:
 def _about(path: Path) -> int:
     """Return the rows of a text, by the length of its first lines."""
     with path.open("rb") as stream:
-        head = stream.read(_HEAD_BYTES)
+        head = stream.read(HEAD_BYTES)
     return path.stat().st_size * head.count(b"\n") // max(len(head), 1)
 
 

@@ -64,7 +64,7 @@ _VISCOUS = (
 )
 _YIELDING = ("yield_force", "second_force", "rate_force", "memory_force", "bristle_stiffness")
 _FRICTION = ("coulomb_friction", "breakaway_friction", "friction_force")
-_LEVEL_K = 5.0  # temperatures closer than this are one level
+LEVEL_K = 5.0  # temperatures closer than this are one level
 _NEEDED = {"arrhenius": 2, "reynolds": 2, "vft": 3, "paper": 3}  # temperatures that a kind takes
 _STEEPEST = 0.95  # share of a linear factor that may be lost at the run furthest from 20 degC
 
@@ -92,7 +92,7 @@ def temperature_levels(runs: Sequence[PreparedRun]) -> tuple[float, ...]:
     ends = sorted({float(end) for track in known for end in (track.min(), track.max())})
     levels = [ends[0]]
     for end in ends[1:]:
-        if end - levels[-1] >= _LEVEL_K:
+        if end - levels[-1] >= LEVEL_K:
             levels.append(end)
     return tuple(levels)
 

@@ -24,6 +24,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError, MissingExtraError
 
 __all__ = [
+    "GOES_ON",
     "LEAST_ROWS",
     "MISSING_MARKS",
     "MOST_SAMPLES",
@@ -46,7 +47,7 @@ __all__ = [
 
 _MOST_UNPACKED = 1032  # bytes from one: no more come from a deflated one
 MOST_SAMPLES = 400_000_000  # of one column (3.2 GB): more is a damaged header or a trap
-_GOES_ON = 1.5  # steps of time: further apart, a piece is a recording of its own
+GOES_ON = 1.5  # steps of time: further apart, a piece is a recording of its own
 MOST_COLUMNS = 64  # of a matrix; a wider one is no table of channels
 
 LEAST_ROWS = 10
@@ -256,7 +257,7 @@ def parts_of(time: FloatArray | None, edges: Sequence[int]) -> tuple[int, ...]:
         if time is not None:
             before = time[begins[-1] : edge] if edge - begins[-1] > 1 else time
             usual = float(np.median(np.diff(before)))
-            if 0.0 < time[edge] - time[edge - 1] < _GOES_ON * usual:
+            if 0.0 < time[edge] - time[edge - 1] < GOES_ON * usual:
                 continue
         begins.append(edge)
     return tuple(begins) if len(begins) > 1 else ()

@@ -14,13 +14,12 @@ from pathlib import Path
 
 from mrdamper.data.formats.lines.encodings import open_text_bytes
 from mrdamper.data.formats.lines.header import find_data
-from mrdamper.data.tables import FORMATS
+from mrdamper.data.tables import FORMATS, HEAD_BYTES
 from mrdamper.errors import InputError
-from mrdamper.files import is_folder, is_there
+from mrdamper.files import PathLike, is_folder, is_there
 
 __all__ = ["distinct_names", "find_files"]
 
-PathLike = str | Path
 
 _RESULTS = frozenset(
     f"{name}.{kind}"
@@ -40,7 +39,6 @@ _RESULTS = frozenset(
 ) | {"report.html", "sweep.html", "track.html", "track.json"}
 _DEEPEST = 4  # folders in folders
 _PROSE = frozenset({".txt", ".log"})  # what people write notes in
-_HEAD_BYTES = 1 << 16
 
 
 def find_files(paths: Sequence[PathLike]) -> list[Path]:
@@ -114,12 +112,12 @@ def _is_prose(file: Path) -> bool:
         return False
     try:
         with open_text_bytes(file) as stream:
-            head = stream.read(_HEAD_BYTES)
+            head = stream.read(HEAD_BYTES)
     except (OSError, InputError):  # what cannot be read is told where it is read
         return False
     lines = head.decode("utf-8", "replace").splitlines()
     words = sum(line[:1].isalpha() for line in lines)
-    return words > 0 and len(head) < _HEAD_BYTES and find_data(lines)[1] is None
+    return words > 0 and len(head) < HEAD_BYTES and find_data(lines)[1] is None
 
 
 def _why_absent(path: Path) -> str:

@@ -17,16 +17,14 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.core import turning_points
 from mrdamper.data.finding import Finding
-from mrdamper.data.formats.table import Table, Texts
+from mrdamper.data.formats.table import GOES_ON, Table, Texts
 from mrdamper.data.proposal.clocks import clock_time
-from mrdamper.data.records import GAP, changes_of_pace, command_slack, steady_command
+from mrdamper.data.records import GAP, LEAST_SAMPLES, changes_of_pace, command_slack, steady_command
 from mrdamper.errors import InputError
 
 __all__ = ["Piece", "cut_at_gaps", "filled", "integrated", "joined", "run_edges", "to_one_clock"]
 
-_LEAST_SAMPLES = 16
 _MOST_MISSING = 0.01
-_GOES_ON = 1.5  # steps of time: further apart, a piece is a recording of its own
 _SWING, _FEWEST_TURNS, _REGULAR = 0.2, 5, 0.2  # of a periodic motion: share of its range, reversals, share
 _LEAST_COVERED = 0.9  # of the time of the fastest clock
 _MOST_RUNS = 1 / 16  # of the rows: a column of words that changes more often names no runs
@@ -65,9 +63,9 @@ def run_edges(
     if len(time) > 1 and np.isfinite(time).all():
         steps = np.diff(time)
         usual = float(np.median(np.abs(steps)))
-        falls = np.flatnonzero(steps < -max(usual, 1e-12) * (_LEAST_SAMPLES - 1)) + 1
+        falls = np.flatnonzero(steps < -max(usual, 1e-12) * (LEAST_SAMPLES - 1)) + 1
         pieces = np.diff([0, *falls.tolist(), len(time)])
-        if len(falls) and int(pieces.min()) >= _LEAST_SAMPLES:
+        if len(falls) and int(pieces.min()) >= LEAST_SAMPLES:
             edges |= set(falls.tolist())
     return [*sorted(edge for edge in edges if edge < len(time)), len(time)], titles
 
@@ -92,7 +90,7 @@ def _goes_on(before: Piece, after: Piece) -> bool:
     if len(before.time) < 2 or not len(after.time) or before.channels.keys() != after.channels.keys():
         return False
     usual = float(np.median(np.diff(before.time)))
-    if not 0.0 < float(after.time[0] - before.time[-1]) < _GOES_ON * usual:
+    if not 0.0 < float(after.time[0] - before.time[-1]) < GOES_ON * usual:
         return False
     if before.told != after.told:
         return False
@@ -137,13 +135,13 @@ def filled(piece: Piece) -> Piece:
 def cut_at_gaps(piece: Piece) -> Iterator[Piece]:
     """Give a piece as it stands between its gaps, each told; one whose parts are too short stays whole."""
     steps = np.diff(piece.time)
-    if len(steps) < 2 * _LEAST_SAMPLES or not (np.isfinite(steps).all() and (steps > 0.0).all()):
+    if len(steps) < 2 * LEAST_SAMPLES or not (np.isfinite(steps).all() and (steps > 0.0).all()):
         yield piece
         return
     usual = float(np.median(steps))
     gaps = np.flatnonzero(steps > GAP * usual) + 1
     edges = [0, *gaps.tolist(), len(piece.time)]
-    if not len(gaps) or min(np.diff(edges)) < _LEAST_SAMPLES or changes_of_pace(steps, len(gaps)) is not None:
+    if not len(gaps) or min(np.diff(edges)) < LEAST_SAMPLES or changes_of_pace(steps, len(gaps)) is not None:
         yield piece
         return
     for first, last in itertools.pairwise(edges):

@@ -8,6 +8,7 @@ import numpy as np
 
 from mrdamper.data.prepare import PreparedRun, shortened
 from mrdamper.identify.motions import motion_groups
+from mrdamper.identify.temperature import LEVEL_K
 
 __all__ = ["enough_of"]
 
@@ -15,7 +16,6 @@ _ENOUGH_SAMPLES = 30_000  # of all runs at the fit's rate: with more, each is cu
 _PERIODS, _SECONDS = 3.0, 5.0  # so many periods, or to so long where it has none;
 _MOST_SAMPLES = 100_000  # with still more, some runs are left aside
 _RATE_Hz = 200.0
-_LEVEL_K = 5.0
 
 
 def enough_of(runs: Sequence[PreparedRun]) -> tuple[PreparedRun, ...]:
@@ -37,7 +37,7 @@ def enough_of(runs: Sequence[PreparedRun]) -> tuple[PreparedRun, ...]:
         labels = {
             ("motion", motion[k]),
             ("command", runs[k].run.constant_command),
-            ("temperature", None if kelvin is None else round(float(np.mean(kelvin)) / _LEVEL_K)),
+            ("temperature", None if kelvin is None else round(float(np.mean(kelvin)) / LEVEL_K)),
         }
         if not labels <= seen:
             fresh.append(k)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from mrdamper.jobs.options.reading import TOP
+from mrdamper.jobs.options.reading import TOP, Controller, coil_resistance, duration, surroundings
 from mrdamper.schema import OnPage, Option
 
 __all__ = ["ExportOptions", "RideOptions", "TrackConditions", "TrackOptions"]
@@ -15,15 +15,7 @@ __all__ = ["ExportOptions", "RideOptions", "TrackConditions", "TrackOptions"]
 class RideOptions:
     """Options of ``ride``."""
 
-    controller: Annotated[
-        str,
-        Option(
-            "recommended, recommended-causal, paper, ...",
-            metavar="NAME",
-            label="Controller",
-            page=OnPage(group="", offers="controllers"),
-        ),
-    ] = "recommended"
+    controller: Controller = "recommended"
     demand: Annotated[
         Literal["skyhook", "groundhook", "hybrid", "linear-quadratic"],
         Option("The force that is asked of the damper."),
@@ -39,50 +31,28 @@ class RideOptions:
     speed_m_s: Annotated[float, Option("Of the car.", unit="m/s", above=0.0, most=100.0)] = 20.0
     duration_s: Annotated[
         float,
-        Option(
-            "Of the ride that is scored; its first 2 s are not.",
-            unit="s",
-            above=2.0,
-            most=600.0,
-            flag="--duration",
-            metavar="SECONDS",
-        ),
+        duration("Of the ride that is scored; its first 2 s are not.", "--duration", above=2.0, most=600.0),
     ] = 20.0
     warm_up_s: Annotated[
         float,
-        Option(
+        duration(
             "Drive on for so long while the damper warms; 0: not at all.",
-            unit="s",
+            "--warm-up",
             least=0.0,
             most=14400.0,
-            flag="--warm-up",
-            metavar="SECONDS",
         ),
     ] = 1800.0
     temperature_degC: Annotated[
         float, Option("Of the damper during the scored ride.", unit="degC", least=-50.0, most=200.0)
     ] = 20.0
-    ambient_degC: Annotated[
-        float,
-        Option("Air around the damper, where its warming begins.", unit="degC", least=-50.0, most=100.0),
-    ] = 20.0
+    ambient_degC: Annotated[float, surroundings("Air around the damper, where its warming begins.")] = 20.0
     housing_J_K: Annotated[
         float, Option("Heat capacity of the damper without its fluid.", unit="J/K", above=0.0, most=1e6)
     ] = 950.0
     cooling_W_K: Annotated[
         float, Option("Heat that the housing gives to the air, per kelvin.", unit="W/K", least=0.0, most=1e3)
     ] = 2.0
-    coil_resistance_ohm: Annotated[
-        float,
-        Option(
-            "Of the coil at 20 degC.",
-            unit="ohm",
-            least=0.0,
-            most=1e3,
-            flag="--coil-resistance",
-            metavar="OHM",
-        ),
-    ] = 5.0
+    coil_resistance_ohm: Annotated[float, coil_resistance(least=0.0, most=1e3)] = 5.0
     body_kg: Annotated[float, Option("Of the body above the wheel.", unit="kg", above=0.0, most=1e5)] = 320.0
     wheel_kg: Annotated[float, Option("Of the wheel.", unit="kg", above=0.0, most=1e4)] = 40.0
     spring_N_m: Annotated[float, Option("Stiffness of the spring.", unit="N/m", above=0.0, most=1e7)] = 20e3
@@ -189,15 +159,7 @@ class ExportOptions:
         float,
         Option("Period.", unit="s", above=0.0, most=1.0, flag="--step", metavar="TIME", page=TOP),
     ] = 1e-3
-    controller: Annotated[
-        str,
-        Option(
-            "recommended, recommended-causal, paper, ...",
-            metavar="NAME",
-            label="Controller",
-            page=OnPage(group="", offers="controllers"),
-        ),
-    ] = "recommended"
+    controller: Controller = "recommended"
     name: Annotated[
         str,
         Option("Prefix of every name in the code.", metavar="IDENT", label="Prefix of names", page=TOP),

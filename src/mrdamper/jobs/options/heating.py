@@ -2,41 +2,35 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
-from mrdamper.jobs.options.reading import TOP, Seed
+from mrdamper.jobs.options.reading import TOP, Seed, duration, share_that_holds, surroundings
 from mrdamper.schema import OnPage, Option
 
 __all__ = ["ForecastOptions", "HeatOptions", "ObserveOptions", "SinkOptions"]
 
 _BUILT = OnPage(group="What can be built")
+_DRAWN = "the drawing's sink's"
+
+
+def _size(text: str, label: str, default_help: str, unit: str = "mm") -> Option:
+    """Return the option of a size of what can be built."""
+    return Option(text, label=label, page=_BUILT, unit=unit, above=0.0, below=1e6, default_help=default_help)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ForecastOptions:
     """Options of ``forecast``."""
 
-    ambient_degC: Annotated[float, Option("Air around the damper.", unit="degC", least=-50.0, most=100.0)] = (
-        20.0
-    )
+    ambient_degC: Annotated[float, surroundings()] = 20.0
     limit_degC: Annotated[
         float, Option("Temperature whose time is asked for.", unit="degC", least=-50.0, most=400.0)
     ] = 130.0
     until_s: Annotated[
-        float,
-        Option(
-            "How far from the curve's start.",
-            unit="s",
-            above=60.0,
-            most=1e5,
-            flag="--until",
-            metavar="SECONDS",
-        ),
+        float, duration("How far from the curve's start.", "--until", above=60.0, most=1e5)
     ] = 3600.0
-    probability: Annotated[
-        float, Option("That the interval holds the temperature.", least=0.5, most=0.99)
-    ] = 0.9
+    probability: Annotated[float, share_that_holds("That the interval holds the temperature.")] = 0.9
     seed: Seed = 0
 
 
@@ -115,10 +109,7 @@ class HeatOptions:
 class ObserveOptions:
     """Options of ``observe``."""
 
-    ambient_degC: Annotated[
-        float | None,
-        Option("Air around the damper.", unit="degC", least=-50.0, most=100.0, default_help="the drawing's"),
-    ] = None
+    ambient_degC: Annotated[float | None, surroundings(default_help="the drawing's")] = None
     start_degC: Annotated[
         float | None,
         Option(
@@ -167,12 +158,9 @@ class ObserveOptions:
             default_help="the fluid's limit in the drawing",
         ),
     ] = None
-    look_s: Annotated[
-        float,
-        Option("How far beyond the record.", unit="s", above=0.0, most=1e5, flag="--look", metavar="SECONDS"),
-    ] = 7200.0
+    look_s: Annotated[float, duration("How far beyond the record.", "--look", above=0.0, most=1e5)] = 7200.0
     probability: Annotated[
-        float, Option("That an interval holds the temperature, or the time.", least=0.5, most=0.99)
+        float, share_that_holds("That an interval holds the temperature, or the time.")
     ] = 0.9
     seed: Seed = 0
 
@@ -182,64 +170,16 @@ class SinkOptions:
     """Options of ``sink``; the limits' defaults are those of the drawing's sink."""
 
     span_mm: Annotated[
-        float | None,
-        Option(
-            "Length of the body to stand on.",
-            label="Length to stand on",
-            page=_BUILT,
-            unit="mm",
-            above=0.0,
-            below=1e6,
-            default_help="the drawing's sink's",
-        ),
+        float | None, _size("Length of the body to stand on.", "Length to stand on", _DRAWN)
     ] = None
-    width_mm: Annotated[
-        float | None,
-        Option(
-            "Greatest width of a fin.",
-            label="Widest fin",
-            page=_BUILT,
-            unit="mm",
-            above=0.0,
-            below=1e6,
-            default_help="the drawing's sink's",
-        ),
-    ] = None
-    mass_g: Annotated[
-        float | None,
-        Option(
-            "Greatest mass of all fins.",
-            label="Most mass",
-            page=_BUILT,
-            unit="g",
-            above=0.0,
-            below=1e6,
-            default_help="the drawing's sink's",
-        ),
-    ] = None
+    width_mm: Annotated[float | None, _size("Greatest width of a fin.", "Widest fin", _DRAWN)] = None
+    mass_g: Annotated[float | None, _size("Greatest mass of all fins.", "Most mass", _DRAWN, unit="g")] = None
     least_thickness_mm: Annotated[
         float | None,
-        Option(
-            "Of a fin that can be made.",
-            label="Thinnest fin",
-            page=_BUILT,
-            unit="mm",
-            above=0.0,
-            below=1e6,
-            default_help="the drawing's [manufacture], else 1",
-        ),
+        _size("Of a fin that can be made.", "Thinnest fin", "the drawing's [manufacture], else 1"),
     ] = None
     least_gap_mm: Annotated[
-        float | None,
-        Option(
-            "Between two fins.",
-            label="Narrowest gap",
-            page=_BUILT,
-            unit="mm",
-            above=0.0,
-            below=1e6,
-            default_help="the drawing's [manufacture], else 3",
-        ),
+        float | None, _size("Between two fins.", "Narrowest gap", "the drawing's [manufacture], else 3")
     ] = None
     vary: Annotated[
         tuple[str, ...],
@@ -258,7 +198,7 @@ class SinkOptions:
             metavar="NAME",
             label="Material",
             default_help="as drawn",
-            page=OnPage(group="What can be built", offers="materials"),
+            page=replace(_BUILT, offers="materials"),
         ),
     ] = ()
     emissivities: Annotated[
@@ -312,7 +252,7 @@ class SinkOptions:
             "Do not judge by finite elements.",
             flag="--network-only",
             label="judge by finite elements, too (slow)",
-            page=OnPage(group="What can be built", begins=False),
+            page=replace(_BUILT, begins=False),
         ),
     ] = True
     seed: Seed = 0

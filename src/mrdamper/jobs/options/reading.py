@@ -4,13 +4,62 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from mrdamper.schema import OnPage, Option
 
-__all__ = ["TOP", "Answers", "Channels", "FilesReading", "LawReading", "NoOptions", "RunsReading", "Seed"]
+__all__ = [
+    "TOP",
+    "Answers",
+    "Channels",
+    "Controller",
+    "FilesReading",
+    "LawReading",
+    "NoOptions",
+    "RunsReading",
+    "Seed",
+    "coil_resistance",
+    "duration",
+    "share_that_holds",
+    "surroundings",
+]
+
+TOP = OnPage(group="")
 
 Seed = Annotated[int, Option("Of every random draw.", least=0, below=2**31)]
+
+
+Controller = Annotated[
+    str,
+    Option(
+        "recommended, recommended-causal, paper, ...",
+        metavar="NAME",
+        label="Controller",
+        page=OnPage(group="", offers="controllers"),
+    ),
+]
+
+
+def duration(
+    text: str, flag: str, *, most: float, least: float | None = None, above: float | None = None
+) -> Option:
+    """Return the option of a time in seconds."""
+    return Option(text, unit="s", least=least, above=above, most=most, flag=flag, metavar="SECONDS")
+
+
+def surroundings(text: str = "Air around the damper.", default_help: str = "") -> Option:
+    """Return the option of the air's temperature."""
+    return Option(text, unit="degC", least=-50.0, most=100.0, default_help=default_help)
+
+
+def share_that_holds(text: str) -> Option:
+    """Return the option of an interval's probability."""
+    return Option(text, least=0.5, most=0.99)
+
+
+def coil_resistance(text: str = "Of the coil at 20 degC.", **more: Any) -> Option:  # noqa: ANN401 - of an Option
+    """Return the option of the coil's resistance."""
+    return Option(text, unit="ohm", flag="--coil-resistance", metavar="OHM", **more)
 
 
 Channels = Annotated[
@@ -39,9 +88,6 @@ Answers = Annotated[
 ]
 
 
-TOP = OnPage(group="")
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FilesReading:
     """Options of reading files of runs as they are."""
@@ -51,11 +97,9 @@ class FilesReading:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RunsReading:
+class RunsReading(FilesReading):
     """Options of reading runs, or one long record."""
 
-    channels: Channels = None
-    answer: Answers = ()
     flip_force: Annotated[
         bool,
         Option(

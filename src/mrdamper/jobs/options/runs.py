@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from mrdamper.jobs.options.reading import TOP, Seed
+from mrdamper.jobs.options.reading import TOP, Seed, coil_resistance
 from mrdamper.schema import OnPage, Option
 
 __all__ = ["CheckOptions", "CyclesOptions", "FitOptions", "FluidOptions"]
@@ -132,12 +132,9 @@ class FitOptions:
     ] = "auto"
     coil_resistance_ohm: Annotated[
         float | None,
-        Option(
+        coil_resistance(
             "Of the coil at 20 degC, for the card.",
-            unit="ohm",
             above=0.0,
-            flag="--coil-resistance",
-            metavar="OHM",
             label="Coil resistance at 20 °C",
             default_help="not known",
         ),
