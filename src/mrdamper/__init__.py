@@ -1,7 +1,8 @@
 """Magnetorheological dampers: from measured rig runs to a model card.
 
 >>> import mrdamper
->>> runs = mrdamper.read_runs(["runs/sine_10mm2Hz_1.00A.csv"])  # doctest: +SKIP
+>>> fit = mrdamper.fit({"0 A": frame, "1 A": another})  # frames, or files and folders  # doctest: +SKIP
+>>> fit.plot(), fit.card().heat("paper"), fit.card().export(c="controller")  # doctest: +SKIP
 
 Names are loaded from their rooms on first use, so that importing the package (and answering
 ``mrdamper --help``) does not load NumPy.
@@ -25,19 +26,31 @@ if TYPE_CHECKING:
     from mrdamper.models.card_schema import read_card
     from mrdamper.models.damper import Damper
     from mrdamper.models.simulate import simulate
+    from mrdamper.registry.public import read
 
     __version__: str
+    channel_map: Callable[..., Any]
     check: Callable[..., Any]
     cite: Callable[..., Any]
     compare: Callable[..., Any]
     cycles: Callable[..., Any]
+    demo: Callable[..., Any]
+    export_card: Callable[..., Any]
+    fetch_data: Callable[..., Any]
     fit: Callable[..., Any]
+    fluid: Callable[..., Any]
     forecast: Callable[..., Any]
     heat: Callable[..., Any]
-    observe: Callable[..., Any]
     identify: Callable[..., Any]
+    list_data: Callable[..., Any]
+    observe: Callable[..., Any]
     predict: Callable[..., Any]
     ride: Callable[..., Any]
+    run_rig: Callable[..., Any]
+    simulate_card: Callable[..., Any]
+    sink: Callable[..., Any]
+    sweep: Callable[..., Any]
+    track: Callable[..., Any]
 
 __all__ = [
     "ConvergenceError",
@@ -51,21 +64,33 @@ __all__ = [
     "RigRun",
     "__version__",
     "assess",
+    "channel_map",
     "check",
     "cite",
     "compare",
     "cycles",
+    "demo",
+    "export_card",
+    "fetch_data",
     "fit",
+    "fluid",
     "forecast",
     "heat",
     "identify",
+    "list_data",
     "observe",
     "predict",
     "prepare_run",
+    "read",
     "read_card",
     "read_runs",
     "ride",
+    "run_rig",
     "simulate",
+    "simulate_card",
+    "sink",
+    "sweep",
+    "track",
 ]
 
 _ROOM_OF = {
@@ -76,6 +101,7 @@ _ROOM_OF = {
     "assess": "mrdamper.identify.fit",
     "prepare_run": "mrdamper.data.prepare",
     "read_card": "mrdamper.models.card_schema",
+    "read": "mrdamper.registry.public",
     "read_runs": "mrdamper.data.readers",
     "simulate": "mrdamper.models.simulate",
 }
@@ -93,12 +119,16 @@ if not TYPE_CHECKING:  # a type checker sees the imports above, and a misspelt n
             from importlib import import_module
 
             value = getattr(import_module(_ROOM_OF[name]), name)
+            if name in {"Dataset", "ModelCard", "RigRun", "read_card", "read_runs"}:
+                import_module("mrdamper.registry.public").bind_public()
         else:
-            from mrdamper.registry.public import function_of, public_names
+            from mrdamper.registry import public_names
 
             jobs = {} if name.startswith("_") else public_names()
-            if name not in jobs:
+            if name not in jobs:  # a room, perhaps, which is imported then
                 raise AttributeError(f"module 'mrdamper' has no attribute {name!r}")
+            from mrdamper.registry.public import function_of
+
             value = function_of(jobs[name])
         globals()[name] = value
         return value

@@ -71,6 +71,7 @@ class MrdamperError(Exception):
         remedy: str = "",
         faults: Sequence[MrdamperError] = (),
     ) -> None:
+        self.spell: Callable[[str], str] = str  # how the face that is in use names options
         self.place, self.found, self.expected, self.remedy = str(place), found, expected, remedy
         self.faults = tuple(faults)
         super().__init__(self._said())
@@ -104,7 +105,7 @@ class MrdamperError(Exception):
         return moved
 
     def __str__(self) -> str:
-        return self.spelled()
+        return self.spelled(self.spell)
 
     def __format__(self, form: str) -> str:
         """Return the message for another one, its options and commands still to be spelled."""

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from mrdamper.data.channels import ChannelMap, read_channel_map
 from mrdamper.data.finding import Finding, Inference
+from mrdamper.data.frames import Frame
 from mrdamper.data.proposal.folders import distinct_names, find_files
 from mrdamper.data.proposal.questions import Answer, AskingError, Question, ask_all, with_answers
 from mrdamper.data.proposal.recordings import RigFile, runs_in
@@ -113,11 +114,11 @@ def read_file(
 
 
 def read_each(
-    paths: PathLike | Iterable[PathLike],
+    paths: PathLike | Iterable[PathLike | Frame],
     channels: ChannelMap | PathLike | None = None,
     answers: Sequence[Answer] = (),
 ) -> ReadFiles:
-    """Return what files, folders and glob patterns hold, in the order given, each file once.
+    """Return what frames, files, folders and glob patterns hold, frames first, each file once.
 
     A folder gives the files in it, and in the folders in it, of the formats read here. Runs of one name are
     told apart by their folders.
@@ -130,14 +131,23 @@ def read_each(
     chosen = None if channels is None else load_map(channels)
     read: list[tuple[Path, RigFile]] = []
     unreadable: list[UnreadableFile] = []
-    for path in find_files([paths] if isinstance(paths, str | Path) else list(paths)):
+    parts = [paths] if isinstance(paths, str | Path) else list(paths)
+    frames = {Path(each.name): each for each in parts if isinstance(each, Frame)}
+    named = [each for each in parts if not isinstance(each, Frame)]
+    for path in (*frames, *(find_files(named) if named or not frames else ())):
         try:
-            read.append((path, read_file(path, chosen, answers)))
+            read.append((path, _read_part(frames.get(path, path), chosen, answers)))
         except InputError as error:
             unreadable.append(UnreadableFile(path, error))
     read = _named_apart(read)
     runs = tuple(recording for _, file in read for recording in file.recordings)
     return ReadFiles(tuple(read), tuple(unreadable), runs)
+
+
+def _read_part(part: Path | Frame, chosen: ChannelMap | None, answers: Sequence[Answer]) -> RigFile:
+    if isinstance(part, Frame):
+        return part.read(with_answers(load_map(chosen), answers, part.name))
+    return read_file(part, chosen, answers)
 
 
 def _named_apart(read: Sequence[tuple[Path, RigFile]]) -> list[tuple[Path, RigFile]]:
@@ -155,7 +165,7 @@ def _named_apart(read: Sequence[tuple[Path, RigFile]]) -> list[tuple[Path, RigFi
 
 
 def read_runs(
-    paths: PathLike | Iterable[PathLike],
+    paths: PathLike | Iterable[PathLike | Frame],
     channels: ChannelMap | PathLike | None = None,
     answers: Sequence[Answer] = (),
 ) -> Dataset:

@@ -20,7 +20,7 @@ from mrdamper.arrays import FloatArray, read_only
 from mrdamper.core import turning_points
 from mrdamper.data.finding import Finding, Inference
 from mrdamper.errors import InputError
-from mrdamper.quantities import QUANTITIES, CommandUnit, to_degC
+from mrdamper.quantities import QUANTITIES, ZERO_CELSIUS_K, CommandUnit, to_degC
 from mrdamper.schema import unknown_name
 
 __all__ = [
@@ -44,6 +44,7 @@ WITHOUT_MOTION = (
 
 _CHANNELS = ("time", "displacement", "force", "command", "velocity", "temperature")
 LEAST_SAMPLES = 16
+_MOST_SHOWN = 8  # runs of a set that is printed
 _SPEED = 10.0  # faster than any damper's rig [m/s]
 _STROKE = 2.0  # longer than any damper's rig [m]
 _FEWEST_VALUES = 8  # of a displacement: fewer are the flicker of a sensor at rest
@@ -85,7 +86,7 @@ class Recording:
         return RigRun(**{field.name: getattr(self, field.name) for field in fields(self)})
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class RigRun:
     """One run of one damper on a rig, as measured. Arrays are read-only float64, shape (n,).
 
@@ -124,6 +125,17 @@ class RigRun:
     def __len__(self) -> int:
         return len(self.time)
 
+    def __repr__(self) -> str:
+        """Return the run in a line: its length, and what it goes through."""
+        said = [f"{self.time[-1] - self.time[0]:.3g} s at {(len(self) - 1) / np.ptp(self.time):.4g} Hz"]
+        for values, unit in (
+            *((1e3 * self.displacement, "mm"), (self.force, "N"), (self.command, self.command_unit)),
+            *(() if self.temperature is None else ((self.temperature - ZERO_CELSIUS_K, "degC"),)),
+        ):
+            low, high = float(values.min()), float(values.max())
+            said.append(f"{low:.3g} {unit}" if low == high else f"{low:.4g} to {high:.4g} {unit}")
+        return f"RigRun {self.name!r}: {', '.join(said)}"
+
     @property
     def constant_command(self) -> float | None:
         """The command [A or V] when it keeps still, else None.
@@ -146,7 +158,7 @@ class RigRun:
         return replace(self, **cut)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Dataset:
     """Runs with unique names, in the order given, and what is known of how their files were read."""
 
@@ -166,6 +178,14 @@ class Dataset:
 
     def __len__(self) -> int:
         return len(self.runs)
+
+    def __repr__(self) -> str:
+        """Return the first runs, a line each."""
+        lines = [f"  {run!r}" for run in self.runs[:_MOST_SHOWN]]
+        more = len(self) - len(lines)
+        return "\n".join(
+            [f"Dataset of {len(self)} runs", *lines, *([f"  ... and {more} more"] if more else [])]
+        )
 
     def __iter__(self) -> Iterator[RigRun]:
         return iter(self.runs)

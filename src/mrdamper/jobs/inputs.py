@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from mrdamper.data.batches import LongRecord, open_record
+from mrdamper.data.channels import ChannelMap
+from mrdamper.data.frames import parts_of
 from mrdamper.data.proposal.questions import parse_answers
 from mrdamper.data.readers import ReadFiles, read_each, read_runs
 from mrdamper.data.records import Dataset, RigRun
@@ -17,17 +20,18 @@ from mrdamper.models.python_law import load_python_law
 
 __all__ = ["read_card_of_law", "read_dataset", "read_files", "read_record"]
 
-Paths = str | Path | Iterable[str | Path | RigRun]
+Given = Any
+"""Paths, runs and frames, or one of them: ``frames.parts_of`` tells them apart."""
 
 
 def read_dataset(
-    given: Paths,
-    channels: Path | None = None,
+    given: Given,
+    channels: Path | ChannelMap | None = None,
     *,
     answer: Sequence[str] | None = None,
     flip_force: bool = False,
 ) -> Dataset:
-    """Return the runs in files and folders; runs that are given as themselves are taken as they are.
+    """Return the runs in files, folders and frames; runs that are given as themselves are taken as they are.
 
     Parameters
     ----------
@@ -40,7 +44,7 @@ def read_dataset(
     InputError
         A file cannot be read, or there is no run at all.
     """
-    parts = _parts(given)
+    parts = parts_of(given)
     if isinstance(given, Dataset):
         dataset = given
     else:
@@ -57,12 +61,8 @@ def read_dataset(
     return dataset
 
 
-def _parts(given: Paths) -> list[str | Path | RigRun]:
-    return [given] if isinstance(given, str | Path) else list(given)
-
-
 def read_files(
-    given: Paths, channels: Path | None = None, *, answer: Sequence[str] | None = None
+    given: Given, channels: Path | ChannelMap | None = None, *, answer: Sequence[str] | None = None
 ) -> ReadFiles:
     """Return what files and folders hold, whether or not it can be used.
 
@@ -71,7 +71,7 @@ def read_files(
     InputError
         No file could be read, and none leaves a question open; or a path is not there.
     """
-    parts = _parts(given)
+    parts = parts_of(given)
     runs = tuple(each for each in parts if isinstance(each, RigRun))
     paths = [each for each in parts if not isinstance(each, RigRun)]
     if runs and not paths:

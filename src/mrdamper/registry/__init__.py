@@ -16,7 +16,7 @@ from dataclasses import replace
 from mrdamper.registry.job import Job
 from mrdamper.registry.kinds import KINDS, Input, Kind, Output, load
 
-__all__ = ["JOBS", "KINDS", "Input", "Job", "Kind", "Output", "load"]
+__all__ = ["JOBS", "KINDS", "Input", "Job", "Kind", "Output", "load", "public_names"]
 
 CARD = Input(name="card", kind="card", help="The model card.")
 CARD_OF_ANY_LAW = replace(CARD, kind="card of any law")
@@ -126,6 +126,25 @@ _ROWS = (
         result="mrdamper.jobs.predict:PredictResult",
         report="mrdamper.report.cards.predict:REPORT",
         files_help="Write errors.csv there.",
+        progress_word="",
+    ),
+    Job(
+        name="simulate",
+        python="simulate_card",
+        help="Simulate a card's force along a motion: in words, a measured run, or a frame.",
+        inputs=(
+            CARD_OF_ANY_LAW,
+            Input(
+                name="motion",
+                kind="motion",
+                help="MOTION:COMMAND:DURATION, such as sine:10mm:1Hz:1A:2s, or a run's file.",
+            ),
+        ),
+        options="mrdamper.jobs.options:SimulateOptions",
+        run="mrdamper.jobs.simulate:simulate",
+        result="mrdamper.jobs.simulate:SimulateResult",
+        report="mrdamper.report.simulate:REPORT",
+        files_help="For simulate.svg, simulate.json, simulate.csv.",
         progress_word="",
     ),
     Job(
@@ -470,3 +489,8 @@ _ROWS = (
 
 JOBS: Mapping[str, Job] = {row.name: row for row in _ROWS}
 """The jobs by name, in the order of the help."""
+
+
+def public_names() -> dict[str, Job]:
+    """Return the jobs by their names in Python."""
+    return {name: job for job in JOBS.values() for name in (job.attribute, *job.aliases)}

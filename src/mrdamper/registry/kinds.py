@@ -94,6 +94,7 @@ KINDS: Mapping[str, Kind] = {
     ),
     "sink": Kind("FILE", "mrdamper.thermal.drawing_file:read_sink", looks=("sink", "drawing")),
     "duty": Kind("DUTY", "mrdamper.thermal.duty:read_duty", files=".csv", looks=("duty",)),
+    "motion": Kind("MOTION|RUN", place=""),
     "curve": Kind(
         "CURVE.csv", "mrdamper.thermal.estimation.measured_curve:read_curve", files=".csv", looks=("curve",)
     ),
@@ -143,8 +144,10 @@ class Input:
         kind = KINDS[self.kind]
         if not kind.read or not (kind.many or isinstance(given, str | Path)):
             return given
+        many = kind.many and isinstance(given, str | Path)
         return load(kind.read)(
-            given, **{each.name: reading.get(each.name, each.default) for each in kind.fields}
+            [given] if many else given,
+            **{each.name: reading.get(each.name, each.default) for each in kind.fields},
         )
 
 

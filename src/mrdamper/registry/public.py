@@ -4,33 +4,42 @@
 >>> hot = mrdamper.heat("card.json", "paper", ambient_degC=35.0)  # doctest: +SKIP
 >>> hot.plot(), hot.save("out"), hot.to_frame()  # doctest: +SKIP
 
-A job's inputs come first, as paths or as the objects themselves; its options are keywords. Results are plain
-values; ``summary``, ``plot``, ``save`` and ``to_frame`` are bound to their classes here, so that no job knows
-how it is shown.
+A job's inputs come first, as paths or as the objects themselves (runs also as frames with columns by name);
+its options are keywords. Results are plain values; ``summary``, ``plot``, ``save`` and ``to_frame`` are bound
+to their classes here, so that no job knows how it is shown.
 """
 
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable
-from html import escape
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrdamper.errors import InputError
+from mrdamper.data.channels import ChannelMap
+from mrdamper.data.frames import said_columns, speaks_of_column
+from mrdamper.data.records import Dataset
+from mrdamper.errors import InputError, MrdamperError, UsageError
+from mrdamper.jobs.inputs import read_dataset
+from mrdamper.jobs.options import RunsReading
 from mrdamper.registry import JOBS, Input, Job, load
-from mrdamper.schema import did_you_mean
+from mrdamper.registry.values import bind_card_jobs, bind_values, drawn, shorten_reprs, shown_in_notebook
+from mrdamper.schema import did_you_mean, fields_of, read_record
 
 if TYPE_CHECKING:
     import polars
     from matplotlib.figure import Figure
 
-__all__ = ["bind_result", "function_of", "public_names"]
+__all__ = ["bind_public", "bind_result", "function_of", "read"]
+
+_OF_RUNS = ("runs", "files")
 
 
-def public_names() -> dict[str, Job]:
-    """Return the jobs by their names in Python."""
-    return {name: job for job in JOBS.values() for name in (job.attribute, *job.aliases)}
+def bind_public() -> None:
+    """Give runs and cards what they can do (``values``), whichever name of the package came first."""
+    bind_values(function_of)
 
 
 def function_of(job: Job) -> Callable[..., Any]:
@@ -43,15 +52,42 @@ def function_of(job: Job) -> Callable[..., Any]:
     call.__module__ = "mrdamper"
     call.__doc__ = _documentation(job)
     vars(call)["__signature__"] = _signature(job)
+    bind_values(function_of)
     bind_result(job)
     return call
 
 
+def read(given: Any = None, /, **said: Any) -> Dataset:  # noqa: ANN401 - paths, runs, frames
+    """Return runs: of files, folders and patterns; of frames of pandas or Polars; of arrays.
+
+    Parameters
+    ----------
+    given : a path or frame, a list of them, or a mapping of names to frames; None: keywords hold the columns
+    said : the options of reading runs (``channels``, ``answer``, ``flip_force``); and of each quantity, with
+        its unit, the name of a column, the column itself, or one number: ``force_kN="Load"``,
+        ``current_A=1.0``; or ``rate_Hz`` where there is no time
+
+    Raises
+    ------
+    InputError
+        A column is missing or has no unit, is not of one length, not finite, or time does not increase.
+    """
+    bind_values(function_of)
+    known = [field.name for field in fields_of(RunsReading)]
+    _require_known("read", said, known, of_runs=True)
+    options = read_record(RunsReading, {key: said[key] for key in said if key in known}, "read")
+    reading = {key: getattr(options, key) for key in known}
+    with _in_python():
+        given, chosen = said_columns(given, {key: said[key] for key in said if key not in known})
+        reading["channels"] = _one_map(reading["channels"], chosen)
+        return read_dataset([] if given is None else given, **reading)
+
+
 def _call(job: Job, inputs: tuple[Any, ...], given: dict[str, Any], on_progress: Any) -> Any:  # noqa: ANN401
     known = [*job.given_names, *(field.name for field in job.fields), *(each.name for each in job.outputs)]
-    for name in given:
-        if name not in known:
-            raise TypeError(f"mrdamper.{job.attribute}: no option {name!r}; {did_you_mean(name, known)}")
+    of_runs = next((each.name for each in job.inputs if each.kind in _OF_RUNS), "")
+    _require_known(job.attribute, given, known, of_runs=bool(of_runs))
+    said = {name: given.pop(name) for name in [*given] if name not in known}
     names = [each.name for each in job.inputs]
     if len(inputs) > len(names):
         raise InputError(
@@ -61,19 +97,63 @@ def _call(job: Job, inputs: tuple[Any, ...], given: dict[str, Any], on_progress:
         )
     named = dict(zip(names, inputs, strict=False))
     named |= {name: given.pop(name) for name in names if name in given}
-    missing = [each.name for each in job.inputs if each.required and named.get(each.name) is None]
-    if missing:
-        raise InputError(
-            f"{', '.join(missing)} is missing",
-            place=f"mrdamper.{job.attribute}",
-            expected="a path, or the thing",
-        )
-    reading = {field.name: given.pop(field.name) for field in job.reading if field.name in given}
-    outputs = {each.name: Path(given.pop(each.name)) for each in job.outputs if given.get(each.name)}
-    named |= job.reading_from(reading)
-    if outputs:
-        return job.perform(named, job.options_from(given), outputs=outputs, on_progress=on_progress)[0]
-    return job(named, job.options_from(given), on_progress)
+    with _in_python():
+        chosen = None
+        if said:
+            named[of_runs], chosen = said_columns(named.get(of_runs), said)
+        missing = [each.name for each in job.inputs if each.required and named.get(each.name) is None]
+        if missing:
+            raise InputError(
+                f"{', '.join(missing)} is missing",
+                place=f"mrdamper.{job.attribute}",
+                expected="a path, or the thing",
+            )
+        reading = {field.name: given.pop(field.name) for field in job.reading if field.name in given}
+        outputs = {each.name: Path(given.pop(each.name)) for each in job.outputs if given.get(each.name)}
+        named |= job.reading_from(reading)
+        if chosen is not None:
+            named["channels"] = _one_map(named["channels"], chosen)
+        if outputs:
+            return job.perform(named, job.options_from(given), outputs=outputs, on_progress=on_progress)[0]
+        return job(named, job.options_from(given), on_progress)
+
+
+def _require_known(function: str, given: Mapping[str, Any], known: list[str], *, of_runs: bool) -> None:
+    """Refuse a keyword that is no option, and says of no column where runs are read."""
+    for name in given:
+        if name not in known and not (of_runs and speaks_of_column(name)):
+            raise TypeError(f"mrdamper.{function}: no option {name!r}; {did_you_mean(name, known)}")
+
+
+def _one_map(channels: Path | None, chosen: ChannelMap | None) -> Path | ChannelMap | None:
+    """Return the channel map that was given: as a file, or in keywords."""
+    if channels is not None and chosen is not None:
+        raise UsageError("channels and keywords for columns exclude each other; say all in one of them")
+    return channels if chosen is None else chosen
+
+
+@contextmanager
+def _in_python() -> Iterator[None]:
+    """Spell options in messages as keywords: ``--hold-out GLOB`` is ``hold_out=GLOB``."""
+    try:
+        yield
+    except MrdamperError as fault:
+        fault.spell = _as_keyword
+        raise
+
+
+def _as_keyword(named: str) -> str:
+    if not named.startswith("--"):
+        return named.replace("mrdamper ", "mrdamper.", 1)
+    flag, _, value = named.removeprefix("--").partition(" ")
+    return f"{_names_of_flags().get(flag, flag.replace('-', '_'))}={value or True}"
+
+
+@cache
+def _names_of_flags() -> Mapping[str, str]:
+    """Return the names in Python of options whose flag is another word."""
+    fields = [field for job in JOBS.values() for field in (*job.reading, *job.fields)]
+    return {field.option.flag.removeprefix("--"): field.name for field in fields if field.option.flag}
 
 
 def _signature(job: Job) -> inspect.Signature:
@@ -122,7 +202,8 @@ def bind_result(job: Job) -> None:
         return f"<{title}>\n" + "\n".join(summary(self).splitlines()[:8])
 
     def _repr_html_(self: object) -> str:
-        return f"<pre>{escape(summary(self))}</pre>{_svg(job, self)}"
+        picture = None if job.reported.figure is None else _figure(job, self)
+        return shown_in_notebook(summary(self), picture)
 
     def plot(self: object) -> Figure:
         """Return the picture that answers the question, as a Matplotlib figure."""
@@ -143,6 +224,9 @@ def bind_result(job: Job) -> None:
 
     for each in (summary, __repr__, _repr_html_, plot, save, to_frame):
         setattr(kind, each.__name__, each)
+    if hasattr(kind, "card"):
+        bind_card_jobs(kind, lambda fit: fit.card(), function_of)
+    shorten_reprs(kind)
 
 
 def _figure(job: Job, result: object) -> Figure:
@@ -151,16 +235,4 @@ def _figure(job: Job, result: object) -> Figure:
         raise InputError(
             "has no picture", place=type(result).__name__, expected="summary(), save() or to_frame()"
         )
-    from mrdamper.report.figures.style import drawing_style
-
-    with drawing_style():
-        return draw(result)
-
-
-def _svg(job: Job, result: object) -> str:
-    if job.reported.figure is None:
-        return ""
-    from mrdamper.report.figures.style import drawing_style, svg_of
-
-    with drawing_style():
-        return svg_of(_figure(job, result), job.name)
+    return drawn(lambda: draw(result), job.name)

@@ -26,7 +26,7 @@ from mrdamper.excitation import Motion, Sine, Trajectory, drive, motion_from_tex
 from mrdamper.files import is_file
 from mrdamper.quantities import QUANTITIES, to_si
 
-__all__ = ["DEFAULT_DUTY", "Duty", "Segment", "read_duty"]
+__all__ = ["DEFAULT_DUTY", "Duty", "Segment", "motion_at_command", "read_duty"]
 
 DEFAULT_DUTY = "sine:15mm:1Hz:2A:1800s"
 """The paper's: 15 mm, 1 Hz, 2 A for 30 minutes."""
@@ -99,6 +99,19 @@ def read_duty(text: str | Path) -> Duty:
     words = str(text).split(":")
     if Path(text).suffix.lower() == ".csv" or (len(words) < 3 and is_file(text)):
         return _duty_of_table(read_table(Path(text)), Path(text).name)
+    motion, command, unit, seconds = motion_at_command(str(text))
+    return Duty((segment_of(motion, command, seconds),), unit, str(text))
+
+
+def motion_at_command(text: str) -> tuple[Motion, float, str, float]:
+    """Return what ``MOTION:COMMAND:DURATION`` says: motion, command, its unit (A or V), duration [s].
+
+    Raises
+    ------
+    InputError
+        The text has another form, or names no motion.
+    """
+    words = text.split(":")
     try:
         if len(words) > 1 and _is_command(words[-1]):
             raise InputError(
@@ -108,13 +121,12 @@ def read_duty(text: str | Path) -> Duty:
             raise InputError("there are less than three parts", expected=_EXPECTED)
         seconds = _number(words[-1], "time")
         command, unit = _command(words[-2])
-        segment = segment_of(motion_from_text(":".join(words[:-2])), command, seconds)
+        return motion_from_text(":".join(words[:-2])), command, unit, seconds
     except InputError as fault:
-        told = fault.within(f"duty {str(text)!r}")
+        told = fault.within(f"duty {text!r}")
         if not told.expected:
             told = InputError(told.found, place=told.place, expected=_EXPECTED, remedy=told.remedy)
         raise told from fault
-    return Duty((segment,), unit, str(text))
 
 
 def segment_of(motion: Motion, command: float, duration: float) -> Segment:

@@ -71,8 +71,8 @@ class _Part:
     notes: tuple[str, ...] = ()
 
 
-def runs_in(tables: Sequence[Table], chosen: ChannelMap, file: Path) -> RigFile:
-    """Return the recordings in a file's tables.
+def runs_in(tables: Sequence[Table], chosen: ChannelMap, file: Path, *, name: str = "") -> RigFile:
+    """Return the recordings in a file's tables, which have its name where they have no other.
 
     A table that holds no force over time, as one of results beside those of samples, is left out and told.
     """
@@ -94,7 +94,7 @@ def runs_in(tables: Sequence[Table], chosen: ChannelMap, file: Path) -> RigFile:
         notes += (f"{len(parts)} parts",)
     layout = replace(layout, notes=(*layout.notes, *notes))
     pieces = [(piece, part.role) for part in parts for piece in part.pieces]
-    recordings, findings, inferred = _named(pieces, chosen, file)
+    recordings, findings, inferred = _named(pieces, chosen, file, name or file.stem)
     return RigFile(recordings, layout, parts[0].columns, findings, inferred)
 
 
@@ -193,10 +193,10 @@ def _channels(
 
 
 def _named(
-    pieces: Sequence[tuple[Piece, str]], chosen: ChannelMap, file: Path
+    pieces: Sequence[tuple[Piece, str]], chosen: ChannelMap, file: Path, own_name: str
 ) -> tuple[tuple[Recording, ...], tuple[Finding, ...], tuple[Inference, ...]]:
     """Return recordings of the pieces of a file, what was done to them, and what was inferred."""
-    stem = printable(file.stem)
+    stem = printable(own_name)
     names = _names(pieces, chosen, stem)
     recordings: list[Recording] = []
     findings: list[Finding] = []

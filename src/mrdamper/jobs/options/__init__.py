@@ -7,7 +7,13 @@ once; names that live in heavy ones are asked for late (``among``).
 
 from __future__ import annotations
 
-from mrdamper.jobs.options.control import ExportOptions, RideOptions, TrackConditions, TrackOptions
+from mrdamper.jobs.options.control import (
+    ExportOptions,
+    RideOptions,
+    SimulateOptions,
+    TrackConditions,
+    TrackOptions,
+)
 from mrdamper.jobs.options.heating import ForecastOptions, HeatOptions, ObserveOptions, SinkOptions
 from mrdamper.jobs.options.reading import FilesReading, LawReading, NoOptions, RunsReading
 from mrdamper.jobs.options.runs import CheckOptions, CyclesOptions, FitOptions, FluidOptions
@@ -29,6 +35,7 @@ __all__ = [
     "RideOptions",
     "RigOptions",
     "RunsReading",
+    "SimulateOptions",
     "SinkOptions",
     "SweepOptions",
     "TrackConditions",

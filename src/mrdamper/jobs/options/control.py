@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from mrdamper.jobs.options.reading import TOP, Controller, coil_resistance, duration, surroundings
 from mrdamper.schema import OnPage, Option
 
-__all__ = ["ExportOptions", "RideOptions", "TrackConditions", "TrackOptions"]
+__all__ = ["ExportOptions", "RideOptions", "SimulateOptions", "TrackConditions", "TrackOptions"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,6 +111,19 @@ class TrackOptions(TrackConditions):
     seed: Annotated[
         int, Option("Of the sensors' noise; the next one is run as well.", least=0, below=2**31)
     ] = 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimulateOptions:
+    """Options of ``simulate``."""
+
+    temperature_degC: Annotated[
+        float,
+        Option("Of the fluid, where the motion does not tell it.", unit="degC", least=-60.0, most=200.0),
+    ] = 20.0
+    rate_Hz: Annotated[
+        float, Option("Samples per second of a motion in words.", unit="Hz", above=0.0, most=1e5)
+    ] = 1000.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -113,7 +113,7 @@ def grid_figure(titles: Sequence[tuple[str, bool]], rows: Sequence[Row], *, tall
     width = min(WIDE, 0.55 + 3.2 * columns)
     height = 0.27 + sum(tall + (0.55 if row.title else 0.4) for row in rows)
     figure = Figure(figsize=(width, height))
-    left, right, gap = 0.52, 0.08, 0.10  # inches
+    left, right, gap = 0.6, 0.08, 0.10  # inches
     across = (width - left - right - gap * (columns - 1)) / columns
     top = height - 0.22
     for row in rows:

@@ -83,8 +83,9 @@ _ERRORS_SAID = "Above each column its RMS error; red: held out."
 
 
 def worst_loops(campaign: Campaign) -> Figure:
-    """Return the loops of the worst run of each motion, as a Matplotlib figure."""
-    worst = worst_by_motion(campaign.errors)[:MOST_COLUMNS]
+    """Return the loops of all runs, of many those of the worst of each motion, as a Matplotlib figure."""
+    few = len(campaign.errors) <= MOST_COLUMNS
+    worst = campaign.errors if few else worst_by_motion(campaign.errors)[:MOST_COLUMNS]
     colours = [colour_of(error.command, campaign.highest) for error in worst]
     found = _loop_rows(
         campaign, [(error.name, colour, error) for error, colour in zip(worst, colours, strict=True)]

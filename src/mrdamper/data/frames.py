@@ -1,0 +1,197 @@
+"""Frames: runs that lie in memory, as frames of pandas or Polars, structured arrays, or columns by name.
+
+A frame is read as a file's table is (``proposal``): a column's name says its quantity and unit (``force_N``,
+``Force [kN]``), nothing is guessed, and what is missing is asked for. Keywords say of which column a quantity
+is, or give the column itself: ``read(frame, force_kN="Load", current_A=1.0)``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from numbers import Real
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mrdamper.arrays import FloatArray
+from mrdamper.data.channels import ChannelMap
+from mrdamper.data.formats.table import Layout, Table, Texts, as_column
+from mrdamper.data.proposal.questions import AskingError
+from mrdamper.data.proposal.recordings import RigFile, runs_in
+from mrdamper.data.records import RigRun
+from mrdamper.errors import InputError
+from mrdamper.quantities import QUANTITIES
+
+__all__ = ["Frame", "is_frame", "parts_of", "said_columns", "speaks_of_column"]
+
+_CONSTANT = ("current", "voltage", "temperature")
+_REMEDY = (
+    "Name columns with their unit (force_N), or say which is which: "
+    'read(frame, time_s="t", displacement_mm="Pos", force_kN="Load", current_A=1.0)'
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frame:
+    """One frame with its name."""
+
+    name: str
+    columns: Mapping[str, Any]
+
+    def read(self, chosen: ChannelMap) -> RigFile:
+        """Return its runs.
+
+        Raises
+        ------
+        AskingError
+            A needed column is not there, or has no unit.
+        InputError
+            A column has no shape (n,), or another length than the rest.
+        """
+        try:
+            return runs_in((self._table(),), chosen, Path(self.name), name=self.name)
+        except AskingError as fault:
+            if not fault.faults:
+                fault.remedy = _REMEDY
+                fault.move_to(fault.place)
+            raise
+
+    def _table(self) -> Table:
+        numbers: dict[str, FloatArray] = {}
+        texts: dict[str, Texts] = {}
+        units: dict[str, str] = {}
+        for name, given in self.columns.items():
+            values = np.atleast_1d(np.asarray(given))
+            if values.ndim != 1:
+                raise InputError(
+                    place=self.name, found=f"column {name!r} has shape {values.shape}", expected="(n,)"
+                )
+            if values.dtype.kind in "OUST" and any(isinstance(each, str) for each in values):
+                texts[name] = [each if isinstance(each, str) else None for each in values.tolist()]
+                continue
+            try:
+                numbers[name], units[name] = as_column(values)
+            except (TypeError, ValueError) as fault:
+                raise InputError(
+                    place=self.name, found=f"column {name!r} ({fault})", expected="numbers"
+                ) from fault
+        self._require_one_length(numbers)
+        rows = max(map(len, numbers.values()), default=0)
+        stated = {name: unit for name, unit in units.items() if unit}
+        layout = Layout("frame")
+        return Table((*self.columns,), numbers, texts, layout, rows, units=stated, title=self.name)
+
+    def _require_one_length(self, numbers: Mapping[str, FloatArray]) -> None:
+        """Refuse columns of several lengths; one number stands for all samples."""
+        if len({len(values) for values in numbers.values()} - {1}) > 1:
+            sizes = ", ".join(f"{name} {len(values)}" for name, values in numbers.items())
+            raise InputError(
+                place=self.name,
+                found=f"columns differ in length ({sizes})",
+                expected="one value of each per sample",
+            )
+
+
+def is_frame(given: object) -> bool:
+    """Tell whether a value has columns by name: a frame, a structured array, or a mapping of arrays."""
+    if isinstance(given, Mapping):
+        return bool(given) and not any(is_frame(each) for each in given.values())
+    if isinstance(given, np.ndarray):
+        return given.dtype.names is not None
+    return hasattr(given, "columns") and hasattr(given, "__getitem__")
+
+
+def parts_of(given: Any) -> list[Any]:  # noqa: ANN401 - paths, runs and frames, or one of them
+    """Return what was given as a list of paths, runs and named frames; a mapping names its frames."""
+    if isinstance(given, str | Path | RigRun):
+        return [given]
+    if isinstance(given, np.ndarray) and given.dtype.names is None:
+        raise InputError(
+            place="runs",
+            found=f"an array of shape {given.shape} has no names of columns",
+            expected='columns by name, such as {"time_s": t, "displacement_mm": x, "force_N": f, ...}',
+        )
+    if is_frame(given):
+        return [Frame("frame", _columns_of(given))]
+    if isinstance(given, Mapping):
+        return [Frame(str(name), _columns_of(each)) for name, each in given.items()]
+    try:
+        parts = list(given)
+    except TypeError as fault:
+        raise InputError(
+            place="runs", found=f"a {type(given).__name__}", expected="paths, runs, or frames with columns"
+        ) from fault
+    return [
+        Frame(f"frame_{number}", _columns_of(each)) if is_frame(each) else each
+        for number, each in enumerate(parts, 1)
+    ]
+
+
+def _columns_of(frame: Any) -> Mapping[str, Any]:  # noqa: ANN401 - of pandas, Polars, NumPy, or a mapping
+    """Return a frame's columns by name; pandas' index is one where it has a name."""
+    if isinstance(frame, Mapping):
+        return {str(name): values for name, values in frame.items()}
+    if isinstance(frame, np.ndarray):
+        return {name: frame[name] for name in frame.dtype.names or ()}
+    index: Any = getattr(frame, "index", None)
+    first = {str(index.name): index} if getattr(index, "name", None) else {}
+    return first | {str(name): frame[name] for name in frame.columns}
+
+
+# ------------------------------------------------------------------------------------------- keywords
+
+
+def speaks_of_column(keyword: str) -> bool:
+    """Tell whether a keyword says something of a column: a quantity, with its unit or without; a rate."""
+    return keyword == "rate_Hz" or keyword.partition("_")[0] in QUANTITIES
+
+
+def said_columns(given: Any, said: Mapping[str, Any]) -> tuple[Any, ChannelMap | None]:  # noqa: ANN401
+    """Return what was given, with columns that keywords hold, and what the keywords say as a channel map.
+
+    Parameters
+    ----------
+    given : paths, runs or frames; None: the keywords hold the columns
+    said : by quantity, with its unit (``force_kN``) or without: the name of a column, or the column itself,
+        or one number for the whole run; and ``rate_Hz``
+
+    Raises
+    ------
+    InputError
+        A keyword names no quantity or unit, or holds a column where several frames are given.
+    """
+    if not said:
+        return given, None
+    channels: dict[str, dict[str, str]] = {}
+    constant: dict[str, float] = {}
+    columns: dict[str, Any] = {}
+    for keyword, value in said.items():
+        role, _, unit = keyword.partition("_")
+        if isinstance(value, str):
+            channels[role] = {"name": value} | ({"unit": unit} if unit else {})
+        elif isinstance(value, Real) and (keyword == "rate_Hz" or role in _CONSTANT):
+            constant[keyword] = float(value)
+        else:
+            columns[keyword] = value
+            channels[role] = {"name": keyword}
+    chosen = ChannelMap.from_dict({"channel": channels, "constant": constant}, "columns")
+    return _with_columns(given, columns), chosen
+
+
+def _with_columns(given: Any, columns: Mapping[str, Any]) -> Any:  # noqa: ANN401
+    if not columns:
+        return given
+    parts: Sequence[Any] = [Frame("frame", {})] if given is None else parts_of(given)
+    if len(parts) != 1 or not isinstance(parts[0], Frame):
+        raise InputError(
+            place="columns",
+            found=f"{', '.join(columns)} beside {_kinds(parts)}",
+            expected="arrays beside one frame, or alone",
+        )
+    return [replace(parts[0], columns={**parts[0].columns, **columns})]
+
+
+def _kinds(parts: Iterable[object]) -> str:
+    return ", ".join(dict.fromkeys(type(each).__name__ for each in parts)) or "nothing"

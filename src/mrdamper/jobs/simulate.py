@@ -1,0 +1,104 @@
+"""The job ``simulate``: a card's force along a motion, in words or as measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mrdamper.arrays import FloatArray
+from mrdamper.data.channels import ChannelMap
+from mrdamper.data.frames import Frame, parts_of
+from mrdamper.data.prepare import Preparation, prepare_run
+from mrdamper.data.proposal.recordings import RigFile
+from mrdamper.data.readers import read_file
+from mrdamper.data.records import Recording, RigRun
+from mrdamper.data.words.headers import word_and_unit
+from mrdamper.errors import InputError
+from mrdamper.excitation import Trajectory, drive
+from mrdamper.files import is_file
+from mrdamper.jobs.options import SimulateOptions
+from mrdamper.models import simulate as models
+from mrdamper.models.card import ModelCard
+from mrdamper.quantities import ZERO_CELSIUS_K, roles_of_unit
+from mrdamper.thermal.duty import motion_at_command
+
+__all__ = ["SimulateResult", "simulate"]
+
+_USUAL = SimulateOptions()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SimulateResult:
+    """A motion with the card's force along it."""
+
+    title: str  # of the card
+    motion: str
+    command_unit: str
+    trajectory: Trajectory
+    force: FloatArray  # [N], shape (n,)
+    measured: FloatArray | None = None  # [N], shape (n,), where the motion is a run's
+    scored_from: int = 0  # first sample that counts in an error of it
+
+
+def simulate(card: ModelCard, motion: Any, options: SimulateOptions = _USUAL) -> SimulateResult:  # noqa: ANN401
+    """Return a card's force along a motion.
+
+    Parameters
+    ----------
+    motion : MOTION:COMMAND:DURATION, such as ``sine:10mm:1Hz:1A:2s``; a file of a run, a run, or a frame,
+        whose motion is prepared as the card's runs were and whose force is not needed; or a ``Trajectory``
+
+    Raises
+    ------
+    InputError
+        The motion cannot be read, or is not of the card's command.
+    """
+    measured, scored_from = None, 0
+    unit: str = card.damper.command_unit
+    if isinstance(motion, Trajectory):
+        name, path = "trajectory", motion
+    elif isinstance(motion, str) and not is_file(motion):
+        what, command, unit, seconds = motion_at_command(motion)
+        name, path = motion, drive(what, duration=seconds, rate_Hz=options.rate_Hz, command=command)
+    else:
+        run, is_measured = _run_of(motion)
+        prepared = prepare_run(run, Preparation.from_dict(card.preparation))
+        name, unit, path = run.name, run.command_unit, prepared.trajectory
+        measured, scored_from = prepared.force if is_measured else None, prepared.scored_from
+    if unit != card.damper.command_unit:
+        raise InputError(
+            place=name,
+            found=f"the command is in {unit}",
+            expected=f"{card.damper.command_unit}, as the card has it",
+        )
+    if path.temperature is None:
+        path = replace(path, temperature=np.full(len(path), options.temperature_degC + ZERO_CELSIUS_K))
+    force = models.simulate(card.damper, path)
+    return SimulateResult(card.title, name, unit, path, force, measured, scored_from)
+
+
+def _run_of(motion: Any) -> tuple[RigRun, bool]:  # noqa: ANN401 - a path, run or frame
+    """Return the one run that is meant, and whether its force was measured."""
+    part = parts_of(motion)[0]
+    if isinstance(part, RigRun):
+        return part, True
+    if not isinstance(part, Frame):
+        return _only(read_file(Path(part))).checked(), True
+    roles = {role for name in part.columns for role in roles_of_unit(word_and_unit(name)[1])}
+    if "force" in roles:
+        return _only(part.read(ChannelMap())).checked(), True
+    recording = _only(replace(part, columns={**part.columns, "force_N": 0.0}).read(ChannelMap()))
+    # a run has a force, which resists its motion; nobody reads this one
+    stand_in = np.gradient(recording.displacement, recording.time)
+    return replace(recording, force=stand_in).checked(), False
+
+
+def _only(file: RigFile) -> Recording:
+    """Return the one recording of a file or frame."""
+    names = [each.name for each in file.recordings]
+    if len(names) != 1:
+        raise InputError(place="motion", found=f"{len(names)} runs ({', '.join(names[:6])})", expected="one")
+    return file.recordings[0]

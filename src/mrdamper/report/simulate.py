@@ -1,0 +1,104 @@
+"""What ``simulate`` found: the force's range, the loops as a figure, every sample as a table."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from rich.console import Console
+
+from mrdamper.arrays import rms
+from mrdamper.jobs.simulate import SimulateResult
+from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.report.base import Report, WrittenFile
+from mrdamper.report.figures.small_multiples import Line, Row, grid_figure
+from mrdamper.report.figures.style import MEASURED, colour_of, drawing_style, svg_of
+from mrdamper.runtime.outputs import write_table
+from mrdamper.schema import Json
+
+__all__ = ["REPORT"]
+
+_MOST_POINTS = 4000
+
+
+def _answer(found: SimulateResult) -> Json:
+    path = found.trajectory
+    scored = slice(found.scored_from, None)
+    error = None if found.measured is None else rms((found.force - found.measured)[scored])
+    return {
+        "title": found.title,
+        "motion": found.motion,
+        "samples": len(path),
+        "step_s": path.step,
+        "force_N": [float(found.force.min()), float(found.force.max())],
+        "power_W": float(np.mean(found.force * path.velocity)),
+        "rmse_N": error,
+    }
+
+
+def _summary(found: SimulateResult) -> list[str]:
+    answer = _answer(found)
+    low, high = answer["force_N"]
+    lines = [
+        f"{found.motion}: {answer['samples']} samples of {1e3 * answer['step_s']:g} ms",
+        f"force {low:.4g} to {high:.4g} N, mean power {answer['power_W']:.4g} W",
+    ]
+    if found.measured is not None:
+        lines.append(f"RMS error {answer['rmse_N']:.4g} N of the measured force")
+    return lines
+
+
+def _show(found: SimulateResult, console: Console) -> None:
+    for line in _summary(found):
+        console.print(line, markup=False)
+
+
+def _figure(found: SimulateResult) -> Figure:
+    """Return the loops, force over displacement and over velocity; a measured force lies beneath."""
+    path = found.trajectory
+    thin = slice(None, None, max(1, len(path) // _MOST_POINTS))
+    level = float(np.abs(path.command).max())
+    rows = []
+    for label, x in (("displacement, mm", path.displacement), ("velocity, mm/s", path.velocity)):
+        lines = [Line(1e3 * x[thin], found.force[thin], colour_of(level, level), 0.9)]
+        if found.measured is not None:
+            lines.insert(0, Line(1e3 * x[thin], found.measured[thin], MEASURED, 2.6))
+        rows.append(Row(label, "force, N", (tuple(lines),)))
+    return grid_figure([(found.motion, False)], rows, tall=2.0)
+
+
+def _rows(found: SimulateResult) -> list[dict[str, object]]:
+    path = found.trajectory
+    columns = {
+        "time_s": path.time,
+        "displacement_mm": 1e3 * path.displacement,
+        "velocity_mm_s": 1e3 * path.velocity,
+        f"{'current' if found.command_unit == 'A' else 'voltage'}_{found.command_unit}": path.command,
+        "force_N": found.force,
+    }
+    if path.temperature is not None:
+        columns["temperature_degC"] = path.temperature - ZERO_CELSIUS_K
+    if found.measured is not None:
+        columns["measured_N"] = found.measured
+    rounded = [np.round(values, 6).tolist() for values in columns.values()]
+    return [dict(zip(columns, row, strict=True)) for row in zip(*rounded, strict=True)]
+
+
+def _write_picture(found: SimulateResult, path: Path) -> None:
+    with drawing_style():
+        path.write_text(svg_of(_figure(found), "Simulated loops"), encoding="utf-8")
+
+
+REPORT = Report(
+    answer=_answer,
+    show=_show,
+    summary=_summary,
+    files=(
+        WrittenFile(name="simulate.svg", key="report", write=_write_picture),
+        WrittenFile(name="simulate.json", key="file"),
+        WrittenFile(name="simulate.csv", write=lambda found, path: write_table(path, _rows(found))),
+    ),
+    figure=_figure,
+    rows=_rows,
+)
