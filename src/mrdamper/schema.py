@@ -84,6 +84,7 @@ class OnPage:
     files: str = ""  # suffix of those that are inputs
     looks: tuple[str, ...] = ()  # kinds of input that fit (``web.inputs``)
     word: str = ""  # what one is called that is brought
+    part: str = ""  # of the drawing, that it keeps or leaves away: off and locked where there is none
 
 
 @dataclass(frozen=True, slots=True)

@@ -194,8 +194,8 @@ def changed_drawing(drawing: DamperDrawing, options: HeatOptions, sink: HeatSink
         around = replace(around, ambient=options.ambient_degC + ZERO_CELSIUS_K)
     if options.air_m_s is not None:
         around = replace(around, air_speed=options.air_m_s)
-    chosen = (sink or drawing.sink) if options.with_sink else None
-    return replace(drawing, surroundings=around, sink=chosen)
+    own = drawing.sink if options.with_sink else None
+    return replace(drawing, surroundings=around, sink=sink or own)
 
 
 def start_of(drawing: DamperDrawing, start_degC: float | None) -> float | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, replace
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +31,7 @@ from mrdamper.runtime.progress import Progress, silent
 from mrdamper.runtime.signals import Interrupted, interrupt_ends_all
 from mrdamper.schema import Json
 
-__all__ = ["IdentifyResult", "decisive", "identify"]
+__all__ = ["IdentifyResult", "decisive", "identify", "options_for"]
 
 _USUAL = FitOptions()
 AUTO = "auto"
@@ -169,6 +170,12 @@ def decisive(
 def _terms(options: FitOptions) -> tuple[str, ...] | None:
     """Return the parallel terms to add; None: what the runs ask for."""
     return None if options.terms is None else tuple(term for term in options.terms if term != "none")
+
+
+def options_for(runs: Dataset, options: FitOptions) -> FitOptions:
+    """Return options that name no run to hold out which this campaign, one of many, does not have."""
+    present = [glob for glob in options.hold_out if any(fnmatchcase(name, glob) for name in runs.names)]
+    return replace(options, hold_out=tuple(present))
 
 
 def _select(

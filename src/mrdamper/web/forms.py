@@ -59,6 +59,7 @@ def _field(field: Field, choices: Mapping[str, Any]) -> Json:
         "files": page.files,
         "looks": page.looks,
         "word": page.word,
+        "part": page.part,
     }
 
 

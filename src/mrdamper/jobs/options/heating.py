@@ -91,7 +91,7 @@ class HeatOptions:
             "Leave the drawing's heat sink away.",
             flag="--no-sink",
             label="with the drawing's heat sink",
-            page=TOP,
+            page=replace(TOP, part="sink"),
         ),
     ] = True
     by_field: Annotated[

@@ -71,9 +71,7 @@ class QuickHeat:
         begin = time.perf_counter()
         model = self._once(("card", *_version(card)), lambda: read_card(card))
         drawing = self._once(("drawing", damper, *_version(Path(damper))), lambda: read_drawing(damper))
-        drawing = changed_drawing(drawing, asked, None)
-        if fins is not None and asked.with_sink:
-            drawing = drawing.with_sink(_finned(drawing, fins))
+        drawing = changed_drawing(drawing, asked, None if fins is None else _finned(drawing, fins))
         unit = model.damper.command_unit
         duty = _duty(amplitude_mm, frequency_Hz, command, duration_s, unit)
         key = ("work", *_version(card), amplitude_mm, frequency_Hz, command)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from fnmatch import fnmatchcase
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +19,7 @@ from mrdamper.control.scenario import find_scenario
 from mrdamper.control.score import attainable_range, score_run, worst
 from mrdamper.errors import MrdamperError
 from mrdamper.identify.assess import summary
-from mrdamper.jobs.identify import identify
+from mrdamper.jobs.identify import identify, options_for
 from mrdamper.jobs.inputs import read_dataset
 from mrdamper.jobs.options import FitOptions, SinkOptions
 from mrdamper.jobs.sink import sink
@@ -56,8 +55,7 @@ def _identify(seed: int, what: What) -> What:
     channels = what["channels"]
     dataset = read_dataset([what["path"]], None if channels is None else Path(channels))
     options = read_record(FitOptions, what["options"] | {"seed": seed % 2**31}, what["path"])
-    present = [glob for glob in options.hold_out if any(fnmatchcase(name, glob) for name in dataset.names)]
-    fitted = identify(dataset, what["law"], options=replace(options, hold_out=tuple(present)))
+    fitted = identify(dataset, what["law"], options=options_for(dataset, options))
     judged = fitted.assessment
     figures: dict[str, float | None] = {}
     for split in ("training", "held_out"):

@@ -38,6 +38,16 @@ export function jobForm(app, kind, { given = {}, offered = {}, slots = {}, chang
       for (const [name, value] of Object.entries(values ?? {})) controls.get(name)?.set(value);
     },
 
+    /** Take what a drawing says; what leaves a part away is off where the drawing has none. */
+    follow(facts) {
+      this.set(Object.fromEntries(Object.entries(facts).filter(([, value]) => typeof value !== "object")));
+      for (const { one, input, set } of controls.values()) {
+        if (!one.part) continue;
+        input.disabled = facts[one.part] === null;
+        set(!input.disabled);
+      }
+    },
+
     /** Return a field's control: `{node, read(), set(value), input}`. */
     control: (name) => controls.get(name),
 

@@ -35,7 +35,6 @@ export async function show(place, app, query) {
   };
   const form = jobForm(app, "heat", { given: { card }, slots: { duty }, changed: (name) => (name === "damper" ? facts() : ask()) });
   const drawing = form.control("damper");
-  const sink = form.control("with_sink");
   const curveNames = app.forms["heat curve"].map((one) => one.name);
 
   const tiles = el("div", { class: "tiles", "aria-live": "polite", id: "heat-tiles" });
@@ -108,9 +107,7 @@ export async function show(place, app, query) {
     try {
       const found = await getDamper(drawing.read());
       if (closed) return;
-      const { sink: fins, ...around } = found;
-      form.set({ ...around, with_sink: fins !== null });
-      sink.input.disabled = fins === null;
+      form.follow(found);
       ask();
     } catch (fault) {
       fill(wrong, note("fault", fault.message));
@@ -146,10 +143,7 @@ export async function show(place, app, query) {
     await facts();
   }
 
-  const full = button("Full study with heat paths and finite elements", () => {
-    const asked = form.read();
-    panel.start({ ...asked, with_sink: asked.with_sink || asked.sink !== null });
-  }, { id: "full-study" });
+  const full = button("Full study with heat paths and finite elements", () => panel.start(form.read()), { id: "full-study" });
   fill(
     place,
     title,

@@ -133,7 +133,7 @@ seed = 0
 
 [identify]
 campaigns = ["../runs"]
-hold_out = ["*_060C_*"]
+# options of identify stand here, too, by their names
 `,
   sink: (card) => `# Heat sinks for many dampers and duties; drawings of your own are named as files
 kind = "sink"
