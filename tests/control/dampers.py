@@ -125,3 +125,41 @@ def changed(stepper: _AnyStepper, **values: object) -> _AnyStepper:
         known: Any = getattr(config, part)
         config = replace(config, **{part: replace(known, **{field: value})})
     return replace(stepper, config=config)
+
+
+# Every term of the chain is on; what follows the command is what a campaign's card has.
+_CHAIN: dict[str, ParameterLaw] = {
+    "viscosity": Constant(300.0),
+    "mass": Constant(0.4),
+    "offset": TemperatureDependent(Constant(30.0), Linear(1e-3)),
+    "stiffness": Constant(900.0),
+    "yield_force": TemperatureDependent(Hill(60.0, 1100.0, 1.3, 1.5, 2.0), Linear(1.4e-3)),
+    "yield_velocity": Constant(6e-3),
+    "thinning": Constant(0.3),
+    "thinning_force": TemperatureDependent(Hill(250.0, 60.0, 1.0, 1.5, 2.0), Arrhenius(900.0)),
+    "thinning_exponent": Constant(0.7),
+    "reference_speed": Constant(0.1),
+    "orifice": Constant(900.0),
+    "asymmetry": Constant(0.04),
+    "position_gain": Constant(-1.5),
+    "position_curvature": Constant(100.0),
+    "gap_stiffness": Constant(2e6),
+    "gap": Constant(8e-5),
+    "gap_corner": Constant(4e-5),
+    "leak_damping": TemperatureDependent(Constant(1.5e4), Arrhenius(900.0)),
+    "leak_exponent": Constant(0.9),
+    "bristle_share": Constant(0.6),
+    "bristle_stiffness": Exponential(1.5e6, 0.3),
+    "bristle_spread": Constant(0.8),
+    "friction_force": Constant(25.0),
+    "friction_stiffness": Constant(3e5),
+    "static_excess": Constant(0.3),
+    "fade_velocity": Constant(5e-3),
+    "memory_force": Exponential(10.0, 0.5),
+    "memory_stiffness": Constant(5e3),
+    "gas_force": TemperatureDependent(Constant(-60.0), Linear(1e-3)),
+    "gas_length": Constant(0.08),
+    "play": Constant(2e-5),
+    "follow_share": Constant(0.3),
+}
+CHAIN = Damper(LAWS["chain"], _CHAIN, actuation=LAGS, temperature_range=(288.15, 398.15))

@@ -15,7 +15,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.control.controllers import ForceController, controllers_for
 from mrdamper.models.damper import Damper
 from mrdamper.models.dependence import Constant
-from tests.control.dampers import DAMPERS, SERIES
+from tests.control.dampers import CHAIN, DAMPERS, SERIES
 
 __all__ = ["CARD_RANGE_K", "SHOWN", "Shown", "dampers", "readings"]
 
@@ -33,6 +33,7 @@ class Shown:
     optimised: str
     most: int | None = None
     most_code: int = 12  # kB; half as much again for a bank that is unrolled
+    most_stack: int = 1024  # bytes
 
     def made(self) -> ForceController:
         return controllers_for(dampers()[self.damper])[self.controller]
@@ -51,6 +52,8 @@ SHOWN = (
     Shown("recommended", "series-valve", "-O3", most_code=16),
     Shown("recommended-adaptive", "series-valve", "-O2"),
     Shown("paper", "series-valve", "-O2"),
+    Shown("predictive", "double-bouc-wen", "-O2", 12_000),
+    Shown("predictive", "chain", "-O2", 40_000, most_code=16, most_stack=1280),
 )
 """What is measured. For the paper's bank the loops are unrolled (``-O3``), which costs code."""
 
@@ -60,7 +63,7 @@ def dampers() -> dict[str, Damper]:
 
     With one rho at all currents, as in the paper's law, a bank's models share one hysteresis.
     """
-    every = DAMPERS | {"series-valve": SERIES}
+    every = DAMPERS | {"series-valve": SERIES, "chain": CHAIN}
     made = {name: replace(damper, temperature_range=CARD_RANGE_K) for name, damper in every.items()}
     bouc_wen = made["bouc-wen"]
     even = replace(bouc_wen, coefficients={**bouc_wen.coefficients, "rho": Constant(9e3)})

@@ -150,7 +150,7 @@ def test_a_table_that_is_wrong_in_its_last_bit_is_found(monkeypatch):
 
 
 def test_arithmetic_that_is_fused_or_reordered_is_found(monkeypatch):
-    changed(monkeypatch, "track_estimate.c", "*v += h * a;", "*v = h * a + *v * R(1.0000001);")
+    changed(monkeypatch, "track_estimate.h", "*v += h * a;", "*v = h * a + *v * R(1.0000001);")
     assert not verify_c(a_target(content="model"), samples=SHORT).passed
 
 
@@ -158,7 +158,7 @@ def test_a_check_of_a_reading_that_is_left_out_is_found(monkeypatch):
     """Without the look at a displacement that is not a number the output is none either."""
     changed(
         monkeypatch,
-        "track_estimate.c",
+        "track_estimate.h",
         "const bool there = magnitude(reading) <= c->faults.far_x;",
         "const bool there = true;",
     )

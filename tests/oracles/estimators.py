@@ -2,7 +2,7 @@
 
 Motion from displacement alone, the current that the force feels from the commands, and, where a force is
 measured now and then, how far the damper has come away from its model: what is inside the controller's step
-(``core/kernel/track_estimate.c``) once more in plain Python, which that step is held against.
+(``core/kernel/track_estimate.h``) once more in plain Python, which that step is held against.
 
 None of them checks what it reads: a reading that is not finite leaves the state as it was.
 """

@@ -1,7 +1,8 @@
 """A card's damper as a plant: what a controller meets when the card itself is taken for the truth.
 
 The command goes through the damper's actuation (or its lag) and is held over each step; the law's state is
-carried from step to step by the exact flow of the Bouc-Wen family, or implicitly (``series_plant``).
+carried from step to step by the exact flow of the Bouc-Wen family, implicitly (``series_plant``), or by the
+kernel (chain, Spencer, LuGre).
 Judged on this plant a controller made from the same card has no model error left: use it to see what lag and
 noise alone cost, never as proof.
 
@@ -35,7 +36,13 @@ _ELEMENTS = {  # yield force and inverse yield displacement of the hysteretic el
     "bingham": (),
     "tanh": (),
     "series-valve": (),
+    "chain": (),
+    "spencer": (),
+    "lugre": (),
 }
+
+_IN_KERNEL = ("chain", "spencer", "lugre")
+"""Laws whose state the kernel itself carries, as ``simulate_batch`` does."""
 
 LAWS_AS_PLANT = tuple(_ELEMENTS)
 """The laws whose state can be carried from step to step here."""
@@ -86,6 +93,7 @@ class CardPlant:
 
     __slots__ = (
         "_applied",
+        "_carried",
         "_curve",
         "_damper",
         "_highest",
@@ -116,6 +124,7 @@ class CardPlant:
         delay = 0.0 if damper.actuation is None else damper.actuation.delay_s
         self._line = np.zeros(round(delay / step_s))
         self._state = (0.0, 0.0) if law == "series-valve" else (0.0,) * len(_ELEMENTS[law])
+        self._carried: tuple[FloatArray, ...] = ()  # motion, law, and the last sample; none: not moved yet
         self._where: tuple[float, float] | None = None  # displacement and velocity; None: not moved yet
 
     def copy(self) -> CardPlant:
@@ -136,6 +145,8 @@ class CardPlant:
         applied = self._apply(np.broadcast_to(np.asarray(current, dtype=np.float64), x.shape))
         c = self._coefficients(applied, temperature_degC)
         x0, v0 = (float(x[0]), float(v[0])) if self._where is None else self._where
+        if self._damper.law.name in _IN_KERNEL:
+            return self._carry(x, v, c)
         travel = np.diff(x, prepend=x0)
         self._where = (float(x[-1]), float(v[-1]))
         force = c["mass"] * np.diff(v, prepend=v0) / self.step_s
@@ -147,6 +158,24 @@ class CardPlant:
         stribeck = c["breakaway_friction"] * np.exp(-((v / c["stribeck_velocity"]) ** 2))
         force += (c["coulomb_friction"] + stribeck) * np.tanh(v / c["transition_velocity"])
         return np.asarray(force + self._hysteretic(x, v, travel, c), dtype=np.float64)
+
+    def _carry(self, x: FloatArray, v: FloatArray, c: dict[str, FloatArray | float]) -> FloatArray:
+        """Return the whole force [N] of a law whose state the kernel carries."""
+        rows = np.stack([np.broadcast_to(row, x.shape) for row in c.values()])
+        motion, law = np.zeros(core.MOTION_NUMBERS), np.zeros(core.STATE_NUMBERS)
+        speed = float(v[0])
+        if self._carried:
+            motion, law, last, row = (part.copy() for part in self._carried)
+            x, v = np.append(last[0], x), np.append(last[1], v)
+            rows, speed = np.concatenate([row, rows], axis=1), float(last[1])
+        a = np.diff(v, prepend=speed) / self.step_s
+        record = core.open_batch(
+            self.step_s, (np.ascontiguousarray(x), np.ascontiguousarray(v), a), motion, patience=1, last=True
+        )
+        law_number = self._damper.law.kernel or 0
+        force = core.carry(law_number, record, np.ascontiguousarray(rows), law, core.Workspace())
+        self._carried = (motion, law, np.array([x[-1], v[-1]]), rows[:, -1:].copy())
+        return force[record.behind :]
 
     def _hysteretic(
         self, x: FloatArray, v: FloatArray, travel: FloatArray, c: dict[str, FloatArray | float]

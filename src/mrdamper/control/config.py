@@ -35,6 +35,7 @@ __all__ = [
     "Learning",
     "Mode",
     "MotionFilter",
+    "Prediction",
     "ReferenceFilter",
     "Thermometer",
     "config_fields",
@@ -56,6 +57,7 @@ class InverseMethod(IntEnum):
     NONE = 0  # feedback alone
     MODEL = 1  # the model with its hysteresis at the applied current, or a bank of such models
     STATIC = 2  # the model with its hysteresis settled
+    PREDICTIVE = 3  # moves of the command over the horizon in which it is felt
 
 
 class FeedbackKind(IntEnum):
@@ -81,11 +83,12 @@ class Law:
     """The damper's law."""
 
     series: Annotated[bool, Doc("", "the series valve law")]
+    chain: Annotated[bool, Doc("", "the chain law")]
     elements: Annotated[int, Doc("", "hysteretic elements: 0 (force follows the sign of velocity), 1, 2")]
     saturating: Annotated[bool, Doc("", "the second yield force saturates with speed, on the first element")]
     shared_rho: Annotated[bool, Doc("", "rho is the same at all currents: a bank's models share one state")]
     unloaded: Annotated[float, Doc("-", "travel of the universal curve from w = -1 to 0")]
-    substeps: Annotated[int, Doc("", "series valve: steps in a period")]
+    substeps: Annotated[int, Doc("", "series valve and chain: steps in a period")]
     strides: Annotated[int, Doc("", "series valve: steps to the preview")]
     horizon: Annotated[float, Doc("s", "series valve: time in which its spring is taken to the wanted force")]
 
@@ -142,6 +145,24 @@ class Inverse:
     ]
     lead: Annotated[float, Doc("-", "lead compensation: gain of the filtered derivative; 0: none")]
     lead_keep: Annotated[float, Doc("-", "... what a period leaves of its filter's gap")]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Prediction:
+    """The horizon over which the law is stepped, and how the command is moved there."""
+
+    steps: Annotated[int, Doc("", "steps of the horizon, behind the dead time")]
+    rounds: Annotated[int, Doc("", "improvements of the moves in a period")]
+    together: Annotated[int, Doc("", "periods of the dead time that are one step of the law")]
+    step: Annotated[float, Doc("s", "length of a step of the horizon")]
+    dead: Annotated[float, Doc("s", "time from now to the begin of the horizon")]
+    fade: Annotated[float, Doc("-", "weight of a step's error over that of the step before")]
+    calm: Annotated[float, Doc("N/A", "force error that is worth a move of the command")]
+    rise: Annotated[float, Doc("-", "what a step leaves of the first lag's gap, command above it")]
+    fall: Annotated[float, Doc("-", "... and below it")]
+    second: Annotated[float, Doc("-", "what a step leaves of the second lag's gap")]
+    rise_couple: Annotated[float, Doc("-", "share of the first gap that is in the second after a step")]
+    fall_couple: Annotated[float, Doc("-", "... command below it")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -231,6 +252,7 @@ class Config:
     reference: ReferenceFilter
     actuation: Actuation
     inverse: Inverse
+    prediction: Prediction
     feedback: Feedback
     learning: Learning
     envelope: Envelope
@@ -289,6 +311,7 @@ class Mode:
 
 MODES = (
     Mode("SERIES", "law", "series", "!=", 0, "series valve law", of_model=True),
+    Mode("CHAIN", "law", "chain", "!=", 0, "chain law", of_model=True),
     Mode("MEMORYLESS", "law", "elements", "==", 0, "law without hysteresis", of_model=True),
     Mode("SATURATING", "law", "saturating", "!=", 0, "yield force that saturates with speed", of_model=True),
     Mode("SHARED_RHO", "law", "shared_rho", "!=", 0, "one rho at all currents", of_model=True),
@@ -297,6 +320,7 @@ MODES = (
     Mode("BANK", "inverse", "models", ">", 1, "bank of models at constant currents", of_model=True),
     Mode("INVERSE", "inverse", "method", "!=", InverseMethod.NONE, "inverse of the model"),
     Mode("STATIC", "inverse", "method", "==", InverseMethod.STATIC, "inverse of the settled model"),
+    Mode("PREDICTIVE", "inverse", "method", "==", InverseMethod.PREDICTIVE, "command by prediction"),
     Mode("PREVIEW", "inverse", "preview", ">", 0, "force set for later"),
     Mode("COMPENSATION", "inverse", "compensation", ">", 0, "compensation of the lags' remaining gap"),
     Mode("CLAMP", "inverse", "margin", ">=", 0, "reversal clamp"),

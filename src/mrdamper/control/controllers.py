@@ -6,6 +6,8 @@ of them and the same that an export ships. What tells them apart is their config
 - ``recommended``: motion, hysteresis and target at the preview, exact solve, reversal clamp; its causal form
   extrapolates the target, its adaptive form learns gains where a force is measured now and then;
 - ``paper``: a bank of models at constant currents, interpolated linearly, at the present instant;
+- ``predictive``: moves of the command over the horizon in which it is felt, on the card's own law; the
+  recommended one of a ``chain`` card;
 - baselines with and without a force sensor;
 - ``series-inverse``: the explicit inverse of the series valve law at the preview; with the reversal clamp and
   the lag compensation it is the ``recommended`` of such a card.
@@ -174,7 +176,8 @@ class ForceController(Stepper):
 
 
 NAMES = (
-    "recommended", "recommended-causal", "recommended-adaptive", "recommended-observer", "paper", "paper-2",
+    "recommended", "recommended-causal", "recommended-adaptive", "recommended-observer", "predictive",
+    "predictive-causal", "paper", "paper-2",
     "paper-3", "paper-9", "paper-unaware", "paper-preview", "static-preview", "exact", "lead",
     "inverse-bouc-wen", "clipped-on-off", "pi", "feed-forward-pi",
 )  # fmt: skip
@@ -183,8 +186,17 @@ NAMES = (
 _OF_ONE_LAW = {"inverse-bouc-wen": "the Bouc-Wen laws", "series-inverse": "the series-valve law"}
 
 
+_OF_CHAIN = (
+    "recommended", "recommended-causal", "recommended-adaptive", "recommended-observer", "predictive",
+    "predictive-causal", "clipped-on-off", "pi", "feed-forward-pi",
+)  # fmt: skip
+"""Those of a chain card: its force has no inverse but by prediction."""
+
+
 def names_for(law: str) -> tuple[str, ...]:
     """Return the controllers that a law can be given."""
+    if law == "chain":
+        return _OF_CHAIN
     if law != "series-valve":
         return NAMES
     return (*(name for name in NAMES if name not in _OF_ONE_LAW), "series-inverse")
@@ -192,10 +204,11 @@ def names_for(law: str) -> tuple[str, ...]:
 
 def check_name(name: str, law: str) -> None:
     """Raise ``InputError`` for a controller that there is, but not for this law."""
-    if name in _OF_ONE_LAW and name not in names_for(law):
+    if name in (*NAMES, *_OF_ONE_LAW) and name not in names_for(law):
+        of = _OF_ONE_LAW.get(name, "laws with an explicit inverse")
         raise InputError(
             place="controller",
-            found=f"{name!r} is made from cards of {_OF_ONE_LAW[name]}, and this card's law is {law!r}",
+            found=f"{name!r} is made from cards of {of}, and this card's law is {law!r}",
             expected=f"one of {', '.join(names_for(law))}",
         )
 
@@ -273,27 +286,40 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
         model_error=_model_error(card, tables),
         heating=(heating or Heating.paper()).config(damper.command_unit, extrapolate=True),
     )
-    variants = _variants(base, actuation, _force_per_command(tables))
+    variants = _variants(base, actuation, _force_per_command(tables), predictive=damper.law.name == "chain")
     return {
         name: ForceController(
             variants[name],
             tables,
             name=name,
             needs_force=name in _READ_FORCE,
-            known_ahead=name != "recommended-causal",
+            known_ahead=not name.endswith("-causal"),
         )
         for name in names_for(damper.law.name)
     }
 
 
-def _variants(base: Config, actuation: TrueActuation, force_per_command: float) -> dict[str, Config]:
+def _variants(
+    base: Config, actuation: TrueActuation, force_per_command: float, *, predictive: bool
+) -> dict[str, Config]:
     """Return the configuration of every controller, from that of the recommended one.
 
     Parameters
     ----------
     force_per_command : [N/A] at a steady, fast motion
+    predictive : whether the recommended one is the one that predicts
     """
     period = base.axes.period
+    horizon = tuning.prediction_of(actuation, period, force_per_command)
+    method = replace(
+        base.inverse,
+        method=InverseMethod.PREDICTIVE,
+        preview=horizon.dead + horizon.steps * horizon.step,
+        compensation=0.0,
+        margin=-1.0,
+    )
+    predicting = replace(base, inverse=method, prediction=horizon)
+    base = predicting if predictive else base
     ahead = replace(base.inverse, compensation=0.0, margin=-1.0)
     present = replace(base, inverse=replace(ahead, preview=0.0))
     # as published: the command is known, and neither lags nor play
@@ -313,6 +339,8 @@ def _variants(base: Config, actuation: TrueActuation, force_per_command: float) 
         "recommended-causal": base,
         "recommended-adaptive": replace(base, learning=replace(base.learning, forget=forget)),
         "recommended-observer": replace(base, learning=replace(base.learning, observe=observe)),
+        "predictive": predicting,
+        "predictive-causal": predicting,
         "paper": bank(5),
         "paper-2": bank(2),
         "paper-3": bank(3),
@@ -330,6 +358,12 @@ def _variants(base: Config, actuation: TrueActuation, force_per_command: float) 
         "feed-forward-pi": replace(base, feedback=feedback),
         "series-inverse": replace(base, inverse=ahead),
     }
+
+
+_NO_PREDICTION = config.Prediction(
+    steps=0, rounds=0, together=1, step=0.0, dead=0.0, fade=0.0, calm=0.0, rise=0.0, fall=0.0, second=0.0,
+    rise_couple=0.0, fall_couple=0.0,
+)  # fmt: skip
 
 
 def _base(  # noqa: PLR0913 - the parts of one configuration
@@ -375,6 +409,7 @@ def _base(  # noqa: PLR0913 - the parts of one configuration
             lead=0.0,
             lead_keep=0.0,
         ),
+        prediction=_NO_PREDICTION,
         feedback=config.Feedback(kind=FeedbackKind.NONE, gain=0.0, rate=0.0, full_speed=4.0 * speed_noise),
         learning=config.Learning(
             observe=0.0,
@@ -399,7 +434,8 @@ def _envelope(of: OperatingEnvelope | None) -> config.Envelope:
 def _force_per_command(tables: DamperTables) -> float:
     """Return the mean growth of the settled yield force with the command [N/A], at the middle temperature."""
     if tables.series is not None:
-        steady = tables.series.yield_force[len(tables.series.yield_force) // 2]
+        yields = tables.series.yield_force[0]
+        steady = yields[len(yields) // 2]
         return float((steady[-1] - steady[0]) / tables.currents[-1])
     rows = tables.at(0.5 * float(tables.temperatures[0] + tables.temperatures[-1]))
     yields = rows[6] + rows[7]
@@ -411,5 +447,5 @@ def _model_error(card: ModelCard | None, tables: DamperTables) -> float:
     if card is not None and card.evidence.runs:
         return max(1.0, float(statistics.median(run["rmse_N"] for run in card.evidence.runs)))
     if tables.series is not None:
-        return max(1.0, 0.05 * float(tables.series.yield_force.max()))
+        return max(1.0, 0.05 * float(tables.series.yield_force[0].max()))
     return max(1.0, 0.05 * tables.peak_yield)

@@ -1,6 +1,6 @@
 """The damper's model as a real-time target steps it: displacement, current and temperature in, force out.
 
-The same tables, configuration and C as the controllers (``core/kernel/track_model.c``), for hardware in the
+The same tables, configuration and C as the controllers (``core/kernel/track_model.h``), for hardware in the
 loop, a co-simulation, or as a force sensor that is none. Not for fitting: ``models.simulate`` is the law
 itself.
 
@@ -105,7 +105,7 @@ def realtime_model(  # noqa: PLR0913 - what a caller may know better than the ru
     InputError
         A law without tables, a card without dependence on the command, sampling too slow for the lag.
     """
-    made = controllers_for(
+    every = controllers_for(
         source,
         period_s=period_s,
         largest=largest,
@@ -114,6 +114,7 @@ def realtime_model(  # noqa: PLR0913 - what a caller may know better than the ru
         safety=safety,
         heating=heating,
         speed_m_s=speed_m_s,
-    )["exact"]
+    )
+    made = every.get("exact", every["recommended"])
     heat_balance = replace(made.config.heating, extrapolate=extrapolate_temperature)
     return RealtimeDamper(replace(made.config, heating=heat_balance), made.tables, single)

@@ -15,6 +15,11 @@ better at 900 and 1100 N (by up to 1 and 5 N of RMS) and worse on the non-period
 
 *Reversal clamp.* The command stays below the static answer plus 5 % of the largest.
 
+*Prediction.* The horizon begins behind the dead time and is as long as a step of the command takes to bring
+``HORIZON_SHARE`` of itself through the lags, in ``HORIZON_STEPS`` steps; a step's error weighs
+``HORIZON_FADE`` of that of the step before, and a move of the command is worth ``CALM_SHARE`` of the force
+that it commands. No damper has a number of its own.
+
 *Feedback.* Proportional and integral gain by what is known as Skogestad's rule on the actuation:
 the first lag as time constant, all that follows as dead time, closed loop as slow as that dead time.
 """
@@ -22,6 +27,7 @@ the first lag as time constant, all that follows as dead time, closed loop as sl
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -33,11 +39,16 @@ from mrdamper.models.actuation import PLAY_SHARE, Actuation
 from mrdamper.models.damper import Damper
 
 __all__ = [
+    "CALM_SHARE",
     "CLAMP_SHARE",
     "COMPENSATION",
     "ERROR_LASTS_S",
     "FORGETTING_S",
     "GAIN_SPREAD",
+    "HORIZON_FADE",
+    "HORIZON_ROUNDS",
+    "HORIZON_SHARE",
+    "HORIZON_STEPS",
     "JERK_DENSITY",
     "OBSERVER_S",
     "PREVIEW_SHARE",
@@ -46,6 +57,7 @@ __all__ = [
     "feedback_gains",
     "lead_of",
     "motion_filter",
+    "prediction_of",
     "preview_of",
     "sampled_actuation",
 ]
@@ -56,6 +68,12 @@ JERK_DENSITY = 1.0
 PREVIEW_SHARE = 0.57
 COMPENSATION = 0.2
 CLAMP_SHARE = 0.05
+
+HORIZON_SHARE = 0.8
+HORIZON_STEPS = 6
+HORIZON_FADE = 0.8
+HORIZON_ROUNDS = 1
+CALM_SHARE = 0.03
 
 FORGETTING_S = 60.0
 """Time in which the learnt gains forget [s]."""
@@ -185,6 +203,30 @@ def motion_filter(period_s: float, noise: float, density: float) -> tuple[FloatA
     left = p - np.outer(gains, p[0])
     unit = noise / period_s ** np.arange(3)
     return gains / period_s ** np.arange(3), left * np.outer(unit, unit)
+
+
+def prediction_of(actuation: Actuation, period_s: float, force_per_command: float) -> config.Prediction:
+    """Return the horizon of a prediction; ``force_per_command`` is that of a steady, fast motion [N/A]."""
+    lags = replace(actuation, delay_s=0.0)
+    lagless = actuation.rise_s + actuation.fall_s + actuation.second_s == 0.0
+    risen = 0.0 if lagless else lags.response_time(HORIZON_SHARE)
+    dead = math.ceil(actuation.delay_s / period_s - 1e-9) * period_s
+    longest = (_DELAY_LINE - 4) * period_s - dead
+    step = min(max(risen / HORIZON_STEPS, period_s), longest / HORIZON_STEPS)
+    return config.Prediction(
+        steps=HORIZON_STEPS,
+        rounds=HORIZON_ROUNDS,
+        together=max(1, round(step / period_s)),
+        step=step,
+        dead=dead,
+        fade=HORIZON_FADE,
+        calm=CALM_SHARE * abs(force_per_command),
+        rise=_left(actuation.rise_s, step),
+        fall=_left(actuation.fall_s, step),
+        second=_left(actuation.second_s, step),
+        rise_couple=_couple(actuation.rise_s, actuation.second_s, step),
+        fall_couple=_couple(actuation.fall_s, actuation.second_s, step),
+    )
 
 
 def lead_of(actuation: Actuation, period_s: float) -> tuple[float, float]:

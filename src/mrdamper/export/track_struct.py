@@ -17,7 +17,7 @@ from mrdamper.control.controllers import ForceController
 from mrdamper.control.realtime import RealtimeDamper
 from mrdamper.control.tables.card_tables import CURVES, SPEEDS
 from mrdamper.control.tables.lookup import LookupTable
-from mrdamper.control.tables.series import CHAIN, Power, SeriesTables
+from mrdamper.control.tables.series import Power, SeriesTables
 
 __all__ = ["Nested", "Pointer", "Table", "Value", "track_members"]
 
@@ -79,13 +79,18 @@ def _config(config: Config) -> dict[str, Nested]:
 
 
 def _series(tables: SeriesTables) -> dict[str, Value]:
-    sheets, commands = tables.yield_force.shape
-    powers = {"thinning": tables.thinning, "leak": tables.leak, "viscous": tables.viscous}
+    planes, sheets, commands = tables.yield_force.shape
+    powers = {
+        "thinning": tables.thinning,
+        "leak": tables.leak,
+        "viscous": tables.viscous,
+        "gas": tables.gas,
+    }
     functions = {"side": tables.side, "fade": tables.fade, "corner": tables.corner}
     return {
         "currents": commands,
-        "yield": Table(tables.yield_force, f"[{sheets} temperatures][{commands} commands] [N]"),
-        "chain": Table(tables.chain, f"[{sheets} temperatures][{len(CHAIN)} coefficients]"),
+        "yield": Table(tables.yield_force, f"[{planes} planes][{sheets} temperatures][{commands} commands]"),
+        "chain": Table(tables.chain, f"[{sheets} temperatures][{tables.chain.shape[1]} coefficients]"),
         **{name: _power(table) for name, table in powers.items()},
         **{name: _lookup(table) for name, table in functions.items()},
     }

@@ -233,7 +233,7 @@ def _tunable(part: str, config: Config, unit: str) -> Iterator[Variable]:
     if part == "controller":
         said = "command where the motion is not known"
         yield number("fall_back", "faults.fall_back", unit, 0.0, largest, said)
-        if inverse.method is not InverseMethod.NONE and inverse.models == 1:
+        if inverse.method in (InverseMethod.MODEL, InverseMethod.STATIC) and inverse.models == 1:
             said = "reversal clamp: most above the static answer; negative: none"
             yield number("clamp_margin", "inverse.margin", unit, -largest, largest, said)
             said = "share of the lags' remaining gap that the command makes up for"

@@ -9,7 +9,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
-from mrdamper.control.tables.card_tables import TABULATED
+from mrdamper.control.tables.card_tables import STEPPED, TABULATED
 from mrdamper.data.finding import Finding, Inference
 from mrdamper.data.prepare import Preparation
 from mrdamper.data.records import Dataset
@@ -205,12 +205,17 @@ def _select(
             seed=options.seed,
             checkpoint=Scope(checkpoint, "selection"),
         )
-        return select(judge, tuple(LAWS), supports=_tracked, on_progress=on_progress)
+        return select(judge, tuple(LAWS), supports=_inverted, on_progress=on_progress)
+
+
+def _inverted(damper: Damper) -> bool:
+    """Say whether every controller is made from such a damper: that of a chain predicts only."""
+    return _tracked(damper) and damper.law.name != "chain"
 
 
 def _tracked(damper: Damper) -> bool:
     """Say whether a controller of ``track`` and of ``export`` is made from such a damper."""
-    return damper.law.name in (*TABULATED, "series-valve")
+    return damper.law.name in (*TABULATED, *STEPPED)
 
 
 def _untracked(damper: Damper, selection: Selection) -> tuple[str, ...]:
@@ -218,12 +223,12 @@ def _untracked(damper: Damper, selection: Selection) -> tuple[str, ...]:
     if _tracked(damper):
         chosen = selection.table[0]
         better = [row for row in selection.table[1:] if row.left_out_percent < 0.99 * chosen.left_out_percent]
-        other = next((row for row in better if row.law not in (*TABULATED, "series-valve")), None)
+        other = next((row for row in better if row.law not in (*TABULATED, *STEPPED)), None)
         return () if other is None else (
             f"⟦--law {other.law}⟧ comes to {other.left_out_percent:.2f} % on what was left out instead of "
             f"{chosen.left_out_percent:.2f} %, but no controller takes it",
         )  # fmt: skip
-    others = [row for row in selection.table if row.law in (*TABULATED, "series-valve")]
+    others = [row for row in selection.table if row.law in (*TABULATED, *STEPPED)]
     known = [row for row in others if row.left_out_percent == row.left_out_percent]
     if not known:
         return (f"no controller takes the law {damper.law.name}",)

@@ -52,8 +52,8 @@ _STROKE_SLACK = 1.05  # of the card's displacement
 _COPPER_PER_K = 0.00393
 _DRAWN = ("recommended", "paper", "recommended-unaware", "paper-unaware")
 _NEED_LAG = (
-    "recommended", "recommended-causal", "recommended-adaptive", "recommended-observer", "paper-preview",
-    "static-preview", "lead", "pi", "feed-forward-pi", "series-inverse",
+    "recommended", "recommended-causal", "recommended-adaptive", "recommended-observer", "predictive",
+    "predictive-causal", "paper-preview", "static-preview", "lead", "pi", "feed-forward-pi", "series-inverse",
 )  # fmt: skip
 
 
@@ -397,8 +397,8 @@ def _controllers(
         if kind in cards:
             _check_unit(kind, cards[kind])
             made = _made(kind, cards[kind], options, largest)
-            every |= {f"{name}-{kind}": made[name] for name in names}
-            made_of |= {f"{name}-{kind}": kind for name in names}
+            every |= {f"{name}-{kind}": made[name] for name in names if name in made}
+            made_of |= {f"{name}-{kind}": kind for name in names if name in made}
     for name in options.controllers:
         if name not in every:
             raise _no_controller(name, card, every)

@@ -3,7 +3,7 @@
 Every coefficient over current and temperature is a sum of terms, each a column over a few currents times a
 factor that temperature moves; a coefficient that current does not move is one factor, and one that is zero is
 not there. The universal curve of the hysteresis and the functions of speed that the force is made of are
-cubics on cells of their own (``lookup``). ``track_tables.c`` reads all that.
+cubics on cells of their own (``lookup``). ``track_tables.h`` reads all that.
 
 The tables are as small as their accuracy lets them be, which is stated, and measured when they are built.
 Between two currents a straight line is at most ``CURRENT_SHARE`` of the largest yield force off what makes up
@@ -36,7 +36,8 @@ from mrdamper.errors import InputError
 from mrdamper.models.damper import Damper
 
 __all__ = [
-    "CURRENTS", "CURRENT_SHARE", "CURVES", "ROWS", "SPEEDS", "TABULATED", "TEMPERATURE_SHARE", "DamperTables",
+    "CURRENTS", "CURRENT_SHARE", "CURVES", "ROWS", "SPEEDS", "STEPPED", "TABULATED",
+    "TEMPERATURE_SHARE", "DamperTables",
     "tabulate",
 ]  # fmt: skip
 
@@ -54,6 +55,9 @@ as inverse yield displacement."""
 
 TABULATED = ("bouc-wen", "dahl", "bouc-wen-saturating", "double-bouc-wen", "bingham")
 """Laws whose force is a sum over current-dependent rows, and whose shape does not depend on current."""
+
+STEPPED = ("series-valve", "chain")
+"""Laws whose state is an implicit step's: tables of their own."""
 
 CURVES = ("loading", "unloading", "unload_map", "reload_map", "reload_map_rest")
 SPEEDS = ("viscous", "sliding", "breakaway", "saturation")
@@ -86,7 +90,7 @@ class DamperTables:
     saturating: bool
     curve: CurveTables
     speed: SpeedTables
-    series: SeriesTables | None = None  # of the series valve law, which uses none of those above
+    series: SeriesTables | None = None  # of series valve and chain, which use none of those above
 
     @property
     def lookups(self) -> tuple[LookupTable, ...]:
@@ -106,7 +110,8 @@ class DamperTables:
     def law(self, *, substeps: int, strides: int, horizon: float) -> Law:
         """Return the kernel's part; the arguments are of the series valve."""
         return Law(
-            series=self.series is not None,
+            series=self.series is not None and not self.series.is_chain,
+            chain=self.series is not None and self.series.is_chain,
             elements=self.elements,
             saturating=self.saturating,
             shared_rho=self.shared_rho,
@@ -193,13 +198,13 @@ def tabulate(
             place="controller", found=f"the largest command is {largest}", expected="a positive number"
         )
     low, high = temperatures or damper.temperature_range or (293.15, 293.15)
-    if damper.law.name == "series-valve":
+    if damper.law.name in STEPPED:
         return _around_series(*tabulate_series(damper, largest, (low, high)), largest)
     if damper.law.name not in TABULATED:
         raise InputError(
             place="controller",
             found=f"the law is {damper.law.name!r}",
-            expected=f"one of {', '.join(TABULATED)}, series-valve",
+            expected=f"one of {', '.join((*TABULATED, *STEPPED))}",
             remedy="Identify the same runs with one of these",
         )
     if not damper.temperature_dependent or high <= low:
@@ -249,7 +254,7 @@ def tabulate(
 
 
 def _around_series(series: SeriesTables, temperatures: FloatArray, largest: float) -> DamperTables:
-    """Return the tables of a series valve: its own, and the least that the kernel asks for beside them."""
+    """Return tables of series valve or chain: its own, and the least that the kernel asks for beside them."""
     pieces = max(len(temperatures) - 1, 1)
     return DamperTables(
         currents=np.linspace(0.0, largest, 9),

@@ -2,7 +2,7 @@
 
 A table is piecewise cubic; its cells double in width with every octave of the size, so that what bends near
 zero is fine there and nowhere else. Each function is given the fewest cells with which it is within
-``CURVE_ERROR`` of a hysteretic state, or ``SPEED_ERROR``, everywhere it is looked at. ``track_tables.c``
+``CURVE_ERROR`` of a hysteretic state, or ``SPEED_ERROR``, everywhere it is looked at. ``track_tables.h``
 reads them.
 """
 

@@ -1,11 +1,12 @@
-"""The series valve law in tables: what ``core/kernel/track_series.c`` reads.
+"""Series valve and chain in tables: what ``core/kernel/track_series.h`` and ``track_chain.h`` read.
 
-Its yield force over an even grid of commands and temperatures, its other coefficients over temperature, the
+The yield force over an even grid of commands and temperatures, the other coefficients over temperature, the
 powers of speed, and three functions that are the same for every damper: tanh u, exp(-u^2), and
 the rounded corner of the free play, (sqrt(u^2 + 1) - u) / 2.
 
-The inverse of the law is explicit because the yield force alone follows the command; the exponents are
-constant, everything else may move with temperature.
+The inverse of the series valve is explicit because the yield force alone follows the command. Of the chain
+shear thinning, bristles and memory may follow it as well (``PLANES``). The exponents are constant, everything
+else may move with temperature.
 """
 
 from __future__ import annotations
@@ -22,7 +23,16 @@ from mrdamper.errors import InputError
 from mrdamper.models.damper import Damper
 from mrdamper.models.laws import VISCOUS_SPEED
 
-__all__ = ["CHAIN", "CURRENTS", "Power", "SeriesTables", "tabulate_power", "tabulate_series"]
+__all__ = [
+    "CHAIN",
+    "CURRENTS",
+    "OF_CHAIN",
+    "PLANES",
+    "Power",
+    "SeriesTables",
+    "tabulate_power",
+    "tabulate_series",
+]
 
 CURRENTS = 33
 """Commands of the yield force's table: one more than a power of two."""
@@ -34,11 +44,24 @@ CHAIN = (
 )  # fmt: skip
 """Coefficients over temperature, in the kernel's order."""
 
-_INVERTED = ("yield_velocity", "gap_corner", "transition_velocity", "stribeck_velocity")
+OF_CHAIN = (
+    "orifice", "asymmetry", "position_curvature", "bristle_share", "bristle_spread", "friction_force",
+    "friction_stiffness", "static_excess", "fade_velocity", "memory_stiffness", "gas_force", "gas_length",
+    "play", "follow_share",
+)  # fmt: skip
+"""Further ones, of the chain."""
+
+PLANES = ("yield_force", "thinning_force", "bristle_stiffness", "memory_force")
+"""What may follow the command, in the kernel's order; of the series valve the first alone."""
+
+_INVERTED = (
+    "yield_velocity", "gap_corner", "transition_velocity", "stribeck_velocity", "fade_velocity", "gas_length",
+)  # fmt: skip
 _EXPONENTS = ("thinning_exponent", "leak_exponent", "viscous_exponent")
+_GAS_EXPONENT = -1.3  # of the volume, as in chain.c
 _LEAST_SPEED = 2.0**-20  # [m/s], below which a power goes straight to zero
 _SPEEDS = 23  # octaves from there: to 8 m/s
-_TEMPERATURE_STEP_K = 5.0
+_TEMPERATURE_STEP_K = {"series-valve": 5.0, "chain": 10.0}
 _BITS = 3
 
 
@@ -73,13 +96,14 @@ class Power:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SeriesTables:
-    """The tables of the series valve law."""
+    """The tables of the series valve law, or of the chain."""
 
-    yield_force: FloatArray  # [N], shape (temperatures, CURRENTS)
-    chain: FloatArray  # in the order of ``CHAIN``, lengths and speeds inverted, shape (temperatures, 15)
+    yield_force: FloatArray  # what follows the command, shape (1 or planes, temperatures, CURRENTS)
+    chain: FloatArray  # ``CHAIN``, and ``OF_CHAIN``; lengths and speeds inverted, shape (temperatures, n)
     thinning: Power
     leak: Power
     viscous: Power
+    gas: Power
     side: LookupTable
     fade: LookupTable
     corner: LookupTable
@@ -94,35 +118,43 @@ class SeriesTables:
         list[tuple[float, float, int, FloatArray]],
     ]:
         """What the kernel's binding takes."""
-        powers = [each.native for each in (self.thinning, self.leak, self.viscous)]
+        powers = [each.native for each in (self.thinning, self.leak, self.viscous, self.gas)]
         lookups = [each.native for each in (self.side, self.fade, self.corner)]
         return self.yield_force, self.chain, powers, lookups
+
+    @property
+    def is_chain(self) -> bool:
+        """Whether these are the chain's."""
+        return len(self.yield_force) == len(PLANES)
 
     def scaled(
         self, yield_gain: float = 1.0, viscous_gain: float = 1.0, friction_gain: float = 1.0
     ) -> SeriesTables:
         """Return the tables with the parts of the force multiplied."""
-        factors = dict.fromkeys(CHAIN, 1.0)
+        names = (*CHAIN, *OF_CHAIN)[: self.chain.shape[1]]
+        factors = dict.fromkeys(names, 1.0) | {"friction_force": friction_gain}
         factors |= {"thinning": viscous_gain / yield_gain, "viscosity": viscous_gain}
         factors |= {"coulomb_friction": friction_gain, "breakaway_friction": friction_gain}
-        chain = self.chain * np.array([factors[name] for name in CHAIN])
-        return replace(self, yield_force=yield_gain * self.yield_force, chain=np.ascontiguousarray(chain))
+        chain = self.chain * np.array([factors[name] for name in names])
+        planes = np.array([yield_gain, viscous_gain, 1.0, yield_gain])[: len(self.yield_force), None, None]
+        return replace(self, yield_force=planes * self.yield_force, chain=np.ascontiguousarray(chain))
 
 
 def tabulate_series(
     damper: Damper, largest: float, temperatures: tuple[float, float]
 ) -> tuple[SeriesTables, FloatArray]:
-    """Return the tables of a series valve from 0 to the ``largest`` command [A or V], and their temperatures.
+    """Return tables of series valve or chain from 0 to the ``largest`` command [A or V], and temperatures.
 
     Raises
     ------
     InputError
-        A coefficient other than the yield force that follows the command, an exponent that follows
-        temperature, a yield force that does not rise with the command, a law that is not well posed.
+        A coefficient beyond ``PLANES`` (of the series valve: the first) that follows the command, an exponent
+        that follows temperature, a yield force that does not rise with the command, a law that is not
+        well posed.
     """
     low, high = temperatures
     single = not damper.temperature_dependent or high <= low
-    sheets = 1 if single else max(2, math.ceil((high - low) / _TEMPERATURE_STEP_K) + 1)
+    sheets = 1 if single else max(2, math.ceil((high - low) / _TEMPERATURE_STEP_K[damper.law.name]) + 1)
     warm = np.linspace(low, high, sheets)
     at = np.linspace(0.0, largest, CURRENTS)
     grid = np.stack([damper.coefficients_at(at, kelvin) for kelvin in warm], axis=1)
@@ -130,18 +162,28 @@ def tabulate_series(
     problems = damper.violations(np.tile(at, sheets), np.repeat(warm, CURRENTS))
     if problems:
         raise InputError(place="controller", found=problems[0])
-    _check_inverse(values, damper.command_unit, largest)
+    is_chain = damper.law.name == "chain"
+    planes = PLANES if is_chain else PLANES[:1]
+    _check_inverse(values, damper.law.name, planes, damper.command_unit, largest)
     exponents = {name: float(values[name].flat[0]) for name in _EXPONENTS}
-    chain = {name: values[name][:, 0].copy() for name in CHAIN}
-    for name in _INVERTED:
-        chain[name] = 1.0 / chain[name]
-    chain["viscosity"] *= VISCOUS_SPEED ** (1.0 - exponents["viscous_exponent"])
+    rows = {name: values[name][:, 0].copy() for name in ((*CHAIN, *OF_CHAIN) if is_chain else CHAIN)}
+    rows["viscosity"] *= VISCOUS_SPEED ** (1.0 - exponents["viscous_exponent"])
+    moved = {name: values[name] for name in planes}
+    if is_chain:  # thinning and dashpot stated at 1 m/s, as the powers are
+        speed = values["reference_speed"][:, 0]
+        rows["thinning"] *= speed ** -exponents["thinning_exponent"]
+        moved["thinning_force"] = moved["thinning_force"] * speed[:, None] ** -exponents["thinning_exponent"]
+        rows["leak_damping"] *= speed ** (1.0 - exponents["leak_exponent"])
+        rows["bristle_spread"] = np.exp(rows["bristle_spread"])
+    for name in set(_INVERTED) & set(rows):
+        rows[name] = 1.0 / rows[name]
     tables = SeriesTables(
-        yield_force=np.ascontiguousarray(values["yield_force"]),
-        chain=np.ascontiguousarray(np.stack([chain[name] for name in CHAIN], axis=1)),
+        yield_force=np.ascontiguousarray(np.stack([moved[name] for name in planes])),
+        chain=np.ascontiguousarray(np.stack(list(rows.values()), axis=1)),
         thinning=tabulate_power(exponents["thinning_exponent"]),
         leak=tabulate_power(exponents["leak_exponent"]),
         viscous=tabulate_power(exponents["viscous_exponent"]),
+        gas=tabulate_power(_GAS_EXPONENT if is_chain else exponents["viscous_exponent"]),
         side=tabulate_lookup(np.tanh, lambda u: 1.0 - np.tanh(u) ** 2, 0.25, 9.0, bits=_BITS, rising=True),
         fade=tabulate_lookup(
             lambda u: np.exp(-u * u), lambda u: -2.0 * u * np.exp(-u * u), 0.25, 4.5, bits=_BITS
@@ -170,17 +212,19 @@ def _corner_slope(u: FloatArray) -> FloatArray:
     return np.asarray(-_corner(u) / np.sqrt(u * u + 1.0))
 
 
-def _check_inverse(values: Mapping[str, FloatArray], unit: str, largest: float) -> None:
+def _check_inverse(
+    values: Mapping[str, FloatArray], law: str, planes: tuple[str, ...], unit: str, largest: float
+) -> None:
     """Raise ``InputError`` where the command for a force cannot be found from the yield force alone."""
     for name, rows in values.items():
-        if name != "yield_force" and float(np.ptp(rows, axis=1).max()) > 1e-9 * float(np.abs(rows).max()):
+        if name not in planes and float(np.ptp(rows, axis=1).max()) > 1e-9 * float(np.abs(rows).max()):
             raise InputError(
                 place="controller",
-                found=f"{name} of this series-valve card depends on the command",
-                expected="the yield force alone to follow it",
+                found=f"{name} of this {law} card depends on the command",
+                expected=f"{', '.join(planes)} alone to follow it",
                 remedy=f"Identify with {name} constant in the command",
             )
-    for name in _EXPONENTS:
+    for name in (*_EXPONENTS, *(["reference_speed"] if law == "chain" else [])):
         rows = values[name]
         if float(np.ptp(rows)) > 1e-9 * float(rows.flat[0]):
             raise InputError(
@@ -206,7 +250,7 @@ def _check_inverse(values: Mapping[str, FloatArray], unit: str, largest: float) 
         place = largest * float(np.argmax(falls.any(axis=0))) / (rows.shape[1] - 1)
         raise InputError(
             place="controller",
-            found=f"the yield force of this series-valve card falls with the command above {place:g} {unit}",
+            found=f"the yield force of this {law} card falls with the command above {place:g} {unit}",
             expected="one that rises",
             remedy="Identify with a form that rises (hill), or lower the largest command",
         )

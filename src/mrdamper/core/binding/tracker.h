@@ -11,7 +11,7 @@
 #define TRACK_LOOKUPS 9
 #define TRACK_TABLES (3 + TRACK_LOOKUPS) /* currents, factors, columns, and the cells of every function */
 #define TRACK_READ 15                    /* values of `read` */
-#define SERIES_POWERS 3                  /* of the series valve: thinning, leak, viscous */
+#define SERIES_POWERS 4                  /* of series valve and chain: thinning, leak, viscous, gas */
 #define SERIES_LOOKUPS 3                 /* ... side, fade, corner */
 #define SERIES_TABLES (2 + 2 * SERIES_POWERS + SERIES_LOOKUPS) /* yield, chain, scale and cells of each power, cells */
 
@@ -26,6 +26,7 @@ typedef struct {
     int32_t bits[TRACK_LOOKUPS];
     int32_t series; /* 1: what follows is there */
     int32_t series_currents, series_sheets; /* of its yield force; sheets over temperature */
+    int32_t series_planes, series_rows;     /* of what the current moves; of the other coefficients */
     const double *series_table[SERIES_TABLES];
     size_t series_length[SERIES_TABLES];
     double exponent[SERIES_POWERS], least[SERIES_POWERS], power_top[SERIES_POWERS];

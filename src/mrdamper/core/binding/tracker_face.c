@@ -64,7 +64,10 @@ static int track_is_sound(const mrd_track *t)
     if (!(t->heating.capacity >= zero && t->heating.loss >= zero && t->heating.loss_margin >= zero)) return 0;
     if (t->currents < 2 || t->currents > MRD_TRACK_CURRENTS || t->pieces < 1 || !(t->law.unloaded >= zero)) return 0;
     if (models > 1 && (MRD_TRACK_BANK - 1) % (models - 1) != 0) return 0;
-    return lookups_are_sound(&t->loading, TRACK_LOOKUPS) && (t->series ? series_is_sound(t) : !t->law.series);
+    if (t->prediction.steps < 0 || t->prediction.steps > MRD_TRACK_STEPS || t->prediction.together < 1) return 0;
+    if (!(t->prediction.step >= zero && t->prediction.dead >= zero)) return 0;
+    return lookups_are_sound(&t->loading, TRACK_LOOKUPS)
+        && (t->series ? series_is_sound(t) : !t->law.series && !t->law.chain);
 }
 
 static mrd_real *rounded(mrd_real *to, const double *from, size_t count)
@@ -142,7 +145,7 @@ static int place_currents(mrd_track *t, const double *current)
 #define FITS_mrd_real(v) 1
 #define FITS_int32_t(v) ((v) >= 0.0 && (v) <= 1e9)
 #define FITS_bool(v) ((v) == 0.0 || (v) == 1.0)
-#define FITS_mrd_inverse_method(v) ((v) == 0.0 || (v) == 1.0 || (v) == 2.0)
+#define FITS_mrd_inverse_method(v) ((v) == 0.0 || (v) == 1.0 || (v) == 2.0 || (v) == 3.0)
 #define FITS_mrd_feedback_kind(v) ((v) == 0.0 || (v) == 1.0 || (v) == 2.0)
 
 static int face_load(void *into, void *store, const tracker_parts *parts)
@@ -176,6 +179,8 @@ static int face_load(void *into, void *store, const tracker_parts *parts)
     }
     if (parts->series) {
         if (parts->series_sheets != (t->axes.warmest > t->axes.coldest ? t->pieces + 1 : 1)) return 0;
+        if (parts->series_planes != (t->law.chain ? (int32_t)MRD_PLANES : 1)) return 0;
+        if (parts->series_rows != (t->law.chain ? (int32_t)MRD_CHAIN_ALL : (int32_t)MRD_CHAIN)) return 0;
         mrd_series *series = &((track_room *)into)->series;
         load_series(series, to, parts);
         t->series = series;

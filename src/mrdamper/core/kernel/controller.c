@@ -7,10 +7,8 @@
  */
 #include "controller.h"
 
-#include "track_tables.c"
-#include "track_series.c"
-#include "track_estimate.c"
-#include "track_model.c"
+#include "track_predict.h"
+#include "track_model.h"
 
 MRD_TRACK_API void mrd_track_start(const mrd_track *c, mrd_track_state *s)
 {
@@ -248,6 +246,7 @@ MRD_TRACK_API mrd_real mrd_track_step(const mrd_track *c, mrd_track_state *s, co
 
     /* the wanted force, now and ahead */
     mrd_real now = inputs->now, ahead = inputs->ahead;
+    bool said = false;
     if (!(magnitude(now) <= most_force)) {
         s->flags |= MRD_NO_TARGET;
         now = R(0.0);
@@ -258,10 +257,15 @@ MRD_TRACK_API mrd_real mrd_track_step(const mrd_track *c, mrd_track_state *s, co
         s->reference += c->reference.gain_f * off;
         s->reference_rate = limited(s->reference_rate + c->reference.gain_rate * off, -most_length, most_length);
         s->reference_bend = limited(s->reference_bend + c->reference.gain_bend * off, -most_length, most_length);
-        if (!(magnitude(ahead) <= most_force)) {
+        said = magnitude(ahead) <= most_force;
+        if (!said) {
             mrd_real rate = s->reference_rate;
             ahead = now;
             predict(&ahead, &rate, s->reference_bend, c->inverse.preview);
+        }
+        if (mrd_has_predictive(&c->inverse)) {
+            keep_wanted(c, s, said && s->said == 0, now, ahead);
+            if (said) s->said = 1;
         }
     } else {
         ahead = now;
@@ -274,7 +278,9 @@ MRD_TRACK_API mrd_real mrd_track_step(const mrd_track *c, mrd_track_state *s, co
 
     mrd_real current = R(0.0);
     if (mrd_has_inverse(&c->inverse)) {
-        const mrd_real asked = answer_of(c, s, warm, ahead);
+        const mrd_real asked = mrd_has_predictive(&c->inverse)
+                                 ? predicted_answer(c, s, warm, said, now, mrd_has_observer(&c->learning) ? s->disturbance : R(0.0))
+                                 : answer_of(c, s, warm, ahead);
         current = limited(asked, R(0.0), c->axes.largest);
         if (known && (current != asked)) s->flags |= MRD_SATURATED;
     }

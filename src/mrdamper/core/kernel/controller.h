@@ -2,8 +2,8 @@
  * on the same tables: displacement, current and temperature in, force out. What a controller is made of is its
  * configuration, by parts (controller_config.h), and its tables.
  *
- * Everything that a target needs are these two headers and five files: track_tables.c, track_series.c, track_estimate.c,
- * track_model.c, controller.c.
+ * Everything that a target needs are these two headers, controller.c, and the parts that it is made of: track_tables.h,
+ * track_series.h, track_chain.h, track_estimate.h, track_predict.h, track_model.h.
  * No allocation, no library function but memcpy and memset, no global state, one number type. What takes a power
  * or an exponential was tabulated beforehand (control/tables). SI and kelvin; extension positive; the
  * "current" is the command, in volts where the card's is.
@@ -38,6 +38,9 @@ typedef uint64_t mrd_pattern;
 #define MRD_TRACK_TERMS 48    /* most terms */
 #define MRD_TRACK_BANK 9      /* most models of a bank; one, or those at all, every second ... eighth of the largest */
 #define MRD_TRACK_DELAY_LINE 128u /* commands under way between controller and coil, at most; a power of two */
+#define MRD_TRACK_MOVES 3     /* of the command over the horizon of a prediction */
+#define MRD_TRACK_STEPS 16    /* most steps of that horizon */
+#define MRD_TRACK_BRISTLES 5  /* of the chain: three before yield, friction, memory */
 #define MRD_TRACK_GAINS 3     /* yield, viscous and friction force, each with a gain that may be learnt */
 
 /* A lookup table of a function of a size u >= 0: cubics on bins that double in width with every octave of
@@ -61,17 +64,23 @@ typedef struct {
     const mrd_real *cell;  /* [4 << bits] */
 } mrd_power;
 
-/* Rows of the series valve's coefficients; all of them may move with temperature. */
+/* Rows of the coefficients of the series valve and, beyond them, of the chain; all of them may move with temperature. */
 enum { MRD_CHAIN_OFFSET, MRD_CHAIN_STIFFNESS, MRD_CHAIN_THINNING, MRD_CHAIN_SLOWNESS, MRD_CHAIN_POSITION,
        MRD_CHAIN_SPRING, MRD_CHAIN_GAP, MRD_CHAIN_SHARPNESS, MRD_CHAIN_LEAK, MRD_CHAIN_MASS, MRD_CHAIN_VISCOSITY,
        MRD_CHAIN_SLIDING, MRD_CHAIN_BREAKAWAY, MRD_CHAIN_TRANSITION, MRD_CHAIN_STRIBECK, MRD_CHAIN };
+enum { MRD_CHAIN_ORIFICE = MRD_CHAIN, MRD_CHAIN_ASYMMETRY, MRD_CHAIN_CURVATURE, MRD_CHAIN_SHARE, MRD_CHAIN_APART,
+       MRD_CHAIN_FRICTION, MRD_CHAIN_FRICTION_STIFFNESS, MRD_CHAIN_EXCESS, MRD_CHAIN_FADING, MRD_CHAIN_MEMORY_STIFFNESS,
+       MRD_CHAIN_GAS, MRD_CHAIN_GAS_PER, MRD_CHAIN_PLAY, MRD_CHAIN_FOLLOW, MRD_CHAIN_ALL };
 
-/* The series valve law: its coefficients over temperature, its yield force over current as well. */
+/* Planes of what moves with the current as well; the series valve has the first alone. */
+enum { MRD_PLANE_YIELD, MRD_PLANE_THINNING, MRD_PLANE_BRISTLE, MRD_PLANE_MEMORY, MRD_PLANES };
+
+/* The series valve law and the chain: coefficients over temperature, some of them over current as well. */
 typedef struct {
     int32_t currents;      /* one more than a power of two */
-    const mrd_real *yield; /* [temperatures][currents], rising with the current [N] */
-    const mrd_real *chain; /* [temperatures][MRD_CHAIN]; lengths and speeds by their inverse */
-    mrd_power thinning, leak, viscous;
+    const mrd_real *yield; /* [planes][temperatures][currents], the first plane rising with the current */
+    const mrd_real *chain; /* [temperatures][MRD_CHAIN or MRD_CHAIN_ALL]; lengths and speeds by their inverse */
+    mrd_power thinning, leak, viscous, gas;
     mrd_lookup side;       /* tanh u */
     mrd_lookup fade;       /* exp(-u^2) */
     mrd_lookup corner;     /* (sqrt(u^2 + 1) - u) / 2 */
@@ -108,8 +117,16 @@ typedef struct {
     mrd_lookup sliding;         /* of the sliding friction's share */
     mrd_lookup breakaway;
     mrd_lookup saturation;      /* of a yield force that saturates with speed, or of one without memory */
-    const mrd_series *series; /* the series valve law, which uses none of the tables above; NULL: another law */
+    const mrd_series *series; /* series valve and chain, which use none of the tables above; NULL: another law */
 } mrd_track;
+
+/* Where the chain stands between steps. */
+typedef struct {
+    mrd_real e, y;     /* spring's travel [m], valve's velocity [m/s] */
+    mrd_real play;     /* displacement behind the play [m] */
+    mrd_real bristle[MRD_TRACK_BRISTLES]; /* forces [N] */
+    mrd_real level[2]; /* yield and memory force that the bristles follow [N] */
+} mrd_chain_state;
 
 /* Flags of the last step. The first seven and the last three are faults of readings. */
 enum {
@@ -152,7 +169,10 @@ typedef struct {
     mrd_real temperature_rise, least_rise; /* by the energy put in since it changed: expected, at least [K] */
     mrd_real coolest;                 /* lowest temperature believed so far [K] */
     mrd_real last_x, speed_before;    /* last reading; speed when it began to repeat */
+    mrd_chain_state chain;
+    mrd_real move[MRD_TRACK_MOVES];   /* of the command over the horizon, from the last sample [A] */
     mrd_real delay_line[MRD_TRACK_DELAY_LINE]; /* commands under way */
+    mrd_real wanted_line[MRD_TRACK_DELAY_LINE]; /* wanted forces that were known ahead [N] */
     int32_t at;                       /* place of the newest */
     int32_t repeated, lost, back;     /* samples: equal readings, without displacement, with it again */
     int32_t cold, steady;             /* samples without a good temperature; with a steady candidate */
@@ -160,6 +180,7 @@ typedef struct {
     int32_t temperature_frozen;       /* 1: the temperature is taken for frozen */
     int32_t term;                     /* of the force whose work was counted last */
     int32_t unpowered;                /* samples without a good current */
+    int32_t said;                     /* 1: a wanted force has been known ahead */
     int32_t velocity_known;           /* 1: the last velocity was given */
     int32_t flags;
 } mrd_track_state;

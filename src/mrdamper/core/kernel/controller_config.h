@@ -6,7 +6,7 @@
 #ifndef MRD_CONTROLLER_CONFIG_H
 #define MRD_CONTROLLER_CONFIG_H
 
-typedef enum mrd_inverse_method { MRD_INVERSE_METHOD_NONE = 0, MRD_INVERSE_METHOD_MODEL = 1, MRD_INVERSE_METHOD_STATIC = 2 } mrd_inverse_method;
+typedef enum mrd_inverse_method { MRD_INVERSE_METHOD_NONE = 0, MRD_INVERSE_METHOD_MODEL = 1, MRD_INVERSE_METHOD_STATIC = 2, MRD_INVERSE_METHOD_PREDICTIVE = 3 } mrd_inverse_method;
 
 typedef enum mrd_feedback_kind { MRD_FEEDBACK_KIND_NONE = 0, MRD_FEEDBACK_KIND_PI = 1, MRD_FEEDBACK_KIND_ON_OFF = 2 } mrd_feedback_kind;
 
@@ -21,11 +21,12 @@ typedef struct {
 /* The damper's law. */
 typedef struct {
     bool series; /* the series valve law */
+    bool chain; /* the chain law */
     int32_t elements; /* hysteretic elements: 0 (force follows the sign of velocity), 1, 2 */
     bool saturating; /* the second yield force saturates with speed, on the first element */
     bool shared_rho; /* rho is the same at all currents: a bank's models share one state */
     mrd_real unloaded; /* travel of the universal curve from w = -1 to 0 [-] */
-    int32_t substeps; /* series valve: steps in a period */
+    int32_t substeps; /* series valve and chain: steps in a period */
     int32_t strides; /* series valve: steps to the preview */
     mrd_real horizon; /* series valve: time in which its spring is taken to the wanted force [s] */
 } mrd_config_law;
@@ -73,6 +74,22 @@ typedef struct {
     mrd_real lead; /* lead compensation: gain of the filtered derivative; 0: none [-] */
     mrd_real lead_keep; /* ... what a period leaves of its filter's gap [-] */
 } mrd_config_inverse;
+
+/* The horizon over which the law is stepped, and how the command is moved there. */
+typedef struct {
+    int32_t steps; /* steps of the horizon, behind the dead time */
+    int32_t rounds; /* improvements of the moves in a period */
+    int32_t together; /* periods of the dead time that are one step of the law */
+    mrd_real step; /* length of a step of the horizon [s] */
+    mrd_real dead; /* time from now to the begin of the horizon [s] */
+    mrd_real fade; /* weight of a step's error over that of the step before [-] */
+    mrd_real calm; /* force error that is worth a move of the command [N/A] */
+    mrd_real rise; /* what a step leaves of the first lag's gap, command above it [-] */
+    mrd_real fall; /* ... and below it [-] */
+    mrd_real second; /* what a step leaves of the second lag's gap [-] */
+    mrd_real rise_couple; /* share of the first gap that is in the second after a step [-] */
+    mrd_real fall_couple; /* ... command below it [-] */
+} mrd_config_prediction;
 
 /* Feedback of a measured force. */
 typedef struct {
@@ -139,6 +156,7 @@ typedef struct {
     X(reference) \
     X(actuation) \
     X(inverse) \
+    X(prediction) \
     X(feedback) \
     X(learning) \
     X(envelope) \
@@ -153,6 +171,7 @@ typedef struct {
     X(axes, coldest, mrd_real) \
     X(axes, warmest, mrd_real) \
     X(law, series, bool) \
+    X(law, chain, bool) \
     X(law, elements, int32_t) \
     X(law, saturating, bool) \
     X(law, shared_rho, bool) \
@@ -188,6 +207,18 @@ typedef struct {
     X(inverse, margin, mrd_real) \
     X(inverse, lead, mrd_real) \
     X(inverse, lead_keep, mrd_real) \
+    X(prediction, steps, int32_t) \
+    X(prediction, rounds, int32_t) \
+    X(prediction, together, int32_t) \
+    X(prediction, step, mrd_real) \
+    X(prediction, dead, mrd_real) \
+    X(prediction, fade, mrd_real) \
+    X(prediction, calm, mrd_real) \
+    X(prediction, rise, mrd_real) \
+    X(prediction, fall, mrd_real) \
+    X(prediction, second, mrd_real) \
+    X(prediction, rise_couple, mrd_real) \
+    X(prediction, fall_couple, mrd_real) \
     X(feedback, kind, mrd_feedback_kind) \
     X(feedback, gain, mrd_real) \
     X(feedback, rate, mrd_real) \
@@ -230,6 +261,9 @@ typedef struct {
 #ifndef MRD_WITH_SERIES
 #define MRD_WITH_SERIES MRD_ASKED /* series valve law */
 #endif
+#ifndef MRD_WITH_CHAIN
+#define MRD_WITH_CHAIN MRD_ASKED /* chain law */
+#endif
 #ifndef MRD_WITH_MEMORYLESS
 #define MRD_WITH_MEMORYLESS MRD_ASKED /* law without hysteresis */
 #endif
@@ -253,6 +287,9 @@ typedef struct {
 #endif
 #ifndef MRD_WITH_STATIC
 #define MRD_WITH_STATIC MRD_ASKED /* inverse of the settled model */
+#endif
+#ifndef MRD_WITH_PREDICTIVE
+#define MRD_WITH_PREDICTIVE MRD_ASKED /* command by prediction */
 #endif
 #ifndef MRD_WITH_PREVIEW
 #define MRD_WITH_PREVIEW MRD_ASKED /* force set for later */
@@ -293,6 +330,11 @@ static inline bool mrd_has_series(const mrd_config_law *p)
     (void)p;
     return (MRD_WITH_SERIES == MRD_ASKED) ? (p->series) : (MRD_WITH_SERIES == MRD_ALWAYS);
 }
+static inline bool mrd_has_chain(const mrd_config_law *p)
+{
+    (void)p;
+    return (MRD_WITH_CHAIN == MRD_ASKED) ? (p->chain) : (MRD_WITH_CHAIN == MRD_ALWAYS);
+}
 static inline bool mrd_has_memoryless(const mrd_config_law *p)
 {
     (void)p;
@@ -332,6 +374,11 @@ static inline bool mrd_has_static(const mrd_config_inverse *p)
 {
     (void)p;
     return (MRD_WITH_STATIC == MRD_ASKED) ? (p->method == MRD_INVERSE_METHOD_STATIC) : (MRD_WITH_STATIC == MRD_ALWAYS);
+}
+static inline bool mrd_has_predictive(const mrd_config_inverse *p)
+{
+    (void)p;
+    return (MRD_WITH_PREDICTIVE == MRD_ASKED) ? (p->method == MRD_INVERSE_METHOD_PREDICTIVE) : (MRD_WITH_PREDICTIVE == MRD_ALWAYS);
 }
 static inline bool mrd_has_preview(const mrd_config_inverse *p)
 {

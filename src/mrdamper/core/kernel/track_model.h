@@ -3,7 +3,10 @@
  * The same tables, the same observer of current and hysteresis and the same looks at every reading as the
  * controller has. A velocity may be given; without one it is estimated from the displacement.
  */
-#include "controller.h"
+#ifndef MRD_TRACK_MODEL_H
+#define MRD_TRACK_MODEL_H
+
+#include "track_estimate.h"
 
 /* Displacement and velocity in; the motion of now. */
 static void follow_driven_motion(const mrd_track *c, mrd_track_state *s, mrd_real displacement, mrd_real velocity)
@@ -65,11 +68,12 @@ MRD_TRACK_API mrd_real mrd_model_step(const mrd_track *c, mrd_track_state *s, co
     const axis_point warm = on_temperatures(c, s->temperature);
     const mrd_real applied = follow_applied(c, s);
     if (!first) follow_hysteresis(c, s, warm, v_before, applied);
+    if (first && mrd_has_chain(&c->law)) start_chain(c, s, warm);
     if (first && mrd_has_series(&c->law)) start_series(c, s, warm);
 
     mrd_real force;
-    if (mrd_has_series(&c->law)) {
-        force = series_force(c, s, warm);
+    if (mrd_has_chain(&c->law) || mrd_has_series(&c->law)) {
+        force = stepped_force(c, s, warm);
     } else {
         const moment m = present(c, s);
         mrd_real by[MRD_ROWS];
@@ -79,3 +83,5 @@ MRD_TRACK_API mrd_real mrd_model_step(const mrd_track *c, mrd_track_state *s, co
     if (mrd_has_heating(&c->heating)) follow_heat(c, s, force * s->v);
     return force;
 }
+
+#endif

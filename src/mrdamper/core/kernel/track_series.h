@@ -8,12 +8,14 @@
  * e, and beside it the valve's velocity y', from which the next solve starts. Steps are implicit: no stiffness of
  * the spring makes them unstable.
  */
-#include "controller.h"
+#ifndef MRD_TRACK_SERIES_H
+#define MRD_TRACK_SERIES_H
+
+#include "track_tables.h"
 
 enum { SERIES_ROUNDS = 5,        /* of a solve for the valve's velocity */
        SERIES_AHEAD_ROUNDS = 4,  /* ... on the way to the preview */
-       SERIES_SPRING_ROUNDS = 6, /* of a solve for the spring's travel */
-       SERIES_CHAIN = MRD_CHAIN };
+       SERIES_SPRING_ROUNDS = 6 /* of a solve for the spring's travel */ };
 
 /* No valve moves faster [m/s]: after a rubbish reading the state comes back. */
 static const mrd_real series_fastest = R(8.0);
@@ -74,19 +76,21 @@ static inline mrd_real power_at(const mrd_power *o, mrd_real size, mrd_real *slo
 
 /* The chain's coefficients at a temperature, gains applied. */
 typedef struct {
-    mrd_real at[SERIES_CHAIN];
+    mrd_real at[MRD_CHAIN_ALL];
 } valve_chain;
 
 static valve_chain chain_at(const mrd_track *c, const mrd_track_state *s, axis_point warm)
 {
-    const mrd_real *cold = c->series->chain + warm.index * (int32_t)SERIES_CHAIN;
-    const mrd_real *hot = cold + (c->axes.warmest > c->axes.coldest ? SERIES_CHAIN : 0);
-    valve_chain k;
-    for (int i = 0; i < SERIES_CHAIN; i++) k.at[i] = cold[i] + warm.share * (hot[i] - cold[i]);
+    const int32_t rows = mrd_has_chain(&c->law) ? (int32_t)MRD_CHAIN_ALL : (int32_t)MRD_CHAIN;
+    const mrd_real *cold = c->series->chain + warm.index * rows;
+    const mrd_real *hot = cold + (c->axes.warmest > c->axes.coldest ? rows : 0);
+    valve_chain k = {{R(0.0)}};
+    for (int i = 0; i < rows; i++) k.at[i] = cold[i] + warm.share * (hot[i] - cold[i]);
     k.at[MRD_CHAIN_THINNING] *= s->gain[1] / s->gain[0]; /* of the yield force, whose own gain comes on top */
     k.at[MRD_CHAIN_VISCOSITY] *= s->gain[1];
     k.at[MRD_CHAIN_SLIDING] *= s->gain[2];
     k.at[MRD_CHAIN_BREAKAWAY] *= s->gain[2];
+    k.at[MRD_CHAIN_FRICTION] *= s->gain[2];
     return k;
 }
 
@@ -283,14 +287,6 @@ static void series_parts(const mrd_track *c, const mrd_track_state *s, axis_poin
     parts[3] = inertia + k.at[MRD_CHAIN_OFFSET] + k.at[MRD_CHAIN_STIFFNESS] * (s->x - e);
 }
 
-/* The model's force now. */
-static mrd_real series_force(const mrd_track *c, const mrd_track_state *s, axis_point warm)
-{
-    mrd_real parts[4];
-    series_parts(c, s, warm, parts);
-    return parts[0] + parts[1] + parts[2] + parts[3];
-}
-
 /* The chain carried on from now over h with the estimated acceleration, the current going straight to `to`; implicit
  * Euler. Returns its force. */
 static mrd_real series_ahead(const mrd_track *c, const mrd_track_state *s, const valve_chain *k, axis_point warm, mrd_real *w,
@@ -400,3 +396,5 @@ static mrd_real series_answer(const mrd_track *c, mrd_track_state *s, axis_point
     }
     return current;
 }
+
+#endif

@@ -1,6 +1,9 @@
 /* Tables of a controller: functions of a size, the universal curve, force and rho over current and
  * temperature. Nothing here fails on a number that is not one: it reads an end of the table.
  */
+#ifndef MRD_TRACK_TABLES_H
+#define MRD_TRACK_TABLES_H
+
 #include "controller.h"
 
 #define R(x) ((mrd_real)(x))
@@ -224,3 +227,5 @@ static inline mrd_real force_at(const mrd_track *c, axis_point warm, axis_point 
     for (int32_t k = 0; k < c->begin[MRD_GROUP_RHO]; k++) force += weight[k] * (here[k] + at.share * (beyond[k] - here[k]));
     return force;
 }
+
+#endif

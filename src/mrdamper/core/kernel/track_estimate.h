@@ -3,7 +3,10 @@
  * Every reading is looked at before it is used; one that cannot be true leaves the belief as it was and raises
  * a flag.
  */
-#include "controller.h"
+#ifndef MRD_TRACK_ESTIMATE_H
+#define MRD_TRACK_ESTIMATE_H
+
+#include "track_chain.h"
 
 /* Constant-acceleration prediction over h, and its correction by a reading. */
 static inline void predict(mrd_real *x, mrd_real *v, mrd_real a, mrd_real h)
@@ -39,6 +42,7 @@ static bool follow_motion(const mrd_track *c, mrd_track_state *s, mrd_real readi
             s->x = reading;
             s->v = R(0.0);
             s->a = R(0.0);
+            s->chain.play = reading;
             s->back = s->started != 0 ? c->faults.coast_samples : 0;
             s->started = 1;
         } else {
@@ -260,6 +264,10 @@ static void rho_of_models(const mrd_track *c, axis_point warm, int element, int 
 /* Hysteresis of every model through the period that ends now, velocity having been v0 at its begin. */
 static void follow_hysteresis(const mrd_track *c, mrd_track_state *s, axis_point warm, mrd_real v0, mrd_real applied)
 {
+    if (mrd_has_chain(&c->law)) {
+        follow_chain(c, s, warm, v0, applied);
+        return;
+    }
     if (mrd_has_series(&c->law)) {
         follow_series(c, s, warm, v0, applied);
         return;
@@ -288,14 +296,23 @@ static moment present(const mrd_track *c, const mrd_track_state *s)
     return m;
 }
 
+/* The force now of a law that is stepped implicitly. */
+static mrd_real stepped_force(const mrd_track *c, const mrd_track_state *s, axis_point warm)
+{
+    mrd_real parts[4];
+    if (mrd_has_chain(&c->law)) chain_parts(c, s, warm, parts);
+    else series_parts(c, s, warm, parts);
+    return parts[0] + parts[1] + parts[2] + parts[3];
+}
+
 /* Work of the model's force [W]: one term of it in turn counts for all of them, which over some seconds is the work
  * of their sum, and costs a step a fraction; so does the straight line between two eighths of the largest current. */
 static mrd_real sampled_work(const mrd_track *c, mrd_track_state *s, axis_point warm)
 {
     const int32_t columns = c->begin[MRD_GROUPS], terms = c->levels + c->begin[MRD_GROUP_RHO];
-    if (mrd_has_series(&c->law)) {
+    if (mrd_has_chain(&c->law) || mrd_has_series(&c->law)) {
         s->term = s->term + 1 < MRD_ROWS ? s->term + 1 : 0;
-        return s->term == 0 ? R(MRD_ROWS) * series_force(c, s, warm) * s->v : R(0.0);
+        return s->term == 0 ? R(MRD_ROWS) * stepped_force(c, s, warm) * s->v : R(0.0);
     }
     s->term = s->term + 1 < terms ? s->term + 1 : 0;
     const int32_t row = c->row[s->term];
@@ -316,6 +333,10 @@ MRD_TRACK_API void mrd_track_parts(const mrd_track *c, const mrd_track_state *s,
 {
     static const uint8_t part_of[MRD_ROWS] = {3, 3, 3, 1, 2, 2, 0, 0};
     const axis_point warm = on_temperatures(c, s->temperature), at = on_currents(c, s->applied);
+    if (mrd_has_chain(&c->law)) {
+        chain_parts(c, s, warm, parts);
+        return;
+    }
     if (mrd_has_series(&c->law)) {
         series_parts(c, s, warm, parts);
         return;
@@ -366,3 +387,5 @@ static void learn(const mrd_track *c, mrd_track_state *s, mrd_real force)
         }
     }
 }
+
+#endif

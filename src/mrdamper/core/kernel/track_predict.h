@@ -1,0 +1,281 @@
+/* The command by prediction: the card's own law is stepped over the horizon in which a command given now is felt, and
+ * the moves of the command are improved a fixed number of times until the force there is the wanted one.
+ *
+ *     minimise  sum_k (g^k) (F(t_k) - F*(t_k))^2 + r^2 [(u0 - u_last)^2 + (u1 - u0)^2 + (u2 - u1)^2],  0 <= u <= largest
+ *
+ * u0 is the command of the first step of the horizon, u1 that of the next two, u2 that of the rest; the command
+ * given is u0. One round is a Gauss-Newton step with derivatives that are carried along with the state. The moves
+ * are kept from one sample to the next, so that one round a sample is enough once they have settled.
+ */
+#ifndef MRD_TRACK_PREDICT_H
+#define MRD_TRACK_PREDICT_H
+
+#include "track_estimate.h"
+
+enum { PREDICT_SWEEPS = 8 }; /* of the three bounded unknowns */
+
+/* What is carried ahead: motion, hysteresis, lags and play; derivatives by the moves beside them. */
+typedef struct {
+    mrd_real x, v, a, side, place[2];
+    mrd_chain_state chain;
+    link_moves by;
+    mrd_moved first, second, play;
+} ahead_state;
+
+/* What the law has at this temperature. */
+typedef struct {
+    axis_point warm;
+    valve_chain chain;
+    mrd_real factor[MRD_TRACK_TERMS];
+} ahead_law;
+
+/* The motion where it will be after h: constant acceleration. */
+static inline void move_ahead(ahead_state *w, mrd_real h)
+{
+    w->x += h * (w->v + R(0.5) * h * w->a);
+    w->v += h * w->a;
+}
+
+/* Magnetic play on the way ahead; a play that is not pushed keeps its derivatives. */
+static void felt_ahead(const mrd_track *c, ahead_state *w, mrd_moved *felt)
+{
+    const mrd_real width = c->actuation.play, share = c->actuation.play_share;
+    *felt = w->second;
+    if (!mrd_has_play(&c->actuation)) return;
+    const mrd_real inside = limited(w->play.at, w->second.at - width, w->second.at + width);
+    if (inside < w->play.at || inside > w->play.at) w->play = w->second;
+    w->play.at = inside;
+    felt->at += share * (inside + width - w->second.at);
+    for (int m = 0; m < MRD_TRACK_MOVES; m++) felt->by[m] += share * (w->play.by[m] - w->second.by[m]);
+}
+
+/* Both lags over a step of the horizon with the move `m` as input. */
+static void lag_ahead(const mrd_track *c, ahead_state *w, mrd_real input, int m)
+{
+    const mrd_config_prediction *p = &c->prediction;
+    const bool rises = input > w->first.at;
+    const mrd_real keep = rises ? p->rise : p->fall, couple = rises ? p->rise_couple : p->fall_couple;
+    for (int n = 0; n < MRD_TRACK_MOVES; n++) {
+        w->second.by[n] = p->second * w->second.by[n] + couple * w->first.by[n];
+        w->first.by[n] *= keep;
+    }
+    w->second.by[m] += R(1.0) - p->second - couple;
+    w->first.by[m] += R(1.0) - keep;
+    w->second.at = input + p->second * (w->second.at - input) + couple * (w->first.at - input);
+    w->first.at = input + keep * (w->first.at - input);
+}
+
+/* Force of a law whose hysteresis follows the travel, after a step of h; its slope over the current times those of
+ * the current (what rho does over the current is left out of the derivatives). */
+static void travel_ahead(const mrd_track *c, const mrd_track_state *s, const ahead_law *law, ahead_state *w, mrd_real h,
+                         const mrd_moved *current, mrd_moved *force)
+{
+    const mrd_real v0 = w->v;
+    const int32_t columns = c->begin[MRD_GROUPS], terms = c->begin[MRD_GROUP_RHO];
+    mrd_real rho[MRD_TRACK_BANK], by[MRD_ROWS], level = R(0.0), slope = R(0.0);
+    move_ahead(w, h);
+    const segment way = segment_of(w->side, v0, w->v, h);
+    rho_at(c, law->warm, current->at, rho);
+    w->side = way.side;
+    const mrd_real sign = w->v < R(0.0) ? R(-1.0) : R(1.0);
+    moment m = {w->x, w->v, w->a, {sign, sign}};
+    for (int e = 0; e < c->law.elements; e++) {
+        w->place[e] = place_after(c, w->place[e], rho[e], &way);
+        m.w[e] = way.side * size_at(c, w->place[e]);
+    }
+    multipliers(c, s, &m, by);
+    for (int32_t k = 0; k < c->levels; k++) level += by[c->row[k]] * law->factor[k];
+    const axis_point at = on_currents(c, current->at);
+    const mrd_real *here = &c->column[at.index * columns], *beyond = &here[columns];
+    for (int32_t k = 0; k < terms; k++) {
+        const mrd_real weight = by[c->row[c->levels + k]] * law->factor[c->levels + k], rise = beyond[k] - here[k];
+        level += weight * (here[k] + at.share * rise);
+        slope += weight * rise;
+    }
+    slope /= c->current[at.index + 1] - c->current[at.index];
+    force->at = level;
+    for (int n = 0; n < MRD_TRACK_MOVES; n++) force->by[n] = slope * current->by[n];
+}
+
+/* One step of the law over h, with the current at its end: the force there, and its derivatives. Every law of the
+ * kernel that has tables is stepped here. */
+static void law_ahead(const mrd_track *c, const mrd_track_state *s, const ahead_law *law, ahead_state *w, mrd_real h,
+                      const mrd_moved *current, mrd_moved *force)
+{
+    if (!mrd_has_chain(&c->law) && !mrd_has_series(&c->law)) {
+        travel_ahead(c, s, law, w, h, current, force);
+        return;
+    }
+    mrd_real viscous, friction, inertia;
+    const mrd_real v0 = w->v;
+    move_ahead(w, h);
+    const link_levels now = levels_at(c, s, law->warm, current->at);
+    link_advance(c, &law->chain, &now, &w->chain, &w->by, CHAIN_AHEAD_ROUNDS, h, w->x, v0, w->v, current, force);
+    series_beside(c->series, &law->chain, w->v, w->a, &viscous, &friction, &inertia);
+    force->at += viscous + friction + inertia;
+}
+
+/* The law at the believed temperature. */
+static void ahead_law_at(const mrd_track *c, const mrd_track_state *s, axis_point warm, ahead_law *law)
+{
+    law->warm = warm;
+    if (mrd_has_chain(&c->law) || mrd_has_series(&c->law)) {
+        law->chain = chain_at(c, s, warm);
+        return;
+    }
+    const mrd_real *p = parabolas_at(c, warm);
+    for (int32_t k = 0; k < c->levels + c->begin[MRD_GROUP_RHO]; k++) law->factor[k] = parabola(&p[3 * k], warm.share);
+}
+
+/* State at the end of the dead time: the commands under way put through, the law stepped along. */
+static void ahead_of_dead_time(const mrd_track *c, const mrd_track_state *s, const ahead_law *law, ahead_state *w)
+{
+    (void)memset(w, 0, sizeof *w);
+    w->x = s->x;
+    w->v = s->v;
+    w->a = s->a;
+    w->side = s->side;
+    w->place[0] = s->place[0][0];
+    w->place[1] = s->place[0][1];
+    w->chain = s->chain;
+    if (mrd_has_series(&c->law)) {
+        w->chain.e = s->place[0][0];
+        w->chain.y = s->place[0][1];
+        w->chain.play = s->x;
+    }
+    w->first.at = s->first;
+    w->second.at = s->second;
+    w->play.at = s->play;
+    const int32_t periods = c->actuation.dead_samples + (c->actuation.dead_part > R(0.0) ? 1 : 0);
+    mrd_moved felt = {s->applied, {R(0.0)}}, force;
+    int32_t waiting = 0;
+    for (int32_t i = 1; i <= periods; i++) {
+        pass_lags(c, past_dead_time(c, s, -i), &w->first.at, &w->second.at);
+        felt_ahead(c, w, &felt);
+        waiting++;
+        if (waiting < c->prediction.together && i < periods) continue;
+        law_ahead(c, s, law, w, (mrd_real)waiting * c->axes.period, &felt, &force);
+        waiting = 0;
+    }
+}
+
+/* The wanted force a time from now: of what has been said so far, straight between samples; else extrapolated. */
+static mrd_real wanted_at(const mrd_track *c, const mrd_track_state *s, bool said, mrd_real now, mrd_real later)
+{
+    if (!said) {
+        mrd_real rate = s->reference_rate, ahead = now;
+        predict(&ahead, &rate, s->reference_bend, later);
+        return ahead;
+    }
+    const mrd_real back = limited((c->inverse.preview - later) / c->axes.period, R(0.0), R(MRD_TRACK_DELAY_LINE - 2u));
+    const int32_t whole = (int32_t)back;
+    const mrd_real share = back - (mrd_real)whole;
+    const int32_t since = s->at + 1 - whole;
+    const uint32_t newer = (uint32_t)since;
+    const mrd_real one = s->wanted_line[newer % MRD_TRACK_DELAY_LINE];
+    return one + share * (s->wanted_line[(newer - 1u) % MRD_TRACK_DELAY_LINE] - one);
+}
+
+/* Keep a wanted force that is known ahead. Before the first one the way to it was straight. */
+static void keep_wanted(const mrd_track *c, mrd_track_state *s, bool first, mrd_real now, mrd_real ahead)
+{
+    const int32_t next = s->at + 1;
+    const uint32_t slot = (uint32_t)next;
+    s->wanted_line[slot % MRD_TRACK_DELAY_LINE] = ahead;
+    mrd_real since = R(0.0);
+    for (uint32_t i = 1u; first && i < MRD_TRACK_DELAY_LINE - 1u && since < c->inverse.preview; i++) {
+        since += c->axes.period;
+        const mrd_real share = limited(since / c->inverse.preview, R(0.0), R(1.0));
+        s->wanted_line[(slot - i) % MRD_TRACK_DELAY_LINE] = ahead + share * (now - ahead);
+    }
+}
+
+/* A quadratic in the moves: its slopes and its curvature. */
+typedef struct {
+    mrd_real slope[MRD_TRACK_MOVES], bend[MRD_TRACK_MOVES][MRD_TRACK_MOVES];
+} move_cost;
+
+static inline int move_of(int32_t k) { return k < 1 ? 0 : (k < 3 ? 1 : 2); }
+
+/* What the horizon costs with the moves u, as a quadratic around them; *last is the error at its end. */
+static void cost_of(const mrd_track *c, const mrd_track_state *s, const ahead_law *law, const ahead_state *from,
+                    const mrd_real *wanted, const mrd_real *u, move_cost *q, mrd_real *last)
+{
+    ahead_state w = *from;
+    mrd_real weight = R(1.0);
+    const mrd_real calm = c->prediction.calm * c->prediction.calm;
+    (void)memset(q, 0, sizeof *q);
+    for (int32_t k = 0; k < c->prediction.steps; k++) {
+        mrd_moved felt, force;
+        lag_ahead(c, &w, u[move_of(k)], move_of(k));
+        felt_ahead(c, &w, &felt);
+        law_ahead(c, s, law, &w, c->prediction.step, &felt, &force);
+        const mrd_real error = force.at - wanted[k];
+        weight *= c->prediction.fade;
+        for (int m = 0; m < MRD_TRACK_MOVES; m++) {
+            q->slope[m] += weight * error * force.by[m];
+            for (int n = 0; n <= m; n++) q->bend[m][n] += weight * force.by[m] * force.by[n];
+        }
+        *last = error;
+    }
+    mrd_real before = s->command;
+    for (int m = 0; m < MRD_TRACK_MOVES; m++) { /* the calm command */
+        const mrd_real moved = calm * (u[m] - before);
+        q->slope[m] += moved;
+        q->bend[m][m] += calm;
+        if (m > 0) {
+            q->slope[m - 1] -= moved;
+            q->bend[m - 1][m - 1] += calm;
+            q->bend[m][m - 1] -= calm;
+        }
+        before = u[m];
+    }
+}
+
+/* The bounded step of the moves that makes the quadratic small. */
+static void improve(const mrd_track *c, move_cost *q, mrd_real *u)
+{
+    mrd_real step[MRD_TRACK_MOVES] = {R(0.0)}, trace = R(0.0);
+    for (int m = 0; m < MRD_TRACK_MOVES; m++) {
+        trace += q->bend[m][m];
+        for (int n = 0; n < m; n++) q->bend[n][m] = q->bend[m][n];
+    }
+    for (int m = 0; m < MRD_TRACK_MOVES; m++) q->bend[m][m] += R(1e-3) * trace;
+    for (int i = 0; i < PREDICT_SWEEPS; i++) {
+        for (int m = 0; m < MRD_TRACK_MOVES; m++) {
+            mrd_real slope = q->slope[m];
+            for (int n = 0; n < MRD_TRACK_MOVES; n++) slope += q->bend[m][n] * step[n];
+            step[m] = limited(step[m] - slope / q->bend[m][m], -u[m], c->axes.largest - u[m]);
+        }
+    }
+    for (int m = 0; m < MRD_TRACK_MOVES; m++) u[m] = limited(u[m] + step[m], R(0.0), c->axes.largest);
+}
+
+/* The command for the wanted force; `bias` is what the damper has beyond its model. */
+static mrd_real predicted_answer(const mrd_track *c, mrd_track_state *s, axis_point warm, bool said, mrd_real now,
+                                 mrd_real bias)
+{
+    ahead_law law;
+    ahead_state from;
+    move_cost q;
+    mrd_real wanted[MRD_TRACK_STEPS], last = R(0.0), later = c->prediction.dead;
+    ahead_law_at(c, s, warm, &law);
+    ahead_of_dead_time(c, s, &law, &from);
+    for (int32_t k = 0; k < c->prediction.steps; k++) {
+        later += c->prediction.step;
+        wanted[k] = wanted_at(c, s, said, now, later);
+        wanted[k] -= s->v + later * s->a < R(0.0) ? -bias : bias;
+    }
+    for (int32_t i = 0; i < c->prediction.rounds; i++) {
+        cost_of(c, s, &law, &from, wanted, s->move, &q, &last);
+        improve(c, &q, s->move);
+    }
+    const mrd_real end = s->move[MRD_TRACK_MOVES - 1];
+    const mrd_real pushed = q.slope[MRD_TRACK_MOVES - 1]; /* which way the end of the horizon still wants to go */
+    if (magnitude(last) > c->prediction.calm
+        && ((!(end > R(0.0)) && pushed > R(0.0)) || (!(end < c->axes.largest) && pushed < R(0.0))))
+        s->flags |= MRD_INFEASIBLE;
+    return s->move[0];
+}
+
+#endif
