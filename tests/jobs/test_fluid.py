@@ -103,7 +103,11 @@ def test_the_file_is_a_fluid_with_the_fitted_numbers_and_their_origin(fitted, fo
     assert "viscosity.csv: 23 points, 20 to 130 degC" in origin.source
     assert made.density_kg_m3 == find_fluid("paper").density_kg_m3
     assert made.collapse is None
-    assert sorted(path.name for path in (folder / "out").iterdir()) == ["fluid.svg", "fluid.toml"]
+    assert sorted(path.name for path in (folder / "out").iterdir()) == [
+        "fluid.html",
+        "fluid.svg",
+        "fluid.toml",
+    ]
 
 
 def test_the_file_serves_as_the_fluid_that_another_table_is_like(fitted, folder):

@@ -51,7 +51,12 @@ def test_the_interval_widens_with_time(answer):
 
 def test_files_and_figures(answer, curve):
     _, out = answer
-    assert sorted(path.name for path in out.iterdir()) == ["forecast.csv", "forecast.json", "forecast.svg"]
+    assert sorted(path.name for path in out.iterdir()) == [
+        "forecast.csv",
+        "forecast.html",
+        "forecast.json",
+        "forecast.svg",
+    ]
     found = mrdamper.forecast(curve, limit_degC=80.0)
     assert "wall after 60 min" in found.summary()
     assert found.plot().axes[0].get_xlabel() == "minutes"

@@ -17,7 +17,7 @@ from mrdamper.jobs.heat import heat
 from mrdamper.jobs.options import HeatOptions
 from mrdamper.models.card_schema import read_card
 from mrdamper.registry import JOBS
-from mrdamper.report.heat import sink_in_words
+from mrdamper.report.thermal.heat_page import sink_in_words
 from mrdamper.thermal.drawing_file import read_drawing, read_sink
 from mrdamper.thermal.duty import read_duty
 from mrdamper.thermal.temperature_rise import predict_rise
@@ -297,7 +297,7 @@ def test_the_page_and_the_terminal_say_the_interval(folder):
     found = re.search(r"\(90 %: ([\d.]+) min to ", page.stdout)
     assert found is not None
     html = (folder / "sure" / "heat.html").read_text(encoding="utf-8")
-    assert f"with 90 % {found[1]} min to not within the duty" in html
+    assert f"90 %: {found[1]} min to not within the duty" in html
     assert re.search(r"fluid after 30 min: [\d.]+ to [\d.]+ degC with 90 %", page.stdout)
 
 

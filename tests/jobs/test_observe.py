@@ -146,7 +146,12 @@ def test_a_broken_wire_is_told_and_not_believed():
 
 def test_files_and_figures(answer, record):
     _, out = answer
-    assert sorted(path.name for path in out.iterdir()) == ["observe.csv", "observe.json", "observe.svg"]
+    assert sorted(path.name for path in out.iterdir()) == [
+        "observe.csv",
+        "observe.html",
+        "observe.json",
+        "observe.svg",
+    ]
     found = mrdamper.observe(record, "paper", wiring_ohm=WIRING)
     assert len(found.summary().splitlines()) == 3
     assert found.plot().axes[0].get_xlabel() == "minutes"

@@ -99,7 +99,7 @@ def test_files_and_figures(ridden, tmp_path):
     write_card(car_card(), path)
     out = tmp_path / "out"
     answer = JOBS["ride"].perform({"card": path}, SHORT, out=out)[1]
-    assert sorted(each.name for each in out.iterdir()) == ["ride.csv", "ride.json", "ride.svg"]
+    assert sorted(each.name for each in out.iterdir()) == ["ride.csv", "ride.html", "ride.json", "ride.svg"]
     assert [car["car"] for car in answer["cars"]] == ["passive", "controlled", "ideal"]
     assert answer["temperatures"] == []
     mrdamper.ride  # noqa: B018 - binds what follows

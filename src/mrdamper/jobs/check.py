@@ -7,7 +7,7 @@ and together. Nothing is repaired, and nothing is fitted unless a joint test is 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +33,7 @@ from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 __all__ = ["CheckResult", "CheckedFile", "CheckedRun", "campaign_findings", "check", "findings_of"]
 
 _USUAL = CheckOptions()
+_MOST_DRAWN = 400  # samples of a run
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +59,7 @@ class CheckedRun:
     stroke_mm: float | None
     force_range_N: float | None
     findings: tuple[Finding, ...]
+    samples_drawn: FloatArray = field(repr=False, compare=False)  # displacement [mm], force [N], shape (n, 2)
 
     @property
     def worst(self) -> Severity | None:
@@ -189,7 +191,15 @@ def _checked(run: Recording | RigRun, findings: tuple[Finding, ...]) -> CheckedR
         stroke_mm=_span(run.displacement, 1e3),
         force_range_N=_span(run.force, 1.0),
         findings=findings,
+        samples_drawn=_spread(run),
     )
+
+
+def _spread(run: Recording | RigRun) -> FloatArray:
+    """Return samples all over the run for its picture: displacement [mm] and force [N], shape (n, 2)."""
+    count = min(len(run.displacement), len(run.force))
+    chosen = np.unique(np.linspace(0, max(count - 1, 0), min(count, _MOST_DRAWN)).round().astype(np.intp))
+    return np.column_stack([1e3 * run.displacement[chosen], run.force[chosen]])
 
 
 def _span(values: FloatArray, scale: float) -> float | None:

@@ -20,11 +20,11 @@ from mrdamper.paper.figures import sections_of
 from mrdamper.paper.page import render_paper
 from mrdamper.report.base import Place, Report, WrittenFile, write_report
 from mrdamper.report.export import REPORT as EXPORT_REPORT
-from mrdamper.report.heat import REPORT as HEAT_REPORT
 from mrdamper.report.identification.report import REPORT as IDENTIFY_REPORT
 from mrdamper.report.identification.scores import summaries
 from mrdamper.report.rig import REPORT as RIG_REPORT
-from mrdamper.report.sink import REPORT as SINK_REPORT
+from mrdamper.report.thermal.heat import REPORT as HEAT_REPORT
+from mrdamper.report.thermal.sink import REPORT as SINK_REPORT
 from mrdamper.report.track import REPORT as TRACK_REPORT
 from mrdamper.schema import Json
 

@@ -202,8 +202,7 @@ def bind_result(job: Job) -> None:
         return f"<{title}>\n" + "\n".join(summary(self).splitlines()[:8])
 
     def _repr_html_(self: object) -> str:
-        picture = None if job.reported.figure is None else _figure(job, self)
-        return shown_in_notebook(summary(self), picture)
+        return shown_in_notebook(summary(self), _drawn(job, self))
 
     def plot(self: object) -> Figure:
         """Return the picture that answers the question, as a Matplotlib figure."""
@@ -230,9 +229,18 @@ def bind_result(job: Job) -> None:
 
 
 def _figure(job: Job, result: object) -> Figure:
-    draw = job.reported.figure
-    if draw is None:
+    if (figure := _drawn(job, result)) is None:
         raise InputError(
             "has no picture", place=type(result).__name__, expected="summary(), save() or to_frame()"
         )
-    return drawn(lambda: draw(result), job.name)
+    return figure
+
+
+def _drawn(job: Job, result: object) -> Figure | None:
+    if (draw := job.reported.figure) is None:
+        return None
+    from mrdamper.report.figures.style import drawing_style
+
+    with drawing_style():
+        figure = draw(result)
+    return None if figure is None else drawn(lambda: figure, job.name)

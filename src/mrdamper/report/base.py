@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Generic, TypeVar
 from rich.markup import escape
 
 from mrdamper.errors import ConvergenceError
+from mrdamper.report.page import FirstScreen, Page, Tile, table_of
 from mrdamper.runtime.outputs import write_json
 from mrdamper.schema import Json
 
@@ -20,12 +21,17 @@ if TYPE_CHECKING:
 __all__ = [
     "BEST_SO_FAR",
     "DONE",
+    "FirstScreen",
     "Outcome",
+    "Page",
     "Place",
     "Report",
+    "Tile",
     "WrittenFile",
     "interrupted",
+    "picture_file",
     "print_notes",
+    "table_of",
     "write_report",
 ]
 
@@ -102,12 +108,12 @@ class Report(Generic[Result]):
     show : prints tables and notes to a terminal
     wrote : prints what was written, after them; it is given the answer, too
     summary : a few lines that answer the user's question, without a figure
-    files : what is written into the folder that the user names, all or nothing
+    page : the HTML page, with the first screen that every report has; None where there is nothing to draw
+    files : what is written into the folder that the user names beside the page, all or nothing
     beside : further folders, by name: each follows from the one that the user names
     in_folder : further keys of the answer, which follow from that folder
     lists_files : the answer's ``files`` names all that was written
     for_page : further keys of the answer, for the curves of a web page
-    figure : the picture that answers the question; None where there is none
     rows : the result as a table, one mapping a row; None where rows make no sense
     outcome : how the job ended, where that is not always well
     """
@@ -116,14 +122,27 @@ class Report(Generic[Result]):
     show: Callable[[Result, Console], None]
     wrote: Callable[[Result, Json, Console], None] = _wrote
     summary: Callable[[Result], Sequence[str]]
+    page: Page[Result] | None = None
     files: tuple[WrittenFile[Result], ...] = ()
     beside: Mapping[str, Callable[[Path], Path]] = field(default_factory=dict)
     in_folder: Callable[[Result, Path], Json] = lambda _, __: {}
     lists_files: bool = False
     for_page: Callable[[Result], Json] = lambda _: {}
-    figure: Callable[[Result], Figure] | None = None
     rows: Callable[[Result], Rows] | None = None
     outcome: Callable[[Result], Outcome] = lambda _: DONE
+
+    @property
+    def figure(self) -> Callable[[Result], Figure | None] | None:
+        """The picture that answers the question; None where there is none."""
+        return None if self.page is None else self.page.picture
+
+    @property
+    def written(self) -> tuple[WrittenFile[Result], ...]:
+        """All that is written, the page first."""
+        if self.page is None:
+            return self.files
+        page = WrittenFile(name=self.page.name, key="report", write=self.page.write, when=self.page.when)
+        return (page, *self.files)
 
 
 def write_report(
@@ -137,7 +156,7 @@ def write_report(
         names; what has no place is not written
     head : what the answer begins with
     """
-    found = ((file, file.where(result, places)) for file in report.files)
+    found = ((file, file.where(result, places)) for file in report.written)
     files = [(file, place) for file, place in found if place is not None]
     written: list[str] = []
     for file, place in files:
@@ -157,6 +176,18 @@ def write_report(
         if file.write is None and file.write_in is None and not file.streamed:
             write_json(place.stage, answer)
     return answer
+
+
+def picture_file(name: str, draw: Callable[[Result], Figure], label: str) -> WrittenFile[Result]:
+    """Return the file of a picture (SVG) that a report writes beside its page."""
+
+    def write(result: Result, path: Path) -> None:
+        from mrdamper.report.figures.style import drawing_style, svg_of  # loads Matplotlib: only where drawn
+
+        with drawing_style():
+            path.write_text(svg_of(draw(result), label), encoding="utf-8")
+
+    return WrittenFile(name=name, key="picture", write=write)
 
 
 def _files_of(path: Path) -> Iterable[Path]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.markup import escape
@@ -13,10 +13,12 @@ from rich.table import Table
 from mrdamper.data.finding import Finding, Severity, by_kind
 from mrdamper.errors import CheckError, InputError, spelled
 from mrdamper.jobs.check import CheckedFile, CheckedRun, CheckResult
-from mrdamper.report.base import DONE, Outcome, Report, WrittenFile
-from mrdamper.report.page import environment
-from mrdamper.runtime.outputs import write_table, write_text
+from mrdamper.report.base import DONE, FirstScreen, Outcome, Page, Report, Tile, WrittenFile
+from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 __all__ = ["REPORT", "render_check", "show_findings"]
 
@@ -36,9 +38,40 @@ _COLUMNS = (
 )
 
 
-def render_check(result: CheckResult) -> str:
-    """Return the page's HTML."""
-    return environment().get_template("check.html.j2").render(it=result)
+def _first(result: CheckResult) -> FirstScreen:
+    runs = result.runs
+    number = f"{len(runs)} run{'' if len(runs) == 1 else 's'}"
+    verdict, found = _verdict(result)
+    worst = next((finding for finding, _ in by_kind(result.findings)), None)
+    forces = [run.force_range_N for run in runs if run.force_range_N is not None]
+    strokes = [run.stroke_mm for run in runs if run.stroke_mm is not None]
+    clean = sum(not run.findings for run in runs)
+    return FirstScreen(
+        title=f"Check of {number}",
+        subject=f"{len(result.files)} files were read, {len(result.unreadable)} were not.",
+        verdict=f"{number}: {verdict}; {found}"
+        + ("" if worst is None else f"; first {worst.run}: {worst.found}"),
+        tiles=(
+            Tile(number, "that were read", f"{clean} of them without a finding"),
+            Tile(_span(forces, "N"), "range of force of a run, peak to peak"),
+            Tile(_span(strokes, "mm"), "stroke of a run, peak to peak"),
+        ),
+        caption="Measured force over displacement, samples all over each run; red: a run with a fault",
+        flags=[("A file was not read", each.error) for each in result.unreadable[:3]],
+    )
+
+
+def _span(values: Sequence[float], unit: str) -> str:
+    if not values:
+        return "–"
+    low, high = min(values), max(values)
+    return f"{high:.4g} {unit}" if low == high else f"{low:.4g} to {high:.4g} {unit}"
+
+
+def _figure(result: CheckResult) -> Figure | None:
+    from mrdamper.report.figures.check import runs_figure  # loads Matplotlib
+
+    return runs_figure(result)
 
 
 def _answer(result: CheckResult) -> Json:
@@ -167,16 +200,17 @@ def _outcome(result: CheckResult) -> Outcome:
     return DONE if result.usable else Outcome(exit_code=CheckError.exit_code)
 
 
-def _write_page(result: CheckResult, path: Path) -> None:
-    write_text(path, render_check(result))
-
+_PAGE = Page(
+    name="check.html", first=_first, picture=_figure, label="Measured loops", template="check.html.j2"
+)
+render_check = _PAGE.render
 
 REPORT: Report[CheckResult] = Report(
     answer=_answer,
     show=_show,
     summary=_summary,
+    page=_PAGE,
     files=(
-        WrittenFile(name="check.html", key="report", write=_write_page),
         WrittenFile(name="check.json"),
         WrittenFile(
             name="findings.csv",

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict
-from pathlib import Path
 
 from matplotlib.figure import Figure
 from rich.console import Console
@@ -15,10 +14,8 @@ from mrdamper.data.cycle_groups import FigureSummary
 from mrdamper.data.finding import Finding
 from mrdamper.identify.cycle_errors import CycleErrors, ModelErrors
 from mrdamper.jobs.cycles import CyclesResult
-from mrdamper.report.base import DONE, Outcome, Report, WrittenFile, interrupted
-from mrdamper.report.figures.style import HELD_OUT, INK, TRAINING, WIDE, drawing_style, svg_of
-from mrdamper.report.page import environment
-from mrdamper.runtime.outputs import write_text
+from mrdamper.report.base import DONE, FirstScreen, Outcome, Page, Report, Tile, WrittenFile, interrupted
+from mrdamper.report.figures.style import HELD_OUT, INK, TRAINING, WIDE
 from mrdamper.schema import Json
 
 __all__ = ["REPORT", "TITLES", "render_cycles"]
@@ -52,28 +49,80 @@ _BESIDE = {
 }
 
 
-def render_cycles(result: CyclesResult) -> str:
-    """Return the page's HTML."""
-    template = environment().get_template("cycles.html.j2")
-    figures = result.figures
-    picture = ""
-    if any(panel[0] in figures for panel in _PANELS):
-        with drawing_style():
-            picture = svg_of(_over_cycles(result), "Figures over the cycles")
-    return template.render(it=result, figures=figures, titles=TITLES, picture=picture)
+def _first(result: CyclesResult) -> FirstScreen:
+    rows, least = result.rows, result.least_stroke_m
+    stroke = "" if least is None else f"; a cycle has a stroke of more than {1e3 * least:.4g} mm"
+    step = "" if result.step_s is None else f", usual step {result.step_s:.4g} s"
+    cut = f"These are the cycles of the first {rows} rows only"
+    said = f"{result.cycles} cycles took up {result.energy_J:.5g} J"
+    errors = None if result.model is None else result.model.errors
+    if errors is not None:
+        said += f"; the model is {errors.rmse_N:.4g} N from the measured force (RMS)"
+    return FirstScreen(
+        title=f"{result.cycles} cycles of {result.record.path}",
+        subject=f"{rows} rows ({result.record.understood}){step}{stroke}.",
+        verdict=said,
+        tiles=_tiles(result),
+        caption="Figures over the number of the cycle"
+        + (
+            ""
+            if result.groups.size == 1
+            else f": means of {result.groups.size} cycles, bands from least to most"
+        ),
+        flags=[("Interrupted", cut)] if result.cancelled else [],
+        notes=[] if result.model is None else result.model.notes,
+    )
 
 
-def _over_cycles(result: CyclesResult) -> Figure:
+def _tiles(result: CyclesResult) -> tuple[Tile, Tile, Tile]:
+    """Return energy, force and temperature (or stiffness) of a cycle; of a replayed card, its errors."""
+    errors = None if result.model is None else result.model.errors
+    if errors is not None:
+        energy = (
+            "" if not errors.energy_J > 0 else f"{100 * (errors.model_energy_J / errors.energy_J - 1):+.2f} %"
+        )
+        return (
+            Tile(
+                f"{errors.rmse_N:.4g} N",
+                f"RMS error over {errors.cycles} cycles",
+                f"{errors.nrmse_percent:.3g} % of the force's spread; "
+                f"{errors.percent_of_peak:.3g} % of its peak",
+            ),
+            Tile(
+                f"{errors.mean_error_N:.3g} N",
+                "mean error, model less measured",
+                f"peak {errors.peak_N:.4g} N",
+            ),
+            Tile(energy or "–", "energy, model against measured", f"measured {errors.energy_J:.4g} J"),
+        )
+    named = [("energy_J", "J", "energy per cycle"), ("highest_force_N", "N", "highest force")]
+    warm = "temperature_degC" in result.figures
+    named.append(
+        ("temperature_degC", "°C", "mean temperature")
+        if warm
+        else ("stiffness_N_per_mm", "N/mm", "stiffness")
+    )
+    first, second, third = (_tile(result.figures.get(name), unit, label) for name, unit, label in named)
+    return first, second, third
+
+
+def _tile(found: FigureSummary | None, unit: str, label: str) -> Tile:
+    if found is None:
+        return Tile("–", label)
+    return Tile(f"{found.mean:.4g} {unit}", f"{label}, mean", f"{found.least:.4g} to {found.most:.4g} {unit}")
+
+
+def _over_cycles(result: CyclesResult) -> Figure | None:
     """Return a panel for each figure over the number of the cycle: the groups' means, and their range.
 
     The model's are dashed.
     """
     groups, known = result.groups, set(result.figures)
     panels = [panel for panel in _PANELS if panel[0] in known]
+    if not panels:
+        return None
     height = 1.35 * len(panels) + 0.4
     figure = Figure(figsize=(WIDE, height))
-    if not panels:
-        return figure
     rows = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
     for axes, panel in zip(rows, panels, strict=True):
         for name, colour in zip(panel, (TRAINING, HELD_OUT), strict=False):
@@ -219,21 +268,26 @@ def _outcome(result: CyclesResult) -> Outcome:
     return interrupted() if result.cancelled else DONE
 
 
-def _write_page(result: CyclesResult, path: Path) -> None:
-    write_text(path, render_cycles(result))
-
+_PAGE = Page(
+    name="cycles.html",
+    first=_first,
+    picture=_over_cycles,
+    label="Figures over the cycles",
+    template="cycles.html.j2",
+    sections=lambda result: {"figures": result.figures, "titles": TITLES},
+)
+render_cycles = _PAGE.render
 
 REPORT: Report[CyclesResult] = Report(
     answer=_answer,
     show=_show,
     summary=_summary,
+    page=_PAGE,
     files=(
-        WrittenFile(name="cycles.html", key="report", write=_write_page),
         WrittenFile(name="cycles.csv", key="file", streamed=True),
         WrittenFile(name="summary.json", key="summary_file"),
     ),
     for_page=lambda result: {"curves": result.groups.curves()},
-    figure=_over_cycles,
     rows=_rows,
     outcome=_outcome,
 )

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
@@ -18,9 +18,17 @@ from mrdamper.models.fluids.fluid_file import fluid_to_toml
 from mrdamper.models.fluids.viscosity_fit import ViscosityFit, ViscosityStudy
 from mrdamper.models.fluids.yield_fit import YieldFit, YieldStudy
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.report.base import Report, WrittenFile, print_notes
+from mrdamper.report.base import (
+    FirstScreen,
+    Page,
+    Report,
+    Tile,
+    WrittenFile,
+    picture_file,
+    print_notes,
+    table_of,
+)
 from mrdamper.report.figures.fluid import fluid_figure
-from mrdamper.report.figures.style import drawing_style, svg_of
 from mrdamper.schema import Json
 
 __all__ = ["REPORT"]
@@ -164,10 +172,31 @@ def _summary(found: FluidResult) -> list[str]:
     return [*lines, f"valid from {low:g} to {high:g} degC; the rest as {found.like.name}"]
 
 
-def _write_picture(found: FluidResult, path: Path) -> None:
-    with drawing_style():
-        figure = fluid_figure(found.viscosity, found.yield_stress)
-        path.write_text(svg_of(figure, f"Laws of the fluid {found.fluid.name}"), encoding="utf-8")
+def _figure(found: FluidResult) -> Figure:
+    return fluid_figure(found.viscosity, found.yield_stress)
+
+
+def _first(found: FluidResult) -> FirstScreen:
+    tiles = []
+    for title, study in _studies(found):
+        fall, error = study.best.fall_percent()
+        band = f"± {error:.2g} % (standard error)" if np.isfinite(error) else ""
+        tiles.append(Tile(f"{fall:.1f} %", f"{title.lower()}: fall from 20 to 100 °C", band))
+    for title, study in _studies(found):
+        points = f"{np.count_nonzero(study.used)} points, law {_name(study.best)}"
+        tiles.append(
+            Tile(f"{study.best.rms_percent:.2g} %", f"{title.lower()}: RMS residual of the law", points)
+        )
+    low, high = _celsius(found.fluid.valid_K)
+    tiles.append(Tile(f"{low:g} to {high:g} °C", "valid", f"the rest as {found.like.name}"))
+    return FirstScreen(
+        title=f"The fluid {found.fluid.name}",
+        subject=f"Laws fitted to rheometer tables; the rest as {found.like.name}.",
+        verdict="; ".join(f"{title.lower()} {_fall(study.best)}" for title, study in _studies(found)),
+        tiles=(tiles[0], tiles[1], tiles[2]),
+        caption="Points: measured; thick: the law that is taken; hollow points were left out of the fit",
+        notes=found.notes,
+    )
 
 
 def _rows(found: FluidResult) -> list[dict[str, object]]:
@@ -191,14 +220,20 @@ REPORT = Report(
     answer=_answer,
     show=_show,
     summary=_summary,
+    page=Page(
+        name="fluid.html",
+        first=_first,
+        picture=_figure,
+        label="Laws of the fluid",
+        sections=lambda found: table_of(_rows(found)),
+    ),
     files=(
         WrittenFile(
             name="fluid.toml",
             key="file",
             write=lambda found, path: path.write_text(fluid_to_toml(found.fluid), encoding="utf-8"),
         ),
-        WrittenFile(name="fluid.svg", key="picture", write=_write_picture),
+        picture_file("fluid.svg", _figure, "Laws of the fluid"),
     ),
-    figure=lambda found: fluid_figure(found.viscosity, found.yield_stress),
     rows=_rows,
 )

@@ -1,20 +1,112 @@
-"""The engine of the pages: HTML files that open offline, print well, and hold names that users chose as text.
+"""The HTML page of a result: a first screen that answers, then what the answer rests on.
 
-The same input gives the same bytes.
+A report declares one ``Page``. Its first screen is the same in every report: title, verdict, three figures
+with their band, the picture, caveats. What follows (tables, more pictures) is the report's own template.
+Pages open offline, print well, and hold names that users chose as text. The same input gives the same bytes.
 """
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 from mrdamper.errors import spelled
 from mrdamper.identify.fit import versions
+from mrdamper.runtime.outputs import write_text
 
 if TYPE_CHECKING:
     from jinja2 import Environment
+    from matplotlib.figure import Figure
 
-__all__ = ["environment", "significant"]
+__all__ = ["FirstScreen", "Page", "Tile", "environment", "sentence", "significant", "table_of"]
+
+Result = TypeVar("Result")
+_WIDEST = 7  # columns of the general table; what has more is in the CSV file
+
+
+@dataclass(frozen=True, slots=True)
+class Tile:
+    """One of the three figures of a first screen."""
+
+    value: str  # with its unit
+    label: str  # what it is
+    band: str = ""  # its interval, spread or worst case, in words
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FirstScreen:
+    """What a reader sees before scrolling.
+
+    Attributes
+    ----------
+    verdict : one sentence that answers the user's question
+    tiles : three figures with their band
+    subject : what was computed from what (card, duty, model), one line
+    caption : how to read the picture
+    flags : what would mislead if it were overlooked, as (lead, text)
+    notes : further caveats, one sentence each
+    """
+
+    title: str
+    verdict: str
+    tiles: tuple[Tile, Tile, Tile]
+    subject: str = ""
+    caption: str = ""
+    flags: Sequence[tuple[str, str]] = ()
+    notes: Sequence[str] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Page(Generic[Result]):
+    """The HTML page of a result.
+
+    Attributes
+    ----------
+    name : of its file
+    first : the first screen
+    picture : the picture of the first screen, which ``plot()`` gives in Python; None: nothing can be drawn
+    label : what the picture shows, for readers who hear the page
+    template : what follows; the general one shows the report's rows as a table
+    sections : values for that template, beside the result itself (``it``)
+    when : whether there is a page
+    """
+
+    name: str
+    first: Callable[[Result], FirstScreen]
+    picture: Callable[[Result], Figure | None]
+    label: str
+    template: str = "rows.html.j2"
+    sections: Callable[[Result], Mapping[str, object]] = lambda _: {}
+    when: Callable[[Result], bool] = lambda _: True
+
+    def render(self, result: Result) -> str:
+        """Return the page's HTML."""
+        from mrdamper.report.figures.style import drawing_style, svg_of  # loads Matplotlib: only where drawn
+
+        first = self.first(result)
+        with drawing_style():
+            figure = self.picture(result)
+            picture = "" if figure is None else svg_of(figure, self.label)
+        template = environment().get_template(self.template)
+        return template.render(it=result, first=first, picture=picture, **self.sections(result))
+
+    def write(self, result: Result, path: Path) -> None:
+        """Write the page."""
+        write_text(path, self.render(result))
+
+
+def table_of(rows: Sequence[Mapping[str, object]]) -> dict[str, object]:
+    """Return what the general template shows of a table: its first columns, and how many rows there are."""
+    names = list(dict.fromkeys(name for row in rows for name in row))[:_WIDEST]
+    return {"columns": names, "rows": rows}
+
+
+def sentence(text: str) -> str:
+    """Return a text as a sentence: its first letter large, a full stop at its end."""
+    return f"{text[:1].upper()}{text[1:]}{'' if text.endswith(('.', '!', '?')) else '.'}"
 
 
 def significant(value: float | None, digits: int = 3) -> str:
@@ -42,11 +134,15 @@ def environment() -> Environment:
         finalize=lambda value: spelled(value) if type(value) is str else value,
     )
     environment.globals["program"] = versions()
-    environment.filters["svg"] = Markup  # our own figures, whose texts Matplotlib has escaped
+    # Our own figures, whose texts Matplotlib has escaped. A click on one, or the space bar, enlarges it.
+    environment.filters["svg"] = lambda svg: Markup(
+        f'<label class="zoom"><input type="checkbox" aria-label="enlarge">{svg}</label>'
+    )
     environment.filters["number"] = lambda value, digits=4: (
         "" if value is None or math.isnan(value) else f"{value:.{digits}g}"
     )
     environment.filters["digits"] = significant
+    environment.filters["sentence"] = sentence
     environment.filters["percent"] = lambda value: "-" if math.isnan(value) else f"{value:.1f} %"
     environment.filters["command"] = lambda e: (
         "varying" if e.command is None else f"{e.command:g} {e.command_unit}"

@@ -15,8 +15,8 @@ from rich.table import Table
 from mrdamper.control.vehicle.drive import Ride
 from mrdamper.control.vehicle.long_drive import Journey
 from mrdamper.jobs.ride import RideResult
-from mrdamper.report.base import Report, WrittenFile
-from mrdamper.report.figures.style import HELD_OUT, MEASURED, TRAINING, WIDE, drawing_style, svg_of
+from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, picture_file, table_of
+from mrdamper.report.figures.style import HELD_OUT, MEASURED, TRAINING, WIDE
 from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json
 
@@ -173,9 +173,30 @@ def _draw_acceleration(axes: Axes, found: RideResult) -> None:
     axes.legend(loc="upper left", ncols=2)
 
 
-def _write_picture(found: RideResult, path: Path) -> None:
-    with drawing_style():
-        path.write_text(svg_of(_figure(found), "Rides of a quarter car"), encoding="utf-8")
+def _first(found: RideResult) -> FirstScreen:
+    options = found.options
+    passive, controlled, ideal = (_figures(ride) for _, ride in found.cars)
+    better = {name: 100.0 * (controlled[name] / passive[name] - 1.0) for name in passive}
+    comfort, grip, rattle = (
+        Tile(
+            f"{better[name]:+.0f} %",
+            f"{name.partition(',')[0]} against the passive car",
+            f"{controlled[name]:.4g}{name.partition(',')[2]}; passive {passive[name]:.4g}, "
+            f"ideal {ideal[name]:.4g}",
+        )
+        for name in passive
+    )
+    first = next(iter(passive))
+    return FirstScreen(
+        title=f"Quarter car on {found.title}",
+        subject=f"Class {options.road_class} at {options.speed_m_s:g} m/s, {options.demand}, "
+        f"{options.controller}.",
+        verdict=f"the controlled damper changes the {first.partition(',')[0]} by {better[first]:+.0f} % "
+        "against the damper without current (root mean squares)",
+        tiles=(comfort, grip, rattle),
+        caption="Passive: the damper without current; ideal: the demanded force exactly",
+        notes=found.notes,
+    )
 
 
 def _write_rows(rows: Sequence[Mapping[str, object]], path: Path) -> None:
@@ -190,8 +211,15 @@ REPORT = Report(
     answer=_answer,
     show=_show,
     summary=_summary,
+    page=Page(
+        name="ride.html",
+        first=_first,
+        picture=_figure,
+        label="Rides of a quarter car",
+        sections=lambda found: table_of(_rows(found)),
+    ),
     files=(
-        WrittenFile(name="ride.svg", key="report", write=_write_picture),
+        picture_file("ride.svg", _figure, "Rides of a quarter car"),
         WrittenFile(name="ride.json", key="file"),
         WrittenFile(name="ride.csv", write=lambda found, path: _write_rows(_rows(found), path)),
         WrittenFile(
@@ -200,6 +228,5 @@ REPORT = Report(
             when=lambda found: bool(_journeys(found)),
         ),
     ),
-    figure=_figure,
     rows=_rows,
 )

@@ -13,9 +13,8 @@ from rich.table import Table
 
 from mrdamper.jobs.sweep.results import CHECKPOINT
 from mrdamper.jobs.sweep.sweep import SweepResult
-from mrdamper.report.base import DONE, Outcome, Report, WrittenFile, interrupted
-from mrdamper.report.figures.style import INK, TRAINING, WIDE, drawing_style, svg_of
-from mrdamper.report.page import environment
+from mrdamper.report.base import DONE, FirstScreen, Outcome, Page, Report, Tile, WrittenFile, interrupted
+from mrdamper.report.figures.style import INK, TRAINING, WIDE
 from mrdamper.runtime.outputs import write_json, write_table
 from mrdamper.schema import Json
 
@@ -103,15 +102,6 @@ def _outcome(run: SweepResult) -> Outcome:
 # ------------------------------------------------------------------------------------------- the files
 
 
-def _write_page(run: SweepResult, path: Path) -> None:
-    page = environment().get_template("sweep.html.j2")
-    with drawing_style():
-        figure = _figure(run)
-        picture = "" if figure is None else svg_of(figure, "Distributions over the tasks")
-    text = page.render(it=_table(run), title=_TITLES[run.plan.kind], picture=picture)
-    path.write_text(text, encoding="utf-8")
-
-
 def _write_cards(run: SweepResult, folder: Path) -> None:
     folder.mkdir(exist_ok=True)
     for task in run.whole:
@@ -144,11 +134,45 @@ def _figure(run: SweepResult) -> Figure | None:
     return figure
 
 
+def _first(run: SweepResult) -> FirstScreen:
+    plan, done, tasks = run.plan, len(run.whole), len(run.plan.tasks)
+    leading = list(run.summary.items())[:3]
+    tiles = [
+        Tile(
+            f"{found.median:.4g}",
+            name.replace("_", " "),
+            f"90 % of the tasks: {found.p5:.4g} to {found.p95:.4g}",
+        )
+        for name, found in leading
+    ]
+    tiles += [Tile("–", "no further figure")] * (3 - len(tiles))
+    figures = ", ".join(f"{name.replace('_', ' ')} {found.median:.4g}" for name, found in leading[:1])
+    return FirstScreen(
+        title=_TITLES[plan.kind],
+        subject=f"{tasks} tasks of the plan {plan.name}, seed {plan.seed}.",
+        verdict=f"{done} of {tasks} tasks have a result" + (f"; median of {figures}" if figures else ""),
+        tiles=(tiles[0], tiles[1], tiles[2]),
+        caption="Each panel: the tasks in rising order of one figure; dashed: the median",
+        notes=[f"No result of {task.name}: {task.error}" for task in run.failed[:5]],
+    )
+
+
+_PAGE = Page(
+    name="sweep.html",
+    first=_first,
+    picture=_figure,
+    label="Distributions over the tasks",
+    template="sweep.html.j2",
+    sections=lambda run: {"table": _table(run)},
+    when=lambda run: not run.cancelled,
+)
+
 REPORT = Report(
     answer=_answer,
     show=_show,
     wrote=_wrote,
     summary=_summary,
+    page=_PAGE,
     files=(
         WrittenFile(
             name="sweep.json",
@@ -160,7 +184,6 @@ REPORT = Report(
             write=lambda run, path: write_table(path, _rows(run)),
             when=lambda run: not run.cancelled,
         ),
-        WrittenFile(name="sweep.html", key="report", write=_write_page, when=lambda run: not run.cancelled),
         WrittenFile(
             name="cards",
             write=_write_cards,

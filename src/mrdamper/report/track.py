@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict
-from pathlib import Path
 
 from rich.console import Console
 from rich.markup import escape
@@ -12,36 +11,96 @@ from rich.table import Table
 
 from mrdamper.control.score import Score
 from mrdamper.jobs.track import Row, Traced, TrackResult
-from mrdamper.report.base import Report, WrittenFile, print_notes
-from mrdamper.report.figures.track import draw_temperatures, draw_tracking, error_figure
-from mrdamper.report.page import environment
-from mrdamper.runtime.outputs import write_table, write_text
+from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, print_notes
+from mrdamper.report.figures.track import (
+    draw_temperatures,
+    draw_tracking,
+    error_figure,
+    tracking_figure,
+)
+from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json
 
 __all__ = ["REPORT", "render_track"]
 
 _MOST_SAMPLES = 2000  # of a trace
+_CAPTION = (
+    "The target at its hottest test. The grey band is the attainable force; in the lower panels the target "
+    "is out of reach where the ground is grey"
+)
 _COLUMNS = (
     "max N", "RMS N", "max feasible N", "RMS feasible N", "coil W", "chatter A/s", "max / optimum",
 )  # fmt: skip
 
 
-def render_track(run: TrackResult) -> str:
-    """Return the page's HTML."""
-    worst = run.worst
-    return (
-        environment()
-        .get_template("track.html.j2")
-        .render(
-            it=run,
-            temperatures=_temperatures(run),
-            summary=[(target, [row for row in worst if row.target == target]) for target in run.targets],
-            rows=[(target, [row for row in run.rows if row.target == target]) for target in run.targets],
-            has_optimum=any(row.score.max_over_optimum is not None for row in run.rows),
-            pictures=[draw_tracking(each) for each in run.traced],
-            over_temperature=draw_temperatures(run),
-        )
+def _first(run: TrackResult) -> FirstScreen:
+    best = {target: _best(run, target) for target in run.targets}
+    hardest = max(best.values(), key=lambda row: _feasible(row.score))
+    card, score = run.card, hardest.score
+    at = ", ".join(f"{each:g}" for each in _temperatures(run))
+    return FirstScreen(
+        title=f"Force tracking on {run.plant}",
+        subject=f"Controllers made from the card {card.title or card.damper.law.name}, at {run.rate_Hz:g} Hz "
+        f"and {at} °C; noise seeds {run.seeds[0]} and {run.seeds[1]}, the worse of the two.",
+        verdict="; ".join(
+            f"{row.controller} tracks {target} to {_feasible(row.score):.1f} N RMS where that is feasible"
+            for target, row in best.items()
+        ),
+        tiles=(
+            Tile(
+                f"{_feasible(score):.1f} N",
+                f"RMS error, {hardest.controller} on {hardest.target}, where feasible",
+                f"{score.rmse_over_range_percent:.1f} % of the range of the wanted force",
+            ),
+            Tile(
+                "–" if score.max_feasible_N is None else f"{score.max_feasible_N:.0f} N",
+                "largest error where feasible",
+                ""
+                if score.p99_feasible_N is None
+                else f"99 % of the time below {score.p99_feasible_N:.0f} N",
+            ),
+            Tile(
+                f"{100 * score.feasible_share:.0f} %",
+                "of the time the target is feasible",
+                f"at all times the RMS error is {score.rmse_N:.0f} N",
+            ),
+        ),
+        caption=_CAPTION,
+        flags=[
+            (
+                "These are simulations, not measurements",
+                "The damper is a virtual one, and the controllers know it only through the card",
+            )
+        ],
+        notes=run.notes,
     )
+
+
+def _sections(run: TrackResult) -> dict[str, object]:
+    worst = run.worst
+    return {
+        "temperatures": _temperatures(run),
+        "summary": [(target, [row for row in worst if row.target == target]) for target in run.targets],
+        "rows": [(target, [row for row in run.rows if row.target == target]) for target in run.targets],
+        "has_optimum": any(row.score.max_over_optimum is not None for row in run.rows),
+        "pictures": [draw_tracking(each) for each in run.traced[1:]],
+        "over_temperature": draw_temperatures(run),
+    }
+
+
+def _best(run: TrackResult, target: str) -> Row:
+    """Return the controller with the least RMS error on a target, the worst over temperature."""
+    rows = [row for row in run.worst if row.target == target]
+    return min(
+        (row for row in rows if row.controller != "optimum"),
+        key=lambda row: _feasible(row.score),
+        default=rows[0],
+    )
+
+
+def _feasible(score: Score) -> float:
+    """Return the RMS error where the target is feasible, else that of all times [N]."""
+    return score.rmse_N if score.rmse_feasible_N is None else score.rmse_feasible_N
 
 
 def _temperatures(run: TrackResult) -> list[float]:
@@ -138,10 +197,8 @@ def _summary(run: TrackResult) -> list[str]:
     """Return the controller with the least RMS error for each target."""
     lines = [f"{run.plant}, {', '.join(f'{each:g}' for each in _temperatures(run))} degC, worst of all:"]
     for target in run.targets:
-        rows = [row for row in run.worst if row.target == target and row.controller != "optimum"]
-        best = min(rows, key=lambda row: row.score.rmse_feasible_N or row.score.rmse_N)
-        score = best.score
-        feasible = "-" if score.rmse_feasible_N is None else f"{score.rmse_feasible_N:.1f}"
+        best = _best(run, target)
+        feasible = "-" if best.score.rmse_feasible_N is None else f"{best.score.rmse_feasible_N:.1f}"
         lines.append(f"{target}: {best.controller}, RMS error {feasible} N where feasible")
     return lines
 
@@ -150,20 +207,25 @@ def _rows(run: TrackResult) -> list[Json]:
     return [_row(row, run.plant) for row in run.rows]
 
 
-def _write_page(run: TrackResult, path: Path) -> None:
-    write_text(path, render_track(run))
-
+_PAGE = Page(
+    name="track.html",
+    first=_first,
+    picture=lambda run: tracking_figure(run.traced[0]) if run.traced else error_figure(run),
+    label="Target and force, error, current",
+    template="track.html.j2",
+    sections=_sections,
+)
+render_track = _PAGE.render
 
 REPORT = Report(
     answer=_answer,
     show=_show,
     summary=_summary,
+    page=_PAGE,
     files=(
-        WrittenFile(name="track.html", key="report", write=_write_page),
         WrittenFile(name="track.json", key="file"),
         WrittenFile(name="track.csv", write=lambda run, path: write_table(path, _rows(run))),
     ),
     for_page=lambda run: {"traces": [_trace(each) for each in run.traced]},
-    figure=error_figure,
     rows=_rows,
 )

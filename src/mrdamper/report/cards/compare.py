@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from pathlib import Path
 
 from rich.console import Console
 from rich.markup import escape
@@ -16,9 +15,7 @@ from mrdamper.models.characterisation import Characterisation, Scope, in_degrees
 from mrdamper.models.comparison import SIDES, Comparison, ParameterPair
 from mrdamper.models.damper import OperatingEnvelope
 from mrdamper.report.base import Report, WrittenFile
-from mrdamper.report.cards.comparison_page import picks_of, render_comparison
-from mrdamper.report.figures.characteristics import peak_velocity_figure
-from mrdamper.runtime.outputs import write_text
+from mrdamper.report.cards.comparison_page import PAGE
 from mrdamper.schema import Json
 
 __all__ = ["REPORT"]
@@ -222,18 +219,11 @@ def _numbers_table(comparison: Comparison) -> Table:
     return table
 
 
-def _write_page(comparison: Comparison, path: Path) -> None:
-    write_text(path, render_comparison(comparison))
-
-
 REPORT: Report[Comparison] = Report(
     answer=_answer,
     show=_show,
     summary=lambda comparison: [comparison.verdict, *comparison.notes],
-    files=(
-        WrittenFile(name="compare.html", key="report", write=_write_page),
-        WrittenFile(name="compare.json", key="file"),
-    ),
-    figure=lambda comparison: peak_velocity_figure(*picks_of(comparison)),
+    page=PAGE,
+    files=(WrittenFile(name="compare.json", key="file"),),
     rows=_rows,
 )

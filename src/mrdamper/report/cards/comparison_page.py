@@ -12,36 +12,66 @@ from mrdamper.models.damper import OperatingEnvelope
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.figures import small_multiples as panels
 from mrdamper.report.figures import style as plots
-from mrdamper.report.figures.characteristics import PickPanel, peak_velocity
+from mrdamper.report.figures.characteristics import PickPanel, peak_velocity_figure
 from mrdamper.report.figures.small_multiples import Band, Line, Row, Series
 from mrdamper.report.figures.style import MEASURED, colour_of
-from mrdamper.report.page import environment
+from mrdamper.report.page import FirstScreen, Page, Tile
 
-__all__ = ["picks_of", "render_comparison"]
+__all__ = ["PAGE", "render_comparison"]
 
 _MOST_LOOPS = 5
 _CURVE = 61  # commands of a coefficient's curve
 
 
-def render_comparison(comparison: Comparison) -> str:
-    """Return the page's HTML."""
-    unit = comparison.cards[0].damper.command_unit
-    titles = _titles(comparison)
-    return (
-        environment()
-        .get_template("compare.html.j2")
-        .render(
-            it=comparison,
-            unit=unit,
-            titles=titles,
-            rows=_card_rows(comparison),
-            clear=CLEAR,
-            picks=peak_velocity(*picks_of(comparison)),
-            differences=_differences(comparison, titles),
-            loops=_loops(comparison),
-            curves=_curves(comparison),
-        )
+def _first(comparison: Comparison) -> FirstScreen:
+    first, second = comparison.found
+    step = second.damping - first.damping
+    scope, own = comparison.scope, comparison.own_error_N
+    t, i, v = np.unravel_index(int(np.argmax(np.abs(step))), step.shape)
+    most, before = float(step[t, i, v]), float(first.damping[t, i, v])
+    warm = scope.temperatures[t]
+    at = f"{scope.commands[i]:.3g} {comparison.cards[0].damper.command_unit}"
+    at += "" if warm is None else f", {warm - ZERO_CELSIUS_K:.0f} °C"
+    energy = 100.0 * (second.energy / first.energy - 1.0)
+    return FirstScreen(
+        title=f"{comparison.names[0]} and {comparison.names[1]}",
+        subject="Two MR dampers compared, second minus first, inside what both were identified on",
+        verdict=comparison.verdict,
+        tiles=(
+            Tile(
+                f"{most:+.0f} N",
+                f"largest difference of the damping force, at {at}, {1e3 * scope.speeds[v]:.3g} mm/s",
+                "" if own is None else f"both cards' own RMS errors: {own:.0f} N",
+            ),
+            Tile(
+                f"{100.0 * step.sum() / first.damping.sum():+.1f} %",
+                "damping force over all",
+                "" if before <= 0.0 else f"{100.0 * most / before:+.1f} % where it differs most",
+            ),
+            Tile(
+                f"{np.median(energy):+.1f} %",
+                "energy per cycle, median",
+                f"{energy.min():+.1f} to {energy.max():+.1f} %",
+            ),
+        ),
+        caption=f"Force at peak velocity of sines of ±{1e3 * scope.amplitude:.3g} mm at rising "
+        f"frequencies; extension above zero, retraction below. "
+        f"Solid: {comparison.names[0]}; dashed: {comparison.names[1]}",
+        notes=comparison.notes,
     )
+
+
+def _sections(comparison: Comparison) -> dict[str, object]:
+    titles = _titles(comparison)
+    return {
+        "unit": comparison.cards[0].damper.command_unit,
+        "titles": titles,
+        "rows": _card_rows(comparison),
+        "clear": CLEAR,
+        "differences": _differences(comparison, titles),
+        "loops": _loops(comparison),
+        "curves": _curves(comparison),
+    }
 
 
 def _titles(comparison: Comparison) -> list[str]:
@@ -50,7 +80,7 @@ def _titles(comparison: Comparison) -> list[str]:
     return ["" if warm is None else f"{warm - ZERO_CELSIUS_K:.0f} °C" for warm in kelvins]
 
 
-def picks_of(comparison: Comparison) -> tuple[list[PickPanel], str, list[str]]:
+def _picks(comparison: Comparison) -> tuple[list[PickPanel], str, list[str]]:
     """Return what the figure of forces over peak velocity shows: panels, command unit, names."""
     curves = zip(*(found.curves for found in comparison.found), strict=True)
     panels = [PickPanel(title, pair) for title, pair in zip(_titles(comparison), curves, strict=True)]
@@ -168,3 +198,14 @@ def _curves(comparison: Comparison) -> str:
         ]
         found.append((f"{name.replace('_', ' ')}, {first.law[name].unit}", label, bands, None))
     return panels.curves(found, "") if found else ""
+
+
+PAGE = Page(
+    name="compare.html",
+    first=_first,
+    picture=lambda comparison: peak_velocity_figure(*_picks(comparison)),
+    label="Peak-velocity-pick curves",
+    template="compare.html.j2",
+    sections=_sections,
+)
+render_comparison = PAGE.render

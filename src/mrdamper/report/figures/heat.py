@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.figures.style import HELD_OUT, INK, TRAINING, WIDE, drawing_style, svg_of
-from mrdamper.report.time_to_limit import LIMIT_COLOUR
+from mrdamper.report.thermal.time_to_limit import LIMIT_COLOUR
 from mrdamper.thermal.estimation.measured_curve import HeatingCurve
 from mrdamper.thermal.estimation.uncertainty import PredictionInterval
 from mrdamper.thermal.model.network import PATHS

@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from mrdamper.arrays import FloatArray
-from mrdamper.report.figures.style import HELD_OUT, INK, WIDE, colour_of, drawing_style, svg_of
+from mrdamper.report.figures.style import HELD_OUT, INK, WIDE, colour_of, drawing_style, shortened, svg_of
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -39,6 +39,7 @@ __all__ = [
 
 _TICKS = MaxNLocator(nbins=4, steps=[1, 2, 2.5, 5, 10])
 _POOLED = "#222222"
+_LETTER = 0.072  # width of a title's letter [inch]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -142,7 +143,7 @@ def grid_figure(titles: Sequence[tuple[str, bool]], rows: Sequence[Row], *, tall
         figure.text(
             (left + column * (across + gap)) / width,
             1.0 - 0.06 / height,
-            title,
+            shortened(title, max(round(across / _LETTER), 8)),
             color=HELD_OUT if held_out else INK,
             fontsize=8.0,
             va="top",

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-__all__ = ["draw_temperatures", "draw_tracking", "error_figure"]
+__all__ = ["draw_temperatures", "draw_tracking", "error_figure", "tracking_figure"]
 
 _COLOURS = (TRAINING, "#b08a3c", HELD_OUT, "#7a5c8e")
 _REACH, _OUTSIDE = "#ececec", "#f1efe9"
@@ -28,7 +28,13 @@ _CYCLES_S = 4.0  # the longest stretch that is drawn
 
 
 def draw_tracking(traced: Traced) -> str:
-    """Return wanted force and reach, error, and current of a target's runs."""
+    """Return ``tracking_figure`` as SVG."""
+    with drawing_style():
+        return svg_of(tracking_figure(traced), f"Tracking of {traced.target}")
+
+
+def tracking_figure(traced: Traced) -> Figure:
+    """Return wanted and attainable force, error, and current of a target's runs."""
     course = traced.course
     thin = max(round(1.0 / (_DRAWN_HZ * course.step_s)), 1)
     last = min(course.scored_from + round(_CYCLES_S / course.step_s), len(course))
@@ -36,7 +42,7 @@ def draw_tracking(traced: Traced) -> str:
     time = course.time[shown]
     outside = ~traced.reach.feasible(course.target)[shown]
     with drawing_style():
-        figure = Figure(figsize=(WIDE, 5.0))
+        figure = Figure(figsize=(WIDE, 4.3))
         rows = figure.subplots(3, 1, sharex=True, height_ratios=(2.2, 1.2, 1.0))
         force, error, current = rows
         force.fill_between(
@@ -63,7 +69,7 @@ def draw_tracking(traced: Traced) -> str:
         force.set_title(f"{traced.target} at {traced.temperature_degC:g} °C", loc="left", pad=4)
         figure.subplots_adjust(left=0.06, right=0.99, top=0.94, bottom=0.085, hspace=0.1)
         figure.align_ylabels(rows.tolist())
-        return svg_of(figure, f"Tracking of {traced.target}")
+    return figure
 
 
 def draw_temperatures(run: TrackResult) -> str:

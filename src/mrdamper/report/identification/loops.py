@@ -20,12 +20,13 @@ __all__ = [
     "ErrorSection",
     "error_section",
     "loop_pictures",
+    "overview",
     "residual_picture",
     "worst_by_motion",
-    "worst_loops",
 ]
 
 _MOST_MOTIONS = 4  # beside the main one, that are drawn
+_MOST_OVERVIEW = 5  # commands of the first picture
 _STEPPED_s = 7.0  # drawn of a run whose command steps
 
 
@@ -82,16 +83,23 @@ def _over_commands(campaign: Campaign, motion: str, level: float | None) -> Pict
 _ERRORS_SAID = "Above each column its RMS error; red: held out."
 
 
-def worst_loops(campaign: Campaign) -> Figure:
-    """Return the loops of all runs, of many those of the worst of each motion, as a Matplotlib figure."""
-    few = len(campaign.errors) <= MOST_COLUMNS
-    worst = campaign.errors if few else worst_by_motion(campaign.errors)[:MOST_COLUMNS]
-    colours = [colour_of(error.command, campaign.highest) for error in worst]
+def overview(campaign: Campaign) -> Figure:
+    """Return the loops of few runs; of many the main motion at each command, and the worst run beside them."""
+    unit, level = campaign.errors[0].command_unit, campaign.levels.values[0] if campaign.warm else None
+    drawn = [(error.name, error) for error in campaign.errors]
+    if len(drawn) > MOST_COLUMNS:
+        worst = worst_by_motion(campaign.errors)
+        drawn = [
+            (f"{command:g} {unit}", run)
+            for command in spread_out(campaign.commands, _MOST_OVERVIEW)
+            if campaign.main is not None and (run := campaign.at(campaign.main, level, command)) is not None
+        ]
+        drawn += [(f"worst: {run.name}", run) for run in worst[: 1 if drawn else MOST_COLUMNS]]
     found = _loop_rows(
-        campaign, [(error.name, colour, error) for error, colour in zip(worst, colours, strict=True)]
+        campaign, [(title, colour_of(run.command, campaign.highest), run) for title, run in drawn]
     )
     assert found is not None  # a fit has a run
-    return panels.grid_figure(*found, tall=2.0)
+    return panels.grid_figure(*found, tall=1.5)
 
 
 def _loop_grid(

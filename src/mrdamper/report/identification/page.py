@@ -11,10 +11,11 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from mrdamper.data.finding import by_kind
 from mrdamper.identify.assess import CrossValidated, RunError, summary
-from mrdamper.identify.fit import Identification, versions
+from mrdamper.identify.fit import Identification
 from mrdamper.identify.problem import Estimate, envelope_of
 from mrdamper.jobs.identify import IdentifyResult
 from mrdamper.quantities import ZERO_CELSIUS_K
@@ -25,6 +26,7 @@ from mrdamper.report.identification.groups import OperatingPoints
 from mrdamper.report.identification.loops import (
     error_section,
     loop_pictures,
+    overview,
     residual_picture,
     worst_by_motion,
 )
@@ -34,9 +36,9 @@ from mrdamper.report.identification.temperature import (
     temperature_section,
 )
 from mrdamper.report.identification.traces import trace_of
-from mrdamper.report.page import environment
+from mrdamper.report.page import FirstScreen, Page, Tile
 
-__all__ = ["render_report"]
+__all__ = ["PAGE", "new_run_lines", "render_report"]
 
 _MOST_LOOPS = 48  # runs that are drawn one by one; more are grouped by motion and temperature
 _MOST_GROUPS = 6  # motions whose residuals have a figure of their own
@@ -50,77 +52,137 @@ class _Group:
     loops: tuple[tuple[plots.Trace, str], ...]  # with the SVG
 
 
-def render_report(fitted: IdentifyResult) -> str:
-    """Return the report's HTML."""
+def _first(fitted: IdentifyResult) -> FirstScreen:
+    judged, law, result = fitted.assessment, fitted.damper.law, fitted.result
+    campaign = Campaign(fitted, judged.runs)
+    unit = fitted.damper.command_unit
+    unseen = [e for e in judged.runs if e.split == "held_out"]
+    scored = unseen or list(judged.runs)
+    errors, rms = summary(scored), sorted(e.rmse_N for e in scored)
+    what = f"{len(scored)} {'held-out' if unseen else 'training'} run{'' if len(scored) == 1 else 's'}"
+    known = sum(each.identifiable for each in fitted.estimates)
+    over = _range(envelope_of(fitted.training).command, unit)
+    flags = [("These runs are simulated, not measured", fitted.simulated)] if fitted.simulated else []
+    if assumed := assumed_words(campaign):
+        flags.append(("Assumed, not identified", f'{assumed} What depends on it is marked "assumed"'))
+    if result.cancelled:
+        flags.append(("The fit was interrupted", "These are the best numbers so far, not converged ones"))
+    if not unseen and not judged.left_out:
+        remedy = "⟦--hold-out⟧ or ⟦--leave-out motion⟧ shows how the model does on runs it has not seen"
+        flags.append(("No run was held out", remedy))
+    return FirstScreen(
+        title=fitted.title or "MR damper identification",
+        subject=f"{law.title} ({law.name}), fitted to {len(fitted.training)} runs over {over} by "
+        f"{_METHODS.get(result.method, result.method)}.",
+        verdict=_verdict(judged.runs),
+        tiles=(
+            Tile(
+                f"{errors['median']:.1f} %",
+                f"error on {what}, median",
+                f"worst {errors['worst']:.1f} %",
+            ),
+            Tile(
+                f"{np.median(rms):.3g} N", f"RMS error on {what}, median", f"{rms[0]:.3g} to {rms[-1]:.3g} N"
+            ),
+            _expected(fitted)
+            or Tile(f"{known} of {len(fitted.estimates)}", "parameters that these runs determine"),
+        ),
+        caption=f"{campaign.main or 'the worst runs'}: grey measured, coloured modelled; above each "
+        "column its RMS error; red: held out",
+        flags=flags,
+        notes=(*result.notes, *judged.words, *new_run_lines(fitted)),
+    )
+
+
+def _verdict(errors: Sequence[RunError]) -> str:
+    said = []
+    for word, split in (("training", "training"), ("held-out", "held_out")):
+        of = [error for error in errors if error.split == split]
+        if of:
+            found = summary(of)
+            runs = f"{len(of)} {word} run{'' if len(of) == 1 else 's'}"
+            said.append(
+                f"on {runs} the median error is {found['median']:.1f} % of the force's spread "
+                f"(worst {found['worst']:.1f} %)"
+            )
+    return "; ".join(said)
+
+
+def _expected(fitted: IdentifyResult) -> Tile | None:
+    """Return what to expect of a new run, from what was left out."""
+    band = fitted.force_band
+    if band is None:
+        return None
+    worst = f"worst {band.worst_nrmse_percent:.1f} %, from {band.left_out} left out in turn"
+    return Tile(f"{band.expected_nrmse_percent:.1f} %", "error to expect of a new run, median", worst)
+
+
+def _figure(fitted: IdentifyResult) -> Figure:
+    return overview(Campaign(fitted, fitted.assessment.runs))
+
+
+def _sections(fitted: IdentifyResult) -> dict[str, object]:
+    """Return what the page shows below the first screen."""
     judged = fitted.assessment
     campaign = Campaign(fitted, judged.runs)
-    many = len(judged.runs) > _MOST_LOOPS
+    ordered = sorted(judged.runs, key=partial(_order, levels=campaign.levels))
+    return {
+        "law": fitted.damper.law,
+        "result": fitted.result,
+        "envelope": _envelope_rows(fitted),
+        "zero": f"0 {fitted.damper.command_unit}",
+        "unit": fitted.damper.command_unit,
+        "runs": ordered,
+        "warm": campaign.warm,
+        **_drawn(campaign, ordered),
+        "warmth": temperature_section(campaign),
+        "characteristics": characteristics_section(campaign),
+        **_coefficients(campaign),
+        "findings": by_kind(fitted.findings),
+        "inferred": [each.in_words() for each in fitted.inferred],
+        "left_out": _left_out_tables(judged.left_out),
+        "law_table": fitted.law_table,
+        "chosen_by": fitted.chosen_by,
+        "passivity": judged.passivity_min,
+        "preparation": _preparation_rows(fitted),
+        "fingerprint": fitted.fingerprint,
+    }
+
+
+def _drawn(campaign: Campaign, ordered: Sequence[RunError]) -> dict[str, object]:
+    """Return loops, errors and residuals: of each run where there are few, else by motion and level."""
+    many = len(ordered) > _MOST_LOOPS
     grouped = many or campaign.warm
     if grouped:
-        drawn = [_trace(campaign, error) for error in worst_by_motion(judged.runs)[:_MOST_GROUPS]]
+        drawn = [_trace(campaign, error) for error in worst_by_motion(campaign.errors)[:_MOST_GROUPS]]
     else:
         drawn = _worst_traces(campaign)
-    unit = fitted.damper.command_unit
-    highest = max((abs(e.command) for e in judged.runs if e.command is not None), default=0.0)
-    ordered = sorted(judged.runs, key=partial(_order, levels=campaign.levels))
-    training = [e for e in ordered if e.split == "training"]
-    held_out = [e for e in ordered if e.split == "held_out"]
-    moving = [k for k, e in enumerate(fitted.estimates) if not e.at_bound]
-    return (
-        environment()
-        .get_template("report.html.j2")
-        .render(
-            title=fitted.title or "MR damper identification",
-            simulated=fitted.simulated,
-            law=fitted.damper.law,
-            method=_METHODS.get(fitted.result.method, fitted.result.method),
-            result=fitted.result,
-            commands=_range(envelope_of(fitted.training).command, unit),
-            envelope=_envelope_rows(fitted),
-            splits=[
-                (word, len(errors), summary(errors), summary(e for e in errors if e.command == 0.0))
-                for word, errors in (("training", training), ("held out", held_out))
-                if errors
-            ],
-            zero=f"0 {unit}",
-            unit=unit,
-            runs=ordered,
-            many=many,
-            warm=campaign.warm,
-            error_bars=""
-            if many
-            else plots.errors([(e.name, e.split, e.nrmse_percent) for e in (*training, *held_out)]),
-            error_section=error_section(campaign) if grouped else None,
-            loop_pictures=loop_pictures(campaign) if grouped else [],
-            groups=_groups(drawn, highest),
-            residual_picture=residual_picture(campaign) if grouped else None,
-            residuals=_residuals(_of_each_cell(campaign) if grouped else drawn, highest),
-            warmth=temperature_section(campaign),
-            characteristics=characteristics_section(campaign),
-            assumed=assumed_words(campaign),
-            energies=plots.energies(
-                [(e.command, e.split, e.energy_measured_J, e.energy_model_J) for e in judged.runs], highest
-            ),
-            estimates=[(e, _in_words(e)) for e in fitted.estimates],
-            curves=coefficient_figure(campaign),
-            correlations=plots.correlations(
-                [fitted.estimates[k].name for k in moving], fitted.result.correlation[np.ix_(moving, moving)]
-            )
-            if len(moving) > 1
-            else "",
-            band=fitted.force_band,
-            words=(*fitted.result.notes, *judged.words, *new_run_lines(fitted)),
-            findings=by_kind(fitted.findings),
-            inferred=[each.in_words() for each in fitted.inferred],
-            left_out=_left_out_tables(judged.left_out),
-            law_table=fitted.law_table,
-            chosen_by=fitted.chosen_by,
-            passivity=judged.passivity_min,
-            preparation=_preparation_rows(fitted),
-            fingerprint=fitted.fingerprint,
-            versions=versions(),
-        )
-    )
+    bars = sorted(ordered, key=lambda error: error.split != "training")
+    return {
+        "many": many,
+        "error_bars": "" if many else plots.errors([(e.name, e.split, e.nrmse_percent) for e in bars]),
+        "error_section": error_section(campaign) if grouped else None,
+        "loop_pictures": loop_pictures(campaign) if grouped else [],
+        "groups": _groups(drawn, campaign.highest),
+        "residual_picture": residual_picture(campaign) if grouped else None,
+        "residuals": _residuals(_of_each_cell(campaign) if grouped else drawn, campaign.highest),
+        "energies": plots.energies(
+            [(e.command, e.split, e.energy_measured_J, e.energy_model_J) for e in campaign.errors],
+            campaign.highest,
+        ),
+    }
+
+
+def _coefficients(campaign: Campaign) -> dict[str, object]:
+    estimates, correlation = campaign.fitted.estimates, campaign.fitted.result.correlation
+    moving = [k for k, e in enumerate(estimates) if not e.at_bound]
+    names = [estimates[k].name for k in moving]
+    matrix = correlation[np.ix_(moving, moving)]
+    return {
+        "estimates": [(e, _in_words(e)) for e in estimates],
+        "curves": coefficient_figure(campaign),
+        "correlations": plots.correlations(names, matrix) if len(moving) > 1 else "",
+    }
 
 
 _METHODS: Mapping[str, str] = {
@@ -270,3 +332,14 @@ def _preparation_rows(fitted: Identification) -> list[tuple[str, str]]:
             f"{fitted.problem.rate_Hz:g} Hz or the file's; errors are taken at the file's full rate",
         ),
     ]
+
+
+PAGE = Page(
+    name="report.html",
+    first=_first,
+    picture=_figure,
+    label="Loops, measured and modelled",
+    template="report.html.j2",
+    sections=_sections,
+)
+render_report = PAGE.render

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict
-from pathlib import Path
 
 from rich.console import Console
 from rich.markup import escape
@@ -20,9 +19,7 @@ from mrdamper.jobs.identify import IdentifyResult
 from mrdamper.models.card_schema import write_card
 from mrdamper.report.base import BEST_SO_FAR, DONE, Outcome, Report, WrittenFile, interrupted
 from mrdamper.report.check import show_findings
-from mrdamper.report.identification.campaign import Campaign
-from mrdamper.report.identification.loops import worst_loops
-from mrdamper.report.identification.page import new_run_lines, render_report
+from mrdamper.report.identification.page import PAGE, new_run_lines
 from mrdamper.report.identification.scores import (
     in_percent,
     percent,
@@ -32,7 +29,7 @@ from mrdamper.report.identification.scores import (
     summaries,
     summary_lines,
 )
-from mrdamper.runtime.outputs import write_table, write_text
+from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json
 
 __all__ = ["REPORT"]
@@ -276,21 +273,16 @@ def _outcome(found: IdentifyResult) -> Outcome:
 # ----------------------------------------------------------------------------------------------- the files
 
 
-def _write_page(found: IdentifyResult, path: Path) -> None:
-    write_text(path, render_report(found))
-
-
 REPORT: Report[IdentifyResult] = Report(
     answer=_answer,
     show=_show,
     wrote=_wrote,
     summary=_summary,
+    page=PAGE,
     files=(
         WrittenFile(name="card.json", key="card", write=lambda found, path: write_card(found.card(), path)),
-        WrittenFile(name="report.html", key="report", write=_write_page),
         WrittenFile(name="errors.csv", write=lambda found, path: write_table(path, _rows(found))),
     ),
-    figure=lambda found: worst_loops(Campaign(found, found.assessment.runs)),
     rows=_rows,
     outcome=_outcome,
 )

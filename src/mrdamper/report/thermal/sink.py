@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
 from mrdamper.jobs.sink import SinkResult
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.report.base import Report, WrittenFile, print_notes
+from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, print_notes
 from mrdamper.report.figures.damper_section import draw_dampers
-from mrdamper.report.figures.sink import draw_front, draw_sweeps, draw_varied, front_figure
-from mrdamper.report.heat import sink_in_words
-from mrdamper.report.page import environment
-from mrdamper.runtime.outputs import write_table, write_text
+from mrdamper.report.figures.sink import draw_sweeps, draw_varied, front_figure
+from mrdamper.report.thermal.heat_page import sink_in_words, temperature_flags
+from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.heatsink import FIN_LAWS
@@ -26,25 +23,61 @@ from mrdamper.thermal.sinks.variation import Variation
 __all__ = ["REPORT", "render_sink"]
 
 
-def render_sink(run: SinkResult) -> str:
-    """Return the page's HTML."""
-    return (
-        environment()
-        .get_template("sink.html.j2")
-        .render(
-            it=run,
-            zero=ZERO_CELSIUS_K,
-            words=[sink_in_words(each.sink) for each in run.front if each.sink is not None],
-            front=draw_front(run),
-            dampers=draw_dampers(_dampers(run), "Best sink and reference, to scale"),
-            sweeps=draw_sweeps(run),
-            varied=draw_varied(run),
-            banded=_banded(run),
-            definitions=list(EFFICIENCIES.values()),
-            default=DEFAULT_EFFICIENCY,
-            laws=FIN_LAWS,
-        )
+def _first(run: SinkResult) -> FirstScreen:
+    best, reference, limits = run.best, run.reference, run.limits
+    judge = "finite elements" if best.model == "finite_element" else "the zone network"
+    own = "the drawing's own sink" if reference.sink else "the bare damper"
+    mass = f", {1e3 * limits.mass:.0f} g" if limits.mass < 1e9 else ""
+    assert best.sink is not None  # a search returns sinks
+    return FirstScreen(
+        title=f"Heat sinks for {run.drawing.name}",
+        subject=f"Duty: {run.duty.text}. Within {1e3 * limits.span:.4g} mm of length and "
+        f"{1e3 * limits.width:.4g} mm of width{mass}; fins of "
+        f"{1e3 * limits.least_thickness:.3g} mm or thicker, {1e3 * limits.least_gap:.3g} mm apart or more.",
+        verdict=f"{sink_in_words(best.sink)}: {run.gain.middle:.1f} K cooler than {own}, by {judge}"
+        + ("" if run.gain.better else "; whatever the films are, it is not surely better"),
+        tiles=(
+            Tile(
+                f"{_degrees(best.fluid)} °C", "fluid at the end of the duty, coolest sink", _spread_band(run)
+            ),
+            Tile(
+                f"{run.gain.middle:.1f} K",
+                f"cooler than {own} ({_degrees(reference.fluid)} °C, {1e3 * reference.mass:.0f} g)",
+                f"90 %: {run.gain.low:.1f} to {run.gain.high:.1f} K over films and power",
+            ),
+            Tile(f"{1e3 * best.mass:.0f} g", "mass of its fins", _lightest_band(run)),
+        ),
+        caption=f"{run.found.tried} sinks tried by {'a grid' if run.found.method == 'grid' else 'NSGA-II'} "
+        f"on the zone network; {len(run.found.designs)} are on the front, {len(run.front)} of them judged "
+        f"by {judge}",
+        flags=temperature_flags(run.card),
+        notes=run.notes,
     )
+
+
+def _spread_band(run: SinkResult) -> str:
+    """Return what the fins' film coefficient leaves open, by the zone network."""
+    found = [each.best for each in run.spread if each.best is not None]
+    return f"{_degrees(min(found))} to {_degrees(max(found))} °C by other film laws" if len(found) > 1 else ""
+
+
+def _lightest_band(run: SinkResult) -> str:
+    if run.lightest is None or run.reference.sink is None or run.lightest is run.best:
+        return ""
+    return f"as cool as the reference: {1e3 * run.lightest.mass:.0f} g"
+
+
+def _sections(run: SinkResult) -> dict[str, object]:
+    return {
+        "zero": ZERO_CELSIUS_K,
+        "dampers": draw_dampers(_dampers(run), "Best sink and reference, to scale"),
+        "sweeps": draw_sweeps(run),
+        "varied": draw_varied(run),
+        "laws": FIN_LAWS,
+        "definitions": list(EFFICIENCIES.values()),
+        "default": DEFAULT_EFFICIENCY,
+        "judge": "finite elements" if run.best.model == "finite_element" else "the zone network",
+    }
 
 
 def _dampers(run: SinkResult) -> list[tuple[str, DamperDrawing]]:
@@ -302,20 +335,25 @@ def _rows(run: SinkResult) -> list[Json]:
     return [_design(each) for each in run.front]
 
 
-def _write_page(run: SinkResult, path: Path) -> None:
-    write_text(path, render_sink(run))
-
+_PAGE = Page(
+    name="sink.html",
+    first=_first,
+    picture=front_figure,
+    label="Front of temperature against mass",
+    template="sink.html.j2",
+    sections=_sections,
+)
+render_sink = _PAGE.render
 
 REPORT = Report(
     answer=_answer,
     show=_show,
     summary=_summary,
+    page=_PAGE,
     files=(
-        WrittenFile(name="sink.html", key="report", write=_write_page),
         WrittenFile(name="sink.json", key="file"),
         WrittenFile(name="front.csv", write=lambda run, path: write_table(path, _rows(run))),
         WrittenFile(name="best.toml", write=lambda run, path: path.write_text(_toml(run), encoding="utf-8")),
     ),
-    figure=front_figure,
     rows=_rows,
 )

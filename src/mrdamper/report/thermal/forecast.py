@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib.figure import Figure
 from rich.console import Console
@@ -11,9 +9,9 @@ from rich.table import Table
 
 from mrdamper.jobs.forecast import ForecastResult
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.report.base import Report, WrittenFile
-from mrdamper.report.figures.style import HELD_OUT, INK, WIDE, drawing_style, svg_of
-from mrdamper.report.time_to_limit import draw_limit, limit_answer, limit_words
+from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, picture_file, table_of
+from mrdamper.report.figures.style import HELD_OUT, INK, WIDE
+from mrdamper.report.thermal.time_to_limit import draw_limit, limit_answer, limit_tile, limit_words
 from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json
 
@@ -82,9 +80,30 @@ def _figure(found: ForecastResult) -> Figure:
     return figure
 
 
-def _write_picture(found: ForecastResult, path: Path) -> None:
-    with drawing_style():
-        path.write_text(svg_of(_figure(found), "Temperatures to come"), encoding="utf-8")
+def _first(found: ForecastResult) -> FirstScreen:
+    curve, percent = found.curve, f"{100.0 * found.probability:.0f} %"
+    minutes, spent = found.time_s[-1] / 60.0, (curve.time[-1] - curve.time[0]) / 60.0
+    low, high = found.low_degC[-1], found.high_degC[-1]
+    words = limit_words(found.limit_degC, found.to_limit, found.probability, float(found.time_s[-1])).replace(
+        "degC", "°C"
+    )
+    return FirstScreen(
+        title=f"Heating to come: {curve.name}",
+        subject=f"From {len(curve.time)} readings of the {curve.place} over {spent:.1f} min.",
+        verdict=f"after {minutes:.0f} min the {curve.place} is at {found.median_degC[-1]:.1f} °C; "
+        f"limit of {words}",
+        tiles=(
+            Tile(
+                f"{found.median_degC[-1]:.1f} °C",
+                f"{curve.place} after {minutes:.0f} min",
+                f"{percent}: {low:.1f} to {high:.1f} °C",
+            ),
+            limit_tile(found.limit_degC, found.to_limit, found.probability),
+            Tile(f"{spent:.1f} min", "measured", f"up to {curve.temperature[-1] - ZERO_CELSIUS_K:.1f} °C"),
+        ),
+        caption="Points: measured; line: median of what is to come, with its interval",
+        notes=curve.notes,
+    )
 
 
 def _rows(found: ForecastResult) -> list[dict[str, object]]:
@@ -100,11 +119,17 @@ REPORT = Report(
     answer=_answer,
     show=_show,
     summary=_summary,
+    page=Page(
+        name="forecast.html",
+        first=_first,
+        picture=_figure,
+        label="Temperatures to come",
+        sections=lambda found: table_of(_rows(found)),
+    ),
     files=(
-        WrittenFile(name="forecast.svg", key="report", write=_write_picture),
+        picture_file("forecast.svg", _figure, "Temperatures to come"),
         WrittenFile(name="forecast.json", key="file"),
         WrittenFile(name="forecast.csv", write=lambda found, path: write_table(path, _rows(found))),
     ),
-    figure=_figure,
     rows=_rows,
 )

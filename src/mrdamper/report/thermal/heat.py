@@ -17,75 +17,22 @@ from mrdamper.identify.predict import finite
 from mrdamper.jobs.heat import HeatResult
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.base import Report, WrittenFile
-from mrdamper.report.figures.damper_section import draw_dampers, draw_field
-from mrdamper.report.figures.heat import draw_fade, draw_paths, draw_temperatures, temperature_figure
-from mrdamper.report.page import environment
-from mrdamper.runtime.outputs import write_table, write_text
+from mrdamper.report.thermal.heat_page import (
+    PAGE,
+    end_band,
+    limit_band,
+    reached,
+    shown_intervals,
+    sink_in_words,
+)
+from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json, finite_or_none
 from mrdamper.thermal.drawing_file import calibrated_text
 from mrdamper.thermal.estimation.calibration import CalibratedDrawing
 from mrdamper.thermal.estimation.uncertainty import PredictionInterval
-from mrdamper.thermal.heatsink import HeatSink
-from mrdamper.thermal.model.network import PATHS
 from mrdamper.thermal.temperature_rise import Rise
 
-__all__ = ["REPORT", "render_heat"]
-
-
-def render_heat(run: HeatResult) -> str:
-    """Return the page's HTML."""
-    drawing, field = run.drawing, run.field
-    title = "the damper" if drawing.sink is None else sink_in_words(drawing.sink)
-    return (
-        environment()
-        .get_template("heat.html.j2")
-        .render(
-            it=run,
-            rises=run.rises,
-            limit=run.rise.limit_K - ZERO_CELSIUS_K,
-            temperatures=draw_temperatures(
-                run.rises, _shown(run), None if run.calibrated is None else run.calibrated.curve
-            ),
-            prediction_intervals=_shown(run),
-            inf=math.inf,
-            paths=draw_paths(run.rises),
-            fade=draw_fade(run.rises),
-            section=draw_dampers([(title, drawing)], "The damper to scale"),
-            field=""
-            if field is None
-            else draw_field(field.model.section, field.model.mesh, field.celsius, "Temperature field"),
-            field_degC=None
-            if field is None
-            else [kelvin - ZERO_CELSIUS_K for kelvin in (field.fluid, field.coil, field.wall)],
-            account=[_account(rise) for _, rise in run.rises],
-            path_names=[path for path in PATHS if any(path in rise.energy_J for _, rise in run.rises)],
-        )
-    )
-
-
-def _shown(run: HeatResult) -> list[PredictionInterval]:
-    """Return the intervals that may stand beside the curves: none where the card is extrapolated."""
-    return [] if run.extrapolated else run.prediction_intervals
-
-
-def _account(rise: Rise) -> dict[str, tuple[float, float]]:
-    """Return energy [kJ] and its share of what went in [%], by name."""
-    energy = rise.energy_J
-    total = energy["mechanical"] + energy["coil"]
-    return {
-        name: (joule / 1e3, 100.0 * joule / total if total > 0.0 else 0.0) for name, joule in energy.items()
-    }
-
-
-def sink_in_words(sink: HeatSink) -> str:
-    """Return a sink in a few words: number, width, thickness, pitch, material."""
-    pitch = f" at {1e3 * sink.pitch:.3g} mm pitch" if sink.fins > 1 else ""
-    fins = "fin" if sink.fins == 1 else "fins"
-    return (
-        f"{sink.fins} {fins}, {1e3 * sink.width:.3g} mm wide, {1e3 * sink.thickness:.3g} mm thick{pitch}, "
-        f"{sink.material.name}"
-    )
-
+__all__ = ["REPORT"]
 
 # ------------------------------------------------------------------------------------------- the answer
 
@@ -199,13 +146,13 @@ def _rows(run: HeatResult) -> list[dict[str, object]]:
 
 def summary(run: HeatResult) -> list[str]:
     """Return when the limit is reached, how hot the fluid gets, and what force that costs."""
-    rise, interval = run.rise, next(iter(_shown(run)), None)
+    rise, interval = run.rise, next(iter(shown_intervals(run)), None)
     return [*_limit_words(rise, interval), _end_words(rise, interval)]
 
 
 def show(run: HeatResult, console: Console) -> None:
     """Print temperatures over time, where the heat went, and what a reader should know."""
-    for (title, rise), interval in zip_longest(run.rises, _shown(run)):
+    for (title, rise), interval in zip_longest(run.rises, shown_intervals(run)):
         console.print(_table(rise, _title(run, title)))
         for line in _words(rise, interval):
             console.print(line)
@@ -244,22 +191,15 @@ def _table(rise: Rise, title: str) -> Table:
 
 def _end_words(rise: Rise, interval: PredictionInterval | None) -> str:
     """Return how hot the fluid is at the end: as an interval, where there is one."""
-    ended = float(rise.time[-1])
-    if interval is None:
-        return f"fluid after {ended / 60:.4g} min: {rise.fluid_degC[-1]:.1f} degC, extrapolated"
-    near = int(np.argmin(np.abs(interval.time - ended)))
-    low, high = interval.low[near] - ZERO_CELSIUS_K, interval.high[near] - ZERO_CELSIUS_K
-    sure = f"{100.0 * interval.probability:.0f} %"
-    return f"fluid after {ended / 60:.4g} min: {low:.1f} to {high:.1f} degC with {sure}"
+    band = end_band(rise, interval, "degC")
+    after = f"fluid after {rise.time[-1] / 60:.4g} min"
+    return f"{after}: {band}" if band else f"{after}: {rise.fluid_degC[-1]:.1f} degC, extrapolated"
 
 
 def _limit_words(rise: Rise, interval: PredictionInterval | None) -> Iterator[str]:
-    reached, loss = rise.time_to_limit_s, rise.force_loss_percent
-    when = "not reached" if reached is None else f"reached after {reached / 60:.1f} min"
-    if interval is not None and math.isfinite((to_limit := interval.to_limit).low_s):
-        latest = to_limit.high_s
-        end = f"{latest / 60:.1f} min" if math.isfinite(latest) else "not within the duty"
-        when += f" ({100 * interval.probability:.0f} %: {to_limit.low_s / 60:.1f} min to {end})"
+    loss, band = rise.force_loss_percent, limit_band(interval)
+    when = "not reached" if rise.time_to_limit_s is None else f"reached after {reached(rise)}"
+    when += f" ({band})" if band else ""
     faded = "" if loss is None else f"; the peak force has lost {loss:.1f} % of what it is at 20 degC"
     yield f"limit of the fluid, {rise.limit_K - ZERO_CELSIUS_K:.4g} degC: {when}{faded}"
 
@@ -296,10 +236,6 @@ def _calibration_words(calibrated: CalibratedDrawing) -> list[str]:
 # ----------------------------------------------------------------------------------------------- the files
 
 
-def _write_page(run: HeatResult, path: Path) -> None:
-    write_text(path, render_heat(run))
-
-
 def _write_calibrated(run: HeatResult, path: Path) -> None:
     """Write the drawing that follows the measured curve, as the file that it came from."""
     assert run.calibrated is not None
@@ -314,8 +250,8 @@ REPORT = Report(
     answer=_answer,
     show=show,
     summary=summary,
+    page=PAGE,
     files=(
-        WrittenFile(name="heat.html", key="report", write=_write_page),
         WrittenFile(name="heat.json", key="file"),
         WrittenFile(name="heat.csv", write=lambda run, path: write_table(path, _rows(run))),
         WrittenFile(
@@ -325,6 +261,5 @@ REPORT = Report(
             when=lambda run: run.calibrated is not None and bool(run.drawing.text),
         ),
     ),
-    figure=lambda run: temperature_figure(run.rises, _shown(run)),
     rows=_rows,
 )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -13,9 +12,9 @@ from rich.table import Table
 from mrdamper.arrays import FloatArray
 from mrdamper.jobs.observe import ObserveResult, PlaceTemperature
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.report.base import Report, WrittenFile
-from mrdamper.report.figures.style import HELD_OUT, MEASURED, TRAINING, WIDE, drawing_style, svg_of
-from mrdamper.report.time_to_limit import draw_limit, limit_answer, limit_words
+from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, picture_file, table_of
+from mrdamper.report.figures.style import HELD_OUT, MEASURED, TRAINING, WIDE
+from mrdamper.report.thermal.time_to_limit import draw_limit, limit_answer, limit_tile, limit_words
 from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json
 
@@ -113,9 +112,34 @@ def _figure(found: ObserveResult) -> Figure:
     return figure
 
 
-def _write_picture(found: ObserveResult, path: Path) -> None:
-    with drawing_style():
-        path.write_text(svg_of(_figure(found), "Temperatures within the damper"), encoding="utf-8")
+def _first(found: ObserveResult) -> FirstScreen:
+    low, high = _interval(found, found.fluid)
+    percent, hottest = f"{100.0 * found.probability:.0f} %", int(found.fluid.celsius.argmax())
+    words = limit_words(found.limit_degC, found.to_limit, found.probability, found.to_limit.looked_s).replace(
+        "degC", "°C"
+    )
+    ended = found.record.time[-1] / 60.0
+    return FirstScreen(
+        title=f"Temperatures within the damper: {found.record.name}",
+        subject=f"{len(found.record.time)} rows; from the end on {found.power_W:.0f} W and "
+        f"{found.current_A:.2g} A.",
+        verdict=f"the fluid is at {found.fluid.celsius[-1]:.1f} °C after {ended:.1f} min; limit of {words}",
+        tiles=(
+            Tile(
+                f"{found.fluid.celsius[-1]:.1f} °C",
+                "fluid at the end",
+                f"{percent}: {low[-1]:.1f} to {high[-1]:.1f} °C",
+            ),
+            limit_tile(found.limit_degC, found.to_limit, found.probability),
+            Tile(
+                f"{found.fluid.celsius[hottest]:.1f} °C",
+                "fluid at its hottest",
+                f"{percent}: {low[hottest]:.1f} to {high[hottest]:.1f} °C",
+            ),
+        ),
+        caption="Grey: what was read; lines: the observer's estimates, the fluid with its interval",
+        notes=found.notes,
+    )
 
 
 def _rows(found: ObserveResult) -> list[dict[str, object]]:
@@ -137,11 +161,17 @@ REPORT = Report(
     answer=_answer,
     show=_show,
     summary=_summary,
+    page=Page(
+        name="observe.html",
+        first=_first,
+        picture=_figure,
+        label="Temperatures within the damper",
+        sections=lambda found: table_of(_rows(found)),
+    ),
     files=(
-        WrittenFile(name="observe.svg", key="report", write=_write_picture),
+        picture_file("observe.svg", _figure, "Temperatures within the damper"),
         WrittenFile(name="observe.json", key="file"),
         WrittenFile(name="observe.csv", write=lambda found, path: write_table(path, _rows(found))),
     ),
-    figure=_figure,
     rows=_rows,
 )

@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from mrdamper.report.page import Tile
 from mrdamper.schema import Json, finite_or_none
 from mrdamper.thermal.estimation.sampling import TimeToLimit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["LIMIT_COLOUR", "draw_limit", "limit_answer", "limit_words"]
+__all__ = ["LIMIT_COLOUR", "draw_limit", "limit_answer", "limit_tile", "limit_words"]
 
 LIMIT_COLOUR = "#a03020"
 _ABOVE = 1.3  # a limit that is farther above all temperatures would flatten them
@@ -35,6 +36,16 @@ def limit_words(limit_degC: float, to_limit: TimeToLimit, probability: float, lo
     latest = f"{to_limit.high_s / 60.0:.1f} min" if math.isfinite(to_limit.high_s) else "later than that"
     held = f"{100.0 * probability:.0f} %: {to_limit.low_s / 60.0:.1f} min to {latest}"
     return f"{limit_degC:g} degC: reached after {to_limit.median_s / 60.0:.1f} min ({held})"
+
+
+def limit_tile(limit_degC: float, to_limit: TimeToLimit, probability: float) -> Tile:
+    """Return the time to a limit as a figure of a first screen."""
+    label = f"to the limit, {limit_degC:g} °C"
+    if to_limit.not_reached > 0.5:
+        return Tile("not reached", label, f"with {100.0 * to_limit.not_reached:.0f} %")
+    latest = f"{to_limit.high_s / 60.0:.1f} min" if math.isfinite(to_limit.high_s) else "not reached"
+    band = f"{100.0 * probability:.0f} %: {to_limit.low_s / 60.0:.1f} min to {latest}"
+    return Tile(f"{to_limit.median_s / 60.0:.1f} min", label, band)
 
 
 def draw_limit(axes: Axes, limit_degC: float, hottest_degC: float, start: float) -> None:

@@ -1,0 +1,189 @@
+"""The page of ``heat``: its first screen, its sections, and the words that terminal and page share."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from mrdamper.jobs.heat import HeatResult
+from mrdamper.models.card import ModelCard
+from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.report.figures.damper_section import draw_dampers, draw_field
+from mrdamper.report.figures.heat import draw_fade, draw_paths, temperature_figure
+from mrdamper.report.page import FirstScreen, Page, Tile
+from mrdamper.thermal.estimation.uncertainty import PredictionInterval
+from mrdamper.thermal.heatsink import HeatSink
+from mrdamper.thermal.model.network import PATHS
+from mrdamper.thermal.temperature_rise import Rise
+
+__all__ = [
+    "PAGE",
+    "end_band",
+    "limit_band",
+    "reached",
+    "shown_intervals",
+    "sink_in_words",
+    "temperature_flags",
+]
+
+_MODELS = {
+    "zones": "three axial zones",
+    "lumped": "one node (the paper's Eq. 8)",
+    "reduced": "finite elements, reduced to 16 unknowns",
+}
+
+
+def _first(run: HeatResult) -> FirstScreen:
+    rise, card, interval = run.rise, run.card, next(iter(shown_intervals(run)), None)
+    loss, limit = rise.force_loss_percent, rise.limit_K - ZERO_CELSIUS_K
+    minutes = f"{rise.time[-1] / 60:.4g} min"
+    bare = "" if run.bare is None else f"without the heat sink {run.bare.fluid_degC[-1]:.1f} °C"
+    hot = Tile(f"{rise.fluid_degC[-1]:.1f} °C", f"fluid after {minutes}", end_band(rise, interval) or bare)
+    left = Tile(reached(rise), f"to the fluid's limit, {limit:.4g} °C", limit_band(interval))
+    fade = Tile(
+        "–" if loss is None else f"{loss:.1f} %", "of the peak force at 20 °C lost by then", _peak_band(rise)
+    )
+    return FirstScreen(
+        title=f"Heating of {run.drawing.name}",
+        subject=f"Card: {card.title or card.damper.law.name}. Duty: {run.duty.text}. "
+        f"Model: {_MODELS[rise.model]}.",
+        verdict=_verdict(run),
+        tiles=(hot, left, fade),
+        caption=_caption(run),
+        flags=temperature_flags(card),
+        notes=run.notes,
+    )
+
+
+def _verdict(run: HeatResult) -> str:
+    rise, limit = run.rise, run.rise.limit_K - ZERO_CELSIUS_K
+    minutes, hot = rise.time[-1] / 60, rise.fluid_degC[-1]
+    said = f"the fluid stays below its limit of {limit:.4g} °C: it is at {hot:.1f} °C after {minutes:.4g} min"
+    if rise.time_to_limit_s is not None:
+        said = f"the fluid reaches its limit of {limit:.4g} °C after {reached(rise)} of this duty"
+    if run.bare is None:
+        return said
+    return f"{said}; the heat sink takes {run.bare.fluid_degC[-1] - hot:.1f} K off the temperature at the end"
+
+
+def _caption(run: HeatResult) -> str:
+    intervals = shown_intervals(run)
+    if not intervals:
+        return ""
+    rests = (
+        "Nothing was measured: drawing and card may be off (standard deviations: power and capacity 10 %, "
+    )
+    rests += "losses 25 %, inner conductances 30 %)"
+    if run.calibrated is not None:
+        rests = "The band is what the measured curve leaves open"
+        rests += "" if run.bare is None else "; without the sink nothing was measured"
+    share = f"{100 * intervals[0].probability:.0f} %"
+    held = f"The band holds the fluid's temperature with {share}, the thick line on the limit the time to it"
+    return f"{held}. {rests}"
+
+
+def temperature_flags(card: ModelCard) -> list[tuple[str, str]]:
+    """Return what a card assumes of temperature, or does not know of it, as flags of a first screen."""
+    damper, flags = card.damper, []
+    if damper.assumed:
+        names = ", ".join(name.replace("_", " ") for name in damper.assumed)
+        flags.append(
+            (
+                "Assumed, not identified",
+                f"The temperature laws of {names} come from a fluid: power and force below rest on that",
+            )
+        )
+    if not damper.temperature_dependent:
+        flags.append(
+            ("The card does not know temperature", "Its force, and so the mechanical power, is held constant")
+        )
+    return flags
+
+
+def _sections(run: HeatResult) -> dict[str, object]:
+    """Return what the page shows below the first screen."""
+    drawing, field = run.drawing, run.field
+    title = "the damper" if drawing.sink is None else sink_in_words(drawing.sink)
+    return {
+        "rises": run.rises,
+        "paths": draw_paths(run.rises),
+        "fade": draw_fade(run.rises),
+        "section": draw_dampers([(title, drawing)], "The damper to scale"),
+        "field": ""
+        if field is None
+        else draw_field(field.model.section, field.model.mesh, field.celsius, "Temperature field"),
+        "field_degC": None
+        if field is None
+        else [kelvin - ZERO_CELSIUS_K for kelvin in (field.fluid, field.coil, field.wall)],
+        "account": [_account(rise) for _, rise in run.rises],
+        "path_names": [path for path in PATHS if any(path in rise.energy_J for _, rise in run.rises)],
+        "model_words": _MODELS[run.rise.model],
+    }
+
+
+def _figure(run: HeatResult) -> Figure:
+    measured = None if run.calibrated is None else run.calibrated.curve
+    return temperature_figure(run.rises, shown_intervals(run), measured)
+
+
+def _account(rise: Rise) -> dict[str, tuple[float, float]]:
+    """Return energy [kJ] and its share of what went in [%], by name."""
+    energy = rise.energy_J
+    total = energy["mechanical"] + energy["coil"]
+    return {
+        name: (joule / 1e3, 100.0 * joule / total if total > 0.0 else 0.0) for name, joule in energy.items()
+    }
+
+
+def sink_in_words(sink: HeatSink) -> str:
+    """Return a sink in a few words: number, width, thickness, pitch, material."""
+    pitch = f" at {1e3 * sink.pitch:.3g} mm pitch" if sink.fins > 1 else ""
+    fins = "fin" if sink.fins == 1 else "fins"
+    return (
+        f"{sink.fins} {fins}, {1e3 * sink.width:.3g} mm wide, {1e3 * sink.thickness:.3g} mm thick{pitch}, "
+        f"{sink.material.name}"
+    )
+
+
+def shown_intervals(run: HeatResult) -> list[PredictionInterval]:
+    """Return the intervals that may stand beside the curves: none where the card is extrapolated."""
+    return [] if run.extrapolated else run.prediction_intervals
+
+
+def end_band(rise: Rise, interval: PredictionInterval | None, unit: str = "°C") -> str:
+    """Return the interval of the fluid's temperature at the end; empty where there is none."""
+    if interval is None:
+        return ""
+    near = int(np.argmin(np.abs(interval.time - rise.time[-1])))
+    low, high = interval.low[near] - ZERO_CELSIUS_K, interval.high[near] - ZERO_CELSIUS_K
+    return f"{low:.1f} to {high:.1f} {unit} with {100.0 * interval.probability:.0f} %"
+
+
+def reached(rise: Rise) -> str:
+    """Return when the fluid's limit is reached, in words."""
+    return "not reached" if rise.time_to_limit_s is None else f"{rise.time_to_limit_s / 60:.1f} min"
+
+
+def limit_band(interval: PredictionInterval | None) -> str:
+    """Return the interval of the time to the limit; empty where there is none."""
+    if interval is None or not math.isfinite((to_limit := interval.to_limit).low_s):
+        return ""
+    latest = f"{to_limit.high_s / 60:.1f} min" if math.isfinite(to_limit.high_s) else "not within the duty"
+    return f"{100 * interval.probability:.0f} %: {to_limit.low_s / 60:.1f} min to {latest}"
+
+
+def _peak_band(rise: Rise) -> str:
+    first, last = rise.peak_force_N[0], rise.peak_force_N[-1]
+    return f"{first:.0f} to {last:.0f} N" if math.isfinite(first) and math.isfinite(last) else ""
+
+
+PAGE = Page(
+    name="heat.html",
+    first=_first,
+    picture=_figure,
+    label="Temperatures over time",
+    template="heat.html.j2",
+    sections=_sections,
+)
