@@ -144,7 +144,7 @@ _ROWS = (
         run="mrdamper.jobs.simulate:simulate",
         result="mrdamper.jobs.simulate:SimulateResult",
         report="mrdamper.report.simulate:REPORT",
-        files_help="For simulate.svg, simulate.json, simulate.csv.",
+        files_help="For simulate.html, simulate.svg, simulate.json, simulate.csv.",
         progress_word="",
     ),
     Job(

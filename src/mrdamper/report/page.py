@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 __all__ = ["FirstScreen", "Page", "Tile", "environment", "sentence", "significant", "table_of"]
 
 Result = TypeVar("Result")
-_WIDEST = 7  # columns of the general table; what has more is in the CSV file
+_WIDEST, _LONGEST = 7, 120  # columns and rows of the general table; all of them are in the CSV file
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,9 +99,10 @@ class Page(Generic[Result]):
 
 
 def table_of(rows: Sequence[Mapping[str, object]]) -> dict[str, object]:
-    """Return what the general template shows of a table: its first columns, and how many rows there are."""
+    """Return what the general template shows of a table: its first columns, and rows all over it."""
     names = list(dict.fromkeys(name for row in rows for name in row))[:_WIDEST]
-    return {"columns": names, "rows": rows}
+    apart = -(-len(rows) // _LONGEST)
+    return {"columns": names, "rows": rows[:: max(apart, 1)], "every": apart}
 
 
 def sentence(text: str) -> str:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib.figure import Figure
 from rich.console import Console
@@ -11,9 +9,9 @@ from rich.console import Console
 from mrdamper.arrays import rms
 from mrdamper.jobs.simulate import SimulateResult
 from mrdamper.quantities import ZERO_CELSIUS_K
-from mrdamper.report.base import Report, WrittenFile
+from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, picture_file, table_of
 from mrdamper.report.figures.small_multiples import Line, Row, grid_figure
-from mrdamper.report.figures.style import MEASURED, colour_of, drawing_style, svg_of
+from mrdamper.report.figures.style import MEASURED, colour_of
 from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json
 
@@ -65,7 +63,7 @@ def _figure(found: SimulateResult) -> Figure:
         if found.measured is not None:
             lines.insert(0, Line(1e3 * x[thin], found.measured[thin], MEASURED, 2.6))
         rows.append(Row(label, "force, N", (tuple(lines),)))
-    return grid_figure([(found.motion, False)], rows, tall=2.0)
+    return grid_figure([(found.motion, False)], rows, tall=1.6)
 
 
 def _rows(found: SimulateResult) -> list[dict[str, object]]:
@@ -85,20 +83,46 @@ def _rows(found: SimulateResult) -> list[dict[str, object]]:
     return [dict(zip(columns, row, strict=True)) for row in zip(*rounded, strict=True)]
 
 
-def _write_picture(found: SimulateResult, path: Path) -> None:
-    with drawing_style():
-        path.write_text(svg_of(_figure(found), "Simulated loops"), encoding="utf-8")
+def _first(found: SimulateResult) -> FirstScreen:
+    answer, path = _answer(found), found.trajectory
+    low, high = answer["force_N"]
+    error = Tile(f"{len(path)}", "samples", f"a step of {1e3 * path.step:g} ms")
+    if found.measured is not None:
+        spread = float(np.std(found.measured[found.scored_from :]))
+        share = (
+            f"{100.0 * answer['rmse_N'] / spread:.1f} % of the measured force's spread"
+            if spread > 0.0
+            else ""
+        )
+        error = Tile(f"{answer['rmse_N']:.4g} N", "RMS error of the measured force", share)
+    return FirstScreen(
+        title=f"Force of {found.title or 'the card'}",
+        subject=f"{found.motion}.",
+        verdict=_summary(found)[-1],
+        tiles=(
+            Tile(f"{high:.4g} N", "largest force", f"from {low:.4g} N"),
+            Tile(f"{answer['power_W']:.4g} W", "mean power that the damper takes up"),
+            error,
+        ),
+        caption="Coloured: the card; grey, where there is one: the measured force",
+    )
 
 
 REPORT = Report(
     answer=_answer,
     show=_show,
     summary=_summary,
+    page=Page(
+        name="simulate.html",
+        first=_first,
+        picture=_figure,
+        label="Simulated loops",
+        sections=lambda found: table_of(_rows(found)),
+    ),
     files=(
-        WrittenFile(name="simulate.svg", key="report", write=_write_picture),
+        picture_file("simulate.svg", _figure, "Simulated loops"),
         WrittenFile(name="simulate.json", key="file"),
         WrittenFile(name="simulate.csv", write=lambda found, path: write_table(path, _rows(found))),
     ),
-    figure=_figure,
     rows=_rows,
 )

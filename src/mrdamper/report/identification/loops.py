@@ -84,7 +84,7 @@ _ERRORS_SAID = "Above each column its RMS error; red: held out."
 
 
 def overview(campaign: Campaign) -> Figure:
-    """Return the loops of few runs; of many the main motion at each command, and the worst run beside them."""
+    """Return the loops of few runs; of many the main motion at each command, beside the worst run."""
     unit, level = campaign.errors[0].command_unit, campaign.levels.values[0] if campaign.warm else None
     drawn = [(error.name, error) for error in campaign.errors]
     if len(drawn) > MOST_COLUMNS:
