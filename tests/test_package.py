@@ -8,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import mrdamper
@@ -59,6 +60,25 @@ def test_a_card_is_scored_without_loading_what_fits_one():
 def test_importing_the_package_takes_at_most_30_ms_of_cpu():
     bare = cpu_ms(sys.executable, "-c", "pass")
     assert cpu_ms(sys.executable, "-c", "import mrdamper") - bare <= 30.0
+
+
+def test_the_first_picture_of_own_data_takes_at_most_3_s_of_cpu(tmp_path, monkeypatch):
+    """As after an installation: Matplotlib has looked at no font yet."""
+    monkeypatch.setenv("MPLCONFIGDIR", str(tmp_path / "fonts"))
+    time = np.arange(0.0, 3.0, 2e-3)
+    x = 0.01 * np.sin(2.0 * np.pi * time)
+    force = 400.0 * np.tanh(50.0 * np.gradient(x, time)) + 1e3 * np.gradient(x, time)
+    np.savetxt(
+        tmp_path / "own.csv",
+        np.column_stack([time, 1e3 * x, force, np.ones_like(time)]),
+        delimiter=",",
+        header="time_s,displacement_mm,force_N,current_A",
+        comments="",
+    )
+    code = f"import mrdamper; mrdamper.read({str(tmp_path / 'own.csv')!r}).plot().savefig('own.svg')"
+    monkeypatch.chdir(tmp_path)
+    assert cpu_ms(sys.executable, "-c", code, repeats=1) <= 3000.0
+    assert "<svg" in (tmp_path / "own.svg").read_text(encoding="utf-8")
 
 
 def test_help_takes_at_most_200_ms_of_cpu():

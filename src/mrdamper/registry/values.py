@@ -44,7 +44,8 @@ def drawn(draw: Callable[[], Figure], label: str) -> Figure:
 def shown_in_notebook(text: str, picture: Figure | None) -> str:
     """Return the HTML of a value: its lines, and its picture where it has one."""
     svg = "" if picture is None else vars(picture)["_repr_svg_"]()
-    return f"<pre>{escape(text)}</pre>{svg}"
+    narrow = svg.replace("<svg", '<svg style="max-width: 100%; height: auto"', 1)
+    return f"<pre>{escape(text)}</pre>{narrow}"
 
 
 # ---------------------------------------------------------------------------------------- runs and cards
