@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mrdamper.control.card_plant import LAWS_AS_PLANT, CardPlant
+from mrdamper.control.card_plant import CardPlant
 from mrdamper.errors import InputError
 from mrdamper.excitation import MOTIONS, drive
 from mrdamper.models.actuation import Actuation
@@ -56,8 +56,11 @@ FORMS: dict[str, ParameterLaw] = {
 
 
 def damper(law="double-bouc-wen", *, lag=None, **changed):
-    known = LAWS[law].names
-    forms = {name: form for name, form in {**FORMS, **changed}.items() if name in known}
+    usual = {
+        c.name: Constant(max(c.lower, 1.0) if c.default is None else c.default)
+        for c in LAWS[law].coefficients
+    }
+    forms = {name: form for name, form in {**usual, **FORMS, **changed}.items() if name in usual}
     return Damper(LAWS[law], forms, actuation=lag, temperature_range=(288.15, 398.15))
 
 
@@ -79,7 +82,7 @@ def swing(t):
 
 
 @pytest.mark.system
-@pytest.mark.parametrize("law", LAWS_AS_PLANT)
+@pytest.mark.parametrize("law", list(LAWS))
 def test_it_is_the_causal_simulation_of_the_same_damper(law):
     """At 10 kHz within 1e-3 of the peak force, the inertia's differenced acceleration included."""
     whole = path(swing)
@@ -104,7 +107,9 @@ def test_the_size_of_the_blocks_does_not_matter(size):
     lag = Actuation(rise_s=0.009, fall_s=0.006, second_s=0.003, delay_s=0.0035)
     whole = path(swing)
     at_once = in_blocks(CardPlant(damper(lag=lag)), whole, len(whole))
-    assert in_blocks(CardPlant(damper(lag=lag)), whole, size) == pytest.approx(at_once, abs=1e-8)
+    # a block of one sample takes the turning point at the sample
+    near = 1e-6 * np.abs(at_once).max() if size == 1 else 1e-8
+    assert in_blocks(CardPlant(damper(lag=lag)), whole, size) == pytest.approx(at_once, abs=near)
 
 
 def test_a_copy_goes_its_own_way():
@@ -125,9 +130,9 @@ def test_a_closed_cycle_takes_work_at_every_current():
         assert np.sum(force[last] * whole.velocity[last]) > 0.0
 
 
-def test_a_law_that_is_not_the_kernels_is_refused_with_the_remedy():
-    own = replace(damper("bingham"), law=replace(LAWS["bingham"], name="own"))
-    with pytest.raises(InputError, match=r"a card of the law 'own' cannot be the plant; expected one of"):
+def test_a_law_in_python_is_refused_with_the_remedy():
+    own = replace(damper("bingham"), law=replace(LAWS["bingham"], name="own", kernel=None, python=object()))  # type: ignore[arg-type]  # it is never asked
+    with pytest.raises(InputError, match=r"law .own., which is in Python, cannot be the plant; expected a"):
         CardPlant(own)
 
 

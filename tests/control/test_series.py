@@ -226,7 +226,7 @@ def feasible_rms(model: Damper, name: str, **values: float) -> float:
 
 @pytest.mark.system
 def test_without_lags_the_inverse_gives_the_wanted_force() -> None:
-    """On the law as a plant, whose powers and roots are the library's: 5 N of 900."""
+    """On the law as the kernel carries it, without the controller's tables: 5 N of 900."""
     assert feasible_rms(damper(AT_ONCE), "exact", inverse__margin=-1.0) < 8.0
 
 
