@@ -81,6 +81,25 @@ def test_the_first_picture_of_own_data_takes_at_most_3_s_of_cpu(tmp_path, monkey
     assert "<svg" in (tmp_path / "own.svg").read_text(encoding="utf-8")
 
 
+def test_every_module_is_imported_where_unix_alone_has_some():
+    """As on Windows: no fcntl, resource, pwd, grp or termios, and a select without poll."""
+    code = """
+import importlib, pkgutil, select, sys
+for name in ("fcntl", "resource", "pwd", "grp", "termios"):
+    sys.modules[name] = None
+del select.poll, select.POLLIN, select.POLLOUT
+import mrdamper
+found = [each.name for each in pkgutil.walk_packages(mrdamper.__path__, "mrdamper.")]
+for name in found:
+    if not name.endswith("__main__"):
+        importlib.import_module(name)
+print(len(found))
+"""
+    run = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
+    assert int(run.stdout) > 200
+
+
 def test_help_takes_at_most_200_ms_of_cpu():
     assert cpu_ms(script(), "--help") <= 200.0
 

@@ -61,6 +61,7 @@ class MrdamperError(Exception):
     """
 
     exit_code: ClassVar[int] = 1
+    spell: Callable[[str], str] = str  # how the face in use names options; the terminal by default
 
     def __init__(
         self,
@@ -71,7 +72,6 @@ class MrdamperError(Exception):
         remedy: str = "",
         faults: Sequence[MrdamperError] = (),
     ) -> None:
-        self.spell: Callable[[str], str] = str  # how the face that is in use names options
         self.place, self.found, self.expected, self.remedy = str(place), found, expected, remedy
         self.faults = tuple(faults)
         super().__init__(self._said())

@@ -26,6 +26,7 @@ from mrdamper.schema import Json
 
 __all__ = ["Answer", "Worker", "WorkerEndedError", "WorkerFaultError", "WorkerLateError", "WorkerOptions"]
 
+_READABLE, _WRITABLE = getattr(select, "POLLIN", 0), getattr(select, "POLLOUT", 0)
 _COMMAND = (sys.executable, "-P", "-m", "mrdamper.runtime")  # -P: no file in the working folder is imported
 _PIECE = 1 << 16  # bytes that are taken at once: what a pipe holds
 _LONGEST_LINE = 1 << 30  # bytes
@@ -156,7 +157,7 @@ class Worker:
         process = self._process
         if process is None or self._owner != os.getpid():  # a fork's copy is not ours to end
             return
-        if self.options.own_group:
+        if self.options.own_group and hasattr(os, "killpg"):
             with suppress(ProcessLookupError, PermissionError):
                 os.killpg(process.pid, signal.SIGKILL)
         process.kill()
@@ -186,7 +187,7 @@ class Worker:
                 raise EOFError
             left = memoryview(line)
             while left:
-                _wait(pipe, select.POLLOUT, until)
+                _wait(pipe, _WRITABLE, until)
                 left = left[os.write(pipe.fileno(), left[:_PIECE]) :]
 
     def _line(self, until: float | None) -> bytes:
@@ -214,7 +215,7 @@ class Worker:
         """Return the handle of standard output when something can be read there, be it the end."""
         assert self._process is not None
         assert self._process.stdout is not None
-        _wait(self._process.stdout, select.POLLIN, until)
+        _wait(self._process.stdout, _READABLE, until)
         return self._process.stdout.fileno()
 
 
@@ -230,7 +231,8 @@ def start_process(options: WorkerOptions) -> subprocess.Popen[bytes]:
         start_new_session=options.own_group,
     )
     assert process.stdin is not None
-    os.set_blocking(process.stdin.fileno(), False)  # a process that does not listen is late, too
+    if hasattr(select, "poll"):
+        os.set_blocking(process.stdin.fileno(), False)  # a process that does not listen is late, too
     return process
 
 
@@ -240,6 +242,8 @@ def _plain_room(size: int) -> memoryview:
 
 def _wait(pipe: IO[bytes], event: int, until: float | None) -> None:
     """Wait until a pipe can be read or written, or has come to its end."""
+    if not hasattr(select, "poll"):  # Windows: reading waits by itself, without a deadline
+        return
     poll = select.poll()
     poll.register(pipe.fileno(), event)
     if not poll.poll(None if until is None else 1e3 * max(until - time.monotonic(), 0.0)):

@@ -14,9 +14,7 @@ from __future__ import annotations
 
 import importlib
 import json
-import math
 import os
-import resource
 import select
 import signal
 import sys
@@ -29,11 +27,10 @@ from dataclasses import asdict, dataclass
 from typing import IO, NoReturn
 
 from mrdamper.errors import MrdamperError
+from mrdamper.runtime.limits import leave_no_core, limit_memory, limit_processor, lower_priority
 from mrdamper.schema import Json
 
 __all__ = ["Handler", "Reply", "WorkerOptions", "error_record", "main", "run", "supervisor_is_gone"]
-
-_MOST_SHARE = 0.75  # of the machine's memory
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,11 +94,10 @@ def run(options: WorkerOptions) -> NoReturn:
     """Answer questions on standard input until they end."""
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
-    os.nice(options.nice)
-    _bound(resource.RLIMIT_CORE, 0)
+    lower_priority(options.nice)
+    leave_no_core()
     if options.memory_bytes is not None:
-        machine = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-        _bound(resource.RLIMIT_DATA, int(min(options.memory_bytes, _MOST_SHARE * machine)))
+        limit_memory(options.memory_bytes)
     threading.Thread(target=_watch, args=(options.grace_s,), daemon=True).start()
     module, _, name = options.handler.partition(":")
     _serve(getattr(importlib.import_module(module), name)(), os.fdopen(0, "rb", closefd=False), answers)
@@ -113,7 +109,7 @@ def _serve(handler: Handler, questions: Iterable[bytes], answers: IO[bytes]) -> 
     for line in questions:
         asked = json.loads(line)
         _busy.set()
-        _bound_processor(asked["seconds"])
+        limit_processor(asked["seconds"])
         try:
             reply = handler(asked["question"])
             head = {"answer": reply.answer, "parts": [part.nbytes for part in reply.parts]}
@@ -146,6 +142,8 @@ def error_record(fault: Exception) -> Json:
 
 def _watch(grace_s: float) -> None:
     """Wait until the other end of standard input is closed; end what is at work then."""
+    if not hasattr(select, "poll"):  # Windows: an idle process ends, one at work first ends its work
+        return
     poll = select.poll()
     poll.register(0, 0)  # hang-ups alone: questions are for the main thread
     poll.poll()
@@ -157,20 +155,3 @@ def _watch(grace_s: float) -> None:
         if os.getpgid(0) == os.getpid():
             os.killpg(0, signal.SIGKILL)
         os.kill(os.getpid(), signal.SIGKILL)
-
-
-def _bound(kind: int, most: int) -> None:
-    _, hard = resource.getrlimit(kind)
-    resource.setrlimit(kind, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
-
-
-def _bound_processor(seconds: float | None) -> None:
-    """Bound the processor time that this process may take from now on, on each of its processors."""
-    if seconds is None:
-        resource.setrlimit(resource.RLIMIT_CPU, (resource.getrlimit(resource.RLIMIT_CPU)[1],) * 2)
-        return
-    used = resource.getrusage(resource.RUSAGE_SELF)
-    _bound(
-        resource.RLIMIT_CPU,
-        math.ceil(used.ru_utime + used.ru_stime + seconds * (os.cpu_count() or 1)) + 1,
-    )
