@@ -21,7 +21,7 @@ from typing import IO
 
 from mrdamper import errors
 from mrdamper.errors import MrdamperError
-from mrdamper.runtime.worker_process import WorkerOptions
+from mrdamper.runtime.worker_process import ErrorRecord, WorkerOptions
 from mrdamper.schema import Json
 
 __all__ = ["Answer", "Worker", "WorkerEndedError", "WorkerFaultError", "WorkerLateError", "WorkerOptions"]
@@ -137,7 +137,7 @@ class Worker:
             except BaseException:  # an interrupt: what is still to come would answer the next question
                 self.stop()
                 raise
-        raise _raised(found["error"])
+        raise _raised(ErrorRecord(**found["error"]))
 
     def interrupt(self) -> None:
         """Send the process what Ctrl-C sends."""
@@ -250,18 +250,18 @@ def _wait(pipe: IO[bytes], event: int, until: float | None) -> None:
         raise TimeoutError
 
 
-def _raised(record: Json) -> Exception:
-    """Return the exception that ``error_record`` described."""
-    kind = getattr(errors, str(record["type"]), None)
+def _raised(record: ErrorRecord) -> Exception:
+    """Return the exception that was described."""
+    kind = getattr(errors, record.type, None)
     if isinstance(kind, type) and issubclass(kind, MrdamperError):
-        fault = kind.__new__(kind, *record["args"])  # its fields are those that were sent
-        vars(fault).update(record["fields"])
-        vars(fault)["faults"] = tuple(_raised(each) for each in record["fields"]["faults"])
+        fault = kind.__new__(kind, *record.args)  # its fields are those that were sent
+        vars(fault).update(record.fields)
+        fault.faults = tuple(_raised(ErrorRecord(**each)) for each in record.faults)  # type: ignore[misc]
         return fault
-    if record["type"] == "OSError":
-        found = OSError(record["errno"], record["said"], record["filename"])
-        found.add_note(record["trace"])
+    if record.type == "OSError":
+        found = OSError(record.errno, record.said, record.filename)
+        found.add_note(record.trace)
         return found
-    if record["type"] == "MemoryError":
+    if record.type == "MemoryError":
         return MemoryError()
-    return WorkerFaultError(str(record.get("trace", "")))
+    return WorkerFaultError(record.trace)

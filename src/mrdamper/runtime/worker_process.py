@@ -21,16 +21,25 @@ import sys
 import threading
 import time
 import traceback
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass
-from typing import IO, NoReturn
+from dataclasses import asdict, dataclass, field
+from typing import IO, Any, NoReturn
 
 from mrdamper.errors import MrdamperError
 from mrdamper.runtime.limits import leave_no_core, limit_memory, limit_processor, lower_priority
 from mrdamper.schema import Json
 
-__all__ = ["Handler", "Reply", "WorkerOptions", "error_record", "main", "run", "supervisor_is_gone"]
+__all__ = [
+    "ErrorRecord",
+    "Handler",
+    "Reply",
+    "WorkerOptions",
+    "error_record",
+    "main",
+    "run",
+    "supervisor_is_gone",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +124,7 @@ def _serve(handler: Handler, questions: Iterable[bytes], answers: IO[bytes]) -> 
             head = {"answer": reply.answer, "parts": [part.nbytes for part in reply.parts]}
             told = json.dumps(head, ensure_ascii=False, allow_nan=False)
         except Exception as fault:
-            reply, told = Reply({}), json.dumps({"error": error_record(fault)})
+            reply, told = Reply({}), json.dumps({"error": asdict(error_record(fault))}, default=str)
         with suppress(BrokenPipeError):  # nobody waits for it any more
             answers.write(told.encode() + b"\n")
             for part in reply.parts:
@@ -124,20 +133,39 @@ def _serve(handler: Handler, questions: Iterable[bytes], answers: IO[bytes]) -> 
         _busy.clear()
 
 
-def error_record(fault: Exception) -> Json:
-    """Return an exception as JSON: its class's name, its arguments and its fields; of a fault its trace."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ErrorRecord:
+    """An exception as JSON has it: its class's name, its arguments and its fields; of a fault its trace."""
+
+    type: str
+    args: Sequence[str] = ()
+    fields: Mapping[str, Any] = field(default_factory=dict)
+    faults: Sequence[Json] = ()  # those that were gathered into it
+    errno: int | None = None
+    said: str = ""
+    filename: str | None = None
+    trace: str = ""
+
+
+def error_record(fault: Exception) -> ErrorRecord:
+    """Return what an exception was, for the process that asked."""
+    kind = type(fault).__name__
     if isinstance(fault, MrdamperError):
-        fields = {**vars(fault), "faults": [error_record(each) for each in fault.faults]}
-        record = {"type": type(fault).__name__, "args": fault.args, "fields": fields}
-        found: Json = json.loads(json.dumps(record, default=str))
-        return found
+        fields = {name: value for name, value in vars(fault).items() if name != "faults"}
+        faults = [asdict(error_record(each)) for each in fault.faults]
+        return ErrorRecord(type=kind, args=fault.args, fields=fields, faults=faults)
     if isinstance(fault, MemoryError):
-        return {"type": "MemoryError"}
+        return ErrorRecord(type="MemoryError")
     if isinstance(fault, OSError):
-        return {"type": "OSError", "errno": fault.errno, "said": fault.strerror or str(fault),
-                "filename": None if fault.filename is None else os.fsdecode(fault.filename),
-                "trace": traceback.format_exc()}  # fmt: skip
-    return {"type": "Exception", "trace": "".join(traceback.format_exception(fault))}
+        said, name = fault.strerror or str(fault), fault.filename
+        return ErrorRecord(
+            type="OSError",
+            errno=fault.errno,
+            said=said,
+            filename=None if name is None else os.fsdecode(name),
+            trace=traceback.format_exc(),
+        )
+    return ErrorRecord(type="Exception", trace="".join(traceback.format_exception(fault)))
 
 
 def _watch(grace_s: float) -> None:

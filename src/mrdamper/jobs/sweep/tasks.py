@@ -7,7 +7,7 @@ fault of the input is a result, too; a fault of the program is raised.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -30,7 +30,7 @@ from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.rig.damper import find_preset
 from mrdamper.rig.plant import Plant
 from mrdamper.runtime.worker_process import Handler, Reply
-from mrdamper.schema import read_record
+from mrdamper.schema import Json, read_record
 from mrdamper.thermal.drawing_file import read_drawing
 from mrdamper.thermal.duty import read_duty
 
@@ -45,17 +45,16 @@ def task_handler() -> Handler:
 def run_task(kind: str, seed: int, what: What) -> What:
     """Return ``{"figures": numbers by name}``, ``card`` where one was identified, or ``{"error": why}``."""
     try:
-        return _KINDS[kind](seed, what)
+        return _KINDS[kind](seed, **what)
     except MrdamperError as fault:
         return {"error": str(fault)}
 
 
-def _identify(seed: int, what: What) -> What:
-
-    channels = what["channels"]
-    dataset = read_dataset([what["path"]], None if channels is None else Path(channels))
-    options = read_record(FitOptions, what["options"] | {"seed": seed % 2**31}, what["path"])
-    fitted = identify(dataset, what["law"], options=options_for(dataset, options))
+def _identify(seed: int, *, path: str, law: str | None, channels: str | None, options: Json) -> What:
+    """Return a campaign's figures and card."""
+    dataset = read_dataset([path], None if channels is None else Path(channels))
+    asked = read_record(FitOptions, options | {"seed": seed % 2**31}, path)
+    fitted = identify(dataset, law, options=options_for(dataset, asked))
     judged = fitted.assessment
     figures: dict[str, float | None] = {}
     for split in ("training", "held_out"):
@@ -66,23 +65,33 @@ def _identify(seed: int, what: What) -> What:
     return {"figures": _plain(figures), "card": json.loads(card_text(fitted.card(judged)))}
 
 
-def _tolerance(seed: int, what: What) -> What:
-
-    card = read_card(what["card"])
-    damper = find_preset(what["plant"]).draw(np.random.default_rng(seed), what["spread_percent"] / 100.0)
-    largest = min(damper.highest_A, card.envelope.command[1])
-    controller = controllers_for(card, period_s=1.0 / what["rate_Hz"], largest=largest)[what["controller"]]
-    plant = Plant(damper)
+def _tolerance(
+    seed: int,
+    *,
+    card: str,
+    plant: str,
+    spread_percent: float,
+    controller: str,
+    targets: Sequence[str],
+    temperatures_degC: Sequence[float],
+    rate_Hz: float,
+) -> What:
+    """Return the tracking errors on one damper that is drawn around another."""
+    known = read_card(card)
+    damper = find_preset(plant).draw(np.random.default_rng(seed), spread_percent / 100.0)
+    largest = min(damper.highest_A, known.envelope.command[1])
+    made = controllers_for(known, period_s=1.0 / rate_Hz, largest=largest)[controller]
+    rig = Plant(damper)
     figures: dict[str, float | None] = {}
-    for target in what["targets"]:
+    for target in targets:
         scores = []
-        for degrees in what["temperatures_degC"] or TEMPERATURES_DEGC:
+        for degrees in temperatures_degC or TEMPERATURES_DEGC:
             scenario = replace(
                 find_scenario(target), temperature_degC=degrees, highest_A=largest, seed=seed % 2**31
             )
-            course = reference_trajectory(scenario, plant.step_s)
-            reach = attainable_range(plant, course, degrees, largest)
-            run = run_loop(plant, controller, scenario, course)
+            course = reference_trajectory(scenario, rig.step_s)
+            reach = attainable_range(rig, course, degrees, largest)
+            run = run_loop(rig, made, scenario, course)
             scores.append(score_run(run, reach, resistance_ohm=damper.coil_resistance_ohm(degrees)))
         score = worst(scores)
         figures |= {
@@ -94,10 +103,10 @@ def _tolerance(seed: int, what: What) -> What:
     return {"figures": _plain(figures)}
 
 
-def _sink(seed: int, what: What) -> What:
-
-    options = read_record(SinkOptions, what["options"] | {"seed": seed % 2**31}, what["damper"])
-    run = sink(read_card(what["card"]), read_drawing(what["damper"]), read_duty(what["duty"]), options)
+def _sink(seed: int, *, card: str, damper: str, duty: str, options: Json) -> What:
+    """Return the temperatures without fins, as drawn and with the best sink, and that sink."""
+    asked = read_record(SinkOptions, options | {"seed": seed % 2**31}, damper)
+    run = sink(read_card(card), read_drawing(damper), read_duty(duty), asked)
     best = run.best.sink
     assert best is not None  # a search returns sinks
     return {
@@ -123,7 +132,7 @@ def _plain(figures: Mapping[str, float | None]) -> dict[str, float | None]:
     }
 
 
-_KINDS: Mapping[str, Callable[[int, What], What]] = {
+_KINDS: Mapping[str, Callable[..., What]] = {
     "identify": _identify,
     "tolerance": _tolerance,
     "sink": _sink,
