@@ -76,7 +76,7 @@ TYPICAL: Mapping[str, Mapping[str, float]] = {
         **{"leak_damping": 2e4, "leak_exponent": 0.9, "bristle_share": 0.5, "bristle_stiffness": 3e6},
         **{"bristle_spread": 0.8, "friction_force": 40.0, "friction_stiffness": 5e5, "static_excess": 0.4},
         **{"fade_velocity": 0.01, "memory_force": 60.0, "memory_stiffness": 1.5e4, "gas_force": -150.0},
-        **{"gas_length": 0.08, "play": 3e-5, "follow_share": 0.6},
+        **{"gas_length": 0.08, "play": 3e-5, "follow_share": 0.6, "creep": 5e-6, "knee": 0.4},
     },
 }
 ONE_SIDED: Mapping[str, Mapping[str, float]] = {
@@ -298,11 +298,23 @@ def test_the_share_of_a_bristle_s_force_that_follows_the_current(share):
     assert force[-1] == pytest.approx(600.0, rel=1e-3)
 
 
+def test_a_slot_creeps_in_a_straight_line_up_to_its_yield_force():
+    """With a sharp knee force is speed over creep below the yield force, whatever that is; and that above."""
+    for level in (200.0, 800.0):
+        for speed in (5e-4, 2e-3, 0.05):
+            d = bare("chain", yield_force=level, yield_velocity=1e-9, creep=5e-6, knee=1.0,
+                     gap_stiffness=1e9, leak_damping=0.0)  # fmt: skip
+            time = np.arange(301, dtype=np.float64) * 1e-3
+            v, still = np.full(301, speed), np.zeros(301)
+            force = simulate(d, Trajectory(1e-3, np.asarray(speed * time), v, still, still))
+            assert force[-1] == pytest.approx(min(speed / 5e-6, level), rel=2e-3)
+
+
 @pytest.mark.system
 def test_the_chain_meets_the_integrator_with_order_one():
-    """Every term on; of the peak force at 1/2, 1/8 and 1/32 ms."""
+    """Every term on but the corner, at which the integrator gives up; at 1/2, 1/8 and 1/32 ms."""
     trajectory = random_drive(0, duration=0.6)
-    d = damper("chain", **FRICTION)
+    d = damper("chain", **FRICTION, creep=0.0, knee=0.0)
     exact = simulate_reference(d, trajectory, tolerance=1e-8)
 
     def error(step: float) -> float:
@@ -483,6 +495,7 @@ PASSIVE = {
         **{"static_excess": st.floats(0, 3), "fade_velocity": decades(1e-4, 1.0), "memory_force": positive},
         **{"memory_stiffness": decades(1e2, 1e6), "gas_force": st.floats(-500, 500)},
         **{"gas_length": decades(0.2, 2.0), "play": st.floats(0, 1e-3)},
+        **{"creep": decades(1e-8, 1e-4), "knee": st.floats(0, 1)},
     },
 }
 

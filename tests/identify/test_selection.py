@@ -12,8 +12,11 @@ import pytest
 from mrdamper.data.prepare import PreparedRun
 from mrdamper.errors import InputError
 from mrdamper.identify.checkpoint import CheckpointStore
-from mrdamper.identify.selection.candidates import Candidate, Judge
+from mrdamper.identify.selection.candidates import Candidate
+from mrdamper.identify.selection.judge import Judge
 from mrdamper.identify.selection.select import select
+from mrdamper.models.damper import Damper
+from mrdamper.models.dependence import Constant
 from mrdamper.runtime.signals import Interrupted
 from tests.identify.truths import TRUTHS, measured
 
@@ -92,7 +95,7 @@ def test_an_interrupted_choice_keeps_the_best_so_far_and_goes_on_where_it_was(ru
     whole, memory = select(Judge(runs), LAWS), Memory()
     cross_validate = Judge.cross_validate
 
-    def stops(self, fitted):
+    def stops(self, fitted, former=None):
         raise Interrupted
 
     monkeypatch.setattr(Judge, "cross_validate", stops)
@@ -113,3 +116,40 @@ def test_of_laws_alike_the_one_that_a_controller_takes_is_preferred(runs):
     assert found.chosen.candidate.law == "bouc-wen"
     found = select(judge, ("dahl", "bouc-wen"), supports=lambda damper: damper.law.name == "dahl")
     assert found.chosen.candidate.law == "dahl"
+
+
+@pytest.fixture(scope="module")
+def slot() -> tuple[Damper, tuple[PreparedRun, ...]]:
+    """Return a slot whose fluid creeps before it yields, with a mass, and runs of it."""
+    truth = TRUTHS["chain"]
+    more = {"viscosity": 900.0, "creep": 2e-5, "knee": 0.8, "mass": 3.0}
+    more |= {"friction_force": 60.0, "friction_stiffness": 2e5, "thinning": 0.0}
+    damper = replace(truth, coefficients={**truth.coefficients, **{k: Constant(v) for k, v in more.items()}})
+    return damper, measured(damper, noise=0.02, seed=2, rate_Hz=250.0)
+
+
+def test_a_law_of_groups_grows_to_what_is_there(slot):
+    """From the nearest archetype; what grows is no worse than it on what was left out."""
+    damper, runs = slot
+    found = select(Judge(runs), ("chain",))
+    on = found.chosen.damper.parameters
+    assert set(found.chosen.candidate.groups) >= {"viscosity", "creep", "knee", "friction"}
+    assert on["creep.value"] == pytest.approx(damper.parameters["creep.value"], rel=0.2)
+    assert on["viscosity.value"] == pytest.approx(damper.parameters["viscosity.value"], rel=0.1)
+    begun = [row for row in found.table if row.groups == ("viscosity", "creep", "knee", "friction")]
+    assert found.table[0].left_out_percent <= begun[0].left_out_percent
+    assert found.table[0].left_out_percent < 3.0
+
+
+def test_stages_lead_to_the_groups_that_are_asked_for(slot):
+    """No stage ends above the one before: a group begins at the size that misses least."""
+    damper, runs = slot
+    judge, terms = Judge(runs), ("mass", "knee", "creep", "viscosity", "friction")
+    staged = judge.staged(Candidate("chain", terms))
+    few = judge.staged(Candidate("chain", terms[1:4]))
+    assert staged is not None
+    assert few is not None
+    errors = [judge.fit_from(Candidate("chain", on), begun).training_percent
+              for on, begun in ((terms[1:4], few), (terms, staged))]  # fmt: skip
+    assert errors[1] < min(errors[0], 3.0)
+    assert staged.parameters["creep.value"] == pytest.approx(damper.parameters["creep.value"], rel=0.3)

@@ -179,7 +179,9 @@ def _chain_bristles(q: float, y: float, c: Values) -> list[tuple[float, float]]:
 def _chain_valve(y: float, q: float, c: Values) -> float:
     """Return the force of the chain's valve but for its bristles [N]."""
     growth = 1.0 + c["position_gain"] * q + c["position_curvature"] * q**2
-    t = math.tanh(y / c["yield_velocity"])
+    u = y / (c["yield_velocity"] + c["creep"] * c["yield_force"])
+    line = 0.5 * (math.hypot(u + 1.0, 0.05) - math.hypot(u - 1.0, 0.05))
+    t = math.tanh(u) + c["knee"] * (line - math.tanh(u))
     viscoplastic = c["yield_force"] * (1.0 - c["bristle_share"]) * (1.0 + c["asymmetry"] * t) * t
     size = c["thinning"] * c["yield_force"] + c["thinning_force"]
     thinning = math.copysign(math.pow(abs(y) / c["reference_speed"], c["thinning_exponent"]), y) * size

@@ -30,7 +30,8 @@ from mrdamper.identify.predict import at_reference, finite, predict, prepare_all
 from mrdamper.identify.problem import Estimate, FitProblem, FitResult, envelope_of
 from mrdamper.identify.search.population import fit_cma, fit_genetic
 from mrdamper.identify.search.variable_projection import MOST_ITERATIONS, fit_variable_projection
-from mrdamper.identify.selection.candidates import Candidate, Judge
+from mrdamper.identify.selection.candidates import Candidate
+from mrdamper.identify.selection.judge import Judge
 from mrdamper.identify.temperature import (
     TEMPERATURES,
     FluidFactors,

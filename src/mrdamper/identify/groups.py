@@ -60,6 +60,7 @@ class Scale:
             "1/m": 1.0 / stroke,
             "1/m^2": 1.0 / stroke**2,
             "m/s": speed,
+            "m/(N s)": speed / force,
             "s/m": 1.0 / speed,
             "(s/m)^m": speed**-0.5,
             "-": 1.0,
@@ -159,7 +160,7 @@ _CHAIN = (
     _Free("yield_force", "hill", 1e-4, 3.0, "log", 0.4),
     _Free("yield_velocity", "constant", 5e-4, 1.0, "log", 0.03),
     _Free("thinning", "constant", 1e-4, 30.0, "log", 0.3),
-    _Free("thinning_exponent", "constant", 0.1, 1.5, start=0.6),
+    _Free("thinning_exponent", "constant", 0.1, 1.0, start=0.6),
     _Free("reference_speed", "fixed", 1.0, 1.0, start=1.0),
     _Free("gap_stiffness", "constant", 0.3, 1e6, "log", 50.0),
     _Free("leak_damping", "constant", 1e-3, 1e5, "log", 10.0),
@@ -228,6 +229,8 @@ _EVERY_LAW = (
 
 _CHAIN_GROUPS = (
     LawGroup("thinning", (_Free("thinning_force", "hill", 1e-5, 5.0, "log", 0.1),)),
+    LawGroup("creep", (_Free("creep", "constant", 1e-4, 3.0, "log", 0.03),)),
+    LawGroup("knee", (_Free("knee", "constant", 0.0, 1.0, start=0.5),)),
     LawGroup("viscosity", (_Free("viscosity", "constant", 0.0, 2.0, start=0.02),)),
     LawGroup("mass", (_Free("mass", "constant", 0.0, 1.0, start=0.005),)),
     LawGroup("orifice", (_Free("orifice", "constant", 0.0, 5.0, start=0.02),)),
@@ -311,6 +314,9 @@ _ARCHETYPES: Mapping[str, tuple[Archetype, ...]] = MappingProxyType(
                     "thinning": 1e-3,
                     "thinning_force": 0.3,
                 },
+            ),
+            Archetype(  # a slot whose fluid creeps before it yields
+                ("viscosity", "creep", "knee", "friction"), {"yield_velocity": 3e-3, "creep": 0.3}
             ),
         )
     }

@@ -63,6 +63,7 @@ _VISCOUS = (
     "bristle_damping",
 )
 _YIELDING = ("yield_force", "second_force", "rate_force", "memory_force", "bristle_stiffness")
+_MOBILE = ("creep",)  # one over a viscosity
 _FRICTION = ("coulomb_friction", "breakaway_friction", "friction_force")
 LEVEL_K = 5.0  # temperatures closer than this are one level
 _NEEDED = {"arrhenius": 2, "reynolds": 2, "vft": 3, "paper": 3}  # temperatures that a kind takes
@@ -142,7 +143,7 @@ def apply_temperature(
     """
     kind = "arrhenius" if kind == "auto" else kind
     needed = _NEEDED[kind]
-    concerned = [name for name in forms if name in (*_VISCOUS, *_YIELDING, *_FRICTION)]
+    concerned = [name for name in forms if name in (*_VISCOUS, *_YIELDING, *_FRICTION, *_MOBILE)]
     if len(levels) < needed:
         found = ", ".join(f"{level - ZERO_CELSIUS_K:.0f}" for level in levels)
         raise InputError(
@@ -176,6 +177,9 @@ def apply_temperature(
             factor, parameters = _viscous(name, kind, min(levels))
             temperature_dependent[name] = TemperatureDependent(form, factor)
             moved += parameters
+        elif name in _MOBILE:
+            temperature_dependent[name] = TemperatureDependent(form, Arrhenius(-1200.0))
+            moved.append(FreeParameter(f"{name}.activation_K", -6000.0, 500.0))
         elif law[name].linear and isinstance(form, Constant | Polynomial):
             temperature_dependent[name], moved = _bilinear(name, form, moved, span)
         else:

@@ -68,6 +68,7 @@ def template(
     start: Mapping[str, float] | None = None,
     temperature: Temperature = "auto",
     fluid: FluidFactors | None = None,
+    scale: Scale | None = None,
 ) -> tuple[Damper, tuple[FreeParameter, ...]]:
     """Return a law's damper with its usual dependence on command and temperature, and its free parameters.
 
@@ -82,7 +83,8 @@ def template(
     the size of the runs (a start of a group).
 
     ``temperature`` says how coefficients follow it (``tempering``); "auto" is "arrhenius" where the runs have
-    a temperature, "none" leaves it out. With a ``fluid`` its laws are assumed instead.
+    a temperature, "none" leaves it out. With a ``fluid`` its laws are assumed instead. ``scale`` is that of
+    the runs, where it is known.
 
     Raises
     ------
@@ -98,7 +100,7 @@ def template(
             expected="one unit for one fit",
             remedy="Map the channel to current or to voltage in all of them",
         )
-    scale = scale_of(runs)
+    scale = scale or scale_of(runs)
     entries = list(base_of(law))
     if scale.levels < 2 and not one_command:
         raise _one_command(law, entries, runs)

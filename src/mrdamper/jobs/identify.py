@@ -19,7 +19,7 @@ from mrdamper.identify.assess import Assessment
 from mrdamper.identify.checkpoint import CheckpointStore, Scope
 from mrdamper.identify.fit import Identification, Law
 from mrdamper.identify.predict import at_reference, prepare_all
-from mrdamper.identify.selection.candidates import Judge
+from mrdamper.identify.selection.judge import Judge
 from mrdamper.identify.selection.select import LawScore, Selection, select
 from mrdamper.identify.temperature import FluidFactors, settle_temperature
 from mrdamper.jobs.check import findings_of

@@ -199,6 +199,8 @@ _CHAIN: tuple[Coefficient, ...] = (
     _term(
         "follow_share", "-", "share of the bristles' force that follows the current at once", 0.0, 0.0, 1.0
     ),
+    _term("creep", "m/(N s)", "growth of the yield velocity with the yield force", 0.0),
+    _term("knee", "-", "share of the yield that rises in a straight line to a corner", 0.0, 0.0, 1.0),
 )
 
 _LAWS = (

@@ -4,10 +4,10 @@
  *
  *     F = S(e) + cB |e'/v0|^(mB-1) e'                                            compliance, S as in series_valve.c
  *     F = f0 + k0 q + Fg (1 + q/Lg)^-1.3                                         offset, spring, gas
- *       + G Y (1 - phi) (1 + as t) t,  t = tanh(y/vr)                            viscoplastic yield
+ *       + G Y (1 - phi) (1 + as t) t                                             viscoplastic yield
  *       + G (rK Y + K) |y/v0|^m sgn y + cq |y| y                                 shear thinning, orifice
  *       + f1 + f2 + f3 + f4 + f5                                                 bristles: pre-yield, friction, memory
- *     G = 1 + b1 q + b2 q^2
+ *     G = 1 + b1 q + b2 q^2;  t = (1 - w) tanh u + w C(u), u = y / (v1 + mu Y), C a straight line to a corner at 1
  *
  * A bristle is a force: f' = sigma (y - |y| f / level), with a stiffness sigma that neither position nor speed
  * changes, so that f^2 / (2 sigma) is stored and the rest is lost: passive whatever the level does. Levels are
@@ -22,6 +22,7 @@
 #define CHAIN_STEP 1.7e-3 /* longest step [s] */
 #define CHAIN_FLOOR 0.02  /* least G, and least gas volume over its volume at q = 0 */
 #define GAS_EXPONENT 1.3
+#define CORNER 0.05 /* rounding of C */
 
 enum { PRE_YIELD = 3, FRICTION_BRISTLE = 3, MEMORY_BRISTLE = 4, BRISTLES = 5 };
 
@@ -43,6 +44,7 @@ typedef struct {
     double rest, rest_slope; /* offset, spring and gas at y = 0, and by travel */
     double gas_curvature;
     double viscoplastic, thinning; /* their forces without shape */
+    double yield_velocity;
     double bristle[BRISTLES];      /* forces before the step */
     double level[2][BRISTLES];     /* retracting, extending */
     double stiffness[BRISTLES];
@@ -53,7 +55,8 @@ typedef struct {
 /* The equation at one y. */
 typedef struct {
     double y, force, slope, force_slope;
-    double t, power, log_size, rate; /* tanh, thinning power, ln |y/v0|, elastic velocity */
+    double t, t_slope, sharper; /* yield's rise, its slope over u, C - tanh */
+    double power, log_size, rate; /* thinning power, ln |y/v0|, elastic velocity */
     double e, spring_slope, leak_slope;
     double bristle[BRISTLES], bristle_slope[BRISTLES], kept[BRISTLES];
 } chain_point;
@@ -126,6 +129,7 @@ static void chain_prepare(const double *c, const chain_state *at, double h, doub
         s->gas_curvature = GAS_EXPONENT * (GAS_EXPONENT + 1.0) * gas * per * per;
     }
     s->viscoplastic = s->gain * c[CH_YIELD] * (1.0 - c[CH_SHARE]);
+    s->yield_velocity = c[CH_VELOCITY] + c[CH_CREEP] * c[CH_YIELD];
     s->thinning = s->gain * (c[CH_THINNING] * c[CH_YIELD] + c[CH_OWN]);
     const double level = s->gain * c[CH_YIELD] * c[CH_SHARE];
     const double apart = c[CH_SPREAD] != 0.0 ? exp(c[CH_SPREAD]) : 1.0;
@@ -149,19 +153,32 @@ static inline void chain_bristle_at(const chain_step *s, int j, double y, chain_
     p->bristle_slope[j] = -away * (1.0 + u) * kept * kept * rate * side;
 }
 
+/* Rise of the yield force with u = |y| over the yield velocity. */
+static inline void chain_yield(double knee, double u, double side, chain_point *p)
+{
+    const double decay = exp(-2.0 * u), t = (1.0 - decay) / (1.0 + decay);
+    p->t = side * t;
+    p->t_slope = 1.0 - t * t;
+    p->sharper = 0.0;
+    if (knee == 0.0) return;
+    const double above = sqrt((u + 1.0) * (u + 1.0) + CORNER * CORNER), below = sqrt((u - 1.0) * (u - 1.0) + CORNER * CORNER);
+    p->sharper = side * (0.5 * (above - below) - t);
+    p->t += knee * p->sharper;
+    p->t_slope += knee * (0.5 * ((u + 1.0) / above - (u - 1.0) / below) - p->t_slope);
+}
+
 /* Valve less compliance at y; rises with y. */
 static double chain_residual(const chain_step *s, double y, chain_point *p)
 {
     const double *c = s->c, size = fabs(y), side = y < 0.0 ? -1.0 : 1.0, as = c[CH_ASYMMETRY];
     double force = s->rest + s->rest_slope * s->h * y, slope = s->rest_slope * s->h;
     p->y = y;
-    p->t = p->power = 0.0;
+    p->t = p->t_slope = p->sharper = p->power = 0.0;
     p->log_size = size > 0.0 ? log(size / c[CH_SPEED]) : 0.0;
     if (s->viscoplastic > 0.0) {
-        const double decay = exp(-2.0 * size / c[CH_VELOCITY]);
-        p->t = side * (1.0 - decay) / (1.0 + decay);
+        chain_yield(c[CH_KNEE], size / s->yield_velocity, side, p);
         force += s->viscoplastic * (1.0 + as * p->t) * p->t;
-        slope += s->viscoplastic * (1.0 + 2.0 * as * p->t) * (1.0 - p->t * p->t) / c[CH_VELOCITY];
+        slope += s->viscoplastic * (1.0 + 2.0 * as * p->t) * p->t_slope / s->yield_velocity;
     }
     if (s->thinning > 0.0 && size > 0.0) {
         p->power = side * exp(c[CH_EXPONENT] * p->log_size);
@@ -199,7 +216,7 @@ static void chain_finish(const chain_step *s, double dy, chain_point *p)
 /* Solve the step by Newton's method inside a bracket, in |y| on the side that the residual at rest tells. */
 static void chain_solve(const chain_step *s, double guess, chain_point *p)
 {
-    const double at_rest = chain_residual(s, 0.0, p), small = 0.01 * s->c[CH_VELOCITY];
+    const double at_rest = chain_residual(s, 0.0, p), small = 0.01 * s->yield_velocity;
     if (at_rest == 0.0) return;
     const double sign = at_rest < 0.0 ? 1.0 : -1.0;
     double low = 0.0, high = HUGE_VAL, size = sign * guess > 0.0 ? fabs(guess) : small;
@@ -262,15 +279,17 @@ static void chain_partials_at(const chain_step *s, const chain_point *p, double 
     d->friction_by_speed = 0.0;
     by[C_OFFSET] = 1.0;
     by[C_STIFFNESS] = q + ahead;
-    by[CH_YIELD] = s->gain * ((1.0 - c[CH_SHARE]) * yielded + c[CH_THINNING] * p->power);
     by[CH_SHARE] = -s->gain * c[CH_YIELD] * yielded;
     by[CH_THINNING] = s->gain * c[CH_YIELD] * p->power;
     by[CH_OWN] = s->gain * p->power;
     by[CH_EXPONENT] = s->thinning * p->power * p->log_size;
     by[CH_ORIFICE] = fabs(p->y) * p->y;
     by[CH_ASYMMETRY] = s->viscoplastic * p->t * p->t;
-    by[CH_VELOCITY] = -s->viscoplastic * (1.0 + 2.0 * c[CH_ASYMMETRY] * p->t) * (1.0 - p->t * p->t) * p->y
-                       / (c[CH_VELOCITY] * c[CH_VELOCITY]);
+    const double by_rise = s->viscoplastic * (1.0 + 2.0 * c[CH_ASYMMETRY] * p->t);
+    by[CH_KNEE] = by_rise * p->sharper;
+    by[CH_VELOCITY] = -by_rise * p->t_slope * p->y / (s->yield_velocity * s->yield_velocity);
+    by[CH_CREEP] = by[CH_VELOCITY] * c[CH_YIELD];
+    by[CH_YIELD] = s->gain * ((1.0 - c[CH_SHARE]) * yielded + c[CH_THINNING] * p->power) + by[CH_VELOCITY] * c[CH_CREEP];
     by[CH_POSITION] = moving * shaped / s->gain * q;
     by[CH_CURVATURE] = moving * shaped / s->gain * q * q;
     if (c[CH_GAS] != 0.0) {

@@ -1,10 +1,11 @@
 """The choice of a law and its groups, by what was left out: whole motions, commands, or blocks of time.
 
-Every law is fitted once. Those that come near the best are fitted again without each fold, and their groups
-are switched on one by one while that lowers the left-out error; whose error on the runs themselves is above
-the left-out error of another is not tried further. Groups of the best candidate are switched off again where
-that costs nothing. A candidate that fails is a row with its reason. The left-out error of the chosen one is a
-little too good: it was chosen by it.
+Every law is fitted once, one of many groups from each of its archetypes. Those that come near the best are
+fitted again without each fold, and their groups are switched on one by one while that lowers the left-out
+error; whose error on the runs themselves is above the left-out error of another is not tried further. A group
+whose coefficients the runs do not tell is not taken. Groups of the best candidate are switched off again
+where that costs nothing. A candidate that fails is a row with its reason. The left-out error of the chosen
+one is a little too good: it was chosen by it.
 """
 
 from __future__ import annotations
@@ -16,9 +17,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mrdamper.errors import MrdamperError
+from mrdamper.identify.groups import archetypes_of
 from mrdamper.identify.motions import motion_groups
-from mrdamper.identify.selection.candidates import Candidate, Fitted, Judge, Judged
+from mrdamper.identify.selection.candidates import Candidate, Fitted, Judged
+from mrdamper.identify.selection.judge import Judge
 from mrdamper.models.damper import Damper
+from mrdamper.models.laws import LAWS
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.runtime.signals import Interrupted
 
@@ -27,11 +31,13 @@ __all__ = ["LawScore", "Selection", "select"]
 _FAR = 1.5  # times the least error on the runs themselves: from here on a law is out
 _FINALISTS = 3  # laws that are cross-validated at most
 _TRIED = 2  # groups of a round that are
-_ROUNDS = 2  # of groups switched on,
+_ROUNDS, _MOST_ROUNDS = 2, 8  # of groups switched on; of a law that is made of groups,
+_NEAR = 1.2  # of whose archetypes those are judged that come so near to the best on the runs themselves,
 _BEHIND = 1.05  # while the law's left-out error is no further behind that of the best
 _CLEAR, _CLEAR_T = 0.01, 1.0  # gain in left-out error that is taken, with Student's t,
 _WORTH = 0.15  # gain for which a law is taken that no controller takes
 _SMALL, _SMALL_T = 0.003, 2.0  # or a smaller one that is surer,
+_MISSED = 0.01  # error that a group's loss may cost on short segments for it to be tried
 _FAR_REACHING = "mass"  # but not for this group: its force grows with the square of the frequency
 
 _FAILURES = (MrdamperError, ValueError, ArithmeticError, RuntimeError)  # of one candidate, not of the choice
@@ -81,12 +87,16 @@ class _Race:
         self.errors: list[Exception] = []
         self.best: Judged | None = None
 
-    def fit(self, candidate: Candidate, former: Damper | None = None) -> Fitted | None:
+    def fit(
+        self, candidate: Candidate, former: Damper | None = None, near: Damper | None = None
+    ) -> Fitted | None:
         """Fit a candidate; one that fails is a row."""
         self._on_progress(ProgressUpdate(text=f"fitting {candidate.title}"))
         try:
             fitted = (
-                self._judge.fit_anew(candidate) if former is None else self._judge.fit_from(candidate, former)
+                self._judge.fit_anew(candidate)
+                if former is None
+                else self._judge.fit_from(candidate, former, near)
             )
         except _FAILURES as error:
             self.fail(candidate, error)
@@ -95,14 +105,14 @@ class _Race:
         self.rows[candidate] = _row(fitted)
         return fitted
 
-    def judge(self, fitted: Fitted) -> Judged | None:
+    def judge(self, fitted: Fitted, former: Judged | None = None) -> Judged | None:
         """Cross-validate a fitted candidate that can still win; one that fails is a row."""
-        if self.best is not None and fitted.training_percent > self.best.percent:
+        if fitted.training_percent > self._bar(fitted):
             self.say(fitted.candidate, _HOPELESS)
             return None
         self._on_progress(ProgressUpdate(text=f"leaving out motions: {fitted.candidate.title}"))
         try:
-            judged = self._judge.cross_validate(fitted)
+            judged = self._judge.cross_validate(fitted, former)
         except _FAILURES as error:
             self.fail(fitted.candidate, error)
             return None
@@ -120,40 +130,57 @@ class _Race:
     def say(self, candidate: Candidate, reason: str) -> None:
         self.rows[candidate] = replace(self.rows[candidate], reason=reason)
 
-    def laws(self, laws: Iterable[str]) -> list[Fitted]:
-        """Fit every law with its usual groups; return those that come near, the least error first."""
-        fitted = []
+    def _bar(self, fitted: Fitted) -> float:
+        """Return the error on the runs themselves above which a candidate cannot become the best."""
+        if self.best is None:
+            return math.inf
+        takes, took = (self._supports(each.damper) for each in (fitted, self.best.fitted))
+        worth = 1.0 if takes == took else 1.0 / (1.0 - _WORTH) if takes else 1.0 - _WORTH
+        return self.best.percent * worth
+
+    def laws(self, laws: Iterable[str]) -> list[list[Fitted]]:
+        """Fit what each law begins with; return those laws that come near, the least error first.
+
+        A law that is made of groups is near: it has hardly begun.
+        """
+        found: list[list[Fitted]] = []
         for law in laws:
+            self._on_progress(ProgressUpdate(text=f"fitting {law}"))
             try:
-                candidate = self._judge.first(law)
-            except MrdamperError as error:
+                begun = self._judge.beginnings(law)
+            except _FAILURES as error:
                 self.fail(Candidate(law, ()), error)
                 continue
-            found = self.fit(candidate)
-            fitted += [] if found is None else [found]
-        fitted.sort(key=lambda each: each.training_percent)
-        near = [each for each in fitted if each.training_percent <= _FAR * fitted[0].training_percent]
-        for each in [*near[_FINALISTS:], *fitted[len(near) :]]:
-            over = 100.0 * (each.training_percent / fitted[0].training_percent - 1.0)
-            self.say(each.candidate, f"training error {over:+.0f} %")
-        return near[:_FINALISTS]
+            fitted = [each for each in (self.fit(*start) for start in begun) if each is not None]
+            found += [sorted(fitted, key=_training)] if fitted else []
+        found.sort(key=lambda each: each[0].training_percent)
+        least = found[0][0].training_percent if found else math.inf
+        near = [each for each in found if each[0].training_percent <= _FAR * least][:_FINALISTS]
+        for each in found:
+            if each not in near and not _grows(each[0]):
+                over = 100.0 * (each[0].training_percent / least - 1.0)
+                self.say(each[0].candidate, f"training error {over:+.0f} %")
+        return [each for each in found if each in near or _grows(each[0])]
 
-    def climb(self, base: Fitted) -> None:
+    def climb(self, begun: Sequence[Fitted]) -> None:
         """Switch groups of one law on while that lowers the left-out error; the best candidate is kept."""
-        known = self.judge(base)
-        self._keep(known)
-        for _ in range(_ROUNDS):
+        known, base = self._begun(begun)
+        idle: set[str] = set()
+        for _ in range(_MOST_ROUNDS if _grows(base) else _ROUNDS):
             tried, least = [], base
-            for name in self._promising(base):
-                found = self.fit(base.candidate.with_group(name), base.damper)
+            for name, near in self._promising(base, idle):
+                found = self.fit(base.candidate.with_group(name), base.damper, near)
                 if found is None:
                     continue
                 if found.training_percent >= (1.0 - _SMALL) * base.training_percent:
                     self.say(found.candidate, "no gain in training")
                     continue
-                judged = self.judge(found)
+                if not self._judge.identifiable(found, name):
+                    self.say(found.candidate, f"the runs do not tell the numbers of {name}")
+                    continue
+                judged = self.judge(found, known)
                 tried += [] if judged is None else [(name, judged)]
-                least = min(least, found, key=lambda each: each.training_percent)
+                least = min(least, found, key=_training)
             taken = self._taken(known, sorted(tried, key=lambda pair: pair[1].percent))
             if taken is None and known is None and least is not base:
                 base = least  # not near enough to be judged: by the training error until it is
@@ -162,8 +189,23 @@ class _Race:
                 return
             known, base = taken, taken.fitted
             self._keep(known)
-            if self.best is not None and known.percent > _BEHIND * self.best.percent:
+            if self.best is not None and not _grows(base) and known.percent > _BEHIND * self.best.percent:
                 return
+
+    def _begun(self, begun: Sequence[Fitted]) -> tuple[Judged | None, Fitted]:
+        """Return the beginning of the least left-out error; of the least error where none is judged."""
+        judged = []
+        for each in begun:
+            if each.training_percent <= _NEAR * begun[0].training_percent:
+                found = self.judge(each)
+                judged += [] if found is None else [found]
+                self._keep(found)
+            else:
+                self.say(each.candidate, "another archetype is nearer")
+        if not judged:
+            return None, begun[0]
+        best = min(judged, key=lambda each: each.percent)
+        return best, best.fitted
 
     def _keep(self, known: Judged | None) -> None:
         if known is not None and (self.best is None or self._preferred(known, self.best)):
@@ -177,35 +219,40 @@ class _Race:
                 best = each if base is None or _better(each, base) else None
             elif base is None or _better(each, base):
                 found = self.fit(best.fitted.candidate.with_group(name), best.fitted.damper)
-                both = None if found is None else self.judge(found)
+                both = None if found is None else self.judge(found, best)
                 best = both if both is not None and _better(both, best) else best
         return best
 
-    def _promising(self, base: Fitted) -> list[str]:
-        """Return the groups that lower the error on short segments of the runs most."""
-        known = self._glance(base.candidate, base.damper)
+    def _promising(self, base: Fitted, idle: set[str]) -> list[tuple[str, Damper | None]]:
+        """Return the groups that lower the error on short segments of the runs most, and the dampers there.
+
+        Those that gain nothing are ``idle``: they are not looked at again.
+        """
+        known = self._glance(base.candidate, base.damper)[1]
         found = []
         for name in self._judge.open_groups(base.candidate):
             candidate = base.candidate.with_group(name)
-            if candidate in self.rows:
+            if candidate in self.rows or name in idle:
                 continue
-            percent = self._glance(candidate, base.damper)
+            damper, percent = self._glance(candidate, base.damper)
             if percent < (1.0 - _SMALL) * known:
-                found.append((percent, name))
-            elif candidate not in self.rows:
+                found.append((percent, name, damper))
+                continue
+            idle.add(name)
+            if candidate not in self.rows:
                 self._aside(candidate, "no gain on short segments")
-        found.sort()
-        for _, name in found[_TRIED:]:
+        found.sort(key=lambda each: each[0])
+        for _, name, _ in found[_TRIED:]:
             self._aside(base.candidate.with_group(name), "less gain on short segments than others")
-        return [name for _, name in found[:_TRIED]]
+        return [(name, damper) for _, name, damper in found[:_TRIED]]
 
-    def _glance(self, candidate: Candidate, former: Damper) -> float:
+    def _glance(self, candidate: Candidate, former: Damper) -> tuple[Damper | None, float]:
         self._on_progress(ProgressUpdate(text=f"looking at {candidate.title}"))
         try:
             return self._judge.glance(candidate, former)
         except _FAILURES as error:
             self.fail(candidate, error)
-            return math.inf
+            return None, math.inf
 
     def _aside(self, candidate: Candidate, reason: str) -> None:
         """Take a candidate that is not fitted as a row."""
@@ -226,10 +273,17 @@ class _Race:
         base = self.best
         if base is None:
             return
+        known = self._glance(base.fitted.candidate, base.fitted.damper)[1]
         for name in self._judge.closable_groups(base.fitted.candidate):
             candidate = base.fitted.candidate.without(name)
-            found = None if candidate in self.rows else self.fit(candidate, base.fitted.damper)
-            judged = None if found is None else self.judge(found)
+            if candidate in self.rows:
+                continue
+            near, percent = self._glance(candidate, base.fitted.damper)
+            if percent > (1.0 + _MISSED) * known:
+                self._aside(candidate, "more error on short segments")
+                continue
+            found = self.fit(candidate, base.fitted.damper, near)
+            judged = None if found is None else self.judge(found, base)
             if judged is not None and judged.percent < (1.0 + _SMALL) * base.percent:
                 self.best = base = judged
 
@@ -270,6 +324,15 @@ def select(
         raise race.errors[0]
     table = _table(race, chosen)
     return Selection(chosen, table, _left_out(judge), sum(row.cpu_s for row in table), interrupted)
+
+
+def _training(fitted: Fitted) -> float:
+    return fitted.training_percent
+
+
+def _grows(fitted: Fitted) -> bool:
+    """Say whether a candidate's law is made of groups."""
+    return bool(archetypes_of(LAWS[fitted.candidate.law]))
 
 
 def _better(one: Judged, other: Judged) -> bool:

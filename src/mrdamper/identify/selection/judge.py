@@ -1,0 +1,323 @@
+"""The judge of a selection: fits candidates quickly, and judges them on what was left out.
+
+A fit is a few Levenberg-Marquardt steps from a former one; a cross-validation is the same without each fold,
+from the fit to all runs. Both are on the runs as a fit has them (200 Hz); the model that comes of a selection
+is fitted again in full.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from mrdamper.data.prepare import PreparedRun
+from mrdamper.errors import ConvergenceError
+from mrdamper.identify.checkpoint import CheckpointStore, NoCheckpoint
+from mrdamper.identify.groups import Archetype, archetypes_of, groups_of, starts_of
+from mrdamper.identify.motions import Fold, folds_of
+from mrdamper.identify.problem import FitProblem, PreparedFit
+from mrdamper.identify.search.objective import Objective
+from mrdamper.identify.search.variable_projection import fit_variable_projection
+from mrdamper.identify.selection.candidates import Candidate, Fitted, Judged
+from mrdamper.identify.selection.runs import enough_of
+from mrdamper.identify.selection.starts import carried, descend, in_sizes, least, moved
+from mrdamper.identify.temperature import FluidFactors, Temperature
+from mrdamper.identify.templates import scale_of, template
+from mrdamper.identify.uncertainty import estimates_of
+from mrdamper.models.damper import Damper
+from mrdamper.models.laws import LAWS
+from mrdamper.models.simulate import simulate
+
+__all__ = ["Judge"]
+
+_SCREENING_STEPS = 12  # of a law from its best drawn point
+_FIT_STEPS = 8  # of a candidate that starts from a former one
+_FOLD_STEPS = 4  # without a fold, from the fit to all runs
+_BASE_STEPS = (10, 10)  # on short segments, from every start of a law, and from the best of them
+_BASE_BEST = 2
+_GLANCE_STEPS = 4  # on short segments of the runs
+_LEVELS = ("value", "at_zero", "base", "gain", "c0", "c00")  # parameters that say how large a coefficient is
+
+
+class Judge:
+    """The runs of a selection, their folds, and what is done with every candidate on them.
+
+    ``terms`` fixes the groups of every law; None: they are chosen. Of many runs some are looked at, each
+    motion, command and temperature among them. A ``checkpoint`` recalls and keeps the outcome of each fit and
+    of each cross-validation.
+    """
+
+    def __init__(
+        self,
+        runs: Sequence[PreparedRun],
+        *,
+        terms: Sequence[str] | None = None,
+        one_command: bool = False,
+        temperature: Temperature = "auto",
+        fluid: FluidFactors | None = None,
+        session_offsets: bool = False,
+        seed: int = 0,
+        checkpoint: CheckpointStore | None = None,
+    ) -> None:
+        self.runs = enough_of(runs)
+        self.folds = folds_of(self.runs)
+        self._terms = None if terms is None else tuple(terms)
+        self._how: dict[str, Any] = {
+            "one_command": one_command,
+            "temperature": temperature,
+            "fluid": fluid,
+            "scale": scale_of(self.runs),
+        }
+        self._session_offsets, self._seed = session_offsets, seed
+        self._checkpoint = checkpoint or NoCheckpoint()
+        self._prepared: tuple[PreparedFit, ...] = ()
+        self._short: tuple[PreparedFit, ...] = ()
+
+    def beginnings(self, law: str) -> list[tuple[Candidate, Damper | None]]:
+        """Return what the search for a law's groups begins with, and where a fit does, if that is known.
+
+        That is the law with the groups that the runs ask for by themselves, or those that were fixed, or its
+        archetypes, each brought down on short segments of the runs.
+
+        Raises
+        ------
+        MrdamperError
+            The law cannot be fitted to the runs.
+        """
+        kinds = archetypes_of(LAWS[law])
+        if self._terms is not None:
+            candidate = Candidate(law, self._terms)
+            return [(candidate, self.staged(candidate) if kinds else None)]
+        if not kinds:
+            return [(self._usual(law), None)]
+        found: list[tuple[Candidate, Damper | None]] = []
+        for kind in kinds:
+            damper = self._from_base(law, kind)
+            found += [] if damper is None else [(Candidate(law, kind.groups), damper)]
+        if not found:
+            raise ConvergenceError(place=law, found="no descent reached a finite cost")
+        return found
+
+    def _usual(self, law: str) -> Candidate:
+        damper, free = template(law, self.runs, **self._how)
+        moving = {each.name.partition(".")[0] for each in free}
+        usual = Candidate(law, ())
+        for name, group in groups_of(damper.law).items():
+            on = not group.over_temperature and {entry.name for entry in group.entries} <= moving
+            if on and set(group.needs) <= set(usual.groups) and self._adds(usual, name):
+                usual = usual.with_group(name)
+        return usual
+
+    def _from_base(self, law: str, kind: Archetype) -> Damper | None:
+        """Return an archetype after short descents from the starts of its law; None where none goes on."""
+        candidate = Candidate(law, kind.groups)
+        problem = self._problem(candidate)
+        objective = self._on_segments(problem)
+        starts = [kind.start, *({**kind.start, **start} for start in starts_of(LAWS[law]))]
+        dampers = [self._problem(candidate, start).template for start in starts]
+        for most in _BASE_STEPS:
+            found = []
+            for damper in dampers:
+                try:
+                    found.append(descend(problem, objective, [damper], most))
+                except ConvergenceError:
+                    continue
+            found.sort(key=lambda pair: pair[1])
+            dampers = [damper for damper, _ in found[:_BASE_BEST]]
+        return dampers[0] if dampers else None
+
+    def open_groups(self, candidate: Candidate) -> list[str]:
+        """Return the groups that could be switched on beside those of a candidate, and add a parameter."""
+        known = groups_of(LAWS[candidate.law]) if self._terms is None else {}
+        return [
+            name
+            for name, group in known.items()
+            if name not in candidate.groups
+            and all(need in candidate.groups for need in group.needs)
+            and self._adds(candidate, name)
+        ]
+
+    def closable_groups(self, candidate: Candidate) -> list[str]:
+        """Return the groups of a candidate that none of its others needs."""
+        if self._terms is not None:
+            return []
+        known = groups_of(LAWS[candidate.law])
+        needed = {need for name in candidate.groups for need in known[name].needs}
+        return [name for name in candidate.groups if name not in needed]
+
+    def fit_anew(self, candidate: Candidate) -> Fitted:
+        """Fit a candidate from one drawn start."""
+        kept = self._checkpoint.recall(f"fit {candidate.title}")
+        if kept is not None:
+            return self._fitted(candidate, kept)
+        clock = time.process_time()
+        problem = self._problem(candidate)
+        result = fit_variable_projection(
+            problem, starts=1, seed=self._seed, prepared=self._opened(problem), most=_SCREENING_STEPS
+        )
+        return self._keep(candidate, problem, result.damper, clock)
+
+    def fit_from(self, candidate: Candidate, former: Damper, near: Damper | None = None) -> Fitted:
+        """Fit a candidate in a few steps from a former damper, or from one that is ``near`` if it is nearer.
+
+        The former damper may have fewer groups: what is new begins at its least size.
+        """
+        kept = self._checkpoint.recall(f"fit {candidate.title}")
+        if kept is not None:
+            return self._fitted(candidate, kept)
+        clock = time.process_time()
+        problem = self._problem(candidate)
+        objective = Objective(problem, self._opened(problem))
+        starts = [self._openings(candidate, former)[0][-1], *([] if near is None else [near])]
+        damper, _ = descend(problem, objective, [least(objective, starts)], _FIT_STEPS)
+        return self._keep(candidate, problem, damper, clock)
+
+    def staged(self, candidate: Candidate) -> Damper | None:
+        """Return a damper for a law of many groups to begin with; None where no descent goes anywhere.
+
+        The groups that it shares with an archetype come down together; of the others the one that misses
+        least on short segments is switched on, again and again. No stage begins above the end of the one
+        before.
+        """
+        law = LAWS[candidate.law]
+        self._problem(candidate)  # says which of the groups there are not
+        best: tuple[Candidate, Damper, float] | None = None
+        for kind in archetypes_of(law):
+            shared = [name for name in kind.groups if name in candidate.groups]
+            groups = tuple(name for name in shared if set(groups_of(law)[name].needs) <= set(shared))
+            damper = self._from_base(law.name, Archetype(groups, kind.start))
+            if damper is None:
+                continue
+            stage = Candidate(law.name, groups)
+            stage, damper, error = self._staged_on(candidate, stage, damper)
+            if best is None or error < best[2]:
+                best = stage, damper, error
+        return None if best is None else best[1]
+
+    def _staged_on(
+        self, candidate: Candidate, stage: Candidate, damper: Damper
+    ) -> tuple[Candidate, Damper, float]:
+        """Switch the rest of a candidate's groups on, from a damper that has some of them."""
+        known = groups_of(LAWS[candidate.law])
+        damper, error = self.glance(stage, damper)
+        while left := [name for name in candidate.groups if name not in stage.groups]:
+            opened = [name for name in left if set(known[name].needs) <= set(stage.groups)]
+            tried = [
+                (stage.with_group(name), *self.glance(stage.with_group(name), damper)) for name in opened
+            ]
+            stage, damper, error = min(tried, key=lambda each: each[2])
+        return stage, damper, error
+
+    def glance(self, candidate: Candidate, former: Damper) -> tuple[Damper, float]:
+        """Return a candidate fitted in very few steps to short segments of the runs, and its error [%].
+
+        A group that the former damper does not have begins from each of its starts, at the size that misses
+        least there.
+        """
+        problem = self._problem(candidate)
+        objective = self._on_segments(problem)
+        dampers = [least(objective, sizes) for sizes in self._openings(candidate, former)]
+        return descend(problem, objective, dampers, _GLANCE_STEPS)
+
+    def _openings(self, candidate: Candidate, former: Damper) -> list[list[Damper]]:
+        """Return a former damper with the groups that it lacks: at each of their starts, in several sizes."""
+        there, known = set(moved(former)), groups_of(LAWS[candidate.law])
+        new = [known[name] for name in candidate.groups if known[name].entries[0].name not in there]
+        starts: list[Mapping[str, float]] = [{}, *(start for group in new for start in group.starts)]
+        found = []
+        for start in starts:
+            problems = [self._problem(candidate, sized) for sized in in_sizes(candidate.law, new, start)]
+            found.append([carried(former, each.template, each.free) for each in problems])
+        return found
+
+    def cross_validate(self, fitted: Fitted, former: Judged | None = None) -> Judged:
+        """Return a fitted candidate's errors on each fold, of a fit to the rest.
+
+        A fit without a fold begins at the fit to all runs or, where that is nearer, at the ``former``
+        candidate's fit without the same fold.
+        """
+        key = f"left out {fitted.candidate.title}"
+        kept = self._checkpoint.recall(key)
+        if kept is not None:
+            squares = np.array(kept["squares"], dtype=np.float64)
+            dampers = tuple(fitted.damper.with_parameters(each) for each in kept["dampers"])
+            return Judged(fitted, squares, dampers, kept["cpu_s"])
+        clock = time.process_time()
+        problem = self._problem(fitted.candidate)
+        prepared = self._opened(problem)
+        whole = Objective(problem, prepared)
+        squares = np.full((len(self.folds), len(self.runs)), np.nan)
+        found = []
+        for k, fold in enumerate(self.folds):
+            rest = Objective(problem, fold.training(prepared), like=whole)
+            starts = [fitted.damper]
+            if former is not None:
+                starts.append(carried(former.dampers[k], fitted.damper, problem.free))
+            damper, _ = descend(problem, rest, [least(rest, starts)], _FOLD_STEPS)
+            squares[k, list(fold.runs)] = _squared_errors(damper, prepared, fold)
+            found.append(damper)
+        judged = Judged(fitted, squares, tuple(found), time.process_time() - clock)
+        dampers_kept = [dict(damper.parameters_and_lag) for damper in found]
+        self._checkpoint.keep(
+            key, {"squares": squares.tolist(), "dampers": dampers_kept, "cpu_s": judged.cpu_s}
+        )
+        return judged
+
+    def identifiable(self, fitted: Fitted, group: str) -> bool:
+        """Say whether the runs tell how large each coefficient of a group is; one on a bound is told."""
+        problem = self._problem(fitted.candidate)
+        estimates, _ = estimates_of(problem, self._opened(problem), fitted.damper, {})
+        told = set()
+        for each in estimates:
+            name, _, parameter = each.name.partition(".")
+            if parameter in _LEVELS and (each.identifiable or each.at_bound):
+                told.add(name)
+        return {entry.name for entry in groups_of(LAWS[fitted.candidate.law])[group].entries} <= told
+
+    def _problem(self, candidate: Candidate, start: Mapping[str, float] | None = None) -> FitProblem:
+        damper, free = template(candidate.law, self.runs, groups=candidate.groups, start=start, **self._how)
+        return FitProblem(damper, free, self.runs, self._session_offsets)
+
+    def _adds(self, candidate: Candidate, name: str) -> bool:
+        before, after = (self._problem(each).free for each in (candidate, candidate.with_group(name)))
+        return {free.name for free in after} != {free.name for free in before}
+
+    def _opened(self, problem: FitProblem) -> tuple[PreparedFit, ...]:
+        """Return the runs opened for the kernel; once for all candidates."""
+        self._prepared = self._prepared or problem.prepare()
+        return self._prepared
+
+    def _on_segments(self, problem: FitProblem) -> Objective:
+        self._short = self._short or problem.prepare(excerpt=True)
+        return Objective(problem, self._short)
+
+    def _keep(self, candidate: Candidate, problem: FitProblem, damper: Damper, clock: float) -> Fitted:
+        runs = self._opened(problem)
+        squares = _squared_errors(damper, runs, Fold("", tuple(range(len(runs)))))
+        kept = {
+            "parameters": dict(damper.parameters_and_lag),
+            "free": len(problem.free),
+            "percent": float(np.sqrt(np.mean(squares))),
+            "median": float(np.sqrt(np.median(squares))),
+            "cpu_s": time.process_time() - clock,
+        }
+        self._checkpoint.keep(f"fit {candidate.title}", kept)
+        return self._fitted(candidate, kept)
+
+    def _fitted(self, candidate: Candidate, kept: Mapping[str, Any]) -> Fitted:
+        damper = self._problem(candidate).template.with_parameters(kept["parameters"])
+        return Fitted(candidate, damper, kept["free"], kept["percent"], kept["median"], kept["cpu_s"])
+
+
+def _squared_errors(damper: Damper, runs: Sequence[PreparedFit], fold: Fold) -> list[float]:
+    """Return the squared errors [%^2] of a fold's runs; of a block of time, its share of them."""
+    found = []
+    for k in fold.runs:
+        run = runs[k]
+        error = simulate(damper.on_limits(), run.drive) - run.force
+        part = error[fold.scored(run.start, len(error))]
+        found.append(run.weight * len(runs) * float(part @ part))
+    return found

@@ -1,0 +1,95 @@
+"""Where the quick fits of a selection begin and end: former dampers with new groups, and short descents."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from mrdamper.errors import ConvergenceError
+from mrdamper.identify.groups import LawGroup
+from mrdamper.identify.limits import feasible
+from mrdamper.identify.problem import FitProblem, FreeParameter
+from mrdamper.identify.search.descent import Box, Descents
+from mrdamper.identify.search.objective import Objective
+from mrdamper.models.damper import Damper
+from mrdamper.models.laws import LAWS
+
+__all__ = ["carried", "descend", "in_sizes", "least", "moved"]
+
+_SIZES = (1.0, 0.1, 0.01)  # of a new group, of its usual start: it begins at the one that misses least
+
+
+def descend(
+    problem: FitProblem, objective: Objective, dampers: Sequence[Damper], most: int
+) -> tuple[Damper, float]:
+    """Return the best end of short descents from dampers, and its error [%]."""
+    box = Box.of(problem)
+    nonlinear, linear = (
+        np.concatenate(parts) for parts in zip(*map(objective.candidate_of, dampers), strict=True)
+    )
+    points = np.stack([box.to_search(row) for row in nonlinear])
+    descents = Descents(
+        objective, points, linear, np.zeros((len(points), len(objective.sessions))), most=most
+    )
+    descents.run()
+    costs = np.where(np.isfinite(descents.costs), descents.costs, np.inf)
+    best = int(costs.argmin())
+    if not np.isfinite(costs[best]):
+        raise ConvergenceError(place=problem.template.law.name, found="no descent reached a finite cost")
+    values = np.concatenate([box.to_physical(descents.points[best]), descents.linear[best]]).tolist()
+    names = (*objective.nonlinear, *objective.linear)
+    found = problem.template.with_parameters(dict(zip(names, values, strict=True)))
+    return feasible(problem, found), float(np.sqrt(costs[best]))
+
+
+def in_sizes(law: str, new: Sequence[LawGroup], start: Mapping[str, float]) -> list[Mapping[str, float]]:
+    """Return a start with the first coefficient of each new group in several sizes, the least one last."""
+    firsts = {entry.name: start.get(entry.name, entry.start) for entry in (each.entries[0] for each in new)}
+    sized = {
+        name: usual
+        for name, usual in firsts.items()
+        if usual and LAWS[law][name].default == 0.0 and not LAWS[law][name].linear
+    }
+    if not sized:
+        return [start]
+    return [{**start, **{name: size * usual for name, usual in sized.items()}} for size in _SIZES]
+
+
+def least(objective: Objective, dampers: Sequence[Damper]) -> Damper:
+    """Return the damper of the least error, of several of one problem."""
+    if len(dampers) == 1:
+        return dampers[0]
+    nonlinear, linear = (
+        np.concatenate(parts) for parts in zip(*map(objective.candidate_of, dampers), strict=True)
+    )
+    offsets = np.zeros((len(dampers), len(objective.sessions)))
+    costs = objective.eliminate(nonlinear, linear, offsets, tangents=False).cost
+    return dampers[int(np.where(np.isfinite(costs), costs, np.inf).argmin())]
+
+
+def moved(damper: Damper) -> tuple[str, ...]:
+    """Return the coefficients of a damper that are not at their law's default."""
+    return tuple(
+        c.name
+        for c, form in zip(damper.law.coefficients, damper.coefficients.values(), strict=True)
+        if form.kind != "constant" or form.parameters != (c.default or 0.0,)
+    )
+
+
+def carried(former: Damper, onto: Damper, free: Sequence[FreeParameter]) -> Damper:
+    """Return a damper with what it shares with a former one of its law; a new form at its level."""
+    known, values = former.parameters_and_lag, onto.parameters_and_lag
+    defaults = {c.name for c in former.law.coefficients} - set(moved(former))
+    carried = {}
+    for each in free:
+        name = each.name.partition(".")[0]
+        if name in defaults:
+            continue
+        if each.name in known:
+            carried[each.name] = known[each.name]
+        elif name in former.coefficients and each.name.endswith((".c00", ".value", ".c0")):
+            carried[each.name] = float(former.coefficients[name].value(0.0))
+        else:
+            carried[each.name] = 0.0 if each.name.rpartition(".")[2].startswith("c") else values[each.name]
+    return onto.with_parameters(carried)
