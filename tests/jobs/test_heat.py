@@ -13,8 +13,8 @@ import pytest
 from scipy.interpolate import PchipInterpolator
 
 from mrdamper.errors import InputError
-from mrdamper.jobs.heat import heat
 from mrdamper.jobs.options import HeatOptions
+from mrdamper.jobs.thermal.heat import heat
 from mrdamper.models.card_schema import read_card
 from mrdamper.registry import JOBS
 from mrdamper.report.thermal.heat_page import sink_in_words

@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from mrdamper.errors import InputError, MissingExtraError
-from mrdamper.jobs import sink as sink_job
 from mrdamper.jobs.options import HeatOptions, SinkOptions
+from mrdamper.jobs.thermal import sink as sink_job
 from mrdamper.registry import JOBS
 from mrdamper.thermal.drawing_file import read_drawing, read_sink
 from mrdamper.thermal.duty import DEFAULT_DUTY, read_duty

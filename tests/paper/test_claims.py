@@ -7,8 +7,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from mrdamper.jobs.heat import heat
 from mrdamper.jobs.options import HeatOptions
+from mrdamper.jobs.thermal.heat import heat
 from mrdamper.paper.claim_table import TABLE
 from mrdamper.paper.claims import Row, above, judge
 from mrdamper.thermal.drawing_file import read_drawing

@@ -56,7 +56,7 @@ SINK = ("sink", "card.json", "--damper", "paper", "--network-only", "--duty", "s
 
 _NURSERY = """
 import json, os, resource, sys, traceback
-import mrdamper.jobs.identify, mrdamper.jobs.sink, mrdamper.jobs.rig, mrdamper.paper.demo
+import mrdamper.jobs.identify, mrdamper.jobs.thermal.sink, mrdamper.jobs.rig, mrdamper.paper.demo
 import mrdamper.cli.terminal, mrdamper.report.identification.page, mrdamper.report.thermal.sink
 from mrdamper.cli import main
 print("ready", flush=True)

@@ -18,7 +18,6 @@ from mrdamper.data.records import Dataset
 from mrdamper.errors import InputError
 from mrdamper.identify.fit import fit
 from mrdamper.jobs.export import ExportResult, export
-from mrdamper.jobs.heat import HeatResult, heat
 from mrdamper.jobs.identify import IdentifyResult, identify
 from mrdamper.jobs.inputs import read_dataset
 from mrdamper.jobs.options import (
@@ -31,7 +30,8 @@ from mrdamper.jobs.options import (
     TrackOptions,
 )
 from mrdamper.jobs.rig import RigResult, rig
-from mrdamper.jobs.sink import sink
+from mrdamper.jobs.thermal.heat import HeatResult, heat
+from mrdamper.jobs.thermal.sink import sink
 from mrdamper.jobs.track import TrackResult, read_plant, track
 from mrdamper.models.card import ModelCard
 from mrdamper.models.fluids.fluid_file import find_fluid

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from mrdamper.identify.assess import Assessment
 from mrdamper.identify.fit import Identification
-from mrdamper.jobs.heat import HeatResult
-from mrdamper.jobs.sink import SinkResult
+from mrdamper.jobs.thermal.heat import HeatResult
+from mrdamper.jobs.thermal.sink import SinkResult
 from mrdamper.jobs.track import TrackResult
 from mrdamper.models.fluids.fluid import Fluid
 from mrdamper.thermal.dissipation import LoopWork

@@ -4,8 +4,8 @@ Every face is made from these rows: commands and their help, the server's reques
 sweeps, the tables of options in the documentation, and ``mrdamper.heat(...)`` in Python. A new job is a
 module in ``jobs``, one in ``report``, and a row here.
 
-Rows name modules as text (``"mrdamper.jobs.heat:heat"``), so that reading the table loads nothing. What is
-done with a row is the business of ``job``, what jobs read that of ``kinds``.
+Rows name modules as text (``"mrdamper.jobs.thermal.heat:heat"``), so that reading the table loads nothing.
+What is done with a row is the business of ``job``, what jobs read that of ``kinds``.
 """
 
 from __future__ import annotations
@@ -227,8 +227,8 @@ _ROWS = (
             ),
         ),
         options="mrdamper.jobs.options:HeatOptions",
-        run="mrdamper.jobs.heat:heat",
-        result="mrdamper.jobs.heat:HeatResult",
+        run="mrdamper.jobs.thermal.heat:heat",
+        result="mrdamper.jobs.thermal.heat:HeatResult",
         report="mrdamper.report.thermal.heat:REPORT",
         files_help="For heat.html, heat.json, heat.csv.",
         set_when_written=("by_field",),
@@ -245,8 +245,8 @@ _ROWS = (
             ),
         ),
         options="mrdamper.jobs.options:ForecastOptions",
-        run="mrdamper.jobs.forecast:forecast",
-        result="mrdamper.jobs.forecast:ForecastResult",
+        run="mrdamper.jobs.thermal.forecast:forecast",
+        result="mrdamper.jobs.thermal.forecast:ForecastResult",
         report="mrdamper.report.thermal.forecast:REPORT",
         files_help="For forecast.html, forecast.svg, forecast.json, forecast.csv.",
         progress_word="step",
@@ -264,8 +264,8 @@ _ROWS = (
             DRAWING,
         ),
         options="mrdamper.jobs.options:ObserveOptions",
-        run="mrdamper.jobs.observe:observe",
-        result="mrdamper.jobs.observe:ObserveResult",
+        run="mrdamper.jobs.thermal.observe:observe",
+        result="mrdamper.jobs.thermal.observe:ObserveResult",
         report="mrdamper.report.thermal.observe:REPORT",
         files_help="For observe.html, observe.svg, observe.json, observe.csv.",
         progress_word="step",
@@ -366,10 +366,10 @@ _ROWS = (
         help="Search annular-fin heat sinks: the coolest damper for the least mass, inside limits.",
         inputs=(CARD, DRAWING, DUTY),
         options="mrdamper.jobs.options:SinkOptions",
-        run="mrdamper.jobs.sink:sink",
-        result="mrdamper.jobs.sink:SinkResult",
+        run="mrdamper.jobs.thermal.sink:sink",
+        result="mrdamper.jobs.thermal.sink:SinkResult",
         report="mrdamper.report.thermal.sink:REPORT",
-        checkpoint="mrdamper.jobs.sink:decisive",
+        checkpoint="mrdamper.jobs.thermal.sink:decisive",
         files_help="For sink.html, sink.json, front.csv, best.toml.",
     ),
     Job(

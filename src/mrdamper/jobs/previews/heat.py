@@ -18,8 +18,8 @@ from typing import Any, TypeVar
 from mrdamper.errors import EnvelopeWarning
 from mrdamper.excitation import Sine
 from mrdamper.identify.predict import finite
-from mrdamper.jobs.heat import changed_drawing, start_of
 from mrdamper.jobs.options import HeatOptions
+from mrdamper.jobs.thermal.heat import changed_drawing, start_of
 from mrdamper.models.card_schema import read_card
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.schema import Json

@@ -22,8 +22,8 @@ from mrdamper.identify.assess import summary
 from mrdamper.jobs.identify import identify, options_for
 from mrdamper.jobs.inputs import read_dataset
 from mrdamper.jobs.options import FitOptions, SinkOptions
-from mrdamper.jobs.sink import sink
 from mrdamper.jobs.sweep.plan import What
+from mrdamper.jobs.thermal.sink import sink
 from mrdamper.jobs.track import TEMPERATURES_DEGC
 from mrdamper.models.card_schema import card_text, read_card
 from mrdamper.quantities import ZERO_CELSIUS_K

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from mrdamper.jobs.sink import SinkResult
+from mrdamper.jobs.thermal.sink import SinkResult
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.figures.style import HELD_OUT, INK, MEASURED, TRAINING, WIDE, drawing_style, svg_of
 from mrdamper.thermal.sinks.efficiency import DEFAULT_EFFICIENCY, EFFICIENCIES, Sweep

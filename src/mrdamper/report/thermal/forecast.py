@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from rich.console import Console
 from rich.table import Table
 
-from mrdamper.jobs.forecast import ForecastResult
+from mrdamper.jobs.thermal.forecast import ForecastResult
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, picture_file, table_of
 from mrdamper.report.figures.style import HELD_OUT, INK, WIDE

@@ -14,7 +14,7 @@ from rich.table import Table
 
 from mrdamper.arrays import FloatArray
 from mrdamper.identify.predict import finite
-from mrdamper.jobs.heat import HeatResult
+from mrdamper.jobs.thermal.heat import HeatResult
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.base import Report, WrittenFile
 from mrdamper.report.thermal.heat_page import (

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from matplotlib.figure import Figure
 
-from mrdamper.jobs.heat import HeatResult
+from mrdamper.jobs.thermal.heat import HeatResult
 from mrdamper.models.card import ModelCard
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.figures.damper_section import draw_dampers, draw_field

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from mrdamper.arrays import FloatArray
-from mrdamper.jobs.observe import ObserveResult, PlaceTemperature
+from mrdamper.jobs.thermal.observe import ObserveResult, PlaceTemperature
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, picture_file, table_of
 from mrdamper.report.figures.style import HELD_OUT, MEASURED, TRAINING, WIDE

@@ -6,7 +6,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from mrdamper.jobs.sink import SinkResult
+from mrdamper.jobs.thermal.sink import SinkResult
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, print_notes
 from mrdamper.report.figures.damper_section import draw_dampers
