@@ -224,7 +224,7 @@ def test_bad_input_is_one_message_and_exit_code_3(folder, tmp_path, card, argume
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ((), "nothing to write: give --c DIR, --fmu FILE or --table FILE"),
+        ((), "nothing to write: give --c DIR, --fmu FILE, --table FILE or --matlab DIR"),
         (("--c", "x", "--step", "soon"), "'soon' is not a time; expected such as 1ms"),
         (("--c", "x", "--step", "1"), "'1' is not a time"),
         (("--c", "x", "--precision", "half"), "'half' is not one of"),

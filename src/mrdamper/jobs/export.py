@@ -38,7 +38,7 @@ class ExportResult:
 
     card: ModelCard
     name: str
-    what: tuple[str, ...]  # of c, fmu, table
+    what: tuple[str, ...]  # of c, fmu, table, matlab
     code: CodeExport | None
     table: ForceMap | None
     notes: tuple[str, ...]
@@ -79,7 +79,7 @@ def export(
     if {"c", "fmu"} & {*options.what}:
         on_progress(ProgressUpdate(total=2, text="code"))
         code = _code(card, options, damper)
-    if "table" in options.what:
+    if {"table", "matlab"} & {*options.what}:
         on_progress(ProgressUpdate(done=1, total=2, text="force map"))
         try:
             table = force_map(card)

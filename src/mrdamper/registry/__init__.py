@@ -375,7 +375,7 @@ _ROWS = (
     Job(
         name="export",
         python="export_card",
-        help="Export a card as C source, as FMU or as force map, proved against the model before it is "
+        help="Export a card as C source, FMU, force map or for MATLAB, proved against the model before it is "
         "written.",
         inputs=(
             CARD,
@@ -398,6 +398,7 @@ _ROWS = (
             Output(name="c", metavar="DIR", help="Write C99 source there."),
             Output(name="fmu", metavar="FILE", help="Write a co-simulation FMU."),
             Output(name="table", metavar="FILE", help="Write a force map (CSV) for simulators."),
+            Output(name="matlab", metavar="DIR", help="Write card and force map for MATLAB there."),
         ),
         progress_word="part",
     ),

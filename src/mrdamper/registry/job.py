@@ -140,8 +140,9 @@ class Job:
         try:
             return load(self.run)(**things, **more)
         except MrdamperError as fault:
-            if isinstance(path := given.get(fault.place), str | Path):
-                fault.move_to(str(path))
+            name, *parts = fault.place.split(": ")
+            if isinstance(path := given.get(name), str | Path):
+                fault.move_to(": ".join([str(path), *parts]))
             raise
 
     def perform(

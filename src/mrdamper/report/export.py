@@ -9,6 +9,7 @@ from rich.markup import escape
 
 from mrdamper.export.c_code import c_files
 from mrdamper.export.fmu import write_fmu
+from mrdamper.export.matlab import write_matlab
 from mrdamper.export.record import Verification
 from mrdamper.jobs.export import CodeExport, ExportResult
 from mrdamper.report.base import Report, WrittenFile, print_notes
@@ -116,6 +117,11 @@ def _write_table(found: ExportResult, path: Path) -> None:
     path.write_text(found.table.as_csv(), encoding="utf-8", newline="\n")
 
 
+def _write_matlab(found: ExportResult, folder: Path) -> None:
+    assert found.table is not None
+    write_matlab(found.table, folder)
+
+
 REPORT = Report(
     answer=_answer,
     show=_show,
@@ -139,6 +145,12 @@ REPORT = Report(
             output="table",
             write=_write_table,
             when=lambda found: "table" in found.what,
+        ),
+        WrittenFile(
+            name=lambda found: f"{found.name}_matlab",
+            output="matlab",
+            write=_write_matlab,
+            when=lambda found: "matlab" in found.what,
         ),
     ),
     lists_files=True,

@@ -41,8 +41,9 @@ def do(kind: str, options: Json, folder: WorkFolder, out: Path, say: Say, *, res
     kinds have finished is kept where ``record.JobRecord.left`` looks for it.
     """
     answer = _perform(job_of(kind), options, folder, out, say, resume=resume)
-    if kind == "export" and "c" in options["what"]:
-        _zip(out / f"{options['name']}_c", out / f"{options['name']}_c.zip")
+    for part in ("c", "matlab") if kind == "export" else ():
+        if part in options["what"]:
+            _zip(out / f"{options['name']}_{part}", out / f"{options['name']}_{part}.zip")
     return answer
 
 

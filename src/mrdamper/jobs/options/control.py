@@ -131,9 +131,9 @@ class ExportOptions:
     """Options of ``export``."""
 
     what: Annotated[
-        tuple[Literal["c", "fmu", "table"], ...],
+        tuple[Literal["c", "fmu", "table", "matlab"], ...],
         Option(
-            "C99 source, an FMU, a force map (CSV).",
+            "C99 source, an FMU, a force map (CSV), a folder for MATLAB.",
             flag="-",
             least_items=1,
             label="Make",
@@ -143,6 +143,7 @@ class ExportOptions:
                     "C99 source, as an archive",
                     "FMU for co-simulation",
                     "force map (CSV) for simulators",
+                    "card and force map for MATLAB",
                 ),
                 begins=("c", "fmu"),
             ),
