@@ -16,7 +16,7 @@ import pytest
 
 import mrdamper
 from mrdamper.data.prepare import Preparation
-from mrdamper.data.records import Dataset, RigRun
+from mrdamper.data.records import RigRun
 from mrdamper.excitation import MOTIONS, Trajectory, drive
 from mrdamper.identify.fit import Identification
 from mrdamper.models.damper import Damper
@@ -28,6 +28,7 @@ from mrdamper.rig.campaign import Campaign
 from mrdamper.rig.lumped import LUMPED
 from mrdamper.rig.measurement import measure
 from mrdamper.rig.plant import STEP_S, Plant
+from tests.acceptance.campaigns import USUAL, identified, runs_of
 from tests.oracles.paper_preset import CLAIMED_LOSSES, THERMAL_MOTION, peak_force
 from tests.support.pace import taken
 
@@ -37,23 +38,9 @@ TRAINED, HELD_OUT = (20, 40, 80, 120), (60, 100, 123)
 TRAINED_MOTIONS = ("sine5mm1Hz", "sine3mm2Hz", "nonperiodic")
 CHIRP = "chirp3mm"
 PLAIN = "bouc-wen"
-USUAL = "usual"  # what is fitted to such runs unless told
 KELVIN = 273.15
 
 Errors = Mapping[tuple[str, int], float]
-
-
-@cache
-def runs_of(preset: str) -> Dataset:
-    """Return the default campaign on a damper, simulated once."""
-    return Dataset(tuple(run for run, _ in measure(LUMPED[preset], Campaign())))
-
-
-@cache
-def identified(preset: str, law: str) -> Identification:
-    asked = None if law == USUAL else law
-    fitted: Identification = mrdamper.fit(runs_of(preset), asked, hold_out=Campaign().hold_out)
-    return fitted
 
 
 @cache

@@ -21,13 +21,13 @@ from mrdamper.control.optimum import search_optimum
 from mrdamper.control.protocol import Measurement, Reference
 from mrdamper.control.scenario import SCENARIOS, Dropout, Scenario
 from mrdamper.control.score import Score, score_run
-from mrdamper.data.records import Dataset
 from mrdamper.models.actuation import PLAY_SHARE
 from mrdamper.models.card import ModelCard
 from mrdamper.rig.campaign import Campaign
 from mrdamper.rig.lumped import LUMPED, LumpedDamper
 from mrdamper.rig.measurement import measure
 from mrdamper.rig.plant import Plant
+from tests.acceptance.campaigns import identified, runs_of
 from tests.acceptance.followed import (
     FAST,
     MUST,
@@ -51,15 +51,8 @@ PLANTS_AND_TARGETS = list(MUST)
 
 
 @cache
-def runs_of(preset: str) -> Dataset:
-    """Return the default campaign on a damper, simulated once."""
-    return Dataset(tuple(run for run, _ in measure(LUMPED[preset], Campaign())))
-
-
-@cache
 def card_of(preset: str) -> ModelCard:
-    card: ModelCard = mrdamper.fit(runs_of(preset), hold_out=Campaign().hold_out).card()
-    return card
+    return identified(preset).card()
 
 
 @cache
