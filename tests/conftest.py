@@ -23,6 +23,7 @@ from pathlib import Path
 
 import pytest
 from hypothesis import is_hypothesis_test, settings
+from xdist.scheduler import LoadScopeScheduling  # type: ignore[import-untyped]
 
 os.environ["MPLBACKEND"] = "Agg"
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # two workers: more threads would only wait in loops
@@ -37,6 +38,7 @@ settings.register_profile("nightly", settings.get_profile("usual"), max_examples
 settings.load_profile("usual")
 
 _MARK_OF_FIXTURE = {"tool": "tool", "real_data": "data"}
+_OF_THE_SAME_CAMPAIGNS = {f"tests/acceptance/test_{name}.py" for name in ("tempered_rig", "tracking")}
 _TIERS = ("release", "nightly", "system")  # a test in more than one is in the first
 _STARTS = ("subprocess.Popen", "os.fork", "os.forkpty", "os.posix_spawn", "os.system", "os.exec")
 
@@ -127,6 +129,21 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker("property")
         tier = next((each for each in _TIERS if item.get_closest_marker(each)), "fast")
         item.add_marker(f"tier_{tier}")
+
+
+def _scope(nodeid: str) -> str:
+    module = nodeid.partition("::")[0]
+    return "campaigns" if module in _OF_THE_SAME_CAMPAIGNS else module
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> object:
+    """Give tests of one module to one worker, and those of modules that use the same campaigns."""
+    if config.getvalue("dist") != "loadscope":
+        return None
+    scheduler = LoadScopeScheduling(config, log)
+    scheduler._split_scope = _scope
+    return scheduler
 
 
 @pytest.hookimpl(wrapper=True)

@@ -11,8 +11,6 @@ from pathlib import Path
 
 import pytest
 
-pytestmark = pytest.mark.system
-
 LACKING = """
 import pytest
 
@@ -31,7 +29,7 @@ def test_that_skips_for_another_reason():
 """
 
 
-def outcome(folder: Path, *arguments: str, **environment: str) -> str:
+def outcome(folder: Path, **environment: str) -> str:
     """Return the output of pytest on tests that lack what they need."""
     shutil.copy(Path(__file__).with_name("conftest.py"), folder)
     (folder / "test_lacking.py").write_text(LACKING, encoding="utf-8")
@@ -39,7 +37,7 @@ def outcome(folder: Path, *arguments: str, **environment: str) -> str:
     (folder / "pytest.ini").write_text(f"[pytest]\nmarkers =\n{marks}", encoding="utf-8")
     kept = {name: value for name, value in os.environ.items() if not re.match(r"MRDAMPER_|PYTEST_", name)}
     return subprocess.run(
-        [sys.executable, "-m", "pytest", "-ra", "-p", "no:cacheprovider", "-p", "no:xdist", *arguments],
+        [sys.executable, "-m", "pytest", "-ra", "-p", "no:cacheprovider", "-p", "no:xdist"],
         cwd=folder,
         env=kept | environment,
         capture_output=True,
@@ -48,6 +46,7 @@ def outcome(folder: Path, *arguments: str, **environment: str) -> str:
     ).stdout
 
 
+@pytest.mark.system
 def test_without_the_tools_the_tests_skip_and_say_why(tmp_path):
     printed = outcome(tmp_path)
     assert "4 skipped in" in printed
@@ -62,6 +61,10 @@ def test_where_tools_are_required_a_skip_for_want_of_one_is_a_failure(tmp_path, 
     assert re.search(r"3 failed, 1 skipped in|2 failed, 1 skipped, 1 error in", printed)
 
 
-def test_the_marks_follow_from_what_a_test_asks_for(tmp_path):
-    assert "2 skipped, 2 deselected in" in outcome(tmp_path, "-m", "tool")
-    assert "1 skipped, 3 deselected in" in outcome(tmp_path, "-m", "data")
+def test_the_marks_follow_from_what_a_test_asks_for(request):
+    """Seen on the tests that run beside this one."""
+    for item in request.session.items:
+        marks = {mark.name for mark in item.iter_markers()}
+        assert ("tool" in item.fixturenames) <= ("tool" in marks and "tier_fast" not in marks)
+        assert ("real_data" in item.fixturenames) <= ("data" in marks)
+        assert len([mark for mark in marks if mark.startswith("tier_")]) == 1

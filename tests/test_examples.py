@@ -45,7 +45,8 @@ def card(tmp_path_factory: pytest.TempPathFactory) -> Path:
         temperatures_degC=(20.0, 120.0),
     )
     path = tmp_path_factory.mktemp("card") / "card.json"
-    write_card(mrdamper.fit(run for run, _ in measure(find_preset("nominal"), tests)).card(), path)
+    runs = [run for run, _ in measure(find_preset("nominal"), tests)]
+    write_card(mrdamper.fit(runs, "double-bouc-wen").card(), path)
     return path
 
 

@@ -37,6 +37,7 @@ steps = false
 """
 TEMPERED = ("viscosity", "yield_force")
 """What follows temperature in any law that is fitted to such runs."""
+LAW = ("--law", "double-bouc-wen")  # how one is chosen is told elsewhere, and takes ten times as long
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +58,9 @@ def measured(folder) -> dict[str, Any]:
 def identified(folder, measured) -> dict[str, Any]:
     """Identify what the rig wrote, held out as the rig says."""
     hold_out = [word for pattern in measured["hold_out"] for word in ("--hold-out", pattern)]
-    return answer_of(mrdamper("identify", folder / "runs", *hold_out, "--out", folder / "out", "--json"))
+    return answer_of(
+        mrdamper("identify", folder / "runs", *hold_out, *LAW, "--out", folder / "out", "--json")
+    )
 
 
 def changed(folder: Path, into: Path, change: Callable[[dict[str, str]], None], glob: str = "*.csv") -> Path:
@@ -234,7 +237,7 @@ def test_runs_at_one_temperature_are_fitted_without_temperature_laws_and_it_is_s
     folder, measured, tmp_path
 ):
     place = changed(folder, tmp_path / "stuck", lambda row: row.update(temperature_degC="23.0"))
-    ended = mrdamper("identify", place, "--out", tmp_path / "out", "--json")
+    ended = mrdamper("identify", place, *LAW, "--out", tmp_path / "out", "--json")
     assert ended.returncode == 0, ended.stderr
     (said,) = (note for note in json.loads(ended.stdout)["notes"] if "one temperature" in note)
     assert said == "one temperature in the runs (23 degC): fitted without temperature laws"
@@ -298,7 +301,7 @@ def test_runs_without_a_temperature_beside_ones_that_have_it_are_left_out_and_it
         mrdamper("identify", place, "--temperature", "arrhenius", "--out", tmp_path / "out"),
         *("runs have no temperature channel", "nominal_warm_", "--temperature none"),
     )
-    ended = mrdamper("identify", place, "--out", tmp_path / "out", "--json")
+    ended = mrdamper("identify", place, *LAW, "--out", tmp_path / "out", "--json")
     assert ended.returncode == 0, ended.stderr
     found = json.loads(ended.stdout)
     assert any("have no temperature: they are left out" in note for note in found["notes"])
