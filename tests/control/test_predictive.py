@@ -14,8 +14,9 @@ from mrdamper.control.card_plant import CardPlant
 from mrdamper.control.controllers import NAMES, check_name, controllers_for, names_for
 from mrdamper.control.loop import reference_trajectory, run_loop
 from mrdamper.control.realtime import realtime_model
-from mrdamper.control.scenario import SCENARIOS, Sensing
+from mrdamper.control.scenario import SCENARIOS, Dropout, Sensing
 from mrdamper.control.score import attainable_range, score_run
+from mrdamper.control.stepper import Flag
 from mrdamper.errors import InputError
 from mrdamper.excitation import Trajectory
 from mrdamper.models.actuation import Actuation
@@ -145,3 +146,65 @@ def test_the_model_of_a_chain_may_rest_anywhere_and_forgets_nothing_of_a_bad_rea
     force, after = (made.run(made.start(), each)[1] for each in (rows, broken))
     assert np.isfinite(after).all()
     assert after[800:] == pytest.approx(force[800:], abs=5.0)
+
+
+@pytest.mark.parametrize("single", [False, True])
+def test_no_fault_of_the_state_outlasts_the_step(*, single: bool) -> None:
+    """100 numbers of the state become NaN, infinite or huge: finite at once, and 100 ms later as before.
+
+    Within 5 %: what remembers long travel takes long travel to learn.
+    """
+    rng = np.random.default_rng(4)
+    made = replace(changed(realtime_model(CHAIN), heating__capacity=0.0), single=single)
+    x, v, _, current, kelvin = driven(1.0, 1000)
+    rows = np.column_stack([x, v, np.full_like(x, 1.0) + 0.0 * current, np.full_like(kelvin, 333.15)])
+    before, straight, _ = made.run(made.start(), rows[:500])
+    after = made.run(before, rows[500:])[1]
+    assert np.isfinite(straight).all()
+    kind = np.float32 if single else np.float64
+    reals = (len(made.start()) // np.dtype(kind).itemsize) - 12  # numbers first, counts behind
+    flagged = 0
+    for _ in range(100):
+        state = np.frombuffer(before, dtype=np.uint8).copy()
+        at = int(rng.integers(reals))
+        state.view(kind)[at] = rng.choice([np.nan, np.inf, -np.inf, 1e30])
+        _, force, flags = made.run(state.tobytes(), rows[500:])
+        assert np.isfinite(force).all()
+        assert force[100:] == pytest.approx(after[100:], abs=0.05 * np.abs(after).max())
+        flagged += bool(flags[0] & Flag.INTERNAL_FAULT)
+    assert flagged > 10  # most are lines of commands and targets that have passed
+
+
+@pytest.mark.system
+def test_of_a_slow_bus_each_reading_counts_once() -> None:
+    """50 Hz: RMS feasible at most 15 N more than with a reading a period; untold at least 50 N more."""
+    scenario = replace(SCENARIOS["sine-900N-1Hz"], temperature_degC=60.0, duration_s=3.0)
+    plant = CardPlant(DOUBLE)
+    course = reference_trajectory(scenario, plant.step_s)
+    reach = attainable_range(plant, course, 60.0, 2.0)
+
+    def score(bus_s: float | None, hold_s: float) -> float:
+        made = controllers_for(DOUBLE, displacement_period_s=bus_s)["predictive"]
+        held = replace(scenario, sensors=Sensing(displacement_hold_s=hold_s))
+        return score_run(run_loop(plant, made, held, course), reach).rmse_feasible_N or np.inf
+
+    plain, told_of_it, untold = score(None, 0.0), score(0.02, 0.02), score(None, 0.02)
+    assert told_of_it < plain + 15.0
+    assert untold > plain + 50.0
+
+
+@pytest.mark.system
+def test_the_motion_is_coasted_through_100_ms_without_displacement() -> None:
+    """900 N 1 Hz, 60 degC, once a second: RMS feasible less than 40 N more."""
+    scenario = replace(SCENARIOS["sine-900N-1Hz"], temperature_degC=60.0)
+    lost = tuple(Dropout("displacement", 1.13 * k, 1.13 * k + 0.1) for k in range(1, 4))
+    plant, made = CardPlant(DOUBLE), controllers_for(DOUBLE)["predictive"]
+    course = reference_trajectory(scenario, plant.step_s)
+    reach = attainable_range(plant, course, 60.0, 2.0)
+    with_it, without_it = (
+        score_run(run_loop(plant, made, replace(scenario, sensors=sensors), course), reach).rmse_feasible_N
+        for sensors in (Sensing(), Sensing(dropouts=lost))
+    )
+    assert with_it is not None
+    assert without_it is not None
+    assert without_it < with_it + 40.0

@@ -56,6 +56,14 @@ def test_nor_has_the_compiler_of_a_cortex(precision, tool, tmp_path):
 
 
 @pytest.mark.system
+def test_every_source_file_compiles_by_itself(folder, tool, tmp_path):
+    """As a build system that takes all ``.c`` of a folder does."""
+    sources = sorted(folder.glob("*.c"))
+    assert len(sources) == 4
+    ran(tool("gcc"), "-std=c99", "-c", *map(str, sources), cwd=tmp_path)
+
+
+@pytest.mark.system
 def test_the_header_is_cpp_as_well(folder, tool, tmp_path):
     (tmp_path / "user.cpp").write_text('#include "damper.h"\ndamper_model_state state;\n', encoding="ascii")
     ran(

@@ -100,6 +100,7 @@ class MotionFilter:
     gain_x: Annotated[float, Doc("-", "of the displacement")]
     gain_v: Annotated[float, Doc("1/s", "of the velocity")]
     gain_a: Annotated[float, Doc("1/s2", "of the acceleration")]
+    held: Annotated[bool, Doc("", "readings are held for several periods: one that repeats is none")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -206,7 +207,8 @@ class Faults:
     far_v: Annotated[float, Doc("m/s", "a velocity beyond is a fault")]
     frozen_samples: Annotated[int, Doc("", "equal readings that make a fault")]
     frozen_speed: Annotated[float, Doc("m/s", "... where the damper moved at least as fast before")]
-    coast_samples: Annotated[int, Doc("", "samples without displacement before the fall-back, with it after")]
+    coast_samples: Annotated[int, Doc("", "samples without displacement before the fall-back")]
+    back_samples: Annotated[int, Doc("", "samples with it again before the fall-back ends")]
     fall_back: Annotated[float, Doc("A", "command when the motion is not known")]
 
 

@@ -57,8 +57,9 @@ class Safety:
 
     stroke_times: float = 10.0  # a displacement so many times the data's is a fault
     frozen_s: float = 0.02  # equal readings for so long ...
-    coast_s: float = 0.03  # the motion is carried on for so long without displacement, then
-    fall_back: float = 0.0  # this command is given [A or V]
+    coast_s: float = 0.12  # the motion is carried on for so long without displacement, then
+    fall_back: float = 0.0  # this command is given [A or V], until
+    back_s: float = 0.03  # the displacement has been known again for so long
     cold_K: float = 233.15
     hot_K: float = 423.15
     slew_K_s: float = 20.0  # no damper warms faster
@@ -73,6 +74,7 @@ class Safety:
             "stroke_times",
             "frozen_s",
             "coast_s",
+            "back_s",
             "slew_K_s",
             "jump_K",
             "smooth_s",
@@ -103,6 +105,7 @@ class Safety:
             frozen_samples=max(2, round(self.frozen_s / axes.period)),
             frozen_speed=frozen_speed,
             coast_samples=max(1, round(self.coast_s / axes.period)),
+            back_samples=max(1, round(self.back_s / axes.period)),
             fall_back=min(self.fall_back, axes.largest),
         )
 
@@ -219,6 +222,7 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
     period_s: float = 1e-3,
     largest: float | None = None,
     displacement_noise_m: float = 10e-6,
+    displacement_period_s: float | None = None,
     jerk_density: float = tuning.JERK_DENSITY,
     extra_delay_s: float = 0.0,
     preview_s: float | None = None,
@@ -236,6 +240,8 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
     period_s : sampling period [s]
     largest : largest command [A or V]; None: the actuation's, else the envelope's
     displacement_noise_m : of the displacement sensor, rms [m]
+    displacement_period_s : between two of its readings, where a slow bus holds each for several periods [s];
+        equal readings then count as frozen only after two and a half of these
     jerk_density : of the motion that the filter expects [m/s^3 per root Hz]
     extra_delay_s : dead time of sensing, computing and driving beside the card's [s]
     preview_s : instead of the rule's [s]
@@ -273,13 +279,21 @@ def controllers_for(  # noqa: PLR0913 - what a caller may know better than the r
     preview = tuning.preview_of(actuation, period_s) if preview_s is None else preview_s
     if not (math.isfinite(preview) and preview >= 0.0):
         raise InputError(place="controller", found=f"the preview is {preview} s", expected="0 or more")
-    gains, spread = tuning.motion_filter(period_s, displacement_noise_m, jerk_density)
+    held_s = max(displacement_period_s or 0.0, period_s)
+    gains, spread = tuning.motion_filter(held_s, displacement_noise_m, jerk_density)
+    safety = safety or Safety()
+    safety = replace(safety, frozen_s=max(safety.frozen_s, 2.5 * held_s if held_s > period_s else 0.0))
     base = _base(
         tables,
         period_s,
-        safety or Safety(),
+        safety,
         envelope,
-        motion=config.MotionFilter(gain_x=float(gains[0]), gain_v=float(gains[1]), gain_a=float(gains[2])),
+        motion=config.MotionFilter(
+            gain_x=float(gains[0]),
+            gain_v=float(gains[1]),
+            gain_a=float(gains[2]),
+            held=held_s > 1.5 * period_s,
+        ),
         speed_noise=math.sqrt(float(spread[1, 1])),
         actuation=tuning.sampled_actuation(actuation, period_s, preview),
         preview=preview,

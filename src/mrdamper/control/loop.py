@@ -226,6 +226,8 @@ def _read_sensors(
     force = sensing.force_noise_N * white["force"]
     if sensing.displacement_step_m > 0.0:
         x = sensing.displacement_step_m * np.round(x / sensing.displacement_step_m)
+    held = max(1, round(sensing.displacement_hold_s / period_s))
+    x = np.repeat(x[::held], held)[:samples]
     read: dict[Sensor, FloatArray] = {"displacement": x, "temperature": kelvin, "force": force}
     for sensor, values in read.items():
         values[noise[sensor].random(samples) < sensing.lost_share] = np.nan

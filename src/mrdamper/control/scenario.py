@@ -115,6 +115,9 @@ class Sensing:
 
     displacement_noise_m: Annotated[float, Option(unit="m", least=0.0)] = 10e-6
     displacement_step_m: Annotated[float, Option(unit="m", least=0.0)] = 0.0
+    displacement_hold_s: Annotated[
+        float, Option("each reading is held for so long, as a slow bus does; 0: none", unit="s", least=0.0)
+    ] = 0.0
     displacement_delay_s: Annotated[float, Option(unit="s", least=0.0)] = 0.0
     force_noise_N: Annotated[float, Option(unit="N", least=0.0)] = 5.0
     force_step_N: Annotated[float, Option(unit="N", least=0.0)] = 0.0

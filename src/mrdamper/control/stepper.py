@@ -38,9 +38,10 @@ class Flag(IntFlag):
     NO_CURRENT = 8192  # a model's: not a number, or far outside; the last good one is used, then none
     FROZEN_TEMPERATURE = 16384  # it stands still though the damper warms: carried on by the energy put in
     NO_VELOCITY = 32768  # a model's: beyond what can be; estimated from the displacement instead
+    INTERNAL_FAULT = 65536  # the state held what cannot be: it begins anew with this step's readings
 
 
-FAULTS = Flag(127) | Flag.NO_CURRENT | Flag.FROZEN_TEMPERATURE | Flag.NO_VELOCITY
+FAULTS = Flag(127) | Flag.NO_CURRENT | Flag.FROZEN_TEMPERATURE | Flag.NO_VELOCITY | Flag.INTERNAL_FAULT
 """The flags that say that a reading was not believed."""
 
 

@@ -75,6 +75,7 @@ _SAID: Mapping[str, str] = {
     "NO_CURRENT": "command is not a number, or far outside: the last good one is used, then none",
     "FROZEN_TEMPERATURE": "temperature stands still though the damper warms",
     "NO_VELOCITY": "velocity is beyond what can be: estimated from the displacement",
+    "INTERNAL_FAULT": "the state held what cannot be: it begins anew",
 }
 """What a flag says where no header stands beside it."""
 

@@ -234,7 +234,7 @@ static mrd_real fed_back(const mrd_track *c, mrd_track_state *s, bool measured, 
 MRD_TRACK_API mrd_real mrd_track_step(const mrd_track *c, mrd_track_state *s, const mrd_inputs *inputs)
 {
     static const mrd_real most_force = R(1e7), most_length = R(1e9);
-    s->flags = 0;
+    begin_step(c, s);
     const mrd_real v_before = s->v;
     const bool known = follow_motion(c, s, inputs->displacement);
     follow_temperature(c, s, inputs->temperature);

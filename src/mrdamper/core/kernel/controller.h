@@ -145,7 +145,8 @@ enum {
     MRD_SATURATED = 4096,       /* the command is at one of its ends, or the current beyond them */
     MRD_NO_CURRENT = 8192,      /* a model's: not a number, or far outside; the last good one is used, then none */
     MRD_FROZEN_TEMPERATURE = 16384, /* it stands still though the damper warms; see heating.extrapolate */
-    MRD_NO_VELOCITY = 32768     /* a model's: beyond what can be; estimated from the displacement instead */
+    MRD_NO_VELOCITY = 32768,    /* a model's: beyond what can be; estimated from the displacement instead */
+    MRD_INTERNAL_FAULT = 65536  /* the state held what cannot be: it begins anew with this step's readings */
 };
 
 typedef struct {

@@ -36,6 +36,7 @@ typedef struct {
     mrd_real gain_x; /* of the displacement [-] */
     mrd_real gain_v; /* of the velocity [1/s] */
     mrd_real gain_a; /* of the acceleration [1/s2] */
+    bool held; /* readings are held for several periods: one that repeats is none */
 } mrd_config_motion;
 
 /* Gains of the filter that extrapolates a wanted force which is not known ahead. */
@@ -120,7 +121,8 @@ typedef struct {
     mrd_real far_v; /* a velocity beyond is a fault [m/s] */
     int32_t frozen_samples; /* equal readings that make a fault */
     mrd_real frozen_speed; /* ... where the damper moved at least as fast before [m/s] */
-    int32_t coast_samples; /* samples without displacement before the fall-back, with it after */
+    int32_t coast_samples; /* samples without displacement before the fall-back */
+    int32_t back_samples; /* samples with it again before the fall-back ends */
     mrd_real fall_back; /* command when the motion is not known [A] */
 } mrd_config_faults;
 
@@ -182,6 +184,7 @@ typedef struct {
     X(motion, gain_x, mrd_real) \
     X(motion, gain_v, mrd_real) \
     X(motion, gain_a, mrd_real) \
+    X(motion, held, bool) \
     X(reference, gain_f, mrd_real) \
     X(reference, gain_rate, mrd_real) \
     X(reference, gain_bend, mrd_real) \
@@ -235,6 +238,7 @@ typedef struct {
     X(faults, frozen_samples, int32_t) \
     X(faults, frozen_speed, mrd_real) \
     X(faults, coast_samples, int32_t) \
+    X(faults, back_samples, int32_t) \
     X(faults, fall_back, mrd_real) \
     X(thermometer, cold_limit, mrd_real) \
     X(thermometer, hot_limit, mrd_real) \

@@ -22,6 +22,46 @@ static inline void check_motion(const mrd_track *c, mrd_track_state *s)
     if (!(inside && magnitude(s->v) <= c->envelope.high_v)) s->flags |= MRD_OUTSIDE_MOTION;
 }
 
+/* Whether a number of the state can be one: also false where it is none. */
+static inline bool can_be(mrd_real u)
+{
+    static const mrd_real most = R(1e9);
+    return magnitude(u) <= most;
+}
+
+/* Whether the numbers can be; of what is written anew before it is read nothing is asked. */
+static bool can_all_be(const mrd_real *u, int count)
+{
+    bool sound = true;
+    for (int i = 0; i < count; i++) sound = sound && can_be(u[i]);
+    return sound;
+}
+
+/* Whether the state can be one that steps have left. */
+static bool is_sound(const mrd_track *c, const mrd_track_state *s)
+{
+    const mrd_real single[] = {s->x, s->v, s->a, s->reference, s->reference_rate, s->reference_bend, s->first, s->second,
+                               s->play, s->applied, s->side, s->command, s->leading, s->integral, s->disturbance,
+                               s->temperature, s->read, s->temperature_rise, s->least_rise, s->coolest, s->last_x,
+                               s->speed_before, s->chain.e, s->chain.y, s->chain.play};
+    bool sound = can_all_be(single, (int)(sizeof single / sizeof single[0]));
+    for (int b = 0; b < bank_of(c); b++) sound = sound && can_all_be(s->place[b], 2);
+    sound = sound && can_all_be(s->gain, MRD_TRACK_GAINS) && can_all_be(s->spread, MRD_TRACK_GAINS * MRD_TRACK_GAINS);
+    sound = sound && can_all_be(s->chain.bristle, MRD_TRACK_BRISTLES) && can_all_be(s->chain.level, 2);
+    sound = sound && can_all_be(s->move, MRD_TRACK_MOVES);
+    sound = sound && s->at >= 0 && s->at < (int32_t)MRD_TRACK_DELAY_LINE && s->term >= 0 && s->term < MRD_TRACK_TERMS;
+    return sound && s->back >= 0 && s->back <= c->faults.back_samples && s->lost >= 0 && s->repeated >= 0
+        && s->cold >= 0 && s->steady >= 0 && s->unpowered >= 0;
+}
+
+/* Begin a step: no flags, and a state that cannot be begins anew. */
+static void begin_step(const mrd_track *c, mrd_track_state *s)
+{
+    const bool sound = is_sound(c, s);
+    if (!sound) mrd_track_start(c, s);
+    s->flags = sound ? 0 : MRD_INTERNAL_FAULT;
+}
+
 /* Displacement in; estimated motion one period on. Returns whether the motion is known. */
 static bool follow_motion(const mrd_track *c, mrd_track_state *s, mrd_real reading)
 {
@@ -43,11 +83,11 @@ static bool follow_motion(const mrd_track *c, mrd_track_state *s, mrd_real readi
             s->v = R(0.0);
             s->a = R(0.0);
             s->chain.play = reading;
-            s->back = s->started != 0 ? c->faults.coast_samples : 0;
+            s->back = s->started != 0 ? c->faults.back_samples : 0;
             s->started = 1;
         } else {
             predict(&s->x, &s->v, s->a, c->axes.period);
-            const mrd_real gap = reading - s->x;
+            const mrd_real gap = c->motion.held && s->repeated > 0 ? R(0.0) : reading - s->x;
             s->x += c->motion.gain_x * gap;
             s->v += c->motion.gain_v * gap;
             s->a += c->motion.gain_a * gap;
@@ -161,7 +201,7 @@ static mrd_real past_dead_time(const mrd_track *c, const mrd_track_state *s, int
     const uint32_t newest = (uint32_t)since;
     const mrd_real older = s->delay_line[(newest - 1u) % MRD_TRACK_DELAY_LINE];
     const mrd_real newer = n < 0 ? s->command : s->delay_line[newest % MRD_TRACK_DELAY_LINE];
-    return newer + c->actuation.dead_part * (older - newer);
+    return limited(newer + c->actuation.dead_part * (older - newer), R(0.0), c->axes.largest);
 }
 
 /* Both lags one period on with a held input: exact. */

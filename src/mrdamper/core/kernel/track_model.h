@@ -52,16 +52,16 @@ static void follow_current(const mrd_track *c, mrd_track_state *s, mrd_real read
     } else {
         s->flags |= MRD_NO_CURRENT;
         if (s->unpowered < INT32_MAX) s->unpowered++;
-        if (s->unpowered > c->faults.coast_samples) current = R(0.0);
+        if (s->unpowered > c->faults.back_samples) current = R(0.0);
     }
     give(s, current);
 }
 
 MRD_TRACK_API mrd_real mrd_model_step(const mrd_track *c, mrd_track_state *s, const mrd_model_inputs *inputs)
 {
+    begin_step(c, s);
     const bool first = s->started == 0 && s->velocity_known == 0; /* nothing has been travelled before */
     const mrd_real v_before = s->v;
-    s->flags = 0;
     follow_driven_motion(c, s, inputs->displacement, inputs->velocity);
     follow_temperature(c, s, inputs->temperature);
     follow_current(c, s, inputs->current);
