@@ -161,5 +161,7 @@ _CHAIN: dict[str, ParameterLaw] = {
     "gas_length": Constant(0.08),
     "play": Constant(2e-5),
     "follow_share": Constant(0.3),
+    "creep": TemperatureDependent(Constant(4e-6), Arrhenius(-900.0)),
+    "knee": Constant(0.5),
 }
 CHAIN = Damper(LAWS["chain"], _CHAIN, actuation=LAGS, temperature_range=(288.15, 398.15))

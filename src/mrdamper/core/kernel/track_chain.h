@@ -39,13 +39,13 @@ typedef struct {
     mrd_real h, v, e;              /* step, velocity behind the play, spring's travel if the valve rested */
     mrd_real gain, gain_slope;     /* of the valve's force over q */
     mrd_real rest, rest_slope;     /* offset, spring and gas */
-    mrd_real viscoplastic, thinning;
+    mrd_real viscoplastic, thinning, slowness; /* slowness: of the yield */
     mrd_real level[MRD_TRACK_BRISTLES], stiffness[MRD_TRACK_BRISTLES], before[MRD_TRACK_BRISTLES];
 } link_step;
 
 /* The equation at one y. */
 typedef struct {
-    mrd_real y, side, power, force, force_slope, slope, spring_slope;
+    mrd_real y, side, side_slope, power, force, force_slope, slope, spring_slope;
     mrd_real bristle[MRD_TRACK_BRISTLES], kept[MRD_TRACK_BRISTLES], bristle_slope[MRD_TRACK_BRISTLES];
 } link_point;
 
@@ -100,6 +100,7 @@ static void link_prepare(link_step *s, const mrd_chain_state *w, const link_leve
     s->gain_slope = moves ? k[MRD_CHAIN_POSITION] + R(2.0) * place * k[MRD_CHAIN_CURVATURE] : R(0.0);
     link_rest(s, q);
     s->viscoplastic = s->gain * yield * (R(1.0) - k[MRD_CHAIN_SHARE]);
+    s->slowness = k[MRD_CHAIN_SLOWNESS] / (R(1.0) + k[MRD_CHAIN_SLOWNESS] * k[MRD_CHAIN_CREEP] * yield);
     s->thinning = s->gain * (k[MRD_CHAIN_THINNING] * yield + now->at[MRD_PLANE_THINNING]);
     for (int j = 0; j < CHAIN_PRE_YIELD; j++) {
         s->level[j] = share_of[j] * s->gain * yield * k[MRD_CHAIN_SHARE];
@@ -121,20 +122,36 @@ static inline mrd_real level_along(const link_step *s, int j, mrd_real y)
     return s->level[j] * (y < R(0.0) ? R(1.0) - asymmetry : R(1.0) + asymmetry);
 }
 
+/* The yield's share that is reached at the speed, and its slope: tanh, or partly a straight line with a corner at 1. */
+static mrd_real yield_side(const link_step *s, mrd_real speed, mrd_real *slope)
+{
+    static const mrd_real rounding = R(0.05);
+    const mrd_real u = s->slowness * speed, knee = s->k->at[MRD_CHAIN_KNEE];
+    mrd_real side = lookup_at(&s->t->side, u), pulled, pushed;
+    *slope = (R(1.0) - side * side) * s->slowness;
+    if (knee > R(0.0)) {
+        mrd_real line = rounding * corner_at(&s->t->corner, (u + R(1.0)) / rounding, &pulled) - R(1.0);
+        line -= rounding * corner_at(&s->t->corner, (u - R(1.0)) / rounding, &pushed);
+        side += knee * (line - side);
+        *slope += knee * ((pulled - pushed) * s->slowness - *slope);
+    }
+    return side;
+}
+
 /* Valve less compliance at y; rises with y. */
 static mrd_real link_balance(const link_step *s, mrd_real y, link_point *p)
 {
     const mrd_real *k = s->k->at;
     const mrd_real size = magnitude(y), sign = y < R(0.0) ? R(-1.0) : R(1.0), as = k[MRD_CHAIN_ASYMMETRY];
     mrd_real power_slope, leak_slope;
-    const mrd_real t = sign * lookup_at(&s->t->side, k[MRD_CHAIN_SLOWNESS] * size);
+    const mrd_real t = sign * yield_side(s, size, &p->side_slope);
     p->y = y;
     p->side = t;
     p->power = sign * power_at(&s->t->thinning, size, &power_slope);
     mrd_real force = s->rest + s->rest_slope * s->h * y + s->viscoplastic * (R(1.0) + as * t) * t
                    + s->thinning * p->power + k[MRD_CHAIN_ORIFICE] * size * y;
     mrd_real slope = s->rest_slope * s->h + s->thinning * power_slope + R(2.0) * k[MRD_CHAIN_ORIFICE] * size
-                   + s->viscoplastic * (R(1.0) + R(2.0) * as * t) * (R(1.0) - t * t) * k[MRD_CHAIN_SLOWNESS];
+                   + s->viscoplastic * (R(1.0) + R(2.0) * as * t) * p->side_slope;
     for (int j = 0; j < MRD_TRACK_BRISTLES; j++) {
         const mrd_real level = level_along(s, j, y);
         p->bristle[j] = R(0.0);
@@ -168,7 +185,7 @@ static void link_solve(const link_step *s, mrd_real guess, int rounds, link_poin
     at_rest -= spring_at(s->t, s->k, s->e, &by_spring) + leak_at(s->t, s->k, s->v, &by_leak);
     const mrd_real sign = at_rest > R(0.0) ? R(-1.0) : R(1.0);
     mrd_real low = R(0.0), high = series_fastest, size = limited(sign * guess, R(0.0), series_fastest), moved = R(0.0);
-    if (!(size > slowest)) size = R(0.1) / s->k->at[MRD_CHAIN_SLOWNESS];
+    if (!(size > slowest)) size = R(0.1) / s->slowness;
     for (int i = 0; i < rounds; i++) {
         const mrd_real balance = sign * link_balance(s, sign * size, p);
         mrd_real next = size - balance / p->slope;
@@ -221,6 +238,8 @@ static void link_differentiate(const link_step *s, const link_point *p, const li
     const mrd_real by_travel = s->rest_slope + shaped / s->gain * s->gain_slope;
     mrd_real by_current[MRD_TRACK_BRISTLES], by_valve = s->gain * ((R(1.0) - k[MRD_CHAIN_SHARE]) * yielded * yield_slope
         + (k[MRD_CHAIN_THINNING] * yield_slope + now->slope[MRD_PLANE_THINNING]) * p->power);
+    by_valve -= s->viscoplastic * (R(1.0) + R(2.0) * as * p->side) * p->side_slope * p->y * s->slowness
+              * k[MRD_CHAIN_CREEP] * yield_slope;
     for (int j = 0; j < MRD_TRACK_BRISTLES; j++) {
         const mrd_real level = level_along(s, j, p->y);
         by_current[j] = R(0.0);
@@ -324,7 +343,7 @@ static void chain_parts(const mrd_track *c, const mrd_track_state *s, axis_point
     at.k = &k;
     link_prepare(&at, &s->chain, &now, q, q);
     series_beside(c->series, &k, s->v, s->a, &parts[1], &parts[2], &inertia);
-    const mrd_real t = sign * lookup_at(&c->series->side, k.at[MRD_CHAIN_SLOWNESS] * size);
+    const mrd_real t = sign * yield_side(&at, size, &slope);
     parts[0] = at.viscoplastic * (R(1.0) + k.at[MRD_CHAIN_ASYMMETRY] * t) * t + s->chain.bristle[CHAIN_MEMORY];
     for (int j = 0; j < CHAIN_PRE_YIELD; j++) parts[0] += s->chain.bristle[j];
     parts[1] += at.thinning * sign * power_at(&c->series->thinning, size, &slope) + k.at[MRD_CHAIN_ORIFICE] * size * y;
