@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from mrdamper.jobs.track import Traced
+from mrdamper.models.characterisation import spread_out
 from mrdamper.models.fluids.fluid import Fluid
 from mrdamper.paper.findings import Findings
 from mrdamper.quantities import ZERO_CELSIUS_K
@@ -15,14 +18,28 @@ from mrdamper.report.figures.damper_section import draw_dampers
 from mrdamper.report.figures.heat import draw_fade, draw_paths, draw_temperatures
 from mrdamper.report.figures.sink import draw_front, draw_sweeps
 from mrdamper.report.figures.small_multiples import colour_of_warmth
-from mrdamper.report.figures.style import HELD_OUT, INK, TRAINING, WIDE, drawing_style, svg_of
+from mrdamper.report.figures.style import (
+    HELD_OUT,
+    INK,
+    MEASURED,
+    TRAINING,
+    WIDE,
+    colour_of,
+    drawing_style,
+    svg_of,
+)
 from mrdamper.report.figures.track import draw_temperatures as draw_track_errors
 from mrdamper.report.figures.track import draw_tracking
 from mrdamper.report.identification.campaign import Campaign
 from mrdamper.report.identification.loops import loop_pictures
 
-__all__ = ["PaperFigure", "Section", "sections_of"]
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
+__all__ = ["PaperFigure", "Section", "sections_of", "way_figure"]
+
+_MOST_LOOPS = 4
+_SHOWN_S, _THIN_S = 2.0, 2e-3  # of a tracked force, and between two drawn samples
 _FIELDS_T = (0.1, 0.2, 0.4, 0.6)
 _ROWS: Mapping[str, tuple[int, ...]] = {
     "tests": (1, 2, 12, 13, 14),
@@ -53,7 +70,6 @@ class Section:
     said: str
     rows: tuple[int, ...]
     plates: tuple[PaperFigure, ...]
-    on_the_way: bool = False  # from the loops to the controller: its first picture opens the report
 
 
 def sections_of(found: Findings) -> list[Section]:
@@ -67,14 +83,12 @@ def sections_of(found: Findings) -> list[Section]:
             "them, here on the virtual rig. Grey is measured; what was held out of the fit is marked.",
             (*_ROWS["tests"], *_ROWS["forces"]),
             tuple(_loop_plates(found)),
-            on_the_way=True,
         ),
         Section(
             "Heating",
             "Sections 2.1, 3.1 and 3.3: 15 mm, 1 Hz and 2 A, with the five fins and without.",
             _ROWS["heat"],
             tuple(_heat_plates(found)),
-            on_the_way=True,
         ),
         Section(
             "Heat sinks",
@@ -89,10 +103,64 @@ def sections_of(found: Findings) -> list[Section]:
             "its card.",
             _ROWS["tracking"],
             tuple(_tracking_plates(found)),
-            on_the_way=True,
         ),
         Section("What cannot be checked", "", _ROWS["lost"], ()),
     ]
+
+
+def way_figure(found: Findings) -> Figure:
+    """Return the way from loops over heating to the controller, a panel each."""
+    figure = Figure(figsize=(WIDE, 3.3))
+    loops, heating, tracking = figure.subplots(1, 3)
+    _draw_loops(loops, Campaign(found.fitted, found.judged.runs))
+    _draw_heating(heating, found)
+    _draw_tracking(tracking, found.track.traced[0])
+    figure.subplots_adjust(left=0.055, right=0.99, top=0.92, bottom=0.14, wspace=0.24)
+    return figure
+
+
+def _draw_loops(axes: Axes, campaign: Campaign) -> None:
+    level = campaign.levels.values[0] if campaign.warm else None
+    for command in spread_out(campaign.commands, _MOST_LOOPS):
+        run = None if campaign.main is None else campaign.at(campaign.main, level, command)
+        if run is None:
+            continue
+        trace = campaign.trace(run)
+        axes.plot(trace.velocity_mm_s, trace.measured_N, color=MEASURED, linewidth=2.6)
+        colour, label = colour_of(command, campaign.highest), f"{command:g} {run.command_unit}"
+        axes.plot(trace.velocity_mm_s, trace.modelled_N, color=colour, linewidth=0.9, label=label)
+    axes.set_title("Loops, measured and modelled", loc="left")
+    axes.set_xlabel("velocity, mm/s")
+    axes.set_ylabel("force, N")
+    axes.legend(loc="upper left")
+
+
+def _draw_heating(axes: Axes, found: Findings) -> None:
+    for (title, rise), colour in zip(found.warm_up.rises, (TRAINING, HELD_OUT), strict=False):
+        axes.plot(rise.time / 60.0, rise.fluid_degC, color=colour, linewidth=1.4, label=title)
+    limit = found.warm_up.rise.limit_K - ZERO_CELSIUS_K
+    axes.axhline(limit, color=INK, linewidth=0.8, linestyle=(0, (5, 2)), label="the fluid's limit")
+    axes.set_title("Heating of the fluid", loc="left")
+    axes.set_xlabel("minutes")
+    axes.set_ylabel("fluid, °C")
+    axes.margins(y=0.12)
+    axes.legend(loc="lower right")
+
+
+def _draw_tracking(axes: Axes, traced: Traced) -> None:
+    course, run = traced.course, traced.runs[0]
+    last = course.scored_from + round(_SHOWN_S / course.step_s)
+    shown = slice(course.scored_from, last, max(round(_THIN_S / course.step_s), 1))
+    time = course.time[shown]
+    axes.fill_between(time, traced.reach.low[shown], traced.reach.high[shown], color="#ececec", linewidth=0)
+    axes.plot(time, run.force[shown], color=TRAINING, linewidth=1.4, label=run.controller)
+    axes.plot(time, course.target[shown], color=INK, linewidth=1.0, linestyle=(0, (4, 2)), label="target")
+    axes.set_title(f"Force control, {traced.target} at {traced.temperature_degC:g} °C", loc="left")
+    axes.set_xlabel("time, s")
+    axes.set_ylabel("force, N")
+    most = 1.5 * float(np.abs(course.target).max())
+    axes.set_ylim(-most, most)
+    axes.legend(loc="upper right", ncols=2)
 
 
 def _fluid_plate(fluid: Fluid) -> PaperFigure:

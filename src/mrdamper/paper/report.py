@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 from rich.console import Console
@@ -16,8 +15,7 @@ from mrdamper.identify.predict import finite
 from mrdamper.jobs.identify import IdentifyResult
 from mrdamper.models.card_schema import write_card
 from mrdamper.paper.demo import LABEL, DemoResult
-from mrdamper.paper.figures import sections_of
-from mrdamper.paper.page import render_paper
+from mrdamper.paper.page import PAGE, target_in_words
 from mrdamper.report.base import Place, Report, WrittenFile, write_report
 from mrdamper.report.export import REPORT as EXPORT_REPORT
 from mrdamper.report.identification.report import REPORT as IDENTIFY_REPORT
@@ -29,20 +27,6 @@ from mrdamper.report.track import REPORT as TRACK_REPORT
 from mrdamper.schema import Json
 
 __all__ = ["REPORT"]
-
-_FILES = (
-    ("card.json", "the model card: all that the other jobs need of a damper"),
-    ("identification/report.html", "identification: loops, errors by run, parameters with uncertainty"),
-    ("heating/heat.html", "heating of the preset paper, with the paper's heat sink and without"),
-    ("sink/sink.html", "search of heat sinks"),
-    ("sink/best.toml", "the best heat sink, as ⟦mrdamper heat⟧ reads it"),
-    ("tracking/track.html", "force tracking"),
-    ("c/README.md", "model and controller as C99, with the record of their verification"),
-    ("damper.fmu", "the same as a functional mock-up unit (FMI 3.0), sources inside"),
-    ("summary.json", "all figures, with the claims"),
-)
-_EXPORTED = ("c/README.md", "damper.fmu")
-
 
 # ------------------------------------------------------------------------------------------- the answer
 
@@ -88,18 +72,6 @@ def _target(found: DemoResult) -> Json:
     answer = EXPORT_REPORT.answer(found.export)
     keys = ("precision", "step_s", "controller", "code_bytes", "tables_bytes", "verification")
     return {"written": True, **{key: answer[key] for key in keys}}
-
-
-def _target_in_words(found: DemoResult) -> str:
-    code = None if found.export is None else found.export.code
-    if code is None:
-        return f"C code and FMU were not written: {found.why_not_exported}"
-    controller = "" if code.target.controller is None else code.target.controller.name
-    return (
-        f"C code and FMU: the controller {controller} and the model in {code.target.precision}, a step every "
-        f"{1e3 * code.target.period_s:g} ms, compiled here and compared with the model in Python over "
-        f"{code.record.samples} samples."
-    )
 
 
 # ------------------------------------------------------------------------------------------- a terminal
@@ -148,7 +120,7 @@ def _figure(value: float | str | None) -> str:
 
 
 def _summary(found: DemoResult) -> list[str]:
-    return [*_claims_in_words(found), _target_in_words(found)]
+    return [*_claims_in_words(found), target_in_words(found)]
 
 
 def _claims_in_words(found: DemoResult) -> list[str]:
@@ -204,20 +176,6 @@ def _write_export(found: DemoResult, place: Place) -> None:
     write_report(EXPORT_REPORT, found.export, {"c": place, "fmu": fmu}, {})
 
 
-def _write_page(found: DemoResult, path: Path) -> None:
-    page = render_paper(
-        sections_of(found.findings),
-        found.claims,
-        [(name, words) for name, words in _FILES if found.export is not None or name not in _EXPORTED],
-        target=_target_in_words(found),
-        quick=found.options.quick,
-        fingerprint=found.fitted.fingerprint,
-        seed=found.options.seed,
-        versions=versions(),
-    )
-    path.write_text(page, encoding="utf-8")
-
-
 def _rows(found: DemoResult) -> list[Json]:
     return [claim.to_json() for claim in found.claims]
 
@@ -227,6 +185,7 @@ REPORT = Report(
     show=_show,
     wrote=_wrote,
     summary=_summary,
+    page=PAGE,
     files=(
         WrittenFile(name="runs", write_in=_write_runs),
         WrittenFile(
@@ -246,7 +205,6 @@ REPORT = Report(
             name="tracking", write_in=_part(TRACK_REPORT, lambda found: found.findings.track, "card.json")
         ),
         WrittenFile(name="c", write_in=_write_export, when=lambda found: found.export is not None),
-        WrittenFile(name="report.html", key="report", write=_write_page),
         WrittenFile(name="summary.json", key="summary_file"),
     ),
     rows=_rows,

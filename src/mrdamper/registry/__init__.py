@@ -125,7 +125,7 @@ _ROWS = (
         run="mrdamper.jobs.predict:predict",
         result="mrdamper.jobs.predict:PredictResult",
         report="mrdamper.report.cards.predict:REPORT",
-        files_help="Write errors.csv there.",
+        files_help="For predict.html, errors.csv.",
         progress_word="",
     ),
     Job(

@@ -50,7 +50,7 @@ def _first(result: CheckResult) -> FirstScreen:
         title=f"Check of {number}",
         subject=f"{len(result.files)} files were read, {len(result.unreadable)} were not.",
         verdict=f"{number}: {verdict}; {found}"
-        + ("" if worst is None else f"; first {worst.run}: {worst.found}"),
+        + ("" if worst is None else f"; the gravest is in {worst.run}: {worst.found}"),
         tiles=(
             Tile(number, "that were read", f"{clean} of them without a finding"),
             Tile(_span(forces, "N"), "range of force of a run, peak to peak"),

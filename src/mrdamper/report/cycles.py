@@ -59,8 +59,8 @@ def _first(result: CyclesResult) -> FirstScreen:
     if errors is not None:
         said += f"; the model is {errors.rmse_N:.4g} N from the measured force (RMS)"
     return FirstScreen(
-        title=f"{result.cycles} cycles of {result.record.path}",
-        subject=f"{rows} rows ({result.record.understood}){step}{stroke}.",
+        title=f"{result.cycles} cycles of {result.record.path.name}",
+        subject=f"{result.record.path}: {rows} rows ({result.record.understood}){step}{stroke}.",
         verdict=said,
         tiles=_tiles(result),
         caption="Figures over the number of the cycle"
@@ -121,10 +121,11 @@ def _over_cycles(result: CyclesResult) -> Figure | None:
     panels = [panel for panel in _PANELS if panel[0] in known]
     if not panels:
         return None
-    height = 1.35 * len(panels) + 0.4
+    count = -(-len(panels) // 2)
+    height = 1.35 * count + 0.4
     figure = Figure(figsize=(WIDE, height))
-    rows = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
-    for axes, panel in zip(rows, panels, strict=True):
+    places = figure.subplots(count, min(len(panels), 2), sharex=True, squeeze=False).ravel(order="F")
+    for axes, panel in zip(places, panels, strict=False):
         for name, colour in zip(panel, (TRAINING, HELD_OUT), strict=False):
             k = groups.names.index(name)
             least, most = groups.least[:, k], groups.most[:, k]
@@ -140,8 +141,13 @@ def _over_cycles(result: CyclesResult) -> Figure | None:
         if _BESIDE.get(panel[0]) in known:
             said += "; the model's dashed"
         axes.set_title(said[0].upper() + said[1:], loc="left", pad=3)
-    rows[-1].set_xlabel("cycle", labelpad=1.5)
-    figure.subplots_adjust(left=0.075, right=0.99, top=1.0 - 0.22 / height, bottom=0.36 / height, hspace=0.28)
+    for axes in places[len(panels) :]:
+        axes.remove()
+    for axes in places[count - 1 : len(panels) : count]:
+        axes.set_xlabel("cycle", labelpad=1.5)
+    figure.subplots_adjust(
+        left=0.06, right=0.99, top=1.0 - 0.22 / height, bottom=0.36 / height, hspace=0.3, wspace=0.14
+    )
     return figure
 
 

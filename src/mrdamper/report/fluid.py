@@ -192,7 +192,9 @@ def _first(found: FluidResult) -> FirstScreen:
     return FirstScreen(
         title=f"The fluid {found.fluid.name}",
         subject=f"Laws fitted to rheometer tables; the rest as {found.like.name}.",
-        verdict="; ".join(f"{title.lower()} {_fall(study.best)}" for title, study in _studies(found)),
+        verdict="; ".join(
+            f"{title.lower()} {_fall(study.best).replace('degC', '°C')}" for title, study in _studies(found)
+        ),
         tiles=(tiles[0], tiles[1], tiles[2]),
         caption="Points: measured; thick: the law that is taken; hollow points were left out of the fit",
         notes=found.notes,

@@ -8,6 +8,7 @@ Pages open offline, print well, and hold names that users chose as text. The sam
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 __all__ = ["FirstScreen", "Page", "Tile", "environment", "sentence", "significant", "table_of"]
 
 Result = TypeVar("Result")
+_LEGIBLE = 0.92  # CSS pixels for a point of a figure: its letters of 7 points have 6.5 pixels
 _WIDEST, _LONGEST = 7, 120  # columns and rows of the general table; all of them are in the CSV file
 
 
@@ -106,8 +108,25 @@ def table_of(rows: Sequence[Mapping[str, object]]) -> dict[str, object]:
 
 
 def sentence(text: str) -> str:
-    """Return a text as a sentence: its first letter large, a full stop at its end."""
-    return f"{text[:1].upper()}{text[1:]}{'' if text.endswith(('.', '!', '?')) else '.'}"
+    """Return a text as a sentence: a word at its beginning capitalised, a full stop at its end.
+
+    A text that is a sentence already is left alone: a user's name may begin it.
+    """
+    if text.endswith((".", "!", "?")):
+        return text
+    first = text.partition(" ")[0]
+    return f"{text[:1].upper() if first.isalpha() else text[:1]}{text[1:]}."
+
+
+def _zoomed(svg: str) -> str:
+    """Return one of our own figures, whose texts Matplotlib has escaped, to be enlarged by click or key.
+
+    ``--legible`` is the least width at which its letters can be read on a phone.
+    """
+    width = re.search(r'width="([\d.]+)pt"', svg)
+    legible = round(_LEGIBLE * float(width[1])) if width else 0
+    box = '<input type="checkbox" aria-label="enlarge">'
+    return f'<label class="zoom" style="--legible: {legible}px">{box}{svg}</label>'
 
 
 def significant(value: float | None, digits: int = 3) -> str:
@@ -135,10 +154,7 @@ def environment() -> Environment:
         finalize=lambda value: spelled(value) if type(value) is str else value,
     )
     environment.globals["program"] = versions()
-    # Our own figures, whose texts Matplotlib has escaped. A click on one, or the space bar, enlarges it.
-    environment.filters["svg"] = lambda svg: Markup(
-        f'<label class="zoom"><input type="checkbox" aria-label="enlarge">{svg}</label>'
-    )
+    environment.filters["svg"] = lambda svg: Markup(_zoomed(svg))
     environment.filters["number"] = lambda value, digits=4: (
         "" if value is None or math.isnan(value) else f"{value:.{digits}g}"
     )

@@ -188,7 +188,7 @@ def _first(found: RideResult) -> FirstScreen:
     )
     first = next(iter(passive))
     return FirstScreen(
-        title=f"Quarter car on {found.title}",
+        title=f"Quarter car: {found.title}",
         subject=f"Class {options.road_class} at {options.speed_m_s:g} m/s, {options.demand}, "
         f"{options.controller}.",
         verdict=f"the controlled damper changes the {first.partition(',')[0]} by {better[first]:+.0f} % "

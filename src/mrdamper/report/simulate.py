@@ -10,7 +10,6 @@ from mrdamper.arrays import rms
 from mrdamper.jobs.simulate import SimulateResult
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, picture_file, table_of
-from mrdamper.report.figures.small_multiples import Line, Row, grid_figure
 from mrdamper.report.figures.style import MEASURED, colour_of
 from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json
@@ -57,13 +56,16 @@ def _figure(found: SimulateResult) -> Figure:
     path = found.trajectory
     thin = slice(None, None, max(1, len(path) // _MOST_POINTS))
     level = float(np.abs(path.command).max())
-    rows = []
-    for label, x in (("displacement, mm", path.displacement), ("velocity, mm/s", path.velocity)):
-        lines = [Line(1e3 * x[thin], found.force[thin], colour_of(level, level), 0.9)]
+    figure = Figure(figsize=(8.0, 3.4))
+    both = zip(figure.subplots(1, 2, sharey=True), (path.displacement, path.velocity), strict=True)
+    for (axes, x), label in zip(both, ("displacement, mm", "velocity, mm/s"), strict=True):
         if found.measured is not None:
-            lines.insert(0, Line(1e3 * x[thin], found.measured[thin], MEASURED, 2.6))
-        rows.append(Row(label, "force, N", (tuple(lines),)))
-    return grid_figure([(found.motion, False)], rows, tall=1.6)
+            axes.plot(1e3 * x[thin], found.measured[thin], color=MEASURED, linewidth=2.6)
+        axes.plot(1e3 * x[thin], found.force[thin], color=colour_of(level, level), linewidth=0.9)
+        axes.set_xlabel(label)
+    figure.axes[0].set_ylabel("force, N")
+    figure.subplots_adjust(left=0.08, right=0.98, top=0.96, bottom=0.14, wspace=0.06)
+    return figure
 
 
 def _rows(found: SimulateResult) -> list[dict[str, object]]:
@@ -96,7 +98,7 @@ def _first(found: SimulateResult) -> FirstScreen:
         )
         error = Tile(f"{answer['rmse_N']:.4g} N", "RMS error of the measured force", share)
     return FirstScreen(
-        title=f"Force of {found.title or 'the card'}",
+        title=f"Simulated force: {found.title or 'the card'}",
         subject=f"{found.motion}.",
         verdict=_summary(found)[-1],
         tiles=(

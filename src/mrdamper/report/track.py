@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 
 from rich.console import Console
@@ -42,10 +42,7 @@ def _first(run: TrackResult) -> FirstScreen:
         title=f"Force tracking on {run.plant}",
         subject=f"Controllers made from the card {card.title or card.damper.law.name}, at {run.rate_Hz:g} Hz "
         f"and {at} °C; noise seeds {run.seeds[0]} and {run.seeds[1]}, the worse of the two.",
-        verdict="; ".join(
-            f"{row.controller} tracks {target} to {_feasible(row.score):.1f} N RMS where that is feasible"
-            for target, row in best.items()
-        ),
+        verdict=_verdict(best),
         tiles=(
             Tile(
                 f"{_feasible(score):.1f} N",
@@ -74,6 +71,19 @@ def _first(run: TrackResult) -> FirstScreen:
         ],
         notes=run.notes,
     )
+
+
+def _verdict(best: Mapping[str, Row]) -> str:
+    said = "; ".join(
+        f"{controller} has the least error: "
+        + ", ".join(
+            f"{_feasible(row.score):.1f} N RMS on {target}"
+            for target, row in best.items()
+            if row.controller == controller
+        )
+        for controller in dict.fromkeys(row.controller for row in best.values())
+    )
+    return f"{said}, where the target is feasible"
 
 
 def _sections(run: TrackResult) -> dict[str, object]:

@@ -6,13 +6,15 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from statistics import fmean, median
 
+from matplotlib.figure import Figure
 from rich.console import Console
 from rich.markup import escape
 
 from mrdamper.identify.predict import row
 from mrdamper.identify.scores import RunError
 from mrdamper.jobs.predict import PredictResult
-from mrdamper.report.base import Report, WrittenFile
+from mrdamper.report.base import FirstScreen, Page, Report, Tile, WrittenFile, table_of
+from mrdamper.report.figures.style import errors_figure
 from mrdamper.report.identification.scores import (
     pooled_json,
     show_errors,
@@ -24,6 +26,8 @@ from mrdamper.runtime.outputs import write_table
 from mrdamper.schema import Json
 
 __all__ = ["REPORT"]
+
+_MOST_BARS = 20  # runs of the picture
 
 
 def _answer(result: PredictResult) -> Json:
@@ -94,10 +98,48 @@ def _show(result: PredictResult, console: Console) -> None:
         console.print(f"- {escape(note)}")
 
 
+def _first(result: PredictResult) -> FirstScreen:
+    found, band = _new_runs(result) or list(result.errors), result.band
+    sizes, rms = [each.nrmse_percent for each in found], [each.rmse_N for each in found]
+    known = "" if band is None else f"; {band.expected_nrmse_percent:.1f} % were to be expected"
+    inside = [each.in_band_percent for each in found if each.in_band_percent is not None]
+    runs = f"{len(found)} run{'' if len(found) == 1 else 's'}"
+    return FirstScreen(
+        title="Prediction of runs",
+        subject=f"A card of the law {result.law}, on {runs}.",
+        verdict=f"on {runs} the median error is {median(sizes):.1f} % of the force's spread{known}",
+        tiles=(
+            Tile(f"{median(sizes):.1f} %", "error, median", f"worst {max(sizes):.1f} %"),
+            Tile(f"{median(rms):.3g} N", "RMS error, median", f"{min(rms):.3g} to {max(rms):.3g} N"),
+            Tile(
+                f"{fmean(inside):.0f} %",
+                "of the samples in the card's force band",
+                f"lowest run {min(inside):.0f} %",
+            )
+            if inside
+            else Tile("–", "the card has no force band"),
+        ),
+        caption="Error of each run, the worst first",
+        notes=[*_promises(result), *result.notes],
+    )
+
+
+def _figure(result: PredictResult) -> Figure:
+    worst = sorted(result.errors, key=lambda each: -each.nrmse_percent)[:_MOST_BARS]
+    return errors_figure([(each.name, each.split, each.nrmse_percent) for each in worst])
+
+
 REPORT: Report[PredictResult] = Report(
     answer=_answer,
     show=_show,
     summary=lambda result: [*summary_lines(result.errors), *_promises(result), *result.notes],
+    page=Page(
+        name="predict.html",
+        first=_first,
+        picture=_figure,
+        label="Error by run",
+        sections=lambda result: table_of(_rows(result)),
+    ),
     files=(WrittenFile(name="errors.csv", write=lambda result, path: write_table(path, _rows(result))),),
     rows=_rows,
 )

@@ -41,6 +41,7 @@ __all__ = [
     "drawing_style",
     "energies",
     "errors",
+    "errors_figure",
     "loops",
     "residuals",
     "shortened",
@@ -203,6 +204,12 @@ def residuals(traces: Sequence[Trace], title: str, highest: float) -> str:
 
 
 def errors(rows: Sequence[tuple[str, str, float]]) -> str:
+    """Return ``errors_figure`` as SVG."""
+    with drawing_style():
+        return svg_of(errors_figure(rows), "Error by run")
+
+
+def errors_figure(rows: Sequence[tuple[str, str, float]]) -> Figure:
     """Return a bar for each (run, split, error in percent), in the order given from the top."""
     with drawing_style():
         height = 0.55 + 0.175 * len(rows)
@@ -237,7 +244,7 @@ def errors(rows: Sequence[tuple[str, str, float]]) -> str:
                 axes.plot([], [], color=colour, linewidth=4, label=f"{word} (median {median:.1f} %, dashed)")
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.0)
         figure.subplots_adjust(left=0.23, right=0.985, top=1.0 - 0.19 / height, bottom=0.34 / height)
-        return svg_of(figure, "Error by run")
+    return figure
 
 
 def energies(points: Sequence[tuple[float | None, str, float, float]], highest: float) -> str:

@@ -1,0 +1,115 @@
+"""Every report begins with the same first screen, which fits a phone."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from matplotlib.figure import Figure
+
+import mrdamper
+from mrdamper.registry import JOBS
+from mrdamper.report.page import FirstScreen, Page, Tile, environment, sentence
+from tests.support.rigs import short_runs
+from tests.web.browser import chromium
+
+WITHOUT_A_PAGE = {"map", "cite", "rig", "export", "data list", "data fetch"}
+"""Jobs that write text, runs or code: nothing to draw."""
+
+NASTY = "<script>alert('x')</script> & \"run\""
+ORDER = (
+    "<h1>",
+    'class="verdict"',
+    'class="tiles"',
+    'class="picture"',
+    'class="flag"',
+    'class="caveats"',
+    "<h2>",
+)
+
+
+def a_page() -> Page[list[float]]:
+    def first(values: list[float]) -> FirstScreen:
+        tiles = (Tile(f"{max(values):g} N", NASTY, "90 %: 1 to 2 N"), Tile("1", "b"), Tile("2", "c"))
+        return FirstScreen(
+            title=NASTY, verdict="it works", tiles=tiles, flags=[("Beware", NASTY)], notes=[NASTY]
+        )
+
+    def picture(values: list[float]) -> Figure:
+        figure = Figure(figsize=(10.6, 3.0))
+        figure.subplots().plot(values)
+        return figure
+
+    rows = {"columns": ["force_N"], "rows": [{"force_N": 1.0}], "every": 1}
+    return Page(name="a.html", first=first, picture=picture, label="Force", sections=lambda _: rows)
+
+
+def test_every_report_of_the_registry_has_a_page_unless_it_has_nothing_to_draw():
+    assert {name for name, job in JOBS.items() if job.reported.page is None} == WITHOUT_A_PAGE
+
+
+@pytest.mark.parametrize(
+    "job", [job for name, job in JOBS.items() if name not in WITHOUT_A_PAGE], ids=lambda j: j.name
+)
+def test_no_report_makes_a_first_screen_of_its_own(job):
+    """Its template fills what follows, and leaves title, verdict, figures and picture to the common page."""
+    page = job.reported.page
+    loader = environment().loader
+    assert loader is not None
+    text = loader.get_source(environment(), page.template)[0]
+    assert '{% extends "page.html.j2" %}' in text
+    assert set(re.findall(r"{% block (\w+)", text)) <= {"style", "contents", "rest"}
+    assert page.name.endswith(".html")
+
+
+def test_title_verdict_figures_picture_and_caveats_come_in_this_order_and_names_stay_text():
+    text = a_page().render([1.0, 2.0])
+    places = [text.index(mark) for mark in ORDER]
+    assert places == sorted(places)
+    assert text.count('class="tile"') == 3
+    assert "<script" not in text
+    assert "It works." in text
+    assert a_page().render([1.0, 2.0]) == text
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ("the runs can be fitted", "The runs can be fitted."),
+        ("yield_force rests on its bound", "yield_force rests on its bound."),
+        ("worn is weaker than new.", "worn is weaker than new."),
+        ("", "."),
+    ],
+)
+def test_a_sentence_begins_with_a_capital_unless_a_name_begins_it(given, said):
+    assert sentence(given) == said
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory) -> list[Path]:
+    """Return pages of real results: wide tables, long names, several pictures."""
+    out = tmp_path_factory.mktemp("pages")
+    fitted = mrdamper.fit(list(short_runs()), "dahl", starts=1, hold_out=["*_1.50V_sine5*"])
+    checked = mrdamper.check(list(short_runs()))
+    found = {"identify": fitted, "check": checked}
+    for name, result in found.items():
+        JOBS[name].save(result, out / name)
+    (out / "made_up.html").write_text(a_page().render([1.0, 2.0]), encoding="utf-8")
+    return sorted(out.rglob("*.html"))
+
+
+@pytest.mark.system
+def test_no_page_scrolls_sideways_on_a_phone_and_a_click_enlarges_the_picture(pages, tool):
+    with chromium(tool("chromium")) as browser:
+        for path in pages:
+            page = browser.new_page(viewport={"width": 390, "height": 844})
+            page.goto(path.as_uri())
+            assert page.evaluate("document.documentElement.scrollWidth") == 390, path.name
+            top = page.evaluate("document.querySelector('.picture').getBoundingClientRect().top")
+            assert top < 600.0, f"{path.name}: the picture is not on the first screen"
+            before = page.evaluate("document.querySelector('.picture svg').getBoundingClientRect().width")
+            page.click(".picture .zoom svg")
+            after = page.evaluate("document.querySelector('.picture svg').getBoundingClientRect().width")
+            assert after > max(before, 1000.0)
+            page.close()
