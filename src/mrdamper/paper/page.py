@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import get_args
 
 from matplotlib.figure import Figure
 
 from mrdamper.identify.assess import summary
-from mrdamper.paper.claims import Claim, Origin
+from mrdamper.paper.claims import Claim, Origin, Verdict
 from mrdamper.paper.demo import DemoResult
 from mrdamper.paper.figures import sections_of, way_figure
 from mrdamper.report.base import FirstScreen, Page, Tile
@@ -27,7 +27,7 @@ _FILES = (
     ("damper.fmu", "the same as a functional mock-up unit (FMI 3.0), sources inside"),
     ("summary.json", "all figures, with the claims"),
 )
-_VERDICTS = {
+_VERDICTS: Mapping[Verdict, str] = {
     "within": "within tolerance",
     "better": "better",
     "short": "short of the paper",
