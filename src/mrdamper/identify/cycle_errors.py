@@ -16,6 +16,7 @@ from mrdamper.data.prepare import Preparation
 from mrdamper.identify.predict import all_assumed, beyond_envelope
 from mrdamper.identify.replay import Replay
 from mrdamper.models.card import ModelCard
+from mrdamper.notes import Note
 from mrdamper.quantities import ZERO_CELSIUS_K
 
 __all__ = [
@@ -185,18 +186,20 @@ class ModelOver:
             notes=tuple(self._notes()),
         )
 
-    def _notes(self) -> list[str]:
+    def _notes(self) -> list[Note]:
         notes = beyond_envelope(self.card, {self.replay.name: self.replay.extremes})
         if self.replay.segments > 1:
-            notes.append(
-                f"the record breaks into {self.replay.segments} segments; the model begins each from rest, "
-                "so that its force over the first part of a stroke may be off"
+            form = (
+                "the record breaks into {segments} segments; the model begins each from rest, so that its "
+                "force over the first part of a stroke may be off"
             )
+            notes.append(Note("segments", form, segments=self.replay.segments))
         if abs(self.replay.pace - 1.0) > _PACE:
-            notes.append(
-                f"a segment is sampled at {self.replay.pace:.4g} times the step of the head, and was taken "
-                "as if at that step: the model's velocities are off by as much. Cut the record there"
+            form = (
+                "a segment is sampled at {pace:.4g} times the step of the head, and was taken as if at that "
+                "step: the model's velocities are off by as much. Cut the record there"
             )
+            notes.append(Note("pace", form, pace=self.replay.pace))
         return notes
 
 

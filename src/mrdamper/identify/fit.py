@@ -46,6 +46,7 @@ from mrdamper.models.force_band import ForceBand
 from mrdamper.models.laws import LAWS, HysteresisLaw, PythonLaw, find_law
 from mrdamper.models.python_law import law_from_python, load_python_law
 from mrdamper.models.simulate import simulate
+from mrdamper.notes import Note
 from mrdamper.runtime.progress import Progress, silent
 
 __all__ = ["METHODS", "Identification", "Law", "Method", "assess", "fit", "predict", "resolve_law", "row"]
@@ -278,8 +279,8 @@ def _told_of_commands(runs: Dataset, prepared: Sequence[PreparedRun]) -> tuple[s
         return ()
     most = max(float(np.std(run.command)) for run in noisy)
     unit = noisy[0].command_unit
-    return (f"the command of {len(noisy)} runs is noise about a level (at most {1e3 * most:.0f} m{unit}): "
-            "taken as steady",)  # fmt: skip
+    form = "the command of {runs} runs is noise about a level (at most {most:.0f} m{unit}): taken as steady"
+    return (Note("noisy_commands", form, runs=len(noisy), most=1e3 * most, unit=unit),)
 
 
 def _with_actuation(
@@ -289,7 +290,9 @@ def _with_actuation(
     try:
         actuation = fit_actuation(result.damper, stepping, resistance_20_ohm=resistance_ohm)
     except InputError as error:
-        return replace(result, notes=(*result.notes, f"without an actuation: {error}")), None
+        return replace(
+            result, notes=(*result.notes, Note("no_actuation", "without an actuation: {why}", why=f"{error}"))
+        ), None
     return replace(result, damper=replace(result.damper, actuation=actuation.actuation)), actuation
 
 

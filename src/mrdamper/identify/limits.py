@@ -17,6 +17,7 @@ from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.dependence import ParameterLaw
 from mrdamper.models.laws import Coefficient
 from mrdamper.models.temperature import REFERENCE_K
+from mrdamper.notes import Note
 
 __all__ = ["brought_inside", "feasible"]
 
@@ -50,7 +51,8 @@ def brought_inside(damper: Damper, envelope: OperatingEnvelope) -> tuple[Damper,
         before, after = form.value(at, warm), inside.value(at, warm)
         forms[name] = inside
         if np.abs(after - before).max() > _TOLD * np.abs(after).max():
-            notes.append(f"{name} is held inside the law's range over the runs: left alone it would leave it")
+            words = "{name} is held inside the law's range over the runs: left alone it would leave it"
+            notes.append(Note("held_inside", words, name=name))
     if damper.law.name == "series-valve":
         forms["position_gain"] = _open_valve(forms["position_gain"], envelope)
     return replace(damper, coefficients=forms), tuple(notes)

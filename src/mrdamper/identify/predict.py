@@ -20,6 +20,7 @@ from mrdamper.identify.scores import RunError, score_run
 from mrdamper.models.card import ModelCard
 from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.temperature import REFERENCE_K
+from mrdamper.notes import Note
 from mrdamper.quantities import ZERO_CELSIUS_K
 
 __all__ = [
@@ -106,7 +107,7 @@ def _need_temperature(damper: Damper, runs: Sequence[PreparedRun]) -> None:
         )
 
 
-def outside_envelope(card: ModelCard, runs: Sequence[PreparedRun]) -> list[str]:
+def outside_envelope(card: ModelCard, runs: Sequence[PreparedRun]) -> list[Note]:
     """Say where runs leave what the card was identified on, one sentence per quantity, with numbers."""
     return beyond_envelope(card, {run.name: _ranges(run) for run in runs})
 
@@ -131,7 +132,7 @@ def _ranges(run: PreparedRun) -> dict[str, tuple[float, float]]:
     return found | {"acceleration": (low, high), "frequency": velocity_band(path.velocity, path.step)}
 
 
-def beyond_envelope(card: ModelCard, runs: Mapping[str, Mapping[str, tuple[float, float]]]) -> list[str]:
+def beyond_envelope(card: ModelCard, runs: Mapping[str, Mapping[str, tuple[float, float]]]) -> list[Note]:
     """Say the same by the runs' least and most of each quantity [SI], by name."""
     seen = card.envelope
     said = []
@@ -151,13 +152,21 @@ def beyond_envelope(card: ModelCard, runs: Mapping[str, Mapping[str, tuple[float
         if not beyond:
             continue
         low, high = min(e[0] for e in beyond.values()), max(e[1] for e in beyond.values())
-        told = [f"{scale * end + shift:.4g}" for end in (low, high, *allowed)]
+        told = [scale * end + shift for end in (low, high, *allowed)]
         where = f"in {len(beyond)} of {len(runs)} runs (the first: {next(iter(beyond))})"
         where = where if len(runs) > 1 else f"in {next(iter(beyond))}"
         held = f", {beyond_in_words(card.damper)}" if what == "temperature" else ""
         said.append(
-            f"{what} is {told[0]} to {told[1]} {unit} {where}; the card was identified on {told[2]} to "
-            f"{told[3]} {unit}{held}"
+            Note(
+                f"beyond_{what}",
+                "{what} is {least:.4g} to {most:.4g} {unit} {where}; the card was identified on "
+                "{known_least:.4g} to {known_most:.4g} {unit}{held}",
+                **dict(zip(("least", "most", "known_least", "known_most"), told, strict=True)),
+                what=what,
+                unit=unit,
+                where=where,
+                held=held,
+            )
         )
     return said
 

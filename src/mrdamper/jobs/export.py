@@ -15,6 +15,7 @@ from mrdamper.export.target import Target, target_of
 from mrdamper.export.verify import not_verified, verify_c
 from mrdamper.jobs.options import ExportOptions
 from mrdamper.models.card import ModelCard
+from mrdamper.notes import Note
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.thermal.drawing import DamperDrawing
 
@@ -124,16 +125,19 @@ def _code(card: ModelCard, options: ExportOptions, damper: DamperDrawing | None)
 def _notes(target: Target) -> tuple[str, ...]:
     notes = []
     if target.heating is Heating.paper():
-        notes.append(
-            "a frozen thermometer is told by the heat capacity of the paper's damper; "
-            f"{option('damper', 'FILE.toml')} takes that of your own"
+        form = (
+            "a frozen thermometer is told by the heat capacity of the paper's damper; {option} takes that of "
+            "your own"
         )
+        notes.append(Note("papers_heat_capacity", form, option=option("damper", "FILE.toml")))
     damper = target.card.damper
     if damper.actuation is None and damper.command_lag_s == 0.0:
-        notes.append(
+        form = (
             "the card has no actuation: force is taken to follow the command at once. Identify with runs "
             "whose current steps for its lags"
         )
+        notes.append(Note("no_actuation", form))
     if not damper.temperature_dependent:
-        notes.append("the card does not know temperature: force and command do not follow it")
+        form = "the card does not know temperature: force and command do not follow it"
+        notes.append(Note("no_temperature", form))
     return tuple(notes)

@@ -20,6 +20,7 @@ from mrdamper.errors import InputError
 from mrdamper.identify.predict import beyond_envelope
 from mrdamper.jobs.options import RideOptions
 from mrdamper.models.card import ModelCard
+from mrdamper.notes import Note
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.runtime.progress import Progress, silent
 
@@ -69,7 +70,8 @@ def ride(card: ModelCard, options: RideOptions = _USUAL, *, on_progress: Progres
     journeys = [each for each in (rides.journey, rides.passive_journey) if each is not None]
     notes = beyond_envelope(card, {"these rides": _spans([rides.passive, rides.controlled], journeys)})
     if any(journey.fluid_degC.max() >= _HOTTEST_DEGC for journey in journeys):
-        notes.append(f"the fluid is held at {_HOTTEST_DEGC:g} degC, which no damper does by itself")
+        form = "the fluid is held at {degC:g} degC, which no damper does by itself"
+        notes.append(Note("fluid_held", form, degC=_HOTTEST_DEGC))
     return RideResult(card.title, options, rides, tuple(notes))
 
 

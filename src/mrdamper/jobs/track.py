@@ -27,6 +27,7 @@ from mrdamper.files import is_there
 from mrdamper.jobs.options import TrackOptions
 from mrdamper.models.card import ModelCard
 from mrdamper.models.card_schema import read_card
+from mrdamper.notes import Note
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.rig.damper import PRESETS, VirtualDamper, read_damper
 from mrdamper.rig.plant import Plant as RigPlant
@@ -453,7 +454,8 @@ def _notes(card: ModelCard, scenarios: Sequence[Scenario], damper: _Damper) -> t
     notes = []
     beyond = card.envelope.temperature
     if not card.damper.temperature_dependent:
-        notes.append("the card does not know temperature: all of its controllers are unaware of it")
+        form = "the card does not know temperature: all of its controllers are unaware of it"
+        notes.append(Note("no_temperature", form))
     elif beyond is not None:
         low, high = beyond[0] - ZERO_CELSIUS_K, beyond[1] - ZERO_CELSIUS_K
         outside = sorted(
@@ -461,18 +463,15 @@ def _notes(card: ModelCard, scenarios: Sequence[Scenario], damper: _Damper) -> t
         )
         if outside:
             said = ", ".join(f"{degrees:g}" for degrees in outside)
-            notes.append(
-                f"{said} degC: beyond the card's data ({low:.0f} to {high:.0f} degC), the edge is held"
-            )
+            form = "{said} degC: beyond the card's data ({low:.0f} to {high:.0f} degC), the edge is held"
+            notes.append(Note("beyond_temperature", form, said=said, low=low, high=high))
     if damper.stroke is not None:
-        notes.append(
-            f"the damper is the card {damper.name}: what a law leaves out of a damper is left out here, too"
-        )
+        form = "the damper is the card {card}: what a law leaves out of a damper is left out here, too"
+        notes.append(Note("plant_is_a_card", form, card=damper.name))
     speeds = {s.name: float(np.abs(reference_trajectory(s, 1e-3).velocity).max()) for s in scenarios}
     known = max(map(abs, card.envelope.velocity))
     for name, speed in speeds.items():
         if speed > 1.1 * known:
-            notes.append(
-                f"{name}: speeds up to {1e3 * speed:.0f} mm/s; the card's data end at {1e3 * known:.0f} mm/s"
-            )
+            form = "{target}: speeds up to {mm_s:.0f} mm/s; the card's data end at {known_mm_s:.0f} mm/s"
+            notes.append(Note("beyond_speed", form, target=name, mm_s=1e3 * speed, known_mm_s=1e3 * known))
     return tuple(notes)

@@ -16,6 +16,7 @@ from mrdamper.models.card import ModelCard
 from mrdamper.models.characterisation import Characterisation, Scope, characterise, usual_scope
 from mrdamper.models.damper import Damper, OperatingEnvelope
 from mrdamper.models.temperature import REFERENCE_K
+from mrdamper.notes import Note
 from mrdamper.quantities import ZERO_CELSIUS_K, to_degC
 
 __all__ = ["CLEAR", "SIDES", "Comparison", "ParameterPair", "common_envelope", "compare_cards"]
@@ -146,15 +147,18 @@ def _common_temperature(
     temperature_dependent = [card.damper.temperature_dependent for card in cards]
     known = [pair for pair in ranges if pair is not None]
     if not any(temperature_dependent):
-        notes = []
+        notes: list[str] = []
         if len(known) == 2 and max(abs(a - b) for a, b in zip(*known, strict=True)) > _NEAR_K:
             told = [
                 f"{pair[0] - ZERO_CELSIUS_K:.0f} to {pair[1] - ZERO_CELSIUS_K:.0f} degC" for pair in known
             ]
-            notes.append(
-                f"{names[0]} was tested at {told[0]}, {names[1]} at {told[1]}; neither model knows "
-                "temperature, so that its share in the difference cannot be told"
+            form = (
+                "{first} was tested at {first_at}, {second} at {second_at}; neither model knows temperature, "
+                "so that its share in the difference cannot be told"
             )
+            first, second = names
+            fields = {"first": first, "first_at": told[0], "second": second, "second_at": told[1]}
+            notes.append(Note("temperature_not_known", form, **fields))
         return None, notes
     if all(temperature_dependent):
         if len(known) < 2:
@@ -270,9 +274,11 @@ def _verdict(
 
 
 def _assumptions(cards: tuple[ModelCard, ModelCard], names: tuple[str, str]) -> list[str]:
+    form = (
+        "{card}: the temperature factor of {laws} is assumed (a fluid's data), not identified on that damper"
+    )
     return [
-        f"{name}: the temperature factor of {', '.join(card.damper.assumed)} is assumed (a fluid's data), "
-        "not identified on that damper"
+        Note("assumed", form, card=name, laws=", ".join(card.damper.assumed))
         for card, name in zip(cards, names, strict=True)
         if card.damper.assumed
     ]
@@ -281,14 +287,15 @@ def _assumptions(cards: tuple[ModelCard, ModelCard], names: tuple[str, str]) -> 
 def _other_forms(cards: tuple[ModelCard, ModelCard]) -> list[str]:
     first, second = (card.damper for card in cards)
     if first.law.name != second.law.name:
-        return [
-            f"the laws differ ({first.law.name}, {second.law.name}): their parameters do not mean the same "
-            "and are not compared"
-        ]
+        form = (
+            "the laws differ ({first}, {second}): their parameters do not mean the same and are not compared"
+        )
+        return [Note("laws_differ", form, first=first.law.name, second=second.law.name)]
     other = [
         name
         for name, form in first.coefficients.items()
         if form.kind != second.coefficients[name].kind
         or dict(form.settings) != dict(second.coefficients[name].settings)
     ]
-    return [f"{', '.join(other)}: of another form in the two cards, no z-score"] if other else []
+    form = "{coefficients}: of another form in the two cards, no z-score"
+    return [Note("forms_differ", form, coefficients=", ".join(other))] if other else []

@@ -184,8 +184,10 @@ class Job:
                 f"{option('resume')} goes on with what is kept beside {option('out')}",
                 expected=f"an {option('out')}",
             )
+        from mrdamper.report.base import answer_of
+
         result = self._run(given, things, options, on_progress)
-        return result, {**head, **reported.answer(result)}
+        return result, {**head, **answer_of(reported, result)}
 
     def _into(
         self,

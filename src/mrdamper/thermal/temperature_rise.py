@@ -22,6 +22,7 @@ from mrdamper.errors import InputError
 from mrdamper.models.card import ModelCard
 from mrdamper.models.damper import Damper
 from mrdamper.models.temperature import REFERENCE_K
+from mrdamper.notes import Note
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.thermal.dissipation import LoopWork, tabulate_work
 from mrdamper.thermal.drawing import DamperDrawing
@@ -177,10 +178,9 @@ def simulate_rise(  # keyword-only options beside the three things joined
         heating = simulate(math.inf)
     if reached is not None:
         does = "the curve ends there" if stop_at_limit else "the curve goes on, outside what the fluid is for"
-        notes = (
-            *notes,
-            f"the fluid reaches its limit, {limit - ZERO_CELSIUS_K:.4g} degC, after {reached:.0f} s; {does}",
-        )
+        form = "the fluid reaches its limit, {limit_degC:.4g} degC, after {after_s:.0f} s; {then}"
+        limit_degC = limit - ZERO_CELSIUS_K
+        notes = (*notes, Note("limit_reached", form, limit_degC=limit_degC, after_s=reached, then=does))
     peak, loss = _fade(works, duty, heating.fluid, heating.time)
     return Rise(
         time=heating.time,
@@ -304,17 +304,17 @@ def notes_of(card: ModelCard | Damper, duty: Duty) -> tuple[str, ...]:
     damper = card.damper if isinstance(card, ModelCard) else card
     notes = []
     if not damper.temperature_dependent:
-        notes.append("the card does not depend on temperature: its force is held constant")
+        form = "the card does not depend on temperature: its force is held constant"
+        notes.append(Note("no_temperature", form))
     elif damper.assumed:
-        notes.append(
-            f"the temperature laws of {', '.join(damper.assumed)} are assumed from a fluid, not identified"
-        )
+        form = "the temperature laws of {laws} are assumed from a fluid, not identified"
+        notes.append(Note("assumed", form, laws=", ".join(damper.assumed)))
     if isinstance(card, ModelCard):
         notes += beyond_card(card, duty)
     return tuple(notes)
 
 
-def beyond_card(card: ModelCard, duty: Duty) -> list[str]:
+def beyond_card(card: ModelCard, duty: Duty) -> list[Note]:
     """Say where the duty leaves what the card was identified on."""
     found = []
     paths = [segment.path for segment in duty.segments if segment.path is not None]
@@ -328,7 +328,16 @@ def beyond_card(card: ModelCard, duty: Duty) -> list[str]:
         if least < low - room or most > high + room:
             spelled = unit or duty.command_unit
             found.append(
-                f"the duty's {name} runs from {scale * least:.4g} to {scale * most:.4g} {spelled}; the card "
-                f"was identified from {scale * low:.4g} to {scale * high:.4g} {spelled}"
+                Note(
+                    f"beyond_{name}",
+                    "the duty's {what} runs from {least:.4g} to {most:.4g} {unit}; the card was identified "
+                    "from {known_least:.4g} to {known_most:.4g} {unit}",
+                    what=name,
+                    least=scale * least,
+                    most=scale * most,
+                    known_least=scale * low,
+                    known_most=scale * high,
+                    unit=spelled,
+                )
             )
     return found

@@ -17,6 +17,7 @@ from mrdamper.errors import EnvelopeWarning, InputError, MissingExtraError
 from mrdamper.identify.predict import beyond_in_words
 from mrdamper.jobs.options import HeatOptions
 from mrdamper.models.card import ModelCard
+from mrdamper.notes import Note
 from mrdamper.quantities import ZERO_CELSIUS_K, to_degC
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.thermal.dissipation import LoopWork
@@ -158,8 +159,10 @@ def heat(
     extrapolated = bool(warm or beyond_card(card, duty))
     notes = [*rise.notes, *warm]
     if extrapolated:
-        notes.append("no interval is shown: it would not cover what lies beyond the card's runs")
-    notes += dict.fromkeys(str(each.message) for each in caught if issubclass(each.category, EnvelopeWarning))
+        form = "no interval is shown: it would not cover what lies beyond the card's runs"
+        notes.append(Note("no_interval", form))
+    told = dict.fromkeys(str(each.message) for each in caught if issubclass(each.category, EnvelopeWarning))
+    notes += [Note("beyond_envelope", "{words}", words=words) for words in told]
     bare, bare_prediction_interval = None, None
     if drawing.sink is not None:
         alone = drawing.with_sink(None)
@@ -171,7 +174,7 @@ def heat(
         try:
             field = _field_end(works, drawing, duty, rise, start, step)
         except MissingExtraError as fault:
-            notes.append(f"no temperature field: {fault}")
+            notes.append(Note("no_temperature_field", "no temperature field: {why}", why=f"{fault}"))
     return HeatResult(
         card=card,
         drawing=drawing,
@@ -240,8 +243,16 @@ def _warm_notes(card: ModelCard, rise: Rise) -> list[str]:
     low, high = float(rise.fluid.min()), float(rise.fluid.max())
     if low > known[0] - _MOST_CAPPED and high < known[1] + _MOST_CAPPED:
         return []
-    told = [f"{kelvin - ZERO_CELSIUS_K:.1f}" for kelvin in (low, high, *known)]
+    least, most, known_least, known_most = (kelvin - ZERO_CELSIUS_K for kelvin in (low, high, *known))
     return [
-        f"the fluid goes from {told[0]} to {told[1]} degC; the card was identified from {told[2]} to "
-        f"{told[3]} degC, {beyond_in_words(card.damper)}"
+        Note(
+            "beyond_temperature",
+            "the fluid goes from {least_degC:.1f} to {most_degC:.1f} degC; the card was identified from "
+            "{known_least_degC:.1f} to {known_most_degC:.1f} degC, {then}",
+            least_degC=least,
+            most_degC=most,
+            known_least_degC=known_least,
+            known_most_degC=known_most,
+            then=beyond_in_words(card.damper),
+        )
     ]

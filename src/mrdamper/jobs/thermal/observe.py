@@ -19,6 +19,7 @@ from mrdamper.arrays import FloatArray, read_only
 from mrdamper.control.coil_thermometer import CoilFault, CoilRecord, CoilThermometer, coil_temperature
 from mrdamper.errors import InputError, option
 from mrdamper.jobs.options import ObserveOptions
+from mrdamper.notes import Note
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.thermal.drawing import DamperDrawing
@@ -159,7 +160,13 @@ def _read_coil(
     read = coil_temperature(record.time, record.current, record.voltage, thermometer)
     counts = Counter(read.faults)
     notes = tuple(
-        f"{counts[fault]} of {len(read.faults)} samples of the coil are no reading: {words}"
+        Note(
+            f"coil_{fault.name.lower()}",
+            "{count} of {samples} samples of the coil are no reading: {why}",
+            count=counts[fault],
+            samples=len(read.faults),
+            why=words,
+        )
         for fault, words in _FAULTS.items()
         if counts[fault]
     )
