@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
+import json
+import os
 import re
 import resource
+import shutil
 import subprocess
 import sys
+import tomllib
+from importlib.metadata import distribution
 from pathlib import Path
 
 import numpy as np
 import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 import mrdamper
 
 pytestmark = pytest.mark.system
+
+ROOT = Path(__file__).parents[1]
 
 
 def cpu_ms(*command: str, repeats: int = 5) -> float:
@@ -115,8 +124,90 @@ def test_a_misspelt_name_is_an_attribute_error():
         _ = mrdamper.reed_runs  # type: ignore[attr-defined]
 
 
-def test_the_version_is_the_one_in_the_project_file():
-    project = (Path(__file__).parents[1] / "pyproject.toml").read_text(encoding="utf-8")
+def test_the_version_is_the_same_wherever_it_stands():
+    project = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
     written = re.search(r'^version = "(.+)"$', project, re.MULTILINE)
     assert written is not None
     assert mrdamper.__version__ == written[1]
+    assert re.search(
+        rf"^version: {re.escape(written[1])}$", (ROOT / "CITATION.cff").read_text(), re.MULTILINE
+    )
+    assert json.loads((ROOT / ".zenodo.json").read_text())["version"] == written[1]
+
+
+def installed_size(*roots: str) -> dict[str, int]:
+    """Return the size [bytes] of packages and all that they need, by the records of what was installed."""
+    sizes: dict[str, int] = {}
+    asked = [*roots]
+    while asked:
+        name = canonicalize_name(asked.pop())
+        if name in sizes:
+            continue
+        package = distribution(name)
+        files = [Path(str(package.locate_file(file))) for file in package.files or ()]
+        sizes[name] = sum(file.stat().st_size for file in files if file.is_file())
+        needed = map(Requirement, package.requires or ())
+        asked += [each.name for each in needed if each.marker is None or each.marker.evaluate({"extra": ""})]
+    return sizes
+
+
+def test_the_packages_of_the_core_take_at_most_350_megabytes():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    sizes = installed_size(*(Requirement(each).name for each in project["dependencies"]))
+    assert sum(sizes.values()) <= 350e6, sorted(sizes.items(), key=lambda each: -each[1])[:8]
+
+
+@pytest.mark.nightly
+def test_the_source_archive_builds_a_wheel_that_works_by_itself(tmp_path):
+    """The wheel has its types and templates, and its program answers from where it was installed."""
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+
+    def run(*command: str, folder: Path) -> None:
+        subprocess.run(command, cwd=folder, env=os.environ | {"PATH": path}, check=True, capture_output=True)
+
+    make = "import sys; from scikit_build_core.build import build_sdist; build_sdist(sys.argv[1])"
+    run(sys.executable, "-c", make, str(tmp_path), folder=ROOT)
+    (archive,) = tmp_path.glob("*.tar.gz")
+    shutil.unpack_archive(archive, tmp_path / "source", filter="data")
+    (source,) = (tmp_path / "source").iterdir()
+    assert (source / "tests" / "conftest.py").is_file()
+    pip = (sys.executable, "-m", "pip", "--quiet")
+    run(*pip, "wheel", "--no-build-isolation", "--no-deps", ".", "-w", str(tmp_path), folder=source)
+    (wheel,) = tmp_path.glob("*.whl")
+    run(*pip, "install", "--no-deps", "--target", str(tmp_path / "there"), str(wheel), folder=tmp_path)
+    assert (tmp_path / "there" / "mrdamper" / "py.typed").is_file()
+    code = "import mrdamper; print(mrdamper.__file__); mrdamper.run_rig(campaign='short').dataset.plot()"
+    ran = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(tmp_path / "there")}, check=False,
+        capture_output=True, text=True,
+    )  # fmt: skip
+    assert ran.returncode == 0, ran.stderr
+    assert ran.stdout.startswith(str(tmp_path))
+
+
+def test_runs_are_read_and_fitted_without_polars_and_what_needs_it_names_the_extra(tmp_path):
+    code = """
+import sys
+sys.modules["polars"] = None
+import mrdamper
+run = mrdamper.run_rig(campaign="short").dataset.runs[1]
+rows = zip(run.time, 1e3 * run.displacement, run.force, run.command)
+lines = [";".join(f"{each:.6f}".replace(".", ",") for each in row) + ";note" for row in rows]
+open("own.csv", "w").write("\\n".join(["time_s;displacement_mm;force_N;current_A;remark", *lines]))
+fit = mrdamper.fit("own.csv", "bouc-wen", one_command=True)
+assert fit.cost_percent < 5.0
+fit.save("out")
+open("own.parquet", "wb").write(b"PAR1" + bytes(100))
+for ask in (fit.to_frame, lambda: mrdamper.read("own.parquet")):
+    try:
+        ask()
+    except mrdamper.MrdamperError as missing:
+        print(missing)
+"""
+    run = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, check=False, capture_output=True, text=True
+    )
+    assert run.returncode == 0, run.stderr
+    assert run.stdout.count("mrdamper[rig-files]") == 2, run.stdout
+    assert (tmp_path / "out" / "report.html").is_file()

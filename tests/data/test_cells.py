@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -33,10 +34,14 @@ CELL = st.one_of(
 )
 
 
-def read(rows, delimiter, decimal, count, end="\n"):
+LIBRARIES = ("polars", "none")  # that reads the cells: with none Python alone does
+
+
+def read(rows, delimiter, decimal, count, end="\n", library="polars"):
     content = end.join(delimiter.join(row) for row in rows).encode()
     layout = Layout("delimited text", delimiter, decimal)
-    return text_format._parse_block(Path("run.csv"), content, layout, count, 1)
+    with patch.object(text_format, "has_extra", lambda module: module == library):
+        return text_format._parse_block(Path("run.csv"), content, layout, count, 1)
 
 
 def number(cell, decimal):
@@ -52,11 +57,12 @@ def number(cell, decimal):
     st.sampled_from(["", ".", ","]),
     st.integers(2, 4),
     st.sampled_from(["\n", "\r\n"]),
+    st.sampled_from(LIBRARIES),
 )
-def test_cells_are_what_stands_between_delimiters(rows, delimiter, decimal, count, end):
+def test_cells_are_what_stands_between_delimiters(rows, delimiter, decimal, count, end, library):
     rows = [[cell.replace(delimiter, "") for cell in row] for row in rows]
     kept = [row for row in rows if any(row[:count])]
-    for k, cells in enumerate(read(rows, delimiter, decimal, count, end)):
+    for k, cells in enumerate(read(rows, delimiter, decimal, count, end, library)):
         texts = [row[k].strip(' \t"') if k < len(row) and row[k] else None for row in kept]
         numbers = np.array([number(text, decimal) if text else np.nan for text in texts])
         bad = [
@@ -75,9 +81,10 @@ def test_cells_are_what_stands_between_delimiters(rows, delimiter, decimal, coun
             assert cells.first_bad()[1] == bad[0][:40]
 
 
-def test_the_line_of_a_bad_cell_counts_lines_that_are_empty():
+@pytest.mark.parametrize("library", LIBRARIES)
+def test_the_line_of_a_bad_cell_counts_lines_that_are_empty(library):
     rows = [["1", "2"], [""], ["3", "x"]]
-    assert read(rows, ";", ".", 2)[1].first_bad() == (3, "x")
+    assert read(rows, ";", ".", 2, library=library)[1].first_bad() == (3, "x")
 
 
 @pytest.mark.system
@@ -95,13 +102,16 @@ def test_numbers_with_decimal_commas_are_read_without_polars(tmp_path, end):
     assert said.split() == ["False", "-1.25", "-2.25"]
 
 
-@pytest.mark.parametrize("name", ["run.csv", "semicolons.csv", "mts.dat"])
-def test_a_run_of_plain_numbers_is_the_same_by_both_ways(tmp_path, monkeypatch, name):
+@pytest.mark.parametrize(
+    "name", [name for name in WRITERS if name.endswith((".csv", ".dat", ".txt", ".tsv"))]
+)
+def test_a_text_is_the_same_by_each_way(tmp_path, monkeypatch, name):
     WRITERS[name](tmp_path / name)
     runs = []
-    for most in (0, 1 << 30):
+    for most, library in ((0, "polars"), (1 << 30, "polars"), (0, "none")):
         monkeypatch.setattr(text_format, "_SMALL_BYTES", most)
+        monkeypatch.setattr(text_format, "has_extra", lambda module, there=library: module == there)
         runs.append(read_run(tmp_path / name)[0])
-    assert np.array_equal(runs[0].force, runs[1].force)
-    assert np.array_equal(runs[0].time, runs[1].time)
-    assert np.array_equal(runs[0].command, runs[1].command)
+    for run in runs[1:]:
+        for channel in ("force", "time", "command"):
+            assert np.array_equal(getattr(run, channel), getattr(runs[0], channel))

@@ -7,6 +7,9 @@ beside them those of a card where one is replayed over the record.
 
 from __future__ import annotations
 
+import csv
+import io
+import math
 from dataclasses import dataclass
 from typing import BinaryIO
 
@@ -174,7 +177,10 @@ def _columns(done: CycleFigures, before: int, command_unit: str) -> _Columns:
 
 def _write(table: BinaryIO, columns: _Columns) -> None:
     """Write rows as CSV, the header first; what is not known is an empty cell."""
-    import polars as pl
-
-    frame = pl.DataFrame(columns).fill_nan(None)
-    frame.write_csv(table, include_header=not table.tell())
+    text = io.TextIOWrapper(table, encoding="utf-8", newline="", write_through=True)
+    rows = csv.writer(text, lineterminator="\n")
+    if not table.tell():
+        rows.writerow(columns)
+    cells = ([None if math.isnan(each) else each for each in column.tolist()] for column in columns.values())
+    rows.writerows(zip(*cells, strict=True))
+    text.detach()

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 from mrdamper.data.channels import ChannelMap
 from mrdamper.data.frames import said_columns, speaks_of_column
 from mrdamper.data.records import Dataset
-from mrdamper.errors import InputError, MrdamperError, UsageError
+from mrdamper.errors import InputError, MissingExtraError, MrdamperError, UsageError
 from mrdamper.jobs.inputs import read_dataset
 from mrdamper.jobs.options import RunsReading
 from mrdamper.registry import JOBS, Input, Job, load
@@ -214,8 +214,10 @@ def bind_result(job: Job) -> None:
 
     def to_frame(self: object) -> polars.DataFrame:
         """Return the result as a table."""
-        import polars
-
+        try:
+            import polars
+        except ImportError as error:
+            raise MissingExtraError.of("Results as tables", "polars", "rig-files") from error
         rows = job.reported.rows
         if rows is None:
             raise InputError("has no rows", place=title, expected="one of its fields")

@@ -11,6 +11,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
+from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -37,6 +38,7 @@ __all__ = [
     "Table",
     "as_column",
     "decoding",
+    "has_extra",
     "load_extra",
     "parts_of",
     "plain_names",
@@ -191,13 +193,18 @@ def load_extra(module: str, package: str, what: str) -> Any:  # noqa: ANN401 - a
         raise MissingExtraError.of(what, package, "rig-files") from error
 
 
+@cache
+def has_extra(module: str) -> bool:
+    """Tell whether an optional library is there, without loading it."""
+    try:
+        return find_spec(module) is not None
+    except (ImportError, ValueError):
+        return False
+
+
 def require_extra(module: str, package: str, what: str) -> None:
     """Refuse when an optional library is not there, without loading it."""
-    try:
-        there = find_spec(module) is not None
-    except (ImportError, ValueError):
-        there = False
-    if not there:
+    if not has_extra(module):
         raise MissingExtraError.of(what, package, "rig-files")
 
 

@@ -27,7 +27,8 @@ from mrdamper.data.formats.lines.header import (
     read_header,
     refuse_two_commas,
 )
-from mrdamper.data.formats.table import LEAST_ROWS, FileOptions, Layout, Rows, Table, Texts
+from mrdamper.data.formats.lines.plain_cells import PlainCells, plain_columns
+from mrdamper.data.formats.table import LEAST_ROWS, FileOptions, Layout, Rows, Table, Texts, has_extra
 from mrdamper.data.formats.timestamps import Timestamps
 from mrdamper.errors import InputError
 
@@ -363,7 +364,8 @@ def _blocks(path: Path, start: int, stop: int | None, first_line: int) -> Iterat
 
 def _plain_numbers(content: bytes, layout: Layout, count: int) -> list[FloatArray | None] | None:
     """Return the columns of a small block of numbers and nothing else, read sooner than Polars is loaded."""
-    if len(content) > _SMALL_BYTES or not content.strip() or b"#" in content or b'"' in content:
+    small = len(content) <= _SMALL_BYTES or not has_extra("polars")
+    if not small or not content.strip() or b"#" in content or b'"' in content:
         return None
     if layout.decimal == ",":
         if b"." in content or layout.delimiter == ",":
@@ -379,11 +381,14 @@ def _plain_numbers(content: bytes, layout: Layout, count: int) -> list[FloatArra
 
 def _parse_block(
     path: Path, content: bytes, layout: Layout, count: int, first_line: int, wanted: Sequence[int] = ()
-) -> Sequence[Cells | None]:
+) -> Sequence[Cells | PlainCells | None]:
     """Return the columns of a block, all of them or those that are wanted."""
     if layout.delimiter == " ":
         content = re.sub(rb"(?m)^[ \t]+|[ \t]+(?=\r?$)", b"", content)
         content, layout = re.sub(rb"[ \t]+", b"\t", content), replace(layout, delimiter="\t")
+    if not has_extra("polars"):
+        text = content.decode(encoding_of(path, content))
+        return plain_columns(text, layout, count, first_line)
     frame = _frame(path, content, layout, count, first_line)
     names = [f"{k}" for k in range(count)]
     return [

@@ -7,6 +7,7 @@ another form (11/12/2026 has two meanings) must all be the same.
 
 from __future__ import annotations
 
+import math
 import re
 from datetime import date
 from typing import TYPE_CHECKING
@@ -46,12 +47,10 @@ class Timestamps:
         filled = np.array([bool(cell) for cell in stripped], dtype=bool)
         if not cls.may_be([cell for cell in stripped if cell]):
             return None
-        import polars as pl
-
-        found = cls().seconds(pl.Series(stripped, dtype=pl.String))
+        found = cls().seconds(stripped)
         return found if np.isfinite(found[filled]).all() else None
 
-    def seconds(self, cells: pl.Series) -> FloatArray:
+    def seconds(self, cells: pl.Series | Texts) -> FloatArray:
         """Return seconds from the first time of all blocks; not a number where a cell is no time."""
         dates, read = _parts(cells)
         hours, minutes, whole, rest, twelve, pm = read
@@ -101,8 +100,10 @@ class Timestamps:
         return 0.0 if text == self._only else np.nan
 
 
-def _parts(cells: pl.Series) -> tuple[Texts, list[FloatArray]]:
+def _parts(cells: pl.Series | Texts) -> tuple[Texts, list[FloatArray]]:
     """Return the date of each cell, and what else is in it: hour, minute, second, its part, 12 hours, pm."""
+    if isinstance(cells, list):
+        return _parts_of_texts(cells)
     import polars as pl
 
     parts = cells.to_frame("cell").select_seq(pl.col("cell").str.extract_groups(_FORM)).unnest("cell")
@@ -113,3 +114,17 @@ def _parts(cells: pl.Series) -> tuple[Texts, list[FloatArray]]:
         pl.col("6").is_in(_PM).fill_null(value=False).cast(pl.Float64).alias("pm"),
     )
     return parts["1"].to_list(), [column.to_numpy() for column in read]
+
+
+def _parts_of_texts(cells: Texts) -> tuple[Texts, list[FloatArray]]:
+    """Return the same of cells that no library holds."""
+    nothing = (None,) * 6
+    found = [match.groups() if cell and (match := _TIME.match(cell)) else nothing for cell in cells]
+    read = np.array(
+        [
+            (*(math.nan if each is None else float(each) for each in (h, m, s)), float(f"0.{rest or 0}"),
+             float(half is not None), float(half in _PM))
+            for _, h, m, s, rest, half in found
+        ]
+    )  # fmt: skip
+    return [groups[0] for groups in found], list(read.reshape(-1, 6).T)
