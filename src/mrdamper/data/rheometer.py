@@ -19,6 +19,7 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.data.tables import Table, read_table
 from mrdamper.errors import InputError
+from mrdamper.notes import Note
 from mrdamper.quantities import QUANTITIES, to_si
 
 __all__ = ["RheometerTable", "read_rheometer", "read_rheometer_tables"]
@@ -102,7 +103,9 @@ def read_rheometer(path: str | Path) -> RheometerTable:
             expected=f"{_offer('viscosity')}, or {_offer('yield stress')} with {_offer('field')}",
         )
     columns = _columns(table, headers, place)
-    notes = [f"{place}: column {name!r} is not used" for name in table.names if name not in headers.values()]
+    unused = (name for name in table.names if name not in headers.values())
+    form = "{place}: column {column!r} is not used"
+    notes = [Note("column_not_used", form, place=place, column=name) for name in unused]
     viscosity = yield_stress = None
     if columns.viscosity is not None:
         at_rest = _at_rest(columns.viscosity, columns.field, notes, place)
@@ -115,7 +118,8 @@ def read_rheometer(path: str | Path) -> RheometerTable:
     values = [each for each in (columns.viscosity, columns.yield_stress) if each is not None]
     empty = np.isnan(values).all(axis=0)
     if empty.any():
-        notes.append(f"{place}: rows without a value left out: {np.count_nonzero(empty)}")
+        form = "{place}: rows without a value left out: {rows}"
+        notes.append(Note("rows_left_out", form, place=place, rows=int(np.count_nonzero(empty))))
     return RheometerTable(place, viscosity, yield_stress, columns.field_unit, tuple(notes))
 
 
@@ -220,14 +224,15 @@ def _require_plausible(kelvin: FloatArray, header: str, place: str) -> None:
         )
 
 
-def _at_rest(viscosity: FloatArray, field: FloatArray | None, notes: list[str], place: str) -> FloatArray:
+def _at_rest(viscosity: FloatArray, field: FloatArray | None, notes: list[Note], place: str) -> FloatArray:
     """Return the viscosities without field: those in a field are another quantity."""
     if field is None:
         return viscosity
     in_field = np.isfinite(viscosity) & (np.nan_to_num(field) != 0.0)
     if not in_field.any():
         return viscosity
-    notes.append(f"{place}: viscosities in a field left out: {np.count_nonzero(in_field)}")
+    form = "{place}: viscosities in a field left out: {rows}"
+    notes.append(Note("in_a_field", form, place=place, rows=int(np.count_nonzero(in_field))))
     return np.where(in_field, np.nan, viscosity)
 
 

@@ -30,6 +30,7 @@ from mrdamper.models.fluids.rheometer import (
     within,
 )
 from mrdamper.models.temperature import REFERENCE_K, Arrhenius, Reynolds, TemperatureFactor, Vft
+from mrdamper.notes import Note
 
 __all__ = ["ViscosityFit", "ViscosityStudy", "fit_viscosity"]
 
@@ -111,7 +112,8 @@ def fit_viscosity(
     if np.unique(x).size >= 6:
         fits.append(_free_curve(x, y))
     else:
-        notes.append(f"{place}: the VFT law was not fitted: it takes points at 6 temperatures or more")
+        form = "{place}: the VFT law was not fitted: it takes points at 6 temperatures or more"
+        notes.append(Note("no_vft", form, place=place))
     fits.sort(key=lambda fit: (fit.aicc, fit.rms_percent))
     notes += _about_viscosity(fits[0], kelvin, viscosity, used, valid_K, place)
     return ViscosityStudy(tuple(fits), kelvin, viscosity, used, tuple(notes))
@@ -215,7 +217,7 @@ def _about_viscosity(
     used: BoolArray,
     valid_K: tuple[float, float],
     place: str,
-) -> list[str]:
+) -> list[Note]:
     """Say what the points outside show, and what else a reader should know."""
     notes = []
     hot, cold = kelvin > valid_K[1] + 1e-6, kelvin < valid_K[0] - 1e-6
@@ -225,21 +227,32 @@ def _about_viscosity(
         ratio = viscosity[outside] / best.value(kelvin[outside]) - 1.0
         worst = int(np.argmax(np.abs(ratio)))
         at = kelvin[outside][worst]
-        said = (
-            f"{place}: {counted(outside, 'point')} {word} {in_celsius(end)} left out of the laws; at "
-            f"{in_celsius(at)} the table is {100.0 * ratio[worst]:+.1f} % from the law"
+        form = (
+            "{place}: {points} {side} {end} left out of the laws; at {worst} the table is {percent:+.1f} % "
+            "from the law"
         )
-        if outside is hot and ratio.min() < -max(0.1, 5.0 * best.rms_percent / 100.0):
-            said += ": the fluid fails there, and no law here describes it"
-        notes.append(said)
+        fails = outside is hot and ratio.min() < -max(0.1, 5.0 * best.rms_percent / 100.0)
+        notes.append(
+            Note(
+                "fluid_fails" if fails else "outside",
+                form + (": the fluid fails there, and no law here describes it" if fails else ""),
+                place=place,
+                points=counted(outside, "point"),
+                side=word,
+                end=in_celsius(end),
+                worst=in_celsius(at),
+                percent=100.0 * float(ratio[worst]),
+            )
+        )
     inside = kelvin[used]
     covered = span_in_celsius((inside[0], inside[-1]))
     if inside[0] > 293.15 + 2.0 or inside[-1] < 373.15 - 2.0:
-        notes.append(f"{place}: the points lie at {covered}: the fall from 20 to 100 degC is extrapolated")
+        form = "{place}: the points lie at {covered}: the fall from 20 to 100 degC is extrapolated"
+        notes.append(Note("fall_extrapolated", form, place=place, covered=covered))
     if best.fall_percent()[0] < 0.0:
-        notes.append(f"{place}: the viscosity rises with temperature; check the table")
+        form = "{place}: the viscosity rises with temperature; check the table"
+        notes.append(Note("viscosity_rises", form, place=place))
     if best.enlarged > 1.0:
-        notes.append(
-            f"{place}: neighbouring points err together; standard errors are enlarged by {best.enlarged:.2g}"
-        )
+        form = "{place}: neighbouring points err together; standard errors are enlarged by {factor:.2g}"
+        notes.append(Note("errors_enlarged", form, place=place, factor=best.enlarged))
     return notes

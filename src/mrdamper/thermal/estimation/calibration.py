@@ -21,6 +21,7 @@ from scipy.optimize import least_squares
 
 from mrdamper.arrays import FloatArray, read_only
 from mrdamper.errors import ConvergenceError, InputError
+from mrdamper.notes import Note
 from mrdamper.quantities import ROOM_K
 from mrdamper.thermal.dissipation import LoopWork
 from mrdamper.thermal.drawing import DamperDrawing
@@ -218,17 +219,19 @@ def calibrate_drawing(
     )
 
 
-def _nuisance_notes(relative: FloatArray, slope: FloatArray, beforehand: FloatArray | None) -> list[str]:
+def _nuisance_notes(relative: FloatArray, slope: FloatArray, beforehand: FloatArray | None) -> list[Note]:
     """Say which parameters are nuisance, and which of P/C and UA/C the curve hardly told."""
     if beforehand is None:
         return []
-    said = [
-        f"The multipliers {', '.join(NUISANCE)} mend the network's first minutes; nothing is claimed of them."
-    ]
+    form = "The multipliers {names} mend the network's first minutes; nothing is claimed of them."
+    said = [Note("nuisance", form, names=", ".join(NUISANCE))]
     before, after = (np.sqrt(np.diag(each)) for each in (slope @ beforehand @ slope.T, relative))
+    form = (
+        "The curve hardly tells {name} yet: known to {before:.0f} % before it, to {after:.0f} % with it; "
+        "what it leaves open is the drawing's."
+    )
     return said + [
-        f"The curve hardly tells {name} yet: known to {100.0 * old:.0f} % before it, to {100.0 * new:.0f} % "
-        "with it; what it leaves open is the drawing's."
+        Note("hardly_told", form, name=name, before=100.0 * old, after=100.0 * new)
         for name, old, new in zip(("P/C", "UA/C"), before, after, strict=True)
         if new > _HARDLY * old
     ]
@@ -294,21 +297,26 @@ def _parameters_of(
     left = float(np.sqrt(np.mean(residual**2)))
     noise = curve.noise_K
     notes = [
-        "One heating curve tells P/C and UA/C; power, heat capacity and conductance each, or film, "
-        "emissivity and mountings apart, it does not tell.",
+        Note(
+            "two_numbers",
+            "One heating curve tells P/C and UA/C; power, heat capacity and conductance each, or film, "
+            "emissivity and mountings apart, it does not tell.",
+        ),
         *more,
     ]
     for name, value, error in zip(("P/C", "UA/C"), values, errors, strict=True):
         if not error < _UNTOLD * abs(value):
-            notes.append(
-                f"The curve is too short or too noisy for {name}: its standard error is "
-                f"{100.0 * error / abs(value) if value else math.inf:.0f} % of it."
+            form = (
+                "The curve is too short or too noisy for {name}: its standard error is {percent:.0f} % of it."
             )
+            percent = 100.0 * error / abs(value) if value else math.inf
+            notes.append(Note("not_known", form, name=name, percent=percent))
     if left > 2.0 * noise and left > 0.05:
-        notes.append(
-            f"The fit leaves {left:.2g} K, the thermometer's noise is {noise:.2g} K: the model does not "
+        form = (
+            "The fit leaves {left_K:.2g} K, the thermometer's noise is {noise_K:.2g} K: the model does not "
             "follow the curve, and the errors count that only in part."
         )
+        notes.append(Note("fit_leaves", form, left_K=left, noise_K=noise))
     notes += curve.notes
     return HeatingParameters(
         power_over_capacity=float(values[0]),

@@ -18,6 +18,7 @@ from mrdamper.arrays import FloatArray, read_only
 from mrdamper.data.tables import read_table
 from mrdamper.data.words.headers import parse_header
 from mrdamper.errors import InputError
+from mrdamper.notes import Note
 from mrdamper.quantities import find_quantity, to_si
 
 __all__ = ["MOST_BAD_SHARE", "HeatingCurve", "Place", "clean_curve", "lag_signal", "read_curve"]
@@ -154,9 +155,13 @@ def clean_curve(
                 expected="less than a fifth",
                 remedy="Check the sensor and the column's unit",
             )
-    said = [f"{number} of {count} samples left out: {what}" for what, number in gone.items() if number]
-    if twice:
-        said.append(f"{twice} of {count} samples left out: a time that is there already")
+    form = "{number} of {samples} samples left out: {what}"
+    gone["a time that is there already"] = twice
+    said = [
+        Note("left_out", form, number=number, samples=count, what=what)
+        for what, number in gone.items()
+        if number
+    ]
     return HeatingCurve(time[~spiky], temperature[~spiky], place, lag_s, name, tuple(said))
 
 

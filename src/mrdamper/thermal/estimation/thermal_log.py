@@ -15,6 +15,7 @@ from mrdamper.arrays import FloatArray, read_only
 from mrdamper.data.tables import read_table
 from mrdamper.data.words.headers import parse_header
 from mrdamper.errors import InputError
+from mrdamper.notes import Note
 from mrdamper.quantities import find_quantity, is_unit, to_si
 from mrdamper.thermal.estimation.measured_curve import MOST_BAD_SHARE
 
@@ -124,4 +125,4 @@ def _plausible(kelvin: FloatArray | None, name: str) -> tuple[FloatArray | None,
             expected=f"{limits.low:g} to {limits.high:g} K",
             remedy="Check the sensor and the column's unit",
         )
-    return np.where(bad, np.nan, kelvin), (f"{said}: left out",)
+    return np.where(bad, np.nan, kelvin), (Note("left_out", "{what}: left out", what=said),)
