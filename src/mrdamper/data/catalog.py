@@ -9,6 +9,8 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
+import sys
+import urllib.request
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote
@@ -50,6 +52,7 @@ class DataSet:
         return f"https://raw.githubusercontent.com/{self.repository}/{self.commit}/{quote(file.path)}"
 
 
+_PATIENCE_s = 60.0  # for the next part of a download
 _UTFSM = "Cap7_ModeloMR/BoucWen Ajuste 2/Preprocesamiento-sinusoidales/Datos_crudos"
 
 DATA_SETS: tuple[DataSet, ...] = (
@@ -136,9 +139,10 @@ def fetch(name: str, *, folder: Path | None = None) -> Path:
 
 
 def _cache() -> Path:
-    import pooch
-
-    return Path(pooch.os_cache("mrdamper"))
+    """Return the folder in which the system keeps what programs can fetch again."""
+    usual = {"darwin": "~/Library/Caches", "win32": os.environ.get("LOCALAPPDATA", "~/AppData/Local")}
+    named = os.environ.get("XDG_CACHE_HOME") or usual.get(sys.platform, "~/.cache")
+    return Path(named).expanduser() / "mrdamper"
 
 
 def _find_in(mirror: Path, chosen: DataSet, file: RemoteFile) -> Path | None:
@@ -150,20 +154,19 @@ def _find_in(mirror: Path, chosen: DataSet, file: RemoteFile) -> Path | None:
 
 
 def _download(chosen: DataSet, file: RemoteFile) -> Path:
-    """Return the file as downloaded; pooch checks its hash."""
-    import pooch
-    import requests
-
-    url = chosen.url(file)
-    known, place = f"sha256:{file.sha256}", _cache() / "downloads"
+    """Return the file as downloaded; the caller checks its hash."""
+    url, place = chosen.url(file), _cache() / "downloads" / f"{file.sha256[:16]}-{file.name}"
     try:
-        return Path(pooch.retrieve(url, known_hash=known, path=place, progressbar=False))
-    except (requests.RequestException, OSError, ValueError) as error:
+        place.parent.mkdir(parents=True, exist_ok=True)
+        with urllib.request.urlopen(url, timeout=_PATIENCE_s) as answer, place.open("wb") as kept:
+            shutil.copyfileobj(answer, kept)
+    except OSError as error:
         raise InputError(
             place=chosen.name,
             found=f"cannot download {url} ({error})",
             remedy="Check the connection, or name a folder that holds the files in MRDAMPER_DATA",
         ) from error
+    return place
 
 
 def _check(chosen: DataSet, file: RemoteFile, source: Path) -> None:

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import Any
 
+fcntl: Any
+msvcrt: Any
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None
+try:
+    import msvcrt
+except ImportError:  # everywhere else
+    msvcrt = None
+
 __all__ = ["lock"]
-
-
-def _module_or_none(name: str) -> Any:  # noqa: ANN401 - a module of one system
-    try:
-        return import_module(name)
-    except ImportError:
-        return None
-
-
-fcntl, msvcrt = _module_or_none("fcntl"), _module_or_none("msvcrt")
 
 
 def lock(handle: int) -> bool | None:
