@@ -563,3 +563,48 @@ def test_findings_are_sorted_and_grouped_by_the_worst():
         ("a", -3.0, 2),
     ]
     assert [finding.severity for finding, _ in groups] == list(SEVERITIES)
+
+
+@pytest.mark.parametrize("rows", [(slice(None, 700), slice(703, None)), (slice(None, 703), slice(700, None))],
+                         ids=["lost", "doubled"])  # fmt: skip
+def test_samples_that_are_lost_or_doubled_behind_the_clock_are_jumps_of_the_phase(rows):
+    """The time goes on evenly; displacement and force do not."""
+    sound = recording()
+    cut = {
+        name: np.concatenate([getattr(sound, name)[part] for part in rows])
+        for name in ("displacement", "force", "command")
+    }
+    time = np.median(np.diff(sound.time)) * np.arange(len(cut["force"]))
+    finding = only(replace(sound, time=time, **cut), "phase_jumps")
+    assert size_of(finding) == pytest.approx(3.0, abs=1.1)
+    assert finding.from_s == pytest.approx(sound.time[700], abs=0.01)
+
+
+def test_a_line_between_the_multiples_of_the_motion_is_interference():
+    def hum(fields):
+        fields["force"] += 150.0 * np.sin(2.0 * np.pi * 7.3 * SINE.frequency * fields["time"])
+
+    findings = {each.kind: each for each in diagnose(recording(changed=hum))}
+    assert size_of(findings["interference"]) == pytest.approx(150.0 / np.sqrt(2.0), rel=0.2)
+
+
+def test_a_time_of_whole_seconds_is_asked_about():
+    sound = recording()
+    counted = replace(sound, time=np.arange(len(sound), dtype=np.float64))
+    assert "time_is_a_counter" in kinds(counted)
+    assert "time_is_a_counter" not in kinds(sound)
+
+
+@pytest.mark.parametrize("gain", [1.0, 1.03])
+def test_a_copy_is_told_although_its_force_was_scaled_and_rounded(gain):
+    first = replace(recording(), name="first")
+    copy = replace(first, name="copy", force=np.round(gain * first.force, 1))
+    again = replace(
+        recording(changed=lambda f: f.update(force=f["force"] + 3.0 * RNG_N * _noise())), name="again"
+    )
+    found = [each for each in compare([first, copy, again]) if each.kind == "duplicate"]
+    assert [each.run for each in found] == ["copy"]
+
+
+def _noise():
+    return np.random.default_rng(8).standard_normal(len(recording()))

@@ -64,6 +64,32 @@ def test_one_run_that_is_off_is_named_with_cause_and_size(runs, change, kind, si
     assert finding.low < finding.size < finding.high
 
 
+def shifted(run, by):
+    return replace(run, force=np.interp(run.time - by, run.time, run.force))
+
+
+@pytest.mark.parametrize(
+    ("change", "kind", "size", "within"),
+    [
+        (lambda runs: [shifted(run, 5e-3) for run in runs], "common_delay", 5e-3, 2e-3),
+        (lambda runs: [replace(r, force=(1.2 if k % 2 else 1.0) * r.force) for k, r in enumerate(runs)],
+         "two_groups", 1.2, 0.06),
+        (lambda runs: [replace(r, force=(1.0 - k / 70) * r.force) for k, r in enumerate(shuffled(runs))],
+         "campaign_drift", -0.2, 0.1),
+    ],
+    ids=["all late", "two dampers", "heating"],
+)  # fmt: skip
+def test_what_all_runs_or_half_of_them_have_is_told_of_the_campaign(runs, change, kind, size, within):
+    finding = told(change(runs))[""]
+    assert finding.kind == kind
+    assert finding.size == pytest.approx(size, abs=within)
+
+
+def shuffled(runs):
+    """Return the runs in the order in which they were recorded, which is not that of the commands."""
+    return [runs[k] for k in np.random.default_rng(7).permutation(len(runs))]
+
+
 def test_a_time_that_is_scaled_is_told_by_the_other_runs_of_the_motion(runs):
     slow = with_one(runs, lambda run: replace(run, time=1.04 * run.time))
     (finding,) = find_odd_siblings(slow)

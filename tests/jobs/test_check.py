@@ -93,6 +93,20 @@ def test_a_file_that_cannot_be_read_is_told_beside_the_others(folder):
     assert "broken.csv: no rows of numbers" in run.stderr
 
 
+def test_files_that_leave_all_open_are_asked_about_without_an_empty_table(tmp_path):
+    """Two columns of one name are refused, not the first taken."""
+    lines = [
+        "time [s],displacement [mm],force [N],force [N]",
+        *(f"{k / 100},{k % 9},{k % 7},{k}" for k in range(64)),
+    ]
+    (tmp_path / "twice.csv").write_text("\n".join(lines) + "\n")
+    run = mrdamper("check", tmp_path / "twice.csv")
+    assert run.returncode == 3
+    assert "--answer force.column=VALUE" in run.stdout
+    assert "no run could be read" in run.stdout
+    assert "samples" not in run.stdout
+
+
 def test_a_name_is_text_on_the_page(folder, tmp_path):
     columns = columns_of(short_runs()[1])
     columns["force_N"] = -columns["force_N"]

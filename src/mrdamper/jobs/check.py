@@ -18,14 +18,13 @@ from mrdamper.data.diagnosis.declared import find_against_names, find_implausibl
 from mrdamper.data.diagnosis.diagnose import diagnose
 from mrdamper.data.finding import SEVERITIES, Finding, Inference, Severity, worst_first
 from mrdamper.data.formats.table import Layout
-from mrdamper.data.prepare import PreparedRun, prepare_run
+from mrdamper.data.prepare import PreparedRun
 from mrdamper.data.proposal.column import Column
 from mrdamper.data.proposal.questions import Question
 from mrdamper.data.readers import ReadFiles, UnreadableFile
-from mrdamper.data.records import Dataset, Recording, RigRun
-from mrdamper.errors import ConvergenceError, InputError
-from mrdamper.identify.consistency import consistency, doubted
-from mrdamper.identify.fit import fit
+from mrdamper.data.records import Recording, RigRun
+from mrdamper.identify.consistency.joint import joint_test
+from mrdamper.identify.consistency.runs import consistency
 from mrdamper.jobs.options import CheckOptions
 from mrdamper.models.damper import Damper
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
@@ -100,7 +99,7 @@ def check(files: ReadFiles, options: CheckOptions = _USUAL, *, on_progress: Prog
     """Diagnose runs, each by itself and all against each other; ``deep``: against one law fitted to all."""
     together = campaign_findings(files.runs)
     if options.deep:
-        together += _joint_test(files.runs)
+        together += joint_test(files.runs)
     told = [*together, *files.findings]
     names = {run.name for run in files.runs}
     runs = []
@@ -142,40 +141,6 @@ def findings_of(
     found += campaign_findings([run.run for run in prepared])
     found += () if damper is None else consistency(damper, prepared)
     return tuple(sorted(found, key=worst_first))
-
-
-def _joint_test(runs: Sequence[Recording | RigRun]) -> list[Finding]:
-    """Return what one law, fitted to all runs that can be prepared, finds in each of them."""
-    sound: list[RigRun] = []
-    for run in runs:
-        try:
-            sound.append(run if isinstance(run, RigRun) else run.checked())
-            prepare_run(sound[-1])
-        except InputError:  # told by the run's own diagnosis
-            sound = [each for each in sound if each.name != run.name]
-    try:
-        fitted = fit(Dataset(tuple(sound)), starts=1)
-    except (InputError, ConvergenceError) as fault:
-        return [
-            Finding(
-                kind="no_joint_test",
-                severity="note",
-                channel="",
-                found=f"the runs could not be fitted together: {fault}".replace("\n", "; "),
-                effect="Whether they belong together was not tested",
-                remedy="Give all runs of a campaign at once, with two commands or more",
-            )
-        ]
-    found = consistency(fitted.damper, fitted.training)
-    name = doubted(fitted.damper, fitted.training)
-    if not name:
-        return list(found)
-    try:  # once more without it: it has bent the fit towards itself, and away from the others
-        others = fit(Dataset(tuple(run for run in sound if run.name != name)), starts=1)
-    except (InputError, ConvergenceError):
-        return list(found)
-    sure = any(each.run == name for each in found)
-    return list(consistency(others.damper, fitted.training, without="" if sure else name))
 
 
 def _checked(run: Recording | RigRun, findings: tuple[Finding, ...]) -> CheckedRun:

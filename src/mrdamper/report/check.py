@@ -135,6 +135,9 @@ def _show(result: CheckResult, console: Console) -> None:
             f"[cyan]asked[/cyan] {escape(question.file)}: {escape(spelled(question.text))}{choice}."
         )
         console.print(f"  answer with --answer {question.key}=VALUE", markup=False)
+    if not result.runs:
+        console.print("[bold]no run could be read[/bold]")
+        return
     console.print(_runs_table(result.runs))
     show_findings(result.findings, console)
     verdict, counts = _verdict(result)

@@ -9,6 +9,7 @@ import numpy as np
 
 from mrdamper.arrays import FloatArray
 from mrdamper.core import turning_points
+from mrdamper.data.diagnosis.resolution import white_noise
 from mrdamper.data.finding import Finding, percent
 from mrdamper.data.records import Recording, RigRun, command_slack
 from mrdamper.quantities import to_degC
@@ -16,6 +17,8 @@ from mrdamper.quantities import to_degC
 __all__ = ["compare"]
 
 _SAME = 1e-4  # of the range: what rounding in another format leaves
+_NEAR = 0.02  # of the stroke, by which two recordings of one motion may be apart
+_OWN_NOISE = 0.7  # of a run's white noise: two recordings differ by 1.4 times theirs
 _LOOKED_AT = 64  # samples of a run by which copies are told
 _ALIKE = 0.03  # share by which strokes and frequencies of one motion differ
 _APART = 0.15  # share by which force ranges of one damper at one command and motion may differ
@@ -59,26 +62,42 @@ def _is_sound(run: Recording | RigRun) -> bool:
 
 
 def _copies(runs: Sequence[Recording | RigRun]) -> Iterator[Finding]:
-    """Give runs whose samples are those of an earlier one, but for rounding."""
-    seen: dict[int, list[tuple[str, FloatArray, FloatArray]]] = {}
+    """Give runs whose samples are those of an earlier one, but for rounding, a factor, or a little noise."""
+    seen: dict[int, list[Recording | RigRun]] = {}
     for run in runs:
-        rows = np.linspace(0, len(run) - 1, min(len(run), _LOOKED_AT)).astype(int)
-        samples = np.array([run.force[rows], run.displacement[rows]])
-        spans = np.ptp([run.force, run.displacement], axis=1, keepdims=True)
-        for name, other, span in seen.setdefault(len(run), []):
-            if bool(np.all(np.abs(other - samples) <= _SAME * np.maximum(span, spans))):
-                yield Finding(
-                    kind="duplicate",
-                    severity="warning",
-                    channel="",
-                    run=run.name,
-                    found=f"force and displacement are those of {name}, number for number",
-                    effect="The run counts twice in a fit; held out, it is no test",
-                    remedy="Leave one of the two out",
-                )
-                break
-        else:
-            seen[len(run)].append((run.name, samples, spans))
+        earlier = seen.setdefault(len(run), [])
+        twin = next((other for other in earlier if _same_samples(run, other)), None)
+        if twin is None:
+            earlier.append(run)
+            continue
+        gain = float(np.std(run.force)) / (float(np.std(twin.force)) or 1.0)
+        scaled = abs(gain - 1.0) > 10.0 * _SAME
+        yield Finding(
+            kind="duplicate",
+            severity="warning",
+            channel="",
+            run=run.name,
+            found=f"force and displacement are those of {twin.name}, "
+            + (f"the force times {gain:.4g}" if scaled else "number for number"),
+            effect="The run counts twice in a fit; held out, it is no test",
+            remedy="Leave one of the two out",
+        )
+
+
+def _same_samples(one: Recording | RigRun, other: Recording | RigRun) -> bool:
+    """Tell whether two runs are one recording: they differ by less than the noise that each has."""
+    rows = np.linspace(0, len(one) - 1, min(len(one), _LOOKED_AT)).astype(int)
+    apart = np.abs(one.displacement[rows] - other.displacement[rows])
+    if float(np.max(apart)) > _NEAR * float(np.ptp(one.displacement)):
+        return False
+    for first, second in ((one.displacement, other.displacement), (one.force, other.force)):
+        around = second - second.mean()
+        gain = float(around @ first) / (float(around @ around) or 1.0)
+        if float(np.std(first - gain * around)) > max(
+            _SAME * float(np.ptp(first)), _OWN_NOISE * white_noise(first)
+        ):
+            return False
+    return True
 
 
 def _figures(run: Recording | RigRun) -> _Figures | None:

@@ -26,7 +26,13 @@ Quantity = Literal["frequency", "stroke", "command", "temperature"]
 
 _NUMBER = r"(?<![\d.])(\d+(?:[.p,]\d+)?)\s*"
 _NAMED: Mapping[str, str] = MappingProxyType(
-    {"frequency": r"Hz", "stroke": r"mm", "command": r"A(?![a-z])", "temperature": r"(?:degC|°C|C(?![a-z]))"}
+    {
+        "frequency": r"Hz",
+        "stroke": r"mm",
+        "command": r"A(?![a-z])",
+        "voltage": r"V(?![a-z])",
+        "temperature": r"(?:degC|°C|C(?![a-z]))",
+    }
 )
 _UNITS = {"frequency": "Hz", "stroke": "mm", "command": "A", "temperature": "degC"}
 _WITHIN = {"frequency": 0.03, "stroke": 0.12, "command": 0.06, "temperature": 0.0}  # share
@@ -63,7 +69,8 @@ def find_against_names(runs: Sequence[Run]) -> Iterator[Finding]:
     """Give runs whose signals are not what the names of run, file and folder declare."""
     for run in runs:
         seen = _seen(run)
-        for quantity, unit in _UNITS.items():
+        for quantity, usual_unit in _UNITS.items():
+            unit = run.command_unit if quantity == "command" else usual_unit
             declared, found = _declared(run, quantity), getattr(seen, quantity)
             if declared is None or found is None or _agrees(quantity, declared, found):
                 continue
@@ -99,7 +106,7 @@ def find_odd_siblings(runs: Sequence[Run]) -> Iterator[Finding]:
             scatter = 1.4826 * float(np.median(np.abs(values / middle - 1.0)))
             if abs(ratio - 1.0) < _ODD[quantity] or scatter > _SCATTER[quantity]:
                 continue
-            if abs(ratio - 1.0) < 5.0 * max(scatter, float(np.max(np.abs(values / middle - 1.0))) / 4.0):
+            if abs(ratio - 1.0) < 5.0 * max(scatter, float(np.max(np.abs(values / middle - 1.0))) / 2.0):
                 continue
             size = 1.0 / ratio if quantity == "frequency" else ratio
             yield Finding(
@@ -178,8 +185,9 @@ def _all_finite(run: Run) -> bool:
 def _declared(run: Run, quantity: str) -> float | None:
     """Return the one number that the names give for a quantity; a run's own name goes before its folder's."""
     source = PurePath(run.source) if run.source else PurePath()
+    named = "voltage" if quantity == "command" and run.command_unit == "V" else quantity
     for text in (run.name, source.stem, source.parent.name):
-        found = {float(re.sub("[p,]", ".", each)) for each in re.findall(_NUMBER + _NAMED[quantity], text)}
+        found = {float(re.sub("[p,]", ".", each)) for each in re.findall(_NUMBER + _NAMED[named], text)}
         if len(found) == 1:
             return found.pop()
         if found:
@@ -206,7 +214,7 @@ def _seen(run: Run) -> _Seen:
     frequency = _frequency(run)
     low, high = np.quantile(run.displacement, (0.002, 0.998))
     mean = abs(float(np.mean(run.command)))
-    steady = run.command_unit == "A" and float(np.std(run.command)) < 0.02 + 0.05 * mean
+    steady = float(np.std(run.command)) < 0.02 + 0.05 * mean
     kelvin = run.temperature
     return _Seen(
         frequency,

@@ -15,7 +15,12 @@ from mrdamper.data.diagnosis.mechanics import (
     find_wrong_sign,
     looks_swapped,
 )
-from mrdamper.data.diagnosis.resolution import find_few_cycles, find_few_samples, find_noise
+from mrdamper.data.diagnosis.resolution import (
+    find_few_cycles,
+    find_few_samples,
+    find_interference,
+    find_noise,
+)
 from mrdamper.data.diagnosis.sensors import (
     find_clipping,
     find_coarse_steps,
@@ -23,7 +28,13 @@ from mrdamper.data.diagnosis.sensors import (
     find_spikes,
     find_stuck_sensors,
 )
-from mrdamper.data.diagnosis.timing import find_irregular_steps, find_missing_numbers, find_time_faults
+from mrdamper.data.diagnosis.timing import (
+    find_counter,
+    find_irregular_steps,
+    find_missing_numbers,
+    find_phase_jumps,
+    find_time_faults,
+)
 from mrdamper.data.finding import Finding, worst_first
 from mrdamper.data.prepare import PreparedRun, prepare_run
 from mrdamper.data.records import Recording, RigRun
@@ -76,13 +87,21 @@ def _of_a_whole_record(recording: Recording, prepared: PreparedRun | None) -> li
         find_few_cycles,
         find_few_samples,
         find_noise,
+        find_interference,
     ):
         found += find(prepared)
     return found
 
 
 def _ask_sensors(recording: Recording) -> Iterable[Finding]:
-    for find in (find_clipping, find_stuck_sensors, find_coarse_steps, find_spikes):
+    for find in (
+        find_counter,
+        find_phase_jumps,
+        find_clipping,
+        find_stuck_sensors,
+        find_coarse_steps,
+        find_spikes,
+    ):
         yield from find(recording)
 
 

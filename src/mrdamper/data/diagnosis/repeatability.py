@@ -14,7 +14,7 @@ from mrdamper.arrays import FloatArray
 from mrdamper.data.cycles import CycleFigures, cycles
 from mrdamper.data.prepare import PreparedRun
 
-__all__ = ["Drift", "alike", "drift", "estimate_lag", "forces_by_phase", "repeatability"]
+__all__ = ["Drift", "alike", "alike_cycles", "drift", "estimate_lag", "forces_by_phase", "repeatability"]
 
 _ALIKE = 0.03  # share by which a cycle may differ from the median one, and its end from its start
 _PHASES = 200  # points of a cycle at which cycles are compared
@@ -38,7 +38,7 @@ def repeatability(prepared: PreparedRun) -> float | None:
     """
     if prepared.period_s is None:
         return None
-    forces = forces_by_phase(prepared, _alike_cycles(prepared))
+    forces = forces_by_phase(prepared, alike_cycles(prepared))
     if len(forces) < 2:
         return None
     deviation = forces - forces.mean(axis=0)
@@ -49,7 +49,7 @@ def repeatability(prepared: PreparedRun) -> float | None:
 
 def drift(prepared: PreparedRun) -> Drift | None:
     """Return the change from the first to the last alike cycle; None with fewer than two cycles."""
-    found = _alike_cycles(prepared)
+    found = alike_cycles(prepared)
     if len(found) < 2:
         return None
     ends = [
@@ -106,7 +106,8 @@ def forces_by_phase(prepared: PreparedRun, found: CycleFigures) -> FloatArray:
     return np.array([np.interp(start + phase * count, samples, prepared.force) for start, count in pairs])
 
 
-def _alike_cycles(prepared: PreparedRun) -> CycleFigures:
+def alike_cycles(prepared: PreparedRun) -> CycleFigures:
+    """Return the cycles that are like the median one in stroke and duration, and end where they began."""
     found = cycles(prepared)
     if not len(found):
         return found

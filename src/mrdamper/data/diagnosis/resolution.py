@@ -10,11 +10,11 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.core import turning_points
 from mrdamper.data.cycles import cycles
-from mrdamper.data.diagnosis.repeatability import repeatability
+from mrdamper.data.diagnosis.repeatability import alike_cycles, forces_by_phase, repeatability
 from mrdamper.data.finding import Finding, percent
 from mrdamper.data.prepare import PreparedRun
 
-__all__ = ["find_few_cycles", "find_few_samples", "find_noise", "samples_in_transition"]
+__all__ = ["find_few_cycles", "find_few_samples", "find_interference", "find_noise", "samples_in_transition"]
 
 _PER_CYCLE = 60.0
 _FAR_TOO_FEW = 20.0
@@ -22,6 +22,11 @@ _PER_TRANSITION = 5.0  # samples while force swings from 10 % to 90 % after a re
 _SWING = 0.3  # of the stroke range: a reversal that counts
 _NOISY = 5.0  # percent of the force's standard deviation
 _REPEATS = 5.0  # percent
+_LINE = 0.03  # of the force's standard deviation: rms of a line between the harmonics
+_PROMINENT = 0.5  # of what a cycle has beside the mean cycle is in that line
+_OFF_BINS, _OFF_HARMONIC = 1.2, (0.1, 0.3)  # of the spectrum; of the motion's frequency, least and most
+_LEAST_CYCLES = 3
+_LOWEST_LINE = 2.0  # times the motion's frequency: below it is where a force that grows or falls has most
 
 
 def find_few_samples(prepared: PreparedRun) -> Iterator[Finding]:
@@ -110,6 +115,43 @@ def find_noise(prepared: PreparedRun) -> Iterator[Finding]:
         remedy="Look for heating, drift of the position, or a loose mounting; take the segment that repeats"
         if more
         else "More cycles average it out in a fit",
+    )
+
+
+def find_interference(prepared: PreparedRun) -> Iterator[Finding]:
+    """Give a line in the force's spectrum where a periodic motion makes none: interference, or an alias.
+
+    What a cycle has beside the mean cycle is noise, drift, or a slow change of the force (close to multiples
+    of the motion's frequency). A line between these multiples has another source.
+    """
+    if prepared.period_s is None or prepared.run.constant_command is None:
+        return
+    cycle_forces = forces_by_phase(prepared, alike_cycles(prepared))
+    if len(cycle_forces) < _LEAST_CYCLES:
+        return
+    spread = float(np.std(cycle_forces))
+    beside = (cycle_forces - cycle_forces.mean(axis=0)).ravel()
+    power = 2.0 * np.abs(np.fft.rfft(beside)) ** 2 / len(beside) ** 2
+    harmonic = np.arange(len(power)) / len(cycle_forces)
+    off = float(np.clip(_OFF_BINS / len(cycle_forces), *_OFF_HARMONIC))
+    between = np.abs(harmonic - np.round(harmonic)) > off
+    rest = np.where(between & (harmonic > _LOWEST_LINE), power, 0.0)
+    top = int(np.argmax(rest))
+    line = float(rest[max(top - 2, 0) : top + 3].sum())
+    amplitude = float(np.sqrt(line))
+    if amplitude < _LINE * spread or line < _PROMINENT * float(power.sum()):
+        return
+    yield Finding(
+        kind="interference",
+        severity="warning",
+        channel="force",
+        size=amplitude,
+        unit="N",
+        found=f"the force has a line of {amplitude:.3g} N rms at {harmonic[top] / prepared.period_s:.3g} Hz, "
+        f"no multiple of the motion's {1.0 / prepared.period_s:.3g} Hz",
+        effect=f"No model of the damper has an error below {percent(amplitude / spread)} on this run",
+        remedy="Look for mains or a converter nearby, and for its alias: sample faster, or filter "
+        "before sampling",
     )
 
 

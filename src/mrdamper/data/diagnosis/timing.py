@@ -10,10 +10,21 @@ from mrdamper.arrays import FloatArray
 from mrdamper.data.finding import Finding, percent
 from mrdamper.data.records import GAP, Recording, changes_of_pace
 
-__all__ = ["channels_of", "find_irregular_steps", "find_missing_numbers", "find_time_faults"]
+__all__ = [
+    "channels_of",
+    "find_counter",
+    "find_irregular_steps",
+    "find_missing_numbers",
+    "find_phase_jumps",
+    "find_time_faults",
+]
 
 _LOST = 1.5  # steps: a longer one lost a sample, or more
 _JITTER = 0.05  # standard deviation of steps, as a share of the usual one
+_SLOWEST = 5.0  # seconds that a stroke may take where every sample is a whole second
+_JUMP = 0.6  # of the rms step of the displacement,
+_ABOVE_NOISE = 10.0  # and of the scatter of its steps about their neighbours'
+_FEWEST = 64  # samples, below which neighbours say nothing
 
 
 def channels_of(recording: Recording) -> dict[str, FloatArray]:
@@ -146,6 +157,67 @@ def find_irregular_steps(recording: Recording) -> Iterator[Finding]:
             "noise to the velocity",
             remedy="Use the sampling clock's time, or give rate_Hz at [constant] of the channel map",
         )
+
+
+def find_counter(recording: Recording) -> Iterator[Finding]:
+    """Give a time of whole seconds, one a sample, in which the damper moves as slowly as a counter has it."""
+    steps = np.diff(recording.time)
+    x = recording.displacement - float(np.mean(recording.displacement))
+    strokes = np.count_nonzero(np.diff(np.signbit(x)))
+    if not (steps == 1.0).all() or strokes < 2 or float(np.sum(steps)) / strokes < _SLOWEST:
+        return
+    yield Finding(
+        kind="time_is_a_counter",
+        severity="warning",
+        channel="time",
+        size=1.0,
+        unit="s",
+        found="time goes up by exactly 1 s at every sample, and a stroke of the motion takes "
+        f"{float(np.sum(steps)) / strokes:.3g} s: it looks like a counter of samples",
+        effect="Velocities are wrong by the sampling rate, and viscosity with them",
+        remedy="Give rate_Hz at [constant] of the channel map instead of the column, or confirm that "
+        "it is seconds",
+    )
+
+
+def find_phase_jumps(recording: Recording) -> Iterator[Finding]:
+    """Give places where the motion jumps ahead or back between two samples that the clock calls neighbours.
+
+    A smooth motion has neither. A spike goes and comes back; samples that were lost or written twice do not.
+    """
+    x = recording.displacement
+    if len(x) < _FEWEST:
+        return
+    steps = np.diff(x) / np.diff(recording.time)
+    near = np.median([steps[:-4], steps[1:-3], steps[3:-1], steps[4:]], axis=0)
+    away = np.concatenate([[0.0, 0.0], steps[2:-2] - near, [0.0, 0.0]])
+    usual = float(np.sqrt(np.mean(steps**2)))
+    noise = 1.4826 * float(np.median(np.abs(away)))
+    far = np.abs(away) > max(_JUMP * usual, _ABOVE_NOISE * noise)
+    # a spike leaves two steps of opposite sign side by side
+    back = np.abs(away[:-1] + away[1:]) < 0.5 * np.maximum(np.abs(away[:-1]), np.abs(away[1:]))
+    far[:-1] &= ~back
+    far[1:] &= ~back
+    places = np.flatnonzero(far)
+    if not len(places) or len(places) > 0.01 * len(x):
+        return
+    samples = float(
+        np.sum(np.round(np.abs(away[places]) / np.maximum(np.abs(near[places - 2]), 0.3 * usual)))
+    )
+    yield Finding(
+        kind="phase_jumps",
+        severity="warning",
+        channel="time",
+        size=samples,
+        unit="samples",
+        from_s=float(recording.time[places[0]]),
+        to_s=float(recording.time[places[-1] + 1]),
+        found=f"the displacement jumps at {len(places)} place{'s' if len(places) > 1 else ''} where time "
+        f"goes on evenly, the first at {recording.time[places[0]]:.4g} s: about {samples:.0f} samples "
+        "are lost or doubled",
+        effect="Velocity there is wrong, and all that follows is shifted against the clock",
+        remedy="Check the load of the recording computer and its buffers; cut the run at these places",
+    )
 
 
 def _finite(time: FloatArray, k: int) -> float | None:

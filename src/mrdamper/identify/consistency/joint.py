@@ -1,0 +1,89 @@
+"""The joint test: one law fitted to all runs of a campaign, for what it says of each of them.
+
+The fit is that of ``identify`` without what a card needs beside it (bands, proposals, folds left out).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from mrdamper.data.finding import Finding
+from mrdamper.data.prepare import Preparation, PreparedRun, prepare_run
+from mrdamper.data.records import Recording, RigRun
+from mrdamper.errors import ConvergenceError, InputError
+from mrdamper.identify.consistency.runs import consistency, doubted
+from mrdamper.identify.fit import resolve_law, split_by_command, usual_law
+from mrdamper.identify.predict import prepare_all
+from mrdamper.identify.problem import FitProblem
+from mrdamper.identify.search.variable_projection import fit_variable_projection
+from mrdamper.identify.temperature import settle_temperature
+from mrdamper.identify.templates import template
+from mrdamper.models.damper import Damper
+
+__all__ = ["joint_fit", "joint_test"]
+
+
+def joint_test(runs: Sequence[Recording | RigRun]) -> list[Finding]:
+    """Return what one law, fitted to all runs that can be prepared, finds in each of them."""
+    sound = _prepared(runs)
+    try:
+        damper, training, free = joint_fit(sound)
+    except (InputError, ConvergenceError) as fault:
+        return [
+            Finding(
+                kind="no_joint_test",
+                severity="note",
+                channel="",
+                found=f"the runs could not be fitted together: {fault}".replace("\n", "; "),
+                effect="Whether they belong together was not tested",
+                remedy="Give all runs of a campaign at once, with two commands or more",
+            )
+        ]
+    found = consistency(damper, training, free=free)
+    name = doubted(damper, training, free=free)
+    if not name or any(not each.run for each in found):  # what all have is no run's fault
+        return list(found)
+    try:  # once more without it: it has bent the fit towards itself, and away from the others
+        others, _, free = joint_fit([run for run in sound if run.name != name], first=damper)
+    except (InputError, ConvergenceError):
+        return list(found)
+    sure = any(each.run == name for each in found)
+    return list(consistency(others, training, free=free, without="" if sure else name))
+
+
+def joint_fit(
+    runs: Sequence[RigRun], *, first: Damper | None = None
+) -> tuple[Damper, tuple[PreparedRun, ...], tuple[str, ...]]:
+    """Return the damper fitted to runs, these as prepared, and the parameters that are off their bounds.
+
+    ``first`` is a former fit to start from.
+
+    Raises
+    ------
+    InputError
+        The runs cannot be prepared, or lack what a law needs (two commands, say).
+    ConvergenceError
+        No start of the fit found a finite cost.
+    """
+    prepared, temperature, _ = settle_temperature(prepare_all(runs, Preparation()), "auto")
+    law, _ = resolve_law(usual_law(prepared))
+    steady, _ = split_by_command(prepared)
+    damper, free = template(law, steady, temperature=temperature)
+    problem = FitProblem(damper, free, steady)
+    if first is not None and first.parameters.keys() != damper.parameters.keys():
+        first = None
+    found = fit_variable_projection(problem, starts=1 if first is None else 0, first=first)
+    return found.damper, prepared, tuple(each.name for each in found.estimates if not each.at_bound)
+
+
+def _prepared(runs: Sequence[Recording | RigRun]) -> list[RigRun]:
+    """Return the runs that can be prepared; what is wrong with the others is told by their own diagnosis."""
+    sound: list[RigRun] = []
+    for run in runs:
+        try:
+            checked = run if isinstance(run, RigRun) else run.checked()
+            prepare_run(checked)
+        except InputError:
+            continue
+        sound.append(checked)
+    return sound
