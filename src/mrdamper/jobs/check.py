@@ -127,7 +127,11 @@ def campaign_findings(runs: Sequence[Recording | RigRun]) -> list[Finding]:
 
 
 def findings_of(
-    runs: Iterable[PreparedRun], damper: Damper | None = None, reading: Sequence[Finding] = ()
+    runs: Iterable[PreparedRun],
+    damper: Damper | None = None,
+    reading: Sequence[Finding] = (),
+    *,
+    free: Sequence[str] = (),
 ) -> tuple[Finding, ...]:
     """Return what prepared runs show by themselves and together, for the report of a fit.
 
@@ -135,11 +139,12 @@ def findings_of(
     ----------
     damper : fitted to the runs, which are then compared with it
     reading : what was found while their files were read
+    free : the damper's parameters that were fitted, without those on a bound
     """
     prepared = tuple(runs)
     found = [*reading, *(finding for run in prepared for finding in diagnose(run.run, run))]
     found += campaign_findings([run.run for run in prepared])
-    found += () if damper is None else consistency(damper, prepared)
+    found += () if damper is None else consistency(damper, prepared, free=free)
     return tuple(sorted(found, key=worst_first))
 
 

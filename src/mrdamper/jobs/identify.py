@@ -133,7 +133,12 @@ def identify(
         assessment=judged,
         law_table=() if selection is None else selection.table,
         chosen_by="" if selection is None else selection.left_out,
-        findings=findings_of((*fitted.training, *fitted.held_out), fitted.damper, runs.findings),
+        findings=findings_of(
+            (*fitted.training, *fitted.held_out),
+            fitted.damper,
+            runs.findings,
+            free=[each.name for each in fitted.estimates if not each.at_bound],
+        ),
         inferred=runs.inferred,
         sources=tuple(dict.fromkeys(Path(run.source).name for run in runs if run.source)),
     )
