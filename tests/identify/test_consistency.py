@@ -9,6 +9,7 @@ import pytest
 
 from mrdamper.data.diagnosis.declared import find_against_names, find_implausible_damper, find_odd_siblings
 from mrdamper.data.readers import ReadFiles
+from mrdamper.errors import InputError
 from mrdamper.jobs.check import check
 from mrdamper.jobs.options import CheckOptions
 from mrdamper.rig.campaign import Campaign
@@ -103,6 +104,25 @@ def test_names_are_compared_with_signals(runs):
     assert {each.kind for each in find_against_names(tenth)} == {"declared_command"}
     inches = [replace(run, displacement=run.displacement / 25.4) for run in runs]
     assert {each.kind for each in find_against_names(inches)} == {"declared_stroke"}
+
+
+def test_a_plan_beside_the_runs_is_compared_with_their_signals(runs, tmp_path):
+    """A plan goes before names; what it does not say, and runs that keep to it, are no finding."""
+    (tmp_path / "plan.toml").write_text(
+        '[run."*_1.50A_*"]\ncommand = 1.5\n[run.third]\nstroke_mm = 12.0\nfrequency_Hz = 2\n'
+    )
+    placed = [replace(run, source=str(tmp_path / f"{run.name}.csv")) for run in runs]
+    assert list(find_against_names(placed)) == []
+    (finding,) = find_against_names([replace(with_one_name(placed), name="third")])
+    assert (finding.kind, finding.channel) == ("declared_stroke", "displacement")
+    assert finding.found.startswith("the plan declares 12 mm")
+    (tmp_path / "plan.toml").write_text("[run.third]\nstrokes = 12\n")
+    with pytest.raises(InputError, match="strokes"):
+        list(find_against_names(placed))
+
+
+def with_one_name(runs):
+    return next(run for run in runs if run.name == WRONG)
 
 
 def test_units_that_no_damper_has_are_asked_about_and_left_alone(runs):

@@ -15,6 +15,7 @@ from typing import Literal
 
 import numpy as np
 
+from mrdamper.data.diagnosis.plan import plans_beside
 from mrdamper.data.finding import Finding, percent
 from mrdamper.data.records import Recording, RigRun
 from mrdamper.quantities import ZERO_CELSIUS_K
@@ -66,12 +67,15 @@ class _Seen:
 
 
 def find_against_names(runs: Sequence[Run]) -> Iterator[Finding]:
-    """Give runs whose signals are not what the names of run, file and folder declare."""
+    """Give runs whose signals are not what a plan, or the names of run, file and folder, declare."""
+    plans = plans_beside(run.source for run in runs if run.source)
     for run in runs:
         seen = _seen(run)
         for quantity, usual_unit in _UNITS.items():
             unit = run.command_unit if quantity == "command" else usual_unit
-            declared, found = _declared(run, quantity), getattr(seen, quantity)
+            planned = plans[run.source].declared(run.name, quantity) if run.source in plans else None
+            declared = _declared(run, quantity) if planned is None else planned
+            found = getattr(seen, quantity)
             if declared is None or found is None or _agrees(quantity, declared, found):
                 continue
             yield Finding(
@@ -83,9 +87,10 @@ def find_against_names(runs: Sequence[Run]) -> Iterator[Finding]:
                 run=run.name,
                 size=found / declared if declared else found,
                 unit="",
-                found=f"the name declares {declared:g} {unit}, and the signals have {found:.4g} {unit}",
+                found=f"the {'name' if planned is None else 'plan'} declares {declared:g} {unit}, and "
+                f"the signals have {found:.4g} {unit}",
                 effect="The card would hold for another operating point than the test's, or in another unit",
-                remedy=f"Check unit and scale of the channel ({_HINT[quantity]}), or correct the name",
+                remedy=f"Check unit and scale of the channel ({_HINT[quantity]}), or what declares it",
             )
 
 
