@@ -13,7 +13,7 @@ import pytest
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 from mrdamper.thermal.drawing_file import read_drawing
-from mrdamper.thermal.estimation.uncertainty import FACTORS, ModelUncertainty, UncertainNetwork
+from mrdamper.thermal.estimation.uncertainty import FACTORS, ModelUncertainty, UncertainNetwork, WatchedPoint
 from mrdamper.thermal.model.lumped import lumped_network
 from mrdamper.thermal.model.network import ThermalNetwork, zone_network
 from mrdamper.thermal.model.stepping import Load
@@ -41,7 +41,11 @@ def state_of(network: ThermalNetwork, start: float = 293.15, **factors: float) -
 
 def run(network: ThermalNetwork, *states: FloatArray, loads: Sequence[Load] = LOADS) -> FloatArray:
     """Return the fluid's temperature over time [K]."""
-    return UncertainNetwork(network).run_ahead(np.array(states), loads, hottest_K=600.0)[1]
+    return UncertainNetwork(network).run_ahead(np.array(states), loads, hottest_K=600.0)[1] @ network.fluid
+
+
+def fluid_of(network: ThermalNetwork) -> WatchedPoint:
+    return WatchedPoint(network.fluid, LIMIT, np.zeros(1), np.zeros(1))
 
 
 def ends(network: ThermalNetwork, *states: FloatArray) -> FloatArray:
@@ -52,7 +56,8 @@ def ends(network: ThermalNetwork, *states: FloatArray) -> FloatArray:
 def test_without_doubt_it_runs_as_the_network_does(build):
     """Over heating, rest and heating; straight lines between the tables' knots cost some millikelvin."""
     network = build(DRAWING)
-    time, fluid = UncertainNetwork(network).run_ahead(state_of(network)[None], LOADS, hottest_K=600.0)
+    time, nodes = UncertainNetwork(network).run_ahead(state_of(network)[None], LOADS, hottest_K=600.0)
+    fluid = nodes @ network.fluid
     course = simulate_network(network, LOADS, longest_step=10.0)
     assert time[-1] == pytest.approx(1800.0)
     at = np.searchsorted(time, [900.0 - 1e-6, 1200.0 - 1e-6, 1800.0 - 1e-6])
@@ -104,7 +109,9 @@ def test_a_small_doubt_spreads_the_end_as_its_derivative_says():
     mean, n = state_of(network), len(network.names)
     covariance = np.zeros((len(mean), len(mean)))
     covariance[n, n] = 0.01**2
-    prediction_interval = UncertainNetwork(network).look_ahead(mean, covariance, LOADS, LIMIT, dampers=800)
+    prediction_interval = UncertainNetwork(network).look_ahead(
+        mean, covariance, LOADS, [fluid_of(network)], dampers=800
+    )
     more, less = ends(network, state_of(network, power=1.01), state_of(network, power=1.0 / 1.01))
     assert prediction_interval.high[-1] - prediction_interval.low[-1] == pytest.approx(
         1.645 * (more - less), rel=0.05
@@ -121,7 +128,9 @@ def test_more_doubt_is_a_wider_interval_and_an_earlier_and_later_limit():
     for scale in (0.2, 1.0):
         covariance = np.zeros((len(mean), len(mean)))
         covariance[n:, n:] = scale**2 * ModelUncertainty().covariance
-        prediction_interval = UncertainNetwork(network).look_ahead(mean, covariance, load, LIMIT)
+        prediction_interval = UncertainNetwork(network).look_ahead(
+            mean, covariance, load, [fluid_of(network)]
+        )
         widths.append(
             (
                 prediction_interval.high[-1] - prediction_interval.low[-1],

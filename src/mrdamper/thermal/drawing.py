@@ -18,10 +18,10 @@ from typing import Annotated, Literal
 from mrdamper.errors import InputError
 from mrdamper.models.fluids.fluid import Fluid
 from mrdamper.models.fluids.fluid_file import find_fluid
-from mrdamper.quantities import ROOM_K
+from mrdamper.quantities import ROOM_K, to_degC
 from mrdamper.schema import Option, check_ranges
 from mrdamper.thermal.heatsink import HeatSink, Manufacture, length_option
-from mrdamper.thermal.materials import COPPER_PER_K, MATERIALS, Material
+from mrdamper.thermal.materials import COPPER_PER_K, INSULATION_DEGC, MATERIALS, SEALS_DEGC, Material
 
 __all__ = [
     "DISC_GAP",
@@ -32,6 +32,7 @@ __all__ = [
     "Filling",
     "Piston",
     "Rod",
+    "Seals",
     "Surroundings",
     "filling_of",
     "find_filling",
@@ -113,10 +114,33 @@ class Coil:
         Option("for cards whose command is a voltage", key="A_per_V", unit="A/V", above=0.0),
     ] = None
     material: Annotated[Material, Option("of the winding", among=lambda: MATERIALS)] = MATERIALS["winding"]
+    insulation: Annotated[
+        str,
+        Option(
+            "of the winding, which limits its hottest point",
+            key="insulation_class",
+            among=lambda: INSULATION_DEGC,
+        ),
+    ] = "F"
+    limit: Annotated[
+        float | None,
+        Option("of the winding's hottest point", key="limit_degC", unit="degC", default_help="the class's"),
+    ] = None
 
     def resistance_at(self, temperature_K: float) -> float:
         """Return the resistance [ohm] at a temperature [K]."""
         return self.resistance * (1.0 + COPPER_PER_K * (temperature_K - ROOM_K))
+
+
+@dataclass(frozen=True, slots=True)
+class Seals:
+    """The seals of the rod in the caps."""
+
+    material: Annotated[str, Option("which limits their hottest point", among=lambda: SEALS_DEGC)] = "HNBR"
+    limit: Annotated[
+        float | None,
+        Option("of the seals' hottest point", key="limit_degC", unit="degC", default_help="the material's"),
+    ] = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,6 +233,7 @@ class DamperDrawing:
     rod: Rod
     coil: Coil
     filling: Filling
+    seals: Seals = field(default_factory=Seals)
     surroundings: Surroundings = field(default_factory=Surroundings)
     sink: HeatSink | None = None
     calibration: Calibration = field(default_factory=Calibration)
@@ -219,6 +244,7 @@ class DamperDrawing:
         _check_body(self)
         _check_inside(self)
         check_ranges(self.surroundings, f"{self.name}: surroundings")
+        _check_limits(self)
         if self.sink is not None:
             _check_sink(self, self.sink)
 
@@ -350,6 +376,20 @@ def _check_inside(drawing: DamperDrawing) -> None:
             found=f"coil.depth_mm is {_mm(coil.depth)}",
             expected=f"less than {_mm(room)}, what the piston leaves around the rod",
         )
+
+
+def _check_limits(drawing: DamperDrawing) -> None:
+    """Refuse limits that the damper has reached before anything heats it."""
+    ambient = drawing.surroundings.ambient
+    given = {"fluid": drawing.filling.valid_K[1], "coil": drawing.coil.limit, "seals": drawing.seals.limit}
+    for name, limit in given.items():
+        if limit is not None and not limit > ambient:
+            raise InputError(
+                place=drawing.name,
+                found=f"the {name}'s limit is {to_degC(limit):.4g} degC, ambient {to_degC(ambient):.4g} degC",
+                expected="a limit above ambient",
+                remedy=f"Check {name}.limit_degC and surroundings.ambient_degC: both are in degC",
+            )
 
 
 def _check_sink(drawing: DamperDrawing, sink: HeatSink) -> None:

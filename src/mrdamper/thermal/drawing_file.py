@@ -6,7 +6,7 @@ The keys are the fields of the parts in ``drawing`` and of ``HeatSink``; docs/th
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from importlib import resources
 from pathlib import Path
 from typing import Annotated
@@ -22,6 +22,7 @@ from mrdamper.thermal.drawing import (
     Filling,
     Piston,
     Rod,
+    Seals,
     Surroundings,
     find_filling,
 )
@@ -52,11 +53,17 @@ class FluidTable:
     exchange: Annotated[
         float | None, Option("gap to each chamber, by pumping", key="exchange_W_K", unit="W/K", least=0.0)
     ] = None
+    limit: Annotated[
+        float | None,
+        Option("of the fluid's hottest point", key="limit_degC", unit="degC", default_help="the preset's"),
+    ] = None
 
     def filling(self) -> Filling:
         """Return the preset's filling with what is stated here."""
-        stated = {each.name: getattr(self, each.name) for each in fields(self) if each.name != "preset"}
-        return find_filling(self.preset, {name: x for name, x in stated.items() if x is not None})
+        given = {each.name: getattr(self, each.name) for each in fields(self)[1:]}
+        limit = given.pop("limit")
+        found = find_filling(self.preset, {name: x for name, x in given.items() if x is not None})
+        return found if limit is None else replace(found, valid_K=(found.valid_K[0], limit))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,6 +75,7 @@ class DrawingTables:
     rod: Rod
     coil: Coil
     fluid: FluidTable
+    seals: Seals = field(default_factory=Seals)
     surroundings: Surroundings = field(default_factory=Surroundings)
     sink: HeatSink | None = None
     calibration: Calibration = field(default_factory=Calibration)
@@ -126,6 +134,7 @@ def drawing_of(text: str, place: str = "drawing") -> DamperDrawing:
         rod=tables.rod,
         coil=tables.coil,
         filling=filling,
+        seals=tables.seals,
         surroundings=tables.surroundings,
         sink=tables.sink,
         calibration=tables.calibration,

@@ -15,7 +15,7 @@ from typing import Any
 from mrdamper.errors import InputError
 from mrdamper.schema import unknown_name
 
-__all__ = ["COPPER_PER_K", "MATERIALS", "Material", "find_material"]
+__all__ = ["COPPER_PER_K", "INSULATION_DEGC", "MATERIALS", "SEALS_DEGC", "Material", "find_material"]
 
 COPPER_PER_K = 0.00393
 """Rise of copper's resistance per kelvin, of its value at 20 degC [1/K]; known as standard copper's."""
@@ -76,6 +76,19 @@ _TABLE = (
 
 MATERIALS: Mapping[str, Material] = MappingProxyType({material.name: material for material in _TABLE})
 """The materials that a drawing may name."""
+
+
+INSULATION_DEGC: Mapping[str, float] = MappingProxyType(
+    {"Y": 90.0, "A": 105.0, "E": 120.0, "B": 130.0, "F": 155.0, "H": 180.0}
+)
+"""Hottest point of a winding by the class of its insulation [degC]: IEC 60085's classes, as
+https://croylek.com/pages/temperature-classes-of-electrical-insulation and other makers list them."""
+
+SEALS_DEGC: Mapping[str, float] = MappingProxyType(
+    {"NBR": 100.0, "PU": 100.0, "HNBR": 150.0, "EPDM": 150.0, "FKM": 200.0}
+)
+"""What elastomers bear for long [degC], the standard compounds of https://www.bodeseal.com/technical-support;
+others give 20 K more for NBR and 20 K less for PU."""
 
 
 def find_material(name: str, place: str = "") -> Material:

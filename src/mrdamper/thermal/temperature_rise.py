@@ -1,9 +1,10 @@
 """Temperature rise: card, drawing and duty together give temperatures, fade of force, heat paths and account.
 
 The mechanical power is that of the card's own loop at the running temperature (``dissipation``), the coil's
-follows its resistance; where they go is the model's business (``network``, ``lumped``, ``reduced``). A card
-without temperature laws holds its force constant, and the result says so. The curve stops where the fluid
-reaches its limit.
+follows its resistance; where they go is the model's business (``reduced``, ``finite_element``, ``network``,
+``lumped``). A card without temperature laws holds its force constant, and the result says so. Limits are
+judged at the hottest point of each part. The curve stops where the fluid's mean reaches its limit, which is
+as far as the force is known.
 """
 
 from __future__ import annotations
@@ -27,12 +28,13 @@ from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.thermal.dissipation import LoopWork, tabulate_work
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.duty import DEFAULT_DUTY, Duty, read_duty
-from mrdamper.thermal.model.finite_element import build_field
+from mrdamper.thermal.limits import LimitReached, first_time, limits_of
+from mrdamper.thermal.model.finite_element import FieldModel, build_field
 from mrdamper.thermal.model.heat_equation import FieldHeating, simulate_field
 from mrdamper.thermal.model.lumped import lumped_network
 from mrdamper.thermal.model.network import ThermalNetwork, zone_network
-from mrdamper.thermal.model.reduced import reduce_field
-from mrdamper.thermal.model.stepping import Load
+from mrdamper.thermal.model.reduced import ReducedModel, reduce_field
+from mrdamper.thermal.model.stepping import Load, Part
 from mrdamper.thermal.model.surfaces import name_correlations
 from mrdamper.thermal.model.transient import Heating, simulate_network
 
@@ -42,6 +44,7 @@ __all__ = [
     "Rise",
     "beyond_card",
     "build_network",
+    "field_of",
     "loads_of",
     "notes_of",
     "predict_rise",
@@ -49,12 +52,14 @@ __all__ = [
     "works_of",
 ]  # fmt: skip
 
-Model = Literal["zones", "lumped", "reduced"]
-"""Three axial zones, the paper's one node, or sixteen unknowns that follow the finite elements."""
+Model = Literal["reduced", "network", "elements", "lumped"]
+"""Sixteen unknowns that follow the finite elements, three axial zones, the finite elements, or one node."""
 
-NETWORKS = MappingProxyType({"zones": zone_network, "lumped": lumped_network, "reduced": zone_network})
-"""How a drawing becomes a network, by the model's name; the zones stand for the reduced model where a network
-is needed: in calibration and prediction intervals."""
+NETWORKS = MappingProxyType(
+    {"reduced": zone_network, "network": zone_network, "elements": zone_network, "lumped": lumped_network}
+)
+"""How a drawing becomes a network, by the model's name; the zones stand for the finite elements where a
+network is needed: in calibration and prediction intervals."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -74,13 +79,35 @@ class Rise:
     force_loss_percent: (
         float | None
     )  # of the peak force at the end, against 20 degC; None: at rest, or not known
-    limit_K: float  # of the fluid
-    time_to_limit_s: float | None  # None: not reached
+    hot: Mapping[Part, FloatArray]  # hottest point of gap, coil and seals [K]; by a network its node's mean
+    limits: tuple[LimitReached, ...]  # of fluid, coil and seals
     ripple_K: float  # swing of the fluid's temperature within a cycle, if none of the heat left it
     model: Model
     correlations: Mapping[str, str]  # by surface
     notes: tuple[str, ...]
     heating: Heating | FieldHeating
+    field: FieldModel | ReducedModel | None  # the way from the unknowns to temperatures everywhere
+
+    @property
+    def limit_K(self) -> float:
+        """What the fluid's hottest point may reach."""
+        return self.limits[0].limit.kelvin
+
+    @property
+    def first_limit(self) -> LimitReached:
+        """The limit that is reached first, else the one that its part comes nearest to."""
+        return min(
+            self.limits,
+            key=lambda each: (
+                math.inf if each.time_s is None else each.time_s,
+                each.limit.kelvin - each.hottest,
+            ),
+        )
+
+    @property
+    def time_to_limit_s(self) -> float | None:
+        """When the fluid's hottest point does; None: not reached."""
+        return self.limits[0].time_s
 
     @property
     def fluid_degC(self) -> FloatArray:
@@ -114,7 +141,7 @@ def predict_rise(
     drawing: DamperDrawing,
     duty: Duty | str = DEFAULT_DUTY,
     *,
-    model: Model = "zones",
+    model: Model = "reduced",
     start_K: float | None = None,
     stop_at_limit: bool = True,
     longest_step: float = 60.0,
@@ -126,18 +153,16 @@ def predict_rise(
     card : the damper's model, whose loop gives the mechanical power
     drawing : the damper as heat sees it
     duty : a duty, its text or a CSV file
-    model : ``zones`` (three axial zones), ``lumped`` (the paper's Eq. (8)) or ``reduced`` (sixteen unknowns
-        of the finite elements, within 10 mK of them; needs scikit-fem)
+    model : ``reduced`` (sixteen unknowns of the finite elements), ``elements`` (all of them), ``network``
+        (three axial zones, no hot spots) or ``lumped`` (the paper's Eq. (8))
     start_K : temperature of everything at the start; None: ambient
-    stop_at_limit : end the curve where the fluid reaches its limit; else go on, and say when it did
+    stop_at_limit : end the curve where the fluid's mean reaches its limit; else go on, and say when it did
     longest_step : of time [s]
 
     Raises
     ------
     InputError
         A command of another unit than the card's, or in volts without ``coil.A_per_V``.
-    MissingExtraError
-        The reduced model is asked for, and scikit-fem is not installed.
     """
     damper = card.damper if isinstance(card, ModelCard) else card
     plan = duty if isinstance(duty, Duty) else read_duty(duty)
@@ -160,7 +185,7 @@ def simulate_rise(  # keyword-only options beside the three things joined
     drawing: DamperDrawing,
     duty: Duty,
     *,
-    model: Model = "zones",
+    model: Model = "reduced",
     start_K: float | None = None,
     stop_at_limit: bool = True,
     longest_step: float = 60.0,
@@ -171,17 +196,18 @@ def simulate_rise(  # keyword-only options beside the three things joined
     ``longest_step`` is in [s], the rest as in ``predict_rise``.
     """
     limit = drawing.filling.valid_K[1]
-    simulate = _simulator(drawing, model, loads_of(works, drawing, duty), start_K, longest_step)
+    field, simulate = _simulator(drawing, model, loads_of(works, drawing, duty), start_K, longest_step)
     heating = simulate(limit)
     reached = float(heating.time[-1]) if heating.stopped else None
     if heating.stopped and not stop_at_limit:
         heating = simulate(math.inf)
     if reached is not None:
         does = "the curve ends there" if stop_at_limit else "the curve goes on, outside what the fluid is for"
-        form = "the fluid reaches its limit, {limit_degC:.4g} degC, after {after_s:.0f} s; {then}"
+        form = "the fluid's mean reaches its limit, {limit_degC:.4g} degC, after {after_s:.0f} s; {then}"
         limit_degC = limit - ZERO_CELSIUS_K
         notes = (*notes, Note("limit_reached", form, limit_degC=limit_degC, after_s=reached, then=does))
     peak, loss = _fade(works, duty, heating.fluid, heating.time)
+    hot = {each.part: heating.hottest(each.part) for each in limits_of(drawing)}
     return Rise(
         time=heating.time,
         fluid=heating.fluid,
@@ -194,27 +220,41 @@ def simulate_rise(  # keyword-only options beside the three things joined
         energy_closure=heating.closure,
         peak_force_N=peak,
         force_loss_percent=loss,
-        limit_K=limit,
-        time_to_limit_s=reached,
+        hot=MappingProxyType(hot),
+        limits=tuple(
+            LimitReached(
+                each, float(hot[each.part].max()), first_time(heating.time, hot[each.part], each.kelvin)
+            )
+            for each in limits_of(drawing)
+        ),
         ripple_K=max(work.ripple for work in works) / _fluid_heat(drawing),
         model=model,
         correlations=name_correlations(drawing),
         notes=notes,
         heating=heating,
+        field=field,
     )
+
+
+def field_of(drawing: DamperDrawing, model: Model) -> FieldModel | ReducedModel | None:
+    """Return the finite elements of a drawing, whole or reduced; None for a network."""
+    if model == "elements":
+        return build_field(drawing)
+    return reduce_field(build_field(drawing)) if model == "reduced" else None
 
 
 def _simulator(
     drawing: DamperDrawing, model: Model, loads: Sequence[Load], start_K: float | None, longest_step: float
-) -> Callable[[float], Heating | FieldHeating]:
+) -> tuple[FieldModel | ReducedModel | None, Callable[[float], Heating | FieldHeating]]:
     """Return the simulation of a drawing, built once; it takes the fluid's temperature to stop at [K]."""
-    if model == "reduced":
-        equation = reduce_field(build_field(drawing)).equation
-        return lambda stop_at: simulate_field(
+    field = field_of(drawing, model)
+    if field is not None:
+        equation = field.equation
+        return field, lambda stop_at: simulate_field(
             equation, loads, start=start_K, longest_step=longest_step, stop_at=stop_at
         )
     network = build_network(drawing, model)
-    return lambda stop_at: simulate_network(
+    return None, lambda stop_at: simulate_network(
         network, loads, start=start_K, longest_step=longest_step, stop_at=stop_at
     )
 
@@ -251,7 +291,7 @@ def loads_of(works: Sequence[LoopWork], drawing: DamperDrawing, duty: Duty) -> l
     ]
 
 
-def build_network(drawing: DamperDrawing, model: Model = "zones") -> ThermalNetwork:
+def build_network(drawing: DamperDrawing, model: Model = "network") -> ThermalNetwork:
     """Return the network of a drawing by its model's name."""
     if model not in NETWORKS:
         raise InputError(f"thermal model {model!r} is not known", expected=f"one of: {', '.join(NETWORKS)}")

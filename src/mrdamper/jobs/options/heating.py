@@ -41,18 +41,25 @@ class HeatOptions:
     past_limit: Annotated[
         bool,
         Option(
-            "Go on beyond the fluid's limit instead of ending there.",
+            "Go on where the fluid's mean passes its limit instead of ending there.",
             label="go on past the fluid's limit",
             page=TOP,
         ),
     ] = False
     model: Annotated[
-        Literal["zones", "lumped", "reduced"],
+        Literal["reduced", "network", "elements", "lumped"],
         Option(
-            "Three axial zones, the paper's one node, or the finite elements reduced to 16 unknowns.",
-            page=OnPage(titles=("three axial zones", "the paper's one node", "reduced finite elements")),
+            "Reduced finite elements, three axial zones, all the elements, or the paper's one node.",
+            page=OnPage(
+                titles=(
+                    "reduced finite elements",
+                    "three axial zones",
+                    "finite elements",
+                    "the paper's one node",
+                )
+            ),
         ),
-    ] = "zones"
+    ] = "reduced"
     start_degC: Annotated[
         float | None,
         Option(

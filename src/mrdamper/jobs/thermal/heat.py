@@ -1,8 +1,7 @@
 """The job ``heat``: card, drawing and duty in; temperatures, heat paths and force fade out.
 
-A damper with a heat sink is run without it, too. A measured curve calibrates the drawing first. The
-temperatures at the end are also computed by finite elements where that is asked for and the extra
-``[thermal]`` is installed.
+A damper with a heat sink is run without it, too. A measured curve calibrates the drawing first. Where the
+field is asked for, it is drawn at the end and at the worst moment.
 """
 
 from __future__ import annotations
@@ -13,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mrdamper.arrays import FloatArray
-from mrdamper.errors import EnvelopeWarning, InputError, MissingExtraError
+from mrdamper.errors import EnvelopeWarning, InputError
 from mrdamper.identify.predict import beyond_in_words
 from mrdamper.jobs.options import HeatOptions
 from mrdamper.models.card import ModelCard
@@ -23,24 +22,27 @@ from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.thermal.dissipation import LoopWork
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.duty import Duty
-from mrdamper.thermal.estimation.calibration import CalibratedDrawing, calibrate_drawing
+from mrdamper.thermal.estimation.calibration import CalibratedDrawing, calibrate_by_model
 from mrdamper.thermal.estimation.measured_curve import HeatingCurve
 from mrdamper.thermal.estimation.prediction_interval import predict_interval
 from mrdamper.thermal.estimation.uncertainty import ModelUncertainty, PredictionInterval
 from mrdamper.thermal.heatsink import HeatSink
-from mrdamper.thermal.model.finite_element import FieldModel, heat_field
+from mrdamper.thermal.limits import limits_of, worst_moment
+from mrdamper.thermal.model.finite_element import FieldModel
+from mrdamper.thermal.model.heat_equation import FieldHeating, simulate_field
 from mrdamper.thermal.model.network import loss_grid
 from mrdamper.thermal.model.stepping import loads_until
 from mrdamper.thermal.temperature_rise import (
     Rise,
     beyond_card,
+    field_of,
     loads_of,
     notes_of,
     simulate_rise,
     works_of,
 )
 
-__all__ = ["FieldEnd", "HeatResult", "changed_drawing", "heat", "start_of"]
+__all__ = ["FieldEnd", "FieldMoment", "HeatResult", "changed_drawing", "heat", "start_of"]
 
 _USUAL = HeatOptions()
 _LONGEST_STEP_S = 60.0
@@ -49,13 +51,21 @@ _MOST_CAPPED = 1.0  # beyond the card's temperatures, before it is said [K]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class FieldEnd:
-    """The finite elements at the end of a duty."""
+class FieldMoment:
+    """Temperatures everywhere at a time."""
 
-    model: FieldModel
     time: float  # [s]
     celsius: FloatArray  # at the mesh's corners [degC]
-    fluid: float  # [K]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FieldEnd:
+    """The temperature field at the end of a duty, and when a part was nearest to its limit."""
+
+    model: FieldModel
+    end: FieldMoment
+    worst: FieldMoment | None  # None: that is the end
+    fluid: float  # at the end [K]
     coil: float  # [K]
     wall: float  # [K]
     closure: float  # of the energy account [-]
@@ -130,7 +140,7 @@ def heat(
         works = works_of(card.damper, duty)
     calibrated = None
     if calibrate is not None:
-        calibrated = calibrate_drawing(
+        calibrated = calibrate_by_model(
             calibrate, drawing, works, duty, model=model, model_uncertainty=ModelUncertainty()
         )
         drawing = calibrated.drawing
@@ -149,11 +159,11 @@ def heat(
             notes=notes,
         )
 
-    on_progress(ProgressUpdate(total=3, text="network"))
+    on_progress(ProgressUpdate(total=3, text="temperatures"))
     rise = rise_of(drawing, notes_of(card, duty))
     on_progress(ProgressUpdate(done=1, total=3, text="prediction interval"))
     prediction_interval = predict_interval(
-        works, drawing, duty, calibrated=calibrated, model=model, start_K=start_given
+        works, drawing, duty, calibrated=calibrated, start_K=start_given, rise=rise
     )
     warm = _warm_notes(card, rise)
     extrapolated = bool(warm or beyond_card(card, duty))
@@ -167,14 +177,11 @@ def heat(
     if drawing.sink is not None:
         alone = drawing.with_sink(None)
         bare = rise_of(alone)
-        bare_prediction_interval = predict_interval(works, alone, duty, model=model, start_K=start)
+        bare_prediction_interval = predict_interval(works, alone, duty, start_K=start, rise=bare)
     field = None
     if options.by_field:
-        on_progress(ProgressUpdate(done=2, total=3, text="finite elements"))
-        try:
-            field = _field_end(works, drawing, duty, rise, start, step)
-        except MissingExtraError as fault:
-            notes.append(Note("no_temperature_field", "no temperature field: {why}", why=f"{fault}"))
+        on_progress(ProgressUpdate(done=2, total=3, text="temperature field"))
+        field = _field_end(works, drawing, duty, rise, start, step)
     return HeatResult(
         card=card,
         drawing=drawing,
@@ -218,20 +225,30 @@ def start_of(drawing: DamperDrawing, start_degC: float | None) -> float | None:
 def _field_end(
     works: list[LoopWork], drawing: DamperDrawing, duty: Duty, rise: Rise, start: float | None, step: float
 ) -> FieldEnd | None:
-    """Return the finite elements at the end of the network's curve, wherever that ends; None at its start."""
-    loads = loads_until(loads_of(works, drawing, duty), float(rise.time[-1]))
-    if not loads:  # at the limit from the start
-        return None
-    field, course = heat_field(drawing, loads, start_K=start, longest_step=step)
-    corners = course.state[-1][: len(field.mesh.corners)] + course.equation.ambient - ZERO_CELSIUS_K
+    """Return the field of a rise, by the reduced model where the rise has none; None at its start."""
+    model, course = rise.field, rise.heating
+    if model is None or not isinstance(course, FieldHeating):
+        loads = loads_until(loads_of(works, drawing, duty), float(rise.time[-1]))
+        model = field_of(drawing, "reduced")
+        if model is None or not loads:  # at the limit from the start
+            return None
+        course = simulate_field(model.equation, loads, start=start, longest_step=step)
+    full, limits = model.full, limits_of(drawing)
+
+    def moment(k: int) -> FieldMoment:
+        corners = model.field(course.state[k])[: len(full.mesh.corners)]
+        return FieldMoment(float(course.time[k]), np.asarray(corners - ZERO_CELSIUS_K))
+
+    worst = worst_moment({each.part: course.hottest(each.part) for each in limits}, limits)
+    last = len(course.time) - 1
     return FieldEnd(
-        field,
-        float(course.time[-1]),
-        np.asarray(corners),
-        float(course.fluid[-1]),
-        float(course.coil[-1]),
-        float(course.wall[-1]),
-        course.closure,
+        full,
+        end=moment(last),
+        worst=None if worst == last else moment(worst),
+        fluid=float(course.fluid[-1]),
+        coil=float(course.coil[-1]),
+        wall=float(course.wall[-1]),
+        closure=course.closure,
     )
 
 

@@ -21,7 +21,7 @@ from mrdamper.report.thermal.heat_page import (
     PAGE,
     end_band,
     limit_band,
-    reached,
+    limit_rows,
     shown_intervals,
     sink_in_words,
 )
@@ -30,9 +30,11 @@ from mrdamper.schema import Json, finite_or_none
 from mrdamper.thermal.drawing_file import calibrated_text
 from mrdamper.thermal.estimation.calibration import CalibratedDrawing
 from mrdamper.thermal.estimation.uncertainty import PredictionInterval
+from mrdamper.thermal.limits import PART_WORDS
 from mrdamper.thermal.temperature_rise import Rise
 
 __all__ = ["REPORT"]
+
 
 # ------------------------------------------------------------------------------------------- the answer
 
@@ -58,7 +60,7 @@ def _answer(run: HeatResult) -> Json:
         "finite_element": None
         if field is None
         else {
-            "time_s": field.time,
+            "time_s": field.end.time,
             "fluid_degC": field.fluid - ZERO_CELSIUS_K,
             "coil_degC": field.coil - ZERO_CELSIUS_K,
             "wall_degC": field.wall - ZERO_CELSIUS_K,
@@ -100,6 +102,8 @@ def _course(rise: Rise, prediction_interval: PredictionInterval) -> Json:
             "coil_degC": rise.coil_degC.tolist(),
             "wall_degC": rise.wall_degC.tolist(),
         },
+        "hot_degC": {name: (rise.hot[part] - ZERO_CELSIUS_K).tolist() for part, name in PART_WORDS.items()},
+        "limits": limit_rows(rise, prediction_interval),
         "energy_closure": rise.energy_closure,
         "time_to_limit_s": rise.time_to_limit_s,
         "time_to_limit_interval_s": [
@@ -130,6 +134,7 @@ def _rows(run: HeatResult) -> list[dict[str, object]]:
         "fluid_degC": rise.fluid_degC,
         "coil_degC": rise.coil_degC,
         "wall_degC": rise.wall_degC,
+        **{f"hottest_{name}_degC": rise.hot[part] - ZERO_CELSIUS_K for part, name in PART_WORDS.items()},
         "peak_force_N": rise.peak_force_N,
         "mechanical_W": rise.mechanical_W,
         "coil_W": rise.coil_W,
@@ -174,14 +179,26 @@ def _title(run: HeatResult, title: str) -> str:
 
 def _table(rise: Rise, title: str) -> Table:
     table = Table(title=escape(title))
-    for name in ("minutes", "fluid degC", "coil degC", "wall degC", "peak force N", "W in", "W out"):
+    names = (
+        "minutes",
+        "fluid degC",
+        "hottest",
+        "coil degC",
+        "hottest",
+        "wall degC",
+        "peak force N",
+        "W in",
+        "W out",
+    )
+    for name in names:
         table.add_column(name, justify="right")
+    parts = (rise.fluid, rise.hot["gap"], rise.coil, rise.hot["coil"], rise.wall)
     shown = (int(np.argmin(np.abs(rise.time - at * rise.time[-1] / 6))) for at in range(7))
     for k in dict.fromkeys(shown):
         force = rise.peak_force_N[k]
         table.add_row(
             f"{rise.time[k] / 60:.1f}",
-            *(f"{celsius[k]:.1f}" for celsius in (rise.fluid_degC, rise.coil_degC, rise.wall_degC)),
+            *(f"{kelvin[k] - ZERO_CELSIUS_K:.1f}" for kelvin in parts),
             f"{force:.0f}" if math.isfinite(force) else "-",
             f"{rise.mechanical_W[k] + rise.coil_W[k]:.1f}",
             f"{sum(watts[k] for watts in rise.paths_W.values()):.1f}",
@@ -197,11 +214,14 @@ def _end_words(rise: Rise, interval: PredictionInterval | None) -> str:
 
 
 def _limit_words(rise: Rise, interval: PredictionInterval | None) -> Iterator[str]:
-    loss, band = rise.force_loss_percent, limit_band(interval)
-    when = "not reached" if rise.time_to_limit_s is None else f"reached after {reached(rise)}"
-    when += f" ({band})" if band else ""
-    faded = "" if loss is None else f"; the peak force has lost {loss:.1f} % of what it is at 20 degC"
-    yield f"limit of the fluid, {rise.limit_K - ZERO_CELSIUS_K:.4g} degC: {when}{faded}"
+    for k, each in enumerate(rise.limits):
+        when = "not reached" if each.time_s is None else f"reached after {each.time_s / 60:.1f} min"
+        band = limit_band(interval, k)
+        hottest = f"hottest point {each.hottest - ZERO_CELSIUS_K:.1f} degC"
+        limit = f"limit of the {each.limit.name}, {each.limit.celsius:.4g} degC {each.limit.source}"
+        yield f"{limit}: {when}{f' ({band})' if band else ''}; {hottest}"
+    if rise.force_loss_percent is not None:
+        yield f"the peak force has lost {rise.force_loss_percent:.1f} % of what it is at 20 degC"
 
 
 def _words(rise: Rise, interval: PredictionInterval | None) -> list[str]:

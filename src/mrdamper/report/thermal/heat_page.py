@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from itertools import zip_longest
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from mrdamper.jobs.thermal.heat import HeatResult
+from mrdamper.jobs.thermal.heat import FieldEnd, HeatResult
 from mrdamper.models.card import ModelCard
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.report.figures.damper_section import draw_dampers, draw_field
 from mrdamper.report.figures.heat import draw_fade, draw_paths, temperature_figure
 from mrdamper.report.page import FirstScreen, Page, Tile
+from mrdamper.schema import finite_or_none
 from mrdamper.thermal.estimation.uncertainty import PredictionInterval
 from mrdamper.thermal.heatsink import HeatSink
+from mrdamper.thermal.limits import LimitReached
 from mrdamper.thermal.model.network import PATHS
 from mrdamper.thermal.temperature_rise import Rise
 
@@ -22,6 +27,7 @@ __all__ = [
     "PAGE",
     "end_band",
     "limit_band",
+    "limit_rows",
     "reached",
     "shown_intervals",
     "sink_in_words",
@@ -29,19 +35,22 @@ __all__ = [
 ]
 
 _MODELS = {
-    "zones": "three axial zones",
-    "lumped": "one node (the paper's Eq. 8)",
     "reduced": "finite elements, reduced to 16 unknowns",
+    "network": "three axial zones",
+    "elements": "finite elements",
+    "lumped": "one node (the paper's Eq. 8)",
 }
 
 
 def _first(run: HeatResult) -> FirstScreen:
     rise, card, interval = run.rise, run.card, next(iter(shown_intervals(run)), None)
-    loss, limit = rise.force_loss_percent, rise.limit_K - ZERO_CELSIUS_K
+    loss = rise.force_loss_percent
     minutes = f"{rise.time[-1] / 60:.4g} min"
     bare = "" if run.bare is None else f"without the heat sink {run.bare.fluid_degC[-1]:.1f} °C"
     hot = Tile(f"{rise.fluid_degC[-1]:.1f} °C", f"fluid after {minutes}", end_band(rise, interval) or bare)
-    left = Tile(reached(rise), f"to the fluid's limit, {limit:.4g} °C", limit_band(interval))
+    first = rise.first_limit
+    named = f"to the limit of the {first.limit.name}, {first.limit.celsius:.4g} °C at its hottest point"
+    left = Tile(reached(first), named, limit_band(interval, rise.limits.index(first)))
     fade = Tile(
         "–" if loss is None else f"{loss:.1f} %", "of the peak force at 20 °C lost by then", _peak_band(rise)
     )
@@ -58,11 +67,13 @@ def _first(run: HeatResult) -> FirstScreen:
 
 
 def _verdict(run: HeatResult) -> str:
-    rise, limit = run.rise, run.rise.limit_K - ZERO_CELSIUS_K
+    rise, first = run.rise, run.rise.first_limit
     minutes, hot = rise.time[-1] / 60, rise.fluid_degC[-1]
-    said = f"the fluid stays below its limit of {limit:.4g} °C: it is at {hot:.1f} °C after {minutes:.4g} min"
-    if rise.time_to_limit_s is not None:
-        said = f"the fluid reaches its limit of {limit:.4g} °C after {reached(rise)} of this duty"
+    hottest = f"{first.hottest - ZERO_CELSIUS_K:.1f} °C"
+    said = f"no part reaches its limit in {minutes:.4g} min: nearest is the {first.limit.name}'s "
+    said += f"{first.limit.celsius:.4g} °C, whose hottest point is at {hottest}"
+    if first.time_s is not None:
+        said = f"the {first.limit.name}'s limit of {first.limit.celsius:.4g} °C is reached after {reached(first)}"
     if run.bare is None:
         return said
     return f"{said}; the heat sink takes {run.bare.fluid_degC[-1] - hot:.1f} K off the temperature at the end"
@@ -111,15 +122,14 @@ def _sections(run: HeatResult) -> dict[str, object]:
         "paths": draw_paths(run.rises),
         "fade": draw_fade(run.rises),
         "section": draw_dampers([(title, drawing)], "The damper to scale"),
-        "field": ""
-        if field is None
-        else draw_field(field.model.section, field.model.mesh, field.celsius, "Temperature field"),
-        "field_degC": None
-        if field is None
-        else [kelvin - ZERO_CELSIUS_K for kelvin in (field.fluid, field.coil, field.wall)],
+        "fields": [] if field is None else list(_field_pictures(field)),
+        "limits": [
+            (title, limit_rows(rise, interval))
+            for (title, rise), interval in zip_longest(run.rises, shown_intervals(run))
+        ],
+        "probability": 100.0 * run.prediction_interval.probability,
         "account": [_account(rise) for _, rise in run.rises],
         "path_names": [path for path in PATHS if any(path in rise.energy_J for _, rise in run.rises)],
-        "model_words": _MODELS[run.rise.model],
     }
 
 
@@ -161,14 +171,43 @@ def end_band(rise: Rise, interval: PredictionInterval | None, unit: str = "°C")
     return f"{low:.1f} to {high:.1f} {unit} with {100.0 * interval.probability:.0f} %"
 
 
-def reached(rise: Rise) -> str:
-    """Return when the fluid's limit is reached, in words."""
-    return "not reached" if rise.time_to_limit_s is None else f"{rise.time_to_limit_s / 60:.1f} min"
+def _field_pictures(field: FieldEnd) -> Iterator[tuple[str, str]]:
+    """Yield the field at the end, then at the worst moment where that is another: heading and drawing."""
+    for name, moment in (("at the end", field.end), ("at the worst moment", field.worst)):
+        if moment is not None:
+            title = f"Temperature field {name}, after {moment.time / 60:.4g} min"
+            yield title, draw_field(field.model.section, field.model.mesh, moment.celsius, title)
 
 
-def limit_band(interval: PredictionInterval | None) -> str:
-    """Return the interval of the time to the limit; empty where there is none."""
-    if interval is None or not math.isfinite((to_limit := interval.to_limit).low_s):
+def limit_rows(rise: Rise, interval: PredictionInterval | None) -> list[dict[str, Any]]:
+    """Return the limits as a page and an answer show them: fluid, coil, seals, each at its hottest point."""
+    rows = []
+    for k, each in enumerate(rise.limits):
+        to_limit = None if interval is None else interval.to_limits[k]
+        rows.append(
+            {
+                "part": each.limit.name,
+                "limit_degC": each.limit.celsius,
+                "source": each.limit.source,
+                "hottest_degC": each.hottest - ZERO_CELSIUS_K,
+                "time_s": each.time_s,
+                "interval_s": None
+                if to_limit is None
+                else [finite_or_none(to_limit.low_s), finite_or_none(to_limit.high_s)],
+                "not_reached": None if to_limit is None else to_limit.not_reached,
+            }
+        )
+    return rows
+
+
+def reached(limit: LimitReached) -> str:
+    """Return when a limit is reached, in words."""
+    return "not reached" if limit.time_s is None else f"{limit.time_s / 60:.1f} min"
+
+
+def limit_band(interval: PredictionInterval | None, which: int = 0) -> str:
+    """Return the interval of the time to a limit; empty where there is none."""
+    if interval is None or not math.isfinite((to_limit := interval.to_limits[which]).low_s):
         return ""
     latest = f"{to_limit.high_s / 60:.1f} min" if math.isfinite(to_limit.high_s) else "not within the duty"
     return f"{100 * interval.probability:.0f} %: {to_limit.low_s / 60:.1f} min to {latest}"

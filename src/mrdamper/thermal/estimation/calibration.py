@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -37,9 +37,9 @@ from mrdamper.thermal.estimation.measured_curve import HeatingCurve, lag_signal
 from mrdamper.thermal.estimation.uncertainty import ModelUncertainty
 from mrdamper.thermal.materials import COPPER_PER_K
 from mrdamper.thermal.model.stepping import Load
-from mrdamper.thermal.temperature_rise import Model, build_network, loads_of
+from mrdamper.thermal.temperature_rise import Model, build_network, loads_of, simulate_rise
 
-__all__ = ["CalibratedDrawing", "HeatingParameters", "calibrate_drawing", "fit_heating"]
+__all__ = ["CalibratedDrawing", "HeatingParameters", "calibrate_by_model", "calibrate_drawing", "fit_heating"]
 
 _UNTOLD = 0.5  # relative standard error from which a number is not told by the curve
 _HARDLY = 0.7  # of what was believed: a curve that leaves more is said to tell hardly anything
@@ -154,7 +154,7 @@ def calibrate_drawing(
     works: Sequence[LoopWork],
     duty: Duty,
     *,
-    model: Model = "zones",
+    model: Model = "network",
     model_uncertainty: ModelUncertainty | None = None,
 ) -> CalibratedDrawing:
     """Return the drawing with the multipliers that make its heating the measured one.
@@ -217,6 +217,43 @@ def calibrate_drawing(
         curve=curve,
         fitted_K=read_only(curve.temperature + residual),
     )
+
+
+def calibrate_by_model(
+    curve: HeatingCurve,
+    drawing: DamperDrawing,
+    works: Sequence[LoopWork],
+    duty: Duty,
+    *,
+    model: Model,
+    model_uncertainty: ModelUncertainty | None = None,
+) -> CalibratedDrawing:
+    """Return the drawing with which a model's curve is the measured one; see ``calibrate_drawing``.
+
+    The network is fitted to the measured curve less what the model and the network differ by, twice.
+    """
+    found = calibrate_drawing(curve, drawing, works, duty, model=model, model_uncertainty=model_uncertainty)
+    for _ in range(0 if model in ("network", "lumped") else 2):
+        off = _model_less_network(found, works, duty, model)
+        shifted = replace(curve, temperature=curve.temperature - off)
+        again = calibrate_drawing(
+            shifted, drawing, works, duty, model=model, model_uncertainty=model_uncertainty
+        )
+        found = replace(again, curve=curve, fitted_K=read_only(again.fitted_K + off))
+    return found
+
+
+def _model_less_network(
+    found: CalibratedDrawing, works: Sequence[LoopWork], duty: Duty, model: Model
+) -> FloatArray:
+    """Return how much warmer than by the network the thermometer's place is by a model [K], shape (n,)."""
+    start = found.parameters.start_K
+    curves = [
+        simulate_rise(works, found.drawing, duty, model=each, start_K=start, stop_at_limit=False)
+        for each in (model, "network")
+    ]
+    one, other = (np.interp(found.curve.time, each.time, getattr(each, found.curve.place)) for each in curves)
+    return np.asarray(one - other)
 
 
 def _nuisance_notes(relative: FloatArray, slope: FloatArray, beforehand: FloatArray | None) -> list[Note]:

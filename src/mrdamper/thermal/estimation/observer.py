@@ -35,6 +35,7 @@ from mrdamper.thermal.estimation.uncertainty import (
     RESISTANCE,
     ModelUncertainty,
     UncertainNetwork,
+    WatchedPoint,
 )
 from mrdamper.thermal.materials import COPPER_PER_K
 from mrdamper.thermal.model.network import ThermalNetwork, zone_network
@@ -381,8 +382,9 @@ def time_left(
     load : what heats from now on; its duration is how far is looked, and what is not reached until then is
         "not reached", infinity. Its ``coil_W`` goes with the drawing's resistance
     """
+    fluid = WatchedPoint(observer.network.fluid, limit_K, np.zeros(1), np.zeros(1))
     return observer.uncertain.look_ahead(
-        state.mean, state.covariance, [load], limit_K, probability=probability, dampers=dampers, seed=seed
+        state.mean, state.covariance, [load], [fluid], probability=probability, dampers=dampers, seed=seed
     ).to_limit
 
 

@@ -180,7 +180,7 @@ def predict_temperature(
             time,
             *interval_of(known.temperatures(time), probability),
             probability,
-            known.time_to(options.limit, probability=probability, look_s=options.look),
+            (known.time_to(options.limit, probability=probability, look_s=options.look),),
         ),
         MappingProxyType({name: _interval(values, probability) for name, values in known.parameters.items()}),
     )

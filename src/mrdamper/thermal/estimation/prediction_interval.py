@@ -28,8 +28,10 @@ from mrdamper.thermal.estimation.uncertainty import (
     ModelUncertainty,
     PredictionInterval,
     UncertainNetwork,
+    WatchedPoint,
 )
-from mrdamper.thermal.temperature_rise import Model, build_network, loads_of
+from mrdamper.thermal.model.stepping import Load
+from mrdamper.thermal.temperature_rise import Rise, build_network, loads_of
 
 __all__ = ["predict_interval"]
 
@@ -46,8 +48,8 @@ def predict_interval(
     *,
     calibrated: CalibratedDrawing | None = None,
     model_uncertainty: ModelUncertainty | None = None,
-    model: Model = "zones",
     start_K: float | None = None,
+    rise: Rise | None = None,
     probability: float = 0.90,
 ) -> PredictionInterval:
     """Return the interval about a drawing's heating under a duty.
@@ -58,9 +60,11 @@ def predict_interval(
     calibrated : what a measured curve told of this very drawing; None: nothing was measured
     model_uncertainty : how far drawing and card may be off before anything was measured; None: as usual
     start_K : temperature of everything at the start; None: the fitted one, else ambient
+    rise : of this drawing under this duty by any model: the dampers that are drawn lie about it, and the
+        times to all its limits are told; None: about the network's own curve, and the fluid's limit alone
     """
     believed = model_uncertainty or ModelUncertainty()
-    uncertain = UncertainNetwork(build_network(drawing, model))
+    uncertain = UncertainNetwork(build_network(drawing, "network" if rise is None else rise.model))
     n = uncertain.nodes
     mean, covariance = np.zeros(n + len(FACTORS)), np.zeros((n + len(FACTORS),) * 2)
     mean[:n] = drawing.surroundings.ambient
@@ -72,15 +76,38 @@ def predict_interval(
     if start_K is not None:
         mean[:n] = start_K
         covariance[:n, :] = covariance[:, :n] = 0.0
+    loads = loads_of(works, drawing, duty)
     return uncertain.look_ahead(
         mean,
         covariance,
-        loads_of(works, drawing, duty),
-        drawing.filling.valid_K[1],
+        loads,
+        _watched(uncertain, mean, loads, drawing, rise),
         misfit=0.0 if calibrated is None else _MISFITS[calibrated.curve.place],
         probability=probability,
         dampers=_DAMPERS,
     )
+
+
+def _watched(
+    uncertain: UncertainNetwork,
+    mean: FloatArray,
+    loads: Sequence[Load],
+    drawing: DamperDrawing,
+    rise: Rise | None,
+) -> list[WatchedPoint]:
+    """Return the fluid's mean and the hottest points, each as far above the network's node as the rise is."""
+    network, limit = uncertain.network, drawing.filling.valid_K[1]
+    if rise is None:
+        return [WatchedPoint(network.fluid, limit, np.zeros(1), np.zeros(1))]
+    hottest = max(each.limit.kelvin for each in rise.limits)
+    time, nodes = uncertain.run_ahead(mean[None], loads, hottest_K=hottest + 100.0)
+    node = {"gap": network.mechanical, "coil": network.coil, "seal": network.wall}
+    curves = [(network.fluid, limit, rise.fluid)]
+    curves += [(node[each.limit.part], each.limit.kelvin, rise.hot[each.limit.part]) for each in rise.limits]
+    return [
+        WatchedPoint(weights, at, rise.time, curve - np.interp(rise.time, time, nodes[:, 0] @ weights))
+        for weights, at, curve in curves
+    ]
 
 
 def _covariance_of(calibrated: CalibratedDrawing, nodes: int) -> FloatArray:

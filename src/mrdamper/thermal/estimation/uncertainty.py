@@ -27,7 +27,10 @@ from mrdamper.thermal.model.network import ThermalNetwork
 from mrdamper.thermal.model.stepping import Load, rosenbrock_step
 from mrdamper.thermal.model.transient import NetworkSystem
 
-__all__ = ["FACTORS", "REFERENCE_EXCESS_K", "ModelUncertainty", "PredictionInterval", "UncertainNetwork"]
+__all__ = [
+    "FACTORS", "REFERENCE_EXCESS_K", "ModelUncertainty", "PredictionInterval", "UncertainNetwork",
+    "WatchedPoint",
+]  # fmt: skip
 
 FACTORS = ("power", "capacity", "loss", "fluid_body", "coil", "resistance")
 """What the drawing may be off by; states hold the logarithm of each factor."""
@@ -70,14 +73,33 @@ class ModelUncertainty:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PredictionInterval:
-    """What a heating curve may be: the interval of the temperature, and of the time to a limit."""
+    """What a heating curve may be: the interval of the temperature, and of the times to limits."""
 
     time: FloatArray  # since the start [s], shape (t,)
     median: FloatArray  # of the fluid, or where a thermometer sits [K], shape (t,)
     low: FloatArray  # with ``high``, holds it with the probability, at each time [K], shape (t,)
     high: FloatArray
     probability: float
-    to_limit: TimeToLimit
+    to_limits: tuple[TimeToLimit, ...]  # one for each point that was watched
+
+    @property
+    def to_limit(self) -> TimeToLimit:
+        """The time to the first of the limits: the fluid's."""
+        return self.to_limits[0]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WatchedPoint:
+    """A point whose limit is asked for: a mean of nodes, and how much hotter than it the point is."""
+
+    weights: FloatArray  # of the nodes, shape (n,)
+    limit_K: float
+    time: FloatArray  # [s], shape (k,)
+    above: FloatArray  # the mean at these times, held beyond them [K], shape (k,)
+
+    def temperature(self, time: FloatArray, nodes: FloatArray) -> FloatArray:
+        """Return the point's temperature [K], shape (t, d), from nodes of shape (t, d, n)."""
+        return np.asarray(nodes @ self.weights + np.interp(time, self.time, self.above)[:, None])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -135,7 +157,7 @@ class UncertainNetwork:
         mean: FloatArray,
         covariance: FloatArray,
         loads: Sequence[Load],
-        limit_K: float,
+        watched: Sequence[WatchedPoint],
         *,
         misfit: float = 0.0,
         probability: float = 0.90,
@@ -148,34 +170,40 @@ class UncertainNetwork:
         ----------
         mean, covariance : of a state [K, then -], shape (n + 6,) and (n + 6, n + 6)
         loads : what heats from now on; how long they last is how far is looked
-        limit_K : of the fluid's mean temperature; dampers beyond it go on
+        watched : the fluid's mean, then the points whose limits are asked for (none: the fluid's); dampers
+            beyond a limit go on
         misfit : standard deviation of what no factor mends, as a share of the rise [-]
         """
         values, vectors = np.linalg.eigh(covariance)
         root = vectors * np.sqrt(np.maximum(values, 0.0))
         *normal, off = draw_evenly(np.random.default_rng(seed), len(mean) + 1, dampers)
         states = mean + (root @ np.array(normal)).T
-        time, fluid = self.run_ahead(states, loads, hottest_K=limit_K + _BEYOND_LIMIT_K)
-        fluid = fluid + misfit * off * (fluid - fluid[0])
+        hottest = max(point.limit_K for point in watched) + _BEYOND_LIMIT_K
+        time, nodes = self.run_ahead(states, loads, hottest_K=hottest)
+        nodes = nodes + misfit * off[:, None] * (nodes - nodes[0])
         looked = math.fsum(load.duration for load in loads)
-        reached = summarise_times(first_crossing(time, fluid, limit_K), limit_K, probability, looked)
+        fluid, *points = (point.temperature(time, nodes) for point in watched)
+        reached = tuple(
+            summarise_times(first_crossing(time, course, point.limit_K), point.limit_K, probability, looked)
+            for course, point in zip(points or [fluid], watched[1:] or watched, strict=True)
+        )
         return PredictionInterval(time, *interval_of(fluid, probability), probability, reached)
 
     def run_ahead(
         self, states: FloatArray, loads: Sequence[Load], *, hottest_K: float
     ) -> tuple[FloatArray, FloatArray]:
-        """Return times [s], shape (t,), and the fluid's temperature of k dampers [K], shape (t, k).
+        """Return times [s], shape (t,), and the nodes' temperatures of k dampers [K], shape (t, k, n).
 
         Parameters
         ----------
         states : shape (k, n + 6)
         hottest_K : nodes are held at this temperature
         """
-        n, network = self.nodes, self.network
+        n = self.nodes
         system = self._system(np.exp(states[:, n:]))
         state = np.hstack([states[:, :n], np.zeros((len(states), system.columns))])
         longest = max(_LONGEST_STEP_S, math.fsum(load.duration for load in loads) / _MOST_STEPS)
-        step, time, fluid = _FIRST_STEP_S, [0.0], [state[:, :n] @ network.fluid]
+        step, time, nodes = _FIRST_STEP_S, [0.0], [state[:, :n]]
         for load in loads:
             system.take(load)
             end = time[-1] + load.duration
@@ -184,6 +212,6 @@ class UncertainNetwork:
                 state = rosenbrock_step(system, state, size)
                 state[:, :n] = np.minimum(state[:, :n], hottest_K)
                 time.append(time[-1] + size)
-                fluid.append(state[:, :n] @ network.fluid)
+                nodes.append(state[:, :n])
                 step = min(step * _GROWTH, longest)
-        return np.array(time), np.array(fluid)
+        return np.array(time), np.array(nodes)

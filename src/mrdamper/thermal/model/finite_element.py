@@ -1,7 +1,7 @@
 """Finite elements: transient heat in the meridian section of a damper, fins and all.
 
-Axisymmetric, quadratic triangles (scikit-fem, extra ``[thermal]``), radiation and film coefficients at the
-surface's own temperature point by point, sources at the running temperature. What is solved is ``section``'s,
+Axisymmetric, quadratic triangles, radiation and film coefficients at the surface's own temperature point by
+point, sources at the running temperature. What is solved is ``section``'s,
 how it goes through time ``heat_equation``'s. The network is fast, this is the judge.
 """
 
@@ -16,10 +16,16 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from mrdamper.arrays import FloatArray
-from mrdamper.errors import InputError, MissingExtraError
+from mrdamper.errors import InputError
 from mrdamper.thermal.drawing import DamperDrawing
 from mrdamper.thermal.materials import COPPER_PER_K
-from mrdamper.thermal.model.heat_equation import Cooling, FieldHeating, HeatEquation, simulate_field
+from mrdamper.thermal.model.heat_equation import (
+    Cooling,
+    FieldHeating,
+    HeatEquation,
+    HotSpots,
+    simulate_field,
+)
 from mrdamper.thermal.model.mesh import IntArray, SectionMesh, mesh_section
 from mrdamper.thermal.model.network import PATHS
 from mrdamper.thermal.model.section import Role, Section, section_of
@@ -27,8 +33,9 @@ from mrdamper.thermal.model.stepping import Load
 
 __all__ = ["FieldModel", "build_field", "discretise", "heat_field"]
 
-_INTEGRATION = 5  # exact for r times the product of two quadratics
 _FACET_POINTS = 3
+_SAME_M = 1e-9
+_SIDES = ((0, 1), (1, 2), (0, 2))  # of a triangle, whose middles are its nodes 3, 4 and 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -47,6 +54,15 @@ class FieldModel:
     equation: HeatEquation
     surface: IntArray  # of each of the equation's surface points, shape (p,)
 
+    @property
+    def full(self) -> FieldModel:
+        """The model itself, as of a reduced one."""
+        return self
+
+    def field(self, state: FloatArray) -> FloatArray:
+        """Return the temperatures at the nodes [K] for unknowns above ambient."""
+        return np.asarray(state + self.equation.ambient)
+
 
 def build_field(drawing: DamperDrawing, *, size: float = 0.008) -> FieldModel:
     """Return the finite-element model of a drawing.
@@ -54,11 +70,6 @@ def build_field(drawing: DamperDrawing, *, size: float = 0.008) -> FieldModel:
     Parameters
     ----------
     size : longest side of a cell [m]
-
-    Raises
-    ------
-    MissingExtraError
-        scikit-fem is not installed.
     """
     section = section_of(drawing)
     return discretise(section, mesh_section(section, size))
@@ -89,47 +100,34 @@ def heat_field(
 
 def discretise(section: Section, mesh: SectionMesh) -> FieldModel:
     """Return the finite-element model of a section on a mesh of it."""
-    try:
-        import skfem
-    except ImportError as error:
-        raise MissingExtraError.of("the finite-element model", "scikit-fem", "thermal") from error
-    triangles = skfem.MeshTri(mesh.corners.T.copy(), mesh.triangles.T.copy(), sort_t=False)
-    basis = skfem.Basis(triangles, skfem.ElementTriP2(), intorder=_INTEGRATION)
-    elements = np.ascontiguousarray(basis.element_dofs.T)
-    values = np.stack([np.asarray(basis.basis[k][0]) for k in range(6)])  # (6, t or 1, q)
-    gradients = np.stack([np.asarray(basis.basis[k][0].grad) for k in range(6)])  # (6, 2, t, q)
-    weights = basis.dx * 2.0 * math.pi * np.asarray(basis.global_coordinates())[0]  # (t, q)
+    nodes, elements = _quadratic_nodes(mesh)
+    size, local = len(nodes), _Local(mesh)
     heat = np.array([region.volumetric_heat for region in section.regions])[mesh.region]
     along = np.array([(region.conductivity_r, region.conductivity_z) for region in section.regions])[
         mesh.region
     ]
-    size = int(basis.N)
 
-    def assembled(local: FloatArray) -> sparse.csr_array:
+    def assembled(parts: FloatArray) -> sparse.csr_array:
         rows, columns = np.repeat(elements, 6, axis=1), np.tile(elements, 6)
-        return sparse.csr_array((local.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size))
-
-    shapes = np.einsum("itq,jtq,tq->tij", *(np.broadcast_to(values, (6, *weights.shape)),) * 2, weights)
-    conduction = np.einsum("idtq,jdtq,td,tq->tij", gradients, gradients, along, weights, optimize=True)
-    loads = np.einsum("itq,tq->ti", np.broadcast_to(values, (6, *weights.shape)), weights)
+        return sparse.csr_array((parts.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size))
 
     def mean_over(*roles: Role) -> FloatArray:
         """Return the row that takes the mean over regions, which is also a load of 1 W spread over them."""
         inside = _with_roles(section, mesh, roles)
-        row = np.bincount(elements[inside].ravel(), loads[inside].ravel(), size)
+        row = np.bincount(elements[inside].ravel(), local.loads[inside].ravel(), size)
         return np.asarray(row / row.sum()) if inside.any() else np.zeros(size)
 
     in_coil = _with_roles(section, mesh, ("coil",))
-    coil_volume = float(weights[in_coil].sum()) if in_coil.any() else 1.0
+    coil_volume = float(mesh.volumes()[in_coil].sum()) if in_coil.any() else 1.0
     surface, area, which = _surface_points(mesh, elements, size)
     coil = mean_over("coil")
     equation = HeatEquation(
         ambient=section.ambient,
-        mass=assembled(shapes * heat[:, None, None]),
-        stiffness=assembled(conduction),
+        mass=assembled(local.products * heat[:, None]),
+        stiffness=assembled(local.conduction(along)),
         mechanical=mean_over("gap"),
         electrical=coil,
-        warming=assembled(shapes * (COPPER_PER_K / coil_volume * in_coil)[:, None, None]),
+        warming=assembled(local.products * (COPPER_PER_K / coil_volume * in_coil)[:, None]),
         surface=surface,
         area=area,
         cooling=_cooling(section, which),
@@ -138,8 +136,84 @@ def discretise(section: Section, mesh: SectionMesh) -> FieldModel:
         wall=mean_over("wall"),
         uniform=np.ones(size),
         reference_growth=1.0 + COPPER_PER_K * (section.ambient - 293.15),
+        spots=_spots(section, mesh, nodes, elements),
     )
-    return FieldModel(section, mesh, np.asarray(basis.doflocs).T.copy(), elements, equation, which)
+    return FieldModel(section, mesh, nodes, elements, equation, which)
+
+
+def _quadratic_nodes(mesh: SectionMesh) -> tuple[FloatArray, IntArray]:
+    """Return corners and middles of the sides [m], and the six nodes of each triangle."""
+    pairs = np.concatenate([mesh.triangles[:, list(side)] for side in _SIDES])
+    sides, which = np.unique(np.sort(pairs, axis=1), axis=0, return_inverse=True)
+    nodes = np.concatenate([mesh.corners, mesh.corners[sides].mean(axis=1)])
+    middles = len(mesh.corners) + which.reshape(3, -1).T
+    return nodes, np.ascontiguousarray(np.hstack([mesh.triangles, middles]))
+
+
+def _reference() -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return integrals over a triangle of unit area, r being linear in the barycentric coordinates.
+
+    They are of the shape functions N by a coordinate (6, 3), of their products by a coordinate (36, 3), and
+    of the products of their derivatives by coordinates (3, 3, 36, 3). Radon's formula of seven points is
+    exact for polynomials of degree 5; a test asks for it.
+    """
+    root = math.sqrt(15.0)
+    points, weights = [[1.0 / 3.0] * 3], [9.0 / 40.0]
+    for sign in (1.0, -1.0):
+        near = (6.0 + sign * root) / 21.0
+        for k in range(3):
+            points.append([1.0 - 2.0 * near if k == j else near for j in range(3)])
+            weights.append((155.0 + sign * root) / 1200.0)
+    at, weight = np.array(points), np.array(weights)
+    ends, other = (at[:, [side[k] for side in _SIDES]] for k in (0, 1))
+    shape = np.hstack([at * (2.0 * at - 1.0), 4.0 * ends * other])
+    slope = np.zeros((len(at), 6, 3))
+    for k in range(3):
+        slope[:, k, k] = 4.0 * at[:, k] - 1.0
+        one, two = _SIDES[k]
+        slope[:, 3 + k, one], slope[:, 3 + k, two] = 4.0 * at[:, two], 4.0 * at[:, one]
+    products = np.einsum("q,qi,qj,qm->ijm", weight, shape, shape, at).reshape(36, 3)
+    slopes = np.einsum("q,qic,qjd,qm->cdijm", weight, slope, slope, at).reshape(3, 3, 36, 3)
+    return np.einsum("q,qi,qm->im", weight, shape, at), products, slopes
+
+
+class _Local:
+    """Integrals over each triangle turned about the axis, by pairs of its nodes: 1 in place of materials."""
+
+    def __init__(self, mesh: SectionMesh) -> None:
+        corners = mesh.corners[mesh.triangles]  # (t, 3, 2)
+        doubled = mesh.doubled_areas()
+        # area times 2 pi r at the corners
+        self._turned = math.pi * doubled[:, None] * corners[:, :, 0]
+        r, z = corners[:, :, 0], corners[:, :, 1]
+        after, before = [1, 2, 0], [2, 0, 1]
+        self._gradient = np.stack([z[:, after] - z[:, before], r[:, before] - r[:, after]]) / doubled[:, None]
+        shapes, products, self._slopes = _reference()
+        self.loads = self._turned @ shapes.T  # of the shape functions, shape (t, 6)
+        self.products = self._turned @ products.T  # of two shape functions, shape (t, 36)
+
+    def conduction(self, along: FloatArray) -> FloatArray:
+        """Return the integrals of gradients' products, by conductivities along r and z, shape (t, 36)."""
+        joint = np.einsum("dta,dtb,td->tab", self._gradient, self._gradient, along)
+        weight = joint[:, :, :, None] * self._turned[:, None, None, :]
+        return np.asarray(np.tensordot(weight, self._slopes, ([1, 2, 3], [0, 1, 3])))
+
+
+def _spots(section: Section, mesh: SectionMesh, nodes: FloatArray, elements: IntArray) -> HotSpots:
+    """Return the nodes among which the hottest of gap, coil and seals are: the rod's sides in the caps."""
+
+    def within(role: Role) -> IntArray:
+        return np.unique(elements[_with_roles(section, mesh, (role,))])
+
+    at = np.zeros(len(nodes), dtype=np.bool_)
+    for seal in section.seals:
+        at |= (
+            (np.abs(nodes[:, 0] - seal.inner) < _SAME_M)
+            & (nodes[:, 1] >= seal.low - _SAME_M)
+            & (nodes[:, 1] <= seal.high + _SAME_M)
+        )
+    unit = sparse.eye_array(len(nodes), format="csr")
+    return HotSpots(*(unit[rows] for rows in (within("gap"), within("coil"), np.flatnonzero(at))))
 
 
 def _with_roles(section: Section, mesh: SectionMesh, roles: Sequence[Role]) -> NDArray[np.bool_]:

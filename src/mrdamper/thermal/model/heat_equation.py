@@ -27,13 +27,14 @@ from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.thermal.films.correlations import STEFAN_BOLTZMANN
 from mrdamper.thermal.model.mesh import IntArray
 from mrdamper.thermal.model.network import PATHS
-from mrdamper.thermal.model.stepping import FIRST_STEP_S, EnergyAccount, Load, Solver, integrate
+from mrdamper.thermal.model.stepping import FIRST_STEP_S, EnergyAccount, Load, Part, Solver, integrate
 
 __all__ = [
     "Cooling",
     "FieldHeating",
     "FieldSystem",
     "HeatEquation",
+    "HotSpots",
     "Matrix",
     "factorise",
     "simulate_field",
@@ -124,6 +125,15 @@ class Cooling:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class HotSpots:
+    """Rows by which the unknowns give the points among which the hottest is, shape (m, n) each."""
+
+    gap: Matrix
+    coil: Matrix
+    seal: Matrix
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class HeatEquation:
     """The matrices of the equation above, n unknowns; sparse or dense alike."""
 
@@ -141,6 +151,7 @@ class HeatEquation:
     wall: FloatArray  # shape (n,)
     uniform: FloatArray  # unknowns of a temperature of 1 K everywhere, shape (n,)
     reference_growth: float  # coil heat at ambient over that at 20 degC [-]
+    spots: HotSpots
 
     @property
     def size(self) -> int:
@@ -179,6 +190,11 @@ class FieldHeating(EnergyAccount):
     def wall(self) -> FloatArray:
         """Mean temperature of tube and caps [K], shape (k,)."""
         return self._mean(self.equation.wall)
+
+    def hottest(self, part: Part) -> FloatArray:
+        """Return the temperature of a part's hottest point [K], shape (k,)."""
+        points: Matrix = getattr(self.equation.spots, part)
+        return np.asarray((points @ self.state.T).max(axis=0) + self.equation.ambient)
 
     @property
     def columns(self) -> Mapping[str, Sequence[int]]:
@@ -244,7 +260,9 @@ def steady_field(
     for _ in range(60):
         here = system.evaluate(state)
         move = system.solver(here, 1.0, 0.0)(here.rate)
-        largest = float(np.abs(move).max())
+        # in kelvin, whatever the unknowns are
+        seen = (equation.surface @ move, equation.spots.gap @ move, equation.spots.coil @ move)
+        largest = max(float(np.abs(each).max(initial=0.0)) for each in seen)
         if not math.isfinite(largest) or largest > 1e9:
             break
         state = np.asarray(state + move * min(1.0, 50.0 / max(largest, 1e-300)))

@@ -42,7 +42,7 @@ class ThermalNetwork:
     ``wall`` are the weights (summing to 1) of the nodes in the temperature of that name.
     """
 
-    model: str  # "zones" or "lumped"
+    model: str  # "network" or "lumped"
     names: tuple[str, ...]
     capacity: FloatArray  # [J/K], shape (n,)
     conductance: FloatArray  # [W/K], shape (n, n), symmetric, zero diagonal
@@ -127,7 +127,7 @@ def zone_network(drawing: DamperDrawing) -> ThermalNetwork:
         return np.asarray(weights / weights.sum())
 
     return ThermalNetwork(
-        model="zones",
+        model="network",
         names=names,
         capacity=capacity,
         conductance=conductance,

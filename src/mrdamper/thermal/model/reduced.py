@@ -15,7 +15,7 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 from mrdamper.thermal.model.finite_element import FieldModel
-from mrdamper.thermal.model.heat_equation import HeatEquation, Matrix, factorise
+from mrdamper.thermal.model.heat_equation import HeatEquation, HotSpots, Matrix, factorise
 from mrdamper.thermal.model.mesh import IntArray
 
 __all__ = ["ReducedModel", "reduce_field"]
@@ -63,7 +63,7 @@ def reduce_field(model: FieldModel, *, order: int = 16) -> ReducedModel:
 
 def project(equation: HeatEquation, basis: FloatArray) -> HeatEquation:
     """Return a heat equation restricted to the fields that a basis spans, by Galerkin's method."""
-    heat = equation.mass @ basis
+    heat, spots = equation.mass @ basis, equation.spots
 
     def small(matrix: Matrix) -> FloatArray:
         return np.asarray(basis.T @ (matrix @ basis))
@@ -80,6 +80,9 @@ def project(equation: HeatEquation, basis: FloatArray) -> HeatEquation:
         coil=basis.T @ equation.coil,
         wall=basis.T @ equation.wall,
         uniform=heat.T @ equation.uniform,  # the basis is orthonormal in the mass
+        spots=HotSpots(
+            *(np.asarray(points @ basis) for points in (spots.gap, spots.coil, spots.seal)),
+        ),
     )
 
 

@@ -112,6 +112,7 @@ class Section:
     ambient: float  # [K]
     grid: FloatArray  # [K], shape (g,), uniform
     films: FloatArray  # [W/(m^2 K)], shape (laws, g)
+    seals: tuple[Block, ...] = ()  # of no width, where a rod is sealed
 
     def __post_init__(self) -> None:
         for name in ("grid", "films"):
@@ -165,9 +166,14 @@ def section_of(drawing: DamperDrawing) -> Section:
             Surface("rim", 2, sink.emissivity, 0.0, "fin convection", "fin radiation"),
         ]
         _add_fins(regions, blocks, edges, drawing, sink)
+    shaft = 0.5 * drawing.rod.diameter
+    seals = [Block(0, shaft, shaft, 0.0, drawing.body.cap)]
+    if drawing.rod.through:
+        seals.append(Block(0, shaft, shaft, length - drawing.body.cap, length))
     return Section(
-        tuple(regions), tuple(blocks), tuple(surfaces), tuple(edges), around.ambient, grid, np.array(films)
-    )
+        tuple(regions), tuple(blocks), tuple(surfaces), tuple(edges), around.ambient, grid, np.array(films),
+        tuple(seals),
+    )  # fmt: skip
 
 
 def _insides(drawing: DamperDrawing) -> tuple[list[Region], list[Block]]:

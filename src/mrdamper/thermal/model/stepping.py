@@ -13,7 +13,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import NamedTuple, Protocol
+from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 from scipy.optimize import brentq
@@ -25,6 +25,7 @@ __all__ = [
     "FIRST_STEP_S",
     "EnergyAccount",
     "Load",
+    "Part",
     "Solution",
     "Solver",
     "System",
@@ -34,6 +35,9 @@ __all__ = [
     "loads_until",
     "rosenbrock_step",
 ]
+
+Part = Literal["gap", "coil", "seal"]
+"""What may get too hot."""
 
 Solver = Callable[[FloatArray], FloatArray]
 """Solves a linear system for one right-hand side."""

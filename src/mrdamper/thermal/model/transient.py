@@ -19,7 +19,7 @@ from mrdamper.errors import ConvergenceError, EnvelopeError
 from mrdamper.quantities import ZERO_CELSIUS_K, to_degC
 from mrdamper.thermal.materials import COPPER_PER_K
 from mrdamper.thermal.model.network import PATHS, ThermalNetwork
-from mrdamper.thermal.model.stepping import EnergyAccount, Load, Solver, integrate
+from mrdamper.thermal.model.stepping import EnergyAccount, Load, Part, Solver, integrate
 
 __all__ = ["Heating", "NetworkSystem", "simulate_network", "steady_state"]
 
@@ -50,6 +50,12 @@ class Heating(EnergyAccount):
     @property
     def wall(self) -> FloatArray:
         return np.asarray(self.temperature @ self.network.wall)
+
+    def hottest(self, part: Part) -> FloatArray:
+        """Return the temperature of the node that holds a part's hottest point [K], its mean, shape (k,)."""
+        network = self.network
+        weights = {"gap": network.mechanical, "coil": network.coil, "seal": network.wall}[part]
+        return np.asarray(self.temperature @ weights)
 
     @property
     def columns(self) -> Mapping[str, Sequence[int]]:
