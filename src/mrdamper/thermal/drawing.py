@@ -22,6 +22,7 @@ from mrdamper.quantities import ROOM_K, to_degC
 from mrdamper.schema import Option, check_ranges
 from mrdamper.thermal.heatsink import HeatSink, Manufacture, length_option
 from mrdamper.thermal.materials import COPPER_PER_K, INSULATION_DEGC, MATERIALS, SEALS_DEGC, Material
+from mrdamper.thermal.stirring import PAPER_STROKE, Channel, FluidHeat, Stroke, conduct_fluid
 
 __all__ = [
     "DISC_GAP",
@@ -152,18 +153,19 @@ class Filling:
     heat_capacity: float  # [J/(kg K)]
     conductivity: float  # at rest [W/(m K)]
     valid_K: tuple[float, float]
-    stirring: float = 10.0  # effective over own conductivity, across the chambers
-    exchange: float = 20.0  # heat that pumping carries between the gap and each chamber [W/K]
+    stirring: float | None = None  # effective over own conductivity; None: by the stroke (``stirring``)
+    exchange: float | None = None  # that pumping carries from the gap to each chamber [W/K]; None: the same
 
     def __post_init__(self) -> None:
         for name in ("density", "heat_capacity", "conductivity", "stirring"):
-            if not 0.0 < getattr(self, name) < math.inf:
+            value = getattr(self, name)
+            if value is not None and not 0.0 < value < math.inf:
                 raise InputError(
                     place=f"fluid {self.name!r}",
-                    found=f"{name} is {getattr(self, name):g}",
+                    found=f"{name} is {value:g}",
                     expected="a positive number",
                 )
-        if not 0.0 <= self.exchange < math.inf:
+        if self.exchange is not None and not 0.0 <= self.exchange < math.inf:
             raise InputError(
                 place=f"fluid {self.name!r}",
                 found=f"exchange_W_K is {self.exchange:g}",
@@ -174,11 +176,6 @@ class Filling:
     def volumetric_heat(self) -> float:
         """Heat capacity of a cubic metre [J/(m^3 K)]."""
         return self.density * self.heat_capacity
-
-    @property
-    def effective_conductivity(self) -> float:
-        """Conductivity of the stirred fluid across the chambers and the gap [W/(m K)]."""
-        return self.stirring * self.conductivity
 
 
 @dataclass(frozen=True, slots=True)
@@ -238,6 +235,7 @@ class DamperDrawing:
     sink: HeatSink | None = None
     calibration: Calibration = field(default_factory=Calibration)
     manufacture: Manufacture = field(default_factory=Manufacture)
+    stroke: Stroke = PAPER_STROKE  # which the fluid is stirred by
     text: str = field(default="", repr=False, compare=False)  # of the file that it was read from
 
     def __post_init__(self) -> None:
@@ -263,13 +261,33 @@ class DamperDrawing:
         return 0.5 * (self.body.inner_length - self.piston.length)
 
     @property
+    def fluid_heat(self) -> FluidHeat:
+        """How the fluid conducts and carries heat: by the stroke, unless the filling says otherwise."""
+        body, piston, rod, filling = self.body, self.piston, self.rod, self.filling
+        channel = Channel(
+            gap=self.gap,
+            gap_area=0.25 * math.pi * (body.bore**2 - piston.diameter**2),
+            piston_area=0.25 * math.pi * (piston.diameter**2 - rod.diameter**2),
+            piston_length=piston.length,
+            chamber_length=self.chamber_length,
+            chamber_width=0.5 * (body.bore - rod.diameter),
+            conductivity=filling.conductivity,
+            volumetric_heat=filling.volumetric_heat,
+        )
+        found = conduct_fluid(channel, self.stroke)
+        if filling.stirring is not None:
+            stirred = filling.stirring * filling.conductivity
+            found = replace(found, gap=stirred, chamber=stirred)
+        return found if filling.exchange is None else replace(found, exchange=filling.exchange)
+
+    @property
     def exchange_conductivity(self) -> float:
-        """Axial conductivity times area of the fluid [W m/K] that carries ``filling.exchange``.
+        """Axial conductivity times area of the fluid [W m/K] that carries the exchange.
 
         Between the middles of gap and chamber; over the local annulus' area it is an effective axial
         conductivity.
         """
-        return 0.5 * self.filling.exchange * (self.piston.length + self.chamber_length)
+        return 0.5 * self.fluid_heat.exchange * (self.piston.length + self.chamber_length)
 
 
 def filling_of(fluid: Fluid, given: Mapping[str, float] = _NOTHING) -> Filling:

@@ -25,8 +25,9 @@ from mrdamper.errors import InputError
 from mrdamper.excitation import Motion, Sine, Trajectory, drive, motion_from_text
 from mrdamper.files import is_file
 from mrdamper.quantities import QUANTITIES, to_si
+from mrdamper.thermal.stirring import Stroke
 
-__all__ = ["DEFAULT_DUTY", "Duty", "Segment", "motion_at_command", "read_duty"]
+__all__ = ["DEFAULT_DUTY", "Duty", "Segment", "motion_at_command", "read_duty", "stroke_of"]
 
 DEFAULT_DUTY = "sine:15mm:1Hz:2A:1800s"
 """The paper's: 15 mm, 1 Hz, 2 A for 30 minutes."""
@@ -127,6 +128,26 @@ def motion_at_command(text: str) -> tuple[Motion, float, str, float]:
         if not told.expected:
             told = InputError(told.found, place=told.place, expected=_EXPECTED, remedy=told.remedy)
         raise told from fault
+
+
+def stroke_of(duty: Duty) -> Stroke:
+    """Return the stroke that moves as much fluid as a duty does on the average, rests included.
+
+    A segment counts as the sine with its root mean squares of displacement and velocity; its amplitude is
+    weighted by the path that is gone.
+    """
+    path, gone = 0.0, 0.0
+    for each in duty.segments:
+        if each.path is None:
+            continue
+        x, v = each.path.displacement[each.counted_from :], each.path.velocity[each.counted_from :]
+        amplitude, speed = math.sqrt(2.0) * float(np.std(x)), float(np.sqrt(np.mean(v**2)))
+        path += each.duration * speed
+        gone += each.duration * speed * amplitude
+    if gone == 0.0:
+        return Stroke(0.0, 0.0)
+    amplitude = gone / path
+    return Stroke(amplitude, path / duty.duration / (math.sqrt(2.0) * math.pi * amplitude))
 
 
 def segment_of(motion: Motion, command: float, duration: float) -> Segment:

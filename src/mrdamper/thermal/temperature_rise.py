@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Literal
 
@@ -27,7 +27,7 @@ from mrdamper.notes import Note
 from mrdamper.quantities import ZERO_CELSIUS_K
 from mrdamper.thermal.dissipation import LoopWork, tabulate_work
 from mrdamper.thermal.drawing import DamperDrawing
-from mrdamper.thermal.duty import DEFAULT_DUTY, Duty, read_duty
+from mrdamper.thermal.duty import DEFAULT_DUTY, Duty, read_duty, stroke_of
 from mrdamper.thermal.limits import LimitReached, first_time, limits_of
 from mrdamper.thermal.model.finite_element import FieldModel, build_field
 from mrdamper.thermal.model.heat_equation import FieldHeating, simulate_field
@@ -195,6 +195,7 @@ def simulate_rise(  # keyword-only options beside the three things joined
 
     ``longest_step`` is in [s], the rest as in ``predict_rise``.
     """
+    drawing = replace(drawing, stroke=stroke_of(duty))
     limit = drawing.filling.valid_K[1]
     field, simulate = _simulator(drawing, model, loads_of(works, drawing, duty), start_K, longest_step)
     heating = simulate(limit)

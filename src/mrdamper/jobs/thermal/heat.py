@@ -21,21 +21,21 @@ from mrdamper.quantities import ZERO_CELSIUS_K, to_degC
 from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
 from mrdamper.thermal.dissipation import LoopWork
 from mrdamper.thermal.drawing import DamperDrawing
-from mrdamper.thermal.duty import Duty
+from mrdamper.thermal.duty import Duty, stroke_of
 from mrdamper.thermal.estimation.calibration import CalibratedDrawing, calibrate_by_model
 from mrdamper.thermal.estimation.measured_curve import HeatingCurve
 from mrdamper.thermal.estimation.prediction_interval import predict_interval
 from mrdamper.thermal.estimation.uncertainty import ModelUncertainty, PredictionInterval
 from mrdamper.thermal.heatsink import HeatSink
 from mrdamper.thermal.limits import limits_of, worst_moment
-from mrdamper.thermal.model.finite_element import FieldModel
+from mrdamper.thermal.model.finite_element import FieldModel, build_field
 from mrdamper.thermal.model.heat_equation import FieldHeating, simulate_field
 from mrdamper.thermal.model.network import loss_grid
+from mrdamper.thermal.model.reduced import reduce_field
 from mrdamper.thermal.model.stepping import loads_until
 from mrdamper.thermal.temperature_rise import (
     Rise,
     beyond_card,
-    field_of,
     loads_of,
     notes_of,
     simulate_rise,
@@ -133,6 +133,7 @@ def heat(
         A curve that this damper under this duty cannot follow.
     """
     drawing, model = changed_drawing(drawing, options, sink), options.model
+    drawing = replace(drawing, stroke=stroke_of(duty))
     start_given = start_of(drawing, options.start_degC)
     start = start_given
     with warnings.catch_warnings(record=True) as caught:
@@ -227,11 +228,11 @@ def _field_end(
 ) -> FieldEnd | None:
     """Return the field of a rise, by the reduced model where the rise has none; None at its start."""
     model, course = rise.field, rise.heating
+    loads = loads_until(loads_of(works, drawing, duty), float(rise.time[-1]))
+    if not loads:  # at the limit from the start
+        return None
     if model is None or not isinstance(course, FieldHeating):
-        loads = loads_until(loads_of(works, drawing, duty), float(rise.time[-1]))
-        model = field_of(drawing, "reduced")
-        if model is None or not loads:  # at the limit from the start
-            return None
+        model = reduce_field(build_field(drawing))
         course = simulate_field(model.equation, loads, start=start, longest_step=step)
     full, limits = model.full, limits_of(drawing)
 

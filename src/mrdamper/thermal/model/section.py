@@ -183,7 +183,7 @@ def _insides(drawing: DamperDrawing) -> tuple[list[Region], list[Block]]:
     shaft, face, bore, outer = (
         0.5 * diameter for diameter in (rod.diameter, piston.diameter, body.bore, body.outer_diameter)
     )
-    far_shaft = shaft if rod.through else 0.0
+    far_shaft, conducts = shaft if rod.through else 0.0, drawing.fluid_heat
     root = face - coil.depth
     start = body.cap + drawing.chamber_length
     stop, end, length = start + piston.length, body.length - body.cap, body.length
@@ -194,7 +194,7 @@ def _insides(drawing: DamperDrawing) -> tuple[list[Region], list[Block]]:
         return Region(name, role, k, k, factor * material.volumetric_heat)
 
     def fluid(name: str, role: Role, inner: float, outer: float) -> Region:
-        across = drawing.filling.effective_conductivity
+        across = conducts.gap if role == "gap" else conducts.chamber
         along = across + drawing.exchange_conductivity / (math.pi * (outer**2 - inner**2))
         return Region(name, role, across, along, factor * drawing.filling.volumetric_heat)
 

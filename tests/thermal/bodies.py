@@ -1,0 +1,78 @@
+"""Random dampers of many shapes, by seed: even seeds to choose constants by, odd ones to report."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrdamper.thermal.drawing import (
+    Body,
+    Coil,
+    DamperDrawing,
+    Piston,
+    Rod,
+    Surroundings,
+    find_filling,
+)
+from mrdamper.thermal.heatsink import HeatSink
+from mrdamper.thermal.materials import MATERIALS
+from mrdamper.thermal.model.section import section_of
+from mrdamper.thermal.model.stepping import Load
+from mrdamper.thermal.stirring import Stroke
+
+HALF_HOUR_S = 1800.0
+_SHORTEST_GAP = 0.003
+
+
+@dataclass(frozen=True)
+class HeatedBody:
+    """A damper and what heats it for half an hour."""
+
+    drawing: DamperDrawing
+    load: Load
+
+
+def draw_body(seed: int) -> HeatedBody:
+    """Return a damper of 32 to 80 mm by 120 to 320 mm, up to 15 fins, and power for 40 to 130 K."""
+    rng = np.random.default_rng(seed)
+    outer, length = rng.uniform(0.032, 0.080), rng.uniform(0.120, 0.320)
+    wall = outer * rng.uniform(0.06, 0.12)
+    bore = outer - 2.0 * wall
+    rod = bore * rng.uniform(0.30, 0.45)
+    gap = rng.uniform(0.0007, 0.0020)
+    piston = Piston(bore - 2.0 * gap, length * rng.uniform(0.20, 0.35))
+    material = MATERIALS[str(rng.choice(["steel", "stainless-steel", "aluminium-alloy"]))]
+    fins, speed = int(rng.integers(0, 16)), float(rng.choice([0.0, rng.uniform(0.5, 5.0)]))
+    drawing = DamperDrawing(
+        name=f"body {seed}",
+        body=Body(outer, length, wall, material=material),
+        piston=piston,
+        rod=Rod(rod, through=bool(rng.integers(0, 2))),
+        coil=Coil(4.0, piston.length * rng.uniform(0.2, 0.5)),
+        filling=find_filling(str(rng.choice(["paper", "lord-mrf-132dg"]))),
+        surroundings=Surroundings(
+            rng.uniform(263.15, 318.15), speed, rng.uniform(0.1, 0.9), rng.uniform(0.0, 0.3)
+        ),
+        sink=_draw_sink(rng, fins, outer, length),
+        stroke=Stroke(rng.uniform(0.002, 0.030), rng.uniform(0.5, 8.0)),
+    )
+    rise = rng.uniform(40.0, 130.0)
+    watts = section_of(drawing).heat_capacity * rise / HALF_HOUR_S
+    fall, coil_W = rng.uniform(0.0, 0.004), rng.uniform(0.0, 0.15) * watts
+    ambient = drawing.surroundings.ambient
+
+    def power(kelvin):
+        return watts * np.maximum(1.0 - fall * (kelvin - ambient), 0.2)
+
+    return HeatedBody(drawing, Load(HALF_HOUR_S, power, float(coil_W)))
+
+
+def _draw_sink(rng: np.random.Generator, fins: int, outer: float, length: float) -> HeatSink | None:
+    width, thickness = rng.uniform(0.15, 0.5) * outer, rng.uniform(0.001, 0.003)
+    share, contact = rng.uniform(0.3, 0.9), float(rng.choice([0.0, rng.uniform(0.0, 1e-4)]))
+    fins = min(fins, int((share * length - thickness) / (_SHORTEST_GAP + thickness)) + 1)
+    if fins < 1:
+        return None
+    pitch = (share * length - thickness) / max(fins - 1, 1)
+    return HeatSink(fins=fins, width=width, thickness=thickness, pitch=pitch, contact=contact)
