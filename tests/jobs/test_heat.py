@@ -110,7 +110,7 @@ def test_what_goes_in_is_given_off_or_stored(answer):
 
 def test_film_coefficients_are_named(answer):
     assert "Churchill" in answer["correlations"]["body"]
-    assert "Tsubouchi and Masuda, times 2.609" in answer["correlations"]["fins"]
+    assert "Tsubouchi and Masuda, times 2.849" in answer["correlations"]["fins"]
 
 
 def test_the_field_at_the_end_has_the_means_of_the_curve(answer):
@@ -128,8 +128,6 @@ def test_limits_are_judged_at_the_hottest_points(answer):
     for name, mean in (("fluid", "fluid"), ("coil", "coil")):
         hot = np.array(answer["without_sink"]["hot_degC"][name])
         assert (hot >= np.array(answer["without_sink"]["curve"][f"{mean}_degC"]) - 1e-9).all()
-    early, late = rows["fluid"]["interval_s"]
-    assert early < rows["fluid"]["time_s"] < (late or np.inf)
 
 
 def test_the_page_holds_every_picture_and_nothing_from_elsewhere(answer, folder):
@@ -199,7 +197,10 @@ def test_the_curve_ends_at_the_fluid_s_limit_and_says_when(folder):
     past = HeatOptions(past_limit=True)
     gone_on: Any = heating(folder / "card.json", bare, duty="sine:15mm:1Hz:2A:3000s", options=past)
     assert ended["curve"]["fluid_degC"][-1] == pytest.approx(130.0, abs=1e-6)
-    assert ended["curve"]["time_s"][-1] == ended["time_to_limit_s"] == gone_on["time_to_limit_s"]
+    assert ended["time_to_limit_s"] == pytest.approx(gone_on["time_to_limit_s"], abs=1.0)
+    assert ended["time_to_limit_s"] < ended["curve"]["time_s"][-1]  # the hottest point before the mean
+    early, late = ended["time_to_limit_interval_s"]
+    assert early < ended["time_to_limit_s"] < (late or np.inf)
     assert gone_on["curve"]["time_s"][-1] == pytest.approx(3000.0)
     assert gone_on["curve"]["fluid_degC"][-1] > 135.0
     assert any("reaches its limit, 130 degC" in note for note in ended["notes"])
@@ -412,7 +413,7 @@ def test_bad_input_ends_in_one_message_and_leaves_nothing(folder):
         ("15mm:1Hz:2A:1800s", "duty '15mm:1Hz:2A:1800s': motion '15mm:1Hz' is not known"),
         ("sine:15mm:1Hz:2A:-5s", "a duration is -5 s; expected a positive, finite number"),
         ("sine:15mm:1Hz:2A:1e9s", "it lasts 1e+09 s; expected at most 1e+06 s"),
-        ("sine:150mm:4Hz:2A:1800s", "a node is at"),
+        ("sine:150mm:4Hz:2A:1800s", "is at"),
     ],
 )
 def test_a_duty_that_cannot_be_is_refused(folder, duty, message):

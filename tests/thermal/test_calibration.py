@@ -46,7 +46,9 @@ def work(scale: float = 1.0) -> LoopWork:
 
 def heated(drawing: DamperDrawing, *, scale: float = 1.0, start: float = AMBIENT, duty: Duty = DUTY) -> Rise:
     works = [work(scale) for _ in duty.segments]
-    return simulate_rise(works, drawing, duty, start_K=start, stop_at_limit=False, longest_step=10.0)
+    return simulate_rise(
+        works, drawing, duty, model="network", start_K=start, stop_at_limit=False, longest_step=10.0
+    )
 
 
 def measured(
@@ -215,7 +217,7 @@ def test_a_card_s_own_loop_gives_the_power_that_is_calibrated_by():
     numbers = {"yield_force": Constant(1100.0), "yield_velocity": Constant(1e-6), "viscosity": Constant(1e3)}
     damper = Damper(LAWS["bingham"], numbers)
     truth = replace(BARE, calibration=Calibration(heat_capacity=1.15, film=1.05))
-    rise = predict_rise(damper, truth, DUTY, stop_at_limit=False, longest_step=10.0)
+    rise = predict_rise(damper, truth, DUTY, model="network", stop_at_limit=False, longest_step=10.0)
     curve = measured(rise, np.random.default_rng(10), noise=0.2)
     found = calibrate_drawing(curve, BARE, works_of(damper, DUTY), DUTY)
     assert found.heat_capacity == pytest.approx(1.15, rel=3.0 * found.heat_capacity_error)

@@ -100,7 +100,8 @@ def test_one_fin_takes_what_the_exact_solution_says(monkeypatch):
     monkeypatch.setattr(network_module, "fin_film", lambda _, kelvin: np.full(np.shape(kelvin), film))
     for contact in (0.0, 2e-4):
         sink = HeatSink(fins=1, width=0.03, thickness=1e-3, pitch=0.02, emissivity=0.0, contact=contact)
-        network = zone_network(BARE.with_sink(sink))
+        exact = replace(BARE.calibration, fin_root=1.0 / network_module._CALIBRATED["fin_root"])
+        network = zone_network(replace(BARE, sink=sink, calibration=exact))
         ends = dict(zip(network.names, steady_state(network, DUTY), strict=True))
         area = sink.fin_area(0.046)
         efficiency = float(

@@ -97,7 +97,7 @@ def test_the_interval_lies_about_the_curve_and_its_times_about_the_curve_s_time(
 
     hour = read_duty("sine:15mm:1Hz:2A:3600s")
     rise, prediction_interval = (
-        simulate_rise([WORK], BARE, hour, stop_at_limit=False),
+        simulate_rise([WORK], BARE, hour, model="network", stop_at_limit=False),
         predict_interval([WORK], BARE, hour),
     )
     fluid = np.interp(prediction_interval.time, rise.time, rise.fluid)

@@ -217,7 +217,8 @@ def test_the_curve_stops_where_the_fluid_reaches_its_limit_and_says_when():
     hot = dry_and_viscous(dry=2000.0)
     rise = predict_rise(hot, BARE)
     assert rise.fluid_degC[-1] == pytest.approx(130.0, abs=1e-6)
-    assert rise.time_to_limit_s == pytest.approx(rise.time[-1])
+    assert rise.time_to_limit_s == pytest.approx(np.interp(rise.limit_K, rise.hot["gap"], rise.time), abs=1.0)
+    assert rise.time_to_limit_s < rise.time[-1]
     assert any("reaches its limit, 130 degC, after" in note for note in rise.notes)
     on = predict_rise(hot, BARE, stop_at_limit=False)
     assert on.time[-1] == pytest.approx(1800.0)

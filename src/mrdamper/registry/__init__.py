@@ -235,6 +235,17 @@ _ROWS = (
         progress_word="step",
     ),
     Job(
+        name="derate",
+        help="Tell the largest current (stroke, duty) that keeps every limit, over ambient, wind and time.",
+        inputs=(CARD, DRAWING, DUTY),
+        options="mrdamper.jobs.options:DerateOptions",
+        run="mrdamper.jobs.derate:derate",
+        result="mrdamper.jobs.derate:DerateResult",
+        report="mrdamper.report.derate:REPORT",
+        files_help="For derate.svg, derate.json, derate.csv, derate.h.",
+        progress_word="step",
+    ),
+    Job(
         name="forecast",
         help="Tell from ten minutes of its curve how hot a damper will get, without drawing or card.",
         inputs=(

@@ -14,7 +14,13 @@ from mrdamper.jobs.options.control import (
     TrackConditions,
     TrackOptions,
 )
-from mrdamper.jobs.options.heating import ForecastOptions, HeatOptions, ObserveOptions, SinkOptions
+from mrdamper.jobs.options.heating import (
+    DerateOptions,
+    ForecastOptions,
+    HeatOptions,
+    ObserveOptions,
+    SinkOptions,
+)
 from mrdamper.jobs.options.reading import FilesReading, LawReading, NoOptions, RunsReading
 from mrdamper.jobs.options.runs import CheckOptions, CyclesOptions, FitOptions, FluidOptions
 from mrdamper.jobs.options.studies import DemoOptions, RigOptions, SweepOptions
@@ -23,6 +29,7 @@ __all__ = [
     "CheckOptions",
     "CyclesOptions",
     "DemoOptions",
+    "DerateOptions",
     "ExportOptions",
     "FilesReading",
     "FitOptions",

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from mrdamper.jobs.options.reading import TOP, Seed, duration, share_that_holds, surroundings
 from mrdamper.schema import OnPage, Option
 
-__all__ = ["ForecastOptions", "HeatOptions", "ObserveOptions", "SinkOptions"]
+__all__ = ["DerateOptions", "ForecastOptions", "HeatOptions", "ObserveOptions", "SinkOptions"]
 
 _BUILT = OnPage(group="What can be built")
 _DRAWN = "the drawing's sink's"
@@ -17,6 +17,44 @@ _DRAWN = "the drawing's sink's"
 def _size(text: str, label: str, default_help: str, unit: str = "mm") -> Option:
     """Return the option of a size of what can be built."""
     return Option(text, label=label, page=_BUILT, unit=unit, above=0.0, below=1e6, default_help=default_help)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DerateOptions:
+    """Options of ``derate``."""
+
+    quantity: Annotated[
+        Literal["current", "stroke", "duty"],
+        Option(
+            "What is made smaller: the duty's command, its motion, or the share of time at work.",
+            page=OnPage(group="", titles=("the current", "the stroke", "the share of time at work")),
+        ),
+    ] = "current"
+    ambient_degC: Annotated[
+        tuple[float, ...],
+        Option(
+            "Air around the damper, rising.",
+            unit="degC",
+            least=-50.0,
+            most=100.0,
+            least_items=1,
+            most_items=15,
+        ),
+    ] = (-20.0, 0.0, 20.0, 40.0, 50.0)
+    air_m_s: Annotated[
+        tuple[float, ...],
+        Option("Speeds of the air, rising.", unit="m/s", least=0.0, most=50.0, least_items=1, most_items=15),
+    ] = (0.0, 1.0, 2.0, 5.0, 10.0)
+    duration_min: Annotated[
+        tuple[float, ...],
+        Option(
+            "Times from ambient on, rising; steady comes besides.",
+            unit="min",
+            above=0.0,
+            most=1440.0,
+            most_items=8,
+        ),
+    ] = (5.0, 15.0, 30.0, 60.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

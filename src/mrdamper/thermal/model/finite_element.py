@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from scipy import sparse
 
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
-from mrdamper.thermal.drawing import DamperDrawing
+from mrdamper.thermal.drawing import DamperDrawing, Surroundings
 from mrdamper.thermal.materials import COPPER_PER_K
 from mrdamper.thermal.model.heat_equation import (
     Cooling,
@@ -31,7 +31,7 @@ from mrdamper.thermal.model.network import PATHS
 from mrdamper.thermal.model.section import Role, Section, section_of
 from mrdamper.thermal.model.stepping import Load
 
-__all__ = ["FieldModel", "build_field", "discretise", "heat_field"]
+__all__ = ["FieldModel", "build_field", "cooling_in", "discretise", "heat_field"]
 
 _FACET_POINTS = 3
 _SAME_M = 1e-9
@@ -248,6 +248,14 @@ def _surface_points(
         shape=(points, size),
     )
     return values, area.ravel(), np.repeat(mesh.surface, len(s))
+
+
+def cooling_in(model: FieldModel, surroundings: Surroundings) -> Cooling:
+    """Return how a model's surface cools elsewhere; ``build_field``'s cooling is that of its own drawing."""
+    drawing = model.section.drawing
+    if drawing is None:
+        raise InputError(place="section", found="it was made without a drawing", expected="``section_of``")
+    return _cooling(section_of(replace(drawing, surroundings=surroundings)), model.surface)
 
 
 def _cooling(section: Section, which: IntArray) -> Cooling:

@@ -8,6 +8,7 @@ surface from the reduced field, hence at its own temperature as in the full mode
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,7 +16,7 @@ import numpy as np
 from mrdamper.arrays import FloatArray
 from mrdamper.errors import InputError
 from mrdamper.thermal.model.finite_element import FieldModel
-from mrdamper.thermal.model.heat_equation import HeatEquation, HotSpots, Matrix, factorise
+from mrdamper.thermal.model.heat_equation import Cooling, HeatEquation, HotSpots, Matrix, factorise
 from mrdamper.thermal.model.mesh import IntArray
 
 __all__ = ["ReducedModel", "reduce_field"]
@@ -48,16 +49,19 @@ class ReducedModel:
         return np.asarray(state @ self.basis.T + self.equation.ambient)
 
 
-def reduce_field(model: FieldModel, *, order: int = 16) -> ReducedModel:
+def reduce_field(model: FieldModel, *, order: int = 16, elsewhere: Sequence[Cooling] = ()) -> ReducedModel:
     """Return the reduced model of a finite-element model.
 
     Parameters
     ----------
     order : number of unknowns, at most
+    elsewhere : how the surface cools where the model is to hold besides: the extremes of it are enough
     """
     if order < 3:
         raise InputError(place="reduced model", found=f"order is {order}", expected="3 or more")
-    basis = _space(model.equation, model.surface, order)
+    equations = [model.equation, *(replace(model.equation, cooling=each) for each in elsewhere)]
+    fields = np.hstack([_responses(each, model.surface) for each in equations])
+    basis = _space(model.equation, fields, order)
     return ReducedModel(model, basis, project(model.equation, basis))
 
 
@@ -86,21 +90,25 @@ def project(equation: HeatEquation, basis: FloatArray) -> HeatEquation:
     )
 
 
-def _space(equation: HeatEquation, kinds: IntArray, order: int) -> FloatArray:
-    """Return a basis that is orthonormal in the mass, the uniform field first, shape (n, order or less)."""
+def _responses(equation: HeatEquation, kinds: IntArray) -> FloatArray:
+    """Return the fields that sources and kinds of surface lead to, shape (n, k)."""
     weight = equation.cooling.fluxes(np.full(len(equation.area), _REFERENCE_K))[1].sum(axis=0) * equation.area
     film = equation.surface.T @ (equation.surface * weight[:, None])
     surfaces = [equation.surface.T @ np.where(kinds == kind, weight, 0.0) for kind in np.unique(kinds)]
-    basis = [equation.uniform / np.sqrt(equation.uniform @ (equation.mass @ equation.uniform))]
     found = []
     for shift in _SHIFTS:
         solve = factorise(equation.stiffness + film + shift * equation.mass)
         found += [solve(_MECHANICAL_W * equation.mechanical), solve(_COIL_W * equation.electrical)]
         if shift in _SURFACE_SHIFTS:
             found += [solve(_SURFACE_K * load) for load in surfaces]
-    fields = np.array(found).T
+    return np.array(found).T
+
+
+def _space(equation: HeatEquation, fields: FloatArray, order: int) -> FloatArray:
+    """Return a basis that is orthonormal in the mass, the uniform field first, shape (n, order or less)."""
+    basis = [equation.uniform / np.sqrt(equation.uniform @ (equation.mass @ equation.uniform))]
     for _ in range(2):  # once more against rounding
-        fields -= np.outer(basis[0], basis[0] @ (equation.mass @ fields))
+        fields = fields - np.outer(basis[0], basis[0] @ (equation.mass @ fields))
     values, vectors = np.linalg.eigh(fields.T @ (equation.mass @ fields))
     keep = np.argsort(values)[::-1][: order - 1]
     keep = keep[values[keep] > 1e-14 * values.max()]

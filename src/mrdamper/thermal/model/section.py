@@ -113,6 +113,7 @@ class Section:
     grid: FloatArray  # [K], shape (g,), uniform
     films: FloatArray  # [W/(m^2 K)], shape (laws, g)
     seals: tuple[Block, ...] = ()  # of no width, where a rod is sealed
+    drawing: DamperDrawing | None = None  # that it was made from
 
     def __post_init__(self) -> None:
         for name in ("grid", "films"):
@@ -172,7 +173,7 @@ def section_of(drawing: DamperDrawing) -> Section:
         seals.append(Block(0, shaft, shaft, length - drawing.body.cap, length))
     return Section(
         tuple(regions), tuple(blocks), tuple(surfaces), tuple(edges), around.ambient, grid, np.array(films),
-        tuple(seals),
+        tuple(seals), drawing,
     )  # fmt: skip
 
 

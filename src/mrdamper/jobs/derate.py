@@ -1,0 +1,101 @@
+"""The job ``derate``: card, drawing and duty in; what of it the damper bears, over ambient, wind and time."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrdamper.arrays import FloatArray, read_only
+from mrdamper.errors import EnvelopeWarning
+from mrdamper.jobs.options import DerateOptions
+from mrdamper.models.card import ModelCard
+from mrdamper.quantities import ZERO_CELSIUS_K
+from mrdamper.runtime.progress import Progress, ProgressUpdate, silent
+from mrdamper.thermal.derating import Conditions, Quantity, derate_damper
+from mrdamper.thermal.drawing import DamperDrawing
+from mrdamper.thermal.duty import Duty
+from mrdamper.thermal.limits import Limit
+
+__all__ = ["DerateResult", "derate"]
+
+_USUAL = DerateOptions()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DerateResult:
+    """The largest current, stroke or share of duty that keeps every limit; maps have the shape (d, w, a).
+
+    Attributes
+    ----------
+    largest, low, high : in ``unit``; ``low`` to ``high`` holds it with ``probability``; NaN: none is allowed
+    limited_by : index of the limit that is met first; -1: the duty as it stands is allowed
+    duration_min : infinity for steady
+    """
+
+    name: str
+    duty: str
+    quantity: Quantity
+    unit: str
+    whole: float  # of the duty [unit]
+    ambient_degC: FloatArray
+    air_m_s: FloatArray
+    duration_min: FloatArray
+    largest: FloatArray
+    low: FloatArray
+    high: FloatArray
+    limited_by: FloatArray
+    limits: tuple[Limit, ...]
+    probability: float = 0.9
+
+
+def derate(
+    card: ModelCard,
+    drawing: DamperDrawing,
+    duty: Duty,
+    options: DerateOptions = _USUAL,
+    *,
+    on_progress: Progress = silent,
+) -> DerateResult:
+    """Return what of a duty a damper bears; see ``thermal.derating``.
+
+    Raises
+    ------
+    InputError
+        A duty in another unit than the card's, axes that do not rise, an ambient above a limit.
+    """
+    on_progress(ProgressUpdate(total=1, text="derating map"))
+    conditions = Conditions(
+        np.array(options.ambient_degC) + ZERO_CELSIUS_K,
+        np.array(options.air_m_s),
+        np.append(60.0 * np.array(options.duration_min), np.inf),
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", EnvelopeWarning)  # a map leaves the card's temperatures
+        found = derate_damper(card.damper, drawing, duty, conditions, options.quantity)
+    whole, unit = _whole(duty, options.quantity)
+    return DerateResult(
+        drawing.name,
+        duty.text,
+        options.quantity,
+        unit,
+        whole,
+        *(
+            np.array(axis)
+            for axis in (options.ambient_degC, options.air_m_s, (*options.duration_min, np.inf))
+        ),
+        *(read_only(whole * each) for each in (found.share, found.low, found.high)),
+        read_only(found.part),
+        found.limits,
+    )
+
+
+def _whole(duty: Duty, quantity: Quantity) -> tuple[float, str]:
+    """Return what the whole duty has of a quantity, and its unit."""
+    if quantity == "current":
+        return max(each.command for each in duty.segments), duty.command_unit
+    if quantity == "duty":
+        return 100.0, "%"
+    paths = [each.path.displacement for each in duty.segments if each.path is not None]
+    return max((1e3 * float(np.abs(path).max()) for path in paths), default=0.0), "mm"

@@ -1,0 +1,183 @@
+"""What ``derate`` found: the answer's keys, tables for a terminal, maps, the table as CSV and as C."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from mrdamper.arrays import FloatArray
+from mrdamper.jobs.derate import DerateResult
+from mrdamper.report.base import Report, WrittenFile
+from mrdamper.report.figures.style import WIDE, drawing_style, svg_of
+from mrdamper.runtime.outputs import write_table
+from mrdamper.schema import Json, finite_or_none
+
+__all__ = ["REPORT"]
+
+
+def _listed(values: FloatArray) -> list[object]:
+    """Return a map as nested lists with null for NaN and infinity."""
+    return [_listed(each) if each.ndim else finite_or_none(float(each)) for each in values]
+
+
+def _answer(found: DerateResult) -> Json:
+    return {
+        "duty": found.duty,
+        "quantity": found.quantity,
+        "unit": found.unit,
+        "whole": found.whole,
+        "probability": found.probability,
+        "ambient_degC": found.ambient_degC.tolist(),
+        "air_m_s": found.air_m_s.tolist(),
+        "duration_min": _listed(found.duration_min),
+        "largest": _listed(found.largest),
+        "low": _listed(found.low),
+        "high": _listed(found.high),
+        "limited_by": [
+            [[_limited(found, part) for part in row] for row in each] for each in found.limited_by
+        ],
+        "limits": [
+            {"part": each.name, "limit_degC": each.celsius, "source": each.source} for each in found.limits
+        ],
+    }
+
+
+def _limited(found: DerateResult, part: float) -> str | None:
+    return None if part < 0.0 else found.limits[int(part)].name
+
+
+def _minutes(minutes: float) -> str:
+    return "steady" if math.isinf(minutes) else f"{minutes:g} min"
+
+
+def _cell(found: DerateResult, d: int, w: int, a: int) -> str:
+    largest, low, high = (float(each[d, w, a]) for each in (found.largest, found.low, found.high))
+    if math.isnan(largest):
+        return "none"
+    if math.isnan(low) or low < 0.995 * high:
+        return f"{largest:.3g} ({'none' if math.isnan(low) else f'{low:.3g}'} to {high:.3g})"
+    return f"{largest:.3g}"
+
+
+def _summary(found: DerateResult) -> list[str]:
+    """Return the share of the map that bears the whole duty, and what the worst corner bears."""
+    steady = found.largest[-1]
+    allowed = int((steady >= found.whole * (1.0 - 1e-9)).sum())
+    return [
+        f"steady: {allowed} of {steady.size} conditions bear the whole {found.quantity}, "
+        f"{found.whole:g} {found.unit}",
+        f"{found.ambient_degC[-1]:g} degC, {found.air_m_s[0]:g} m/s, steady: "
+        f"{_cell(found, -1, 0, -1)} {found.unit}",
+    ]
+
+
+def _show(found: DerateResult, console: Console) -> None:
+    for d, minutes in enumerate(found.duration_min):
+        sure = f"{100 * found.probability:.0f} % interval"
+        title = f"largest {found.quantity} [{found.unit}], {_minutes(minutes)}, {sure}"
+        table = Table(title=escape(title))
+        table.add_column("air m/s", justify="right")
+        for ambient in found.ambient_degC:
+            table.add_column(f"{ambient:g} degC", justify="right")
+        for w, air in enumerate(found.air_m_s):
+            table.add_row(f"{air:g}", *(_cell(found, d, w, a) for a in range(len(found.ambient_degC))))
+        console.print(table)
+    for line in _summary(found):
+        console.print(escape(line))
+    for each in found.limits:
+        said = f"- limit of the {each.name}: {each.celsius:.4g} degC {each.source}, at its hottest point"
+        console.print(escape(said))
+
+
+def _figure(found: DerateResult) -> Figure:
+    """Return a map for each duration: the largest over ambient and air."""
+    count = len(found.duration_min)
+    figure = Figure(figsize=(WIDE, 2.6))
+    for d, minutes in enumerate(found.duration_min):
+        axes = figure.add_subplot(1, count, d + 1)
+        axes.imshow(
+            found.largest[d], origin="lower", aspect="auto", cmap="YlGnBu", vmin=0.0, vmax=1.4 * found.whole
+        )
+        axes.grid(visible=False)
+        for (w, a), value in np.ndenumerate(found.largest[d]):
+            said = "none" if math.isnan(value) else f"{value:.3g}"
+            axes.text(a, w, said, ha="center", va="center", fontsize=6.0)
+        axes.set_xticks(range(len(found.ambient_degC)), [f"{each:g}" for each in found.ambient_degC])
+        axes.set_yticks(range(len(found.air_m_s)), [f"{each:g}" for each in found.air_m_s] if d == 0 else [])
+        axes.set_title(_minutes(minutes), loc="left", pad=3)
+        axes.set_xlabel("ambient, °C", labelpad=1.5)
+        if d == 0:
+            axes.set_ylabel(f"air, m/s (largest {found.quantity} in {found.unit})", labelpad=1.5)
+    figure.subplots_adjust(left=0.07, right=0.99, top=0.91, bottom=0.16, wspace=0.06)
+    return figure
+
+
+def _write_picture(found: DerateResult, path: Path) -> None:
+    with drawing_style():
+        path.write_text(svg_of(_figure(found), "Derating"), encoding="utf-8")
+
+
+def _rows(found: DerateResult) -> list[dict[str, object]]:
+    rows: list[dict[str, object]] = []
+    for (d, w, a), part in np.ndenumerate(found.limited_by):
+        values = {"largest": found.largest, "low": found.low, "high": found.high}
+        rows.append(
+            {
+                "duration_min": finite_or_none(float(found.duration_min[d])),
+                "air_m_s": float(found.air_m_s[w]),
+                "ambient_degC": float(found.ambient_degC[a]),
+                **{
+                    f"{name}_{found.unit}".replace("%", "percent"): finite_or_none(float(each[d, w, a]))
+                    for name, each in values.items()
+                },
+                "limited_by": _limited(found, float(part)),
+            }
+        )
+    return rows
+
+
+def _in_c(values: FloatArray) -> str:
+    return ", ".join(f"{value:.4f}f" for value in values)
+
+
+def _write_header(found: DerateResult, path: Path) -> None:
+    """Write the low ends as C: what is allowed with 95 %; zero where nothing is."""
+    axes = {
+        "ambient_degC": found.ambient_degC,
+        "air_m_s": found.air_m_s,
+        "duration_min": np.where(np.isinf(found.duration_min), 1e9, found.duration_min),
+    }
+    sizes = "".join(f"[{n}]" for n in found.low.shape)
+    lines = [
+        f"/* {found.quantity} [{found.unit}] that keeps every limit, low end of its interval:",
+        "   by duration (1e9 min is steady), air and ambient */",
+        "#ifndef MRDAMPER_DERATE_H",
+        "#define MRDAMPER_DERATE_H",
+        *(f"static const float derate_{name}[{len(x)}] = {{{_in_c(x)}}};" for name, x in axes.items()),
+        f"static const float derate_{found.quantity}{sizes} = {{",
+        *("  {" + ", ".join(f"{{{_in_c(row)}}}" for row in each) + "}," for each in np.nan_to_num(found.low)),
+        "};",
+        "#endif",
+    ]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+REPORT = Report(
+    answer=_answer,
+    show=_show,
+    summary=_summary,
+    files=(
+        WrittenFile(name="derate.svg", key="report", write=_write_picture),
+        WrittenFile(name="derate.json", key="file"),
+        WrittenFile(name="derate.csv", write=lambda found, path: write_table(path, _rows(found))),
+        WrittenFile(name="derate.h", key="header", write=_write_header),
+    ),
+    figure=_figure,
+    rows=_rows,
+)

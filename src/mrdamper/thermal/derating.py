@@ -1,0 +1,256 @@
+"""Derating: the largest current, stroke or share of duty with which no part passes its limit.
+
+Over ambient temperature, air speed and duration. One reduced model serves the whole map: its space holds the
+responses at the map's corners, and from cell to cell only films and ambient change. In a cell the duty is run
+at some shares of what is asked for; the hottest points over the share are interpolated monotonely, and the
+share is the one with which the first of them reaches its limit.
+
+The band takes what drawing and card may be off by (``ModelUncertainty``): drawn dampers say by which factors
+the rise may differ, for every air speed and duration, and the same limit is then met at another share.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from mrdamper.arrays import FloatArray
+from mrdamper.errors import ConvergenceError, EnvelopeError, InputError
+from mrdamper.models.damper import Damper
+from mrdamper.quantities import ROOM_K
+from mrdamper.thermal.drawing import DamperDrawing
+from mrdamper.thermal.duty import Duty, Segment, stroke_of
+from mrdamper.thermal.estimation.sampling import draw_evenly
+from mrdamper.thermal.estimation.uncertainty import FACTORS, ModelUncertainty, UncertainNetwork
+from mrdamper.thermal.limits import Limit, limits_of
+from mrdamper.thermal.materials import COPPER_PER_K
+from mrdamper.thermal.model.finite_element import build_field, cooling_in
+from mrdamper.thermal.model.heat_equation import HeatEquation, simulate_field, steady_field
+from mrdamper.thermal.model.network import zone_network
+from mrdamper.thermal.model.reduced import ReducedModel, reduce_field
+from mrdamper.thermal.model.stepping import Load, Part
+from mrdamper.thermal.temperature_rise import loads_of, works_of
+
+__all__ = ["Conditions", "Derating", "Quantity", "derate_damper"]
+
+Quantity = Literal["current", "stroke", "duty"]
+"""What is made smaller: the command, the motion, or the share of the time at work."""
+
+_SHARES = np.linspace(0.0, 1.0, 5)
+_ORDER = 24  # unknowns of the joint model
+_STEADY_S = 4.0 * 3600.0  # for the band: as long as it takes
+_LONGEST_STEP_S, _FIRST_STEP_S = 120.0, 5.0
+_DAMPERS = 100
+
+
+@dataclass(frozen=True, slots=True)
+class Conditions:
+    """The axes of a map; each rises."""
+
+    ambient: FloatArray  # [K], shape (a,)
+    air: FloatArray  # [m/s], shape (w,)
+    duration: FloatArray  # [s], infinity for steady, shape (d,)
+
+    def __post_init__(self) -> None:
+        for name in ("ambient", "air", "duration"):
+            axis = getattr(self, name)
+            if not len(axis) or np.isnan(axis).any() or not (np.diff(axis) > 0.0).all():
+                raise InputError(
+                    place="derating", found=f"{name} is {axis}", expected="rising numbers, at least one"
+                )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Derating:
+    """The largest share of a duty's quantity, shape (d, w, a) each; NaN where even none of it is too much."""
+
+    quantity: Quantity
+    conditions: Conditions
+    limits: tuple[Limit, ...]
+    share: FloatArray
+    low: FloatArray  # with ``high``, holds it with 90 %
+    high: FloatArray
+    part: FloatArray  # index of the limit that is met first; -1: none is
+
+
+def derate_damper(
+    damper: Damper, drawing: DamperDrawing, duty: Duty, conditions: Conditions, quantity: Quantity
+) -> Derating:
+    """Return what of a duty a damper bears; a duty of several segments counts by its means.
+
+    Raises
+    ------
+    InputError
+        A duty in another unit than the damper's, or an ambient above a limit.
+    """
+    drawing = replace(drawing, stroke=stroke_of(duty))
+    limits = limits_of(drawing)
+    hottest = float(conditions.ambient[-1])
+    lowest = min(limits, key=lambda each: each.kelvin)
+    if hottest >= lowest.kelvin:
+        raise InputError(
+            place="derating",
+            found=f"the ambient goes up to {hottest - 273.15:.4g} degC, the {lowest.name}'s limit is "
+            f"{lowest.celsius:.4g} degC",
+            expected="ambients below every limit",
+        )
+    loads = [_mean_load(damper, drawing, duty, quantity, share) for share in _SHARES]
+    model = _joint_model(drawing, conditions)
+    shape = (len(conditions.duration), len(conditions.air), len(conditions.ambient))
+    found = np.full((4, *shape), np.nan)
+    for w, air in enumerate(conditions.air):
+        factors = _rise_factors(drawing, loads[-1], float(air), conditions)
+        for a, ambient in enumerate(conditions.ambient):
+            equation = _equation_in(model, drawing, float(ambient), float(air))
+            rise = _rises(equation, loads, conditions.duration, limits, float(factors.max()))
+            for d in range(shape[0]):
+                found[:, d, w, a] = _largest(rise[:, :, d], limits, float(ambient), factors[d])
+    share, low, high, part = found
+    return Derating(quantity, conditions, limits, share, low, high, part)
+
+
+def _mean_load(damper: Damper, drawing: DamperDrawing, duty: Duty, quantity: Quantity, share: float) -> Load:
+    """Return the mean of a duty's loads with a share of the quantity."""
+    motion = share if quantity == "stroke" else 1.0
+    command = share if quantity == "current" else 1.0
+    segments = tuple(_scaled(each, motion, command) for each in duty.segments)
+    changed = replace(duty, segments=segments)
+    loads = loads_of(works_of(damper, changed), drawing, changed)
+    at_work = share if quantity == "duty" else 1.0
+    weights = np.array([at_work * each.duration / duty.duration for each in duty.segments])
+
+    def power(kelvin: FloatArray) -> FloatArray:
+        return np.asarray(sum(w * each.power(kelvin) for w, each in zip(weights, loads, strict=True)))
+
+    return Load(3600.0, power, float(sum(w * each.coil_W for w, each in zip(weights, loads, strict=True))))
+
+
+def _scaled(segment: Segment, motion: float, command: float) -> Segment:
+    path = segment.path
+    if path is None or motion == 0.0:
+        return replace(segment, path=None, command=command * segment.command)
+    moved = {name: motion * getattr(path, name) for name in ("displacement", "velocity", "acceleration")}
+    changed = replace(path, **moved, command=command * path.command)
+    return replace(segment, path=changed, command=command * segment.command)
+
+
+def _joint_model(drawing: DamperDrawing, conditions: Conditions) -> ReducedModel:
+    """Return a reduced model whose space holds the responses at the map's corners."""
+    ends = [(ambient, air) for ambient in conditions.ambient[[0, -1]] for air in conditions.air[[0, -1]]]
+    around = [
+        replace(drawing.surroundings, ambient=float(t), air_speed=float(u)) for t, u in dict.fromkeys(ends)
+    ]
+    model = build_field(replace(drawing, surroundings=around[0]))
+    return reduce_field(model, order=_ORDER, elsewhere=[cooling_in(model, each) for each in around[1:]])
+
+
+def _equation_in(model: ReducedModel, drawing: DamperDrawing, ambient: float, air: float) -> HeatEquation:
+    """Return the reduced equation in other surroundings."""
+    around = replace(drawing.surroundings, ambient=ambient, air_speed=air)
+    growth = 1.0 + COPPER_PER_K * (ambient - ROOM_K)
+    return replace(
+        model.equation, ambient=ambient, cooling=cooling_in(model.full, around), reference_growth=growth
+    )
+
+
+def _rises(
+    equation: HeatEquation,
+    loads: Sequence[Load],
+    duration: FloatArray,
+    limits: Sequence[Limit],
+    factor: float,
+) -> FloatArray:
+    """Return how far above ambient the hottest points get up to each duration [K], shape (k, limits, d).
+
+    Of the k largest shares, the rest being so small that no damper whose rise is ``factor`` times as high
+    passes a limit.
+    """
+    allowed = np.array([limit.kelvin - equation.ambient for limit in limits])[:, None]
+    found: list[FloatArray] = []
+    for load in reversed(loads):
+        found.insert(0, _rise(equation, load, duration, [limit.part for limit in limits]))
+        if (factor * found[0] < allowed).all():
+            break
+    return np.array(found)
+
+
+def _rise(equation: HeatEquation, load: Load, duration: FloatArray, parts: Sequence[Part]) -> FloatArray:
+    """Return how far above ambient parts get up to each duration [K]; infinity: they run away."""
+    found = np.full((len(parts), len(duration)), np.inf)
+    finite = np.isfinite(duration)
+    try:
+        if finite.any():
+            longest = replace(load, duration=float(duration[finite][-1]))
+            course = simulate_field(
+                equation, [longest], first_step=_FIRST_STEP_S, longest_step=_LONGEST_STEP_S
+            )
+            for k, part in enumerate(parts):
+                hottest = np.maximum.accumulate(course.hottest(part) - equation.ambient)
+                found[k, finite] = PchipInterpolator(course.time, hottest)(duration[finite])
+        if not finite.all():
+            state = steady_field(equation, load)
+            for k, part in enumerate(parts):
+                found[k, ~finite] = float((getattr(equation.spots, part) @ state).max())
+    except (EnvelopeError, ConvergenceError):  # hotter than losses are known: beyond every limit
+        pass
+    return found
+
+
+def _rise_factors(drawing: DamperDrawing, load: Load, air: float, conditions: Conditions) -> FloatArray:
+    """Return the factors of the rise that 5 and 95 % of dampers stay below, shape (d, 2)."""
+    ambient = float(np.median(conditions.ambient))
+    around = replace(drawing.surroundings, ambient=ambient, air_speed=air)
+    uncertain = UncertainNetwork(zone_network(replace(drawing, surroundings=around)))
+    draws = draw_evenly(np.random.default_rng(0), len(FACTORS), _DAMPERS)
+    spread = np.sqrt(np.diag(ModelUncertainty().covariance))
+    states = np.zeros((_DAMPERS + 1, uncertain.nodes + len(FACTORS)))
+    states[:, : uncertain.nodes] = ambient
+    states[1:, uncertain.nodes :] = draws.T * spread
+    ends = np.where(np.isfinite(conditions.duration), conditions.duration, _STEADY_S)
+    longest = replace(load, duration=float(ends.max()))
+    time, nodes = uncertain.run_ahead(states, [longest], hottest_K=ambient + 250.0)
+    rise = nodes @ uncertain.network.mechanical - ambient
+    at = np.minimum(np.searchsorted(time, ends - 1e-6), len(time) - 1)
+    return np.asarray(np.quantile(rise[at, 1:] / rise[at, :1], (0.05, 0.95), axis=1).T)
+
+
+def _largest(
+    rise: FloatArray, limits: Sequence[Limit], ambient: float, factors: FloatArray
+) -> tuple[float, float, float, float]:
+    """Return the largest share, its low and high end, and the limit that is met first.
+
+    Parameters
+    ----------
+    rise : of the hottest points at the largest shares [K], shape (k, limits)
+    factors : of the rise, a cool damper's and a hot one's
+    """
+    known = np.isfinite(rise).all(axis=1)
+    shares = _SHARES[-len(rise) :][known]
+    if len(rise) == 1:
+        return 1.0, 1.0, 1.0, -1.0
+    if len(shares) < 2:
+        return math.nan, math.nan, math.nan, -1.0
+    fine = np.linspace(shares[0], shares[-1], 401)
+    curves = PchipInterpolator(shares, rise[known])(fine)
+    allowed = np.array([limit.kelvin - ambient for limit in limits])
+
+    def largest(factor: float) -> tuple[float, float]:
+        beyond = factor * curves - allowed
+        over = (beyond > 0.0).any(axis=1)
+        if not over.any():
+            return (float(fine[-1]), -1.0)
+        k = int(over.argmax())
+        part = int(beyond[k].argmax())
+        if k == 0:  # rest itself is too much
+            return math.nan, float(part)
+        low, high = beyond[k - 1 : k + 1, part]
+        return float(fine[k - 1] + (fine[k] - fine[k - 1]) * low / (low - high)), float(part)
+
+    share, part = largest(1.0)
+    ends = [largest(float(factor))[0] for factor in factors[::-1]]
+    return share, ends[0], ends[1], part
